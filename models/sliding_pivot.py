@@ -1,0 +1,115 @@
+"""Sliding pivot (SP): stick, pivot about the pads, slide between them.
+
+Section V of Liu and Billard, (28)-(38). The state is relative to the hand, so the
+pivot constraint holds exactly until the body slides:
+
+    s = (slip_x, slip_z)   slip of the pivot against the hand, world axes [m]
+    theta_r                body angle minus hand angle [rad]
+    and the rates of the three.
+
+The CoM seen from the hand is r = s + h (cos theta, sin theta).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+from .backend import Value, backend, components
+from .contact import Body, Contact, HandMotion, pivot_wrench
+from .smoothing import Widths, positive, soft_positive
+
+#: Number of relative states: slip_x, slip_z, theta_r and their rates.
+STATES = 6
+
+Form = Literal["continuous", "paper"]
+
+
+@dataclass(frozen=True)
+class SlidingPivot:
+    """The SP law for one body, contact and gravity.
+
+    form: 'continuous' lets the contact slip with -Delta/m on top of the pivot
+    motion; 'paper' takes (36) while sliding and jumps at slide onset.
+    widths: rounding of max and |.|; None is the non-smooth law.
+    """
+
+    body: Body
+    contact: Contact
+    gravity: Value = 9.81
+    form: Form = "continuous"
+    widths: Widths | None = None
+
+    def lever(self, state: Sequence[Value], hand: HandMotion) -> tuple[Value, Value]:
+        """r [m]: the CoM seen from the centre of the pads."""
+        theta = hand.theta + state[2]
+        xp = backend(theta)
+        h = self.body.com_offset
+        return state[0] + h * xp.cos(theta), state[1] + h * xp.sin(theta)
+
+    def excess(
+        self, state: Sequence[Value], hand: HandMotion, normal_force: Value
+    ) -> tuple[Value, Value]:
+        """How far the pivot wrench is beyond the limits: (torque [N m], force [N]).
+
+        Above zero the body pivots, or slides; these are the event functions of the
+        non-smooth law.
+        """
+        _, _, force_norm, torque_size, force_limit = self._load(state, hand, normal_force)
+        return torque_size - self.contact.torsion_arm * force_limit, force_norm - force_limit
+
+    def rates(self, state: Value, hand: HandMotion, normal_force: Value) -> list[Value]:
+        """Time derivative of the six relative states under `normal_force` of one pad [N]."""
+        state = components(state)
+        force, torque, force_norm, torque_size, force_limit = self._load(state, hand, normal_force)
+        body = self.body
+        x_r, z_r = self.lever(state, hand)
+        omega = hand.omega + state[5]
+
+        # (34) with the sign of the torque itself, not of its magnitude.
+        over_torque = torque_size - self.contact.torsion_arm * force_limit
+        over_force = force_norm - force_limit
+        if self.widths is None:
+            over_torque, over_force = positive(over_torque), positive(over_force)
+        else:
+            over_torque = soft_positive(over_torque, self.widths.torque)
+            over_force = soft_positive(over_force, self.widths.force)
+        alpha_pivot = -torque / torque_size * over_torque / body.grasp_inertia
+
+        # Delta: the part of the pivot force that friction cannot give.
+        share = over_force / force_norm
+        delta_x, delta_z = share * force[0], share * force[1]
+        alpha_slide = (-x_r * delta_z + z_r * delta_x) / body.grasp_inertia
+        alpha_r = alpha_pivot - alpha_slide
+        alpha = hand.alpha + alpha_r
+
+        # r'' = s'' + h e(theta)'', so the slip takes what the pivot motion leaves.
+        h_x, h_z = x_r - state[0], z_r - state[1]
+        if self.form == "continuous":
+            slip_x = -alpha * state[1] - omega * omega * state[0] - delta_x / body.mass
+            slip_z = alpha * state[0] - omega * omega * state[1] - delta_z / body.mass
+        else:
+            # (36): the world acceleration of the CoM under saturated friction.
+            xp = backend(over_force)
+            free_x = (force[0] - delta_x) / body.mass - hand.a_x
+            free_z = (force[1] - delta_z) / body.mass - self.gravity - hand.a_z
+            slip_x = xp.where(over_force > 0, free_x + alpha * h_z + omega * omega * h_x, 0.0)
+            slip_z = xp.where(over_force > 0, free_z - alpha * h_x + omega * omega * h_z, 0.0)
+        return [state[3], state[4], state[5], slip_x, slip_z, alpha_r]
+
+    def _load(
+        self, state: Sequence[Value], hand: HandMotion, normal_force: Value
+    ) -> tuple[tuple[Value, Value], Value, Value, Value, Value]:
+        """Pivot force and torque, their sizes (above zero), and the force limit."""
+        x_r, z_r = self.lever(state, hand)
+        f_x, f_z, torque = pivot_wrench(
+            self.body, self.gravity, hand, hand.omega + state[5], x_r, z_r
+        )
+        # The non-smooth sizes keep a negligible width too: 0/0 at a zero wrench is 0.
+        force_width = 1e-12 if self.widths is None else self.widths.force
+        torque_width = 1e-14 if self.widths is None else self.widths.torque
+        xp = backend(f_x, f_z, torque)
+        force_norm = xp.sqrt(f_x * f_x + f_z * f_z + force_width * force_width)
+        torque_size = xp.sqrt(torque * torque + torque_width * torque_width)
+        return (f_x, f_z), torque, force_norm, torque_size, self.contact.force_limit(normal_force)
