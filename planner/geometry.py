@@ -1,0 +1,106 @@
+"""Outlines in the throw's plane, and what the scene's cup and workspace ask of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ..models.arm import Tool
+from ..problems.scene import Cup, Scene, ThrownObject
+
+Array = npt.NDArray[np.float64]
+
+#: Points along each long edge of the bar for distances to what is not straight.
+EDGE_POINTS = 14
+
+
+def bar_outline(bar: ThrownObject, com: Array, points: int = 2) -> Array:
+    """Points (2, N, 2 * points) on the bar's two long edges for CoM poses (3, N).
+
+    With two points an edge: the four corners.
+    """
+    along = np.linspace(-bar.com, bar.length - bar.com, points)
+    along = np.concatenate([along, along[::-1]])
+    across = np.repeat([-bar.width / 2, bar.width / 2], points)
+    return _placed(com, along, across)
+
+
+def palm_corners(tool: Tool, hand: Array) -> Array:
+    """Corners (2, N, 4) of the hand's body for hand poses (3, N)."""
+    along = -np.array([tool.palm_back, tool.palm_front, tool.palm_front, tool.palm_back])
+    across = tool.palm_half_width * np.array([-1, -1, 1, 1])
+    return _placed(hand, along, across)
+
+
+def _placed(pose: Array, along: Array, across: Array) -> Array:
+    """Points given along and across an axis, at poses (3, N): (2, N, points)."""
+    cos, sin = np.cos(pose[2])[:, None], np.sin(pose[2])[:, None]
+    x = pose[0][:, None] + cos * along - sin * across
+    z = pose[1][:, None] + sin * along + cos * across
+    return np.array([x, z])
+
+
+def seen_from(pose: Array, points: Array) -> tuple[Array, Array]:
+    """Coordinates (along, across) of points (2, N, k) in the frames of poses (3, N)."""
+    dx, dz = points[0] - pose[0][:, None], points[1] - pose[1][:, None]
+    cos, sin = np.cos(pose[2])[:, None], np.sin(pose[2])[:, None]
+    return cos * dx + sin * dz, -sin * dx + cos * dz
+
+
+def distance_to_bar(bar: ThrownObject, com: Array, points: Array) -> Array:
+    """Distance [m] (N, k) of points (2, N, k) from the bar, 0 inside it."""
+    along, across = seen_from(com, points)
+    over = np.maximum(np.maximum(-bar.com - along, along - (bar.length - bar.com)), 0.0)
+    beside = np.maximum(np.abs(across) - bar.width / 2, 0.0)
+    return np.hypot(over, beside)
+
+
+def palm_distance(bar: ThrownObject, tool: Tool, com: Array, hand: Array) -> Array:
+    """Distance [m] (N,) between bar and hand body; 0 where they overlap."""
+    along, across = seen_from(hand, bar_outline(bar, com, EDGE_POINTS))
+    over = np.maximum(np.maximum(-tool.palm_back - along, along + tool.palm_front), 0.0)
+    beside = np.maximum(np.abs(across) - tool.palm_half_width, 0.0)
+    from_bar = np.hypot(over, beside).min(axis=1)
+    return np.minimum(from_bar, distance_to_bar(bar, com, palm_corners(tool, hand)).min(axis=1))
+
+
+def column_distance(bar: ThrownObject, com: Array, radius: float, height: float) -> Array:
+    """Signed room [m] (N,) of the bar beside or above the base column; negative inside."""
+    x, z = bar_outline(bar, com, EDGE_POINTS)
+    return np.maximum(np.abs(x) - radius, z - height).min(axis=1)
+
+
+@dataclass(frozen=True)
+class CupEntry:
+    """The bar's way into the cup. clearance [m]: least distance of outline and wall or rim,
+    negative outside; entered [m]: depth of the lower end below the rim that was reached.
+    """
+
+    clearance: float
+    entered: float
+
+
+def cup_entry(scene: Scene, cup: Cup, com: Array) -> CupEntry:
+    """Least clearance while the lower end goes from the rim plane to the asked depth.
+
+    `com`: poses (3, N), dense in time. The bar is taken as thick as it is wide, so in a
+    round cup the walls are nearer than `radius` beside the middle.
+    """
+    half_chord = np.sqrt(cup.radius**2 - (scene.object.width / 2) ** 2)
+    corners = bar_outline(scene.object, com)
+    lowest = corners[1].min(axis=1)
+    depth = cup.rim - lowest
+    inside = (depth >= 0.0) & (depth <= cup.insertion)
+    entered = float(np.clip(depth.max(), 0.0, cup.insertion))
+    if not inside.any():
+        return CupEntry(-np.inf if entered == 0.0 else 0.0, entered)
+    outline = bar_outline(scene.object, com[:, inside], 400)
+    below = outline[1] <= cup.rim
+    beside = np.where(below, half_chord - np.abs(outline[0] - cup.x), np.inf)
+    clearance = float(beside.min())
+    rim = np.array([[cup.x - half_chord, cup.x + half_chord], [cup.rim, cup.rim]])
+    rims = np.repeat(rim[:, None, :], int(inside.sum()), axis=1)
+    to_rim = distance_to_bar(scene.object, com[:, inside], rims)
+    return CupEntry(min(clearance, float(to_rim.min())), entered)

@@ -1,0 +1,199 @@
+"""What planning gives back: status, landings, errors, motion; as JSON and as files."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any, Literal
+
+from ..problems.errors import InputError
+from ..problems.scene import Pose, Scene
+from .check import Thrown
+from .motion import PlannedMotion, SampledMotion
+from .mover import Mover
+from .rollout import Landing
+from .solver import Solution
+
+Status = Literal["solved", "out_of_reach", "not_converged"]
+
+
+@dataclass(frozen=True)
+class PlannedThrow:
+    """The throw behind a plan: its motion and what the models make of it.
+
+    opening_time [s] on the motion's clock; sent is None for a hand scene, whose motion
+    is checked as planned; samples are what motion.csv holds.
+    """
+
+    solution: Solution
+    planned: PlannedMotion
+    samples: SampledMotion
+    opening_time: float
+    planned_landing: tuple[float, float, float]
+    exact: Thrown
+    sent: Thrown | None
+    limit_surface: Landing
+
+    @property
+    def final(self) -> Thrown:
+        """The throw that counts: what is sent, or the planned motion of a hand."""
+        return self.sent if self.sent is not None else self.exact
+
+
+@dataclass(frozen=True)
+class Plan:
+    """Result of planning. Times in s; see `to_dict` for the units and frames of the rest."""
+
+    scene: Scene
+    mover: Mover
+    target: Pose
+    status: Status
+    message: str
+    throw: PlannedThrow | None
+    nearest: Pose | None = None
+    binding: tuple[str, ...] = ()
+    solver: str = ""
+    iterations: int = 0
+    attempts: int = 0
+    variables: int = 0
+    constraints: int = 0
+    time: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def solved(self) -> bool:
+        """Whether the checked landing is inside the tolerance and nothing is broken."""
+        return self.status == "solved"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The plan as JSON: SI units, radians; poses in the base frame for an arm."""
+        throw = self.throw
+        landing: dict[str, Any] = dict.fromkeys(("planned", "exact", "sent", "limit_surface"))
+        error: dict[str, Any] = dict.fromkeys(("planned", "exact", "sent"))
+        release: dict[str, Any] = dict.fromkeys(
+            ("command_time", "opening_time", "detach_time", "landing_time")
+        )
+        if throw is not None:
+            profile = self.scene.gripper.profile()
+            poses = {
+                "planned": throw.planned_landing,
+                "exact": _pose(throw.exact.landing),
+                "sent": None if throw.sent is None else _pose(throw.sent.landing),
+                "limit_surface": _pose(throw.limit_surface),
+            }
+            landing = {k: p and self._json_pose(p) for k, p in poses.items()}
+            error = {name: self._json_error(poses[name]) for name in error}
+            detach = throw.opening_time + profile.opening
+            flight = throw.final.landing.flight_time
+            release = {
+                "command_time": throw.opening_time - profile.dwell,
+                "opening_time": throw.opening_time,
+                "detach_time": detach,
+                "landing_time": _number(detach + flight),
+            }
+        nearest = self.nearest
+        return {
+            "scene": self.scene.name,
+            "status": self.status,
+            "message": self.message,
+            "target": _pose_dict(self.target),
+            "landing": landing,
+            "error": error,
+            "release": release,
+            "nearest": None if nearest is None else _pose_dict(nearest),
+            "binding": list(self.binding),
+            "solver": {
+                "name": self.solver,
+                "iterations": self.iterations,
+                "attempts": self.attempts,
+            },
+            "nlp": {"variables": self.variables, "constraints": self.constraints},
+            "time": {"build": 0.0, "guess": 0.0, "solve": 0.0, "smooth": 0.0, "check": 0.0}
+            | {"total": 0.0, "draw": None}
+            | self.time,
+        }
+
+    def save(self, folder: str | Path, draw: bool = True) -> None:
+        """Write plan.json and, for a throw, motion.csv and (draw) throw.png, throw.gif.
+
+        Raises InputError if the folder cannot be written; then nothing is left behind.
+        """
+        from .files import save_plan
+
+        save_plan(self, Path(folder), draw)
+
+    def error_sent(self) -> tuple[float, float]:
+        """(position [m], angle [rad]) error of the landing that counts; NaN without a throw."""
+        if self.throw is None:
+            return math.nan, math.nan
+        error = self._json_error(_pose(self.throw.final.landing))
+        return error["position"], error["angle"]
+
+    def _json_pose(self, pose: tuple[float, float, float]) -> dict[str, Any]:
+        """In-plane (x, z, theta) as JSON, turned to the target's azimuth for an arm."""
+        x, z, theta = pose
+        if self.scene.robot is None:
+            return {"x": _number(x), "z": _number(z), "theta": _number(theta)}
+        turn = azimuth_of(self.target)
+        x_base, y_base = x * math.cos(turn), x * math.sin(turn)
+        return {
+            "x": _number(x_base),
+            "y": _number(y_base),
+            "z": _number(z),
+            "theta": _number(theta),
+        }
+
+    def _json_error(self, pose: tuple[float, float, float] | None) -> Any:
+        if pose is None:
+            return None
+        angle = 0.0 if self.target.theta is None else abs(pose[2] - self.target.theta)
+        position = abs(pose[0] - plane_x(self.target))
+        return {"position": _number(position), "angle": _number(angle)}
+
+    def json(self) -> str:
+        """`to_dict` as a JSON text."""
+        return json.dumps(self.to_dict(), indent=2, allow_nan=False)
+
+
+def azimuth_of(target: Pose) -> float:
+    """Angle [rad] about the base axis of the vertical plane through the target."""
+    return math.atan2(target.y, target.x) if target.y != 0.0 else 0.0
+
+
+def plane_x(target: Pose) -> float:
+    """The target's x [m] in the throw's plane."""
+    return math.hypot(target.x, target.y) if target.y != 0.0 else target.x
+
+
+def in_plane(target: Pose, x: float, theta: float | None) -> Pose:
+    """The pose at in-plane x and theta in the target's plane and height."""
+    turn = azimuth_of(target)
+    return Pose(x=x * math.cos(turn), y=x * math.sin(turn), z=target.z, theta=theta)
+
+
+def checked_target(scene: Scene, target: Pose | None) -> Pose:
+    """The target to plan for: the given one or the scene's; InputError if it does not fit."""
+    target = target or scene.target
+    if target is None:
+        raise InputError(f"{scene.place}: section [target] is missing")
+    if not isinstance(target, Pose):
+        raise InputError(f"target = {target!r}: must be a Pose")
+    if scene.robot is None and target.y != 0.0:
+        raise InputError("target y: only for a scene with [robot]")
+    if scene.cup is not None and target.theta is None:
+        raise InputError("[cup] needs a target with theta_deg, to know which end goes in")
+    return target
+
+
+def _pose(landing: Landing) -> tuple[float, float, float]:
+    return landing.x, landing.z, landing.theta
+
+
+def _pose_dict(pose: Pose) -> dict[str, Any]:
+    return {"x": pose.x, "y": pose.y, "z": pose.z, "theta": pose.theta}
+
+
+def _number(value: float) -> float | None:
+    """A float for JSON: null where it is not a number."""
+    return float(value) if math.isfinite(value) else None

@@ -1,0 +1,128 @@
+"""The nearest landing that is possible, and the limits that bind there.
+
+The same NLP with a landing that may miss at a price in the scaled error (39), solved
+by IPOPT from the nearest sampled releases: an answer from the table and from the
+elastic solve, not from a failed iteration.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ..problems.scene import Pose, Scene
+from .mover import Mover
+from .nlp import ThrowNlp, build_nlp
+from .numbers import bounds, parameter_values, structure_of
+from .plan import in_plane, plane_x
+from .releases import Releases, ReleaseSampler, guess_from, nearest
+from .solver import Solution, Solver
+
+Array = npt.NDArray[np.float64]
+
+#: Starts of the elastic solve.
+STARTS = 3
+#: A multiplier counts as binding above this share of the largest.
+BINDING_SHARE = 0.02
+
+_KINDS = {"q": "position", "dq": "velocity", "ddq": "acceleration", "T": "carry time"}
+
+
+@dataclass(frozen=True)
+class Binding:
+    """Nearest possible pose (None if nothing was found) and names of the binding limits."""
+
+    pose: Pose | None
+    inside_tolerance: bool
+    names: tuple[str, ...]
+    iterations: int
+    solution: Solution | None
+    nlp: ThrowNlp | None
+
+    def guess_for(self, nlp: ThrowNlp) -> Array:
+        """The elastic point as a start of the real problem `nlp`."""
+        elastic, solution = self.nlp, self.solution
+        assert elastic is not None and solution is not None
+        last = len(nlp.nx) - 1
+        flight = elastic.block(solution.x, "t_f", last)
+
+        def value(name: str, k: int) -> Array | float:
+            block = elastic.block(solution.x, name, k)
+            if block is not None:
+                return block
+            # Cup entry times, which the elastic problem leaves out.
+            return 0.0 if flight is None else float(flight[0])
+
+        return nlp.fill(value)
+
+
+def nearest_possible(
+    scene: Scene, mover: Mover, sampler: ReleaseSampler, releases: Releases, target: Pose
+) -> Binding:
+    """The landing nearest `target` in the scaled error that the scene can throw."""
+    structure = structure_of(scene, mover, target.theta is not None, elastic=True)
+    nlp = build_nlp(structure, mover)
+    solver = Solver(nlp, "ipopt", 300)
+    numbers = nlp.parameters.vector(parameter_values(scene, mover, target))
+    low, high = bounds(nlp, scene, mover)
+    indices, _ = nearest(releases, scene, plane_x(target), target.z, target.theta, STARTS)
+    best: Solution | None = None
+    iterations = 0
+    for index in indices:
+        guess = guess_from(nlp, sampler, releases, int(index), target.z)
+        solution = solver.solve(guess, numbers, (low, high))
+        iterations += solution.iterations
+        if solution.success and (best is None or solution.cost < best.cost):
+            best = solution
+    if best is None:
+        pose = _sampled(releases, indices, target, scene)
+        return Binding(pose, pose is None, (), iterations, None, None)
+    x, _, theta = np.array(nlp.landing(best.x, numbers)).ravel()
+    angle = None if target.theta is None else float(theta)
+    dx = abs(x - plane_x(target))
+    dtheta = 0.0 if target.theta is None else abs(theta - target.theta)
+    inside = bool(dx <= scene.tolerance.position and dtheta <= scene.tolerance.angle)
+    names = () if inside else _binding(nlp, mover, best, (low, high))
+    return Binding(in_plane(target, float(x), angle), inside, names, iterations, best, nlp)
+
+
+def _sampled(
+    releases: Releases, indices: npt.NDArray[np.int_], target: Pose, scene: Scene
+) -> Pose | None:
+    """The nearest sampled landing, where the elastic solve found nothing."""
+    if len(indices) == 0:
+        return None
+    x, theta, _ = releases.landings(target.z, scene.gravity)
+    angle = None if target.theta is None else float(theta[indices[0]])
+    return in_plane(target, float(x[indices[0]]), angle)
+
+
+def _binding(
+    nlp: ThrowNlp, mover: Mover, solution: Solution, limits: tuple[Array, Array]
+) -> tuple[str, ...]:
+    """Names of the limits with the largest multipliers, strongest first."""
+    strength: dict[str, float] = {}
+    for name, multiplier in zip(nlp.row_names, solution.lam_g, strict=True):
+        if name.startswith(("gap", "landing x", "landing z", "landing theta")):
+            continue
+        strength[name] = max(strength.get(name, 0.0), abs(multiplier))
+    for block, _, where in nlp.layout:
+        for i, multiplier in enumerate(solution.lam_x[where]):
+            at = where.start + i
+            close = min(solution.x[at] - limits[0][at], limits[1][at] - solution.x[at])
+            if block.endswith(("_short", "_far")) or not close < 1e-4:
+                continue
+            name = _variable_name(block, i, mover)
+            strength[name] = max(strength.get(name, 0.0), abs(multiplier))
+    largest = max(strength.values(), default=0.0)
+    ordered = sorted(strength, key=lambda name: -strength[name])
+    return tuple(n for n in ordered if strength[n] > max(BINDING_SHARE * largest, 1e-6))
+
+
+def _variable_name(block: str, i: int, mover: Mover) -> str:
+    if block == "c":
+        return f"{mover.joints[i]} {'jerk' if mover.jerk_control else 'acceleration'}"
+    kind = _KINDS.get(block, block)
+    return kind if block in ("T", "t_f") else f"{mover.joints[i]} {kind}"

@@ -1,0 +1,37 @@
+"""Whether the grip can hold the object at rest where the throw may start."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from ..problems.errors import InputError
+from ..problems.scene import Scene
+from .mover import Mover
+from .rollout import HandSamples, friction_use
+
+#: Random start poses looked at when the start is free.
+POSES = 4000
+
+
+def check_start(scene: Scene, mover: Mover) -> None:
+    """InputError if no permitted start pose lets the full grip hold the object at rest."""
+    limits = mover.planning
+    if (limits.q_min > limits.q_max).any():
+        raise InputError(f"{scene.place}: [robot] position_margin leaves no room")
+    if mover.start is not None:
+        q = mover.start[:, None]
+    else:
+        rng = np.random.default_rng(0)
+        q = rng.uniform(limits.q_min, limits.q_max, (POSES, mover.size)).T
+    zero = np.zeros_like(q)
+    hand = HandSamples(np.zeros(q.shape[1]), *(np.array(o) for o in mover.motion(q, zero, zero)))
+    force, torque = friction_use(scene, hand)
+    use = float(np.sqrt(force**2 + torque**2).min())
+    allowed = 1.0 - scene.mesh.sticking_margin
+    if use > allowed:
+        full = scene.gripper.profile().full
+        where = "its start pose" if mover.start is not None else "any permitted start pose"
+        raise InputError(
+            f"{scene.place}: [gripper] force = {full:g}: too weak to hold the object at rest in "
+            f"{where}, needs at least {full * use / allowed:.3g} N"
+        )

@@ -1,0 +1,201 @@
+"""Scenes and arms from TOML files, and the scenes and arms that are shipped."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import difflib
+import tomllib
+from collections.abc import Mapping
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+from ..models.arm import Arm, DHRow, JointLimits, Tool
+from .errors import InputError
+from .scene import (
+    Cup,
+    Grasp,
+    Gripper,
+    Hand,
+    Landing,
+    Mesh,
+    Motion,
+    PadContact,
+    Pose,
+    Robot,
+    Scene,
+    ThrownObject,
+    Tolerance,
+    Workspace,
+)
+from .section import from_table, unknown
+
+_SECTIONS: dict[str, type[Any]] = {
+    "object": ThrownObject,
+    "grasp": Grasp,
+    "contact": PadContact,
+    "gripper": Gripper,
+    "hand": Hand,
+    "robot": Robot,
+    "motion": Motion,
+    "target": Pose,
+    "tolerance": Tolerance,
+    "cup": Cup,
+    "landing": Landing,
+    "workspace": Workspace,
+    "mesh": Mesh,
+}
+_KEYS = ("name", "description", "gravity")
+
+
+def scene_names() -> list[str]:
+    """Names of the built-in scenes."""
+    folder = files(__package__) / "scenes"
+    return sorted(entry.name[:-5] for entry in folder.iterdir() if entry.name.endswith(".toml"))
+
+
+def scene_text(name: str) -> str:
+    """The TOML text of a built-in scene; InputError if there is none of that name."""
+    if name not in scene_names():
+        raise InputError(_no_scene(name))
+    return (files(__package__) / "scenes" / f"{name}.toml").read_text(encoding="utf-8")
+
+
+def load_scene(source: str | Path) -> Scene:
+    """A scene from a built-in name or a TOML file.
+
+    Raises InputError with one line: file, section, key, value and what is allowed.
+    """
+    source = str(source)
+    if source in scene_names():
+        return _parse(scene_text(source), source, None)
+    path = Path(source)
+    if path.suffix != ".toml" and not path.exists():
+        raise InputError(_no_scene(source))
+    return _parse(_read(path), source, path)
+
+
+def _no_scene(name: str) -> str:
+    names = scene_names()
+    near = difflib.get_close_matches(name, names, 1, 0.4)
+    hint = f", did you mean '{near[0]}'?" if near else ""
+    return f"no scene '{name}'{hint} (built in: {', '.join(names)}; or a .toml file)"
+
+
+def _read(path: Path) -> str:
+    try:
+        return path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except (OSError, UnicodeDecodeError) as error:
+        reason = getattr(error, "strerror", None) or "is not a text file"
+        raise InputError(f"{path}: {reason}") from None
+
+
+def _tables(text: str, place: str) -> dict[str, Any]:
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise InputError(f"{place}: broken TOML: {error}") from None
+
+
+def _parse(text: str, place: str, path: Path | None) -> Scene:
+    tables = _tables(text, place)
+    folder = path.parent if path else None
+    values: dict[str, Any] = {"name": path.stem if path else place, "file": str(path or "")}
+    try:
+        for key, value in tables.items():
+            if key in _KEYS:
+                values[key] = value
+            elif key in _SECTIONS:
+                values[key] = _section(key, value, folder)
+            else:
+                raise InputError(unknown(key, [*_KEYS, *_SECTIONS]))
+        for key in ("object", "contact", "gripper"):
+            if key not in values:
+                raise InputError(f"section [{key}] is missing")
+        if "robot" in values:
+            values["arm"] = _robot_arm(values["robot"].arm, folder)
+        return Scene(**values)
+    except InputError as error:
+        raise error.within(place) from None
+
+
+def _section(key: str, value: Any, folder: Path | None) -> Any:
+    if not isinstance(value, dict):
+        raise InputError(f"{key} = {value!r}: must be a section [{key}]")
+    try:
+        if key == "gripper" and isinstance(value.get("table"), str):
+            value = value | _read_grip_table(value["table"], folder)
+        return from_table(_SECTIONS[key], value)
+    except InputError as error:
+        raise InputError(f"[{key}] {error}") from None
+
+
+def _read_grip_table(name: str, folder: Path | None) -> dict[str, Any]:
+    path = (folder or Path()) / name
+    rows = list(csv.reader(_read(path).splitlines()))
+    header = [cell.strip() for cell in rows[0]] if rows else []
+    if "t" not in header or "f_N" not in header:
+        raise InputError(f"table = {name}: the first line must name the columns t and f_N")
+    t, f = header.index("t"), header.index("f_N")
+    times, forces = [], []
+    for number, row in enumerate(rows[1:], start=2):
+        if not row:
+            continue
+        try:
+            times.append(float(row[t]))
+            forces.append(float(row[f]))
+        except (ValueError, IndexError):
+            raise InputError(f"table = {name}: line {number} is not two numbers") from None
+    return {"times": times, "forces": forces}
+
+
+def _robot_arm(name: str, folder: Path | None) -> Arm:
+    try:
+        return load_arm(name, folder)
+    except InputError as error:
+        raise InputError(f"[robot] arm = {name!r}: {error}") from None
+
+
+def arm_names() -> list[str]:
+    """Names of the shipped arms."""
+    folder = files(__package__) / "arms"
+    return sorted(entry.name[:-5] for entry in folder.iterdir() if entry.name.endswith(".toml"))
+
+
+def load_arm(name: str, folder: Path | None = None) -> Arm:
+    """An arm from a shipped name or an arm data file (TOML), relative to `folder`."""
+    if name in arm_names():
+        text = (files(__package__) / "arms" / f"{name}.toml").read_text(encoding="utf-8")
+    elif name.endswith(".toml"):
+        text = _read((folder or Path()) / name)
+    else:
+        near = difflib.get_close_matches(name, arm_names(), 1, 0.4)
+        hint = f", did you mean '{near[0]}'?" if near else ""
+        raise InputError(f"unknown robot{hint} (shipped: {', '.join(arm_names())}; or a .toml file)")
+    return _arm(_tables(text, name))
+
+
+def _arm(tables: Mapping[str, Any]) -> Arm:
+    try:
+        limits = {key: tuple(map(float, value)) for key, value in tables["limits"].items()}
+        arm = Arm(
+            name=tables["name"],
+            description=tables.get("description", ""),
+            dh=tuple(DHRow(**row) for row in tables["dh"]),
+            tool=Tool(**tables["tool"]),
+            limits=JointLimits(**limits),
+            azimuth_joint=tables["azimuth_joint"],
+            throwing_joints=tuple(tables["throwing_joints"]),
+            posture=tuple(map(float, tables["posture"])),
+        )
+    except KeyError as error:
+        raise InputError(f"key {error} is missing") from None
+    except (TypeError, ValueError, AttributeError) as error:
+        raise InputError(f"not an arm data file: {error}") from None
+    for field in dataclasses.fields(JointLimits):
+        if len(getattr(arm.limits, field.name)) != arm.joints:
+            raise InputError(f"[limits] {field.name}: must be a list of {arm.joints}")
+    return arm

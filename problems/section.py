@@ -1,0 +1,173 @@
+"""Checked sections of a scene: frozen dataclasses whose fields know their limits."""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+import types
+import typing
+from collections.abc import Mapping
+from typing import Any
+
+from .errors import InputError
+
+
+def quantity(
+    *,
+    above: float | None = None,
+    least: float | None = None,
+    most: float | None = None,
+    below: float | None = None,
+    degrees: bool = False,
+    choices: tuple[str, ...] = (),
+    **field: Any,
+) -> Any:
+    """A dataclass field with limits.
+
+    `degrees`: the scene file gives the value in degrees under the field's name with
+    `_deg` behind it; in the dataclass it is in radians.
+    """
+    meta = {
+        "above": above,
+        "least": least,
+        "most": most,
+        "below": below,
+        "degrees": degrees,
+        "choices": choices,
+    }
+    return dataclasses.field(metadata=meta, **field)
+
+
+@dataclasses.dataclass(frozen=True)
+class Section:
+    """Base of all sections: checks types, finiteness and limits of its fields."""
+
+    def __post_init__(self) -> None:
+        hints = typing.get_type_hints(type(self))
+        for field in dataclasses.fields(self):
+            value = _coerced(getattr(self, field.name), hints[field.name])
+            if value is _WRONG:
+                raise InputError(
+                    f"{_key(field)} = {getattr(self, field.name)!r}: "
+                    f"must be {_describe(hints[field.name])}"
+                )
+            object.__setattr__(self, field.name, value)
+            _check_limits(field, value)
+        self.check()
+
+    def check(self) -> None:
+        """Conditions between fields; raises InputError."""
+
+
+_WRONG = object()
+
+
+def from_table(kind: type[Any], table: Mapping[str, Any]) -> Any:
+    """A section of dataclass `kind` from a TOML table; unknown keys are refused."""
+    fields = {_key(f): f for f in dataclasses.fields(kind)}
+    values: dict[str, Any] = {}
+    for key, value in table.items():
+        if key not in fields:
+            raise InputError(unknown(key, list(fields)))
+        field = fields[key]
+        values[field.name] = _radians(key, value) if field.metadata.get("degrees") else value
+    for key, field in fields.items():
+        needed = (
+            field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
+        )
+        if needed and field.name not in values:
+            raise InputError(f"key '{key}' is missing")
+    return kind(**values)
+
+
+def unknown(key: str, known: list[str]) -> str:
+    """'unknown key' message with the nearest known one."""
+    near = difflib.get_close_matches(key, known, 1, 0.4)
+    hint = f", did you mean '{near[0]}'?" if near else ""
+    return f"unknown key '{key}'{hint} (known: {', '.join(known)})"
+
+
+def _key(field: dataclasses.Field[Any]) -> str:
+    return f"{field.name}_deg" if field.metadata.get("degrees") else field.name
+
+
+def _radians(key: str, value: Any) -> Any:
+    if isinstance(value, list):
+        return [_radians(key, v) for v in value]
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        raise InputError(f"{key} = {value!r}: must be a number in degrees")
+    return math.radians(value)
+
+
+def _coerced(value: Any, hint: Any) -> Any:
+    """`value` as the type `hint` asks, or _WRONG."""
+    if isinstance(hint, types.UnionType):
+        for option in typing.get_args(hint):
+            result = _coerced(value, option)
+            if result is not _WRONG:
+                return result
+        return _WRONG
+    if hint is float:
+        number = isinstance(value, int | float) and not isinstance(value, bool)
+        return float(value) if number else _WRONG
+    if hint is int:
+        return value if isinstance(value, int) and not isinstance(value, bool) else _WRONG
+    if typing.get_origin(hint) is tuple:
+        return _coerced_tuple(value, typing.get_args(hint))
+    if hint is type(None):
+        return None if value is None else _WRONG
+    return value if isinstance(value, hint) else _WRONG
+
+
+def _coerced_tuple(value: Any, hints: tuple[Any, ...]) -> Any:
+    if not isinstance(value, list | tuple):
+        return _WRONG
+    if hints[-1] is Ellipsis:
+        hints = (hints[0],) * len(value)
+    if len(value) != len(hints):
+        return _WRONG
+    items = tuple(_coerced(v, h) for v, h in zip(value, hints, strict=True))
+    return _WRONG if _WRONG in items else items
+
+
+def _describe(hint: Any) -> str:
+    if isinstance(hint, types.UnionType):
+        options = [h for h in typing.get_args(hint) if h is not type(None)]
+        return " or ".join(_describe(h) for h in options)
+    if typing.get_origin(hint) is tuple:
+        args = typing.get_args(hint)
+        if args[-1] is Ellipsis:
+            return f"a list, each {_describe(args[0])}"
+        return f"a list of {len(args)}, each {_describe(args[0])}"
+    names = {float: "a number", int: "a whole number", str: "a text", bool: "true or false"}
+    return names.get(hint, getattr(hint, "__name__", str(hint)))
+
+
+def _check_limits(field: dataclasses.Field[Any], value: Any) -> None:
+    values = value if isinstance(value, tuple) else (value,)
+    meta = field.metadata
+    for item in values:
+        if isinstance(item, str) and meta.get("choices") and item not in meta["choices"]:
+            near = difflib.get_close_matches(item, meta["choices"], 1, 0.4)
+            hint = f", did you mean '{near[0]}'?" if near else ""
+            allowed = ", ".join(meta["choices"])
+            raise InputError(f"{_key(field)} = {item!r}: must be one of {allowed}{hint}")
+        if isinstance(item, bool) or not isinstance(item, int | float):
+            continue
+        shown = math.degrees(item) if meta.get("degrees") else item
+        if not math.isfinite(item):
+            raise InputError(f"{_key(field)} = {shown}: must be a finite number")
+        for name, holds, words in _LIMITS:
+            limit = meta.get(name)
+            if limit is not None and not holds(item, limit):
+                limit = math.degrees(limit) if meta.get("degrees") else limit
+                raise InputError(f"{_key(field)} = {shown:g}: must be {words} {limit:g}")
+
+
+_LIMITS: tuple[tuple[str, Any, str], ...] = (
+    ("above", lambda v, limit: v > limit, "above"),
+    ("least", lambda v, limit: v >= limit, "at least"),
+    ("most", lambda v, limit: v <= limit, "at most"),
+    ("below", lambda v, limit: v < limit, "below"),
+)
