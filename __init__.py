@@ -1,0 +1,33 @@
+"""throwplan: plans throws to a landing pose through a model of the release.
+
+import throwplan as tp
+plan = tp.plan("cup")
+print(plan.status, plan.to_dict()["error"])
+"""
+
+from importlib.metadata import PackageNotFoundError, version
+
+from .planner.api import plan, simulate
+from .planner.plan import Plan
+from .planner.planner import Planner
+from .problems.errors import InputError, ThrowplanError
+from .problems.load import load_scene, scene_names
+from .problems.scene import Pose, Scene
+
+try:
+    __version__ = version("throwplan")
+except PackageNotFoundError:  # run from a checkout that is not installed
+    __version__ = "0"
+
+__all__ = [
+    "InputError",
+    "Plan",
+    "Planner",
+    "Pose",
+    "Scene",
+    "ThrowplanError",
+    "load_scene",
+    "plan",
+    "scene_names",
+    "simulate",
+]

@@ -1,0 +1,1 @@
+"""Release models, contact, grip force, flight and kinematics; no scenes, no files."""

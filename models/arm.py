@@ -81,7 +81,7 @@ class Arm:
 def _dh_transform(row: DHRow, q: ca.SX) -> ca.SX:
     """Rot_x(alpha) Trans_x(a) Rot_z(q) Trans_z(d)."""
     cos_alpha, sin_alpha = _exact(math.cos(row.alpha)), _exact(math.sin(row.alpha))
-    rows = [
+    rows: list[list[float]] = [
         [1, 0, 0, row.a],
         [0, cos_alpha, -sin_alpha, 0],
         [0, sin_alpha, cos_alpha, 0],

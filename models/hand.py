@@ -23,7 +23,7 @@ class PlanarArm:
         self.arm = arm
         self.throwing_joints = tuple(throwing_joints or arm.throwing_joints)
         self.coordinates = len(self.throwing_joints)
-        self._signs, self._theta_ref = self._plane()
+        self._chain()
 
     def full(self, q: ca.SX) -> ca.SX:
         """All joint angles at azimuth 0 for the throwing joints' `q`."""
@@ -33,40 +33,65 @@ class PlanarArm:
             joints[joint - 1] = q[i]
         return joints
 
-    def pose(self, q: ca.SX) -> ca.SX:
-        """(x, z, theta) of the pads' centre in the throwing plane."""
-        tcp = self.arm.frames(self.full(q))[-1]
-        theta = self._theta_ref + ca.dot(ca.DM(self._signs), q)
-        return ca.vertcat(tcp[0, 3], tcp[2, 3], theta)
+    def motion(
+        self, q: ca.SX, dq: ca.SX, ddq: ca.SX
+    ) -> tuple[list[ca.SX], list[ca.SX], list[ca.SX]]:
+        """Pose (x, z, theta), twist and acceleration of the pads' centre in the plane."""
+        pose = [ca.SX(self._origin[0]), ca.SX(self._origin[1]), ca.SX(self._theta_ref)]
+        twist, acceleration = [ca.SX(0)] * 3, [ca.SX(0)] * 3
+        phi, rate, turn = ca.SX(0), ca.SX(0), ca.SX(0)
+        for i, sign in enumerate(self._signs):
+            phi, rate, turn = phi + sign * q[i], rate + sign * dq[i], turn + sign * ddq[i]
+            cos, sin = ca.cos(phi), ca.sin(phi)
+            length_x, length_z = self._links[i]
+            x, z = length_x * cos - length_z * sin, length_x * sin + length_z * cos
+            pose[0], pose[1] = pose[0] + x, pose[1] + z
+            twist[0], twist[1] = twist[0] - rate * z, twist[1] + rate * x
+            acceleration[0] = acceleration[0] - turn * z - rate * rate * x
+            acceleration[1] = acceleration[1] + turn * x - rate * rate * z
+        pose[2], twist[2], acceleration[2] = pose[2] + phi, rate, turn
+        return pose, twist, acceleration
 
     def points(self, q: ca.SX) -> ca.SX:
         """2 x n points (x, z) of the arm in the plane: joint frames, flange and TCP."""
         frames = self.arm.frames(self.full(q))
         return ca.horzcat(*[ca.vertcat(f[0, 3], f[2, 3]) for f in frames])
 
-    def _plane(self) -> tuple[list[float], float]:
-        """Sign of each throwing joint in theta and the reference angle; checks the plane."""
+    def _chain(self) -> None:
+        """The planar chain behind the Denavit-Hartenberg rows.
+
+        Each throwing joint turns everything after it by +-q about the plane's normal, so
+        the hand is at origin + sum of links, each a constant vector turned by the sum of
+        the angles before it: far fewer operations than the chain of 4x4 matrices. The
+        vectors are read off the full kinematics and checked against it.
+        """
         q = ca.SX.sym("q", self.coordinates)
         frames = self.arm.frames(self.full(q))
         axes = ca.horzcat(*[frames[j - 1][:3, 2] for j in self.throwing_joints])
-        outputs = ca.Function("plane", [q], [axes, frames[-1][:3, 2], frames[-1][1, 3]])
-        signs = np.zeros(self.coordinates)
-        rng = np.random.default_rng(0)
-        reference = 0.0
-        for trial in range(4):
-            value = rng.uniform(-1, 1, self.coordinates) if trial else np.zeros(self.coordinates)
-            axis, approach, offset = (np.array(o) for o in outputs(value))
-            # Turning from +x to +z is a turn about -y.
-            turn = -axis[1]
-            if np.abs(np.abs(turn) - 1).max() > 1e-9 or abs(offset[0, 0]) > 1e-9:
+        joints = ca.horzcat(*[frames[j - 1][:3, 3] for j in self.throwing_joints])
+        full = ca.Function("full", [q], [axes, joints, frames[-1][:3, 3], frames[-1][:3, 2]])
+        axis, position, tcp, approach = (np.array(o) for o in full(np.zeros(self.coordinates)))
+        # Turning from +x to +z is a turn about -y.
+        self._signs = [float(s) for s in np.round(-axis[1])]
+        points = np.column_stack([position, tcp])[[0, 2]]
+        self._origin = (float(points[0, 0]), float(points[1, 0]))
+        self._links = [(float(dx), float(dz)) for dx, dz in np.diff(points).T]
+        self._theta_ref = math.atan2(approach[2, 0], approach[0, 0])
+        self._verify(full)
+
+    def _verify(self, full: ca.Function) -> None:
+        """ValueError unless the planar chain is the arm's own kinematics."""
+        q, zero = ca.SX.sym("q", self.coordinates), ca.SX.zeros(self.coordinates)
+        planar = ca.Function("planar", [q], [ca.vertcat(*self.motion(q, zero, zero)[0])])
+        for value in np.random.default_rng(0).uniform(-2, 2, (4, self.coordinates)):
+            x, z, theta = np.array(planar(value)).ravel()
+            _, _, tcp, approach = (np.array(o).ravel() for o in full(value))
+            expected = [tcp[0], 0.0, tcp[2], math.cos(theta), 0.0, math.sin(theta)]
+            if np.abs(np.array([x, tcp[1], z, *approach]) - expected).max() > 1e-9:
                 raise ValueError(
                     f"arm {self.arm.name}: joints {list(self.throwing_joints)} do not move the "
                     "hand in the vertical plane of the azimuth joint"
                 )
-            if trial == 0:
-                signs = np.round(turn)
-                reference = math.atan2(approach[2, 0], approach[0, 0])
-        return [float(s) for s in signs], reference
 
 
 class PlanarHand:
@@ -76,18 +101,22 @@ class PlanarHand:
         self.coordinates = 3 if turns else 2
         self._theta = theta
 
-    def pose(self, q: ca.SX) -> ca.SX:
-        """(x, z, theta) of the pads' centre; theta fixed where the hand does not turn."""
-        return q if self.coordinates == 3 else ca.vertcat(q, self._theta)
+    def motion(
+        self, q: ca.SX, dq: ca.SX, ddq: ca.SX
+    ) -> tuple[list[ca.SX], list[ca.SX], list[ca.SX]]:
+        """Pose (x, z, theta), twist and acceleration; theta fixed where it does not turn."""
+        fixed = [] if self.coordinates == 3 else [ca.SX(0)]
+        pose = [ca.SX(self._theta)] if fixed else []
+        return (
+            [*ca.vertsplit(q), *pose],
+            [*ca.vertsplit(dq), *fixed],
+            [*ca.vertsplit(ddq), *fixed],
+        )
 
 
 def hand_motion(kinematics: PlanarArm | PlanarHand) -> ca.Function:
     """Function (q, dq, ddq) -> pose, twist, acceleration of the hand, each (3,)."""
-    n = kinematics.coordinates
-    q, dq, ddq = (ca.SX.sym(name, n) for name in ("q", "dq", "ddq"))
-    pose = kinematics.pose(q)
-    twist = ca.jtimes(pose, q, dq)
-    acceleration = ca.jtimes(pose, q, ddq) + ca.jtimes(twist, q, dq)
-    outputs = ca.cse([ca.simplify(pose), ca.simplify(twist), ca.simplify(acceleration)])
+    inputs = [ca.SX.sym(name, kinematics.coordinates) for name in ("q", "dq", "ddq")]
+    outputs = [ca.vertcat(*values) for values in kinematics.motion(*inputs)]
     names = ["pose", "twist", "acceleration"]
-    return ca.Function("hand_motion", [q, dq, ddq], outputs, ["q", "dq", "ddq"], names)
+    return ca.Function("hand_motion", inputs, outputs, ["q", "dq", "ddq"], names)

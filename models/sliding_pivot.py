@@ -41,16 +41,14 @@ class SlidingPivot:
     form: Form = "continuous"
     widths: Widths | None = None
 
-    def lever(self, state: Sequence[Value], hand: HandMotion) -> tuple[Value, Value]:
+    def lever(self, state: Value, hand: HandMotion) -> tuple[Value, Value]:
         """r [m]: the CoM seen from the centre of the pads."""
         theta = hand.theta + state[2]
         xp = backend(theta)
         h = self.body.com_offset
         return state[0] + h * xp.cos(theta), state[1] + h * xp.sin(theta)
 
-    def excess(
-        self, state: Sequence[Value], hand: HandMotion, normal_force: Value
-    ) -> tuple[Value, Value]:
+    def excess(self, state: Value, hand: HandMotion, normal_force: Value) -> tuple[Value, Value]:
         """How far the pivot wrench is beyond the limits: (torque [N m], force [N]).
 
         Above zero the body pivots, or slides; these are the event functions of the
@@ -99,7 +97,7 @@ class SlidingPivot:
         return [state[3], state[4], state[5], slip_x, slip_z, alpha_r]
 
     def _load(
-        self, state: Sequence[Value], hand: HandMotion, normal_force: Value
+        self, state: Value, hand: HandMotion, normal_force: Value
     ) -> tuple[tuple[Value, Value], Value, Value, Value, Value]:
         """Pivot force and torque, their sizes (above zero), and the force limit."""
         x_r, z_r = self.lever(state, hand)

@@ -20,8 +20,8 @@ from .rollout import (
     hand_samples,
     landing,
     limit_surface_release,
-    slip_while_carrying,
     sliding_pivot_release,
+    slip_while_carrying,
 )
 
 Array = npt.NDArray[np.float64]
@@ -41,10 +41,10 @@ class Thrown:
     landing: Landing
     grip_use: float
 
-    def miss(self, target: Pose, x_target: float) -> tuple[float, float]:
+    def miss(self, target: Pose) -> tuple[float, float]:
         """(Δx [m], Δtheta [rad]) to the target; 0 where it leaves theta open."""
         angle = 0.0 if target.theta is None else self.landing.theta - target.theta
-        return self.landing.x - x_target, angle
+        return self.landing.x - target.plane_x, angle
 
 
 def throw(scene: Scene, mover: Mover, motion: Motion, opening_time: float, height: float) -> Thrown:

@@ -54,7 +54,7 @@ def distance_to_bar(bar: ThrownObject, com: Array, points: Array) -> Array:
     along, across = seen_from(com, points)
     over = np.maximum(np.maximum(-bar.com - along, along - (bar.length - bar.com)), 0.0)
     beside = np.maximum(np.abs(across) - bar.width / 2, 0.0)
-    return np.hypot(over, beside)
+    return np.asarray(np.hypot(over, beside))
 
 
 def palm_distance(bar: ThrownObject, tool: Tool, com: Array, hand: Array) -> Array:
@@ -63,13 +63,14 @@ def palm_distance(bar: ThrownObject, tool: Tool, com: Array, hand: Array) -> Arr
     over = np.maximum(np.maximum(-tool.palm_back - along, along + tool.palm_front), 0.0)
     beside = np.maximum(np.abs(across) - tool.palm_half_width, 0.0)
     from_bar = np.hypot(over, beside).min(axis=1)
-    return np.minimum(from_bar, distance_to_bar(bar, com, palm_corners(tool, hand)).min(axis=1))
+    from_palm = distance_to_bar(bar, com, palm_corners(tool, hand)).min(axis=1)
+    return np.asarray(np.minimum(from_bar, from_palm))
 
 
 def column_distance(bar: ThrownObject, com: Array, radius: float, height: float) -> Array:
     """Signed room [m] (N,) of the bar beside or above the base column; negative inside."""
     x, z = bar_outline(bar, com, EDGE_POINTS)
-    return np.maximum(np.abs(x) - radius, z - height).min(axis=1)
+    return np.asarray(np.maximum(np.abs(x) - radius, z - height).min(axis=1))
 
 
 @dataclass(frozen=True)

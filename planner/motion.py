@@ -8,8 +8,9 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
+from .context import JERK_UNIT
 from .mover import Mover
-from .nlp import JERK_UNIT, ThrowNlp
+from .nlp import ThrowNlp
 
 Array = npt.NDArray[np.float64]
 
@@ -90,7 +91,7 @@ class SampledMotion:
     @property
     def times(self) -> Array:
         """Sample times (N,) [s]."""
-        return TICK * np.arange(len(self.q))
+        return np.asarray(TICK * np.arange(len(self.q)))
 
     def at(self, times: Array) -> tuple[Array, Array, Array]:
         """q, dq, ddq, each (n, N), at `times` (N,) [s]; held constant outside."""

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import casadi as ca
@@ -82,9 +81,7 @@ def _hand_mover(hand: Hand) -> Mover:
         acceleration.append(hand.angular_acceleration)
         if start is not None and hand.start_theta is not None:
             start.append(hand.start_theta)
-    limits = Limits(
-        np.array(low), np.array(high), np.array(speed), np.array(acceleration), None
-    )
+    limits = Limits(np.array(low), np.array(high), np.array(speed), np.array(acceleration), None)
     return Mover(
         kinematics,
         hand_motion(kinematics),
@@ -127,9 +124,3 @@ def _arm_mover(scene: Scene) -> Mover:
         start=None if robot.start is None else np.array(robot.start),
         jerk_control=robot.control == "jerk",
     )
-
-
-def azimuth(scene: Scene) -> float:
-    """Angle [rad] of the throw's plane about the base axis: the target's."""
-    target = scene.target
-    return 0.0 if target is None or target.y == 0.0 else math.atan2(target.y, target.x)

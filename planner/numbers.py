@@ -9,15 +9,16 @@ import numpy as np
 import numpy.typing as npt
 
 from ..problems.scene import Pose, Scene
+from .context import JERK_UNIT, Structure
 from .mover import Mover
-from .nlp import JERK_UNIT, Structure, ThrowNlp
+from .ocp import Nlp
 
 Array = npt.NDArray[np.float64]
 
 #: Depths of the lower end at which the NLP asks for the cup's clearance.
 CUP_DEPTHS = 4
 #: Cost weights: relative acceleration squared, relative jerk squared, carry time [1/s].
-WEIGHTS = (1.0, 0.01, 0.2)
+WEIGHTS = (10.0, 1.0, 2.0)
 #: Share of the acceleration limit counted on for braking.
 BRAKE_SHARE = 0.8
 #: Longest flight that is searched [s].
@@ -79,7 +80,7 @@ def parameter_values(scene: Scene, mover: Mover, target: Pose) -> dict[str, Any]
         "ahead": scene.object.length - scene.object.com,
         "behind": scene.object.com,
         "half_width": scene.object.width / 2,
-        "target_x": math.copysign(math.hypot(target.x, target.y), target.x),
+        "target_x": target.plane_x,
         "target_z": target.z,
         "target_theta": 0.0 if target.theta is None else target.theta,
         "price_x": 100.0,
@@ -116,7 +117,7 @@ def lower_end(scene: Scene, target: Pose) -> float:
     return ahead if math.sin(theta) < 0 else -scene.object.com
 
 
-def bounds(nlp: ThrowNlp, scene: Scene, mover: Mover) -> tuple[Array, Array]:
+def bounds(nlp: Nlp, scene: Scene, mover: Mover) -> tuple[Array, Array]:
     """Lower and upper bounds of the decision vector."""
     limits, dwell = mover.planning, scene.gripper.profile().dwell
     unbounded = np.full(6, np.inf)

@@ -135,7 +135,7 @@ class Plan:
         x, z, theta = pose
         if self.scene.robot is None:
             return {"x": _number(x), "z": _number(z), "theta": _number(theta)}
-        turn = azimuth_of(self.target)
+        turn = self.target.azimuth
         x_base, y_base = x * math.cos(turn), x * math.sin(turn)
         return {
             "x": _number(x_base),
@@ -148,28 +148,12 @@ class Plan:
         if pose is None:
             return None
         angle = 0.0 if self.target.theta is None else abs(pose[2] - self.target.theta)
-        position = abs(pose[0] - plane_x(self.target))
+        position = abs(pose[0] - self.target.plane_x)
         return {"position": _number(position), "angle": _number(angle)}
 
     def json(self) -> str:
         """`to_dict` as a JSON text."""
         return json.dumps(self.to_dict(), indent=2, allow_nan=False)
-
-
-def azimuth_of(target: Pose) -> float:
-    """Angle [rad] about the base axis of the vertical plane through the target."""
-    return math.atan2(target.y, target.x) if target.y != 0.0 else 0.0
-
-
-def plane_x(target: Pose) -> float:
-    """The target's x [m] in the throw's plane."""
-    return math.hypot(target.x, target.y) if target.y != 0.0 else target.x
-
-
-def in_plane(target: Pose, x: float, theta: float | None) -> Pose:
-    """The pose at in-plane x and theta in the target's plane and height."""
-    turn = azimuth_of(target)
-    return Pose(x=x * math.cos(turn), y=x * math.sin(turn), z=target.z, theta=theta)
 
 
 def checked_target(scene: Scene, target: Pose | None) -> Pose:

@@ -16,11 +16,11 @@ import numpy.typing as npt
 from ..problems.errors import InputError
 from ..problems.scene import Pose, Scene
 from .check import broken_limits, limit_surface_landing, scene_violations, throw
-from .motion import TICK, planned_motion
+from .motion import planned_motion
 from .mover import make_mover
 from .nlp import ThrowNlp, build_nlp
 from .numbers import bounds, parameter_values, structure_of
-from .plan import Plan, PlannedThrow, Status, checked_target, in_plane, plane_x
+from .plan import Plan, PlannedThrow, Status, checked_target
 from .reach import Binding, nearest_possible
 from .releases import Releases, ReleaseSampler, guess_from, nearest
 from .smooth import SmoothingError, send
@@ -37,13 +37,14 @@ MAX_CORRECTIONS = 8
 #: Starts tried with FATROP, then with IPOPT.
 STARTS = {"fatrop": 6, "ipopt": 4}
 #: Random releases drawn for the starting points.
-SAMPLES = 40_000
+SAMPLES = 20_000
 
 
 @dataclass
 class _Search:
-    """Bookkeeping of one `plan` call."""
+    """One `plan` call: the scene with its target, and bookkeeping."""
 
+    scene: Scene
     times: dict[str, float] = field(default_factory=lambda: defaultdict(float))
     iterations: int = 0
     attempts: int = 0
@@ -99,7 +100,7 @@ class Planner:
         if turns not in ("exact", "any"):
             raise InputError(f"turns = {turns!r}: must be one of exact, any")
         self._check_azimuth(target)
-        search = _Search()
+        search = _Search(self.scene.aimed_at(target))
         search.times["build"], self._build_time = self._build_time, 0.0
         names = ("fatrop", "ipopt") if solver == "auto" else (solver,)
         plan = self._warm_plan(target, names[0], warm, search) if warm is not None else None
@@ -109,9 +110,7 @@ class Planner:
         plan.time["total"] = time.perf_counter() - started + search.times["build"]
         return plan
 
-    def _search(
-        self, target: Pose, names: tuple[str, ...], turns: Turns, search: _Search
-    ) -> Plan:
+    def _search(self, target: Pose, names: tuple[str, ...], turns: Turns, search: _Search) -> Plan:
         """Solvers in turn, each from several starts; then the honest answer."""
         with search.clock("guess"):
             releases = self._table()
@@ -126,11 +125,9 @@ class Planner:
                     return self._result("solved", goal, "", solved, name, search)
         return self._failure(target, [goal for _, goal in starts], releases, names[-1], search)
 
-    def _warm_plan(
-        self, target: Pose, name: str, warm: Plan, search: _Search
-    ) -> Plan | None:
+    def _warm_plan(self, target: Pose, name: str, warm: Plan, search: _Search) -> Plan | None:
         """A plan from a neighbouring one, None if that does not lead to a solved throw."""
-        if warm.throw is None or warm.scene is not self.scene:
+        if warm.throw is None or warm.mover is not self.mover:
             return None
         if (warm.target.theta is None) != (target.theta is None):
             return None
@@ -144,11 +141,11 @@ class Planner:
         """(release index, target) pairs, nearest landing first."""
         goals = [target]
         if turns == "any" and target.theta is not None:
-            goals += [target.shifted(0.0, 2 * math.pi * k) for k in (-1, 1, -2, 2)]
+            goals += [target.turned(2 * math.pi * k) for k in (-1, 1, -2, 2)]
         found: list[tuple[float, int, Pose]] = []
         for goal in goals:
             indices, distances = nearest(
-                releases, self.scene, plane_x(goal), goal.z, goal.theta, max(STARTS.values())
+                releases, self.scene, goal.plane_x, goal.z, goal.theta, max(STARTS.values())
             )
             found += [(float(d), int(i), goal) for i, d in zip(indices, distances, strict=True)]
         found.sort(key=lambda entry: entry[0])
@@ -163,9 +160,9 @@ class Planner:
         limits = bounds(nlp, self.scene, self.mover)
         goal = target
         best: PlannedThrow | None = None
-        best_error = math.inf
+        best_miss = math.inf
         for _ in range(MAX_CORRECTIONS):
-            numbers = nlp.parameters.vector(parameter_values(self.scene, self.mover, goal))
+            numbers = nlp.parameters.vector(parameter_values(search.scene, self.mover, goal))
             with search.clock("solve"):
                 solution = solver.solve(guess, numbers, limits, warm)
                 if not solution.success and warm is not None:
@@ -181,15 +178,14 @@ class Planner:
             except SmoothingError as error:
                 search.trouble.append(str(error))
                 break
-            dx, dtheta = thrown.final.miss(target, plane_x(target))
-            error = _scaled(dx, dtheta, AIM)
-            if not error < best_error:
+            dx, dtheta = thrown.final.miss(target)
+            miss = _scaled(dx, dtheta, AIM)
+            if not miss < best_miss:
                 break
-            best, best_error = thrown, error
-            if error <= 1.0:
+            best, best_miss = thrown, miss
+            if miss <= 1.0:
                 break
-            turn = goal.shifted(0.0, -dtheta)
-            goal = in_plane(target, plane_x(goal) - dx, turn.theta)
+            goal = goal.in_plane(goal.plane_x - dx, goal.turned(-dtheta).theta)
             guess, warm = solution.x, solution
         return self._accepted(best, target, search)
 
@@ -197,7 +193,7 @@ class Planner:
         self, nlp: ThrowNlp, solution: Solution, numbers: Array, target: Pose, search: _Search
     ) -> PlannedThrow:
         """The solution's motion smoothed, and thrown by the non-smooth models."""
-        scene, mover = self.scene, self.mover
+        scene, mover = search.scene, self.mover
         opening = scene.gripper.profile().opening
         duration = nlp.block(solution.x, "T", 0)
         assert duration is not None
@@ -225,7 +221,7 @@ class Planner:
         if thrown is None:
             return None
         with search.clock("check"):
-            problems = self._broken(thrown, target)
+            problems = self._broken(search.scene, thrown, target)
         if not problems:
             return thrown
         search.trouble.append("; ".join(problems))
@@ -233,14 +229,14 @@ class Planner:
             search.fallback = (thrown, search.trouble[-1])
         return None
 
-    def _broken(self, thrown: PlannedThrow, target: Pose) -> list[str]:
+    def _broken(self, scene: Scene, thrown: PlannedThrow, target: Pose) -> list[str]:
         """Everything that a solved throw must not break, in words."""
-        scene, mover, tolerance = self.scene, self.mover, self.scene.tolerance
+        mover, tolerance = self.mover, scene.tolerance
         problems = []
         for label, result in (("planned", thrown.exact), ("sent", thrown.sent)):
             if result is None:
                 continue
-            dx, dtheta = result.miss(target, plane_x(target))
+            dx, dtheta = result.miss(target)
             if not _scaled(dx, dtheta, (tolerance.position, tolerance.angle)) <= 1.0:
                 problems.append(
                     f"{label} motion lands {1e3 * abs(dx):.2f} mm and "
@@ -268,7 +264,7 @@ class Planner:
         """No throw found: out of reach with the nearest possible, or not converged."""
         goal = goals[0] if goals else target
         with search.clock("solve"):
-            answer = nearest_possible(self.scene, self.mover, self._sampler, releases, goal)
+            answer = nearest_possible(search.scene, self.mover, self._sampler, releases, goal)
         search.iterations += answer.iterations
         if answer.pose is not None and not answer.inside_tolerance:
             message = _out_of_reach(goal, answer)
@@ -299,7 +295,7 @@ class Planner:
     ) -> Plan:
         nlp = self._nlp(target, search)
         plan = Plan(
-            self.scene,
+            search.scene,
             self.mover,
             target,
             status,
@@ -348,7 +344,7 @@ class Planner:
         if arm is None:
             return
         joint = arm.azimuth_joint - 1
-        turn = math.atan2(target.y, target.x) if target.y != 0.0 else 0.0
+        turn = target.azimuth
         low, high = arm.limits.position_min[joint], arm.limits.position_max[joint]
         if not low <= turn <= high:
             raise InputError(
@@ -368,7 +364,4 @@ def _out_of_reach(target: Pose, answer: Binding) -> str:
     assert pose is not None
     angle = "" if pose.theta is None else f", theta {math.degrees(pose.theta):.1f} deg"
     limits = f" (limited by {', '.join(answer.names[:4])})" if answer.names else ""
-    return f"out of reach: nearest possible x {plane_x(pose):.3f} m{angle}{limits}"
-
-
-__all__ = ["TICK", "Planner"]
+    return f"out of reach: nearest possible x {pose.plane_x:.3f} m{angle}{limits}"

@@ -16,7 +16,6 @@ from ..problems.scene import Pose, Scene
 from .mover import Mover
 from .nlp import ThrowNlp, build_nlp
 from .numbers import bounds, parameter_values, structure_of
-from .plan import in_plane, plane_x
 from .releases import Releases, ReleaseSampler, guess_from, nearest
 from .solver import Solution, Solver
 
@@ -67,7 +66,7 @@ def nearest_possible(
     solver = Solver(nlp, "ipopt", 300)
     numbers = nlp.parameters.vector(parameter_values(scene, mover, target))
     low, high = bounds(nlp, scene, mover)
-    indices, _ = nearest(releases, scene, plane_x(target), target.z, target.theta, STARTS)
+    indices, _ = nearest(releases, scene, target.plane_x, target.z, target.theta, STARTS)
     best: Solution | None = None
     iterations = 0
     for index in indices:
@@ -81,11 +80,11 @@ def nearest_possible(
         return Binding(pose, pose is None, (), iterations, None, None)
     x, _, theta = np.array(nlp.landing(best.x, numbers)).ravel()
     angle = None if target.theta is None else float(theta)
-    dx = abs(x - plane_x(target))
+    dx = abs(x - target.plane_x)
     dtheta = 0.0 if target.theta is None else abs(theta - target.theta)
     inside = bool(dx <= scene.tolerance.position and dtheta <= scene.tolerance.angle)
     names = () if inside else _binding(nlp, mover, best, (low, high))
-    return Binding(in_plane(target, float(x), angle), inside, names, iterations, best, nlp)
+    return Binding(target.in_plane(float(x), angle), inside, names, iterations, best, nlp)
 
 
 def _sampled(
@@ -96,7 +95,7 @@ def _sampled(
         return None
     x, theta, _ = releases.landings(target.z, scene.gravity)
     angle = None if target.theta is None else float(theta[indices[0]])
-    return in_plane(target, float(x[indices[0]]), angle)
+    return target.in_plane(float(x[indices[0]]), angle)
 
 
 def _binding(

@@ -17,14 +17,15 @@ from ..models.contact import HandMotion, pivot_wrench
 from ..models.integrate import rk4_step
 from ..models.sliding_pivot import SlidingPivot
 from ..problems.scene import Scene
+from .context import JERK_UNIT, Structure
 from .mover import Mover
+from .nlp import ThrowNlp
 from .numbers import BRAKE_SHARE
-from .nlp import JERK_UNIT, Structure, ThrowNlp
 
 Array = npt.NDArray[np.float64]
 
 #: Runge-Kutta steps of the opening in the table.
-TABLE_STEPS = 16
+TABLE_STEPS = 12
 
 
 @dataclass(frozen=True)
@@ -81,9 +82,12 @@ class ReleaseSampler:
     def run_up_time(self, dq: Array, ddq: Array, rng: np.random.Generator) -> Array:
         """Run-up time that keeps the run-up's mean acceleration under the limits."""
         needed = (np.abs(dq) / self.mover.planning.ddq).max(axis=1)
-        return np.clip(needed * rng.uniform(1.3, 2.2, needed.size), 0.12, self.scene.mesh.carry_max)
+        longer = needed * rng.uniform(1.3, 2.2, needed.size)
+        return np.asarray(np.clip(longer, 0.12, self.scene.mesh.carry_max))
 
-    def within_limits(self, q: Array, dq: Array, ddq: Array, run_up: Array) -> npt.NDArray[np.bool_]:
+    def within_limits(
+        self, q: Array, dq: Array, ddq: Array, run_up: Array
+    ) -> npt.NDArray[np.bool_]:
         """Limits at the run-up's start, at both ends of the opening and after braking."""
         limits, opening = self.mover.planning, self.profile.opening
         end = q + dq * opening + ddq * opening**2 / 2
@@ -107,9 +111,7 @@ class ReleaseSampler:
 
     def _hand(self, q: Array, dq: Array, ddq: Array, t: float) -> tuple[Array, Array, HandMotion]:
         """Hand pose (3, N), twist (3, N) and motion at time t."""
-        outputs = self.mover.motion(
-            (q + dq * t + ddq * t * t / 2).T, (dq + ddq * t).T, ddq.T
-        )
+        outputs = self.mover.motion((q + dq * t + ddq * t * t / 2).T, (dq + ddq * t).T, ddq.T)
         pose, twist, acceleration = (np.array(o) for o in outputs)
         return pose, twist, HandMotion(pose[2], twist[2], *acceleration)
 
@@ -119,7 +121,12 @@ class ReleaseSampler:
         theta = hand.theta + self.scene.grasp.angle
         h = self.scene.com_offset
         wrench = pivot_wrench(
-            self.scene.body, self.scene.gravity, hand, hand.omega, h * np.cos(theta), h * np.sin(theta)
+            self.scene.body,
+            self.scene.gravity,
+            hand,
+            hand.omega,
+            h * np.cos(theta),
+            h * np.sin(theta),
         )
         use = self.scene.patch.utilisation_squared(*wrench, self.profile.full)
         keep = use <= (1 - self.scene.mesh.sticking_margin) ** 2
@@ -130,7 +137,7 @@ class ReleaseSampler:
         return np.asarray(keep)
 
     def throw(self, q: Array, dq: Array, ddq: Array, steps: int) -> tuple[Array, list[Array]]:
-        """Detach states (N, 6) by the non-smooth sliding pivot, and the relative states per step."""
+        """Detach states (N, 6) by the exact sliding pivot, and the relative states per step."""
         opening = self.profile.opening
         times = np.linspace(0.0, opening, 2 * steps + 1)
         forces = self.profile.force(times)
@@ -195,7 +202,9 @@ def guess_from(
     one = slice(index, index + 1)
     q, dq, ddq = releases.q[index], releases.dq[index], releases.ddq[index]
     run_up, opening = float(releases.run_up[index]), sampler.profile.opening
-    _, track = sampler.throw(releases.q[one], releases.dq[one], releases.ddq[one], s.opening * s.substeps)
+    _, track = sampler.throw(
+        releases.q[one], releases.dq[one], releases.ddq[one], s.opening * s.substeps
+    )
     flight = float(releases.landings(height, sampler.scene.gravity)[2][index])
     a, b = _run_up_shape(dq, ddq, np.array(run_up))
     start = sampler.mover.start

@@ -170,7 +170,9 @@ def limit_surface_release(
     """The time-stepping limit surface through the opening that starts at `opening_time` [s]."""
     opening = scene.gripper.profile().opening
     instants = np.linspace(0.0, opening, steps + 1)
-    return limit_surface_along(scene, hand_samples(mover, motion, opening_time + instants), instants)
+    return limit_surface_along(
+        scene, hand_samples(mover, motion, opening_time + instants), instants
+    )
 
 
 def limit_surface_along(scene: Scene, hand: HandSamples, instants: Array) -> Release:

@@ -10,13 +10,15 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from .nlp import ThrowNlp
+from .ocp import Nlp
 
 Array = npt.NDArray[np.float64]
 
 #: A point is feasible for us when no constraint is broken by more than this.
 FEASIBLE = 1e-6
-MAX_ITERATIONS = {"fatrop": 300, "ipopt": 1000}
+MAX_ITERATIONS = {"fatrop": 150, "ipopt": 500}
+#: Barrier parameter at the start: small, for the starting points are good ones.
+MU_INIT = 0.01
 
 
 @dataclass(frozen=True)
@@ -37,7 +39,7 @@ class Solution:
 class Solver:
     """One NLP with one solver; `solve` may be called many times."""
 
-    def __init__(self, nlp: ThrowNlp, name: str, max_iterations: int | None = None) -> None:
+    def __init__(self, nlp: Nlp, name: str, max_iterations: int | None = None) -> None:
         self.nlp = nlp
         self.name = name
         most = max_iterations or MAX_ITERATIONS[name]
@@ -49,7 +51,7 @@ class Solver:
                 "nx": nlp.nx,
                 "nu": nlp.nu,
                 "ng": nlp.ng,
-                "fatrop": {"print_level": 0, "max_iter": most, "tol": 1e-7, "mu_init": 0.1},
+                "fatrop": {"print_level": 0, "max_iter": most, "tol": 1e-7, "mu_init": MU_INIT},
             }
         else:
             options["ipopt"] = {
@@ -57,12 +59,12 @@ class Solver:
                 "sb": "yes",
                 "max_iter": most,
                 "tol": 1e-7,
-                "mu_strategy": "adaptive",
+                "mu_init": MU_INIT,
             }
-        self._options = options
-        self._cold = ca.nlpsol("throw", name, nlp.problem, options)
-        self._warm: ca.Function | None = None
-        self._constraints = ca.Function("g", [nlp.problem["x"], nlp.problem["p"]], [nlp.problem["g"]])
+        self._function = ca.nlpsol("throw", name, nlp.problem, options)
+        self._constraints = ca.Function(
+            "g", [nlp.problem["x"], nlp.problem["p"]], [nlp.problem["g"]]
+        )
 
     def solve(
         self,
@@ -80,14 +82,12 @@ class Solver:
             "lbg": self.nlp.lbg,
             "ubg": self.nlp.ubg,
         }
-        function = self._cold
         if warm is not None:
-            function = self._warm_function()
             arguments |= {"x0": warm.x, "lam_g0": warm.lam_g, "lam_x0": warm.lam_x}
         start = time.perf_counter()
-        result = function(**arguments)
+        result = self._function(**arguments)
         seconds = time.perf_counter() - start
-        stats = function.stats()
+        stats = self._function.stats()
         x = np.array(result["x"]).ravel()
         finite = bool(np.isfinite(x).all())
         return Solution(
@@ -107,21 +107,3 @@ class Solver:
         g = np.array(self._constraints(x, parameters)).ravel()
         breaches = (self.nlp.lbg - g, g - self.nlp.ubg, bounds[0] - x, x - bounds[1])
         return float(max(np.max(breach) for breach in breaches))
-
-    def _warm_function(self) -> ca.Function:
-        if self._warm is None:
-            options = dict(self._options)
-            inner = dict(options[self.name])
-            if self.name == "fatrop":
-                inner |= {"mu_init": 1e-4}
-            else:
-                inner |= {
-                    "mu_strategy": "monotone",
-                    "mu_init": 1e-4,
-                    "warm_start_init_point": "yes",
-                    "warm_start_bound_push": 1e-6,
-                    "warm_start_mult_bound_push": 1e-6,
-                }
-            options[self.name] = inner
-            self._warm = ca.nlpsol("throw", self.name, self.nlp.problem, options)
-        return self._warm

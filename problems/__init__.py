@@ -1,0 +1,1 @@
+"""What is wanted: scenes as data, with their checks."""

@@ -174,7 +174,9 @@ def load_arm(name: str, folder: Path | None = None) -> Arm:
     else:
         near = difflib.get_close_matches(name, arm_names(), 1, 0.4)
         hint = f", did you mean '{near[0]}'?" if near else ""
-        raise InputError(f"unknown robot{hint} (shipped: {', '.join(arm_names())}; or a .toml file)")
+        raise InputError(
+            f"unknown robot{hint} (shipped: {', '.join(arm_names())}; or a .toml file)"
+        )
     return _arm(_tables(text, name))
 
 

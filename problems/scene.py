@@ -33,10 +33,24 @@ class Pose(Section):
     def check(self) -> None:
         """All values finite."""
 
-    def shifted(self, dx: float, dtheta: float) -> Pose:
-        """The same pose with x moved by dx [m] and theta, if fixed, by dtheta [rad]."""
-        theta = None if self.theta is None else self.theta + dtheta
-        return dataclasses.replace(self, x=self.x + dx, theta=theta)
+    @property
+    def azimuth(self) -> float:
+        """Angle [rad] about the base axis of the vertical plane through the pose."""
+        return math.atan2(self.y, self.x) if self.y != 0.0 else 0.0
+
+    @property
+    def plane_x(self) -> float:
+        """x [m] in that plane."""
+        return math.hypot(self.x, self.y) if self.y != 0.0 else self.x
+
+    def in_plane(self, x: float, theta: float | None) -> Pose:
+        """The pose at `x` [m] and `theta` [rad] in the same plane and at the same height."""
+        turn = self.azimuth
+        return dataclasses.replace(self, x=x * math.cos(turn), y=x * math.sin(turn), theta=theta)
+
+    def turned(self, angle: float) -> Pose:
+        """The same pose with theta, if fixed, `angle` [rad] further."""
+        return dataclasses.replace(self, theta=None if self.theta is None else self.theta + angle)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -202,7 +216,8 @@ class Tolerance(Section):
 class Cup(Section):
     """A cup, open above, that the bar enters with its lower end first.
 
-    x [m] centre (in the throw's plane), rim [m] height, radius [m] inside, depth [m].
+    x [m] centre (in the throw's plane), rim [m] height, radius [m] inside, depth [m];
+    the cup goes along when another target is asked for.
     clearance [m]: the bar's outline keeps it to the wall and the rim from the instant
     its lower end reaches the rim plane until that is `insertion` [m] below.
     """
@@ -284,10 +299,10 @@ class Mesh(Section):
     carry_max [s]: longest carry.
     """
 
-    carry: int = quantity(least=3, most=200, default=12)
+    carry: int = quantity(least=3, most=200, default=10)
     opening: int = quantity(least=2, most=200, default=10)
-    substeps: int = quantity(least=1, most=100, default=3)
-    epsilon: float = quantity(above=0, most=1, default=0.01)
+    substeps: int = quantity(least=1, most=100, default=2)
+    epsilon: float = quantity(above=0, most=1, default=0.03)
     sticking_margin: float = quantity(least=0, below=1, default=0.05)
     carry_max: float = quantity(above=0, default=2.0)
 
@@ -349,6 +364,14 @@ class Scene(Section):
     def replace(self, **changes: Any) -> Scene:
         """A copy with the given sections changed, e.g. ``scene.replace(target=Pose(...))``."""
         return dataclasses.replace(self, **changes)
+
+    def aimed_at(self, target: Pose) -> Scene:
+        """The scene with another target; a cup goes with it by the same way in x and z."""
+        cup, old = self.cup, self.target
+        if cup is not None and old is not None:
+            dx, dz = target.plane_x - old.plane_x, target.z - old.z
+            cup = dataclasses.replace(cup, x=cup.x + dx, rim=cup.rim + dz)
+        return dataclasses.replace(self, target=target, cup=cup)
 
     @property
     def com_offset(self) -> float:

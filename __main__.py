@@ -1,0 +1,7 @@
+"""`python -m throwplan`."""
+
+import sys
+
+from throwplan.planner.cli import main
+
+sys.exit(main())

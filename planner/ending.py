@@ -1,0 +1,102 @@
+"""The last stage: detach, flight, landing, room to brake, and the way into the cup."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from ..models.flight import FlightState
+from .context import Context
+from .ocp import Stage
+from .phases import full_state, relative_state
+
+
+def end(context: Context, stage: Stage) -> ca.SX:
+    """Adds the flight time and all end conditions; returns the landing pose (x, z, theta)."""
+    flight = _detach(context, stage)
+    land = flight.after(stage.control("t_f"), context.gravity)
+    _landing(context, stage, land)
+    _room_to_brake(context, stage)
+    if context.structure.cup:
+        _cup(context, stage, flight)
+    _landing_bounds(context, stage, land)
+    return ca.vertcat(*[land.x, land.z, land.theta])
+
+
+def _detach(context: Context, stage: Stage) -> FlightState:
+    """CoM pose and twist in the world at detach."""
+    pose, twist, motion = context.hand(*context.node(stage))
+    state = full_state(context, relative_state(context, stage))
+    x_r, z_r = context.release.lever(state, motion)
+    omega = motion.omega + state[5]
+    return FlightState(
+        pose[0] + x_r,
+        pose[1] + z_r,
+        motion.theta + state[2],
+        twist[0] + state[3] - omega * (z_r - state[1]),
+        twist[1] + state[4] + omega * (x_r - state[0]),
+        omega,
+    )
+
+
+def _landing(context: Context, stage: Stage, land: FlightState) -> None:
+    """The CoM comes down through the target's height at x, with theta if asked."""
+    s, p = context.structure, context.parameters
+    stage.row("landing z", land.z - p("target_z"), 0.0, 0.0)
+    stage.row("coming down", land.v_z, -np.inf, 0.0)
+    for name in ("x", "theta") if s.angle else ("x",):
+        miss = getattr(land, name) - p(f"target_{name}")
+        if s.elastic:
+            short, far = stage.control(f"{name}_short"), stage.control(f"{name}_far")
+            stage.cost += p(f"price_{name}") * (short + far)
+            miss = miss + short - far
+        stage.row(f"landing {name}", miss, 0.0, 0.0)
+
+
+def _room_to_brake(context: Context, stage: Stage) -> None:
+    """Rest within the position limits, and no velocity overshoot on the way there."""
+    q, dq, ddq = context.node(stage)
+    stop = q + dq * ca.sqrt(dq**2 + 1e-4) / (2 * context.each("braking"))
+    context.inside_positions(stage, "room to brake", stop)
+    if context.structure.jerk_control:
+        # While the jerk limit turns the acceleration round, the rate goes on growing.
+        peak = dq + ddq * ca.sqrt(ddq**2 + 1e-2) / (2 * context.each("jerk_max"))
+        context.limit(stage, "velocity", peak / context.each("dq_max"))
+
+
+def _cup(context: Context, stage: Stage, flight: FlightState) -> None:
+    """The bar's outline inside the opening at several depths of its lower end.
+
+    Per depth one unknown time, at which the middle of the lower end is that far below
+    the rim; then the end's corners keep the clearance to the wall, and the long edges
+    keep it to the rim. `lower_end` is that end's distance from the CoM along the
+    axis, negative for the grasped end.
+    """
+    p, depths = context.parameters, context.structure.cup
+    radius, clearance, half_width = p("cup_radius"), p("cup_clearance"), p("half_width")
+    for i in range(depths):
+        at = flight.after(stage.control(f"t_cup{i}"), context.gravity)
+        cos, sin = ca.cos(at.theta), ca.sin(at.theta)
+        depth = p("cup_insertion") * i / max(depths - 1, 1)
+        end = p("lower_end")
+        stage.row("cup depth", at.z + end * sin - (p("cup_rim") - depth), 0.0, 0.0)
+        for side in (-1, 1):
+            corner = at.x + end * cos - side * half_width * sin - p("cup_x")
+            stage.row("cup clearance", corner / (radius - clearance), -1.0, 1.0)
+        # The rim's two edges lie to either side of the bar's axis: signed distances.
+        offset = (at.x - p("cup_x")) * sin + (p("cup_rim") - at.z) * cos
+        room = radius * ca.sqrt(sin**2 + 1e-9) - half_width - clearance
+        stage.row("cup clearance", (offset - room) / radius, -np.inf, 0.0)
+        stage.row("cup clearance", (offset + room) / radius, 0.0, np.inf)
+
+
+def _landing_bounds(context: Context, stage: Stage, land: FlightState) -> None:
+    """Speed and turning rate at landing, as far as the scene bounds them."""
+    p, bounds = context.parameters, context.structure.landing
+    speed2 = land.v_x**2 + land.v_z**2
+    if "speed_min" in bounds:
+        stage.row("landing speed", speed2 - p("speed_min") ** 2, 0.0, np.inf)
+    if "speed_max" in bounds:
+        stage.row("landing speed", speed2 - p("speed_max") ** 2, -np.inf, 0.0)
+    if "rate_max" in bounds:
+        stage.row("landing rate", land.omega / p("rate_max"), -1.0, 1.0)

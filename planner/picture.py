@@ -1,0 +1,224 @@
+"""throw.png and throw.gif."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import matplotlib
+import numpy as np
+import numpy.typing as npt
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+from matplotlib.animation import FuncAnimation, PillowWriter
+from matplotlib.axes import Axes
+from matplotlib.patches import Polygon, Rectangle
+
+from ..problems.scene import Scene, ThrownObject
+from .geometry import bar_outline, palm_corners
+from .plan import Plan
+from .timeline import PHASES, Timeline, timeline
+
+Array = npt.NDArray[np.float64]
+
+COLOURS = dict(zip(PHASES, ("#8a8f98", "#4c78a8", "#f2a33a", "#d1495b", "#2a9d6f"), strict=True))
+ARM = "#3d4450"
+#: Playback speed of throw.gif against real time, and its frames.
+SLOW, FRAMES, FPS = 0.2, 90, 20
+#: Least width drawn for a bar [m].
+MIN_WIDTH = 0.008
+
+
+def draw_throw(plan: Plan, path: Path) -> None:
+    """The throw as one picture: what moves where, and three plots over time."""
+    line = timeline(plan)
+    figure = plt.figure(figsize=(12.5, 6.6), constrained_layout=True)
+    grid = figure.add_gridspec(3, 2, width_ratios=(2.1, 1))
+    stage = figure.add_subplot(grid[:, 0])
+    _draw_surroundings(stage, plan)
+    _draw_arms(stage, plan, line)
+    _draw_bars(stage, plan.scene.object, line)
+    _frame(stage, plan, line)
+    stage.set_title(_title(plan), loc="left", fontsize=10)
+    _draw_plots([figure.add_subplot(grid[i, 1]) for i in range(3)], line)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def draw_throw_moving(plan: Plan, path: Path) -> None:
+    """The throw as an animation at a fifth of its speed, ending a moment after landing."""
+    line = timeline(plan)
+    figure, stage = plt.subplots(figsize=(7.2, 5.4), constrained_layout=True)
+    _draw_surroundings(stage, plan)
+    _frame(stage, plan, line)
+    scene = plan.scene
+    bar = Polygon(np.zeros((4, 2)), closed=True, zorder=6)
+    trail = stage.plot([], [], color="#222222", lw=0.8, zorder=3)[0]
+    arm = stage.plot([], [], "-o", color=ARM, lw=5, ms=5, solid_capstyle="round", zorder=4)[0]
+    hand = Polygon(np.zeros((4, 2)), closed=True, color=ARM, zorder=4)
+    stage.add_patch(bar)
+    stage.add_patch(hand)
+    label = stage.text(0.02, 0.97, "", transform=stage.transAxes, va="top", fontsize=10)
+    last = len(line.times) - 1
+    frames = np.unique(np.linspace(0, last, FRAMES).astype(int))
+    frames = np.concatenate([frames, np.full(12, last)])
+
+    def show(i: int) -> list[Any]:
+        bar.set_xy(_outline(scene.object, line.com[:, i]))
+        phase = PHASES[line.phase[i]]
+        bar.set_color(COLOURS[phase])
+        trail.set_data(line.com[0, : i + 1], line.com[1, : i + 1])
+        if line.arm is not None:
+            arm.set_data(*line.arm[i])
+        hand.set_xy(_hand_outline(scene, line.hand[:, i]))
+        label.set_text(f"t = {1e3 * line.times[i]:.0f} ms   {phase}")
+        return [bar, trail, arm, hand, label]
+
+    show(0)
+    duration = line.times[-1] / SLOW
+    fps = max(5.0, min(FPS, len(frames) / duration))
+    FuncAnimation(figure, show, frames=frames, blit=False).save(
+        path, writer=PillowWriter(fps=round(fps)), dpi=80
+    )
+    plt.close(figure)
+
+
+def _title(plan: Plan) -> str:
+    error_x, error_theta = plan.error_sent()
+    kind = "sent" if plan.throw is not None and plan.throw.sent is not None else "exact"
+    angle = "" if plan.target.theta is None else f", {np.degrees(error_theta):.3f} deg"
+    return f"{plan.scene.name}: {kind} landing {1e3 * error_x:.3f} mm{angle} from the target"
+
+
+def _outline(bar: ThrownObject, com: Array) -> Array:
+    """Corners (4, 2) of the bar, widened to be seen."""
+    import dataclasses
+
+    wide = dataclasses.replace(bar, width=max(bar.width, MIN_WIDTH))
+    return np.asarray(bar_outline(wide, com[:, None])[:, 0].T)
+
+
+def _hand_outline(scene: Scene, pose: Array) -> Array:
+    if scene.arm is not None:
+        return np.asarray(palm_corners(scene.arm.tool, pose[:, None])[:, 0].T)
+    # A free hand: a small pad at the grasp.
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    corners = 0.02 * np.array([[-1, -0.7], [1, -0.7], [1, 0.7], [-1, 0.7]])
+    return np.asarray(pose[:2] + corners @ np.array([[cos, sin], [-sin, cos]]))
+
+
+def _draw_surroundings(stage: Axes, plan: Plan) -> None:
+    """Target, cup, floor and base column."""
+    scene, target = plan.scene, plan.target
+    wall: dict[str, Any] = {"color": "#5b4a3f", "lw": 3, "solid_capstyle": "butt", "zorder": 2}
+    if scene.cup is not None:
+        cup = scene.cup
+        bottom = cup.rim - cup.depth
+        left, right = cup.x - cup.radius, cup.x + cup.radius
+        stage.plot([left, left, right, right], [cup.rim, bottom, bottom, cup.rim], **wall)
+    if scene.workspace is not None:
+        workspace = scene.workspace
+        if workspace.floor is not None:
+            stage.axhline(workspace.floor, color="#b0a99f", lw=1, ls="--", zorder=1)
+        if workspace.column_radius is not None and workspace.column_height is not None:
+            radius, height = workspace.column_radius, workspace.column_height
+            stage.add_patch(Rectangle((-radius, 0), 2 * radius, height, color="#e4e1dc", zorder=0))
+    x = target.plane_x
+    if target.theta is not None:
+        corners = _outline(scene.object, np.array([x, target.z, target.theta]))
+        stage.add_patch(Polygon(corners, closed=True, fill=False, ls="--", color="k", zorder=7))
+    stage.plot([x], [target.z], "k+", ms=11, zorder=8, label="target")
+
+
+def _draw_arms(stage: Axes, plan: Plan, line: Timeline) -> None:
+    """The arm (or hand) at rest, at the opening, at detach and at landing."""
+    moments = [0.0, line.marks["opening"], line.marks["detach"]]
+    for moment, alpha in zip(moments, (0.25, 0.5, 0.9), strict=True):
+        i = min(int(np.searchsorted(line.times, moment)), len(line.times) - 1)
+        if line.arm is not None:
+            stage.plot(
+                *line.arm[i],
+                "-o",
+                color=ARM,
+                alpha=alpha,
+                lw=5,
+                ms=5,
+                zorder=2,
+                solid_capstyle="round",
+            )
+        outline = _hand_outline(plan.scene, line.hand[:, i])
+        stage.add_patch(Polygon(outline, closed=True, color=ARM, alpha=alpha, zorder=2))
+
+
+def _draw_bars(stage: Axes, bar: ThrownObject, line: Timeline) -> None:
+    """The bar along its way, coloured by phase, and the CoM's path."""
+    stage.plot(line.com[0], line.com[1], color="#222222", lw=0.9, zorder=3)
+    shown = set(np.linspace(0, len(line.times) - 1, 22).astype(int).tolist())
+    changes = np.flatnonzero(np.diff(line.phase)) + 1
+    for i in sorted(shown | set(changes.tolist())):
+        name = PHASES[line.phase[i]]
+        stage.add_patch(
+            Polygon(
+                _outline(bar, line.com[:, i]),
+                closed=True,
+                color=COLOURS[name],
+                alpha=0.75,
+                lw=0.5,
+                zorder=5,
+            )
+        )
+    for index in np.unique(line.phase):
+        name = PHASES[index]
+        stage.plot([], [], color=COLOURS[name], lw=5, label=name)
+
+
+def _frame(stage: Axes, plan: Plan, line: Timeline) -> None:
+    """Equal axes around everything that moves."""
+    points = [bar_outline(plan.scene.object, line.com).reshape(2, -1), line.hand[:2]]
+    if line.arm is not None:
+        points.append(line.arm.transpose(1, 0, 2).reshape(2, -1))
+    everything = np.hstack(points)
+    low, high = everything.min(axis=1) - 0.08, everything.max(axis=1) + 0.08
+    if plan.scene.cup is not None:
+        low[1] = min(low[1], plan.scene.cup.rim - plan.scene.cup.depth - 0.04)
+        high[0] = max(high[0], plan.scene.cup.x + plan.scene.cup.radius + 0.05)
+    stage.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x [m]", ylabel="z [m]")
+    stage.set_aspect("equal")
+    stage.grid(alpha=0.25)
+    handles, _ = stage.get_legend_handles_labels()
+    if len(handles) > 1:
+        stage.legend(loc="best", fontsize=8, framealpha=0.9)
+
+
+def _draw_plots(axes: list[Axes], line: Timeline) -> None:
+    """Grip force, turning rates and friction use from shortly before the command."""
+    grip, rate, use = axes
+    t = 1e3 * line.times
+    grip.plot(t, np.where(line.times <= line.marks["detach"], line.grip, 0.0), color="#444444")
+    grip.set_ylabel("f_N [N]")
+    rate.plot(t, line.hand_rate, color=ARM, label="hand")
+    rate.plot(t, line.object_rate, color=COLOURS["flight"], label="object")
+    rate.set_ylabel("ω [rad/s]")
+    rate.legend(fontsize=8)
+    use.plot(t, np.minimum(line.force_use, 3.0), color=COLOURS["slide"], label="force")
+    use.plot(t, np.minimum(line.torque_use, 3.0), color=COLOURS["pivot"], label="torque")
+    use.axhline(1.0, color="k", lw=0.8)
+    use.set(ylabel="friction use", xlabel="t [ms]", ylim=(0, 1.6))
+    use.legend(fontsize=8)
+    for axis in axes:
+        axis.grid(alpha=0.25)
+        axis.set_xlim(t[0], t[-1])
+        for name, moment in line.marks.items():
+            axis.axvline(1e3 * moment, color="#999999", lw=0.8, ls=":")
+            if axis is grip and name != "landing":
+                axis.annotate(
+                    name,
+                    (1e3 * moment, 1.0),
+                    xycoords=("data", "axes fraction"),
+                    fontsize=7,
+                    rotation=90,
+                    va="top",
+                    ha="right",
+                )
