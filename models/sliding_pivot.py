@@ -12,7 +12,6 @@ The CoM seen from the hand is r = s + h (cos theta, sin theta).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 

@@ -11,7 +11,7 @@ from .ocp import Stage
 from .phases import full_state, relative_state
 
 
-def end(context: Context, stage: Stage) -> ca.SX:
+def end(context: Context, stage: Stage) -> list[ca.SX]:
     """Adds the flight time and all end conditions; returns the landing pose (x, z, theta)."""
     flight = _detach(context, stage)
     land = flight.after(stage.control("t_f"), context.gravity)
@@ -20,7 +20,7 @@ def end(context: Context, stage: Stage) -> ca.SX:
     if context.structure.cup:
         _cup(context, stage, flight)
     _landing_bounds(context, stage, land)
-    return ca.vertcat(*[land.x, land.z, land.theta])
+    return [land.x, land.z, land.theta]
 
 
 def _detach(context: Context, stage: Stage) -> FlightState:

@@ -24,6 +24,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import casadi as ca
+
 from .context import Context, Structure
 from .ending import end
 from .mover import Mover
@@ -47,5 +49,5 @@ def build_nlp(structure: Structure, mover: Mover) -> ThrowNlp:
     for k in range(structure.carry, structure.last):
         opening_interval(context, k - structure.carry, stages[k], stages[k + 1])
     landing = end(context, stages[-1])
-    nlp = assemble(stages, context.parameters, landing)
+    nlp = assemble(stages, context.parameters, ca.vertcat(*landing))
     return ThrowNlp(**vars(nlp), structure=structure)
