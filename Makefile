@@ -1,0 +1,35 @@
+# Two commands: `make run` throws the bar into the cup, `make test` checks everything.
+PYTHON ?= python3
+BIN := .venv/bin
+PIP := PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/pip install --quiet --disable-pip-version-check
+# Strict: the type checker sees what a wheel would hold, not the whole folder.
+EDITABLE := --config-settings editable_mode=strict --editable
+FILES := pyproject.toml constraints.txt $(wildcard *.py */*.py problems/*/*.toml)
+
+.PHONY: run test pictures clean
+
+run: .venv/run
+	$(BIN)/throwplan plan cup --out out/cup
+
+test: .venv/test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+	cd .venv && bin/mypy --config-file ../pyproject.toml -p throwplan
+	$(BIN)/pytest --numprocesses 2
+
+# README's pictures, made again.
+pictures: .venv/run
+	$(BIN)/throwplan plan cup --out out/cup
+	cp out/cup/throw.png docs/cup.png
+
+.venv/run: $(FILES)
+	test -x $(BIN)/python || $(PYTHON) -m venv .venv
+	$(PIP) $(EDITABLE) .
+	touch $@
+
+.venv/test: .venv/run
+	$(PIP) $(EDITABLE) '.[test]'
+	touch $@
+
+clean:
+	rm -rf .venv build out *.egg-info
