@@ -27,6 +27,8 @@ COLOURS = dict(zip(PHASES, ("#8a8f98", "#4c78a8", "#f2a33a", "#d1495b", "#2a9d6f
 ARM = "#3d4450"
 #: Playback speed of throw.gif against real time, and its frames.
 SLOW, FRAMES, FPS = 0.2, 90, 20
+#: The plots over time start this long before the command [ms].
+LEAD_MS = 120.0
 #: Least width drawn for a bar [m].
 MIN_WIDTH = 0.008
 
@@ -209,7 +211,7 @@ def _draw_plots(axes: list[Axes], line: Timeline) -> None:
     use.legend(fontsize=8)
     for axis in axes:
         axis.grid(alpha=0.25)
-        axis.set_xlim(t[0], t[-1])
+        axis.set_xlim(max(0.0, 1e3 * line.marks["command"] - LEAD_MS), t[-1])
         for name, moment in line.marks.items():
             axis.axvline(1e3 * moment, color="#999999", lw=0.8, ls=":")
             if axis is grip and name != "landing":

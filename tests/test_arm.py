@@ -1,0 +1,180 @@
+"""Arm kinematics against another library, the planar chain against the full arm."""
+
+import dataclasses
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from adam.numpy import KinDynComputations
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from throwplan.models.hand import PlanarArm, PlanarHand, hand_motion
+from throwplan.problems.load import load_arm
+
+URDF = Path(__file__).parent / "data" / "panda.urdf"
+PANDA = load_arm("panda")
+JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
+#: Where the arm's list of frames has each link of the URDF.
+LINKS = {f"panda_link{i}": i - 1 for i in range(1, 8)} | {"panda_link8": 7, "panda_hand_tcp": 8}
+
+angles = st.lists(st.floats(-3, 3), min_size=3, max_size=3)
+
+
+@pytest.fixture(scope="module")
+def adam():
+    return KinDynComputations(str(URDF), JOINTS)
+
+
+@pytest.fixture(scope="module")
+def frames():
+    q = ca.SX.sym("q", 7)
+    return ca.Function("frames", [q], PANDA.frames(q))
+
+
+@pytest.fixture(scope="module")
+def planar():
+    return hand_motion(PlanarArm(PANDA))
+
+
+def all_joints(throwing):
+    """Azimuth 0, joints 2, 4 and 6 as given, the pads parallel to the plane."""
+    q2, q4, q6 = throwing
+    return np.array([0.0, q2, 0.0, q4, 0.0, q6, np.pi / 4])
+
+
+def tcp(adam, joints):
+    return np.asarray(adam.forward_kinematics("panda_hand_tcp", np.eye(4), joints))
+
+
+def smooth_joints(t):
+    """Some smooth motion of three joints and its two derivatives."""
+    amplitude, rate, phase = np.array([0.9, 1.3, 0.7]), np.array([2.1, 1.7, 2.9]), np.arange(3)
+    turn = rate * t + phase
+    return (
+        amplitude * np.sin(turn),
+        amplitude * rate * np.cos(turn),
+        -amplitude * rate**2 * np.sin(turn),
+    )
+
+
+@pytest.mark.parametrize("link", LINKS)
+def test_frames_agree_with_adam(adam, frames, link):
+    rng = np.random.default_rng(7)
+    low, high = np.array(PANDA.limits.position_min), np.array(PANDA.limits.position_max)
+    for joints in rng.uniform(low, high, (20, 7)):
+        expected = np.asarray(adam.forward_kinematics(link, np.eye(4), joints))
+        pose = np.array(frames(joints)[LINKS[link]])
+        np.testing.assert_allclose(pose, expected, atol=1e-9)
+
+
+def test_stretched_up_the_panda_is_as_tall_as_its_links(frames):
+    pose = np.array(frames(np.zeros(7))[-1])
+    # Base to shoulder, upper and lower arm; the wrist offset turns the hand downwards.
+    np.testing.assert_allclose(
+        pose[:3, 3], [0.088, 0.0, 0.333 + 0.316 + 0.384 - 0.107 - 0.1034], atol=1e-12
+    )
+    np.testing.assert_allclose(pose[:3, 2], [0, 0, -1], atol=1e-12)
+
+
+@given(throwing=angles)
+@settings(max_examples=40, deadline=None)
+def test_planar_chain_is_the_arm_in_its_plane(adam, planar, throwing):
+    pose = tcp(adam, all_joints(throwing))
+    x, z, theta = np.array(planar(throwing, 0, 0)[0]).ravel()
+    np.testing.assert_allclose([x, 0.0, z], pose[:3, 3], atol=1e-9)
+    np.testing.assert_allclose([np.cos(theta), 0.0, np.sin(theta)], pose[:3, 2], atol=1e-9)
+
+
+@given(throwing=angles)
+@settings(max_examples=20, deadline=None)
+def test_pads_are_parallel_to_the_plane(adam, throwing):
+    # The fingers close along y of the hand, which must stand on the throwing plane.
+    closing = tcp(adam, all_joints(throwing))[:3, 1]
+    np.testing.assert_allclose(np.abs(closing), [0, 1, 0], atol=1e-9)
+
+
+def test_points_are_the_frames_in_the_plane(adam):
+    q = ca.SX.sym("q", 3)
+    points = ca.Function("points", [q], [PlanarArm(PANDA).points(q)])
+    throwing = [0.4, -1.9, 2.2]
+    for link, i in LINKS.items():
+        pose = np.asarray(adam.forward_kinematics(link, np.eye(4), all_joints(throwing)))
+        np.testing.assert_allclose(np.array(points(throwing))[:, i], pose[[0, 2], 3], atol=1e-9)
+
+
+def test_hand_angle_is_unwrapped(planar):
+    sweep = np.linspace(0.0, 4 * np.pi, 400)
+    theta = np.array([float(planar([q, 0, 0], 0, 0)[0][2]) for q in sweep])
+    assert abs(abs(theta[-1] - theta[0]) - 4 * np.pi) < 1e-9
+    assert np.abs(np.diff(theta)).max() < 0.04
+
+
+@pytest.mark.parametrize("t", [0.0, 0.3, 1.1, 2.7])
+def test_twist_is_the_rate_of_the_pose(planar, t):
+    dt = 1e-5
+    before, after = (np.array(planar(*smooth_joints(t + d))[0]) for d in (-dt, dt))
+    twist = np.array(planar(*smooth_joints(t))[1])
+    np.testing.assert_allclose(twist, (after - before) / (2 * dt), atol=1e-7)
+
+
+@pytest.mark.parametrize("t", [0.0, 0.3, 1.1, 2.7])
+def test_acceleration_is_the_rate_of_the_twist(planar, t):
+    dt = 1e-5
+    before, after = (np.array(planar(*smooth_joints(t + d))[1]) for d in (-dt, dt))
+    acceleration = np.array(planar(*smooth_joints(t))[2])
+    np.testing.assert_allclose(acceleration, (after - before) / (2 * dt), atol=1e-6)
+
+
+def test_limits_are_the_published_ones():
+    # libfranka, "Robot and interface specifications".
+    limits = PANDA.limits
+    assert limits.position_max == (2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973)
+    assert limits.position_min == (-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973)
+    assert limits.velocity == (2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61)
+    assert limits.acceleration == (15, 7.5, 10, 12.5, 15, 20, 20)
+    assert limits.jerk == (7500, 3750, 5000, 6250, 7500, 10000, 10000)
+    assert limits.torque == (87, 87, 87, 87, 12, 12, 12)
+
+
+@pytest.mark.parametrize(
+    "joints", [(1, 2, 4), (2, 3, 6), (2, 4, 5), (2, 4, 7), (3,), (7,), (6, 4, 2)], ids=str
+)
+def test_joints_that_do_not_throw_in_the_plane_are_refused(joints):
+    with pytest.raises(ValueError, match=r"panda.*do not move the hand in the vertical plane"):
+        PlanarArm(PANDA, joints)
+
+
+def test_a_posture_out_of_the_plane_is_refused():
+    bent = dataclasses.replace(PANDA, posture=(0, 0, 0.3, 0, 0, 0, np.pi / 4))
+    with pytest.raises(ValueError, match="vertical plane"):
+        PlanarArm(bent)
+
+
+@pytest.mark.parametrize("joints", [(2, 4), (4, 6), (6,)], ids=str)
+def test_fewer_throwing_joints_leave_the_others_in_posture(adam, joints):
+    posture = np.array([0, 0.3, 0, -1.8, 0, 2.0, np.pi / 4])
+    arm = dataclasses.replace(PANDA, posture=tuple(posture))
+    motion = hand_motion(PlanarArm(arm, joints))
+    rng = np.random.default_rng(3)
+    for values in rng.uniform(-2, 2, (5, len(joints))):
+        full = posture.copy()
+        full[[j - 1 for j in joints]] = values
+        pose = tcp(adam, full)
+        x, z, _ = np.array(motion(values, 0, 0)[0]).ravel()
+        np.testing.assert_allclose([x, z], pose[[0, 2], 3], atol=1e-9)
+
+
+def test_a_hand_that_does_not_turn_keeps_its_angle():
+    motion = hand_motion(PlanarHand(turns=False, theta=0.7))
+    pose, twist, acceleration = (np.array(o).ravel() for o in motion([1, 2], [3, 4], [5, 6]))
+    np.testing.assert_array_equal(pose, [1, 2, 0.7])
+    np.testing.assert_array_equal(twist, [3, 4, 0])
+    np.testing.assert_array_equal(acceleration, [5, 6, 0])
+
+
+def test_a_hand_that_turns_is_its_own_coordinates():
+    motion = hand_motion(PlanarHand(turns=True))
+    inputs = [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
+    outputs = [np.array(o).ravel() for o in motion(*inputs)]
+    np.testing.assert_array_equal(outputs, inputs)

@@ -1,0 +1,176 @@
+"""Contact kinematics, wrenches and limits, from first principles."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from throwplan.models.contact import (
+    Body,
+    Contact,
+    HandMotion,
+    com_twist,
+    com_wrench,
+    contact_acceleration,
+    contact_twist,
+    pivot_wrench,
+)
+
+relaxed = settings(deadline=None)
+number = st.floats(-10, 10)
+triple = st.tuples(number, number, number)
+lever = st.tuples(st.floats(-0.5, 0.5), st.floats(-0.5, 0.5))
+positive = st.floats(0.01, 10)
+
+BODY = Body(mass=0.24, inertia=5.35e-4, com_offset=0.1)
+STEP = 1e-3
+
+
+def trajectory(t):
+    """CoM (x, z), angle of a body that moves freely; smooth, with all derivatives alive."""
+    return np.array([0.3 * math.sin(3 * t), 0.5 * t - 2 * t * t, 0.4 + 5 * t + 3 * math.cos(2 * t)])
+
+
+def grasped_point(t):
+    """The body's point a distance h behind its CoM, and the body's angle."""
+    x, z, theta = trajectory(t)
+    h = BODY.com_offset
+    return np.array([x - h * math.cos(theta), z - h * math.sin(theta), theta])
+
+
+def rate(function, t):
+    """First derivative by fourth-order central differences."""
+    f = [function(t + k * STEP) for k in (-2, -1, 1, 2)]
+    return (f[0] - 8 * f[1] + 8 * f[2] - f[3]) / (12 * STEP)
+
+
+def second_rate(function, t):
+    """Second derivative by fourth-order central differences."""
+    f = [function(t + k * STEP) for k in (-2, -1, 0, 1, 2)]
+    return (-f[0] + 16 * f[1] - 30 * f[2] + 16 * f[3] - f[4]) / (12 * STEP**2)
+
+
+def body_lever(t):
+    theta = trajectory(t)[2]
+    return BODY.com_offset * math.cos(theta), BODY.com_offset * math.sin(theta)
+
+
+@relaxed
+@given(twist=triple, wrench=triple, r=lever)
+def test_power_is_the_same_at_the_contact_and_at_the_com(twist, wrench, r):
+    at_com = np.dot(com_wrench(*wrench, *r), twist)
+    at_contact = np.dot(wrench, contact_twist(*twist, *r))
+    assert at_com == pytest.approx(at_contact, rel=1e-12, abs=1e-10)
+
+
+@relaxed
+@given(twist=triple, r=lever)
+def test_com_twist_inverts_contact_twist(twist, r):
+    np.testing.assert_allclose(com_twist(*contact_twist(*twist, *r), *r), twist, atol=1e-13)
+    np.testing.assert_allclose(contact_twist(*com_twist(*twist, *r), *r), twist, atol=1e-13)
+
+
+@pytest.mark.parametrize("t", [0.0, 0.2, 0.7, 1.3])
+def test_contact_twist_is_the_rate_of_the_grasped_point(t):
+    twist = contact_twist(*rate(trajectory, t), *body_lever(t))
+    np.testing.assert_allclose(twist, rate(grasped_point, t), atol=1e-8)
+
+
+@pytest.mark.parametrize("t", [0.0, 0.2, 0.7, 1.3])
+def test_contact_acceleration_is_the_rate_of_the_contact_twist(t):
+    def twist(time):
+        return np.array(contact_twist(*rate(trajectory, time), *body_lever(time)))
+
+    omega = rate(trajectory, t)[2]
+    acceleration = contact_acceleration(*second_rate(trajectory, t), omega, *body_lever(t))
+    np.testing.assert_allclose(acceleration, rate(twist, t), atol=1e-6)
+
+
+def pushed(t, turn):
+    """A hand, and the CoM of a body that keeps its grasped point there.
+
+    The body turns against the hand at the constant rate `turn`: with 0 it rides
+    along, otherwise it has the hand's angular acceleration but not its rate.
+    """
+    hand = np.array([0.4 * math.sin(2 * t), 0.2 + 1.5 * t * t, 0.5 * t - 1.2 * math.sin(3 * t)])
+    angle = hand[2] + 0.7 + turn * t
+    h = BODY.com_offset
+    com = np.array([hand[0] + h * math.cos(angle), hand[1] + h * math.sin(angle), angle])
+    return hand, com
+
+
+@pytest.mark.parametrize("gravity", [9.81, 0.0])
+@pytest.mark.parametrize("turn", [0.0, 4.0])
+@pytest.mark.parametrize("t", [0.0, 0.3, 0.9])
+def test_pivot_wrench_is_newton_and_euler_of_a_carried_body(t, turn, gravity):
+    hand, com = pushed(t, turn)
+    x_r, z_r = com[:2] - hand[:2]
+    a_x, a_z, alpha = second_rate(lambda time: pushed(time, turn)[0], t)
+    motion = HandMotion(hand[2], rate(lambda time: pushed(time, turn)[0], t)[2], a_x, a_z, alpha)
+    omega = rate(lambda time: pushed(time, turn)[1], t)[2]
+    wrench = pivot_wrench(BODY, gravity, motion, omega, x_r, z_r)
+
+    com_x, com_z, com_alpha = second_rate(lambda time: pushed(time, turn)[1], t)
+    force = BODY.mass * np.array([com_x, com_z + gravity])
+    # Euler about the CoM: the contact sits at -r from it, and turns from x to z count.
+    moment = -x_r * force[1] + z_r * force[0]
+    torque = BODY.inertia * com_alpha - moment
+    np.testing.assert_allclose(wrench, [*force, torque], rtol=1e-6, atol=1e-7)
+
+
+def test_a_level_bar_at_rest_needs_its_weight_and_its_moment():
+    still = HandMotion(0.0, 0.0, 0.0, 0.0, 0.0)
+    f_x, f_z, torque = pivot_wrench(BODY, 9.81, still, 0.0, BODY.com_offset, 0.0)
+    assert (f_x, f_z) == (0.0, pytest.approx(0.24 * 9.81))
+    assert torque == pytest.approx(0.235, abs=5e-4)
+
+
+def test_a_freely_falling_hand_carries_nothing():
+    falling = HandMotion(0.3, 0.0, 0.0, -9.81, 0.0)
+    wrench = pivot_wrench(BODY, 9.81, falling, 0.0, 0.06, 0.08)
+    np.testing.assert_allclose(wrench, 0.0, atol=1e-12)
+
+
+@relaxed
+@given(h=st.floats(0, 1), mass=positive, inertia=positive)
+def test_grasp_inertia_is_the_parallel_axis_theorem(h, mass, inertia):
+    # Kinetic energy of a turn about the grasped point, by parts.
+    energy = mass * h**2 / 2 + inertia / 2
+    assert Body(mass, inertia, h).grasp_inertia / 2 == pytest.approx(energy)
+
+
+@relaxed
+@given(mu=positive, radius=st.floats(1e-4, 0.05), force=positive, angle=st.floats(0, 7))
+def test_utilisation_is_one_on_the_limits(mu, radius, force, angle):
+    contact = Contact(mu, radius, torsion=0.6, faces=2)
+    f_max = 2 * mu * force
+    tau_max = 0.6 * radius * f_max
+    pull = f_max * math.cos(angle), f_max * math.sin(angle)
+    assert contact.utilisation_squared(*pull, 0.0, force) == pytest.approx(1.0)
+    assert contact.utilisation_squared(0.0, 0.0, -tau_max, force) == pytest.approx(1.0)
+    both = contact.utilisation_squared(0.6 * pull[0], 0.6 * pull[1], 0.8 * tau_max, force)
+    assert both == pytest.approx(1.0)
+
+
+@relaxed
+@given(wrench=triple, force=positive, scale=st.floats(0.1, 10))
+def test_utilisation_is_a_ratio_of_forces(wrench, force, scale):
+    contact = Contact(0.7, 0.005)
+    use = contact.utilisation_squared(*wrench, force)
+    scaled = [scale * value for value in wrench]
+    assert contact.utilisation_squared(*scaled, scale * force) == pytest.approx(use)
+    assert contact.utilisation_squared(*scaled, force) == pytest.approx(scale**2 * use)
+
+
+@relaxed
+@given(wrench=triple, force=positive)
+def test_two_faces_hold_what_one_holds_at_twice_the_grip(wrench, force):
+    one, two = Contact(0.7, 0.005, faces=1), Contact(0.7, 0.005, faces=2)
+    assert two.force_limit(force) == pytest.approx(2 * one.force_limit(force))
+    assert two.force_limit(force) == pytest.approx(one.force_limit(2 * force))
+    assert two.utilisation_squared(*wrench, force) == pytest.approx(
+        one.utilisation_squared(*wrench, force) / 4
+    )
+    # The torsional arm is a property of one patch: it does not count faces.
+    assert two.torsion_arm == one.torsion_arm == pytest.approx(0.6 * 0.005)

@@ -1,0 +1,143 @@
+"""Ballistic flight: against integration, energy, and every way of missing a height."""
+
+import math
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from throwplan.models.flight import FlightState, time_to_height
+
+relaxed = settings(deadline=None)
+position, speed, rate = st.floats(-5, 5), st.floats(-10, 10), st.floats(-60, 60)
+states = st.builds(FlightState, position, position, position, speed, speed, rate)
+times = st.floats(0, 3)
+gravities = st.floats(0.1, 25)
+
+
+def values(state):
+    return np.array([state.x, state.z, state.theta, state.v_x, state.v_z, state.omega])
+
+
+def at_height(z, v_z):
+    return FlightState(0.0, z, 0.0, 1.0, v_z, 0.0)
+
+
+def test_flight_solves_the_equations_of_motion():
+    gravity = 9.81
+    state = FlightState(0.2, 0.9, 0.4, 1.7, 2.1, -7.0)
+    times = np.linspace(0.1, 0.8, 5)
+    solved = solve_ivp(
+        lambda _, y: [*y[3:], 0.0, -gravity, 0.0],
+        (0.0, 0.8),
+        values(state),
+        rtol=1e-11,
+        atol=1e-12,
+        t_eval=times,
+    )
+    for time, expected in zip(times, solved.y.T, strict=True):
+        np.testing.assert_allclose(values(state.after(time, gravity)), expected, atol=1e-10)
+
+
+def test_a_batch_of_times_is_as_many_flights():
+    state = FlightState(0.2, 0.9, 0.4, 1.7, 2.1, -7.0)
+    batch = state.after(np.array([0.1, 0.6]), 9.81)
+    np.testing.assert_array_equal(batch.z, [state.after(t, 9.81).z for t in (0.1, 0.6)])
+    np.testing.assert_array_equal(batch.v_z, [state.after(t, 9.81).v_z for t in (0.1, 0.6)])
+
+
+@relaxed
+@given(state=states, time=times, gravity=gravities)
+def test_energy_and_horizontal_momentum_are_conserved(state, time, gravity):
+    end = state.after(time, gravity)
+    before, after = (s.v_z**2 / 2 + gravity * s.z for s in (state, end))
+    assert after == pytest.approx(before, rel=1e-9, abs=1e-9)
+    assert (end.v_x, end.omega) == (state.v_x, state.omega)
+
+
+@relaxed
+@given(state=states, first=times, second=times, gravity=gravities)
+def test_two_flights_in_a_row_are_one(state, first, second, gravity):
+    twice = state.after(first, gravity).after(second, gravity)
+    once = state.after(first + second, gravity)
+    np.testing.assert_allclose(values(twice), values(once), rtol=1e-9, atol=1e-9)
+
+
+@relaxed
+@given(state=states, time=times, gravity=gravities)
+def test_time_reversal_returns_to_the_start(state, time, gravity):
+    back = state.after(time, gravity).after(-time, gravity)
+    np.testing.assert_allclose(values(back), values(state), rtol=1e-9, atol=1e-9)
+
+
+def test_angle_is_unwrapped():
+    state = FlightState(0.0, 0.0, -math.pi / 2, 0.0, 0.0, 8 * math.pi)
+    assert state.after(0.75, 9.81).theta == pytest.approx(-math.pi / 2 + 3 * 2 * math.pi)
+
+
+@relaxed
+@given(state=states, height=position, gravity=gravities)
+def test_time_to_height_is_the_last_crossing_and_downwards(state, height, gravity):
+    time = time_to_height(state, height, gravity)
+    assume(math.isfinite(time))
+    end = state.after(time, gravity)
+    assert time >= 0
+    assert end.z == pytest.approx(height, abs=1e-8)
+    assert end.v_z <= 1e-7
+
+
+@relaxed
+@given(state=states, height=position, gravity=gravities)
+def test_a_start_above_the_height_always_comes_down(state, height, gravity):
+    assume(state.z >= height)
+    assert math.isfinite(time_to_height(state, height, gravity))
+
+
+@relaxed
+@given(state=states, height=position, gravity=gravities)
+def test_a_target_above_is_reached_only_below_the_apex(state, height, gravity):
+    apex = state.z + max(state.v_z, 0.0) ** 2 / (2 * gravity)
+    assume(height > state.z and abs(height - apex) > 1e-6)
+    assert math.isfinite(time_to_height(state, height, gravity)) == (height < apex)
+
+
+def test_published_fall_times():
+    # One second of free fall is 4.905 m; up at 9.81 m/s and back to the start is 2 s.
+    assert time_to_height(at_height(4.905, 0.0), 0.0, 9.81) == pytest.approx(1.0)
+    assert time_to_height(at_height(0.0, 9.81), 0.0, 9.81) == pytest.approx(2.0)
+
+
+def test_rising_start_meets_a_target_above_on_the_way_down():
+    # z = 4 t - 5 t^2 passes 0.75 at 0.3 s upwards and at 0.5 s downwards.
+    assert time_to_height(at_height(0.0, 4.0), 0.75, 10.0) == pytest.approx(0.5)
+
+
+def test_a_target_above_the_apex_is_never_reached():
+    assert math.isnan(time_to_height(at_height(0.0, 1.0), 0.06, 9.81))
+
+
+def test_a_falling_start_never_comes_up_to_a_target_above():
+    assert math.isnan(time_to_height(at_height(0.0, -5.0), 0.5, 9.81))
+
+
+def test_rest_at_the_height_is_there_already():
+    assert time_to_height(at_height(0.3, 0.0), 0.3, 9.81) == 0.0
+    assert time_to_height(at_height(0.3, -2.0), 0.3, 9.81) == 0.0
+
+
+def test_a_fast_fall_keeps_its_digits():
+    # v t = 1e-9 m with g t^2 / 2 far below: the textbook root would cancel.
+    time = time_to_height(at_height(1e-9, -100.0), 0.0, 9.81)
+    assert time == pytest.approx(1e-11, rel=1e-9)
+
+
+def test_without_gravity_the_flight_is_straight():
+    assert time_to_height(at_height(2.0, -4.0), 1.0, 0.0) == pytest.approx(0.25)
+    end = FlightState(0.0, 2.0, 0.1, 3.0, -4.0, 5.0).after(0.25, 0.0)
+    np.testing.assert_allclose(values(end), [0.75, 1.0, 1.35, 3.0, -4.0, 5.0])
+
+
+@pytest.mark.parametrize(("z", "v_z"), [(2.0, 0.0), (2.0, 1.0), (0.5, -1.0), (0.5, 1.0)])
+def test_without_gravity_only_a_fall_from_above_arrives(z, v_z):
+    assert math.isnan(time_to_height(at_height(z, v_z), 1.0, 0.0))

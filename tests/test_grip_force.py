@@ -1,0 +1,153 @@
+"""Grip-force profiles: what is between the samples, and which tables are refused."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from throwplan.models.grip_force import LinearRelease, TableRelease
+
+relaxed = settings(deadline=None)
+
+#: A gripper at 1 kHz: 50 N for 40 ms, then a curved fall to zero over 60 ms, then nothing.
+TIMES = np.arange(0.0, 0.1205, 0.001)
+FORCES = 50.0 * np.clip((0.1 - np.maximum(TIMES, 0.04)) / 0.06, 0.0, 1.0) ** 1.5
+
+
+@st.composite
+def falling_tables(draw):
+    """Times that rise unevenly and forces that fall to zero with flat and steep parts."""
+    steps = draw(st.lists(st.floats(1e-4, 0.05), min_size=2, max_size=12))
+    drops = draw(
+        st.lists(st.floats(0, 1), min_size=len(steps), max_size=len(steps)).filter(
+            lambda drops: max(drops) > 0.01
+        )
+    )
+    fall = np.cumsum(drops)
+    return np.array([0.0, *np.cumsum(steps)]), 80.0 * np.array([1.0, *(1 - fall / fall[-1])])
+
+
+def test_linear_release_falls_in_a_straight_line():
+    release = LinearRelease(full=50.0, dwell=0.03, opening=0.05)
+    np.testing.assert_allclose(
+        release.force([0.0, 0.0125, 0.025, 0.0375, 0.05]), [50.0, 37.5, 25.0, 12.5, 0.0], atol=1e-12
+    )
+
+
+@pytest.mark.parametrize("release", [LinearRelease(50.0, 0, 0.05), TableRelease(TIMES, FORCES)])
+def test_full_before_and_nothing_after_the_fall(release):
+    before, after = [-1.0, -1e-9, 0.0], [release.opening, release.opening + 1e-9, 10.0]
+    np.testing.assert_allclose(release.force(before), 50.0)
+    np.testing.assert_allclose(release.force(after), 0.0, atol=1e-12)
+
+
+def test_impulse_of_a_linear_release():
+    release = LinearRelease(full=120.0, dwell=0.0, opening=0.05)
+    times = np.linspace(0.0, release.opening, 1001)
+    assert np.trapezoid(release.force(times), times) == pytest.approx(120.0 * 0.05 / 2)
+
+
+def test_a_table_of_a_straight_fall_is_the_linear_release():
+    times = np.arange(0.0, 0.1005, 0.001)
+    linear = LinearRelease(full=50.0, dwell=0.05, opening=0.05)
+    table = TableRelease(times, linear.force(times - 0.05))
+    assert table.full == 50.0
+    assert table.dwell == pytest.approx(linear.dwell)
+    assert table.opening == pytest.approx(linear.opening)
+    between = np.linspace(0.0, 0.05, 137)
+    # The corner at the start of the fall is rounded within one sample, 1 N.
+    np.testing.assert_allclose(table.force(between), linear.force(between), atol=0.2)
+    inner = between[between > 0.002]
+    np.testing.assert_allclose(table.force(inner), linear.force(inner), atol=1e-9)
+
+
+def test_a_table_passes_through_its_samples():
+    release = TableRelease(TIMES, FORCES)
+    falling = (release.dwell - 1e-12 <= TIMES) & (release.dwell + release.opening >= TIMES)
+    np.testing.assert_allclose(
+        release.force(TIMES[falling] - release.dwell), FORCES[falling], atol=1e-9
+    )
+
+
+def test_dwell_ends_where_the_force_starts_to_fall():
+    release = TableRelease(TIMES, FORCES)
+    assert release.dwell == pytest.approx(0.04, abs=0.001)
+    assert release.dwell + release.opening == pytest.approx(0.1, abs=0.001)
+
+
+def test_small_noise_on_the_plateau_is_dwell():
+    noise = np.where(TIMES < 0.035, 0.2 * np.sin(1e4 * TIMES), 0.0)
+    release = TableRelease(TIMES, FORCES + noise)
+    assert release.dwell == pytest.approx(0.04, abs=0.001)
+
+
+def test_a_table_that_falls_at_once_has_no_dwell():
+    release = TableRelease([0.0, 0.01, 0.02], [30.0, 10.0, 0.0])
+    assert (release.full, release.dwell, release.opening) == (30.0, 0.0, 0.02)
+
+
+def test_times_count_from_the_command():
+    release = TableRelease([0.02, 0.03, 0.05], [30.0, 30.0, 0.0])
+    assert release.dwell == pytest.approx(0.03)
+    assert release.opening == pytest.approx(0.02)
+
+
+def test_a_last_force_within_one_percent_of_the_peak_is_zero():
+    release = TableRelease([0.0, 0.01, 0.02], [30.0, 10.0, 0.25])
+    assert release.force(release.opening) == pytest.approx(0.0, abs=1e-12)
+
+
+@relaxed
+@given(table=falling_tables())
+def test_between_samples_the_force_never_rises_or_overshoots(table):
+    times, forces = table
+    release = TableRelease(times, forces)
+    dense = release.force(np.linspace(0.0, release.opening, 500))
+    assert np.diff(dense).max() <= 1e-9
+    assert dense.min() >= -1e-9
+    assert dense.max() <= forces[0] + 1e-9
+    for low, high, f_low, f_high in zip(
+        times[:-1], times[1:], forces[1:], forces[:-1], strict=True
+    ):
+        inside = np.linspace(low, high, 7) - release.dwell
+        inside = inside[(inside >= 0) & (inside <= release.opening)]
+        part = release.force(inside)
+        assert ((part >= f_low - 1e-9) & (part <= f_high + 1e-9)).all()
+
+
+@relaxed
+@given(table=falling_tables())
+def test_a_table_ends_at_zero_force(table):
+    release = TableRelease(*table)
+    assert release.force(release.opening) == pytest.approx(0.0, abs=1e-12)
+    assert release.dwell + release.opening <= table[0][-1] + 1e-12
+    assert release.opening > 0
+
+
+REFUSED = {
+    "empty": ([], [], "at least two rows"),
+    "one row": ([0.0], [50.0], "at least two rows"),
+    "lengths differ": ([0.0, 0.1], [50.0], "at least two rows"),
+    "NaN force": ([0.0, 0.1, 0.2], [50.0, np.nan, 0.0], "not a finite number"),
+    "NaN time": ([0.0, np.nan, 0.2], [50.0, 20.0, 0.0], "not a finite number"),
+    "infinite": ([0.0, 0.1, 0.2], [np.inf, 20.0, 0.0], "not a finite number"),
+    "times equal": ([0.0, 0.1, 0.1], [50.0, 20.0, 0.0], "rise from row to row"),
+    "times fall": ([0.0, 0.2, 0.1], [50.0, 20.0, 0.0], "rise from row to row"),
+    "time below 0": ([-0.1, 0.1, 0.2], [50.0, 20.0, 0.0], "start at 0 or later"),
+    "negative": ([0.0, 0.1, 0.2], [50.0, -1.0, 0.0], "must not be negative"),
+    "no force": ([0.0, 0.1, 0.2], [0.0, 0.0, 0.0], "start above 0"),
+    "never zero": ([0.0, 0.1, 0.2], [50.0, 20.0, 5.0], "end at 0, but the last row has 5 N"),
+    "starts low": ([0.0, 0.1, 0.2], [5.0, 50.0, 0.0], "start at the full grip"),
+    "rises again": ([0.0, 0.1, 0.2, 0.3], [50.0, 20.0, 30.0, 0.0], "rises by more than 5 %"),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_refused_tables_say_why(case):
+    times, forces, message = REFUSED[case]
+    with pytest.raises(ValueError, match=message):
+        TableRelease(times, forces)
+
+
+def test_a_small_rise_is_accepted():
+    release = TableRelease([0.0, 0.1, 0.2, 0.3], [50.0, 20.0, 22.0, 0.0])
+    assert release.force(0.2) == pytest.approx(22.0)
