@@ -13,7 +13,6 @@ import sys
 import time
 
 import casadi
-
 import throwplan as tp
 
 
@@ -43,7 +42,9 @@ def row(name: str, solver: str) -> str:
 
 def main() -> None:
     """Print the table for all scenes that have something to plan."""
-    print(f"{platform.machine()}, Python {platform.python_version()}, CasADi {casadi.__version__}\n")
+    print(
+        f"{platform.machine()}, Python {platform.python_version()}, CasADi {casadi.__version__}\n"
+    )
     print(
         "| scene | solver | status | position error | angle error | limit surface beside it "
         "| iterations | solve | fresh process |"

@@ -23,7 +23,8 @@ class Structure:
 
     pivot: whether the object's rotation against the hand matters (it does not for a
     CoM grasp with the landing angle open). cup: number of depths with a clearance
-    condition. elastic: the landing may miss, at a price.
+    condition; palm: number of instants of the flight with one.
+    elastic: the landing may miss, at a price.
     """
 
     carry: int
@@ -37,6 +38,7 @@ class Structure:
     landing: tuple[str, ...] = ()
     floor: bool = False
     column: bool = False
+    palm: int = 0
     elastic: bool = False
 
     @property

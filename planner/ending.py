@@ -8,7 +8,7 @@ import numpy as np
 from ..models.flight import FlightState
 from .context import Context
 from .ocp import Stage
-from .phases import full_state, relative_state
+from .phases import full_state, relative_state, soft_max
 
 
 def end(context: Context, stage: Stage) -> list[ca.SX]:
@@ -19,6 +19,8 @@ def end(context: Context, stage: Stage) -> list[ca.SX]:
     _room_to_brake(context, stage)
     if context.structure.cup:
         _cup(context, stage, flight)
+    if context.structure.palm:
+        _palm(context, stage, flight)
     _landing_bounds(context, stage, land)
     return [land.x, land.z, land.theta]
 
@@ -88,6 +90,30 @@ def _cup(context: Context, stage: Stage, flight: FlightState) -> None:
         room = radius * ca.sqrt(sin**2 + 1e-9) - half_width - clearance
         stage.row("cup clearance", (offset - room) / radius, -np.inf, 0.0)
         stage.row("cup clearance", (offset + room) / radius, 0.0, np.inf)
+
+
+def _palm(context: Context, stage: Stage, flight: FlightState) -> None:
+    """Both ends of the flying bar clear of the hand's body while the arm brakes.
+
+    At fixed times after detach, with every coordinate braking at the acceleration
+    counted on. Seen from the hand an end is in front of the body or beside it.
+    """
+    p, braking = context.parameters, context.each("braking")
+    q, dq, _ = context.node(stage)
+    stop_time = ca.sqrt(dq**2 + 1e-6) / braking
+    times = p("palm_times", context.structure.palm)
+    for i in range(context.structure.palm):
+        moving = ca.fmin(times[i] / stop_time, 1.0)
+        there = q + dq * stop_time * (moving - moving**2 / 2)
+        pose, _, _ = context.hand(there, ca.SX.zeros(context.n), ca.SX.zeros(context.n))
+        cos_hand, sin_hand = ca.cos(pose[2]), ca.sin(pose[2])
+        at = flight.after(times[i], context.gravity)
+        for end in (p("ahead"), -p("behind")):
+            dx = at.x + end * ca.cos(at.theta) - pose[0]
+            dz = at.z + end * ca.sin(at.theta) - pose[1]
+            before = cos_hand * dx + sin_hand * dz + p("palm_front")
+            beside = ca.sqrt((cos_hand * dz - sin_hand * dx) ** 2 + 1e-8) - p("palm_half_width")
+            stage.row("palm", soft_max(before, beside), 0.0, np.inf)
 
 
 def _landing_bounds(context: Context, stage: Stage, land: FlightState) -> None:

@@ -23,12 +23,20 @@ WEIGHTS = (10.0, 1.0, 2.0)
 BRAKE_SHARE = 0.8
 #: Longest flight that is searched [s].
 FLIGHT_MAX = 3.0
+#: Times after detach [s] at which the NLP keeps the bar off the hand's body.
+PALM_TIMES = (0.015, 0.03, 0.05, 0.075, 0.105, 0.14, 0.18, 0.23)
 #: Room the NLP keeps beside cup and workspace for smoothing and correction [m].
 ROOM = 0.001
 
 
-def structure_of(scene: Scene, mover: Mover, angle: bool, elastic: bool = False) -> Structure:
-    """What the scene's NLP consists of; `angle`: whether the target fixes theta."""
+def structure_of(
+    scene: Scene, mover: Mover, angle: bool, *, palm: bool = False, elastic: bool = False
+) -> Structure:
+    """What the scene's NLP consists of.
+
+    angle: whether the target fixes theta. palm: whether the hand's body is among the
+    constraints; it seldom decides, so it comes in only after the check has seen it.
+    """
     workspace, landing = scene.workspace, scene.landing
     bounds: list[str] = []
     if landing is not None:
@@ -47,6 +55,7 @@ def structure_of(scene: Scene, mover: Mover, angle: bool, elastic: bool = False)
         landing=tuple(bounds),
         floor=workspace is not None and workspace.floor is not None,
         column=workspace is not None and workspace.column_radius is not None,
+        palm=len(PALM_TIMES) if palm else 0,
         elastic=elastic,
     )
 
@@ -95,6 +104,7 @@ def parameter_values(scene: Scene, mover: Mover, target: Pose) -> dict[str, Any]
         values["floor"] = (workspace.floor or 0.0) + ROOM
         values["column_radius"] = (workspace.column_radius or 0.0) + ROOM
         values["column_height"] = (workspace.column_height or 0.0) + ROOM
+        values |= _palm_values(scene)
     if scene.landing is not None:
         landing = scene.landing
         values["speed_min"] = landing.speed_min
@@ -108,6 +118,19 @@ def parameter_values(scene: Scene, mover: Mover, target: Pose) -> dict[str, Any]
         values["cup_radius"], values["cup_clearance"] = chord, cup.clearance + ROOM
         values["lower_end"] = lower_end(scene, target)
     return values
+
+
+def _palm_values(scene: Scene) -> dict[str, Any]:
+    """The hand's body, grown by the clearance and half the bar's width."""
+    if scene.arm is None or scene.workspace is None:
+        return {}
+    tool, grown = scene.arm.tool, scene.object.width / 2 + 5 * ROOM
+    grown += scene.workspace.palm_clearance or 0.0
+    return {
+        "palm_times": PALM_TIMES,
+        "palm_front": tool.palm_front - grown,
+        "palm_half_width": tool.palm_half_width + grown,
+    }
 
 
 def lower_end(scene: Scene, target: Pose) -> float:

@@ -12,7 +12,7 @@ from ..models.integrate import rk4_step
 from .context import JERK_UNIT, Context
 from .ocp import Stage
 
-#: Rounding [m] of the corner between "above" and "beside" the base column.
+#: Rounding [m] of the corner between two ways of being clear of an obstacle.
 CORNER = 0.005
 
 
@@ -149,8 +149,12 @@ def _off_obstacles(context: Context, stage: Stage, pose: ca.SX) -> None:
     if s.floor:
         stage.row("floor", tip_z - half_width - p("floor"), 0.0, np.inf)
     if s.column:
-        # Above the column or beside it: softly the larger of two distances.
+        # Above the column or beside it.
         over = tip_z - half_width - p("column_height")
         beside = tip_x - half_width - p("column_radius")
-        larger = 0.5 * (over + beside + ca.sqrt((over - beside) ** 2 + CORNER**2) - CORNER)
-        stage.row("base column", larger, 0.0, np.inf)
+        stage.row("base column", soft_max(over, beside), 0.0, np.inf)
+
+
+def soft_max(a: ca.SX, b: ca.SX) -> ca.SX:
+    """max(a, b) rounded from below: it never claims room that is not there."""
+    return 0.5 * (a + b + ca.sqrt((a - b) ** 2 + CORNER**2) - CORNER)

@@ -21,7 +21,7 @@ from .mover import make_mover
 from .nlp import ThrowNlp, build_nlp
 from .numbers import bounds, parameter_values, structure_of
 from .plan import Plan, PlannedThrow, Status, checked_target
-from .reach import Binding, nearest_possible
+from .reach import Binding, highest, nearest_possible
 from .releases import Releases, ReleaseSampler, guess_from, nearest
 from .smooth import SmoothingError, send
 from .solver import Solution, Solver
@@ -50,6 +50,7 @@ class _Search:
     attempts: int = 0
     trouble: list[str] = field(default_factory=list)
     fallback: tuple[PlannedThrow, str] | None = None
+    palm: bool = False
 
     @contextmanager
     def clock(self, name: str) -> Iterator[None]:
@@ -73,8 +74,8 @@ class Planner:
         self.scene = scene
         self.mover = make_mover(scene)
         check_start(scene, self.mover)
-        self._nlps: dict[bool, ThrowNlp] = {}
-        self._solvers: dict[tuple[bool, str], Solver] = {}
+        self._nlps: dict[tuple[bool, bool], ThrowNlp] = {}
+        self._solvers: dict[tuple[bool, bool, str], Solver] = {}
         self._releases: Releases | None = None
         self._sampler = ReleaseSampler(scene, self.mover)
         self._build_time = time.perf_counter() - start
@@ -123,6 +124,7 @@ class Planner:
                 solved = self._attempt(goal, name, guess, None, search)
                 if solved is not None:
                     return self._result("solved", goal, "", solved, name, search)
+                search.palm = search.palm or search.trouble[-1].startswith("palm")
         return self._failure(target, [goal for _, goal in starts], releases, names[-1], search)
 
     def _warm_plan(self, target: Pose, name: str, warm: Plan, search: _Search) -> Plan | None:
@@ -262,7 +264,12 @@ class Planner:
         search: _Search,
     ) -> Plan:
         """No throw found: out of reach with the nearest possible, or not converged."""
-        goal = goals[0] if goals else target
+        if not goals:
+            pose, words = highest(releases, target, self.scene.gravity)
+            return self._result(
+                "out_of_reach", target, words, None, name, search, pose, ("landing height",)
+            )
+        goal = goals[0]
         with search.clock("solve"):
             answer = nearest_possible(search.scene, self.mover, self._sampler, releases, goal)
         search.iterations += answer.iterations
@@ -323,16 +330,15 @@ class Planner:
         return self._releases
 
     def _nlp(self, target: Pose, search: _Search) -> ThrowNlp:
-        angle = target.theta is not None
-        if angle not in self._nlps:
+        key = (target.theta is not None, search.palm)
+        if key not in self._nlps:
             with search.clock("build"):
-                self._nlps[angle] = build_nlp(
-                    structure_of(self.scene, self.mover, angle), self.mover
-                )
-        return self._nlps[angle]
+                structure = structure_of(self.scene, self.mover, key[0], palm=search.palm)
+                self._nlps[key] = build_nlp(structure, self.mover)
+        return self._nlps[key]
 
     def _solver(self, target: Pose, name: str, search: _Search) -> Solver:
-        key = (target.theta is not None, name)
+        key = (target.theta is not None, search.palm, name)
         if key not in self._solvers:
             nlp = self._nlp(target, search)
             with search.clock("build"):

@@ -7,6 +7,7 @@ elastic solve, not from a failed iteration.
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass
 
 import numpy as np
@@ -96,6 +97,24 @@ def _sampled(
     x, theta, _ = releases.landings(target.z, scene.gravity)
     angle = None if target.theta is None else float(theta[indices[0]])
     return target.in_plane(float(x[indices[0]]), angle)
+
+
+def highest(releases: Releases, target: Pose, gravity: float) -> tuple[Pose | None, str]:
+    """Where no sampled release comes down through the target's height: the highest apex."""
+    if len(releases.q) == 0:
+        return None, "out of reach: no release keeps the limits and holds the object"
+    x, z, theta, v_x, v_z, omega = releases.detach.T
+    rise = np.maximum(v_z, 0.0) / gravity if gravity > 0 else np.zeros_like(z)
+    apex = z + rise * np.maximum(v_z, 0.0) / 2
+    i = int(np.argmax(apex))
+    angle = None if target.theta is None else float(theta[i] + omega[i] * rise[i])
+    pose = dataclasses.replace(
+        target.in_plane(float(x[i] + v_x[i] * rise[i]), angle), z=float(apex[i])
+    )
+    return (
+        pose,
+        f"out of reach: no release rises to z {target.z:g} m, at most about {apex[i]:.2f} m",
+    )
 
 
 def _binding(
