@@ -165,6 +165,14 @@ def test_planner_takes_no_throw_that_breaks_the_workspace() -> None:
     assert plan.status == "not_converged" and "palm" in plan.message
 
 
+def test_palm_enters_the_nlp_when_it_decides() -> None:
+    """Thrown backwards over the base, the bar would hit the hand: solved all the same."""
+    plan = tp.Planner(tp.load_scene("pose")).plan(tp.Pose(x=-0.9, z=0.1, theta=0.0))
+    assert plan.solved
+    assert plan.constraints > tp.plan("pose").constraints
+    assert violations(plan.scene, plan) == ""
+
+
 def test_ruckig_follows_a_jerk_controlled_plan_exactly(cup_plan: tp.Plan) -> None:
     assert cup_plan.throw is not None
     planned = cup_plan.throw.planned

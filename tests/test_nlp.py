@@ -61,6 +61,7 @@ def test_what_each_section_costs() -> None:
     assert bare.size[0] == no_cup.size[0] and bare.size[1] < no_cup.size[1]
     free = nlp_of(cup.replace(cup=None, target=tp.Pose(x=0.9, z=0.2)))
     assert no_cup.size[1] - free.size[1] == 1
+    assert not [name for name in full.parameters.blocks if name.startswith("palm")]
 
 
 def test_com_grasp_with_open_angle_has_no_pivot_states() -> None:
