@@ -1,127 +1,148 @@
-"""Limit surface (LS) release by time stepping: no smoothing and no stiffness.
+"""Limit surfaces of a patch contact: which wrenches friction can give, and which it gives.
 
-The ellipsoidal limit surface H(f) = f^T A f <= f_N^2, (19) of Liu and Billard, is
-a maximum-dissipation law. Moreau-Jean stepping applies it to the impulse of one
-step: with the free contact velocity b and the contact's inverse mass
-W = G M^-1 G^T, the impulse is p = -W^-1 b if that lies inside the surface, else
-the p with (W + s A) p = -b and H(p) = R^2 for the one scalar s > 0 (a
-trust-region problem). This is the limit of the viscous-smoothed law (ILS) as its
-half-band goes to zero.
+A surface is described by its gauge: the normal force [N] (all faces together) at which
+a wrench (f_x, f_z, torque) is just at the limit, sqrt(H(f)) for the ellipsoid of (19).
+The gauge is homogeneous of degree one. Sliding with contact twist v, friction is the
+wrench on the surface whose normal is along -v: Gamma(v) per newton of normal force.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
 from dataclasses import dataclass
+from typing import Literal, Protocol
 
-from .backend import Value, backend, components
-from .contact import Body, Contact
+import numpy as np
+import numpy.typing as npt
 
-#: Newton iterations on 1/|y(s)|; it converges monotonically, mostly in 2 to 4.
-ITERATIONS = 8
+from .contact import Contact
+
+Array = npt.NDArray[np.float64]
+Norm = Literal["paper", "consistent"]
+
+
+class LimitSurface(Protocol):
+    """A convex, smooth limit surface."""
+
+    def gauge(self, wrench: Array) -> float:
+        """Normal force [N] at which `wrench` (3,) is at the limit."""
+
+    def sliding_wrench(self, twist: Array) -> Array:
+        """Gamma(v): friction wrench (3,) per newton for a contact twist (3,) that is not 0."""
+
+
+class Ellipsoid:
+    """sqrt(f^T A f): (19) with a diagonal A, or rotated with any positive definite A."""
+
+    def __init__(self, matrix: npt.ArrayLike) -> None:
+        self.matrix = np.asarray(matrix, float)
+        self.inverse = np.linalg.inv(self.matrix)
+
+    def gauge(self, wrench: Array) -> float:
+        """Normal force [N] at which `wrench` (3,) is at the limit."""
+        return math.sqrt(max(float(wrench @ self.matrix @ wrench), 0.0))
+
+    def sliding_wrench(self, twist: Array) -> Array:
+        """Gamma(v) = -A^-1 v / sqrt(v^T A^-1 v)."""
+        image = self.inverse @ twist
+        return np.asarray(-image / math.sqrt(float(twist @ image)))
+
+
+def ellipsoid(contact: Contact) -> Ellipsoid:
+    """The axis-aligned ellipsoid of a contact, (19)."""
+    force, torque = contact.friction, contact.friction * contact.torsion_arm
+    return Ellipsoid(np.diag([force**-2.0, force**-2.0, torque**-2.0]))
+
+
+def rotated_ellipsoid(contact: Contact, angle: float = 0.4) -> Ellipsoid:
+    """The same ellipsoid turned by `angle` [rad] in the plane of f_z and scaled torque.
+
+    A pressure centre beside the patch's centre couples force and torque like this.
+    """
+    force, torque = contact.friction, contact.friction * contact.torsion_arm
+    c, s = math.cos(angle), math.sin(angle)
+    turn = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
+    stretch = np.diag([1.0, 1.4, 1.0])
+    scale = np.diag([1 / force, 1 / force, 1 / torque])
+    return Ellipsoid(scale @ turn.T @ stretch @ turn @ scale)
 
 
 @dataclass(frozen=True)
-class HandState:
-    """Pose (x, z, theta) and twist (v_x, v_z, omega) of the hand at one instant."""
+class Quartic:
+    """A fourth-order homogeneous polynomial, H(f) = F^4 + 2 k F^2 T^2 + T^4.
 
-    x: Value
-    z: Value
-    theta: Value
-    v_x: Value
-    v_z: Value
-    omega: Value
-
-
-@dataclass(frozen=True)
-class LimitSurfaceStepping:
-    """Moreau-Jean stepping of a body held by an ellipsoidal limit surface.
-
-    The state is the CoM's pose and twist in the world: x, z, theta, v_x, v_z, omega.
+    F and T are force and torque over their own limits. coupling k in (0, 3]: 1 is the
+    ellipsoid, below it bulges towards a cylinder, above it caves in. The sliding wrench
+    has no closed form and is found by Newton's method.
     """
 
-    body: Body
     contact: Contact
-    gravity: Value = 9.81
-    iterations: int = ITERATIONS
+    coupling: float = 0.5
 
-    def step(
-        self,
-        state: Value,
-        start: HandState,
-        end: HandState,
-        normal_force: Value,
-        dt: Value,
-    ) -> list[Value]:
-        """State `dt` later; `start`, `end`: the hand then; `normal_force`: mid-step, one pad [N].
+    @property
+    def scale(self) -> Array:
+        """Limits of f_x, f_z [N] and torque [N m] per newton of normal force."""
+        mu = self.contact.friction
+        return np.array([mu, mu, mu * self.contact.torsion_arm])
 
-        The lever is taken at the middle of the step, which keeps a sticking body on
-        a turning hand to second order.
-        """
-        x, z, theta, v_x, v_z, omega = components(state)
-        mass, inertia = self.body.mass, self.body.inertia
-        half = 0.5 * dt
-        x_r = x + half * v_x - 0.5 * (start.x + end.x)
-        z_r = z + half * v_z - 0.5 * (start.z + end.z)
-        fall = v_z - dt * self.gravity
-        # Mean hand velocity of the step: its position is then met exactly.
-        b = (
-            v_x + omega * z_r - 0.5 * (start.v_x + end.v_x),
-            fall - omega * x_r - 0.5 * (start.v_z + end.v_z),
-            omega - 0.5 * (start.omega + end.omega),
-        )
-        p_x, p_z, p_t = self._impulse(b, x_r, z_r, self.contact.faces * normal_force * dt)
-        v_x = v_x + p_x / mass
-        v_z = fall + p_z / mass
-        omega = omega + (p_t + p_x * z_r - p_z * x_r) / inertia
-        return [x + dt * v_x, z + dt * v_z, theta + dt * omega, v_x, v_z, omega]
+    def gauge(self, wrench: Array) -> float:
+        """Normal force [N] at which `wrench` (3,) is at the limit."""
+        y = wrench / self.scale
+        force, torque = y[0] ** 2 + y[1] ** 2, y[2] ** 2
+        return float((force**2 + 2 * self.coupling * force * torque + torque**2) ** 0.25)
 
-    def _impulse(self, b: Sequence[Value], x_r: Value, z_r: Value, radius: Value) -> list[Value]:
-        """Contact impulse (p_x, p_z, p_theta) for the free contact twist `b`."""
-        mass, inertia = self.body.mass, self.body.inertia
-        # In y = A^(1/2) p the surface is a sphere and the matrix is W scaled by A^(-1/2).
-        force_scale = self.contact.friction
-        torque_scale = force_scale * self.contact.torsion_arm
-        scale = (force_scale, force_scale, torque_scale)
-        k_xx = force_scale**2 * (1.0 / mass + z_r * z_r / inertia)
-        k_zz = force_scale**2 * (1.0 / mass + x_r * x_r / inertia)
-        k_tt = torque_scale**2 / inertia
-        k_xz = -(force_scale**2) * x_r * z_r / inertia
-        k_xt = force_scale * torque_scale * z_r / inertia
-        k_zt = -force_scale * torque_scale * x_r / inertia
-        matrix = (k_xx, k_zz, k_tt, k_xz, k_xt, k_zt)
-        rhs = tuple(-f * value for f, value in zip(scale, b, strict=True))
-        xp = backend(*rhs, *matrix, radius)
+    def gradient(self, y: Array) -> Array:
+        """Gradient of H in scaled coordinates y (3,)."""
+        force, torque, k = y[0] ** 2 + y[1] ** 2, y[2] ** 2, self.coupling
+        common = 4 * (force + k * torque)
+        return np.array([common * y[0], common * y[1], 4 * (k * force + torque) * y[2]])
 
-        y = _solve(matrix, 0.0 * radius, rhs)
-        norm = xp.sqrt(y[0] ** 2 + y[1] ** 2 + y[2] ** 2 + 1e-300)
-        held = norm <= radius
-        shift = 0.0 * radius
-        safe_radius = xp.maximum(radius, 1e-300)
-        for _ in range(self.iterations):
-            w = _solve(matrix, shift, y)
-            curvature = y[0] * w[0] + y[1] * w[1] + y[2] * w[2] + 1e-300
-            step = norm * norm / curvature * (norm - safe_radius) / safe_radius
-            shift = xp.where(held, 0.0, xp.maximum(shift + step, 0.0))
-            y = _solve(matrix, shift, rhs)
-            norm = xp.sqrt(y[0] ** 2 + y[1] ** 2 + y[2] ** 2 + 1e-300)
-        # The last digits of the radius: an impulse outside would create energy.
-        trim = xp.where(held, 1.0, xp.minimum(radius / norm, 1.0))
-        return [f * trim * value for f, value in zip(scale, y, strict=True)]
+    def hessian(self, y: Array) -> Array:
+        """Hessian of H in scaled coordinates (3, 3)."""
+        force, torque, k = y[0] ** 2 + y[1] ** 2, y[2] ** 2, self.coupling
+        matrix = np.diag([4 * (force + k * torque)] * 2 + [4 * k * force + 12 * torque])
+        matrix[:2, :2] += 8 * np.outer(y[:2], y[:2])
+        matrix[:2, 2] += 8 * k * y[:2] * y[2]
+        matrix[2, :2] += 8 * k * y[:2] * y[2]
+        return matrix
+
+    def sliding_wrench(self, twist: Array) -> Array:
+        """Gamma(v): on the surface, its normal along -v; damped Newton on direction and scale."""
+        w = -self.scale * twist
+        w = w / np.linalg.norm(w)
+        # Minimise H(y)/4 - w.y: the minimiser has gradient w; then scale onto H = 1.
+        y = w.copy()
+        for _ in range(60):
+            residual = self.gradient(y) / 4 - w
+            size = float(np.linalg.norm(residual))
+            if size < 1e-13:
+                break
+            step = np.linalg.solve(self.hessian(y) / 4 + 1e-12 * np.eye(3), residual)
+            share = 1.0
+            while share > 1e-6 and self._merit(y - share * step, w) > self._merit(y, w):
+                share /= 2
+            y = y - share * step
+        scaled = self.scale * y
+        return np.asarray(scaled / self.gauge(scaled))
+
+    def _merit(self, y: Array, w: Array) -> float:
+        return self.gauge(self.scale * y) ** 4 / 4 - float(w @ y)
 
 
-def _solve(matrix: Sequence[Value], shift: Value, rhs: Sequence[Value]) -> list[Value]:
-    """x of (K + shift I) x = rhs, K symmetric positive definite, by L D L^T."""
-    k_xx, k_zz, k_tt, k_xz, k_xt, k_zt = matrix
-    d1 = k_xx + shift
-    l21 = k_xz / d1
-    l31 = k_xt / d1
-    d2 = k_zz + shift - l21 * k_xz
-    m32 = k_zt - l21 * k_xt
-    l32 = m32 / d2
-    d3 = k_tt + shift - l31 * k_xt - l32 * m32
-    y2 = rhs[1] - l21 * rhs[0]
-    x3 = (rhs[2] - l31 * rhs[0] - l32 * y2) / d3
-    x2 = y2 / d2 - l32 * x3
-    x1 = rhs[0] / d1 - l21 * x2 - l31 * x3
-    return [x1, x2, x3]
+def slip_size(twist: Array, contact: Contact, norm: Norm) -> float:
+    """|v| [m/s] of a contact twist.
+
+    'paper' mixes m/s and rad/s in one norm, as printed; 'consistent' turns the rate into
+    a speed by c r_p.
+    """
+    arm = 1.0 if norm == "paper" else float(contact.torsion_arm)
+    return math.sqrt(twist[0] ** 2 + twist[1] ** 2 + (arm * twist[2]) ** 2)
+
+
+def smoothed_sliding_wrench(
+    surface: LimitSurface, twist: Array, size: float, half_band: float
+) -> Array:
+    """Gamma_d(v) = Gamma(v) min(|v|/d, 1); `size` is |v|, `half_band` is d [m/s]."""
+    if size == 0.0:
+        return np.zeros(3)
+    return surface.sliding_wrench(twist) * min(size / half_band, 1.0)

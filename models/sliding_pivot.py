@@ -95,6 +95,16 @@ class SlidingPivot:
             slip_z = xp.where(over_force > 0, free_z - alpha * h_x + omega * omega * h_z, 0.0)
         return [state[3], state[4], state[5], slip_x, slip_z, alpha_r]
 
+    def friction(
+        self, state: Value, hand: HandMotion, normal_force: Value
+    ) -> tuple[Value, Value, Value]:
+        """Friction on the body at the contact: (f_x, f_z) [N] and torque [N m]."""
+        force, torque, force_norm, torque_size, limit = self._load(state, hand, normal_force)
+        xp = backend(force_norm, torque_size, limit)
+        share = xp.minimum(limit / force_norm, 1.0)
+        turning = xp.minimum(self.contact.torsion_arm * limit / torque_size, 1.0)
+        return share * force[0], share * force[1], turning * torque
+
     def _load(
         self, state: Value, hand: HandMotion, normal_force: Value
     ) -> tuple[tuple[Value, Value], Value, Value, Value, Value]:

@@ -10,17 +10,19 @@ import numpy as np
 import numpy.typing as npt
 
 from ..models.hand import PlanarArm
+from ..models.release import Release
 from ..problems.scene import Pose, Scene
 from .geometry import bar_outline, column_distance, cup_entry, palm_corners, palm_distance
 from .motion import TICK, Motion, SampledMotion
 from .mover import Limits, Mover
 from .rollout import (
+    LIMIT_SURFACE,
+    SLIDING_PIVOT,
     Landing,
-    Release,
+    MoverTrack,
+    case_of,
     hand_samples,
     landing,
-    limit_surface_release,
-    sliding_pivot_release,
     slip_while_carrying,
 )
 
@@ -50,7 +52,7 @@ class Thrown:
 def throw(scene: Scene, mover: Mover, motion: Motion, opening_time: float, height: float) -> Thrown:
     """The exact throw of `motion`: held from rest, opened at `opening_time`, flown to `height`."""
     use = slip_while_carrying(scene, mover, motion, opening_time)
-    release = sliding_pivot_release(scene, mover, motion, opening_time)
+    release = SLIDING_PIVOT.release(case_of(scene, MoverTrack(mover, motion, opening_time)))
     return Thrown(release, landing(release, height, scene.gravity), use)
 
 
@@ -58,7 +60,7 @@ def limit_surface_landing(
     scene: Scene, mover: Mover, motion: Motion, opening_time: float, height: float
 ) -> Landing:
     """The same motion's landing by the time-stepping limit surface."""
-    release = limit_surface_release(scene, mover, motion, opening_time)
+    release = LIMIT_SURFACE.release(case_of(scene, MoverTrack(mover, motion, opening_time)))
     return landing(release, height, scene.gravity)
 
 

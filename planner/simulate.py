@@ -5,27 +5,17 @@ from __future__ import annotations
 import difflib
 import math
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
-import numpy as np
-import numpy.typing as npt
-
+from ..models.hand_track import ConstantAcceleration
+from ..models.limit_surface_release import ImplicitRelease, KarnoppRelease
+from ..models.release import Release, ReleaseModel
+from ..models.sliding_pivot_release import SlidingPivotRelease
+from ..models.time_stepping_release import SteppedRelease
 from ..problems.errors import InputError
 from ..problems.scene import Motion, Scene
-from .rollout import (
-    LIMIT_SURFACE_STEPS,
-    SLIDING_PIVOT_STEPS,
-    HandSamples,
-    Landing,
-    Release,
-    landing,
-    limit_surface_along,
-    sliding_pivot_along,
-)
-
-Array = npt.NDArray[np.float64]
+from .rollout import Landing, case_of, landing
 
 
 @dataclass(frozen=True)
@@ -52,26 +42,13 @@ class Simulation:
         }
 
 
-def _sliding_pivot(scene: Scene, motion: Motion) -> Release:
-    instants = _instants(scene, 2 * SLIDING_PIVOT_STEPS)
-    return sliding_pivot_along(scene, given_hand(motion, instants), instants)
-
-
-def _sliding_pivot_paper(scene: Scene, motion: Motion) -> Release:
-    instants = _instants(scene, 2 * SLIDING_PIVOT_STEPS)
-    return sliding_pivot_along(scene, given_hand(motion, instants), instants, "paper")
-
-
-def _limit_surface(scene: Scene, motion: Motion) -> Release:
-    instants = _instants(scene, LIMIT_SURFACE_STEPS)
-    return limit_surface_along(scene, given_hand(motion, instants), instants)
-
-
 #: Release models by their names on the command line.
-MODELS: dict[str, Callable[[Scene, Motion], Release]] = {
-    "sp": _sliding_pivot,
-    "sp-paper": _sliding_pivot_paper,
-    "ls-step": _limit_surface,
+MODELS: dict[str, ReleaseModel] = {
+    "sp": SlidingPivotRelease(steps=100, events=True),
+    "sp-paper": SlidingPivotRelease("paper", steps=100, events=True),
+    "ls": KarnoppRelease(),
+    "ils": ImplicitRelease(),
+    "ls-step": SteppedRelease(),
 }
 
 
@@ -92,27 +69,15 @@ def simulate(scene: Scene, model: str = "all") -> dict[str, Simulation]:
 
 def _run(scene: Scene, name: str, motion: Motion) -> Simulation:
     start = time.perf_counter()
-    release = MODELS[name](scene, motion)
+    hand = ConstantAcceleration(
+        (*motion.position, motion.angle),
+        (*motion.velocity, motion.rate),
+        (*motion.acceleration, motion.angular_acceleration),
+    )
+    release = MODELS[name].release(case_of(scene, hand))
     height = None if scene.target is None else scene.target.z
     land = None if height is None else landing(release, height, scene.gravity)
     return Simulation(name, release, land, time.perf_counter() - start)
-
-
-def given_hand(motion: Motion, times: Array) -> HandSamples:
-    """The hand of a constant-acceleration motion at `times` [s] after the opening's start."""
-    start = np.array([*motion.position, motion.angle])[:, None]
-    rate = np.array([*motion.velocity, motion.rate])[:, None]
-    acceleration = np.array([*motion.acceleration, motion.angular_acceleration])[:, None]
-    return HandSamples(
-        times,
-        start + rate * times + acceleration * times**2 / 2,
-        rate + acceleration * times,
-        np.repeat(acceleration, len(times), axis=1),
-    )
-
-
-def _instants(scene: Scene, steps: int) -> Array:
-    return np.linspace(0.0, scene.gripper.profile().opening, steps + 1)
 
 
 def _number(value: float) -> float | None:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
+from ..models.release import HandSamples
 from ..problems.errors import InputError
 from ..problems.scene import Scene
 from .mover import Mover
-from .rollout import HandSamples, friction_use
+from .rollout import friction_use
 
 #: Random start poses looked at when the start is free.
 POSES = 4000

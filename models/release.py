@@ -1,0 +1,115 @@
+"""One interface for all release models: what goes in, and what comes out."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from .contact import Body, Contact, HandMotion
+from .flight import FlightState
+from .grip_force import GripProfile
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class HandSamples:
+    """Hand pose, twist and acceleration, each (3, K), at `times` (K,) [s].
+
+    Rows: x, z [m], theta [rad] and their first and second derivatives. For a batch of N
+    throws each is (3, K, N).
+    """
+
+    times: Array
+    pose: Array
+    twist: Array
+    acceleration: Array
+
+    @property
+    def motion(self) -> HandMotion:
+        """What the contact equations need, as arrays."""
+        return HandMotion(self.pose[2], self.twist[2], *self.acceleration)
+
+
+class HandTrack(Protocol):
+    """A hand motion over time, counted from the start of the opening."""
+
+    def at(self, times: Array) -> HandSamples:
+        """The hand at `times` (K,) [s]."""
+
+
+@dataclass(frozen=True)
+class ReleaseCase:
+    """One release: the held body, the contact, the grip force falling, the moving hand.
+
+    The body sticks to the hand at time 0, at `grasp_angle` [rad] against it.
+    """
+
+    body: Body
+    contact: Contact
+    grip: GripProfile
+    hand: HandTrack
+    gravity: float = 9.81
+    grasp_angle: float = 0.0
+
+    def start(self) -> Array:
+        """CoM pose and twist (6,) at time 0, sticking: x, z, theta, v_x, v_z, omega."""
+        hand = self.hand.at(np.zeros(1))
+        x, z, theta = hand.pose[:, 0]
+        v_x, v_z, omega = hand.twist[:, 0]
+        angle, h = theta + self.grasp_angle, self.body.com_offset
+        x_r, z_r = h * np.cos(angle), h * np.sin(angle)
+        return np.array([x + x_r, z + z_r, angle, v_x - omega * z_r, v_z + omega * x_r, omega])
+
+
+@dataclass(frozen=True)
+class Release:
+    """One release by one model.
+
+    times (K,) from the start of the opening [s]; com (3, K) and com_twist (3, K) of the
+    body; wrench (3, K): friction on the body at the contact point [N, N, N m], None
+    where the model does not give it; pivot, slide: onset times [s], None if it never
+    happens or the model knows no such thing. trouble: why the result is not to be
+    trusted; empty if it is.
+    """
+
+    times: Array
+    com: Array
+    com_twist: Array
+    pivot: float | None = None
+    slide: float | None = None
+    wrench: Array | None = None
+    trouble: str = ""
+
+    @property
+    def detach(self) -> FlightState:
+        """State at the end of the opening."""
+        return FlightState(*self.com[:, -1], *self.com_twist[:, -1])
+
+
+class ReleaseModel(Protocol):
+    """How a body leaves the hand."""
+
+    def release(self, case: ReleaseCase) -> Release:
+        """The release of one case, from sticking to the end of the opening."""
+
+
+def failed(times: Array, trouble: str) -> Release:
+    """A release that could not be computed: NaN all along, and why."""
+    nothing = np.full((3, len(times)), np.nan)
+    return Release(times, nothing, nothing, trouble=trouble)
+
+
+def onset(times: Array, excess: Array) -> float | None:
+    """First time [s] at which `excess` rises above zero; linear between grid points."""
+    above = np.flatnonzero(excess > 0)
+    if above.size == 0:
+        return None
+    i = int(above[0])
+    if i == 0:
+        return float(times[0])
+    low, high = excess[i - 1], excess[i]
+    return float(times[i - 1] + (times[i] - times[i - 1]) * -low / (high - low))

@@ -1,0 +1,552 @@
+"""Sliding pivot: independent values, published values, mechanics, smoothing and derivatives."""
+
+import dataclasses
+import functools
+import json
+import math
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+from scipy.integrate import solve_ivp
+from throwplan.models.contact import Body, Contact, HandMotion, pivot_wrench
+from throwplan.models.flight import FlightState, time_to_height
+from throwplan.models.integrate import rk4_step
+from throwplan.models.sliding_pivot import STATES, SlidingPivot
+from throwplan.models.smoothing import positive, relative_widths, soft_positive
+
+CASES = json.loads((Path(__file__).parent / "data" / "release.json").read_text())
+STILL = {"theta0": 0.0, "v0": [0.0, 0.0], "omega0": 0.0, "a": [0.0, 0.0], "alpha": 0.0}
+GRAVITY = 9.81
+FORMS = ("continuous", "paper")
+BAR = Body(mass=0.24, inertia=5.35e-4, com_offset=0.1)
+PADS = Contact(friction=1.0, patch_radius=0.0025)
+
+relaxed = settings(deadline=None)
+
+
+@dataclasses.dataclass(frozen=True)
+class Throws:
+    """N releases side by side, each value (N,): the hand has constant accelerations."""
+
+    body: Body
+    contact: Contact
+    theta: np.ndarray
+    velocity: np.ndarray
+    omega: np.ndarray
+    acceleration: np.ndarray
+    alpha: np.ndarray
+    full: np.ndarray
+    opening: np.ndarray
+    gravity: float = GRAVITY
+
+    def hand(self, t):
+        theta = self.theta + self.omega * t + self.alpha * t * t / 2
+        return HandMotion(theta, self.omega + self.alpha * t, *self.acceleration, self.alpha)
+
+    def grip(self, t):
+        return self.full * np.maximum(1 - t / self.opening, 0.0)
+
+    def law(self, form="continuous", epsilon=None):
+        widths = None
+        if epsilon is not None:
+            widths = relative_widths(epsilon, self.body, self.contact, self.gravity)
+        return SlidingPivot(self.body, self.contact, self.gravity, form, widths)
+
+    def path(self, law, steps):
+        """States (steps + 1, 6, N) by Runge-Kutta steps over each throw's opening."""
+        dt = self.opening / steps
+        states = [np.zeros((STATES, self.full.size))]
+        for i in range(steps):
+            times = [(i + k / 2) * dt for k in range(3)]
+            hands, grips = [self.hand(t) for t in times], [self.grip(t) for t in times]
+            states.append(np.array(rk4_step(law.rates, states[-1], hands, grips, dt)))
+        return np.array(states)
+
+    def detach(self, law, state):
+        """CoM of `state` at the end of the opening, each value (N,)."""
+        t = self.opening
+        hand = self.hand(t)
+        x, z = self.velocity * t + self.acceleration * t * t / 2
+        x_r, z_r = law.lever(state, hand)
+        velocity = self.velocity + self.acceleration * t + com_velocity(law, state, hand)
+        return FlightState(
+            x + x_r, z + z_r, hand.theta + state[2], *velocity, hand.omega + state[5]
+        )
+
+
+def com_velocity(law, state, hand):
+    """CoM against the hand's centre, from r = slip + h (cos, sin)."""
+    x_r, z_r = law.lever(state, hand)
+    omega = hand.omega + state[5]
+    return np.array([state[3] - omega * (z_r - state[1]), state[4] + omega * (x_r - state[0])])
+
+
+def com_acceleration(law, state, hand, grip):
+    """World acceleration (x, z) of the CoM and the body's angular one, by differentiating r."""
+    *_, slip_x, slip_z, alpha_r = law.rates(state, hand, grip)
+    x_r, z_r = law.lever(state, hand)
+    h_x, h_z = x_r - state[0], z_r - state[1]
+    omega, alpha = hand.omega + state[5], hand.alpha + alpha_r
+    a_x = hand.a_x + slip_x - alpha * h_z - omega**2 * h_x
+    a_z = hand.a_z + slip_z + alpha * h_x - omega**2 * h_z
+    return np.array([a_x, a_z]), alpha
+
+
+def throws_of_cases():
+    cases = list(CASES.values())
+    hands = [STILL if case["hand"] == "drop" else case["hand"] for case in cases]
+
+    def column(section, key):
+        return np.array([case[section][key] for case in cases])
+
+    return Throws(
+        Body(*(column("object", key) for key in ("m", "I", "h"))),
+        Contact(*(column("contact", key) for key in ("mu", "r", "c", "faces"))),
+        theta=np.array([h["theta0"] for h in hands]),
+        velocity=np.array([h["v0"] for h in hands]).T,
+        omega=np.array([h["omega0"] for h in hands]),
+        acceleration=np.array([h["a"] for h in hands]).T,
+        alpha=np.array([h["alpha"] for h in hands]),
+        full=np.array([case["fN0"] for case in cases]),
+        opening=np.array([case["T"] for case in cases]),
+    )
+
+
+THROWS = throws_of_cases()
+
+
+@functools.cache
+def computed(form):
+    """Detach states (6, N) and onsets of pivoting and sliding (N,) of all cases."""
+    law, steps = THROWS.law(form), 4000
+    path = THROWS.path(law, steps)
+    times = np.linspace(0, 1, steps + 1)[:, None] * THROWS.opening
+    excess = [
+        law.excess(state, THROWS.hand(t), THROWS.grip(t))
+        for state, t in zip(path, times, strict=True)
+    ]
+    beyond = np.array(excess) > 0
+    onset = [np.take_along_axis(times, beyond[:, i].argmax(0)[None], 0)[0] for i in (0, 1)]
+    end = THROWS.detach(law, path[-1])
+    return np.array([end.x, end.z, end.theta, end.v_x, end.v_z, end.omega]), *onset
+
+
+def case_values(form, name):
+    detach, pivot, slide = computed(form)
+    i = list(CASES).index(name)
+    return detach[:, i], pivot[i], slide[i]
+
+
+@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("form", FORMS)
+def test_detach_agrees_with_the_independent_implementation(form, name):
+    (x, z, theta, v_x, v_z, omega), pivot, slide = case_values(form, name)
+    expected = CASES[name]["detach"][f"sp_{form}"]
+    for got, wanted in (
+        ((x, z), expected["x"]),
+        (theta, expected["theta"]),
+        ((v_x, v_z), expected["v"]),
+        (omega, expected["omega"]),
+    ):
+        error = np.linalg.norm(np.subtract(got, wanted))
+        assert error < 1e-3 * np.linalg.norm(wanted)
+    # The onsets lie on the time grids of both.
+    assert pivot == pytest.approx(expected["t_pivot"], abs=5e-5)
+    assert slide == pytest.approx(expected["t_slide"], abs=5e-5)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_published_drops_with_two_faces(form):
+    # The paper: -1.0 rad/s at 10 cm and -0.15 rad/s at 2 cm.
+    assert case_values(form, "drop_h100_faces2")[0][5] == pytest.approx(-1.0, abs=0.05)
+    assert case_values(form, "drop_h020_faces2")[0][5] == pytest.approx(-0.15, abs=0.01)
+
+
+def test_one_face_slips_at_once_in_the_long_drop():
+    assert case_values("continuous", "drop_h100_faces1")[1] == 0.0
+    assert case_values("continuous", "drop_h100_faces2")[1] > 0.02
+
+
+# Single instants.
+
+accelerations = st.floats(-30, 30)
+hands = st.builds(
+    HandMotion,
+    st.floats(-4, 4),
+    st.floats(-8, 8),
+    accelerations,
+    accelerations,
+    st.floats(-100, 100),
+)
+held = st.tuples(
+    st.just(0.0), st.just(0.0), st.floats(-2, 2), st.just(0.0), st.just(0.0), st.floats(-9, 9)
+)
+slip, slip_rate = st.floats(-0.003, 0.003), st.floats(-1, 1)
+slipping = st.tuples(slip, slip, st.floats(-2, 2), slip_rate, slip_rate, st.floats(-9, 9))
+grips = st.floats(0, 40)
+
+
+def wrench_of(law, state, hand):
+    """(f_x, f_z, torque) that sticking needs, and the lever."""
+    lever = law.lever(state, hand)
+    return pivot_wrench(law.body, law.gravity, hand, hand.omega + state[5], *lever), lever
+
+
+@relaxed
+@given(state=held, hand=hands)
+@pytest.mark.parametrize("form", FORMS)
+def test_a_strong_grip_carries_the_body_rigidly(form, state, hand):
+    law = SlidingPivot(BAR, PADS, form=form)
+    state = (*state[:5], 0.0)
+    np.testing.assert_array_equal(law.rates(state, hand, 1e6), np.zeros(STATES))
+
+
+@relaxed
+@given(state=held, hand=hands, grip=grips)
+@pytest.mark.parametrize("form", FORMS)
+def test_a_pivoting_body_obeys_newton_and_euler_with_saturated_torque(form, state, hand, grip):
+    law = SlidingPivot(BAR, PADS, form=form)
+    (f_x, f_z, torque), (x_r, z_r) = wrench_of(law, state, hand)
+    limit = PADS.force_limit(grip)
+    assume(math.hypot(f_x, f_z) < 0.999 * limit)
+    assume(abs(torque) > 1.001 * 0.6 * 0.0025 * limit)
+    (a_x, a_z), alpha = com_acceleration(law, state, hand, grip)
+    force = BAR.mass * a_x, BAR.mass * (a_z + GRAVITY)
+    given_torque = BAR.inertia * alpha - (-x_r * force[1] + z_r * force[0])
+    assert given_torque == pytest.approx(math.copysign(0.6 * 0.0025 * limit, torque), abs=1e-9)
+
+
+@relaxed
+@given(state=slipping, hand=hands)
+@pytest.mark.parametrize("form", FORMS)
+def test_without_grip_and_without_the_hands_turning_it_falls_freely(form, state, hand):
+    law = SlidingPivot(BAR, PADS, form=form)
+    hand = dataclasses.replace(hand, alpha=0.0)
+    acceleration, alpha = com_acceleration(law, state, hand, 0.0)
+    np.testing.assert_allclose(acceleration, [0, -GRAVITY], atol=1e-7)
+    assert alpha == pytest.approx(0.0, abs=1e-6)
+
+
+@relaxed
+@given(state=slipping, hand=hands, share=st.floats(0, 0.99))
+def test_paper_form_slides_under_the_saturated_pivot_force(state, hand, share):
+    law = SlidingPivot(BAR, PADS, form="paper")
+    (f_x, f_z, _), _ = wrench_of(law, state, hand)
+    grip = share * math.hypot(f_x, f_z) / 2.0  # two faces, friction 1
+    assume(math.hypot(f_x, f_z) > 1e-3)
+    acceleration, _ = com_acceleration(law, state, hand, grip)
+    expected = share * np.array([f_x, f_z]) / BAR.mass - [0, GRAVITY]
+    np.testing.assert_allclose(acceleration, expected, atol=1e-8)
+
+
+@relaxed
+@given(state=slipping, hand=hands, share=st.floats(0, 0.99))
+def test_continuous_form_slips_on_top_of_the_pivot_motion(state, hand, share):
+    law = SlidingPivot(BAR, PADS)
+    (f_x, f_z, _), (x_r, z_r) = wrench_of(law, state, hand)
+    grip = share * math.hypot(f_x, f_z) / 2.0
+    assume(math.hypot(f_x, f_z) > 1e-3)
+    acceleration, alpha = com_acceleration(law, state, hand, grip)
+    omega = hand.omega + state[5]
+    on_pivot = [
+        hand.a_x - alpha * z_r - omega**2 * x_r,
+        hand.a_z + alpha * x_r - omega**2 * z_r,
+    ]
+    lost = (1 - share) * np.array([f_x, f_z]) / BAR.mass
+    np.testing.assert_allclose(acceleration, on_pivot - lost, atol=1e-8)
+
+
+def at_slide_onset(law, state, hand):
+    """CoM acceleration just before and just after sliding sets in, and alpha^o - alpha^h."""
+    (f_x, f_z, _), lever = wrench_of(law, state, hand)
+    assume(math.hypot(f_x, f_z) > 1e-3)
+    onset = math.hypot(f_x, f_z) / law.contact.force_limit(1.0)
+    before, alpha = com_acceleration(law, state, hand, onset * (1 + 1e-9))
+    after, _ = com_acceleration(law, state, hand, onset * (1 - 1e-9))
+    return before, after, alpha - hand.alpha, lever
+
+
+@relaxed
+@given(state=held, hand=hands)
+def test_continuous_form_does_not_jump_at_slide_onset(state, hand):
+    before, after, *_ = at_slide_onset(SlidingPivot(BAR, PADS), state, hand)
+    np.testing.assert_allclose(after, before, atol=1e-5)
+
+
+@relaxed
+@given(state=held, hand=hands)
+def test_paper_form_jumps_at_slide_onset(state, hand):
+    law = SlidingPivot(BAR, PADS, form="paper")
+    before, after, turning, (x_r, z_r) = at_slide_onset(law, state, hand)
+    assume(abs(turning) > 1.0)
+    jump = after - before
+    np.testing.assert_allclose(jump, -turning * np.array([-z_r, x_r]), atol=1e-4)
+    assert np.linalg.norm(jump) > 0.09
+
+
+@relaxed
+@given(state=slipping, hand=hands, grip=grips)
+@pytest.mark.parametrize("form", FORMS)
+def test_mirrored_instants_have_mirrored_rates(form, state, hand, grip):
+    law = SlidingPivot(BAR, PADS, form=form)
+    flip = np.array([-1, 1, -1, -1, 1, -1])
+    mirror = HandMotion(math.pi - hand.theta, -hand.omega, -hand.a_x, hand.a_z, -hand.alpha)
+    rates = np.array(law.rates(state, hand, grip))
+    mirrored = law.rates(flip * state, mirror, grip)
+    np.testing.assert_allclose(mirrored, flip * rates, atol=1e-7)
+
+
+@relaxed
+@given(state=slipping, hand=hands, grip=grips, length=st.floats(0.2, 5), time=st.floats(0.2, 5))
+def test_rates_scale_with_the_units_of_length_and_time(state, hand, grip, length, time):
+    def converted(values, *powers):
+        return [v * length**p * time**q for v, (p, q) in zip(values, powers, strict=True)]
+
+    small = SlidingPivot(BAR, PADS)
+    large = SlidingPivot(
+        Body(BAR.mass, BAR.inertia * length**2, BAR.com_offset * length),
+        Contact(PADS.friction, PADS.patch_radius * length),
+        GRAVITY * length / time**2,
+    )
+    position, speed, turn = (1, 0), (1, -1), (0, -1)
+    units = [position, position, (0, 0), speed, speed, turn]
+    push = (1, -2)
+    scaled_hand = HandMotion(
+        *converted(dataclasses.astuple(hand), (0, 0), turn, push, push, (0, -2))
+    )
+    rates = large.rates(converted(state, *units), scaled_hand, grip * length / time**2)
+    back = converted(rates, *[(-p, 1 - q) for p, q in units])
+    np.testing.assert_allclose(back, small.rates(state, hand, grip), rtol=1e-7, atol=1e-7)
+
+
+# Whole throws.
+
+
+def scaled_by(body, factor):
+    return Body(body.mass * factor, body.inertia * factor, body.com_offset)
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_mirrored_throws_land_mirrored(form):
+    flipped = dataclasses.replace(
+        THROWS,
+        theta=math.pi - THROWS.theta,
+        omega=-THROWS.omega,
+        alpha=-THROWS.alpha,
+        velocity=THROWS.velocity * [[-1], [1]],
+        acceleration=THROWS.acceleration * [[-1], [1]],
+    )
+    law = THROWS.law(form)
+    end, mirrored = (t.detach(law, t.path(law, 300)[-1]) for t in (THROWS, flipped))
+    for time in (0.0, 0.5):
+        a, b = end.after(time, GRAVITY), mirrored.after(time, GRAVITY)
+        np.testing.assert_allclose(b.x, -a.x, atol=1e-8)
+        np.testing.assert_allclose(b.z, a.z, atol=1e-8)
+        np.testing.assert_allclose(b.theta, math.pi - a.theta, atol=1e-7)
+
+
+@pytest.mark.parametrize("epsilon", [None, 0.03])
+@pytest.mark.parametrize("factor", [0.01, 7.0])
+def test_heavier_bodies_under_stronger_grips_move_alike(factor, epsilon):
+    heavy = dataclasses.replace(
+        THROWS, body=scaled_by(THROWS.body, factor), full=THROWS.full * factor
+    )
+    end, other = (t.path(t.law(epsilon=epsilon), 300)[-1] for t in (THROWS, heavy))
+    np.testing.assert_allclose(other, end, rtol=1e-7, atol=1e-9)
+
+
+def test_two_faces_are_one_face_at_twice_the_friction():
+    single = Contact(
+        THROWS.contact.friction * THROWS.contact.faces,
+        THROWS.contact.patch_radius,
+        THROWS.contact.torsion,
+        faces=1,
+    )
+    other = dataclasses.replace(THROWS, contact=single)
+    end, same = (t.path(t.law(), 300)[-1] for t in (THROWS, other))
+    np.testing.assert_allclose(same, end, rtol=1e-9, atol=1e-12)
+
+
+def random_drops(n):
+    """Bars of all sizes at all angles in a still hand, some too heavy for their grip."""
+    rng = np.random.default_rng(11)
+    mass, arm = 10 ** rng.uniform(-2, 0.5, n), rng.uniform(0.01, 0.2, n)
+    none, zero = np.zeros((2, n)), np.zeros(n)
+    return Throws(
+        Body(mass, mass * arm**2, rng.uniform(0, 0.4, n)),
+        Contact(rng.uniform(0.1, 1.5, n), 10 ** rng.uniform(-3.3, -1.5, n)),
+        rng.uniform(-math.pi, math.pi, n),
+        velocity=none,
+        omega=zero,
+        acceleration=none,
+        alpha=zero,
+        full=10 ** rng.uniform(0, 2.3, n),
+        opening=rng.uniform(0.02, 0.12, n),
+    )
+
+
+@pytest.mark.parametrize("form", FORMS)
+def test_friction_of_a_still_hand_only_takes_energy(form):
+    drops = random_drops(400)
+    law, steps, body, hand = drops.law(form), 300, drops.body, drops.hand(0.0)
+    path = drops.path(law, steps)
+    # The paper form pushes a contact up that slides from the first instant on.
+    excess = np.array(law.excess(path[0], hand, drops.full))
+    judged = (excess < 0).all(0) if form == "paper" else np.full(400, True)
+    assert judged.sum() > 100
+    weight = np.array([[0], [GRAVITY]])
+    for i, state in enumerate(path[:-1]):
+        grip = drops.grip(i / steps * drops.opening)
+        acceleration, alpha = com_acceleration(law, state, hand, grip)
+        push = (com_velocity(law, state, hand) * (acceleration + weight)).sum(0)
+        power = push + body.inertia / body.mass * state[5] * alpha
+        assert power[judged].max() < 1e-9
+    start, end = (energy_per_mass(law, state, hand) for state in path[[0, -1]])
+    assert (end - start)[judged].max() < 1e-6
+    assert np.mean(end[judged] < start[judged] - 1e-6) > 0.5
+
+
+def energy_per_mass(law, state, hand):
+    velocity, height = com_velocity(law, state, hand), law.lever(state, hand)[1]
+    turning = law.body.inertia / law.body.mass * (hand.omega + state[5]) ** 2
+    return ((velocity**2).sum(0) + turning) / 2 + GRAVITY * height
+
+
+# Smoothing and integration.
+
+
+@relaxed
+@given(value=st.floats(-1e3, 1e3), width=st.floats(0, 10))
+def test_rounded_maximum_stays_within_half_a_width(value, width):
+    rounded, hard = soft_positive(value, width), positive(value)
+    assert hard - 1e-12 <= rounded <= hard + width / 2 + 1e-12
+    # max(v, 0) - max(-v, 0) = v holds for the rounded one too.
+    assert rounded - soft_positive(-value, width) == pytest.approx(value, abs=1e-12)
+
+
+@pytest.mark.parametrize("h", [0.0, 0.1])
+@pytest.mark.parametrize("gravity", [0.0, GRAVITY])
+def test_widths_never_vanish_and_are_proportional(h, gravity):
+    body = dataclasses.replace(BAR, com_offset=h)
+    one, two = (relative_widths(e, body, PADS, gravity) for e in (0.01, 0.02))
+    assert one.force > 0
+    assert one.torque > 0
+    assert (two.force, two.torque) == pytest.approx((2 * one.force, 2 * one.torque))
+
+
+def slope(sizes, errors):
+    """Exponents of error ~ size^p, per column."""
+    return np.polyfit(np.log(sizes), np.log(errors), 1)[0]
+
+
+def test_runge_kutta_converges_at_order_four_on_the_smoothed_law():
+    law = THROWS.law(epsilon=1.0)
+
+    def rates(share, y):
+        t = share * THROWS.opening
+        values = law.rates(y.reshape(STATES, -1), THROWS.hand(t), THROWS.grip(t))
+        return (THROWS.opening * np.array(values)).ravel()
+
+    start = np.zeros(STATES * len(CASES))
+    solved = solve_ivp(rates, (0, 1), start, method="DOP853", rtol=1e-13, atol=1e-16)
+    exact = solved.y[:, -1].reshape(STATES, -1)
+    steps = np.array([80, 160, 320, 640])
+    errors = [np.linalg.norm(THROWS.path(law, n)[-1] - exact, axis=0) for n in steps]
+    np.testing.assert_allclose(slope(1 / steps, np.array(errors)), 4.0, atol=0.3)
+
+
+def test_smoothing_moves_landings_by_its_width_squared():
+    def landings(law):
+        end = THROWS.detach(law, THROWS.path(law, 2000)[-1])
+        rows = np.broadcast_arrays(*dataclasses.astuple(end))
+        states = [FlightState(*map(float, row)) for row in zip(*rows, strict=True)]
+        lands = [s.after(time_to_height(s, -0.9, GRAVITY), GRAVITY) for s in states]
+        return np.array([(end.x, end.theta) for end in lands])
+
+    hard = landings(THROWS.law())
+    epsilons = np.array([0.04, 0.02, 0.01, 0.005])
+    errors = np.array([np.abs(landings(THROWS.law(epsilon=e)) - hard) for e in epsilons])
+    assert errors[-1].max() < 1e-3
+    np.testing.assert_allclose(slope(epsilons, errors.reshape(4, -1)), 2.0, atol=0.3)
+
+
+# Symbols and derivatives.
+
+
+@functools.cache
+def symbolic(form, epsilon):
+    """Rates and their Jacobian: (z, p) with z = state, hand, grip and p = m, I, h, mu, r_p, g."""
+    z, p = ca.SX.sym("z", STATES + 6), ca.SX.sym("p", 6)
+    body, contact = Body(p[0], p[1], p[2]), Contact(p[3], p[4])
+    widths = None if epsilon is None else relative_widths(epsilon, body, contact, p[5])
+    law = SlidingPivot(body, contact, p[5], form, widths)
+    rates = ca.vertcat(*law.rates(z[:6], HandMotion(*ca.vertsplit(z[6:11])), z[11]))
+    return ca.Function("rates", [z, p], [rates]), ca.Function(
+        "slope", [z, p], [ca.jacobian(rates, z)]
+    )
+
+
+def numbers(body=BAR, gravity=GRAVITY):
+    return [body.mass, body.inertia, body.com_offset, PADS.friction, PADS.patch_radius, gravity]
+
+
+@relaxed
+@given(state=slipping, hand=hands, grip=grips)
+@pytest.mark.parametrize("epsilon", [None, 0.01])
+@pytest.mark.parametrize("form", FORMS)
+def test_floats_arrays_and_symbols_agree(form, epsilon, state, hand, grip):
+    widths = None if epsilon is None else relative_widths(epsilon, BAR, PADS, GRAVITY)
+    law = SlidingPivot(BAR, PADS, GRAVITY, form, widths)
+    floats = np.array(law.rates(state, hand, grip))
+    batch = HandMotion(*(np.full(3, value) for value in dataclasses.astuple(hand)))
+    arrays = np.array(law.rates(np.tile(state, (3, 1)).T, batch, np.full(3, grip)))
+    z = [*state, *dataclasses.astuple(hand), grip]
+    symbols = np.array(symbolic(form, epsilon)[0](z, numbers())).ravel()
+    size = 1e-12 * (1 + np.abs(floats).max())
+    np.testing.assert_allclose(arrays.T, np.tile(floats, (3, 1)), rtol=1e-11, atol=size)
+    np.testing.assert_allclose(symbols, floats, rtol=1e-11, atol=size)
+
+
+#: hand acceleration, grip, com_offset, gravity: where 0/0 waits.
+QUIET = {
+    "zero wrench": ((0.0, -GRAVITY), 20.0, 0.1, GRAVITY),
+    "zero wrench, no grip": ((0.0, -GRAVITY), 0.0, 0.1, GRAVITY),
+    "no gravity": ((0.0, 0.0), 20.0, 0.1, 0.0),
+    "no gravity, no grip": ((0.0, 0.0), 0.0, 0.1, 0.0),
+    "com grasp": ((0.0, 0.0), 20.0, 0.0, GRAVITY),
+    "com grasp, no grip": ((0.0, 0.0), 0.0, 0.0, GRAVITY),
+    "nothing at all": ((0.0, 0.0), 0.0, 0.0, 0.0),
+    "bar at the edge of pivoting": ((1.0, -2.0), 60.0, 0.1, GRAVITY),
+}
+
+
+@pytest.mark.parametrize("epsilon", [0.1, 0.01])
+@pytest.mark.parametrize("case", QUIET)
+def test_derivatives_are_finite_and_right(case, epsilon):
+    acceleration, grip, h, gravity = QUIET[case]
+    p = numbers(dataclasses.replace(BAR, com_offset=h), gravity)
+    rates, jacobian = symbolic("continuous", epsilon)
+    z = np.array([0, 0, 0.3, 0, 0, 0, 0.2, 0, *acceleration, 0, grip], float)
+    exact = np.array(jacobian(z, p))
+    assert np.isfinite(exact).all()
+    # Steps far below the widths: a slip of 25 um is one already at epsilon = 0.01.
+    steps = np.diag([1e-8, 1e-8, *[1e-6] * 10])
+    columns = [
+        (np.array(rates(z + step, p)) - np.array(rates(z - step, p))) / (2 * step.sum())
+        for step in steps
+    ]
+    differences = np.column_stack(columns)
+    np.testing.assert_allclose(exact, differences, rtol=1e-4, atol=1e-6 * np.abs(exact).max())
+
+
+@pytest.mark.parametrize("form", FORMS)
+@pytest.mark.parametrize("case", QUIET)
+def test_rates_are_finite_without_smoothing(case, form):
+    acceleration, grip, h, gravity = QUIET[case]
+    law = SlidingPivot(dataclasses.replace(BAR, com_offset=h), PADS, gravity, form)
+    hand = HandMotion(0.2, 0.0, *acceleration, 0.0)
+    assert np.isfinite(law.rates(np.zeros(STATES), hand, grip)).all()
