@@ -58,7 +58,8 @@ class TableRelease:
         from scipy.interpolate import PchipInterpolator
 
         curve = PchipInterpolator(self._times, self._forces)
-        return np.asarray(curve(np.clip(np.asarray(time, float), 0.0, self.opening)))
+        force = curve(np.clip(np.asarray(time, float), 0.0, self.opening))
+        return np.asarray(np.maximum(force, 0.0))
 
 
 def _check_table(t: Array, f: Array) -> None:

@@ -23,6 +23,9 @@ class PlanarArm:
         self.arm = arm
         self.throwing_joints = tuple(throwing_joints or arm.throwing_joints)
         self.coordinates = len(self.throwing_joints)
+        for joint in self.throwing_joints:
+            if not 1 <= joint <= arm.joints:
+                raise ValueError(f"arm {arm.name}: has no joint {joint}")
         self._chain()
 
     def full(self, q: ca.SX) -> ca.SX:
@@ -85,9 +88,10 @@ class PlanarArm:
         planar = ca.Function("planar", [q], [ca.vertcat(*self.motion(q, zero, zero)[0])])
         for value in np.random.default_rng(0).uniform(-2, 2, (4, self.coordinates)):
             x, z, theta = np.array(planar(value)).ravel()
-            _, _, tcp, approach = (np.array(o).ravel() for o in full(value))
-            expected = [tcp[0], 0.0, tcp[2], math.cos(theta), 0.0, math.sin(theta)]
-            if np.abs(np.array([x, tcp[1], z, *approach]) - expected).max() > 1e-9:
+            axis, _, tcp, approach = (np.array(o) for o in full(value))
+            expected = [x, 0.0, z, math.cos(theta), 0.0, math.sin(theta)]
+            off = np.abs(np.vstack([tcp, approach]).ravel() - expected).max()
+            if off > 1e-9 or np.abs(np.abs(axis[1]) - 1.0).max() > 1e-9:
                 raise ValueError(
                     f"arm {self.arm.name}: joints {list(self.throwing_joints)} do not move the "
                     "hand in the vertical plane of the azimuth joint"

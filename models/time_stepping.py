@@ -17,8 +17,9 @@ from dataclasses import dataclass
 from .backend import Value, backend, components
 from .contact import Body, Contact
 
-#: Newton iterations on 1/|y(s)|; it converges monotonically, mostly in 2 to 4.
-ITERATIONS = 8
+#: Newton iterations on 1/|y(s)|; it converges monotonically, mostly in 2 to 4; at 8 a few
+#: of 400,000 extreme random steps had not converged, at 16 all had.
+ITERATIONS = 12
 
 
 @dataclass(frozen=True)
