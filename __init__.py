@@ -10,6 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from .planner.api import plan, simulate
 from .planner.plan import Plan
 from .planner.planner import Planner
+from .planner.simulate_batch import simulate_batch
 from .problems.errors import InputError, ThrowplanError
 from .problems.load import load_scene, scene_names
 from .problems.scene import Pose, Scene
@@ -30,4 +31,5 @@ __all__ = [
     "plan",
     "scene_names",
     "simulate",
+    "simulate_batch",
 ]

@@ -14,6 +14,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+import numpy as np
+
 from .backend import Value, backend, components
 from .contact import Body, Contact
 
@@ -44,6 +46,7 @@ class LimitSurfaceStepping:
 
     The state is the CoM's pose and twist in the world: x, z, theta, v_x, v_z, omega.
     factor: columns of S with S S^T = A^-1 for another ellipsoid than the contact's own.
+    settle: stop the iterations when all have converged (numbers only).
     """
 
     body: Body
@@ -51,6 +54,7 @@ class LimitSurfaceStepping:
     gravity: Value = 9.81
     iterations: int = ITERATIONS
     factor: Factor | None = None
+    settle: bool = False
 
     def step(
         self,
@@ -97,6 +101,8 @@ class LimitSurfaceStepping:
         shift = 0.0 * radius
         safe_radius = xp.maximum(radius, 1e-300)
         for _ in range(self.iterations):
+            if self.settle and bool(np.all(held | (abs(norm - radius) <= 1e-9 * radius))):
+                break
             w = _solve(matrix, shift, y)
             curvature = y[0] * w[0] + y[1] * w[1] + y[2] * w[2] + 1e-300
             step = norm * norm / curvature * (norm - safe_radius) / safe_radius

@@ -1,0 +1,255 @@
+"""Arrays of throws through a release model: in, and detach and landing out."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..models.batch import (
+    ConstantAccelerations,
+    HandsTrack,
+    ReleaseBatch,
+    SampledHands,
+    sliding_pivot_batch,
+    stepped_batch,
+)
+from ..models.contact import Body, Contact
+from ..problems.errors import InputError
+from ..problems.scene import Scene
+
+Array = npt.NDArray[np.float64]
+
+
+def _paper_form(batch: ReleaseBatch) -> Array:
+    return sliding_pivot_batch(batch, steps=400, form="paper")
+
+
+#: Release models that take batches; the paper's form jumps, so it needs more steps.
+BATCH_MODELS: dict[str, Callable[[ReleaseBatch], Array]] = {
+    "sp": sliding_pivot_batch,
+    "sp-paper": _paper_form,
+    "ls-step": stepped_batch,
+}
+
+_OBJECT = ("mass", "inertia", "com_offset")
+_CONTACT = ("friction", "patch_radius", "torsion", "faces")
+_GRIPPER = ("force", "opening")
+_HAND = ("pose", "twist", "acceleration")
+_SAMPLED = ("times", "poses", "delays")
+
+
+@dataclass(frozen=True)
+class BatchResult:
+    """Detach states and landings of N throws.
+
+    detach (N, 6): x, z, theta, v_x, v_z, omega of the CoM; landing (N, 3): x, theta and
+    flight time [s] at the scene's landing height, NaN where a throw never comes down
+    through it; None where the scene gives no height.
+    """
+
+    detach: Array
+    landing: Array | None
+
+
+def simulate_batch(
+    scene: Scene,
+    model: str = "sp",
+    *,
+    hand: Mapping[str, Any] | None = None,
+    contact: Mapping[str, Any] | None = None,
+    object: Mapping[str, Any] | None = None,
+    gripper: Mapping[str, Any] | None = None,
+    executor: Executor | None = None,
+) -> BatchResult:
+    """N different throws through a release model.
+
+    hand: `pose`, `twist`, `acceleration`, each (N, 3) (constant acceleration from the
+    opening's start; the scene's [motion] where absent), or `times` (K,), `poses`
+    (N, K, 3) or (1, K, 3) and `delays` (N,) [s] (sampled motion, cubic splines).
+    object: mass, inertia, com_offset; contact: friction, patch_radius, torsion, faces;
+    gripper: force [N], opening [s]: numbers or arrays (N,), the scene's where absent.
+    executor: spreads chunks over its workers; the result does not depend on it.
+    Raises InputError for unknown names, unequal lengths, NaN, times that do not rise.
+    """
+    if model not in BATCH_MODELS:
+        near = difflib.get_close_matches(model, BATCH_MODELS, 1, 0.4)
+        hint = f", did you mean '{near[0]}'?" if near else ""
+        raise InputError(f"model = {model!r}: must be one of {', '.join(BATCH_MODELS)}{hint}")
+    batch = _batch(scene, hand or {}, contact or {}, object or {}, gripper or {})
+    detach = _run(model, batch, executor)
+    height = None if scene.target is None else scene.target.z
+    return BatchResult(detach, None if height is None else land(detach, height, scene.gravity))
+
+
+def land(detach: Array, height: float, gravity: float) -> Array:
+    """x [m], theta [rad] and flight time [s] (N, 3) of coming down through `height`."""
+    x, z, theta, v_x, v_z, omega = detach.T
+    with np.errstate(invalid="ignore", divide="ignore"):
+        if gravity > 0:
+            time = (v_z + np.sqrt(v_z**2 + 2 * gravity * (z - height))) / gravity
+        else:
+            time = np.where(v_z < 0, (height - z) / v_z, np.nan)
+    time = np.where(time >= 0, time, np.nan)
+    return np.column_stack([x + v_x * time, theta + omega * time, time])
+
+
+def _run(model: str, batch: ReleaseBatch, executor: Executor | None) -> Array:
+    if executor is None:
+        return BATCH_MODELS[model](batch)
+    shares = np.array_split(np.arange(batch.count), max(batch.count // 4096, 1))
+    parts = [_Share(model, batch, slice(int(s[0]), int(s[-1]) + 1)) for s in shares if s.size]
+    return np.vstack(list(executor.map(_run_share, parts)))
+
+
+@dataclass(frozen=True)
+class _Share:
+    """A run of throws for one worker."""
+
+    model: str
+    batch: ReleaseBatch
+    throws: slice
+
+
+def _run_share(share: _Share) -> Array:
+    return BATCH_MODELS[share.model](share.batch.part(share.throws))
+
+
+def _batch(
+    scene: Scene,
+    hand: Mapping[str, Any],
+    contact: Mapping[str, Any],
+    body: Mapping[str, Any],
+    gripper: Mapping[str, Any],
+) -> ReleaseBatch:
+    profile = scene.gripper.profile()
+    numbers = {
+        "object": _numbers("object", _OBJECT, body),
+        "contact": _numbers("contact", _CONTACT, contact),
+        "gripper": _numbers("gripper", _GRIPPER, gripper),
+    }
+    lengths = {
+        f"{section}.{name}": value.size
+        for section, values in numbers.items()
+        for name, value in values.items()
+        if value.ndim
+    }
+    hands, hand_lengths = _hands(scene, hand)
+    lengths |= hand_lengths
+    count = max(lengths.values(), default=1)
+    for name, length in lengths.items():
+        if length != count:
+            raise InputError(f"{name}: has {length} entries, other arrays have {count}")
+
+    def spread(values: Mapping[str, Array], name: str, default: float) -> Array:
+        return np.broadcast_to(values.get(name, np.asarray(default, float)), (count,)).copy()
+
+    kept = {"object": scene.body, "contact": scene.patch}
+    made = {
+        section: {
+            name: spread(numbers[section], name, getattr(kept[section], name)) for name in names
+        }
+        for section, names in (("object", _OBJECT), ("contact", _CONTACT))
+    }
+    if count > 1 and not hand_lengths:
+        hands = _repeated(hands, count)
+    return ReleaseBatch(
+        count,
+        Body(**made["object"]),
+        Contact(**made["contact"]),
+        profile,
+        hands,
+        spread(numbers["gripper"], "opening", profile.opening),
+        spread(numbers["gripper"], "force", profile.full),
+        scene.gravity,
+        scene.grasp.angle,
+    )
+
+
+def _numbers(section: str, names: tuple[str, ...], values: Mapping[str, Any]) -> dict[str, Array]:
+    """Checked numbers or arrays (N,) of one section, all above zero (com_offset: at least)."""
+    result = {}
+    for name, value in values.items():
+        if name not in names:
+            raise InputError(f"{section}: unknown key '{name}' (known: {', '.join(names)})")
+        array = _array(f"{section}.{name}", value)
+        if array.ndim > 1:
+            raise InputError(f"{section}.{name}: must be a number or an array (N,)")
+        if (array < 0).any() or (name != "com_offset" and (array == 0).any()):
+            raise InputError(f"{section}.{name}: must be above 0")
+        result[name] = array
+    return result
+
+
+def _hands(scene: Scene, hand: Mapping[str, Any]) -> tuple[HandsTrack, dict[str, int]]:
+    """The hand motions, and the lengths of the arrays that tell N."""
+    for name in hand:
+        if name not in _HAND + _SAMPLED:
+            known = ", ".join(_HAND + _SAMPLED)
+            raise InputError(f"hand: unknown key '{name}' (known: {known})")
+    if any(name in hand for name in _SAMPLED):
+        return _sampled(hand)
+    motion = scene.motion
+    if motion is None and "pose" not in hand:
+        raise InputError(f"{scene.place}: has no [motion]: give hand pose, twist, acceleration")
+    defaults: dict[str, Any] = {name: np.zeros(3) for name in _HAND}
+    if motion is not None:
+        defaults = {
+            "pose": (*motion.position, motion.angle),
+            "twist": (*motion.velocity, motion.rate),
+            "acceleration": (*motion.acceleration, motion.angular_acceleration),
+        }
+    arrays = {name: _array(f"hand.{name}", hand.get(name, defaults[name])) for name in _HAND}
+    for name, array in arrays.items():
+        if array.ndim not in (1, 2) or array.shape[-1] != 3:
+            raise InputError(f"hand.{name}: must be an array (N, 3), has shape {array.shape}")
+    lengths = {f"hand.{name}": len(array) for name, array in arrays.items() if array.ndim == 2}
+    count = max(lengths.values(), default=1)
+    if set(lengths.values()) - {count}:
+        raise InputError(f"hand: arrays of unequal length {sorted(set(lengths.values()))}")
+    full = [np.broadcast_to(arrays[name], (count, 3)).copy() for name in _HAND]
+    return ConstantAccelerations(*full), lengths
+
+
+def _repeated(hands: HandsTrack, count: int) -> HandsTrack:
+    """One hand motion for `count` throws."""
+    if not isinstance(hands, ConstantAccelerations):
+        return hands
+    return ConstantAccelerations(
+        *(np.repeat(v, count, axis=0) for v in (hands.pose, hands.twist, hands.acceleration))
+    )
+
+
+def _sampled(hand: Mapping[str, Any]) -> tuple[HandsTrack, dict[str, int]]:
+    if "times" not in hand or "poses" not in hand:
+        raise InputError("hand: a sampled motion needs 'times' and 'poses'")
+    times, poses = _array("hand.times", hand["times"]), _array("hand.poses", hand["poses"])
+    if times.ndim != 1 or times.size < 4:
+        raise InputError("hand.times: must be an array (K,) of at least four times")
+    if (np.diff(times) <= 0).any():
+        raise InputError("hand.times: must rise from sample to sample")
+    if poses.ndim != 3 or poses.shape[1:] != (times.size, 3):
+        raise InputError(f"hand.poses: must be (N, {times.size}, 3), has shape {poses.shape}")
+    lengths = {"hand.poses": len(poses)} if len(poses) > 1 else {}
+    delays = None
+    if "delays" in hand:
+        delays = _array("hand.delays", hand["delays"])
+        if delays.ndim != 1:
+            raise InputError("hand.delays: must be an array (N,)")
+        lengths["hand.delays"] = delays.size
+    return SampledHands(times, poses, delays), lengths
+
+
+def _array(name: str, value: Any) -> Array:
+    try:
+        array = np.asarray(value, float)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: must be numbers") from None
+    if not np.isfinite(array).all():
+        raise InputError(f"{name}: must be finite numbers")
+    return array
