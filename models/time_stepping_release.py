@@ -109,8 +109,7 @@ def _quartic_steps(
 def quartic_impulse(surface: Quartic, inverse_mass: Array, b: Array, radius: float) -> Array:
     """Impulse (3,) of maximum dissipation for the free contact twist `b` (3,).
 
-    The minimiser of p.W p / 2 + b.p with gauge(p) <= radius: bisection on the
-    multiplier of the surface, Newton's method inside.
+    The minimiser of p.W p / 2 + b.p with gauge(p) <= radius.
     """
     scale = surface.scale
     k, rhs = inverse_mass * np.outer(scale, scale), -scale * b
@@ -119,10 +118,42 @@ def quartic_impulse(surface: Quartic, inverse_mass: Array, b: Array, radius: flo
         return np.asarray(scale * y)
     if radius <= 0.0:
         return np.zeros(3)
-    # In units of the radius, so that H is of order one; log of the multiplier.
-    k, y = k * radius, y / radius
-    y = np.asarray(y / max(surface.gauge(scale * y), 1.0))
-    low, high = -40.0, np.log(np.linalg.norm(rhs) + np.abs(k).max()) + 3.0
+    # In units of the radius, where the surface is H(y) = 1.
+    k = k * radius
+    y = y / surface.gauge(scale * y)
+    found = _on_surface(surface, k, rhs, y)
+    if found is None:
+        found = _by_bisection(surface, k, rhs, y)
+    return np.asarray(radius * scale * found / max(surface.gauge(scale * found), 1.0))
+
+
+def _on_surface(
+    surface: Quartic, k: Array, rhs: Array, y: npt.NDArray[Any]
+) -> npt.NDArray[Any] | None:
+    """K y + w grad H / 4 = rhs with H = 1 by Newton's method; None if it does not get there."""
+    weight = float((rhs - k @ y) @ y)
+    matrix, residual = np.zeros((4, 4)), np.zeros(4)
+    for _ in range(25):
+        gradient = surface.gradient(y) / 4
+        residual[:3] = k @ y - rhs + weight * gradient
+        residual[3] = (float(gradient @ y) - 1.0) / 4
+        if np.abs(residual[:3]).max() < 1e-11 * np.abs(rhs).max() and abs(residual[3]) < 1e-12:
+            return y if weight >= 0 else None
+        matrix[:3, :3] = k + weight * surface.hessian(y) / 4
+        matrix[:3, 3] = matrix[3, :3] = gradient
+        try:
+            step = np.linalg.solve(matrix, residual)
+        except np.linalg.LinAlgError:
+            return None
+        share = min(1.0, 0.5 / max(float(np.abs(step[:3]).max()), 1e-300))
+        y, weight = y - share * step[:3], weight - share * float(step[3])
+    return None
+
+
+def _by_bisection(surface: Quartic, k: Array, rhs: Array, y: npt.NDArray[Any]) -> npt.NDArray[Any]:
+    """The same, slowly and surely: bisection on the logarithm of the multiplier."""
+    scale = surface.scale
+    low, high = -40.0, float(np.log(np.linalg.norm(rhs) + np.abs(k).max())) + 3.0
     for _ in range(60):
         middle = (low + high) / 2
         y = _penalised(surface, k, rhs, float(np.exp(middle)), y)
@@ -132,7 +163,7 @@ def quartic_impulse(surface: Quartic, inverse_mass: Array, b: Array, radius: flo
             high = middle
         if high - low < 1e-12:
             break
-    return np.asarray(radius * scale * y / max(surface.gauge(scale * y), 1.0))
+    return y
 
 
 def _penalised(

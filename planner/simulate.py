@@ -8,13 +8,13 @@ import time
 from dataclasses import dataclass
 from typing import Any
 
-from ..models.hand_track import ConstantAcceleration
 from ..models.limit_surface_release import ImplicitRelease, KarnoppRelease
-from ..models.release import Release, ReleaseModel
+from ..models.release import Release, ReleaseCase, ReleaseModel
 from ..models.sliding_pivot_release import SlidingPivotRelease
 from ..models.time_stepping_release import SteppedRelease
 from ..problems.errors import InputError
-from ..problems.scene import Motion, Scene
+from ..problems.scene import Scene
+from .given_motion import given_hand
 from .rollout import Landing, case_of, landing
 
 
@@ -57,24 +57,18 @@ def simulate(scene: Scene, model: str = "all") -> dict[str, Simulation]:
 
     Raises InputError for a scene without a motion and for an unknown model.
     """
-    if scene.motion is None:
-        raise InputError(f"{scene.place}: has no section [motion] to simulate")
+    case = case_of(scene, given_hand(scene))
     names = list(MODELS) if model == "all" else [model]
     if names[0] not in MODELS:
         near = difflib.get_close_matches(model, MODELS, 1, 0.4)
         hint = f", did you mean '{near[0]}'?" if near else ""
         raise InputError(f"model = {model!r}: must be all or one of {', '.join(MODELS)}{hint}")
-    return {name: _run(scene, name, scene.motion) for name in names}
+    return {name: _run(scene, name, case) for name in names}
 
 
-def _run(scene: Scene, name: str, motion: Motion) -> Simulation:
+def _run(scene: Scene, name: str, case: ReleaseCase) -> Simulation:
     start = time.perf_counter()
-    hand = ConstantAcceleration(
-        (*motion.position, motion.angle),
-        (*motion.velocity, motion.rate),
-        (*motion.acceleration, motion.angular_acceleration),
-    )
-    release = MODELS[name].release(case_of(scene, hand))
+    release = MODELS[name].release(case)
     height = None if scene.target is None else scene.target.z
     land = None if height is None else landing(release, height, scene.gravity)
     return Simulation(name, release, land, time.perf_counter() - start)

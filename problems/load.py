@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import dataclasses
 import difflib
+import math
 import tomllib
 from collections.abc import Mapping
 from importlib.resources import files
@@ -116,7 +117,9 @@ def _parse(text: str, place: str, path: Path | None) -> Scene:
             if key not in values:
                 raise InputError(f"section [{key}] is missing")
         if "robot" in values:
-            values["arm"] = _robot_arm(values["robot"].arm, folder)
+            values["arm"] = _named_arm("robot", values["robot"].arm, folder)
+        elif "motion" in values and values["motion"].arm is not None:
+            values["arm"] = _named_arm("motion", values["motion"].arm, folder)
         return Scene(**values)
     except InputError as error:
         raise error.within(place) from None
@@ -128,35 +131,63 @@ def _section(key: str, value: Any, folder: Path | None) -> Any:
     try:
         if key == "gripper" and isinstance(value.get("table"), str):
             value = value | _read_grip_table(value["table"], folder)
+        if key == "motion":
+            value = value | _read_motion_samples(value, folder)
         return from_table(_SECTIONS[key], value)
     except InputError as error:
         raise InputError(f"[{key}] {error}") from None
 
 
 def _read_grip_table(name: str, folder: Path | None) -> dict[str, Any]:
-    path = (folder or Path()) / name
-    rows = list(csv.reader(_read(path).splitlines()))
+    rows = _read_csv("table", name, folder, ("t", "f_N"))
+    return {"times": [row[0] for row in rows], "forces": [row[1] for row in rows]}
+
+
+def _read_motion_samples(table: Mapping[str, Any], folder: Path | None) -> dict[str, Any]:
+    """The samples of a motion given as a CSV file; nothing for the other kinds."""
+    if isinstance(table.get("table"), str):
+        rows = _read_csv("table", table["table"], folder, ("t", "x", "z", "theta"))
+    elif isinstance(table.get("joints"), str) and isinstance(table.get("arm"), str):
+        count = load_arm(table["arm"], folder).joints
+        columns = ("t", *(f"q{j + 1}" for j in range(count)))
+        rows = _read_csv("joints", table["joints"], folder, columns)
+    else:
+        return {}
+    return {"samples": rows}
+
+
+def _read_csv(
+    key: str, name: str, folder: Path | None, columns: tuple[str, ...]
+) -> list[list[float]]:
+    """The named columns of a CSV file, row by row; InputError naming file and line."""
+    rows = list(csv.reader(_read((folder or Path()) / name).splitlines()))
     header = [cell.strip() for cell in rows[0]] if rows else []
-    if "t" not in header or "f_N" not in header:
-        raise InputError(f"table = {name}: the first line must name the columns t and f_N")
-    t, f = header.index("t"), header.index("f_N")
-    times, forces = [], []
+    missing = [column for column in columns if column not in header]
+    if missing:
+        raise InputError(
+            f"{key} = {name}: the first line must name the columns {', '.join(columns)}"
+            f" ({missing[0]} is missing)"
+        )
+    at = [header.index(column) for column in columns]
+    found = []
     for number, row in enumerate(rows[1:], start=2):
         if not row:
             continue
         try:
-            times.append(float(row[t]))
-            forces.append(float(row[f]))
+            values = [float(row[i]) for i in at]
         except (ValueError, IndexError):
-            raise InputError(f"table = {name}: line {number} is not two numbers") from None
-    return {"times": times, "forces": forces}
+            raise InputError(f"{key} = {name}: line {number} is not {len(at)} numbers") from None
+        if not all(map(math.isfinite, values)):
+            raise InputError(f"{key} = {name}: line {number} has a value that is not finite")
+        found.append(values)
+    return found
 
 
-def _robot_arm(name: str, folder: Path | None) -> Arm:
+def _named_arm(section: str, name: str, folder: Path | None) -> Arm:
     try:
         return load_arm(name, folder)
     except InputError as error:
-        raise InputError(f"[robot] arm = {name!r}: {error}") from None
+        raise InputError(f"[{section}] arm = {name!r}: {error}") from None
 
 
 def arm_names() -> list[str]:

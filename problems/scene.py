@@ -6,6 +6,7 @@ A section that is None is left out of everything: no variable, no constraint.
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from pathlib import Path
 from typing import Any
@@ -275,10 +276,14 @@ class Workspace(Section):
 
 @dataclasses.dataclass(frozen=True)
 class Motion(Section):
-    """A given hand motion for `simulate`: constant acceleration from the opening's start.
+    """A given hand motion for `simulate`.
 
-    position (x, z) [m], angle [rad], velocity [m/s], rate [rad/s], acceleration
-    [m/s^2], angular_acceleration [rad/s^2].
+    Constant acceleration from the opening's start: position (x, z) [m], angle [rad],
+    velocity [m/s], rate [rad/s], acceleration [m/s^2], angular_acceleration [rad/s^2].
+    Or pieces of it: accelerations (a_x, a_z, alpha) from `times` [s] on, the first 0.
+    Or samples: `table`, a CSV with columns t, x, z, theta; or `joints`, a CSV with t and
+    q1, q2, ... of the `arm`, low-passed at `cutoff` [Hz] without phase shift; then
+    opening_time is the time in the file at which the force starts to fall.
     """
 
     position: tuple[float, float] = (0.0, 0.0)
@@ -287,6 +292,28 @@ class Motion(Section):
     rate: float = 0.0
     acceleration: tuple[float, float] = (0.0, 0.0)
     angular_acceleration: float = 0.0
+    times: tuple[float, ...] = ()
+    accelerations: tuple[tuple[float, float, float], ...] = ()
+    table: str | None = None
+    joints: str | None = None
+    arm: str | None = None
+    opening_time: float = 0.0
+    cutoff: float = quantity(above=0, default=35.0)
+    samples: tuple[tuple[float, ...], ...] = ()
+
+    def check(self) -> None:
+        """One kind of motion; as many pieces as times; samples that rise in time."""
+        if self.table is not None and self.joints is not None:
+            raise InputError("give one of 'table' and 'joints'")
+        if (self.joints is None) != (self.arm is None):
+            raise InputError("joints and arm: give both or neither")
+        if len(self.times) != len(self.accelerations):
+            raise InputError(
+                f"times: has {len(self.times)} entries, accelerations has {len(self.accelerations)}"
+            )
+        rows = [row[0] for row in self.samples]
+        if any(b <= a for a, b in itertools.pairwise(rows)):
+            raise InputError(f"{'table' if self.table else 'joints'}: t must rise from row to row")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -340,7 +367,8 @@ class Scene(Section):
         movers = [n for n in ("hand", "robot", "motion") if getattr(self, n) is not None]
         if len(movers) != 1:
             raise InputError("give exactly one of [hand], [robot] and [motion]")
-        if (self.robot is None) != (self.arm is None):
+        moved_by_arm = self.robot is not None or (self.motion and self.motion.joints is not None)
+        if bool(moved_by_arm) != (self.arm is not None):
             raise InputError("[robot] needs its arm data: use load_scene")
         if self.motion is None and self.target is None:
             raise InputError("section [target] is missing")

@@ -1,0 +1,235 @@
+"""The pad patch as points: where it presses, and the friction of all points together.
+
+A disc under 'uniform' or 'hertz' pressure gets rings of points; its radius is chosen so
+that pure torsion is c r_p mu f_N, the limit of the ellipsoid in (19) of Liu and Billard.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from .contact import Contact
+
+Array = npt.NDArray[np.float64]
+
+#: Newton iterations of a step: two or three are usual, a dozen the most that was seen.
+ITERATIONS = 60
+#: Residual over the limit that ends them. It rises tenfold every PATIENCE iterations:
+#: where a point all but sticks, rounding of u / creep can keep it above 1e-12.
+TOLERANCE = 1e-12
+PATIENCE = 12
+
+#: Disc radius over its torsion arm, the mean of |rho| weighted by pressure.
+RADIUS_PER_ARM = {"uniform": 1.5, "hertz": 16.0 / (3.0 * math.pi)}
+
+
+@dataclass(frozen=True)
+class Patch:
+    """Points x, z (P,) [m] from the hand's point, in the hand's frame, and weights (P,).
+
+    The hand's frame has its x axis along the hand's angle and turns with the hand. The
+    weights are shares of the normal force and sum to 1. Raises ValueError for unequal
+    lengths, values that are not finite, weights that are negative or do not sum to 1,
+    and points that all lie in the centre (no torsion).
+    """
+
+    x: Array
+    z: Array
+    weights: Array
+
+    def __post_init__(self) -> None:
+        for name in ("x", "z", "weights"):
+            object.__setattr__(self, name, np.array(getattr(self, name), float))
+        if self.x.ndim != 1 or not self.x.shape == self.z.shape == self.weights.shape:
+            shapes = f"{self.x.shape}, {self.z.shape}, {self.weights.shape}"
+            raise ValueError(f"x, z, weights: one number per point, got {shapes}")
+        if not all(np.isfinite(value).all() for value in (self.x, self.z, self.weights)):
+            raise ValueError("x, z, weights: must be finite numbers")
+        total = float(self.weights.sum())
+        if (self.weights < 0).any() or abs(total - 1.0) > 1e-6:
+            raise ValueError(f"weights: must not be negative and must sum to 1, got {total:g}")
+        if not self.torsion_arm > 0:
+            raise ValueError("x, z: some weight must be away from the centre")
+
+    @property
+    def torsion_arm(self) -> float:
+        """Torque of pure spin about the centre, over mu f_N [m]."""
+        return float(self.weights @ np.hypot(self.x, self.z))
+
+    def scaled(self, factor: float) -> Patch:
+        """The same pressure on a patch `factor` times as large."""
+        return Patch(factor * self.x, factor * self.z, self.weights)
+
+    def sliding_wrench(self, twist: Array) -> Array:
+        """Friction (3,) of a sliding patch over mu f_N [-, -, m], Coulomb's law per point.
+
+        twist (3,): slip of the centre v_x, v_z [m/s] and omega [rad/s], hand's frame. A
+        point that does not move gives nothing.
+        """
+        u_x, u_z = twist[0] - twist[2] * self.z, twist[1] + twist[2] * self.x
+        speed = np.hypot(u_x, u_z)
+        share = self.weights / np.where(speed > 0, speed, np.inf)
+        force_x, force_z = -share * u_x, -share * u_z
+        torque = self.x * force_z - self.z * force_x
+        return np.array([force_x.sum(), force_z.sum(), torque.sum()])
+
+
+Pressure = Literal["uniform", "hertz"] | Patch
+
+
+def disc(pressure: str = "uniform", points: int = 64, torsion_arm: float = 1.0) -> Patch:
+    """About `points` points on a disc whose pure torsion is torsion_arm [m] times mu f_N.
+
+    Gauss points along the radius (exact for the torsion integral) on half as many rings
+    as a square would have rows, evenly around; no point lies on the hand's own axis,
+    about which most releases are symmetric. Raises ValueError for an unknown pressure
+    or fewer than 8 points.
+    """
+    if pressure not in RADIUS_PER_ARM:
+        raise ValueError(f"pressure: {pressure!r} is not one of {', '.join(RADIUS_PER_ARM)}")
+    if points < 8:
+        raise ValueError(f"points: needs at least 8, got {points}")
+    rings = math.isqrt(points) // 2
+    sectors = points // rings
+    # With r = sin(phi), r dr times the pressure is a power of cos(phi): smooth for both.
+    nodes, weights = np.polynomial.legendre.leggauss(40)
+    phi = (nodes + 1.0) * math.pi / 4.0
+    density = weights * np.sin(phi) * np.cos(phi) ** (1 if pressure == "uniform" else 2)
+    radius, share = _gauss(np.sin(phi), density / density.sum(), rings)
+    angle = (np.arange(sectors) + 0.5) * (2.0 * math.pi / sectors)
+    r = np.repeat(radius, sectors) * RADIUS_PER_ARM[pressure] * torsion_arm
+    around = np.tile(angle, rings)
+    return Patch(r * np.cos(around), r * np.sin(around), np.repeat(share / sectors, sectors))
+
+
+def scaled_patch(contact: Contact, pressure: Pressure, points: int) -> tuple[Patch, Array]:
+    """A patch of torsion arm 1, and the arm [m] by which to scale it for `contact`.
+
+    A given patch has its own size; then the contact's c and r_p are not used. With
+    contacts of N throws the arm is (N,).
+    """
+    if isinstance(pressure, Patch):
+        arm = pressure.torsion_arm
+        return pressure.scaled(1.0 / arm), np.asarray(arm)
+    return disc(pressure, points), np.asarray(contact.torsion_arm, float)
+
+
+def _gauss(nodes: Array, weights: Array, count: int) -> tuple[Array, Array]:
+    """Gauss rule of `count` points for the measure of many weighted nodes, by Lanczos."""
+    basis = [np.sqrt(weights)]
+    diagonal, beside = [], []
+    for _ in range(count):
+        image = nodes * basis[-1]
+        diagonal.append(image @ basis[-1])
+        for vector in basis:
+            image = image - (image @ vector) * vector
+        beside.append(float(np.linalg.norm(image)))
+        basis.append(image / beside[-1])
+    matrix = np.diag(diagonal) + np.diag(beside[:-1], 1) + np.diag(beside[:-1], -1)
+    values, vectors = np.linalg.eigh(matrix)
+    return values, vectors[0] ** 2
+
+
+class PointSolver:
+    """Slip of a patch in one implicit step, for N throws on one patch of torsion arm 1.
+
+    Solves  K (v - b) + limit * sum_i w_i B_i^T y_i = 0,  y_i (creep + |u_i|) = u_i +
+    creep * memory_i,  u_i = B_i v,  for the slip v: a strongly monotone problem, so there
+    is one solution. Without memory it is the gradient of a convex function: the work of
+    friction with |u| rounded over `creep`. The shares y_i of the limit, |y_i| <= 1, are
+    unknowns of their own, as Chan, Golub and Mulet do for total variation; with v alone
+    Newton's method would crawl along the corner of |u|.
+    """
+
+    def __init__(self, patch: Patch) -> None:
+        one, zero = np.ones(len(patch.x)), np.zeros(len(patch.x))
+        at = np.array([[one, zero, -patch.z], [zero, one, patch.x]])  # B: (2, 3, P)
+        self.points = len(patch.x)
+        self.slip = at.transpose(0, 2, 1).reshape(-1, 3)
+        #: Force and torque (3, 2 P) of unit shares.
+        self.collect = (at * patch.weights).transpose(1, 0, 2).reshape(3, -1)
+        #: sum of w B^T B (3, 3): what a viscous patch gives.
+        self.spread = self.collect @ self.slip
+        products = np.einsum("ajp,p,bkp->jkabp", at, patch.weights, at)
+        self._products = products.reshape(9, -1)
+
+    def solve(
+        self,
+        mass: Array,
+        free: Array,
+        limit: Array,
+        creep: Array | float,
+        memory: Array | float,
+        slip: Array,
+        share: Array,
+    ) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
+        """Slip (3, N) and shares (2, P, N), and which throws (N,) were not solved.
+
+        mass K (N, 3, 3); free b (3, N); limit [N s], creep [m/s] (N,); memory (2, P, N)
+        or 0; slip, share: where to start. The third unknown is spin as a speed.
+        """
+        count = free.shape[1]
+        creep = np.broadcast_to(np.asarray(creep, float), count)
+        memory = np.broadcast_to(np.asarray(memory, float), share.shape)
+        found, shares = slip.copy(), share.copy()
+        left = np.arange(count)
+        floor = TOLERANCE * (limit + np.abs(np.einsum("nij,jn->in", mass, free)).max(axis=0))
+        for i in range(ITERATIONS):
+            u = (self.slip @ slip).reshape(2, self.points, -1)
+            speed = np.sqrt(u[0] ** 2 + u[1] ** 2)
+            steep = 1.0 / (creep + speed)
+            exact = (u + creep * memory) * steep
+            rest = np.einsum("nij,jn->in", mass, slip - free)
+            rest += limit * (self.collect @ exact.reshape(-1, left.size))
+            done = np.abs(rest).max(axis=0) <= floor * 10.0 ** (i // PATIENCE)
+            if done.any():
+                found[:, left[done]], shares[:, :, left[done]] = slip[:, done], exact[:, :, done]
+                go = ~done
+                left = left[go]
+                if left.size == 0:
+                    break
+                mass, free, limit, floor, creep = (
+                    mass[go],
+                    free[:, go],
+                    limit[go],
+                    floor[go],
+                    creep[go],
+                )
+                memory, slip, share, rest = (
+                    memory[..., go],
+                    slip[:, go],
+                    share[..., go],
+                    rest[:, go],
+                )
+                u, speed, steep, exact = u[..., go], speed[:, go], steep[:, go], exact[..., go]
+            slip, share = self._newton(mass, limit, rest, slip, share, u, speed, steep, exact)
+        return found, shares, np.isin(np.arange(count), left)
+
+    def _newton(
+        self,
+        mass: Array,
+        limit: Array,
+        rest: Array,
+        slip: Array,
+        share: Array,
+        u: Array,
+        speed: Array,
+        steep: Array,
+        exact: Array,
+    ) -> tuple[Array, Array]:
+        """One step for slip and shares together; the shares stay in the unit disc."""
+        along = u / np.maximum(speed, 1e-300)
+        slope = -share[:, None] * along * steep
+        slope[0, 0] += steep
+        slope[1, 1] += steep
+        matrix = (self._products @ slope.reshape(4 * self.points, -1)).T.reshape(-1, 3, 3)
+        matrix = mass + limit[:, None, None] * matrix
+        step = -np.linalg.solve(matrix, rest.T[:, :, None])[:, :, 0].T
+        moved = (self.slip @ step).reshape(2, self.points, -1)
+        share = exact + slope[:, 0] * moved[0] + slope[:, 1] * moved[1]
+        return slip + step, share / np.maximum(np.sqrt(share[0] ** 2 + share[1] ** 2), 1.0)

@@ -1,0 +1,55 @@
+"""The seven reference cases as releases."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from throwplan.models.contact import Body, Contact
+from throwplan.models.grip_force import LinearRelease
+from throwplan.models.hand_track import ConstantAcceleration
+from throwplan.models.release import Release, ReleaseCase
+
+VALUES: dict[str, Any] = {
+    name: case
+    for name, case in json.loads(
+        (Path(__file__).parent / "data" / "release.json").read_text()
+    ).items()
+    if isinstance(case, dict) and "detach" in case
+}
+STILL = {"theta0": 0.0, "v0": [0.0, 0.0], "omega0": 0.0, "a": [0.0, 0.0], "alpha": 0.0}
+
+
+def reference_case(name: str) -> ReleaseCase:
+    values = VALUES[name]
+    body, contact = values["object"], values["contact"]
+    hand = STILL if values["hand"] == "drop" else values["hand"]
+    return ReleaseCase(
+        Body(body["m"], body["I"], body["h"]),
+        Contact(contact["mu"], contact["r"], contact["c"], contact["faces"]),
+        LinearRelease(values["fN0"], 0.0, values["T"]),
+        ConstantAcceleration(
+            (0.0, 0.0, hand["theta0"]),
+            (*hand["v0"], hand["omega0"]),
+            (*hand["a"], hand["alpha"]),
+        ),
+    )
+
+
+def expected(name: str, model: str) -> np.ndarray:
+    """x, z, theta, v_x, v_z, omega at detach."""
+    values = VALUES[name]["detach"][model]
+    return np.array([*values["x"], values["theta"], *values["v"], values["omega"]])
+
+
+def detached(release: Release) -> np.ndarray:
+    return np.concatenate([release.com[:, -1], release.com_twist[:, -1]])
+
+
+def landed(release: Release, below: float = 1.0) -> tuple[float, float]:
+    """x [m] and theta [rad] `below` metres under the hand's first position."""
+    end = release.detach
+    time = (end.v_z + np.sqrt(end.v_z**2 + 2 * 9.81 * (end.z + below))) / 9.81
+    return float(end.x + end.v_x * time), float(end.theta + end.omega * time)

@@ -1,0 +1,121 @@
+"""Limit surfaces: gauges, sliding wrenches, normality; 1-D friction laws."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from throwplan.models.contact import Contact
+from throwplan.models.friction import coulomb, karnopp, viscous_smoothed
+from throwplan.models.limit_surface import (
+    Ellipsoid,
+    Quartic,
+    ellipsoid,
+    rotated_ellipsoid,
+    slip_size,
+    smoothed_sliding_wrench,
+)
+
+CONTACT = Contact(0.7, 0.006, 0.6, 2)
+SURFACES = {
+    "ellipsoid": ellipsoid(CONTACT),
+    "rotated": rotated_ellipsoid(CONTACT),
+    "quartic": Quartic(CONTACT, 0.3),
+    "caved": Quartic(CONTACT, 2.5),
+}
+SCALE = np.array([0.7, 0.7, 0.7 * 0.6 * 0.006])
+
+
+def twists(count: int = 40) -> np.ndarray:
+    """Random contact twists whose rotation counts as much as their translation."""
+    return np.random.default_rng(3).standard_normal((count, 3)) / SCALE * 0.01
+
+
+@pytest.mark.parametrize("surface", SURFACES.values(), ids=SURFACES)
+def test_gauge_is_homogeneous_and_symmetric(surface) -> None:
+    for wrench in np.random.default_rng(1).standard_normal((20, 3)) * SCALE:
+        assert surface.gauge(2.5 * wrench) == pytest.approx(2.5 * surface.gauge(wrench))
+        assert surface.gauge(-wrench) == pytest.approx(surface.gauge(wrench))
+
+
+@pytest.mark.parametrize("surface", SURFACES.values(), ids=SURFACES)
+def test_sliding_wrench_lies_on_the_surface_and_takes_most_power(surface) -> None:
+    rng = np.random.default_rng(2)
+    for twist in twists():
+        wrench = surface.sliding_wrench(twist)
+        assert surface.gauge(wrench) == pytest.approx(1.0, rel=1e-9)
+        assert wrench @ twist < 0
+        for direction in rng.standard_normal((20, 3)) * SCALE:
+            other = direction / surface.gauge(direction)
+            assert wrench @ twist <= other @ twist + 1e-9 * abs(wrench @ twist)
+
+
+@pytest.mark.parametrize("surface", SURFACES.values(), ids=SURFACES)
+def test_sliding_wrench_ignores_speed(surface) -> None:
+    for twist in twists(10):
+        assert surface.sliding_wrench(1e-6 * twist) == pytest.approx(surface.sliding_wrench(twist))
+
+
+def test_quartic_with_coupling_one_is_the_ellipsoid() -> None:
+    quartic, round_one = Quartic(CONTACT, 1.0), SURFACES["ellipsoid"]
+    for twist in twists():
+        assert quartic.sliding_wrench(twist) == pytest.approx(round_one.sliding_wrench(twist))
+
+
+def test_pure_slides_give_the_limits() -> None:
+    surface = SURFACES["ellipsoid"]
+    assert surface.sliding_wrench(np.array([1.0, 0, 0])) == pytest.approx([-0.7, 0, 0])
+    turning = surface.sliding_wrench(np.array([0, 0, -2.0]))
+    assert turning == pytest.approx([0, 0, 0.7 * 0.6 * 0.006])
+
+
+def test_rotated_ellipsoid_couples_force_and_torque() -> None:
+    surface = SURFACES["rotated"]
+    assert isinstance(surface, Ellipsoid)
+    assert np.linalg.eigvalsh(surface.matrix).min() > 0
+    assert abs(surface.matrix[1, 2]) > 0
+    assert abs(surface.sliding_wrench(np.array([0, 1.0, 0]))[2]) > 0
+
+
+def test_smoothing_is_linear_inside_the_band_and_nothing_outside() -> None:
+    surface = SURFACES["ellipsoid"]
+    twist = np.array([0.003, -0.004, 0.0])
+    full = surface.sliding_wrench(twist)
+    assert smoothed_sliding_wrench(surface, twist, 0.005, 0.01) == pytest.approx(0.5 * full)
+    assert smoothed_sliding_wrench(surface, 9 * twist, 0.045, 0.01) == pytest.approx(full)
+    assert smoothed_sliding_wrench(surface, 0 * twist, 0.0, 0.01) == pytest.approx(np.zeros(3))
+
+
+def test_norms_of_a_twist() -> None:
+    twist = np.array([0.03, 0.04, 2.0])
+    assert slip_size(twist, CONTACT, "paper") == pytest.approx(math.sqrt(0.05**2 + 4.0))
+    assert slip_size(twist, CONTACT, "consistent") == pytest.approx(
+        math.hypot(0.05, 2.0 * 0.6 * 0.006)
+    )
+
+
+def test_one_dimensional_laws() -> None:
+    assert coulomb(0.0, 2.0, 3.0) == -2.0
+    assert np.isnan(coulomb(0.0, 4.0, 3.0))
+    assert coulomb(-0.1, 9.0, 3.0) == 3.0
+    assert karnopp(1e-9, 2.0, 3.0, 1e-8) == -2.0
+    assert karnopp(1e-9, 4.0, 3.0, 1e-8) == -3.0
+    assert karnopp(-1e-3, 4.0, 3.0, 1e-8) == 3.0
+    assert viscous_smoothed([-1.0, 0.0, 0.005, 1.0], 3.0, 0.01) == pytest.approx(
+        [3.0, 0.0, -1.5, -3.0]
+    )
+
+
+def test_karnopp_block_starts_to_slide_where_the_pull_exceeds_the_limit() -> None:
+    """A pulled block under a falling normal force: onset at mu f_N = pull, then closed form."""
+    mass, pull, mu, full, end = 1.0, 3.0, 0.5, 20.0, 0.1
+    steps = 20000
+    dt, v = end / steps, 0.0
+    for k in range(steps):
+        limit = mu * full * (1 - (k + 0.5) / steps)
+        v += dt * (pull + float(karnopp(v, pull, limit, 1e-8))) / mass
+    onset = end * (1 - pull / (mu * full))
+    free = end - onset
+    # Net force grows linearly from 0 at the onset to the whole pull at the end.
+    assert v == pytest.approx(pull * free / 2 / mass, rel=1e-3)
