@@ -17,10 +17,12 @@ import numpy.typing as npt
 from .contact import Body, Contact, HandMotion
 from .grip_force import GripProfile
 from .integrate import rk4_step
-from .sliding_pivot import Form, SlidingPivot
+from .sliding_pivot import LOST_SLIP, Form, SlidingPivot
 from .time_stepping import HandState, LimitSurfaceStepping
 
 Array = npt.NDArray[np.float64]
+#: Numbers of some of the throws.
+Throws = npt.NDArray[np.int_]
 #: Pose, twist and acceleration of the hands, each (3, N).
 Hands = tuple[Array, Array, Array]
 
@@ -37,7 +39,7 @@ class HandsTrack(Protocol):
     def at(self, times: Array) -> Hands:
         """The hands at `times` (N,) [s], one time per throw."""
 
-    def part(self, throws: slice) -> HandsTrack:
+    def part(self, throws: Throws) -> HandsTrack:
         """The hands of the given throws."""
 
 
@@ -49,7 +51,7 @@ class ConstantAccelerations:
     twist: Array
     acceleration: Array
 
-    def part(self, throws: slice) -> ConstantAccelerations:
+    def part(self, throws: Throws) -> ConstantAccelerations:
         """The hands of the given throws."""
         return ConstantAccelerations(
             self.pose[throws], self.twist[throws], self.acceleration[throws]
@@ -80,7 +82,7 @@ class SampledHands:
 
         return np.asarray(CubicSpline(self.times, self.poses, axis=1).c)
 
-    def part(self, throws: slice) -> SampledHands:
+    def part(self, throws: Throws) -> SampledHands:
         """The hands of the given throws."""
         poses = self.poses if len(self.poses) == 1 else self.poses[throws]
         return SampledHands(self.times, poses, None if self.delays is None else self.delays[throws])
@@ -115,7 +117,7 @@ class ReleaseBatch:
     gravity: Any = 9.81
     grasp_angle: Any = 0.0
 
-    def part(self, throws: slice) -> ReleaseBatch:
+    def part(self, throws: Throws) -> ReleaseBatch:
         """The given throws as a batch of their own; numbers stay numbers."""
 
         def cut(value: Any) -> Any:
@@ -123,7 +125,7 @@ class ReleaseBatch:
 
         return replace(
             self,
-            count=throws.stop - throws.start,
+            count=len(throws),
             body=Body(*(cut(getattr(self.body, f.name)) for f in fields(Body))),
             contact=Contact(*(cut(getattr(self.contact, f.name)) for f in fields(Contact))),
             hands=self.hands.part(throws),
@@ -138,9 +140,27 @@ def run_batch(batch: ReleaseBatch, step: Callable[[ReleaseBatch], Array]) -> Arr
     """Detach states (N, 6): CoM pose and twist; `step` throws one chunk."""
     detach = np.empty((batch.count, 6))
     for first in range(0, batch.count, CHUNK):
-        throws = slice(first, min(first + CHUNK, batch.count))
+        throws = np.arange(first, min(first + CHUNK, batch.count))
         detach[throws] = step(batch.part(throws)).T
     return detach
+
+
+def _levels(batch: ReleaseBatch) -> npt.NDArray[np.int_]:
+    """How often the steps of each throw (N,) are doubled: by its own swings alone.
+
+    A body on a shaken hand swings at most at about sqrt(m h a / J); fast swings over a
+    long opening need more steps. That the number depends on the throw alone keeps its
+    result independent of its neighbours.
+    """
+    zero = np.zeros(batch.count)
+    _, twist, acceleration = batch.hands.at(zero)
+    body = batch.body
+    pull = np.hypot(acceleration[0], acceleration[1]) + batch.gravity
+    arm = body.mass * (body.com_offset + LOST_SLIP * 0.1)
+    swing = np.sqrt(arm * pull / body.grasp_inertia) + np.abs(twist[2])
+    turning = np.abs(acceleration[2]) * batch.opening
+    cycles = batch.opening * (swing + turning)
+    return np.clip(np.ceil(np.log2(np.maximum(cycles / 8.0, 1.0))), 0, 6).astype(int)
 
 
 def graded(steps: int, power: float) -> Array:
@@ -153,7 +173,21 @@ def graded(steps: int, power: float) -> Array:
 
 
 def sliding_pivot_batch(batch: ReleaseBatch, steps: int = 48, form: Form = "continuous") -> Array:
-    """Detach states (N, 6) by the non-smooth sliding pivot in `steps` Runge-Kutta steps."""
+    """Detach states (N, 6) by the non-smooth sliding pivot.
+
+    `steps` Runge-Kutta steps; doubled, once or more, for throws that swing fast.
+    """
+    levels = _levels(batch)
+    detach = np.empty((batch.count, 6))
+    for level in np.unique(levels):
+        throws = np.flatnonzero(levels == level)
+        part = batch if throws.size == batch.count else batch.part(throws)
+        detach[throws] = _sliding_pivot_even(part, steps * 2**level, form)
+    return detach
+
+
+def _sliding_pivot_even(batch: ReleaseBatch, steps: int, form: Form) -> Array:
+    """The same in `steps` steps for all."""
     shares = graded(steps, GRADING)
     middles = (shares[:-1] + shares[1:]) / 2
 

@@ -7,6 +7,7 @@ viscous-smoothed; explicit Euler still chatters, an implicit integrator (`ils`) 
 
 from __future__ import annotations
 
+import itertools
 import warnings
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -91,7 +92,7 @@ class ImplicitRelease:
     """The viscous-smoothed limit surface by a stiff integrator (ILS).
 
     half_band d [m/s]; norm of |v| in Gamma_d; method, rtol and atol of
-    scipy.integrate.solve_ivp; samples kept.
+    scipy.integrate.solve_ivp; samples kept; budget: evaluations before it gives up.
     """
 
     half_band: float = 0.01
@@ -101,6 +102,7 @@ class ImplicitRelease:
     atol: float = 1e-10
     samples: int = 501
     shape: Shape = ellipsoid
+    budget: int = 100_000
 
     def release(self, case: ReleaseCase) -> Release:
         """The release of one case; `trouble` says so if the integrator gave up."""
@@ -117,7 +119,11 @@ class ImplicitRelease:
             size = slip_size(slip, case.contact, self.norm)
             return force * smoothed_sliding_wrench(surface, slip, size, self.half_band)
 
+        spent = itertools.count(1)
+
         def rates(t: float, state: Array) -> Array:
+            if next(spent) > self.budget:
+                raise _OutOfBudgetError
             hand = case.hand.at(np.array([t]))
             force = case.contact.faces * float(case.grip.force(t))
             return _rates(case, state, friction(state, hand, force), hand.pose[:2, 0])
@@ -127,7 +133,12 @@ class ImplicitRelease:
             options: dict[str, Any] = {"rtol": self.rtol, "atol": self.atol}
             # A first step within the time in which the contact creeps up to its load.
             options["first_step"] = 1e-6 * case.grip.opening
-            run = solve_ivp(rates, (0.0, times[-1]), case.start(), self.method, times, **options)
+            try:
+                run = solve_ivp(
+                    rates, (0.0, times[-1]), case.start(), self.method, times, **options
+                )
+            except _OutOfBudgetError:
+                return failed(times, f"{self.method} gave up after {self.budget} evaluations")
         if not run.success or run.y.shape[1] != len(times) or not np.isfinite(run.y).all():
             words = str(caught[-1].message) if caught else run.message
             return failed(times, f"{self.method} gave up: {words}")
@@ -136,6 +147,10 @@ class ImplicitRelease:
             for t, state in zip(times, run.y.T, strict=True)
         ]
         return _as_release(times, run.y, np.array(wrenches).T)
+
+
+class _OutOfBudgetError(Exception):
+    """The integrator makes no headway."""
 
 
 def _rates(case: ReleaseCase, state: Array, wrench: Array, hand: Array) -> Array:

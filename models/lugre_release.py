@@ -18,8 +18,9 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from .batch import ReleaseBatch
 from .patch import Pressure
-from .patch_release import Bristles, Throws, patch_batch, single
+from .patch_release import Bristles, Throws, march, patch_batch, single
 from .release import Release, ReleaseCase
 
 Array = npt.NDArray[np.float64]
@@ -51,19 +52,18 @@ class LuGreRelease:
 
     def release(self, case: ReleaseCase) -> Release:
         """The release of one case; `trouble` says so if a step was not solved."""
-        grip = case.contact.faces * float(case.grip.force(0.0))
-        return single(self._batch(Throws.of(case, self.steps), np.array([grip])))
+        throws = Throws.of(case, self.steps)
+        return single(march(throws, self.points, self.pressure, self.bristles(throws)))
 
-    def batch(self, throws: Throws) -> Release:
-        """N releases in one run, as patch_batch; the throws bring their own steps."""
-        # The full grip, half a step before the first sample.
-        return self._batch(throws, throws.contact.faces * throws.forces[0])
+    def batch(self, batch: ReleaseBatch) -> Array:
+        """Detach states (N, 6) of a batch; NaN for a throw with a step that was not solved."""
+        return patch_batch(batch, self.steps, self.points, self.pressure, self.bristles)
 
-    def _batch(self, throws: Throws, grip: Array) -> Release:
-        """grip (N,): normal force of all faces when it starts to fall [N]."""
+    def bristles(self, throws: Throws) -> Bristles:
+        """The bristles, damped as the full grip (that of the first step) asks for."""
+        grip = throws.contact.faces * throws.forces[0]
         damping = self.damping_ratio * critical_damping(throws.body.mass, grip, self.stiffness)
-        bristles = Bristles(self.stiffness, damping, self.viscous)
-        return patch_batch(throws, self.points, self.pressure, bristles)
+        return Bristles(self.stiffness, damping, self.viscous)
 
 
 def critical_damping(mass: Array | float, normal_force: Array | float, stiffness: float) -> Array:

@@ -17,7 +17,7 @@ from .contact import Contact
 
 Array = npt.NDArray[np.float64]
 
-#: Newton iterations of a step: two or three are usual, a dozen the most that was seen.
+#: Newton iterations of a step: two or three are usual, 18 the most that was seen.
 ITERATIONS = 60
 #: Residual over the limit that ends them. It rises tenfold every PATIENCE iterations:
 #: where a point all but sticks, rounding of u / creep can keep it above 1e-12.
@@ -135,101 +135,102 @@ def _gauss(nodes: Array, weights: Array, count: int) -> tuple[Array, Array]:
     return values, vectors[0] ** 2
 
 
-class PointSolver:
-    """Slip of a patch in one implicit step, for N throws on one patch of torsion arm 1.
+@dataclass(frozen=True)
+class SlipProblem:
+    """One implicit step of N throws on a patch of torsion arm 1, for the slip v (3, N).
 
-    Solves  K (v - b) + limit * sum_i w_i B_i^T y_i = 0,  y_i (creep + |u_i|) = u_i +
-    creep * memory_i,  u_i = B_i v,  for the slip v: a strongly monotone problem, so there
-    is one solution. Without memory it is the gradient of a convex function: the work of
-    friction with |u| rounded over `creep`. The shares y_i of the limit, |y_i| <= 1, are
-    unknowns of their own, as Chan, Golub and Mulet do for total variation; with v alone
-    Newton's method would crawl along the corner of |u|.
+    K (v - b) + limit * sum_i w_i B_i^T y_i = 0,   u_i = B_i v,
+    y_i (creep + |u_i|) = u_i + creep * memory_i.
+
+    mass K (N, 3, 3); free b (3, N); limit (N,) [N s]; creep (N,) [m/s]; memory (2, P, N).
+    The third slip is spin as a speed. The equations are strongly monotone for
+    |memory_i| <= 1, so there is one solution. Without memory they are the gradient of a
+    convex function, friction's work with |u| rounded over `creep`.
+    """
+
+    mass: Array
+    free: Array
+    limit: Array
+    creep: Array
+    memory: Array
+
+    def part(self, throws: npt.NDArray[np.bool_]) -> SlipProblem:
+        """Some of the throws."""
+        limit, creep = self.limit[throws], self.creep[throws]
+        return SlipProblem(
+            self.mass[throws], self.free[:, throws], limit, creep, self.memory[..., throws]
+        )
+
+    def momentum(self, slip: Array) -> Array:
+        """K v (3, N) [N s]."""
+        return np.asarray(np.einsum("nij,jn->in", self.mass, slip))
+
+
+class PointSolver:
+    """Newton's method for the slip of a patch of torsion arm 1.
+
+    The shares y_i of the limit are unknowns of their own, as Chan, Golub and Mulet do for
+    total variation; with v alone it would crawl along the corner of |u|.
     """
 
     def __init__(self, patch: Patch) -> None:
         one, zero = np.ones(len(patch.x)), np.zeros(len(patch.x))
         at = np.array([[one, zero, -patch.z], [zero, one, patch.x]])  # B: (2, 3, P)
         self.points = len(patch.x)
-        self.slip = at.transpose(0, 2, 1).reshape(-1, 3)
-        #: Force and torque (3, 2 P) of unit shares.
-        self.collect = (at * patch.weights).transpose(1, 0, 2).reshape(3, -1)
-        #: sum of w B^T B (3, 3): what a viscous patch gives.
-        self.spread = self.collect @ self.slip
+        self._slip = at.transpose(0, 2, 1).reshape(-1, 3)
+        self._collect = (at * patch.weights).transpose(1, 0, 2).reshape(3, -1)
         products = np.einsum("ajp,p,bkp->jkabp", at, patch.weights, at)
         self._products = products.reshape(9, -1)
+        #: sum of w B^T B (3, 3): what a viscous patch gives.
+        self.spread = self._collect @ self._slip
+
+    def slips(self, slip: Array) -> Array:
+        """u (2, P, N) of the points for the slip (3, N) of the patch."""
+        return np.asarray((self._slip @ slip).reshape(2, self.points, -1))
+
+    def collect(self, share: Array) -> Array:
+        """sum of w B^T y: force and torque (3, N) of shares (2, P, N)."""
+        return np.asarray(self._collect @ share.reshape(2 * self.points, -1))
 
     def solve(
-        self,
-        mass: Array,
-        free: Array,
-        limit: Array,
-        creep: Array | float,
-        memory: Array | float,
-        slip: Array,
-        share: Array,
+        self, problem: SlipProblem, slip: Array, share: Array
     ) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
         """Slip (3, N) and shares (2, P, N), and which throws (N,) were not solved.
 
-        mass K (N, 3, 3); free b (3, N); limit [N s], creep [m/s] (N,); memory (2, P, N)
-        or 0; slip, share: where to start. The third unknown is spin as a speed.
+        slip, share: where to start.
         """
-        count = free.shape[1]
-        creep = np.broadcast_to(np.asarray(creep, float), count)
-        memory = np.broadcast_to(np.asarray(memory, float), share.shape)
         found, shares = slip.copy(), share.copy()
-        left = np.arange(count)
-        floor = TOLERANCE * (limit + np.abs(np.einsum("nij,jn->in", mass, free)).max(axis=0))
+        left = np.arange(slip.shape[1])
+        floor = TOLERANCE * (problem.limit + np.abs(problem.momentum(problem.free)).max(axis=0))
         for i in range(ITERATIONS):
-            u = (self.slip @ slip).reshape(2, self.points, -1)
+            u = self.slips(slip)
             speed = np.sqrt(u[0] ** 2 + u[1] ** 2)
-            steep = 1.0 / (creep + speed)
-            exact = (u + creep * memory) * steep
-            rest = np.einsum("nij,jn->in", mass, slip - free)
-            rest += limit * (self.collect @ exact.reshape(-1, left.size))
-            done = np.abs(rest).max(axis=0) <= floor * 10.0 ** (i // PATIENCE)
+            steep = 1.0 / (problem.creep + speed)
+            exact = (u + problem.creep * problem.memory) * steep
+            rest = problem.momentum(slip - problem.free) + problem.limit * self.collect(exact)
+            done = np.abs(rest).max(axis=0) <= floor[left] * 10.0 ** (i // PATIENCE)
             if done.any():
                 found[:, left[done]], shares[:, :, left[done]] = slip[:, done], exact[:, :, done]
                 go = ~done
-                left = left[go]
-                if left.size == 0:
-                    break
-                mass, free, limit, floor, creep = (
-                    mass[go],
-                    free[:, go],
-                    limit[go],
-                    floor[go],
-                    creep[go],
-                )
-                memory, slip, share, rest = (
-                    memory[..., go],
-                    slip[:, go],
-                    share[..., go],
-                    rest[:, go],
-                )
-                u, speed, steep, exact = u[..., go], speed[:, go], steep[:, go], exact[..., go]
-            slip, share = self._newton(mass, limit, rest, slip, share, u, speed, steep, exact)
-        return found, shares, np.isin(np.arange(count), left)
+                left, problem = left[go], problem.part(go)
+                slip, share, rest, exact = slip[:, go], share[..., go], rest[:, go], exact[..., go]
+                along, steep = u[..., go] / np.maximum(speed[:, go], 1e-300), steep[:, go]
+            else:
+                along = u / np.maximum(speed, 1e-300)
+            if left.size == 0:
+                break
+            # How the shares change with the slips of their points (2, 2, P, N).
+            slope = -share[:, None] * along * steep
+            slope[0, 0] += steep
+            slope[1, 1] += steep
+            step = self._newton_step(problem, rest, slope)
+            moved = self.slips(step)
+            share = exact + slope[:, 0] * moved[0] + slope[:, 1] * moved[1]
+            share /= np.maximum(np.sqrt(share[0] ** 2 + share[1] ** 2), 1.0)
+            slip = slip + step
+        return found, shares, np.isin(np.arange(len(floor)), left)
 
-    def _newton(
-        self,
-        mass: Array,
-        limit: Array,
-        rest: Array,
-        slip: Array,
-        share: Array,
-        u: Array,
-        speed: Array,
-        steep: Array,
-        exact: Array,
-    ) -> tuple[Array, Array]:
-        """One step for slip and shares together; the shares stay in the unit disc."""
-        along = u / np.maximum(speed, 1e-300)
-        slope = -share[:, None] * along * steep
-        slope[0, 0] += steep
-        slope[1, 1] += steep
+    def _newton_step(self, problem: SlipProblem, rest: Array, slope: Array) -> Array:
         matrix = (self._products @ slope.reshape(4 * self.points, -1)).T.reshape(-1, 3, 3)
-        matrix = mass + limit[:, None, None] * matrix
-        step = -np.linalg.solve(matrix, rest.T[:, :, None])[:, :, 0].T
-        moved = (self.slip @ step).reshape(2, self.points, -1)
-        share = exact + slope[:, 0] * moved[0] + slope[:, 1] * moved[1]
-        return slip + step, share / np.maximum(np.sqrt(share[0] ** 2 + share[1] ** 2), 1.0)
+        matrix = problem.mass + problem.limit[:, None, None] * matrix
+        return np.asarray(-np.linalg.solve(matrix, rest.T[:, :, None])[:, :, 0].T)

@@ -15,20 +15,24 @@ with the bristle's share y_i of the last step they read y (creep + |u|) = u + cr
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
+from .batch import ReleaseBatch
 from .contact import Body, Contact
-from .grip_force import LinearRelease
-from .patch import PointSolver, Pressure, scaled_patch
-from .release import HandSamples, Release, ReleaseCase
+from .patch import PointSolver, Pressure, SlipProblem, scaled_patch
+from .release import HandSamples, Release, ReleaseCase, failed
 
 Array = npt.NDArray[np.float64]
 
 #: Speed [m/s] over which a rigid point's friction builds up: 0.05 nm in an opening.
 CREEP = 1e-9
+#: Throws per chunk of a batch: arrays of points times throws stay in the cache.
+CHUNK = 256
 
 
 @dataclass(frozen=True)
@@ -44,11 +48,11 @@ class Throws:
     start: Array
     hand: HandSamples
     forces: Array
-    gravity: float = 9.81
+    gravity: Any = 9.81
 
     @classmethod
     def of(cls, case: ReleaseCase, steps: int) -> Throws:
-        """One case as a batch of one."""
+        """One case as a batch of one, in even steps."""
         times = np.linspace(0.0, case.grip.opening, steps + 1)
         forces = case.grip.force((times[1:] + times[:-1]) / 2)[:, None]
         hand = case.hand.at(times)
@@ -57,35 +61,19 @@ class Throws:
         return cls(case.body, case.contact, case.start()[:, None], samples, forces, case.gravity)
 
     @classmethod
-    def constant(
-        cls,
-        body: Body,
-        contact: Contact,
-        hand: tuple[Array, Array, Array],
-        grip: tuple[Array, Array],
-        steps: int,
-        gravity: float = 9.81,
-        grasp_angle: npt.ArrayLike = 0.0,
-    ) -> Throws:
-        """Hands with constant acceleration and grips that fall linearly.
-
-        hand: pose, twist, acceleration at time 0, each (3, N); grip: full force of one pad
-        (N,) [N] and opening (N,) [s]; the body starts sticking at grasp_angle (N,) [rad].
-        """
-        pose, twist, acceleration = (np.asarray(value, float)[:, None] for value in hand)
-        full, opening = (np.asarray(value, float) for value in grip)
-        t = np.linspace(0.0, 1.0, steps + 1)[:, None] * opening
-        place = pose + twist * t + acceleration * t * t / 2
-        samples = HandSamples(
-            t, place, twist + acceleration * t, np.broadcast_to(acceleration, place.shape)
-        )
-        forces = LinearRelease(1.0, 0.0, 1.0).force((np.arange(steps)[:, None] + 0.5) / steps)
-        angle = pose[2, 0] + grasp_angle
-        x_r, z_r = body.com_offset * np.cos(angle), body.com_offset * np.sin(angle)
-        v_x, v_z, omega = twist[:, 0]
-        com = [pose[0, 0] + x_r, pose[1, 0] + z_r, angle]
-        start = np.array([*com, v_x - omega * z_r, v_z + omega * x_r, omega])
-        return cls(body, contact, start, samples, full * forces, gravity)
+    def of_batch(cls, batch: ReleaseBatch, steps: int) -> Throws:
+        """A batch, each throw in even steps of its own opening."""
+        shares = np.linspace(0.0, 1.0, steps + 1)
+        times = shares[:, None] * batch.opening
+        samples = [np.array(part) for part in zip(*map(batch.hands.at, times), strict=True)]
+        hand = HandSamples(times, *(part.transpose(1, 0, 2) for part in samples))
+        shape = batch.grip.force((shares[1:] + shares[:-1]) / 2 * batch.grip.opening)
+        forces = (shape / batch.grip.full)[:, None] * batch.force
+        (x, z, theta), (v_x, v_z, omega) = hand.pose[:, 0], hand.twist[:, 0]
+        angle = theta + batch.grasp_angle
+        x_r, z_r = batch.body.com_offset * np.cos(angle), batch.body.com_offset * np.sin(angle)
+        start = np.array([x + x_r, z + z_r, angle, v_x - omega * z_r, v_z + omega * x_r, omega])
+        return cls(batch.body, batch.contact, start, hand, forces, batch.gravity)
 
 
 @dataclass(frozen=True)
@@ -107,26 +95,52 @@ class PatchRelease:
 
     def release(self, case: ReleaseCase) -> Release:
         """The release of one case; `trouble` says so if a step was not solved."""
-        return single(patch_batch(Throws.of(case, self.steps), self.points, self.pressure))
+        return single(march(Throws.of(case, self.steps), self.points, self.pressure))
+
+    def batch(self, batch: ReleaseBatch) -> Array:
+        """Detach states (N, 6) of a batch; NaN for a throw with a step that was not solved."""
+        return patch_batch(batch, self.steps, self.points, self.pressure)
+
+
+def patch_batch(
+    batch: ReleaseBatch,
+    steps: int = 500,
+    points: int = 64,
+    pressure: Pressure = "uniform",
+    bristles: Callable[[Throws], Bristles] | None = None,
+) -> Array:
+    """Detach states (N, 6) of N different releases, all throws of a chunk in one step.
+
+    Columns: x, z, theta, v_x, v_z, omega of the CoM. bristles: LuGre's law for the throws
+    of a chunk, in place of Coulomb's. NaN for a throw with a step that was not solved.
+    """
+    detach = np.empty((batch.count, 6))
+    for first in range(0, batch.count, CHUNK):
+        part = np.arange(first, min(first + CHUNK, batch.count))
+        throws = Throws.of_batch(batch.part(part), steps)
+        end = march(throws, points, pressure, bristles(throws) if bristles else None).detach
+        detach[part] = np.array([end.x, end.z, end.theta, end.v_x, end.v_z, end.omega]).T
+    return detach
 
 
 def single(batch: Release) -> Release:
     """The only release of a batch of one."""
-    wrench = None if batch.wrench is None else batch.wrench[..., 0]
-    parts = batch.times[:, 0], batch.com[..., 0], batch.com_twist[..., 0]
-    return Release(*parts, wrench=wrench, trouble=batch.trouble)
+    times, com, twist = batch.times[:, 0], batch.com[..., 0], batch.com_twist[..., 0]
+    if not np.isfinite(com).all():
+        return failed(times, "a step of the patch was not solved")
+    return Release(times, com, twist, wrench=None if batch.wrench is None else batch.wrench[..., 0])
 
 
-def patch_batch(
+def march(
     throws: Throws,
     points: int = 64,
     pressure: Pressure = "uniform",
     bristles: Bristles | None = None,
 ) -> Release:
-    """N releases in one run: times (K, N), com, com_twist and wrench (3, K, N).
+    """N releases side by side: times (K, N), com, com_twist and wrench (3, K, N).
 
     bristles: LuGre's law in place of Coulomb's, loaded at time 0 so that the body rests
-    in the hand. `trouble` counts the throws with a step that Newton did not solve.
+    in the hand. Throws with a step that was not solved are NaN.
     """
     patch, arm = scaled_patch(throws.contact, pressure, points)
     solver = PointSolver(patch)
@@ -134,54 +148,50 @@ def patch_batch(
     dt = np.diff(hand.times, axis=0)
     moved, middle = np.diff(hand.pose, axis=1) / dt, (hand.pose[:, 1:] + hand.pose[:, :-1]) / 2
     limits = throws.contact.force_limit(throws.forces) * dt
-    slip, share = np.zeros(state[:3].shape), np.zeros((2, len(patch.x), state.shape[1]))
-    states, wrenches, unsolved = [state], [], np.zeros(state.shape[1], bool)
+    count = state.shape[1]
+    slip, share = np.zeros((3, count)), np.zeros((2, solver.points, count))
+    creep, none = np.full(count, CREEP), share
+    states, wrenches, unsolved = [state], [], np.zeros(count, bool)
     for k in range(len(dt)):
         frame = _Frame.of(throws, state, middle[:, k], moved[:, k], arm, dt[k])
-        creep: Array | float = CREEP
+        problem = SlipProblem(frame.mass, frame.free, limits[k], creep, none)
         if bristles and k == 0:
             # What a rigid patch gives in the first step is the load at rest.
-            _, share, _ = solver.solve(frame.mass, frame.free, limits[0], CREEP, 0.0, slip, share)
-        if bristles is None:
-            step = frame.mass, frame.free, limits[k], creep, 0.0
-        else:
-            step = _bristled(throws, bristles, solver, frame, (limits[k], dt[k]), share)
-        slip, share, open_ = solver.solve(*step, slip, share)
-        unsolved |= open_
+            slip, share, _ = solver.solve(problem, slip, share)
+        if bristles:
+            problem = _bristled(problem, bristles, throws, solver, share, dt[k])
+        slip, share, missed = solver.solve(problem, slip, share)
+        unsolved |= missed
         state, impulse = frame.after(throws, state, slip, dt[k])
         states.append(state)
         wrenches.append(impulse / dt[k])
     track = np.array(states).transpose(1, 0, 2)
     wrench = np.array([wrenches[0], *wrenches]).transpose(1, 0, 2)
-    bad = unsolved | ~np.isfinite(track).all(axis=(0, 1))
-    trouble = f"{bad.sum()} of {bad.size} throws have a step that was not solved" * bool(bad.any())
-    return Release(hand.times, track[:3], track[3:], wrench=wrench, trouble=trouble)
+    track[:, :, unsolved] = np.nan
+    return Release(hand.times, track[:3], track[3:], wrench=wrench)
 
 
 def _bristled(
-    throws: Throws,
+    rigid: SlipProblem,
     bristles: Bristles,
+    throws: Throws,
     solver: PointSolver,
-    frame: _Frame,
-    load: tuple[Array, Array],
     share: Array,
-) -> tuple[Array, Array, Array, Array | float, Array]:
-    """The step's equations with bristles eliminated: mass, free slip, limit, creep, memory.
+    dt: Array,
+) -> SlipProblem:
+    """The step of a rigid patch with bristles in place of the rigid points.
 
-    load: mu times the normal force of all faces times dt, and dt.
+    With y = sigma_0 z / mu and c = mu / (sigma_0 dt) the bristles read
+    y (c + |u|) = u + c share; sigma_1 z' is limit * ratio * (y - share).
     """
-    limit, dt = load
-    friction = np.asarray(throws.contact.friction, float)
-    # sigma_1 z' weighs the change of share in the step: limit * ratio * (y - share).
+    friction = np.broadcast_to(np.asarray(throws.contact.friction, float), dt.shape)
     ratio = np.asarray(bristles.damping / (bristles.stiffness * dt))
-    damped = limit * ratio * (solver.collect @ share.reshape(-1, share.shape[2]))
-    mass = frame.mass
-    if bristles.viscous:
-        mass = mass + (limit / friction * bristles.viscous)[:, None, None] * solver.spread
-    rhs = np.einsum("nij,jn->in", frame.mass, frame.free) + damped
+    rhs = rigid.momentum(rigid.free) + rigid.limit * ratio * solver.collect(share)
+    viscous = bristles.viscous * rigid.limit / friction
+    mass = rigid.mass + viscous[:, None, None] * solver.spread
     free = np.linalg.solve(mass, rhs.T[:, :, None])[:, :, 0].T
     creep = friction / (bristles.stiffness * dt)
-    return mass, free, limit * (1.0 + ratio), creep, share
+    return SlipProblem(mass, free, rigid.limit * (1.0 + ratio), creep, share)
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,17 @@ The CoM seen from the hand is r = s + h (cos theta, sin theta).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 from .backend import Value, backend, components
 from .contact import Body, Contact, HandMotion, pivot_wrench
 from .smoothing import Widths, positive, soft_positive
+
+#: Slip beyond h by which the body has left the pads [m]. The published law lets a body
+#: that slides on under a turning hand run away; from here on it flies freely.
+LOST_SLIP = 0.1
 
 #: Number of relative states: slip_x, slip_z, theta_r and their rates.
 STATES = 6
@@ -83,17 +88,28 @@ class SlidingPivot:
 
         # r'' = s'' + h e(theta)'', so the slip takes what the pivot motion leaves.
         h_x, h_z = x_r - state[0], z_r - state[1]
+        xp = backend(over_force, h_x, alpha_r)
         if self.form == "continuous":
             slip_x = -alpha * state[1] - omega * omega * state[0] - delta_x / body.mass
             slip_z = alpha * state[0] - omega * omega * state[1] - delta_z / body.mass
         else:
             # (36): the world acceleration of the CoM under saturated friction.
-            xp = backend(over_force)
             free_x = (force[0] - delta_x) / body.mass - hand.a_x
             free_z = (force[1] - delta_z) / body.mass - self.gravity - hand.a_z
             slip_x = xp.where(over_force > 0, free_x + alpha * h_z + omega * omega * h_x, 0.0)
             slip_z = xp.where(over_force > 0, free_z - alpha * h_x + omega * omega * h_z, 0.0)
+        if self.widths is None:
+            lost = self.lost(state)
+            fall_x, fall_z = -hand.a_x, -self.gravity - hand.a_z
+            slip_x = xp.where(lost, fall_x + omega * omega * h_x, slip_x)
+            slip_z = xp.where(lost, fall_z + omega * omega * h_z, slip_z)
+            alpha_r = xp.where(lost, -hand.alpha, alpha_r)
         return [state[3], state[4], state[5], slip_x, slip_z, alpha_r]
+
+    def lost(self, state: Sequence[Value]) -> Value:
+        """Whether the body has slid out of the pads before they let go."""
+        limit = self.body.com_offset + LOST_SLIP
+        return state[0] * state[0] + state[1] * state[1] > limit * limit
 
     def friction(
         self, state: Value, hand: HandMotion, normal_force: Value

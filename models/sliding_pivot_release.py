@@ -83,7 +83,10 @@ def world_release(law: SlidingPivot, hand: HandSamples, states: Array, forces: A
     torque, force = law.excess(states, motion, forces)
     pivot, slide = onset(hand.times, torque), onset(hand.times, force)
     wrench = np.vstack(law.friction(states, motion, forces))
-    return Release(hand.times, com, twist, pivot, slide, wrench)
+    trouble = "the body slid out of the pads before they let go" if law.lost(states).any() else ""
+    if not np.isfinite(com).all():
+        trouble = "the steps blew up: needs more steps"
+    return Release(hand.times, com, twist, pivot, slide, wrench, trouble)
 
 
 def numbers(case: ReleaseCase) -> Array:

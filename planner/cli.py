@@ -223,7 +223,7 @@ def _add_simulate(commands: Any) -> None:
     parser = _command(commands, "simulate", _simulate, words, "throwplan simulate drop --model sp")
     _add_scene(parser)
     parser.add_argument("--model", default="all", metavar="NAME", help="a model's name, or all")
-    _add_out(parser, "simulation.json")
+    _add_out(parser, "simulation.json and five pictures")
 
 
 def _simulate(options: argparse.Namespace) -> int:
@@ -236,6 +236,10 @@ def _simulate(options: argparse.Namespace) -> int:
         from .files import save_text
 
         save_text(text + "\n", Path(options.out), "simulation.json")
+        from .release_pictures import draw_release_pictures
+
+        _say(options, f"{scene.name}: drawing")
+        draw_release_pictures(scene, Path(options.out))
     if options.json:
         print(text)
         return DONE

@@ -103,7 +103,7 @@ def _run(model: str, batch: ReleaseBatch, executor: Executor | None) -> Array:
     if executor is None:
         return BATCH_MODELS[model](batch)
     shares = np.array_split(np.arange(batch.count), max(batch.count // 4096, 1))
-    parts = [_Share(model, batch, slice(int(s[0]), int(s[-1]) + 1)) for s in shares if s.size]
+    parts = [_Share(model, batch.part(throws)) for throws in shares]
     return np.vstack(list(executor.map(_run_share, parts)))
 
 
@@ -113,11 +113,10 @@ class _Share:
 
     model: str
     batch: ReleaseBatch
-    throws: slice
 
 
 def _run_share(share: _Share) -> Array:
-    return BATCH_MODELS[share.model](share.batch.part(share.throws))
+    return BATCH_MODELS[share.model](share.batch)
 
 
 def _batch(

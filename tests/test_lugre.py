@@ -1,0 +1,178 @@
+"""LuGre bristles: an independent integration, the rigid limit, rest, damping, energy."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from release_cases import VALUES, detached, landed, reference_case
+from scipy.integrate import solve_ivp
+from throwplan.models.contact import Body, Contact
+from throwplan.models.grip_force import LinearRelease
+from throwplan.models.hand_track import ConstantAcceleration
+from throwplan.models.lugre_release import LuGreRelease, critical_damping
+from throwplan.models.patch import disc
+from throwplan.models.patch_release import PatchRelease, Throws, march
+from throwplan.models.release import ReleaseCase
+
+CASES = sorted(VALUES)
+DROP = "drop_h100_faces2"
+
+
+def reference(case: ReleaseCase, model: LuGreRelease) -> np.ndarray:
+    """The law as printed, by a stiff integrator, for a still hand at angle 0: detach (6,)."""
+    patch = disc("uniform", model.points, float(case.contact.torsion_arm))
+    body, mu, count = case.body, case.contact.friction, len(patch.x)
+    grip = case.contact.faces * float(case.grip.force(0.0))
+    damping = model.damping_ratio * critical_damping(body.mass, grip, model.stiffness)
+    weight = body.mass * case.gravity
+
+    def rates(t: float, state: np.ndarray) -> np.ndarray:
+        (x, z, _), (v_x, v_z, omega) = state[:3], state[3:6]
+        bristle = state[6:].reshape(2, count)
+        v = np.array([v_x + omega * (z - patch.z), v_z - omega * (x - patch.x)])
+        bent = v - model.stiffness * np.hypot(v[0], v[1]) * bristle / mu
+        force = -case.contact.faces * float(case.grip.force(t)) * patch.weights
+        force = force * (model.stiffness * bristle + damping * bent + model.viscous * v)
+        torque = ((patch.x - x) * force[1] - (patch.z - z) * force[0]).sum()
+        a = np.array([force[0].sum() / body.mass, force[1].sum() / body.mass - case.gravity])
+        return np.concatenate([state[3:6], a, [torque / body.inertia], bent.ravel()])
+
+    # Bristles of a linear pad that carry weight and its torque about the pads.
+    at = np.array([[np.ones(count), 0 * patch.x, -patch.z], [0 * patch.x, np.ones(count), patch.x]])
+    spread = np.einsum("ajp,p,akp->jk", at, patch.weights, at)
+    load = np.array([0.0, -weight, -weight * body.com_offset]) / (grip * model.stiffness)
+    bristle = np.einsum("ajp,j->ap", at, np.linalg.solve(spread, load))
+    start = np.concatenate([case.start(), bristle.ravel()])
+    run = solve_ivp(rates, (0.0, case.grip.opening), start, "LSODA", rtol=1e-7, atol=1e-11)
+    return np.asarray(run.y[:6, -1])
+
+
+@pytest.mark.parametrize(
+    "model",
+    [
+        LuGreRelease(points=8, stiffness=1e5, steps=2000),
+        LuGreRelease(points=8, stiffness=1e6, damping_ratio=0.3, viscous=0.5, steps=2000),
+    ],
+)
+def test_agrees_with_an_independent_integration(model: LuGreRelease) -> None:
+    # A light load at first, so that linear and loaded bristles are the same.
+    case = dataclasses.replace(reference_case(DROP), grip=LinearRelease(300.0, 0.0, 0.05))
+    found, expected = detached(model.release(case)), reference(case, model)
+    assert found[5] == pytest.approx(expected[5], rel=0.01)
+    np.testing.assert_allclose(found[3:5], expected[3:5], atol=1e-3)
+    np.testing.assert_allclose(found[:3], expected[:3], atol=1e-4)
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_stiff_bristles_become_the_rigid_patch(name: str) -> None:
+    case = reference_case(name)
+    rigid = detached(PatchRelease(steps=300).release(case))
+    apart = []
+    for stiffness in (1e6, 1e8, 1e10, 1e12):
+        bristled = LuGreRelease(stiffness=stiffness, steps=300).release(case)
+        apart.append(float(np.abs(detached(bristled) - rigid).max()))
+    # At least with the root of the stiffness, as the damping does.
+    assert apart[1] < 0.01
+    assert apart[2] < 1e-3
+    assert apart[3] < 3e-4
+
+
+def test_a_gripped_bar_stays_put() -> None:
+    body, contact = Body(0.24, 5.35e-4, 0.1), Contact(0.8, 0.0075)
+    hand = ConstantAcceleration((0.0, 0.0, 0.4))
+    case = ReleaseCase(body, contact, LinearRelease(400.0, 0.0, 0.05), hand)
+    release = LuGreRelease(stiffness=1e6).release(case)
+    # In the first half bristles bend further as the grip falls: less than mu / sigma_0.
+    moved = np.abs(release.com[:, :250] - release.com[:, :1]).max(axis=1)
+    across = contact.friction / 1e6
+    assert moved[2] < across / float(contact.torsion_arm)
+    assert moved[:2].max() < across * body.com_offset / float(contact.torsion_arm)
+
+
+def test_bristles_start_loaded() -> None:
+    case = reference_case(DROP)
+    release = LuGreRelease(stiffness=1e5).release(case)
+    # Empty bristles would let the bar fall freely in the first steps.
+    assert release.wrench is not None
+    weight = case.body.mass * case.gravity
+    assert release.wrench[1, :5] == pytest.approx(weight, rel=0.02)
+    assert release.wrench[2, :5] == pytest.approx(weight * case.body.com_offset, rel=0.02)
+
+
+@pytest.mark.parametrize("stiffness", [1e5, 1e7])
+def test_the_drop_leaves_turning(stiffness: float) -> None:
+    # With a stiffness that does not fall with the grip it would leave at rest.
+    release = LuGreRelease(stiffness=stiffness).release(reference_case(DROP))
+    assert -1.4 < release.detach.omega < -0.9
+
+
+def test_damping_hardly_matters() -> None:
+    for name in (DROP, "throw_decelerating", "throw_com2_slow_opening"):
+        thetas = [
+            landed(LuGreRelease(damping_ratio=ratio).release(reference_case(name)))[1]
+            for ratio in (0.1, 1.0, 10.0)
+        ]
+        assert np.ptp(thetas) < math.radians(0.5)
+
+
+def test_compliance_moves_landings_by_millimetres() -> None:
+    # The band of examples/model_table.py, which falls with stiffness.
+    for name in CASES:
+        case = reference_case(name)
+        x_rigid, theta_rigid = landed(PatchRelease().release(case))
+        x, theta = landed(LuGreRelease().release(case))
+        assert abs(x - x_rigid) < 2.7e-3
+        assert abs(theta - theta_rigid) < math.radians(1.6)
+
+
+@pytest.mark.parametrize("name", [DROP, "throw_decelerating"])
+def test_stepping_is_first_order(name: str) -> None:
+    case, grids = reference_case(name), np.array([125, 250, 500, 1000])
+    at = {
+        int(steps): detached(LuGreRelease(points=24, stiffness=1e7, steps=int(steps)).release(case))
+        for steps in (*grids, 2000, 4000)
+    }
+    exact = 2 * at[4000] - at[2000]
+    found = [np.abs(at[int(steps)] - exact).max() for steps in grids]
+    assert -np.polyfit(np.log(grids), np.log(found), 1)[0] == pytest.approx(1.0, abs=0.3)
+
+
+def test_a_still_hand_gives_no_energy_beyond_that_of_the_bristles() -> None:
+    # Bristles hold at most N mu^2 / (2 sigma_0), and lose it as the grip falls.
+    for name in ("drop_h100_faces1", "drop_h020_faces2"):
+        for ratio in (0.1, 10.0):
+            case = reference_case(name)
+            release = LuGreRelease(stiffness=1e5, damping_ratio=ratio).release(case)
+            v_x, v_z, omega = release.com_twist
+            body, z = case.body, release.com[1]
+            energy = body.mass * ((v_x**2 + v_z**2) / 2 + 9.81 * z) + body.inertia * omega**2 / 2
+            bristles = case.contact.faces * case.grip.full * case.contact.friction**2 / 2e5
+            assert (energy <= energy[0] + bristles).all()
+
+
+def test_the_wrench_stays_within_the_limits_without_damping_peaks() -> None:
+    case = reference_case(DROP)
+    model = LuGreRelease(stiffness=1e6, damping_ratio=1e-6)
+    release = march(Throws.of(case, 500), bristles=model.bristles(Throws.of(case, 500)))
+    assert release.wrench is not None
+    forces = case.grip.force((release.times[1:, 0] + release.times[:-1, 0]) / 2)
+    limit = case.contact.force_limit(forces)
+    size = np.hypot(release.wrench[0, 1:, 0], release.wrench[1, 1:, 0])
+    assert (size <= limit * (1 + 1e-3) + 1e-9).all()
+
+
+@pytest.mark.parametrize(
+    ("setting", "words"),
+    [
+        ({"stiffness": 0.0}, "stiffness: must be above 0"),
+        ({"damping_ratio": 0.0}, "damping_ratio: must be above 0"),
+        ({"damping_ratio": math.nan}, "damping_ratio: must be above 0"),
+        ({"viscous": -1.0}, "viscous: must not be negative"),
+    ],
+)
+def test_impossible_settings_are_refused(setting: dict[str, float], words: str) -> None:
+    with pytest.raises(ValueError, match=words):
+        LuGreRelease(**setting)

@@ -1,0 +1,367 @@
+"""Meshed patch: mesh, closed forms, dry friction's laws, and the limit surface beside it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from release_cases import VALUES, detached, landed, reference_case
+from throwplan.models.batch import ConstantAccelerations, ReleaseBatch
+from throwplan.models.contact import Body, Contact
+from throwplan.models.grip_force import LinearRelease
+from throwplan.models.hand_track import ConstantAcceleration, SampledHand
+from throwplan.models.patch import (
+    RADIUS_PER_ARM,
+    Patch,
+    PointSolver,
+    SlipProblem,
+    disc,
+    scaled_patch,
+)
+from throwplan.models.patch_release import CREEP, PatchRelease, patch_batch
+from throwplan.models.release import Release, ReleaseCase
+from throwplan.models.time_stepping_release import SteppedRelease
+
+CASES = sorted(VALUES)
+BAR = Body(0.24, 5.35e-4, 0.1)
+BLOCK = Body(0.24, 5.35e-4, 0.0)
+PADS = Contact(0.8, 0.0075)
+GRIP = LinearRelease(50.0, 0.0, 0.05)
+REST = ConstantAcceleration((0.0, 0.0, 0.0))
+PRESSURES = ("uniform", "hertz")
+
+
+# The mesh.
+
+
+@pytest.mark.parametrize("pressure", PRESSURES)
+@pytest.mark.parametrize("points", [8, 30, 64, 400])
+def test_pure_torsion_is_the_arm_of_the_contact(pressure: str, points: int) -> None:
+    patch = disc(pressure, points, PADS.torsion_arm)
+    assert patch.weights.sum() == pytest.approx(1.0, abs=1e-12)
+    assert patch.torsion_arm == pytest.approx(PADS.torsion_arm, rel=1e-12)
+    assert patch.sliding_wrench(np.array([0.0, 0.0, 2.0])) == pytest.approx(
+        [0.0, 0.0, -PADS.torsion_arm], abs=1e-12
+    )
+    assert patch.sliding_wrench(np.array([3.0, 4.0, 0.0])) == pytest.approx([-0.6, -0.8, 0.0])
+    assert points - math.isqrt(points) <= len(patch.x) <= points
+
+
+@pytest.mark.parametrize(("pressure", "second"), [("uniform", 1 / 2), ("hertz", 2 / 5)])
+def test_moments_of_the_pressure(pressure: str, second: float) -> None:
+    # Mean rho^2 of the disc: R^2 / 2 under uniform pressure, 2 R^2 / 5 under Hertz's.
+    patch, radius = disc(pressure), RADIUS_PER_ARM[pressure]
+    rho2 = patch.x**2 + patch.z**2
+    assert patch.weights @ rho2 == pytest.approx(second * radius**2, rel=1e-12)
+    assert rho2.max() < radius**2
+    for odd in (patch.x, patch.z, patch.x * patch.z, patch.x * rho2):
+        assert patch.weights @ odd == pytest.approx(0.0, abs=1e-14)
+
+
+@pytest.mark.parametrize("pressure", PRESSURES)
+def test_limit_surface_lies_just_inside_the_ellipsoid(pressure: str) -> None:
+    # Slips from pure translation to pure spin, in many directions.
+    spins, directions = np.geomspace(1e-3, 1e3, 120), np.linspace(0, 2 * math.pi, 25)
+    patch = disc(pressure, 400)
+    slips = [np.array([math.cos(d), math.sin(d), s]) for d in directions for s in spins]
+    sizes = [float(np.linalg.norm(patch.sliding_wrench(slip))) for slip in slips]
+    assert max(sizes) <= 1.0 + 1e-12
+    assert 1 - 0.067 < min(sizes) < (1 - 0.065 if pressure == "uniform" else 1 - 0.05)
+
+
+def test_mesh_of_64_points_is_close_to_a_fine_one() -> None:
+    coarse, fine = disc(), disc(points=2500)
+    for spin in np.geomspace(0.01, 100, 50):
+        slip = np.array([0.6, 0.8, spin])
+        # Largest where the pole of the rotation lies among the points.
+        np.testing.assert_allclose(
+            coarse.sliding_wrench(slip), fine.sliding_wrench(slip), atol=0.03
+        )
+
+
+def test_a_given_pressure_keeps_its_size() -> None:
+    given_patch = Patch([0.002, -0.004, 0.0], [0.0, 0.0, 0.003], [0.5, 0.2, 0.3])
+    unit, arm = scaled_patch(PADS, given_patch, 64)
+    assert arm == pytest.approx(0.5 * 0.002 + 0.2 * 0.004 + 0.3 * 0.003)
+    np.testing.assert_allclose(unit.x * arm, given_patch.x, atol=1e-15)
+    assert unit.torsion_arm == pytest.approx(1.0)
+
+
+@pytest.mark.parametrize(
+    ("x", "z", "weights", "words"),
+    [
+        ([0.0, 0.1], [0.0], [0.5, 0.5], "one number per point"),
+        ([0.0, math.nan], [0.0, 0.0], [0.5, 0.5], "finite"),
+        ([0.0, 0.1], [0.0, 0.0], [1.5, -0.5], "weights: must not be negative"),
+        ([0.0, 0.1], [0.0, 0.0], [0.5, 0.4], "sum to 1, got 0.9"),
+        ([0.0, 0.0], [0.0, 0.0], [0.5, 0.5], "away from the centre"),
+    ],
+)
+def test_impossible_patches_are_refused(
+    x: list[float], z: list[float], weights: list[float], words: str
+) -> None:
+    with pytest.raises(ValueError, match=words):
+        Patch(x, z, weights)
+
+
+def test_unknown_pressure_and_too_few_points_are_refused() -> None:
+    with pytest.raises(ValueError, match="'flat' is not one of uniform, hertz"):
+        disc("flat")
+    with pytest.raises(ValueError, match="at least 8, got 4"):
+        disc(points=4)
+
+
+# One step.
+
+
+def log_floats(low: float, high: float) -> st.SearchStrategy[float]:
+    return st.floats(math.log(low), math.log(high)).map(math.exp)
+
+
+speeds = st.floats(-1, 1)
+
+
+@settings(deadline=None, max_examples=150)
+@given(
+    mass=log_floats(1e-3, 10),
+    lever=st.tuples(st.floats(-200, 200), st.floats(-200, 200)),
+    gyration=log_floats(0.5, 100),
+    free=st.tuples(speeds, speeds, speeds),
+    limit=st.one_of(st.just(0.0), log_floats(1e-7, 1.0)),
+    guess=st.tuples(speeds, speeds, speeds),
+)
+def test_step_gives_coulomb_friction_in_equilibrium(
+    mass: float,
+    lever: tuple[float, float],
+    gyration: float,
+    free: tuple[float, float, float],
+    limit: float,
+    guess: tuple[float, float, float],
+) -> None:
+    # lever and gyration in torsion arms; any start must do.
+    (x, z), solver = lever, PointSolver(disc())
+    spin = x * x + z * z + gyration**2
+    inertia = mass * np.array([[1, 0, -z], [0, 1, x], [-z, x, spin]])
+    b, none = np.array(free), np.zeros((2, solver.points, 1))
+    problem = SlipProblem(inertia[None], b[:, None], np.array([limit]), np.array([CREEP]), none)
+    slip, share, missed = solver.solve(problem, np.array(guess)[:, None], none)
+    assert not missed.any()
+    size = np.hypot(share[0], share[1])
+    assert size.max() <= 1.0
+    balance = inertia @ (slip[:, 0] - b) + limit * solver.collect(share)[:, 0]
+    assert np.abs(balance).max() <= 1e-8 * (limit + np.abs(inertia @ b).max())
+    # Points that slip carry the full limit along their slip.
+    u = solver.slips(slip)
+    speed = np.hypot(u[0], u[1])
+    fast = speed > 1e-3
+    np.testing.assert_allclose(share[:, fast], u[:, fast] / speed[fast], atol=2e-6)
+
+
+# Closed forms: a body held at its centre of mass.
+
+
+def case(body: Body, hand: ConstantAcceleration, gravity: float = 0.0) -> ReleaseCase:
+    return ReleaseCase(body, PADS, GRIP, hand, gravity)
+
+
+def converged(pressure: str, held: ReleaseCase) -> np.ndarray:
+    """Detach state from two step sizes; the body lags by half a step of the hand's motion."""
+    coarse, fine = (
+        detached(PatchRelease(pressure=pressure, steps=n).release(held)) for n in (500, 1000)
+    )
+    return 2 * fine - coarse
+
+
+@pytest.mark.parametrize("pressure", PRESSURES)
+@pytest.mark.parametrize("angle", [0.0, 0.7])
+def test_pure_translation(pressure: str, angle: float) -> None:
+    # Friction carries m a until the grip is too weak at t_s, then its impulse is
+    # integral of f_max, from t_s to the end: f_0 T (m a / f_0)^2 / 2.
+    a = np.array([-6.0, 8.0])
+    hand = ConstantAcceleration((0.0, 0.0, angle), (1.0, 0.5, 0.0), (*a, 0.0))
+    _, _, _, v_x, v_z, omega = converged(pressure, case(BLOCK, hand))
+    share = BLOCK.mass * float(np.hypot(*a)) / float(PADS.force_limit(GRIP.full))
+    gain = a * GRIP.opening * (1 - share + share / 2)
+    np.testing.assert_allclose([v_x - 1.0, v_z - 0.5], gain, rtol=1e-5)
+    assert omega == pytest.approx(0.0, abs=1e-9)
+
+
+@pytest.mark.parametrize("pressure", PRESSURES)
+def test_pure_rotation(pressure: str) -> None:
+    # The same with I alpha against c r_p f_max.
+    alpha = -150.0
+    hand = ConstantAcceleration((0.2, 0.1, 0.0), (0.0, 0.0, 2.0), (0.0, 0.0, alpha))
+    held = case(BLOCK, hand)
+    _, _, _, v_x, v_z, omega = converged(pressure, held)
+    limit = float(PADS.torsion_arm * PADS.force_limit(GRIP.full))
+    share = abs(BLOCK.inertia * alpha) / limit
+    assert 0 < share < 1
+    gain = alpha * GRIP.opening * (1 - share / 2)
+    assert omega - 2.0 == pytest.approx(gain, rel=1e-4)
+    np.testing.assert_allclose([v_x, v_z], 0.0, atol=1e-9)
+    release = PatchRelease(pressure=pressure).release(held)
+    assert release.wrench is not None
+    assert np.abs(release.wrench[2]).max() <= limit * (1 + 1e-9)
+
+
+# Releases.
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_releases_land_beside_those_of_the_limit_surface(name: str) -> None:
+    # What nine of ten random throws differ by, examples/model_table.py.
+    patch = PatchRelease(steps=1000).release(reference_case(name))
+    surface = SteppedRelease(1000).release(reference_case(name))
+    assert patch.trouble == ""
+    (x, theta), (x_s, theta_s) = landed(patch), landed(surface)
+    assert abs(x - x_s) < 0.8e-3
+    assert abs(theta - theta_s) < math.radians(0.5)
+
+
+def test_published_drops() -> None:
+    # The paper: -1.0 and -0.15 rad/s.
+    ends = [PatchRelease().release(reference_case(f"drop_{h}_faces2")) for h in ("h100", "h020")]
+    assert ends[0].detach.omega == pytest.approx(-1.0, abs=0.05)
+    assert ends[1].detach.omega == pytest.approx(-0.15, abs=0.02)
+
+
+def test_pressure_hardly_matters_at_equal_torsion() -> None:
+    for name in ("drop_h020_faces2", "throw_accelerating"):
+        flat, round_ = (PatchRelease(pressure=p).release(reference_case(name)) for p in PRESSURES)
+        np.testing.assert_allclose(detached(flat), detached(round_), atol=3e-3)
+
+
+def batch_of_cases() -> ReleaseBatch:
+    cases = [reference_case(name) for name in CASES]
+    hands = [case.hand for case in cases]
+    assert all(isinstance(hand, ConstantAcceleration) for hand in hands)
+    bodies = np.array([dataclasses.astuple(case.body) for case in cases]).T
+    contacts = np.array([dataclasses.astuple(case.contact) for case in cases]).T
+    tracks = [
+        np.array([getattr(hand, part) for hand in hands])
+        for part in ("pose", "twist", "acceleration")
+    ]
+    return ReleaseBatch(
+        len(cases),
+        Body(*bodies),
+        Contact(*contacts),
+        LinearRelease(1.0, 0.0, 1.0),
+        ConstantAccelerations(*tracks),
+        np.array([case.grip.opening for case in cases]),
+        np.array([case.grip.full for case in cases]),
+    )
+
+
+def test_a_batch_is_its_cases_one_by_one() -> None:
+    found = patch_batch(batch_of_cases(), steps=100, points=24)
+    for row, name in zip(found, CASES, strict=True):
+        single = PatchRelease(points=24, steps=100).release(reference_case(name))
+        np.testing.assert_allclose(row, detached(single), rtol=1e-8, atol=1e-9)
+
+
+def test_stepping_is_first_order() -> None:
+    batch, grids = batch_of_cases(), np.array([125, 250, 500, 1000])
+    at = {steps: patch_batch(batch, int(steps)) for steps in (*grids, 2000, 4000)}
+    exact = 2 * at[4000] - at[2000]
+    scale = np.array([1.0, 1.0, 0.1, 1.0, 1.0, 0.1])
+    found = [np.linalg.norm((at[int(s)] - exact) * scale, axis=1) for s in grids]
+    slopes = -np.polyfit(np.log(grids), np.log(found), 1)[0]
+    np.testing.assert_allclose(slopes, 1.0, atol=0.3)
+
+
+def test_a_gripped_bar_stays_in_a_moving_hand() -> None:
+    hand = ConstantAcceleration((0.1, 0.2, 0.3), (1.0, 1.5, 4.0), (-5.0, 3.0, -20.0))
+    tight = LinearRelease(1e4, 0.0, 0.05)
+    for angle in (0.0, -0.8):
+        held = ReleaseCase(BAR, PADS, tight, hand, grasp_angle=angle)
+        release = PatchRelease(steps=500).release(held)
+        samples = hand.at(release.times)
+        # To where the grip has a hundredth of its force left.
+        x, z, theta = (release.com - samples.pose)[:, :495]
+        direction = samples.pose[2, :495] + angle
+        np.testing.assert_allclose(theta, angle, atol=1e-8)
+        np.testing.assert_allclose(x, BAR.com_offset * np.cos(direction), atol=1e-6)
+        np.testing.assert_allclose(z, BAR.com_offset * np.sin(direction), atol=1e-6)
+
+
+def test_a_sampled_hand_gives_the_same() -> None:
+    known = reference_case("throw_decelerating")
+    times = np.linspace(0.0, known.grip.opening, 30)
+    sampled = SampledHand(times, known.hand.at(times).pose.T)
+    other = PatchRelease().release(dataclasses.replace(known, hand=sampled))
+    # At its ends a spline of a parabola is exact, too.
+    expected = PatchRelease().release(known)
+    np.testing.assert_allclose(detached(other), detached(expected), atol=1e-8)
+
+
+def mirrored(release: Release) -> np.ndarray:
+    x, z, theta, v_x, v_z, omega = detached(release)
+    return np.array([-x, z, math.pi - theta, -v_x, v_z, -omega])
+
+
+def test_mirrored_releases_are_mirrored() -> None:
+    left = ConstantAcceleration((0.0, 0.0, 0.4), (1.0, 1.5, 3.0), (-5.0, -6.0, -10.0))
+    right = ConstantAcceleration((0.0, 0.0, math.pi - 0.4), (-1.0, 1.5, -3.0), (5.0, -6.0, 10.0))
+    a, b = (PatchRelease().release(case(BAR, hand, 9.81)) for hand in (left, right))
+    np.testing.assert_allclose(mirrored(a), detached(b), atol=1e-8)
+
+
+def test_the_patch_turns_with_the_hand() -> None:
+    # Without gravity a whole throw may be turned, a lopsided patch with it.
+    lopsided = Patch([0.004, 0.0, -0.002], [0.001, 0.003, -0.003], [0.6, 0.3, 0.1])
+    model, turn = PatchRelease(pressure=lopsided), 1.1
+    c, s = math.cos(turn), math.sin(turn)
+    rotation = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
+    parts = np.array([[0.0, 0.0, 0.4], [1.0, 1.5, 3.0], [-9.0, -6.0, -40.0]])
+    turned = parts @ rotation.T + [[0, 0, turn], [0, 0, 0], [0, 0, 0]]
+    a, b = (model.release(case(BAR, ConstantAcceleration(*p))) for p in (parts, turned))
+    np.testing.assert_allclose(rotation @ a.com[:, -1] + [0, 0, turn], b.com[:, -1], atol=1e-8)
+    np.testing.assert_allclose(rotation @ a.com_twist[:, -1], b.com_twist[:, -1], atol=1e-7)
+
+
+@settings(deadline=None, max_examples=20)
+@given(st.integers(0, 2**32 - 1))
+def test_extreme_throws_stay_finite_and_a_still_hand_gives_no_energy(seed: int) -> None:
+    rng, count = np.random.default_rng(seed), 20
+
+    def spread(low: float, high: float) -> np.ndarray:
+        return np.exp(rng.uniform(math.log(low), math.log(high), count))
+
+    mass = spread(1e-3, 50)
+    body = Body(mass, mass * spread(1e-3, 0.5) ** 2, rng.uniform(0, 1, count))
+    contact = Contact(spread(0.02, 3), spread(5e-5, 0.05))
+    opening, full = spread(0.001, 1.0), np.append(spread(0.01, 300)[1:], 0.0)
+    angle = rng.uniform(-7, 7, count)
+    for motion in (0.0, 1.0):
+        pose = np.column_stack([np.zeros((count, 2)), angle])
+        twist = motion * rng.uniform(-1, 1, (count, 3)) * [5, 5, 30]
+        acceleration = motion * rng.uniform(-1, 1, (count, 3)) * [50, 50, 500]
+        hands = ConstantAccelerations(pose, twist, acceleration)
+        grip = LinearRelease(1.0, 0.0, 1.0)
+        batch = ReleaseBatch(count, body, contact, grip, hands, opening, full)
+        end = patch_batch(batch, steps=40, points=16)
+        assert np.isfinite(end).all()
+        if motion == 0.0:
+            _, z, _, v_x, v_z, omega = end.T
+            kinetic = (mass * (v_x**2 + v_z**2) + body.inertia * omega**2) / 2
+            fallen = mass * 9.81 * (body.com_offset * np.sin(angle) - z)
+            assert (kinetic <= fallen + 1e-9 * (mass + kinetic)).all()
+
+
+def test_energy_only_falls_in_a_still_hand() -> None:
+    release = PatchRelease(steps=200).release(ReleaseCase(BAR, PADS, GRIP, REST))
+    _, z, _ = release.com
+    v_x, v_z, omega = release.com_twist
+    energy = BAR.mass * ((v_x**2 + v_z**2) / 2 + 9.81 * z) + BAR.inertia * omega**2 / 2
+    assert np.diff(energy).max() <= 1e-13
+
+
+def test_an_unsolved_step_is_told(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("throwplan.models.patch.ITERATIONS", 1)
+    release = PatchRelease(steps=50).release(reference_case("drop_h100_faces2"))
+    assert "was not solved" in release.trouble
+    assert np.isnan(detached(release)).all()
