@@ -160,7 +160,8 @@ def _levels(batch: ReleaseBatch) -> npt.NDArray[np.int_]:
     swing = np.sqrt(arm * pull / body.grasp_inertia) + np.abs(twist[2])
     turning = np.abs(acceleration[2]) * batch.opening
     cycles = batch.opening * (swing + turning)
-    return np.clip(np.ceil(np.log2(np.maximum(cycles / 8.0, 1.0))), 0, 6).astype(int)
+    doublings = np.ceil(np.log2(np.maximum(cycles / 8.0, 1.0)))
+    return np.asarray(np.clip(doublings, 0, 6).astype(int))
 
 
 def graded(steps: int, power: float) -> Array:

@@ -12,7 +12,6 @@ The CoM seen from the hand is r = s + h (cos theta, sin theta).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -106,7 +105,7 @@ class SlidingPivot:
             alpha_r = xp.where(lost, -hand.alpha, alpha_r)
         return [state[3], state[4], state[5], slip_x, slip_z, alpha_r]
 
-    def lost(self, state: Sequence[Value]) -> Value:
+    def lost(self, state: Value) -> Value:
         """Whether the body has slid out of the pads before they let go."""
         limit = self.body.com_offset + LOST_SLIP
         return state[0] * state[0] + state[1] * state[1] > limit * limit

@@ -130,14 +130,15 @@ def _add_plan(commands: Any) -> None:
 def _plan(options: argparse.Namespace) -> int:
     scene = load_scene(options.scene)
     target = _target(scene, options.target, options.azimuth)
-    if options.out is not None:
-        from .files import prepare_folder
-
-        prepare_folder(Path(options.out))
     from .planner import Planner
 
     _say(options, f"{scene.name}: building the problem")
     planner = Planner(scene)
+    planner.check(target)
+    if options.out is not None:
+        from .files import prepare_folder
+
+        prepare_folder(Path(options.out))
     _say(options, f"{scene.name}: planning")
     plan = planner.plan(target, solver=options.solver, turns=options.turns)
     if options.out is not None:

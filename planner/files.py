@@ -18,6 +18,10 @@ from .plan import Plan
 Array = npt.NDArray[np.float64]
 
 
+#: What a plan may leave in its folder.
+FILES = ("motion.csv", "throw.png", "throw.gif", "plan.json")
+
+
 def prepare_folder(folder: Path) -> Path:
     """Make `folder` if need be and make sure it can be written; InputError if not."""
     try:
@@ -32,11 +36,19 @@ def prepare_folder(folder: Path) -> Path:
 def save_plan(plan: Plan, folder: Path, draw: bool) -> None:
     """Write a plan's files into `folder`: into a folder of their own first, then moved."""
     folder = prepare_folder(folder)
+    for name in FILES:
+        if (folder / name).is_dir():
+            raise InputError(f"--out {folder}: {name} is a folder there")
     try:
         with tempfile.TemporaryDirectory(dir=folder) as scratch:
             _write(plan, Path(scratch), draw)
-            for path in sorted(Path(scratch).iterdir()):
-                os.replace(path, folder / path.name)
+            written = {path.name for path in Path(scratch).iterdir()}
+            # Nothing of an earlier plan stays beside this one's plan.json.
+            for name in FILES:
+                if name in written:
+                    os.replace(Path(scratch) / name, folder / name)
+                else:
+                    (folder / name).unlink(missing_ok=True)
     except OSError as error:
         raise InputError(f"--out {folder}: {error.strerror or error}") from None
 
@@ -107,4 +119,5 @@ def _replace(text: str, path: Path, place: str) -> None:
         scratch.write_text(text, encoding="utf-8")
         os.replace(scratch, path)
     except OSError as error:
+        scratch.unlink(missing_ok=True)
         raise InputError(f"{place}: {error.strerror or error}") from None

@@ -95,12 +95,11 @@ class Planner:
         solved plan of this planner for a target nearby.
         """
         started = time.perf_counter()
-        target = checked_target(self.scene, target)
+        target = self.check(target)
         if solver not in ("auto", "fatrop", "ipopt"):
             raise InputError(f"solver = {solver!r}: must be one of auto, fatrop, ipopt")
         if turns not in ("exact", "any"):
             raise InputError(f"turns = {turns!r}: must be one of exact, any")
-        self._check_azimuth(target)
         search = _Search(self.scene.aimed_at(target))
         search.times["build"], self._build_time = self._build_time, 0.0
         names = ("fatrop", "ipopt") if solver == "auto" else (solver,)
@@ -110,6 +109,12 @@ class Planner:
         plan.time.update(search.times)
         plan.time["total"] = time.perf_counter() - started + search.times["build"]
         return plan
+
+    def check(self, target: Pose | None = None) -> Pose:
+        """The target that `plan` would take; InputError if it does not fit the scene."""
+        target = checked_target(self.scene, target)
+        self._check_azimuth(target)
+        return target
 
     def _search(self, target: Pose, names: tuple[str, ...], turns: Turns, search: _Search) -> Plan:
         """Solvers in turn, each from several starts; then the honest answer."""

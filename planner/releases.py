@@ -74,8 +74,12 @@ class ReleaseSampler:
             run_up = np.maximum(run_up, 0.25)
         keep = self.within_limits(q, dq, ddq, run_up)
         q, dq, ddq, run_up = q[keep], dq[keep], ddq[keep], run_up[keep]
+        if len(q) == 0:
+            return Releases(q, dq, ddq, run_up, np.zeros((0, 6)))
         keep = self.held(q, dq, ddq)
         q, dq, ddq, run_up = q[keep], dq[keep], ddq[keep], run_up[keep]
+        if len(q) == 0:
+            return Releases(q, dq, ddq, run_up, np.zeros((0, 6)))
         states, _ = self.throw(q, dq, ddq, TABLE_STEPS)
         return Releases(q, dq, ddq, run_up, states)
 

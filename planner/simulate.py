@@ -9,6 +9,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from ..models.limit_surface_release import ImplicitRelease, KarnoppRelease
+from ..models.lugre_release import LuGreRelease
+from ..models.patch_release import PatchRelease
 from ..models.release import Release, ReleaseCase, ReleaseModel
 from ..models.sliding_pivot_release import SlidingPivotRelease
 from ..models.time_stepping_release import SteppedRelease
@@ -49,6 +51,8 @@ MODELS: dict[str, ReleaseModel] = {
     "ls": KarnoppRelease(),
     "ils": ImplicitRelease(),
     "ls-step": SteppedRelease(),
+    "patch": PatchRelease(),
+    "lugre": LuGreRelease(),
 }
 
 

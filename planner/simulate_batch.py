@@ -20,6 +20,8 @@ from ..models.batch import (
     stepped_batch,
 )
 from ..models.contact import Body, Contact
+from ..models.lugre_release import LuGreRelease
+from ..models.patch_release import PatchRelease
 from ..problems.errors import InputError
 from ..problems.scene import Scene
 
@@ -35,6 +37,8 @@ BATCH_MODELS: dict[str, Callable[[ReleaseBatch], Array]] = {
     "sp": sliding_pivot_batch,
     "sp-paper": _paper_form,
     "ls-step": stepped_batch,
+    "patch": PatchRelease().batch,
+    "lugre": LuGreRelease().batch,
 }
 
 _OBJECT = ("mass", "inertia", "com_offset")

@@ -31,8 +31,10 @@ def check_start(scene: Scene, mover: Mover) -> None:
     allowed = 1.0 - scene.mesh.sticking_margin
     if use > allowed:
         full = scene.gripper.profile().full
+        table = scene.gripper.table
+        given = f"force = {full:g}:" if table is None else f"table = {table}: {full:g} N is"
         where = "its start pose" if mover.start is not None else "any permitted start pose"
         raise InputError(
-            f"{scene.place}: [gripper] force = {full:g}: too weak to hold the object at rest in "
+            f"{scene.place}: [gripper] {given} too weak to hold the object at rest in "
             f"{where}, needs at least {full * use / allowed:.3g} N"
         )

@@ -6,6 +6,7 @@ import csv
 import dataclasses
 import difflib
 import math
+import os
 import tomllib
 from collections.abc import Mapping
 from importlib.resources import files
@@ -72,7 +73,7 @@ def load_scene(source: str | Path) -> Scene:
     if source in scene_names():
         return _parse(scene_text(source), source, None)
     path = Path(source)
-    if path.suffix != ".toml" and not path.exists():
+    if path.suffix != ".toml" and not os.path.exists(path):
         raise InputError(_no_scene(source))
     return _parse(_read(path), source, path)
 
@@ -97,7 +98,8 @@ def _read(path: Path) -> str:
 def _tables(text: str, place: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
-    except tomllib.TOMLDecodeError as error:
+    except (ValueError, RecursionError) as error:
+        # Beside broken syntax: numbers too long to read, tables nested too deep.
         raise InputError(f"{place}: broken TOML: {error}") from None
 
 
@@ -160,13 +162,17 @@ def _read_csv(
     key: str, name: str, folder: Path | None, columns: tuple[str, ...]
 ) -> list[list[float]]:
     """The named columns of a CSV file, row by row; InputError naming file and line."""
-    rows = list(csv.reader(_read((folder or Path()) / name).splitlines()))
+    try:
+        rows = list(csv.reader(_read((folder or Path()) / name).splitlines()))
+    except (InputError, csv.Error) as error:
+        raise InputError(f"{key} = {error}") from None
     header = [cell.strip() for cell in rows[0]] if rows else []
     missing = [column for column in columns if column not in header]
     if missing:
+        named = f"{', '.join(columns[:-1])} and {columns[-1]}"
         raise InputError(
-            f"{key} = {name}: the first line must name the columns {', '.join(columns)}"
-            f" ({missing[0]} is missing)"
+            f"{key} = {name}: the first line must name the columns {named} "
+            f"({missing[0]} is missing)"
         )
     at = [header.index(column) for column in columns]
     found = []

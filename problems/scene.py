@@ -26,10 +26,10 @@ class Pose(Section):
     the throw's plane and y is 0; for an arm x, y, z are in the base frame.
     """
 
-    x: float
-    z: float
+    x: float = quantity(least=-1e4, most=1e4)
+    z: float = quantity(least=-1e4, most=1e4)
     theta: float | None = quantity(degrees=True, default=None)
-    y: float = 0.0
+    y: float = quantity(least=-1e4, most=1e4, default=0.0)
 
     def check(self) -> None:
         """All values finite."""
@@ -62,11 +62,11 @@ class ThrownObject(Section):
     distance from the end that is nearer the grasp.
     """
 
-    mass: float = quantity(above=0)
-    inertia: float = quantity(above=0)
-    length: float = quantity(above=0)
+    mass: float = quantity(above=0, most=1e4)
+    inertia: float = quantity(above=0, most=1e6)
+    length: float = quantity(above=0, most=100)
     com: float = quantity(least=0)
-    width: float = quantity(least=0, default=0.0)
+    width: float = quantity(least=0, most=100, default=0.0)
 
     def check(self) -> None:
         """CoM inside the bar; inertia not above the two-point-mass bound for that CoM."""
@@ -96,10 +96,10 @@ class Grasp(Section):
 class PadContact(Section):
     """Friction of the pads: friction mu, patch_radius r_p [m], torsion c, faces."""
 
-    friction: float = quantity(above=0)
-    patch_radius: float = quantity(above=0)
-    torsion: float = quantity(above=0, default=0.6)
-    faces: int = quantity(least=1, default=2)
+    friction: float = quantity(above=0, most=100)
+    patch_radius: float = quantity(above=0, least=1e-6, most=1)
+    torsion: float = quantity(above=0, least=1e-3, most=10, default=0.6)
+    faces: int = quantity(least=1, most=100, default=2)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -111,9 +111,9 @@ class Gripper(Section):
     the file itself or as `table`, a CSV with the columns t and f_N.
     """
 
-    force: float | None = quantity(above=0, default=None)
-    dwell: float = quantity(least=0, default=0.0)
-    opening: float | None = quantity(above=0, default=None)
+    force: float | None = quantity(above=0, most=1e6, default=None)
+    dwell: float = quantity(least=0, most=100, default=0.0)
+    opening: float | None = quantity(above=0, least=1e-5, most=100, default=None)
     times: tuple[float, ...] = ()
     forces: tuple[float, ...] = ()
     table: str | None = None
@@ -121,7 +121,8 @@ class Gripper(Section):
     def check(self) -> None:
         """Exactly one way of giving the force; a table that falls to zero."""
         linear = self.force is not None or self.opening is not None
-        if linear == bool(self.times or self.forces):
+        measured = bool(self.times or self.forces or self.table)
+        if linear == measured:
             raise InputError("give either 'force' and 'opening', or a measured 'table'")
         if linear and (self.force is None or self.opening is None):
             missing = "force" if self.force is None else "opening"
@@ -150,11 +151,11 @@ class Hand(Section):
 
     x: tuple[float, float]
     z: tuple[float, float]
-    speed: float = quantity(above=0)
-    acceleration: float = quantity(above=0)
+    speed: float = quantity(above=0, most=1e3)
+    acceleration: float = quantity(above=0, most=1e5)
     theta: tuple[float, float] = quantity(degrees=True, default=(0.0, 0.0))
-    angular_speed: float | None = quantity(above=0, default=None)
-    angular_acceleration: float | None = quantity(above=0, default=None)
+    angular_speed: float | None = quantity(above=0, most=1e3, default=None)
+    angular_acceleration: float | None = quantity(above=0, most=1e5, default=None)
     start: tuple[float, float] | None = None
     start_theta: float | None = quantity(degrees=True, default=None)
 
@@ -168,7 +169,10 @@ class Hand(Section):
         for name in ("x", "z", "theta"):
             low, high = getattr(self, name)
             if low > high or (low == high and name != "theta"):
-                raise InputError(f"{name} = [{low:g}, {high:g}]: must be [lowest, highest]")
+                key, shown = name, [low, high]
+                if name == "theta":
+                    key, shown = "theta_deg", [round(math.degrees(v), 6) for v in (low, high)]
+                raise InputError(f"{key} = {shown}: must be [lowest, highest]")
         if (self.angular_speed is None) != (self.angular_acceleration is None):
             raise InputError("angular_speed and angular_acceleration: give both or neither")
         if self.turns and self.theta[0] == self.theta[1]:
@@ -181,7 +185,7 @@ class Hand(Section):
         for name, value in start.items():
             low, high = getattr(self, name)
             if value is not None and not low <= value <= high:
-                raise InputError(f"start: {name} = {value:g} is outside [{low:g}, {high:g}]")
+                raise InputError(_outside(name, value, low, high))
 
 
 @dataclasses.dataclass(frozen=True)
@@ -288,10 +292,10 @@ class Motion(Section):
 
     position: tuple[float, float] = (0.0, 0.0)
     angle: float = quantity(degrees=True, default=0.0)
-    velocity: tuple[float, float] = (0.0, 0.0)
-    rate: float = 0.0
-    acceleration: tuple[float, float] = (0.0, 0.0)
-    angular_acceleration: float = 0.0
+    velocity: tuple[float, float] = quantity(least=-1e3, most=1e3, default=(0.0, 0.0))
+    rate: float = quantity(least=-1e4, most=1e4, default=0.0)
+    acceleration: tuple[float, float] = quantity(least=-1e5, most=1e5, default=(0.0, 0.0))
+    angular_acceleration: float = quantity(least=-1e5, most=1e5, default=0.0)
     times: tuple[float, ...] = ()
     accelerations: tuple[tuple[float, float, float], ...] = ()
     table: str | None = None
@@ -343,7 +347,7 @@ class Scene(Section):
     contact: PadContact
     gripper: Gripper
     description: str = ""
-    gravity: float = quantity(least=0, default=9.81)
+    gravity: float = quantity(least=0, most=1e3, default=9.81)
     grasp: Grasp = Grasp()
     hand: Hand | None = None
     robot: Robot | None = None
@@ -378,6 +382,12 @@ class Scene(Section):
             _check_robot(self.robot, self.arm)
         if self.cup is not None:
             self._check_cup(self.cup)
+        dwell = self.gripper.profile().dwell
+        if self.motion is None and dwell > self.mesh.carry_max - 0.05:
+            raise InputError(
+                f"[gripper] dwell = {dwell:g}: must be below [mesh] carry_max = "
+                f"{self.mesh.carry_max:g} by 0.05 s"
+            )
 
     def _check_cup(self, cup: Cup) -> None:
         need = self.object.width + 2 * cup.clearance
@@ -423,6 +433,15 @@ class Scene(Section):
         return Path(self.file).name if self.file else self.name
 
 
+def _outside(name: str, value: float, low: float, high: float) -> str:
+    """Words for a start outside a hand's range."""
+    key = f"start: {name}"
+    if name == "theta":
+        key = "start_theta_deg"
+        value, low, high = map(math.degrees, (value, low, high))
+    return f"{key} = {value:g}: must be within [{low:g}, {high:g}]"
+
+
 def _check_robot(robot: Robot, arm: Arm) -> None:
     joints = robot.throwing_joints or arm.throwing_joints
     for joint in joints:
@@ -434,7 +453,8 @@ def _check_robot(robot: Robot, arm: Arm) -> None:
     if robot.start is None:
         return
     if len(robot.start) != len(joints):
-        raise InputError(f"[robot] start_deg: must be a list of {len(joints)} angles")
+        given = [round(math.degrees(angle), 6) for angle in robot.start]
+        raise InputError(f"[robot] start_deg = {given}: must be a list of {len(joints)} angles")
     for joint, angle in zip(joints, robot.start, strict=True):
         low, high = (
             arm.limits.position_min[joint - 1],

@@ -49,7 +49,7 @@ class Section:
             value = _coerced(getattr(self, field.name), hints[field.name])
             if value is _WRONG:
                 raise InputError(
-                    f"{_key(field)} = {getattr(self, field.name)!r}: "
+                    f"{_key(field)} = {_shown(field, getattr(self, field.name))!r}: "
                     f"must be {_describe(hints[field.name])}"
                 )
             object.__setattr__(self, field.name, value)
@@ -97,7 +97,19 @@ def _radians(key: str, value: Any) -> Any:
         return [_radians(key, v) for v in value]
     if isinstance(value, bool) or not isinstance(value, int | float):
         raise InputError(f"{key} = {value!r}: must be a number in degrees")
-    return math.radians(value)
+    try:
+        return math.radians(value)
+    except OverflowError:
+        raise InputError(f"{key}: the number is too large") from None
+
+
+def _shown(field: dataclasses.Field[Any], value: Any) -> Any:
+    """A value as the file gives it: in degrees where its key says so."""
+    if isinstance(value, list | tuple):
+        return [_shown(field, item) for item in value]
+    if field.metadata.get("degrees") and isinstance(value, float):
+        return round(math.degrees(value), 9)
+    return value
 
 
 def _coerced(value: Any, hint: Any) -> Any:
@@ -110,7 +122,7 @@ def _coerced(value: Any, hint: Any) -> Any:
         return _WRONG
     if hint is float:
         number = isinstance(value, int | float) and not isinstance(value, bool)
-        return float(value) if number else _WRONG
+        return float(value) if number and abs(value) < _HUGE else _large(value)
     if hint is int:
         return value if isinstance(value, int) and not isinstance(value, bool) else _WRONG
     if typing.get_origin(hint) is tuple:
@@ -118,6 +130,17 @@ def _coerced(value: Any, hint: Any) -> Any:
     if hint is type(None):
         return None if value is None else _WRONG
     return value if isinstance(value, hint) else _WRONG
+
+
+#: Whole numbers beyond this have no float.
+_HUGE = 1e308
+
+
+def _large(value: Any) -> Any:
+    """inf for a number that is too large, so that the limits refuse it; else _WRONG."""
+    if isinstance(value, float):
+        return value
+    return math.inf if isinstance(value, int) and not isinstance(value, bool) else _WRONG
 
 
 def _coerced_tuple(value: Any, hints: tuple[Any, ...]) -> Any:

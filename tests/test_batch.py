@@ -161,7 +161,7 @@ def test_a_hundred_thousand_throws_stay_under_a_gigabyte() -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"model": "lss"}, "must be one of sp, sp-paper, ls-step"),
+        ({"model": "lss"}, "must be one of sp, sp-paper, ls-step, patch, lugre"),
         ({"contact": {"mu": 1.0}}, "contact: unknown key 'mu'"),
         ({"contact": {"friction": [0.5, np.nan]}}, "contact.friction: must be finite"),
         ({"contact": {"friction": [0.5, -1.0]}}, "contact.friction: must be above 0"),
