@@ -28,9 +28,8 @@ Hands = tuple[Array, Array, Array]
 
 #: Throws per chunk: some thirty arrays of this many doubles stay in the cache.
 CHUNK = 2048
-#: Grading of the steps towards the end of the opening, per model.
+#: Grading of the sliding pivot's steps towards the end of the opening.
 GRADING = 2.0
-STEPPED_GRADING = 1.0
 
 
 class HandsTrack(Protocol):
@@ -216,9 +215,18 @@ def _sliding_pivot_even(batch: ReleaseBatch, steps: int, form: Form) -> Array:
     return run_batch(batch, chunk)
 
 
-def stepped_batch(batch: ReleaseBatch, steps: int = 500) -> Array:
-    """Detach states (N, 6) by the time-stepping limit surface in `steps` steps."""
-    shares = graded(steps, STEPPED_GRADING)
+def stepped_batch(batch: ReleaseBatch, steps: int = 120) -> Array:
+    """Detach states (N, 6) by the time-stepping limit surface.
+
+    `steps` and twice as many steps, extrapolated: the stepping is first order, so this
+    takes away the leading error at three times the cost of the shorter run.
+    """
+    return 2 * _stepped_even(batch, 2 * steps) - _stepped_even(batch, steps)
+
+
+def _stepped_even(batch: ReleaseBatch, steps: int) -> Array:
+    """The same in `steps` even steps, without extrapolation."""
+    shares = np.linspace(0.0, 1.0, steps + 1)
 
     def chunk(part: ReleaseBatch) -> Array:
         law = LimitSurfaceStepping(part.body, part.contact, part.gravity, settle=True)

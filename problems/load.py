@@ -29,6 +29,7 @@ from .scene import (
     Scene,
     ThrownObject,
     Tolerance,
+    Uncertainty,
     Workspace,
 )
 from .section import from_table, unknown
@@ -46,6 +47,7 @@ _SECTIONS: dict[str, type[Any]] = {
     "cup": Cup,
     "landing": Landing,
     "workspace": Workspace,
+    "uncertainty": Uncertainty,
     "mesh": Mesh,
 }
 _KEYS = ("name", "description", "gravity")

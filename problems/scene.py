@@ -279,6 +279,41 @@ class Workspace(Section):
 
 
 @dataclasses.dataclass(frozen=True)
+class Distribution(Section):
+    """How a number is spread: one of `uniform` (half width), `normal` (standard deviation)
+    and `samples` (a measured list), about `mean`; for samples the mean is their own.
+    """
+
+    uniform: float | None = quantity(above=0, default=None)
+    normal: float | None = quantity(above=0, default=None)
+    samples: tuple[float, ...] = ()
+    mean: float = 0.0
+
+    def check(self) -> None:
+        """Exactly one kind."""
+        kinds = [self.uniform is not None, self.normal is not None, bool(self.samples)]
+        if sum(kinds) != 1:
+            raise InputError("give exactly one of 'uniform', 'normal' and 'samples'")
+        if self.samples and self.mean != 0.0:
+            raise InputError("mean: not beside 'samples', which have their own")
+
+
+@dataclasses.dataclass(frozen=True)
+class Uncertainty(Section):
+    """What is not known exactly. It does not change a plan.
+
+    delay [s]: the gripper opens that much later than commanded (below zero: earlier).
+    """
+
+    delay: Distribution | None = None
+
+    def check(self) -> None:
+        """Something is uncertain."""
+        if self.delay is None:
+            raise InputError("key 'delay' is missing")
+
+
+@dataclasses.dataclass(frozen=True)
 class Motion(Section):
     """A given hand motion for `simulate`.
 
@@ -357,6 +392,7 @@ class Scene(Section):
     cup: Cup | None = None
     landing: Landing | None = None
     workspace: Workspace | None = None
+    uncertainty: Uncertainty | None = None
     mesh: Mesh = Mesh()
     arm: Arm | None = None
     file: str = ""

@@ -72,6 +72,12 @@ def from_table(kind: type[Any], table: Mapping[str, Any]) -> Any:
             raise InputError(unknown(key, list(fields)))
         field = fields[key]
         values[field.name] = _radians(key, value) if field.metadata.get("degrees") else value
+        nested = _section_kind(kind, field)
+        if nested is not None and isinstance(value, Mapping):
+            try:
+                values[field.name] = from_table(nested, value)
+            except InputError as error:
+                raise InputError(f"{key}: {error}") from None
     for key, field in fields.items():
         needed = (
             field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
@@ -79,6 +85,16 @@ def from_table(kind: type[Any], table: Mapping[str, Any]) -> Any:
         if needed and field.name not in values:
             raise InputError(f"key '{key}' is missing")
     return kind(**values)
+
+
+def _section_kind(kind: type[Any], field: dataclasses.Field[Any]) -> type[Any] | None:
+    """The section that a field holds, None for a plain value."""
+    hint = typing.get_type_hints(kind)[field.name]
+    options = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
+    for option in options:
+        if isinstance(option, type) and issubclass(option, Section):
+            return option
+    return None
 
 
 def unknown(key: str, known: list[str]) -> str:

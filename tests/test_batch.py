@@ -91,7 +91,7 @@ def test_default_steps_are_converged_over_many_throws() -> None:
     batch = _batch(DROP, values["hand"], values["contact"], values["object"], values["gripper"])
     for run, steps, position, angle in (
         (sliding_pivot_batch, 1500, 1e-4, 0.1),
-        (stepped_batch, 4000, 1e-3, 0.5),
+        (stepped_batch, 2000, 1e-3, 0.5),
     ):
         difference = np.abs(landing(run(batch)) - landing(run(batch, steps)))
         assert np.percentile(difference[:, 0], 99.9) < position

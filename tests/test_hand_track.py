@@ -115,7 +115,7 @@ def test_simulate_takes_pieces_and_samples(tmp_path: Path) -> None:
         ('table = "short.csv"\n', "four samples"),
         ('table = "back.csv"\n', "t must rise"),
         ('table = "nan.csv"\n', "line 3 has a value that is not finite"),
-        ('table = "columns.csv"\n', "must name the columns t, x, z, theta"),
+        ('table = "columns.csv"\n', "must name the columns t, x, z and theta"),
         ('table = "good.csv"\nopening_time = 0.08\n', "the samples cover"),
         ('joints = "good.csv"\n', "joints and arm: give both"),
         ('joints = "good.csv"\narm = "pandaa"\n', "did you mean 'panda'"),

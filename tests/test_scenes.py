@@ -30,6 +30,7 @@ from throwplan.problems.scene import (
     Robot,
     ThrownObject,
     Tolerance,
+    Uncertainty,
     Workspace,
 )
 from throwplan.problems.section import from_table
@@ -527,4 +528,28 @@ def test_every_section_has_a_valid_table():
         for option in typing.get_args(hint) or (hint,):
             if dataclasses.is_dataclass(option) and option.__module__ == Scene.__module__:
                 sections.add(option)
-    assert sections <= set(VALID)
+    assert sections <= set(VALID) | {Uncertainty}  # holds sections itself: tested below
+
+
+def test_uncertainty_is_data_and_leaves_the_plan_alone() -> None:
+    scene, plain = load_scene("delay"), load_scene("pose")
+    assert scene.uncertainty is not None and scene.uncertainty.delay is not None
+    assert scene.uncertainty.delay.uniform == 0.010
+    same = scene.replace(uncertainty=None, name=plain.name, description=plain.description)
+    assert same == plain
+
+
+@pytest.mark.parametrize(
+    ("delay", "words"),
+    [
+        ("{ uniform = -0.01 }", "delay: uniform = -0.01: must be above 0"),
+        ("{ uniform = 0.01, normal = 0.01 }", "exactly one of"),
+        ("{ unifrom = 0.01 }", "did you mean 'uniform'"),
+        ("0.01", "delay = 0.01: must be"),
+    ],
+)
+def test_wrong_uncertainty_is_one_line(tmp_path, delay: str, words: str) -> None:
+    text = scene_text("pose") + f"\n[uncertainty]\ndelay = {delay}\n"
+    (tmp_path / "wrong.toml").write_text(text)
+    with pytest.raises(InputError, match=words):
+        load_scene(tmp_path / "wrong.toml")
