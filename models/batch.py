@@ -177,12 +177,19 @@ def sliding_pivot_batch(batch: ReleaseBatch, steps: int = 48, form: Form = "cont
 
     `steps` Runge-Kutta steps; doubled, once or more, for throws that swing fast.
     """
-    levels = _levels(batch)
+    return _by_levels(batch, lambda part, factor: _sliding_pivot_even(part, steps * factor, form))
+
+
+def _by_levels(batch: ReleaseBatch, run: Callable[[ReleaseBatch, int], Array]) -> Array:
+    """Detach states (N, 6) of `run(throws, factor)`, the factor by each throw's own swings."""
     detach = np.empty((batch.count, 6))
-    for level in np.unique(levels):
-        throws = np.flatnonzero(levels == level)
-        part = batch if throws.size == batch.count else batch.part(throws)
-        detach[throws] = _sliding_pivot_even(part, steps * 2**level, form)
+    # Piece by piece, so that no array of all hands' splines is ever made.
+    for first in range(0, batch.count, 4 * CHUNK):
+        piece = np.arange(first, min(first + 4 * CHUNK, batch.count))
+        levels = _levels(batch.part(piece))
+        for level in np.unique(levels):
+            throws = piece[levels == level]
+            detach[throws] = run(batch.part(throws), 2 ** int(level))
     return detach
 
 
@@ -221,7 +228,12 @@ def stepped_batch(batch: ReleaseBatch, steps: int = 120) -> Array:
     `steps` and twice as many steps, extrapolated: the stepping is first order, so this
     takes away the leading error at three times the cost of the shorter run.
     """
-    return 2 * _stepped_even(batch, 2 * steps) - _stepped_even(batch, steps)
+
+    def run(part: ReleaseBatch, factor: int) -> Array:
+        n = steps * factor
+        return 2 * _stepped_even(part, 2 * n) - _stepped_even(part, n)
+
+    return _by_levels(batch, run)
 
 
 def _stepped_even(batch: ReleaseBatch, steps: int) -> Array:

@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 import warnings
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
@@ -29,6 +29,8 @@ from .release import HandSamples, Release, ReleaseCase, failed
 Array = npt.NDArray[np.float64]
 Shape = Callable[[Contact], LimitSurface]
 
+#: Friction that turns round in one step more often than this is chatter.
+CHATTER = 10
 #: A speed [m/s] that no release reaches: beyond it an explicit method has blown up.
 RUNAWAY = 1e4
 
@@ -63,7 +65,12 @@ class KarnoppRelease:
             states.append(state)
             wrenches.append(wrench)
         wrenches[0] = wrenches[1]
-        return _as_release(times, np.array(states).T, np.array(wrenches).T)
+        release = _as_release(times, np.array(states).T, np.array(wrenches).T)
+        turns = _reversals(np.array(wrenches), surface, forces)
+        if turns > CHATTER:
+            words = f"explicit steps chatter: friction turned round {turns} times"
+            return replace(release, trouble=words)
+        return release
 
     def _friction(
         self,
@@ -151,6 +158,15 @@ class ImplicitRelease:
 
 class _OutOfBudgetError(Exception):
     """The integrator makes no headway."""
+
+
+def _reversals(wrenches: Array, surface: LimitSurface, forces: Array) -> int:
+    """How often the friction wrench turns to the other side of the surface in one step."""
+    gauges = np.array([surface.gauge(w) for w in wrenches])
+    sliding = gauges > 0.5 * np.maximum(forces[: len(wrenches)], 1e-12)
+    y = wrenches / (np.abs(wrenches).max(axis=0) + 1e-300)
+    opposed = np.einsum("ij,ij->i", y[1:], y[:-1]) < 0
+    return int((opposed & sliding[1:] & sliding[:-1]).sum())
 
 
 def _rates(case: ReleaseCase, state: Array, wrench: Array, hand: Array) -> Array:

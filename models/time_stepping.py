@@ -101,12 +101,15 @@ class LimitSurfaceStepping:
         shift = 0.0 * radius
         safe_radius = xp.maximum(radius, 1e-300)
         for _ in range(self.iterations):
-            if self.settle and bool(np.all(held | (abs(norm - radius) <= 1e-9 * radius))):
+            # A converged entry stays as it is, whatever its neighbours in a batch do.
+            done = abs(norm - radius) <= 1e-10 * radius
+            if self.settle and bool(np.all(held | done)):
                 break
             w = _solve(matrix, shift, y)
             curvature = y[0] * w[0] + y[1] * w[1] + y[2] * w[2] + 1e-300
             step = norm * norm / curvature * (norm - safe_radius) / safe_radius
-            shift = xp.where(held, 0.0, xp.maximum(shift + step, 0.0))
+            moved = xp.where(done, shift, xp.maximum(shift + step, 0.0))
+            shift = xp.where(held, 0.0, moved)
             y = _solve(matrix, shift, rhs)
             norm = xp.sqrt(y[0] ** 2 + y[1] ** 2 + y[2] ** 2 + 1e-300)
         # The last digits of the radius: an impulse outside would create energy.

@@ -94,6 +94,8 @@ def scene_violations(
     found = []
     if thrown.grip_use > 1.0:
         found.append(f"slip before the opening (grip use {thrown.grip_use:.2f})")
+    if thrown.release.trouble:
+        found.append(thrown.release.trouble)
     if not math.isfinite(thrown.landing.flight_time):
         return [*found, "the object never comes down to the target's height"]
     if scene.cup is not None:
@@ -128,11 +130,11 @@ def _landing_violations(scene: Scene, thrown: Thrown) -> list[str]:
     bounds, state = scene.landing, thrown.landing.state
     assert bounds is not None
     speed, found = math.hypot(state.v_x, state.v_z), []
-    if speed < bounds.speed_min * (1 - 1e-3):
+    if speed < bounds.speed_min:
         found.append(f"landing speed {speed:.2f} m/s below {bounds.speed_min:g}")
-    if bounds.speed_max is not None and speed > bounds.speed_max * (1 + 1e-3):
+    if bounds.speed_max is not None and speed > bounds.speed_max:
         found.append(f"landing speed {speed:.2f} m/s above {bounds.speed_max:g}")
-    if bounds.rate_max is not None and abs(state.omega) > bounds.rate_max * (1 + 1e-3):
+    if bounds.rate_max is not None and abs(state.omega) > bounds.rate_max:
         found.append(f"landing rate {abs(state.omega):.2f} rad/s above {bounds.rate_max:g}")
     return found
 

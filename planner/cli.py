@@ -172,6 +172,8 @@ def _target(scene: Scene, words: Sequence[str] | None, azimuth: str | None) -> P
         raise InputError("--azimuth: only for a scene with [robot]")
     turn = math.radians(_number("--azimuth", azimuth))
     x = target.plane_x
+    if x < 0:
+        raise InputError(f"--target {x:g}: must be above 0 with --azimuth")
     return dataclasses.replace(target, x=x * math.cos(turn), y=x * math.sin(turn))
 
 
@@ -244,15 +246,34 @@ def _simulate(options: argparse.Namespace) -> int:
     if options.json:
         print(text)
         return DONE
-    print(f"{scene.name}: object at detach, SI units")
-    names = ("x", "z", "theta", "vx", "vz", "omega")
-    print(f"  {'model':10}" + "".join(f"{name:>11}" for name in names) + "     pivot     slide")
-    for model, result in results.items():
-        numbers = "".join(f"{result['detach'][name]:11.5f}" for name in names)
-        events = (result["events"][name] for name in ("pivot", "slide"))
-        onsets = "".join(f"{'-':>10}" if e is None else f"{1e3 * e:7.2f} ms" for e in events)
-        print(f"  {model:10}{numbers}{onsets}")
+    _print_simulations(scene.name, results)
     return DONE
+
+
+def _print_simulations(name: str, results: dict[str, Any]) -> None:
+    """A table of detach states and events, landings where there is a height, and statuses."""
+    keys = ("x", "z", "theta", "vx", "vz", "omega")
+    print(f"{name}: object at detach, SI units")
+    print(f"  {'model':10}" + "".join(f"{key:>12}" for key in keys) + "       pivot       slide")
+    for model, result in results.items():
+        numbers = "".join(_cell(result["detach"][key], 12, 5) for key in keys)
+        events = (result["events"][event] for event in ("pivot", "slide"))
+        onsets = "".join(_cell(None if e is None else 1e3 * e, 9, 2, " ms") for e in events)
+        print(f"  {model:10}{numbers}{onsets}")
+    for model, result in results.items():
+        if result["landing"] is not None:
+            x, theta = (_cell(result["landing"][key], 10, 4) for key in ("x", "theta"))
+            print(f"  {model:10} lands at x{x} m, theta{theta} rad")
+    for model, result in results.items():
+        if result["status"] != "ok":
+            print(f"  {model}: not to be trusted: {result['status']}")
+
+
+def _cell(value: float | None, width: int, digits: int, unit: str = "") -> str:
+    """A number for a table, a dash where there is none."""
+    if value is None:
+        return f"{'-':>{width + len(unit)}}"
+    return f"{value:{width}.{digits}f}{unit}"
 
 
 # Shared.

@@ -56,6 +56,12 @@ def _recorded(scene: Scene, motion: Motion, table: np.ndarray) -> HandTrack:
                 f"joints: joint {joint + 1} is {away:.2f} rad from the throwing posture, at "
                 f"most {POSTURE_ROOM} is allowed"
             )
+    turning = np.ptp(joints[:, arm.azimuth_joint - 1])
+    if turning > POSTURE_ROOM:
+        raise ValueError(
+            f"joints: joint {arm.azimuth_joint} turns the throw's plane by {turning:.2f} rad, at "
+            f"most {POSTURE_ROOM} is allowed"
+        )
     function = hand_motion(kinematics)
     return RecordedJoints(
         table[:, 0], joints[:, throwing], function, motion.opening_time, motion.cutoff

@@ -25,6 +25,8 @@ BRAKE_SHARE = 0.8
 FLIGHT_MAX = 3.0
 #: Times after detach [s] at which the NLP keeps the bar off the hand's body.
 PALM_TIMES = (0.015, 0.03, 0.05, 0.075, 0.105, 0.14, 0.18, 0.23)
+#: Share of landing bounds kept back: the exact model lands a little differently.
+LANDING_ROOM = 0.02
 #: Room the NLP keeps beside cup and workspace for smoothing and correction [m].
 ROOM = 0.001
 
@@ -107,9 +109,9 @@ def parameter_values(scene: Scene, mover: Mover, target: Pose) -> dict[str, Any]
         values |= _palm_values(scene)
     if scene.landing is not None:
         landing = scene.landing
-        values["speed_min"] = landing.speed_min
-        values["speed_max"] = landing.speed_max
-        values["rate_max"] = landing.rate_max
+        values["speed_min"] = landing.speed_min * (1 + LANDING_ROOM)
+        values["speed_max"] = (landing.speed_max or 0.0) * (1 - LANDING_ROOM)
+        values["rate_max"] = (landing.rate_max or 0.0) * (1 - LANDING_ROOM)
     if scene.cup is not None:
         cup = scene.cup
         values["cup_x"], values["cup_rim"], values["cup_insertion"] = cup.x, cup.rim, cup.insertion

@@ -58,6 +58,8 @@ def opening_interval(context: Context, k: int, stage: Stage, following: Stage) -
     context.gap(stage, following, dt, {"rel": ca.vertcat(*state)})
     stage.cost = _effort(context, stage, dt)
     _velocity_between_nodes(context, stage, dt)
+    if not s.jerk_control:
+        _position_between_nodes(context, stage, dt)
 
 
 def relative_state(context: Context, stage: Stage) -> list[ca.SX]:
@@ -116,7 +118,7 @@ def _velocity_between_nodes(context: Context, stage: Stage, dt: ca.SX) -> None:
 def _position_between_nodes(context: Context, stage: Stage, dt: ca.SX) -> None:
     """Position inside its limits all along an interval: inner Bezier control points.
 
-    In the opening intervals, some ms long, the position margin covers the difference.
+    In an arm's opening intervals, some ms long, the position margin covers the difference.
     """
     q, dq, _ = context.node(stage)
     jerk_control = context.structure.jerk_control

@@ -101,13 +101,14 @@ class Planner:
         if turns not in ("exact", "any"):
             raise InputError(f"turns = {turns!r}: must be one of exact, any")
         search = _Search(self.scene.aimed_at(target))
-        search.times["build"], self._build_time = self._build_time, 0.0
+        made, self._build_time = self._build_time, 0.0
+        search.times["build"] = made
         names = ("fatrop", "ipopt") if solver == "auto" else (solver,)
         plan = self._warm_plan(target, names[0], warm, search) if warm is not None else None
         if plan is None:
             plan = self._search(target, names, turns, search)
         plan.time.update(search.times)
-        plan.time["total"] = time.perf_counter() - started + search.times["build"]
+        plan.time["total"] = time.perf_counter() - started + made
         return plan
 
     def check(self, target: Pose | None = None) -> Pose:
@@ -123,13 +124,13 @@ class Planner:
             starts = self._starts(releases, target, turns)
         for name in names:
             for index, goal in starts[: STARTS[name]]:
+                nlp = self._nlp(goal, search)
                 with search.clock("guess"):
-                    nlp = self._nlp(goal, search)
                     guess = guess_from(nlp, self._sampler, releases, index, goal.z)
                 solved = self._attempt(goal, name, guess, None, search)
                 if solved is not None:
                     return self._result("solved", goal, "", solved, name, search)
-                search.palm = search.palm or search.trouble[-1].startswith("palm")
+                search.palm = search.palm or "palm:" in search.trouble[-1]
         return self._failure(target, [goal for _, goal in starts], releases, names[-1], search)
 
     def _warm_plan(self, target: Pose, name: str, warm: Plan, search: _Search) -> Plan | None:
@@ -148,7 +149,11 @@ class Planner:
         """(release index, target) pairs, nearest landing first."""
         goals = [target]
         if turns == "any" and target.theta is not None:
-            goals += [target.turned(2 * math.pi * k) for k in (-1, 1, -2, 2)]
+            _, thetas, _ = releases.landings(target.z, self.scene.gravity)
+            usual = float(np.nanmedian(thetas)) if np.isfinite(thetas).any() else target.theta
+            nearest_turn = round((usual - target.theta) / (2 * math.pi))
+            turns_around = range(nearest_turn - 2, nearest_turn + 3)
+            goals = [target.turned(2 * math.pi * k) for k in turns_around]
         found: list[tuple[float, int, Pose]] = []
         for goal in goals:
             indices, distances = nearest(
@@ -188,6 +193,8 @@ class Planner:
             dx, dtheta = thrown.final.miss(target)
             miss = _scaled(dx, dtheta, AIM)
             if not miss < best_miss:
+                if best is None:
+                    search.trouble.append("the object never comes down to the target's height")
                 break
             best, best_miss = thrown, miss
             if miss <= 1.0:
@@ -249,11 +256,12 @@ class Planner:
                     f"{label} motion lands {1e3 * abs(dx):.2f} mm and "
                     f"{math.degrees(abs(dtheta)):.2f} deg off"
                 )
-        if scene.robot is not None:
-            problems += [
-                f"limit of {name} broken"
-                for name in broken_limits(mover.hard, mover.joints, thrown.samples)
-            ]
+        problems += [
+            f"limit of {name} broken"
+            for name in broken_limits(mover.hard, mover.joints, thrown.samples)
+        ]
+        if thrown.exact.grip_use > 1.0:
+            problems.append(f"slip before the opening (grip use {thrown.exact.grip_use:.2f})")
         motion = thrown.planned if thrown.sent is None else thrown.samples
         end = thrown.planned.times[-1] if thrown.sent is None else thrown.samples.times[-1]
         return problems + scene_violations(
@@ -270,9 +278,10 @@ class Planner:
     ) -> Plan:
         """No throw found: out of reach with the nearest possible, or not converged."""
         if not goals:
-            pose, words = highest(releases, target, self.scene.gravity)
+            far, pose, words = highest(releases, target, self.scene.gravity)
+            status: Status = "out_of_reach" if far else "not_converged"
             return self._result(
-                "out_of_reach", target, words, None, name, search, pose, ("landing height",)
+                status, target, words, None, name, search, pose, ("landing height",)
             )
         goal = goals[0]
         with search.clock("solve"):

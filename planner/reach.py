@@ -24,6 +24,8 @@ Array = npt.NDArray[np.float64]
 
 #: Starts of the elastic solve.
 STARTS = 3
+#: A height this far [m] above every sampled apex is out of reach.
+HEIGHT_ROOM = 0.25
 #: A multiplier counts as binding above this share of the largest.
 BINDING_SHARE = 0.02
 
@@ -99,10 +101,13 @@ def _sampled(
     return target.in_plane(float(x[indices[0]]), angle)
 
 
-def highest(releases: Releases, target: Pose, gravity: float) -> tuple[Pose | None, str]:
-    """Where no sampled release comes down through the target's height: the highest apex."""
+def highest(releases: Releases, target: Pose, gravity: float) -> tuple[bool, Pose | None, str]:
+    """Where no sampled release comes down through the target's height: the highest apex.
+
+    Whether the target is clearly above it, the pose there, and words.
+    """
     if len(releases.q) == 0:
-        return None, "out of reach: no release keeps the limits and holds the object"
+        return False, None, "no throw found: no sampled release keeps limits and grip"
     x, z, theta, v_x, v_z, omega = releases.detach.T
     rise = np.maximum(v_z, 0.0) / gravity if gravity > 0 else np.zeros_like(z)
     apex = z + rise * np.maximum(v_z, 0.0) / 2
@@ -111,10 +116,10 @@ def highest(releases: Releases, target: Pose, gravity: float) -> tuple[Pose | No
     pose = dataclasses.replace(
         target.in_plane(float(x[i] + v_x[i] * rise[i]), angle), z=float(apex[i])
     )
-    return (
-        pose,
-        f"out of reach: no release rises to z {target.z:g} m, at most about {apex[i]:.2f} m",
-    )
+    far = bool(target.z > apex[i] + HEIGHT_ROOM)
+    kind = "out of reach" if far else "no throw found"
+    most = f"at most about {apex[i]:.2f} m"
+    return far, pose, f"{kind}: no sampled release rises to z {target.z:g} m, {most}"
 
 
 def _binding(

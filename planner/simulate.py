@@ -37,7 +37,8 @@ class Simulation:
         land = self.landing
         pose = None if land is None else {"x": land.x, "z": land.z, "theta": land.theta}
         return {
-            "detach": {k: float(v) for k, v in detach.items()},
+            "status": self.release.trouble or "ok",
+            "detach": {k: _number(v) for k, v in detach.items()},
             "landing": pose and {k: _number(v) for k, v in pose.items()},
             "events": {"pivot": self.release.pivot, "slide": self.release.slide},
             "time": self.seconds,
@@ -64,7 +65,7 @@ def simulate(scene: Scene, model: str = "all") -> dict[str, Simulation]:
     case = case_of(scene, given_hand(scene))
     names = list(MODELS) if model == "all" else [model]
     if names[0] not in MODELS:
-        near = difflib.get_close_matches(model, MODELS, 1, 0.4)
+        near = difflib.get_close_matches(str(model), MODELS, 1, 0.4)
         hint = f", did you mean '{near[0]}'?" if near else ""
         raise InputError(f"model = {model!r}: must be all or one of {', '.join(MODELS)}{hint}")
     return {name: _run(scene, name, case) for name in names}

@@ -24,6 +24,7 @@ from ..models.lugre_release import LuGreRelease
 from ..models.patch_release import PatchRelease
 from ..problems.errors import InputError
 from ..problems.scene import Scene
+from .given_motion import given_hand
 
 Array = npt.NDArray[np.float64]
 
@@ -40,6 +41,9 @@ BATCH_MODELS: dict[str, Callable[[ReleaseBatch], Array]] = {
     "patch": PatchRelease().batch,
     "lugre": LuGreRelease().batch,
 }
+
+#: Samples of a scene's own motion over the opening.
+GIVEN_SAMPLES = 1001
 
 _OBJECT = ("mass", "inertia", "com_offset")
 _CONTACT = ("friction", "patch_radius", "torsion", "faces")
@@ -82,7 +86,7 @@ def simulate_batch(
     Raises InputError for unknown names, unequal lengths, NaN, times that do not rise.
     """
     if model not in BATCH_MODELS:
-        near = difflib.get_close_matches(model, BATCH_MODELS, 1, 0.4)
+        near = difflib.get_close_matches(str(model), BATCH_MODELS, 1, 0.4)
         hint = f", did you mean '{near[0]}'?" if near else ""
         raise InputError(f"model = {model!r}: must be one of {', '.join(BATCH_MODELS)}{hint}")
     batch = _batch(scene, hand or {}, contact or {}, object or {}, gripper or {})
@@ -153,6 +157,8 @@ def _batch(
         return np.broadcast_to(values.get(name, np.asarray(default, float)), (count,)).copy()
 
     kept = {"object": scene.body, "contact": scene.patch}
+    opening = spread(numbers["gripper"], "opening", profile.opening)
+    _check_cover(hands, opening)
     made = {
         section: {
             name: spread(numbers[section], name, getattr(kept[section], name)) for name in names
@@ -167,7 +173,7 @@ def _batch(
         Contact(**made["contact"]),
         profile,
         hands,
-        spread(numbers["gripper"], "opening", profile.opening),
+        opening,
         spread(numbers["gripper"], "force", profile.full),
         scene.gravity,
         scene.grasp.angle,
@@ -198,6 +204,11 @@ def _hands(scene: Scene, hand: Mapping[str, Any]) -> tuple[HandsTrack, dict[str,
     if any(name in hand for name in _SAMPLED):
         return _sampled(hand)
     motion = scene.motion
+    if motion is not None and not hand and (motion.samples or motion.accelerations):
+        # One motion for all throws, as dense samples.
+        opening = scene.gripper.profile().opening
+        times = np.linspace(0.0, opening, GIVEN_SAMPLES)
+        return SampledHands(times, given_hand(scene).at(times).pose.T[None]), {}
     if motion is None and "pose" not in hand:
         raise InputError(f"{scene.place}: has no [motion]: give hand pose, twist, acceleration")
     defaults: dict[str, Any] = {name: np.zeros(3) for name in _HAND}
@@ -219,6 +230,19 @@ def _hands(scene: Scene, hand: Mapping[str, Any]) -> tuple[HandsTrack, dict[str,
     return ConstantAccelerations(*full), lengths
 
 
+def _check_cover(hands: HandsTrack, opening: Array) -> None:
+    """InputError if sampled hands end before an opening does, or begin after its start."""
+    if not isinstance(hands, SampledHands):
+        return
+    delays = np.zeros(1) if hands.delays is None else hands.delays
+    first, last = float(delays.min()), float((delays + opening).max())
+    if first < hands.times[0] - 1e-9 or last > hands.times[-1] + 1e-9:
+        raise InputError(
+            f"hand.times: must cover {first:g} to {last:g} s, cover {hands.times[0]:g} to "
+            f"{hands.times[-1]:g} s"
+        )
+
+
 def _repeated(hands: HandsTrack, count: int) -> HandsTrack:
     """One hand motion for `count` throws."""
     if not isinstance(hands, ConstantAccelerations):
@@ -229,6 +253,8 @@ def _repeated(hands: HandsTrack, count: int) -> HandsTrack:
 
 
 def _sampled(hand: Mapping[str, Any]) -> tuple[HandsTrack, dict[str, int]]:
+    if any(name in hand for name in _HAND):
+        raise InputError("hand: give pose, twist, acceleration or times, poses, delays, not both")
     if "times" not in hand or "poses" not in hand:
         raise InputError("hand: a sampled motion needs 'times' and 'poses'")
     times, poses = _array("hand.times", hand["times"]), _array("hand.poses", hand["poses"])

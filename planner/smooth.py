@@ -23,15 +23,15 @@ SHARE = 0.999
 
 def send(mover: Mover, planned: PlannedMotion) -> SampledMotion:
     """Samples of the launch and release, then of the brake to rest."""
-    ticks = math.ceil(planned.times[-1] / TICK - 1e-9)
-    q, dq, ddq = (values.T for values in planned.at(TICK * np.arange(ticks + 1)))
     if mover.hard.jerk is None:
-        brake = _constant_brake(mover.hard, q[-1], dq[-1])
+        parts = _braked_hand(mover.hard, planned)
     else:
+        ticks = math.ceil(planned.times[-1] / TICK - 1e-9)
+        q, dq, ddq = (values.T for values in planned.at(TICK * np.arange(ticks + 1)))
         q, dq, ddq = _follow(mover.hard, mover.hard.jerk, q, dq, ddq)
         brake = _jerk_limited_brake(mover.hard, mover.hard.jerk, q[-1], dq[-1], ddq[-1])
-    joined = [np.vstack(pair) for pair in zip((q, dq, ddq), brake, strict=True)]
-    return SampledMotion(*joined)
+        parts = [np.vstack(pair) for pair in zip((q, dq, ddq), brake, strict=True)]
+    return SampledMotion(*parts)
 
 
 def _follow(limits: Limits, jerk: Array, q: Array, dq: Array, ddq: Array) -> list[Array]:
@@ -83,15 +83,26 @@ def _jerk_limited_brake(
     return [np.array([state[k] for state in states]) for k in range(3)]
 
 
-def _constant_brake(limits: Limits, q: Array, dq: Array) -> list[Array]:
-    """Samples of a brake at 90 % of the acceleration limit, all axes ending together."""
-    duration = float((np.abs(dq) / (0.9 * limits.ddq)).max())
-    ticks = max(math.ceil(duration / TICK), 1)
-    rate = -dq / (ticks * TICK)
-    t = TICK * np.arange(1, ticks + 1)[:, None]
-    acceleration = np.repeat(rate[None], ticks, axis=0)
-    acceleration[-1] = 0.0
-    return [q + dq * t + rate * t * t / 2, dq + rate * t, acceleration]
+def _braked_hand(limits: Limits, planned: PlannedMotion) -> list[Array]:
+    """Samples of a hand's planned motion, then of its brake from detach on.
+
+    Each axis brakes by itself, at nearly its acceleration limit.
+    """
+    detach = float(planned.times[-1])
+    ticks = math.floor(detach / TICK + 1e-9)
+    moved = [values.T for values in planned.at(TICK * np.arange(ticks + 1))]
+    q, dq, _ = (values[:, 0] for values in planned.at(planned.times[-1:]))
+    braking = -np.sign(dq) * SHARE * limits.ddq
+    stop = np.abs(dq) / (SHARE * limits.ddq)
+    count = math.ceil((detach + float(stop.max())) / TICK) - ticks + 1
+    since = (TICK * (ticks + np.arange(1, count + 1)) - detach)[:, None]
+    t = np.minimum(since, stop)
+    braked = [
+        q + dq * t + braking * t * t / 2,
+        np.where(since < stop, dq + braking * t, 0.0),
+        np.where(since < stop, braking, 0.0),
+    ]
+    return [np.vstack(pair) for pair in zip(moved, braked, strict=True)]
 
 
 class SmoothingError(Exception):

@@ -21,6 +21,7 @@ def check_start(scene: Scene, mover: Mover) -> None:
         raise InputError(f"{scene.place}: [robot] position_margin leaves no room")
     if mover.start is not None:
         q = mover.start[:, None]
+        _check_margin(scene, mover)
     else:
         rng = np.random.default_rng(0)
         q = rng.uniform(limits.q_min, limits.q_max, (POSES, mover.size)).T
@@ -38,3 +39,17 @@ def check_start(scene: Scene, mover: Mover) -> None:
             f"{scene.place}: [gripper] {given} too weak to hold the object at rest in "
             f"{where}, needs at least {full * use / allowed:.3g} N"
         )
+
+
+def _check_margin(scene: Scene, mover: Mover) -> None:
+    """InputError if a given start is nearer a limit than the planner's margin."""
+    limits = mover.planning
+    assert mover.start is not None
+    for name, value, low, high in zip(
+        mover.joints, mover.start, limits.q_min, limits.q_max, strict=True
+    ):
+        if not low <= value <= high:
+            raise InputError(
+                f"{scene.place}: start: {name} = {value:.4f}: must be within "
+                f"[{low:.4f}, {high:.4f}], the limits less the margin"
+            )

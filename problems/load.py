@@ -236,7 +236,42 @@ def _arm(tables: Mapping[str, Any]) -> Arm:
         raise InputError(f"key {error} is missing") from None
     except (TypeError, ValueError, AttributeError) as error:
         raise InputError(f"not an arm data file: {error}") from None
-    for field in dataclasses.fields(JointLimits):
-        if len(getattr(arm.limits, field.name)) != arm.joints:
-            raise InputError(f"[limits] {field.name}: must be a list of {arm.joints}")
+    _check_arm(arm)
     return arm
+
+
+def _check_arm(arm: Arm) -> None:
+    """InputError for numbers that are not finite, lists of the wrong length, no such joint."""
+    numbers = {
+        **{f"dh {f}": [getattr(row, f) for row in arm.dh] for f in ("a", "d", "alpha")},
+        **{f"[tool] {k}": [v] for k, v in dataclasses.asdict(arm.tool).items()},
+        **{f"[limits] {k}": list(v) for k, v in dataclasses.asdict(arm.limits).items()},
+        "posture": list(arm.posture),
+    }
+    for key, values in numbers.items():
+        for value in values:
+            number = isinstance(value, int | float) and not isinstance(value, bool)
+            if not number or not math.isfinite(value):
+                raise InputError(f"{key} = {value!r}: must be a finite number")
+    for key in ("posture", *(f"[limits] {f.name}" for f in dataclasses.fields(JointLimits))):
+        if len(numbers[key]) != arm.joints:
+            raise InputError(f"{key}: must be a list of {arm.joints}")
+    _check_joints(arm)
+
+
+def _check_joints(arm: Arm) -> None:
+    """InputError for limits the wrong way round and joints that are not there."""
+    for name in ("velocity", "acceleration", "jerk", "torque"):
+        for value in getattr(arm.limits, name):
+            if value <= 0:
+                raise InputError(f"[limits] {name} = {value:g}: must be above 0")
+    for low, high in zip(arm.limits.position_min, arm.limits.position_max, strict=True):
+        if low >= high:
+            raise InputError(f"[limits] position_min = {low:g}: must be below {high:g}")
+    for key, joints in (
+        ("azimuth_joint", [arm.azimuth_joint]),
+        ("throwing_joints", list(arm.throwing_joints)),
+    ):
+        for joint in joints:
+            if not isinstance(joint, int) or not 1 <= joint <= arm.joints:
+                raise InputError(f"{key} = {joint!r}: must be a whole number, 1 to {arm.joints}")

@@ -63,7 +63,7 @@ class ThrownObject(Section):
     """
 
     mass: float = quantity(above=0, most=1e4)
-    inertia: float = quantity(above=0, most=1e6)
+    inertia: float = quantity(above=0, least=1e-12, most=1e6)
     length: float = quantity(above=0, most=100)
     com: float = quantity(least=0)
     width: float = quantity(least=0, most=100, default=0.0)
@@ -262,7 +262,7 @@ class Landing(Section):
 class Workspace(Section):
     """Where nothing may be. Heights and distances in m, in the throw's plane.
 
-    floor: lowest height of hand, arm joints and bar (bar: until it has landed);
+    floor: lowest height of hand, arm joints and held bar;
     column_radius, column_height: the robot's base, for the bar; palm_clearance: from
     the detached bar to the hand's body (arms only).
     """
@@ -302,7 +302,8 @@ class Distribution(Section):
 class Uncertainty(Section):
     """What is not known exactly. It does not change a plan.
 
-    delay [s]: the gripper opens that much later than commanded (below zero: earlier).
+    delay [s]: the gripper opens that much later than commanded (below zero: earlier). Read
+    and checked here; no command uses it yet.
     """
 
     delay: Distribution | None = None
@@ -342,6 +343,10 @@ class Motion(Section):
 
     def check(self) -> None:
         """One kind of motion; as many pieces as times; samples that rise in time."""
+        constant = any(self.acceleration) or self.angular_acceleration != 0.0
+        sampled = self.table is not None or self.joints is not None
+        if (constant and (self.accelerations or sampled)) or (self.accelerations and sampled):
+            raise InputError("give one of acceleration, accelerations, table and joints")
         if self.table is not None and self.joints is not None:
             raise InputError("give one of 'table' and 'joints'")
         if (self.joints is None) != (self.arm is None):
@@ -426,11 +431,13 @@ class Scene(Section):
             )
 
     def _check_cup(self, cup: Cup) -> None:
-        need = self.object.width + 2 * cup.clearance
-        if 2 * cup.radius <= need:
+        # The bar is as thick as it is wide: a round cup is narrower beside its middle.
+        half = self.object.width / 2
+        need = math.hypot(half + cup.clearance + 0.001, half)
+        if cup.radius <= need:
             raise InputError(
-                f"[cup] radius = {cup.radius:g}: must be above {need / 2:g}, half the bar's "
-                "width plus the clearance"
+                f"[cup] radius = {cup.radius:g}: must be above {need:.4g}, for half the bar's "
+                "width, the clearance and 1 mm"
             )
         if self.target is not None and self.target.theta is None:
             raise InputError("[cup] needs a target with theta_deg, to know which end goes in")

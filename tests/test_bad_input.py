@@ -6,6 +6,7 @@ import json
 import subprocess
 import sys
 from dataclasses import dataclass, field
+from importlib import resources
 from pathlib import Path
 
 import pytest
@@ -259,7 +260,7 @@ MOVERS = [
 
 CUPS = [
     # Half the bar's width of 0.02 m and 0.005 m clearance.
-    edited("cup narrower than bar", CUP, {"cup.radius": "0.01"}, "radius = 0.01", "above 0.015"),
+    edited("cup narrower than bar", CUP, {"cup.radius": "0.01"}, "radius = 0.01", "above 0.01887"),
     edited("cup with open angle", CUP, {"target.theta_deg": None}, "[cup]", "theta_deg"),
     edited("cup too shallow", CUP, {"cup.insertion": "0.3"}, "insertion = 0.3", "depth 0.15"),
 ]
@@ -385,6 +386,45 @@ def test_wrong_scene_leaves_no_output(case, folder, capsys):
 def test_grip_that_can_hold_the_start_is_not_refused(sections, edits, folder):
     (folder / "scene.toml").write_text(toml(sections, edits))
     Planner(load_scene("scene.toml"))
+
+
+#: Edits of the shipped arm's data file, and words of the message beside file and key.
+ARMS = [
+    ("velocity = [2.1750, 2.1750", "velocity = [2.1750, nan", ["velocity", "nan"]),
+    ("velocity = [2.1750, 2.1750", "velocity = [2.1750, inf", ["velocity", "inf"]),
+    ("velocity = [2.1750, 2.1750", "velocity = [2.1750, -2.1750", ["velocity", "-2.175"]),
+    ("velocity = [2.1750, 2.1750", "velocity = [2.1750, 0.0", ["velocity", "0"]),
+    ("velocity = [2.1750, 2.1750", 'velocity = [2.1750, "fast"', ["fast"]),
+    ("velocity = [2.1750, ", "velocity = [", ["velocity", "7"]),
+    ("jerk = ", "jrek = ", ["jrek"]),
+    ("azimuth_joint = 1", "azimuth_joint = 9", ["azimuth_joint", "9"]),
+    ("azimuth_joint = 1", 'azimuth_joint = "1"', ["azimuth_joint", "1"]),
+    ("azimuth_joint = 1", "", ["azimuth_joint", "missing"]),
+    ("throwing_joints = [2, 4, 6]", "throwing_joints = [2, 4, 9]", ["throwing_joints", "9"]),
+    ("posture = [0.0, ", "posture = [", ["posture", "7"]),
+    ("d = 0.333", 'd = "0.333"', ["dh", "0.333"]),
+    ("d = 0.333", "d = nan", ["dh", "nan"]),
+    ("tcp = 0.1034", "tcp = nan", ["tcp", "nan"]),
+    ("tcp = 0.1034", "tpc = 0.1034", ["tpc"]),
+]
+
+
+@pytest.mark.parametrize(("right", "wrong", "words"), ARMS)
+def test_wrong_arm_data_file(right, wrong, words, folder, capsys):
+    text = (resources.files("throwplan.problems") / "arms" / "panda.toml").read_text()
+    assert right in text
+    (folder / "my-arm.toml").write_text(text.replace(right, wrong, 1))
+    put(edited("", ROBOT, {"robot.arm": '"my-arm.toml"'}), folder)
+    message = refused(capsys, "plan", "scene.toml")
+    for word in ("scene.toml", "my-arm.toml", *words):
+        assert word in message
+
+
+def test_copied_arm_data_file_is_right(folder):
+    text = (resources.files("throwplan.problems") / "arms" / "panda.toml").read_text()
+    (folder / "my-arm.toml").write_text(text)
+    put(edited("", ROBOT, {"robot.arm": '"my-arm.toml"'}), folder)
+    assert load_scene("scene.toml").arm == load_scene("pose").arm
 
 
 # The command line.
@@ -568,11 +608,13 @@ def test_odd_scenes_get_an_answer(sections, edits, allowed, folder, capfd):
     assert len(err.splitlines()) == (status != 0)
 
 
+@pytest.mark.parametrize("model", ["sp", "all"])
 @pytest.mark.parametrize(
     "edits",
     [
         {"object.mass": "1e300"},
         {"object.inertia": "1e-30"},
+        {"object.mass": "1e-12", "object.inertia": "1e-15"},
         {"gripper.opening": "1000.0"},
         {"contact.patch_radius": "1e-300"},
         {"motion.velocity": "[1e308, 1e308]"},
@@ -580,9 +622,9 @@ def test_odd_scenes_get_an_answer(sections, edits, allowed, folder, capfd):
     ],
     ids=str,
 )
-def test_odd_motions_get_an_answer(edits, folder, capfd):
+def test_odd_motions_get_an_answer(edits, model, folder, capfd):
     (folder / "scene.toml").write_text(toml(DROP, edits))
-    status = main(["simulate", "scene.toml", "--model", "sp", "--json"])
+    status = main(["simulate", "scene.toml", "--model", model, "--json"])
     out, err = capfd.readouterr()
     assert status in {0, 2}
     answer = json.loads(out, parse_constant=no_nan)

@@ -148,7 +148,7 @@ def test_a_solved_plan_breaks_nothing_and_harder_scenes_are_broken(cup_plan: tp.
     assert cup is not None and workspace is not None
     changes = {
         "cup clearance": {"cup": dataclasses.replace(cup, x=cup.x + 0.05)},
-        "cup": {"cup": dataclasses.replace(cup, clearance=0.0489)},
+        "cup": {"cup": dataclasses.replace(cup, clearance=0.0481)},
         "floor": {"workspace": dataclasses.replace(workspace, floor=0.4)},
         "base column": {"workspace": dataclasses.replace(workspace, column_radius=0.5)},
         "palm": {"workspace": dataclasses.replace(workspace, palm_clearance=0.2)},

@@ -16,8 +16,8 @@ from throwplan.planner.releases import ReleaseSampler, guess_from, nearest
 
 #: (variables, constraints) of the built-in scenes: what a scene does not need is not there.
 SIZES = {
-    "hand-box": (171, 185),
-    "hand-flip": (251, 257),
+    "hand-box": (171, 205),
+    "hand-flip": (251, 287),
     "box": (311, 461),
     "flip": (311, 462),
     "pose": (314, 462),
