@@ -46,7 +46,7 @@ def main() -> None:
         f"{platform.machine()}, Python {platform.python_version()}, CasADi {casadi.__version__}\n"
     )
     print(
-        "| scene | solver | status | position error | angle error | limit surface beside it "
+        "| scene | solver | status | position error | angle error | limit surface "
         "| iterations | solve | fresh process |"
     )
     print("|---|---|---|---|---|---|---|---|---|")

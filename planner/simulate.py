@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import difflib
 import math
 import time
@@ -50,6 +51,7 @@ MODELS: dict[str, ReleaseModel] = {
     "sp": SlidingPivotRelease(steps=100, events=True),
     "sp-paper": SlidingPivotRelease("paper", steps=100, events=True),
     "ls": KarnoppRelease(),
+    "ls-smooth": KarnoppRelease(half_band=0.01),
     "ils": ImplicitRelease(),
     "ls-step": SteppedRelease(),
     "patch": PatchRelease(),
@@ -73,7 +75,11 @@ def simulate(scene: Scene, model: str = "all") -> dict[str, Simulation]:
 
 def _run(scene: Scene, name: str, case: ReleaseCase) -> Simulation:
     start = time.perf_counter()
-    release = MODELS[name].release(case)
+    model = MODELS[name]
+    if isinstance(model, PatchRelease | LuGreRelease):
+        hertz = scene.contact.pressure == "hertz"
+        model = dataclasses.replace(model, pressure="hertz" if hertz else "uniform")
+    release = model.release(case)
     height = None if scene.target is None else scene.target.z
     land = None if height is None else landing(release, height, scene.gravity)
     return Simulation(name, release, land, time.perf_counter() - start)

@@ -27,7 +27,7 @@ def send(mover: Mover, planned: PlannedMotion) -> SampledMotion:
         parts = _braked_hand(mover.hard, planned)
     else:
         ticks = math.ceil(planned.times[-1] / TICK - 1e-9)
-        q, dq, ddq = (values.T for values in planned.at(TICK * np.arange(ticks + 1)))
+        q, dq, ddq = (values.T for values in planned.at(np.asarray(TICK * np.arange(ticks + 1))))
         q, dq, ddq = _follow(mover.hard, mover.hard.jerk, q, dq, ddq)
         brake = _jerk_limited_brake(mover.hard, mover.hard.jerk, q[-1], dq[-1], ddq[-1])
         parts = [np.vstack(pair) for pair in zip((q, dq, ddq), brake, strict=True)]
@@ -90,7 +90,7 @@ def _braked_hand(limits: Limits, planned: PlannedMotion) -> list[Array]:
     """
     detach = float(planned.times[-1])
     ticks = math.floor(detach / TICK + 1e-9)
-    moved = [values.T for values in planned.at(TICK * np.arange(ticks + 1))]
+    moved = [values.T for values in planned.at(np.asarray(TICK * np.arange(ticks + 1)))]
     q, dq, _ = (values[:, 0] for values in planned.at(planned.times[-1:]))
     braking = -np.sign(dq) * SHARE * limits.ddq
     stop = np.abs(dq) / (SHARE * limits.ddq)

@@ -94,12 +94,16 @@ class Grasp(Section):
 
 @dataclasses.dataclass(frozen=True)
 class PadContact(Section):
-    """Friction of the pads: friction mu, patch_radius r_p [m], torsion c, faces."""
+    """Friction of the pads: friction mu, patch_radius r_p [m], torsion c, faces.
+
+    pressure: how the meshed models `patch` and `lugre` spread the force over the pad.
+    """
 
     friction: float = quantity(above=0, most=100)
     patch_radius: float = quantity(above=0, least=1e-6, most=1)
     torsion: float = quantity(above=0, least=1e-3, most=10, default=0.6)
     faces: int = quantity(least=1, most=100, default=2)
+    pressure: str = quantity(choices=("uniform", "hertz"), default="uniform")
 
 
 @dataclasses.dataclass(frozen=True)
