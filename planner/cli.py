@@ -19,7 +19,10 @@ DONE, WRONG_INPUT, NO_THROW = 0, 2, 3
 
 
 class _Parser(argparse.ArgumentParser):
-    """Wrong arguments as one line, like every other wrong input."""
+    """Wrong arguments as one line, like every other wrong input; no abbreviations."""
+
+    def __init__(self, **options: Any) -> None:
+        super().__init__(allow_abbrev=False, **options)
 
     def error(self, message: str) -> NoReturn:
         raise InputError(f"{message} (see '{self.prog} --help')")
@@ -27,7 +30,7 @@ class _Parser(argparse.ArgumentParser):
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
-    words = list(sys.argv[1:] if arguments is None else arguments)
+    words = [_plain(word) for word in (sys.argv[1:] if arguments is None else arguments)]
     as_json = "--json" in words
     try:
         options = _parser().parse_args(words)
@@ -45,6 +48,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         sys.stderr.close()
         return DONE
+
+
+def _plain(word: str) -> str:
+    """Negative numbers with an exponent written out: argparse takes them for options."""
+    if not word.startswith("-") or "e" not in word.lower():
+        return word
+    try:
+        return f"{float(word):f}" if math.isfinite(float(word)) else word
+    except ValueError:
+        return word
 
 
 def _parser() -> argparse.ArgumentParser:

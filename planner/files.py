@@ -24,6 +24,8 @@ FILES = ("motion.csv", "throw.png", "throw.gif", "plan.json")
 
 def prepare_folder(folder: Path) -> Path:
     """Make `folder` if need be and make sure it can be written; InputError if not."""
+    if str(folder) in ("", "."):
+        raise InputError("--out: needs a folder's name")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):

@@ -69,6 +69,11 @@ class ReleaseSampler:
         q = rng.uniform(limits.q_min, limits.q_max, (count, n))
         dq = rng.uniform(-limits.dq, limits.dq, (count, n))
         ddq = rng.uniform(-0.9, 0.9, (count, n)) * limits.ddq
+        # Some just let go at rest.
+        still = slice(count - max(count // 20, 1), count)
+        dq[still], ddq[still] = 0.0, 0.0
+        if self.mover.start is not None:
+            q[-1] = self.mover.start
         run_up = self.run_up_time(dq, ddq, rng)
         if self.mover.start is not None:
             run_up = np.maximum(run_up, 0.25)

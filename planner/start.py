@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ..models.release import HandSamples
@@ -42,14 +44,14 @@ def check_start(scene: Scene, mover: Mover) -> None:
 
 
 def _check_margin(scene: Scene, mover: Mover) -> None:
-    """InputError if a given start is nearer a limit than the planner's margin."""
+    """InputError if a given start of an arm is nearer a limit than the planner's margin."""
     limits = mover.planning
-    assert mover.start is not None
-    for name, value, low, high in zip(
-        mover.joints, mover.start, limits.q_min, limits.q_max, strict=True
-    ):
+    if scene.robot is None or mover.start is None:
+        return
+    for name, *values in zip(mover.joints, mover.start, limits.q_min, limits.q_max, strict=True):
+        value, low, high = (math.degrees(v) for v in values)
         if not low <= value <= high:
             raise InputError(
-                f"{scene.place}: start: {name} = {value:.4f}: must be within "
-                f"[{low:.4f}, {high:.4f}], the limits less the margin"
+                f"{scene.place}: [robot] start_deg: {name} at {value:.2f} must be within "
+                f"[{low:.2f}, {high:.2f}], the limits less position_margin"
             )

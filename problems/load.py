@@ -89,10 +89,11 @@ def _no_scene(name: str) -> str:
 
 def _read(path: Path) -> str:
     try:
-        return path.read_text(encoding="utf-8")
+        # A byte-order mark, as spreadsheets write it, is no part of the first column.
+        return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
-    except (OSError, UnicodeDecodeError) as error:
+    except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "is not a text file"
         raise InputError(f"{path}: {reason}") from None
 
@@ -134,6 +135,9 @@ def _section(key: str, value: Any, folder: Path | None) -> Any:
         raise InputError(f"{key} = {value!r}: must be a section [{key}]")
     try:
         if key == "gripper" and isinstance(value.get("table"), str):
+            beside = [k for k in value if k != "table"]
+            if beside:
+                raise InputError(f"{beside[0]}: not beside 'table', which says it all")
             value = value | _read_grip_table(value["table"], folder)
         if key == "motion":
             value = value | _read_motion_samples(value, folder)

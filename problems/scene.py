@@ -28,7 +28,7 @@ class Pose(Section):
 
     x: float = quantity(least=-1e4, most=1e4)
     z: float = quantity(least=-1e4, most=1e4)
-    theta: float | None = quantity(degrees=True, default=None)
+    theta: float | None = quantity(degrees=True, least=-1e4, most=1e4, default=None)
     y: float = quantity(least=-1e4, most=1e4, default=0.0)
 
     def check(self) -> None:
@@ -374,9 +374,9 @@ class Mesh(Section):
     carry_max [s]: longest carry.
     """
 
-    carry: int = quantity(least=3, most=200, default=10)
-    opening: int = quantity(least=2, most=200, default=10)
-    substeps: int = quantity(least=1, most=100, default=2)
+    carry: int = quantity(least=3, most=60, default=10)
+    opening: int = quantity(least=2, most=60, default=10)
+    substeps: int = quantity(least=1, most=20, default=2)
     epsilon: float = quantity(above=0, most=1, default=0.03)
     sticking_margin: float = quantity(least=0, below=1, default=0.05)
     carry_max: float = quantity(above=0, default=2.0)
@@ -490,7 +490,11 @@ def _outside(name: str, value: float, low: float, high: float) -> str:
 
 
 def _check_robot(robot: Robot, arm: Arm) -> None:
-    joints = robot.throwing_joints or arm.throwing_joints
+    joints = robot.throwing_joints
+    if joints is None:
+        joints = arm.throwing_joints
+    if not joints:
+        raise InputError("[robot] throwing_joints = []: must name at least one joint")
     for joint in joints:
         if not 1 <= joint <= arm.joints or joint == arm.azimuth_joint or joints.count(joint) > 1:
             raise InputError(

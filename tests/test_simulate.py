@@ -139,3 +139,28 @@ def test_any_turn_means_any() -> None:
 def test_negative_x_with_an_azimuth_is_refused(capsys) -> None:
     status = main(["plan", "box", "--target", "-0.6", "0.1", "free", "--azimuth", "10"])
     assert status == 2 and "above 0 with --azimuth" in capsys.readouterr().err
+
+
+def test_letting_go_at_rest_is_found() -> None:
+    scene = tp.load_scene("hand-box")
+    slow = scene.replace(hand=dataclasses.replace(scene.hand, speed=1e-3))
+    assert tp.plan(slow, tp.Pose(x=0.0, z=0.0)).solved
+
+
+@pytest.mark.parametrize("angle", ["-9e1", "-90", "-9.0E1"])
+def test_negative_exponents_are_numbers(angle: str, capsys) -> None:
+    assert main(["plan", "cup", "--target", "0.9", "0.22", angle, "--json"]) == 0
+    target = json.loads(capsys.readouterr().out)["target"]
+    assert target["theta"] == pytest.approx(-math.pi / 2)
+
+
+def test_byte_order_mark_and_null_byte(tmp_path: Path, capsys) -> None:
+    text = (SCENES / "hand-box.toml").read_text()
+    before, after = text.index("[gripper]"), text.index("[hand]")
+    rows = "\n".join(f"{0.01 * k},{max(50 - 10 * k, 0)}" for k in range(6))
+    (tmp_path / "grip.csv").write_text(f"\ufefft,f_N\n{rows}\n", encoding="utf-8")
+    for name, status in (("grip.csv", 0), ("a\\u0000b", 2)):
+        gripper = f'[gripper]\ntable = "{name}"\n'
+        (tmp_path / "scene.toml").write_text(text[:before] + gripper + text[after:])
+        assert main(["plan", str(tmp_path / "scene.toml")]) == status
+    assert capsys.readouterr().err.count("\n") == 1
