@@ -18,6 +18,7 @@ from throwplan.models.batch import (
     stepped_batch,
 )
 from throwplan.models.contact import Body, Contact
+from throwplan.models.flight import land
 from throwplan.models.grip_force import LinearRelease
 from throwplan.models.hand_track import ConstantAcceleration
 from throwplan.models.integrate import euler_step
@@ -26,7 +27,6 @@ from throwplan.models.release import ReleaseCase
 from throwplan.models.sliding_pivot import SlidingPivot
 from throwplan.models.sliding_pivot_release import SlidingPivotRelease
 from throwplan.models.time_stepping_release import SteppedRelease
-from throwplan.planner.simulate_batch import land
 
 
 def random_throws(count: int, seed: int) -> ReleaseBatch:
@@ -74,19 +74,7 @@ def python_loop(case: ReleaseCase, steps: int = 500) -> np.ndarray:
         )
         if k < steps:
             state = euler_step(law.rates, state, [motion], [float(case.grip.force(k * dt))], dt)
-    x_r, z_r = law.lever(state, motion)
-    omega = motion.omega + state[5]
-    pose, twist = hand.pose[:, 0], hand.twist[:, 0]
-    return np.array(
-        [
-            pose[0] + x_r,
-            pose[1] + z_r,
-            pose[2] + state[2],
-            twist[0] + state[3] - omega * (z_r - state[1]),
-            twist[1] + state[4] + omega * (x_r - state[0]),
-            omega,
-        ]
-    )
+    return np.array(law.com_state(state, hand.pose[:, 0], hand.twist[:, 0], motion))
 
 
 def detach(release) -> np.ndarray:

@@ -213,11 +213,7 @@ def _sliding_pivot_even(batch: ReleaseBatch, steps: int, form: Form) -> Array:
             dt = (shares[k + 1] - shares[k]) * part.opening
             state = rk4_step(law.rates, state, [start, middle, end], forces, dt)
             start = end
-        x_r, z_r = law.lever(state, start)
-        omega = twist[2] + state[5]
-        v_x = twist[0] + state[3] - omega * (z_r - state[1])
-        v_z = twist[1] + state[4] + omega * (x_r - state[0])
-        return np.array([pose[0] + x_r, pose[1] + z_r, pose[2] + state[2], v_x, v_z, omega])
+        return np.array(law.com_state(state, pose, twist, start))
 
     return run_batch(batch, chunk)
 

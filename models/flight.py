@@ -5,7 +5,12 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+import numpy as np
+import numpy.typing as npt
+
 from .backend import Value
+
+Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)
@@ -47,3 +52,18 @@ def time_to_height(state: FlightState, height: float, gravity: float) -> float:
     # The stable form of the later root of z + v t - g t^2 / 2 = height.
     time = (state.v_z + root) / gravity if state.v_z > 0 else 2.0 * drop / (root - state.v_z or 1.0)
     return time if time >= 0.0 else math.nan
+
+
+def land(detach: Array, height: float, gravity: float) -> Array:
+    """x [m], theta [rad] and flight time [s] (N, 3) of coming down through `height`.
+
+    detach (N, 6): x, z, theta, v_x, v_z, omega of the CoM. NaN where it never does.
+    """
+    x, z, theta, v_x, v_z, omega = detach.T
+    with np.errstate(invalid="ignore", divide="ignore"):
+        if gravity > 0:
+            time = (v_z + np.sqrt(v_z**2 + 2 * gravity * (z - height))) / gravity
+        else:
+            time = np.where(v_z < 0, (height - z) / v_z, np.nan)
+        time = np.where(time >= 0, time, np.nan)
+    return np.column_stack([x + v_x * time, theta + omega * time, time])

@@ -12,6 +12,7 @@ The CoM seen from the hand is r = s + h (cos theta, sin theta).
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -50,6 +51,20 @@ class SlidingPivot:
         xp = backend(theta)
         h = self.body.com_offset
         return state[0] + h * xp.cos(theta), state[1] + h * xp.sin(theta)
+
+    def com_state(
+        self, state: Value, pose: Sequence[Value], twist: Sequence[Value], hand: HandMotion
+    ) -> tuple[Value, ...]:
+        """CoM pose and twist in the world: x, z, theta, v_x, v_z, omega.
+
+        `pose`, `twist`: (x, z, theta) of the hand and their rates.
+        """
+        x_r, z_r = self.lever(state, hand)
+        omega = hand.omega + state[5]
+        # The pivot moves with the hand and slips; the rest turns about it.
+        v_x = twist[0] + state[3] - omega * (z_r - state[1])
+        v_z = twist[1] + state[4] + omega * (x_r - state[0])
+        return pose[0] + x_r, pose[1] + z_r, hand.theta + state[2], v_x, v_z, omega
 
     def excess(self, state: Value, hand: HandMotion, normal_force: Value) -> tuple[Value, Value]:
         """How far the pivot wrench is beyond the limits: (torque [N m], force [N]).

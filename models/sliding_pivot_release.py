@@ -70,16 +70,8 @@ class SlidingPivotRelease:
 def world_release(law: SlidingPivot, hand: HandSamples, states: Array, forces: Array) -> Release:
     """World poses, twists and friction of relative states (6, K) along the hand."""
     motion = hand.motion
-    x_r, z_r = law.lever(states, motion)
-    omega = motion.omega + states[5]
-    com = np.vstack([hand.pose[0] + x_r, hand.pose[1] + z_r, motion.theta + states[2]])
-    twist = np.vstack(
-        [
-            hand.twist[0] + states[3] - omega * (z_r - states[1]),
-            hand.twist[1] + states[4] + omega * (x_r - states[0]),
-            omega,
-        ]
-    )
+    state = np.vstack(law.com_state(states, hand.pose, hand.twist, motion))
+    com, twist = state[:3], state[3:]
     torque, force = law.excess(states, motion, forces)
     pivot, slide = onset(hand.times, torque), onset(hand.times, force)
     wrench = np.vstack(law.friction(states, motion, forces))

@@ -29,15 +29,8 @@ def _detach(context: Context, stage: Stage) -> FlightState:
     """CoM pose and twist in the world at detach."""
     pose, twist, motion = context.hand(*context.node(stage))
     state = full_state(context, relative_state(context, stage))
-    x_r, z_r = context.release.lever(state, motion)
-    omega = motion.omega + state[5]
     return FlightState(
-        pose[0] + x_r,
-        pose[1] + z_r,
-        motion.theta + state[2],
-        twist[0] + state[3] - omega * (z_r - state[1]),
-        twist[1] + state[4] + omega * (x_r - state[0]),
-        omega,
+        *context.release.com_state(state, ca.vertsplit(pose), ca.vertsplit(twist), motion)
     )
 
 

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..models.contact import HandMotion, pivot_wrench
+from ..models.flight import land
 from ..models.integrate import rk4_step
 from ..models.sliding_pivot import SlidingPivot
 from ..problems.scene import Scene
@@ -42,15 +43,8 @@ class Releases:
 
     def landings(self, height: float, gravity: float) -> tuple[Array, Array, Array]:
         """x [m], theta [rad] and flight time [s] of coming down through `height`; NaN if not."""
-        _, z, _, _, v_z, _ = self.detach.T
-        with np.errstate(invalid="ignore", divide="ignore"):
-            if gravity > 0:
-                time = (v_z + np.sqrt(v_z**2 + 2 * gravity * (z - height))) / gravity
-            else:
-                time = np.where(v_z < 0, (height - z) / v_z, np.nan)
-        time = np.where(time > 0, time, np.nan)
-        x = self.detach[:, 0] + self.detach[:, 3] * time
-        return x, self.detach[:, 2] + self.detach[:, 5] * time, time
+        x, theta, time = land(self.detach, height, gravity).T
+        return x, theta, time
 
 
 class ReleaseSampler:
@@ -166,17 +160,7 @@ class ReleaseSampler:
             )
             hand = end
             track.append(np.array(state))
-        x_r, z_r = self.release.lever(state, hand)
-        omega = hand.omega + state[5]
-        detach = [
-            pose[0] + x_r,
-            pose[1] + z_r,
-            hand.theta + state[2],
-            twist[0] + state[3] - omega * (z_r - state[1]),
-            twist[1] + state[4] + omega * (x_r - state[0]),
-            omega,
-        ]
-        return np.array(detach).T, track
+        return np.array(self.release.com_state(state, pose, twist, hand)).T, track
 
 
 def _run_up_shape(dq: Array, ddq: Array, time: Array) -> tuple[Array, Array]:

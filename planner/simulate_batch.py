@@ -20,6 +20,7 @@ from ..models.batch import (
     stepped_batch,
 )
 from ..models.contact import Body, Contact
+from ..models.flight import land
 from ..models.lugre_release import LuGreRelease
 from ..models.patch_release import PatchRelease
 from ..problems.errors import InputError
@@ -93,18 +94,6 @@ def simulate_batch(
     detach = _run(model, batch, executor)
     height = None if scene.target is None else scene.target.z
     return BatchResult(detach, None if height is None else land(detach, height, scene.gravity))
-
-
-def land(detach: Array, height: float, gravity: float) -> Array:
-    """x [m], theta [rad] and flight time [s] (N, 3) of coming down through `height`."""
-    x, z, theta, v_x, v_z, omega = detach.T
-    with np.errstate(invalid="ignore", divide="ignore"):
-        if gravity > 0:
-            time = (v_z + np.sqrt(v_z**2 + 2 * gravity * (z - height))) / gravity
-        else:
-            time = np.where(v_z < 0, (height - z) / v_z, np.nan)
-    time = np.where(time >= 0, time, np.nan)
-    return np.column_stack([x + v_x * time, theta + omega * time, time])
 
 
 def _run(model: str, batch: ReleaseBatch, executor: Executor | None) -> Array:

@@ -10,12 +10,12 @@ import numpy as np
 import pytest
 import throwplan as tp
 from throwplan.models.contact import Body, Contact
+from throwplan.models.flight import land
 from throwplan.models.grip_force import LinearRelease
 from throwplan.models.hand_track import ConstantAcceleration
 from throwplan.models.release import ReleaseCase
 from throwplan.models.sliding_pivot_release import SlidingPivotRelease
 from throwplan.models.time_stepping_release import SteppedRelease
-from throwplan.planner.simulate_batch import land
 
 
 def throws(count: int, seed: int = 0) -> dict:
