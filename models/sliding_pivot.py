@@ -12,7 +12,6 @@ The CoM seen from the hand is r = s + h (cos theta, sin theta).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -53,11 +52,11 @@ class SlidingPivot:
         return state[0] + h * xp.cos(theta), state[1] + h * xp.sin(theta)
 
     def com_state(
-        self, state: Value, pose: Sequence[Value], twist: Sequence[Value], hand: HandMotion
+        self, state: Value, pose: Value, twist: Value, hand: HandMotion
     ) -> tuple[Value, ...]:
         """CoM pose and twist in the world: x, z, theta, v_x, v_z, omega.
 
-        `pose`, `twist`: (x, z, theta) of the hand and their rates.
+        `pose`, `twist`: rows or values (x, z, theta) of the hand and their rates.
         """
         x_r, z_r = self.lever(state, hand)
         omega = hand.omega + state[5]
