@@ -140,6 +140,11 @@ class Planner:
         if (warm.target.theta is None) != (target.theta is None):
             return None
         solution = warm.throw.solution
+        # The palm's rows, if the earlier plan needed them: its multipliers fit no other NLP.
+        search.palm = solution.lam_g.size != self._nlp(target, search).size[1]
+        if solution.lam_g.size != self._nlp(target, search).size[1]:
+            search.palm = False
+            return None
         solved = self._attempt(target, name, solution.x, solution, search)
         if solved is None:
             return None

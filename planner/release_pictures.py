@@ -232,8 +232,11 @@ def _values(run: Release) -> tuple[Array, ...]:
 
 
 def _plot(axis: Axes, run: Release, i: int, style: dict[str, Any], label: str = "") -> None:
-    """Value `i` of FOUR over time; a run that failed is only named."""
-    if run.trouble:
+    """Value `i` of FOUR over time; a run without numbers is only named.
+
+    A run that is not to be trusted is drawn all the same: chatter is there to be seen.
+    """
+    if not np.isfinite(run.com_twist).all():
         axis.plot([], [], label=label and f"{label}: {run.trouble}", **style)
     else:
         axis.plot(1e3 * run.times, _values(run)[i], label=label, **style)

@@ -173,6 +173,13 @@ def test_palm_enters_the_nlp_when_it_decides() -> None:
     assert violations(plan.scene, plan) == ""
 
 
+def test_a_plan_with_the_palm_is_a_warm_start_too() -> None:
+    planner = tp.Planner(tp.load_scene("pose"))
+    first = planner.plan(tp.Pose(x=-0.9, z=0.1, theta=0.0))
+    again = planner.plan(tp.Pose(x=-0.905, z=0.1, theta=0.0), warm=first)
+    assert again.solved and again.constraints == first.constraints
+
+
 def test_ruckig_follows_a_jerk_controlled_plan_exactly(cup_plan: tp.Plan) -> None:
     assert cup_plan.throw is not None
     planned = cup_plan.throw.planned

@@ -22,7 +22,7 @@ from throwplan.planner.contact_pictures import (
     slide_onset,
 )
 from throwplan.planner.overhang_picture import draw_overhang
-from throwplan.planner.release_pictures import draw_release_pictures, quartic
+from throwplan.planner.release_pictures import draw_chatter, draw_release_pictures, quartic
 from throwplan.problems.errors import InputError
 from throwplan.problems.scene import Motion, Scene
 
@@ -153,3 +153,24 @@ def test_explicit_steps_detach_elsewhere_than_all_others(case: ReleaseCase) -> N
     ]
     assert max(explicit) < 1.5 * min(others)
     assert max(others) - min(others) < 0.05
+
+
+def test_chatter_is_drawn_although_its_runs_are_not_to_be_trusted(
+    drop: Scene, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """The picture must hold the explicit curves, friction at its limit both ways included."""
+    from matplotlib.figure import Figure
+
+    seen: dict[str, np.ndarray] = {}
+
+    def look(figure: Figure, *_args, **_options) -> None:
+        for axis in figure.axes:
+            if "f_z" in axis.get_ylabel():
+                for line in axis.lines:
+                    seen.setdefault(str(line.get_label()), np.asarray(line.get_ydata()))
+
+    monkeypatch.setattr(Figure, "savefig", look)
+    draw_chatter(drop, tmp_path / "chatter.png")
+    explicit = seen["Karnopp, Euler"]
+    assert explicit.size > 400
+    assert explicit.max() > 30 and explicit.min() < -30
