@@ -1,0 +1,99 @@
+"""`throwplan plan`: one throw, checked."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+from ..problems.load import load_scene
+from .command import DONE, NO_THROW, add_out, add_scene, command, say, target_of
+
+
+def add_plan(commands: Any) -> None:
+    """Adds `throwplan plan`."""
+    example = "throwplan plan cup --target 0.92 0.22 -90 --out out/cup"
+    parser = command(commands, "plan", _plan, "plan a throw and check it", example)
+    add_scene(parser)
+    parser.add_argument(
+        "--target",
+        nargs=3,
+        metavar=("X", "Z", "THETA_DEG"),
+        help="landing pose instead of the scene's; THETA_DEG may be 'free'",
+    )
+    parser.add_argument(
+        "--azimuth", metavar="DEG", help="turn the throw's plane about the arm's base axis"
+    )
+    parser.add_argument(
+        "--turns",
+        choices=("exact", "any"),
+        default="exact",
+        help="whether full turns of the object count (default: exact)",
+    )
+    parser.add_argument(
+        "--solver",
+        choices=("auto", "fatrop", "ipopt"),
+        default="auto",
+        help="auto: FATROP, with IPOPT as fallback (default)",
+    )
+    add_out(parser, "plan.json, motion.csv, throw.png and throw.gif")
+
+
+def _plan(options: argparse.Namespace) -> int:
+    scene = load_scene(options.scene)
+    target = target_of(scene, options.target, options.azimuth)
+    from .planner import Planner
+
+    say(options, f"{scene.name}: building the problem")
+    planner = Planner(scene)
+    planner.check(target)
+    if options.out is not None:
+        from .files import prepare_folder
+
+        prepare_folder(Path(options.out))
+    say(options, f"{scene.name}: planning")
+    plan = planner.plan(target, solver=options.solver, turns=options.turns)
+    if options.out is not None:
+        say(options, f"{scene.name}: writing {options.out}")
+        plan.save(options.out)
+    if options.json:
+        print(plan.json())
+    else:
+        _print_plan(plan.to_dict(), options.out)
+    if plan.solved:
+        return DONE
+    print(f"throwplan: {plan.message}", file=sys.stderr)
+    return NO_THROW
+
+
+def _print_plan(result: dict[str, Any], out: str | None) -> None:
+    """A plan in a few lines."""
+    print(f"{result['scene']}: {result['status']}, {result['message']}")
+    for name, error in result["error"].items():
+        if error is not None and error["position"] is not None:
+            position, angle = 1e3 * error["position"], math.degrees(error["angle"])
+            print(f"  {name:14} error {position:8.3f} mm {angle:8.3f} deg")
+    surface, target = result["landing"]["limit_surface"], result["target"]
+    if surface is not None and surface["x"] is not None:
+        reach = math.hypot(surface["x"], surface.get("y", 0.0))
+        position = 1e3 * abs(reach - math.hypot(target["x"], target["y"]))
+        free = target["theta"] is None
+        angle = 0.0 if free else math.degrees(abs(surface["theta"] - target["theta"]))
+        print(f"  {'limit surface':14} error {position:8.3f} mm {angle:8.3f} deg (for comparison)")
+    release, solver, times = result["release"], result["solver"], result["time"]
+    if release["opening_time"] is not None:
+        moments = ", ".join(
+            f"{name.removesuffix('_time')} {1e3 * value:.0f} ms"
+            for name, value in release.items()
+            if value is not None
+        )
+        print(f"  {moments}")
+    print(
+        f"  {solver['name']}, {solver['iterations']} iterations in {solver['attempts']} solves, "
+        f"{result['nlp']['variables']} variables, {result['nlp']['constraints']} constraints, "
+        f"{times['total']:.2f} s"
+    )
+    if out is not None:
+        print(f"  written to {out}")
