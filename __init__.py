@@ -11,6 +11,7 @@ from .planner.api import plan, simulate
 from .planner.plan import Plan
 from .planner.planner import Planner
 from .planner.simulate_batch import simulate_batch
+from .planner.sweep import Sweep, sweep
 from .problems.errors import InputError, ThrowplanError
 from .problems.load import load_scene, scene_names
 from .problems.scene import Pose, Scene
@@ -26,10 +27,12 @@ __all__ = [
     "Planner",
     "Pose",
     "Scene",
+    "Sweep",
     "ThrowplanError",
     "load_scene",
     "plan",
     "scene_names",
     "simulate",
     "simulate_batch",
+    "sweep",
 ]

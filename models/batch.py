@@ -6,10 +6,10 @@ fit the processor's cache, so memory does not grow with their number.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
-from typing import Any, Protocol
+from functools import cached_property, partial
+from typing import Any, Protocol, runtime_checkable
 
 import numpy as np
 import numpy.typing as npt
@@ -17,12 +17,14 @@ import numpy.typing as npt
 from .contact import Body, Contact, HandMotion
 from .grip_force import GripProfile
 from .integrate import rk4_step
+from .release import BLEW_UP, LOST, sticking_state
 from .sliding_pivot import LOST_SLIP, Form, SlidingPivot
 from .time_stepping import HandState, LimitSurfaceStepping
 
 Array = npt.NDArray[np.float64]
 #: Numbers of some of the throws.
 Throws = npt.NDArray[np.int_]
+Flags = npt.NDArray[np.bool_]
 #: Pose, twist and acceleration of the hands, each (3, N).
 Hands = tuple[Array, Array, Array]
 
@@ -30,6 +32,19 @@ Hands = tuple[Array, Array, Array]
 CHUNK = 2048
 #: Grading of the sliding pivot's steps towards the end of the opening.
 GRADING = 2.0
+
+
+@dataclass(frozen=True)
+class Cubics:
+    """Hand poses as cubics in time: coefficients (4, P, R, 3) from knots (P + 1,) [s] on.
+
+    Highest power first, in the time since the piece's knot. R is N, or 1 where all throws
+    share one motion; delays (N,) [s]: how much later each throw starts on it.
+    """
+
+    knots: Array
+    coefficients: Array
+    delays: Array | None = None
 
 
 class HandsTrack(Protocol):
@@ -40,6 +55,14 @@ class HandsTrack(Protocol):
 
     def part(self, throws: Throws) -> HandsTrack:
         """The hands of the given throws."""
+
+
+@runtime_checkable
+class CubicHands(HandsTrack, Protocol):
+    """N hand motions that are cubics in time."""
+
+    def cubics(self) -> Cubics:
+        """The same motions for code that knows nothing else."""
 
 
 @dataclass(frozen=True)
@@ -60,6 +83,11 @@ class ConstantAccelerations:
         """The hands at `times` (N,) [s]."""
         pose, twist, a = self.pose.T, self.twist.T, self.acceleration.T
         return pose + times * (twist + times * a / 2), twist + times * a, a
+
+    def cubics(self) -> Cubics:
+        """One piece for all time, without a third power."""
+        powers = [np.zeros_like(self.pose), self.acceleration / 2, self.twist, self.pose]
+        return Cubics(np.array([0.0, np.inf]), np.stack(powers)[:, None])
 
 
 @dataclass(frozen=True)
@@ -96,6 +124,10 @@ class SampledHands:
         pose = c0 + u * (c1 + u * (c2 + u * c3))
         twist = c1 + u * (2 * c2 + u * 3 * c3)
         return pose.T, twist.T, (2 * c2 + 6 * u * c3).T
+
+    def cubics(self) -> Cubics:
+        """The splines."""
+        return Cubics(self.times, self._coefficients, self.delays)
 
 
 @dataclass(frozen=True)
@@ -135,13 +167,53 @@ class ReleaseBatch:
         )
 
 
-def run_batch(batch: ReleaseBatch, step: Callable[[ReleaseBatch], Array]) -> Array:
-    """Detach states (N, 6): CoM pose and twist; `step` throws one chunk."""
-    detach = np.empty((batch.count, 6))
-    for first in range(0, batch.count, CHUNK):
-        throws = np.arange(first, min(first + CHUNK, batch.count))
-        detach[throws] = step(batch.part(throws)).T
-    return detach
+@dataclass(frozen=True)
+class BatchRelease:
+    """What N releases come to.
+
+    detach (N, 6): CoM pose and twist at the end of the opening, NaN where it could not be
+    computed, which `why_not` explains; lost (N,): whether the body slid out of the pads
+    before.
+    """
+
+    detach: Array
+    lost: Flags
+    why_not: str = BLEW_UP
+
+    @classmethod
+    def empty(cls, count: int) -> BatchRelease:
+        """Room for `count` releases."""
+        return cls(np.empty((count, 6)), np.empty(count, bool))
+
+    def put(self, throws: Throws, part: BatchRelease) -> None:
+        """Fills in the releases of some throws."""
+        self.detach[throws], self.lost[throws] = part.detach, part.lost
+
+    @property
+    def trouble(self) -> npt.NDArray[np.object_]:
+        """Why each throw (N,) is not to be trusted, as in `Release`; empty if it is."""
+        words = np.full(len(self.detach), "", object)
+        words[self.lost] = LOST
+        words[~np.isfinite(self.detach).all(axis=1)] = self.why_not
+        return words
+
+
+#: A release model in so many steps, the same number for all throws of the batch.
+EvenSteps = Callable[[ReleaseBatch, int], BatchRelease]
+
+
+def by_chunks(batch: ReleaseBatch, run: Callable[[ReleaseBatch], BatchRelease]) -> BatchRelease:
+    """`run` on one chunk of throws after the other."""
+    whole = BatchRelease.empty(batch.count)
+    for throws in chunks(batch.count, CHUNK):
+        whole.put(throws, run(batch.part(throws)))
+    return whole
+
+
+def chunks(count: int, size: int) -> Iterator[Throws]:
+    """The numbers of `count` throws, `size` at a time."""
+    for first in range(0, count, size):
+        yield np.arange(first, min(first + size, count))
 
 
 def _levels(batch: ReleaseBatch) -> npt.NDArray[np.int_]:
@@ -173,35 +245,74 @@ def graded(steps: int, power: float) -> Array:
 
 
 def sliding_pivot_batch(batch: ReleaseBatch, steps: int = 48, form: Form = "continuous") -> Array:
-    """Detach states (N, 6) by the non-smooth sliding pivot.
+    """Detach states (N, 6) by the non-smooth sliding pivot, see `throw_sliding_pivot`."""
+    return throw_sliding_pivot(batch, steps, form).detach
 
-    `steps` Runge-Kutta steps; doubled, once or more, for throws that swing fast.
+
+def stepped_batch(batch: ReleaseBatch, steps: int = 120) -> Array:
+    """Detach states (N, 6) by the time-stepping limit surface, see `throw_limit_surface`."""
+    return throw_limit_surface(batch, steps).detach
+
+
+def throw_sliding_pivot(
+    batch: ReleaseBatch,
+    steps: int = 48,
+    form: Form = "continuous",
+    even: EvenSteps | None = None,
+) -> BatchRelease:
+    """N releases by the non-smooth sliding pivot.
+
+    `steps` Runge-Kutta steps; doubled, once or more, for throws that swing fast. `even`:
+    another program for the steps than NumPy's, a compiled one.
     """
-    return _by_levels(batch, lambda part, factor: _sliding_pivot_even(part, steps * factor, form))
+    law = even or partial(sliding_pivot_steps, form=form)
+    return _by_levels(batch, lambda part, factor: law(part, steps * factor))
 
 
-def _by_levels(batch: ReleaseBatch, run: Callable[[ReleaseBatch, int], Array]) -> Array:
-    """Detach states (N, 6) of `run(throws, factor)`, the factor by each throw's own swings."""
-    detach = np.empty((batch.count, 6))
+def throw_limit_surface(
+    batch: ReleaseBatch, steps: int = 120, even: EvenSteps | None = None
+) -> BatchRelease:
+    """N releases by the time-stepping limit surface.
+
+    `steps` and twice as many steps, extrapolated: the stepping is first order, so this
+    takes away the leading error at three times the cost of the shorter run. `even` as in
+    `throw_sliding_pivot`.
+    """
+    law = even or limit_surface_steps
+
+    def run(part: ReleaseBatch, factor: int) -> BatchRelease:
+        coarse, fine = law(part, steps * factor), law(part, 2 * steps * factor)
+        return BatchRelease(2 * fine.detach - coarse.detach, fine.lost)
+
+    return _by_levels(batch, run)
+
+
+def _by_levels(
+    batch: ReleaseBatch, run: Callable[[ReleaseBatch, int], BatchRelease]
+) -> BatchRelease:
+    """`run(throws, factor)`, the factor by each throw's own swings."""
+    whole = BatchRelease.empty(batch.count)
     # Piece by piece, so that no array of all hands' splines is ever made.
-    for first in range(0, batch.count, 4 * CHUNK):
-        piece = np.arange(first, min(first + 4 * CHUNK, batch.count))
-        levels = _levels(batch.part(piece))
+    for piece in chunks(batch.count, 4 * CHUNK):
+        part = batch.part(piece)
+        levels = _levels(part)
         for level in np.unique(levels):
-            throws = piece[levels == level]
-            detach[throws] = run(batch.part(throws), 2 ** int(level))
-    return detach
+            throws = np.flatnonzero(levels == level)
+            some = part if len(throws) == len(piece) else part.part(throws)
+            whole.put(piece[throws], run(some, 2 ** int(level)))
+    return whole
 
 
-def _sliding_pivot_even(batch: ReleaseBatch, steps: int, form: Form) -> Array:
-    """The same in `steps` steps for all."""
+def sliding_pivot_steps(batch: ReleaseBatch, steps: int, form: Form = "continuous") -> BatchRelease:
+    """The sliding pivot in `steps` graded steps for all throws, by NumPy."""
     shares = graded(steps, GRADING)
     middles = (shares[:-1] + shares[1:]) / 2
 
-    def chunk(part: ReleaseBatch) -> Array:
+    def chunk(part: ReleaseBatch) -> BatchRelease:
         law = SlidingPivot(part.body, part.contact, part.gravity, form)
         zero = np.zeros_like(part.opening)
         state: list[Array] = [zero, zero, zero + part.grasp_angle, zero, zero, zero]
+        lost = np.zeros(part.count, bool)
         pose, twist, acceleration = part.hands.at(zero)
         start = _motion(pose, twist, acceleration)
         nodes, between = _forces(part, shares), _forces(part, middles)
@@ -212,48 +323,32 @@ def _sliding_pivot_even(batch: ReleaseBatch, steps: int, form: Form) -> Array:
             forces = [nodes[k], between[k], nodes[k + 1]]
             dt = (shares[k + 1] - shares[k]) * part.opening
             state = rk4_step(law.rates, state, [start, middle, end], forces, dt)
+            lost |= law.lost(state)
             start = end
-        return np.array(law.com_state(state, pose, twist, start))
+        return BatchRelease(np.array(law.com_state(state, pose, twist, start)).T, lost)
 
-    return run_batch(batch, chunk)
-
-
-def stepped_batch(batch: ReleaseBatch, steps: int = 120) -> Array:
-    """Detach states (N, 6) by the time-stepping limit surface.
-
-    `steps` and twice as many steps, extrapolated: the stepping is first order, so this
-    takes away the leading error at three times the cost of the shorter run.
-    """
-
-    def run(part: ReleaseBatch, factor: int) -> Array:
-        n = steps * factor
-        return 2 * _stepped_even(part, 2 * n) - _stepped_even(part, n)
-
-    return _by_levels(batch, run)
+    return by_chunks(batch, chunk)
 
 
-def _stepped_even(batch: ReleaseBatch, steps: int) -> Array:
-    """The same in `steps` even steps, without extrapolation."""
+def limit_surface_steps(batch: ReleaseBatch, steps: int) -> BatchRelease:
+    """The limit surface in `steps` even steps for all throws, by NumPy; nothing extrapolated."""
     shares = np.linspace(0.0, 1.0, steps + 1)
 
-    def chunk(part: ReleaseBatch) -> Array:
+    def chunk(part: ReleaseBatch) -> BatchRelease:
         law = LimitSurfaceStepping(part.body, part.contact, part.gravity, settle=True)
         forces = _forces(part, (shares[:-1] + shares[1:]) / 2)
         pose, twist, _ = part.hands.at(np.zeros_like(part.opening))
+        state: list[Array] = sticking_state(pose, twist, part.grasp_angle, part.body.com_offset)
         start = HandState(*pose, *twist)
-        theta, h = pose[2] + part.grasp_angle, part.body.com_offset
-        x_r, z_r = h * np.cos(theta), h * np.sin(theta)
-        v_x, v_z = twist[0] - twist[2] * z_r, twist[1] + twist[2] * x_r
-        state: list[Array] = [pose[0] + x_r, pose[1] + z_r, theta, v_x, v_z, twist[2]]
         for k in range(steps):
             pose, twist, _ = part.hands.at(shares[k + 1] * part.opening)
             end = HandState(*pose, *twist)
             dt = (shares[k + 1] - shares[k]) * part.opening
             state = law.step(state, start, end, forces[k], dt)
             start = end
-        return np.array(state)
+        return BatchRelease(np.array(state).T, np.zeros(part.count, bool))
 
-    return run_batch(batch, chunk)
+    return by_chunks(batch, chunk)
 
 
 def _motion(pose: Array, twist: Array, acceleration: Array) -> HandMotion:

@@ -36,15 +36,26 @@ class PlanarArm:
             joints[joint - 1] = q[i]
         return joints
 
+    def turned(self, q: ca.SX) -> list[ca.SX]:
+        """How far each link is turned in the plane: sums of the joints before it."""
+        angles = [self._signs[0] * q[0]]
+        for i, sign in enumerate(self._signs[1:], start=1):
+            angles.append(angles[-1] + sign * q[i])
+        return angles
+
     def motion(
         self, q: ca.SX, dq: ca.SX, ddq: ca.SX
     ) -> tuple[list[ca.SX], list[ca.SX], list[ca.SX]]:
         """Pose (x, z, theta), twist and acceleration of the pads' centre in the plane."""
+        return self.motion_of(self.turned(q), self.turned(dq), self.turned(ddq))
+
+    def motion_of(
+        self, angles: list[ca.SX], rates: list[ca.SX], turns: list[ca.SX]
+    ) -> tuple[list[ca.SX], list[ca.SX], list[ca.SX]]:
+        """The same from `turned` values: each link's share depends on its own three only."""
         pose = [ca.SX(self._origin[0]), ca.SX(self._origin[1]), ca.SX(self._theta_ref)]
         twist, acceleration = [ca.SX(0)] * 3, [ca.SX(0)] * 3
-        phi, rate, turn = ca.SX(0), ca.SX(0), ca.SX(0)
-        for i, sign in enumerate(self._signs):
-            phi, rate, turn = phi + sign * q[i], rate + sign * dq[i], turn + sign * ddq[i]
+        for i, (phi, rate, turn) in enumerate(zip(angles, rates, turns, strict=True)):
             cos, sin = ca.cos(phi), ca.sin(phi)
             length_x, length_z = self._links[i]
             x, z = length_x * cos - length_z * sin, length_x * sin + length_z * cos
@@ -52,7 +63,7 @@ class PlanarArm:
             twist[0], twist[1] = twist[0] - rate * z, twist[1] + rate * x
             acceleration[0] = acceleration[0] - turn * z - rate * rate * x
             acceleration[1] = acceleration[1] + turn * x - rate * rate * z
-        pose[2], twist[2], acceleration[2] = pose[2] + phi, rate, turn
+        pose[2], twist[2], acceleration[2] = pose[2] + angles[-1], rates[-1], turns[-1]
         return pose, twist, acceleration
 
     def points(self, q: ca.SX) -> ca.SX:
@@ -105,17 +116,23 @@ class PlanarHand:
         self.coordinates = 3 if turns else 2
         self._theta = theta
 
+    def turned(self, q: ca.SX) -> list[ca.SX]:
+        """The coordinates themselves."""
+        return list(ca.vertsplit(q))
+
     def motion(
         self, q: ca.SX, dq: ca.SX, ddq: ca.SX
     ) -> tuple[list[ca.SX], list[ca.SX], list[ca.SX]]:
         """Pose (x, z, theta), twist and acceleration; theta fixed where it does not turn."""
+        return self.motion_of(self.turned(q), self.turned(dq), self.turned(ddq))
+
+    def motion_of(
+        self, q: list[ca.SX], dq: list[ca.SX], ddq: list[ca.SX]
+    ) -> tuple[list[ca.SX], list[ca.SX], list[ca.SX]]:
+        """The same from lists of scalars."""
         fixed = [] if self.coordinates == 3 else [ca.SX(0)]
         pose = [ca.SX(self._theta)] if fixed else []
-        return (
-            [*ca.vertsplit(q), *pose],
-            [*ca.vertsplit(dq), *fixed],
-            [*ca.vertsplit(ddq), *fixed],
-        )
+        return [*q, *pose], [*dq, *fixed], [*ddq, *fixed]
 
 
 def hand_motion(kinematics: PlanarArm | PlanarHand) -> ca.Function:

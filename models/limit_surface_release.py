@@ -25,6 +25,7 @@ from .limit_surface import (
     smoothed_sliding_wrench,
 )
 from .release import HandSamples, Release, ReleaseCase, failed
+from .slip_onset import slip_onset, surface_gauge
 
 Array = npt.NDArray[np.float64]
 Shape = Callable[[Contact], LimitSurface]
@@ -65,7 +66,7 @@ class KarnoppRelease:
             states.append(state)
             wrenches.append(wrench)
         wrenches[0] = wrenches[1]
-        release = _as_release(times, np.array(states).T, np.array(wrenches).T)
+        release = _as_release(case, surface, times, np.array(states).T, np.array(wrenches).T)
         turns = _reversals(np.array(wrenches), surface, forces)
         if turns > CHATTER:
             words = f"explicit steps chatter: friction turned round {turns} times"
@@ -153,7 +154,7 @@ class ImplicitRelease:
             friction(state, case.hand.at(np.array([t])), case.contact.faces * case.grip.force(t))
             for t, state in zip(times, run.y.T, strict=True)
         ]
-        return _as_release(times, run.y, np.array(wrenches).T)
+        return _as_release(case, surface, times, run.y, np.array(wrenches).T)
 
 
 class _OutOfBudgetError(Exception):
@@ -178,5 +179,8 @@ def _rates(case: ReleaseCase, state: Array, wrench: Array, hand: Array) -> Array
     return np.array([state[3], state[4], state[5], a_x, a_z, torque / inertia])
 
 
-def _as_release(times: Array, states: Array, wrench: Array) -> Release:
-    return Release(times, states[:3], states[3:], wrench=wrench)
+def _as_release(
+    case: ReleaseCase, surface: LimitSurface, times: Array, states: Array, wrench: Array
+) -> Release:
+    pivot, slide = slip_onset(case, surface_gauge(surface))
+    return Release(times, states[:3], states[3:], pivot, slide, wrench)

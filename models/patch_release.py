@@ -16,7 +16,7 @@ with the bristle's share y_i of the last step they read y (creep + |u|) = u + cr
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -25,7 +25,9 @@ import numpy.typing as npt
 from .batch import ReleaseBatch
 from .contact import Body, Contact
 from .patch import PointSolver, Pressure, SlipProblem, scaled_patch
-from .release import HandSamples, Release, ReleaseCase, failed
+from .patch_gauge import patch_gauge
+from .release import UNSOLVED, HandSamples, Release, ReleaseCase, failed, sticking_state
+from .slip_onset import slip_onset
 
 Array = npt.NDArray[np.float64]
 
@@ -69,10 +71,8 @@ class Throws:
         hand = HandSamples(times, *(part.transpose(1, 0, 2) for part in samples))
         shape = batch.grip.force((shares[1:] + shares[:-1]) / 2 * batch.grip.opening)
         forces = (shape / batch.grip.full)[:, None] * batch.force
-        (x, z, theta), (v_x, v_z, omega) = hand.pose[:, 0], hand.twist[:, 0]
-        angle = theta + batch.grasp_angle
-        x_r, z_r = batch.body.com_offset * np.cos(angle), batch.body.com_offset * np.sin(angle)
-        start = np.array([x + x_r, z + z_r, angle, v_x - omega * z_r, v_z + omega * x_r, omega])
+        pose, twist, offset = hand.pose[:, 0], hand.twist[:, 0], batch.body.com_offset
+        start = np.array(sticking_state(pose, twist, batch.grasp_angle, offset))
         return cls(batch.body, batch.contact, start, hand, forces, batch.gravity)
 
 
@@ -95,7 +95,9 @@ class PatchRelease:
 
     def release(self, case: ReleaseCase) -> Release:
         """The release of one case; `trouble` says so if a step was not solved."""
-        return single(march(Throws.of(case, self.steps), self.points, self.pressure))
+        release = single(march(Throws.of(case, self.steps), self.points, self.pressure))
+        pivot, slide = slip_onset(case, patch_gauge(case.contact, self.pressure, self.points))
+        return replace(release, pivot=pivot, slide=slide)
 
     def batch(self, batch: ReleaseBatch) -> Array:
         """Detach states (N, 6) of a batch; NaN for a throw with a step that was not solved."""
@@ -127,7 +129,7 @@ def single(batch: Release) -> Release:
     """The only release of a batch of one."""
     times, com, twist = batch.times[:, 0], batch.com[..., 0], batch.com_twist[..., 0]
     if not np.isfinite(com).all():
-        return failed(times, "a step of the patch was not solved")
+        return failed(times, UNSOLVED)
     return Release(times, com, twist, wrench=None if batch.wrench is None else batch.wrench[..., 0])
 
 
@@ -146,14 +148,16 @@ def march(
     solver = PointSolver(patch)
     hand, state = throws.hand, throws.start
     dt = np.diff(hand.times, axis=0)
-    moved, middle = np.diff(hand.pose, axis=1) / dt, (hand.pose[:, 1:] + hand.pose[:, :-1]) / 2
+    # The hand's own way in each step beyond that of its twist at the step's end.
+    way = np.diff(hand.pose, axis=1) - dt * hand.twist[:, 1:]
+    middle = (hand.pose[:, 1:] + hand.pose[:, :-1]) / 2
     limits = throws.contact.force_limit(throws.forces) * dt
     count = state.shape[1]
     slip, share = np.zeros((3, count)), np.zeros((2, solver.points, count))
     creep, none = np.full(count, CREEP), share
     states, wrenches, unsolved = [state], [], np.zeros(count, bool)
     for k in range(len(dt)):
-        frame = _Frame.of(throws, state, middle[:, k], moved[:, k], arm, dt[k])
+        frame = _Frame.of(throws, state, middle[:, k], hand.twist[:, k + 1], arm, dt[k])
         problem = SlipProblem(frame.mass, frame.free, limits[k], creep, none)
         if bristles and k == 0:
             # What a rigid patch gives in the first step is the load at rest.
@@ -162,7 +166,7 @@ def march(
             problem = _bristled(problem, bristles, throws, solver, share, dt[k])
         slip, share, missed = solver.solve(problem, slip, share)
         unsolved |= missed
-        state, impulse = frame.after(throws, state, slip, dt[k])
+        state, impulse = frame.after(state, slip, way[:, k], dt[k])
         states.append(state)
         wrenches.append(impulse / dt[k])
     track = np.array(states).transpose(1, 0, 2)
@@ -199,7 +203,8 @@ class _Frame:
     """One step seen at the contact, in the hand's frame, spin as a speed (arm times omega).
 
     mass (N, 3, 3): inertia; free (3, N): slip without friction; lever (2, N), world axes,
-    in the middle of the step; hand (3, N): mean twist; turn: cos and sin of its angle.
+    in the middle of the step; hand (3, N): its twist at the end of the step, against which
+    slip is measured; turn: cos and sin of its angle.
     """
 
     mass: Array
@@ -211,23 +216,26 @@ class _Frame:
 
     @classmethod
     def of(
-        cls, throws: Throws, state: Array, middle: Array, moved: Array, arm: Array, dt: Array
+        cls, throws: Throws, state: Array, middle: Array, twist: Array, arm: Array, dt: Array
     ) -> _Frame:
         body = throws.body
         cos, sin = np.cos(middle[2]), np.sin(middle[2])
         x_r, z_r = state[:2] + dt / 2 * state[3:5] - middle[:2]
-        b_x = state[3] + state[5] * z_r - moved[0]
-        b_z = state[4] - throws.gravity * dt - state[5] * x_r - moved[1]
-        free = [cos * b_x + sin * b_z, cos * b_z - sin * b_x, arm * (state[5] - moved[2])]
+        b_x = state[3] + state[5] * z_r - twist[0]
+        b_z = state[4] - throws.gravity * dt - state[5] * x_r - twist[1]
+        free = [cos * b_x + sin * b_z, cos * b_z - sin * b_x, arm * (state[5] - twist[2])]
         x_h, z_h = (cos * x_r + sin * z_r) / arm, (cos * z_r - sin * x_r) / arm
         m, zero = body.mass + 0.0 * x_r, 0.0 * x_r
         spin = m * (x_h * x_h + z_h * z_h) + body.inertia / arm**2
         mass = np.array([[m, zero, -m * z_h], [zero, m, m * x_h], [-m * z_h, m * x_h, spin]])
         lever = np.array([x_r, z_r])
-        return cls(mass.transpose(2, 0, 1), np.array(free), lever, moved, (cos, sin), arm)
+        return cls(mass.transpose(2, 0, 1), np.array(free), lever, twist, (cos, sin), arm)
 
-    def after(self, throws: Throws, state: Array, slip: Array, dt: Array) -> tuple[Array, Array]:
-        """State after the step, and the friction impulse at the contact, for `slip` (3, N)."""
+    def after(self, state: Array, slip: Array, way: Array, dt: Array) -> tuple[Array, Array]:
+        """State after the step, and the friction impulse at the contact, for `slip` (3, N).
+
+        As in LimitSurfaceStepping, a sticking body meets the hand's pose exactly.
+        """
         cos, sin = self.turn
         v_x = cos * slip[0] - sin * slip[1] + self.hand[0]
         v_z = sin * slip[0] + cos * slip[1] + self.hand[1]
@@ -236,4 +244,5 @@ class _Frame:
         twist = np.array([v_x - omega * z_r, v_z + omega * x_r, omega])
         p = np.einsum("nij,jn->in", self.mass, slip - self.free)
         impulse = np.array([cos * p[0] - sin * p[1], sin * p[0] + cos * p[1], self.arm * p[2]])
-        return np.concatenate([state[:3] + dt * twist, twist]), impulse
+        carried = np.array([way[0] - way[2] * z_r, way[1] + way[2] * x_r, way[2]])
+        return np.concatenate([state[:3] + dt * twist + carried, twist]), impulse

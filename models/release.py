@@ -8,11 +8,17 @@ from typing import Protocol
 import numpy as np
 import numpy.typing as npt
 
-from .contact import Body, Contact, HandMotion
+from .backend import Value, backend, components
+from .contact import Body, Contact, HandMotion, com_twist
 from .flight import FlightState
 from .grip_force import GripProfile
 
 Array = npt.NDArray[np.float64]
+
+#: Why a release is not to be trusted.
+LOST = "the body slid out of the pads before they let go"
+BLEW_UP = "the steps blew up: needs more steps"
+UNSOLVED = "a step of the patch was not solved"
 
 
 @dataclass(frozen=True)
@@ -58,11 +64,18 @@ class ReleaseCase:
     def start(self) -> Array:
         """CoM pose and twist (6,) at time 0, sticking: x, z, theta, v_x, v_z, omega."""
         hand = self.hand.at(np.zeros(1))
-        x, z, theta = hand.pose[:, 0]
-        v_x, v_z, omega = hand.twist[:, 0]
-        angle, h = theta + self.grasp_angle, self.body.com_offset
-        x_r, z_r = h * np.cos(angle), h * np.sin(angle)
-        return np.array([x + x_r, z + z_r, angle, v_x - omega * z_r, v_z + omega * x_r, omega])
+        pose, twist = hand.pose[:, 0], hand.twist[:, 0]
+        return np.array(sticking_state(pose, twist, self.grasp_angle, self.body.com_offset))
+
+
+def sticking_state(pose: Value, twist: Value, grasp_angle: Value, com_offset: Value) -> list[Value]:
+    """CoM pose and twist (6 values) of a body that sticks to a hand of this pose and twist."""
+    x, z, theta = components(pose)
+    v_x, v_z, omega = components(twist)
+    angle = theta + grasp_angle
+    xp = backend(angle)
+    x_r, z_r = com_offset * xp.cos(angle), com_offset * xp.sin(angle)
+    return [x + x_r, z + z_r, angle, *com_twist(v_x, v_z, omega, x_r, z_r)]
 
 
 @dataclass(frozen=True)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any
 
@@ -13,8 +13,9 @@ import numpy.typing as npt
 
 from .contact import Contact
 from .limit_surface import Ellipsoid, LimitSurface, Quartic, ellipsoid
-from .release import HandSamples, Release, ReleaseCase
+from .release import BLEW_UP, HandSamples, Release, ReleaseCase
 from .sliding_pivot_release import number_symbols, numbers
+from .slip_onset import slip_onset, surface_gauge
 from .time_stepping import HandState, LimitSurfaceStepping
 
 Array = npt.NDArray[np.float64]
@@ -30,10 +31,12 @@ class SteppedRelease:
 
     def release(self, case: ReleaseCase) -> Release:
         """The release of one case."""
-        return self.along(case, case.hand.at(np.linspace(0.0, case.grip.opening, self.steps + 1)))
+        times = np.linspace(0.0, case.grip.opening, self.steps + 1)
+        pivot, slide = slip_onset(case, surface_gauge(self.shape(case.contact)))
+        return replace(self.along(case, case.hand.at(times)), pivot=pivot, slide=slide)
 
     def along(self, case: ReleaseCase, hand: HandSamples) -> Release:
-        """The same for hand samples at steps + 1 even instants of the opening."""
+        """The same for hand samples at steps + 1 even instants of the opening, without onsets."""
         times = hand.times - hand.times[0]
         dt = times[-1] / self.steps
         forces = case.grip.force(times[:-1] + dt / 2)
@@ -49,7 +52,9 @@ class SteppedRelease:
             stepper = _compiled(self.steps)
             track = stepper(start, columns, np.repeat(parameters, self.steps, axis=1))
             states = np.column_stack([start, np.array(track)])
-        return Release(times, states[:3], states[3:], wrench=_friction(case, states, hand, dt))
+        trouble = "" if np.isfinite(states).all() else BLEW_UP
+        wrench = _friction(case, states, hand, dt)
+        return Release(times, states[:3], states[3:], wrench=wrench, trouble=trouble)
 
 
 def _factor(contact: Contact, surface: LimitSurface) -> Array:
@@ -91,9 +96,8 @@ def _quartic_steps(
     state = case.start()
     states = [state]
     for k, force in enumerate(forces):
-        pose = (hand.pose[:, k] + hand.pose[:, k + 1]) / 2
-        twist = (hand.twist[:, k] + hand.twist[:, k + 1]) / 2
-        x_r, z_r = state[:2] + dt / 2 * state[3:5] - pose[:2]
+        start, end, twist = hand.pose[:, k], hand.pose[:, k + 1], hand.twist[:, k + 1]
+        x_r, z_r = state[:2] + dt / 2 * state[3:5] - (start + end)[:2] / 2
         g = np.array([[1, 0, z_r], [0, 1, -x_r], [0, 0, 1]])
         free = state[3:] + fall
         inverse_mass = (g / mass) @ g.T
@@ -101,7 +105,10 @@ def _quartic_steps(
             surface, inverse_mass, g @ free - twist, case.contact.faces * force * dt
         )
         velocity = free + (g.T @ impulse) / mass
-        state = np.concatenate([state[:3] + dt * velocity, velocity])
+        # As in LimitSurfaceStepping: the hand's own way, carried over to the CoM, and slip.
+        way = end - start - dt * twist
+        pose = state[:3] + dt * velocity + way + way[2] * np.array([-z_r, x_r, 0.0])
+        state = np.concatenate([pose, velocity])
         states.append(state)
     return np.array(states).T
 

@@ -4,24 +4,33 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from ..models.hand import PlanarArm
+from ..models.hand import PlanarArm, PlanarHand
 from ..models.release import Release
 from ..problems.scene import Pose, Scene
-from .geometry import bar_outline, column_distance, cup_entry, palm_corners, palm_distance
-from .motion import TICK, Motion, SampledMotion
+from .exact_release import limit_surface_release, sliding_pivot_release
+from .geometry import (
+    column_distance,
+    cup_entry,
+    lowest_of_bar,
+    palm_corners,
+    palm_distance,
+    reach_of_bar,
+)
+from .kernel import MappedKernel
+from .motion import TICK, Motion, PiecewiseMotion, SampledMotion
 from .mover import Limits, Mover
 from .rollout import (
-    LIMIT_SURFACE,
-    SLIDING_PIVOT,
     Landing,
     MoverTrack,
     case_of,
     hand_samples,
+    kinks_of,
     landing,
     slip_while_carrying,
 )
@@ -34,7 +43,7 @@ FLIGHT_SAMPLES = 400
 
 @dataclass(frozen=True)
 class Thrown:
-    """A motion thrown by the non-smooth sliding pivot.
+    """A motion thrown by a non-smooth release model: the sliding pivot or the limit surface.
 
     grip_use: largest friction use before the opening (1 is the limit).
     """
@@ -49,19 +58,26 @@ class Thrown:
         return self.landing.x - target.plane_x, angle
 
 
-def throw(scene: Scene, mover: Mover, motion: Motion, opening_time: float, height: float) -> Thrown:
+def throw(
+    scene: Scene, mover: Mover, motion: PiecewiseMotion, opening_time: float, height: float
+) -> Thrown:
     """The exact throw of `motion`: held from rest, opened at `opening_time`, flown to `height`."""
     use = slip_while_carrying(scene, mover, motion, opening_time)
-    release = SLIDING_PIVOT.release(case_of(scene, MoverTrack(mover, motion, opening_time)))
+    case = case_of(scene, MoverTrack(mover, motion, opening_time))
+    kinks = kinks_of(motion, opening_time, case.grip.opening)
+    release = sliding_pivot_release(case, kinks)
     return Thrown(release, landing(release, height, scene.gravity), use)
 
 
-def limit_surface_landing(
-    scene: Scene, mover: Mover, motion: Motion, opening_time: float, height: float
-) -> Landing:
-    """The same motion's landing by the time-stepping limit surface."""
-    release = LIMIT_SURFACE.release(case_of(scene, MoverTrack(mover, motion, opening_time)))
-    return landing(release, height, scene.gravity)
+def limit_surface_throw(
+    scene: Scene, mover: Mover, motion: PiecewiseMotion, opening_time: float, height: float
+) -> Thrown:
+    """The same motion thrown by the time-stepping limit surface."""
+    use = slip_while_carrying(scene, mover, motion, opening_time)
+    case = case_of(scene, MoverTrack(mover, motion, opening_time))
+    kinks = kinks_of(motion, opening_time, case.grip.opening)
+    release = limit_surface_release(case, kinks)
+    return Thrown(release, landing(release, height, scene.gravity), use)
 
 
 def broken_limits(limits: Limits, names: tuple[str, ...], sent: SampledMotion) -> list[str]:
@@ -144,28 +160,36 @@ def _workspace_violations(
 ) -> list[str]:
     workspace, bar = scene.workspace, scene.object
     assert workspace is not None
-    opening = thrown.release.times[-1]
-    detach = opening_time + opening
-    held = hand_samples(mover, motion, np.arange(0.0, opening_time, TICK))
-    carried = _carried(scene, held.pose)
-    opened = thrown.release.com[:, ::10]
+    times = np.arange(0.0, end + TICK, TICK)
+    q = motion.at(times)[0].T
+    pose, lowest_joint = outline_kernel(mover.motion, mover.kinematics)(q)
+    carried = _carried(scene, pose[times < opening_time].T)
+    held = np.hstack([carried, thrown.release.com])
+    detach = opening_time + thrown.release.times[-1]
     flight_times = np.linspace(0.0, thrown.landing.flight_time, FLIGHT_SAMPLES)
     flying = flight_poses(scene, thrown, flight_times)
     found = []
     if workspace.floor is not None:
-        lowest = bar_outline(bar, np.hstack([carried, opened]))[1].min()
-        lowest = min(lowest, _lowest_of_arm(scene, mover, motion, end))
+        lowest = min(lowest_of_bar(bar, held).min(), lowest_joint.min(), pose[:, 1].min())
+        if scene.arm is not None:
+            lowest = min(lowest, palm_corners(scene.arm.tool, pose.T)[1].min())
         if lowest < workspace.floor - 1e-6:
             found.append(f"floor: {1e3 * (workspace.floor - lowest):.0f} mm below it")
     if workspace.column_radius is not None and workspace.column_height is not None:
-        poses = np.hstack([carried, opened, flying])
-        room = column_distance(bar, poses, workspace.column_radius, workspace.column_height).min()
-        if room < -1e-6:
+        radius, height = workspace.column_radius, workspace.column_height
+        poses = np.hstack([held, flying])
+        # Only where the column is within the bar's reach.
+        away = np.maximum(np.abs(poses[0]) - radius, poses[1] - height)
+        near = poses[:, away < reach_of_bar(bar)]
+        if column_distance(bar, near, radius, height).min(initial=0.0) < -1e-6:
             found.append("base column: the bar touches it")
     if workspace.palm_clearance is not None and scene.arm is not None:
-        hand = hand_samples(mover, motion, detach + flight_times)
-        distance = palm_distance(bar, scene.arm.tool, flying, hand.pose).min()
-        if distance < workspace.palm_clearance - 1e-6:
+        tool, clearance = scene.arm.tool, workspace.palm_clearance
+        hand = hand_samples(mover, motion, detach + flight_times).pose
+        reach = reach_of_bar(bar) + math.hypot(tool.palm_back, tool.palm_half_width)
+        near = np.hypot(*(flying[:2] - hand[:2])) < reach + clearance
+        distance = palm_distance(bar, tool, flying[:, near], hand[:, near]).min(initial=np.inf)
+        if distance < clearance - 1e-6:
             found.append(f"palm: the bar comes as near as {1e3 * distance:.0f} mm")
     return found
 
@@ -177,13 +201,11 @@ def _carried(scene: Scene, hand: Array) -> Array:
     return np.array([hand[0] + h * np.cos(theta), hand[1] + h * np.sin(theta), theta])
 
 
-def _lowest_of_arm(scene: Scene, mover: Mover, motion: Motion, end: float) -> float:
-    """Lowest height of hand body and joint frames beyond the shoulder, launch to rest."""
-    times = np.arange(0.0, end + TICK, TICK)
-    pose = hand_samples(mover, motion, times).pose
-    if scene.arm is None or not isinstance(mover.kinematics, PlanarArm):
-        return float(pose[1].min())
-    q = ca.SX.sym("q", mover.size)
-    heights = ca.Function("heights", [q], [mover.kinematics.points(q)[1, 2:]])
-    joints = np.array(heights.map(len(times))(motion.at(times)[0]))
-    return float(min(joints.min(), palm_corners(scene.arm.tool, pose)[1].min(), pose[1].min()))
+@lru_cache(maxsize=16)
+def outline_kernel(motion: ca.Function, kinematics: PlanarArm | PlanarHand) -> MappedKernel:
+    """q -> hand pose (3,) and the height of the lowest joint beyond the shoulder."""
+    q = ca.SX.sym("q", kinematics.coordinates)
+    zero = ca.SX.zeros(kinematics.coordinates)
+    pose = motion(q, zero, zero)[0]
+    joints = kinematics.points(q)[1, 2:] if isinstance(kinematics, PlanarArm) else pose[1]
+    return MappedKernel(ca.Function("outline", [q], [pose, ca.mmin(joints)]))

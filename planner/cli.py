@@ -12,6 +12,7 @@ from .command import DONE, WRONG_INPUT, Parser
 from .command_plan import add_plan
 from .command_scenes import add_scenes
 from .command_simulate import add_simulate
+from .command_sweep import add_sweep
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -51,7 +52,7 @@ def _parser() -> Parser:
         prog="throwplan", description="Plan throws to a landing pose through the gripper's release."
     )
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
-    for add in (add_scenes, add_plan, add_simulate):
+    for add in (add_scenes, add_plan, add_simulate, add_sweep):
         add(commands)
     return parser
 

@@ -78,6 +78,17 @@ def target_of(scene: Scene, words: Sequence[str] | None, azimuth: str | None) ->
     return dataclasses.replace(target, x=x * math.cos(turn), y=x * math.sin(turn))
 
 
+def whole(option: str, word: str, low: int, high: int) -> int:
+    """`word` as a whole number from `low` to `high`; InputError naming `option`."""
+    try:
+        value = int(word)
+    except ValueError:
+        value = low - 1
+    if not low <= value <= high:
+        raise InputError(f"{option} {word}: must be a whole number, {low} to {high}")
+    return value
+
+
 def number(option: str, word: str, more: str = "") -> float:
     """`word` as a finite number; InputError naming `option`."""
     try:

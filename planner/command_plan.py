@@ -9,7 +9,8 @@ from pathlib import Path
 from typing import Any
 
 from ..problems.load import load_scene
-from .command import DONE, NO_THROW, add_out, add_scene, command, say, target_of
+from ..problems.robust import METHODS
+from .command import DONE, NO_THROW, add_out, add_scene, command, say, target_of, whole
 
 
 def add_plan(commands: Any) -> None:
@@ -38,14 +39,26 @@ def add_plan(commands: Any) -> None:
         default="auto",
         help="auto: FATROP, with IPOPT as fallback (default)",
     )
+    parser.add_argument(
+        "--robust",
+        choices=METHODS,
+        help="bear the scene's [uncertainty] (an opening 10 ms early or late without one)",
+    )
+    parser.add_argument(
+        "--alternatives",
+        metavar="N",
+        default="0",
+        help="list up to N more throws that differ from the plan's",
+    )
     add_out(parser, "plan.json, motion.csv, throw.png and throw.gif")
 
 
 def _plan(options: argparse.Namespace) -> int:
     scene = load_scene(options.scene)
     target = target_of(scene, options.target, options.azimuth)
-    from .planner import Planner
+    from .planner import MOST_ALTERNATIVES, Planner
 
+    alternatives = whole("--alternatives", options.alternatives, 0, MOST_ALTERNATIVES)
     say(options, f"{scene.name}: building the problem")
     planner = Planner(scene)
     planner.check(target)
@@ -54,7 +67,13 @@ def _plan(options: argparse.Namespace) -> int:
 
         prepare_folder(Path(options.out))
     say(options, f"{scene.name}: planning")
-    plan = planner.plan(target, solver=options.solver, turns=options.turns)
+    plan = planner.plan(
+        target,
+        solver=options.solver,
+        turns=options.turns,
+        robust=options.robust,
+        alternatives=alternatives,
+    )
     if options.out is not None:
         say(options, f"{scene.name}: writing {options.out}")
         plan.save(options.out)
@@ -95,5 +114,18 @@ def _print_plan(result: dict[str, Any], out: str | None) -> None:
         f"{result['nlp']['variables']} variables, {result['nlp']['constraints']} constraints, "
         f"{times['total']:.2f} s"
     )
+    if "robust" in result:
+        robust = result["robust"]
+        print(
+            f"  robust by {robust['method']}: while they may open, the pads transmit at most "
+            f"{100 * robust['peak_load']:.1f} % of the grip's friction limit"
+        )
+    for number, other in enumerate(result.get("alternatives", ()), start=1):
+        moments = other["release"]
+        flight = moments["landing_time"] - moments["detach_time"]
+        print(
+            f"  alternative {number}: effort {other['effort']:.2f}, opening at "
+            f"{1e3 * moments['opening_time']:.0f} ms, flight {1e3 * flight:.0f} ms"
+        )
     if out is not None:
         print(f"  written to {out}")

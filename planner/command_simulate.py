@@ -16,7 +16,11 @@ def add_simulate(commands: Any) -> None:
     words = "throw a given hand motion by release models"
     parser = command(commands, "simulate", _simulate, words, "throwplan simulate drop --model sp")
     add_scene(parser)
-    parser.add_argument("--model", default="all", metavar="NAME", help="a model's name, or all")
+    names = (
+        "a model's name, or all; also variants that are not part of all: ls-step-quartic, "
+        "ils-radau, ... (an unknown name lists them)"
+    )
+    parser.add_argument("--model", default="all", metavar="NAME", help=names)
     add_out(parser, "simulation.json and five pictures")
 
 
@@ -45,16 +49,19 @@ def _print_simulations(name: str, results: dict[str, Any]) -> None:
     """A table of detach states and events, landings where there is a height, and statuses."""
     keys = ("x", "z", "theta", "vx", "vz", "omega")
     print(f"{name}: object at detach, SI units")
-    print(f"  {'model':10}" + "".join(f"{key:>12}" for key in keys) + "       pivot       slide")
+    wide = max(10, *(len(model) for model in results))
+    print(
+        f"  {'model':{wide}}" + "".join(f"{key:>12}" for key in keys) + "       pivot       slide"
+    )
     for model, result in results.items():
         numbers = "".join(_cell(result["detach"][key], 12, 5) for key in keys)
         events = (result["events"][event] for event in ("pivot", "slide"))
         onsets = "".join(_cell(None if e is None else 1e3 * e, 9, 2, " ms") for e in events)
-        print(f"  {model:10}{numbers}{onsets}")
+        print(f"  {model:{wide}}{numbers}{onsets}")
     for model, result in results.items():
         if result["landing"] is not None:
             x, theta = (_cell(result["landing"][key], 10, 4) for key in ("x", "theta"))
-            print(f"  {model:10} lands at x{x} m, theta{theta} rad")
+            print(f"  {model:{wide}} lands at x{x} m, theta{theta} rad")
     for model, result in results.items():
         if result["status"] != "ok":
             print(f"  {model}: not to be trusted: {result['status']}")

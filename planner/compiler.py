@@ -1,12 +1,19 @@
-"""C source to a shared library, where a C compiler is there; kept in the cache folder."""
+"""C source to a shared library, where a C compiler is there; kept in the cache folder.
+
+python -m throwplan.planner.compiler NAME FLAG...    compiles NAME.c in that folder
+"""
 
 from __future__ import annotations
 
 import ctypes
+import hashlib
 import os
 import platform
 import shutil
 import subprocess
+import sys
+import tempfile
+import time
 from functools import cache
 from pathlib import Path
 
@@ -29,43 +36,103 @@ def compiler() -> str | None:
     return None
 
 
-def shared_library(source: str, flags: tuple[str, ...] = ("-O2",)) -> Path | None:
+def shared_library(
+    source: str, flags: tuple[str, ...] = ("-O2",), *, wait: bool = True
+) -> Path | None:
     """The compiled `source`, from the cache if it is there and sound.
 
-    None where there is no compiler, no cache folder, or the compilation fails: callers
-    go on without. `flags` may hold -march=native, so the machine is part of the name.
+    wait: whether to compile here and now what is not there; otherwise a process of its
+    own is started for that and None returned. None too where there is no compiler, no
+    cache folder, or the compilation fails: callers go on without. `flags` may hold
+    -march=native, so the machine is part of the name.
     """
-    path, made = library_path(source, flags), None
-    if path is None:
-        return None
-    if path.exists() and _loads(path):
+    path = library_path(source, flags)
+    if path is None or sound(path):
         return path
-    command, folder = compiler(), path.parent
-    assert command is not None
-
-    def write(target: Path) -> None:
-        code = target.with_suffix(".c")
-        code.write_text(source, encoding="utf-8")
-        order = [command, *flags, "-fPIC", "-shared", "-o", str(target), str(code), "-lm"]
-        done = subprocess.run(
-            order, capture_output=True, timeout=PATIENCE, check=False, stdin=subprocess.DEVNULL
-        )
-        if done.returncode != 0:
-            raise OSError(done.stderr.decode(errors="replace")[:200])
-
-    try:
-        made = publish(folder, path.name, write)
-    except subprocess.TimeoutExpired:
+    folder, name = path.parent, path.stem
+    if publish(folder, f"{name}.c", lambda to: _write(to, source)) is None:
         return None
-    return made if made is not None and _loads(made) else None
+    if not wait:
+        _start(folder, name, flags)
+        return None
+    return path if _compile(folder, name, flags) and sound(path) else None
 
 
 def library_path(source: str, flags: tuple[str, ...] = ("-O2",)) -> Path | None:
-    """Where the compiled `source` is or would be; None without compiler or cache folder."""
+    """Where the compiled `source` is or will be; None without compiler or cache folder."""
     command, folder = compiler(), cache_folder()
     if command is None or folder is None:
         return None
     return folder / f"{digest(source, *flags, _version(command), _machine())}.so"
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8")
+
+
+#: Processes at work; they go on when this one ends.
+_started: list[subprocess.Popen[bytes]] = []
+
+
+def _start(folder: Path, name: str, flags: tuple[str, ...]) -> None:
+    """A process that compiles and outlives this one, unless one is at work already."""
+    mark = folder / f"{name}.busy"
+    try:
+        if mark.exists() and time.time() - mark.stat().st_mtime < PATIENCE:
+            return
+        mark.touch()
+        _started[:] = [process for process in _started if process.poll() is None]
+        process = subprocess.Popen(
+            [sys.executable, "-m", "throwplan.planner.compiler", name, *flags],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        _started.append(process)
+    except OSError:
+        return
+
+
+def _compile(folder: Path, name: str, flags: tuple[str, ...]) -> bool:
+    """Makes NAME.so of NAME.c, and NAME.sum that tells a damaged library from a sound one."""
+    command = compiler()
+    if command is None:
+        return False
+    code, output = folder / f"{name}.c", f"{name}.so"
+    try:
+        with tempfile.TemporaryDirectory(dir=folder) as scratch:
+            made = Path(scratch) / output
+            order = [command, *flags, "-fPIC", "-shared", "-o", str(made), str(code), "-lm"]
+            done = subprocess.run(
+                order,
+                capture_output=True,
+                timeout=PATIENCE,
+                check=False,
+                stdin=subprocess.DEVNULL,
+            )
+            if done.returncode != 0:
+                return False
+            total = hashlib.sha256(made.read_bytes()).hexdigest()
+            publish(folder, f"{name}.sum", lambda to: _write(to, total))
+            os.replace(made, folder / output)
+    except (OSError, subprocess.TimeoutExpired):
+        return False
+    finally:
+        (folder / f"{name}.busy").unlink(missing_ok=True)
+    return True
+
+
+def sound(path: Path) -> bool:
+    """Whether the library is as it was made, and loads."""
+    try:
+        total = path.with_suffix(".sum").read_text(encoding="utf-8")
+        if hashlib.sha256(path.read_bytes()).hexdigest() != total:
+            return False
+        ctypes.CDLL(str(path))
+    except (OSError, ValueError):
+        return False
+    return True
 
 
 @cache
@@ -88,10 +155,7 @@ def _machine() -> str:
     return platform.machine() + "".join(kind)
 
 
-def _loads(path: Path) -> bool:
-    """Whether the file is a library; a truncated one is not."""
-    try:
-        ctypes.CDLL(str(path))
-    except OSError:
-        return False
-    return True
+if __name__ == "__main__":
+    home = cache_folder()
+    if home is not None:
+        _compile(home, sys.argv[1], tuple(sys.argv[2:]))

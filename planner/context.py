@@ -23,12 +23,17 @@ class Structure:
 
     pivot: whether the object's rotation against the hand matters (it does not for a
     CoM grasp with the landing angle open). cup: number of depths with a clearance
-    condition; palm: number of instants of the flight with one.
+    condition; palm: number of instants of the flight with one against the hand's body;
+    passing: with one against the base column.
     elastic: the landing may miss, at a price.
+    early, late: intervals of the window before and after the opening in which a delayed or
+    hurried opening would fall; robust: what is asked of the hand over that window;
+    scenarios: number of other openings that share the hand's motion.
     """
 
     carry: int
     opening: int
+    integrator: str
     substeps: int
     jerk_control: bool
     free_start: bool
@@ -39,12 +44,27 @@ class Structure:
     floor: bool = False
     column: bool = False
     palm: int = 0
+    passing: int = 0
     elastic: bool = False
+    early: int = 0
+    late: int = 0
+    robust: str = ""
+    scenarios: int = 0
+
+    @property
+    def opens(self) -> int:
+        """Number of the stage at which the grip force starts to fall."""
+        return self.carry + self.early
+
+    @property
+    def detach(self) -> int:
+        """Number of the stage at which it is zero."""
+        return self.opens + self.opening
 
     @property
     def last(self) -> int:
-        """Number of the last stage, at detach."""
-        return self.carry + self.opening
+        """Number of the last stage: at detach, or at the end of the window."""
+        return self.detach + self.late
 
 
 class Context:
@@ -54,7 +74,7 @@ class Context:
         self.structure = structure
         self.n = mover.size
         self.names = mover.joints
-        self._motion = mover.motion
+        self._kinematics = mover.kinematics
         p = self.parameters = Parameters()
         self.body = Body(p("mass"), p("inertia"), p("com_offset"))
         self.contact = Contact(p("friction"), p("patch_radius"), p("torsion"), p("faces"))
@@ -72,16 +92,31 @@ class Context:
         n, s = self.n, self.structure
         states: dict[str, ca.SX] = {}
         if k > 0 or s.free_start:
-            states["q"] = ca.SX.sym(f"q{k}", n)
+            states["q"] = ca.SX.sym("q", n)
         if k > 0:
-            states["dq"] = ca.SX.sym(f"dq{k}", n)
+            states["dq"] = ca.SX.sym("dq", n)
             if s.jerk_control:
-                states["ddq"] = ca.SX.sym(f"ddq{k}", n)
+                states["ddq"] = ca.SX.sym("ddq", n)
         if k < s.carry:
-            states["T"] = ca.SX.sym(f"T{k}")
-        if k > s.carry:
-            states["rel"] = ca.SX.sym(f"rel{k}", 6 if s.pivot else 4)
-        return Stage(states, {"c": ca.SX.sym(f"c{k}", n)} if k < s.last else {})
+            states["T"] = ca.SX.sym("T")
+        if s.opens < k <= s.detach:
+            states["rel"] = ca.SX.sym("rel", 6 if s.pivot else 4)
+        for number in range(s.scenarios if k > s.carry else 0):
+            states[f"rel_{number}"] = ca.SX.sym(f"rel_{number}", 6 if s.pivot else 4)
+        return Stage(states, {"c": ca.SX.sym("c", n)} if k < s.last else {})
+
+    def window_step(self) -> ca.SX:
+        """Length [s] of the intervals before and after the opening."""
+        return self.parameters("window_step")
+
+    def datum(self, stage: Stage, name: str, size: int = 1, *, window: bool = False) -> ca.SX:
+        """A symbol (size, 1) with other numbers in each interval of opening or window."""
+        s = self.structure
+        first, end = (s.carry, s.last) if window else (s.opens, s.detach)
+        self.parameters(name, size * (end - first))
+        if name not in stage.data:
+            stage.data[name] = (ca.SX.sym(name, size), first)
+        return stage.data[name][0]
 
     def node(self, stage: Stage) -> tuple[ca.SX, ca.SX, ca.SX]:
         """q, dq and (jerk control) ddq at the stage's node, rest included."""
@@ -102,16 +137,23 @@ class Context:
             )
         return q + t * (dq + t * c / 2), dq + t * c, c
 
-    def hand(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> tuple[ca.SX, ca.SX, HandMotion]:
-        """Hand pose, twist, and what the release model needs of its motion."""
-        pose, twist, acceleration = self._motion(q, dq, ddq)
-        return pose, twist, HandMotion(pose[2], twist[2], *ca.vertsplit(acceleration))
+    def hand(
+        self, stage: Stage, q: ca.SX, dq: ca.SX, ddq: ca.SX
+    ) -> tuple[list[ca.SX], list[ca.SX], HandMotion]:
+        """Hand pose, twist, and what the release model needs of its motion; lifted."""
+        n, kinematics = self.n, self._kinematics
+        links = stage.lift(*(v for values in (q, dq, ddq) for v in kinematics.turned(values)))
+        pose, twist, acceleration = kinematics.motion_of(
+            links[:n], links[n : 2 * n], links[2 * n :]
+        )
+        x, z, *motion = stage.lift(*pose, twist[2], *acceleration)
+        return [x, z, motion[0]], [*twist[:2], motion[1]], HandMotion(*motion)
 
-    def gap(self, stage: Stage, following: Stage, dt: ca.SX, more: dict[str, Any]) -> None:
-        """Close the interval: coordinates by their closed form, other states by `more`."""
+    def close(self, stage: Stage, following: Stage, dt: ca.SX, more: dict[str, Any]) -> None:
+        """The next stage's states: coordinates by their closed form, others by `more`."""
         end = dict(zip(("q", "dq", "ddq"), self.inside(stage, dt), strict=True)) | more
-        names = list(following.states)
-        stage.gap = ca.vertcat(*following.states.values()) - ca.vertcat(*[end[n] for n in names])
+        known = [name for name in following.states if name in end]
+        stage.following = stage.following | {name: end[name] for name in known}
 
     def limit(self, stage: Stage, kind: str, share: ca.SX) -> None:
         """-1 <= share <= 1 per coordinate, under the coordinate's name."""

@@ -7,31 +7,31 @@ import numpy as np
 
 from ..models.flight import FlightState
 from .context import Context
+from .integration import full_state, relative_state
 from .ocp import Stage
-from .phases import full_state, relative_state, soft_max
+from .phases import off_column, soft_max
 
 
-def end(context: Context, stage: Stage) -> list[ca.SX]:
-    """Adds the flight time and all end conditions; returns the landing pose (x, z, theta)."""
+def detached(context: Context, stage: Stage) -> list[ca.SX]:
+    """Adds the flight time and what is asked of the flight; returns the landing (x, z, theta)."""
     flight = _detach(context, stage)
     land = flight.after(stage.control("t_f"), context.gravity)
     _landing(context, stage, land)
-    _room_to_brake(context, stage)
     if context.structure.cup:
         _cup(context, stage, flight)
     if context.structure.palm:
         _palm(context, stage, flight)
+    if context.structure.passing:
+        _past_column(context, stage, flight)
     _landing_bounds(context, stage, land)
     return [land.x, land.z, land.theta]
 
 
 def _detach(context: Context, stage: Stage) -> FlightState:
     """CoM pose and twist in the world at detach."""
-    pose, twist, motion = context.hand(*context.node(stage))
+    pose, twist, motion = context.hand(stage, *context.node(stage))
     state = full_state(context, relative_state(context, stage))
-    return FlightState(
-        *context.release.com_state(state, ca.vertsplit(pose), ca.vertsplit(twist), motion)
-    )
+    return FlightState(*stage.lift(*context.release.com_state(state, pose, twist, motion)))
 
 
 def _landing(context: Context, stage: Stage, land: FlightState) -> None:
@@ -48,10 +48,18 @@ def _landing(context: Context, stage: Stage, land: FlightState) -> None:
         stage.row(f"landing {name}", miss, 0.0, 0.0)
 
 
-def _room_to_brake(context: Context, stage: Stage) -> None:
+def at_rest(context: Context, stage: Stage) -> None:
     """Rest within the position limits, and no velocity overshoot on the way there."""
     q, dq, ddq = context.node(stage)
-    stop = q + dq * ca.sqrt(dq**2 + 1e-4) / (2 * context.each("braking"))
+    braking = context.each("braking")
+    place, rate = q, dq
+    if context.structure.jerk_control:
+        # First the jerk limit turns the acceleration into full braking, against the rate.
+        jerk, ahead = context.each("jerk_max"), dq / ca.sqrt(dq**2 + 1e-2)
+        turning = (braking + ahead * ddq) / jerk
+        place = q + turning * (dq + turning * (ddq / 2 - turning * ahead * jerk / 6))
+        rate = dq + turning * (ddq - turning * ahead * jerk / 2)
+    stop = place + rate * ca.sqrt(rate**2 + 1e-4) / (2 * braking)
     context.inside_positions(stage, "room to brake", stop)
     if context.structure.jerk_control:
         # While the jerk limit turns the acceleration round, the rate goes on growing.
@@ -98,7 +106,8 @@ def _palm(context: Context, stage: Stage, flight: FlightState) -> None:
     for i in range(context.structure.palm):
         moving = ca.fmin(times[i] / stop_time, 1.0)
         there = q + dq * stop_time * (moving - moving**2 / 2)
-        pose, _, _ = context.hand(there, ca.SX.zeros(context.n), ca.SX.zeros(context.n))
+        still = ca.SX.zeros(context.n)
+        pose, _, _ = context.hand(stage, there, still, still)
         cos_hand, sin_hand = ca.cos(pose[2]), ca.sin(pose[2])
         at = flight.after(times[i], context.gravity)
         for end in (p("ahead"), -p("behind")):
@@ -107,6 +116,18 @@ def _palm(context: Context, stage: Stage, flight: FlightState) -> None:
             before = cos_hand * dx + sin_hand * dz + p("palm_front")
             beside = ca.sqrt((cos_hand * dz - sin_hand * dx) ** 2 + 1e-8) - p("palm_half_width")
             stage.row("palm", soft_max(before, beside), 0.0, np.inf)
+
+
+def _past_column(context: Context, stage: Stage, flight: FlightState) -> None:
+    """Points of the flying bar clear of the base column, from detach to landing."""
+    p = context.parameters
+    count = context.structure.passing
+    for i in range(count):
+        at = flight.after(stage.controls["t_f"] * (i / (count - 1)), context.gravity)
+        for along in (p("ahead"), p("ahead") / 2, ca.SX(0), -p("behind") / 2, -p("behind")):
+            x, z = at.x + along * ca.cos(at.theta), at.z + along * ca.sin(at.theta)
+            room = off_column(context, x, z) - p("passing_room")
+            stage.row("base column", room, 0.0, np.inf)
 
 
 def _landing_bounds(context: Context, stage: Stage, land: FlightState) -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +26,18 @@ def bar_outline(bar: ThrownObject, com: Array, points: int = 2) -> Array:
     along = np.concatenate([along, along[::-1]])
     across = np.repeat([-bar.width / 2, bar.width / 2], points)
     return _placed(com, along, across)
+
+
+def lowest_of_bar(bar: ThrownObject, com: Array) -> Array:
+    """Height [m] (N,) of the bar's lowest corner for CoM poses (3, N)."""
+    sin, cos = np.sin(com[2]), np.cos(com[2])
+    end = np.minimum(-bar.com * sin, (bar.length - bar.com) * sin)
+    return np.asarray(com[1] + end - bar.width / 2 * np.abs(cos))
+
+
+def reach_of_bar(bar: ThrownObject) -> float:
+    """Distance [m] of the bar's farthest corner from the CoM."""
+    return math.hypot(max(bar.com, bar.length - bar.com), bar.width / 2)
 
 
 def palm_corners(tool: Tool, hand: Array) -> Array:
@@ -89,19 +102,32 @@ def cup_entry(scene: Scene, cup: Cup, com: Array) -> CupEntry:
     `com`: poses (3, N), dense in time. The bar is taken as thick as it is wide, so in a
     round cup the walls are nearer than `radius` beside the middle.
     """
-    half_chord = np.sqrt(cup.radius**2 - (scene.object.width / 2) ** 2)
-    corners = bar_outline(scene.object, com)
-    lowest = corners[1].min(axis=1)
-    depth = cup.rim - lowest
+    half_chord = math.sqrt(cup.radius**2 - (scene.object.width / 2) ** 2)
+    depth = cup.rim - lowest_of_bar(scene.object, com)
     inside = (depth >= 0.0) & (depth <= cup.insertion)
     entered = float(np.clip(depth.max(), 0.0, cup.insertion))
     if not inside.any():
         return CupEntry(-np.inf if entered == 0.0 else 0.0, entered)
-    outline = bar_outline(scene.object, com[:, inside], 400)
-    below = outline[1] <= cup.rim
-    beside = np.where(below, half_chord - np.abs(outline[0] - cup.x), np.inf)
-    clearance = float(beside.min())
+    entering = com[:, inside]
+    beside = half_chord - _farthest_below(bar_outline(scene.object, entering), cup)
     rim = np.array([[cup.x - half_chord, cup.x + half_chord], [cup.rim, cup.rim]])
-    rims = np.repeat(rim[:, None, :], int(inside.sum()), axis=1)
-    to_rim = distance_to_bar(scene.object, com[:, inside], rims)
-    return CupEntry(min(clearance, float(to_rim.min())), entered)
+    rims = np.broadcast_to(rim[:, None, :], (2, entering.shape[1], 2))
+    to_rim = distance_to_bar(scene.object, entering, rims)
+    return CupEntry(min(beside, float(to_rim.min())), entered)
+
+
+def _farthest_below(corners: Array, cup: Cup) -> float:
+    """Largest distance [m] from the cup's middle of what is below the rim.
+
+    corners (2, N, 4) as of `bar_outline`. What is below the rim of a long edge is again a
+    straight piece, and farthest out at one of its ends.
+    """
+    away, z = corners[0] - cup.x, corners[1] - cup.rim
+    farthest = np.where(z <= 0.0, np.abs(away), 0.0).max()
+    for one, other in ((0, 1), (3, 2)):
+        crosses = (z[:, one] <= 0.0) != (z[:, other] <= 0.0)
+        low, high = z[crosses, one], z[crosses, other]
+        begin, end = away[crosses, one], away[crosses, other]
+        at_rim = begin + (end - begin) * low / (low - high)
+        farthest = max(farthest, np.abs(at_rim).max(initial=0.0))
+    return float(farthest)

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from .context import JERK_UNIT
+from .context import JERK_UNIT, Structure
 from .mover import Mover
 from .nlp import ThrowNlp
 
@@ -16,6 +18,11 @@ Array = npt.NDArray[np.float64]
 
 #: Sampling interval [s] of everything that is sent: 1 kHz.
 TICK = 0.001
+#: The acceleration may step where two pieces of a motion meet: it is looked at this far [s]
+#: from there on either side.
+INSIDE = 1e-12
+#: Acceleration [rad/s^2; m/s^2] that a tick may do without being looked into.
+UNEVEN = 0.01
 
 
 class Motion(Protocol):
@@ -23,6 +30,20 @@ class Motion(Protocol):
 
     def at(self, times: Array) -> tuple[Array, Array, Array]:
         """q, dq, ddq, each (n, N), at `times` (N,) [s]."""
+
+
+class PiecewiseMotion(Motion, Protocol):
+    """Coordinates over time in smooth pieces."""
+
+    @property
+    def kinks(self) -> Array:
+        """Where acceleration or jerk may step (K,) [s]."""
+
+    def closely(self, until: float, step: float) -> tuple[Array, Array, Array, Array]:
+        """Times (N,) [s] from 0 to just after `until`, and q, dq, ddq, each (n, N), there.
+
+        `step` apart at most, and such that no peak of the acceleration is missed.
+        """
 
 
 @dataclass(frozen=True)
@@ -50,22 +71,59 @@ class PlannedMotion:
             (ddq + t * jerk).T,
         )
 
+    @property
+    def kinks(self) -> Array:
+        """Where the pieces meet [s]."""
+        return self.times
 
-def planned_motion(nlp: ThrowNlp, mover: Mover, x: Array, opening: float) -> PlannedMotion:
-    """The motion in decision vector `x`; `opening` [s] is the duration of the force's fall."""
+    def closely(self, until: float, step: float) -> tuple[Array, Array, Array, Array]:
+        """Both ends of each piece, seen from inside, and between: see `PiecewiseMotion`."""
+        begin = self.times[: max(np.searchsorted(self.times, until), 1)]
+        end = np.append(begin[1:], until)
+        count = np.ceil((end - begin) / step).astype(int) + 1
+        within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        share = within / np.repeat(np.maximum(count - 1, 1), count)
+        inner = end - begin - 2 * INSIDE
+        times = np.repeat(begin + INSIDE, count) + share * np.repeat(inner, count)
+        times = np.append(times, until + INSIDE)
+        return times, *self.at(times)
+
+
+def stage_times(structure: Structure, opening_time: float, nodes: Array, step: float) -> Array:
+    """Times (last + 1,) [s] of the stages on the motion's clock.
+
+    nodes: of the opening, from its start; step: of the window's other intervals [s].
+    """
+    s = structure
+    carry = opening_time - s.early * step
+    parts = [
+        np.linspace(0.0, carry, s.carry + 1),
+        carry + step * np.arange(1, s.early + 1),
+        opening_time + nodes[1:],
+        opening_time + nodes[-1] + step * np.arange(1, s.late + 1),
+    ]
+    return np.concatenate(parts)
+
+
+def opening_start(nlp: ThrowNlp, x: Array, step: float = 0.0) -> float:
+    """When the grip force starts to fall in decision vector `x` [s]."""
+    return float(x[nlp.places["T", 0]][0]) + nlp.structure.early * step
+
+
+def planned_motion(
+    nlp: ThrowNlp, mover: Mover, x: Array, nodes: Array, step: float = 0.0
+) -> PlannedMotion:
+    """The motion in decision vector `x`, from rest to detach, or to the window's end.
+
+    nodes (opening + 1,) [s]: the opening's, from its start; step [s]: of a robust plan's
+    other intervals of fixed length.
+    """
     s = nlp.structure
-    duration = nlp.block(x, "T", 0)
-    assert duration is not None
-    times = np.concatenate(
-        [
-            np.linspace(0.0, duration[0], s.carry + 1),
-            duration[0] + np.linspace(0.0, opening, s.opening + 1)[1:],
-        ]
-    )
+    times = stage_times(s, opening_start(nlp, x, step), nodes, step)
     zero = np.zeros(mover.size)
 
     def blocks(name: str, default: Array) -> Array:
-        found = [nlp.block(x, name, k) for k in range(s.carry + s.opening)]
+        found = [nlp.block(x, name, k) for k in range(s.last)]
         return np.array([default if value is None else value for value in found])
 
     start = zero if mover.start is None else mover.start
@@ -93,21 +151,73 @@ class SampledMotion:
         """Sample times (N,) [s]."""
         return np.asarray(TICK * np.arange(len(self.q)))
 
-    def at(self, times: Array) -> tuple[Array, Array, Array]:
-        """q, dq, ddq, each (n, N), at `times` (N,) [s]; held constant outside."""
-        i = np.clip((times / TICK).astype(int), 0, len(self.q) - 2)
+    @cached_property
+    def _quintics(self) -> Array:
+        """Coefficients (N - 1, 6, n) of the pieces, in shares of a tick."""
         h = TICK
-        u = np.clip(times - TICK * i, 0.0, h)[:, None] / h
-        p0, v0, a0 = self.q[i], h * self.dq[i], h * h * self.ddq[i]
-        p1, v1, a1 = self.q[i + 1], h * self.dq[i + 1], h * h * self.ddq[i + 1]
-        # Remainders after the Taylor part of the start; c3..c5 of the quintic.
-        dp, dv, da = p1 - p0 - v0 - a0 / 2, v1 - v0 - a0, a1 - a0
+        v, a = h * self.dq, h * h * self.ddq
+        p0, v0, a0 = self.q[:-1], v[:-1], a[:-1]
+        # Remainders after the Taylor part of the start.
+        dv, da = v[1:] - v0 - a0, a[1:] - a0
+        dp = self.q[1:] - p0 - v0 - a0 / 2
         c3, c4, c5 = (
             10 * dp - 4 * dv + da / 2,
             -15 * dp + 7 * dv - da,
             6 * dp - 3 * dv + da / 2,
         )
-        q = p0 + u * (v0 + u * (a0 / 2 + u * (c3 + u * (c4 + u * c5))))
-        dq = (v0 + u * (a0 + u * (3 * c3 + u * (4 * c4 + u * 5 * c5)))) / h
-        ddq = (a0 + u * (6 * c3 + u * (12 * c4 + u * 20 * c5))) / (h * h)
+        return np.stack([p0, v0, a0 / 2, c3, c4, c5], axis=1)
+
+    @cached_property
+    def _uneven(self) -> npt.NDArray[np.intp]:
+        """Numbers of the ticks whose jerk is not even: a kink, or a swing, is inside."""
+        h, before, after = TICK, self.ddq[:-1], self.ddq[1:]
+        # What even jerk would leave of the next sample's rate and position.
+        off = np.abs(np.diff(self.dq, axis=0) / h - (before + after) / 2)
+        off += np.abs(6 / h * (np.diff(self.q, axis=0) / h - self.dq[:-1]) - 2 * before - after)
+        return np.flatnonzero((off > UNEVEN).any(axis=1))
+
+    @cached_property
+    def _corners(self) -> npt.NDArray[np.intp]:
+        """Numbers of the samples at which the jerk changes."""
+        change = np.abs(np.diff(self.ddq, n=2, axis=0))
+        return 1 + np.flatnonzero((change > UNEVEN).any(axis=1))
+
+    @property
+    def kinks(self) -> Array:
+        """Samples at which the jerk changes, and the thirds of ticks in which it does [s].
+
+        Between them the quintics are one cubic; inside such ticks the acceleration swings.
+        """
+        inside = (self._uneven[:, None] + np.arange(4) / 3).ravel()
+        return np.unique(TICK * np.concatenate([self._corners, inside]))
+
+    def closely(self, until: float, step: float) -> tuple[Array, Array, Array, Array]:
+        """The samples, and between them where jerk is not even: see `PiecewiseMotion`.
+
+        Where the jerk is even all along a tick its ends tell all; elsewhere the acceleration
+        may swing in between.
+        """
+        count = math.ceil(min(until / TICK, len(self.q) - 1.0))
+        looked_at = np.zeros(len(self.q) + 1, dtype=bool)
+        looked_at[:: max(int(step / TICK), 1)] = True
+        for ticks in (self._corners, self._uneven, self._uneven + 1):
+            looked_at[ticks] = True
+        ticks = np.flatnonzero(looked_at[:count])
+        between = TICK * (self._uneven[:, None] + np.array([0.2, 0.4, 0.6, 0.8])).ravel()
+        between = np.append(between[between < until], until + np.array([0.0, INSIDE]))
+        q, dq, ddq = (
+            np.concatenate([values[ticks], more.T]).T
+            for values, more in zip((self.q, self.dq, self.ddq), self.at(between), strict=True)
+        )
+        return np.append(TICK * ticks, between), q, dq, ddq
+
+    def at(self, times: Array) -> tuple[Array, Array, Array]:
+        """q, dq, ddq, each (n, N), at `times` (N,) [s]; held constant outside."""
+        place = np.minimum(np.maximum(times / TICK, 0.0), len(self.q) - 1.0)
+        i = np.minimum(place.astype(int), len(self.q) - 2)
+        u = (place - i)[:, None]
+        c0, c1, c2, c3, c4, c5 = self._quintics[i].transpose(1, 0, 2)
+        q = c0 + u * (c1 + u * (c2 + u * (c3 + u * (c4 + u * c5))))
+        dq = (c1 + u * (2 * c2 + u * (3 * c3 + u * (4 * c4 + u * (5 * c5))))) / TICK
+        ddq = (2 * c2 + u * (6 * c3 + u * (12 * c4 + u * (20 * c5)))) / (TICK * TICK)
         return q.T, dq.T, ddq.T

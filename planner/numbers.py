@@ -8,38 +8,63 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..problems.scene import Pose, Scene
+from ..problems.scene import Mesh, Pose, Scene
 from .context import JERK_UNIT, Structure
+from .integration import NODES, SLIP_UNIT, TURN_UNIT
 from .mover import Mover
+from .nlp import ThrowNlp
 from .ocp import Nlp
+from .window import Window
 
 Array = npt.NDArray[np.float64]
 
-#: Depths of the lower end at which the NLP asks for the cup's clearance.
-CUP_DEPTHS = 4
+#: Depths of the lower end at which the NLP asks for the cup's clearance: at first, and after
+#: the check has seen too little in between.
+CUP_DEPTHS = (4, 12)
 #: Cost weights: relative acceleration squared, relative jerk squared, carry time [1/s].
 WEIGHTS = (10.0, 1.0, 2.0)
 #: Share of the acceleration limit counted on for braking.
-BRAKE_SHARE = 0.8
+BRAKE_SHARE = 0.95
 #: Longest flight that is searched [s].
 FLIGHT_MAX = 3.0
 #: Times after detach [s] at which the NLP keeps the bar off the hand's body.
-PALM_TIMES = (0.015, 0.03, 0.05, 0.075, 0.105, 0.14, 0.18, 0.23)
+PALM_TIMES = (0.01, 0.02, 0.03, 0.045, 0.06, 0.075, 0.09, 0.11, 0.13, 0.15, 0.18, 0.21, 0.25)
+#: Instants of the flight at which it keeps the bar off the base column.
+PASSING = 30
+#: Room [m] that these instants keep, for what lies between them.
+PASSING_ROOM = 0.01
 #: Share of landing bounds kept back: the exact model lands a little differently.
 LANDING_ROOM = 0.02
+#: Price of the mean square load (m/s^2)^2 over the window of a quiet release.
+QUIET_WEIGHT = 10.0
+#: What counts as no load at all [m/s^2].
+QUIET_HAIR = 0.05
+#: Price of the scenarios' mean square scaled miss [1/m^2].
+SCENARIO_WEIGHT = 1e4
 #: Room the NLP keeps beside cup and workspace for smoothing and correction [m].
 ROOM = 0.001
 
 
 def structure_of(
-    scene: Scene, mover: Mover, angle: bool, *, palm: bool = False, elastic: bool = False
+    scene: Scene,
+    mover: Mover,
+    angle: bool,
+    *,
+    flight: bool = False,
+    elastic: bool = False,
+    robust: str = "",
+    window: Window | None = None,
 ) -> Structure:
     """What the scene's NLP consists of.
 
-    angle: whether the target fixes theta. palm: whether the hand's body is among the
-    constraints; it seldom decides, so it comes in only after the check has seen it.
+    angle: whether the target fixes theta. flight: whether the bar in flight has constraints against
+    the hand's body and the base column, and more of them against the cup; they seldom
+    decide, so they come in only after the check has seen one of them.
+    robust, window: what is asked of the hand over that window.
     """
     workspace, landing = scene.workspace, scene.landing
+    palm = workspace is not None and workspace.palm_clearance is not None
+    column = workspace is not None and workspace.column_radius is not None
     bounds: list[str] = []
     if landing is not None:
         bounds += ["speed_min"] if landing.speed_min > 0 else []
@@ -48,25 +73,33 @@ def structure_of(
     return Structure(
         carry=scene.mesh.carry,
         opening=scene.mesh.opening,
-        substeps=scene.mesh.substeps,
+        integrator=scene.mesh.integrator,
+        substeps=scene.mesh.substeps if scene.mesh.integrator == "rk4" else 1,
         jerk_control=mover.jerk_control,
         free_start=mover.start is None,
         angle=angle,
         pivot=angle or scene.com_offset > 0 or scene.cup is not None,
-        cup=CUP_DEPTHS if scene.cup is not None and not elastic else 0,
+        cup=0 if scene.cup is None or elastic else CUP_DEPTHS[flight],
         landing=tuple(bounds),
         floor=workspace is not None and workspace.floor is not None,
-        column=workspace is not None and workspace.column_radius is not None,
-        palm=len(PALM_TIMES) if palm else 0,
+        column=column,
+        palm=len(PALM_TIMES) if flight and palm else 0,
+        passing=PASSING if flight and column else 0,
         elastic=elastic,
+        early=0 if window is None else window.early,
+        late=0 if window is None else window.late,
+        robust="quiet" if robust == "scenarios" else robust,
+        scenarios=len(window.delays) if window is not None and robust == "scenarios" else 0,
     )
 
 
-def parameter_values(scene: Scene, mover: Mover, target: Pose) -> dict[str, Any]:
+def parameter_values(
+    scene: Scene, mover: Mover, target: Pose, window: Window | None = None
+) -> dict[str, Any]:
     """Values of every parameter that an NLP of this scene may have."""
     body, contact, profile = scene.body, scene.patch, scene.gripper.profile()
     limits = mover.planning
-    instants = 2 * scene.mesh.opening * scene.mesh.substeps + 1
+    nodes = opening_nodes(scene.mesh, profile.opening)
     values: dict[str, Any] = {
         "mass": body.mass,
         "inertia": body.inertia,
@@ -79,8 +112,8 @@ def parameter_values(scene: Scene, mover: Mover, target: Pose) -> dict[str, Any]
         "grasp_angle": scene.grasp.angle,
         "full_grip": profile.full,
         "sticking_limit": 1.0 - scene.mesh.sticking_margin,
-        "opening_time": profile.opening,
-        "grip_force": profile.force(np.linspace(0.0, profile.opening, instants)),
+        "interval": np.diff(nodes),
+        "grip_force": profile.force(_instants(scene.mesh, nodes).ravel()),
         "epsilon": scene.mesh.epsilon,
         "dq_max": limits.dq,
         "ddq_max": limits.ddq,
@@ -97,6 +130,8 @@ def parameter_values(scene: Scene, mover: Mover, target: Pose) -> dict[str, Any]
         "price_x": 100.0,
         "price_theta": 100.0 * scene.object.length / 2,
     }
+    if window is not None:
+        values |= _window_values(scene, window, nodes)
     if limits.jerk is not None:
         values["jerk_max"] = limits.jerk
     if mover.start is not None:
@@ -106,6 +141,7 @@ def parameter_values(scene: Scene, mover: Mover, target: Pose) -> dict[str, Any]
         values["floor"] = (workspace.floor or 0.0) + ROOM
         values["column_radius"] = (workspace.column_radius or 0.0) + ROOM
         values["column_height"] = (workspace.column_height or 0.0) + ROOM
+        values["passing_room"] = PASSING_ROOM
         values |= _palm_values(scene)
     if scene.landing is not None:
         landing = scene.landing
@@ -122,17 +158,73 @@ def parameter_values(scene: Scene, mover: Mover, target: Pose) -> dict[str, Any]
     return values
 
 
+def _window_values(scene: Scene, window: Window, nodes: Array) -> dict[str, Any]:
+    """The window's lengths, the price of a load in it, and the scenarios' grip forces."""
+    profile, step = scene.gripper.profile(), window.step
+    times = np.concatenate(
+        [
+            step * np.arange(-window.early, 0),
+            nodes,
+            nodes[-1] + step * np.arange(1, window.late + 1),
+        ]
+    )
+    values: dict[str, Any] = {
+        "window_step": step,
+        "window": times[-1] - times[0],
+        "quiet_arm": scene.object.length / 2,
+        "quiet_weight": QUIET_WEIGHT,
+        "quiet_hair": QUIET_HAIR,
+        "scenario_weight": SCENARIO_WEIGHT,
+    }
+    instants = _instants(scene.mesh, times).ravel()
+    for number, delay in enumerate(window.delays):
+        values[f"grip_force_{number}"] = profile.force(instants - delay)
+    return values
+
+
+def opening_nodes(mesh: Mesh, opening: float) -> Array:
+    """Times (opening + 1,) [s] of the shooting nodes, from the start of the force's fall."""
+    shares = np.linspace(0.0, 1.0, mesh.opening + 1)
+    return np.asarray(opening * (1.0 - (1.0 - shares) ** mesh.grading))
+
+
+def _instants(mesh: Mesh, nodes: Array) -> Array:
+    """Times (intervals, k) at which the NLP needs the grip force."""
+    shares = np.array(NODES)
+    if mesh.integrator == "rk4":
+        shares = np.linspace(0.0, 1.0, 2 * mesh.substeps + 1)
+    return np.asarray(nodes[:-1, None] + np.diff(nodes)[:, None] * shares)
+
+
 def _palm_values(scene: Scene) -> dict[str, Any]:
     """The hand's body, grown by the clearance and half the bar's width."""
     if scene.arm is None or scene.workspace is None:
         return {}
-    tool, grown = scene.arm.tool, scene.object.width / 2 + 5 * ROOM
+    tool, grown = scene.arm.tool, scene.object.width / 2 + 8 * ROOM
     grown += scene.workspace.palm_clearance or 0.0
     return {
         "palm_times": PALM_TIMES,
         "palm_front": tool.palm_front - grown,
         "palm_half_width": tool.palm_half_width + grown,
     }
+
+
+def with_accelerations(nlp: ThrowNlp, x: Array, intervals: Array) -> Array:
+    """`x` with the collocation's unknowns set to each interval's mean acceleration.
+
+    intervals (opening,) [s]. For guesses, which know the relative states at the nodes.
+    """
+    s = nlp.structure
+    if s.integrator != "gauss":
+        return x
+    size = 3 if s.pivot else 2
+    units = np.array([SLIP_UNIT, SLIP_UNIT, TURN_UNIT][:size])
+    before = np.zeros(size)
+    for k, dt in enumerate(intervals, start=s.opens):
+        after = x[nlp.places["rel", k + 1]][size:]
+        x[nlp.places["acc", k]] = np.tile((after - before) / dt / units, 2)
+        before = after
+    return x
 
 
 def lower_end(scene: Scene, target: Pose) -> float:
@@ -142,9 +234,12 @@ def lower_end(scene: Scene, target: Pose) -> float:
     return ahead if math.sin(theta) < 0 else -scene.object.com
 
 
-def bounds(nlp: Nlp, scene: Scene, mover: Mover) -> tuple[Array, Array]:
+def bounds(
+    nlp: Nlp, scene: Scene, mover: Mover, window: Window | None = None
+) -> tuple[Array, Array]:
     """Lower and upper bounds of the decision vector."""
     limits, dwell = mover.planning, scene.gripper.profile().dwell
+    lead = 0.0 if window is None else window.early * window.step
     unbounded = np.full(6, np.inf)
     high: dict[str, Any] = {
         "q": limits.q_max,
@@ -156,13 +251,15 @@ def bounds(nlp: Nlp, scene: Scene, mover: Mover) -> tuple[Array, Array]:
     }
     if not mover.jerk_control:
         high["c"] = limits.ddq
-    low: dict[str, Any] = {"q": limits.q_min, "T": max(dwell, 0.02), "t_f": 0.0}
+    low: dict[str, Any] = {"q": limits.q_min, "t_f": 0.0}
+    # The opening command comes the dwell before the opening, and not before the start.
+    low["T"] = max(dwell - lead, 0.02)
 
     def bound(name: str, side: int) -> Any:
         if side > 0:
-            return high.get(name, unbounded[0])
+            return high.get(name[:3] if name.startswith("t_f") else name, unbounded[0])
         if name.endswith(("_short", "_far")):
             return 0.0
-        return low.get(name, -high.get(name, unbounded[0]))
+        return low.get(name[:3] if name.startswith("t_f") else name, -high.get(name, unbounded[0]))
 
     return nlp.fill(lambda name, _: bound(name, -1)), nlp.fill(lambda name, _: bound(name, 1))

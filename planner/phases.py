@@ -2,93 +2,71 @@
 
 from __future__ import annotations
 
-from typing import Any
-
 import casadi as ca
 import numpy as np
 
-from ..models.contact import HandMotion, pivot_wrench
-from ..models.integrate import rk4_step
+from ..models.contact import pivot_wrench
 from .context import JERK_UNIT, Context
+from .integration import gauss_interval, runge_kutta_interval
 from .ocp import Stage
 
 #: Rounding [m] of the corner between two ways of being clear of an obstacle.
 CORNER = 0.005
 
 
-def carry_interval(context: Context, k: int, stage: Stage, following: Stage) -> None:
-    """Carry interval k: hand states only; the full grip holds the object all along."""
+def carry_interval(context: Context, first: bool, stage: Stage, following: Stage) -> None:
+    """A carry interval: hand states only; the full grip holds the object all along."""
     s = context.structure
     duration = stage.states["T"]
     dt = duration / s.carry
-    context.gap(stage, following, dt, {"T": duration})
+    context.close(stage, following, dt, {"T": duration})
     stage.cost = _effort(context, stage, dt)
-    if k == 0:
+    if first:
         stage.cost += context.parameters("weights", 3)[2] * duration
     _velocity_between_nodes(context, stage, dt)
     _position_between_nodes(context, stage, dt)
     # With continuous acceleration an interval's start is the last one's end.
-    for fraction in [0.5, 1.0] if s.jerk_control and k > 0 else [0.0, 0.5, 1.0]:
+    for fraction in [0.5, 1.0] if s.jerk_control and not first else [0.0, 0.5, 1.0]:
         _held(context, stage, fraction * dt)
 
 
-def opening_interval(context: Context, k: int, stage: Stage, following: Stage) -> None:
-    """Opening interval k: the relative states by Runge-Kutta on the smoothed law.
+def waiting_interval(context: Context, first: bool, stage: Stage, following: Stage) -> None:
+    """An interval of fixed length before the opening: hand only, held, like a carry's."""
+    dt = context.window_step()
+    context.close(stage, following, dt, {})
+    stage.cost = _effort(context, stage, dt)
+    _velocity_between_nodes(context, stage, dt)
+    _position_between_nodes(context, stage, dt)
+    for fraction in [0.0, 1.0] if first else [1.0]:
+        _held(context, stage, fraction * dt)
 
-    The hand is needed at 2 * substeps + 1 instants only, which the stages share; so is
-    the grip force, a parameter per instant.
-    """
+
+def leaving_interval(context: Context, stage: Stage, following: Stage) -> None:
+    """An interval of fixed length after detach: hand only, empty."""
+    dt = context.window_step()
+    context.close(stage, following, dt, {})
+    stage.cost = _effort(context, stage, dt)
+    _velocity_between_nodes(context, stage, dt)
+    _position_between_nodes(context, stage, dt)
+
+
+def opening_interval(context: Context, first: bool, stage: Stage, following: Stage) -> None:
+    """An opening interval: the hand, and the relative states by the smoothed law."""
     s = context.structure
-    dt = context.parameters("opening_time") / s.opening
-    instants = 2 * s.substeps
-    grips = context.parameters("grip_force", instants * s.opening + 1)
-    hands = []
-    for i in range(instants + 1):
-        pose, _, motion = context.hand(*context.inside(stage, dt * i / instants))
-        hands.append(motion)
-        if i == 0 and k == 0 and not s.jerk_control:
-            # The acceleration may step here: the full grip must bear the new one too.
-            _held(context, stage, ca.SX(0))
-        elif i == 0:
-            _off_obstacles(context, stage, pose)
-    state = relative_state(context, stage)
-    for i in range(0, instants, 2):
-        forces = [grips[instants * k + i + j] for j in range(3)]
-        state = rk4_step(_rates(context), state, hands[i : i + 3], forces, dt / s.substeps)
-    context.gap(stage, following, dt, {"rel": ca.vertcat(*state)})
+    dt = context.datum(stage, "interval")
+    if first and not s.jerk_control:
+        # The acceleration may step here: the full grip must bear the new one too.
+        _held(context, stage, ca.SX(0))
+    elif s.floor or s.column:
+        pose, _, _ = context.hand(stage, *context.node(stage))
+        _off_obstacles(context, stage, pose)
+    integrate = gauss_interval if s.integrator == "gauss" else runge_kutta_interval
+    end = integrate(context, stage, dt)
+    context.close(stage, following, dt, {"rel": end})
     stage.cost = _effort(context, stage, dt)
     _velocity_between_nodes(context, stage, dt)
     if not s.jerk_control:
         _position_between_nodes(context, stage, dt)
-
-
-def relative_state(context: Context, stage: Stage) -> list[ca.SX]:
-    """The relative states at the stage's node; sticking at the opening's start."""
-    if "rel" in stage.states:
-        return list(ca.vertsplit(stage.states["rel"]))
-    zero = ca.SX(0)
-    if context.structure.pivot:
-        return [zero, zero, context.grasp_angle, zero, zero, zero]
-    return [zero] * 4
-
-
-def full_state(context: Context, state: list[ca.SX]) -> list[ca.SX]:
-    """All six relative states: without the pivot the object keeps its grasp angle."""
-    if context.structure.pivot:
-        return state
-    return [state[0], state[1], context.grasp_angle, state[2], state[3], ca.SX(0)]
-
-
-def _rates(context: Context) -> Any:
-    """Sliding-pivot rates; without the pivot only those of the slip."""
-    if context.structure.pivot:
-        return context.release.rates
-
-    def slip_rates(state: Any, hand: HandMotion, grip: ca.SX) -> list[ca.SX]:
-        rates = context.release.rates(full_state(context, list(state)), hand, grip)
-        return [rates[0], rates[1], rates[3], rates[4]]
-
-    return slip_rates
 
 
 def _effort(context: Context, stage: Stage, dt: ca.SX) -> ca.SX:
@@ -130,7 +108,7 @@ def _position_between_nodes(context: Context, stage: Stage, dt: ca.SX) -> None:
 
 def _held(context: Context, stage: Stage, t: ca.SX) -> None:
     """At time t of the interval the full grip holds the object, clear of obstacles."""
-    pose, _, motion = context.hand(*context.inside(stage, t))
+    pose, _, motion = context.hand(stage, *context.inside(stage, t))
     theta, h, p = pose[2] + context.grasp_angle, context.body.com_offset, context.parameters
     wrench = pivot_wrench(
         context.body, context.gravity, motion, motion.omega, h * ca.cos(theta), h * ca.sin(theta)
@@ -140,7 +118,7 @@ def _held(context: Context, stage: Stage, t: ca.SX) -> None:
     _off_obstacles(context, stage, pose)
 
 
-def _off_obstacles(context: Context, stage: Stage, pose: ca.SX) -> None:
+def _off_obstacles(context: Context, stage: Stage, pose: list[ca.SX]) -> None:
     """The held bar's far end clear of floor and base column, where the scene has them."""
     s, p = context.structure, context.parameters
     if not (s.floor or s.column):
@@ -151,10 +129,15 @@ def _off_obstacles(context: Context, stage: Stage, pose: ca.SX) -> None:
     if s.floor:
         stage.row("floor", tip_z - half_width - p("floor"), 0.0, np.inf)
     if s.column:
-        # Above the column or beside it.
-        over = tip_z - half_width - p("column_height")
-        beside = tip_x - half_width - p("column_radius")
-        stage.row("base column", soft_max(over, beside), 0.0, np.inf)
+        stage.row("base column", off_column(context, tip_x, tip_z), 0.0, np.inf)
+
+
+def off_column(context: Context, x: ca.SX, z: ca.SX) -> ca.SX:
+    """Room [m] of a point of the bar's axis above the base column or to either side of it."""
+    p = context.parameters
+    over = z - p("half_width") - p("column_height")
+    beside = ca.sqrt(x**2 + 1e-8) - p("half_width") - p("column_radius")
+    return soft_max(over, beside)
 
 
 def soft_max(a: ca.SX, b: ca.SX) -> ca.SX:

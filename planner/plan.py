@@ -24,7 +24,8 @@ class PlannedThrow:
     """The throw behind a plan: its motion and what the models make of it.
 
     opening_time [s] on the motion's clock; sent is None for a hand scene, whose motion
-    is checked as planned; samples are what motion.csv holds.
+    is checked as planned; samples are what motion.csv holds. limit_surface: the same
+    motion by that model; final: the throw that counts, by the model of the tolerance.
     """
 
     solution: Solution
@@ -34,17 +35,23 @@ class PlannedThrow:
     planned_landing: tuple[float, float, float]
     exact: Thrown
     sent: Thrown | None
-    limit_surface: Landing
+    limit_surface: Thrown
+    final: Thrown
 
     @property
-    def final(self) -> Thrown:
-        """The throw that counts: what is sent, or the planned motion of a hand."""
-        return self.sent if self.sent is not None else self.exact
+    def landing_time(self) -> float:
+        """When the object lands [s] on the motion's clock."""
+        flown = self.final.landing.flight_time
+        return float(self.opening_time + self.final.release.times[-1] + flown)
 
 
 @dataclass(frozen=True)
 class Plan:
-    """Result of planning. Times in s; see `to_dict` for the units and frames of the rest."""
+    """Result of planning. Times in s; see `to_dict` for the units and frames of the rest.
+
+    robust: the method that made it so, empty if none; peak_load: then, the largest share of
+    the grip's friction limit that the pads would transmit while they may open.
+    """
 
     scene: Scene
     mover: Mover
@@ -60,6 +67,9 @@ class Plan:
     variables: int = 0
     constraints: int = 0
     time: dict[str, float] = field(default_factory=dict)
+    alternatives: tuple[Plan, ...] = ()
+    robust: str = ""
+    peak_load: float | None = None
 
     @property
     def solved(self) -> bool:
@@ -80,14 +90,14 @@ class Plan:
                 "planned": throw.planned_landing,
                 "exact": _pose(throw.exact.landing),
                 "sent": None if throw.sent is None else _pose(throw.sent.landing),
-                "limit_surface": _pose(throw.limit_surface),
+                "limit_surface": _pose(throw.limit_surface.landing),
             }
             landing = {k: p and self._json_pose(p) for k, p in poses.items()}
             error = {name: self._json_error(poses[name]) for name in error}
             detach = throw.opening_time + profile.opening
             flight = throw.final.landing.flight_time
             release = {
-                "command_time": throw.opening_time - profile.dwell,
+                "command_time": throw.opening_time - profile.dwell - self.scene.mean_delay,
                 "opening_time": throw.opening_time,
                 "detach_time": detach,
                 "landing_time": _number(detach + flight),
@@ -109,10 +119,27 @@ class Plan:
                 "attempts": self.attempts,
             },
             "nlp": {"variables": self.variables, "constraints": self.constraints},
+            **self._more(),
             "time": {"build": 0.0, "guess": 0.0, "solve": 0.0, "smooth": 0.0, "check": 0.0}
             | {"total": 0.0, "draw": None}
             | self.time,
         }
+
+    def _more(self) -> dict[str, Any]:
+        """What only some plans have: robustness, alternatives."""
+        more: dict[str, Any] = {}
+        if self.robust:
+            more["robust"] = {"method": self.robust, "peak_load": self.peak_load}
+        if self.alternatives:
+            more["alternatives"] = [
+                {
+                    "landing": other.to_dict()["landing"],
+                    "release": other.to_dict()["release"],
+                    "effort": None if other.throw is None else other.throw.solution.cost,
+                }
+                for other in self.alternatives
+            ]
+        return more
 
     def save(self, folder: str | Path, draw: bool = True) -> None:
         """Write plan.json and, for a throw, motion.csv and (draw) throw.png, throw.gif.

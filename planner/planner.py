@@ -1,83 +1,75 @@
-"""From a scene to a checked throw: guess, solve, smooth, check, correct."""
+"""Plans throws of one scene: the problem is built once and solved for many targets."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import time
-from collections import defaultdict
-from collections.abc import Iterator
-from contextlib import contextmanager
-from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, get_args
 
 import numpy as np
-import numpy.typing as npt
 
 from ..problems.errors import InputError
+from ..problems.robust import COMPARED, METHODS
 from ..problems.scene import Pose, Scene
-from .check import broken_limits, limit_surface_landing, scene_violations, throw
-from .motion import planned_motion
+from .alternatives import Found, distinct, ordered
+from .compiled import Compile
+from .correction import Problem, Search, attempt, in_flight
+from .guess import guess_from
 from .mover import make_mover
 from .nlp import ThrowNlp, build_nlp
-from .numbers import bounds, parameter_values, structure_of
+from .numbers import bounds, opening_nodes, structure_of
 from .plan import Plan, PlannedThrow, Status, checked_target
-from .reach import Binding, highest, nearest_possible
-from .releases import Releases, ReleaseSampler, guess_from, nearest
-from .smooth import SmoothingError, send
-from .solver import Solution, Solver
+from .quietness import peak_load
+from .reach import Binding, Reach, highest
+from .refit import refit
+from .releases import Releases, ReleaseSampler, nearest
+from .robustness import quiet_enough, spread
+from .solver import Solver
 from .start import check_start
+from .window import Window, window_of
 
-Array = npt.NDArray[np.float64]
 SolverName = Literal["auto", "fatrop", "ipopt"]
 Turns = Literal["exact", "any"]
 
-#: Corrections aim at this on the landing that counts: position [m], angle [rad].
-AIM = (1e-4, math.radians(0.02))
-MAX_CORRECTIONS = 8
 #: Starts tried with FATROP, then with IPOPT.
 STARTS = {"fatrop": 6, "ipopt": 4}
+#: Beyond this distance [m, scaled error (39)] from every landing of the table the question
+#: what is possible at all comes before further starts.
+FAR = 0.3
+#: Most alternatives that may be asked for.
+MOST_ALTERNATIVES = 20
 #: Random releases drawn for the starting points.
 SAMPLES = 20_000
-
-
-@dataclass
-class _Search:
-    """One `plan` call: the scene with its target, and bookkeeping."""
-
-    scene: Scene
-    times: dict[str, float] = field(default_factory=lambda: defaultdict(float))
-    iterations: int = 0
-    attempts: int = 0
-    trouble: list[str] = field(default_factory=list)
-    fallback: tuple[PlannedThrow, str] | None = None
-    palm: bool = False
-
-    @contextmanager
-    def clock(self, name: str) -> Iterator[None]:
-        """Adds the block's duration to `name`."""
-        start = time.perf_counter()
-        try:
-            yield
-        finally:
-            self.times[name] += time.perf_counter() - start
 
 
 class Planner:
     """Plans throws of one scene; builds its NLP once and solves for many targets.
 
+    compiling: whether the NLP's functions are compiled where a C compiler is there: 'no',
+    'cached' (used if they are in the cache), 'background' (and compiled for later by a
+    process of its own if they are not), 'wait' (compiled first, once, in some seconds).
+
     Raises InputError for a scene that cannot be planned at all: no [hand] or [robot],
     or a grip too weak to hold the object at rest in any permitted start pose.
     """
 
-    def __init__(self, scene: Scene) -> None:
+    def __init__(self, scene: Scene, *, compiling: Compile = "background") -> None:
         start = time.perf_counter()
+        if compiling not in get_args(Compile):
+            known = ", ".join(get_args(Compile))
+            raise InputError(f"compiling = {compiling!r}: must be one of {known}")
+        self._compiling = compiling
         self.scene = scene
         self.mover = make_mover(scene)
         check_start(scene, self.mover)
         self._nlps: dict[tuple[bool, bool], ThrowNlp] = {}
-        self._solvers: dict[tuple[bool, bool, str], Solver] = {}
+        self._problems: dict[tuple[bool, bool, str], Problem] = {}
+        self._robust_nlps: dict[tuple[str, bool, bool], ThrowNlp] = {}
+        self._robust_problems: dict[tuple[str, bool, bool, str], Problem] = {}
         self._releases: Releases | None = None
         self._sampler = ReleaseSampler(scene, self.mover)
+        self._reach = Reach(scene, self.mover, compiling)
         self._build_time = time.perf_counter() - start
 
     def plan(
@@ -87,29 +79,45 @@ class Planner:
         solver: SolverName = "auto",
         turns: Turns = "exact",
         warm: Plan | None = None,
+        alternatives: int = 0,
+        robust: str | None = None,
     ) -> Plan:
         """A throw to `target` (the scene's by default), with its status.
 
         Always returns; raises InputError only for wrong input. solver: 'auto' is FATROP
         with IPOPT as fallback. turns: 'any' takes theta modulo full turns. warm: a
-        solved plan of this planner for a target nearby.
+        solved plan of this planner for a target nearby. alternatives: how many throws
+        that differ from the plan's to look for; they are in `Plan.alternatives`. robust: a
+        method of the section [robust], instead of the scene's.
         """
         started = time.perf_counter()
         target = self.check(target)
-        if solver not in ("auto", "fatrop", "ipopt"):
+        if solver not in get_args(SolverName):
             raise InputError(f"solver = {solver!r}: must be one of auto, fatrop, ipopt")
-        if turns not in ("exact", "any"):
+        if turns not in get_args(Turns):
             raise InputError(f"turns = {turns!r}: must be one of exact, any")
-        search = _Search(self.scene.aimed_at(target))
+        if not 0 <= alternatives <= MOST_ALTERNATIVES:
+            most = MOST_ALTERNATIVES
+            raise InputError(f"alternatives = {alternatives!r}: must be 0 to {most}")
+        method = self._method(robust)
+        search = Search(self.scene.aimed_at(target))
         made, self._build_time = self._build_time, 0.0
         search.times["build"] = made
         names = ("fatrop", "ipopt") if solver == "auto" else (solver,)
         plan = self._warm_plan(target, names[0], warm, search) if warm is not None else None
         if plan is None:
-            plan = self._search(target, names, turns, search)
+            plan = self._searched(target, names, turns, alternatives, search)
+        if method and plan.solved and not plan.robust:
+            plan = self._made_robust(plan, method, names, search)
         plan.time.update(search.times)
         plan.time["total"] = time.perf_counter() - started + made
         return plan
+
+    @property
+    def compiled(self) -> bool:
+        """Whether the problems solved so far ran as machine code."""
+        problems = [*self._problems.values(), *self._robust_problems.values()]
+        return bool(problems) and all(problem.solver.compiled for problem in problems)
 
     def check(self, target: Pose | None = None) -> Pose:
         """The target that `plan` would take; InputError if it does not fit the scene."""
@@ -117,41 +125,171 @@ class Planner:
         self._check_azimuth(target)
         return target
 
-    def _search(self, target: Pose, names: tuple[str, ...], turns: Turns, search: _Search) -> Plan:
+    def _searched(
+        self,
+        target: Pose,
+        names: tuple[str, ...],
+        turns: Turns,
+        alternatives: int,
+        search: Search,
+    ) -> Plan:
         """Solvers in turn, each from several starts; then the honest answer."""
         with search.clock("guess"):
             releases = self._table()
             starts = self._starts(releases, target, turns)
+        answer: Binding | None = None
+        if not starts or starts[0][2] > FAR:
+            # Nothing like it in the table: ask first what is possible at all.
+            answer = self._possible(starts[0][1], releases, search) if starts else None
+            if answer is None or answer.outside:
+                return self._failure(target, answer, releases, names[-1], search)
+        wanted = self._wanted(alternatives)
+        found: list[Found] = []
         for name in names:
-            for index, goal in starts[: STARTS[name]]:
-                nlp = self._nlp(goal, search)
-                with search.clock("guess"):
-                    guess = guess_from(nlp, self._sampler, releases, index, goal.z)
-                solved = self._attempt(goal, name, guess, None, search)
-                if solved is not None:
-                    return self._result("solved", goal, "", solved, name, search)
-                search.palm = search.palm or "palm:" in search.trouble[-1]
-        return self._failure(target, [goal for _, goal in starts], releases, names[-1], search)
+            for index, goal, _ in starts[: max(STARTS[name], 3 * wanted)]:
+                found += self._from_release(name, index, goal, releases, search)
+                if len(distinct(found)) >= wanted:
+                    return self._chosen(found, alternatives, search)
+        if found:
+            return self._chosen(found, alternatives, search)
+        answer = answer or (self._possible(starts[0][1], releases, search) if starts else None)
+        if answer is not None and not answer.outside and answer.solution is not None:
+            # The elastic solve reached the target: its point starts the real problem.
+            goal = answer.goal
+            guess = answer.guess_for(self._nlp(goal, search))
+            thrown = attempt(self._problem(goal, "ipopt", search), self.mover, goal, guess, search)
+            if thrown is not None:
+                return self._chosen([Found(goal, thrown, "ipopt")], alternatives, search)
+        return self._failure(target, answer, releases, names[-1], search)
 
-    def _warm_plan(self, target: Pose, name: str, warm: Plan, search: _Search) -> Plan | None:
+    def _method(self, robust: str | None) -> str:
+        """The robust method that is asked for, empty if none."""
+        if robust is None:
+            return "" if self.scene.robust is None else self.scene.robust.method
+        if robust not in METHODS + COMPARED:
+            raise InputError(f"robust = {robust!r}: must be one of {', '.join(METHODS)}")
+        return robust
+
+    def _made_robust(self, plan: Plan, method: str, names: tuple[str, ...], search: Search) -> Plan:
+        """The plan of a robust throw to the same target, from `plan`'s."""
+        first = "quiet" if method in ("auto", "scenarios") else method
+        found = self._robust_throw(plan, first, names, search)
+        more = method == "scenarios"
+        if method == "auto":
+            more = found is None or not quiet_enough(found)
+        if more:
+            better = self._robust_throw(found or plan, "scenarios", names, search)
+            if better is not None and (
+                found is None or method == "scenarios" or spread(better) < spread(found)
+            ):
+                found = better
+        if found is not None:
+            return found
+        why = search.trouble[-1] if search.trouble else ""
+        words = f"no robust throw found by {method}: {why}"
+        return dataclasses.replace(plan, status="not_converged", message=words)
+
+    def _robust_throw(
+        self, source: Plan, method: str, names: tuple[str, ...], search: Search
+    ) -> Plan | None:
+        """A throw by one method, started from another plan's."""
+        assert source.throw is not None
+        window, goal = window_of(search.scene), source.target
+        nodes = opening_nodes(search.scene.mesh, search.scene.gripper.profile().opening)
+        old = self._robust_nlps.get((source.robust, goal.theta is not None, search.flight))
+        old = old or self._nlp(goal, search)
+        for name in names:
+            problem = self._robust_problem(goal, method, name, window, search)
+            with search.clock("guess"):
+                guess = refit(problem.nlp, old, source.throw, nodes, window.step, window.delays)
+            thrown = attempt(problem, self.mover, goal, guess, search)
+            if thrown is None:
+                continue
+            plan = self._solved(Found(goal, thrown, name), search)
+            motion = thrown.planned if thrown.sent is None else thrown.samples
+            load = peak_load(search.scene, self.mover, motion, thrown.opening_time)
+            size = dict(zip(("variables", "constraints"), problem.nlp.size, strict=True))
+            return dataclasses.replace(plan, robust=method, peak_load=load, **size)
+        return None
+
+    def _robust_problem(
+        self, goal: Pose, method: str, name: str, window: Window, search: Search
+    ) -> Problem:
+        key = (method, goal.theta is not None, search.flight)
+        if key not in self._robust_nlps:
+            with search.clock("build"):
+                structure = structure_of(
+                    self.scene,
+                    self.mover,
+                    key[1],
+                    flight=search.flight,
+                    robust=method,
+                    window=window,
+                )
+                self._robust_nlps[key] = build_nlp(structure, self.mover)
+        nlp = self._robust_nlps[key]
+        if (*key, name) not in self._robust_problems:
+            with search.clock("build"):
+                solver = Solver(nlp, name, compiling=self._compiling)
+                limits = bounds(nlp, self.scene, self.mover, window)
+                self._robust_problems[*key, name] = Problem(nlp, solver, limits, window)
+        return self._robust_problems[*key, name]
+
+    def _wanted(self, alternatives: int) -> int:
+        """How many distinct throws to find before one is chosen."""
+        choice = self.scene.choice
+        among = 1 if choice is None else choice.among
+        return max(among, 1 + alternatives)
+
+    def _from_release(
+        self, name: str, index: int, goal: Pose, releases: Releases, search: Search
+    ) -> list[Found]:
+        """The throw that one sampled release leads to, if any."""
+        for _ in range(2):
+            nlp, before = self._nlp(goal, search), search.flight
+            with search.clock("guess"):
+                flight = self._flight_time(releases, index, goal)
+                guess = guess_from(nlp, search.scene, self.mover, releases, index, flight)
+            problem = self._problem(goal, name, search)
+            thrown = attempt(problem, self.mover, goal, guess, search)
+            if thrown is not None:
+                return [Found(goal, thrown, name)]
+            search.flight = search.flight or in_flight(search.trouble[-1])
+            if before == search.flight:
+                break
+        return []
+
+    def _chosen(self, found: list[Found], alternatives: int, search: Search) -> Plan:
+        """The plan of the best throw found, with the others that differ."""
+        by = "effort" if self.scene.choice is None else self.scene.choice.by
+        best, *others = ordered(distinct(found), by) if len(found) > 1 else found
+        plan = self._solved(best, search)
+        rest = tuple(self._solved(other, search) for other in others[:alternatives])
+        return dataclasses.replace(plan, alternatives=rest)
+
+    def _solved(self, found: Found, search: Search) -> Plan:
+        return self._result("solved", found.goal, "", found.thrown, found.solver, search)
+
+    def _warm_plan(self, target: Pose, name: str, warm: Plan, search: Search) -> Plan | None:
         """A plan from a neighbouring one, None if that does not lead to a solved throw."""
         if warm.throw is None or warm.mover is not self.mover:
             return None
         if (warm.target.theta is None) != (target.theta is None):
             return None
         solution = warm.throw.solution
-        # The palm's rows, if the earlier plan needed them: its multipliers fit no other NLP.
-        search.palm = solution.lam_g.size != self._nlp(target, search).size[1]
+        # The flight's rows, if the earlier plan needed them: its multipliers fit no other NLP.
+        search.flight = solution.lam_g.size != self._nlp(target, search).size[1]
         if solution.lam_g.size != self._nlp(target, search).size[1]:
-            search.palm = False
+            search.flight = False
             return None
-        solved = self._attempt(target, name, solution.x, solution, search)
-        if solved is None:
-            return None
-        return self._result("solved", target, "", solved, name, search)
+        problem = self._problem(target, name, search)
+        thrown = attempt(problem, self.mover, target, solution.x, search, solution)
+        return None if thrown is None else self._solved(Found(target, thrown, name), search)
 
-    def _starts(self, releases: Releases, target: Pose, turns: Turns) -> list[tuple[int, Pose]]:
-        """(release index, target) pairs, nearest landing first."""
+    def _starts(
+        self, releases: Releases, target: Pose, turns: Turns
+    ) -> list[tuple[int, Pose, float]]:
+        """(release index, target, distance), nearest landing first."""
         goals = [target]
         if turns == "any" and target.theta is not None:
             _, thetas, _ = releases.landings(target.z, self.scene.gravity)
@@ -159,151 +297,49 @@ class Planner:
             nearest_turn = round((usual - target.theta) / (2 * math.pi))
             turns_around = range(nearest_turn - 2, nearest_turn + 3)
             goals = [target.turned(2 * math.pi * k) for k in turns_around]
-        found: list[tuple[float, int, Pose]] = []
+        found: list[tuple[int, Pose, float]] = []
+        count = max(STARTS.values())
         for goal in goals:
             indices, distances = nearest(
-                releases, self.scene, goal.plane_x, goal.z, goal.theta, max(STARTS.values())
+                releases, self.scene, goal.plane_x, goal.z, goal.theta, count
             )
-            found += [(float(d), int(i), goal) for i, d in zip(indices, distances, strict=True)]
-        found.sort(key=lambda entry: entry[0])
-        return [(index, goal) for _, index, goal in found]
+            pairs = zip(indices, distances, strict=True)
+            found += [(int(i), goal, float(d)) for i, d in pairs]
+        return sorted(found, key=lambda entry: entry[2])
 
-    def _attempt(
-        self, target: Pose, name: str, guess: Array, warm: Solution | None, search: _Search
-    ) -> PlannedThrow | None:
-        """One solve and its corrections; None (and why, in `search`) if it is no good."""
-        nlp = self._nlp(target, search)
-        solver = self._solver(target, name, search)
-        limits = bounds(nlp, self.scene, self.mover)
-        goal = target
-        best: PlannedThrow | None = None
-        best_miss = math.inf
-        for _ in range(MAX_CORRECTIONS):
-            numbers = nlp.parameters.vector(parameter_values(search.scene, self.mover, goal))
-            with search.clock("solve"):
-                solution = solver.solve(guess, numbers, limits, warm)
-                if not solution.success and warm is not None:
-                    solution = solver.solve(warm.x, numbers, limits)
-            search.iterations += solution.iterations
-            search.attempts += 1
-            if not solution.success:
-                if best is None:
-                    search.trouble.append(f"{name} did not converge")
-                break
-            try:
-                thrown = self._checked(nlp, solution, numbers, target, search)
-            except SmoothingError as error:
-                search.trouble.append(str(error))
-                break
-            dx, dtheta = thrown.final.miss(target)
-            miss = _scaled(dx, dtheta, AIM)
-            if not miss < best_miss:
-                if best is None:
-                    search.trouble.append("the object never comes down to the target's height")
-                break
-            best, best_miss = thrown, miss
-            if miss <= 1.0:
-                break
-            goal = goal.in_plane(goal.plane_x - dx, goal.turned(-dtheta).theta)
-            guess, warm = solution.x, solution
-        return self._accepted(best, target, search)
-
-    def _checked(
-        self, nlp: ThrowNlp, solution: Solution, numbers: Array, target: Pose, search: _Search
-    ) -> PlannedThrow:
-        """The solution's motion smoothed, and thrown by the non-smooth models."""
-        scene, mover = search.scene, self.mover
-        opening = scene.gripper.profile().opening
-        duration = nlp.block(solution.x, "T", 0)
-        assert duration is not None
-        opening_time = float(duration[0])
-        planned = planned_motion(nlp, mover, solution.x, opening)
-        with search.clock("smooth"):
-            samples = send(mover, planned)
-        with search.clock("check"):
-            exact = throw(scene, mover, planned, opening_time, target.z)
-            sent = None
-            if scene.robot is not None:
-                sent = throw(scene, mover, samples, opening_time, target.z)
-            surface = limit_surface_landing(
-                scene, mover, planned if sent is None else samples, opening_time, target.z
-            )
-            x, z, theta = np.array(nlp.landing(solution.x, numbers)).ravel()
-        return PlannedThrow(
-            solution, planned, samples, opening_time, (x, z, theta), exact, sent, surface
-        )
-
-    def _accepted(
-        self, thrown: PlannedThrow | None, target: Pose, search: _Search
-    ) -> PlannedThrow | None:
-        """`thrown` if it keeps the promise of `solved`; else None and why."""
-        if thrown is None:
-            return None
-        with search.clock("check"):
-            problems = self._broken(search.scene, thrown, target)
-        if not problems:
-            return thrown
-        search.trouble.append("; ".join(problems))
-        if search.fallback is None:
-            search.fallback = (thrown, search.trouble[-1])
-        return None
-
-    def _broken(self, scene: Scene, thrown: PlannedThrow, target: Pose) -> list[str]:
-        """Everything that a solved throw must not break, in words."""
-        mover, tolerance = self.mover, scene.tolerance
-        problems = []
-        for label, result in (("planned", thrown.exact), ("sent", thrown.sent)):
-            if result is None:
-                continue
-            dx, dtheta = result.miss(target)
-            if not _scaled(dx, dtheta, (tolerance.position, tolerance.angle)) <= 1.0:
-                problems.append(
-                    f"{label} motion lands {1e3 * abs(dx):.2f} mm and "
-                    f"{math.degrees(abs(dtheta)):.2f} deg off"
-                )
-        problems += [
-            f"limit of {name} broken"
-            for name in broken_limits(mover.hard, mover.joints, thrown.samples)
-        ]
-        if thrown.exact.grip_use > 1.0:
-            problems.append(f"slip before the opening (grip use {thrown.exact.grip_use:.2f})")
-        motion = thrown.planned if thrown.sent is None else thrown.samples
-        end = thrown.planned.times[-1] if thrown.sent is None else thrown.samples.times[-1]
-        return problems + scene_violations(
-            scene, mover, motion, end, thrown.opening_time, thrown.final
-        )
+    def _possible(self, goal: Pose, releases: Releases, search: Search) -> Binding:
+        """What is possible at all nearest the goal, from the table and the elastic solve."""
+        with search.clock("solve"):
+            answer = self._reach.nearest_possible(search.scene, releases, goal)
+        search.iterations += answer.iterations
+        return answer
 
     def _failure(
         self,
         target: Pose,
-        goals: list[Pose],
+        answer: Binding | None,
         releases: Releases,
         name: str,
-        search: _Search,
+        search: Search,
     ) -> Plan:
         """No throw found: out of reach with the nearest possible, or not converged."""
-        if not goals:
+        if answer is None:
             far, pose, words = highest(releases, target, self.scene.gravity)
             status: Status = "out_of_reach" if far else "not_converged"
             return self._result(
                 status, target, words, None, name, search, pose, ("landing height",)
             )
-        goal = goals[0]
-        with search.clock("solve"):
-            answer = nearest_possible(search.scene, self.mover, self._sampler, releases, goal)
-        search.iterations += answer.iterations
-        if answer.pose is not None and not answer.inside_tolerance:
-            message = _out_of_reach(goal, answer)
+        if answer.outside:
             return self._result(
-                "out_of_reach", target, message, None, name, search, answer.pose, answer.names
+                "out_of_reach",
+                target,
+                _out_of_reach(answer),
+                None,
+                name,
+                search,
+                answer.pose,
+                answer.names,
             )
-        if answer.solution is not None:
-            # The elastic solve reached the target: its point starts the real problem.
-            nlp = self._nlp(goal, search)
-            guess = answer.guess_for(nlp)
-            solved = self._attempt(goal, "ipopt", guess, None, search)
-            if solved is not None:
-                return self._result("solved", goal, "", solved, "ipopt", search)
         thrown, why = search.fallback or (None, search.trouble[-1] if search.trouble else "")
         message = f"no throw found: {why or 'no feasible release to start from'}"
         return self._result("not_converged", target, message, thrown, name, search)
@@ -315,7 +351,7 @@ class Planner:
         message: str,
         thrown: PlannedThrow | None,
         name: str,
-        search: _Search,
+        search: Search,
         nearest_pose: Pose | None = None,
         binding: tuple[str, ...] = (),
     ) -> Plan:
@@ -334,35 +370,38 @@ class Planner:
             search.attempts,
             *nlp.size,
         )
-        if status == "solved":
-            dx, dtheta = plan.error_sent()
-            object.__setattr__(
-                plan,
-                "message",
-                f"lands {1e3 * dx:.3f} mm and {math.degrees(dtheta):.3f} deg from the target",
-            )
-        return plan
+        if status != "solved":
+            return plan
+        dx, dtheta = plan.error_sent()
+        words = f"lands {1e3 * dx:.3f} mm and {math.degrees(dtheta):.3f} deg from the target"
+        return dataclasses.replace(plan, message=words)
+
+    def _flight_time(self, releases: Releases, index: int, goal: Pose) -> float:
+        """How long release `index` flies down to the goal's height [s]."""
+        return float(releases.landings(goal.z, self.scene.gravity)[2][index])
 
     def _table(self) -> Releases:
         if self._releases is None:
             self._releases = self._sampler.draw(SAMPLES)
         return self._releases
 
-    def _nlp(self, target: Pose, search: _Search) -> ThrowNlp:
-        key = (target.theta is not None, search.palm)
+    def _nlp(self, target: Pose, search: Search) -> ThrowNlp:
+        key = (target.theta is not None, search.flight)
         if key not in self._nlps:
             with search.clock("build"):
-                structure = structure_of(self.scene, self.mover, key[0], palm=search.palm)
+                structure = structure_of(self.scene, self.mover, key[0], flight=search.flight)
                 self._nlps[key] = build_nlp(structure, self.mover)
         return self._nlps[key]
 
-    def _solver(self, target: Pose, name: str, search: _Search) -> Solver:
-        key = (target.theta is not None, search.palm, name)
-        if key not in self._solvers:
+    def _problem(self, target: Pose, name: str, search: Search) -> Problem:
+        key = (target.theta is not None, search.flight, name)
+        if key not in self._problems:
             nlp = self._nlp(target, search)
             with search.clock("build"):
-                self._solvers[key] = Solver(nlp, name)
-        return self._solvers[key]
+                solver = Solver(nlp, name, compiling=self._compiling)
+                limits = bounds(nlp, self.scene, self.mover)
+                self._problems[key] = Problem(nlp, solver, limits)
+        return self._problems[key]
 
     def _check_azimuth(self, target: Pose) -> None:
         arm = self.scene.arm
@@ -378,13 +417,7 @@ class Planner:
             )
 
 
-def _scaled(dx: float, dtheta: float, scale: tuple[float, float]) -> float:
-    """The larger of the two misses, each in its own unit of `scale`; inf for NaN."""
-    value = max(abs(dx) / scale[0], abs(dtheta) / scale[1])
-    return value if math.isfinite(value) else math.inf
-
-
-def _out_of_reach(target: Pose, answer: Binding) -> str:
+def _out_of_reach(answer: Binding) -> str:
     pose = answer.pose
     assert pose is not None
     angle = "" if pose.theta is None else f", theta {math.degrees(pose.theta):.1f} deg"

@@ -8,20 +8,32 @@ elastic solve, not from a failed iteration.
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from ..problems.scene import Pose, Scene
+from .check import throw
+from .compiled import Compile
+from .guess import guess_from
+from .motion import opening_start, planned_motion
 from .mover import Mover
 from .nlp import ThrowNlp, build_nlp
-from .numbers import bounds, parameter_values, structure_of
-from .releases import Releases, ReleaseSampler, guess_from, nearest
+from .numbers import (
+    bounds,
+    opening_nodes,
+    parameter_values,
+    structure_of,
+)
+from .releases import Releases, nearest
 from .solver import Solution, Solver
 
 Array = npt.NDArray[np.float64]
 
+#: Iterations that an elastic solve may take.
+ITERATIONS = 300
 #: Starts of the elastic solve.
 STARTS = 3
 #: A height this far [m] above every sampled apex is out of reach.
@@ -34,14 +46,23 @@ _KINDS = {"q": "position", "dq": "velocity", "ddq": "acceleration", "T": "carry 
 
 @dataclass(frozen=True)
 class Binding:
-    """Nearest possible pose (None if nothing was found) and names of the binding limits."""
+    """The nearest possible landing to `goal` (None: nothing was found) and what binds there.
 
+    inside_tolerance: whether it is the goal itself; names: the binding limits.
+    """
+
+    goal: Pose
     pose: Pose | None
     inside_tolerance: bool
     names: tuple[str, ...]
     iterations: int
     solution: Solution | None
     nlp: ThrowNlp | None
+
+    @property
+    def outside(self) -> bool:
+        """Whether something is possible, but not the goal."""
+        return self.pose is not None and not self.inside_tolerance
 
     def guess_for(self, nlp: ThrowNlp) -> Array:
         """The elastic point as a start of the real problem `nlp`."""
@@ -60,34 +81,60 @@ class Binding:
         return nlp.fill(value)
 
 
-def nearest_possible(
-    scene: Scene, mover: Mover, sampler: ReleaseSampler, releases: Releases, target: Pose
-) -> Binding:
-    """The landing nearest `target` in the scaled error that the scene can throw."""
-    structure = structure_of(scene, mover, target.theta is not None, elastic=True)
-    nlp = build_nlp(structure, mover)
-    solver = Solver(nlp, "ipopt", 300)
-    numbers = nlp.parameters.vector(parameter_values(scene, mover, target))
-    low, high = bounds(nlp, scene, mover)
-    indices, _ = nearest(releases, scene, target.plane_x, target.z, target.theta, STARTS)
-    best: Solution | None = None
-    iterations = 0
-    for index in indices:
-        guess = guess_from(nlp, sampler, releases, int(index), target.z)
-        solution = solver.solve(guess, numbers, (low, high))
-        iterations += solution.iterations
-        if solution.success and (best is None or solution.cost < best.cost):
-            best = solution
-    if best is None:
-        pose = _sampled(releases, indices, target, scene)
-        return Binding(pose, pose is None, (), iterations, None, None)
-    x, _, theta = np.array(nlp.landing(best.x, numbers)).ravel()
-    angle = None if target.theta is None else float(theta)
-    dx = abs(x - target.plane_x)
-    dtheta = 0.0 if target.theta is None else abs(theta - target.theta)
-    inside = bool(dx <= scene.tolerance.position and dtheta <= scene.tolerance.angle)
-    names = () if inside else _binding(nlp, mover, best, (low, high))
-    return Binding(target.in_plane(float(x), angle), inside, names, iterations, best, nlp)
+class Reach:
+    """The elastic problems of a scene, built when first asked for."""
+
+    def __init__(self, scene: Scene, mover: Mover, compiling: Compile) -> None:
+        self._scene, self._mover = scene, mover
+        self._compiling = compiling
+        self._solvers: dict[bool, Solver] = {}
+
+    def _solver(self, angle: bool) -> tuple[ThrowNlp, Solver]:
+        if angle not in self._solvers:
+            structure = structure_of(self._scene, self._mover, angle, elastic=True)
+            nlp = build_nlp(structure, self._mover)
+            self._solvers[angle] = Solver(nlp, "ipopt", ITERATIONS, self._compiling)
+        solver = self._solvers[angle]
+        assert isinstance(solver.nlp, ThrowNlp)
+        return solver.nlp, solver
+
+    def nearest_possible(self, scene: Scene, releases: Releases, target: Pose) -> Binding:
+        """The landing nearest `target` in the scaled error that `scene` can throw.
+
+        scene: this one, aimed at the target.
+        """
+        mover = self._mover
+        nlp, solver = self._solver(target.theta is not None)
+        numbers = nlp.parameters.vector(parameter_values(scene, mover, target))
+        limits = bounds(nlp, scene, mover)
+        indices, _ = nearest(releases, scene, target.plane_x, target.z, target.theta, STARTS)
+        nodes = opening_nodes(scene.mesh, scene.gripper.profile().opening)
+        best: Solution | None = None
+        iterations = 0
+        for index in indices:
+            flight = float(releases.landings(target.z, scene.gravity)[2][index])
+            guess = guess_from(nlp, scene, mover, releases, int(index), flight)
+            solution = solver.solve(guess, numbers, limits)
+            iterations += solution.iterations
+            if solution.success and (best is None or solution.cost < best.cost):
+                best = solution
+        if best is None:
+            pose = _sampled(releases, indices, target, scene)
+            return Binding(target, pose, pose is None, (), iterations, None, None)
+        # Where that motion lands by the non-smooth model: the pose is one that can be thrown.
+        motion = planned_motion(nlp, mover, best.x, nodes)
+        landing = throw(scene, mover, motion, opening_start(nlp, best.x), target.z).landing
+        if not math.isfinite(landing.flight_time):
+            pose = _sampled(releases, indices, target, scene)
+            return Binding(target, pose, pose is None, (), iterations, None, None)
+        angle = None if target.theta is None else landing.theta
+        missed = np.array(nlp.landing(best.x, numbers)).ravel()
+        dx = abs(missed[0] - target.plane_x)
+        dtheta = 0.0 if target.theta is None else abs(missed[2] - target.theta)
+        inside = bool(dx <= scene.tolerance.position and dtheta <= scene.tolerance.angle)
+        names = () if inside else _binding(nlp, mover, best, limits)
+        pose = target.in_plane(landing.x, angle)
+        return Binding(target, pose, inside, names, iterations, best, nlp)
 
 
 def _sampled(

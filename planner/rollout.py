@@ -11,20 +11,15 @@ import numpy.typing as npt
 from ..models.contact import pivot_wrench
 from ..models.flight import FlightState, time_to_height
 from ..models.release import HandSamples, HandTrack, Release, ReleaseCase
-from ..models.sliding_pivot_release import SlidingPivotRelease
-from ..models.time_stepping_release import SteppedRelease
 from ..problems.scene import Scene
-from .motion import Motion
+from .kernel import mapped
+from .motion import Motion, PiecewiseMotion
 from .mover import Mover
 
 Array = npt.NDArray[np.float64]
 
-#: Steps over the opening: enough that halving them moves a landing by under 0.01 mm
-#: (sliding pivot) and 0.2 mm (limit surface).
-SLIDING_PIVOT = SlidingPivotRelease(steps=1000)
-LIMIT_SURFACE = SteppedRelease(steps=2000)
-#: Grid [s] on which sticking is checked before the opening.
-CARRY_STEP = 0.0005
+#: Longest interval [s] between the instants at which sticking is checked before the opening.
+CARRY_STEP = 0.002
 
 
 @dataclass(frozen=True)
@@ -43,8 +38,13 @@ class MoverTrack:
 
 def hand_samples(mover: Mover, motion: Motion, times: Array) -> HandSamples:
     """The hand at `times` of a motion of the coordinates."""
-    outputs = mover.motion(*motion.at(times))
-    return HandSamples(times, *(np.array(o) for o in outputs))
+    return _hand(mover, times, *motion.at(times))
+
+
+def _hand(mover: Mover, times: Array, *coordinates: Array) -> HandSamples:
+    """The hand for q, dq, ddq, each (n, N)."""
+    outputs = mapped(mover.motion)(*(rows.T for rows in coordinates))
+    return HandSamples(times, *(o.T for o in outputs))
 
 
 def case_of(scene: Scene, hand: HandTrack) -> ReleaseCase:
@@ -91,9 +91,16 @@ def friction_use(scene: Scene, hand: HandSamples) -> tuple[Array, Array]:
     return np.hypot(f_x, f_z) / limit, np.abs(torque) / (limit * scene.patch.torsion_arm)
 
 
-def slip_while_carrying(scene: Scene, mover: Mover, motion: Motion, opening_time: float) -> float:
+def slip_while_carrying(
+    scene: Scene, mover: Mover, motion: PiecewiseMotion, opening_time: float
+) -> float:
     """Largest friction use (ellipsoid, 1 is the limit) from rest to the opening's start."""
-    steps = max(math.ceil(opening_time / CARRY_STEP), 2)
-    hand = hand_samples(mover, motion, np.linspace(0.0, opening_time, steps + 1))
-    force, torque = friction_use(scene, hand)
-    return float(np.sqrt(force**2 + torque**2).max())
+    times, *coordinates = motion.closely(opening_time, CARRY_STEP)
+    force, torque = friction_use(scene, _hand(mover, times, *coordinates))
+    return float(np.sqrt((force**2 + torque**2).max()))
+
+
+def kinks_of(motion: PiecewiseMotion, opening_time: float, opening: float) -> Array:
+    """The motion's kinks inside the opening, from its start [s]."""
+    times = motion.kinks - opening_time
+    return np.asarray(times[(times > 0.0) & (times < opening)])

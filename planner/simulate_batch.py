@@ -12,29 +12,37 @@ import numpy as np
 import numpy.typing as npt
 
 from ..models.batch import (
+    BatchRelease,
     ConstantAccelerations,
     HandsTrack,
     ReleaseBatch,
     SampledHands,
     sliding_pivot_batch,
     stepped_batch,
+    throw_limit_surface,
+    throw_sliding_pivot,
 )
 from ..models.contact import Body, Contact
 from ..models.flight import land
 from ..models.lugre_release import LuGreRelease
 from ..models.patch_release import PatchRelease
+from ..models.release import UNSOLVED
 from ..problems.errors import InputError
 from ..problems.scene import Scene
+from .compiled_batch import PAYS_FROM, compiled_steps
 from .given_motion import given_hand
 
 Array = npt.NDArray[np.float64]
 
+#: Steps of the paper's form: it jumps, so it needs more of them.
+PAPER_STEPS = 400
+
 
 def _paper_form(batch: ReleaseBatch) -> Array:
-    return sliding_pivot_batch(batch, steps=400, form="paper")
+    return sliding_pivot_batch(batch, PAPER_STEPS, "paper")
 
 
-#: Release models that take batches; the paper's form jumps, so it needs more steps.
+#: Release models that take batches, and their detach states (N, 6).
 BATCH_MODELS: dict[str, Callable[[ReleaseBatch], Array]] = {
     "sp": sliding_pivot_batch,
     "sp-paper": _paper_form,
@@ -59,11 +67,13 @@ class BatchResult:
 
     detach (N, 6): x, z, theta, v_x, v_z, omega of the CoM; landing (N, 3): x, theta and
     flight time [s] at the scene's landing height, NaN where a throw never comes down
-    through it; None where the scene gives no height.
+    through it; None where the scene gives no height. trouble (N,): why a throw is not to
+    be trusted, in the words of the single models' status; empty where it is.
     """
 
     detach: Array
     landing: Array | None
+    trouble: npt.NDArray[np.object_]
 
 
 def simulate_batch(
@@ -84,6 +94,7 @@ def simulate_batch(
     object: mass, inertia, com_offset; contact: friction, patch_radius, torsion, faces;
     gripper: force [N], opening [s]: numbers or arrays (N,), the scene's where absent.
     executor: spreads chunks over its workers; the result does not depend on it.
+    `sp` and `ls-step` of many throws run in compiled code where a C compiler is there.
     Raises InputError for unknown names, unequal lengths, NaN, times that do not rise.
     """
     if model not in BATCH_MODELS:
@@ -91,17 +102,24 @@ def simulate_batch(
         hint = f", did you mean '{near[0]}'?" if near else ""
         raise InputError(f"model = {model!r}: must be one of {', '.join(BATCH_MODELS)}{hint}")
     batch = _batch(scene, hand or {}, contact or {}, object or {}, gripper or {})
-    detach = _run(model, batch, executor)
+    release = _run(model, batch, executor)
     height = None if scene.target is None else scene.target.z
-    return BatchResult(detach, None if height is None else land(detach, height, scene.gravity))
+    landing = None if height is None else land(release.detach, height, scene.gravity)
+    return BatchResult(release.detach, landing, release.trouble)
 
 
-def _run(model: str, batch: ReleaseBatch, executor: Executor | None) -> Array:
+def _run(model: str, batch: ReleaseBatch, executor: Executor | None) -> BatchRelease:
+    # Decided, and compiled, once for all shares: they must not differ by a digit.
+    compiled = batch.count >= PAYS_FROM and compiled_steps(model, batch.hands) is not None
     if executor is None:
-        return BATCH_MODELS[model](batch)
-    shares = np.array_split(np.arange(batch.count), max(batch.count // 4096, 1))
-    parts = [_Share(model, batch.part(throws)) for throws in shares]
-    return np.vstack(list(executor.map(_run_share, parts)))
+        return _Share(model, batch, compiled).run()
+    numbers = np.array_split(np.arange(batch.count), max(batch.count // 4096, 1))
+    shares = [_Share(model, batch.part(throws), compiled) for throws in numbers]
+    done = list(executor.map(_Share.run, shares))
+    detach, lost = (
+        np.concatenate(part) for part in zip(*((d.detach, d.lost) for d in done), strict=True)
+    )
+    return BatchRelease(detach, lost, done[0].why_not)
 
 
 @dataclass(frozen=True)
@@ -110,10 +128,18 @@ class _Share:
 
     model: str
     batch: ReleaseBatch
+    compiled: bool
 
-
-def _run_share(share: _Share) -> Array:
-    return BATCH_MODELS[share.model](share.batch)
+    def run(self) -> BatchRelease:
+        even = compiled_steps(self.model, self.batch.hands) if self.compiled else None
+        if self.model == "sp":
+            return throw_sliding_pivot(self.batch, even=even)
+        if self.model == "sp-paper":
+            return throw_sliding_pivot(self.batch, PAPER_STEPS, "paper")
+        if self.model == "ls-step":
+            return throw_limit_surface(self.batch, even=even)
+        detach = BATCH_MODELS[self.model](self.batch)
+        return BatchRelease(detach, np.zeros(len(detach), bool), UNSOLVED)
 
 
 def _batch(

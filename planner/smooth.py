@@ -1,13 +1,17 @@
 """The motion that is sent: samples every millisecond, from rest to rest.
 
 For an arm Ruckig follows the planned states tick by tick within the real limits on
-velocity, acceleration and jerk, and brakes after detach. A hand has no jerk limit:
-its planned motion is sampled and it brakes at constant acceleration.
+velocity, acceleration and jerk, and brakes after detach. Where the planned motion keeps
+these limits itself Ruckig would come out on its samples: there they are taken as they
+are. A hand has no jerk limit: its planned motion is sampled and it brakes at constant
+acceleration.
 """
 
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,71 +20,159 @@ from .motion import TICK, PlannedMotion, SampledMotion
 from .mover import Limits, Mover
 
 Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
 
 #: Ruckig's limits as a share of the real ones: differences of rounded samples stay inside.
 SHARE = 0.999
+#: Ruckig is on a sample when position, rate and acceleration are this near to it.
+ON_SAMPLE = (1e-9, 1e-8, 1e-6)
+#: Times [s] of a tick and of a piece's end that differ by less are the same.
+SAME = 1e-9
+#: Most jerk, acceleration and rate of a motion of one tick that makes good a gap of one in
+#: position, rate and acceleration, in ticks. By the quintic that is at rest at first.
+MENDING = np.array([[60.0, 96.0, 75.0], [5.8, 9.8, 9.0], [1.9, 3.9, 3.0]])
 
 
 def send(mover: Mover, planned: PlannedMotion) -> SampledMotion:
     """Samples of the launch and release, then of the brake to rest."""
-    if mover.hard.jerk is None:
-        parts = _braked_hand(mover.hard, planned)
-    else:
-        ticks = math.ceil(planned.times[-1] / TICK - 1e-9)
-        q, dq, ddq = (values.T for values in planned.at(np.asarray(TICK * np.arange(ticks + 1))))
-        q, dq, ddq = _follow(mover.hard, mover.hard.jerk, q, dq, ddq)
-        brake = _jerk_limited_brake(mover.hard, mover.hard.jerk, q[-1], dq[-1], ddq[-1])
-        parts = [np.vstack(pair) for pair in zip((q, dq, ddq), brake, strict=True)]
-    return SampledMotion(*parts)
+    jerk = mover.hard.jerk
+    if jerk is None:
+        return SampledMotion(*_braked_hand(mover.hard, planned))
+    limits = _Limits(*(SHARE * most for most in (mover.hard.dq, mover.hard.ddq, jerk)))
+    moved = _follow(limits, planned)
+    brake = _jerk_limited_brake(limits, *(values[-1] for values in moved))
+    return SampledMotion(*(np.vstack(pair) for pair in zip(moved, brake, strict=True)))
 
 
-def _follow(limits: Limits, jerk: Array, q: Array, dq: Array, ddq: Array) -> list[Array]:
-    """Ruckig chases the samples: each tick heads for the next one, from where it got to."""
+@dataclass(frozen=True)
+class _Limits:
+    """What is sent keeps these, each (n,): velocity, acceleration and jerk."""
+
+    dq: Array
+    ddq: Array
+    jerk: Array
+
+    def order(self) -> Any:
+        """A task for Ruckig within the limits on acceleration and jerk."""
+        import ruckig
+
+        order = ruckig.InputParameter(len(self.jerk))
+        order.max_acceleration, order.max_jerk = self.ddq.tolist(), self.jerk.tolist()
+        return order
+
+
+def _follow(limits: _Limits, planned: PlannedMotion) -> list[Array]:
+    """Ruckig chases the planned samples: each tick heads for the next, from where it got to."""
+    times = TICK * np.arange(math.ceil(planned.times[-1] / TICK - 1e-9) + 1)
+    wanted = [values.T for values in planned.at(times)]
+    kept = _kept_ticks(limits, planned, times[-1])
+    sent = [values.copy() for values in wanted]
+    sent[1][0], sent[2][0] = 0.0, 0.0
+    kept[0] &= not (wanted[1][0].any() or wanted[2][0].any())
+    done = 0
+    for tick in np.flatnonzero(~kept).tolist():
+        if tick >= done:
+            done = _chase(limits, wanted, sent, kept, tick)
+    return sent
+
+
+def _chase(limits: _Limits, wanted: list[Array], sent: list[Array], kept: Mask, first: int) -> int:
+    """Ruckig from sample `first` on; the sample where it is back and the next tick is kept."""
     import ruckig
 
-    n = q.shape[1]
-    otg, trajectory = ruckig.Ruckig(n), ruckig.Trajectory(n)
-    order = ruckig.InputParameter(n)
-    order.max_velocity = list(SHARE * limits.dq)
-    order.max_acceleration = list(SHARE * limits.ddq)
-    order.max_jerk = list(SHARE * jerk)
+    n = len(limits.jerk)
+    otg, trajectory, order = ruckig.Ruckig(n), ruckig.Trajectory(n), limits.order()
+    order.max_velocity = limits.dq.tolist()
     order.minimum_duration = TICK
-    state = (list(q[0]), [0.0] * n, [0.0] * n)
-    sent = [state]
-    for i in range(1, len(q)):
+    q = wanted[0].tolist()
+    dq = np.clip(wanted[1], -limits.dq, limits.dq).tolist()
+    ddq = np.clip(wanted[2], -limits.ddq, limits.ddq).tolist()
+    state = tuple(values[first].tolist() for values in sent)
+    states = []
+    for i in range(first + 1, len(q)):
         order.current_position, order.current_velocity, order.current_acceleration = state
-        order.target_position = list(q[i])
-        order.target_velocity = list(np.clip(dq[i], -SHARE * limits.dq, SHARE * limits.dq))
-        order.target_acceleration = list(np.clip(ddq[i], -SHARE * limits.ddq, SHARE * limits.ddq))
+        order.target_position, order.target_velocity = q[i], dq[i]
+        order.target_acceleration = ddq[i]
         result = otg.calculate(order, trajectory)
         if result not in (ruckig.Result.Working, ruckig.Result.Finished):
             raise SmoothingError(f"Ruckig could not follow at t = {i * TICK:.3f} s: {result.name}")
         state = trajectory.at_time(TICK)
-        sent.append(state)
-    return [np.array([tick[k] for tick in sent]) for k in range(3)]
+        if i < len(kept) and kept[i] and _on_sample(state, (q[i], dq[i], ddq[i])):
+            break
+        states.append(state)
+    followed = np.array(states).reshape(-1, 3, n)
+    back = first + 1 + len(states)
+    for k, values in enumerate(sent):
+        values[first + 1 : back] = followed[:, k]
+    return back
 
 
-def _jerk_limited_brake(
-    limits: Limits, jerk: Array, q: Array, dq: Array, ddq: Array
-) -> list[Array]:
-    """Samples after the given state until rest, time-optimal per joint."""
+def _on_sample(state: tuple[list[float], ...], sample: tuple[list[float], ...]) -> bool:
+    for one, other, near in zip(state, sample, ON_SAMPLE, strict=True):
+        for a, b in zip(one, other, strict=True):
+            if not abs(a - b) <= near:
+                return False
+    return True
+
+
+def _kept_ticks(limits: _Limits, planned: PlannedMotion, until: float) -> Mask:
+    """Whether the planned motion keeps the limits all along each tick up to `until` [s].
+
+    Then a motion of just one tick leads from sample to sample within the limits, and
+    Ruckig, told to take a tick at least, arrives there as well.
+    """
+    ends = np.append(planned.times[1:-1], until)
+    dt = (ends - planned.times[:-1])[:, None]
+    start = (planned.q, planned.dq, planned.ddq)
+    q, dq, ddq, jerk = *start, planned.jerk
+    end = (
+        q + dt * (dq + dt * (ddq / 2 + dt * jerk / 6)),
+        dq + dt * (ddq + dt * jerk / 2),
+        ddq + dt * jerk,
+    )
+    # Where the acceleration passes zero inside a piece the rate has its extreme.
+    turns = ddq * end[2] < 0
+    extreme = np.where(turns, dq - ddq**2 / (2 * np.where(turns, jerk, 1.0)), dq)
+    rate = np.abs([dq, end[1], extreme]).max(axis=0)
+    used = np.array([np.abs(jerk), np.abs([ddq, end[2]]).max(axis=0), rate])
+    most = np.array([limits.jerk, limits.ddq, limits.dq])[:, None]
+    # What the solver left open between two pieces takes some motion of its own.
+    gaps = np.abs([b[1:] - a[:-1] for a, b in zip(end, start, strict=True)])
+    in_ticks = gaps / TICK ** np.array([3, 2, 1])[:, None, None]
+    mending = np.einsum("ij,jkn->ikn", MENDING, in_ticks) * TICK ** np.arange(3)[:, None, None]
+    closes = np.maximum(used[:, 1:], used[:, :-1]) + mending <= most
+
+    kept = np.ones(round(until / TICK), dtype=bool)
+    meet = planned.times[1:-1]
+    for piece in np.flatnonzero((used > most).any(axis=(0, 2))):
+        kept[_ticks(planned.times[piece], ends[piece])] = False
+    crowded = np.diff(meet, prepend=-1.0, append=until + 1.0) < TICK
+    for i in np.flatnonzero(~closes.all(axis=(0, 2)) | crowded[1:] | crowded[:-1]):
+        kept[_ticks(meet[i], meet[i])] = False
+    return kept
+
+
+def _ticks(begin: float, end: float) -> slice:
+    """The ticks that [begin, end] [s] touches."""
+    return slice(max(math.floor((begin - SAME) / TICK), 0), math.ceil((end + SAME) / TICK))
+
+
+def _jerk_limited_brake(limits: _Limits, q: Array, dq: Array, ddq: Array) -> Array:
+    """Samples (3, N, n) after the given state until rest, time-optimal per joint."""
     import ruckig
 
     n = len(q)
-    otg, trajectory = ruckig.Ruckig(n), ruckig.Trajectory(n)
-    order = ruckig.InputParameter(n)
+    otg, trajectory, order = ruckig.Ruckig(n), ruckig.Trajectory(n), limits.order()
     order.control_interface = ruckig.ControlInterface.Velocity
-    order.current_position, order.current_velocity = list(q), list(dq)
-    order.current_acceleration = list(ddq)
+    order.current_position, order.current_velocity = q.tolist(), dq.tolist()
+    order.current_acceleration = ddq.tolist()
     order.target_velocity = order.target_acceleration = [0.0] * n
-    order.max_acceleration = list(SHARE * limits.ddq)
-    order.max_jerk = list(SHARE * jerk)
     result = otg.calculate(order, trajectory)
     if result not in (ruckig.Result.Working, ruckig.Result.Finished):
         raise SmoothingError(f"Ruckig could not brake: {result.name}")
     ticks = math.ceil(trajectory.duration / TICK) + 1
     states = [trajectory.at_time(TICK * (i + 1)) for i in range(ticks)]
-    return [np.array([state[k] for state in states]) for k in range(3)]
+    return np.array(states).transpose(1, 0, 2)
 
 
 def _braked_hand(limits: Limits, planned: PlannedMotion) -> list[Array]:

@@ -10,6 +10,8 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from .compiled import Compile, arrived_functions, awaited_library, compiled_functions
+from .derivatives import nlp_functions, nlp_key
 from .ocp import Nlp
 
 Array = npt.NDArray[np.float64]
@@ -19,6 +21,8 @@ FEASIBLE = 1e-6
 MAX_ITERATIONS = {"fatrop": 150, "ipopt": 500}
 #: Barrier parameter at the start: small, for the starting points are good ones.
 MU_INIT = 0.01
+#: The same when a solution nearby, with its multipliers, is handed over.
+MU_WARM = 1e-5
 
 
 @dataclass(frozen=True)
@@ -37,34 +41,54 @@ class Solution:
 
 
 class Solver:
-    """One NLP with one solver; `solve` may be called many times."""
+    """One NLP with one solver; `solve` may be called many times.
 
-    def __init__(self, nlp: Nlp, name: str, max_iterations: int | None = None) -> None:
+    compiled: whether its functions are machine code; see `compiled.Compile`.
+    """
+
+    def __init__(
+        self,
+        nlp: Nlp,
+        name: str,
+        max_iterations: int | None = None,
+        compiling: Compile = "no",
+    ) -> None:
         self.nlp = nlp
         self.name = name
-        most = max_iterations or MAX_ITERATIONS[name]
-        options: dict[str, Any] = {"expand": True, "print_time": False, "error_on_fail": False}
-        if name == "fatrop":
+        self._most = max_iterations or MAX_ITERATIONS[name]
+        key = nlp_key(nlp, name)
+        functions = compiled_functions(key, lambda: nlp_functions(nlp, name), compiling)
+        self.compiled = functions is not None
+        self._functions = functions or nlp_functions(nlp, name)
+        waits = not self.compiled and compiling == "background"
+        self._awaited = awaited_library(key) if waits else None
+        self._solvers: dict[float, ca.Function] = {}
+
+    def _solver(self, mu_init: float) -> ca.Function:
+        """The plug-in with a barrier parameter to start from."""
+        if mu_init in self._solvers:
+            return self._solvers[mu_init]
+        options: dict[str, Any] = {
+            "print_time": False,
+            "error_on_fail": False,
+            "calc_lam_p": False,
+            "cache": self._functions,
+        }
+        common = {"print_level": 0, "max_iter": self._most, "tol": 1e-7, "mu_init": mu_init}
+        nlp = self.nlp
+        if self.name == "fatrop":
             options |= {
                 "structure_detection": "manual",
                 "N": len(nlp.nx) - 1,
                 "nx": nlp.nx,
                 "nu": nlp.nu,
                 "ng": nlp.ng,
-                "fatrop": {"print_level": 0, "max_iter": most, "tol": 1e-7, "mu_init": MU_INIT},
+                "fatrop": common,
             }
         else:
-            options["ipopt"] = {
-                "print_level": 0,
-                "sb": "yes",
-                "max_iter": most,
-                "tol": 1e-7,
-                "mu_init": MU_INIT,
-            }
-        self._function = ca.nlpsol("throw", name, nlp.problem, options)
-        self._constraints = ca.Function(
-            "g", [nlp.problem["x"], nlp.problem["p"]], [nlp.problem["g"]]
-        )
+            options["ipopt"] = common | {"sb": "yes"}
+        self._solvers[mu_init] = ca.nlpsol("throw", self.name, nlp.problem, options)
+        return self._solvers[mu_init]
 
     def solve(
         self,
@@ -84,10 +108,12 @@ class Solver:
         }
         if warm is not None:
             arguments |= {"x0": warm.x, "lam_g0": warm.lam_g, "lam_x0": warm.lam_x}
+        self._take_compiled()
+        solver = self._solver(MU_INIT if warm is None else MU_WARM)
         start = time.perf_counter()
-        result = self._function(**arguments)
+        result = solver(**arguments)
         seconds = time.perf_counter() - start
-        stats = self._function.stats()
+        stats = solver.stats()
         x = np.array(result["x"]).ravel()
         finite = bool(np.isfinite(x).all())
         return Solution(
@@ -102,8 +128,15 @@ class Solver:
             message=str(stats.get("return_status", "")),
         )
 
+    def _take_compiled(self) -> None:
+        """Goes over to the compiled functions once another process has made them."""
+        found = None if self._awaited is None else arrived_functions(self._awaited)
+        if found is not None:
+            self._functions, self.compiled, self._awaited = found, True, None
+            self._solvers.clear()
+
     def violation(self, x: Array, parameters: Array, bounds: tuple[Array, Array]) -> float:
         """Largest breach of any constraint or bound at x."""
-        g = np.array(self._constraints(x, parameters)).ravel()
+        g = np.array(self._functions["nlp_g"](x, parameters)).ravel()
         breaches = (self.nlp.lbg - g, g - self.nlp.ubg, bounds[0] - x, x - bounds[1])
         return float(max(np.max(breach) for breach in breaches))

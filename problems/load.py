@@ -14,7 +14,9 @@ from pathlib import Path
 from typing import Any
 
 from ..models.arm import Arm, DHRow, JointLimits, Tool
+from .choice import Choice
 from .errors import InputError
+from .robust import Robust
 from .scene import (
     Cup,
     Grasp,
@@ -33,6 +35,7 @@ from .scene import (
     Workspace,
 )
 from .section import from_table, unknown
+from .uncertainty import uncertainty_from
 
 _SECTIONS: dict[str, type[Any]] = {
     "object": ThrownObject,
@@ -44,10 +47,12 @@ _SECTIONS: dict[str, type[Any]] = {
     "motion": Motion,
     "target": Pose,
     "tolerance": Tolerance,
+    "choice": Choice,
     "cup": Cup,
     "landing": Landing,
     "workspace": Workspace,
     "uncertainty": Uncertainty,
+    "robust": Robust,
     "mesh": Mesh,
 }
 _KEYS = ("name", "description", "gravity")
@@ -141,6 +146,8 @@ def _section(key: str, value: Any, folder: Path | None) -> Any:
             value = value | _read_grip_table(value["table"], folder)
         if key == "motion":
             value = value | _read_motion_samples(value, folder)
+        if key == "uncertainty":
+            return uncertainty_from(value)
         return from_table(_SECTIONS[key], value)
     except InputError as error:
         raise InputError(f"[{key}] {error}") from None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
+import functools
 import math
 import types
 import typing
@@ -39,12 +40,18 @@ def quantity(
     return dataclasses.field(metadata=meta, **field)
 
 
+@functools.cache
+def _hints(kind: type[Any]) -> dict[str, Any]:
+    """Types of a section's fields; resolving them takes longer than checking a value."""
+    return typing.get_type_hints(kind)
+
+
 @dataclasses.dataclass(frozen=True)
 class Section:
     """Base of all sections: checks types, finiteness and limits of its fields."""
 
     def __post_init__(self) -> None:
-        hints = typing.get_type_hints(type(self))
+        hints = _hints(type(self))
         for field in dataclasses.fields(self):
             value = _coerced(getattr(self, field.name), hints[field.name])
             if value is _WRONG:
@@ -89,7 +96,7 @@ def from_table(kind: type[Any], table: Mapping[str, Any]) -> Any:
 
 def _section_kind(kind: type[Any], field: dataclasses.Field[Any]) -> type[Any] | None:
     """The section that a field holds, None for a plain value."""
-    hint = typing.get_type_hints(kind)[field.name]
+    hint = _hints(kind)[field.name]
     options = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
     for option in options:
         if isinstance(option, type) and issubclass(option, Section):

@@ -13,7 +13,7 @@ from throwplan.models.contact import Body, Contact
 from throwplan.models.flight import land
 from throwplan.models.grip_force import LinearRelease
 from throwplan.models.hand_track import ConstantAcceleration
-from throwplan.models.release import ReleaseCase
+from throwplan.models.release import LOST, ReleaseCase
 from throwplan.models.sliding_pivot_release import SlidingPivotRelease
 from throwplan.models.time_stepping_release import SteppedRelease
 
@@ -156,6 +156,29 @@ def test_a_hundred_thousand_throws_stay_under_a_gigabyte() -> None:
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert int(done.stdout) < 1_000_000
+
+
+def test_trouble_is_what_the_single_model_says() -> None:
+    """A heavy bar in a slippery grip slides out of the pads; a light one is held."""
+    values = throws(40, seed=3)
+    values["object"]["mass"][::2] *= 20.0
+    values["object"]["inertia"][::2] *= 20.0
+    values["contact"]["friction"][::4] = 0.02
+    values["gripper"]["opening"][::4] = 0.3
+    result = tp.simulate_batch(DROP, **values)
+    alone = [SlidingPivotRelease().release(single(values, i)).trouble for i in range(40)]
+    assert list(result.trouble) == alone
+    assert 0 < (result.trouble == "").sum() < 40
+    assert (tp.simulate_batch(DROP, "ls-step", **values).trouble == "").all()
+
+
+def test_what_could_not_be_computed_says_why() -> None:
+    from throwplan.models.batch import BatchRelease
+
+    detach = np.zeros((3, 6))
+    detach[1, 2] = np.nan
+    release = BatchRelease(detach, np.array([True, True, False]), "no solution")
+    assert list(release.trouble) == [LOST, "no solution", ""]
 
 
 @pytest.mark.parametrize(

@@ -15,7 +15,9 @@ from throwplan.planner.geometry import (
     column_distance,
     cup_entry,
     distance_to_bar,
+    lowest_of_bar,
     palm_distance,
+    reach_of_bar,
 )
 from throwplan.planner.motion import PlannedMotion, SampledMotion
 from throwplan.planner.mover import Mover, make_mover
@@ -76,6 +78,33 @@ def test_distances_of_bar_palm_and_column() -> None:
     assert column_distance(bar, np.array([[0.1], [0.2], [0.0]]), 0.12, 0.45)[0] < 0
 
 
+def test_lowest_corner_and_reach_of_a_bar() -> None:
+    bar = tp.load_scene("cup").object
+    com = np.random.default_rng(0).uniform(-3, 3, (3, 200))
+    corners = bar_outline(bar, com)
+    assert lowest_of_bar(bar, com) == pytest.approx(corners[1].min(axis=1), abs=1e-14)
+    away = np.hypot(*(corners - com[:2, :, None])).max()
+    assert reach_of_bar(bar) == pytest.approx(away, rel=1e-12)
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_cup_entry_is_that_of_a_finely_drawn_outline(seed: int) -> None:
+    scene, rng = tp.load_scene("cup"), np.random.default_rng(seed)
+    com = straight_drop(0.90 + rng.uniform(-0.03, 0.03), rng.uniform(-2.2, -1.0))
+    com[2] += rng.uniform(-2, 2) * np.linspace(0, 0.1, com.shape[1])
+    com[0] += rng.uniform(-0.02, 0.02) * np.linspace(0, 1, com.shape[1])
+    entry = cup_entry(scene, scene.cup, com)
+    outline = bar_outline(scene.object, com, 2000)
+    depth = scene.cup.rim - outline[1].min(axis=1)
+    inside = (depth >= 0) & (depth <= scene.cup.insertion)
+    assert entry.entered == pytest.approx(min(depth.max(), scene.cup.insertion), abs=1e-12)
+    chord = math.sqrt(scene.cup.radius**2 - (scene.object.width / 2) ** 2)
+    x, z = outline[0, inside] - scene.cup.x, outline[1, inside] - scene.cup.rim
+    wall = np.where(z <= 0, chord - np.abs(x), np.inf).min()
+    rim = min(np.hypot(x - side * chord, z).min() for side in (-1, 1))
+    assert entry.clearance == pytest.approx(min(wall, rim), abs=2e-4)
+
+
 def test_broken_limits_are_named() -> None:
     mover = make_mover(tp.load_scene("pose"))
     q = np.tile([0.0, -1.5, 1.5], (50, 1))
@@ -126,6 +155,33 @@ def test_slip_before_the_opening_is_a_failure() -> None:
     assert any(
         "slip" in words for words in scene_violations(scene, mover, motion, 0.2, 0.1, thrown)
     )
+
+
+def test_a_peak_of_the_grip_use_where_two_pieces_meet_is_seen() -> None:
+    """Acceleration that rises to where a piece ends and is gone after: no even grid sees it."""
+    scene = tp.load_scene("hand-flip")
+    mover, _ = lifting_hand(scene, 0.0)
+    times, zero = np.array([0.0, 0.08765, 0.2]), np.zeros((2, 3))
+    jerk = np.array([[0.0, 50.0, 0.0], [0.0, 0.0, 0.0]])
+    motion = PlannedMotion(times, zero, zero, zero, jerk)
+    _, steady = lifting_hand(scene, 50.0 * 0.08765)
+    expected = slip_while_carrying(scene, mover, steady, 0.1)
+    assert slip_while_carrying(scene, mover, motion, 0.1) == pytest.approx(expected, rel=1e-9)
+
+
+def test_a_swing_of_the_acceleration_between_two_samples_is_seen() -> None:
+    scene = tp.load_scene("hand-flip")
+    mover, _ = lifting_hand(scene, 0.0)
+    rest = np.zeros((200, 3))
+    moved = rest.copy()
+    # A micrometre in one millisecond, at rest at both ends: up to 5.8 m/s^2 in between.
+    moved[61:, 1] = 1e-6
+    sent = SampledMotion(moved, rest, rest)
+    _, steady = lifting_hand(scene, 5.77)
+    expected = slip_while_carrying(scene, mover, steady, 0.1)
+    assert slip_while_carrying(scene, mover, sent, 0.1) == pytest.approx(expected, rel=0.02)
+    still = slip_while_carrying(scene, mover, SampledMotion(rest, rest, rest), 0.1)
+    assert still < 0.7 * expected
 
 
 def violations(scene: tp.Scene, plan: tp.Plan) -> str:

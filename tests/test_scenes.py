@@ -17,7 +17,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 from throwplan import InputError, Pose, Scene, load_scene, scene_names
 from throwplan.planner.cli import main
+from throwplan.problems.choice import Choice
 from throwplan.problems.load import scene_text
+from throwplan.problems.robust import Robust
 from throwplan.problems.scene import (
     Cup,
     Grasp,
@@ -33,7 +35,7 @@ from throwplan.problems.scene import (
     Uncertainty,
     Workspace,
 )
-from throwplan.problems.section import from_table
+from throwplan.problems.section import Section, from_table
 
 #: interface.md's list.
 INTERFACE_SCENES = [
@@ -464,6 +466,8 @@ VALID: dict[type, dict[str, object]] = {
     Landing: {"speed_min": 1.0, "speed_max": 3.0, "rate_max": 2.0},
     Workspace: {"floor": 0.02, "column_radius": 0.1, "column_height": 0.4},
     Motion: {"position": [0.0, 0.1], "angle_deg": 10.0, "velocity": [1, 0], "rate": 2.0},
+    Robust: {"method": "quiet", "early": 0.01, "late": 0.02},
+    Choice: {"by": "time", "among": 3},
     Mesh: {"carry": 10, "opening": 10, "substeps": 2, "epsilon": 0.03},
 }
 
@@ -526,7 +530,7 @@ def test_every_section_has_a_valid_table():
     sections = set()
     for hint in typing.get_type_hints(Scene).values():
         for option in typing.get_args(hint) or (hint,):
-            if dataclasses.is_dataclass(option) and option.__module__ == Scene.__module__:
+            if dataclasses.is_dataclass(option) and issubclass(option, Section):
                 sections.add(option)
     assert sections <= set(VALID) | {Uncertainty}  # holds sections itself: tested below
 

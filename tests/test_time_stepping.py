@@ -11,7 +11,8 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from throwplan.models.contact import Body, Contact, com_twist
-from throwplan.models.time_stepping import ITERATIONS, HandState, LimitSurfaceStepping
+from throwplan.models.impulse import ITERATIONS
+from throwplan.models.time_stepping import HandState, LimitSurfaceStepping
 
 CASES = json.loads((Path(__file__).parent / "data" / "release.json").read_text())
 STILL = {"theta0": 0.0, "v0": [0.0, 0.0], "omega0": 0.0, "a": [0.0, 0.0], "alpha": 0.0}
@@ -146,6 +147,18 @@ def test_sticking_to_a_turning_hand_is_second_order():
     found = np.array([grasp_error(steps)[0][turning] for steps in grids])
     slopes = -np.polyfit(np.log(grids), np.log(found), 1)[0]
     np.testing.assert_allclose(slopes, 2.0, atol=0.3)
+
+
+def test_a_sticking_bar_has_the_hands_velocity_not_that_of_half_a_step_ago():
+    straight = dataclasses.replace(
+        RELEASES,
+        twist=RELEASES.twist * np.array([[1], [1], [0]]),
+        acceleration=RELEASES.acceleration * np.array([[1], [1], [0]]),
+    )
+    for steps in (3, 50):
+        twist = straight.path(steps, grip=lambda _: 1e5)[-1][3:]
+        expected = straight.twist + straight.acceleration * straight.opening
+        np.testing.assert_allclose(twist, expected, atol=1e-11)
 
 
 # Single steps: what any dry friction must obey.

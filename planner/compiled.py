@@ -1,0 +1,86 @@
+"""Compiled functions of an NLP, from the cache folder, where a C compiler is there.
+
+The library's name in the cache is a hash of the generated C code, compiler and machine.
+The code is kept too, under a hash of the NLP that it comes from, so that a library is
+found without deriving and generating anything.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from typing import Literal
+
+import casadi as ca
+
+from .cache import cache_folder, digest, publish
+from .compiler import compiler, library_path, shared_library, sound
+
+#: no: never; cached: what is there already; background: and start what is not, for later;
+#: wait: compile what is not there.
+Compile = Literal["no", "cached", "background", "wait"]
+
+#: More optimisation compiles twice as long and runs no faster.
+FLAGS = ("-O1",)
+#: Changes whenever other functions are generated from the same NLP.
+VERSION = "1"
+#: The names of an NLP's functions for a solver.
+NAMES = ("nlp_f", "nlp_g", "nlp_grad_f", "nlp_jac_g", "nlp_hess_l", "nlp_grad")
+#: Closes a complete source file.
+_END = "/* end */\n"
+
+
+def compiled_functions(
+    key: str, make: Callable[[], dict[str, ca.Function]], compiling: Compile
+) -> dict[str, ca.Function] | None:
+    """The functions NAMES compiled, or None.
+
+    key: all that they depend on; make: derives them, called when no code is cached.
+    """
+    source = _source(key, make, compiling)
+    path = None if source is None else shared_library(source, FLAGS, wait=compiling == "wait")
+    return None if path is None else _loaded(path)
+
+
+def awaited_library(key: str) -> Path | None:
+    """Where the functions of `key` will be when a process has compiled them."""
+    source = _source(key, dict, "cached")
+    return None if source is None else library_path(source, FLAGS)
+
+
+def arrived_functions(path: Path) -> dict[str, ca.Function] | None:
+    """The functions from a library that was awaited; None while it is not there."""
+    return _loaded(path) if path.exists() and sound(path) else None
+
+
+def _loaded(path: Path) -> dict[str, ca.Function]:
+    return {name: ca.external(name, str(path)) for name in NAMES}
+
+
+def _source(key: str, make: Callable[[], dict[str, ca.Function]], compiling: Compile) -> str | None:
+    """The generated code, from the cache or made now; None where it is of no use."""
+    folder = cache_folder()
+    if compiling == "no" or folder is None or compiler() is None:
+        return None
+    name = f"{digest(key, VERSION, ca.CasadiMeta.version())}.c"
+    try:
+        source = (folder / name).read_text(encoding="utf-8")
+    except (OSError, ValueError):
+        source = ""
+    if not source.endswith(_END):
+        if compiling == "cached":
+            return None
+        source = _generated(make())
+        publish(folder, name, lambda path: _write(path, source))
+    return source
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8")
+
+
+def _generated(functions: dict[str, ca.Function]) -> str:
+    generator = ca.CodeGenerator("throw")
+    for name in NAMES:
+        generator.add(functions[name])
+    return str(generator.dump()) + _END

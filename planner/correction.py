@@ -1,0 +1,243 @@
+"""From one starting point to a checked throw: solve, send, throw, correct the aim.
+
+The NLP's smoothed model lands a little beside the model that counts, thrown with what
+is really sent. The aim is moved by that miss and the NLP solved again from where it
+was, until the miss is under `AIM` or no longer falls.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from ..problems.scene import Pose, Scene
+from .check import Thrown, broken_limits, limit_surface_throw, scene_violations, throw
+from .motion import PlannedMotion, SampledMotion, opening_start, planned_motion
+from .mover import Mover
+from .nlp import ThrowNlp
+from .numbers import opening_nodes, parameter_values
+from .plan import PlannedThrow
+from .smooth import SmoothingError, send
+from .solver import Solution, Solver
+from .window import Window
+
+Array = npt.NDArray[np.float64]
+
+#: Corrections aim at this on the landing that counts: position [m], angle [rad].
+AIM = (1e-4, math.radians(0.02))
+MAX_CORRECTIONS = 8
+
+
+@dataclass
+class Search:
+    """One `plan` call: the scene with its target, and bookkeeping.
+
+    trouble: why starts led nowhere, in order; fallback: a throw that keeps less than
+    it should, and why; flight: whether the check has seen the
+    flying bar too near the hand's body or the base column.
+    """
+
+    scene: Scene
+    times: dict[str, float] = field(default_factory=lambda: defaultdict(float))
+    iterations: int = 0
+    attempts: int = 0
+    trouble: list[str] = field(default_factory=list)
+    fallback: tuple[PlannedThrow, str] | None = None
+    flight: bool = False
+
+    @contextmanager
+    def clock(self, name: str) -> Iterator[None]:
+        """Adds the block's duration to `name`."""
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.times[name] += time.perf_counter() - start
+
+
+@dataclass(frozen=True)
+class Problem:
+    """An NLP with one solver and the bounds of its variables; a robust one's window."""
+
+    nlp: ThrowNlp
+    solver: Solver
+    limits: tuple[Array, Array]
+    window: Window | None = None
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """A solution, its motion as planned and as sent, and where that lands."""
+
+    solution: Solution
+    numbers: Array
+    planned: PlannedMotion
+    samples: SampledMotion
+    opening_time: float
+    thrown: Thrown
+
+
+def attempt(
+    problem: Problem,
+    mover: Mover,
+    target: Pose,
+    guess: Array,
+    search: Search,
+    warm: Solution | None = None,
+) -> PlannedThrow | None:
+    """One solve and its corrections; None (and why, in `search`) if it is no good."""
+    best = _corrected(problem, mover, target, guess, search, warm)
+    if best is None:
+        return None
+    with search.clock("check"):
+        thrown = _thrown(problem.nlp, mover, best, target, search.scene)
+        problems = _broken(search.scene, mover, thrown, target)
+    if not problems:
+        return thrown
+    search.trouble.append("; ".join(problems))
+    if search.fallback is None:
+        search.fallback = (thrown, search.trouble[-1])
+    return None
+
+
+def _corrected(
+    problem: Problem,
+    mover: Mover,
+    target: Pose,
+    guess: Array,
+    search: Search,
+    warm: Solution | None,
+) -> _Candidate | None:
+    goal, best, best_miss = target, None, math.inf
+    for _ in range(MAX_CORRECTIONS):
+        solution, numbers = _solved(problem, mover, goal, guess, search, warm)
+        if not solution.success:
+            if best is None:
+                search.trouble.append(f"{problem.solver.name} did not converge")
+            break
+        try:
+            candidate = _candidate(problem, mover, solution, numbers, target, search)
+        except SmoothingError as error:
+            search.trouble.append(str(error))
+            break
+        dx, dtheta = candidate.thrown.miss(target)
+        miss = scaled(dx, dtheta, AIM)
+        if not miss < best_miss:
+            if best is None:
+                search.trouble.append("the object never comes down to the target's height")
+            break
+        best, best_miss = candidate, miss
+        if miss <= 1.0:
+            break
+        goal = goal.in_plane(goal.plane_x - dx, goal.turned(-dtheta).theta)
+        guess, warm = solution.x, solution
+    return best
+
+
+def _solved(
+    problem: Problem,
+    mover: Mover,
+    goal: Pose,
+    guess: Array,
+    search: Search,
+    warm: Solution | None,
+) -> tuple[Solution, Array]:
+    """The NLP's solution for `goal`: from `warm` if that works, else from its point afresh."""
+    with search.clock("solve"):
+        values = parameter_values(search.scene, mover, goal, problem.window)
+        numbers = problem.nlp.parameters.vector(values)
+        solution = problem.solver.solve(guess, numbers, problem.limits, warm)
+        if not solution.success and warm is not None:
+            search.iterations += solution.iterations
+            solution = problem.solver.solve(warm.x, numbers, problem.limits)
+    search.iterations += solution.iterations
+    search.attempts += 1
+    return solution, numbers
+
+
+def _candidate(
+    problem: Problem,
+    mover: Mover,
+    solution: Solution,
+    numbers: Array,
+    target: Pose,
+    search: Search,
+) -> _Candidate:
+    """The solution's motion, smoothed, and its landing by the model that counts."""
+    scene = search.scene
+    nlp, step = problem.nlp, 0.0 if problem.window is None else problem.window.step
+    opening_time = opening_start(nlp, solution.x, step)
+    nodes = opening_nodes(scene.mesh, scene.gripper.profile().opening)
+    planned = planned_motion(nlp, mover, solution.x, nodes, step)
+    with search.clock("smooth"):
+        samples = send(mover, planned)
+    motion = planned if scene.robot is None else samples
+    with search.clock("check"):
+        model = limit_surface_throw if scene.tolerance.model == "ls-step" else throw
+        thrown = model(scene, mover, motion, opening_time, target.z)
+    return _Candidate(solution, numbers, planned, samples, opening_time, thrown)
+
+
+def _thrown(
+    nlp: ThrowNlp, mover: Mover, best: _Candidate, target: Pose, scene: Scene
+) -> PlannedThrow:
+    """The candidate thrown by all models that a plan tells about."""
+    planned, samples, at = best.planned, best.samples, best.opening_time
+    motion = planned if scene.robot is None else samples
+    surface, counting = best.thrown, best.thrown
+    if scene.tolerance.model == "ls-step":
+        counting = throw(scene, mover, motion, at, target.z)
+    else:
+        surface = limit_surface_throw(scene, mover, motion, at, target.z)
+    exact, sent = counting, None
+    if scene.robot is not None:
+        exact, sent = throw(scene, mover, planned, at, target.z), counting
+    x, z, theta = np.array(nlp.landing(best.solution.x, best.numbers)).ravel()
+    return PlannedThrow(
+        best.solution, planned, samples, at, (x, z, theta), exact, sent, surface, best.thrown
+    )
+
+
+def _broken(scene: Scene, mover: Mover, thrown: PlannedThrow, target: Pose) -> list[str]:
+    """Everything that a solved throw must not break, in words."""
+    tolerance = scene.tolerance
+    throws = {"planned": thrown.exact}
+    if thrown.sent is not None:
+        throws["sent"] = thrown.sent
+    if tolerance.model == "ls-step":
+        throws = {"sent": thrown.limit_surface}
+    problems = []
+    for label, result in throws.items():
+        dx, dtheta = result.miss(target)
+        if not scaled(dx, dtheta, (tolerance.position, tolerance.angle)) <= 1.0:
+            problems.append(
+                f"{label} motion lands {1e3 * abs(dx):.2f} mm and "
+                f"{math.degrees(abs(dtheta)):.2f} deg off"
+            )
+    problems += [
+        f"limit of {name} broken"
+        for name in broken_limits(mover.hard, mover.joints, thrown.samples)
+    ]
+    if thrown.exact.grip_use > 1.0:
+        problems.append(f"slip before the opening (grip use {thrown.exact.grip_use:.2f})")
+    motion = thrown.planned if thrown.sent is None else thrown.samples
+    end = thrown.planned.times[-1] if thrown.sent is None else thrown.samples.times[-1]
+    return problems + scene_violations(scene, mover, motion, end, thrown.opening_time, thrown.final)
+
+
+def in_flight(trouble: str) -> bool:
+    """Whether the flying bar came too near something, in the words of the check."""
+    return any(word in trouble for word in ("palm:", "base column:", "cup clearance"))
+
+
+def scaled(dx: float, dtheta: float, scale: tuple[float, float]) -> float:
+    """The larger of the two misses, each in its own unit of `scale`; inf for NaN."""
+    value = max(abs(dx) / scale[0], abs(dtheta) / scale[1])
+    return value if math.isfinite(value) else math.inf

@@ -1,0 +1,246 @@
+"""Releases of a known hand motion by the non-smooth models, in well under a millisecond.
+
+The equations are the models' own, made once into a function of CasADi's virtual machine
+with every number of body, contact and hand as an input. What makes it quick is where the
+steps lie. The sliding pivot is run twice: a coarse run finds when pivoting and sliding
+begin and end, the finer one has nodes there, so that Runge-Kutta keeps its order. The
+limit surface, first order in its steps, is extrapolated. Either goes on with twice the
+steps until its detach state, and those events, settle.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cache
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from ..models.contact import HandMotion
+from ..models.integrate import rk4_step
+from ..models.release import HandSamples, Release, ReleaseCase, onset
+from ..models.sliding_pivot import LOST_SLIP, SlidingPivot
+from ..models.sliding_pivot_release import number_symbols, numbers
+from ..models.time_stepping import HandState, LimitSurfaceStepping
+from .kernel import STEPS, StepKernel
+from .motion import INSIDE
+from .opening_grid import graded_shares, halved, instants
+
+Array = npt.NDArray[np.float64]
+
+#: Steps of the first run, of the sliding pivot and of the limit surface.
+COARSE, SURFACE_COARSE = STEPS, 60
+#: Steps of the last run, settled or not.
+MOST = 2048
+#: Settled: a finer run changes the detach state by less than this, see `_distance`. On
+#: plans the finer run's own error is then below 0.001 mm, of the limit surface 0.05 mm.
+SETTLED = 1e-3
+#: Pivoting and sliding begin and end within this share of the opening from where a node was
+#: put for it; otherwise another run follows.
+ASTRAY = 5e-4
+#: Newton iterations of an impulse: on planned throws four are exact to rounding.
+ITERATIONS = 6
+#: Flight [s] over which a velocity error, and lever [m] by which an angle error, counts.
+FLIGHT, LEVER = 0.5, 0.1
+
+
+def sliding_pivot_release(case: ReleaseCase, kinks: Array) -> Release:
+    """The release by the non-smooth sliding pivot.
+
+    kinks: times [s] in the opening at which the hand's acceleration or jerk may step.
+    """
+    opening, steps, finer = case.grip.opening, COARSE, True
+    run = _pivot_run(case, instants(graded_shares(kinks / opening, steps), opening))
+    events, around = run.events(), np.zeros(0)
+    while True:
+        before, foreseen = run.states[-1], events
+        nodes = np.concatenate([kinks, events, around]) / opening
+        steps = min(max(2 * steps if finer else steps, _room_for(nodes.size)), MOST)
+        run = _pivot_run(case, instants(graded_shares(nodes, steps), opening))
+        events = run.events()
+        astray = np.abs(np.subtract.outer(events, foreseen)).min(axis=1, initial=opening)
+        far = astray > ASTRAY * opening
+        settled = _distance(run.states[-1], before) <= SETTLED
+        if (settled and not far.any()) or steps == MOST:
+            return run.release(SlidingPivot(case.body, case.contact, case.gravity))
+        # Where an event was not foreseen well the next run has nodes on both sides of it;
+        # as many steps do for that once, but not for ever.
+        around = (events[far] + 2 * astray[far] * [[-1.0], [1.0]]).ravel()
+        finer = not finer or not settled
+
+
+def relative_states(case: ReleaseCase, nodes: Array) -> Array:
+    """Relative states (K + 1, 6) of the sliding pivot at `nodes` [s] of the opening.
+
+    One Runge-Kutta step from each node to the next, from sticking at the first: rough
+    where the nodes are, for starting points.
+    """
+    return _pivot_run(case, nodes).states
+
+
+def limit_surface_release(case: ReleaseCase, kinks: Array) -> Release:
+    """The release by the time-stepping limit surface: its two ends.
+
+    kinks: as for the sliding pivot.
+    """
+    shares = halved(graded_shares(kinks / case.grip.opening, SURFACE_COARSE))
+    while True:
+        shares = halved(shares)
+        steps = _surface_steps(case, shares)
+        plain = [steps.detach(stride) for stride in (4, 2, 1)]
+        # The stepping is first order: this takes the leading error away.
+        before, detach = 2 * plain[1] - plain[0], 2 * plain[2] - plain[1]
+        if shares.size > MOST or _distance(detach, before) <= SETTLED:
+            break
+    states = np.column_stack([steps.start, detach])
+    return Release(steps.times[[0, -1]], states[:3], states[3:])
+
+
+def _room_for(kinks: int) -> int:
+    """Steps, in whole blocks of the kernel, that leave one at least between two kinks."""
+    return STEPS * math.ceil((kinks + 1) / STEPS)
+
+
+def _distance(one: Array, other: Array) -> float:
+    """How far two detach states make landings differ [m], roughly."""
+    d = np.abs(one - other).tolist()
+    return float(d[0] + d[1] + LEVER * d[2] + FLIGHT * (d[3] + d[4] + LEVER * d[5]))
+
+
+@dataclass(frozen=True)
+class _PivotRun:
+    """Runge-Kutta steps of the sliding pivot.
+
+    hand: at the K + 1 nodes; states (K + 1, 6); excess (K, 2, 2): how far torque and force
+    are beyond their limits at begin and end of each step; lost: the slip at which the body
+    has left the pads [m].
+    """
+
+    hand: HandSamples
+    states: Array
+    excess: Array
+    lost: float
+
+    def events(self) -> Array:
+        """When pivoting, sliding or being lost begins or ends [s]."""
+        times, slip = self.hand.times, self._slip() - self.lost
+        # Begin and end of each step in a row: a change at a node is an event too.
+        values = np.empty((2 * len(self.excess), 3))
+        values[:, :2] = self.excess.reshape(-1, 2)
+        values[::2, 2], values[1::2, 2] = slip[:-1], slip[1:]
+        step, kind = np.nonzero((values[:-1] > 0) != (values[1:] > 0))
+        low, high = values[step, kind], values[step + 1, kind]
+        begin, end = times[(step + 1) // 2], times[(step + 2) // 2]
+        return np.asarray(begin + (end - begin) * low / (low - high))
+
+    def release(self, law: SlidingPivot) -> Release:
+        """The body in the world; no wrench."""
+        hand = self.hand
+        state = np.vstack(law.com_state(self.states.T, hand.pose, hand.twist, hand.motion))
+        at_nodes = np.vstack([self.excess[:1, 0], self.excess[:, 1]])
+        trouble = ""
+        if (self._slip() > self.lost).any():
+            trouble = "the body slid out of the pads before they let go"
+        if not np.isfinite(state).all():
+            trouble = "the steps blew up: needs more steps"
+        pivot, slide = (onset(hand.times, values) for values in at_nodes.T)
+        return Release(hand.times, state[:3], state[3:], pivot, slide, trouble=trouble)
+
+    def _slip(self) -> Array:
+        return np.asarray(np.hypot(self.states[:, 0], self.states[:, 1]))
+
+
+def _pivot_run(case: ReleaseCase, nodes: Array) -> _PivotRun:
+    """One step from each of `nodes` (K + 1,) [s] to the next."""
+    steps = nodes.size - 1
+    times = np.empty(3 * steps)
+    times[::3], times[2::3] = nodes[:-1] + INSIDE, nodes[1:] - INSIDE
+    times[1::3] = (nodes[:-1] + nodes[1:]) / 2
+    hand = case.hand.at(times)
+    table = np.empty((3 * steps, 6))
+    table[:, 0], table[:, 1], table[:, 2:5] = hand.pose[2], hand.twist[2], hand.acceleration.T
+    table[:, 5] = case.grip.force(times)
+    columns = np.empty((steps, 27))
+    columns[:, :18], columns[:, 18] = table.reshape(-1, 18), np.diff(nodes)
+    columns[:, 19:] = numbers(case).T
+    states = np.empty((steps + 1, 6))
+    states[0] = 0.0, 0.0, case.grasp_angle, 0.0, 0.0, 0.0
+    states[1:], excess = _pivot_kernel()(states[0], columns)
+    # The nodes: the first step's start, then each step's end.
+    at = np.arange(-1, times.size, 3)
+    at[0] = 0
+    return _PivotRun(
+        HandSamples(nodes, *(rows[:, at] for rows in (hand.pose, hand.twist, hand.acceleration))),
+        states,
+        excess.reshape(-1, 2, 2),
+        case.body.com_offset + LOST_SLIP,
+    )
+
+
+@dataclass(frozen=True)
+class _SurfaceSteps:
+    """What the limit surface needs of an opening.
+
+    times (K + 1,) [s]; hand (K + 1, 6): pose and twist; forces (2 K - 1,): grip at and
+    between the inner nodes; numbers (8,); start (6,): the sticking CoM's pose and twist.
+    """
+
+    times: Array
+    start: Array
+    hand: Array
+    forces: Array
+    numbers: Array
+
+    def detach(self, stride: int) -> Array:
+        """Detach state (6,) in steps of `stride` intervals."""
+        times, hand = self.times[::stride], self.hand[::stride]
+        columns = np.empty((times.size - 1, 22))
+        columns[:, :6], columns[:, 6:12] = hand[:-1], hand[1:]
+        columns[:, 12] = self.forces[stride - 1 :: 2 * stride]
+        columns[:, 13], columns[:, 14:] = np.diff(times), self.numbers
+        return np.asarray(_surface_kernel()(self.start, columns)[0][-1])
+
+
+def _surface_steps(case: ReleaseCase, shares: Array) -> _SurfaceSteps:
+    """Steps at `shares`, which are halved shares."""
+    opening = case.grip.opening
+    times = instants(shares, opening)
+    hand = case.hand.at(times)
+    between = instants(halved(shares), opening)[1:-1]
+    law = SlidingPivot(case.body, case.contact, case.gravity)
+    held = np.array([0.0, 0.0, case.grasp_angle, 0.0, 0.0, 0.0])
+    motion = HandMotion(hand.pose[2, 0], hand.twist[2, 0], *hand.acceleration[:, 0])
+    return _SurfaceSteps(
+        times,
+        np.array(law.com_state(held, hand.pose[:, 0], hand.twist[:, 0], motion)),
+        np.hstack([hand.pose.T, hand.twist.T]),
+        case.grip.force(between),
+        numbers(case)[:, 0],
+    )
+
+
+@cache
+def _pivot_kernel() -> StepKernel:
+    """(state, hand and grip at start, middle, end, dt, numbers) -> state, excesses."""
+    p, body, contact, gravity = number_symbols()
+    state, u = ca.SX.sym("state", 6), ca.SX.sym("u", 19)
+    law = SlidingPivot(body, contact, gravity)
+    parts = [ca.vertsplit(u[6 * i : 6 * i + 6]) for i in range(3)]
+    hands, forces = [HandMotion(*part[:5]) for part in parts], [part[5] for part in parts]
+    new = rk4_step(law.rates, state, hands, forces, u[18])
+    begin = law.excess(ca.vertsplit(state), hands[0], forces[0])
+    end = law.excess(new, hands[2], forces[2])
+    return StepKernel([state, ca.vertcat(u, p)], [ca.vertcat(*new), ca.vertcat(*begin, *end)])
+
+
+@cache
+def _surface_kernel() -> StepKernel:
+    """(state, hand at start and end, grip between, dt, numbers) -> state."""
+    p, body, contact, gravity = number_symbols()
+    state, u = ca.SX.sym("state", 6), ca.SX.sym("u", 14)
+    parts = ca.vertsplit(u)
+    law = LimitSurfaceStepping(body, contact, gravity, iterations=ITERATIONS)
+    new = law.step(state, HandState(*parts[:6]), HandState(*parts[6:12]), parts[12], parts[13])
+    return StepKernel([state, ca.vertcat(u, p)], [ca.vertcat(*new)])

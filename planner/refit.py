@@ -1,0 +1,50 @@
+"""A solved throw as the starting point of another NLP of the same scene."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from .context import JERK_UNIT
+from .motion import stage_times
+from .nlp import ThrowNlp
+from .plan import PlannedThrow
+
+Array = npt.NDArray[np.float64]
+
+
+def refit(
+    nlp: ThrowNlp, source: ThrowNlp, throw: PlannedThrow, nodes: Array, step: float, delays: Array
+) -> Array:
+    """Decision vector of `nlp` from a throw of `source`; delays (scenarios,) [s]."""
+    s, old = nlp.structure, source.structure
+    times = stage_times(s, throw.opening_time, nodes, step)
+    coordinates = dict(zip(("q", "dq", "ddq"), throw.planned.at(times), strict=True))
+    x = throw.solution.x
+    flight = float(source.block(x, "t_f", old.detach)[0])  # type: ignore[index]
+    size = 6 if s.pivot else 4
+    relative = [source.block(x, "rel", old.opens + i) for i in range(1, s.opening + 1)]
+    track = np.array([np.zeros(size), *[r for r in relative if r is not None]])
+
+    def scenario(name: str, k: int) -> Array:
+        since = times[k] - throw.opening_time - delays[int(name.rsplit("_", 1)[1])]
+        return np.array([np.interp(since, nodes, track[:, i]) for i in range(size)])
+
+    def value(name: str, k: int) -> Array | float:
+        if name in coordinates:
+            return np.asarray(coordinates[name][:, k])
+        if name == "c":
+            kind = "ddq" if s.jerk_control else "dq"
+            change = coordinates[kind][:, k + 1] - coordinates[kind][:, k]
+            slope = change / (times[k + 1] - times[k])
+            return np.asarray(slope / JERK_UNIT if s.jerk_control else slope)
+        if name == "T":
+            return throw.opening_time - s.early * step
+        if name.startswith("rel_"):
+            return scenario(name, k)
+        if name.startswith("t_f_"):
+            return flight - s.late * step
+        known = None if k < s.opens else source.block(x, name, k - s.opens + old.opens)
+        return 0.0 if known is None else known
+
+    return nlp.fill(value)

@@ -1,0 +1,189 @@
+"""The quick releases and checks against slow, plain references."""
+
+from __future__ import annotations
+
+import itertools
+from functools import cache
+
+import numpy as np
+import pytest
+import throwplan as tp
+from scipy.integrate import solve_ivp
+from test_extreme import case_of as extreme_case
+from test_extreme import extremes
+from throwplan.models.contact import Body, Contact, HandMotion
+from throwplan.models.grip_force import LinearRelease
+from throwplan.models.hand_track import ConstantAcceleration, PiecewiseAcceleration
+from throwplan.models.release import Release, ReleaseCase
+from throwplan.models.sliding_pivot import SlidingPivot
+from throwplan.models.sliding_pivot_release import SlidingPivotRelease, world_release
+from throwplan.models.time_stepping_release import SteppedRelease
+from throwplan.planner import exact_release
+from throwplan.planner.exact_release import (
+    limit_surface_release,
+    relative_states,
+    sliding_pivot_release,
+)
+from throwplan.planner.motion import INSIDE
+from throwplan.planner.opening_grid import graded_shares, halved, instants
+from throwplan.planner.rollout import MoverTrack, case_of, kinks_of, landing
+
+SCENES = ("pose", "cup", "box", "flip", "hand-box", "hand-flip")
+#: What is thrown: every scene's plan, and an arm's motion as it is sent.
+MOTIONS = [(name, "planned") for name in SCENES]
+MOTIONS += [(name, "samples") for name in SCENES if not name.startswith("hand")]
+SENT = [motion for motion in MOTIONS if motion[1] == "samples"]
+PLANNED = [motion for motion in MOTIONS if motion[1] == "planned"]
+
+
+@cache
+def plan_of(name: str) -> tp.Plan:
+    return tp.plan(name)
+
+
+def thrown(name: str, kind: str) -> tuple[ReleaseCase, np.ndarray]:
+    """The release of a scene's plan, and the kinks of its motion."""
+    plan = plan_of(name)
+    throw = plan.throw
+    assert throw is not None
+    motion = getattr(throw, kind)
+    case = case_of(plan.scene, MoverTrack(plan.mover, motion, throw.opening_time))
+    return case, kinks_of(motion, throw.opening_time, case.grip.opening)
+
+
+def landed(name: str, release: Release) -> np.ndarray:
+    plan = plan_of(name)
+    found = landing(release, plan.target.z, plan.scene.gravity)
+    return np.array([found.x, found.theta])
+
+
+def together(one: np.ndarray, other: np.ndarray, x: float, theta: float) -> bool:
+    """Whether two landings are no farther apart than x [m] and theta [rad]."""
+    return bool((np.abs(one - other) <= [x, theta]).all())
+
+
+def detached(release: Release) -> np.ndarray:
+    return np.concatenate([release.com[:, -1], release.com_twist[:, -1]])
+
+
+def reference(case: ReleaseCase, kinks: np.ndarray) -> Release:
+    """Another integrator, with its own step control, from kink to kink."""
+    law = SlidingPivot(case.body, case.contact, case.gravity)
+    state = np.array([0.0, 0.0, case.grasp_angle, 0.0, 0.0, 0.0])
+    for begin, end in itertools.pairwise([0.0, *kinks, case.grip.opening]):
+
+        def rates(t: float, y: np.ndarray, a: float = begin, b: float = end) -> list:
+            hand = case.hand.at(np.clip(np.array([t]), a + INSIDE, b - INSIDE))
+            motion = HandMotion(hand.pose[2, 0], hand.twist[2, 0], *hand.acceleration[:, 0])
+            return law.rates(y, motion, float(case.grip.force(t)))
+
+        run = solve_ivp(rates, (begin, end), state, "DOP853", rtol=1e-10, atol=1e-12)
+        state = run.y[:, -1]
+    last = case.hand.at(np.array([case.grip.opening - INSIDE]))
+    return world_release(law, last, state[:, None], np.zeros(1))
+
+
+@pytest.mark.parametrize(("name", "kind"), PLANNED)
+def test_sliding_pivot_lands_as_by_another_integrator(name: str, kind: str) -> None:
+    case, kinks = thrown(name, kind)
+    mine = landed(name, sliding_pivot_release(case, kinks))
+    assert together(mine, landed(name, reference(case, kinks)), 1e-6, 1e-5)
+
+
+@pytest.mark.parametrize(("name", "kind"), SENT)
+def test_sliding_pivot_lands_as_the_models_own_does(name: str, kind: str) -> None:
+    case, kinks = thrown(name, kind)
+    mine, slow = sliding_pivot_release(case, kinks), SlidingPivotRelease(steps=16_000).release(case)
+    assert together(landed(name, mine), landed(name, slow), 2e-6, 3e-5)
+    assert (mine.pivot, mine.slide) == pytest.approx((slow.pivot, slow.slide), abs=1e-6)
+    assert mine.trouble == slow.trouble == ""
+    for k in range(3):
+        at_nodes = np.interp(mine.times, slow.times, slow.com[k])
+        assert mine.com[k] == pytest.approx(at_nodes, abs=1e-6)
+
+
+@pytest.mark.parametrize(("name", "kind"), MOTIONS)
+def test_limit_surface_lands_as_the_models_own_does(name: str, kind: str) -> None:
+    case, kinks = thrown(name, kind)
+    mine = landed(name, limit_surface_release(case, kinks))
+    # First order: two runs of the plain model give its limit.
+    coarse, fine = (landed(name, SteppedRelease(steps=n).release(case)) for n in (8000, 16_000))
+    assert together(mine, 2 * fine - coarse, 1e-4, 6e-4)
+
+
+@pytest.mark.parametrize(("name", "kind"), MOTIONS)
+def test_twice_the_steps_land_the_same(name: str, kind: str, monkeypatch) -> None:
+    case, kinks = thrown(name, kind)
+    pivot = landed(name, sliding_pivot_release(case, kinks))
+    surface = landed(name, limit_surface_release(case, kinks))
+    for steps in ("COARSE", "SURFACE_COARSE"):
+        monkeypatch.setattr(exact_release, steps, 2 * getattr(exact_release, steps))
+    assert together(pivot, landed(name, sliding_pivot_release(case, kinks)), 2e-6, 3e-5)
+    assert together(surface, landed(name, limit_surface_release(case, kinks)), 1e-4, 6e-4)
+
+
+def test_a_hand_whose_acceleration_steps_between_all_nodes() -> None:
+    times = [0.0, 0.0107, 0.0233, 0.0391]
+    steps = [[5.0, 2, 60], [-20, 10, -80], [15, -5, 90], [0, 20, -60]]
+    hand = PiecewiseAcceleration((0.0, 0.5, 0.3), (2.0, 1.0, 5.0), times, steps)
+    scene = tp.load_scene("pose")
+    case, kinks = case_of(scene, hand), np.array(times[1:])
+    exact = detached(reference(case, kinks))
+    assert detached(sliding_pivot_release(case, kinks)) == pytest.approx(exact, abs=1e-6)
+
+
+@pytest.mark.parametrize("steps", [5, 32, 40])
+def test_relative_states_are_those_of_plain_runge_kutta(steps: int) -> None:
+    case, _ = thrown("cup", "planned")
+    plain = SlidingPivotRelease(steps=steps).release(case)
+    states = relative_states(case, np.linspace(0.0, case.grip.opening, steps + 1))
+    hand = case.hand.at(plain.times)
+    law = SlidingPivot(case.body, case.contact, case.gravity)
+    x, z, theta, v_x, v_z, omega = law.com_state(states.T, hand.pose, hand.twist, hand.motion)
+    assert np.array([x, z, theta]) == pytest.approx(plain.com, abs=1e-9)
+    assert np.array([v_x, v_z, omega]) == pytest.approx(plain.com_twist, abs=1e-8)
+
+
+def test_extreme_releases_are_as_good_as_by_a_thousand_even_steps() -> None:
+    values, worse = extremes(60, 8), []
+    for i in range(60):
+        case = extreme_case(values, i)
+        mine = sliding_pivot_release(case, np.zeros(0))
+        slow, plain = (SlidingPivotRelease(steps=n).release(case) for n in (16_000, 1000))
+        assert mine.trouble == slow.trouble
+        if not mine.trouble:
+            errors = [np.abs(detached(r) - detached(slow)).max() for r in (mine, plain)]
+            worse.append(errors[0] > max(errors[1], 1e-5))
+        surface = limit_surface_release(case, np.zeros(0))
+        assert np.isfinite(detached(surface)).all()
+    assert len(worse) > 20 and np.mean(worse) < 0.1
+
+
+def test_a_body_that_slides_out_of_the_pads_is_reported() -> None:
+    case = ReleaseCase(
+        Body(5.0, 0.01, 0.05),
+        Contact(0.05, 0.001, 0.6, 2),
+        LinearRelease(1.0, 0.0, 1.0),
+        ConstantAcceleration((0.0, 0.0, 0.0)),
+    )
+    assert "slid out" in sliding_pivot_release(case, np.zeros(0)).trouble
+
+
+def test_steps_meet_every_kink_and_shrink_towards_the_end() -> None:
+    rng = np.random.default_rng(0)
+    for count in range(64):
+        kinks = rng.uniform(0.0, 1.0, count)
+        shares = graded_shares(kinks, 64)
+        times = instants(shares, 1.0)
+        assert shares.size == 65 and (times[0], times[-1]) == (0.0, 1.0)
+        assert (np.diff(times) > 0).all()
+        for kink in kinks:
+            assert np.abs(times - kink).min() < 1e-12
+        assert halved(shares)[::2] == pytest.approx(shares, abs=0)
+    steps = np.diff(instants(graded_shares(np.zeros(0), 64), 1.0))
+    assert (np.diff(steps) < 0).all()
+
+
+def test_more_kinks_than_steps_are_left_out() -> None:
+    shares = graded_shares(np.linspace(0, 1, 99)[1:-1], 64)
+    assert shares == pytest.approx(np.linspace(0, 1, 65))

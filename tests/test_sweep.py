@@ -1,0 +1,429 @@
+"""Sweeps: physics of disturbed throws, what is reported, the command and its files."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+
+import matplotlib.image
+import numpy as np
+import pytest
+import throwplan as tp
+from throwplan.models.batch import ConstantAccelerations, sliding_pivot_batch
+from throwplan.models.flight import land
+from throwplan.planner import progress
+from throwplan.planner.carry_hold import CarryHold
+from throwplan.planner.check import throw
+from throwplan.planner.cli import main
+from throwplan.planner.cup_entries import cup_entries
+from throwplan.planner.disturbed_hands import HandTable
+from throwplan.planner.geometry import cup_entry
+from throwplan.planner.sweep_run import CHUNKS, run_sweep
+from throwplan.planner.sweep_sensitivity import derivatives, scan_delays
+from throwplan.planner.sweep_throws import Thrower
+from throwplan.planner.uncertain import sampler_of
+from throwplan.problems.load import scene_text
+from throwplan.problems.scene import Distribution, Gripper, Uncertainty
+
+G = 9.81
+POSE, TWIST = np.array([0.2, 0.9, -0.6]), np.array([1.9, 1.4, 2.5])
+ACCELERATION = np.array([6.0, -4.0, 15.0])
+ERRORS = ("hand_x", "hand_z", "hand_theta", "hand_vx", "hand_vz", "hand_omega")
+
+
+def steady_hand(first: float = -0.2) -> HandTable:
+    """A hand at constant acceleration, POSE and TWIST at time 0, as one cell."""
+    pose = POSE + first * (TWIST + first * ACCELERATION / 2)
+    twist = TWIST + first * ACCELERATION
+    cells = np.concatenate([pose, twist, ACCELERATION / 2, np.zeros(3)])[:, None]
+    return HandTable(np.array([first, 1.0]), cells, np.empty(0))
+
+
+def toy(section: Uncertainty, opening: float = 0.05, model: str = "sp") -> tuple:
+    """A thrower of that hand and the sampler of `section`; nothing is planned."""
+    scene = tp.load_scene("hand-flip").replace(
+        gripper=Gripper(force=120.0, opening=opening), uncertainty=section
+    )
+    sampler = sampler_of(scene, 0)
+    free = CarryHold(np.empty(0), np.empty((5, 0)), 120.0)
+    names = sampler.names
+    hand = steady_hand()
+    return Thrower(scene, scene.target, model, names, hand, free, 0.0, 400), sampler
+
+
+def small(*names: str, width: float = 1e-3) -> Uncertainty:
+    return Uncertainty(**{name: Distribution(normal=width) for name in names})
+
+
+# Physics.
+
+
+@pytest.mark.parametrize("model", ["sp", "ls-step"])
+def test_derivatives_of_an_instantaneous_release(model: str) -> None:
+    """The CoM leaves with the held bar's state at the opening: closed form.
+
+    b = a - (0, -g), landing velocity (v_x, -V): dx/ddelay = t_f (b_x + b_z v_x / V),
+    dtheta/ddelay = t_f (alpha + omega b_z / V); the hand's errors move that state.
+    """
+    thrower, sampler = toy(small("delay", *ERRORS), opening=1e-5, model=model)
+    found = derivatives(thrower, sampler)
+    h, (a_x, a_z, alpha), omega = thrower.scene.com_offset, ACCELERATION, TWIST[2]
+    r_x, r_z = h * math.cos(POSE[2]), h * math.sin(POSE[2])
+    v_x, v_z = TWIST[0] - omega * r_z, TWIST[1] + omega * r_x
+    b_x = a_x - alpha * r_z - omega**2 * r_x
+    b_z = a_z + alpha * r_x - omega**2 * r_z + G
+    fall = math.sqrt(v_z**2 + 2 * G * (POSE[1] + r_z - thrower.target.z))
+    t_f = (v_z + fall) / G
+
+    def moved(dx: float, dz: float, dv_x: float, dv_z: float, dtheta: float, spin: float) -> tuple:
+        dt = (dz + t_f * dv_z) / fall
+        return dx + t_f * dv_x + v_x * dt, dtheta + t_f * spin + omega * dt
+
+    expected = {
+        "delay": (t_f * (b_x + b_z * v_x / fall), t_f * (alpha + omega * b_z / fall)),
+        "hand_x": moved(1, 0, 0, 0, 0, 0),
+        "hand_z": moved(0, 1, 0, 0, 0, 0),
+        "hand_vx": moved(0, 0, 1, 0, 0, 0),
+        "hand_vz": moved(0, 0, 0, 1, 0, 0),
+        # The bar turns about the pads.
+        "hand_theta": moved(-r_z, r_x, -omega * r_x, -omega * r_z, 1, 0),
+        "hand_omega": moved(0, 0, -r_z, r_x, 0, 1),
+    }
+    for name, slopes in expected.items():
+        assert found[name] == pytest.approx(slopes, rel=2e-3, abs=2e-3), name
+
+
+def test_disturbed_hands_are_the_hands_that_they_stand_for() -> None:
+    """A 50 ms opening with all errors at once, against hands given that way."""
+    section = small("delay", *ERRORS, "grasp_angle", "com_offset", width=0.01)
+    thrower, sampler = toy(section)
+    values = sampler.draw(0, 64)
+    columns = dict(zip(thrower.names, values.T, strict=True))
+    delay = columns["delay"][:, None]
+    offset = np.column_stack([columns[name] for name in ERRORS])
+    hands = ConstantAccelerations(
+        POSE + delay * (TWIST + delay * ACCELERATION / 2) + offset[:, :3],
+        TWIST + delay * ACCELERATION + offset[:, 3:],
+        np.tile(ACCELERATION, (64, 1)),
+    )
+    batch = thrower._batch(thrower._columns(values))
+    plain = dataclasses.replace(batch, hands=hands, grasp_angle=columns["grasp_angle"])
+    expected = land(sliding_pivot_batch(plain, 400), thrower.target.z, G)
+    assert thrower.throw(values).pose == pytest.approx(expected, abs=1e-9)
+
+
+def test_a_com_behind_the_pads_is_thrown_too() -> None:
+    """Through h = 0 the landing goes on smoothly: no turn by pi, no kink."""
+    thrower, _ = toy(small("com_offset"))
+    pose = thrower.throw(np.linspace(-2e-3, 2e-3, 41)[:, None]).pose
+    assert np.abs(np.diff(pose[:, 0])).max() < 1e-3
+    assert np.abs(np.diff(pose[:, 1], 2)).max() < 5e-3
+
+
+def test_dense_hand_is_the_planned_one() -> None:
+    table = steady_hand()
+    pose, twist, acceleration = table.at(np.array([0.0, 0.05]))
+    assert pose[:, 0] == pytest.approx(POSE)
+    assert twist[:, 1] == pytest.approx(TWIST + 0.05 * ACCELERATION)
+    assert acceleration[:, 1] == pytest.approx(ACCELERATION)
+
+
+@pytest.fixture(scope="module")
+def posed() -> tp.Plan:
+    return tp.plan("delay")
+
+
+@pytest.fixture(scope="module")
+def cup_plan() -> tp.Plan:
+    return tp.plan("cup")
+
+
+@pytest.mark.parametrize("name", ["delay", "cup", "hand-flip"])
+def test_the_nominal_throw_is_the_checked_one(name: str, posed, cup_plan) -> None:
+    plan = {"delay": posed, "cup": cup_plan}.get(name) or tp.plan(name)
+    tolerance, exact = plan.scene.tolerance, plan.throw.final.landing
+    x, theta, flight = tp.sweep(plan, samples=64).nominal.pose[0]
+    assert x == pytest.approx(exact.x, abs=0.1 * tolerance.position)
+    assert theta == pytest.approx(exact.theta, abs=0.1 * tolerance.angle)
+    assert flight == pytest.approx(exact.flight_time, abs=1e-3)
+    surface = plan.to_dict()["landing"]["limit_surface"]
+    x, theta, _ = tp.sweep(plan, samples=64, model="ls-step").nominal.pose[0]
+    # Its steps are not cut where a free hand's acceleration steps.
+    share = 1.0 if plan.scene.robot is None else 0.2
+    assert x == pytest.approx(surface["x"], abs=share * tolerance.position)
+    assert theta == pytest.approx(surface["theta"], abs=share * tolerance.angle)
+
+
+def test_samples_land_where_the_exact_model_throws_them(posed) -> None:
+    """Ten samples one by one: another scene, another opening time, the plan's own check."""
+    section = Uncertainty(
+        delay=Distribution(uniform=0.008, mean=0.002),
+        opening=Distribution(normal=0.05, relative=True),
+        friction=Distribution(uniform=0.1, relative=True),
+        patch_radius=Distribution(uniform=0.1, relative=True),
+        mass=Distribution(normal=0.01),
+        inertia=Distribution(normal=0.05, relative=True),
+        com_offset=Distribution(uniform=0.004),
+        grasp_angle=Distribution(normal=0.02),
+    )
+    scene = posed.scene.replace(uncertainty=section)
+    found = tp.sweep(dataclasses.replace(posed, scene=scene), samples=10)
+    for values, pose in zip(found.values, found.landings.pose, strict=True):
+        given = dict(zip(found.sampler.names, values, strict=True))
+        held = {name: given[name] for name in ("mass", "inertia")}
+        pads = {name: given[name] for name in ("friction", "patch_radius")}
+        other = scene.replace(
+            object=dataclasses.replace(scene.object, com=given["com_offset"], **held),
+            contact=dataclasses.replace(scene.contact, **pads),
+            gripper=dataclasses.replace(scene.gripper, opening=given["opening"]),
+            grasp=dataclasses.replace(scene.grasp, angle=given["grasp_angle"]),
+        )
+        # The command went out earlier by the mean delay.
+        opened = posed.throw.opening_time + given["delay"] - 0.002
+        exact = throw(other, posed.mover, posed.throw.samples, opened, posed.target.z).landing
+        assert pose[0] == pytest.approx(exact.x, abs=2e-4)
+        assert pose[1] == pytest.approx(exact.theta, abs=2e-3)
+
+
+def test_a_known_mean_delay_moves_the_command_and_nothing_else(posed) -> None:
+    late = Uncertainty(delay=Distribution(uniform=0.01, mean=0.015))
+    shifted = dataclasses.replace(posed, scene=posed.scene.replace(uncertainty=late))
+    one, other = tp.sweep(posed, samples=64), tp.sweep(shifted, samples=64)
+    assert other.landings.pose == pytest.approx(one.landings.pose, abs=1e-9)
+    assert other.values == pytest.approx(one.values + 0.015)
+    before, after = (plan.to_dict()["release"] for plan in (posed, shifted))
+    assert after["command_time"] == pytest.approx(before["command_time"] - 0.015)
+    assert after["opening_time"] == before["opening_time"]
+
+
+def test_the_largest_delays_are_where_success_ends(posed) -> None:
+    scan = tp.sweep(posed, samples=64).delays
+    for edge in (scan.early, scan.late):
+        assert edge is not None and edge != 0.0
+        for delay, inside in ((edge * 0.98, True), (edge * 1.02, False)):
+            opened = posed.throw.opening_time + delay
+            thrown = throw(posed.scene, posed.mover, posed.throw.samples, opened, posed.target.z)
+            dx, dtheta = thrown.miss(posed.target)
+            tolerance = posed.scene.tolerance
+            met = abs(dx) <= tolerance.position and abs(dtheta) <= tolerance.angle
+            assert met == inside
+
+
+def test_no_delay_fails_in_a_wide_tolerance() -> None:
+    thrower, _ = toy(small("delay"))
+    wide = dataclasses.replace(thrower.scene.tolerance, position=50.0, angle=100.0)
+    scene = thrower.scene.replace(tolerance=wide)
+    scan = scan_delays(dataclasses.replace(thrower, scene=scene))
+    assert (scan.early, scan.late) == (None, None)
+    nowhere = dataclasses.replace(thrower.target, x=9.0)
+    scan = scan_delays(dataclasses.replace(thrower, target=nowhere))
+    assert (scan.early, scan.late) == (0.0, 0.0)
+
+
+def test_a_weak_grip_is_no_success(posed) -> None:
+    """Little friction: the bar slips in the full grip, wherever it would land."""
+    section = Uncertainty(friction=Distribution(uniform=0.5, mean=0.6))
+    scene = posed.scene.replace(uncertainty=section)
+    found = tp.sweep(dataclasses.replace(posed, scene=scene), samples=512)
+    friction = found.values[:, 0]
+    assert not found.landings.held[friction < 0.2].any()
+    assert not (found.success & ~found.landings.held).any()
+    # More friction holds what less did.
+    slipped = friction[~found.landings.held]
+    assert (found.landings.held == (friction > slipped.max())).all()
+    assert slipped.max() == pytest.approx(posed.throw.final.grip_use, abs=0.02)
+
+
+def test_cup_entries_are_those_of_single_flights() -> None:
+    scene = tp.load_scene("cup")
+    rng = np.random.default_rng(4)
+    count = 300
+    time = rng.uniform(0.25, 0.5, count)
+    v_x, v_z = rng.uniform(0.2, 1.5, count), rng.uniform(-1, 1, count)
+    omega = rng.uniform(-6, 6, count)
+    x = 0.9 + rng.normal(0, 0.03, count) - v_x * time
+    z = 0.22 - v_z * time + G / 2 * time**2
+    theta = -math.pi / 2 + rng.normal(0, 0.15, count) - omega * time
+    detach = np.column_stack([x, z, theta, v_x, v_z, omega])
+    states = np.column_stack([detach, np.full(count, G)])
+    found = cup_entries(scene.object, np.full(count, scene.object.com), scene.cup, states, time)
+    inside = 0
+    for i in range(count):
+        t = np.linspace(0.0, time[i] + 0.3, 4000)
+        flown = [x[i] + v_x[i] * t, z[i] + v_z[i] * t - G / 2 * t * t, theta[i] + omega[i] * t]
+        entry = cup_entry(scene, scene.cup, np.array(flown))
+        goes_in = entry.entered >= scene.cup.insertion - 1e-4 and entry.clearance > 0
+        inside += goes_in
+        if abs(entry.clearance) > 3e-4:
+            assert (found[i] > 0) == goes_in
+        if goes_in:
+            assert found[i] == pytest.approx(entry.clearance, abs=3e-4)
+    assert 50 < inside < 250
+
+
+def test_success_of_a_cup_is_going_in(cup_plan) -> None:
+    result = tp.sweep(cup_plan, samples=512).to_dict()
+    assert result["assumed"]
+    assert result["in_cup"]["rate"] >= result["success"]["rate"] > result["in_tolerance"]["rate"]
+
+
+# What is reported.
+
+
+def test_json_has_the_interface_s_keys(posed) -> None:
+    result = json.loads(json.dumps(tp.sweep(posed, samples=100).to_dict(), allow_nan=False))
+    assert result["scene"] == "delay"
+    assert (result["samples"], result["model"], result["robust"]) == (100, "sp", False)
+    assert result["success"]["low"] <= result["success"]["rate"] <= result["success"]["high"]
+    assert set(result["bias"]) >= {"position", "angle"}
+    for name in ("position", "angle", "scaled"):
+        values = [result["quantiles"][name][key] for key in ("50", "90", "95", "99")]
+        assert values == sorted(values)
+    assert set(result["sensitivity"]["delay"]) >= {"x", "theta"}
+    assert result["sensitivity"]["delay"]["share"]["x"] > 0.95
+    assert result["time"] > 0
+
+
+def test_an_open_angle_does_not_count() -> None:
+    plan = tp.plan("hand-box")
+    found = tp.sweep(plan, samples=200)
+    result = found.to_dict()
+    assert result["bias"]["angle"] == 0.0
+    assert found.errors["scaled"] == pytest.approx(found.errors["position"])
+
+
+def test_a_plan_without_a_throw_is_refused() -> None:
+    failed = tp.Planner(tp.load_scene("hand-box")).plan(tp.Pose(x=0.3, z=1.7))
+    with pytest.raises(tp.InputError, match="out_of_reach"):
+        tp.sweep(failed)
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"samples": 0}, "samples = 0: must be a whole number, 1 to"),
+        ({"samples": 2.5}, "samples = 2.5"),
+        ({"samples": True}, "samples = True"),
+        ({"seed": -1}, "seed = -1"),
+        ({"model": "spp"}, "model = 'spp': must be one of sp, .*did you mean 'sp'"),
+    ],
+)
+def test_wrong_arguments_in_python(posed, arguments: dict, words: str) -> None:
+    with pytest.raises(tp.InputError, match=words):
+        tp.sweep(posed, **arguments)
+
+
+# Stopping.
+
+
+def test_what_was_done_is_kept_when_stopped(posed, monkeypatch) -> None:
+    monkeypatch.setitem(CHUNKS, "sp", 256)
+    whole = tp.sweep(posed, samples=3 * CHUNKS["sp"])
+
+    def stop(done: int, total: int) -> None:
+        if done >= 2 * CHUNKS["sp"]:
+            raise KeyboardInterrupt
+
+    thrown, interrupted = run_sweep(whole.thrower, whole.sampler, 3 * CHUNKS["sp"], None, stop)
+    assert interrupted
+    count = 2 * CHUNKS["sp"]
+    assert np.array_equal(thrown.values, whole.values[:count])
+    assert np.array_equal(thrown.landings.pose, whole.landings.pose[:count])
+
+
+def test_a_stopped_command_says_how_much_is_done(tmp_path, capsys, monkeypatch) -> None:
+    monkeypatch.setitem(CHUNKS, "sp", 256)
+
+    def stop(self, done: int, total: int) -> None:
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr(progress.ProgressLine, "show", stop)
+    line = ["sweep", "hand-box", "--samples", "1000", "--json", "--out", str(tmp_path / "out")]
+    assert main(line) == 130
+    out, err = capsys.readouterr()
+    assert err == "throwplan: interrupted: 256 of 1,000 samples\n"
+    assert json.loads(out)["samples"] == 256
+    assert json.loads(out)["asked"] == 1000
+    assert len((tmp_path / "out" / "sweep.csv").read_text().splitlines()) == 257
+
+
+# The command.
+
+
+def test_command_prints_draws_and_writes(tmp_path, capsys) -> None:
+    path = tmp_path / "many.toml"
+    path.write_text(
+        scene_text("hand-flip")
+        + "[uncertainty]\ndelay = { uniform = 0.005 }\nfriction = { normal = 0.05 }\n"
+        + "hand_omega_deg = { normal = 1.0 }\n"
+    )
+    out = tmp_path / "out"
+    assert main(["sweep", str(path), "--samples", "300", "--json", "--out", str(out)]) == 0
+    printed, err = capsys.readouterr()
+    assert err == ""
+    result = json.loads(printed)
+    assert result == json.loads((out / "sweep.json").read_text())
+    assert result["scene"] == "many"
+    assert list(result["sensitivity"]) == ["delay", "friction", "hand_omega"]
+    rows = np.genfromtxt(out / "sweep.csv", delimiter=",", names=True)
+    assert rows.size == 300
+    assert rows.dtype.names[:5] == ("sample", "delay", "friction", "hand_omega", "x")
+    assert np.abs(rows["delay"]).max() <= 0.005
+    assert rows["success"].mean() == pytest.approx(result["success"]["rate"])
+    pictures = {"landings.png", "delay.png", "histogram.png", "tornado.png"}
+    assert {p.name for p in out.iterdir()} == pictures | {"sweep.csv", "sweep.json"}
+    for name in pictures:
+        pixels = matplotlib.image.imread(out / name)[:, :, :3]
+        assert pixels.shape[0] > 200 and pixels.shape[1] > 600
+        assert (pixels < 0.9).any(axis=2).mean() > 0.01, name
+
+
+def test_command_in_words(capsys) -> None:
+    assert main(["sweep", "hand-box", "--samples", "100", "--model", "ls-step"]) == 0
+    out, err = capsys.readouterr()
+    assert err == ""
+    for word in ("hand-box: 100 throws by ls-step", "assumed", "success", "95 %", "delay"):
+        assert word in out
+
+
+def test_out_of_reach_exits_3_with_the_plan(capsys) -> None:
+    line = ["sweep", "hand-box", "--target", "0.3", "1.7", "free", "--json"]
+    assert main(line) == 3
+    out, err = capsys.readouterr()
+    assert json.loads(out)["status"] == "out_of_reach"
+    assert len(err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("--samples 0", ["--samples", "0", "1 to"]),
+        ("--samples -5", ["--samples", "-5"]),
+        ("--samples many", ["--samples", "many", "whole number"]),
+        ("--seed -1", ["--seed", "-1"]),
+        ("--workers 0", ["--workers", "0", "1 to"]),
+        ("--workers two", ["--workers", "two"]),
+        ("--model lss", ["model", "lss", "ls-step"]),
+        ("--robust quite", ["--robust", "quite", "quiet"]),
+        ("--workers 2 --scheduler a:1", ["--workers", "--scheduler"]),
+        ("--scheduler here", ["--scheduler", "here", "tcp://host:8786"]),
+        ("--scheduler tcp://127.0.0.1:1", ["--scheduler", "tcp://127.0.0.1:1", "no Dask"]),
+        ("--target nan 0 free", ["--target", "nan"]),
+    ],
+)
+def test_wrong_command_lines(line: str, words: list[str], tmp_path, capsys) -> None:
+    arguments = ["sweep", "hand-box", *line.split(), "--out", str(tmp_path / "new")]
+    assert main(arguments) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert len(err.splitlines()) == 1
+    for word in words:
+        assert word in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_unwritable_folder(tmp_path, capsys) -> None:
+    (tmp_path / "out" / "sweep.csv").mkdir(parents=True)
+    assert main(["sweep", "hand-box", "--out", str(tmp_path / "out")]) == 2
+    assert "sweep.csv is a folder" in capsys.readouterr().err

@@ -1,0 +1,101 @@
+"""Statistics of a sweep against textbook values and models whose answer is known."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from scipy.stats import binomtest, norm, qmc
+from throwplan.planner.sweep_statistics import (
+    quantiles,
+    scaled_error,
+    variance_shares,
+    wilson,
+)
+
+
+@pytest.mark.parametrize(
+    ("successes", "count", "low", "high"),
+    # R. G. Newcombe, Statistics in Medicine 17 (1998) 857, table I, method 3.
+    [
+        (81, 263, 0.2553, 0.3662),
+        (15, 148, 0.0624, 0.1605),
+        (0, 20, 0.0, 0.1611),
+        (1, 29, 0.0061, 0.1718),
+    ],
+)
+def test_wilson_is_the_published_table(successes, count, low, high) -> None:
+    assert wilson(successes, count) == pytest.approx((low, high), abs=5e-5)
+
+
+def test_wilson_agrees_with_scipy_and_is_symmetric() -> None:
+    for successes, count in ((1, 2), (7, 1000), (99_000, 100_000), (5, 5)):
+        low, high = wilson(successes, count)
+        other = binomtest(successes, count).proportion_ci(0.95, "wilson")
+        assert (low, high) == pytest.approx((other.low, other.high), abs=1e-12)
+        mirrored = wilson(count - successes, count)
+        assert mirrored == pytest.approx((1 - high, 1 - low), abs=1e-12)
+
+
+def test_quantiles_are_errors_that_were_met() -> None:
+    found = quantiles(np.random.default_rng(0).permutation(np.arange(1.0, 101.0)))
+    assert found == {"50": 50.0, "90": 90.0, "95": 95.0, "99": 99.0}
+
+
+def test_a_throw_without_a_landing_is_infinitely_far_off() -> None:
+    errors = np.array([1.0] * 92 + [math.nan] * 8)
+    assert quantiles(errors) == {"50": 1.0, "90": 1.0, "95": math.inf, "99": math.inf}
+
+
+def test_quantiles_of_a_normal_error() -> None:
+    errors = np.abs(norm.ppf((np.arange(20_000) + 0.5) / 20_000))
+    assert quantiles(errors)["95"] == pytest.approx(1.96, abs=1e-3)
+
+
+def test_scaled_error_is_equation_39() -> None:
+    dx, dtheta = np.array([0.003, -0.001]), np.array([-0.02, 0.01])
+    expected = [0.003 + 0.02 * 0.13, 0.001 + 0.01 * 0.13]
+    assert scaled_error(dx, dtheta, 0.26, True) == pytest.approx(expected)
+    assert scaled_error(dx, dtheta, 0.26, False) == pytest.approx([0.003, 0.001])
+
+
+def unit_samples(count: int, columns: int) -> np.ndarray:
+    return qmc.Sobol(columns, rng=1).random(count) + 2.0**-31
+
+
+@pytest.mark.parametrize("count", [256, 1024, 8192])
+def test_shares_of_a_linear_model(count: int) -> None:
+    """y = sum a_i x_i of independent x: a_i^2 Var(x_i) / Var(y)."""
+    u = unit_samples(count, 4)
+    x = np.column_stack([2 * u[:, 0] - 1, norm.ppf(u[:, 1]), u[:, 2] > 0.5, u[:, 3]])
+    slopes, variances = np.array([3.0, 1.0, 2.0, 0.0]), np.array([1 / 3, 1.0, 1 / 4, 1 / 12])
+    parts = slopes**2 * variances
+    shares = variance_shares(x, x @ slopes + 5.0)
+    assert shares == pytest.approx(parts / parts.sum(), abs=0.03 if count < 1000 else 0.01)
+
+
+def test_shares_of_the_ishigami_function() -> None:
+    """Saltelli's usual example: S = 0.3139, 0.4424, 0, with an interaction of 1 and 3."""
+    x = math.pi * (2 * unit_samples(4096, 3) - 1)
+    y = np.sin(x[:, 0]) + 7 * np.sin(x[:, 1]) ** 2 + 0.1 * x[:, 2] ** 4 * np.sin(x[:, 0])
+    assert variance_shares(x, y) == pytest.approx([0.3139, 0.4424, 0.0], abs=0.01)
+
+
+def test_shares_of_what_does_not_vary_are_zero() -> None:
+    x = unit_samples(256, 2)
+    assert variance_shares(x, np.full(256, 0.9)) == [0.0, 0.0]
+    # Rounding is no variance: below 10 um, or 10 urad.
+    assert variance_shares(x, 0.9 + 1e-6 * x[:, 0]) == [0.0, 0.0]
+
+
+def test_shares_do_without_the_throws_that_land_nowhere() -> None:
+    x = unit_samples(1024, 2)
+    y = np.where(x[:, 1] > 0.9, np.nan, x[:, 0])
+    assert variance_shares(x, y) == pytest.approx([1.0, 0.0], abs=0.01)
+
+
+def test_few_samples_give_no_shares_from_noise() -> None:
+    rng = np.random.default_rng(3)
+    shares = variance_shares(rng.normal(size=(40, 8)), rng.normal(size=40))
+    assert max(shares) < 0.5
