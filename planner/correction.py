@@ -201,7 +201,7 @@ def _thrown(
         exact, sent = throw(scene, mover, planned, at, target.z), counting
     x, z, theta = np.array(nlp.landing(best.solution.x, best.numbers)).ravel()
     return PlannedThrow(
-        best.solution, planned, samples, at, (x, z, theta), exact, sent, surface, best.thrown
+        nlp, best.solution, planned, samples, at, (x, z, theta), exact, sent, surface, best.thrown
     )
 
 

@@ -53,8 +53,8 @@ def build_nlp(structure: Structure, mover: Mover) -> ThrowNlp:
     stages = []
     # Stages share a kind unless states come or go there, or something is asked only there.
     for k in range(s.last + 1):
-        kind = (k == 0, k < s.carry, k + 1 < s.carry, k == s.carry, k < s.opens, k == s.opens)
-        kind += (k < s.detach, k == s.detach, k == s.last)
+        marks = (0, s.carry - 1, s.carry, s.opens, s.detach, s.last)
+        kind = tuple(k < mark for mark in marks) + tuple(k == mark for mark in marks)
         if kind not in made:
             made[kind] = context.stage(k)
         stages.append(made[kind])

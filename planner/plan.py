@@ -13,6 +13,7 @@ from ..problems.scene import Pose, Scene
 from .check import Thrown
 from .motion import PlannedMotion, SampledMotion
 from .mover import Mover
+from .nlp import ThrowNlp
 from .rollout import Landing
 from .solver import Solution
 
@@ -23,11 +24,13 @@ Status = Literal["solved", "out_of_reach", "not_converged"]
 class PlannedThrow:
     """The throw behind a plan: its motion and what the models make of it.
 
-    opening_time [s] on the motion's clock; sent is None for a hand scene, whose motion
-    is checked as planned; samples are what motion.csv holds. limit_surface: the same
-    motion by that model; final: the throw that counts, by the model of the tolerance.
+    nlp, solution: where it comes from; opening_time [s] on the motion's clock; sent is None
+    for a hand scene, whose motion is checked as planned; samples are what motion.csv holds.
+    limit_surface: the same motion by that model; final: the throw that counts, by the
+    model of the tolerance.
     """
 
+    nlp: ThrowNlp
     solution: Solution
     planned: PlannedMotion
     samples: SampledMotion

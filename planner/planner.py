@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
+from collections.abc import Iterator
 from typing import Literal, get_args
 
 import numpy as np
@@ -14,20 +15,15 @@ from ..problems.robust import COMPARED, METHODS
 from ..problems.scene import Pose, Scene
 from .alternatives import Found, distinct, ordered
 from .compiled import Compile
-from .correction import Problem, Search, attempt, in_flight
+from .correction import Search, attempt, in_flight
 from .guess import guess_from
+from .hardening import hardened
 from .mover import make_mover
-from .nlp import ThrowNlp, build_nlp
-from .numbers import bounds, opening_nodes, structure_of
 from .plan import Plan, PlannedThrow, Status, checked_target
-from .quietness import peak_load
 from .reach import Binding, Reach, highest
-from .refit import refit
 from .releases import Releases, ReleaseSampler, nearest
-from .robustness import quiet_enough, spread
-from .solver import Solver
 from .start import check_start
-from .window import Window, window_of
+from .workbench import Workbench
 
 SolverName = Literal["auto", "fatrop", "ipopt"]
 Turns = Literal["exact", "any"]
@@ -37,6 +33,8 @@ STARTS = {"fatrop": 6, "ipopt": 4}
 #: Beyond this distance [m, scaled error (39)] from every landing of the table the question
 #: what is possible at all comes before further starts.
 FAR = 0.3
+#: Other throws to a target that robust planning may start from.
+MORE_SOURCES = 3
 #: Most alternatives that may be asked for.
 MOST_ALTERNATIVES = 20
 #: Random releases drawn for the starting points.
@@ -59,16 +57,12 @@ class Planner:
         if compiling not in get_args(Compile):
             known = ", ".join(get_args(Compile))
             raise InputError(f"compiling = {compiling!r}: must be one of {known}")
-        self._compiling = compiling
         self.scene = scene
         self.mover = make_mover(scene)
         check_start(scene, self.mover)
-        self._nlps: dict[tuple[bool, bool], ThrowNlp] = {}
-        self._problems: dict[tuple[bool, bool, str], Problem] = {}
-        self._robust_nlps: dict[tuple[str, bool, bool], ThrowNlp] = {}
-        self._robust_problems: dict[tuple[str, bool, bool, str], Problem] = {}
         self._releases: Releases | None = None
         self._sampler = ReleaseSampler(scene, self.mover)
+        self._bench = Workbench(scene, self.mover, compiling)
         self._reach = Reach(scene, self.mover, compiling)
         self._build_time = time.perf_counter() - start
 
@@ -108,7 +102,7 @@ class Planner:
         if plan is None:
             plan = self._searched(target, names, turns, alternatives, search)
         if method and plan.solved and not plan.robust:
-            plan = self._made_robust(plan, method, names, search)
+            plan = self._hardened(plan, method, names, turns, search)
         plan.time.update(search.times)
         plan.time["total"] = time.perf_counter() - started + made
         return plan
@@ -116,8 +110,7 @@ class Planner:
     @property
     def compiled(self) -> bool:
         """Whether the problems solved so far ran as machine code."""
-        problems = [*self._problems.values(), *self._robust_problems.values()]
-        return bool(problems) and all(problem.solver.compiled for problem in problems)
+        return self._bench.compiled
 
     def check(self, target: Pose | None = None) -> Pose:
         """The target that `plan` would take; InputError if it does not fit the scene."""
@@ -136,17 +129,17 @@ class Planner:
         """Solvers in turn, each from several starts; then the honest answer."""
         with search.clock("guess"):
             releases = self._table()
-            starts = self._starts(releases, target, turns)
+            wanted = self._wanted(alternatives)
+            starts = self._starts(releases, target, turns, max(STARTS.values()) * wanted)
         answer: Binding | None = None
         if not starts or starts[0][2] > FAR:
             # Nothing like it in the table: ask first what is possible at all.
             answer = self._possible(starts[0][1], releases, search) if starts else None
             if answer is None or answer.outside:
                 return self._failure(target, answer, releases, names[-1], search)
-        wanted = self._wanted(alternatives)
         found: list[Found] = []
         for name in names:
-            for index, goal, _ in starts[: max(STARTS[name], 3 * wanted)]:
+            for index, goal, _ in starts[: STARTS[name] * wanted]:
                 found += self._from_release(name, index, goal, releases, search)
                 if len(distinct(found)) >= wanted:
                     return self._chosen(found, alternatives, search)
@@ -156,8 +149,10 @@ class Planner:
         if answer is not None and not answer.outside and answer.solution is not None:
             # The elastic solve reached the target: its point starts the real problem.
             goal = answer.goal
-            guess = answer.guess_for(self._nlp(goal, search))
-            thrown = attempt(self._problem(goal, "ipopt", search), self.mover, goal, guess, search)
+            guess = answer.guess_for(self._bench.nlp(goal, search))
+            thrown = attempt(
+                self._bench.problem(goal, "ipopt", search), self.mover, goal, guess, search
+            )
             if thrown is not None:
                 return self._chosen([Found(goal, thrown, "ipopt")], alternatives, search)
         return self._failure(target, answer, releases, names[-1], search)
@@ -170,70 +165,23 @@ class Planner:
             raise InputError(f"robust = {robust!r}: must be one of {', '.join(METHODS)}")
         return robust
 
-    def _made_robust(self, plan: Plan, method: str, names: tuple[str, ...], search: Search) -> Plan:
-        """The plan of a robust throw to the same target, from `plan`'s."""
-        first = "quiet" if method in ("auto", "scenarios") else method
-        found = self._robust_throw(plan, first, names, search)
-        more = method == "scenarios"
-        if method == "auto":
-            more = found is None or not quiet_enough(found)
-        if more:
-            better = self._robust_throw(found or plan, "scenarios", names, search)
-            if better is not None and (
-                found is None or method == "scenarios" or spread(better) < spread(found)
-            ):
-                found = better
-        if found is not None:
-            return found
-        why = search.trouble[-1] if search.trouble else ""
-        words = f"no robust throw found by {method}: {why}"
-        return dataclasses.replace(plan, status="not_converged", message=words)
+    def _hardened(
+        self, plan: Plan, method: str, names: tuple[str, ...], turns: Turns, search: Search
+    ) -> Plan:
+        """The plan of a robust throw to the same target, from `plan`'s or others to it."""
 
-    def _robust_throw(
-        self, source: Plan, method: str, names: tuple[str, ...], search: Search
-    ) -> Plan | None:
-        """A throw by one method, started from another plan's."""
-        assert source.throw is not None
-        window, goal = window_of(search.scene), source.target
-        nodes = opening_nodes(search.scene.mesh, search.scene.gripper.profile().opening)
-        old = self._robust_nlps.get((source.robust, goal.theta is not None, search.flight))
-        old = old or self._nlp(goal, search)
-        for name in names:
-            problem = self._robust_problem(goal, method, name, window, search)
-            with search.clock("guess"):
-                guess = refit(problem.nlp, old, source.throw, nodes, window.step, window.delays)
-            thrown = attempt(problem, self.mover, goal, guess, search)
-            if thrown is None:
-                continue
-            plan = self._solved(Found(goal, thrown, name), search)
-            motion = thrown.planned if thrown.sent is None else thrown.samples
-            load = peak_load(search.scene, self.mover, motion, thrown.opening_time)
-            size = dict(zip(("variables", "constraints"), problem.nlp.size, strict=True))
-            return dataclasses.replace(plan, robust=method, peak_load=load, **size)
-        return None
+        def sources() -> Iterator[Plan]:
+            yield plan
+            yield from self._searched(plan.target, names, turns, MORE_SOURCES, search).alternatives
 
-    def _robust_problem(
-        self, goal: Pose, method: str, name: str, window: Window, search: Search
-    ) -> Problem:
-        key = (method, goal.theta is not None, search.flight)
-        if key not in self._robust_nlps:
-            with search.clock("build"):
-                structure = structure_of(
-                    self.scene,
-                    self.mover,
-                    key[1],
-                    flight=search.flight,
-                    robust=method,
-                    window=window,
-                )
-                self._robust_nlps[key] = build_nlp(structure, self.mover)
-        nlp = self._robust_nlps[key]
-        if (*key, name) not in self._robust_problems:
-            with search.clock("build"):
-                solver = Solver(nlp, name, compiling=self._compiling)
-                limits = bounds(nlp, self.scene, self.mover, window)
-                self._robust_problems[*key, name] = Problem(nlp, solver, limits, window)
-        return self._robust_problems[*key, name]
+        found = hardened(self._bench, sources(), method, names, search)
+        if found is None:
+            why = search.trouble[-1] if search.trouble else ""
+            words = f"no robust throw found by {method}: {why}"
+            return dataclasses.replace(plan, status="not_converged", message=words)
+        source, throw = found
+        made = self._solved(Found(source.target, throw.thrown, throw.solver), search)
+        return dataclasses.replace(made, robust=throw.method, peak_load=throw.peak_load)
 
     def _wanted(self, alternatives: int) -> int:
         """How many distinct throws to find before one is chosen."""
@@ -246,11 +194,11 @@ class Planner:
     ) -> list[Found]:
         """The throw that one sampled release leads to, if any."""
         for _ in range(2):
-            nlp, before = self._nlp(goal, search), search.flight
+            nlp, before = self._bench.nlp(goal, search), search.flight
             with search.clock("guess"):
                 flight = self._flight_time(releases, index, goal)
                 guess = guess_from(nlp, search.scene, self.mover, releases, index, flight)
-            problem = self._problem(goal, name, search)
+            problem = self._bench.problem(goal, name, search)
             thrown = attempt(problem, self.mover, goal, guess, search)
             if thrown is not None:
                 return [Found(goal, thrown, name)]
@@ -276,20 +224,20 @@ class Planner:
             return None
         if (warm.target.theta is None) != (target.theta is None):
             return None
-        solution = warm.throw.solution
+        solution, structure = warm.throw.solution, warm.throw.nlp.structure
         # The flight's rows, if the earlier plan needed them: its multipliers fit no other NLP.
-        search.flight = solution.lam_g.size != self._nlp(target, search).size[1]
-        if solution.lam_g.size != self._nlp(target, search).size[1]:
+        search.flight = structure.palm > 0 or structure.passing > 0
+        if warm.throw.nlp is not self._bench.nlp(target, search):
             search.flight = False
             return None
-        problem = self._problem(target, name, search)
+        problem = self._bench.problem(target, name, search)
         thrown = attempt(problem, self.mover, target, solution.x, search, solution)
         return None if thrown is None else self._solved(Found(target, thrown, name), search)
 
     def _starts(
-        self, releases: Releases, target: Pose, turns: Turns
+        self, releases: Releases, target: Pose, turns: Turns, count: int
     ) -> list[tuple[int, Pose, float]]:
-        """(release index, target, distance), nearest landing first."""
+        """(release index, target, distance) of the `count` nearest landings of each goal."""
         goals = [target]
         if turns == "any" and target.theta is not None:
             _, thetas, _ = releases.landings(target.z, self.scene.gravity)
@@ -298,7 +246,6 @@ class Planner:
             turns_around = range(nearest_turn - 2, nearest_turn + 3)
             goals = [target.turned(2 * math.pi * k) for k in turns_around]
         found: list[tuple[int, Pose, float]] = []
-        count = max(STARTS.values())
         for goal in goals:
             indices, distances = nearest(
                 releases, self.scene, goal.plane_x, goal.z, goal.theta, count
@@ -355,7 +302,7 @@ class Planner:
         nearest_pose: Pose | None = None,
         binding: tuple[str, ...] = (),
     ) -> Plan:
-        nlp = self._nlp(target, search)
+        nlp = self._bench.nlp(target, search) if thrown is None else thrown.nlp
         plan = Plan(
             search.scene,
             self.mover,
@@ -384,24 +331,6 @@ class Planner:
         if self._releases is None:
             self._releases = self._sampler.draw(SAMPLES)
         return self._releases
-
-    def _nlp(self, target: Pose, search: Search) -> ThrowNlp:
-        key = (target.theta is not None, search.flight)
-        if key not in self._nlps:
-            with search.clock("build"):
-                structure = structure_of(self.scene, self.mover, key[0], flight=search.flight)
-                self._nlps[key] = build_nlp(structure, self.mover)
-        return self._nlps[key]
-
-    def _problem(self, target: Pose, name: str, search: Search) -> Problem:
-        key = (target.theta is not None, search.flight, name)
-        if key not in self._problems:
-            nlp = self._nlp(target, search)
-            with search.clock("build"):
-                solver = Solver(nlp, name, compiling=self._compiling)
-                limits = bounds(nlp, self.scene, self.mover)
-                self._problems[key] = Problem(nlp, solver, limits)
-        return self._problems[key]
 
     def _check_azimuth(self, target: Pose) -> None:
         arm = self.scene.arm

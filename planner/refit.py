@@ -13,10 +13,9 @@ from .plan import PlannedThrow
 Array = npt.NDArray[np.float64]
 
 
-def refit(
-    nlp: ThrowNlp, source: ThrowNlp, throw: PlannedThrow, nodes: Array, step: float, delays: Array
-) -> Array:
-    """Decision vector of `nlp` from a throw of `source`; delays (scenarios,) [s]."""
+def refit(nlp: ThrowNlp, throw: PlannedThrow, nodes: Array, step: float, delays: Array) -> Array:
+    """Decision vector of `nlp` from a throw of another; delays (scenarios,) [s]."""
+    source = throw.nlp
     s, old = nlp.structure, source.structure
     times = stage_times(s, throw.opening_time, nodes, step)
     coordinates = dict(zip(("q", "dq", "ddq"), throw.planned.at(times), strict=True))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import difflib
-import functools
 import math
 import types
 import typing
@@ -40,10 +39,14 @@ def quantity(
     return dataclasses.field(metadata=meta, **field)
 
 
-@functools.cache
+#: Types of the fields of each section; resolving them takes longer than checking a value.
+_known_hints: dict[type[Any], dict[str, Any]] = {}
+
+
 def _hints(kind: type[Any]) -> dict[str, Any]:
-    """Types of a section's fields; resolving them takes longer than checking a value."""
-    return typing.get_type_hints(kind)
+    if kind not in _known_hints:
+        _known_hints[kind] = typing.get_type_hints(kind)
+    return _known_hints[kind]
 
 
 @dataclasses.dataclass(frozen=True)

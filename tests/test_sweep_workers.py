@@ -113,11 +113,11 @@ def test_a_killed_worker_does_not_change_the_result(plan, alone, cluster) -> Non
             os.kill(workers[0].pid, signal.SIGKILL)
             workers[0].wait()
 
-    with executor_of(None, address) as executor:
-        import distributed
+    import distributed
 
-        client = distributed.get_client(address)
+    with distributed.Client(address, set_as_default=False) as client:
         client.wait_for_workers(2, timeout=20)
+    with executor_of(None, address) as executor:
         found = sweep_until_stopped(plan, SAMPLES, 7, "sp", executor, kill_one)
     assert workers[0].poll() is not None
     assert_same(alone, found)

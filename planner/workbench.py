@@ -1,0 +1,70 @@
+"""A scene's NLPs with their solvers, built when first needed and kept."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from ..problems.scene import Pose, Scene
+from .compiled import Compile
+from .correction import Problem, Search
+from .mover import Mover
+from .nlp import ThrowNlp, build_nlp
+from .numbers import bounds, structure_of
+from .solver import Solver
+from .window import Window, window_of
+
+
+@dataclass(frozen=True)
+class Kind:
+    """Which of a scene's NLPs: theta fixed or open, with the flight's rows, robust how."""
+
+    angle: bool
+    flight: bool
+    robust: str = ""
+
+
+class Workbench:
+    """NLPs and problems by their kind."""
+
+    def __init__(self, scene: Scene, mover: Mover, compiling: Compile) -> None:
+        self.scene, self.mover = scene, mover
+        self._compiling = compiling
+        self._nlps: dict[Kind, ThrowNlp] = {}
+        self._problems: dict[tuple[Kind, str], Problem] = {}
+
+    @property
+    def compiled(self) -> bool:
+        """Whether all problems so far run as machine code."""
+        problems = self._problems.values()
+        return bool(problems) and all(problem.solver.compiled for problem in problems)
+
+    def nlp(self, target: Pose, search: Search, robust: str = "") -> ThrowNlp:
+        """The NLP for a target, with what the search has seen to be needed."""
+        kind = Kind(target.theta is not None, search.flight, robust)
+        if kind not in self._nlps:
+            with search.clock("build"):
+                structure = structure_of(
+                    self.scene,
+                    self.mover,
+                    kind.angle,
+                    flight=kind.flight,
+                    robust=robust,
+                    window=self._window(robust),
+                )
+                self._nlps[kind] = build_nlp(structure, self.mover)
+        return self._nlps[kind]
+
+    def problem(self, target: Pose, name: str, search: Search, robust: str = "") -> Problem:
+        """The same with a solver, 'fatrop' or 'ipopt'."""
+        kind = Kind(target.theta is not None, search.flight, robust)
+        if (kind, name) not in self._problems:
+            nlp = self.nlp(target, search, robust)
+            with search.clock("build"):
+                window = self._window(robust)
+                solver = Solver(nlp, name, compiling=self._compiling)
+                limits = bounds(nlp, self.scene, self.mover, window)
+                self._problems[kind, name] = Problem(nlp, solver, limits, window)
+        return self._problems[kind, name]
+
+    def _window(self, robust: str) -> Window | None:
+        return window_of(self.scene) if robust else None
