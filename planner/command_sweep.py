@@ -113,7 +113,7 @@ def _print_sweep(found: Sweep, out: str | None) -> None:
     """A sweep in some lines."""
     result, tolerance = found.to_dict(), found.plan.scene.tolerance
     usual = " (no [uncertainty] in the scene: assumed)" if result["assumed"] else ""
-    print(f"{result['scene']}: {result['samples']:,} throws by {result['model']}")
+    print(f"{found.label}: {found.samples:,} throws by {result['model']}")
     for line in found.uncertain():
         print(f"  {line}{usual}")
     box = f"within {1e3 * tolerance.position:g} mm"

@@ -252,8 +252,9 @@ def bounds(
     if not mover.jerk_control:
         high["c"] = limits.ddq
     low: dict[str, Any] = {"q": limits.q_min, "t_f": 0.0}
-    # The opening command comes the dwell before the opening, and not before the start.
-    low["T"] = max(dwell - lead, 0.02)
+    # The opening command comes the dwell and the mean delay before the opening, and not
+    # before the start.
+    low["T"] = max(dwell + scene.mean_delay - lead, 0.02)
 
     def bound(name: str, side: int) -> Any:
         if side > 0:

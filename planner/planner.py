@@ -62,7 +62,7 @@ class Planner:
         check_start(scene, self.mover)
         self._releases: Releases | None = None
         self._sampler = ReleaseSampler(scene, self.mover)
-        self._bench = Workbench(scene, self.mover, compiling)
+        self.bench = Workbench(scene, self.mover, compiling)
         self._reach = Reach(scene, self.mover, compiling)
         self._build_time = time.perf_counter() - start
 
@@ -94,6 +94,8 @@ class Planner:
             most = MOST_ALTERNATIVES
             raise InputError(f"alternatives = {alternatives!r}: must be 0 to {most}")
         method = self._method(robust)
+        if method and alternatives:
+            raise InputError("alternatives: not with a robust plan")
         search = Search(self.scene.aimed_at(target))
         made, self._build_time = self._build_time, 0.0
         search.times["build"] = made
@@ -110,7 +112,7 @@ class Planner:
     @property
     def compiled(self) -> bool:
         """Whether the problems solved so far ran as machine code."""
-        return self._bench.compiled
+        return self.bench.compiled
 
     def check(self, target: Pose | None = None) -> Pose:
         """The target that `plan` would take; InputError if it does not fit the scene."""
@@ -128,7 +130,7 @@ class Planner:
     ) -> Plan:
         """Solvers in turn, each from several starts; then the honest answer."""
         with search.clock("guess"):
-            releases = self._table()
+            releases = self.releases()
             wanted = self._wanted(alternatives)
             starts = self._starts(releases, target, turns, max(STARTS.values()) * wanted)
         answer: Binding | None = None
@@ -145,13 +147,14 @@ class Planner:
                     return self._chosen(found, alternatives, search)
         if found:
             return self._chosen(found, alternatives, search)
-        answer = answer or (self._possible(starts[0][1], releases, search) if starts else None)
+        if starts and (answer is None or search.flight):
+            answer = self._possible(starts[0][1], releases, search)
         if answer is not None and not answer.outside and answer.solution is not None:
             # The elastic solve reached the target: its point starts the real problem.
             goal = answer.goal
-            guess = answer.guess_for(self._bench.nlp(goal, search))
+            guess = answer.guess_for(self.bench.nlp(goal, search))
             thrown = attempt(
-                self._bench.problem(goal, "ipopt", search), self.mover, goal, guess, search
+                self.bench.problem(goal, "ipopt", search), self.mover, goal, guess, search
             )
             if thrown is not None:
                 return self._chosen([Found(goal, thrown, "ipopt")], alternatives, search)
@@ -174,7 +177,7 @@ class Planner:
             yield plan
             yield from self._searched(plan.target, names, turns, MORE_SOURCES, search).alternatives
 
-        found = hardened(self._bench, sources(), method, names, search)
+        found = hardened(self.bench, sources(), method, names, search)
         if found is None:
             why = search.trouble[-1] if search.trouble else ""
             words = f"no robust throw found by {method}: {why}"
@@ -182,6 +185,10 @@ class Planner:
         source, throw = found
         made = self._solved(Found(source.target, throw.thrown, throw.solver), search)
         return dataclasses.replace(made, robust=throw.method, peak_load=throw.peak_load)
+
+    def starts(self, target: Pose, count: int = 1) -> list[tuple[int, Pose, float]]:
+        """(release of the table, target, scaled distance [m]) of the nearest landings."""
+        return self._starts(self.releases(), target, "exact", count)
 
     def _wanted(self, alternatives: int) -> int:
         """How many distinct throws to find before one is chosen."""
@@ -194,11 +201,11 @@ class Planner:
     ) -> list[Found]:
         """The throw that one sampled release leads to, if any."""
         for _ in range(2):
-            nlp, before = self._bench.nlp(goal, search), search.flight
+            nlp, before = self.bench.nlp(goal, search), search.flight
             with search.clock("guess"):
                 flight = self._flight_time(releases, index, goal)
                 guess = guess_from(nlp, search.scene, self.mover, releases, index, flight)
-            problem = self._bench.problem(goal, name, search)
+            problem = self.bench.problem(goal, name, search)
             thrown = attempt(problem, self.mover, goal, guess, search)
             if thrown is not None:
                 return [Found(goal, thrown, name)]
@@ -227,10 +234,10 @@ class Planner:
         solution, structure = warm.throw.solution, warm.throw.nlp.structure
         # The flight's rows, if the earlier plan needed them: its multipliers fit no other NLP.
         search.flight = structure.palm > 0 or structure.passing > 0
-        if warm.throw.nlp is not self._bench.nlp(target, search):
+        if warm.throw.nlp is not self.bench.nlp(target, search):
             search.flight = False
             return None
-        problem = self._bench.problem(target, name, search)
+        problem = self.bench.problem(target, name, search)
         thrown = attempt(problem, self.mover, target, solution.x, search, solution)
         return None if thrown is None else self._solved(Found(target, thrown, name), search)
 
@@ -257,7 +264,7 @@ class Planner:
     def _possible(self, goal: Pose, releases: Releases, search: Search) -> Binding:
         """What is possible at all nearest the goal, from the table and the elastic solve."""
         with search.clock("solve"):
-            answer = self._reach.nearest_possible(search.scene, releases, goal)
+            answer = self._reach.nearest_possible(search.scene, releases, goal, search.flight)
         search.iterations += answer.iterations
         return answer
 
@@ -302,7 +309,7 @@ class Planner:
         nearest_pose: Pose | None = None,
         binding: tuple[str, ...] = (),
     ) -> Plan:
-        nlp = self._bench.nlp(target, search) if thrown is None else thrown.nlp
+        nlp = self.bench.nlp(target, search) if thrown is None else thrown.nlp
         plan = Plan(
             search.scene,
             self.mover,
@@ -327,7 +334,8 @@ class Planner:
         """How long release `index` flies down to the goal's height [s]."""
         return float(releases.landings(goal.z, self.scene.gravity)[2][index])
 
-    def _table(self) -> Releases:
+    def releases(self) -> Releases:
+        """The table of sampled releases that starting points come from."""
         if self._releases is None:
             self._releases = self._sampler.draw(SAMPLES)
         return self._releases

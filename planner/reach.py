@@ -87,24 +87,28 @@ class Reach:
     def __init__(self, scene: Scene, mover: Mover, compiling: Compile) -> None:
         self._scene, self._mover = scene, mover
         self._compiling = compiling
-        self._solvers: dict[bool, Solver] = {}
+        self._solvers: dict[tuple[bool, bool], Solver] = {}
 
-    def _solver(self, angle: bool) -> tuple[ThrowNlp, Solver]:
-        if angle not in self._solvers:
-            structure = structure_of(self._scene, self._mover, angle, elastic=True)
-            nlp = build_nlp(structure, self._mover)
-            self._solvers[angle] = Solver(nlp, "ipopt", ITERATIONS, self._compiling)
-        solver = self._solvers[angle]
+    def _solver(self, angle: bool, flight: bool) -> tuple[ThrowNlp, Solver]:
+        key = (angle, flight)
+        if key not in self._solvers:
+            scene, mover = self._scene, self._mover
+            structure = structure_of(scene, mover, angle, flight=flight, elastic=True)
+            nlp = build_nlp(structure, mover)
+            self._solvers[key] = Solver(nlp, "ipopt", ITERATIONS, self._compiling)
+        solver = self._solvers[key]
         assert isinstance(solver.nlp, ThrowNlp)
         return solver.nlp, solver
 
-    def nearest_possible(self, scene: Scene, releases: Releases, target: Pose) -> Binding:
+    def nearest_possible(
+        self, scene: Scene, releases: Releases, target: Pose, flight: bool
+    ) -> Binding:
         """The landing nearest `target` in the scaled error that `scene` can throw.
 
-        scene: this one, aimed at the target.
+        scene: this one, aimed at the target; flight: with the flying bar's rows.
         """
         mover = self._mover
-        nlp, solver = self._solver(target.theta is not None)
+        nlp, solver = self._solver(target.theta is not None, flight)
         numbers = nlp.parameters.vector(parameter_values(scene, mover, target))
         limits = bounds(nlp, scene, mover)
         indices, _ = nearest(releases, scene, target.plane_x, target.z, target.theta, STARTS)

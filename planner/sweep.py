@@ -60,7 +60,13 @@ class Sweep:
     @property
     def robust(self) -> bool:
         """Whether the plan was made against uncertainty."""
-        return bool(getattr(self.plan, "robust", None))
+        return bool(self.plan.robust)
+
+    @property
+    def label(self) -> str:
+        """The scene's name, and what made its plan robust."""
+        name = self.plan.scene.name
+        return f"{name}, robust ({self.plan.robust})" if self.plan.robust else name
 
     @property
     def success(self) -> Flags:

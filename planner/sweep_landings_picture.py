@@ -42,7 +42,7 @@ def draw_landings(sweep: Sweep, path: Path, unit_of: Callable[[str], tuple[float
     some = "" if shown == sweep.samples else f", {shown:,} of them shown"
     rate = 100 * float(sweep.success.mean())
     figure.suptitle(
-        f"{sweep.plan.scene.name}: {sweep.samples:,} throws by {sweep.thrower.model}{some}; "
+        f"{sweep.label}: {sweep.samples:,} throws by {sweep.thrower.model}{some}; "
         f"{rate:.1f} % succeed",
         x=0.01,
         ha="left",

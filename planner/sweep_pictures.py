@@ -58,7 +58,7 @@ def draw_sweep(sweep: Sweep, folder: Path) -> None:
 
 def title(sweep: Sweep, words: str) -> str:
     """One line over a picture: the scene, what is shown, how many throws, by which model."""
-    return f"{sweep.plan.scene.name}: {words} ({sweep.samples:,} throws, {sweep.thrower.model})"
+    return f"{sweep.label}: {words} ({sweep.samples:,} throws, {sweep.thrower.model})"
 
 
 def draw_delay(sweep: Sweep, path: Path) -> None:

@@ -64,7 +64,7 @@ def timeline(plan: Plan, step: float = 0.001) -> Timeline:
     uses = _friction_use(plan, pose, twist, acceleration, com, rate, grip)
     force_use, torque_use = (np.where(phase < 4, use, np.nan) for use in uses)
     marks = {
-        "command": opening - profile.dwell,
+        "command": opening - profile.dwell - scene.mean_delay,
         "opening": opening,
         "detach": detach,
         "landing": landing,
