@@ -123,14 +123,13 @@ class Reach:
             if solution.success and (best is None or solution.cost < best.cost):
                 best = solution
         if best is None:
-            pose = _sampled(releases, indices, target, scene)
-            return Binding(target, pose, pose is None, (), iterations, None, None)
+            # Failed iterations prove nothing.
+            return Binding(target, None, False, (), iterations, None, None)
         # Where that motion lands by the non-smooth model: the pose is one that can be thrown.
         motion = planned_motion(nlp, mover, best.x, nodes)
         landing = throw(scene, mover, motion, opening_start(nlp, best.x), target.z).landing
         if not math.isfinite(landing.flight_time):
-            pose = _sampled(releases, indices, target, scene)
-            return Binding(target, pose, pose is None, (), iterations, None, None)
+            return Binding(target, None, False, (), iterations, None, None)
         angle = None if target.theta is None else landing.theta
         missed = np.array(nlp.landing(best.x, numbers)).ravel()
         dx = abs(missed[0] - target.plane_x)
@@ -139,17 +138,6 @@ class Reach:
         names = () if inside else _binding(nlp, mover, best, limits)
         pose = target.in_plane(landing.x, angle)
         return Binding(target, pose, inside, names, iterations, best, nlp)
-
-
-def _sampled(
-    releases: Releases, indices: npt.NDArray[np.int_], target: Pose, scene: Scene
-) -> Pose | None:
-    """The nearest sampled landing, where the elastic solve found nothing."""
-    if len(indices) == 0:
-        return None
-    x, theta, _ = releases.landings(target.z, scene.gravity)
-    angle = None if target.theta is None else float(theta[indices[0]])
-    return target.in_plane(float(x[indices[0]]), angle)
 
 
 def highest(releases: Releases, target: Pose, gravity: float) -> tuple[bool, Pose | None, str]:

@@ -164,6 +164,8 @@ def _jerk_limited_brake(limits: _Limits, q: Array, dq: Array, ddq: Array) -> Arr
     n = len(q)
     otg, trajectory, order = ruckig.Ruckig(n), ruckig.Trajectory(n), limits.order()
     order.control_interface = ruckig.ControlInterface.Velocity
+    # Left to itself Ruckig lets all joints come to rest together: the others go on longer.
+    order.synchronization = ruckig.Synchronization.No
     order.current_position, order.current_velocity = q.tolist(), dq.tolist()
     order.current_acceleration = ddq.tolist()
     order.target_velocity = order.target_acceleration = [0.0] * n

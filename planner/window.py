@@ -17,6 +17,8 @@ Array = npt.NDArray[np.float64]
 STEP = 0.005
 #: A normal delay is taken to reach this many standard deviations.
 DEVIATIONS = 2.0
+#: An opening is always taken to last up to this share longer: the brake waits for it.
+SLOWER = 0.2
 #: Openings that the scenarios share the hand's motion among, as shares of the window.
 SHARES = (-1.0, -0.5, 0.5, 1.0)
 
@@ -53,16 +55,16 @@ def _reach(scene: Scene) -> tuple[float, float]:
     section = scene.uncertainty
     delay = section.delay if section is not None else USUAL.delay
     opening = None if section is None else section.opening
-    before = after = 0.0
+    nominal = scene.gripper.profile().opening
+    before, after = 0.0, SLOWER * nominal
     if delay is not None:
         spread = delay.about(0.0)
         low, high = spread.reach
         width = DEVIATIONS * spread.deviation if delay.normal is not None else 0.0
         before = max(spread.expected - low, width)
-        after = max(high - spread.expected, width)
+        after += max(high - spread.expected, width)
     if opening is not None:
-        nominal = scene.gripper.profile().opening
         spread = opening.about(nominal)
         width = DEVIATIONS * spread.deviation if opening.normal is not None else 0.0
-        after += max(spread.reach[1] - nominal, spread.expected + width - nominal, 0.0)
+        after += max(max(spread.reach[1], spread.expected + width) - (1 + SLOWER) * nominal, 0.0)
     return before, after

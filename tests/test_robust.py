@@ -1,0 +1,117 @@
+"""Robust plans: quiet, by scenarios; what they bear, and what they cost when not asked for."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+import throwplan as tp
+from throwplan.planner.mover import make_mover
+from throwplan.planner.nlp import build_nlp
+from throwplan.planner.numbers import structure_of
+from throwplan.planner.rollout import friction_use, hand_samples
+from throwplan.planner.window import window_of
+from throwplan.problems.robust import Robust
+
+
+def scaled_spread(plan: tp.Plan, **uncertain: dict) -> float:
+    """95 % quantile [m] of the scaled error about the plan's own landing."""
+    return float(np.quantile(tp.sweep(plan, samples=512).errors["scaled"], 0.95))
+
+
+@pytest.fixture(scope="module")
+def planner() -> tp.Planner:
+    return tp.Planner(tp.load_scene("delay"))
+
+
+@pytest.fixture(scope="module")
+def nominal(planner: tp.Planner) -> tp.Plan:
+    return planner.plan()
+
+
+@pytest.mark.parametrize("method", ["quiet", "scenarios", "auto"])
+def test_a_robust_plan_scatters_a_twentieth(
+    planner: tp.Planner, nominal: tp.Plan, method: str
+) -> None:
+    plan = planner.plan(robust=method)
+    assert plan.solved and plan.robust
+    error = plan.to_dict()["error"]["sent"]
+    assert error["position"] < 1e-4 and error["angle"] < math.radians(0.02)
+    assert scaled_spread(plan) < scaled_spread(nominal) / 20
+
+
+def test_a_free_hand_is_quiet_all_the_way() -> None:
+    """Where nothing limits it, the pads transmit next to nothing over the whole window."""
+    scene = tp.load_scene("hand-flip")
+    plan = tp.Planner(scene).plan(robust="quiet")
+    assert plan.solved and plan.peak_load < 0.01
+    throw = plan.throw
+    window, profile = window_of(scene), scene.gripper.profile()
+    begin = throw.opening_time - window.early * window.step
+    end = throw.opening_time + profile.opening + window.late * window.step
+    hand = hand_samples(plan.mover, throw.planned, np.linspace(begin, end, 200))
+    assert np.hypot(*friction_use(scene, hand)).max() == pytest.approx(plan.peak_load, rel=0.1)
+    assert scaled_spread(plan) < scaled_spread(tp.plan(scene)) / 50
+
+
+def test_quiet_forgives_friction_and_opening_time_too(planner: tp.Planner) -> None:
+    """Planned without knowing it: 30 % less friction and 20 % longer opening."""
+    other = planner.scene
+    contact = dataclasses.replace(other.contact, friction=0.7 * other.contact.friction)
+    gripper = dataclasses.replace(other.gripper, opening=1.2 * other.gripper.opening)
+    misses = []
+    for plan in (planner.plan(), planner.plan(robust="quiet")):
+        changed = dataclasses.replace(
+            plan, scene=plan.scene.replace(contact=contact, gripper=gripper)
+        )
+        found = tp.sweep(changed, samples=256)
+        x, theta = found.landings.pose[:, 0], found.landings.pose[:, 1]
+        dx, dtheta = x - plan.target.plane_x, theta - plan.target.theta
+        arm = other.object.length / 2
+        misses.append(np.quantile(np.abs(dx) + arm * np.abs(dtheta), 0.95))
+    assert misses[1] < misses[0] / 5
+
+
+def test_window_and_scenarios_cost_nothing_when_not_asked_for() -> None:
+    scene = tp.load_scene("delay")
+    mover = make_mover(scene)
+    plain = build_nlp(structure_of(scene, mover, True), mover)
+    without = scene.replace(uncertainty=None)
+    assert build_nlp(structure_of(without, mover, True), mover).size == plain.size
+    assert not [n for n in plain.parameters.blocks if n.startswith(("window", "quiet"))]
+    window = window_of(scene)
+    quiet = build_nlp(structure_of(scene, mover, True, robust="quiet", window=window), mover)
+    extra = window.early + window.late
+    # q, dq, ddq and the jerk of each interval of the window; no relative states.
+    assert quiet.size[0] - plain.size[0] == extra * 4 * mover.size
+
+
+def test_section_asks_for_it_and_uncertainty_alone_does_not() -> None:
+    scene = tp.load_scene("delay")
+    assert not tp.plan(scene).robust
+    plan = tp.plan(scene.replace(robust=Robust(method="quiet")))
+    assert plan.solved and plan.robust == "quiet"
+    assert plan.to_dict()["robust"]["peak_load"] == plan.peak_load
+
+
+def test_window_follows_the_uncertainty() -> None:
+    scene = tp.load_scene("delay")
+    window = window_of(scene)
+    # 10 ms of delay either way, and a fifth of the opening's 50 ms at the end.
+    assert (window.early, window.late) == (2, 4)
+    assert window.step == pytest.approx(0.005)
+    assert sorted(window.delays) == pytest.approx([-0.01, -0.005, 0.01, 0.02])
+    short = window_of(scene.replace(robust=Robust(early=0.0, late=0.004)))
+    assert (short.early, short.late, short.step) == (0, 1, pytest.approx(0.004))
+
+
+def test_wrong_methods() -> None:
+    planner = tp.Planner(tp.load_scene("hand-box"))
+    with pytest.raises(tp.InputError, match="robust = 'loud': must be one of auto, quiet"):
+        planner.plan(robust="loud")
+    with pytest.raises(tp.InputError, match="alternatives: not with a robust plan"):
+        planner.plan(robust="quiet", alternatives=2)
+    with pytest.raises(tp.InputError, match="alternatives = 99: must be 0 to 20"):
+        planner.plan(alternatives=99)

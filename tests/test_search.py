@@ -1,0 +1,72 @@
+"""Several throws to a target, targets from random exact throws, a better model's landing."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+
+import numpy as np
+import pytest
+import throwplan as tp
+from throwplan.planner.reach_study import outcomes, reachable_targets
+from throwplan.problems.choice import Choice
+
+
+@pytest.mark.parametrize("name", ["pose", "cup", "box", "hand-flip"])
+def test_random_targets_in_reach_are_all_thrown_to(name: str) -> None:
+    """Made by exact throws of random motions; the planner's table has no part in them."""
+    scene = tp.load_scene(name)
+    targets = list(itertools.islice(reachable_targets(scene, seed=42), 8))
+    for outcome in outcomes(tp.Planner(scene), targets):
+        assert outcome.plan.solved, (outcome.target, outcome.plan.message)
+        position, angle = outcome.error
+        assert position <= scene.tolerance.position and angle <= scene.tolerance.angle
+
+
+def test_alternatives_differ_and_all_land() -> None:
+    plan = tp.Planner(tp.load_scene("pose")).plan(alternatives=1)
+    throws = [plan, *plan.alternatives]
+    assert len(throws) == 2 and all(other.solved for other in throws)
+    costs = [other.throw.solution.cost for other in throws]
+    assert costs == sorted(costs)
+    states = [other.throw.planned.at(np.array([other.throw.opening_time])) for other in throws]
+    for one, other in itertools.combinations(states, 2):
+        assert max(np.abs(a - b).max() for a, b in zip(one[:2], other[:2], strict=True)) > 0.05
+    assert len(plan.to_dict()["alternatives"]) == 1
+
+
+def test_choice_by_time_takes_the_shortest() -> None:
+    scene = tp.load_scene("pose")
+    plans = {by: tp.plan(scene.replace(choice=Choice(by=by, among=3))) for by in ("effort", "time")}
+    assert all(plan.solved for plan in plans.values())
+    assert plans["time"].throw.landing_time <= plans["effort"].throw.landing_time + 1e-9
+    assert plans["effort"].throw.solution.cost <= plans["time"].throw.solution.cost + 1e-9
+
+
+@pytest.mark.parametrize("name", ["pose", "hand-flip"])
+def test_landing_is_true_for_the_model_that_the_tolerance_names(name: str) -> None:
+    scene = tp.load_scene(name)
+    truer = dataclasses.replace(scene.tolerance, model="ls-step")
+    plan = tp.plan(scene.replace(tolerance=truer))
+    assert plan.solved
+    dx, dtheta = plan.throw.limit_surface.miss(plan.target)
+    assert abs(dx) < 1e-4 and abs(dtheta) < math.radians(0.02)
+
+
+def test_warm_plans_follow_a_moving_target() -> None:
+    planner = tp.Planner(tp.load_scene("pose"))
+    plan = planner.plan()
+    iterations = plan.iterations
+    for k in range(1, 6):
+        target = plan.target.in_plane(plan.target.plane_x - 0.003, plan.target.theta + 0.006)
+        plan = planner.plan(target, warm=plan)
+        assert plan.solved and plan.attempts <= 3, k
+        assert plan.iterations < iterations
+
+
+def test_throws_over_the_robot_itself_are_found() -> None:
+    """Backwards, past column and palm: rows of the flight come in when the check asks."""
+    plan = tp.Planner(tp.load_scene("box")).plan(tp.Pose(x=-0.386, z=0.1))
+    assert plan.solved
+    assert plan.throw.nlp.structure.passing > 0
