@@ -10,6 +10,7 @@ from importlib.metadata import PackageNotFoundError, version
 from .planner.api import plan, simulate
 from .planner.plan import Plan
 from .planner.planner import Planner
+from .planner.reach_map import ReachMap, reach_map
 from .planner.simulate_batch import simulate_batch
 from .planner.sweep import Sweep, sweep
 from .problems.errors import InputError, ThrowplanError
@@ -26,11 +27,13 @@ __all__ = [
     "Plan",
     "Planner",
     "Pose",
+    "ReachMap",
     "Scene",
     "Sweep",
     "ThrowplanError",
     "load_scene",
     "plan",
+    "reach_map",
     "scene_names",
     "simulate",
     "simulate_batch",

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 
 from ..problems.errors import InputError
 from .command import DONE, WRONG_INPUT, Parser
+from .command_map import add_map
 from .command_plan import add_plan
 from .command_scenes import add_scenes
 from .command_simulate import add_simulate
@@ -52,7 +53,7 @@ def _parser() -> Parser:
         prog="throwplan", description="Plan throws to a landing pose through the gripper's release."
     )
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
-    for add in (add_scenes, add_plan, add_simulate, add_sweep):
+    for add in (add_scenes, add_plan, add_simulate, add_map, add_sweep):
         add(commands)
     return parser
 

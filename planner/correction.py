@@ -82,6 +82,7 @@ class _Candidate:
     samples: SampledMotion
     opening_time: float
     thrown: Thrown
+    aim: tuple[float, float]
 
 
 def attempt(
@@ -91,9 +92,13 @@ def attempt(
     guess: Array,
     search: Search,
     warm: Solution | None = None,
+    aim: tuple[float, float] = (0.0, 0.0),
 ) -> PlannedThrow | None:
-    """One solve and its corrections; None (and why, in `search`) if it is no good."""
-    best = _corrected(problem, mover, target, guess, search, warm)
+    """One solve and its corrections; None (and why, in `search`) if it is no good.
+
+    aim: (dx [m], dtheta [rad]) beside the target to aim at first.
+    """
+    best = _corrected(problem, mover, target, guess, search, warm, aim)
     if best is None:
         return None
     with search.clock("check"):
@@ -114,8 +119,10 @@ def _corrected(
     guess: Array,
     search: Search,
     warm: Solution | None,
+    aim: tuple[float, float],
 ) -> _Candidate | None:
-    goal, best, best_miss = target, None, math.inf
+    goal = target.in_plane(target.plane_x + aim[0], target.turned(aim[1]).theta)
+    best, best_miss = None, math.inf
     for _ in range(MAX_CORRECTIONS):
         solution, numbers = _solved(problem, mover, goal, guess, search, warm)
         if not solution.success:
@@ -123,7 +130,7 @@ def _corrected(
                 search.trouble.append(f"{problem.solver.name} did not converge")
             break
         try:
-            candidate = _candidate(problem, mover, solution, numbers, target, search)
+            candidate = _candidate(problem, mover, solution, numbers, target, goal, search)
         except SmoothingError as error:
             search.trouble.append(str(error))
             break
@@ -168,6 +175,7 @@ def _candidate(
     solution: Solution,
     numbers: Array,
     target: Pose,
+    goal: Pose,
     search: Search,
 ) -> _Candidate:
     """The solution's motion, smoothed, and its landing by the model that counts."""
@@ -182,7 +190,9 @@ def _candidate(
     with search.clock("check"):
         model = limit_surface_throw if scene.tolerance.model == "ls-step" else throw
         thrown = model(scene, mover, motion, opening_time, target.z)
-    return _Candidate(solution, numbers, planned, samples, opening_time, thrown)
+    turn = 0.0 if goal.theta is None or target.theta is None else goal.theta - target.theta
+    aim = (goal.plane_x - target.plane_x, turn)
+    return _Candidate(solution, numbers, planned, samples, opening_time, thrown, aim)
 
 
 def _thrown(
@@ -201,7 +211,17 @@ def _thrown(
         exact, sent = throw(scene, mover, planned, at, target.z), counting
     x, z, theta = np.array(nlp.landing(best.solution.x, best.numbers)).ravel()
     return PlannedThrow(
-        nlp, best.solution, planned, samples, at, (x, z, theta), exact, sent, surface, best.thrown
+        nlp,
+        best.solution,
+        planned,
+        samples,
+        at,
+        (x, z, theta),
+        exact,
+        sent,
+        surface,
+        best.thrown,
+        best.aim,
     )
 
 

@@ -123,10 +123,13 @@ def _past_column(context: Context, stage: Stage, flight: FlightState) -> None:
     p = context.parameters
     count = context.structure.passing
     for i in range(count):
+        # The landing pose itself is given: no room there, or targets beside the column are lost.
+        share = min(1.0, (count - 1 - i) / 5)
         at = flight.after(stage.controls["t_f"] * (i / (count - 1)), context.gravity)
         for along in (p("ahead"), p("ahead") / 2, ca.SX(0), -p("behind") / 2, -p("behind")):
-            x, z = at.x + along * ca.cos(at.theta), at.z + along * ca.sin(at.theta)
-            room = off_column(context, x, z) - p("passing_room")
+            cos, sin = ca.cos(at.theta), ca.sin(at.theta)
+            x, z = at.x + along * cos, at.z + along * sin
+            room = off_column(context, x, z, cos, sin) - share * p("passing_room")
             stage.row("base column", room, 0.0, np.inf)
 
 

@@ -4,8 +4,11 @@ The equations are the models' own, made once into a function of CasADi's virtual
 with every number of body, contact and hand as an input. What makes it quick is where the
 steps lie. The sliding pivot is run twice: a coarse run finds when pivoting and sliding
 begin and end, the finer one has nodes there, so that Runge-Kutta keeps its order. The
-limit surface, first order in its steps, is extrapolated. Either goes on with twice the
-steps until its detach state, and those events, settle.
+limit surface, first order in its steps, is extrapolated. It has nodes where slip stops:
+if friction turns round inside a step, the whole step is taken with the new friction, and
+once all steps are longer than the rest of the old slip takes, that error does not shrink
+with them. Either goes on with twice the steps until its detach state, and those events,
+settle.
 """
 
 from __future__ import annotations
@@ -40,6 +43,13 @@ SETTLED = 1e-3
 #: Pivoting and sliding begin and end within this share of the opening from where a node was
 #: put for it; otherwise another run follows.
 ASTRAY = 5e-4
+#: A node is put where slip stops, if that is farther than this share of the opening from
+#: the ends of its step, at most so many times in a release.
+OFF_NODE, PLACINGS = 1e-5, 6
+#: Stops found closer to each other than this share of the opening, in two runs, are one.
+SAME = 1e-3
+#: Friction of two steps whose directions' cosine is below this may have turned round.
+TURNED = 0.99
 #: Newton iterations of an impulse: on planned throws four are exact to rounding.
 ITERATIONS = 6
 #: Flight [s] over which a velocity error, and lever [m] by which an angle error, counts.
@@ -85,15 +95,25 @@ def limit_surface_release(case: ReleaseCase, kinks: Array) -> Release:
 
     kinks: as for the sliding pivot.
     """
-    shares = halved(graded_shares(kinks / case.grip.opening, SURFACE_COARSE))
+    opening, stops, doublings, placings = case.grip.opening, np.zeros(0), 2, 0
     while True:
-        shares = halved(shares)
+        shares = graded_shares(np.concatenate([kinks, stops]) / opening, SURFACE_COARSE)
+        for _ in range(doublings):
+            shares = halved(shares)
         steps = _surface_steps(case, shares)
-        plain = [steps.detach(stride) for stride in (4, 2, 1)]
+        finest = steps.run()
+        found = steps.stops(*finest) if placings < PLACINGS else np.zeros(0)
+        if found.size:
+            # Better known now are those that had a node close by.
+            far = np.abs(np.subtract.outer(stops, found)).min(axis=1) > SAME * opening
+            stops, placings = np.concatenate([stops[far], found]), placings + 1
+            continue
+        plain = [steps.run(4)[0][-1], steps.run(2)[0][-1], finest[0][-1]]
         # The stepping is first order: this takes the leading error away.
         before, detach = 2 * plain[1] - plain[0], 2 * plain[2] - plain[1]
         if shares.size > MOST or _distance(detach, before) <= SETTLED:
             break
+        doublings += 1
     states = np.column_stack([steps.start, detach])
     return Release(steps.times[[0, -1]], states[:3], states[3:])
 
@@ -187,20 +207,70 @@ class _SurfaceSteps:
     between the inner nodes; numbers (8,); start (6,): the sticking CoM's pose and twist.
     """
 
+    law: LimitSurfaceStepping
     times: Array
     start: Array
     hand: Array
     forces: Array
     numbers: Array
 
-    def detach(self, stride: int) -> Array:
-        """Detach state (6,) in steps of `stride` intervals."""
+    def run(self, stride: int = 1) -> tuple[Array, Array]:
+        """States (K, 6) after steps of `stride` intervals, and their friction (K, 3).
+
+        Friction is in half axes of the limit surface: 1 long where the body slips.
+        """
         times, hand = self.times[::stride], self.hand[::stride]
         columns = np.empty((times.size - 1, 22))
         columns[:, :6], columns[:, 6:12] = hand[:-1], hand[1:]
         columns[:, 12] = self.forces[stride - 1 :: 2 * stride]
         columns[:, 13], columns[:, 14:] = np.diff(times), self.numbers
-        return np.asarray(_surface_kernel()(self.start, columns)[0][-1])
+        states, friction = _surface_kernel()(self.start, columns)
+        return states, friction
+
+    def stops(self, states: Array, friction: Array) -> Array:
+        """When slip stops inside a step [s], as friction that turns round in it tells."""
+        turned = np.einsum("ki,ki->k", friction[:-1], friction[1:]) < TURNED
+        before = np.flatnonzero(turned)
+        before = before[np.linalg.norm(friction[before], axis=1) > 1.0 - 1e-6]
+        least = OFF_NODE * self.times[-1]
+        stops = []
+        for k in before.tolist():
+            begin, end = self.times[k + 1 : k + 3]
+            stop = begin + (end - begin) * self._stop(k, states, friction)
+            if begin + least < stop < end - least:
+                stops.append(stop)
+        return np.array(stops)
+
+    def _stop(self, k: int, states: Array, friction: Array) -> float:
+        """Share of step k + 1 after which the slip at its start has stopped, or more than 1.
+
+        Had friction not turned round in the step, it would have been on the other side of
+        the limit surface, where slip differs along its direction before the step only.
+        """
+        old = friction[k]
+        _, slip, _ = self._contact(k, states, friction)
+        inverse_mass, new_slip, radius = self._contact(k + 1, states, friction)
+        way, new = radius * np.linalg.solve(inverse_mass, old), radius * friction[k + 1]
+        # The farther |new + braking way| = radius.
+        a, b, c = way @ way, new @ way, min(new @ new - radius**2, 0.0)
+        braking = radius * (math.sqrt(b * b - a * c) - b) / a
+        rise = old @ (new_slip - slip) + braking
+        return float(-(old @ slip) / rise) if rise > 0.0 else math.inf
+
+    def _contact(self, k: int, states: Array, friction: Array) -> tuple[Array, Array, float]:
+        """Of step k: inverse mass (3, 3), slip (3,) it leaves, largest impulse.
+
+        In half axes of the limit surface.
+        """
+        state = states[k - 1] if k else self.start
+        start, end = HandState(*self.hand[k]), HandState(*self.hand[k + 1])
+        dt = self.times[k + 1] - self.times[k]
+        lever = self.law.lever(state, start, end, dt)
+        problem = self.law.problem(state, end, lever, self.forces[2 * k], dt)
+        k_xx, k_zz, k_tt, k_xz, k_xt, k_zt = problem.matrix
+        inverse_mass = np.array([[k_xx, k_xz, k_xt], [k_xz, k_zz, k_zt], [k_xt, k_zt, k_tt]])
+        slip = inverse_mass @ (problem.radius * friction[k]) - np.array(problem.rhs)
+        return inverse_mass, slip, float(problem.radius)
 
 
 def _surface_steps(case: ReleaseCase, shares: Array) -> _SurfaceSteps:
@@ -213,6 +283,7 @@ def _surface_steps(case: ReleaseCase, shares: Array) -> _SurfaceSteps:
     held = np.array([0.0, 0.0, case.grasp_angle, 0.0, 0.0, 0.0])
     motion = HandMotion(hand.pose[2, 0], hand.twist[2, 0], *hand.acceleration[:, 0])
     return _SurfaceSteps(
+        LimitSurfaceStepping(case.body, case.contact, case.gravity),
         times,
         np.array(law.com_state(held, hand.pose[:, 0], hand.twist[:, 0], motion)),
         np.hstack([hand.pose.T, hand.twist.T]),
@@ -237,10 +308,15 @@ def _pivot_kernel() -> StepKernel:
 
 @cache
 def _surface_kernel() -> StepKernel:
-    """(state, hand at start and end, grip between, dt, numbers) -> state."""
+    """(state, hand at start and end, grip between, dt, numbers) -> state, friction."""
     p, body, contact, gravity = number_symbols()
     state, u = ca.SX.sym("state", 6), ca.SX.sym("u", 14)
     parts = ca.vertsplit(u)
     law = LimitSurfaceStepping(body, contact, gravity, iterations=ITERATIONS)
-    new = law.step(state, HandState(*parts[:6]), HandState(*parts[6:12]), parts[12], parts[13])
-    return StepKernel([state, ca.vertcat(u, p)], [ca.vertcat(*new)])
+    start, end, force, dt = HandState(*parts[:6]), HandState(*parts[6:12]), parts[12], parts[13]
+    lever = law.lever(state, start, end, dt)
+    problem = law.problem(state, end, lever, force, dt)
+    y = problem.solve(ITERATIONS)
+    new = law.after(state, start, end, lever, y, dt)
+    friction = ca.vertcat(*y) / ca.fmax(problem.radius, 1e-300)
+    return StepKernel([state, ca.vertcat(u, p)], [ca.vertcat(*new), friction])

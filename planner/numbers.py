@@ -30,9 +30,9 @@ FLIGHT_MAX = 3.0
 #: Times after detach [s] at which the NLP keeps the bar off the hand's body.
 PALM_TIMES = (0.01, 0.02, 0.03, 0.045, 0.06, 0.075, 0.09, 0.11, 0.13, 0.15, 0.18, 0.21, 0.25)
 #: Instants of the flight at which it keeps the bar off the base column.
-PASSING = 30
+PASSING = 40
 #: Room [m] that these instants keep, for what lies between them.
-PASSING_ROOM = 0.01
+PASSING_ROOM = 0.004
 #: Share of landing bounds kept back: the exact model lands a little differently.
 LANDING_ROOM = 0.02
 #: Price of the mean square load (m/s^2)^2 over the window of a quiet release.

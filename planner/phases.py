@@ -11,7 +11,7 @@ from .integration import gauss_interval, runge_kutta_interval
 from .ocp import Stage
 
 #: Rounding [m] of the corner between two ways of being clear of an obstacle.
-CORNER = 0.005
+CORNER = 0.002
 
 
 def carry_interval(context: Context, first: bool, stage: Stage, following: Stage) -> None:
@@ -125,18 +125,23 @@ def _off_obstacles(context: Context, stage: Stage, pose: list[ca.SX]) -> None:
         return
     theta = pose[2] + context.grasp_angle
     reach, half_width = context.body.com_offset + p("ahead"), p("half_width")
-    tip_x, tip_z = pose[0] + reach * ca.cos(theta), pose[1] + reach * ca.sin(theta)
+    cos, sin = ca.cos(theta), ca.sin(theta)
+    tip_x, tip_z = pose[0] + reach * cos, pose[1] + reach * sin
     if s.floor:
         stage.row("floor", tip_z - half_width - p("floor"), 0.0, np.inf)
     if s.column:
-        stage.row("base column", off_column(context, tip_x, tip_z), 0.0, np.inf)
+        stage.row("base column", off_column(context, tip_x, tip_z, cos, sin), 0.0, np.inf)
 
 
-def off_column(context: Context, x: ca.SX, z: ca.SX) -> ca.SX:
-    """Room [m] of a point of the bar's axis above the base column or to either side of it."""
+def off_column(context: Context, x: ca.SX, z: ca.SX, cos: ca.SX, sin: ca.SX) -> ca.SX:
+    """Room [m] of the bar at a point of its axis above the base column or to either side.
+
+    cos, sin: of the bar's angle; its edges lie half its width across.
+    """
     p = context.parameters
-    over = z - p("half_width") - p("column_height")
-    beside = ca.sqrt(x**2 + 1e-8) - p("half_width") - p("column_radius")
+    over = z - p("half_width") * ca.sqrt(cos**2 + 1e-6) - p("column_height")
+    beside = ca.sqrt(x**2 + 1e-8) - p("half_width") * ca.sqrt(sin**2 + 1e-6)
+    beside = beside - p("column_radius")
     return soft_max(over, beside)
 
 

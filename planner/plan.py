@@ -27,7 +27,8 @@ class PlannedThrow:
     nlp, solution: where it comes from; opening_time [s] on the motion's clock; sent is None
     for a hand scene, whose motion is checked as planned; samples are what motion.csv holds.
     limit_surface: the same motion by that model; final: the throw that counts, by the
-    model of the tolerance.
+    model of the tolerance; aim: how far beside the target (dx [m], dtheta [rad]) the NLP's
+    landing is put, so that this one is at it.
     """
 
     nlp: ThrowNlp
@@ -40,6 +41,7 @@ class PlannedThrow:
     sent: Thrown | None
     limit_surface: Thrown
     final: Thrown
+    aim: tuple[float, float]
 
     @property
     def landing_time(self) -> float:

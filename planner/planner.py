@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 import time
 from collections.abc import Iterator
@@ -21,6 +22,7 @@ from .hardening import hardened
 from .mover import make_mover
 from .plan import Plan, PlannedThrow, Status, checked_target
 from .reach import Binding, Reach, highest
+from .release_cache import stored
 from .releases import Releases, ReleaseSampler, nearest
 from .start import check_start
 from .workbench import Workbench
@@ -238,7 +240,7 @@ class Planner:
             search.flight = False
             return None
         problem = self.bench.problem(target, name, search)
-        thrown = attempt(problem, self.mover, target, solution.x, search, solution)
+        thrown = attempt(problem, self.mover, target, solution.x, search, solution, warm.throw.aim)
         return None if thrown is None else self._solved(Found(target, thrown, name), search)
 
     def _starts(
@@ -337,7 +339,8 @@ class Planner:
     def releases(self) -> Releases:
         """The table of sampled releases that starting points come from."""
         if self._releases is None:
-            self._releases = self._sampler.draw(SAMPLES)
+            draw = functools.partial(self._sampler.draw, SAMPLES)
+            self._releases = stored(self.scene, self.mover, SAMPLES, 0, draw)
         return self._releases
 
     def _check_azimuth(self, target: Pose) -> None:

@@ -7,7 +7,6 @@ as one batch. The landing nearest a target then starts the NLP.
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,15 +17,18 @@ from ..models.flight import land
 from ..models.integrate import rk4_step
 from ..models.sliding_pivot import SlidingPivot
 from ..problems.scene import Scene
-from .context import JERK_UNIT, Structure
 from .mover import Mover
-from .nlp import ThrowNlp
 from .numbers import BRAKE_SHARE
+from .sparse import sparse_parents
 
 Array = npt.NDArray[np.float64]
 
 #: Runge-Kutta steps of the opening in the table.
 TABLE_STEPS = 12
+#: Share of a table drawn beside releases whose landings are sparse, and in how many rounds.
+SPARSE_SHARE, ROUNDS = 0.6, 6
+#: How near, in shares of the limits' range.
+NEARNESS = (0.01, 0.1)
 
 
 @dataclass(frozen=True)
@@ -47,6 +49,12 @@ class Releases:
         return x, theta, time
 
 
+def joined(one: Releases, other: Releases) -> Releases:
+    """The releases of both."""
+    names = ("q", "dq", "ddq", "run_up", "detach")
+    return Releases(*(np.concatenate([getattr(one, n), getattr(other, n)]) for n in names))
+
+
 class ReleaseSampler:
     """Draws feasible releases of a scene."""
 
@@ -57,26 +65,61 @@ class ReleaseSampler:
         self.release = SlidingPivot(scene.body, scene.patch, scene.gravity)
 
     def draw(self, count: int, seed: int = 0) -> Releases:
-        """`count` random states, filtered and thrown; fewer come back."""
+        """Releases from `count` tried states; fewer come back.
+
+        The first of them evenly in the states, then, in rounds, beside the releases whose
+        landings are sparse: those at the edge of what is in reach above all.
+        """
         rng = np.random.default_rng(seed)
+        beside = int(SPARSE_SHARE * count / ROUNDS)
+        table = self._evenly(count - ROUNDS * beside, rng)
+        for _ in range(ROUNDS if len(table.q) else 0):
+            # Where most come down: the table serves all heights.
+            height = float(np.quantile(table.detach[:, 1], 0.05))
+            x, theta, _ = table.landings(height, self.scene.gravity)
+            parents = sparse_parents(x, theta, beside, rng)
+            table = joined(table, self._beside(table, parents, rng))
+        return table
+
+    def _evenly(self, count: int, rng: np.random.Generator) -> Releases:
+        """Releases from `count` states all over the limits; the last few let go at rest."""
         limits, n = self.mover.planning, self.mover.size
         q = rng.uniform(limits.q_min, limits.q_max, (count, n))
         dq = rng.uniform(-limits.dq, limits.dq, (count, n))
         ddq = rng.uniform(-0.9, 0.9, (count, n)) * limits.ddq
-        # Some just let go at rest.
         still = slice(count - max(count // 20, 1), count)
         dq[still], ddq[still] = 0.0, 0.0
         if self.mover.start is not None:
             q[-1] = self.mover.start
-        run_up = self.run_up_time(dq, ddq, rng)
+        return self._kept(q, dq, ddq, self.run_up_time(dq, ddq, rng), rng)
+
+    def _beside(
+        self, table: Releases, parents: npt.NDArray[np.int_], rng: np.random.Generator
+    ) -> Releases:
+        """Releases from states near those of `parents`, some nearer, some farther."""
+        limits, n = self.mover.planning, self.mover.size
+        size = (len(parents), n)
+        width = np.exp(rng.uniform(*np.log(NEARNESS), (len(parents), 1)))
+        q = table.q[parents] + width * (limits.q_max - limits.q_min) * rng.normal(size=size)
+        dq = table.dq[parents] + width * 2 * limits.dq * rng.normal(size=size)
+        ddq = table.ddq[parents] + width * 2 * limits.ddq * rng.normal(size=size)
+        dq, ddq = np.clip(dq, -limits.dq, limits.dq), np.clip(ddq, -limits.ddq, limits.ddq)
+        return self._kept(q, dq, ddq, self.run_up_time(dq, ddq, rng), rng)
+
+    def _kept(
+        self, q: Array, dq: Array, ddq: Array, run_up: Array, rng: np.random.Generator
+    ) -> Releases:
+        """The feasible ones of some states, thrown."""
         if self.mover.start is not None:
+            # From a given start the way may be long: up to the longest carry.
+            longest = self.scene.mesh.carry_max
             run_up = np.maximum(run_up, 0.25)
+            run_up = run_up * (longest / run_up) ** rng.uniform(0.0, 1.0, run_up.size)
         keep = self.within_limits(q, dq, ddq, run_up)
         q, dq, ddq, run_up = q[keep], dq[keep], ddq[keep], run_up[keep]
-        if len(q) == 0:
-            return Releases(q, dq, ddq, run_up, np.zeros((0, 6)))
-        keep = self.held(q, dq, ddq)
-        q, dq, ddq, run_up = q[keep], dq[keep], ddq[keep], run_up[keep]
+        if len(q):
+            keep = self.held(q, dq, ddq)
+            q, dq, ddq, run_up = q[keep], dq[keep], ddq[keep], run_up[keep]
         if len(q) == 0:
             return Releases(q, dq, ddq, run_up, np.zeros((0, 6)))
         states, _ = self.throw(q, dq, ddq, TABLE_STEPS)
@@ -185,66 +228,3 @@ def nearest(
     order = np.argsort(distance)[:count]
     order = order[np.isfinite(distance[order])]
     return order, distance[order]
-
-
-def guess_from(
-    nlp: ThrowNlp, sampler: ReleaseSampler, releases: Releases, index: int, height: float
-) -> Array:
-    """Decision vector that starts the NLP from release `index`."""
-    s: Structure = nlp.structure
-    one = slice(index, index + 1)
-    q, dq, ddq = releases.q[index], releases.dq[index], releases.ddq[index]
-    run_up, opening = float(releases.run_up[index]), sampler.profile.opening
-    _, track = sampler.throw(
-        releases.q[one], releases.dq[one], releases.ddq[one], s.opening * s.substeps
-    )
-    flight = float(releases.landings(height, sampler.scene.gravity)[2][index])
-    a, b = _run_up_shape(dq, ddq, np.array(run_up))
-    start = sampler.mover.start
-    end = s.carry + s.opening
-
-    def coordinates(k: int) -> tuple[Array, Array, Array]:
-        if k <= s.carry:
-            t = run_up * k / s.carry
-            position = q - a * (run_up**3 - t**3) / 3 - b * (run_up**4 - t**4) / 4
-            rate, acceleration = a * t**2 + b * t**3, 2 * a * t + 3 * b * t**2
-            if start is not None:
-                return _from_start(start, q, dq, ddq, run_up, t)
-            return position, rate, acceleration
-        t = opening * (k - s.carry) / s.opening
-        return q + dq * t + ddq * t**2 / 2, dq + ddq * t, ddq
-
-    def value(name: str, k: int) -> Array | float:
-        if name in ("q", "dq", "ddq"):
-            return coordinates(k)[("q", "dq", "ddq").index(name)]
-        if name == "c":
-            dt = run_up / s.carry if k < s.carry else opening / s.opening
-            before, after = coordinates(k), coordinates(k + 1)
-            if s.jerk_control:
-                return (after[2] - before[2]) / dt / JERK_UNIT
-            return (after[1] - before[1]) / dt
-        if name == "rel":
-            state = track[(k - s.carry) * s.substeps][:, 0]
-            return state if s.pivot else state[[0, 1, 3, 4]]
-        if name.startswith("t_cup"):
-            return flight + 0.02 * (int(name[5:]) - (s.cup - 1) / 2)
-        return {"T": run_up, "t_f": flight}.get(name, 0.0)
-
-    assert math.isfinite(flight) and end == len(nlp.nx) - 1
-    return nlp.fill(value)
-
-
-def _from_start(
-    start: Array, q: Array, dq: Array, ddq: Array, run_up: float, t: float
-) -> tuple[Array, Array, Array]:
-    """Quintic from rest at `start` to the release state."""
-    T = run_up
-    gap = q - start
-    c3 = (20 * gap - 8 * dq * T + ddq * T**2) / (2 * T**3)
-    c4 = (-30 * gap + 14 * dq * T - 2 * ddq * T**2) / (2 * T**4)
-    c5 = (12 * gap - 6 * dq * T + ddq * T**2) / (2 * T**5)
-    return (
-        start + c3 * t**3 + c4 * t**4 + c5 * t**5,
-        3 * c3 * t**2 + 4 * c4 * t**3 + 5 * c5 * t**4,
-        6 * c3 * t + 12 * c4 * t**2 + 20 * c5 * t**3,
-    )

@@ -132,6 +132,21 @@ def test_a_hand_whose_acceleration_steps_between_all_nodes() -> None:
     assert detached(sliding_pivot_release(case, kinks)) == pytest.approx(exact, abs=1e-6)
 
 
+@pytest.mark.parametrize("jump", [0.0091, 0.0203, 0.0307])
+def test_friction_that_turns_round_within_a_step(jump: float) -> None:
+    # The body lags a little behind a hand that turns ever faster. When that ends, friction
+    # first stops the lag, within microseconds, then is on its other side: steps longer than
+    # that miss it, however many.
+    accelerations = [[2.4, 5.5, 100.0], [-20.0, -9.0, 0.0]]
+    hand = PiecewiseAcceleration((0.0, 0.5, 0.3), (2.0, 1.0, 5.0), [0.0, jump], accelerations)
+    case = case_of(tp.load_scene("hand-flip"), hand)
+    mine = detached(limit_surface_release(case, np.array([jump])))
+    coarse, fine = (detached(SteppedRelease(steps=n).release(case)) for n in (32_000, 64_000))
+    limit = 2 * fine - coarse
+    assert mine[:3] == pytest.approx(limit[:3], abs=3e-5)
+    assert mine[3:] == pytest.approx(limit[3:], abs=3e-4)
+
+
 @pytest.mark.parametrize("steps", [5, 32, 40])
 def test_relative_states_are_those_of_plain_runge_kutta(steps: int) -> None:
     case, _ = thrown("cup", "planned")

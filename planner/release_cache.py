@@ -1,0 +1,74 @@
+"""Release tables in the cache folder: made once per scene structure, shared by processes."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from ..problems.scene import Scene
+from .cache import cache_folder, digest, publish
+from .mover import Mover
+from .releases import Releases
+
+#: Changes whenever other releases are drawn for the same scene.
+VERSION = "1"
+#: What a table holds.
+_ARRAYS = ("q", "dq", "ddq", "run_up", "detach")
+
+
+def stored(
+    scene: Scene, mover: Mover, count: int, seed: int, draw: Callable[[], Releases]
+) -> Releases:
+    """The table of a scene from the cache, or drawn and put there.
+
+    Its name is a hash of all that it depends on: not of the target, cup or tolerance. A
+    damaged file is drawn again; without a cache folder nothing is kept.
+    """
+    folder = cache_folder()
+    if folder is None:
+        return draw()
+    name = f"{_key(scene, mover, count, seed)}.npz"
+    found = _read(folder / name)
+    if found is None:
+        found = draw()
+        arrays = {key: getattr(found, key) for key in _ARRAYS}
+        publish(folder, name, lambda path: np.savez(path, **arrays))
+    return found
+
+
+def _key(scene: Scene, mover: Mover, count: int, seed: int) -> str:
+    limits = mover.planning
+    parts = (
+        scene.object,
+        scene.grasp,
+        scene.patch,
+        scene.gripper,
+        scene.gravity,
+        scene.workspace,
+        scene.mesh.sticking_margin,
+        scene.mesh.carry_max,
+        scene.arm,
+        mover.kinematics.coordinates,
+        getattr(mover.kinematics, "throwing_joints", None),
+        scene.hand,
+        *(None if v is None else v.tolist() for v in vars(limits).values()),
+        None if mover.start is None else mover.start.tolist(),
+        count,
+        seed,
+    )
+    return digest("releases", VERSION, *map(repr, parts))
+
+
+def _read(path: Path) -> Releases | None:
+    """The table in a file; None if it is not there or not whole."""
+    try:
+        with np.load(path) as arrays:
+            found = [np.asarray(arrays[key], float) for key in _ARRAYS]
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile):
+        return None
+    if len({len(array) for array in found}) != 1 or not all(np.isfinite(a).all() for a in found):
+        return None
+    return Releases(*found)
