@@ -127,7 +127,8 @@ def _past_column(context: Context, stage: Stage, flight: FlightState) -> None:
         share = min(1.0, (count - 1 - i) / 5)
         at = flight.after(stage.controls["t_f"] * (i / (count - 1)), context.gravity)
         for along in (p("ahead"), p("ahead") / 2, ca.SX(0), -p("behind") / 2, -p("behind")):
-            cos, sin = ca.cos(at.theta), ca.sin(at.theta)
+            theta = ca.SX(at.theta)
+            cos, sin = ca.cos(theta), ca.sin(theta)
             x, z = at.x + along * cos, at.z + along * sin
             room = off_column(context, x, z, cos, sin) - share * p("passing_room")
             stage.row("base column", room, 0.0, np.inf)

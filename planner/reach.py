@@ -116,8 +116,8 @@ class Reach:
         best: Solution | None = None
         iterations = 0
         for index in indices:
-            flight = float(releases.landings(target.z, scene.gravity)[2][index])
-            guess = guess_from(nlp, scene, mover, releases, int(index), flight)
+            flown = float(releases.landings(target.z, scene.gravity)[2][index])
+            guess = guess_from(nlp, scene, mover, releases, int(index), flown)
             solution = solver.solve(guess, numbers, limits)
             iterations += solution.iterations
             if solution.success and (best is None or solution.cost < best.cost):

@@ -4,8 +4,9 @@ The states are those of `ReleaseSampler` from a free start: a scene with a given
 wound up first, from rest there to rest at the run-up's start, in what the longest carry
 leaves. Kept are the throws that keep floor, base column and the bounds of [landing]. A bin
 with a landing is one that was hit, not one that a plan was made for: of 48 bins drawn on pose,
-cup (without its cup) and hand-flip, half of them among those with five landings or more, the
-planner solved the middles of 47. An empty bin beside full ones may only have been missed.
+cup (without its cup; 2 cm bins) and hand-flip (6 cm), half of them among those with five
+landings or more, the planner solved the middles of 47. An empty bin beside full ones may only
+have been missed.
 """
 
 from __future__ import annotations

@@ -65,9 +65,9 @@ def _key(scene: Scene, mover: Mover, count: int, seed: int) -> str:
 def _read(path: Path) -> Releases | None:
     """The table in a file; None if it is not there or not whole."""
     try:
-        with np.load(path) as arrays:
+        with path.open("rb") as file, np.load(file) as arrays:
             found = [np.asarray(arrays[key], float) for key in _ARRAYS]
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile):
+    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None
     if len({len(array) for array in found}) != 1 or not all(np.isfinite(a).all() for a in found):
         return None

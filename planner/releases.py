@@ -7,6 +7,7 @@ as one batch. The landing nearest a target then starts the NLP.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -99,7 +100,7 @@ class ReleaseSampler:
         """Releases from states near those of `parents`, some nearer, some farther."""
         limits, n = self.mover.planning, self.mover.size
         size = (len(parents), n)
-        width = np.exp(rng.uniform(*np.log(NEARNESS), (len(parents), 1)))
+        width = np.exp(rng.uniform(*map(math.log, NEARNESS), (len(parents), 1)))
         q = table.q[parents] + width * (limits.q_max - limits.q_min) * rng.normal(size=size)
         dq = table.dq[parents] + width * 2 * limits.dq * rng.normal(size=size)
         ddq = table.ddq[parents] + width * 2 * limits.ddq * rng.normal(size=size)
@@ -141,7 +142,7 @@ class ReleaseSampler:
         stop = end + rate * np.abs(rate) / (2 * BRAKE_SHARE * limits.ddq)
         a, b = _run_up_shape(dq, ddq, run_up[:, None])
         start = q - a * run_up[:, None] ** 3 / 3 - b * run_up[:, None] ** 4 / 4
-        positions = [end, stop] if self.mover.start is not None else [start, end, stop]
+        positions = [q, end, stop] if self.mover.start is not None else [start, q, end, stop]
         inside = np.abs(rate) <= limits.dq
         for position in positions:
             inside &= (position >= limits.q_min) & (position <= limits.q_max)

@@ -37,4 +37,4 @@ def sparse_parents(
 
 def _bins(values: Array) -> npt.NDArray[np.int_]:
     low, width = values.min(), max(float(np.ptp(values)), 1e-9)
-    return np.minimum(((values - low) / width * BINS).astype(int), BINS - 1)
+    return np.asarray(np.minimum(((values - low) / width * BINS).astype(int), BINS - 1))

@@ -1,0 +1,127 @@
+"""The table of sampled releases: feasible, dense at the edge, cached, thrown as the models do."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+
+import numpy as np
+import pytest
+import throwplan as tp
+from throwplan.planner import releases as table_module
+from throwplan.planner.exact_release import sliding_pivot_release
+from throwplan.planner.motion import PlannedMotion
+from throwplan.planner.mover import make_mover
+from throwplan.planner.release_cache import stored
+from throwplan.planner.releases import Releases, ReleaseSampler
+from throwplan.planner.rollout import MoverTrack, case_of, friction_use, hand_samples, landing
+
+ARRAYS = ("q", "dq", "ddq", "run_up", "detach")
+
+
+def drawn(scene: tp.Scene, count: int = 4000, seed: int = 0) -> Releases:
+    return ReleaseSampler(scene, make_mover(scene)).draw(count, seed)
+
+
+@pytest.mark.parametrize("name", ["pose", "cup", "hand-flip"])
+def test_releases_keep_limits_and_grip(name: str) -> None:
+    scene = tp.load_scene(name)
+    mover, table = make_mover(scene), drawn(scene)
+    limits, opening = mover.planning, scene.gripper.profile().opening
+    assert len(table.q) > 300
+    for t in (0.0, opening):
+        q, dq = table.q + t * (table.dq + t * table.ddq / 2), table.dq + t * table.ddq
+        assert (q >= limits.q_min - 1e-9).all() and (q <= limits.q_max + 1e-9).all()
+        assert (np.abs(dq) <= limits.dq + 1e-9).all()
+    motion = PlannedMotion(np.array([0.0, 1.0]), table.q, table.dq, table.ddq, 0 * table.q)
+
+    class AtStart:
+        def at(self, times: np.ndarray) -> tuple[np.ndarray, ...]:
+            return motion.q.T, motion.dq.T, motion.ddq.T
+
+    use = np.hypot(*friction_use(scene, hand_samples(mover, AtStart(), np.zeros(len(table.q)))))
+    assert use.max() <= 1.0
+
+
+@pytest.mark.parametrize("name", ["pose", "hand-flip"])
+def test_thrown_as_the_exact_model_throws(name: str) -> None:
+    """Within what twelve even steps, enough for a starting point, leave."""
+    scene = tp.load_scene(name)
+    mover, table = make_mover(scene), drawn(scene)
+    x, theta, time = table.landings(scene.target.z, scene.gravity)
+    for i in np.flatnonzero(np.isfinite(time))[::300]:
+        one = PlannedMotion(
+            np.array([0.0, 1.0]), table.q[[i]], table.dq[[i]], table.ddq[[i]], 0 * table.q[[i]]
+        )
+        release = sliding_pivot_release(case_of(scene, MoverTrack(mover, one, 0.0)), np.zeros(0))
+        if release.trouble:
+            continue
+        exact = landing(release, scene.target.z, scene.gravity)
+        assert x[i] == pytest.approx(exact.x, abs=6e-3)
+        assert theta[i] == pytest.approx(exact.theta, abs=0.05)
+
+
+def test_draws_beside_sparse_landings_reach_farther(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As many states tried, more different landings."""
+    scene = tp.load_scene("hand-flip")
+
+    def cells(table: Releases) -> int:
+        x, theta, _ = table.landings(scene.target.z, scene.gravity)
+        ok = np.isfinite(x)
+        return len(set(zip((x[ok] // 0.1).tolist(), (theta[ok] // 0.2).tolist(), strict=True)))
+
+    beside = cells(drawn(scene))
+    monkeypatch.setattr(table_module, "SPARSE_SHARE", 0.0)
+    assert beside > 1.3 * cells(drawn(scene))
+
+
+@pytest.fixture
+def cache(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
+    return tmp_path
+
+
+def kept(scene: tp.Scene, draws: list[int]) -> Releases:
+    mover = make_mover(scene)
+
+    def draw() -> Releases:
+        draws.append(1)
+        return ReleaseSampler(scene, mover).draw(500)
+
+    return stored(scene, mover, 500, 0, draw)
+
+
+def test_cache_gives_the_same_arrays_and_a_damaged_file_is_drawn_again(cache: Path) -> None:
+    scene, draws = tp.load_scene("pose"), []
+    first = kept(scene, draws)
+    again = kept(scene, draws)
+    assert len(draws) == 1
+    for name in ARRAYS:
+        assert np.array_equal(getattr(first, name), getattr(again, name))
+    (file,) = cache.glob("*.npz")
+    whole = file.read_bytes()
+    for damaged in (whole[:100], b"", whole[: len(whole) // 2]):
+        file.write_bytes(damaged)
+        mended = kept(scene, draws)
+        assert np.array_equal(mended.q, first.q)
+    assert len(draws) == 4
+
+
+def test_what_the_cache_depends_on(cache: Path) -> None:
+    scene, draws = tp.load_scene("cup"), []
+    kept(scene, draws)
+    kept(scene.aimed_at(tp.Pose(x=1.0, z=0.3, theta=-1.5)), draws)
+    kept(scene.replace(tolerance=dataclasses.replace(scene.tolerance, position=0.01)), draws)
+    assert len(draws) == 1
+    kept(scene.replace(object=dataclasses.replace(scene.object, mass=0.23)), draws)
+    kept(scene.replace(contact=dataclasses.replace(scene.contact, friction=0.9)), draws)
+    kept(scene.replace(robot=dataclasses.replace(scene.robot, velocity_margin=0.1)), draws)
+    assert len(draws) == 4
+
+
+def test_without_a_cache_folder(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("THROWPLAN_CACHE", "")
+    draws: list[int] = []
+    kept(tp.load_scene("hand-box"), draws)
+    kept(tp.load_scene("hand-box"), draws)
+    assert len(draws) == 2
