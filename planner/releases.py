@@ -26,6 +26,9 @@ Array = npt.NDArray[np.float64]
 
 #: Runge-Kutta steps of the opening in the table.
 TABLE_STEPS = 12
+#: Nearest landings among which starting points are chosen, and how far apart these are: as a
+#: share of the table's range of some coordinate, rate or the flight time.
+POOL, DIFFERENT = 400, 0.15
 #: Share of a table drawn beside releases whose landings are sparse, and in how many rounds.
 SPARSE_SHARE, ROUNDS = 0.6, 6
 #: How near, in shares of the limits' range.
@@ -100,7 +103,8 @@ class ReleaseSampler:
         """Releases from states near those of `parents`, some nearer, some farther."""
         limits, n = self.mover.planning, self.mover.size
         size = (len(parents), n)
-        width = np.exp(rng.uniform(*map(math.log, NEARNESS), (len(parents), 1)))
+        low, high = map(math.log, NEARNESS)
+        width = np.exp(rng.uniform(low, high, (len(parents), 1)))
         q = table.q[parents] + width * (limits.q_max - limits.q_min) * rng.normal(size=size)
         dq = table.dq[parents] + width * 2 * limits.dq * rng.normal(size=size)
         ddq = table.ddq[parents] + width * 2 * limits.ddq * rng.normal(size=size)
@@ -220,12 +224,36 @@ def nearest(
     theta: float | None,
     count: int,
 ) -> tuple[npt.NDArray[np.int_], Array]:
-    """Indices and scaled distances [m] (39) of the `count` nearest landings, nearest first."""
+    """Indices and scaled distances [m] (39) of `count` near landings, nearest first.
+
+    Each is a throw that differs from those before it; where there are too few such among
+    the nearest, others like them fill up.
+    """
     land_x, land_theta, time = releases.landings(height, scene.gravity)
     distance = np.abs(land_x - x)
     if theta is not None:
         distance = distance + np.abs(land_theta - theta) * scene.object.length / 2
     distance = np.where(np.isfinite(time), distance, np.inf)
-    order = np.argsort(distance)[:count]
-    order = order[np.isfinite(distance[order])]
-    return order, distance[order]
+    size = min(max(POOL, count), len(distance))
+    if size == 0:
+        return np.zeros(0, int), np.zeros(0)
+    pool = np.argpartition(distance, size - 1)[:size]
+    pool = pool[np.argsort(distance[pool], kind="stable")]
+    pool = pool[np.isfinite(distance[pool])]
+    if count > 1:
+        states = np.hstack([releases.q, releases.dq, time[:, None]])
+        spread = np.nanmax(states, axis=0) - np.nanmin(states, axis=0)
+        pool = pool[_different(states[pool] / np.maximum(spread, 1e-9), count)]
+    return pool[:count], distance[pool[:count]]
+
+
+def _different(states: Array, count: int) -> npt.NDArray[np.int_]:
+    """Indices of at most `count` rows, in order, that differ; filled up with other rows."""
+    chosen: list[int] = []
+    free = np.ones(len(states), bool)
+    while len(chosen) < count and free.any():
+        i = int(free.argmax())
+        chosen.append(i)
+        free &= np.abs(states - states[i]).max(axis=1) > DIFFERENT
+    others = np.setdiff1d(np.arange(len(states)), chosen)[: count - len(chosen)]
+    return np.sort(np.concatenate([np.array(chosen, int), others]))
