@@ -34,7 +34,7 @@ from .opening_grid import graded_shares, halved, instants
 Array = npt.NDArray[np.float64]
 
 #: Steps of the first run, of the sliding pivot and of the limit surface.
-COARSE, SURFACE_COARSE = STEPS, 60
+COARSE, SURFACE_COARSE = STEPS, 100
 #: Steps of the last run, settled or not.
 MOST = 2048
 #: Settled: a finer run changes the detach state by less than this, see `_distance`. On
