@@ -318,5 +318,5 @@ def _surface_kernel() -> StepKernel:
     problem = law.problem(state, end, lever, force, dt)
     y = problem.solve(ITERATIONS)
     new = law.after(state, start, end, lever, y, dt)
-    friction = ca.vertcat(*y) / ca.fmax(problem.radius, 1e-300)
+    friction = ca.SX(ca.vertcat(*y)) / ca.fmax(problem.radius, 1e-300)
     return StepKernel([state, ca.vertcat(u, p)], [ca.vertcat(*new), friction])
