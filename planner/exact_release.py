@@ -1,4 +1,4 @@
-"""Releases of a known hand motion by the non-smooth models, in well under a millisecond.
+"""Releases of a known hand motion by the non-smooth models, in a few milliseconds at most.
 
 The equations are the models' own, made once into a function of CasADi's virtual machine
 with every number of body, contact and hand as an input. What makes it quick is where the

@@ -240,7 +240,7 @@ def nearest(
     pool = np.argpartition(distance, size - 1)[:size]
     pool = pool[np.argsort(distance[pool], kind="stable")]
     pool = pool[np.isfinite(distance[pool])]
-    if count > 1:
+    if count > 1 and len(pool):
         states = np.hstack([releases.q, releases.dq, time[:, None]])
         spread = np.nanmax(states, axis=0) - np.nanmin(states, axis=0)
         pool = pool[_different(states[pool] / np.maximum(spread, 1e-9), count)]
