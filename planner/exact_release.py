@@ -1,4 +1,4 @@
-"""Releases of a known hand motion by the non-smooth models, in a few milliseconds at most.
+"""Releases of a known hand motion by the non-smooth models, mostly in 1 to 3 ms.
 
 The equations are the models' own, made once into a function of CasADi's virtual machine
 with every number of body, contact and hand as an input. What makes it quick is where the
