@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import lru_cache
 
@@ -11,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..models.hand import PlanarArm, PlanarHand
-from ..models.release import Release
+from ..models.release import Release, ReleaseCase
 from ..problems.scene import Pose, Scene
 from .exact_release import limit_surface_release, sliding_pivot_release
 from .geometry import (
@@ -62,21 +63,28 @@ def throw(
     scene: Scene, mover: Mover, motion: PiecewiseMotion, opening_time: float, height: float
 ) -> Thrown:
     """The exact throw of `motion`: held from rest, opened at `opening_time`, flown to `height`."""
-    use = slip_while_carrying(scene, mover, motion, opening_time)
-    case = case_of(scene, MoverTrack(mover, motion, opening_time))
-    kinks = kinks_of(motion, opening_time, case.grip.opening)
-    release = sliding_pivot_release(case, kinks)
-    return Thrown(release, landing(release, height, scene.gravity), use)
+    return _thrown(sliding_pivot_release, scene, mover, motion, opening_time, height)
 
 
 def limit_surface_throw(
     scene: Scene, mover: Mover, motion: PiecewiseMotion, opening_time: float, height: float
 ) -> Thrown:
     """The same motion thrown by the time-stepping limit surface."""
+    return _thrown(limit_surface_release, scene, mover, motion, opening_time, height)
+
+
+def _thrown(
+    model: Callable[[ReleaseCase, Array], Release],
+    scene: Scene,
+    mover: Mover,
+    motion: PiecewiseMotion,
+    opening_time: float,
+    height: float,
+) -> Thrown:
+    """A motion thrown by `model`, which takes the release and its kinks."""
     use = slip_while_carrying(scene, mover, motion, opening_time)
     case = case_of(scene, MoverTrack(mover, motion, opening_time))
-    kinks = kinks_of(motion, opening_time, case.grip.opening)
-    release = limit_surface_release(case, kinks)
+    release = model(case, kinks_of(motion, opening_time, case.grip.opening))
     return Thrown(release, landing(release, height, scene.gravity), use)
 
 

@@ -44,6 +44,19 @@ def add_scene(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("scene", metavar="SCENE", help="a built-in scene's name or a TOML file")
 
 
+def add_target(parser: argparse.ArgumentParser) -> None:
+    """The options --target and --azimuth, for `target_of`."""
+    parser.add_argument(
+        "--target",
+        nargs=3,
+        metavar=("X", "Z", "THETA_DEG"),
+        help="landing pose instead of the scene's; THETA_DEG may be 'free'",
+    )
+    parser.add_argument(
+        "--azimuth", metavar="DEG", help="turn the throw's plane about the arm's base axis"
+    )
+
+
 def add_out(parser: argparse.ArgumentParser, what: str) -> None:
     """The option --out; `what` is written there."""
     parser.add_argument("--out", metavar="DIR", help=f"write {what} there")

@@ -30,8 +30,9 @@ def add_map(commands: Any) -> None:
 
 
 def _map(options: argparse.Namespace) -> int:
+    from .folders import prepare_folder
     from .mover import make_mover
-    from .reach_map import MOST, check_map, prepare_map_folder, reach_map
+    from .reach_map import FILES, MOST, check_map, reach_map
 
     z = None if options.z is None else number("--z", options.z)
     samples = whole("--samples", options.samples, 1, MOST)
@@ -40,7 +41,7 @@ def _map(options: argparse.Namespace) -> int:
     # A scene that cannot be planned is refused before a folder is made.
     make_mover(scene)
     if options.out is not None:
-        prepare_map_folder(Path(options.out))
+        prepare_folder(Path(options.out), FILES)
     with ProgressLine(scene.name) as show:
         found = reach_map(scene, z, samples, progress=show)
     if not found.reachable:

@@ -10,7 +10,7 @@ from typing import Any
 
 from ..problems.load import load_scene
 from ..problems.robust import METHODS
-from .command import DONE, NO_THROW, add_out, add_scene, command, say, target_of, whole
+from .command import DONE, NO_THROW, add_out, add_scene, add_target, command, say, target_of, whole
 
 
 def add_plan(commands: Any) -> None:
@@ -18,15 +18,7 @@ def add_plan(commands: Any) -> None:
     example = "throwplan plan cup --target 0.92 0.22 -90 --out out/cup"
     parser = command(commands, "plan", _plan, "plan a throw and check it", example)
     add_scene(parser)
-    parser.add_argument(
-        "--target",
-        nargs=3,
-        metavar=("X", "Z", "THETA_DEG"),
-        help="landing pose instead of the scene's; THETA_DEG may be 'free'",
-    )
-    parser.add_argument(
-        "--azimuth", metavar="DEG", help="turn the throw's plane about the arm's base axis"
-    )
+    add_target(parser)
     parser.add_argument(
         "--turns",
         choices=("exact", "any"),
@@ -63,7 +55,7 @@ def _plan(options: argparse.Namespace) -> int:
     planner = Planner(scene)
     planner.check(target)
     if options.out is not None:
-        from .files import prepare_folder
+        from .folders import prepare_folder
 
         prepare_folder(Path(options.out))
     say(options, f"{scene.name}: planning")

@@ -20,7 +20,7 @@ def add_scenes(commands: Any) -> None:
 
 def _scenes(options: argparse.Namespace) -> int:
     if options.write is not None:
-        from .files import copy_out
+        from .folders import copy_out
 
         path = Path(f"{options.write}.toml")
         copy_out(scene_text(options.write), path)

@@ -31,7 +31,7 @@ def _simulate(options: argparse.Namespace) -> int:
     results = {name: run.to_dict() for name, run in simulate(scene, options.model).items()}
     text = json.dumps({"scene": scene.name, "models": results}, indent=2, allow_nan=False)
     if options.out is not None:
-        from .files import save_text
+        from .folders import save_text
 
         save_text(text + "\n", Path(options.out), "simulation.json")
         from .release_pictures import draw_release_pictures

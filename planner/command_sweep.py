@@ -14,7 +14,7 @@ from ..problems.errors import InputError
 from ..problems.load import load_scene
 from ..problems.robust import METHODS
 from ..problems.scene import Pose, Scene
-from .command import DONE, NO_THROW, add_out, add_scene, command, say, target_of
+from .command import DONE, NO_THROW, add_out, add_scene, add_target, command, say, target_of
 from .progress import ProgressLine
 
 if TYPE_CHECKING:
@@ -30,15 +30,7 @@ def add_sweep(commands: Any) -> None:
     example = "throwplan sweep delay --samples 10000 --out out/sweep"
     parser = command(commands, "sweep", _sweep, words, example)
     add_scene(parser)
-    parser.add_argument(
-        "--target",
-        nargs=3,
-        metavar=("X", "Z", "THETA_DEG"),
-        help="landing pose instead of the scene's; THETA_DEG may be 'free'",
-    )
-    parser.add_argument(
-        "--azimuth", metavar="DEG", help="turn the throw's plane about the arm's base axis"
-    )
+    add_target(parser)
     parser.add_argument("--robust", choices=METHODS, help="plan against the uncertainty")
     parser.add_argument("--model", default="sp", metavar="NAME", help="release model (default: sp)")
     numbers = (
@@ -95,9 +87,10 @@ def _planned(scene: Scene, target: Pose | None, options: argparse.Namespace) -> 
     planner = Planner(scene)
     planner.check(target)
     if options.out is not None:
-        from .sweep_files import prepare_sweep_folder
+        from .folders import prepare_folder
+        from .sweep_files import FILES
 
-        prepare_sweep_folder(Path(options.out))
+        prepare_folder(Path(options.out), FILES)
     return planner.plan(target, **more)
 
 

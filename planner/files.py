@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import os
-import tempfile
 import time
 from pathlib import Path
 
@@ -11,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..models.hand import PlanarArm
-from ..problems.errors import InputError
+from .folders import filling
 from .motion import SampledMotion
 from .plan import Plan
 
@@ -22,37 +20,10 @@ Array = npt.NDArray[np.float64]
 FILES = ("motion.csv", "throw.png", "throw.gif", "plan.json")
 
 
-def prepare_folder(folder: Path) -> Path:
-    """Make `folder` if need be and make sure it can be written; InputError if not."""
-    if str(folder) in ("", "."):
-        raise InputError("--out: needs a folder's name")
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except OSError as error:
-        raise InputError(f"--out {folder}: {error.strerror or error}") from None
-    return folder
-
-
 def save_plan(plan: Plan, folder: Path, draw: bool) -> None:
-    """Write a plan's files into `folder`: into a folder of their own first, then moved."""
-    folder = prepare_folder(folder)
-    for name in FILES:
-        if (folder / name).is_dir():
-            raise InputError(f"--out {folder}: {name} is a folder there")
-    try:
-        with tempfile.TemporaryDirectory(dir=folder) as scratch:
-            _write(plan, Path(scratch), draw)
-            written = {path.name for path in Path(scratch).iterdir()}
-            # Nothing of an earlier plan stays beside this one's plan.json.
-            for name in FILES:
-                if name in written:
-                    os.replace(Path(scratch) / name, folder / name)
-                else:
-                    (folder / name).unlink(missing_ok=True)
-    except OSError as error:
-        raise InputError(f"--out {folder}: {error.strerror or error}") from None
+    """Write a plan's files into `folder`, and take away those of an earlier plan."""
+    with filling(folder, FILES) as scratch:
+        _write(plan, scratch, draw)
 
 
 def _write(plan: Plan, folder: Path, draw: bool) -> None:
@@ -100,26 +71,3 @@ def _hand_table(plan: Plan, samples: SampledMotion) -> tuple[str, Array]:
     values = np.vstack([np.array(o) for o in outputs])
     names = "t,x,z,theta,vx,vz,omega,ax,az,alpha"
     return names, np.column_stack([samples.times, values.T])
-
-
-def save_text(text: str, folder: Path, name: str) -> None:
-    """Write `name` into `folder`, whole or not at all."""
-    folder = prepare_folder(folder)
-    _replace(text, folder / name, f"--out {folder}")
-
-
-def copy_out(text: str, path: Path) -> None:
-    """Write a text file that is not there yet; InputError otherwise."""
-    if path.exists():
-        raise InputError(f"{path}: exists already, not overwritten")
-    _replace(text, path, str(path))
-
-
-def _replace(text: str, path: Path, place: str) -> None:
-    scratch = path.with_suffix(".part")
-    try:
-        scratch.write_text(text, encoding="utf-8")
-        os.replace(scratch, path)
-    except OSError as error:
-        scratch.unlink(missing_ok=True)
-        raise InputError(f"{place}: {error.strerror or error}") from None

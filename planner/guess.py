@@ -14,10 +14,9 @@ from .nlp import ThrowNlp
 from .numbers import opening_nodes, with_accelerations
 from .releases import Releases
 from .rollout import MoverTrack, case_of
+from .run_up import polynomial, run_up
 
 Array = npt.NDArray[np.float64]
-#: q, dq, ddq, each (n, K).
-Coordinates = tuple[Array, Array, Array]
 
 #: Time [s] between the cup's depths in a guess.
 CUP_STEP = 0.02
@@ -29,10 +28,12 @@ def guess_from(
     """Decision vector that starts the NLP from release `index`, which flies for `flight` [s]."""
     s = nlp.structure
     q, dq, ddq = releases.q[index], releases.dq[index], releases.ddq[index]
-    run_up = float(releases.run_up[index])
+    duration = float(releases.run_up[index])
     nodes = opening_nodes(scene.mesh, scene.gripper.profile().opening)
-    times = stage_times(s, run_up, nodes, 0.0)
-    before = _run_up(mover, q, dq, ddq, run_up, times[: s.opens + 1])
+    times = stage_times(s, duration, nodes, 0.0)
+    launch = run_up(mover.start, q, dq, ddq, duration)
+    launched = times[: s.opens + 1, None]
+    before = [polynomial(launch, launched, k).T for k in range(3)]
     opening = PlannedMotion(nodes[[0, -1]], q[None], dq[None], ddq[None], 0 * q[None])
     during = opening.at(nodes[1:])
     coordinates = {
@@ -56,29 +57,6 @@ def guess_from(
             return np.asarray(relative[:, k - s.opens])
         if name.startswith("t_cup"):
             return flight + CUP_STEP * (int(name[5:]) - (s.cup - 1) / 2)
-        return {"T": run_up, "t_f": flight}.get(name, 0.0)
+        return {"T": duration, "t_f": flight}.get(name, 0.0)
 
     return with_accelerations(nlp, nlp.fill(value), np.diff(nodes))
-
-
-def _run_up(
-    mover: Mover, q: Array, dq: Array, ddq: Array, run_up: float, times: Array
-) -> Coordinates:
-    """Coordinates at `times` on the shortest polynomial from rest to (q, dq, ddq)."""
-    t, end = times[None], run_up
-    q, dq, ddq = q[:, None], dq[:, None], ddq[:, None]
-    if mover.start is None:
-        # Rate a t^2 + b t^3: the start is where it falls.
-        a, b = 3 * dq / end**2 - ddq / end, ddq / end**2 - 2 * dq / end**3
-        place = q - a * (end**3 - t**3) / 3 - b * (end**4 - t**4) / 4
-        return place, a * t**2 + b * t**3, 2 * a * t + 3 * b * t**2
-    start = mover.start[:, None]
-    gap = q - start
-    c3 = (20 * gap - 8 * dq * end + ddq * end**2) / (2 * end**3)
-    c4 = (-30 * gap + 14 * dq * end - 2 * ddq * end**2) / (2 * end**4)
-    c5 = (12 * gap - 6 * dq * end + ddq * end**2) / (2 * end**5)
-    return (
-        start + c3 * t**3 + c4 * t**4 + c5 * t**5,
-        3 * c3 * t**2 + 4 * c4 * t**3 + 5 * c5 * t**4,
-        6 * c3 * t + 12 * c4 * t**2 + 20 * c5 * t**3,
-    )

@@ -22,6 +22,7 @@ from .motion import PlannedMotion
 from .mover import Limits, Mover, make_mover
 from .plan import Plan
 from .planner import Planner
+from .run_up import polynomial, run_up
 from .smooth import SmoothingError, send
 
 Array = npt.NDArray[np.float64]
@@ -77,40 +78,17 @@ def _motion(
     """Rest to (q, dq, ddq) in `duration`, then constant acceleration over the opening."""
     times = np.append(np.linspace(0.0, duration, PIECES + 1), duration + opening)
     t = times[:-1, None]
-    if mover.start is None:
-        # Rate a t^2 + b t^3: the shortest polynomial from rest; the start is where it falls.
-        a, b = 3 * dq / duration**2 - ddq / duration, ddq / duration**2 - 2 * dq / duration**3
-        start = q - a * duration**3 / 3 - b * duration**4 / 4
-        coefficients = [start, 0 * q, 0 * q, a / 3, b / 4, 0 * q]
-    else:
-        gap, d = q - mover.start, duration
-        coefficients = [
-            mover.start,
-            0 * q,
-            0 * q,
-            (20 * gap - 8 * dq * d + ddq * d**2) / (2 * d**3),
-            (-30 * gap + 14 * dq * d - 2 * ddq * d**2) / (2 * d**4),
-            (12 * gap - 6 * dq * d + ddq * d**2) / (2 * d**5),
-        ]
-    place, rate, acceleration = (_polynomial(coefficients, t, k) for k in range(3))
+    coefficients = run_up(mover.start, q, dq, ddq, duration)
+    place, rate, acceleration = (polynomial(coefficients, t, k) for k in range(3))
     # Cubic pieces that meet in position, rate and acceleration at the pieces' middles.
     dt = duration / PIECES
-    jerk = _polynomial(coefficients, t + dt / 2, 3)
+    jerk = polynomial(coefficients, t + dt / 2, 3)
     jerk[-1] = 0.0
     for k in range(PIECES):
         place[k + 1] = place[k] + dt * (rate[k] + dt * (acceleration[k] / 2 + dt * jerk[k] / 6))
         rate[k + 1] = rate[k] + dt * (acceleration[k] + dt * jerk[k] / 2)
         acceleration[k + 1] = acceleration[k] + dt * jerk[k]
     return PlannedMotion(times, place, rate, acceleration, jerk)
-
-
-def _polynomial(coefficients: list[Array], t: Array, derivative: int) -> Array:
-    """The polynomial sum c_i t^i, or a derivative of it, at times (K, 1): (K, n)."""
-    total = np.zeros((len(t), len(coefficients[0])))
-    for power in range(derivative, len(coefficients)):
-        factor = float(np.prod(np.arange(power, power - derivative, -1)))
-        total += factor * coefficients[power] * t ** (power - derivative)
-    return total
 
 
 def _inside(limits: Limits, motion: PlannedMotion) -> bool:

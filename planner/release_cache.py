@@ -11,12 +11,10 @@ import numpy as np
 from ..problems.scene import Scene
 from .cache import cache_folder, digest, publish
 from .mover import Mover
-from .releases import Releases
+from .releases import ARRAYS, Releases
 
 #: Changes whenever other releases are drawn for the same scene.
 VERSION = "1"
-#: What a table holds.
-_ARRAYS = ("q", "dq", "ddq", "run_up", "detach")
 
 
 def stored(
@@ -34,7 +32,7 @@ def stored(
     found = _read(folder / name)
     if found is None:
         found = draw()
-        arrays = {key: getattr(found, key) for key in _ARRAYS}
+        arrays = {key: getattr(found, key) for key in ARRAYS}
         publish(folder, name, lambda path: np.savez(path, **arrays))
     return found
 
@@ -66,7 +64,7 @@ def _read(path: Path) -> Releases | None:
     """The table in a file; None if it is not there or not whole."""
     try:
         with path.open("rb") as file, np.load(file) as arrays:
-            found = [np.asarray(arrays[key], float) for key in _ARRAYS]
+            found = [np.asarray(arrays[key], float) for key in ARRAYS]
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None
     if len({len(array) for array in found}) != 1 or not all(np.isfinite(a).all() for a in found):

@@ -8,18 +8,22 @@ as one batch. The landing nearest a target then starts the NLP.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ..models.contact import HandMotion, pivot_wrench
+from ..models.contact import HandMotion
 from ..models.flight import land
 from ..models.integrate import rk4_step
+from ..models.release import HandSamples
 from ..models.sliding_pivot import SlidingPivot
 from ..problems.scene import Scene
 from .mover import Mover
 from .numbers import BRAKE_SHARE
+from .rollout import friction_use
+from .run_up import run_up
 from .sparse import sparse_parents
 
 Array = npt.NDArray[np.float64]
@@ -47,16 +51,31 @@ class Releases:
     run_up: Array
     detach: Array
 
+    # Of the last height asked for: a plan asks several times for one.
+    _landings: dict[tuple[float, float], Array] = field(
+        default_factory=dict, repr=False, init=False
+    )
+
     def landings(self, height: float, gravity: float) -> tuple[Array, Array, Array]:
         """x [m], theta [rad] and flight time [s] of coming down through `height`; NaN if not."""
-        x, theta, time = land(self.detach, height, gravity).T
+        if (height, gravity) not in self._landings:
+            self._landings.clear()
+            self._landings[height, gravity] = land(self.detach, height, gravity).T.copy()
+        x, theta, time = self._landings[height, gravity]
         return x, theta, time
 
+    def picked(self, chosen: npt.NDArray[Any]) -> Releases:
+        """Some of the releases: flags (N,) or indices."""
+        return Releases(*(getattr(self, name)[chosen] for name in ARRAYS))
 
-def joined(one: Releases, other: Releases) -> Releases:
-    """The releases of both."""
-    names = ("q", "dq", "ddq", "run_up", "detach")
-    return Releases(*(np.concatenate([getattr(one, n), getattr(other, n)]) for n in names))
+
+#: What a table of releases holds.
+ARRAYS = ("q", "dq", "ddq", "run_up", "detach")
+
+
+def joined(*parts: Releases) -> Releases:
+    """The releases of all parts, one after the other."""
+    return Releases(*(np.concatenate([getattr(p, name) for p in parts]) for name in ARRAYS))
 
 
 class ReleaseSampler:
@@ -112,23 +131,23 @@ class ReleaseSampler:
         return self._kept(q, dq, ddq, self.run_up_time(dq, ddq, rng), rng)
 
     def _kept(
-        self, q: Array, dq: Array, ddq: Array, run_up: Array, rng: np.random.Generator
+        self, q: Array, dq: Array, ddq: Array, duration: Array, rng: np.random.Generator
     ) -> Releases:
         """The feasible ones of some states, thrown."""
         if self.mover.start is not None:
             # From a given start the way may be long: up to the longest carry.
             longest = self.scene.mesh.carry_max
-            run_up = np.maximum(run_up, 0.25)
-            run_up = run_up * (longest / run_up) ** rng.uniform(0.0, 1.0, run_up.size)
-        keep = self.within_limits(q, dq, ddq, run_up)
-        q, dq, ddq, run_up = q[keep], dq[keep], ddq[keep], run_up[keep]
+            duration = np.maximum(duration, 0.25)
+            duration = duration * (longest / duration) ** rng.uniform(0.0, 1.0, duration.size)
+        keep = self.within_limits(q, dq, ddq, duration)
+        q, dq, ddq, duration = q[keep], dq[keep], ddq[keep], duration[keep]
         if len(q):
             keep = self.held(q, dq, ddq)
-            q, dq, ddq, run_up = q[keep], dq[keep], ddq[keep], run_up[keep]
+            q, dq, ddq, duration = q[keep], dq[keep], ddq[keep], duration[keep]
         if len(q) == 0:
-            return Releases(q, dq, ddq, run_up, np.zeros((0, 6)))
-        states, _ = self.throw(q, dq, ddq, TABLE_STEPS)
-        return Releases(q, dq, ddq, run_up, states)
+            return Releases(q, dq, ddq, duration, np.zeros((0, 6)))
+        states = self.throw(q, dq, ddq)
+        return Releases(q, dq, ddq, duration, states)
 
     def run_up_time(self, dq: Array, ddq: Array, rng: np.random.Generator) -> Array:
         """Run-up time that keeps the run-up's mean acceleration under the limits."""
@@ -137,28 +156,24 @@ class ReleaseSampler:
         return np.asarray(np.clip(longer, 0.12, self.scene.mesh.carry_max))
 
     def within_limits(
-        self, q: Array, dq: Array, ddq: Array, run_up: Array
+        self, q: Array, dq: Array, ddq: Array, duration: Array
     ) -> npt.NDArray[np.bool_]:
         """Limits at the run-up's start, at both ends of the opening and after braking."""
         limits, opening = self.mover.planning, self.profile.opening
         end = q + dq * opening + ddq * opening**2 / 2
         rate = dq + ddq * opening
         stop = end + rate * np.abs(rate) / (2 * BRAKE_SHARE * limits.ddq)
-        a, b = _run_up_shape(dq, ddq, run_up[:, None])
-        start = q - a * run_up[:, None] ** 3 / 3 - b * run_up[:, None] ** 4 / 4
-        positions = [q, end, stop] if self.mover.start is not None else [start, q, end, stop]
+        positions = [q, end, stop]
+        if self.mover.start is None:
+            positions.append(run_up(None, q, dq, ddq, duration[:, None])[0])
         inside = np.abs(rate) <= limits.dq
         for position in positions:
             inside &= (position >= limits.q_min) & (position <= limits.q_max)
         if self.mover.start is not None:
             # From a given start: as far as the run-up's time allows.
-            gap = np.abs(q - self.mover.start - dq * run_up[:, None] / 2)
-            inside &= gap <= 0.15 * limits.ddq * run_up[:, None] ** 2
+            gap = np.abs(q - self.mover.start - dq * duration[:, None] / 2)
+            inside &= gap <= 0.15 * limits.ddq * duration[:, None] ** 2
         return np.asarray(inside.all(axis=1))
-
-    def hands(self, q: Array, dq: Array, ddq: Array, times: Array) -> list[HandMotion]:
-        """Hand motion at `times` of the opening for constant accelerations; arrays of N."""
-        return [self._hand(q, dq, ddq, t)[2] for t in times]
 
     def _hand(self, q: Array, dq: Array, ddq: Array, t: float) -> tuple[Array, Array, HandMotion]:
         """Hand pose (3, N), twist (3, N) and motion at time t."""
@@ -166,35 +181,30 @@ class ReleaseSampler:
         pose, twist, acceleration = (np.array(o) for o in outputs)
         return pose, twist, HandMotion(pose[2], twist[2], *acceleration)
 
+    def grip_use(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Friction use (N,) of the held bar under full grip; 1 slips."""
+        pose, twist, acceleration = (np.array(o) for o in self.mover.motion(q.T, dq.T, ddq.T))
+        hand = HandSamples(np.zeros(len(q)), pose, twist, acceleration)
+        return np.asarray(np.hypot(*friction_use(self.scene, hand)))
+
     def held(self, q: Array, dq: Array, ddq: Array) -> npt.NDArray[np.bool_]:
         """Whether the full grip holds the bar at the opening's start, and it is off the floor."""
+        keep = self.grip_use(q, dq, ddq) <= 1 - self.scene.mesh.sticking_margin
         pose, _, hand = self._hand(q, dq, ddq, 0.0)
         theta = hand.theta + self.scene.grasp.angle
-        h = self.scene.com_offset
-        wrench = pivot_wrench(
-            self.scene.body,
-            self.scene.gravity,
-            hand,
-            hand.omega,
-            h * np.cos(theta),
-            h * np.sin(theta),
-        )
-        use = self.scene.patch.utilisation_squared(*wrench, self.profile.full)
-        keep = use <= (1 - self.scene.mesh.sticking_margin) ** 2
         workspace = self.scene.workspace
         if workspace is not None and workspace.floor is not None:
             reach = self.scene.object.length - self.scene.grasp.offset
             keep &= pose[1] + reach * np.sin(theta) > workspace.floor + self.scene.object.width / 2
         return np.asarray(keep)
 
-    def throw(self, q: Array, dq: Array, ddq: Array, steps: int) -> tuple[Array, list[Array]]:
-        """Detach states (N, 6) by the exact sliding pivot, and the relative states per step."""
-        opening = self.profile.opening
+    def throw(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Detach states (N, 6) by the exact sliding pivot."""
+        opening, steps = self.profile.opening, TABLE_STEPS
         times = np.linspace(0.0, opening, 2 * steps + 1)
         forces = self.profile.force(times)
         state = [np.zeros(len(q)) for _ in range(6)]
         state[2] = np.full(len(q), self.scene.grasp.angle)
-        track = [np.array(state)]
         hand = self._hand(q, dq, ddq, 0.0)[2]
         for i in range(steps):
             middle = self._hand(q, dq, ddq, times[2 * i + 1])[2]
@@ -207,13 +217,7 @@ class ReleaseSampler:
                 opening / steps,
             )
             hand = end
-            track.append(np.array(state))
-        return np.array(self.release.com_state(state, pose, twist, hand)).T, track
-
-
-def _run_up_shape(dq: Array, ddq: Array, time: Array) -> tuple[Array, Array]:
-    """a, b of the run-up rate a t^2 + b t^3 that ends at dq with acceleration ddq."""
-    return 3 * dq / time**2 - ddq / time, ddq / time**2 - 2 * dq / time**3
+        return np.array(self.release.com_state(state, pose, twist, hand)).T
 
 
 def nearest(

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 import json
-import os
-import tempfile
 from pathlib import Path
 
 import numpy as np
 
-from ..problems.errors import InputError
-from .files import prepare_folder
+from .folders import filling
 from .sweep import Sweep
 
 #: What a sweep leaves in its folder.
@@ -19,30 +16,15 @@ FILES = ("landings.png", "delay.png", "histogram.png", "tornado.png", "sweep.csv
 ROWS = 8192
 
 
-def prepare_sweep_folder(folder: Path) -> Path:
-    """Make `folder` if need be and make sure it takes the files; InputError if not."""
-    folder = prepare_folder(folder)
-    for name in FILES:
-        if (folder / name).is_dir():
-            raise InputError(f"--out {folder}: {name} is a folder there")
-    return folder
-
-
 def save_sweep(sweep: Sweep, folder: Path) -> None:
-    """Write a sweep's files into `folder`: into a folder of their own first, then moved."""
+    """Write a sweep's files into `folder`."""
     from .sweep_pictures import draw_sweep
 
-    folder = prepare_sweep_folder(folder)
-    try:
-        with tempfile.TemporaryDirectory(dir=folder) as scratch:
-            draw_sweep(sweep, Path(scratch))
-            write_samples(sweep, Path(scratch) / "sweep.csv")
-            text = json.dumps(sweep.to_dict(), indent=2, allow_nan=False)
-            (Path(scratch) / "sweep.json").write_text(text + "\n", encoding="utf-8")
-            for name in FILES:
-                os.replace(Path(scratch) / name, folder / name)
-    except OSError as error:
-        raise InputError(f"--out {folder}: {error.strerror or error}") from None
+    with filling(folder, FILES) as scratch:
+        draw_sweep(sweep, scratch)
+        write_samples(sweep, scratch / "sweep.csv")
+        text = json.dumps(sweep.to_dict(), indent=2, allow_nan=False)
+        (scratch / "sweep.json").write_text(text + "\n", encoding="utf-8")
 
 
 def write_samples(sweep: Sweep, path: Path) -> None:
