@@ -23,8 +23,7 @@ from throwplan.models.sliding_pivot_release import SlidingPivotRelease
 from throwplan.models.time_stepping_release import SteppedRelease
 from throwplan.planner.check import (
     broken_limits,
-    limit_surface_landing,
-    scene_violations,
+    limit_surface_throw,
     throw,
 )
 from throwplan.planner.motion import TICK, PlannedMotion
@@ -32,6 +31,7 @@ from throwplan.planner.mover import Mover
 from throwplan.planner.plan import PlannedThrow
 from throwplan.planner.rollout import Landing, case_of, landing, slip_while_carrying
 from throwplan.planner.smooth import SHARE, send
+from throwplan.planner.violations import scene_violations
 
 SCENES = ("pose", "cup", "box", "flip", "hand-box", "hand-flip")
 
@@ -138,33 +138,33 @@ def report(name: str, plan: tp.Plan, found: PlannedThrow, runs: int) -> None:
         f"  exact throw         {mine:6.2f} ms, {plain / mine:5.1f} x, "
         f"off {error(thrown.landing, pivot)} (plain {error(plain_throw(), pivot)})"
     )
-    mine = median_ms(lambda: limit_surface_landing(scene, mover, motion, at, height), runs)
+    mine = median_ms(lambda: limit_surface_throw(scene, mover, motion, at, height).landing, runs)
     plain = median_ms(plain_surface, max(runs // 5, 3))
-    landed = limit_surface_landing(scene, mover, motion, at, height)
+    landed = limit_surface_throw(scene, mover, motion, at, height).landing
     print(
         f"  limit surface       {mine:6.2f} ms, {plain / mine:5.1f} x, "
         f"off {error(landed, surface)} (plain {error(plain_surface(), surface)})"
     )
     end = motion.times[-1]
 
-    def check() -> list[str]:
+    def check() -> list[object]:
         broken = broken_limits(mover.hard, mover.joints, found.samples)
-        return broken + scene_violations(scene, mover, motion, end, at, thrown)
+        return [*broken, *scene_violations(scene, mover, motion, end, at, thrown)]
 
     print(f"  limits, cup, room   {median_ms(check, runs):6.2f} ms")
 
 
 def report_first_calls(plan: tp.Plan) -> None:
     """What the first calls of a process cost: planning has made some of it already."""
-    from throwplan.planner import check, exact_release
+    from throwplan.planner import exact_release, violations
 
     print("first calls, with what they build:")
     for kernel in (exact_release._pivot_kernel, exact_release._surface_kernel):
         kernel.cache_clear()
         print(f"  {kernel.__name__:<18} {first_ms(kernel):6.1f} ms")
-    check.outline_kernel.cache_clear()
+    violations.outline_kernel.cache_clear()
     mover = plan.mover
-    build = first_ms(lambda: check.outline_kernel(mover.motion, mover.kinematics))
+    build = first_ms(lambda: violations.outline_kernel(mover.motion, mover.kinematics))
     print(f"  {'outline_kernel':<18} {build:6.1f} ms")
 
 

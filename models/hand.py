@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import casadi as ca
 import numpy as np
+import numpy.typing as npt
 
 from .arm import Arm
 
@@ -66,6 +67,20 @@ class PlanarArm:
         pose[2], twist[2], acceleration[2] = pose[2] + angles[-1], rates[-1], turns[-1]
         return pose, twist, acceleration
 
+    def heights(self, angles: list[ca.SX]) -> list[ca.SX]:
+        """Heights [m] of the joint frames and the flange that move in the plane.
+
+        From `turned` values. Frames at one place count once; the TCP is left out.
+        """
+        found = []
+        for link, (along, up) in self._frames:
+            z = ca.SX(self._origin[1])
+            for phi, (dx, dz) in zip(angles[:link], self._links, strict=False):
+                z = z + dx * ca.sin(phi) + dz * ca.cos(phi)
+            phi = angles[link]
+            found.append(z + along * ca.sin(phi) + up * ca.cos(phi))
+        return found
+
     def points(self, q: ca.SX) -> ca.SX:
         """2 x n points (x, z) of the arm in the plane: joint frames, flange and TCP."""
         frames = self.arm.frames(self.full(q))
@@ -91,7 +106,28 @@ class PlanarArm:
         self._origin = (float(points[0, 0]), float(points[1, 0]))
         self._links = [(float(dx), float(dz)) for dx, dz in np.diff(points).T]
         self._theta_ref = math.atan2(approach[2, 0], approach[0, 0])
+        still = np.array(ca.evalf(self.points(ca.SX(self.coordinates, 1))))
+        self._frames = self._frames_of(still, points)
         self._verify(full)
+
+    def _frames_of(
+        self, places: npt.NDArray[np.float64], joints: npt.NDArray[np.float64]
+    ) -> list[tuple[int, tuple[float, float]]]:
+        """(link, its place from the link's joint at rest) of each frame that moves, TCP left out.
+
+        places (2, frames), joints (2, links + 1): at q = 0. Frame k is that of joint k + 1
+        and is moved by the joints up to k.
+        """
+        found: list[tuple[int, tuple[float, float]]] = []
+        for k in range(places.shape[1] - 1):
+            link = sum(joint <= k for joint in self.throwing_joints) - 1
+            if link < 0:
+                continue
+            along, up = np.round(places[:, k] - joints[:, link], 12) + 0.0
+            # At the joint itself: the link before has that place.
+            if (along, up) != (0.0, 0.0):
+                found.append((link, (float(along), float(up))))
+        return list(dict.fromkeys(found))
 
     def _verify(self, full: ca.Function) -> None:
         """ValueError unless the planar chain is the arm's own kinematics."""

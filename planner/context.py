@@ -3,16 +3,20 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, Literal
 
 import casadi as ca
 
 from ..models.contact import Body, Contact, HandMotion
+from ..models.hand import PlanarArm
 from ..models.sliding_pivot import SlidingPivot
 from ..models.smoothing import relative_widths
 from .mover import Mover
 from .ocp import Parameters, Stage
 
+#: Rows that seldom decide, and so come into the NLP only after the check has seen that they
+#: do: of what is carried on its way, of the flying bar.
+Guard = Literal["carry", "flight"]
 #: Unit of the jerk control [rad/s^3], so that the variables are of order one.
 JERK_UNIT = 1000.0
 
@@ -23,7 +27,10 @@ class Structure:
 
     pivot: whether the object's rotation against the hand matters (it does not for a
     CoM grasp with the landing angle open). cup: number of depths with a clearance
-    condition; palm: number of instants of the flight with one against the hand's body;
+    condition; instants: parts of a carry interval at whose ends the grip and the held bar
+    are looked at; hand: whether the hand has a body.
+    arm: whether there it is looked at too;
+    palm: number of instants of the flight with a condition against the hand's body;
     passing: with one against the base column.
     elastic: the landing may miss, at a price.
     early, late: intervals of the window before and after the opening in which a delayed or
@@ -43,6 +50,9 @@ class Structure:
     landing: tuple[str, ...] = ()
     floor: bool = False
     column: bool = False
+    hand: bool = False
+    instants: int = 2
+    arm: bool = False
     palm: int = 0
     passing: int = 0
     elastic: bool = False
@@ -148,6 +158,13 @@ class Context:
         )
         x, z, *motion = stage.lift(*pose, twist[2], *acceleration)
         return [x, z, motion[0]], [*twist[:2], motion[1]], HandMotion(*motion)
+
+    def heights(self, q: ca.SX) -> list[ca.SX]:
+        """Heights [m] of the arm's joint frames; none of a hand that moves by itself."""
+        kinematics = self._kinematics
+        if isinstance(kinematics, PlanarArm):
+            return kinematics.heights(kinematics.turned(q))
+        return []
 
     def close(self, stage: Stage, following: Stage, dt: ca.SX, more: dict[str, Any]) -> None:
         """The next stage's states: coordinates by their closed form, others by `more`."""

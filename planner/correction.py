@@ -18,7 +18,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..problems.scene import Pose, Scene
-from .check import Thrown, broken_limits, limit_surface_throw, scene_violations, throw
+from .check import Thrown, broken_limits, limit_surface_throw, throw
+from .context import Guard
 from .motion import PlannedMotion, SampledMotion, opening_start, planned_motion
 from .mover import Mover
 from .nlp import ThrowNlp
@@ -26,6 +27,7 @@ from .numbers import opening_nodes, parameter_values
 from .plan import PlannedThrow
 from .smooth import SmoothingError, send
 from .solver import Solution, Solver
+from .violations import Violation, scene_violations
 from .window import Window
 
 Array = npt.NDArray[np.float64]
@@ -33,6 +35,8 @@ Array = npt.NDArray[np.float64]
 #: Corrections aim at this on the landing that counts: position [m], angle [rad].
 AIM = (1e-4, math.radians(0.02))
 MAX_CORRECTIONS = 8
+#: Room [m] beyond what the check has seen to be missing, and the most that is tried.
+ROOM, MOST_ROOM = 0.002, 0.05
 
 
 @dataclass
@@ -40,8 +44,9 @@ class Search:
     """One `plan` call: the scene with its target, and bookkeeping.
 
     trouble: why starts led nowhere, in order; fallback: a throw that keeps less than
-    it should, and why; flight: whether the check has seen the
-    flying bar too near the hand's body or the base column.
+    it should, and why; broken: the last attempt's throw, if it led to one that breaks
+    something. guards, room: which rows the check has shown to be needed, and how much
+    more room [m] for what is carried.
     """
 
     scene: Scene
@@ -50,7 +55,9 @@ class Search:
     attempts: int = 0
     trouble: list[str] = field(default_factory=list)
     fallback: tuple[PlannedThrow, str] | None = None
-    flight: bool = False
+    broken: PlannedThrow | None = None
+    guards: frozenset[Guard] = frozenset()
+    room: float = 0.0
 
     @contextmanager
     def clock(self, name: str) -> Iterator[None]:
@@ -60,6 +67,22 @@ class Search:
             yield
         finally:
             self.times[name] += time.perf_counter() - start
+
+    def take_note(self, thrown: PlannedThrow, found: list[Violation]) -> None:
+        """Remembers a throw that breaks something, and what the next NLP has to ask more."""
+        self.broken = thrown
+        self.trouble.append("; ".join(violation.words for violation in found))
+        if self.fallback is None:
+            self.fallback = (thrown, self.trouble[-1])
+        depth = max(violation.depth for violation in found)
+        if "carry" in self.guards and depth > 0.0:
+            self.room = min(self.room + depth + ROOM, MOST_ROOM)
+        self.guards |= {violation.guard for violation in found if violation.guard}
+
+    @property
+    def asked(self) -> tuple[frozenset[Guard], float]:
+        """What it takes an NLP to have now."""
+        return self.guards, self.room
 
 
 @dataclass(frozen=True)
@@ -98,17 +121,16 @@ def attempt(
 
     aim: (dx [m], dtheta [rad]) beside the target to aim at first.
     """
+    search.broken = None
     best = _corrected(problem, mover, target, guess, search, warm, aim)
     if best is None:
         return None
     with search.clock("check"):
-        thrown = _thrown(problem.nlp, mover, best, target, search.scene)
-        problems = _broken(search.scene, mover, thrown, target)
-    if not problems:
+        thrown = _thrown(problem.nlp, mover, best, target, search)
+        found = _broken(search.scene, mover, thrown, target)
+    if not found:
         return thrown
-    search.trouble.append("; ".join(problems))
-    if search.fallback is None:
-        search.fallback = (thrown, search.trouble[-1])
+    search.take_note(thrown, found)
     return None
 
 
@@ -158,7 +180,7 @@ def _solved(
 ) -> tuple[Solution, Array]:
     """The NLP's solution for `goal`: from `warm` if that works, else from its point afresh."""
     with search.clock("solve"):
-        values = parameter_values(search.scene, mover, goal, problem.window)
+        values = parameter_values(search.scene, mover, goal, problem.window, search.room)
         numbers = problem.nlp.parameters.vector(values)
         solution = problem.solver.solve(guess, numbers, problem.limits, warm)
         if not solution.success and warm is not None:
@@ -196,21 +218,22 @@ def _candidate(
 
 
 def _thrown(
-    nlp: ThrowNlp, mover: Mover, best: _Candidate, target: Pose, scene: Scene
+    nlp: ThrowNlp, mover: Mover, best: _Candidate, target: Pose, search: Search
 ) -> PlannedThrow:
-    """The candidate thrown by all models that a plan tells about."""
+    """The candidate thrown by the models that count."""
+    scene = search.scene
     planned, samples, at = best.planned, best.samples, best.opening_time
     motion = planned if scene.robot is None else samples
-    surface, counting = best.thrown, best.thrown
+    counting = best.thrown
     if scene.tolerance.model == "ls-step":
         counting = throw(scene, mover, motion, at, target.z)
-    else:
-        surface = limit_surface_throw(scene, mover, motion, at, target.z)
     exact, sent = counting, None
     if scene.robot is not None:
         exact, sent = throw(scene, mover, planned, at, target.z), counting
     x, z, theta = np.array(nlp.landing(best.solution.x, best.numbers)).ravel()
     return PlannedThrow(
+        scene,
+        mover,
         nlp,
         best.solution,
         planned,
@@ -219,42 +242,36 @@ def _thrown(
         (x, z, theta),
         exact,
         sent,
-        surface,
         best.thrown,
         best.aim,
+        search.room,
     )
 
 
-def _broken(scene: Scene, mover: Mover, thrown: PlannedThrow, target: Pose) -> list[str]:
+def _broken(scene: Scene, mover: Mover, thrown: PlannedThrow, target: Pose) -> list[Violation]:
     """Everything that a solved throw must not break, in words."""
     tolerance = scene.tolerance
     throws = {"planned": thrown.exact}
     if thrown.sent is not None:
         throws["sent"] = thrown.sent
     if tolerance.model == "ls-step":
-        throws = {"sent": thrown.limit_surface}
+        throws = {"sent": thrown.final}
     problems = []
     for label, result in throws.items():
         dx, dtheta = result.miss(target)
         if not scaled(dx, dtheta, (tolerance.position, tolerance.angle)) <= 1.0:
-            problems.append(
-                f"{label} motion lands {1e3 * abs(dx):.2f} mm and "
-                f"{math.degrees(abs(dtheta)):.2f} deg off"
-            )
+            off = f"{1e3 * abs(dx):.2f} mm and {math.degrees(abs(dtheta)):.2f} deg off"
+            problems.append(Violation(f"{label} motion lands {off}"))
     problems += [
-        f"limit of {name} broken"
+        Violation(f"limit of {name} broken")
         for name in broken_limits(mover.hard, mover.joints, thrown.samples)
     ]
     if thrown.exact.grip_use > 1.0:
-        problems.append(f"slip before the opening (grip use {thrown.exact.grip_use:.2f})")
+        use = f"grip use {thrown.exact.grip_use:.2f}"
+        problems.append(Violation(f"slip before the opening ({use})", "carry"))
     motion = thrown.planned if thrown.sent is None else thrown.samples
     end = thrown.planned.times[-1] if thrown.sent is None else thrown.samples.times[-1]
     return problems + scene_violations(scene, mover, motion, end, thrown.opening_time, thrown.final)
-
-
-def in_flight(trouble: str) -> bool:
-    """Whether the flying bar came too near something, in the words of the check."""
-    return any(word in trouble for word in ("palm:", "base column:", "cup clearance"))
 
 
 def scaled(dx: float, dtheta: float, scale: tuple[float, float]) -> float:

@@ -6,10 +6,10 @@ import casadi as ca
 import numpy as np
 
 from ..models.flight import FlightState
+from .clearance import flight_clear
 from .context import Context
 from .integration import full_state, relative_state
 from .ocp import Stage
-from .phases import off_column, soft_max
 
 
 def detached(context: Context, stage: Stage) -> list[ca.SX]:
@@ -19,10 +19,7 @@ def detached(context: Context, stage: Stage) -> list[ca.SX]:
     _landing(context, stage, land)
     if context.structure.cup:
         _cup(context, stage, flight)
-    if context.structure.palm:
-        _palm(context, stage, flight)
-    if context.structure.passing:
-        _past_column(context, stage, flight)
+    flight_clear(context, stage, flight)
     _landing_bounds(context, stage, land)
     return [land.x, land.z, land.theta]
 
@@ -91,47 +88,6 @@ def _cup(context: Context, stage: Stage, flight: FlightState) -> None:
         room = radius * ca.sqrt(sin**2 + 1e-9) - half_width - clearance
         stage.row("cup clearance", (offset - room) / radius, -np.inf, 0.0)
         stage.row("cup clearance", (offset + room) / radius, 0.0, np.inf)
-
-
-def _palm(context: Context, stage: Stage, flight: FlightState) -> None:
-    """Both ends of the flying bar clear of the hand's body while the arm brakes.
-
-    At fixed times after detach, with every coordinate braking at the acceleration
-    counted on. Seen from the hand an end is in front of the body or beside it.
-    """
-    p, braking = context.parameters, context.each("braking")
-    q, dq, _ = context.node(stage)
-    stop_time = ca.sqrt(dq**2 + 1e-6) / braking
-    times = p("palm_times", context.structure.palm)
-    for i in range(context.structure.palm):
-        moving = ca.fmin(times[i] / stop_time, 1.0)
-        there = q + dq * stop_time * (moving - moving**2 / 2)
-        still = ca.SX.zeros(context.n)
-        pose, _, _ = context.hand(stage, there, still, still)
-        cos_hand, sin_hand = ca.cos(pose[2]), ca.sin(pose[2])
-        at = flight.after(times[i], context.gravity)
-        for end in (p("ahead"), -p("behind")):
-            dx = at.x + end * ca.cos(at.theta) - pose[0]
-            dz = at.z + end * ca.sin(at.theta) - pose[1]
-            before = cos_hand * dx + sin_hand * dz + p("palm_front")
-            beside = ca.sqrt((cos_hand * dz - sin_hand * dx) ** 2 + 1e-8) - p("palm_half_width")
-            stage.row("palm", soft_max(before, beside), 0.0, np.inf)
-
-
-def _past_column(context: Context, stage: Stage, flight: FlightState) -> None:
-    """Points of the flying bar clear of the base column, from detach to landing."""
-    p = context.parameters
-    count = context.structure.passing
-    for i in range(count):
-        # The landing pose itself is given: no room there, or targets beside the column are lost.
-        share = min(1.0, (count - 1 - i) / 5)
-        at = flight.after(stage.controls["t_f"] * (i / (count - 1)), context.gravity)
-        for along in (p("ahead"), p("ahead") / 2, ca.SX(0), -p("behind") / 2, -p("behind")):
-            theta = ca.SX(at.theta)
-            cos, sin = ca.cos(theta), ca.sin(theta)
-            x, z = at.x + along * cos, at.z + along * sin
-            room = off_column(context, x, z, cos, sin) - share * p("passing_room")
-            stage.row("base column", room, 0.0, np.inf)
 
 
 def _landing_bounds(context: Context, stage: Stage, land: FlightState) -> None:

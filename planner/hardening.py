@@ -7,7 +7,7 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from .correction import Search, attempt, in_flight
+from .correction import Search, attempt
 from .numbers import opening_nodes
 from .plan import Plan, PlannedThrow
 from .quietness import peak_load
@@ -69,7 +69,7 @@ def _made(
     nodes = opening_nodes(scene.mesh, scene.gripper.profile().opening)
     for name in names:
         for _ in range(2):
-            seen = search.flight
+            asked = search.asked
             problem = bench.problem(goal, name, search, method)
             with search.clock("guess"):
                 guess = refit(problem.nlp, start, nodes, window.step, window.delays)
@@ -78,8 +78,7 @@ def _made(
                 motion = thrown.planned if thrown.sent is None else thrown.samples
                 load = peak_load(scene, mover, motion, thrown.opening_time)
                 return Hardened(thrown, method, name, load)
-            search.flight = search.flight or in_flight(search.trouble[-1])
-            if search.flight == seen:
+            if search.broken is None or search.asked == asked:
                 break
     return None
 

@@ -2,7 +2,7 @@
 
 The states are those of `ReleaseSampler` from a free start: a scene with a given start is
 wound up first, from rest there to rest at the run-up's start, in what the longest carry
-leaves. Kept are the throws that keep floor, base column and the bounds of [landing].
+leaves. Kept are the throws that keep floor, base column, palm and the bounds of [landing].
 """
 
 from __future__ import annotations
@@ -15,12 +15,12 @@ import numpy as np
 import numpy.typing as npt
 
 from ..problems.scene import Scene
-from .check import outline_kernel
 from .geometry import column_distance, lowest_of_bar, palm_corners, reach_of_bar
 from .mover import Mover
 from .numbers import BRAKE_SHARE
 from .releases import Releases, ReleaseSampler
 from .run_up import run_up
+from .violations import outline_kernel
 
 Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
@@ -80,7 +80,7 @@ def _start(throws: Releases) -> Array:
 
 def allowed(scene: Scene, mover: Mover, throws: Releases, time: Array) -> Flags:
     """Whether the throws (N,) can be wound up for and break nothing; time (N,): of flight [s]."""
-    good = _wound_up(scene, mover, throws) & _off_floor(scene, mover, throws)
+    good = throws.clear & _wound_up(scene, mover, throws) & _off_floor(scene, mover, throws)
     return good & _bounded(scene, throws, time) & _beside_column(scene, throws, time)
 
 

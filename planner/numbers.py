@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..problems.scene import Mesh, Pose, Scene
-from .context import JERK_UNIT, Structure
+from .context import JERK_UNIT, Guard, Structure
 from .integration import NODES, SLIP_UNIT, TURN_UNIT
 from .mover import Mover
 from .nlp import ThrowNlp
@@ -29,6 +29,8 @@ BRAKE_SHARE = 0.95
 FLIGHT_MAX = 3.0
 #: Times after detach [s] at which the NLP keeps the bar off the hand's body.
 PALM_TIMES = (0.01, 0.02, 0.03, 0.045, 0.06, 0.075, 0.09, 0.11, 0.13, 0.15, 0.18, 0.21, 0.25)
+#: Parts of a carry interval at whose ends grip and held bar are looked at: at first, when guarded.
+INSTANTS = (2, 8)
 #: Instants of the flight at which it keeps the bar off the base column.
 PASSING = 40
 #: Room [m] that these instants keep, for what lies between them.
@@ -50,16 +52,16 @@ def structure_of(
     mover: Mover,
     angle: bool,
     *,
-    flight: bool = False,
+    guards: frozenset[Guard] = frozenset(),
     elastic: bool = False,
     robust: str = "",
     window: Window | None = None,
 ) -> Structure:
     """What the scene's NLP consists of.
 
-    angle: whether the target fixes theta. flight: whether the bar in flight has constraints against
-    the hand's body and the base column, and more of them against the cup; they seldom
-    decide, so they come in only after the check has seen one of them.
+    angle: whether the target fixes theta. guards: which of the rows that seldom decide
+    are in: "carry" looks at grip and held bar more often and at the arm too, "flight" keeps
+    the flying bar off the hand's body and the base column and asks more of the cup.
     robust, window: what is asked of the hand over that window.
     """
     workspace, landing = scene.workspace, scene.landing
@@ -79,12 +81,15 @@ def structure_of(
         free_start=mover.start is None,
         angle=angle,
         pivot=angle or scene.com_offset > 0 or scene.cup is not None,
-        cup=0 if scene.cup is None or elastic else CUP_DEPTHS[flight],
+        cup=0 if scene.cup is None or elastic else CUP_DEPTHS["flight" in guards],
         landing=tuple(bounds),
         floor=workspace is not None and workspace.floor is not None,
         column=column,
-        palm=len(PALM_TIMES) if flight and palm else 0,
-        passing=PASSING if flight and column else 0,
+        hand=scene.arm is not None and workspace is not None,
+        instants=INSTANTS["carry" in guards],
+        arm="carry" in guards,
+        palm=len(PALM_TIMES) if "flight" in guards and palm else 0,
+        passing=PASSING if "flight" in guards and column else 0,
         elastic=elastic,
         early=0 if window is None else window.early,
         late=0 if window is None else window.late,
@@ -94,9 +99,12 @@ def structure_of(
 
 
 def parameter_values(
-    scene: Scene, mover: Mover, target: Pose, window: Window | None = None
+    scene: Scene, mover: Mover, target: Pose, window: Window | None = None, room: float = 0.0
 ) -> dict[str, Any]:
-    """Values of every parameter that an NLP of this scene may have."""
+    """Values of every parameter that an NLP of this scene may have.
+
+    room [m]: more than usual between obstacles and what is carried.
+    """
     body, contact, profile = scene.body, scene.patch, scene.gripper.profile()
     limits = mover.planning
     nodes = opening_nodes(scene.mesh, profile.opening)
@@ -142,6 +150,7 @@ def parameter_values(
         values["column_radius"] = (workspace.column_radius or 0.0) + ROOM
         values["column_height"] = (workspace.column_height or 0.0) + ROOM
         values["passing_room"] = PASSING_ROOM
+        values["held_room"] = room
         values |= _palm_values(scene)
     if scene.landing is not None:
         landing = scene.landing
@@ -203,6 +212,9 @@ def _palm_values(scene: Scene) -> dict[str, Any]:
     tool, grown = scene.arm.tool, scene.object.width / 2 + 8 * ROOM
     grown += scene.workspace.palm_clearance or 0.0
     return {
+        "body_back": tool.palm_back,
+        "body_front": tool.palm_front,
+        "body_half_width": tool.palm_half_width,
         "palm_times": PALM_TIMES,
         "palm_front": tool.palm_front - grown,
         "palm_half_width": tool.palm_half_width + grown,

@@ -6,12 +6,10 @@ import casadi as ca
 import numpy as np
 
 from ..models.contact import pivot_wrench
+from .clearance import held_clear
 from .context import JERK_UNIT, Context
 from .integration import gauss_interval, runge_kutta_interval
 from .ocp import Stage
-
-#: Rounding [m] of the corner between two ways of being clear of an obstacle.
-CORNER = 0.002
 
 
 def carry_interval(context: Context, first: bool, stage: Stage, following: Stage) -> None:
@@ -26,8 +24,8 @@ def carry_interval(context: Context, first: bool, stage: Stage, following: Stage
     _velocity_between_nodes(context, stage, dt)
     _position_between_nodes(context, stage, dt)
     # With continuous acceleration an interval's start is the last one's end.
-    for fraction in [0.5, 1.0] if s.jerk_control and not first else [0.0, 0.5, 1.0]:
-        _held(context, stage, fraction * dt)
+    for i in range(s.jerk_control and not first, s.instants + 1):
+        _held(context, stage, i / s.instants * dt)
 
 
 def waiting_interval(context: Context, first: bool, stage: Stage, following: Stage) -> None:
@@ -58,8 +56,9 @@ def opening_interval(context: Context, first: bool, stage: Stage, following: Sta
         # The acceleration may step here: the full grip must bear the new one too.
         _held(context, stage, ca.SX(0))
     elif s.floor or s.column:
-        pose, _, _ = context.hand(stage, *context.node(stage))
-        _off_obstacles(context, stage, pose)
+        q, dq, ddq = context.node(stage)
+        pose, _, _ = context.hand(stage, q, dq, ddq)
+        held_clear(context, stage, q, pose)
     integrate = gauss_interval if s.integrator == "gauss" else runge_kutta_interval
     end = integrate(context, stage, dt)
     context.close(stage, following, dt, {"rel": end})
@@ -108,43 +107,12 @@ def _position_between_nodes(context: Context, stage: Stage, dt: ca.SX) -> None:
 
 def _held(context: Context, stage: Stage, t: ca.SX) -> None:
     """At time t of the interval the full grip holds the object, clear of obstacles."""
-    pose, _, motion = context.hand(stage, *context.inside(stage, t))
+    q, dq, ddq = context.inside(stage, t)
+    pose, _, motion = context.hand(stage, q, dq, ddq)
     theta, h, p = pose[2] + context.grasp_angle, context.body.com_offset, context.parameters
     wrench = pivot_wrench(
         context.body, context.gravity, motion, motion.omega, h * ca.cos(theta), h * ca.sin(theta)
     )
     use = context.contact.utilisation_squared(*wrench, p("full_grip"))
     stage.row("grip while carrying", use / p("sticking_limit") ** 2, -np.inf, 1.0)
-    _off_obstacles(context, stage, pose)
-
-
-def _off_obstacles(context: Context, stage: Stage, pose: list[ca.SX]) -> None:
-    """The held bar's far end clear of floor and base column, where the scene has them."""
-    s, p = context.structure, context.parameters
-    if not (s.floor or s.column):
-        return
-    theta = pose[2] + context.grasp_angle
-    reach, half_width = context.body.com_offset + p("ahead"), p("half_width")
-    cos, sin = ca.cos(theta), ca.sin(theta)
-    tip_x, tip_z = pose[0] + reach * cos, pose[1] + reach * sin
-    if s.floor:
-        stage.row("floor", tip_z - half_width - p("floor"), 0.0, np.inf)
-    if s.column:
-        stage.row("base column", off_column(context, tip_x, tip_z, cos, sin), 0.0, np.inf)
-
-
-def off_column(context: Context, x: ca.SX, z: ca.SX, cos: ca.SX, sin: ca.SX) -> ca.SX:
-    """Room [m] of the bar at a point of its axis above the base column or to either side.
-
-    cos, sin: of the bar's angle; its edges lie half its width across.
-    """
-    p = context.parameters
-    over = z - p("half_width") * ca.sqrt(cos**2 + 1e-6) - p("column_height")
-    beside = ca.sqrt(x**2 + 1e-8) - p("half_width") * ca.sqrt(sin**2 + 1e-6)
-    beside = beside - p("column_radius")
-    return soft_max(over, beside)
-
-
-def soft_max(a: ca.SX, b: ca.SX) -> ca.SX:
-    """max(a, b) rounded from below: it never claims room that is not there."""
-    return 0.5 * (a + b + ca.sqrt((a - b) ** 2 + CORNER**2) - CORNER)
+    held_clear(context, stage, q, pose)

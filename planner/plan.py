@@ -5,12 +5,13 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
 from ..problems.errors import InputError
 from ..problems.scene import Pose, Scene
-from .check import Thrown
+from .check import Thrown, limit_surface_throw
 from .motion import PlannedMotion, SampledMotion
 from .mover import Mover
 from .nlp import ThrowNlp
@@ -26,11 +27,13 @@ class PlannedThrow:
 
     nlp, solution: where it comes from; opening_time [s] on the motion's clock; sent is None
     for a hand scene, whose motion is checked as planned; samples are what motion.csv holds.
-    limit_surface: the same motion by that model; final: the throw that counts, by the
-    model of the tolerance; aim: how far beside the target (dx [m], dtheta [rad]) the NLP's
-    landing is put, so that this one is at it.
+    final: the throw that counts, by the model of the tolerance; aim: how far beside the
+    target (dx [m], dtheta [rad]) the NLP's landing is put, so that this one is at it;
+    room [m]: what its obstacles keep more than usual.
     """
 
+    scene: Scene
+    mover: Mover
     nlp: ThrowNlp
     solution: Solution
     planned: PlannedMotion
@@ -39,9 +42,16 @@ class PlannedThrow:
     planned_landing: tuple[float, float, float]
     exact: Thrown
     sent: Thrown | None
-    limit_surface: Thrown
     final: Thrown
     aim: tuple[float, float]
+    room: float = 0.0
+
+    @cached_property
+    def limit_surface(self) -> Thrown:
+        """The motion that counts, thrown by the limit surface; made when first asked for."""
+        motion = self.planned if self.sent is None else self.samples
+        height = self.final.landing.z
+        return limit_surface_throw(self.scene, self.mover, motion, self.opening_time, height)
 
     @property
     def landing_time(self) -> float:

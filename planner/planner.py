@@ -16,12 +16,13 @@ from ..problems.robust import COMPARED, METHODS
 from ..problems.scene import Pose, Scene
 from .alternatives import Found, distinct, ordered
 from .compiled import Compile
-from .correction import Search, attempt, in_flight
+from .correction import Search, attempt
 from .guess import guess_from
 from .hardening import hardened
 from .mover import make_mover
 from .plan import Plan, PlannedThrow, Status, checked_target
 from .reach import Binding, Reach, highest
+from .refit import again
 from .release_cache import stored
 from .releases import Releases, ReleaseSampler, nearest
 from .start import check_start
@@ -41,6 +42,8 @@ MORE_SOURCES = 3
 MOST_ALTERNATIVES = 20
 #: Random releases drawn for the starting points.
 SAMPLES = 20_000
+#: NLPs tried from one release, each asked what the check has seen to be missing.
+TRIES = 4
 
 
 class Planner:
@@ -149,7 +152,7 @@ class Planner:
                     return self._chosen(found, alternatives, search)
         if found:
             return self._chosen(found, alternatives, search)
-        if starts and (answer is None or search.flight):
+        if starts and (answer is None or search.guards):
             answer = self._possible(starts[0][1], releases, search)
         if answer is not None and not answer.outside and answer.solution is not None:
             # The elastic solve reached the target: its point starts the real problem.
@@ -202,18 +205,25 @@ class Planner:
         self, name: str, index: int, goal: Pose, releases: Releases, search: Search
     ) -> list[Found]:
         """The throw that one sampled release leads to, if any."""
-        for _ in range(2):
-            nlp, before = self.bench.nlp(goal, search), search.flight
+        flight = self._flight_time(releases, index, goal)
+        sampled = True
+        for _ in range(TRIES):
+            nlp, asked = self.bench.nlp(goal, search), search.asked
             with search.clock("guess"):
-                flight = self._flight_time(releases, index, goal)
-                guess = guess_from(nlp, search.scene, self.mover, releases, index, flight)
+                guess = (
+                    guess_from(nlp, search.scene, self.mover, releases, index, flight)
+                    if sampled
+                    else again(nlp, search)
+                )
             problem = self.bench.problem(goal, name, search)
             thrown = attempt(problem, self.mover, goal, guess, search)
             if thrown is not None:
                 return [Found(goal, thrown, name)]
-            search.flight = search.flight or in_flight(search.trouble[-1])
-            if before == search.flight:
+            if search.broken is None or search.asked == asked:
                 break
+            # A sampled release that clears the hand leads there sooner than a throw that
+            # does not; for all else the throw is nearer.
+            sampled = sampled and search.guards == {"flight"} and bool(releases.clear[index])
         return []
 
     def _chosen(self, found: list[Found], alternatives: int, search: Search) -> Plan:
@@ -233,12 +243,11 @@ class Planner:
             return None
         if (warm.target.theta is None) != (target.theta is None):
             return None
-        solution, structure = warm.throw.solution, warm.throw.nlp.structure
-        # The flight's rows, if the earlier plan needed them: its multipliers fit no other NLP.
-        search.flight = structure.palm > 0 or structure.passing > 0
-        if warm.throw.nlp is not self.bench.nlp(target, search):
-            search.flight = False
+        # Its multipliers fit its own NLP only.
+        kind, solution = self.bench.kind_of(warm.throw.nlp), warm.throw.solution
+        if kind is None or kind.robust:
             return None
+        search.guards, search.room = kind.guards, warm.throw.room
         problem = self.bench.problem(target, name, search)
         thrown = attempt(problem, self.mover, target, solution.x, search, solution, warm.throw.aim)
         return None if thrown is None else self._solved(Found(target, thrown, name), search)
@@ -266,7 +275,7 @@ class Planner:
     def _possible(self, goal: Pose, releases: Releases, search: Search) -> Binding:
         """What is possible at all nearest the goal, from the table and the elastic solve."""
         with search.clock("solve"):
-            answer = self._reach.nearest_possible(search.scene, releases, goal, search.flight)
+            answer = self._reach.nearest_possible(search.scene, releases, goal, search.guards)
         search.iterations += answer.iterations
         return answer
 

@@ -17,6 +17,7 @@ import numpy.typing as npt
 from ..problems.scene import Pose, Scene
 from .check import throw
 from .compiled import Compile
+from .context import Guard
 from .guess import guess_from
 from .motion import opening_start, planned_motion
 from .mover import Mover
@@ -87,13 +88,13 @@ class Reach:
     def __init__(self, scene: Scene, mover: Mover, compiling: Compile) -> None:
         self._scene, self._mover = scene, mover
         self._compiling = compiling
-        self._solvers: dict[tuple[bool, bool], Solver] = {}
+        self._solvers: dict[tuple[bool, frozenset[Guard]], Solver] = {}
 
-    def _solver(self, angle: bool, flight: bool) -> tuple[ThrowNlp, Solver]:
-        key = (angle, flight)
+    def _solver(self, angle: bool, guards: frozenset[Guard]) -> tuple[ThrowNlp, Solver]:
+        key = (angle, guards)
         if key not in self._solvers:
             scene, mover = self._scene, self._mover
-            structure = structure_of(scene, mover, angle, flight=flight, elastic=True)
+            structure = structure_of(scene, mover, angle, guards=guards, elastic=True)
             nlp = build_nlp(structure, mover)
             self._solvers[key] = Solver(nlp, "ipopt", ITERATIONS, self._compiling)
         solver = self._solvers[key]
@@ -101,14 +102,14 @@ class Reach:
         return solver.nlp, solver
 
     def nearest_possible(
-        self, scene: Scene, releases: Releases, target: Pose, flight: bool
+        self, scene: Scene, releases: Releases, target: Pose, guards: frozenset[Guard]
     ) -> Binding:
         """The landing nearest `target` in the scaled error that `scene` can throw.
 
-        scene: this one, aimed at the target; flight: with the flying bar's rows.
+        scene: this one, aimed at the target; guards: rows that the check has shown to be needed.
         """
         mover = self._mover
-        nlp, solver = self._solver(target.theta is not None, flight)
+        nlp, solver = self._solver(target.theta is not None, guards)
         numbers = nlp.parameters.vector(parameter_values(scene, mover, target))
         limits = bounds(nlp, scene, mover)
         indices, _ = nearest(releases, scene, target.plane_x, target.z, target.theta, STARTS)

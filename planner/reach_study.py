@@ -17,13 +17,14 @@ import numpy as np
 import numpy.typing as npt
 
 from ..problems.scene import Pose, Scene
-from .check import broken_limits, scene_violations, throw
+from .check import broken_limits, throw
 from .motion import PlannedMotion
 from .mover import Limits, Mover, make_mover
 from .plan import Plan
 from .planner import Planner
 from .run_up import polynomial, run_up
 from .smooth import SmoothingError, send
+from .violations import scene_violations
 
 Array = npt.NDArray[np.float64]
 

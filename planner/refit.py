@@ -6,11 +6,21 @@ import numpy as np
 import numpy.typing as npt
 
 from .context import JERK_UNIT
+from .correction import Search
 from .motion import stage_times
 from .nlp import ThrowNlp
+from .numbers import opening_nodes
 from .plan import PlannedThrow
 
 Array = npt.NDArray[np.float64]
+
+
+def again(nlp: ThrowNlp, search: Search) -> Array:
+    """Decision vector of `nlp` from the search's last throw, which breaks something."""
+    assert search.broken is not None
+    scene = search.scene
+    nodes = opening_nodes(scene.mesh, scene.gripper.profile().opening)
+    return refit(nlp, search.broken, nodes, 0.0, np.zeros(0))
 
 
 def refit(nlp: ThrowNlp, throw: PlannedThrow, nodes: Array, step: float, delays: Array) -> Array:
@@ -24,6 +34,10 @@ def refit(nlp: ThrowNlp, throw: PlannedThrow, nodes: Array, step: float, delays:
     size = 6 if s.pivot else 4
     relative = [source.block(x, "rel", old.opens + i) for i in range(1, s.opening + 1)]
     track = np.array([np.zeros(size), *[r for r in relative if r is not None]])
+
+    entered = [source.block(x, f"t_cup{i}", old.detach) for i in range(old.cup)]
+    entries = [float(time[0]) for time in entered if time is not None]
+    depths = np.linspace(0.0, 1.0, len(entries))
 
     def scenario(name: str, k: int) -> Array:
         since = times[k] - throw.opening_time - delays[int(name.rsplit("_", 1)[1])]
@@ -41,6 +55,8 @@ def refit(nlp: ThrowNlp, throw: PlannedThrow, nodes: Array, step: float, delays:
             return throw.opening_time - s.early * step
         if name.startswith("rel_"):
             return scenario(name, k)
+        if name.startswith("t_cup"):
+            return float(np.interp(int(name[5:]) / max(s.cup - 1, 1), depths, entries))
         if name.startswith("t_f_"):
             return flight - s.late * step
         known = None if k < s.opens else source.block(x, name, k - s.opens + old.opens)

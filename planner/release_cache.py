@@ -14,7 +14,7 @@ from .mover import Mover
 from .releases import ARRAYS, Releases
 
 #: Changes whenever other releases are drawn for the same scene.
-VERSION = "1"
+VERSION = "2"
 
 
 def stored(
@@ -64,7 +64,8 @@ def _read(path: Path) -> Releases | None:
     """The table in a file; None if it is not there or not whole."""
     try:
         with path.open("rb") as file, np.load(file) as arrays:
-            found = [np.asarray(arrays[key], float) for key in ARRAYS]
+            found = [arrays[key] for key in ARRAYS]
+            found = [a.astype(bool if a.dtype == bool else float) for a in found]
     except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
         return None
     if len({len(array) for array in found}) != 1 or not all(np.isfinite(a).all() for a in found):

@@ -22,6 +22,7 @@ from ..models.sliding_pivot import SlidingPivot
 from ..problems.scene import Scene
 from .mover import Mover
 from .numbers import BRAKE_SHARE
+from .palm_room import clears_palm
 from .rollout import friction_use
 from .run_up import run_up
 from .sparse import sparse_parents
@@ -35,6 +36,8 @@ TABLE_STEPS = 12
 POOL, DIFFERENT = 400, 0.15
 #: Share of a table drawn beside releases whose landings are sparse, and in how many rounds.
 SPARSE_SHARE, ROUNDS = 0.6, 6
+#: How much nearer [m, scaled error] a landing must be for a throw that meets the hand.
+DETOUR = 0.1
 #: How near, in shares of the limits' range.
 NEARNESS = (0.01, 0.1)
 
@@ -42,7 +45,8 @@ NEARNESS = (0.01, 0.1)
 @dataclass(frozen=True)
 class Releases:
     """Feasible sampled releases: (N, n) coordinates, rates and accelerations at the
-    opening's start, run-up time (N,), and detach states (N, 6): x, z, theta, v_x, v_z, omega.
+    opening's start, run-up time (N,), detach states (N, 6): x, z, theta, v_x, v_z, omega,
+    and whether (N,) the bar then clears the hand's body.
     """
 
     q: Array
@@ -50,19 +54,31 @@ class Releases:
     ddq: Array
     run_up: Array
     detach: Array
+    clear: npt.NDArray[np.bool_]
 
     # Of the last height asked for: a plan asks several times for one.
-    _landings: dict[tuple[float, float], Array] = field(
-        default_factory=dict, repr=False, init=False
-    )
+    _last: dict[str, Any] = field(default_factory=dict, repr=False, init=False)
 
     def landings(self, height: float, gravity: float) -> tuple[Array, Array, Array]:
         """x [m], theta [rad] and flight time [s] of coming down through `height`; NaN if not."""
-        if (height, gravity) not in self._landings:
-            self._landings.clear()
-            self._landings[height, gravity] = land(self.detach, height, gravity).T.copy()
-        x, theta, time = self._landings[height, gravity]
+        x, theta, time = self._at(height, gravity)["landings"]
         return x, theta, time
+
+    def shares(self, height: float, gravity: float) -> Array:
+        """Coordinates, rates and flight times (N, 2n + 1), each as a share of its range."""
+        last = self._at(height, gravity)
+        if "shares" not in last:
+            states = np.hstack([self.q, self.dq, last["landings"][2][:, None]])
+            spread = np.nanmax(states, axis=0) - np.nanmin(states, axis=0)
+            last["shares"] = states / np.maximum(spread, 1e-9)
+        return np.asarray(last["shares"])
+
+    def _at(self, height: float, gravity: float) -> dict[str, Any]:
+        if self._last.get("for") != (height, gravity):
+            self._last.clear()
+            found = land(self.detach, height, gravity).T.copy()
+            self._last.update({"for": (height, gravity), "landings": found})
+        return self._last
 
     def picked(self, chosen: npt.NDArray[Any]) -> Releases:
         """Some of the releases: flags (N,) or indices."""
@@ -70,7 +86,7 @@ class Releases:
 
 
 #: What a table of releases holds.
-ARRAYS = ("q", "dq", "ddq", "run_up", "detach")
+ARRAYS = ("q", "dq", "ddq", "run_up", "detach", "clear")
 
 
 def joined(*parts: Releases) -> Releases:
@@ -145,9 +161,12 @@ class ReleaseSampler:
             keep = self.held(q, dq, ddq)
             q, dq, ddq, duration = q[keep], dq[keep], ddq[keep], duration[keep]
         if len(q) == 0:
-            return Releases(q, dq, ddq, duration, np.zeros((0, 6)))
+            return Releases(q, dq, ddq, duration, np.zeros((0, 6)), np.zeros(0, bool))
         states = self.throw(q, dq, ddq)
-        return Releases(q, dq, ddq, duration, states)
+        opening = self.profile.opening
+        end, rate = q + opening * (dq + opening * ddq / 2), dq + opening * ddq
+        clear = clears_palm(self.scene, self.mover, end, rate, states)
+        return Releases(q, dq, ddq, duration, states, clear)
 
     def run_up_time(self, dq: Array, ddq: Array, rng: np.random.Generator) -> Array:
         """Run-up time that keeps the run-up's mean acceleration under the limits."""
@@ -230,14 +249,16 @@ def nearest(
 ) -> tuple[npt.NDArray[np.int_], Array]:
     """Indices and scaled distances [m] (39) of `count` near landings, nearest first.
 
-    Each is a throw that differs from those before it; where there are too few such among
-    the nearest, others like them fill up.
+    Throws whose bar clears the hand come first where they are not much farther. Each
+    differs from those before it; where there are too few such among the nearest, others
+    like them fill up.
     """
     land_x, land_theta, time = releases.landings(height, scene.gravity)
     distance = np.abs(land_x - x)
     if theta is not None:
         distance = distance + np.abs(land_theta - theta) * scene.object.length / 2
     distance = np.where(np.isfinite(time), distance, np.inf)
+    distance = distance + np.where(releases.clear, 0.0, DETOUR)
     size = min(max(POOL, count), len(distance))
     if size == 0:
         return np.zeros(0, int), np.zeros(0)
@@ -245,10 +266,9 @@ def nearest(
     pool = pool[np.argsort(distance[pool], kind="stable")]
     pool = pool[np.isfinite(distance[pool])]
     if count > 1 and len(pool):
-        states = np.hstack([releases.q, releases.dq, time[:, None]])
-        spread = np.nanmax(states, axis=0) - np.nanmin(states, axis=0)
-        pool = pool[_different(states[pool] / np.maximum(spread, 1e-9), count)]
-    return pool[:count], distance[pool[:count]]
+        pool = pool[_different(releases.shares(height, scene.gravity)[pool], count)]
+    found = pool[:count]
+    return found, distance[found] - np.where(releases.clear[found], 0.0, DETOUR)
 
 
 def _different(states: Array, count: int) -> npt.NDArray[np.int_]:

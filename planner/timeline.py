@@ -10,9 +10,9 @@ import numpy.typing as npt
 
 from ..models.contact import pivot_wrench
 from ..models.hand import PlanarArm
-from .check import flight_poses
 from .plan import Plan
 from .rollout import hand_samples
+from .violations import flight_poses
 
 Array = npt.NDArray[np.float64]
 

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from ..problems.scene import Pose, Scene
 from .compiled import Compile
+from .context import Guard
 from .correction import Problem, Search
 from .mover import Mover
 from .nlp import ThrowNlp, build_nlp
@@ -16,10 +17,10 @@ from .window import Window, window_of
 
 @dataclass(frozen=True)
 class Kind:
-    """Which of a scene's NLPs: theta fixed or open, with the flight's rows, robust how."""
+    """Which of a scene's NLPs: theta fixed or open, with which guards, robust how."""
 
     angle: bool
-    flight: bool
+    guards: frozenset[Guard]
     robust: str = ""
 
 
@@ -40,14 +41,14 @@ class Workbench:
 
     def nlp(self, target: Pose, search: Search, robust: str = "") -> ThrowNlp:
         """The NLP for a target, with what the search has seen to be needed."""
-        kind = Kind(target.theta is not None, search.flight, robust)
+        kind = Kind(target.theta is not None, search.guards, robust)
         if kind not in self._nlps:
             with search.clock("build"):
                 structure = structure_of(
                     self.scene,
                     self.mover,
                     kind.angle,
-                    flight=kind.flight,
+                    guards=kind.guards,
                     robust=robust,
                     window=self._window(robust),
                 )
@@ -56,7 +57,7 @@ class Workbench:
 
     def problem(self, target: Pose, name: str, search: Search, robust: str = "") -> Problem:
         """The same with a solver, 'fatrop' or 'ipopt'."""
-        kind = Kind(target.theta is not None, search.flight, robust)
+        kind = Kind(target.theta is not None, search.guards, robust)
         if (kind, name) not in self._problems:
             nlp = self.nlp(target, search, robust)
             with search.clock("build"):
@@ -65,6 +66,10 @@ class Workbench:
                 limits = bounds(nlp, self.scene, self.mover, window)
                 self._problems[kind, name] = Problem(nlp, solver, limits, window)
         return self._problems[kind, name]
+
+    def kind_of(self, nlp: ThrowNlp) -> Kind | None:
+        """Which of the NLPs built here it is, None if it is another's."""
+        return next((kind for kind, known in self._nlps.items() if known is nlp), None)
 
     def _window(self, robust: str) -> Window | None:
         return window_of(self.scene) if robust else None

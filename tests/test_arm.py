@@ -178,3 +178,16 @@ def test_a_hand_that_turns_is_its_own_coordinates():
     inputs = [[1, 2, 3], [4, 5, 6], [7, 8, 9]]
     outputs = [np.array(o).ravel() for o in motion(*inputs)]
     np.testing.assert_array_equal(outputs, inputs)
+
+
+def test_heights_of_the_frames_are_those_of_the_full_kinematics() -> None:
+    arm = PlanarArm(PANDA)
+    q = ca.SX.sym("q", arm.coordinates)
+    planar = ca.Function("planar", [q], [ca.vertcat(*arm.heights(arm.turned(q)))])
+    full = ca.Function("full", [q], [arm.points(q)[1, 2:-1]])
+    for value in np.random.default_rng(3).uniform(-2, 2, (5, arm.coordinates)):
+        mine, theirs = (
+            np.unique(np.array(planar(value)).round(9)),
+            np.unique(np.array(full(value)).round(9)),
+        )
+        assert mine == pytest.approx(theirs, abs=1e-8)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from throwplan.models.hand import PlanarHand, hand_motion
-from throwplan.planner.check import broken_limits, scene_violations, throw
+from throwplan.planner.check import broken_limits, throw
 from throwplan.planner.geometry import (
     bar_outline,
     column_distance,
@@ -23,6 +23,7 @@ from throwplan.planner.motion import PlannedMotion, SampledMotion
 from throwplan.planner.mover import Mover, make_mover
 from throwplan.planner.rollout import slip_while_carrying
 from throwplan.planner.smooth import send
+from throwplan.planner.violations import scene_violations
 
 
 @pytest.fixture(scope="module")
@@ -153,7 +154,7 @@ def test_slip_before_the_opening_is_a_failure() -> None:
     thrown = throw(scene, mover, motion, 0.1, -5.0)
     assert thrown.grip_use > 1
     assert any(
-        "slip" in words for words in scene_violations(scene, mover, motion, 0.2, 0.1, thrown)
+        "slip" in found.words for found in scene_violations(scene, mover, motion, 0.2, 0.1, thrown)
     )
 
 
@@ -194,7 +195,7 @@ def violations(scene: tp.Scene, plan: tp.Plan) -> str:
         plan.throw.opening_time,
         plan.throw.sent,
     )
-    return "; ".join(found)
+    return "; ".join(violation.words for violation in found)
 
 
 def test_a_solved_plan_breaks_nothing_and_harder_scenes_are_broken(cup_plan: tp.Plan) -> None:

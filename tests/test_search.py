@@ -70,3 +70,24 @@ def test_throws_over_the_robot_itself_are_found() -> None:
     plan = tp.Planner(tp.load_scene("box")).plan(tp.Pose(x=-0.386, z=0.1))
     assert plan.solved
     assert plan.throw.nlp.structure.passing > 0
+
+
+@pytest.mark.parametrize(
+    ("name", "x", "theta", "missed"),
+    [
+        ("pose", 0.9, 6.0, "floor"),  # the arm itself was below the floor at the start
+        ("cup", -0.2211, -1.6348, "column"),  # the bar cut its corner between two nodes
+        ("cup", -0.4001, -1.48, "column"),
+    ],
+)
+def test_what_is_carried_is_looked_at_closer_when_the_check_asks(
+    name: str, x: float, theta: float, missed: str
+) -> None:
+    scene = tp.load_scene(name)
+    plan = tp.Planner(scene).plan(scene.target.in_plane(x, theta))
+    assert plan.solved and plan.attempts > 2
+    assert plan.throw.nlp.structure.instants > 2 and plan.throw.nlp.structure.arm
+    assert missed in " ".join(plan.throw.nlp.row_names)
+    again = tp.Planner(scene)
+    moved = again.plan(plan.target, warm=plan)
+    assert moved.solved, "a plan of another planner is no warm start, but no error either"

@@ -1,0 +1,113 @@
+"""Floor, base column and hand: room for the held bar, the arm, and the bar in flight."""
+
+from __future__ import annotations
+
+import casadi as ca
+import numpy as np
+
+from ..models.flight import FlightState
+from .context import Context
+from .ocp import Stage
+
+#: Rounding [m] of the corner between two ways of being clear of an obstacle.
+CORNER = 0.002
+
+
+def held_clear(context: Context, stage: Stage, q: ca.SX, pose: list[ca.SX]) -> None:
+    """The held bar's far end clear of floor and base column, where the scene has them.
+
+    q, pose: the coordinates and the hand's pose with them. With the guard "carry" arm and
+    hand are clear of the floor too.
+    """
+    s, p = context.structure, context.parameters
+    if not (s.floor or s.column):
+        return
+    theta = pose[2] + context.grasp_angle
+    reach, half_width = context.body.com_offset + p("ahead"), p("half_width")
+    cos, sin = ca.cos(theta), ca.sin(theta)
+    tip_x, tip_z = pose[0] + reach * cos, pose[1] + reach * sin
+    if s.floor:
+        stage.row("floor", tip_z - half_width - p("floor") - p("held_room"), 0.0, np.inf)
+        if s.arm:
+            _arm_above_floor(context, stage, q, pose)
+    if s.column:
+        room = _off_column(context, tip_x, tip_z, cos, sin) - p("held_room")
+        stage.row("base column", room, 0.0, np.inf)
+
+
+def flight_clear(context: Context, stage: Stage, flight: FlightState) -> None:
+    """The flying bar clear of hand and base column, where the scene asks for it."""
+    if context.structure.palm:
+        _palm(context, stage, flight)
+    if context.structure.passing:
+        _past_column(context, stage, flight)
+
+
+def _arm_above_floor(context: Context, stage: Stage, q: ca.SX, pose: list[ca.SX]) -> None:
+    """Joint frames, the hand and its body not below the floor."""
+    p, floor = context.parameters, context.parameters("floor") + context.parameters("held_room")
+    heights = context.heights(q)
+    if context.structure.hand:
+        cos, sin = ca.cos(pose[2]), ca.sin(pose[2])
+        across = p("body_half_width") * ca.sqrt(cos**2 + 1e-6)
+        heights += [pose[1] - p(name) * sin - across for name in ("body_back", "body_front")]
+    for z in [*heights, pose[1]]:
+        stage.row("floor", z - floor, 0.0, np.inf)
+
+
+def _palm(context: Context, stage: Stage, flight: FlightState) -> None:
+    """Both ends of the flying bar clear of the hand's body while the arm brakes.
+
+    At fixed times after detach, with every coordinate braking at the acceleration
+    counted on. Seen from the hand an end is in front of the body or beside it.
+    """
+    p, braking = context.parameters, context.each("braking")
+    q, dq, _ = context.node(stage)
+    stop_time = ca.sqrt(dq**2 + 1e-6) / braking
+    times = p("palm_times", context.structure.palm)
+    for i in range(context.structure.palm):
+        moving = ca.fmin(times[i] / stop_time, 1.0)
+        there = q + dq * stop_time * (moving - moving**2 / 2)
+        still = ca.SX.zeros(context.n)
+        pose, _, _ = context.hand(stage, there, still, still)
+        cos_hand, sin_hand = ca.cos(pose[2]), ca.sin(pose[2])
+        at = flight.after(times[i], context.gravity)
+        for end in (p("ahead"), -p("behind")):
+            dx = at.x + end * ca.cos(at.theta) - pose[0]
+            dz = at.z + end * ca.sin(at.theta) - pose[1]
+            before = cos_hand * dx + sin_hand * dz + p("palm_front")
+            beside = ca.sqrt((cos_hand * dz - sin_hand * dx) ** 2 + 1e-8) - p("palm_half_width")
+            stage.row("palm", _soft_max(before, beside), 0.0, np.inf)
+
+
+def _past_column(context: Context, stage: Stage, flight: FlightState) -> None:
+    """Points of the flying bar clear of the base column, from detach to landing."""
+    p = context.parameters
+    count = context.structure.passing
+    for i in range(count):
+        # The landing pose itself is given: no room there, or targets beside the column are lost.
+        share = min(1.0, (count - 1 - i) / 5)
+        at = flight.after(stage.controls["t_f"] * (i / (count - 1)), context.gravity)
+        for along in (p("ahead"), p("ahead") / 2, ca.SX(0), -p("behind") / 2, -p("behind")):
+            theta = ca.SX(at.theta)
+            cos, sin = ca.cos(theta), ca.sin(theta)
+            x, z = at.x + along * cos, at.z + along * sin
+            room = _off_column(context, x, z, cos, sin) - share * p("passing_room")
+            stage.row("base column", room, 0.0, np.inf)
+
+
+def _off_column(context: Context, x: ca.SX, z: ca.SX, cos: ca.SX, sin: ca.SX) -> ca.SX:
+    """Room [m] of the bar at a point of its axis above the base column or to either side.
+
+    cos, sin: of the bar's angle; its edges lie half its width across.
+    """
+    p = context.parameters
+    over = z - p("half_width") * ca.sqrt(cos**2 + 1e-6) - p("column_height")
+    beside = ca.sqrt(x**2 + 1e-8) - p("half_width") * ca.sqrt(sin**2 + 1e-6)
+    beside = beside - p("column_radius")
+    return _soft_max(over, beside)
+
+
+def _soft_max(a: ca.SX, b: ca.SX) -> ca.SX:
+    """max(a, b) rounded from below: it never claims room that is not there."""
+    return 0.5 * (a + b + ca.sqrt((a - b) ** 2 + CORNER**2) - CORNER)
