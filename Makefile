@@ -4,7 +4,7 @@ BIN := .venv/bin
 PIP := PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/pip install --quiet --disable-pip-version-check
 # Strict: the type checker sees what a wheel would hold, not the whole folder.
 EDITABLE := --config-settings editable_mode=strict --editable
-FILES := pyproject.toml constraints.txt $(wildcard *.py */*.py problems/*/*.toml)
+FILES := pyproject.toml constraints.txt $(wildcard *.py */*.py */*/*.py problems/*/*.toml)
 
 .PHONY: run test pictures clean
 

@@ -11,6 +11,7 @@ from ..problems.errors import InputError
 from .command import DONE, WRONG_INPUT, Parser
 from .command_map import add_map
 from .command_plan import add_plan
+from .command_report import add_report
 from .command_scenes import add_scenes
 from .command_simulate import add_simulate
 from .command_sweep import add_sweep
@@ -53,7 +54,7 @@ def _parser() -> Parser:
         prog="throwplan", description="Plan throws to a landing pose through the gripper's release."
     )
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
-    for add in (add_scenes, add_plan, add_simulate, add_map, add_sweep):
+    for add in (add_scenes, add_plan, add_simulate, add_map, add_sweep, add_report):
         add(commands)
     return parser
 

@@ -18,7 +18,7 @@ def detached(context: Context, stage: Stage) -> list[ca.SX]:
     land = flight.after(stage.control("t_f"), context.gravity)
     _landing(context, stage, land)
     if context.structure.cup:
-        _cup(context, stage, flight)
+        _cup(context, stage, flight, land)
     flight_clear(context, stage, flight)
     _landing_bounds(context, stage, land)
     return [land.x, land.z, land.theta]
@@ -64,16 +64,18 @@ def at_rest(context: Context, stage: Stage) -> None:
         context.limit(stage, "velocity", peak / context.each("dq_max"))
 
 
-def _cup(context: Context, stage: Stage, flight: FlightState) -> None:
+def _cup(context: Context, stage: Stage, flight: FlightState, land: FlightState) -> None:
     """The bar's outline inside the opening at several depths of its lower end.
 
     Per depth one unknown time, at which the middle of the lower end is that far below
     the rim; then the end's corners keep the clearance to the wall, and the long edges
     keep it to the rim. `lower_end` is that end's distance from the CoM along the
-    axis, negative for the grasped end.
+    axis, negative for the grasped end. The cup goes with the target, so with a landing
+    that may miss it goes with that.
     """
     p, depths = context.parameters, context.structure.cup
     radius, clearance, half_width = p("cup_radius"), p("cup_clearance"), p("half_width")
+    cup_x = p("cup_x") + (land.x - p("target_x") if context.structure.elastic else 0)
     for i in range(depths):
         at = flight.after(stage.control(f"t_cup{i}"), context.gravity)
         cos, sin = ca.cos(at.theta), ca.sin(at.theta)
@@ -81,10 +83,10 @@ def _cup(context: Context, stage: Stage, flight: FlightState) -> None:
         end = p("lower_end")
         stage.row("cup depth", at.z + end * sin - (p("cup_rim") - depth), 0.0, 0.0)
         for side in (-1, 1):
-            corner = at.x + end * cos - side * half_width * sin - p("cup_x")
+            corner = at.x + end * cos - side * half_width * sin - cup_x
             stage.row("cup clearance", corner / (radius - clearance), -1.0, 1.0)
         # The rim's two edges lie to either side of the bar's axis: signed distances.
-        offset = (at.x - p("cup_x")) * sin + (p("cup_rim") - at.z) * cos
+        offset = (at.x - cup_x) * sin + (p("cup_rim") - at.z) * cos
         room = radius * ca.sqrt(sin**2 + 1e-9) - half_width - clearance
         stage.row("cup clearance", (offset - room) / radius, -np.inf, 0.0)
         stage.row("cup clearance", (offset + room) / radius, 0.0, np.inf)

@@ -81,7 +81,7 @@ def structure_of(
         free_start=mover.start is None,
         angle=angle,
         pivot=angle or scene.com_offset > 0 or scene.cup is not None,
-        cup=0 if scene.cup is None or elastic else CUP_DEPTHS["flight" in guards],
+        cup=0 if scene.cup is None else CUP_DEPTHS["flight" in guards],
         landing=tuple(bounds),
         floor=workspace is not None and workspace.floor is not None,
         column=column,

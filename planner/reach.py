@@ -18,6 +18,7 @@ from ..problems.scene import Pose, Scene
 from .check import throw
 from .compiled import Compile
 from .context import Guard
+from .cup_entries import cup_entries
 from .guess import guess_from
 from .motion import opening_start, planned_motion
 from .mover import Mover
@@ -76,7 +77,7 @@ class Binding:
             block = elastic.block(solution.x, name, k)
             if block is not None:
                 return block
-            # Cup entry times, which the elastic problem leaves out.
+            # The times of more cup depths than the elastic problem has.
             return 0.0 if flight is None else float(flight[0])
 
         return nlp.fill(value)
@@ -112,13 +113,14 @@ class Reach:
         nlp, solver = self._solver(target.theta is not None, guards)
         numbers = nlp.parameters.vector(parameter_values(scene, mover, target))
         limits = bounds(nlp, scene, mover)
-        indices, _ = nearest(releases, scene, target.plane_x, target.z, target.theta, STARTS)
+        entering = _into_the_cup(scene, releases, target)
+        indices, _ = nearest(entering, scene, target.plane_x, target.z, target.theta, STARTS)
         nodes = opening_nodes(scene.mesh, scene.gripper.profile().opening)
         best: Solution | None = None
         iterations = 0
         for index in indices:
-            flown = float(releases.landings(target.z, scene.gravity)[2][index])
-            guess = guess_from(nlp, scene, mover, releases, int(index), flown)
+            flown = float(entering.landings(target.z, scene.gravity)[2][index])
+            guess = guess_from(nlp, scene, mover, entering, int(index), flown)
             solution = solver.solve(guess, numbers, limits)
             iterations += solution.iterations
             if solution.success and (best is None or solution.cost < best.cost):
@@ -139,6 +141,21 @@ class Reach:
         names = () if inside else _binding(nlp, mover, best, limits)
         pose = target.in_plane(landing.x, angle)
         return Binding(target, pose, inside, names, iterations, best, nlp)
+
+
+def _into_the_cup(scene: Scene, releases: Releases, target: Pose) -> Releases:
+    """The releases that go into a cup that has come along with their landing.
+
+    All, if none does, or the scene has no cup.
+    """
+    if scene.cup is None:
+        return releases
+    x, _, time = releases.landings(target.z, scene.gravity)
+    shifted = np.column_stack([releases.detach, np.full(len(x), scene.gravity)])
+    shifted[:, 0] += target.plane_x - x
+    com = np.full(len(x), scene.object.com)
+    found = cup_entries(scene.object, com, scene.cup, shifted, time) >= 0.0
+    return releases.picked(found) if found.any() else releases
 
 
 def highest(releases: Releases, target: Pose, gravity: float) -> tuple[bool, Pose | None, str]:

@@ -91,3 +91,13 @@ def test_what_is_carried_is_looked_at_closer_when_the_check_asks(
     again = tp.Planner(scene)
     moved = again.plan(plan.target, warm=plan)
     assert moved.solved, "a plan of another planner is no warm start, but no error either"
+
+
+@pytest.mark.parametrize(("x", "degrees"), [(0.51, 336.0), (2.15, -59.0), (-1.27, 360.0)])
+def test_poses_that_no_cup_takes_are_out_of_reach(x: float, degrees: float) -> None:
+    """The cup comes along with the target; lying flat the bar enters none."""
+    scene = tp.load_scene("cup")
+    plan = tp.Planner(scene).plan(scene.target.in_plane(x, math.radians(degrees)))
+    assert plan.status == "out_of_reach"
+    assert "cup clearance" in plan.binding or "cup depth" in plan.binding
+    assert plan.nearest is not None and abs(plan.nearest.theta - plan.target.theta) > 0.2

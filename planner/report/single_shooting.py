@@ -8,12 +8,17 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import throwplan as tp
+import numpy.typing as npt
 from scipy.optimize import minimize
-from throwplan.planner.guess import guess_from
-from throwplan.planner.mover import make_mover
-from throwplan.planner.nlp import build_nlp
-from throwplan.planner.numbers import bounds, parameter_values, structure_of
+
+from ...problems.scene import Pose, Scene
+from ..guess import guess_from
+from ..mover import make_mover
+from ..nlp import build_nlp
+from ..numbers import bounds, parameter_values, structure_of
+from ..releases import Releases
+
+Array = npt.NDArray[np.float64]
 
 #: SLSQP's iterations, and the breach of a row that still counts as solved.
 ITERATIONS, FEASIBLE = 200, 1e-4
@@ -22,7 +27,7 @@ ITERATIONS, FEASIBLE = 200, 1e-4
 class SingleShooting:
     """The NLP of a scene in its first state and controls alone, for explicit integrators."""
 
-    def __init__(self, scene: tp.Scene) -> None:
+    def __init__(self, scene: Scene) -> None:
         mesh = dataclasses.replace(scene.mesh, integrator="rk4", substeps=2)
         self._scene = scene.replace(mesh=mesh)
         self._mover = make_mover(self._scene)
@@ -34,7 +39,8 @@ class SingleShooting:
         links = nlp.links
         free = [ca.MX.sym("x0", nlp.nx[0])]
         self._free = list(range(nlp.nx[0]))
-        state, pieces, rows = free[0], [], []
+        state, pieces = free[0], []
+        rows: list[int] = []
         for k, link in enumerate(links):
             control = ca.MX.sym(f"u{k}", nlp.nu[k])
             free.append(control)
@@ -53,7 +59,7 @@ class SingleShooting:
         self._slope = ca.Function("s", [z, p], [ca.gradient(f, z), ca.jacobian(g, z)])
 
     def solve(
-        self, aimed: tp.Scene, target: tp.Pose, releases: Any, index: int, flight: float
+        self, aimed: Scene, target: Pose, releases: Releases, index: int, flight: float
     ) -> tuple[bool, float]:
         """Whether SLSQP gets to the target from a sampled release, and its time [s]."""
         nlp, mover = self._nlp, self._mover
@@ -66,9 +72,9 @@ class SingleShooting:
         same = lower == upper
         under, over = np.isfinite(lower) & ~same, np.isfinite(upper) & ~same
 
-        def split(g: np.ndarray, kind: str) -> np.ndarray:
+        def split(g: Array, kind: str) -> Array:
             if kind == "eq":
-                return (g.T - lower).T[same] if g.ndim == 1 else g[same]
+                return np.asarray((g - lower)[same] if g.ndim == 1 else g[same])
             if g.ndim == 1:
                 return np.concatenate([(g - lower)[under], (upper - g)[over]])
             return np.vstack([g[under], -g[over]])

@@ -1,0 +1,1 @@
+"""`throwplan report`: error against run time, stability, and what a scene leaves out."""

@@ -1,0 +1,283 @@
+"""Section: how many random targets are thrown to, how fast, and what is said of the others.
+
+Targets in reach come from random exact throws (`planner.reach_study`), not from the
+planner's table. Targets out of reach are far from every landing of sampled releases; one
+that is solved all the same, under the exact check, was in reach after all.
+"""
+
+from __future__ import annotations
+
+import collections
+import dataclasses
+import itertools
+import math
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from ...problems.load import load_scene
+from ...problems.scene import Pose, Scene
+from ..compiled import Compile
+from ..mover import make_mover
+from ..plan import Status
+from ..planner import Planner
+from ..reach_study import Outcome, outcomes, reachable_targets
+from ..releases import ReleaseSampler
+from .page import Cell, Effort, Picture, Section, Table
+from .rivals import rivals
+
+#: Seed of the targets.
+SEED = 1
+#: Scenes with the number of their targets: quick, full.
+TARGETS = {
+    "pose": (30, 1000),
+    "cup": (5, 1000),
+    "box": (0, 1000),
+    "flip": (0, 1000),
+    "hand-box": (30, 300),
+    "hand-flip": (30, 300),
+}
+#: Sampled releases that say what is in reach, in draws of this many states.
+DRAWS, DRAW = 10, 20_000
+#: Targets out of reach are farther than this from all of them: x [m] or theta [rad] ...
+FAR = (0.1, math.radians(20))
+#: ... and looked for this far beyond the landings.
+ROUND = np.array([1.0, 2.0])
+#: How far a followed target moves: x [m], theta [rad], in how many plans of 10 ms.
+SWING, PERIOD, TICK = (0.06, 0.2), 2.0, 0.01
+
+
+def make(effort: Effort) -> Section:
+    """The section; compiled functions are made first where a C compiler is there."""
+    section = Section("reach", "Any reachable target")
+    section.add(
+        "Targets are where random exact throws land: a polynomial run-up to a random state, "
+        "opening at constant acceleration, brake; sent at 1 kHz, with all limits, 10 % of the "
+        "grip kept free, workspace and cup checked. The planner's own table has no part in "
+        f"them. Seed {SEED}. Errors are of what is sent, by the exact model; times are of a "
+        "whole plan (guess, solve, Ruckig, check, correction) and of its solves, without what is "
+        "built once for all plans."
+    )
+    steps = [name for name, sizes in TARGETS.items() if effort.of(*sizes)]
+    total, rows, lost = len(steps) + 4, [], []
+    kept: dict[str, tuple[Planner, list[Outcome]]] = {}
+    for done, name in enumerate(steps):
+        effort.tell(done, total)
+        scene = load_scene(name)
+        found = reachable_targets(scene, SEED)
+        targets = list(itertools.islice(found, effort.of(*TARGETS[name])))
+        for compiling in ("wait", "no"):
+            planner = _warmed(scene, targets[0], compiling)
+            some = targets if compiling == "wait" else targets[: effort.of(10, 100)]
+            results = list(outcomes(planner, some))
+            rows.append([name, "yes" if planner.compiled else "no", *_figures(results)])
+            if compiling == "wait":
+                kept[name] = planner, results
+                lost += [[name, *_unsolved(result)] for result in results if not result.plan.solved]
+    section.add(_table("reach-inside", "Random targets in reach", rows))
+    section.add(_lost("reach-lost", "Targets in reach without a throw, and why", lost))
+    effort.tell(len(steps), total)
+    planner, inside = kept["pose"]
+    beyond = outside(planner.scene, effort.of(20, 300), SEED)
+    far = list(outcomes(planner, beyond))
+    section.add(*_outside(far))
+    section.add(
+        Picture(
+            "reach-map",
+            "Scene pose: targets in reach and out of reach, with the nearest pose that the "
+            "planner named for those",
+            lambda path: _draw(inside, far, path),
+        )
+    )
+    effort.tell(len(steps) + 1, total)
+    section.add(_following(effort))
+    effort.tell(len(steps) + 2, total)
+    section.add(_truer(effort))
+    effort.tell(len(steps) + 3, total)
+    section.add(rivals(planner.scene, [r.target for r in inside[: effort.of(5, 50)]]))
+    return section
+
+
+def _warmed(scene: Scene, target: Pose, compiling: Compile) -> Planner:
+    """A planner that has built, drawn and compiled what one plan needs."""
+    planner = Planner(scene, compiling=compiling)
+    planner.plan(target)
+    return planner
+
+
+def _percentiles(values: list[float]) -> list[Cell]:
+    return [float(v) for v in np.percentile(values, [50, 99])]
+
+
+def _own(result: Outcome) -> float:
+    """A plan's time [s] without what is built (and compiled) once for all plans."""
+    return result.seconds - result.plan.time["build"]
+
+
+def _figures(results: list[Outcome]) -> list[Cell]:
+    """Counts, times [ms] and worst errors [mm, deg] of some plans."""
+    solved = [result for result in results if result.plan.solved]
+    worst = np.max([result.error for result in solved], axis=0) if solved else [math.nan] * 2
+    return [
+        len(results),
+        len(solved),
+        *_percentiles([1e3 * _own(result) for result in results]),
+        *_percentiles([1e3 * result.plan.time["solve"] for result in results]),
+        1e3 * float(worst[0]),
+        math.degrees(float(worst[1])),
+    ]
+
+
+def _table(name: str, caption: str, rows: list[list[Cell]]) -> Table:
+    columns = (
+        "scene",
+        "compiled",
+        "targets",
+        "solved",
+        "plan, median [ms]",
+        "99 % [ms]",
+        "solve, median [ms]",
+        "99 % [ms]",
+        "worst error [mm]",
+        "[deg]",
+    )
+    return Table(name, caption, columns, rows)
+
+
+def _unsolved(result: Outcome) -> list[Cell]:
+    pose = result.target
+    theta = None if pose.theta is None else math.degrees(pose.theta)
+    return [pose.plane_x, theta, result.plan.status, result.plan.message]
+
+
+def _lost(name: str, caption: str, rows: list[list[Cell]]) -> Table | str:
+    """The targets that were not reached, or words that there are none."""
+    if not rows:
+        return f"{caption}: none."
+    return Table(name, caption, ("scene", "x [m]", "theta [deg]", "status", "why"), rows, 4)
+
+
+def outside(scene: Scene, count: int, seed: int) -> list[Pose]:
+    """Targets far from every sampled landing."""
+    sampler = ReleaseSampler(scene, make_mover(scene))
+    assert scene.target is not None
+    landings = []
+    for draw in range(DRAWS):
+        x, theta, _ = sampler.draw(DRAW, seed=1000 + draw).landings(scene.target.z, scene.gravity)
+        landings.append(np.column_stack([x, theta])[np.isfinite(x)])
+    known = np.vstack(landings)
+    rng = np.random.default_rng(seed)
+    low, high = known.min(axis=0), known.max(axis=0)
+    found: list[Pose] = []
+    while len(found) < count:
+        x, theta = rng.uniform(low - ROUND, high + ROUND)
+        near = (np.abs(known - [x, theta]) < FAR).all(axis=1)
+        if not near.any():
+            found.append(scene.target.in_plane(x, theta))
+    return found
+
+
+def _outside(results: list[Outcome]) -> list[Table | str]:
+    """What is said of targets far from all sampled landings."""
+    counts = collections.Counter(result.plan.status for result in results)
+    names: tuple[Status, ...] = ("out_of_reach", "solved", "not_converged")
+    times = _percentiles([1e3 * _own(result) for result in results])
+    columns = ("targets", *names, "plan, median [ms]", "99 % [ms]")
+    caption = (
+        f"Scene pose: targets farther than {100 * FAR[0]:.0f} cm or "
+        f"{math.degrees(FAR[1]):.0f} deg from every landing of {DRAWS * DRAW:,} sampled states"
+    )
+    row = [len(results), *(counts.get(name, 0) for name in names), *times]
+    lost = [["pose", *_unsolved(r)] for r in results if r.plan.status == "not_converged"]
+    return [
+        Table("reach-outside", caption, columns, [row]),
+        "A solved one is no mistake: its throw passed the exact check, so the samples, not the "
+        "planner, had stopped short of the edge of what is in reach.",
+        _lost("reach-outside-lost", "Neither thrown nor called out of reach", lost),
+    ]
+
+
+def _following(effort: Effort) -> Table:
+    """Warm plans that follow a moving target."""
+    rows = []
+    for name in ("pose", "cup"):
+        planner = Planner(load_scene(name), compiling="wait")
+        plan = planner.plan()
+        plan = planner.plan(warm=plan)
+        target, solves, totals, errors = plan.target, [], [], []
+        count = effort.of(20, 200)
+        for k in range(count):
+            swing = math.sin(2 * math.pi * k * TICK / PERIOD)
+            theta = None if target.theta is None else target.theta + SWING[1] * swing
+            moved = target.in_plane(target.plane_x - SWING[0] * swing, theta)
+            after = planner.plan(moved, warm=plan)
+            solves.append(1e3 * after.time["solve"])
+            totals.append(1e3 * after.time["total"])
+            if after.solved:
+                plan = after
+                errors.append(after.error_sent())
+        worst = np.max(errors, axis=0)
+        inside = sum(total <= 1e3 * TICK for total in totals)
+        figures = [float(v) for v in np.percentile(solves, [50, 95])]
+        rows.append(
+            [
+                *(name, count, len(errors), inside, *figures, float(np.median(totals))),
+                *(1e3 * float(worst[0]), math.degrees(float(worst[1]))),
+            ]
+        )
+    return Table(
+        "reach-following",
+        f"Warm plans after a target that swings by {100 * SWING[0]:.0f} cm and {SWING[1]:g} rad, "
+        f"a plan every {1e3 * TICK:.0f} ms",
+        (
+            *("scene", "plans", "solved", f"within {1e3 * TICK:.0f} ms", "solve, median [ms]"),
+            *("95 % [ms]", "plan, median [ms]", "worst error [mm]", "[deg]"),
+        ),
+        rows,
+    )
+
+
+def _truer(effort: Effort) -> Table:
+    """The landing by the limit surface, with either model as the one that counts."""
+    scene, rows = load_scene("pose"), []
+    targets = list(itertools.islice(reachable_targets(scene, SEED), effort.of(8, 60)))
+    for model in ("sp", "ls-step"):
+        tolerance = dataclasses.replace(scene.tolerance, model=model)
+        planner = _warmed(scene.replace(tolerance=tolerance), targets[0], "wait")
+        plans = [result.plan for result in outcomes(planner, targets)]
+        throws = [plan.throw.limit_surface.miss(plan.target) for plan in plans if plan.throw]
+        x, theta = np.abs(throws).T
+        rows.append(
+            [model, len(plans), sum(plan.solved for plan in plans)]
+            + [float(v) for v in 1e3 * np.percentile(x, [50, 100])]
+            + [float(v) for v in np.degrees(np.percentile(theta, [50, 100]))]
+            + [float(np.median([1e3 * plan.time["solve"] for plan in plans]))]
+        )
+    return Table(
+        "reach-model",
+        "Scene pose: where the limit surface lands what is sent, by the model that the landing "
+        "is made true for",
+        (
+            *("model that counts", "targets", "solved", "x, median [mm]", "worst [mm]"),
+            *("theta, median [deg]", "worst [deg]", "solve, median [ms]"),
+        ),
+        rows,
+    )
+
+
+def _draw(inside: list[Outcome], far: list[Outcome], path: Path) -> None:
+    """Targets in x and theta, with what was said of them."""
+    from .reach_picture import draw_targets
+
+    def places(poses: list[Pose]) -> npt.NDArray[np.float64]:
+        return np.array([[pose.plane_x, pose.theta or 0.0] for pose in poses]).reshape(-1, 2)
+
+    named = [r for r in far if r.plan.nearest is not None]
+    draw_targets(
+        path,
+        solved=places([r.target for r in inside + far if r.plan.solved]),
+        lost=places([r.target for r in inside + far if r.plan.status == "not_converged"]),
+        outside=places([r.target for r in named]),
+        nearest=places([r.plan.nearest for r in named if r.plan.nearest is not None]),
+    )

@@ -1,0 +1,42 @@
+"""Targets on the plane of x and theta, and the nearest poses named for those out of reach."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import numpy.typing as npt
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+
+Array = npt.NDArray[np.float64]
+
+
+def draw_targets(path: Path, *, solved: Array, lost: Array, outside: Array, nearest: Array) -> None:
+    """Poses (N, 2) [m, rad]; `nearest` belongs to `outside`, row by row."""
+    figure, axes = plt.subplots(figsize=(9, 6), layout="constrained")
+    for one, other in zip(outside, nearest, strict=True):
+        axes.plot(*_shown(np.array([one, other])), color="#dddddd", lw=0.7, zorder=1)
+    groups = (
+        (solved, "thrown to", "#4c78a8", "."),
+        (outside, "out of reach", "#d1495b", "x"),
+        (nearest, "nearest pose named", "#2a9d6f", "+"),
+        (lost, "no answer", "#222222", "s"),
+    )
+    for poses, label, color, marker in groups:
+        if len(poses):
+            words = f"{label} ({len(poses)})"
+            axes.plot(*_shown(poses), marker, color=color, label=words, ms=5, zorder=2)
+    axes.set_xlabel("x [m]")
+    axes.set_ylabel("θ [deg]")
+    axes.legend()
+    axes.grid(alpha=0.3)
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
+
+
+def _shown(poses: Array) -> tuple[Array, Array]:
+    return poses[:, 0], np.degrees(poses[:, 1])

@@ -1,0 +1,85 @@
+"""Makes the report: section after section, written as soon as each is there."""
+
+from __future__ import annotations
+
+import datetime
+import importlib
+import os
+import platform
+import time
+from collections.abc import Callable, Sequence
+from importlib.metadata import version
+from pathlib import Path
+
+from ..folders import filling
+from .page import Effort, Section, Table
+from .render import markdown, page
+
+TITLE = "throwplan: error against run time, stability, and what a scene leaves out"
+#: Sections by what `--only` calls them; each is a module here with `make(effort)`.
+SECTIONS = ("models", "planner", "stability", "parts", "reach", "robust")
+#: Files of every report, beside the tables' and pictures'.
+FILES = ("index.md", "index.html")
+#: Libraries whose versions decide the figures.
+LIBRARIES = ("throwplan", "casadi", "numpy", "scipy", "ruckig")
+
+Show = Callable[[str], Callable[[int, int], None]]
+
+
+def make_report(
+    folder: Path, only: Sequence[str] = (), quick: bool = False, show: Show | None = None
+) -> list[Section]:
+    """Measure and write the sections `only` (all, if empty) into `folder`.
+
+    The page is written anew after each section, so what was made stays if the next is
+    interrupted. show: given a section's key, says who hears of its progress.
+    """
+    head, made = _head(quick), []
+    for key in SECTIONS:
+        if only and key not in only:
+            continue
+        progress = None if show is None else show(key)
+        start = time.perf_counter()
+        section = importlib.import_module(f".{key}", __package__).make(Effort(quick, progress))
+        section.seconds = time.perf_counter() - start
+        made.append(section)
+        write(folder, head, made)
+    return made
+
+
+def write(folder: Path, head: Sequence[str], sections: Sequence[Section]) -> None:
+    """The page of some sections with all files of the last of them."""
+    parts = [part for part in sections[-1].parts if not isinstance(part, str)]
+    new = tuple(f"{p.name}.{'csv' if isinstance(p, Table) else 'png'}" for p in parts)
+    with filling(folder, new) as scratch:
+        for part in parts:
+            part.write(scratch)
+    with filling(folder, FILES) as scratch:
+        text = markdown(TITLE, head, sections)
+        (scratch / "index.md").write_text(text, encoding="utf-8")
+        whole = page(TITLE, head, sections, folder)
+        (scratch / "index.html").write_text(whole, encoding="utf-8")
+
+
+def _head(quick: bool) -> list[str]:
+    """Machine, versions, date, command."""
+    versions = ", ".join(f"{name} {version(name)}" for name in LIBRARIES)
+    today = datetime.datetime.now(datetime.UTC).date().isoformat()
+    return [
+        f"Made on {today} by `throwplan report{' --quick' if quick else ''}`"
+        + (": a quick look, few samples." if quick else "."),
+        f"Machine: {_processor()}, {os.cpu_count()} cores, {platform.system()} "
+        f"{platform.release()}; Python {platform.python_version()}; {versions}.",
+        "Times are of this machine and this run; ratios are between rows of one table.",
+        "Every random draw has a fixed seed, named where it matters.",
+    ]
+
+
+def _processor() -> str:
+    """The processor's name, as far as the system tells."""
+    try:
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
+    except OSError:
+        return platform.processor() or platform.machine()
+    names = [line.split(":", 1)[1].strip() for line in text.splitlines() if "model name" in line]
+    return names[0] if names else platform.machine()
