@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import casadi as ca
 import numpy as np
 
@@ -37,8 +39,16 @@ def held_clear(context: Context, stage: Stage, q: ca.SX, pose: list[ca.SX]) -> N
 
 def flight_clear(context: Context, stage: Stage, flight: FlightState) -> None:
     """The flying bar clear of hand and base column, where the scene asks for it."""
-    if context.structure.palm:
-        _palm(context, stage, flight)
+    for i in range(context.structure.palm):
+        # A bar that has just been let go meets the hand with an end.
+        points = [context.parameters("ahead"), -context.parameters("behind")]
+        time = context.parameters("palm_times", context.structure.palm)[i]
+        _off_hand(context, stage, flight, time, points)
+    for i in range(context.structure.later):
+        first = context.parameters("later_first")
+        share = (i + 1) / context.structure.later
+        time = first + share * (stage.controls["t_f"] - first)
+        _off_hand(context, stage, flight, time, _along(context))
     if context.structure.passing:
         _past_column(context, stage, flight)
 
@@ -55,29 +65,36 @@ def _arm_above_floor(context: Context, stage: Stage, q: ca.SX, pose: list[ca.SX]
         stage.row("floor", z - floor, 0.0, np.inf)
 
 
-def _palm(context: Context, stage: Stage, flight: FlightState) -> None:
-    """Both ends of the flying bar clear of the hand's body while the arm brakes.
+def _along(context: Context) -> list[ca.SX]:
+    """Points of the bar's axis [m] from the CoM: its ends, and between them."""
+    p = context.parameters
+    return [p("ahead"), p("ahead") / 2, ca.SX(0), -p("behind") / 2, -p("behind")]
 
-    At fixed times after detach, with every coordinate braking at the acceleration
-    counted on. Seen from the hand an end is in front of the body or beside it.
+
+def _off_hand(
+    context: Context, stage: Stage, flight: FlightState, time: ca.SX, points: Sequence[ca.SX]
+) -> None:
+    """Points of the flying bar clear of the hand's body at `time` after detach.
+
+    Every coordinate brakes at the acceleration counted on. Seen from the hand a point is in
+    front of the body, behind it or beside it.
     """
     p, braking = context.parameters, context.each("braking")
     q, dq, _ = context.node(stage)
     stop_time = ca.sqrt(dq**2 + 1e-6) / braking
-    times = p("palm_times", context.structure.palm)
-    for i in range(context.structure.palm):
-        moving = ca.fmin(times[i] / stop_time, 1.0)
-        there = q + dq * stop_time * (moving - moving**2 / 2)
-        still = ca.SX.zeros(context.n)
-        pose, _, _ = context.hand(stage, there, still, still)
-        cos_hand, sin_hand = ca.cos(pose[2]), ca.sin(pose[2])
-        at = flight.after(times[i], context.gravity)
-        for end in (p("ahead"), -p("behind")):
-            dx = at.x + end * ca.cos(at.theta) - pose[0]
-            dz = at.z + end * ca.sin(at.theta) - pose[1]
-            before = cos_hand * dx + sin_hand * dz + p("palm_front")
-            beside = ca.sqrt((cos_hand * dz - sin_hand * dx) ** 2 + 1e-8) - p("palm_half_width")
-            stage.row("palm", _soft_max(before, beside), 0.0, np.inf)
+    moving = ca.fmin(time / stop_time, 1.0)
+    there = q + dq * stop_time * (moving - moving**2 / 2)
+    still = ca.SX.zeros(context.n)
+    pose, _, _ = context.hand(stage, there, still, still)
+    cos_hand, sin_hand = ca.cos(pose[2]), ca.sin(pose[2])
+    at = flight.after(time, context.gravity)
+    for along in points:
+        dx = at.x + along * ca.cos(at.theta) - pose[0]
+        dz = at.z + along * ca.sin(at.theta) - pose[1]
+        ahead = cos_hand * dx + sin_hand * dz
+        before = ca.fmax(ahead + p("palm_front"), -ahead - p("palm_back"))
+        beside = ca.sqrt((cos_hand * dz - sin_hand * dx) ** 2 + 1e-8) - p("palm_half_width")
+        stage.row("palm", _soft_max(before, beside), 0.0, np.inf)
 
 
 def _past_column(context: Context, stage: Stage, flight: FlightState) -> None:
@@ -88,7 +105,7 @@ def _past_column(context: Context, stage: Stage, flight: FlightState) -> None:
         # The landing pose itself is given: no room there, or targets beside the column are lost.
         share = min(1.0, (count - 1 - i) / 5)
         at = flight.after(stage.controls["t_f"] * (i / (count - 1)), context.gravity)
-        for along in (p("ahead"), p("ahead") / 2, ca.SX(0), -p("behind") / 2, -p("behind")):
+        for along in _along(context):
             theta = ca.SX(at.theta)
             cos, sin = ca.cos(theta), ca.sin(theta)
             x, z = at.x + along * cos, at.z + along * sin

@@ -15,8 +15,8 @@ from .mover import Mover
 from .ocp import Parameters, Stage
 
 #: Rows that seldom decide, and so come into the NLP only after the check has seen that they
-#: do: of what is carried on its way, of the flying bar.
-Guard = Literal["carry", "flight"]
+#: do: of what is carried on its way, of the flying bar, of the bar that falls back.
+Guard = Literal["carry", "flight", "return"]
 #: Unit of the jerk control [rad/s^3], so that the variables are of order one.
 JERK_UNIT = 1000.0
 
@@ -30,7 +30,8 @@ class Structure:
     condition; instants: parts of a carry interval at whose ends the grip and the held bar
     are looked at; hand: whether the hand has a body.
     arm: whether there it is looked at too;
-    palm: number of instants of the flight with a condition against the hand's body;
+    palm: number of instants of the flight with a condition against the hand's body; later:
+    of the rest of the flight with one;
     passing: with one against the base column.
     elastic: the landing may miss, at a price.
     early, late: intervals of the window before and after the opening in which a delayed or
@@ -54,6 +55,7 @@ class Structure:
     instants: int = 2
     arm: bool = False
     palm: int = 0
+    later: int = 0
     passing: int = 0
     elastic: bool = False
     early: int = 0

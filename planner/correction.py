@@ -77,7 +77,11 @@ class Search:
         depth = max(violation.depth for violation in found)
         if "carry" in self.guards and depth > 0.0:
             self.room = min(self.room + depth + ROOM, MOST_ROOM)
-        self.guards |= {violation.guard for violation in found if violation.guard}
+        asked = {violation.guard for violation in found if violation.guard}
+        if asked == {"flight"} and "flight" in self.guards:
+            # Between the two ends, or later than looked at.
+            asked = {"return"}
+        self.guards |= asked
 
     @property
     def asked(self) -> tuple[frozenset[Guard], float]:

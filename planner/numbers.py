@@ -29,6 +29,8 @@ BRAKE_SHARE = 0.95
 FLIGHT_MAX = 3.0
 #: Times after detach [s] at which the NLP keeps the bar off the hand's body.
 PALM_TIMES = (0.01, 0.02, 0.03, 0.045, 0.06, 0.075, 0.09, 0.11, 0.13, 0.15, 0.18, 0.21, 0.25)
+#: Instants of the rest of the flight, where it falls back, and from when on [s].
+LATER, LATER_FIRST = 40, 0.1
 #: Parts of a carry interval at whose ends grip and held bar are looked at: at first, when guarded.
 INSTANTS = (2, 8)
 #: Instants of the flight at which it keeps the bar off the base column.
@@ -61,7 +63,8 @@ def structure_of(
 
     angle: whether the target fixes theta. guards: which of the rows that seldom decide
     are in: "carry" looks at grip and held bar more often and at the arm too, "flight" keeps
-    the flying bar off the hand's body and the base column and asks more of the cup.
+    the flying bar off the hand's body and the base column and asks more of the cup, "return"
+    keeps all of it off the hand, and for the rest of the flight.
     robust, window: what is asked of the hand over that window.
     """
     workspace, landing = scene.workspace, scene.landing
@@ -88,7 +91,8 @@ def structure_of(
         hand=scene.arm is not None and workspace is not None,
         instants=INSTANTS["carry" in guards],
         arm="carry" in guards,
-        palm=len(PALM_TIMES) if "flight" in guards and palm else 0,
+        palm=len(PALM_TIMES) if guards & {"flight", "return"} and palm else 0,
+        later=LATER if "return" in guards and palm else 0,
         passing=PASSING if "flight" in guards and column else 0,
         elastic=elastic,
         early=0 if window is None else window.early,
@@ -216,6 +220,8 @@ def _palm_values(scene: Scene) -> dict[str, Any]:
         "body_front": tool.palm_front,
         "body_half_width": tool.palm_half_width,
         "palm_times": PALM_TIMES,
+        "later_first": LATER_FIRST,
+        "palm_back": tool.palm_back + grown,
         "palm_front": tool.palm_front - grown,
         "palm_half_width": tool.palm_half_width + grown,
     }

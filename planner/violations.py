@@ -26,6 +26,7 @@ from .geometry import (
 from .kernel import MappedKernel
 from .motion import TICK, Motion
 from .mover import Mover
+from .numbers import PALM_TIMES
 from .rollout import hand_samples
 
 Array = npt.NDArray[np.float64]
@@ -138,10 +139,11 @@ def _workspace_violations(
         hand = hand_samples(mover, motion, detach + flight_times).pose
         reach = reach_of_bar(bar) + math.hypot(tool.palm_back, tool.palm_half_width)
         near = np.hypot(*(flying[:2] - hand[:2])) < reach + clearance
-        distance = palm_distance(bar, tool, flying[:, near], hand[:, near]).min(initial=np.inf)
-        if distance < clearance - 1e-6:
-            words = f"palm: the bar comes as near as {1e3 * distance:.0f} mm"
-            found.append(Violation(words, "flight"))
+        room = palm_distance(bar, tool, flying[:, near], hand[:, near])
+        if room.min(initial=np.inf) < clearance - 1e-6:
+            words = f"palm: the bar comes as near as {1e3 * room.min():.0f} mm"
+            late = flight_times[near][room < clearance - 1e-6][0] > PALM_TIMES[-1]
+            found.append(Violation(words, "return" if late else "flight"))
     return found
 
 

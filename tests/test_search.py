@@ -101,3 +101,10 @@ def test_poses_that_no_cup_takes_are_out_of_reach(x: float, degrees: float) -> N
     assert plan.status == "out_of_reach"
     assert "cup clearance" in plan.binding or "cup depth" in plan.binding
     assert plan.nearest is not None and abs(plan.nearest.theta - plan.target.theta) > 0.2
+
+
+def test_a_bar_that_falls_back_onto_the_hand_is_thrown_past_it() -> None:
+    """Half a second after detach, where the NLP looks only once the check has seen it."""
+    plan = tp.Planner(tp.load_scene("pose")).plan(tp.Pose(x=0.4694, z=0.1, theta=7.0725))
+    assert plan.solved
+    assert plan.throw.nlp.structure.later > 0
