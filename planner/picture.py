@@ -19,6 +19,7 @@ from matplotlib.patches import Polygon, Rectangle
 from ..problems.scene import Scene, ThrownObject
 from .geometry import bar_outline, palm_corners
 from .plan import Plan
+from .quietness import load_curve
 from .timeline import PHASES, Timeline, timeline
 
 Array = npt.NDArray[np.float64]
@@ -44,7 +45,10 @@ def draw_throw(plan: Plan, path: Path) -> None:
     _draw_bars(stage, plan.scene.object, line)
     _frame(stage, plan, line)
     stage.set_title(_title(plan), loc="left", fontsize=10)
-    _draw_plots([figure.add_subplot(grid[i, 1]) for i in range(3)], line)
+    plots = [figure.add_subplot(grid[i, 1]) for i in range(3)]
+    _draw_plots(plots, line)
+    if plan.robust:
+        _draw_window(plots[-1], plan)
     figure.savefig(path, dpi=110)
     plt.close(figure)
 
@@ -192,6 +196,18 @@ def _frame(stage: Axes, plan: Plan, line: Timeline) -> None:
     handles, _ = stage.get_legend_handles_labels()
     if len(handles) > 1:
         stage.legend(loc="best", fontsize=8, framealpha=0.9)
+
+
+def _draw_window(axis: Axes, plan: Plan) -> None:
+    """When the pads may open, and what they would transmit then under full grip."""
+    throw = plan.throw
+    assert throw is not None
+    motion = throw.planned if throw.sent is None else throw.samples
+    times, load = load_curve(plan.scene, plan.mover, motion, throw.opening_time)
+    axis.axvspan(1e3 * times[0], 1e3 * times[-1], color=COLOURS["flight"], alpha=0.12, lw=0)
+    label = f"load while they may open,\nat most {100 * load.max():.1f} %"
+    axis.plot(1e3 * times, load, color=COLOURS["flight"], lw=2, label=label)
+    axis.legend(fontsize=8)
 
 
 def _draw_plots(axes: list[Axes], line: Timeline) -> None:
