@@ -1,0 +1,45 @@
+"""Error against solving time of the planner's settings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import matplotlib
+import numpy as np
+import numpy.typing as npt
+
+matplotlib.use("Agg")
+
+import matplotlib.pyplot as plt
+
+COLOURS = ("#222222", "#8a8f98", "#4c78a8", "#2a9d6f", "#f2a33a", "#d1495b", "#9467bd", "#17becf")
+
+
+def draw_settings(
+    path: Path,
+    points: npt.NDArray[np.float64],
+    kinds: list[str],
+    labels: list[str],
+    best: list[bool],
+) -> None:
+    """Points (N, 2): solving time [ms], error [mm]; families by colour, Pareto points ringed."""
+    figure, axes = plt.subplots(figsize=(9, 6), layout="constrained")
+    for kind, color in zip(dict.fromkeys(kinds), COLOURS, strict=False):
+        members = [k for k, other in enumerate(kinds) if other == kind]
+        members = [k for k in members if np.isfinite(points[k]).all()]
+        if not members:
+            continue
+        style = {"marker": "D" if kind == "default" else "o", "ms": 9 if kind == "default" else 5}
+        axes.plot(*points[members].T, "-", lw=0.8, color=color, label=kind, zorder=2, **style)
+        for k in members:
+            short = labels[k].replace("integrator rk4, ", "")
+            axes.annotate(short, points[k], fontsize=6, xytext=(3, 3), textcoords="offset points")
+    ringed = points[np.array(best)]
+    axes.plot(*ringed.T, "o", ms=13, mfc="none", mec="#222222", lw=0, label="Pareto set")
+    axes.set(xscale="log", yscale="log")
+    axes.set_xlabel("solve [ms]")
+    axes.set_ylabel("scaled error before correction [mm]")
+    axes.legend(fontsize=8)
+    axes.grid(alpha=0.3, which="both")
+    figure.savefig(path, dpi=110)
+    plt.close(figure)
