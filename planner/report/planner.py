@@ -100,8 +100,9 @@ def make(effort: Effort) -> Section:
         "makes of it, both before any correction: the error of smoothing, mesh and sending. "
         "`final` is what is left after the planner's own corrections, with the time of the "
         "whole plan. Errors are the scaled ones (position and half the bar's length times the "
-        "angle). Solving times are the processor's. All opening intervals are multiple shooting; `gauss` is two-point collocation "
-        "inside each, its accelerations unknowns of the NLP. Rows differ from the default by "
+        "angle). Solving times are the processor's. All opening intervals are multiple "
+        "shooting; `gauss` is two-point collocation inside each, its accelerations unknowns of "
+        "the NLP. Rows differ from the default by "
         f"what is named. Random targets in reach, seed {SEED}. ★: no other row has both less "
         "exact error and less solving time."
     )

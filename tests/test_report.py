@@ -1,0 +1,109 @@
+"""The report's frame: what is written where, and what is refused; and its reach study's parts."""
+
+from __future__ import annotations
+
+import csv
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import throwplan as tp
+from throwplan.planner.cli import main
+from throwplan.planner.report.page import Effort, Picture, Section, Table
+from throwplan.planner.report.planner import Measured, pareto, variants
+from throwplan.planner.report.reach import FAR, outside
+from throwplan.planner.report.run import SECTIONS, write
+from throwplan.planner.report.single_shooting import SingleShooting
+
+ROWS = [["a | b", 1 / 3, 7, None], ["c", math.nan, 123456.789, "<why>"]]
+
+
+def draw(path: Path) -> None:
+    path.write_bytes(b"\x89PNG picture")
+
+
+def test_a_section_is_written_as_markdown_html_csv_and_pictures(tmp_path: Path) -> None:
+    section = Section("parts", "What < that", seconds=1.0)
+    section.add("Words with `code`.", Table("sizes", "Sizes", ("name", "x", "n", "why"), ROWS))
+    section.add(Picture("drawn", "A & B", draw))
+    write(tmp_path, ["made here"], [section])
+    assert {path.name for path in tmp_path.iterdir()} == {
+        *("index.md", "index.html", "sizes.csv", "drawn.png")
+    }
+    text = (tmp_path / "index.md").read_text()
+    assert "| a \\| b | 0.333 | 7 | – |" in text and "| c | – | 123457 | <why> |" in text
+    assert "throwplan report --only parts" in text and "](sizes.csv)" in text
+    page = (tmp_path / "index.html").read_text()
+    assert "&lt;why&gt;" in page and "<code>code</code>" in page and "A &amp; B" in page
+    # Self-contained: no file beside it, nothing from elsewhere.
+    assert "data:image/png;base64," in page and 'src="http' not in page and ".png" not in page
+    with (tmp_path / "sizes.csv").open(newline="") as file:
+        rows = list(csv.reader(file))
+    assert rows[0] == ["name", "x", "n", "why"] and rows[1] == ["a | b", str(1 / 3), "7", ""]
+
+
+def test_a_second_section_stands_beside_the_first(tmp_path: Path) -> None:
+    one = Section("parts", "One", [Table("first", "First", ("a",), [[1]])], 1.0)
+    two = Section("reach", "Two", [Table("second", "Second", ("a",), [[2]])], 1.0)
+    write(tmp_path, [], [one])
+    write(tmp_path, [], [one, two])
+    text = (tmp_path / "index.md").read_text()
+    assert text.index("## One") < text.index("## Two")
+    assert (tmp_path / "first.csv").exists() and (tmp_path / "second.csv").exists()
+
+
+def test_unknown_sections_and_folders_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["report", "--only", "maths", "--out", str(tmp_path / "r")]) == 2
+    words = capsys.readouterr().err
+    assert "--only maths: must be one of" in words and all(key in words for key in SECTIONS)
+    assert not (tmp_path / "r").exists()
+    (tmp_path / "file").write_text("")
+    assert main(["report", "--out", str(tmp_path / "file" / "r")]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
+
+
+def measured(milliseconds: float, millimetres: float, solved: int = 10) -> Measured:
+    errors = np.tile([1e-3 * millimetres, 0.0], (10, 1))
+    times, none = np.full(10, 1e-3 * milliseconds), np.zeros((0, 2))
+    return Measured(solved, errors, errors, times, times, 10, times, none, "")
+
+
+def test_the_pareto_set_is_what_nothing_beats_in_both() -> None:
+    found = [measured(10, 1.0), measured(20, 0.1), measured(20, 1.0), measured(1, 0.01, solved=5)]
+    # The last is best in both, but half of its solves fail.
+    assert pareto(found) == [True, True, False, False]
+
+
+def test_variants_differ_and_the_usual_comes_first() -> None:
+    for quick in (True, False):
+        found = variants(Effort(quick))
+        assert found[0].mesh == () and len(set(found)) == len(found)
+        usual = tp.load_scene("pose").mesh
+        for variant in found[2:]:
+            changed = any(getattr(usual, name) != value for name, value in variant.mesh)
+            assert changed or variant.compiling == "wait"
+
+
+def test_targets_outside_are_far_from_every_landing() -> None:
+    scene = tp.load_scene("pose")
+    targets = outside(scene, 20, seed=3)
+    x, theta, _ = tp.Planner(scene).releases().landings(scene.target.z, scene.gravity)
+    for target in targets:
+        near = (np.abs(x - target.plane_x) < FAR[0]) & (np.abs(theta - target.theta) < FAR[1])
+        # The planner's own table is none of those that were looked at: few, if any, are near.
+        assert near.mean() < 1e-3
+
+
+def test_single_shooting_reaches_what_the_planner_reaches() -> None:
+    """SciPy's SLSQP on the same rows: an independent optimiser of the planner's NLP."""
+    scene = tp.load_scene("hand-box")
+    planner, target = tp.Planner(scene, compiling="no"), scene.target
+    assert target is not None
+    releases = planner.releases()
+    index = planner.starts(target)[0][0]
+    flight = float(releases.landings(target.z, scene.gravity)[2][index])
+    solved, _ = SingleShooting(scene).solve(scene, target, releases, index, flight)
+    assert solved
