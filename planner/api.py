@@ -7,9 +7,10 @@ from pathlib import Path
 from ..problems.load import load_scene
 from ..problems.scene import Pose, Scene
 from .plan import Plan
-from .planner import Planner, SolverName, Turns
+from .planner import Planner, SolverName
 from .simulate import Simulation
 from .simulate import simulate as _simulate
+from .starts import Turns
 
 
 def plan(

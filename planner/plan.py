@@ -9,6 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
+from ..models.arm import Arm
 from ..problems.errors import InputError
 from ..problems.scene import Pose, Scene
 from .check import Thrown, limit_surface_throw
@@ -209,7 +210,20 @@ def checked_target(scene: Scene, target: Pose | None) -> Pose:
         raise InputError("target y: only for a scene with [robot]")
     if scene.cup is not None and target.theta is None:
         raise InputError("[cup] needs a target with theta_deg, to know which end goes in")
+    if scene.arm is not None:
+        _check_azimuth(scene.arm, target)
     return target
+
+
+def _check_azimuth(arm: Arm, target: Pose) -> None:
+    """InputError unless the joint that turns the throw's plane can turn it there."""
+    joint = arm.azimuth_joint - 1
+    low, high = arm.limits.position_min[joint], arm.limits.position_max[joint]
+    if not low <= target.azimuth <= high:
+        raise InputError(
+            f"target: its azimuth {math.degrees(target.azimuth):.1f} deg is outside joint "
+            f"{joint + 1}'s range [{math.degrees(low):.1f}, {math.degrees(high):.1f}] deg"
+        )
 
 
 def _pose(landing: Landing) -> tuple[float, float, float]:

@@ -4,32 +4,30 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import math
 import time
 from collections.abc import Iterator
 from typing import Literal, get_args
-
-import numpy as np
 
 from ..problems.errors import InputError
 from ..problems.robust import COMPARED, METHODS
 from ..problems.scene import Pose, Scene
 from .alternatives import Found, distinct, ordered
+from .answers import failed_plan, solved_plan
 from .compiled import Compile
 from .correction import Search, attempt
 from .guess import guess_from
 from .hardening import hardened
 from .mover import make_mover
-from .plan import Plan, PlannedThrow, Status, checked_target
-from .reach import Binding, Reach, highest
+from .plan import Plan, checked_target
+from .reach import Binding, Reach
 from .refit import again
 from .release_cache import stored
-from .releases import Releases, ReleaseSampler, nearest
+from .releases import Releases, ReleaseSampler
 from .start import check_start
+from .starts import Turns, starts
 from .workbench import Workbench
 
 SolverName = Literal["auto", "fatrop", "ipopt"]
-Turns = Literal["exact", "any"]
 
 #: Starts tried with FATROP, then with IPOPT.
 STARTS = {"fatrop": 6, "ipopt": 4}
@@ -121,9 +119,7 @@ class Planner:
 
     def check(self, target: Pose | None = None) -> Pose:
         """The target that `plan` would take; InputError if it does not fit the scene."""
-        target = checked_target(self.scene, target)
-        self._check_azimuth(target)
-        return target
+        return checked_target(self.scene, target)
 
     def _searched(
         self,
@@ -137,23 +133,23 @@ class Planner:
         with search.clock("guess"):
             releases = self.releases()
             wanted = self._wanted(alternatives)
-            starts = self._starts(releases, target, turns, max(STARTS.values()) * wanted)
+            first = starts(releases, self.scene, target, turns, max(STARTS.values()) * wanted)
         answer: Binding | None = None
-        if not starts or starts[0][2] > FAR:
+        if not first or first[0][2] > FAR:
             # Nothing like it in the table: ask first what is possible at all.
-            answer = self._possible(starts[0][1], releases, search) if starts else None
+            answer = self._possible(first[0][1], releases, search) if first else None
             if answer is None or answer.outside:
-                return self._failure(target, answer, releases, names[-1], search)
+                return failed_plan(self.bench, target, answer, releases, names[-1], search)
         found: list[Found] = []
         for name in names:
-            for index, goal, _ in starts[: STARTS[name] * wanted]:
+            for index, goal, _ in first[: STARTS[name] * wanted]:
                 found += self._from_release(name, index, goal, releases, search)
                 if len(distinct(found)) >= wanted:
                     return self._chosen(found, alternatives, search)
         if found:
             return self._chosen(found, alternatives, search)
-        if starts and (answer is None or search.guards):
-            answer = self._possible(starts[0][1], releases, search)
+        if first and (answer is None or search.guards):
+            answer = self._possible(first[0][1], releases, search)
         if answer is not None and not answer.outside and answer.solution is not None:
             # The elastic solve reached the target: its point starts the real problem.
             goal = answer.goal
@@ -163,7 +159,7 @@ class Planner:
             )
             if thrown is not None:
                 return self._chosen([Found(goal, thrown, "ipopt")], alternatives, search)
-        return self._failure(target, answer, releases, names[-1], search)
+        return failed_plan(self.bench, target, answer, releases, names[-1], search)
 
     def _method(self, robust: str | None) -> str:
         """The robust method that is asked for, empty if none."""
@@ -188,12 +184,12 @@ class Planner:
             words = f"no robust throw found by {method}: {why}"
             return dataclasses.replace(plan, status="not_converged", message=words)
         source, throw = found
-        made = self._solved(Found(source.target, throw.thrown, throw.solver), search)
+        made = solved_plan(self.bench, Found(source.target, throw.thrown, throw.solver), search)
         return dataclasses.replace(made, robust=throw.method, peak_load=throw.peak_load)
 
     def starts(self, target: Pose, count: int = 1) -> list[tuple[int, Pose, float]]:
         """(release of the table, target, scaled distance [m]) of the nearest landings."""
-        return self._starts(self.releases(), target, "exact", count)
+        return starts(self.releases(), self.scene, target, "exact", count)
 
     def _wanted(self, alternatives: int) -> int:
         """How many distinct throws to find before one is chosen."""
@@ -230,12 +226,9 @@ class Planner:
         """The plan of the best throw found, with the others that differ."""
         by = "effort" if self.scene.choice is None else self.scene.choice.by
         best, *others = ordered(distinct(found), by) if len(found) > 1 else found
-        plan = self._solved(best, search)
-        rest = tuple(self._solved(other, search) for other in others[:alternatives])
+        plan = solved_plan(self.bench, best, search)
+        rest = tuple(solved_plan(self.bench, other, search) for other in others[:alternatives])
         return dataclasses.replace(plan, alternatives=rest)
-
-    def _solved(self, found: Found, search: Search) -> Plan:
-        return self._result("solved", found.goal, "", found.thrown, found.solver, search)
 
     def _warm_plan(self, target: Pose, name: str, warm: Plan, search: Search) -> Plan | None:
         """A plan from a neighbouring one, None if that does not lead to a solved throw."""
@@ -250,27 +243,9 @@ class Planner:
         search.guards, search.room = kind.guards, warm.throw.room
         problem = self.bench.problem(target, name, search)
         thrown = attempt(problem, self.mover, target, solution.x, search, solution, warm.throw.aim)
-        return None if thrown is None else self._solved(Found(target, thrown, name), search)
-
-    def _starts(
-        self, releases: Releases, target: Pose, turns: Turns, count: int
-    ) -> list[tuple[int, Pose, float]]:
-        """(release index, target, distance) of the `count` nearest landings of each goal."""
-        goals = [target]
-        if turns == "any" and target.theta is not None:
-            _, thetas, _ = releases.landings(target.z, self.scene.gravity)
-            usual = float(np.nanmedian(thetas)) if np.isfinite(thetas).any() else target.theta
-            nearest_turn = round((usual - target.theta) / (2 * math.pi))
-            turns_around = range(nearest_turn - 2, nearest_turn + 3)
-            goals = [target.turned(2 * math.pi * k) for k in turns_around]
-        found: list[tuple[int, Pose, float]] = []
-        for goal in goals:
-            indices, distances = nearest(
-                releases, self.scene, goal.plane_x, goal.z, goal.theta, count
-            )
-            pairs = zip(indices, distances, strict=True)
-            found += [(int(i), goal, float(d)) for i, d in pairs]
-        return sorted(found, key=lambda entry: entry[2])
+        return (
+            None if thrown is None else solved_plan(self.bench, Found(target, thrown, name), search)
+        )
 
     def _possible(self, goal: Pose, releases: Releases, search: Search) -> Binding:
         """What is possible at all nearest the goal, from the table and the elastic solve."""
@@ -278,68 +253,6 @@ class Planner:
             answer = self._reach.nearest_possible(search.scene, releases, goal, search.guards)
         search.iterations += answer.iterations
         return answer
-
-    def _failure(
-        self,
-        target: Pose,
-        answer: Binding | None,
-        releases: Releases,
-        name: str,
-        search: Search,
-    ) -> Plan:
-        """No throw found: out of reach with the nearest possible, or not converged."""
-        if answer is None:
-            far, pose, words = highest(releases, target, self.scene.gravity)
-            status: Status = "out_of_reach" if far else "not_converged"
-            return self._result(
-                status, target, words, None, name, search, pose, ("landing height",)
-            )
-        if answer.outside:
-            return self._result(
-                "out_of_reach",
-                target,
-                _out_of_reach(answer),
-                None,
-                name,
-                search,
-                answer.pose,
-                answer.names,
-            )
-        thrown, why = search.fallback or (None, search.trouble[-1] if search.trouble else "")
-        message = f"no throw found: {why or 'no feasible release to start from'}"
-        return self._result("not_converged", target, message, thrown, name, search)
-
-    def _result(
-        self,
-        status: Status,
-        target: Pose,
-        message: str,
-        thrown: PlannedThrow | None,
-        name: str,
-        search: Search,
-        nearest_pose: Pose | None = None,
-        binding: tuple[str, ...] = (),
-    ) -> Plan:
-        nlp = self.bench.nlp(target, search) if thrown is None else thrown.nlp
-        plan = Plan(
-            search.scene,
-            self.mover,
-            target,
-            status,
-            message,
-            thrown,
-            nearest_pose,
-            binding,
-            name,
-            search.iterations,
-            search.attempts,
-            *nlp.size,
-        )
-        if status != "solved":
-            return plan
-        dx, dtheta = plan.error_sent()
-        words = f"lands {1e3 * dx:.3f} mm and {math.degrees(dtheta):.3f} deg from the target"
-        return dataclasses.replace(plan, message=words)
 
     def _flight_time(self, releases: Releases, index: int, goal: Pose) -> float:
         """How long release `index` flies down to the goal's height [s]."""
@@ -351,24 +264,3 @@ class Planner:
             draw = functools.partial(self._sampler.draw, SAMPLES)
             self._releases = stored(self.scene, self.mover, SAMPLES, 0, draw)
         return self._releases
-
-    def _check_azimuth(self, target: Pose) -> None:
-        arm = self.scene.arm
-        if arm is None:
-            return
-        joint = arm.azimuth_joint - 1
-        turn = target.azimuth
-        low, high = arm.limits.position_min[joint], arm.limits.position_max[joint]
-        if not low <= turn <= high:
-            raise InputError(
-                f"target: its azimuth {math.degrees(turn):.1f} deg is outside joint "
-                f"{joint + 1}'s range [{math.degrees(low):.1f}, {math.degrees(high):.1f}] deg"
-            )
-
-
-def _out_of_reach(answer: Binding) -> str:
-    pose = answer.pose
-    assert pose is not None
-    angle = "" if pose.theta is None else f", theta {math.degrees(pose.theta):.1f} deg"
-    limits = f" (limited by {', '.join(answer.names[:4])})" if answer.names else ""
-    return f"out of reach: nearest possible x {pose.plane_x:.3f} m{angle}{limits}"

@@ -1,0 +1,33 @@
+"""Which sampled releases a plan starts from."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+
+from ..problems.scene import Pose, Scene
+from .releases import Releases, nearest
+
+Turns = Literal["exact", "any"]
+
+
+def starts(
+    releases: Releases, scene: Scene, target: Pose, turns: Turns, count: int
+) -> list[tuple[int, Pose, float]]:
+    """(release's number, target, scaled distance [m]) of the `count` nearest landings.
+
+    With turns 'any' theta counts modulo full turns, and each entry says which it is for.
+    """
+    goals = [target]
+    if turns == "any" and target.theta is not None:
+        _, thetas, _ = releases.landings(target.z, scene.gravity)
+        usual = float(np.nanmedian(thetas)) if np.isfinite(thetas).any() else target.theta
+        nearest_turn = round((usual - target.theta) / (2 * math.pi))
+        goals = [target.turned(2 * math.pi * (nearest_turn + k)) for k in range(-2, 3)]
+    found: list[tuple[int, Pose, float]] = []
+    for goal in goals:
+        pairs = zip(*nearest(releases, scene, goal.plane_x, goal.z, goal.theta, count), strict=True)
+        found += [(int(i), goal, float(d)) for i, d in pairs]
+    return sorted(found, key=lambda entry: entry[2])
