@@ -41,7 +41,7 @@ class Table:
         if cell is None or (isinstance(cell, float) and math.isnan(cell)):
             return "–"
         if isinstance(cell, float):
-            return f"{cell:.{self.digits}g}" if abs(cell) < 1e4 else f"{cell:.0f}"
+            return f"{cell:.0f}" if abs(cell) >= 10**self.digits else f"{cell:.{self.digits}g}"
         return str(cell)
 
 
