@@ -9,6 +9,7 @@ import numpy as np
 
 from ..problems.scene import Pose
 from .plan import PlannedThrow
+from .scatter import scatter
 
 #: Throws differ when, at the opening's start, their coordinates or rates are this far
 #: apart, as a share of the larger of the two ...
@@ -52,6 +53,7 @@ def distinct(found: list[Found]) -> list[Found]:
 CRITERIA: dict[str, Callable[[Found], float]] = {
     "effort": lambda found: found.thrown.solution.cost,
     "time": lambda found: found.thrown.landing_time,
+    "robustness": lambda found: scatter(found.thrown, found.goal),
 }
 
 

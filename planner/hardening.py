@@ -7,12 +7,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from .check import throw
 from .correction import Search, attempt
 from .numbers import opening_nodes
 from .plan import Plan, PlannedThrow
 from .quietness import peak_load
 from .refit import refit
+from .scatter import scatter
 from .window import window_of
 from .workbench import Workbench
 
@@ -51,7 +51,7 @@ def hardened(
         found = _by_method(bench, source, method, names, search)
         if found is None:
             continue
-        usual, mine = (_scatter(bench, source, t) for t in (source.throw, found.thrown))
+        usual, mine = (scatter(t, source.target) for t in (source.throw, found.thrown))
         if method == "auto" and usual < mine:
             mine, found = usual, _as_it_is(bench, source)
         if best is None or mine < best[0]:
@@ -83,19 +83,6 @@ def _as_it_is(bench: Workbench, source: Plan) -> Hardened:
     motion = thrown.planned if thrown.sent is None else thrown.samples
     load = peak_load(source.scene, bench.mover, motion, thrown.opening_time)
     return Hardened(thrown, "nominal", source.solver, load)
-
-
-def _scatter(bench: Workbench, source: Plan, thrown: PlannedThrow) -> float:
-    """Largest scaled error [m] about the throw's own landing over the window's delays."""
-    scene, mover = source.scene, bench.mover
-    motion = thrown.planned if thrown.sent is None else thrown.samples
-    base, worst = thrown.final.landing, 0.0
-    for delay in window_of(scene).delays:
-        found = throw(scene, mover, motion, thrown.opening_time + float(delay), base.z).landing
-        turn = 0.0 if source.target.theta is None else found.theta - base.theta
-        error = abs(found.x - base.x) + abs(turn) * scene.object.length / 2
-        worst = max(worst, error if np.isfinite(error) else np.inf)
-    return worst
 
 
 def _allowed(source: Plan) -> float:

@@ -12,9 +12,10 @@ class Choice(Section):
     """Selection among throws that differ; without it the first one found is taken.
 
     by: what the chosen throw has least of: 'effort' (the NLP's cost: acceleration squared
-    over time, and carry time) or 'time' (from rest to landing). among: how many distinct
+    over time, and carry time), 'time' (from rest to landing) or 'robustness' (how far an
+    opening that is early or late moves the landing). among: how many distinct
     throws to look for.
     """
 
-    by: str = quantity(choices=("effort", "time"), default="effort")
+    by: str = quantity(choices=("effort", "time", "robustness"), default="effort")
     among: int = quantity(least=1, most=20, default=4)

@@ -36,6 +36,19 @@ def test_alternatives_differ_and_all_land() -> None:
     assert len(plan.to_dict()["alternatives"]) == 1
 
 
+def test_choice_by_robustness_takes_the_throw_that_delays_move_least() -> None:
+    scene = tp.load_scene("pose")
+    plans = {
+        by: tp.plan(scene.replace(choice=Choice(by=by, among=4))) for by in ("effort", "robustness")
+    }
+    assert all(plan.solved for plan in plans.values())
+    spread = {
+        by: np.quantile(tp.sweep(plan, samples=128).errors["scaled"], 0.95)
+        for by, plan in plans.items()
+    }
+    assert spread["robustness"] < 0.9 * spread["effort"]
+
+
 def test_choice_by_time_takes_the_shortest() -> None:
     scene = tp.load_scene("pose")
     plans = {by: tp.plan(scene.replace(choice=Choice(by=by, among=3))) for by in ("effort", "time")}
