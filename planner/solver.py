@@ -23,6 +23,9 @@ MAX_ITERATIONS = {"fatrop": 150, "ipopt": 500}
 MU_INIT = 0.01
 #: The same when a solution nearby, with its multipliers, is handed over.
 MU_WARM = 1e-5
+#: FATROP 1.1 may repeat one factorisation for ever where constraints are this steep at the
+#: start (seen from 3e6 on; usual starts are below 500), so it is not given such a start.
+STEEPEST = 1e5
 
 
 @dataclass(frozen=True)
@@ -109,6 +112,11 @@ class Solver:
         if warm is not None:
             arguments |= {"x0": warm.x, "lam_g0": warm.lam_g, "lam_x0": warm.lam_x}
         self._take_compiled()
+        steep = self.name == "fatrop" and warm is None and self._slope(guess, parameters)
+        if not steep <= STEEPEST:
+            message = f"not tried from a start with a slope of {steep:.0e}"
+            none = np.zeros(0)
+            return Solution(guess, none, none, np.inf, False, np.inf, 0, 0.0, message)
         solver = self._solver(MU_INIT if warm is None else MU_WARM)
         start = time.perf_counter()
         result = solver(**arguments)
@@ -127,6 +135,11 @@ class Solver:
             seconds=seconds,
             message=str(stats.get("return_status", "")),
         )
+
+    def _slope(self, x: Array, parameters: Array) -> float:
+        """Largest derivative of a constraint at x."""
+        slopes = self._functions["nlp_jac_g"](x, parameters)[1].nonzeros()
+        return float(np.max(np.abs(slopes), initial=0.0))
 
     def _take_compiled(self) -> None:
         """Goes over to the compiled functions once another process has made them."""

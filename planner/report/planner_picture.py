@@ -24,13 +24,22 @@ def draw_settings(
 ) -> None:
     """Points (N, 2): solving time [ms], error [mm]; families by colour, Pareto points ringed."""
     figure, axes = plt.subplots(figsize=(9, 6), layout="constrained")
+    names = {"integrator": "rk4: opening × substeps"}
     for kind, color in zip(dict.fromkeys(kinds), COLOURS, strict=False):
         members = [k for k, other in enumerate(kinds) if other == kind]
         members = [k for k in members if np.isfinite(points[k]).all()]
         if not members:
             continue
         style = {"marker": "D" if kind == "default" else "o", "ms": 9 if kind == "default" else 5}
-        axes.plot(*points[members].T, "-", lw=0.8, color=color, label=kind, zorder=2, **style)
+        axes.plot(
+            *points[members].T,
+            "-",
+            lw=0.8,
+            color=color,
+            label=names.get(kind, kind),
+            zorder=2,
+            **style,
+        )
         for k in members:
             short = labels[k].replace("integrator rk4, ", "")
             axes.annotate(short, points[k], fontsize=6, xytext=(3, 3), textcoords="offset points")
