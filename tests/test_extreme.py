@@ -144,14 +144,3 @@ def test_a_body_that_slides_out_of_the_pads_is_reported() -> None:
     late = release.times > 0.5
     fall = np.gradient(release.com_twist[1, late], release.times[late])
     assert fall == pytest.approx(np.full(fall.size, -9.81), rel=1e-3)
-
-
-def test_fatrop_is_not_given_a_start_that_it_never_returns_from() -> None:
-    """Nearly no torsional friction: one factorisation was repeated for ever."""
-    scene = tp.load_scene("box")
-    slippery = scene.replace(contact=dataclasses.replace(scene.contact, torsion=1e-3))
-    start = time.perf_counter()
-    plan = tp.Planner(slippery, compiling="no").plan(tp.Pose(x=0.6931999, z=0.1))
-    assert time.perf_counter() - start < 60.0
-    assert plan.status in ("solved", "not_converged", "out_of_reach")
-    assert plan.solver == "ipopt"

@@ -10,31 +10,25 @@ import pytest
 from throwplan.models.limit_surface_release import ImplicitRelease, KarnoppRelease
 from throwplan.models.release import Release
 from throwplan.models.sliding_pivot_release import SlidingPivotRelease
+from throwplan.planner.report.model_choice import choice
+from throwplan.planner.report.model_measures import Measured, Row, least_time, marked, pareto
+from throwplan.planner.report.model_rows import rows_table
 from throwplan.planner.report.model_runs import (
     Method,
     SmoothedRelease,
+    extrapolated,
+    methods,
+    patched,
+    stepped,
+)
+from throwplan.planner.report.model_throws import (
     Throw,
     detached,
-    extrapolated,
     four_throws,
-    methods,
-    patch_truth,
-    patched,
-    pivot_truth,
-    stepped,
-    surface_truth,
-)
-from throwplan.planner.report.models import (
-    Measured,
-    Row,
-    choice,
-    least_time,
-    marked,
     off,
-    pareto,
-    rows_table,
     throws_table,
 )
+from throwplan.planner.report.model_truths import patch_truth, pivot_truth, surface_truth
 from throwplan.planner.report.random_throws import HELD, random_throws, throw_number
 
 THROWS = {throw.key: throw for throw in four_throws()}

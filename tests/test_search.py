@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
+import time
 
 import numpy as np
 import pytest
@@ -121,3 +122,14 @@ def test_a_bar_that_falls_back_onto_the_hand_is_thrown_past_it() -> None:
     plan = tp.Planner(tp.load_scene("pose")).plan(tp.Pose(x=0.4694, z=0.1, theta=7.0725))
     assert plan.solved
     assert plan.throw.nlp.structure.later > 0
+
+
+def test_fatrop_is_not_given_a_start_that_it_never_returns_from() -> None:
+    """Nearly no torsional friction: one factorisation was repeated for ever."""
+    scene = tp.load_scene("box")
+    slippery = scene.replace(contact=dataclasses.replace(scene.contact, torsion=1e-3))
+    start = time.perf_counter()
+    plan = tp.Planner(slippery, compiling="no").plan(tp.Pose(x=0.6931999, z=0.1))
+    assert time.perf_counter() - start < 60.0
+    assert plan.status in ("solved", "not_converged", "out_of_reach")
+    assert plan.solver == "ipopt"

@@ -30,18 +30,19 @@ def draw_settings(
         members = [k for k in members if np.isfinite(points[k]).all()]
         if not members:
             continue
-        style = {"marker": "D" if kind == "default" else "o", "ms": 9 if kind == "default" else 5}
+        mine = kind == "default"
         axes.plot(
             *points[members].T,
-            "-",
+            marker="D" if mine else "o",
+            ms=9 if mine else 5,
             lw=0.8,
             color=color,
             label=names.get(kind, kind),
             zorder=2,
-            **style,
         )
         for k in members:
-            short = labels[k].replace("integrator rk4, ", "")
+            short = labels[k].replace("integrator rk4, opening ", "").replace(", substeps ", " × ")
+            short = short.removeprefix(f"{kind} ")
             axes.annotate(short, points[k], fontsize=6, xytext=(3, 3), textcoords="offset points")
     ringed = points[np.array(best)]
     axes.plot(*ringed.T, "o", ms=13, mfc="none", mec="#222222", lw=0, label="Pareto set")
