@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from typing import Literal, get_args
 
 from ..problems.errors import InputError
+from ..problems.mesh import Mesh
 from ..problems.robust import COMPARED, METHODS
 from ..problems.scene import Pose, Scene
 from .alternatives import Found, distinct, ordered
@@ -34,6 +35,8 @@ STARTS = {"fatrop": 6, "ipopt": 4}
 #: Beyond this distance [m, scaled error (39)] from every landing of the table the question
 #: what is possible at all comes before further starts.
 FAR = 0.3
+#: Numerical settings of robust plans, where the scene has none of its own.
+QUIET_MESH = Mesh(opening=8, grading=1.0)
 #: Other throws to a target that robust planning may start from.
 MORE_SOURCES = 3
 #: Most alternatives that may be asked for.
@@ -66,6 +69,8 @@ class Planner:
         self._releases: Releases | None = None
         self._sampler = ReleaseSampler(scene, self.mover)
         self.bench = Workbench(scene, self.mover, compiling)
+        self._compiling: Compile = compiling
+        self._quiet: Workbench | None = None
         self._reach = Reach(scene, self.mover, compiling)
         self._build_time = time.perf_counter() - start
 
@@ -178,7 +183,10 @@ class Planner:
             yield plan
             yield from self._searched(plan.target, names, turns, MORE_SOURCES, search).alternatives
 
-        found = hardened(self.bench, sources(), method, names, search)
+        bench = self._robust_bench()
+        trial = dataclasses.replace(search, scene=search.scene.replace(mesh=bench.scene.mesh))
+        found = hardened(bench, sources(), method, names, trial)
+        search.iterations, search.attempts = trial.iterations, trial.attempts
         if found is None:
             why = search.trouble[-1] if search.trouble else ""
             words = f"no robust throw found by {method}: {why}"
@@ -186,6 +194,16 @@ class Planner:
         source, throw = found
         made = solved_plan(self.bench, Found(source.target, throw.thrown, throw.solver), search)
         return dataclasses.replace(made, robust=throw.method, peak_load=throw.peak_load)
+
+    def _robust_bench(self) -> Workbench:
+        """The workbench of robust NLPs, made when first needed."""
+        if self._quiet is None:
+            # A robust throw hardly slides: its opening needs even intervals, not ones that
+            # are short towards the end.
+            usual = self.scene.mesh == Mesh()
+            scene = self.scene.replace(mesh=QUIET_MESH) if usual else self.scene
+            self._quiet = Workbench(scene, self.mover, self._compiling)
+        return self._quiet
 
     def starts(self, target: Pose, count: int = 1) -> list[tuple[int, Pose, float]]:
         """(release of the table, target, scaled distance [m]) of the nearest landings."""

@@ -20,8 +20,8 @@ class Mesh(Section):
     """
 
     carry: int = quantity(least=3, most=60, default=6)
-    opening: int = quantity(least=2, most=60, default=8)
-    grading: float = quantity(least=1, most=4, default=1.5)
+    opening: int = quantity(least=2, most=60, default=6)
+    grading: float = quantity(least=1, most=4, default=2.0)
     integrator: str = quantity(choices=("gauss", "rk4"), default="gauss")
     substeps: int = quantity(least=1, most=20, default=2)
     epsilon: float = quantity(above=0, most=1, default=0.03)

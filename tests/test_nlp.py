@@ -22,12 +22,12 @@ from throwplan.planner.releases import ReleaseSampler, nearest
 
 #: (variables, constraints) of the built-in scenes: what a scene does not need is not there.
 SIZES = {
-    "hand-box": (155, 177),
-    "hand-flip": (229, 253),
-    "box": (271, 369),
-    "flip": (271, 370),
-    "pose": (274, 370),
-    "cup": (275, 390),
+    "hand-box": (127, 149),
+    "hand-flip": (187, 211),
+    "box": (223, 317),
+    "flip": (223, 318),
+    "pose": (226, 318),
+    "cup": (227, 338),
 }
 
 
