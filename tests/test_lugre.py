@@ -119,7 +119,7 @@ def test_damping_hardly_matters() -> None:
 
 
 def test_compliance_moves_landings_by_millimetres() -> None:
-    # The band of examples/model_table.py, which falls with stiffness.
+    # The band of the report (models-sample-model.csv), which falls with stiffness.
     for name in CASES:
         case = reference_case(name)
         x_rigid, theta_rigid = landed(PatchRelease().release(case))

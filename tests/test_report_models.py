@@ -19,6 +19,7 @@ from throwplan.planner.report.model_runs import (
     extrapolated,
     methods,
     patched,
+    python_loop,
     stepped,
 )
 from throwplan.planner.report.model_throws import (
@@ -89,6 +90,13 @@ def test_orders_of_the_sliding_pivot() -> None:
         for n in (1, 2, 4, 8)
     ]
     assert slope([1, 2, 4, 8], cut) < -2.5
+
+
+def test_the_loop_in_python_is_the_compiled_one() -> None:
+    for throw in four_throws():
+        compiled = SlidingPivotRelease(steps=300, integrator="euler").release(throw.case)
+        alone = detached(python_loop(300, throw.case))
+        np.testing.assert_allclose(alone, detached(compiled), atol=1e-12)
 
 
 def test_orders_of_time_stepping() -> None:

@@ -41,7 +41,8 @@ class Table:
         if cell is None or (isinstance(cell, float) and math.isnan(cell)):
             return "–"
         if isinstance(cell, float):
-            return f"{cell:.0f}" if abs(cell) >= 10**self.digits else f"{cell:.{self.digits}g}"
+            whole = round(abs(cell)) >= 10**self.digits
+            return f"{cell:.0f}" if whole else f"{cell:.{self.digits}g}"
         return str(cell)
 
 

@@ -1,0 +1,145 @@
+"""What the models make of many random throws: times of batches, and errors."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from functools import partial
+
+import numpy as np
+import numpy.typing as npt
+
+from ...models.batch import (
+    BatchRelease,
+    EvenSteps,
+    ReleaseBatch,
+    throw_limit_surface,
+    throw_sliding_pivot,
+)
+from ...models.limit_surface_release import ImplicitRelease
+from ...models.lugre_release import LuGreRelease
+from ...models.patch_release import PatchRelease
+from ...models.release import Release, ReleaseCase
+from ...models.sliding_pivot_release import SlidingPivotRelease
+from ..compiled_batch import compiled_steps
+from .model_measures import least_time
+from .model_runs import STIFFNESSES, SmoothedRelease, python_loop, stepped
+from .model_throws import detached, differences
+from .model_truths import patch_truth, pivot_truth, surface_truth
+from .page import Cell, Effort, Part, Table
+from .random_throws import GRAVITY, RANGES, random_throws, throw_number
+
+Array = npt.NDArray[np.float64]
+
+#: Of the report's sample.
+SEED = 0
+
+
+def sample_tables(effort: Effort) -> list[Part]:
+    """Batch times over many random throws, own and model errors of the first of them."""
+    count, few = effort.of(512, 10_000), effort.of(3, 100)
+    batch = random_throws(count, SEED)
+    first = batch.part(np.arange(few))
+    cases = [throw_number(batch, i) for i in range(few)]
+    truths = {"sp": pivot_truth, "ls": surface_truth, "patch": patch_truth}
+    ends = {law: np.array([truth(case) for case in cases]) for law, truth in truths.items()}
+    sure = np.isfinite(np.hstack(list(ends.values()))).all(axis=1)
+    own: list[list[Cell]] = []
+    model: list[list[Cell]] = []
+    for name, law, thrown, run in _ways(batch, first, cases, effort):
+        repeats = effort.of(1, 2) if thrown < count else effort.of(1, 7)
+        seconds, found = least_time(run, repeats, 0.0, math.inf)
+        came = np.isfinite(found[:few]).all(axis=1)
+        good, missed = came & sure, int(few - came.sum())
+        cells: list[Cell] = [name, thrown, 1e6 * seconds / thrown]
+        if law in ends:
+            own.append([*cells, *_quantiles(found[:few][good], ends[law][good]), missed])
+        model.append([*cells, *_quantiles(found[:few][good], ends["patch"][good]), missed])
+    columns = ["method", "throws timed", "time a throw [µs]"]
+    columns += [
+        f"{what}, {q}" for what in ("x [mm]", "θ [deg]") for q in ("median", "99 %", "worst")
+    ]
+    columns += ["not computed"]
+    text = (
+        f"Random throws that the full grip holds, seed {SEED}: {RANGES}. Times are of {count} "
+        f"throws (single ones: {few}), errors of {sure.sum()} of the first "
+        f"{few}, those with converged answers. `sp` steps of a batch are graded "
+        "towards the end of the opening and doubled for throws that swing fast; batches of "
+        "`ls-step` take so many steps and twice as many, and extrapolate. Compiled rows need a C "
+        "compiler. The last column counts throws without an answer."
+    )
+    words = "Random throws: {} error of the landing, median, 99 % and worst"
+    return [
+        text,
+        Table("models-sample-own", words.format("own"), columns, own),
+        Table("models-sample-model", words.format("model"), columns, model),
+    ]
+
+
+def _ways(
+    batch: ReleaseBatch, first: ReleaseBatch, cases: Sequence[ReleaseCase], effort: Effort
+) -> Iterator[tuple[str, str, int, Callable[[], Array]]]:
+    """Name, law, number of throws and how to get their detach states (N, 6)."""
+    meshes = {"sp": (12, 27, 48, 96, 192), "ls-step": (40, 80, 120, 240)}
+    throwers: dict[str, Callable[..., BatchRelease]] = {
+        "sp": throw_sliding_pivot,
+        "ls-step": throw_limit_surface,
+    }
+    for name, steps in meshes.items():
+        law, throw = name.split("-")[0], throwers[name]
+        for number in steps:
+            yield (
+                f"{name}, batch, {number} steps, NumPy", law, batch.count,
+                partial(_thrown, throw, batch, number, None),
+            )  # fmt: skip
+        even = compiled_steps(name, batch.hands)
+        for number in steps if even else ():
+            yield (
+                f"{name}, batch, {number} steps, compiled", law, batch.count,
+                partial(_thrown, throw, batch, number, even),
+            )  # fmt: skip
+
+    def alone(run: Callable[[ReleaseCase], Release]) -> Callable[[], Array]:
+        return lambda: np.array([detached(run(case)) for case in cases])
+
+    singles: list[tuple[str, str, Callable[[ReleaseCase], Release]]] = [
+        ("sp, alone, RK4, 80 steps", "sp", SlidingPivotRelease(steps=80).release),
+        ("sp, alone, RK4, 1000 steps", "sp", SlidingPivotRelease().release),
+        (
+            "sp, alone, events located, 16 steps",
+            "sp",
+            SlidingPivotRelease(steps=16, events=True).release,
+        ),
+        ("sp, alone, ε 0.03, 40 steps", "sp", SmoothedRelease(0.03, 40).release),
+        ("sp, alone, Euler in Python, 500 steps", "sp", partial(python_loop, 500)),
+        ("sp-paper, alone, RK4, 1000 steps", "sp-paper", SlidingPivotRelease("paper").release),
+        ("ls-step, alone, 50 steps", "ls", partial(stepped, 50)),
+        ("ls-step, alone, 1000 steps", "ls", partial(stepped, 1000)),
+        ("ils, alone, LSODA, d 0.01 m/s", "ls", ImplicitRelease(samples=2).release),
+    ]
+    for words, law, run in singles:
+        yield words, law, len(cases), alone(run)
+    steps_of_points = effort.of(200, 1000)
+    patch, hertz = (PatchRelease(pressure=p, steps=steps_of_points) for p in ("uniform", "hertz"))
+    yield f"patch, batch, {steps_of_points} steps", "patch", len(cases), partial(patch.batch, first)
+    words = f"patch, batch, Hertz pressure, {steps_of_points} steps"
+    yield words, "hertz", len(cases), partial(hertz.batch, first)
+    for stiffness in STIFFNESSES:
+        model = LuGreRelease(stiffness=stiffness, steps=steps_of_points)
+        words = f"LuGre, batch, σ₀ {stiffness:.0e} 1/m, {steps_of_points} steps".replace("e+0", "e")
+        yield words, "LuGre", len(cases), partial(model.batch, first)
+
+
+def _thrown(
+    throw: Callable[..., BatchRelease], batch: ReleaseBatch, steps: int, even: EvenSteps | None
+) -> Array:
+    return throw(batch, steps, even=even).detach
+
+
+def _quantiles(found: Array, truth: Array) -> list[Cell]:
+    """Median, 99 % and worst of |dx| [mm], then of |d theta| [deg]."""
+    x, theta = differences(found, truth, GRAVITY, 0.0)[:2]
+    cells: list[Cell] = []
+    for values in (1e3 * x, np.degrees(theta)):
+        cells += [float(v) for v in np.quantile(values, [0.5, 0.99, 1.0])]
+    return cells
