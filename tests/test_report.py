@@ -11,7 +11,7 @@ import pytest
 import throwplan as tp
 from throwplan.planner.cli import main
 from throwplan.planner.report.page import Effort, Picture, Section, Table
-from throwplan.planner.report.planner import Measured, pareto, variants
+from throwplan.planner.report.planner import Measured, best_of, variants
 from throwplan.planner.report.reach import FAR, outside
 from throwplan.planner.report.run import SECTIONS, write
 from throwplan.planner.report.single_shooting import SingleShooting
@@ -74,7 +74,7 @@ def measured(milliseconds: float, millimetres: float, solved: int = 10) -> Measu
 def test_the_pareto_set_is_what_nothing_beats_in_both() -> None:
     found = [measured(10, 1.0), measured(20, 0.1), measured(20, 1.0), measured(1, 0.01, solved=5)]
     # The last is best in both, but half of its solves fail.
-    assert pareto(found) == [True, True, False, False]
+    assert best_of(found) == [True, True, False, False]
 
 
 def test_variants_differ_and_the_usual_comes_first() -> None:

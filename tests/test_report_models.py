@@ -11,7 +11,7 @@ from throwplan.models.limit_surface_release import ImplicitRelease, KarnoppRelea
 from throwplan.models.release import Release
 from throwplan.models.sliding_pivot_release import SlidingPivotRelease
 from throwplan.planner.report.model_choice import choice
-from throwplan.planner.report.model_measures import Measured, Row, least_time, marked, pareto
+from throwplan.planner.report.model_measures import Measured, Row, least_time, marked
 from throwplan.planner.report.model_rows import rows_table
 from throwplan.planner.report.model_runs import (
     Method,
@@ -30,6 +30,7 @@ from throwplan.planner.report.model_throws import (
     throws_table,
 )
 from throwplan.planner.report.model_truths import patch_truth, pivot_truth, surface_truth
+from throwplan.planner.report.pareto import pareto
 from throwplan.planner.report.random_throws import HELD, random_throws, throw_number
 
 THROWS = {throw.key: throw for throw in four_throws()}

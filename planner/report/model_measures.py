@@ -17,6 +17,7 @@ from .model_runs import STIFFNESSES, Method, bristled, extrapolated, patched, st
 from .model_throws import Throw, detached, off
 from .model_truths import patch_truth, pivot_truth, surface_truth
 from .page import Effort
+from .pareto import pareto
 
 Array = npt.NDArray[np.float64]
 T = TypeVar("T")
@@ -131,13 +132,3 @@ def marked(rows: Sequence[Row], known: Mapping[str, Array]) -> list[Row]:
     for k in pareto([rows[i].seconds for i in some], [float(rows[i].model[3]) for i in some]):
         best[some[k]] += ("model",)
     return [replace(row, best=best[i]) for i, row in enumerate(rows)]
-
-
-def pareto(seconds: Sequence[float], errors: Sequence[float]) -> list[int]:
-    """Which runs have no other that is at least as fast and nearer."""
-    found, nearest = [], math.inf
-    for i in np.lexsort((errors, seconds)):
-        if errors[i] < nearest:
-            nearest = errors[i]
-            found.append(int(i))
-    return found

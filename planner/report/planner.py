@@ -24,6 +24,7 @@ from ..planner import Planner
 from ..reach_study import reachable_targets
 from ..smooth import SmoothingError, send
 from .page import Cell, Effort, Picture, Section, Table
+from .pareto import pareto
 
 Array = npt.NDArray[np.float64]
 
@@ -119,7 +120,7 @@ def make(effort: Effort) -> Section:
         for kind in ("no", "wait"):
             # Compiled ones are compared among themselves.
             alike = [k for k, variant in enumerate(asked) if variant.compiling == kind]
-            for k, star in zip(alike, pareto([found[k] for k in alike]), strict=True):
+            for k, star in zip(alike, best_of([found[k] for k in alike]), strict=True):
                 best[k] = star
         section.add(_table(name, targets, asked, found, best), _words(asked, found, best))
         section.add(_picture(name, asked, found, best))
@@ -183,14 +184,13 @@ def _scaled(errors: Array, scene_length: float = 0.26) -> Array:
     return np.asarray(np.abs(errors) @ [1.0, scene_length / 2])
 
 
-def pareto(found: list[Measured]) -> list[bool]:
-    """Which have no other with both less median exact error and less median solving time."""
-    points = np.array([_point(one) for one in found])
-    return [
-        bool(np.isfinite(point).all())
-        and not ((points <= point).all(axis=1) & (points < point).any(axis=1)).any()
-        for point in points
-    ]
+def best_of(found: list[Measured]) -> list[bool]:
+    """Which are on the Pareto set of median exact error and median solving time."""
+    points = [_point(one) for one in found]
+    kept = [k for k, point in enumerate(points) if np.isfinite(point).all()]
+    best = pareto(*zip(*[points[k] for k in kept], strict=True)) if kept else []
+    stars = {kept[k] for k in best}
+    return [k in stars for k in range(len(found))]
 
 
 def _point(one: Measured) -> tuple[float, float]:
