@@ -12,6 +12,7 @@ import os
 import tempfile
 from collections.abc import Callable
 from pathlib import Path
+from types import ModuleType
 
 
 def cache_folder() -> Path | None:
@@ -40,6 +41,11 @@ def digest(*parts: str | bytes) -> str:
         data = part.encode() if isinstance(part, str) else part
         total.update(len(data).to_bytes(8, "little") + data)
     return total.hexdigest()[:24]
+
+
+def source_of(*modules: ModuleType) -> bytes:
+    """The code of some modules: what they make is made again when it changes."""
+    return b"".join(Path(str(module.__file__)).read_bytes() for module in modules)
 
 
 def publish(folder: Path, name: str, write: Callable[[Path], None]) -> Path | None:

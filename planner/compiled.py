@@ -13,7 +13,8 @@ from typing import Literal
 
 import casadi as ca
 
-from .cache import cache_folder, digest, publish
+from . import derivatives, lifting
+from .cache import cache_folder, digest, publish, source_of
 from .compiler import compiler, library_path, shared_library, sound
 
 #: no: never; cached: what is there already; background: and start what is not, for later;
@@ -22,8 +23,6 @@ Compile = Literal["no", "cached", "background", "wait"]
 
 #: More optimisation compiles twice as long and runs no faster.
 FLAGS = ("-O1",)
-#: Changes whenever other functions are generated from the same NLP.
-VERSION = "1"
 #: The names of an NLP's functions for a solver.
 NAMES = ("nlp_f", "nlp_g", "nlp_grad_f", "nlp_jac_g", "nlp_hess_l", "nlp_grad")
 #: Closes a complete source file.
@@ -62,7 +61,7 @@ def _source(key: str, make: Callable[[], dict[str, ca.Function]], compiling: Com
     folder = cache_folder()
     if compiling == "no" or folder is None or compiler() is None:
         return None
-    name = f"{digest(key, VERSION, ca.CasadiMeta.version())}.c"
+    name = f"{digest(key, source_of(lifting, derivatives), ca.CasadiMeta.version())}.c"
     try:
         source = (folder / name).read_text(encoding="utf-8")
     except (OSError, ValueError):

@@ -8,13 +8,15 @@ from pathlib import Path
 
 import numpy as np
 
+from ..models import integrate, sliding_pivot
 from ..problems.scene import Scene
-from .cache import cache_folder, digest, publish
+from . import palm_room, releases, run_up, sparse
+from .cache import cache_folder, digest, publish, source_of
 from .mover import Mover
 from .releases import ARRAYS, Releases
 
-#: Changes whenever other releases are drawn for the same scene.
-VERSION = "2"
+#: What decides which releases are drawn for a scene, and where they go.
+MAKERS = (releases, sparse, run_up, palm_room, sliding_pivot, integrate)
 
 
 def stored(
@@ -57,7 +59,7 @@ def _key(scene: Scene, mover: Mover, count: int, seed: int) -> str:
         count,
         seed,
     )
-    return digest("releases", VERSION, *map(repr, parts))
+    return digest("releases", source_of(*MAKERS), *map(repr, parts))
 
 
 def _read(path: Path) -> Releases | None:
