@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ..problems.scene import Cup, ThrownObject
+from ..problems.scene import Cup, Scene, ThrownObject
 
 Array = npt.NDArray[np.float64]
 
@@ -75,6 +75,23 @@ def cup_entries(bar: ThrownObject, com: Array, cup: Cup, detach: Array, flight: 
         begin, end = (np.take_along_axis(instants, a[:, None], 1)[:, 0] for a in around)
     clearance[who] = least
     return clearance
+
+
+def enters_cup_at_landing(
+    scene: Scene, detach: Array, x: Array, time: Array
+) -> npt.NDArray[np.bool_]:
+    """Whether throws (N,) go into a cup that has come along with the target to their landing.
+
+    detach (N, 6): CoM pose and twist; x (N,) [m] and time (N,) [s] of the landing at the
+    height of the scene's target. True for a scene without a cup.
+    """
+    if scene.cup is None or scene.target is None:
+        return np.ones(len(x), dtype=bool)
+    shifted = np.column_stack([detach, np.full(len(x), scene.gravity)])
+    shifted[:, 0] += scene.target.plane_x - x
+    com = np.full(len(x), scene.object.com)
+    room = cup_entries(scene.object, com, scene.cup, shifted, time)
+    return np.asarray(room >= scene.cup.clearance)
 
 
 def _some(bars: Bars, which: npt.NDArray[np.intp]) -> Bars:

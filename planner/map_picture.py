@@ -40,7 +40,7 @@ def _title(found: ReachMap) -> str:
     """What is shown, in two lines."""
     wide, angle = found.widths
     size = f"{100 * wide:g} cm" + ("" if angle is None else f" × {math.degrees(angle):g}°")
-    cup = ", whatever the cup" if found.scene.cup is not None else ""
+    cup = ", with the cup there" if found.scene.cup is not None else ""
     return (
         f"{found.scene.name}: landing poses in reach at z = {found.z:g} m{cup}\n"
         f"{found.x.size:,} landings of {found.samples:,} sampled states, bins of {size}"

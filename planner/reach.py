@@ -18,7 +18,7 @@ from ..problems.scene import Pose, Scene
 from .check import throw
 from .compiled import Compile
 from .context import Guard
-from .cup_entries import cup_entries
+from .cup_entries import enters_cup_at_landing
 from .guess import guess_from
 from .motion import opening_start, planned_motion
 from .mover import Mover
@@ -36,8 +36,11 @@ Array = npt.NDArray[np.float64]
 
 #: Iterations that an elastic solve may take.
 ITERATIONS = 300
-#: Starts of the elastic solve.
-STARTS = 3
+#: Starts of the elastic solve, and how many more where it ends farther from the target than
+#: the landing it started from.
+STARTS, MORE_STARTS = 3, 5
+#: How much farther that may be.
+WORSE = 1.1
 #: A height this far [m] above every sampled apex is out of reach.
 HEIGHT_ROOM = 0.25
 #: A multiplier counts as binding above this share of the largest.
@@ -114,19 +117,24 @@ class Reach:
         numbers = nlp.parameters.vector(parameter_values(scene, mover, target))
         limits = bounds(nlp, scene, mover)
         entering = _into_the_cup(scene, releases, target)
-        indices, _ = nearest(entering, scene, target.plane_x, target.z, target.theta, STARTS)
+        indices, distances = nearest(
+            entering, scene, target.plane_x, target.z, target.theta, STARTS + MORE_STARTS
+        )
+        known = WORSE * min(distances, default=math.inf) + scene.tolerance.position
         nodes = opening_nodes(scene.mesh, scene.gripper.profile().opening)
         best: Solution | None = None
-        iterations = 0
-        for index in indices:
+        missed, iterations = math.inf, 0
+        for tried, index in enumerate(indices):
+            if tried >= STARTS and missed <= known:
+                break
             flown = float(entering.landings(target.z, scene.gravity)[2][index])
             guess = guess_from(nlp, scene, mover, entering, int(index), flown)
             solution = solver.solve(guess, numbers, limits)
             iterations += solution.iterations
             if solution.success and (best is None or solution.cost < best.cost):
-                best = solution
-        if best is None:
-            # Failed iterations prove nothing.
+                best, missed = solution, _miss(nlp, solution, numbers, scene, target)
+        if best is None or missed > known:
+            # Failed iterations prove nothing, nor do those that led away from a known landing.
             return Binding(target, None, False, (), iterations, None, None)
         # Where that motion lands by the non-smooth model: the pose is one that can be thrown.
         motion = planned_motion(nlp, mover, best.x, nodes)
@@ -134,27 +142,28 @@ class Reach:
         if not math.isfinite(landing.flight_time):
             return Binding(target, None, False, (), iterations, None, None)
         angle = None if target.theta is None else landing.theta
-        missed = np.array(nlp.landing(best.x, numbers)).ravel()
-        dx = abs(missed[0] - target.plane_x)
-        dtheta = 0.0 if target.theta is None else abs(missed[2] - target.theta)
+        end = np.array(nlp.landing(best.x, numbers)).ravel()
+        dx = abs(end[0] - target.plane_x)
+        dtheta = 0.0 if target.theta is None else abs(end[2] - target.theta)
         inside = bool(dx <= scene.tolerance.position and dtheta <= scene.tolerance.angle)
         names = () if inside else _binding(nlp, mover, best, limits)
         pose = target.in_plane(landing.x, angle)
         return Binding(target, pose, inside, names, iterations, best, nlp)
 
 
-def _into_the_cup(scene: Scene, releases: Releases, target: Pose) -> Releases:
-    """The releases that go into a cup that has come along with their landing.
+def _miss(nlp: ThrowNlp, solution: Solution, numbers: Array, scene: Scene, target: Pose) -> float:
+    """Scaled distance [m] (39) of an elastic solution's landing from the target."""
+    x, _, theta = np.array(nlp.landing(solution.x, numbers)).ravel()
+    turn = 0.0 if target.theta is None else abs(theta - target.theta)
+    return float(abs(x - target.plane_x) + turn * scene.object.length / 2)
 
-    All, if none does, or the scene has no cup.
-    """
+
+def _into_the_cup(scene: Scene, releases: Releases, target: Pose) -> Releases:
+    """The releases that go into a cup that has come along; all, if none does."""
     if scene.cup is None:
         return releases
     x, _, time = releases.landings(target.z, scene.gravity)
-    shifted = np.column_stack([releases.detach, np.full(len(x), scene.gravity)])
-    shifted[:, 0] += target.plane_x - x
-    com = np.full(len(x), scene.object.com)
-    found = cup_entries(scene.object, com, scene.cup, shifted, time) >= 0.0
+    found = enters_cup_at_landing(scene, releases.detach, x, time)
     return releases.picked(found) if found.any() else releases
 
 

@@ -22,6 +22,7 @@ from ..models.flight import land
 from ..problems.errors import InputError
 from ..problems.scene import Scene
 from .api import as_scene
+from .cup_entries import enters_cup_at_landing
 from .folders import filling
 from .map_bins import WIDTHS, edges_of, place, places
 from .map_throws import allowed, cells_of, chunks, margins
@@ -168,6 +169,8 @@ def reach_map(
     assert scene.target is not None  # checked by Scene, for all that have a mover
     height = scene.target.z if z is None else float(z)
     target = dataclasses.replace(scene.target, z=height)
+    # A cup comes along with the target.
+    aimed = scene.aimed_at(target)
     parts: list[tuple[Array, Array, Array, Counts]] = []
     down, best, done = 0, (-math.inf, ""), 0
     for count, drawn in chunks(scene, mover, samples):
@@ -182,6 +185,7 @@ def reach_map(
         # Only what lands is asked for its way there.
         thrown, x, theta, time = thrown.picked(in_time), x[in_time], theta[in_time], time[in_time]
         good = allowed(scene, mover, thrown, time)
+        good &= enters_cup_at_landing(aimed, thrown.detach, x, time)
         thrown = thrown.picked(good)
         parts.append((x[good], theta[good], margins(scene, mover, thrown), cells_of(mover, thrown)))
         done += count

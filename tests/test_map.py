@@ -224,3 +224,13 @@ def test_refused_in_python(wrong):
     (name,) = wrong
     with pytest.raises(tp.InputError, match=f"{name} = .*must be"):
         tp.reach_map("pose", **wrong)
+
+
+def test_with_a_cup_only_poses_that_go_into_one_are_in_reach() -> None:
+    """The cup comes along with the landing; a bar that lies flat enters none."""
+    scene = tp.load_scene("cup")
+    found = tp.reach_map(scene, samples=20_000)
+    without = tp.reach_map(scene.replace(cup=None), samples=20_000)
+    assert 0 < found.x.size < 0.3 * without.x.size
+    assert np.abs(np.cos(found.theta)).max() < 0.85
+    assert np.abs(np.cos(without.theta)).max() > 0.99
