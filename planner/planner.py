@@ -52,7 +52,8 @@ class Planner:
 
     compiling: whether the NLP's functions are compiled where a C compiler is there: 'no',
     'cached' (used if they are in the cache), 'background' (and compiled for later by a
-    process of its own if they are not), 'wait' (compiled first, once, in some seconds).
+    process of its own if they are not), 'wait' (compiled first, once, in some seconds; those
+    with rows that seldom decide in the background).
 
     Raises InputError for a scene that cannot be planned at all: no [hand] or [robot],
     or a grip too weak to hold the object at rest in any permitted start pose.

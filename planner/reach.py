@@ -31,6 +31,7 @@ from .numbers import (
 )
 from .releases import Releases, nearest
 from .solver import Solution, Solver
+from .workbench import patient
 
 Array = npt.NDArray[np.float64]
 
@@ -100,7 +101,8 @@ class Reach:
             scene, mover = self._scene, self._mover
             structure = structure_of(scene, mover, angle, guards=guards, elastic=True)
             nlp = build_nlp(structure, mover)
-            self._solvers[key] = Solver(nlp, "ipopt", ITERATIONS, self._compiling)
+            compiling = patient(self._compiling, guards)
+            self._solvers[key] = Solver(nlp, "ipopt", ITERATIONS, compiling)
         solver = self._solvers[key]
         assert isinstance(solver.nlp, ThrowNlp)
         return solver.nlp, solver

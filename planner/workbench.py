@@ -24,6 +24,11 @@ class Kind:
     robust: str = ""
 
 
+def patient(compiling: Compile, guards: frozenset[Guard]) -> Compile:
+    """How to compile an NLP: nobody waits for one whose rows seldom decide."""
+    return "background" if compiling == "wait" and guards else compiling
+
+
 class Workbench:
     """NLPs and problems by their kind."""
 
@@ -62,7 +67,7 @@ class Workbench:
             nlp = self.nlp(target, search, robust)
             with search.clock("build"):
                 window = self._window(robust)
-                solver = Solver(nlp, name, compiling=self._compiling)
+                solver = Solver(nlp, name, compiling=patient(self._compiling, kind.guards))
                 limits = bounds(nlp, self.scene, self.mover, window)
                 self._problems[kind, name] = Problem(nlp, solver, limits, window)
         return self._problems[kind, name]
