@@ -114,7 +114,7 @@ def _made(
             if thrown is not None:
                 motion = thrown.planned if thrown.sent is None else thrown.samples
                 load = peak_load(scene, mover, motion, thrown.opening_time)
-                return Hardened(thrown, method, name, load)
+                return Hardened(thrown, method, problem.solver.name, load)
             if search.broken is None or search.asked == asked:
                 break
     return None

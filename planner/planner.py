@@ -26,7 +26,7 @@ from .release_cache import stored
 from .releases import Releases, ReleaseSampler
 from .start import check_start
 from .starts import Turns, starts
-from .workbench import Workbench
+from .workbench import HEAVY, Workbench
 
 SolverName = Literal["auto", "fatrop", "ipopt"]
 
@@ -148,6 +148,9 @@ class Planner:
                 return failed_plan(self.bench, target, answer, releases, names[-1], search)
         found: list[Found] = []
         for name in names:
+            if name != names[0] and search.guards & HEAVY:
+                # The starts have had IPOPT already.
+                break
             for index, goal, _ in first[: STARTS[name] * wanted]:
                 found += self._from_release(name, index, goal, releases, search)
                 if len(distinct(found)) >= wanted:
@@ -233,7 +236,7 @@ class Planner:
             problem = self.bench.problem(goal, name, search)
             thrown = attempt(problem, self.mover, goal, guess, search)
             if thrown is not None:
-                return [Found(goal, thrown, name)]
+                return [Found(goal, thrown, problem.solver.name)]
             if search.broken is None or search.asked == asked:
                 break
             # A sampled release that clears the hand leads there sooner than a throw that
@@ -263,7 +266,9 @@ class Planner:
         problem = self.bench.problem(target, name, search)
         thrown = attempt(problem, self.mover, target, solution.x, search, solution, warm.throw.aim)
         return (
-            None if thrown is None else solved_plan(self.bench, Found(target, thrown, name), search)
+            None
+            if thrown is None
+            else solved_plan(self.bench, Found(target, thrown, problem.solver.name), search)
         )
 
     def _possible(self, goal: Pose, releases: Releases, search: Search) -> Binding:

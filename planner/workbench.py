@@ -24,6 +24,11 @@ class Kind:
     robust: str = ""
 
 
+#: Guards with which FATROP 1.1 was seen to repeat one factorisation for ever, once in 332
+#: extreme scenes, at a point with nothing unusual about it.
+HEAVY: frozenset[Guard] = frozenset({"carry", "return"})
+
+
 def patient(compiling: Compile, guards: frozenset[Guard]) -> Compile:
     """How to compile an NLP: nobody waits for one whose rows seldom decide."""
     return "background" if compiling == "wait" and guards else compiling
@@ -61,8 +66,9 @@ class Workbench:
         return self._nlps[kind]
 
     def problem(self, target: Pose, name: str, search: Search, robust: str = "") -> Problem:
-        """The same with a solver, 'fatrop' or 'ipopt'."""
+        """The same with a solver, 'fatrop' or 'ipopt'; IPOPT in any case for `HEAVY` guards."""
         kind = Kind(target.theta is not None, search.guards, robust)
+        name = "ipopt" if kind.guards & HEAVY else name
         if (kind, name) not in self._problems:
             nlp = self.nlp(target, search, robust)
             with search.clock("build"):

@@ -2,8 +2,7 @@
 
 The targets come from the scene's own table of releases, so that most are in reach however
 odd the scene: somewhere among its landings, at their far edge, beyond it, at the height of
-the hand. `judged` says whether what is called solved there is true, by other means than the
-planner's own.
+the hand.
 """
 
 from __future__ import annotations
@@ -16,26 +15,13 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from ...models.flight import FlightState
-from ...models.release import HandSamples
-from ...models.sliding_pivot_release import SlidingPivotRelease
 from ...problems.load import load_scene
 from ...problems.scene import Pose, Scene
-from ..check import broken_limits, throw
-from ..motion import Motion
-from ..mover import Mover
-from ..plan import PlannedThrow
 from ..planner import Planner
-from ..rollout import case_of
-from ..violations import scene_violations
-
-Array = npt.NDArray[np.float64]
 
 #: Where a case's target is; "own" is the base scene's.
 Aim = Literal["own", "inside", "edge", "beyond", "hand height", "straight up", "behind"]
-
 #: The scenes that are varied, and random mixtures of each: two free hands, three Pandas, which
 #: take ten times as long.
 BASES = {"hand-flip": 75, "hand-box": 70, "pose": 6, "box": 2, "cup": 2}
@@ -48,11 +34,6 @@ LONGEST = 2.5
 AHEAD = 0.5
 #: Share of a quick look's cases that are Pandas, which take several times longer.
 QUICK_ARMS = 0.1
-#: Steps of the independent release; the landing with half as many says how far it is to be
-#: trusted.
-STEPS = 8000
-#: Interval [s] of the differences that say which force holds the bar, and of its instants.
-DIFFERENCE, GRIP_STEP = 1e-4, 1e-3
 
 
 @dataclass(frozen=True)
@@ -253,113 +234,3 @@ def _mixture(name: str, base: Scene, rng: np.random.Generator, number: int) -> C
     aims: tuple[Aim, ...] = ("inside", "inside", "edge", "hand height")
     aim: Aim = "own" if base.cup is not None else aims[int(rng.integers(len(aims)))]
     return Case(name, "mixture", str(number), scene, aim)
-
-
-# Whether a solved throw is true, by other means than the planner's own.
-
-
-@dataclass(frozen=True)
-class Verdict:
-    """What an independent look at a solved throw finds.
-
-    wrong: what contradicts `solved`, empty if nothing; miss, other: position error [m] of the
-    sent motion thrown again, and by the independent release; doubt [m]: how far that one is
-    from itself with half the steps.
-    """
-
-    wrong: tuple[str, ...]
-    miss: float
-    other: float
-    doubt: float
-
-
-@dataclass(frozen=True)
-class PlainTrack:
-    """The hand of a motion by CasADi's usual call, without the planner's compiled kernels."""
-
-    mover: Mover
-    motion: Motion
-    opening_time: float
-
-    def at(self, times: Array) -> HandSamples:
-        """The hand at `times` [s] after the opening's start."""
-        outputs = self.mover.motion(*self.motion.at(self.opening_time + times))
-        return HandSamples(times, *(np.array(part) for part in outputs))
-
-
-def judged(thrown: PlannedThrow, target: Pose, steps: int = STEPS) -> Verdict:
-    """Throws the sent motion again, by the planner's check and by other code."""
-    scene, mover, at = thrown.scene, thrown.mover, thrown.opening_time
-    motion: Any = thrown.planned if thrown.sent is None else thrown.samples
-    again = throw(scene, mover, motion, at, target.z)
-    dx, dtheta = again.miss(target)
-    wrong = [] if _inside(scene, dx, dtheta) else [f"thrown again {_off(dx, dtheta)}"]
-    end = float(motion.times[-1])
-    wrong += [v.words for v in scene_violations(scene, mover, motion, end, at, again)]
-    names = broken_limits(mover.hard, mover.joints, thrown.samples)
-    wrong += [f"limit of {name} broken" for name in names]
-    track = PlainTrack(mover, motion, at)
-    coarse, fine = (_landed(scene, track, target, n) for n in (steps // 2, steps))
-    doubt_x, doubt_theta = abs(fine[0] - coarse[0]), abs(fine[1] - coarse[1])
-    # Only what its own steps cannot explain counts against the plan.
-    if not _inside(scene, abs(fine[0]) - doubt_x, abs(fine[1]) - doubt_theta):
-        wrong.append(f"{steps} plain steps {_off(*fine)}")
-    use = grip_by_differences(scene, mover, motion, at)
-    if use > 1.001:
-        wrong.append(f"grip use {use:.3f} by differences")
-    return Verdict(tuple(wrong), abs(dx), abs(fine[0]), doubt_x)
-
-
-def _landed(scene: Scene, track: PlainTrack, target: Pose, steps: int) -> tuple[float, float]:
-    """(dx [m], dtheta [rad]) to the target by even steps of the models' own sliding pivot."""
-    release = SlidingPivotRelease(steps=steps).release(case_of(scene, track))
-    state = release.detach
-    flown = time_down(state, target.z, scene.gravity)
-    angle = 0.0 if target.theta is None else state.theta + state.omega * flown - target.theta
-    return float(state.x + state.v_x * flown - target.plane_x), float(angle)
-
-
-def time_down(state: FlightState, height: float, gravity: float) -> float:
-    """Time [s] until the CoM comes down through a height; NaN if it never does."""
-    above, rise = float(state.z) - height, float(state.v_z)
-    inside = rise**2 + 2 * gravity * above
-    if inside < 0 or (gravity == 0 and rise >= 0):
-        return math.nan
-    # Whichever form does not subtract two nearly equal numbers.
-    root = math.sqrt(inside)
-    found = (rise + root) / gravity if rise > 0 else 2 * above / (root - rise)
-    return found if found >= 0 else math.nan
-
-
-def grip_by_differences(scene: Scene, mover: Mover, motion: Motion, opening: float) -> float:
-    """Largest share of the full grip's friction that holds the bar before the opening.
-
-    By Newton's law from second differences of the bar's pose: no velocity, acceleration or
-    contact equation of the models is used.
-    """
-    times = np.arange(DIFFERENCE, opening - DIFFERENCE, GRIP_STEP)
-    poses = []
-    for shift in (-DIFFERENCE, 0.0, DIFFERENCE):
-        q = motion.at(times + shift)[0]
-        zero = np.zeros_like(q)
-        x, z, theta = np.array(mover.motion(q, zero, zero)[0])
-        angle, h = theta + scene.grasp.angle, scene.com_offset
-        poses.append(np.array([x + h * np.cos(angle), z + h * np.sin(angle), angle]))
-    before, now, after = poses
-    a_x, a_z, alpha = (before - 2 * now + after) / DIFFERENCE**2
-    thing, h = scene.object, scene.com_offset
-    f_x, f_z = thing.mass * a_x, thing.mass * (a_z + scene.gravity)
-    # The force acts at the pads, h behind the CoM.
-    torque = thing.inertia * alpha + h * (np.cos(now[2]) * f_z - np.sin(now[2]) * f_x)
-    limit = float(scene.patch.force_limit(scene.gripper.profile().full))
-    arm = float(scene.patch.torsion_arm)
-    return float(np.sqrt(f_x**2 + f_z**2 + (torque / arm) ** 2).max(initial=0.0) / limit)
-
-
-def _inside(scene: Scene, dx: float, dtheta: float) -> bool:
-    allowed = scene.tolerance
-    return abs(dx) <= allowed.position and abs(dtheta) <= allowed.angle
-
-
-def _off(dx: float, dtheta: float) -> str:
-    return f"lands {1e3 * abs(dx):.2f} mm, {math.degrees(abs(dtheta)):.2f} deg off"

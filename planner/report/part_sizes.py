@@ -1,0 +1,227 @@
+"""How large the NLP of a scene is and how long it takes, with rows forced into it."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ...problems.scene import Pose, Scene
+from ..compiled import Compile
+from ..context import Guard
+from ..correction import Search, attempt
+from ..derivatives import nlp_functions
+from ..guess import guess_from
+from ..nlp import ThrowNlp
+from ..numbers import opening_nodes, parameter_values
+from ..plan import PlannedThrow
+from ..planner import Planner
+from ..refit import refit
+from ..window import window_of
+from .page import Cell
+
+Array = npt.NDArray[np.float64]
+
+#: Starting points tried.
+STARTS = 6
+
+
+@dataclass(frozen=True)
+class Posed:
+    """A scene, and which rows beyond its sections are forced into its NLP."""
+
+    words: str
+    scene: Scene
+    guards: frozenset[Guard] = frozenset()
+    robust: bool = False
+
+    @property
+    def steps(self) -> list[tuple[frozenset[Guard], str]]:
+        """(guards, robust) of the NLPs that lead to its throw; the last is its own."""
+        found: list[tuple[frozenset[Guard], str]] = [(frozenset(), "")]
+        if self.guards:
+            found.append((self.guards, ""))
+        if self.robust:
+            found += [(self.guards, "quiet"), (self.guards, "scenarios")]
+        return found
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Sizes and times [s] of one posed scene.
+
+    operations: of the functions that the solver calls, all once; functions: their time;
+    iterations, solve: of its own NLP, with corrections; whole: solver time with the NLPs
+    that lead to it; build: before the first. Times are medians of the warm runs. cause: why
+    it is not solved, else empty.
+    """
+
+    variables: int
+    constraints: int
+    parameters: int
+    operations: int
+    functions: float
+    iterations: int
+    build: float
+    solve: float
+    whole: float
+    cause: str = ""
+
+    @property
+    def solved(self) -> bool:
+        """Whether the check finds nothing wrong."""
+        return not self.cause
+
+    def over(self, other: Measured) -> list[Cell]:
+        """Its times to solve as multiples of another's; nothing where one is not solved."""
+        if not (self.solved and other.solved):
+            return [None, None]
+        return [self.solve / other.solve, self.whole / other.whole]
+
+    @property
+    def status(self) -> str:
+        """In words."""
+        return "solved" if self.solved else f"not solved: {self.cause}"
+
+    def row(self) -> list[Cell]:
+        """Its figures in a table, times in ms."""
+        sizes: list[Cell] = [self.variables, self.constraints, self.parameters, self.operations]
+        times = (self.functions, self.build, self.solve, self.whole)
+        return [*sizes, self.iterations, *(1e3 * t for t in times)]
+
+
+#: Of `Measured.row`.
+COLUMNS = (
+    "variables",
+    "constraints",
+    "parameters",
+    "operations",
+    "iterations",
+    "functions [ms]",
+    "build [ms]",
+    "own solve [ms]",
+    "all solves [ms]",
+)
+
+
+@dataclass
+class Run:
+    """One way to a throw. solve [s], iterations: of the last NLP tried."""
+
+    search: Search
+    thrown: PlannedThrow | None = None
+    solve: float = math.nan
+    iterations: int = 0
+
+
+def operations(nlp: ThrowNlp) -> int:
+    """Elementary operations of cost, constraints and their derivatives, all stages once."""
+    found = 0
+    for link in nlp.links:
+        parts = link.functions
+        for function in (parts.value, parts.jacobian, parts.cost_gradient, parts.hessian):
+            found += int(function.n_instructions())
+    return found
+
+
+def measured(posed: Posed, repeats: int, compiling: Compile = "no") -> Measured:
+    """Plans a posed scene once, then `repeats` times more with all that is built."""
+    planner = Planner(posed.scene, compiling=compiling)
+    planner.releases()
+    first = _run(planner, posed)
+    # What fails does so slowly, and again.
+    runs = [_run(planner, posed) for _ in range(repeats)] if first.thrown else [first]
+    target = posed.scene.target
+    assert target is not None
+    guards, robust = posed.steps[-1]
+    search = Search(posed.scene, guards=guards)
+    nlp = planner.bench.nlp(target, search, robust) if first.thrown is None else first.thrown.nlp
+    return Measured(
+        *nlp.size,
+        nlp.problem["p"].numel(),
+        operations(nlp),
+        _function_time(planner, nlp, first.thrown),
+        first.iterations,
+        first.search.times["build"],
+        float(np.median([run.solve for run in runs])),
+        float(np.median([run.search.times["solve"] for run in runs])),
+        "" if first.thrown else first.search.trouble[-1],
+    )
+
+
+def _run(planner: Planner, posed: Posed) -> Run:
+    """The planner's own way to a throw: from its starts, one NLP's throw to the next one's."""
+    run = Run(Search(posed.scene))
+    target = posed.scene.target
+    assert target is not None
+    releases = planner.releases()
+    flights = releases.landings(target.z, posed.scene.gravity)[2]
+    for index, goal, _ in planner.starts(target, STARTS):
+        source: PlannedThrow | None = None
+        for guards, robust in posed.steps:
+            if source is None:
+                run.search.guards = guards
+                nlp = planner.bench.nlp(goal, run.search)
+                flight = float(flights[index])
+                guess = guess_from(nlp, posed.scene, planner.mover, releases, index, flight)
+            else:
+                guess = _from(source, planner, goal, guards, robust, run.search)
+            _attempt(run, planner, goal, guess, robust)
+            source = run.thrown or run.search.broken
+            if source is None:
+                break
+        if run.thrown is not None:
+            break
+    return run
+
+
+def _from(
+    source: PlannedThrow,
+    planner: Planner,
+    goal: Pose,
+    guards: frozenset[Guard],
+    robust: str,
+    search: Search,
+) -> Array:
+    """Guess of the next NLP from the throw before it."""
+    scene = search.scene
+    search.guards = guards
+    nodes = opening_nodes(scene.mesh, scene.gripper.profile().opening)
+    step, delays = 0.0, np.zeros(0)
+    if robust:
+        window = window_of(scene)
+        step, delays = window.step, window.delays
+    return refit(planner.bench.nlp(goal, search, robust), source, nodes, step, delays)
+
+
+def _attempt(run: Run, planner: Planner, goal: Pose, guess: Array, robust: str) -> None:
+    """Solves the next NLP."""
+    search = run.search
+    problem = planner.bench.problem(goal, "fatrop", search, robust)
+    before, iterations = search.times["solve"], search.iterations
+    run.thrown = attempt(problem, planner.mover, goal, guess, search)
+    run.solve = search.times["solve"] - before
+    run.iterations = search.iterations - iterations
+
+
+def _function_time(planner: Planner, nlp: ThrowNlp, thrown: PlannedThrow | None) -> float:
+    """Time [s] of all functions that an iteration of FATROP calls, at the solution."""
+    if thrown is None or thrown.scene.target is None:
+        return math.nan
+    scene = thrown.scene
+    window = window_of(scene) if nlp.structure.robust else None
+    goal = thrown.scene.target
+    values = parameter_values(scene, planner.mover, goal, window)
+    p, x, lam = nlp.parameters.vector(values), thrown.solution.x, thrown.solution.lam_g
+    found = nlp_functions(nlp, "fatrop")
+    times = []
+    for _ in range(10):
+        start = time.perf_counter()
+        for name in ("nlp_f", "nlp_g", "nlp_grad_f", "nlp_jac_g"):
+            found[name](x, p)
+        found["nlp_hess_l"](x, p, 1.0, lam)
+        times.append(time.perf_counter() - start)
+    return float(np.median(times))
