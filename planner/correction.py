@@ -32,7 +32,8 @@ from .window import Window
 
 Array = npt.NDArray[np.float64]
 
-#: Corrections aim at this on the landing that counts: position [m], angle [rad].
+#: Corrections aim at this on the landing that counts: position [m], angle [rad]; at half the
+#: scene's tolerance where that is less.
 AIM = (1e-4, math.radians(0.02))
 MAX_CORRECTIONS = 8
 #: Room [m] beyond what the check has seen to be missing, and the most that is tried.
@@ -148,6 +149,8 @@ def _corrected(
     aim: tuple[float, float],
 ) -> _Candidate | None:
     goal = target.in_plane(target.plane_x + aim[0], target.turned(aim[1]).theta)
+    tolerance = search.scene.tolerance
+    aimed = min(AIM[0], tolerance.position / 2), min(AIM[1], tolerance.angle / 2)
     best, best_miss = None, math.inf
     for _ in range(MAX_CORRECTIONS):
         solution, numbers = _solved(problem, mover, goal, guess, search, warm)
@@ -161,7 +164,7 @@ def _corrected(
             search.trouble.append(str(error))
             break
         dx, dtheta = candidate.thrown.miss(target)
-        miss = scaled(dx, dtheta, AIM)
+        miss = scaled(dx, dtheta, aimed)
         if not miss < best_miss:
             if best is None:
                 search.trouble.append("the object never comes down to the target's height")

@@ -186,6 +186,8 @@ def highest(releases: Releases, target: Pose, gravity: float) -> tuple[bool, Pos
     )
     far = bool(target.z > apex[i] + HEIGHT_ROOM)
     kind = "out of reach" if far else "no throw found"
+    if target.z <= apex[i]:
+        return far, pose, f"{kind}: no sampled release comes down through z {target.z:g} m"
     most = f"at most about {apex[i]:.2f} m"
     return far, pose, f"{kind}: no sampled release rises to z {target.z:g} m, {most}"
 

@@ -9,7 +9,7 @@ from .context import JERK_UNIT
 from .correction import Search
 from .motion import stage_times
 from .nlp import ThrowNlp
-from .numbers import opening_nodes
+from .numbers import opening_nodes, with_accelerations
 from .plan import PlannedThrow
 
 Array = npt.NDArray[np.float64]
@@ -32,16 +32,20 @@ def refit(nlp: ThrowNlp, throw: PlannedThrow, nodes: Array, step: float, delays:
     x = throw.solution.x
     flight = float(source.block(x, "t_f", old.detach)[0])  # type: ignore[index]
     size = 6 if s.pivot else 4
-    relative = [source.block(x, "rel", old.opens + i) for i in range(1, s.opening + 1)]
+    # The source's opening may have other intervals.
+    before = opening_nodes(throw.scene.mesh, float(nodes[-1]))
+    relative = [source.block(x, "rel", old.opens + i) for i in range(1, old.opening + 1)]
     track = np.array([np.zeros(size), *[r for r in relative if r is not None]])
+
+    def relative_at(since: float) -> Array:
+        return np.array([np.interp(since, before, track[:, i]) for i in range(size)])
 
     entered = [source.block(x, f"t_cup{i}", old.detach) for i in range(old.cup)]
     entries = [float(time[0]) for time in entered if time is not None]
     depths = np.linspace(0.0, 1.0, len(entries))
 
     def scenario(name: str, k: int) -> Array:
-        since = times[k] - throw.opening_time - delays[int(name.rsplit("_", 1)[1])]
-        return np.array([np.interp(since, nodes, track[:, i]) for i in range(size)])
+        return relative_at(times[k] - throw.opening_time - delays[int(name.rsplit("_", 1)[1])])
 
     def value(name: str, k: int) -> Array | float:
         if name in coordinates:
@@ -53,13 +57,14 @@ def refit(nlp: ThrowNlp, throw: PlannedThrow, nodes: Array, step: float, delays:
             return np.asarray(slope / JERK_UNIT if s.jerk_control else slope)
         if name == "T":
             return throw.opening_time - s.early * step
+        if name == "rel":
+            return relative_at(float(nodes[k - s.opens]))
         if name.startswith("rel_"):
             return scenario(name, k)
         if name.startswith("t_cup"):
             return float(np.interp(int(name[5:]) / max(s.cup - 1, 1), depths, entries))
         if name.startswith("t_f_"):
             return flight - s.late * step
-        known = None if k < s.opens else source.block(x, name, k - s.opens + old.opens)
-        return 0.0 if known is None else known
+        return flight if name == "t_f" else 0.0
 
-    return nlp.fill(value)
+    return with_accelerations(nlp, nlp.fill(value), np.diff(nodes))

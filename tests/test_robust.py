@@ -10,7 +10,9 @@ import pytest
 import throwplan as tp
 from throwplan.planner.mover import make_mover
 from throwplan.planner.nlp import build_nlp
-from throwplan.planner.numbers import structure_of
+from throwplan.planner.numbers import opening_nodes, structure_of
+from throwplan.planner.planner import QUIET_MESH
+from throwplan.planner.refit import refit
 from throwplan.planner.rollout import friction_use, hand_samples
 from throwplan.planner.window import window_of
 from throwplan.problems.robust import Robust
@@ -115,3 +117,24 @@ def test_wrong_methods() -> None:
         planner.plan(robust="quiet", alternatives=2)
     with pytest.raises(tp.InputError, match="alternatives = 99: must be 0 to 20"):
         planner.plan(alternatives=99)
+
+
+def test_a_throw_of_another_mesh_is_a_start_of_the_scenarios(nominal: tp.Plan) -> None:
+    """Robust NLPs have other opening intervals than the throw they start from."""
+    throw = nominal.throw
+    scene = nominal.scene.replace(mesh=QUIET_MESH)
+    assert scene.mesh.opening != throw.nlp.structure.opening
+    window = window_of(scene)
+    structure = structure_of(scene, nominal.mover, True, robust="scenarios", window=window)
+    nlp = build_nlp(structure, nominal.mover)
+    nodes = opening_nodes(scene.mesh, scene.gripper.profile().opening)
+    x = refit(nlp, throw, nodes, window.step, window.delays)
+    assert np.isfinite(x).all()
+    source = throw.nlp.structure
+    for name in ("rel", "t_f"):
+        old = throw.nlp.block(throw.solution.x, name, source.detach)
+        assert nlp.block(x, name, structure.detach) == pytest.approx(old)
+    # An opening that is late has hardly moved when the planned one is over, an early one is on.
+    late = nlp.block(x, f"rel_{len(window.delays) - 1}", structure.detach)
+    early = nlp.block(x, "rel_0", structure.detach)
+    assert np.abs(late).max() < np.abs(early).max()
