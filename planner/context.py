@@ -17,8 +17,25 @@ from .ocp import Parameters, Stage
 #: Rows that seldom decide, and so come into the NLP only after the check has seen that they
 #: do: of what is carried on its way, of the flying bar, of the bar that falls back.
 Guard = Literal["carry", "flight", "return"]
+#: Of what the check has seen too little room.
+Tight = Literal["held", "cup"]
 #: Unit of the jerk control [rad/s^3], so that the variables are of order one.
 JERK_UNIT = 1000.0
+
+
+@dataclass(frozen=True)
+class Room:
+    """More room [m] than usual, where the check has seen that it takes more.
+
+    held: between obstacles and what is carried; cup: between the bar and the cup.
+    """
+
+    held: float = 0.0
+    cup: float = 0.0
+
+
+#: What an NLP has at first.
+USUAL = Room()
 
 
 @dataclass(frozen=True)

@@ -12,14 +12,14 @@ import time
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from ..problems.scene import Pose, Scene
 from .check import Thrown, broken_limits, limit_surface_throw, throw
-from .context import Guard
+from .context import USUAL, Guard, Room, Tight
 from .motion import PlannedMotion, SampledMotion, opening_start, planned_motion
 from .mover import Mover
 from .nlp import ThrowNlp
@@ -37,7 +37,7 @@ Array = npt.NDArray[np.float64]
 AIM = (1e-4, math.radians(0.02))
 MAX_CORRECTIONS = 8
 #: Room [m] beyond what the check has seen to be missing, and the most that is tried.
-ROOM, MOST_ROOM = 0.002, 0.05
+MORE_ROOM: dict[Tight, tuple[float, float]] = {"held": (0.002, 0.05), "cup": (2e-4, 0.005)}
 
 
 @dataclass
@@ -46,8 +46,8 @@ class Search:
 
     trouble: why starts led nowhere, in order; fallback: a throw that keeps less than
     it should, and why; broken: the last attempt's throw, if it led to one that breaks
-    something. guards, room: which rows the check has shown to be needed, and how much
-    more room [m] for what is carried.
+    something. guards, room: which rows the check has shown to be needed, and where more
+    room.
     """
 
     scene: Scene
@@ -58,7 +58,7 @@ class Search:
     fallback: tuple[PlannedThrow, str] | None = None
     broken: PlannedThrow | None = None
     guards: frozenset[Guard] = frozenset()
-    room: float = 0.0
+    room: Room = USUAL
 
     @contextmanager
     def clock(self, name: str) -> Iterator[None]:
@@ -75,17 +75,21 @@ class Search:
         self.trouble.append("; ".join(violation.words for violation in found))
         if self.fallback is None:
             self.fallback = (thrown, self.trouble[-1])
-        depth = max(violation.depth for violation in found)
-        if "carry" in self.guards and depth > 0.0:
-            self.room = min(self.room + depth + ROOM, MOST_ROOM)
-        asked = {violation.guard for violation in found if violation.guard}
+        asked: set[Guard] = {violation.guard for violation in found if violation.guard}
+        for violation in found:
+            tight = violation.tight
+            if tight and violation.guard in self.guards:
+                more, most = MORE_ROOM[tight]
+                room = getattr(self.room, tight) + violation.depth + more
+                self.room = replace(self.room, **{tight: min(room, most)})
+                asked.discard("flight")
         if asked == {"flight"} and "flight" in self.guards:
             # Between the two ends, or later than looked at.
             asked = {"return"}
         self.guards |= asked
 
     @property
-    def asked(self) -> tuple[frozenset[Guard], float]:
+    def asked(self) -> tuple[frozenset[Guard], Room]:
         """What it takes an NLP to have now."""
         return self.guards, self.room
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..problems.scene import Mesh, Pose, Scene
-from .context import JERK_UNIT, Guard, Structure
+from .context import JERK_UNIT, USUAL, Guard, Room, Structure
 from .integration import NODES, SLIP_UNIT, TURN_UNIT
 from .mover import Mover
 from .nlp import ThrowNlp
@@ -103,11 +103,11 @@ def structure_of(
 
 
 def parameter_values(
-    scene: Scene, mover: Mover, target: Pose, window: Window | None = None, room: float = 0.0
+    scene: Scene, mover: Mover, target: Pose, window: Window | None = None, room: Room = USUAL
 ) -> dict[str, Any]:
     """Values of every parameter that an NLP of this scene may have.
 
-    room [m]: more than usual between obstacles and what is carried.
+    room: more than usual, where the check has seen that it takes more.
     """
     body, contact, profile = scene.body, scene.patch, scene.gripper.profile()
     limits = mover.planning
@@ -154,7 +154,7 @@ def parameter_values(
         values["column_radius"] = (workspace.column_radius or 0.0) + ROOM
         values["column_height"] = (workspace.column_height or 0.0) + ROOM
         values["passing_room"] = PASSING_ROOM
-        values["held_room"] = room
+        values["held_room"] = room.held
         values |= _palm_values(scene)
     if scene.landing is not None:
         landing = scene.landing
@@ -166,7 +166,7 @@ def parameter_values(
         values["cup_x"], values["cup_rim"], values["cup_insertion"] = cup.x, cup.rim, cup.insertion
         # The bar is as thick as it is wide, so a round cup is narrower beside its middle.
         chord = math.sqrt(cup.radius**2 - (scene.object.width / 2) ** 2)
-        values["cup_radius"], values["cup_clearance"] = chord, cup.clearance + ROOM
+        values["cup_radius"], values["cup_clearance"] = chord, cup.clearance + ROOM + room.cup
         values["lower_end"] = lower_end(scene, target)
     return values
 

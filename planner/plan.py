@@ -13,6 +13,7 @@ from ..models.arm import Arm
 from ..problems.errors import InputError
 from ..problems.scene import Pose, Scene
 from .check import Thrown, limit_surface_throw
+from .context import USUAL, Room
 from .motion import PlannedMotion, SampledMotion
 from .mover import Mover
 from .nlp import ThrowNlp
@@ -30,7 +31,7 @@ class PlannedThrow:
     for a hand scene, whose motion is checked as planned; samples are what motion.csv holds.
     final: the throw that counts, by the model of the tolerance; aim: how far beside the
     target (dx [m], dtheta [rad]) the NLP's landing is put, so that this one is at it;
-    room [m]: what its obstacles keep more than usual.
+    room: what its NLP kept more than usual.
     """
 
     scene: Scene
@@ -45,7 +46,7 @@ class PlannedThrow:
     sent: Thrown | None
     final: Thrown
     aim: tuple[float, float]
-    room: float = 0.0
+    room: Room = USUAL
 
     @cached_property
     def limit_surface(self) -> Thrown:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from ..models.hand import PlanarArm, PlanarHand
 from ..problems.scene import Scene
 from .check import Thrown
-from .context import Guard
+from .context import Guard, Tight
 from .geometry import (
     column_distance,
     cup_entry,
@@ -39,12 +39,13 @@ FLIGHT_SAMPLES = 400
 class Violation:
     """What is broken, in words; what the NLP can do about it beyond what it does at first.
 
-    guard: which of its rows that seldom decide are against this, "" for none; depth [m]:
-    how far the carried bar or the arm is inside an obstacle.
+    guard: which of its rows that seldom decide are against this, "" for none; tight, depth
+    [m]: of what there is too little room, and how much is missing.
     """
 
     words: str
     guard: Guard | Literal[""] = ""
+    tight: Tight | Literal[""] = ""
     depth: float = 0.0
 
 
@@ -88,7 +89,8 @@ def _cup_violations(scene: Scene, thrown: Thrown) -> list[Violation]:
     if entry.entered < cup.insertion - 1e-4:
         return [Violation("cup: the bar does not reach the asked depth")]
     if entry.clearance < cup.clearance - 1e-5:
-        return [Violation(f"cup clearance {1e3 * entry.clearance:.1f} mm", "flight")]
+        words = f"cup clearance {1e3 * entry.clearance:.1f} mm"
+        return [Violation(words, "flight", "cup", cup.clearance - entry.clearance)]
     return []
 
 
@@ -126,14 +128,16 @@ def _workspace_violations(
             lowest = min(lowest, palm_corners(scene.arm.tool, pose.T)[1].min())
         depth = float(workspace.floor - lowest)
         if depth > 1e-6:
-            found.append(Violation(f"floor: {1e3 * depth:.0f} mm below it", "carry", depth))
+            found.append(Violation(f"floor: {1e3 * depth:.0f} mm below it", "carry", "held", depth))
     if workspace.column_radius is not None and workspace.column_height is not None:
         column = (workspace.column_radius, workspace.column_height)
         carried, flown = (-_column_room(scene, poses, *column) for poses in (held, flying))
         if max(carried, flown) > 1e-6:
             words = "base column: the bar touches it"
-            guard: Guard = "carry" if carried > flown else "flight"
-            found.append(Violation(words, guard, max(carried, 0.0)))
+            if carried > flown:
+                found.append(Violation(words, "carry", "held", carried))
+            else:
+                found.append(Violation(words, "flight"))
     if workspace.palm_clearance is not None and scene.arm is not None:
         tool, clearance = scene.arm.tool, workspace.palm_clearance
         hand = hand_samples(mover, motion, detach + flight_times).pose
