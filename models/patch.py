@@ -19,8 +19,8 @@ Array = npt.NDArray[np.float64]
 
 #: Newton iterations of a step: two or three are usual, 18 the most that was seen.
 ITERATIONS = 60
-#: Residual over the limit that ends them. It rises tenfold every PATIENCE iterations:
-#: where a point all but sticks, rounding of u / creep can keep it above 1e-12.
+#: Residual over the limit that ends them. It rises tenfold every PATIENCE iterations, and
+#: after the first of them to what rounding of u / creep keeps where a point all but sticks.
 TOLERANCE = 1e-12
 PATIENCE = 12
 
@@ -177,6 +177,7 @@ class PointSolver:
         one, zero = np.ones(len(patch.x)), np.zeros(len(patch.x))
         at = np.array([[one, zero, -patch.z], [zero, one, patch.x]])  # B: (2, 3, P)
         self.points = len(patch.x)
+        self._weights = patch.weights
         self._slip = at.transpose(0, 2, 1).reshape(-1, 3)
         self._collect = (at * patch.weights).transpose(1, 0, 2).reshape(3, -1)
         products = np.einsum("ajp,p,bkp->jkabp", at, patch.weights, at)
@@ -208,7 +209,10 @@ class PointSolver:
             steep = 1.0 / (problem.creep + speed)
             exact = (u + problem.creep * problem.memory) * steep
             rest = problem.momentum(slip - problem.free) + problem.limit * self.collect(exact)
-            done = np.abs(rest).max(axis=0) <= floor[left] * 10.0 ** (i // PATIENCE)
+            enough = floor[left] * 10.0 ** (i // PATIENCE)
+            if i >= PATIENCE:
+                enough = np.maximum(enough, self._rounding(problem, slip, steep))
+            done = np.abs(rest).max(axis=0) <= enough
             if done.any():
                 found[:, left[done]], shares[:, :, left[done]] = slip[:, done], exact[:, :, done]
                 go = ~done
@@ -229,6 +233,11 @@ class PointSolver:
             share /= np.maximum(np.sqrt(share[0] ** 2 + share[1] ** 2), 1.0)
             slip = slip + step
         return found, shares, np.isin(np.arange(len(floor)), left)
+
+    def _rounding(self, problem: SlipProblem, slip: Array, steep: Array) -> Array:
+        """What rounding of u may do to the residual (N,): points that all but stick decide."""
+        weighted = problem.limit * (self._weights @ steep)
+        return np.asarray(np.finfo(float).eps * weighted * np.abs(slip).max(axis=0))
 
     def _newton_step(self, problem: SlipProblem, rest: Array, slope: Array) -> Array:
         matrix = (self._products @ slope.reshape(4 * self.points, -1)).T.reshape(-1, 3, 3)
