@@ -11,6 +11,7 @@ from .planner.api import plan, simulate
 from .planner.plan import Plan
 from .planner.planner import Planner
 from .planner.reach_map import ReachMap, reach_map
+from .planner.sent import SentThrow, read_plan
 from .planner.simulate_batch import simulate_batch
 from .planner.sweep import Sweep, sweep
 from .problems.errors import InputError, ThrowplanError
@@ -29,11 +30,13 @@ __all__ = [
     "Pose",
     "ReachMap",
     "Scene",
+    "SentThrow",
     "Sweep",
     "ThrowplanError",
     "load_scene",
     "plan",
     "reach_map",
+    "read_plan",
     "scene_names",
     "simulate",
     "simulate_batch",

@@ -9,12 +9,16 @@ from collections.abc import Sequence
 
 from ..problems.errors import InputError
 from .command import DONE, WRONG_INPUT, Parser
+from .command_export import add_export
+from .command_import import add_import
 from .command_map import add_map
 from .command_plan import add_plan
+from .command_replay import add_replay
 from .command_report import add_report
 from .command_scenes import add_scenes
 from .command_simulate import add_simulate
 from .command_sweep import add_sweep
+from .command_view import add_view
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -54,7 +58,10 @@ def _parser() -> Parser:
         prog="throwplan", description="Plan throws to a landing pose through the gripper's release."
     )
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
-    for add in (add_scenes, add_plan, add_simulate, add_map, add_sweep, add_report):
+    for add in (
+        *(add_scenes, add_plan, add_simulate, add_map, add_sweep, add_report),
+        *(add_view, add_replay, add_export, add_import),
+    ):
         add(commands)
     return parser
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import time
 from pathlib import Path
 
@@ -12,6 +13,7 @@ from ..models.hand import PlanarArm
 from .folders import filling
 from .motion import SampledMotion
 from .plan import Plan
+from .sent import document
 
 Array = npt.NDArray[np.float64]
 
@@ -36,7 +38,8 @@ def _write(plan: Plan, folder: Path, draw: bool) -> None:
             draw_throw(plan, folder / "throw.png")
             draw_throw_moving(plan, folder / "throw.gif")
             plan.time["draw"] = time.perf_counter() - start
-    (folder / "plan.json").write_text(plan.json() + "\n", encoding="utf-8")
+    text = json.dumps(document(plan), indent=2, allow_nan=False)
+    (folder / "plan.json").write_text(text + "\n", encoding="utf-8")
 
 
 def write_motion(plan: Plan, path: Path) -> None:

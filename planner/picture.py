@@ -20,6 +20,7 @@ from ..problems.scene import Scene, ThrownObject
 from .geometry import bar_outline, palm_corners
 from .plan import Plan
 from .quietness import load_curve
+from .sent import sent_throw
 from .timeline import PHASES, Timeline, timeline
 
 Array = npt.NDArray[np.float64]
@@ -36,7 +37,7 @@ MIN_WIDTH = 0.008
 
 def draw_throw(plan: Plan, path: Path) -> None:
     """The throw as one picture: what moves where, and three plots over time."""
-    line = timeline(plan)
+    line = timeline(sent_throw(plan))
     figure = plt.figure(figsize=(12.5, 6.6), constrained_layout=True)
     grid = figure.add_gridspec(3, 2, width_ratios=(2.1, 1))
     stage = figure.add_subplot(grid[:, 0])
@@ -55,7 +56,7 @@ def draw_throw(plan: Plan, path: Path) -> None:
 
 def draw_throw_moving(plan: Plan, path: Path) -> None:
     """The throw as an animation at a fifth of its speed, ending a moment after landing."""
-    line = timeline(plan)
+    line = timeline(sent_throw(plan))
     figure, stage = plt.subplots(figsize=(7.2, 5.4), constrained_layout=True)
     _draw_surroundings(stage, plan)
     _frame(stage, plan, line)

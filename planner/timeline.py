@@ -8,10 +8,11 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from ..models.contact import pivot_wrench
+from ..models.contact import HandMotion, pivot_wrench
 from ..models.hand import PlanarArm
-from .plan import Plan
+from ..problems.scene import Scene
 from .rollout import hand_samples
+from .sent import SentThrow
 from .violations import flight_poses
 
 Array = npt.NDArray[np.float64]
@@ -41,47 +42,43 @@ class Timeline:
     marks: dict[str, float]
 
 
-def timeline(plan: Plan, step: float = 0.001) -> Timeline:
-    """The plan's throw every `step` seconds from rest to landing."""
-    throw, scene, mover = plan.throw, plan.scene, plan.mover
-    assert throw is not None
-    profile, final = scene.gripper.profile(), throw.final
-    motion = throw.planned if throw.sent is None else throw.samples
-    opening, detach = throw.opening_time, throw.opening_time + profile.opening
-    landing = detach + final.landing.flight_time
+def timeline(throw: SentThrow, step: float = 0.001) -> Timeline:
+    """The throw every `step` seconds from rest to landing."""
+    scene, mover, motion = throw.scene, throw.mover, throw.motion
+    opening, detach, landing = throw.opening_time, throw.detach_time, throw.landing_time
     times = np.arange(0.0, landing + step / 2, step)
     moving = np.minimum(times, throw.samples.times[-1])
     # The planned motion goes on as its last piece; the samples hold the brake.
-    braking = times > throw.planned.times[-1]
+    braking = times > throw.until
     hand = hand_samples(mover, motion, np.where(braking, 0.0, moving))
     brake = hand_samples(mover, throw.samples, moving)
     pose = np.where(braking, brake.pose, hand.pose)
     twist = np.where(braking, brake.twist, hand.twist)
     acceleration = np.where(braking, brake.acceleration, hand.acceleration)
 
-    com, rate, phase = _object(plan, times, pose, twist, opening, detach)
+    com, rate, phase = _object(throw, times, pose, twist)
+    profile = scene.gripper.profile()
     grip = np.where(times < opening, profile.full, profile.force(times - opening))
-    uses = _friction_use(plan, pose, twist, acceleration, com, rate, grip)
+    uses = _friction_use(scene, pose, twist, acceleration, com, rate, grip)
     force_use, torque_use = (np.where(phase < 4, use, np.nan) for use in uses)
     marks = {
-        "command": opening - profile.dwell - scene.mean_delay,
+        "command": throw.command_time,
         "opening": opening,
         "detach": detach,
         "landing": landing,
     }
-    arm = _arm_points(plan, moving)
+    arm = _arm_points(throw, moving)
     return Timeline(
         times, pose, com, twist[2], rate, grip, force_use, torque_use, phase, arm, marks
     )
 
 
 def _object(
-    plan: Plan, times: Array, hand: Array, twist: Array, opening: float, detach: float
+    throw: SentThrow, times: Array, hand: Array, twist: Array
 ) -> tuple[Array, Array, npt.NDArray[np.int_]]:
     """CoM poses (3, N), turning rate (N,) and phase (N,) over time."""
-    scene, throw = plan.scene, plan.throw
-    assert throw is not None
-    release = throw.final.release
+    scene, release = throw.scene, throw.final.release
+    opening, detach = throw.opening_time, throw.detach_time
     theta = hand[2] + scene.grasp.angle
     h = scene.com_offset
     carried = np.array([hand[0] + h * np.cos(theta), hand[1] + h * np.sin(theta), theta])
@@ -101,12 +98,15 @@ def _object(
 
 
 def _friction_use(
-    plan: Plan, pose: Array, twist: Array, acceleration: Array, com: Array, rate: Array, grip: Array
+    scene: Scene,
+    pose: Array,
+    twist: Array,
+    acceleration: Array,
+    com: Array,
+    rate: Array,
+    grip: Array,
 ) -> tuple[Array, Array]:
     """Wrench that sticking needs over what the grip gives then: force and torque shares."""
-    from ..models.contact import HandMotion
-
-    scene = plan.scene
     hand = HandMotion(pose[2], twist[2], *acceleration)
     f_x, f_z, torque = pivot_wrench(
         scene.body, scene.gravity, hand, rate, com[0] - pose[0], com[1] - pose[1]
@@ -115,13 +115,13 @@ def _friction_use(
     return np.hypot(f_x, f_z) / limit, np.abs(torque) / (limit * scene.patch.torsion_arm)
 
 
-def _arm_points(plan: Plan, times: Array) -> Array | None:
-    kinematics = plan.mover.kinematics
-    if not isinstance(kinematics, PlanarArm) or plan.throw is None:
+def _arm_points(throw: SentThrow, times: Array) -> Array | None:
+    kinematics = throw.mover.kinematics
+    if not isinstance(kinematics, PlanarArm):
         return None
-    q = ca.SX.sym("q", plan.mover.size)
+    q = ca.SX.sym("q", throw.mover.size)
     points = kinematics.points(q)
     base = ca.DM([[0.0], [0.0]])
     function = ca.Function("points", [q], [ca.horzcat(base, points)])
-    values = np.array(function.map(len(times))(plan.throw.samples.at(times)[0]))
+    values = np.array(function.map(len(times))(throw.samples.at(times)[0]))
     return values.reshape(2, len(times), -1).transpose(1, 0, 2)

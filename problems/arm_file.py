@@ -115,14 +115,14 @@ def arm_from(tables: Mapping[str, Any]) -> Arm:
         raise InputError("give one of 'dh' and 'joints'")
     chain: list[DHRow | JointFrame] = [DHRow(**row) for row in rows.get("dh", [])]
     chain += [JointFrame(**row) for row in rows.get("joints", [])]
-    limits = _values(head.limits)
+    limits = _each(head.limits)
     if head.limits.slowing is not None:
-        limits["slowing"] = Slowing(**_values(head.limits.slowing))
+        limits["slowing"] = Slowing(**_each(head.limits.slowing))
     arm = Arm(
         head.name,
         head.description,
         tuple(chain),
-        Tool(**_values(head.tool)),
+        Tool(**_each(head.tool)),
         JointLimits(**limits),
         head.azimuth_joint,
         head.throwing_joints,
@@ -134,8 +134,21 @@ def arm_from(tables: Mapping[str, Any]) -> Arm:
     return arm
 
 
-def _values(section: Section) -> dict[str, Any]:
-    return {field.name: getattr(section, field.name) for field in dataclasses.fields(section)}
+def arm_table(arm: Arm) -> dict[str, Any]:
+    """The tables of the data file that `arm_from` makes the arm from."""
+    table = {
+        key: _each(part) if dataclasses.is_dataclass(part) else part
+        for key, part in _each(arm).items()
+        if key not in ("chain", "links")
+    }
+    slowing = table["limits"].pop("slowing")
+    if slowing is not None:
+        table["limits"]["slowing"] = _each(slowing)
+    kind = "dh" if isinstance(arm.chain[0], DHRow) else "joints"
+    table[kind] = [_each(joint) for joint in arm.chain]
+    if arm.links:
+        table["links"] = [_each(link) for link in arm.links]
+    return table
 
 
 def _rows(key: str, value: Any) -> list[dict[str, Any]]:
@@ -147,7 +160,7 @@ def _rows(key: str, value: Any) -> list[dict[str, Any]]:
         if not isinstance(row, Mapping):
             raise InputError(f"{key} {number} = {row!r}: must be a table")
         try:
-            found.append(_values(from_table(_LISTS[key], row)))
+            found.append(_each(from_table(_LISTS[key], row)))
         except InputError as error:
             raise InputError(f"{key} {number}: {error}") from None
     return found

@@ -46,6 +46,11 @@ class Distribution(Section):
         unit = math.radians(1.0)
         return self._times(unit, None if self.mean is None else unit * self.mean, self.relative)
 
+    def in_degrees(self) -> Distribution:
+        """The other way round."""
+        unit = math.degrees(1.0)
+        return self._times(unit, None if self.mean is None else unit * self.mean, self.relative)
+
     def _times(self, unit: float, mean: float | None, relative: bool = False) -> Distribution:
         width, deviation = self.uniform, self.normal
         return Distribution(

@@ -31,11 +31,12 @@ from .scene import (
     Uncertainty,
     Workspace,
 )
-from .section import from_table, unknown
+from .section import Section, from_table, unknown
 from .text_file import read_csv, read_text, toml_tables
 from .uncertainty import uncertainty_from
 
-_SECTIONS: dict[str, type[Any]] = {
+#: Sections of a scene file, and what each becomes.
+SECTIONS: dict[str, type[Section]] = {
     "object": ThrownObject,
     "grasp": Grasp,
     "contact": PadContact,
@@ -93,25 +94,40 @@ def _no_scene(name: str) -> str:
 def _parse(text: str, place: str, path: Path | None) -> Scene:
     tables = toml_tables(text, place)
     folder = path.parent if path else None
-    values: dict[str, Any] = {"name": path.stem if path else place, "file": str(path or "")}
+    name = path.stem if path else place
     try:
-        for key, value in tables.items():
-            if key in _KEYS:
-                values[key] = value
-            elif key in _SECTIONS:
-                values[key] = _section(key, value, folder)
-            else:
-                raise InputError(unknown(key, [*_KEYS, *_SECTIONS]))
-        for key in ("object", "contact", "gripper"):
-            if key not in values:
-                raise InputError(f"section [{key}] is missing")
-        if "robot" in values:
-            values["arm"] = _named_arm("robot", values["robot"].arm, folder)
-        elif "motion" in values and values["motion"].arm is not None:
-            values["arm"] = _named_arm("motion", values["motion"].arm, folder)
-        return Scene(**values)
+        return scene_from({"name": name} | tables, file=str(path or ""), folder=folder)
     except InputError as error:
         raise error.within(place) from None
+
+
+def scene_from(
+    tables: Mapping[str, Any],
+    *,
+    file: str = "",
+    folder: Path | None = None,
+    arm: Arm | None = None,
+) -> Scene:
+    """A scene from the tables of its file; `file` for messages, `folder` for files it names.
+
+    arm: the robot's data, instead of looking for what the scene names.
+    """
+    values: dict[str, Any] = {"file": file}
+    for key, value in tables.items():
+        if key in _KEYS:
+            values[key] = value
+        elif key in SECTIONS:
+            values[key] = _section(key, value, folder)
+        else:
+            raise InputError(unknown(key, [*_KEYS, *SECTIONS]))
+    for key in ("object", "contact", "gripper"):
+        if key not in values:
+            raise InputError(f"section [{key}] is missing")
+    if "robot" in values:
+        values["arm"] = arm or _named_arm("robot", values["robot"].arm, folder)
+    elif "motion" in values and values["motion"].arm is not None:
+        values["arm"] = arm or _named_arm("motion", values["motion"].arm, folder)
+    return Scene(**values)
 
 
 def _section(key: str, value: Any, folder: Path | None) -> Any:
@@ -127,7 +143,7 @@ def _section(key: str, value: Any, folder: Path | None) -> Any:
             value = value | _read_motion_samples(value, folder)
         if key == "uncertainty":
             return uncertainty_from(value)
-        return from_table(_SECTIONS[key], value)
+        return from_table(SECTIONS[key], value)
     except InputError as error:
         raise InputError(f"[{key}] {error}") from None
 

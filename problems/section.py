@@ -97,6 +97,28 @@ def from_table(kind: type[Any], table: Mapping[str, Any]) -> Any:
     return kind(**values)
 
 
+def table_of(section: Section) -> dict[str, Any]:
+    """The table that `from_table` makes the section from; defaults are left out."""
+    table: dict[str, Any] = {}
+    for field in dataclasses.fields(section):
+        value = getattr(section, field.name)
+        made = field.default_factory
+        default = field.default if made is dataclasses.MISSING else made()
+        if value is None or value == default:
+            continue
+        table[_key(field)] = _plain(value, bool(field.metadata.get("degrees")))
+    return table
+
+
+def _plain(value: Any, degrees: bool) -> Any:
+    """A value as TOML or JSON has it."""
+    if isinstance(value, Section):
+        return table_of(value)
+    if isinstance(value, tuple):
+        return [_plain(item, degrees) for item in value]
+    return math.degrees(value) if degrees else value
+
+
 def _section_kind(kind: type[Any], field: dataclasses.Field[Any]) -> type[Any] | None:
     """The section that a field holds, None for a plain value."""
     hint = _hints(kind)[field.name]

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from .distribution import Distribution
 from .errors import InputError
-from .section import Section, from_table, unknown
+from .section import Section, from_table, table_of, unknown
 
 
 @dataclasses.dataclass(frozen=True)
@@ -170,6 +170,22 @@ def uncertainty_from(table: Mapping[str, Any]) -> Uncertainty:
                 raise InputError(f"{key}: {error}") from None
             values[keys[key]] = spread.in_radians() if key.endswith("_deg") else spread
     return Uncertainty(**values)
+
+
+def uncertainty_table(uncertainty: Uncertainty) -> dict[str, Any]:
+    """The table that `uncertainty_from` makes the section from."""
+    table: dict[str, Any] = {}
+    for name in uncertainty.names:
+        spread: Distribution = getattr(uncertainty, name)
+        table[file_key(name)] = table_of(
+            spread.in_degrees() if PARAMETERS[name].degrees else spread
+        )
+    if uncertainty.correlation:
+        table["correlation"] = [
+            [file_key(one), file_key(other), number]
+            for one, other, number in uncertainty.correlation
+        ]
+    return table
 
 
 def _pairs(value: Any, keys: Mapping[str, str]) -> Any:
