@@ -39,8 +39,8 @@ class PlanarArm:
 
     def turned(self, q: ca.SX) -> list[ca.SX]:
         """How far each link is turned in the plane: sums of the joints before it."""
-        angles = [self._signs[0] * q[0]]
-        for i, sign in enumerate(self._signs[1:], start=1):
+        angles = [self.signs[0] * q[0]]
+        for i, sign in enumerate(self.signs[1:], start=1):
             angles.append(angles[-1] + sign * q[i])
         return angles
 
@@ -58,7 +58,7 @@ class PlanarArm:
         twist, acceleration = [ca.SX(0)] * 3, [ca.SX(0)] * 3
         for i, (phi, rate, turn) in enumerate(zip(angles, rates, turns, strict=True)):
             cos, sin = ca.cos(phi), ca.sin(phi)
-            length_x, length_z = self._links[i]
+            length_x, length_z = self.links[i]
             x, z = length_x * cos - length_z * sin, length_x * sin + length_z * cos
             pose[0], pose[1] = pose[0] + x, pose[1] + z
             twist[0], twist[1] = twist[0] - rate * z, twist[1] + rate * x
@@ -75,7 +75,7 @@ class PlanarArm:
         found = []
         for link, (along, up) in self._frames:
             z = ca.SX(self._origin[1])
-            for phi, (dx, dz) in zip(angles[:link], self._links, strict=False):
+            for phi, (dx, dz) in zip(angles[:link], self.links, strict=False):
                 z = z + dx * ca.sin(phi) + dz * ca.cos(phi)
             phi = angles[link]
             found.append(z + along * ca.sin(phi) + up * ca.cos(phi))
@@ -101,10 +101,10 @@ class PlanarArm:
         full = ca.Function("full", [q], [axes, joints, frames[-1][:3, 3], frames[-1][:3, 2]])
         axis, position, tcp, approach = (np.array(o) for o in full(np.zeros(self.coordinates)))
         # Turning from +x to +z is a turn about -y.
-        self._signs = [float(s) for s in np.round(-axis[1])]
+        self.signs = [float(s) for s in np.round(-axis[1])]
         points = np.column_stack([position, tcp])[[0, 2]]
         self._origin = (float(points[0, 0]), float(points[1, 0]))
-        self._links = [(float(dx), float(dz)) for dx, dz in np.diff(points).T]
+        self.links = [(float(dx), float(dz)) for dx, dz in np.diff(points).T]
         self._theta_ref = math.atan2(approach[2, 0], approach[0, 0])
         still = np.array(ca.evalf(self.points(ca.SX(self.coordinates, 1))))
         self._frames = self._frames_of(still, points)

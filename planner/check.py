@@ -82,6 +82,11 @@ def broken_limits(limits: Limits, names: tuple[str, ...], sent: SampledMotion) -
         ("acceleration", np.abs(sent.ddq), limits.ddq),
         ("acceleration", np.abs(acceleration), limits.ddq),
     ]
+    if limits.slowing is not None:
+        middle = (sent.q[1:] + sent.q[:-1]) / 2
+        for q, dq in ((sent.q, sent.dq), (middle, rate)):
+            low, high = limits.velocity(q)
+            checks.append(("velocity", np.maximum(dq - high, low - dq), 0 * limits.dq))
     if limits.jerk is not None:
         checks.append(("jerk", np.abs(np.diff(sent.ddq, axis=0) / TICK), limits.jerk))
     for kind, values, limit in checks:

@@ -1,4 +1,4 @@
-"""`throwplan scenes`: the built-in scenes."""
+"""`throwplan scenes`: the built-in scenes, and what a scene file may hold."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from ..problems.errors import InputError
 from ..problems.load import load_scene, scene_names, scene_text
 from .command import DONE, command
 
@@ -16,9 +17,20 @@ def add_scenes(commands: Any) -> None:
     example = "throwplan scenes --write cup"
     parser = command(commands, "scenes", _scenes, "list the built-in scenes", example)
     parser.add_argument("--write", metavar="NAME", help="copy that scene's file to NAME.toml here")
+    parser.add_argument(
+        "--reference", action="store_true", help="print all keys of a scene file as Markdown"
+    )
 
 
 def _scenes(options: argparse.Namespace) -> int:
+    if options.reference:
+        if options.write is not None:
+            raise InputError("--write and --reference: give one of them")
+        from .scene_reference import reference
+
+        text = reference()
+        print(json.dumps({"reference": text}) if options.json else text, end="")
+        return DONE
     if options.write is not None:
         from .folders import copy_out
 

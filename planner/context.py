@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 import casadi as ca
+import numpy as np
 
 from ..models.contact import Body, Contact, HandMotion
 from ..models.hand import PlanarArm
@@ -54,6 +55,7 @@ class Structure:
     early, late: intervals of the window before and after the opening in which a delayed or
     hurried opening would fall; robust: what is asked of the hand over that window;
     scenarios: number of other openings that share the hand's motion.
+    slowing: velocity limits fall towards the ends of the joints' ranges.
     """
 
     carry: int
@@ -79,6 +81,7 @@ class Structure:
     late: int = 0
     robust: str = ""
     scenarios: int = 0
+    slowing: bool = False
 
     @property
     def opens(self) -> int:
@@ -195,6 +198,22 @@ class Context:
         """-1 <= share <= 1 per coordinate, under the coordinate's name."""
         for i, name in enumerate(self.names):
             stage.row(f"{name} {kind}", share[i], -1.0, 1.0)
+
+    def limit_slowing(self, stage: Stage, q: ca.SX, dq: ca.SX) -> None:
+        """dq under the velocity limits that fall towards the ends of the range, if any.
+
+        dq + offset <= sqrt(2 a (upper - q)), squared with the sign kept: no root of what
+        may be negative on the way, and on the safe side by 5e-5 (rad/s)^2 at most.
+        """
+        if not self.structure.slowing:
+            return
+        offset, twice = self.each("slowing_offset"), 2 * self.each("slowing")
+        unit = self.each("dq_max") ** 2
+        for side, end in ((1, "slowing_upper"), (-1, "slowing_lower")):
+            speed, room = side * dq + offset, side * (self.each(end) - q)
+            over = (speed * ca.sqrt(speed**2 + 1e-4) - twice * room) / unit
+            for i, name in enumerate(self.names):
+                stage.row(f"{name} velocity", over[i], -np.inf, 0.0)
 
     def inside_positions(self, stage: Stage, kind: str, q: ca.SX) -> None:
         """q within the position limits."""

@@ -62,6 +62,9 @@ def at_rest(context: Context, stage: Stage) -> None:
         # While the jerk limit turns the acceleration round, the rate goes on growing.
         peak = dq + ddq * ca.sqrt(ddq**2 + 1e-2) / (2 * context.each("jerk_max"))
         context.limit(stage, "velocity", peak / context.each("dq_max"))
+        context.limit_slowing(stage, place, peak)
+    else:
+        context.limit_slowing(stage, q, dq)
 
 
 def _cup(context: Context, stage: Stage, flight: FlightState, land: FlightState) -> None:

@@ -48,29 +48,37 @@ def write_motion(plan: Plan, path: Path) -> None:
     samples = plan.throw.samples
     kinematics = plan.mover.kinematics
     if isinstance(kinematics, PlanarArm):
-        header, table = _joint_table(plan, kinematics, samples)
+        values = joint_samples(kinematics, plan.target.azimuth, samples)
+        columns = dict(zip(("q", "dq", "ddq"), values, strict=True))
     else:
-        header, table = _hand_table(plan, samples)
-    np.savetxt(path, table, delimiter=",", header=header, comments="", fmt="%.12g")
+        columns = _hand_columns(plan, samples)
+    write_table(path, {"t": samples.times} | columns)
 
 
-def _joint_table(plan: Plan, kinematics: PlanarArm, samples: SampledMotion) -> tuple[str, Array]:
+def joint_samples(
+    kinematics: PlanarArm, azimuth: float, samples: SampledMotion
+) -> tuple[Array, Array, Array]:
+    """q, dq, ddq of all joints of the arm, each (N, joints): posture and azimuth [rad] held."""
     arm = kinematics.arm
-    columns, names = [samples.times], ["t"]
     throwing = [j - 1 for j in kinematics.throwing_joints]
-    for prefix, values in (("q", samples.q), ("dq", samples.dq), ("ddq", samples.ddq)):
-        full = np.zeros((len(values), arm.joints))
-        if prefix == "q":
-            full[:] = arm.posture
-            full[:, arm.azimuth_joint - 1] = plan.target.azimuth
-        full[:, throwing] = values
-        columns += list(full.T)
-        names += [f"{prefix}{j + 1}" for j in range(arm.joints)]
-    return ",".join(names), np.column_stack(columns)
+    q, dq, ddq = (np.zeros((len(samples.q), arm.joints)) for _ in range(3))
+    q[:] = arm.posture
+    q[:, arm.azimuth_joint - 1] = azimuth
+    q[:, throwing], dq[:, throwing], ddq[:, throwing] = samples.q, samples.dq, samples.ddq
+    return q, dq, ddq
 
 
-def _hand_table(plan: Plan, samples: SampledMotion) -> tuple[str, Array]:
+def write_table(path: Path, columns: dict[str, Array]) -> None:
+    """A CSV of columns (N,) or (N, n), which become name1, name2, ... ."""
+    names: list[str] = []
+    for name, values in columns.items():
+        names += [name] if values.ndim == 1 else [f"{name}{j + 1}" for j in range(values.shape[1])]
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(path, table, delimiter=",", header=",".join(names), comments="", fmt="%.12g")
+
+
+def _hand_columns(plan: Plan, samples: SampledMotion) -> dict[str, Array]:
     outputs = plan.mover.motion(samples.q.T, samples.dq.T, samples.ddq.T)
     values = np.vstack([np.array(o) for o in outputs])
-    names = "t,x,z,theta,vx,vz,omega,ax,az,alpha"
-    return names, np.column_stack([samples.times, values.T])
+    names = ("x", "z", "theta", "vx", "vz", "omega", "ax", "az", "alpha")
+    return dict(zip(names, values, strict=True))

@@ -8,6 +8,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from ..models.arm import Slowing
 from ..models.hand import PlanarArm, PlanarHand, hand_motion
 from ..problems.errors import InputError
 from ..problems.scene import Hand, Scene
@@ -17,13 +18,29 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Limits:
-    """Box limits of the planned coordinates, margins taken off; SI units, each (n,)."""
+    """Limits of the planned coordinates, margins taken off; SI units, each (n,).
+
+    slowing: deceleration, offset, upper, lower (4, n) as in `models.arm.Slowing`; None where
+    the velocity limits are the same at all positions.
+    """
 
     q_min: Array
     q_max: Array
     dq: Array
     ddq: Array
     jerk: Array | None
+    slowing: Array | None = None
+
+    def velocity(self, q: Array) -> tuple[Array, Array]:
+        """Lowest and highest velocity [rad/s; m/s] at positions q (..., n)."""
+        if self.slowing is None:
+            return -self.dq, self.dq
+        deceleration, offset, upper, lower = self.slowing
+        down, up = (
+            np.clip(np.sqrt(2 * deceleration * np.maximum(room, 0.0)) - offset, 0.0, self.dq)
+            for room in (q - lower, upper - q)
+        )
+        return -down, up
 
 
 @dataclass(frozen=True)
@@ -107,6 +124,7 @@ def _arm_mover(scene: Scene) -> Mover:
         np.array(limits.velocity)[index],
         np.array(limits.acceleration)[index],
         np.array(limits.jerk)[index],
+        _slowing(limits.slowing, index),
     )
     assert hard.jerk is not None
     planning = Limits(
@@ -115,6 +133,7 @@ def _arm_mover(scene: Scene) -> Mover:
         hard.dq * (1 - robot.velocity_margin),
         hard.ddq * (1 - robot.acceleration_margin),
         hard.jerk * (1 - robot.jerk_margin),
+        _slower(hard.slowing, 1 - robot.velocity_margin),
     )
     return Mover(
         kinematics,
@@ -124,3 +143,16 @@ def _arm_mover(scene: Scene) -> Mover:
         start=None if robot.start is None else np.array(robot.start),
         jerk_control=robot.control == "jerk",
     )
+
+
+def _slowing(slowing: Slowing | None, index: list[int]) -> Array | None:
+    """The velocity curves of some joints, (4, n)."""
+    if slowing is None:
+        return None
+    curves = [slowing.deceleration, slowing.offset, slowing.upper, slowing.lower]
+    return np.array(curves)[:, index]
+
+
+def _slower(slowing: Array | None, share: float) -> Array | None:
+    """The curves whose velocity is `share` of the given ones' everywhere."""
+    return None if slowing is None else slowing * np.array([[share**2], [share], [1.0], [1.0]])

@@ -99,6 +99,7 @@ def structure_of(
         late=0 if window is None else window.late,
         robust="quiet" if robust == "scenarios" else robust,
         scenarios=len(window.delays) if window is not None and robust == "scenarios" else 0,
+        slowing=mover.planning.slowing is not None,
     )
 
 
@@ -146,6 +147,9 @@ def parameter_values(
         values |= _window_values(scene, window, nodes)
     if limits.jerk is not None:
         values["jerk_max"] = limits.jerk
+    if limits.slowing is not None:
+        names = ("slowing", "slowing_offset", "slowing_upper", "slowing_lower")
+        values |= dict(zip(names, limits.slowing, strict=True))
     if mover.start is not None:
         values["start"] = mover.start
     if scene.workspace is not None:

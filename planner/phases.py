@@ -85,10 +85,13 @@ def _velocity_between_nodes(context: Context, stage: Stage, dt: ca.SX) -> None:
     """Velocity inside its limits all along an interval of constant jerk.
 
     The middle control point of the parabola's Bezier form bounds it; the end points
-    are nodes. For constant acceleration the nodes are enough.
+    are nodes. For constant acceleration the nodes are enough. Limits that depend on the
+    position are looked at at the nodes; the velocity margin covers what lies between.
     """
+    q, dq, ddq = context.node(stage)
+    if "dq" in stage.states:
+        context.limit_slowing(stage, q, dq)
     if context.structure.jerk_control:
-        _, dq, ddq = context.node(stage)
         context.limit(stage, "velocity", (dq + ddq * dt / 2) / context.each("dq_max"))
 
 

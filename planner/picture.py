@@ -12,21 +12,20 @@ import numpy.typing as npt
 matplotlib.use("Agg")
 
 import matplotlib.pyplot as plt
-from matplotlib.animation import FuncAnimation, PillowWriter
+from matplotlib.animation import AbstractMovieWriter, FuncAnimation, PillowWriter
 from matplotlib.axes import Axes
 from matplotlib.patches import Polygon, Rectangle
 
-from ..problems.scene import Scene, ThrownObject
+from ..problems.scene import Pose, Scene, ThrownObject
 from .geometry import bar_outline, palm_corners
 from .plan import Plan
 from .quietness import load_curve
-from .sent import sent_throw
+from .sent import SentThrow, sent_throw
 from .timeline import PHASES, Timeline, timeline
+from .view_colours import ARM, COLOURS
 
 Array = npt.NDArray[np.float64]
 
-COLOURS = dict(zip(PHASES, ("#8a8f98", "#4c78a8", "#f2a33a", "#d1495b", "#2a9d6f"), strict=True))
-ARM = "#3d4450"
 #: Playback speed of throw.gif against real time, and its frames.
 SLOW, FRAMES, FPS = 0.2, 90, 20
 #: The plots over time start this long before the command [ms].
@@ -41,10 +40,10 @@ def draw_throw(plan: Plan, path: Path) -> None:
     figure = plt.figure(figsize=(12.5, 6.6), constrained_layout=True)
     grid = figure.add_gridspec(3, 2, width_ratios=(2.1, 1))
     stage = figure.add_subplot(grid[:, 0])
-    _draw_surroundings(stage, plan)
-    _draw_arms(stage, plan, line)
+    _draw_surroundings(stage, plan.scene, plan.target)
+    _draw_arms(stage, plan.scene, line)
     _draw_bars(stage, plan.scene.object, line)
-    _frame(stage, plan, line)
+    _frame(stage, plan.scene, line)
     stage.set_title(_title(plan), loc="left", fontsize=10)
     plots = [figure.add_subplot(grid[i, 1]) for i in range(3)]
     _draw_plots(plots, line)
@@ -56,11 +55,28 @@ def draw_throw(plan: Plan, path: Path) -> None:
 
 def draw_throw_moving(plan: Plan, path: Path) -> None:
     """The throw as an animation at a fifth of its speed, ending a moment after landing."""
-    line = timeline(sent_throw(plan))
+    throw = sent_throw(plan)
+    line = timeline(throw)
+    last = len(line.times) - 1
+    frames = np.unique(np.linspace(0, last, FRAMES).astype(int))
+    frames = np.concatenate([frames, np.full(12, last)])
+    duration = line.times[-1] / SLOW
+    fps = max(5.0, min(FPS, len(frames) / duration))
+    animate(throw, line, frames, PillowWriter(fps=round(fps)), path)
+
+
+def animate(
+    throw: SentThrow,
+    line: Timeline,
+    frames: npt.NDArray[np.int_],
+    writer: AbstractMovieWriter,
+    path: Path,
+) -> None:
+    """The instants `frames` of the throw, one after another, into a file."""
     figure, stage = plt.subplots(figsize=(7.2, 5.4), constrained_layout=True)
-    _draw_surroundings(stage, plan)
-    _frame(stage, plan, line)
-    scene = plan.scene
+    scene = throw.scene
+    _draw_surroundings(stage, scene, throw.target)
+    _frame(stage, scene, line)
     bar = Polygon(np.zeros((4, 2)), closed=True, zorder=6)
     trail = stage.plot([], [], color="#222222", lw=0.8, zorder=3)[0]
     arm = stage.plot([], [], "-o", color=ARM, lw=5, ms=5, solid_capstyle="round", zorder=4)[0]
@@ -68,9 +84,6 @@ def draw_throw_moving(plan: Plan, path: Path) -> None:
     stage.add_patch(bar)
     stage.add_patch(hand)
     label = stage.text(0.02, 0.97, "", transform=stage.transAxes, va="top", fontsize=10)
-    last = len(line.times) - 1
-    frames = np.unique(np.linspace(0, last, FRAMES).astype(int))
-    frames = np.concatenate([frames, np.full(12, last)])
 
     def show(i: int) -> list[Any]:
         bar.set_xy(_outline(scene.object, line.com[:, i]))
@@ -84,12 +97,13 @@ def draw_throw_moving(plan: Plan, path: Path) -> None:
         return [bar, trail, arm, hand, label]
 
     show(0)
-    duration = line.times[-1] / SLOW
-    fps = max(5.0, min(FPS, len(frames) / duration))
-    FuncAnimation(figure, show, frames=frames, blit=False).save(
-        path, writer=PillowWriter(fps=round(fps)), dpi=80
-    )
-    plt.close(figure)
+    try:
+        # The layout is found once, not for every frame.
+        figure.draw_without_rendering()
+        figure.set_layout_engine("none")
+        FuncAnimation(figure, show, frames=frames, blit=False).save(path, writer=writer, dpi=80)
+    finally:
+        plt.close(figure)
 
 
 def _title(plan: Plan) -> str:
@@ -116,9 +130,8 @@ def _hand_outline(scene: Scene, pose: Array) -> Array:
     return np.asarray(pose[:2] + corners @ np.array([[cos, sin], [-sin, cos]]))
 
 
-def _draw_surroundings(stage: Axes, plan: Plan) -> None:
+def _draw_surroundings(stage: Axes, scene: Scene, target: Pose) -> None:
     """Target, cup, floor and base column."""
-    scene, target = plan.scene, plan.target
     wall: dict[str, Any] = {"color": "#5b4a3f", "lw": 3, "solid_capstyle": "butt", "zorder": 2}
     if scene.cup is not None:
         cup = scene.cup
@@ -139,7 +152,7 @@ def _draw_surroundings(stage: Axes, plan: Plan) -> None:
     stage.plot([x], [target.z], "k+", ms=11, zorder=8, label="target")
 
 
-def _draw_arms(stage: Axes, plan: Plan, line: Timeline) -> None:
+def _draw_arms(stage: Axes, scene: Scene, line: Timeline) -> None:
     """The arm (or hand) at rest, at the opening, at detach and at landing."""
     moments = [0.0, line.marks["opening"], line.marks["detach"]]
     for moment, alpha in zip(moments, (0.25, 0.5, 0.9), strict=True):
@@ -155,7 +168,7 @@ def _draw_arms(stage: Axes, plan: Plan, line: Timeline) -> None:
                 zorder=2,
                 solid_capstyle="round",
             )
-        outline = _hand_outline(plan.scene, line.hand[:, i])
+        outline = _hand_outline(scene, line.hand[:, i])
         stage.add_patch(Polygon(outline, closed=True, color=ARM, alpha=alpha, zorder=2))
 
 
@@ -181,16 +194,16 @@ def _draw_bars(stage: Axes, bar: ThrownObject, line: Timeline) -> None:
         stage.plot([], [], color=COLOURS[name], lw=5, label=name)
 
 
-def _frame(stage: Axes, plan: Plan, line: Timeline) -> None:
+def _frame(stage: Axes, scene: Scene, line: Timeline) -> None:
     """Equal axes around everything that moves."""
-    points = [bar_outline(plan.scene.object, line.com).reshape(2, -1), line.hand[:2]]
+    points = [bar_outline(scene.object, line.com).reshape(2, -1), line.hand[:2]]
     if line.arm is not None:
         points.append(line.arm.transpose(1, 0, 2).reshape(2, -1))
     everything = np.hstack(points)
     low, high = everything.min(axis=1) - 0.08, everything.max(axis=1) + 0.08
-    if plan.scene.cup is not None:
-        low[1] = min(low[1], plan.scene.cup.rim - plan.scene.cup.depth - 0.04)
-        high[0] = max(high[0], plan.scene.cup.x + plan.scene.cup.radius + 0.05)
+    if scene.cup is not None:
+        low[1] = min(low[1], scene.cup.rim - scene.cup.depth - 0.04)
+        high[0] = max(high[0], scene.cup.x + scene.cup.radius + 0.05)
     stage.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x [m]", ylabel="z [m]")
     stage.set_aspect("equal")
     stage.grid(alpha=0.25)

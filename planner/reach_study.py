@@ -64,7 +64,7 @@ def _motions(
     for state in zip(q, dq, ddq, durations, strict=True):
         end = state[0] + opening * (state[1] + opening * state[2] / 2)
         rate = state[1] + opening * state[2]
-        if (np.abs(rate) > MOST * limits.dq).any():
+        if _too_fast(limits, end, rate):
             continue
         if ((end < limits.q_min) | (end > limits.q_max)).any():
             continue
@@ -96,11 +96,17 @@ def _inside(limits: Limits, motion: PlannedMotion) -> bool:
     """Whether the motion keeps all limits, looked at at its nodes."""
     if (motion.q < limits.q_min).any() or (motion.q > limits.q_max).any():
         return False
-    if (np.abs(motion.dq) > MOST * limits.dq).any():
+    if _too_fast(limits, motion.q, motion.dq):
         return False
     if (np.abs(motion.ddq) > MOST * limits.ddq).any():
         return False
     return limits.jerk is None or not (np.abs(motion.jerk) > MOST * limits.jerk).any()
+
+
+def _too_fast(limits: Limits, q: Array, dq: Array) -> bool:
+    """Whether any velocity is above its share of the limit there."""
+    low, high = limits.velocity(q)
+    return bool(((dq < MOST * low) | (dq > MOST * high)).any())
 
 
 def _thrown(

@@ -185,7 +185,10 @@ class ReleaseSampler:
         positions = [q, end, stop]
         if self.mover.start is None:
             positions.append(run_up(None, q, dq, ddq, duration[:, None])[0])
-        inside = np.abs(rate) <= limits.dq
+        inside = np.ones(q.shape, dtype=bool)
+        for position, speed in ((q, dq), (end, rate)):
+            low, high = limits.velocity(position)
+            inside &= (speed >= low) & (speed <= high)
         for position in positions:
             inside &= (position >= limits.q_min) & (position <= limits.q_max)
         if self.mover.start is not None:

@@ -47,9 +47,9 @@ class Pose(Section):
 
 @dataclasses.dataclass(frozen=True)
 class Tolerance(Section):
-    """Accepted landing error: position [m], angle [rad].
+    """Accepted landing error.
 
-    model: the release model that the landing must be true for, on what is sent: 'sp' (the
+    position [m], angle [rad]. model: the release model that the landing must be true for, on what is sent: 'sp' (the
     sliding pivot) or 'ls-step' (the limit surface, which throws as a meshed patch does).
     The NLP has the sliding pivot either way; its aim is corrected.
     """

@@ -1,0 +1,88 @@
+"""The 3-D view's panel: time, play, speed, phase; and the clock behind it."""
+
+from __future__ import annotations
+
+import threading
+from typing import Any
+
+from .view import View
+from .view_colours import COLOURS
+
+#: Playback speeds against real time.
+SPEEDS = {"1": 1.0, "1/5": 0.2, "1/20": 0.05}
+FIRST_SPEED = "1/5"
+
+
+class Panel:
+    """Slider, buttons and words of a view; `advance` plays.
+
+    time [s]: what is shown. viser calls back from other threads, so that changes of the
+    state are under a lock.
+    """
+
+    def __init__(self, server: Any, view: View) -> None:
+        self.view, self.throw = view, view.throw
+        self.end = float(self.throw.line.times[-1])
+        self.time, self.playing = 0.0, False
+        self._lock = threading.RLock()
+        gui = server.gui
+        self.words = gui.add_markdown("")
+        self.slider = gui.add_slider(
+            "time [ms]", min=0, max=round(1e3 * self.end), step=1, initial_value=0
+        )
+        self.button = gui.add_button("play", hint="play from here; from the start at the end")
+        self.speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value=FIRST_SPEED)
+        self.release = gui.add_button("release", hint="go to the opening, where the force falls")
+        gui.add_html(_legend(self.throw.phases()))
+        self.slider.on_update(lambda _: self._slid())
+        self.button.on_click(lambda _: self.play(not self.playing))
+        self.release.on_click(lambda _: self.go(self.throw.throw.opening_time))
+        self.go(0.0)
+
+    def go(self, time: float) -> None:
+        """Shows the throw at `time` [s]."""
+        with self._lock:
+            self.time = min(max(time, 0.0), self.end)
+            index = self.view.show(self.time)
+            self.slider.value = round(1e3 * self.time)
+            since = 1e3 * (self.time - self.throw.throw.opening_time)
+            self.words.content = (
+                f"**{self.throw.phase(index)}**, {1e3 * self.time:.0f} ms "
+                f"(opening {'−' if since < 0 else '+'} {abs(since):.0f} ms)"
+            )
+
+    def play(self, playing: bool) -> None:
+        """Starts or stops; at the end it starts again from rest."""
+        with self._lock:
+            if playing and self.time >= self.end:
+                self.go(0.0)
+            self.playing = playing
+            self.button.label = "pause" if playing else "play"
+
+    def advance(self, seconds: float) -> None:
+        """Lets `seconds` of real time pass."""
+        with self._lock:
+            if not self.playing:
+                return
+            self.go(self.time + SPEEDS[self.speed.value] * seconds)
+            if self.time >= self.end:
+                self.play(False)
+
+    def _slid(self) -> None:
+        """Somebody moved the slider; `go` itself moves it to the time it shows."""
+        with self._lock:
+            if self.slider.value != round(1e3 * self.time):
+                self.go(1e-3 * self.slider.value)
+
+
+def _legend(phases: dict[str, float]) -> str:
+    """The phases' colours and when they begin."""
+    square = '<span style="color:{}">&#9632;</span>'
+    rows = [
+        f"{square.format(COLOURS[name])} {name} from {1e3 * start:.0f} ms"
+        for name, start in phases.items()
+        if name in COLOURS
+    ]
+    rows.append(f"landing at {1e3 * phases['landing']:.0f} ms")
+    body = "<br>".join(rows)
+    return f'<div style="padding:0.5em 1em;font-size:0.875em;line-height:1.6">{body}</div>'
