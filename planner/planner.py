@@ -32,6 +32,8 @@ SolverName = Literal["auto", "fatrop", "ipopt"]
 
 #: Starts tried with FATROP, then with IPOPT.
 STARTS = {"fatrop": 6, "ipopt": 4}
+#: Starts tried first, without guards that cost much.
+LIGHT_STARTS = 4
 #: Beyond this distance [m, scaled error (39)] from every landing of the table the question
 #: what is possible at all comes before further starts.
 FAR = 0.3
@@ -147,12 +149,13 @@ class Planner:
             if answer is None or answer.outside:
                 return failed_plan(self.bench, target, answer, releases, names[-1], search)
         found: list[Found] = []
-        for name in names:
+        # Heavy guards cost more than other starts, which often do without.
+        for name, count, light in _rounds(names):
             if name != names[0] and search.guards & HEAVY:
                 # The starts have had IPOPT already.
                 break
-            for index, goal, _ in first[: STARTS[name] * wanted]:
-                found += self._from_release(name, index, goal, releases, search)
+            for index, goal, _ in first[: count * wanted]:
+                found += self._from_release(name, index, goal, releases, search, light)
                 if len(distinct(found)) >= wanted:
                     return self._chosen(found, alternatives, search)
         if found:
@@ -220,9 +223,15 @@ class Planner:
         return max(among, 1 + alternatives)
 
     def _from_release(
-        self, name: str, index: int, goal: Pose, releases: Releases, search: Search
+        self,
+        name: str,
+        index: int,
+        goal: Pose,
+        releases: Releases,
+        search: Search,
+        light: bool,
     ) -> list[Found]:
-        """The throw that one sampled release leads to, if any."""
+        """The throw that one sampled release leads to, if any; light: without heavy guards."""
         flight = self._flight_time(releases, index, goal)
         sampled = True
         for _ in range(TRIES):
@@ -238,6 +247,9 @@ class Planner:
             if thrown is not None:
                 return [Found(goal, thrown, problem.solver.name)]
             if search.broken is None or search.asked == asked:
+                break
+            if light and search.guards & HEAVY:
+                search.guards, search.room = asked
                 break
             # A sampled release that clears the hand leads there sooner than a throw that
             # does not; for all else the throw is nearer.
@@ -288,3 +300,8 @@ class Planner:
             draw = functools.partial(self._sampler.draw, SAMPLES)
             self._releases = stored(self.scene, self.mover, SAMPLES, 0, draw)
         return self._releases
+
+
+def _rounds(names: tuple[str, ...]) -> list[tuple[str, int, bool]]:
+    """Solver, number of starts and whether without heavy guards, in turn."""
+    return [(names[0], LIGHT_STARTS, True), *((name, STARTS[name], False) for name in names)]
