@@ -6,7 +6,7 @@ PIP := PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/pip install --quiet --dis
 EDITABLE := --config-settings editable_mode=strict --editable
 FILES := pyproject.toml constraints.txt $(wildcard *.py */*.py */*/*.py problems/*/*.toml)
 
-.PHONY: run test pictures clean
+.PHONY: run test pictures notebooks notebooks-executed clean
 
 run: .venv/run
 	$(BIN)/throwplan plan cup --out out/cup
@@ -22,6 +22,13 @@ pictures: .venv/run
 	$(BIN)/throwplan plan cup --out out/cup
 	cp out/cup/throw.png docs/cup.png
 
+# The notebooks of examples/ in JupyterLab; and all of them run anew, with their output.
+notebooks: .venv/notebooks
+	$(BIN)/jupyter lab examples
+
+notebooks-executed: .venv/notebooks
+	$(BIN)/python examples/execute.py
+
 .venv/run: $(FILES)
 	test -x $(BIN)/python || $(PYTHON) -m venv .venv
 	$(PIP) $(EDITABLE) .
@@ -29,6 +36,10 @@ pictures: .venv/run
 
 .venv/test: .venv/run
 	$(PIP) $(EDITABLE) '.[test]'
+	touch $@
+
+.venv/notebooks: .venv/run
+	$(PIP) $(EDITABLE) '.[notebooks]'
 	touch $@
 
 clean:

@@ -230,8 +230,8 @@ velocity, acceleration, position or grip.
 """
 
 # %%
-whole = tp.reach_map(scene.replace(cup=None), samples=40_000)
-into = tp.reach_map(scene, samples=120_000)
+whole = tp.reach_map(scene.replace(cup=None), samples=30_000)
+into = tp.reach_map(scene, samples=80_000)
 where = into.theta_edges[:-1] + np.diff(into.theta_edges) / 2
 
 figure, axis = plt.subplots(figsize=(9, 5))

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import math
 import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -43,6 +44,8 @@ def _view(options: argparse.Namespace) -> int:
 
     say(options, "reading and throwing the plan")
     throw = read_plan(options.plan)
+    if not math.isfinite(throw.landing_time):
+        raise InputError(f"{options.plan}: thrown again, it does not land")
     if options.mp4 is not None:
         return _film(throw, options)
     return _serve(throw, options, port, hold)

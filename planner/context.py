@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import casadi as ca
 import numpy as np
@@ -14,6 +14,9 @@ from ..models.sliding_pivot import SlidingPivot
 from ..models.smoothing import relative_widths
 from .mover import Mover
 from .ocp import Parameters, Stage
+
+if TYPE_CHECKING:
+    from ..models.dynamics import PlanarDynamics
 
 #: Rows that seldom decide, and so come into the NLP only after the check has seen that they
 #: do: of what is carried on its way, of the flying bar, of the bar that falls back.
@@ -56,6 +59,7 @@ class Structure:
     hurried opening would fall; robust: what is asked of the hand over that window;
     scenarios: number of other openings that share the hand's motion.
     slowing: velocity limits fall towards the ends of the joints' ranges.
+    torque: the joints' torques are limited.
     """
 
     carry: int
@@ -82,6 +86,7 @@ class Structure:
     robust: str = ""
     scenarios: int = 0
     slowing: bool = False
+    torque: bool = False
 
     @property
     def opens(self) -> int:
@@ -107,6 +112,7 @@ class Context:
         self.n = mover.size
         self.names = mover.joints
         self._kinematics = mover.kinematics
+        self._dynamics = _dynamics_of(mover) if structure.torque else None
         p = self.parameters = Parameters()
         self.body = Body(p("mass"), p("inertia"), p("com_offset"))
         self.contact = Contact(p("friction"), p("patch_radius"), p("torsion"), p("faces"))
@@ -215,6 +221,31 @@ class Context:
             for i, name in enumerate(self.names):
                 stage.row(f"{name} velocity", over[i], -np.inf, 0.0)
 
+    def limit_torque(
+        self,
+        stage: Stage,
+        q: ca.SX,
+        dq: ca.SX,
+        ddq: ca.SX,
+        load: tuple[ca.SX, ca.SX, ca.SX] | None = None,
+    ) -> None:
+        """The joints' torques inside their limits, if the scene asks for it.
+
+        load: force and torque that the hand gives to the object; None for an empty hand.
+        """
+        if self._dynamics is None:
+            return
+        angles, rates, turns = map(self._kinematics.turned, (q, dq, ddq))
+        torques = self._dynamics.torques(angles, rates, turns, self.gravity, load)
+        self.limit(stage, "torque", ca.vertcat(*torques) / self.each("torque_max"))
+
     def inside_positions(self, stage: Stage, kind: str, q: ca.SX) -> None:
         """q within the position limits."""
         self.limit(stage, kind, (q - self.each("q_mid")) / self.each("q_half"))
+
+
+def _dynamics_of(mover: Mover) -> PlanarDynamics:
+    from ..models.dynamics import PlanarDynamics
+
+    assert isinstance(mover.kinematics, PlanarArm)
+    return PlanarDynamics(mover.kinematics)

@@ -65,6 +65,12 @@ def at_rest(context: Context, stage: Stage) -> None:
         context.limit_slowing(stage, place, peak)
     else:
         context.limit_slowing(stage, q, dq)
+    if context.structure.torque:
+        # The brake, with an empty hand: as it begins, and where it ends.
+        against = -braking * rate / ca.sqrt(rate**2 + 1e-4)
+        context.limit_torque(stage, q, dq, ddq)
+        context.limit_torque(stage, place, rate, against)
+        context.limit_torque(stage, stop, 0 * rate, against)
 
 
 def _cup(context: Context, stage: Stage, flight: FlightState, land: FlightState) -> None:

@@ -77,10 +77,21 @@ class JointMotion:
 
         return {
             "position": most(self.q - (low + high) / 2) / ((high - low) / 2),
-            "velocity": most(self.dq, seen[0]) / limits.velocity,
+            "velocity": np.maximum(most(seen[0]) / limits.velocity, self._velocity_use()),
             "acceleration": most(self.ddq, seen[1]) / limits.acceleration,
             "jerk": most(jerk, seen[2]) / limits.jerk,
         }
+
+    def _velocity_use(self) -> Array:
+        """Largest share (joints,) of the velocity limits, which may fall towards a range's ends."""
+        throw, shares = self.throw, np.zeros(self.arm.joints)
+        low, high = throw.mover.hard.velocity(throw.samples.q)
+        limit = np.where(throw.samples.dq > 0, high, -low)
+        kinematics = throw.mover.kinematics
+        assert isinstance(kinematics, PlanarArm)
+        moving = [j - 1 for j in kinematics.throwing_joints]
+        shares[moving] = (np.abs(throw.samples.dq) / np.maximum(limit, 1e-9)).max(axis=0)
+        return shares
 
 
 def joint_motion(path: str | Path) -> JointMotion:

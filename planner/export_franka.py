@@ -10,9 +10,9 @@ from .export import JointMotion
 from .files import write_table
 
 #: What is written.
-FILES = ("joints.csv", "gripper.csv", "franka.json", "README.txt")
+FILES = ("joints.csv", "gripper.csv", "franka.json", "franka.txt")
 
-README = """\
+TEXT = """\
 {scene}, thrown by {arm}.
 
 joints.csv   t and all joints, q [rad] and dq [rad/s], one row per control cycle of 1 ms.
@@ -46,7 +46,7 @@ def write_franka(motion: JointMotion, folder: Path) -> dict[str, Any]:
     text = json.dumps(facts, indent=2, allow_nan=False)
     (folder / "franka.json").write_text(text + "\n", encoding="utf-8")
     profile = throw.scene.gripper.profile()
-    words = README.format(
+    words = TEXT.format(
         scene=throw.scene.name,
         arm=motion.arm.description or motion.arm.name,
         start=", ".join(f"{angle:.6f}" for angle in motion.q[0]),
@@ -56,7 +56,7 @@ def write_franka(motion: JointMotion, folder: Path) -> dict[str, Any]:
         opening=1e3 * profile.opening,
         duration=motion.times[-1],
     )
-    (folder / "README.txt").write_text(words, encoding="utf-8")
+    (folder / "franka.txt").write_text(words, encoding="utf-8")
     return facts
 
 

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..models.hand import PlanarArm
 from ..problems.scene import Mesh, Pose, Scene
 from .context import JERK_UNIT, USUAL, Guard, Room, Structure
 from .integration import NODES, SLIP_UNIT, TURN_UNIT
@@ -100,6 +101,7 @@ def structure_of(
         robust="quiet" if robust == "scenarios" else robust,
         scenarios=len(window.delays) if window is not None and robust == "scenarios" else 0,
         slowing=mover.planning.slowing is not None,
+        torque=scene.torque is not None,
     )
 
 
@@ -147,6 +149,10 @@ def parameter_values(
         values |= _window_values(scene, window, nodes)
     if limits.jerk is not None:
         values["jerk_max"] = limits.jerk
+    if scene.torque is not None:
+        assert isinstance(mover.kinematics, PlanarArm)
+        limits_of = scene.torque.of(mover.kinematics.arm, mover.kinematics.throwing_joints)
+        values["torque_max"] = (1 - scene.torque.margin) * np.array(limits_of)
     if limits.slowing is not None:
         names = ("slowing", "slowing_offset", "slowing_upper", "slowing_lower")
         values |= dict(zip(names, limits.slowing, strict=True))

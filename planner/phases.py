@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from ..models.contact import pivot_wrench
+from ..models.contact import HandMotion, pivot_wrench
 from .clearance import held_clear
 from .context import JERK_UNIT, Context
 from .integration import gauss_interval, runge_kutta_interval
@@ -44,6 +44,7 @@ def leaving_interval(context: Context, stage: Stage, following: Stage) -> None:
     dt = context.window_step()
     context.close(stage, following, dt, {})
     stage.cost = _effort(context, stage, dt)
+    context.limit_torque(stage, *context.node(stage))
     _velocity_between_nodes(context, stage, dt)
     _position_between_nodes(context, stage, dt)
 
@@ -59,6 +60,7 @@ def opening_interval(context: Context, first: bool, stage: Stage, following: Sta
         q, dq, ddq = context.node(stage)
         pose, _, _ = context.hand(stage, q, dq, ddq)
         held_clear(context, stage, q, pose)
+    _opening_torque(context, stage)
     integrate = gauss_interval if s.integrator == "gauss" else runge_kutta_interval
     end = integrate(context, stage, dt)
     context.close(stage, following, dt, {"rel": end})
@@ -108,14 +110,31 @@ def _position_between_nodes(context: Context, stage: Stage, dt: ca.SX) -> None:
         context.inside_positions(stage, "position", end - rate * dt / 3)
 
 
+def _opening_torque(context: Context, stage: Stage) -> None:
+    """While the pads open the hand may bear all of the object or nothing."""
+    if not context.structure.torque:
+        return
+    coordinates = context.node(stage)
+    pose, _, motion = context.hand(stage, *coordinates)
+    context.limit_torque(stage, *coordinates, _held_wrench(context, pose, motion))
+    context.limit_torque(stage, *coordinates)
+
+
+def _held_wrench(
+    context: Context, pose: list[ca.SX], motion: HandMotion
+) -> tuple[ca.SX, ca.SX, ca.SX]:
+    """Force and torque at the pads that keep the object in the hand."""
+    theta, h = pose[2] + context.grasp_angle, context.body.com_offset
+    x, z = h * ca.cos(theta), h * ca.sin(theta)
+    return pivot_wrench(context.body, context.gravity, motion, motion.omega, x, z)
+
+
 def _held(context: Context, stage: Stage, t: ca.SX) -> None:
     """At time t of the interval the full grip holds the object, clear of obstacles."""
     q, dq, ddq = context.inside(stage, t)
     pose, _, motion = context.hand(stage, q, dq, ddq)
-    theta, h, p = pose[2] + context.grasp_angle, context.body.com_offset, context.parameters
-    wrench = pivot_wrench(
-        context.body, context.gravity, motion, motion.omega, h * ca.cos(theta), h * ca.sin(theta)
-    )
+    wrench, p = _held_wrench(context, pose, motion), context.parameters
+    context.limit_torque(stage, q, dq, ddq, wrench)
     use = context.contact.utilisation_squared(*wrench, p("full_grip"))
     stage.row("grip while carrying", use / p("sticking_limit") ** 2, -np.inf, 1.0)
     held_clear(context, stage, q, pose)

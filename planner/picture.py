@@ -73,7 +73,7 @@ def animate(
     path: Path,
 ) -> None:
     """The instants `frames` of the throw, one after another, into a file."""
-    figure, stage = plt.subplots(figsize=(7.2, 5.4), constrained_layout=True)
+    figure, stage = plt.subplots(figsize=(7.2, 5.4), dpi=80, constrained_layout=True)
     scene = throw.scene
     _draw_surroundings(stage, scene, throw.target)
     _frame(stage, scene, line)

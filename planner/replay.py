@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..problems.errors import InputError
 from ..problems.scene import Scene
 from .check import Thrown
 from .check import throw as sliding_pivot_throw
 from .motion import TICK
-from .replay_model import CONTACT_TIME, FRICTION
-from .replay_runs import LEAD, Flown, free_flight, is_in, release_run, run_to_rest
+from .replay_model import FRICTION
+from .replay_runs import LEAD, Flown, free_flight, is_in, load_mujoco, release_run, run_to_rest
 from .sent import SentThrow, read_plan
 
 Array = npt.NDArray[np.float64]
@@ -24,23 +25,23 @@ Array = npt.NDArray[np.float64]
 #: Steps [s] of the release and of the flight, and contact points of a pad.
 RELEASE_STEP, FLIGHT_STEP, POINTS = 1e-5, 1e-4, 12
 
-#: What the replay takes for granted about the cup, in words.
-ASSUMED = (
-    f"a fixed, rigid cup, friction {FRICTION:g}, contacts critically damped "
-    f"({1e3 * CONTACT_TIME:g} ms): hardly anything bounces"
-)
+#: Share of its speed with which the bar leaves what it hits.
+RESTITUTION, MOST_RESTITUTION = 0.1, 0.99
 
 
 @dataclass(frozen=True)
 class Rest:
     """Where the bar was at the end of a replay into a cup.
 
-    inside: at rest, its CoM inside the cup's radius and its lower end in the cup;
-    touched_rim: it met the wall before its lower end was `insertion` below the rim;
-    pose: x, y, z [m] and theta [rad], y across the throw's plane; at_rest: else it still moved.
+    inside: its CoM inside the cup's radius and its lower end in the cup; at_rest: else it
+    still moves 4 s after landing, and has been inside for the last second;
+    entered: its lower end was in the cup, `insertion` below the rim, at some time;
+    touched_rim: it met the wall before;
+    pose: x, y, z [m] and theta [rad], y across the throw's plane.
     """
 
     inside: bool
+    entered: bool
     touched_rim: bool
     at_rest: bool
     pose: tuple[float, float, float, float]
@@ -54,8 +55,8 @@ class Replay:
     to meet, NaN if it does not; sp, limit_surface: the same by the models. times (K,) [s] on
     the motion's clock, 1 ms apart from the opening on, and com (3, K): x, z, theta among
     cup, hand and base column, until the bar rests (without a cup: until landing).
-    touched: what of these the bar met, in that order; rest: None without a cup;
-    simulated, run [s]: time in MuJoCo from the hold to the end, and on the clock here.
+    touched: what of these the bar met, in that order; rest: None without a cup; restitution:
+    of what it meets; simulated, run [s]: time in MuJoCo from the hold to the end, and here.
     """
 
     throw: SentThrow
@@ -66,8 +67,17 @@ class Replay:
     com: Array
     touched: tuple[str, ...]
     rest: Rest | None
+    restitution: float
     simulated: float
     run: float
+
+    @property
+    def assumed(self) -> str:
+        """What is taken for granted about the cup, in words."""
+        return (
+            f"a fixed, rigid cup, friction {FRICTION:g}; what hits it leaves with "
+            f"{self.restitution:g} of its speed"
+        )
 
     def off(self, other: str) -> tuple[float, float]:
         """MuJoCo's landing less another: (dx [m], dtheta [rad]).
@@ -81,7 +91,7 @@ class Replay:
             "sp": self.sp,
             "limit_surface": self.limit_surface,
         }[other]
-        return self.landing[0] - x, self.landing[2] - angle
+        return float(self.landing[0] - x), float(self.landing[2] - angle)
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON: SI units, radians; poses in the base frame for an arm."""
@@ -100,6 +110,7 @@ class Replay:
             x, y, z, theta = rest.pose
             cup = {
                 "in": rest.inside,
+                "entered": rest.entered,
                 "touched_rim": rest.touched_rim,
                 "at_rest": rest.at_rest,
                 "rest": self._pose(x, z, theta, y),
@@ -109,6 +120,7 @@ class Replay:
             "landing": landing,
             "difference": difference,
             "touched": list(self.touched),
+            "restitution": self.restitution,
             "cup": cup,
             "time": {"simulated": self.simulated, "run": self.run},
         }
@@ -140,6 +152,7 @@ def replay(
     step: float = RELEASE_STEP,
     flight_step: float = FLIGHT_STEP,
     points: int = POINTS,
+    restitution: float = RESTITUTION,
 ) -> Replay:
     """Throw a plan in MuJoCo; needs the extra `mujoco`.
 
@@ -148,11 +161,14 @@ def replay(
     holds the torque of the patch (1: one contact with torsional friction, which is the limit
     surface's own ellipsoid); their force falls as the gripper's and they are gone when it is
     zero. The bar then flies, free to turn in space, once alone, for its landing, and once
-    among the scene's cup, hand and base column. The cup is fixed and rigid, the floor is
-    under it, and contacts there are critically damped: hardly anything bounces.
+    among the scene's cup, hand and base column. The cup is fixed and rigid, with the floor
+    under it; what hits these leaves with `restitution` (0 to 0.99) of its speed.
     step, flight_step [s]: of the opening, and after it. InputError for what is no plan, and
     without MuJoCo.
     """
+    if not 0.0 <= restitution <= MOST_RESTITUTION:
+        raise InputError(f"restitution = {restitution:g}: must be 0 to {MOST_RESTITUTION:g}")
+    load_mujoco()
     throw = throw if isinstance(throw, SentThrow) else read_plan(throw)
     began = time.perf_counter()
     scene, height = throw.scene, throw.target.z
@@ -163,7 +179,7 @@ def replay(
     free = free_flight(scene, detach, start, 1.2 * expected + 0.2, flight_step)
     landing, landing_time = _coming_down(free, height, detach[2])
     end = landing_time if math.isfinite(landing_time) else start + expected
-    flown = run_to_rest(throw, detach, start, end, flight_step)
+    flown = run_to_rest(throw, detach, start, end, flight_step, restitution)
     path = np.vstack([states[:, :2].T, states[:, 2]])
     flight = np.vstack([flown.com[:, 0], flown.com[:, 2], _angles(flown, detach[2])])
     known, poses = np.append(opening, flown.times[1:]), np.hstack([path, flight[:, 1:]])
@@ -178,6 +194,7 @@ def replay(
         com,
         flown.touched,
         _rest(scene, flown, float(flight[2, -1])),
+        restitution,
         simulated=float(known[-1] - throw.opening_time) + min(LEAD, throw.opening_time),
         run=time.perf_counter() - began,
     )
@@ -201,7 +218,9 @@ def _angles(flown: Flown, theta: float) -> Array:
     return np.asarray(angles + 2 * np.pi * round((theta - angles[0]) / (2 * np.pi)))
 
 
-def _coming_down(free: Flown, height: float, theta: float) -> tuple[tuple[float, float, float], float]:
+def _coming_down(
+    free: Flown, height: float, theta: float
+) -> tuple[tuple[float, float, float], float]:
     """x, z, theta and time where the CoM comes down through `height`; NaN if it does not."""
     z = free.com[:, 2]
     below = np.flatnonzero((z[:-1] >= height) & (z[1:] < height))
@@ -218,6 +237,7 @@ def _rest(scene: Scene, flown: Flown, theta: float) -> Rest | None:
     """How it ended, for a scene with a cup."""
     if scene.cup is None:
         return None
-    inside = flown.at_rest and is_in(scene, scene.cup, flown.com[-1], flown.axis[-1])
+    last = flown.times >= flown.times[-1] - (0.0 if flown.at_rest else 1.0)
+    inside = is_in(scene, scene.cup, flown.com[last], flown.axis[last])
     x, y, z = (float(value) for value in flown.com[-1])
-    return Rest(inside, flown.touched_rim, flown.at_rest, (x, y, z, theta))
+    return Rest(inside, flown.entered, flown.touched_rim, flown.at_rest, (x, y, z, theta))

@@ -37,13 +37,15 @@ SUNK = 0.002
 class Flown:
     """The bar over `times` (N,) [s]: its CoM (N, 3) and axis (N, 3), grasped end to CoM.
 
-    x, y, z: the throw's plane is x, z. touched: what it met, in that order.
+    x, y, z: the throw's plane is x, z. touched: what it met, in that order; the rest as in
+    `replay.Rest`.
     """
 
     times: Array
     com: Array
     axis: Array
     touched: tuple[str, ...] = ()
+    entered: bool = False
     touched_rim: bool = False
     at_rest: bool = False
 
@@ -67,7 +69,7 @@ def release_run(throw: SentThrow, step: float, points: int) -> tuple[Array, Arra
     steps = int(np.clip(round(profile.opening / step), *STEPS))
     step = profile.opening / steps
     lead = min(round(min(LEAD, throw.opening_time) / step), LEAD_STEPS)
-    times = throw.opening_time + step * np.arange(-lead, steps + 1)
+    times = throw.opening_time + step * np.arange(-lead, steps + 1.0)
     hand = hand_samples(throw.mover, throw.motion, times)
     pose, twist = hand.pose.T, hand.twist.T
     drive = hand_inertia(scene) * np.diff(twist, axis=0) / step
@@ -106,17 +108,19 @@ def free_flight(scene: Scene, detach: Array, start: float, duration: float, step
     for k in range(count + 1):
         rows[k] = _row(data)
         mujoco.mj_step(model, data)
-    return Flown(start + duration / count * np.arange(count + 1), rows[:, :3], rows[:, 3:])
+    return Flown(start + duration / count * np.arange(count + 1.0), rows[:, :3], rows[:, 3:])
 
 
-def run_to_rest(throw: SentThrow, detach: Array, start: float, landing: float, step: float) -> Flown:
+def run_to_rest(
+    throw: SentThrow, detach: Array, start: float, landing: float, step: float, restitution: float
+) -> Flown:
     """The flight among what the scene has, until `landing` [s], with a cup until it rests."""
     mujoco = load_mujoco()
     scene, cup = throw.scene, throw.scene.cup
-    model, data = _at_detach(scene, detach, step)
+    model, data = _at_detach(scene, detach, step, restitution)
     end = landing if cup is None else landing + PATIENCE
     count = max(math.ceil((end - start) / step), 1)
-    times = start + step * np.arange(count + 1)
+    times = start + step * np.arange(count + 1.0)
     hand = hand_samples(throw.mover, throw.samples, times).pose.T if has_hand(scene) else None
     names = [model.geom(i).name for i in range(model.ngeom)]
     rows, touched = np.empty((count + 1, 6)), dict[str, None]()
@@ -129,7 +133,7 @@ def run_to_rest(throw: SentThrow, detach: Array, start: float, landing: float, s
             _place_hand(data, hand[k])
         mujoco.mj_step(model, data)
         if cup is not None:
-            entered = entered or cup.rim - lowest(scene, rows[k]) >= cup.insertion
+            entered = entered or _enters(scene, cup, rows[k])
         for geom in {int(g) for g in data.contact.geom.ravel()} if data.ncon else ():
             if names[geom] != "bar":
                 wall = names[geom].startswith("wall")
@@ -142,27 +146,38 @@ def run_to_rest(throw: SentThrow, detach: Array, start: float, landing: float, s
     seen = slice(k + 1)
     at_rest = still * step >= STILL_FOR
     com, axis = rows[seen, :3], rows[seen, 3:]
-    return Flown(times[seen], com, axis, tuple(touched), touched_rim, at_rest)
+    return Flown(times[seen], com, axis, tuple(touched), entered, touched_rim, at_rest)
 
 
-def lowest(scene: Scene, row: Array) -> float:
-    """Height [m] of the bar's lowest point; row (6,): CoM and axis."""
+def lowest(scene: Scene, com: Array, axis: Array) -> Array:
+    """Height [m] (N,) of the bar's lowest point, for CoM and axis (N, 3)."""
     bar = scene.object
-    ends = row[2] + row[5] * np.array([-bar.com, bar.length - bar.com])
-    return float(ends.min() - bar.width / 2 * math.hypot(row[3], row[4]))
+    ends = com[:, 2] + axis[:, 2] * np.array([[-bar.com], [bar.length - bar.com]])
+    beside = bar.width / 2 * np.hypot(axis[:, 0], axis[:, 1])
+    return np.asarray(ends.min(axis=0) - beside)
 
 
 def is_in(scene: Scene, cup: Cup, com: Array, axis: Array) -> bool:
-    """Whether the CoM (3,) is inside the cup's radius, and the lower end inside the cup."""
-    low = lowest(scene, np.concatenate([com, axis]))
-    inside = math.hypot(com[0] - cup.x, com[1]) < cup.radius
-    return inside and cup.rim - cup.depth - SUNK <= low < cup.rim
+    """Whether the CoM is inside the cup's radius and the lower end in the cup, all the time."""
+    low = lowest(scene, com, axis)
+    inside = np.hypot(com[:, 0] - cup.x, com[:, 1]) < cup.radius
+    return bool((inside & (cup.rim - cup.depth - SUNK <= low) & (low < cup.rim)).all())
 
 
-def _at_detach(scene: Scene, detach: Array, step: float) -> tuple[Any, Any]:
+def _enters(scene: Scene, cup: Cup, row: Array) -> bool:
+    """Whether the lower end is in the cup, `insertion` below the rim; row (6,): CoM and axis."""
+    depth = cup.rim - float(lowest(scene, row[None, :3], row[None, 3:])[0])
+    along = scene.object.length - scene.object.com if row[5] < 0 else -scene.object.com
+    x, y = row[:2] + along * row[3:5]
+    return depth >= cup.insertion and math.hypot(x - cup.x, y) < cup.radius
+
+
+def _at_detach(
+    scene: Scene, detach: Array, step: float, restitution: float = 0.0
+) -> tuple[Any, Any]:
     """Model and data of the flight, the bar at its pose and twist (6,) at detach."""
     mujoco = load_mujoco()
-    model = mujoco.MjModel.from_xml_string(landing_model(scene, step))
+    model = mujoco.MjModel.from_xml_string(landing_model(scene, step, restitution))
     data = mujoco.MjData(model)
     x, z, theta, v_x, v_z, omega = detach
     data.qpos[:] = x, 0.0, z, math.cos(theta / 2), 0.0, -math.sin(theta / 2), 0.0

@@ -27,7 +27,7 @@ WITHIN = {
 }
 #: Tables of an arm data file: title, place in WORDS, dataclass.
 ARM: tuple[tuple[str, str, type[Section]], ...] = (
-    ("Keys at the top", "arm", arm_file._ArmTable),
+    ("Keys at the top of an arm's file", "arm", arm_file._ArmTable),
     ("[[dh]]", "dh", arm_file._DHTable),
     ("[[joints]]", "joints", arm_file._JointTable),
     ("[tool]", "tool", arm_file._ToolTable),
@@ -108,7 +108,7 @@ def _keys(place: str, kind: type[Section], names: tuple[str, ...] | None = None)
             _kind(hints[field.name]),
             _allowed(field.metadata),
             "from the file" if names and field.name == "name" else _default(field, degrees),
-            WORDS[place].get(field.name, ""),
+            WORDS.get(place, {}).get(field.name, ""),
         )
     if place == "arm":
         yield Key("dh", "list of tables", "–", "–", "the chain, see [[dh]]")
@@ -150,18 +150,12 @@ def _allowed(limits: Any) -> str:
     if limits.get("choices"):
         return ", ".join(f"`{choice}`" for choice in limits["choices"])
     unit = math.degrees(1.0) if limits.get("degrees") else 1.0
-    # Of two lower bounds the first that is given is the stricter one.
-    lower = next((name for name in ("least", "above") if limits.get(name) is not None), "")
-    found = [
-        f"{word} {unit * limits[name]:.6g}"
-        for name, word in (("least", "at least"), ("above", "above"))
-        if name == lower
-    ]
-    found += [
-        f"{word} {unit * limits[name]:.6g}"
-        for name, word in (("most", "at most"), ("below", "below"))
-        if limits.get(name) is not None
-    ]
+    given = [name for name in ("least", "above", "most", "below") if limits.get(name) is not None]
+    if "least" in given and "above" in given:
+        # Together they are above 0, and by so much.
+        given.remove("above")
+    words = {"least": "at least", "above": "above", "most": "at most", "below": "below"}
+    found = [f"{words[name]} {unit * limits[name]:.6g}" for name in given]
     return ", ".join(found) or "–"
 
 

@@ -21,12 +21,13 @@ NOTES = {
     "target": "Required with [hand] and [robot]; `--target` replaces it. With [motion] it only "
     "gives the height at which the landing is read off.",
     "cup": "Needs `theta_deg` in [target], which says which end goes in.",
+    "torque": "Only with [robot], and an arm whose data hold link masses.",
     "uncertainty": "At least one of the keys. Each holds a table with exactly one of `uniform`, "
     "`normal` and `samples`, for example `{ uniform = 0.010, mean = 0.004 }`.",
     "spread": "The table behind a key of [uncertainty].",
     "mesh": "The defaults were chosen by measurement; few scenes need this section.",
-    "arm": "The keys before the first section of an arm data file, which `arm` in [robot] and "
-    "[motion] names. Angles are in radians there. Joints count from 1.",
+    "arm": "The keys before the first section; `arm` in [robot] and [motion] names the file. "
+    "Angles are in radians there. Joints count from 1.",
     "dh": "One table per joint in the list `dh`: modified (Craig) Denavit-Hartenberg. Either "
     "`dh` or `joints`.",
     "joints": "One table per joint in the list `joints`: its frame as URDF places it, turned so "
@@ -143,6 +144,10 @@ WORDS: dict[str, dict[str, str]] = {
         "column_radius": "m, the robot's base, for the bar; with `column_height`",
         "column_height": "m; with `column_radius`",
         "palm_clearance": "m, from the detached bar to the hand's body; only an arm's hand has one",
+    },
+    "torque": {
+        "limits": "N m, one per throwing joint; the arm's own where left out",
+        "margin": "share of the limits kept back for smoothing and correction",
     },
     "uncertainty": {
         "delay": "s, the gripper opens that much later than commanded; a known mean sends the "

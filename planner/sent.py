@@ -124,8 +124,9 @@ def read_plan(path: str | Path) -> SentThrow:
 
 def _plan_object(path: Path) -> dict[str, Any]:
     """The JSON object of a solved plan of this version."""
+    text = read_text(path)
     try:
-        plan = json.loads(read_text(path))
+        plan = json.loads(text)
     except ValueError as error:
         raise InputError(f"{path}: is not JSON: {error}") from None
     if not isinstance(plan, dict) or "status" not in plan:

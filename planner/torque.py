@@ -1,9 +1,8 @@
-"""Torque limits: rows for the NLP, and what the check finds in the samples."""
+"""Torques of the throwing joints along a motion, against their limits."""
 
 from __future__ import annotations
 
 from functools import lru_cache
-from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
@@ -18,39 +17,7 @@ from .motion import TICK, Motion
 from .mover import Mover
 from .rollout import hand_samples
 
-if TYPE_CHECKING:
-    from .context import Context
-    from .ocp import Stage
-
 Array = npt.NDArray[np.float64]
-
-
-def torque_limits(scene: Scene, mover: Mover) -> Array:
-    """Limits (n,) [N m] of the throwing joints, without margin."""
-    assert scene.torque is not None and isinstance(mover.kinematics, PlanarArm)
-    if scene.torque.limits is not None:
-        return np.array(scene.torque.limits)
-    index = [joint - 1 for joint in mover.kinematics.throwing_joints]
-    return np.array(mover.kinematics.arm.limits.torque)[index]
-
-
-def torque_rows(
-    context: Context,
-    stage: Stage,
-    q: ca.SX,
-    dq: ca.SX,
-    ddq: ca.SX,
-    load: tuple[ca.SX, ca.SX, ca.SX] | None = None,
-) -> None:
-    """Torques within their limits at q, dq, ddq, where the scene asks for it.
-
-    load: force and torque that the hand gives to the object; None for an empty hand.
-    """
-    if context.dynamics is None:
-        return
-    turned = [context.turned(values) for values in (q, dq, ddq)]
-    torques = context.dynamics.torques(*turned, context.gravity, load)
-    context.limit(stage, "torque", ca.vertcat(*torques) / context.each("torque_max"))
 
 
 def torque_use(
@@ -61,6 +28,8 @@ def torque_use(
     The object is held until the opening starts; while the pads open the hand may bear all
     of it or nothing; after that its hand is empty.
     """
+    assert scene.torque is not None and isinstance(mover.kinematics, PlanarArm)
+    limits = scene.torque.of(mover.kinematics.arm, mover.kinematics.throwing_joints)
     times = np.arange(0.0, end + TICK / 2, TICK)
     hand = hand_samples(mover, motion, times)
     theta, h = hand.pose[2] + scene.grasp.angle, scene.com_offset
@@ -83,7 +52,7 @@ def torque_use(
     before, after = (times < opening_time)[:, None], (times > detach)[:, None]
     most = np.where(before, np.abs(held), np.maximum(np.abs(held), np.abs(free)))
     most = np.where(after, np.abs(free), most)
-    return times, np.asarray(most / torque_limits(scene, mover))
+    return times, np.asarray(most / np.array(limits))
 
 
 @lru_cache(maxsize=8)
@@ -92,6 +61,7 @@ def torque_kernel(kinematics: PlanarArm) -> MappedKernel:
     n = kinematics.coordinates
     values = [ca.SX.sym(name, n) for name in ("q", "dq", "ddq")]
     gravity, load = ca.SX.sym("gravity"), ca.SX.sym("load", 3)
-    turned = [kinematics.turned(value) for value in values]
-    found = PlanarDynamics(kinematics).torques(*turned, gravity, tuple(ca.vertsplit(load)))
+    angles, rates, turns = map(kinematics.turned, values)
+    held = (load[0], load[1], load[2])
+    found = PlanarDynamics(kinematics).torques(angles, rates, turns, gravity, held)
     return MappedKernel(ca.Function("torques", [*values, gravity, load], [ca.vertcat(*found)]))

@@ -12,21 +12,24 @@ from ..models.arm import Tool
 from .timeline import PHASES
 from .view_colours import ARM, COLOURS
 from .view_poses import SpaceThrow, in_space, link_pieces, normal
-from .view_shapes import capsule, cup_wall, quaternion, rgb, ring, turned_shape
+from .view_shapes import cup_wall, quaternion, rgb, ring, rod, turned_shape
 
 Array = npt.NDArray[np.float64]
 
 LINK, CUP, PAD, GHOST, MARK = "#7c8899", "#b5713c", "#20242b", "#202020", "#202020"
 #: Links are as thick as this share of the arm's length.
 LINK_RADIUS = 0.032
-#: Drawn only: the hand's width along the pads' motion, and the pads' size [m].
-HAND_WIDTH, PAD_LENGTH, PAD_WIDTH, PAD_THICKNESS = 0.16, 0.055, 0.02, 0.012
+#: Drawn only: the hand's width along the pads' motion; how far the pads reach beyond their
+#: centre, and their size [m].
+HAND_WIDTH, PAD_AHEAD, PAD_WIDTH, PAD_THICKNESS = 0.16, 0.01, 0.02, 0.012
 #: Drawn only: how fast a pad goes away after detach [m/s], and how far [m].
 PAD_SPEED, PAD_TRAVEL = 0.1, 0.03
 #: The box that stands for a free hand's body (from, to, half width) behind the pads [m].
 FREE_HAND = (0.12, 0.045, 0.03)
 CUP_WALL = 0.004
 LIGHT = 2.0
+#: How far a mark's name is below it [m]: those at the release are near each other.
+LABEL_DROP = {"command": 0.16, "opening": 0.11, "detach": 0.06, "landing": 0.0}
 #: Half the least thickness drawn for a bar [m].
 LEAST_HALF = 0.004
 #: The camera's vertical angle, and the width over height that the throw must fit.
@@ -67,7 +70,8 @@ class View:
             since = max(0.0, float(throw.line.times[i]) - throw.throw.detach_time)
             gap = self.half_thickness + min(PAD_TRAVEL, PAD_SPEED * since)
             for side, pad in zip((-1, 1), self.pads, strict=True):
-                pad.position = (-PAD_LENGTH / 2 + 0.01, 0.0, side * (gap + PAD_THICKNESS / 2))
+                middle = PAD_AHEAD - pad.dimensions[0] / 2
+                pad.position = (middle, 0.0, side * (gap + PAD_THICKNESS / 2))
         return i
 
     def _joint_poses(self, index: int) -> Array:
@@ -75,7 +79,7 @@ class View:
         return np.empty((0, 4, 4)) if joints is None else joints[index]
 
     def _light(self) -> None:
-        """Light from all sides besides viser's lamps; no picture of a room, which it would fetch."""
+        """Light from all sides besides viser's lamps, and no room around: none is fetched."""
         self.scene.configure_environment_map(None)
         self.scene.add_light_ambient("/light", intensity=LIGHT)
 
@@ -94,7 +98,7 @@ class View:
             self.scene.add_cylinder(drum, 1.12 * radius, 2.5 * radius, rgb(ARM))
         for node, row in zip(nodes, pieces, strict=True):
             for k, ends in enumerate(row):
-                capsule(self.scene, f"{node.name}/link{k}", ends, radius, LINK)
+                rod(self.scene, f"{node.name}/link{k}", ends, radius, LINK)
         self.scene.add_cylinder(
             "/arm/base/foot", 1.6 * radius, 0.6 * radius, rgb(ARM), position=(0, 0, 0.3 * radius)
         )
@@ -110,8 +114,8 @@ class View:
         node = self.scene.add_frame("/hand", show_axes=False)
         size = (back - front, 2 * half, HAND_WIDTH)
         self.scene.add_box("/hand/body", rgb(ARM), size, position=(-(back + front) / 2, 0.0, 0.0))
-        size = (max(PAD_LENGTH, front + 0.01), PAD_WIDTH, PAD_THICKNESS)
-        pads = [self.scene.add_box(f"/hand/pad{k}", rgb(PAD), size) for k in (1, 2)]
+        size = (front + PAD_AHEAD, PAD_WIDTH, PAD_THICKNESS)
+        pads = [self.scene.add_box(f"/hand/pad{k}", rgb(PAD), dimensions=size) for k in (1, 2)]
         return node, pads
 
     def _draw_bar(self, name: str, colour: str, opacity: float | None) -> Any:
@@ -162,7 +166,7 @@ class View:
         """A round cup: wall and bottom to look through, a solid rim."""
         middle = in_space(np.array(cup.x), np.array(cup.rim), self.throw.azimuth)
         for name, profile, opacity in (
-            ("wall", cup_wall(cup.radius, cup.depth, CUP_WALL), 0.45),
+            ("wall", cup_wall(cup.radius, cup.depth), 0.45),
             ("rim", ring(cup.radius, 1.5 * CUP_WALL), None),
         ):
             vertices, faces = turned_shape(profile)
@@ -191,8 +195,13 @@ class View:
         )
         for name, time in line.marks.items():
             at = path[throw.index(time)]
+            down = np.array([0.0, 0.0, -LABEL_DROP[name]])
             self.scene.add_icosphere(f"/marks/{name}", 0.009, rgb(MARK), position=at)
-            self.scene.add_label(f"/marks/{name}/text", name, anchor="bottom-left")
+            leader = np.array([[[0.0, 0.0, 0.0], down]])
+            self.scene.add_line_segments(
+                f"/marks/{name}/leader", leader, rgb(MARK), thickness=0.002
+            )
+            self.scene.add_label(f"/marks/{name}/text", name, anchor="center-left", position=down)
 
     def _aim_camera(self) -> None:
         """Looks across the plane, from a little above, so that the whole throw is seen."""

@@ -32,7 +32,9 @@ class Panel:
         )
         self.button = gui.add_button("play", hint="play from here; from the start at the end")
         self.speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value=FIRST_SPEED)
-        self.release = gui.add_button("release", hint="go to the opening, where the force falls")
+        self.release = gui.add_button(
+            "go to the release", hint="the opening: the force starts to fall"
+        )
         gui.add_html(_legend(self.throw.phases()))
         self.slider.on_update(lambda _: self._slid())
         self.button.on_click(lambda _: self.play(not self.playing))

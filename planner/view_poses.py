@@ -69,8 +69,9 @@ class SpaceThrow:
     def target(self) -> Array:
         """4x4: the target pose; the angle it lands with where any will do."""
         target = self.throw.target
-        theta = self.line.com[2, -1] if target.theta is None else target.theta
-        return placed(np.array([[target.plane_x], [target.z], [theta]]), self.azimuth)[0]
+        theta = float(self.line.com[2, -1]) if target.theta is None else target.theta
+        poses = placed(np.array([[target.plane_x], [target.z], [theta]]), self.azimuth)
+        return np.asarray(poses[0])
 
     def extent(self) -> tuple[Array, Array]:
         """Least and largest (x, z) in the plane of what moves, the cup and the base."""

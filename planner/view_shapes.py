@@ -34,8 +34,8 @@ def quaternion(turn: Array) -> Array:
     return np.asarray(SO3.from_matrix(turn).wxyz)
 
 
-def capsule(scene: Any, name: str, ends: tuple[Array, Array], radius: float, colour: str) -> None:
-    """A rod with round ends between two points of the frame that `name` lies in."""
+def rod(scene: Any, name: str, ends: tuple[Array, Array], radius: float, colour: str) -> None:
+    """A rod between two points of the frame that `name` lies in, round at its end."""
     begin, end = ends
     scene.add_cylinder(
         f"{name}/rod",
@@ -45,8 +45,7 @@ def capsule(scene: Any, name: str, ends: tuple[Array, Array], radius: float, col
         wxyz=quaternion(turn_to(end - begin)),
         position=(begin + end) / 2,
     )
-    for which, point in (("begin", begin), ("end", end)):
-        scene.add_icosphere(f"{name}/{which}", radius, rgb(colour), subdivisions=3, position=point)
+    scene.add_icosphere(f"{name}/end", radius, rgb(colour), subdivisions=3, position=end)
 
 
 def turned_shape(profile: Array) -> tuple[Array, npt.NDArray[np.int_]]:
@@ -66,12 +65,9 @@ def turned_shape(profile: Array) -> tuple[Array, npt.NDArray[np.int_]]:
     return vertices, np.concatenate([upper.reshape(-1, 3), lower.reshape(-1, 3)])
 
 
-def cup_wall(radius: float, depth: float, thickness: float) -> Array:
-    """Profile of a cup's bottom and wall, its rim at z = 0: inside up, outside down."""
-    outer = radius + thickness
-    return np.array(
-        [[0.0, -depth], [radius, -depth], [radius, 0.0], [outer, 0.0], [outer, -depth - thickness]]
-    )
+def cup_wall(radius: float, depth: float) -> Array:
+    """Profile of a cup's bottom and inner wall, its rim at z = 0."""
+    return np.array([[0.0, -depth], [radius, -depth], [radius, 0.0]])
 
 
 def ring(radius: float, thickness: float) -> Array:

@@ -69,6 +69,8 @@ def scene_violations(
         found += _cup_violations(scene, thrown)
     if scene.landing is not None:
         found += _landing_violations(scene, thrown)
+    if scene.torque is not None:
+        found += _torque_violations(scene, mover, motion, end, opening_time)
     if scene.workspace is not None:
         found += _workspace_violations(scene, mover, motion, end, opening_time, thrown)
     return found
@@ -106,6 +108,22 @@ def _landing_violations(scene: Scene, thrown: Thrown) -> list[Violation]:
         found.append(
             Violation(f"landing rate {abs(state.omega):.2f} rad/s above {bounds.rate_max:g}")
         )
+    return found
+
+
+def _torque_violations(
+    scene: Scene, mover: Mover, motion: Motion, end: float, opening_time: float
+) -> list[Violation]:
+    from .torque import torque_use
+
+    times, use = torque_use(scene, mover, motion, end, opening_time)
+    found = []
+    for name, share in zip(mover.joints, use.T, strict=True):
+        if share.max() > 1.0:
+            worst, when = 100 * share.max(), 1e3 * times[share.argmax()]
+            found.append(
+                Violation(f"torque of {name}: {worst:.0f} % of its limit at {when:.0f} ms")
+            )
     return found
 
 

@@ -51,7 +51,8 @@ class Grasp(Section):
 class PadContact(Section):
     """Friction of the pads.
 
-    friction mu, patch_radius r_p [m], torsion c, faces (pads that rub). pressure: how the meshed models `patch` and `lugre` spread the force over the pad.
+    friction mu, patch_radius r_p [m], torsion c, faces (pads that rub). pressure: how the
+    meshed models `patch` and `lugre` spread the force over the pad.
     """
 
     friction: float = quantity(above=0, most=100)

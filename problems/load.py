@@ -28,6 +28,7 @@ from .scene import (
     Scene,
     ThrownObject,
     Tolerance,
+    Torque,
     Uncertainty,
     Workspace,
 )
@@ -50,6 +51,7 @@ SECTIONS: dict[str, type[Section]] = {
     "cup": Cup,
     "landing": Landing,
     "workspace": Workspace,
+    "torque": Torque,
     "uncertainty": Uncertainty,
     "robust": Robust,
     "mesh": Mesh,

@@ -90,11 +90,14 @@ class Robot(Section):
     jerk_margin: float = quantity(least=0, below=0.9, default=0.05)
 
 
+def thrown_by(robot: Robot, arm: Arm) -> tuple[int, ...]:
+    """The throwing joints: the scene's, else the arm's."""
+    return arm.throwing_joints if robot.throwing_joints is None else robot.throwing_joints
+
+
 def check_robot(robot: Robot, arm: Arm) -> None:
     """InputError for throwing joints or a start that the arm does not have."""
-    joints = robot.throwing_joints
-    if joints is None:
-        joints = arm.throwing_joints
+    joints = thrown_by(robot, arm)
     if not joints:
         raise InputError("[robot] throwing_joints = []: must name at least one joint")
     for joint in joints:

@@ -18,11 +18,12 @@ from .distribution import Distribution
 from .errors import InputError
 from .hold import Grasp, Gripper, PadContact, ThrownObject
 from .mesh import Mesh
-from .movers import Hand, Motion, Robot, check_robot
+from .movers import Hand, Motion, Robot, check_robot, thrown_by
 from .robust import Robust
 from .section import Section, quantity
 from .surroundings import Cup, Workspace
 from .target import Landing, Pose, Tolerance
+from .torque import Torque, check_torque
 from .uncertainty import PARAMETERS, SHARES, Uncertainty
 
 __all__ = [
@@ -40,6 +41,7 @@ __all__ = [
     "Scene",
     "ThrownObject",
     "Tolerance",
+    "Torque",
     "Uncertainty",
     "Workspace",
 ]
@@ -66,6 +68,7 @@ class Scene(Section):
     cup: Cup | None = None
     landing: Landing | None = None
     workspace: Workspace | None = None
+    torque: Torque | None = None
     uncertainty: Uncertainty | None = None
     mesh: Mesh = dataclasses.field(default_factory=Mesh)
     arm: Arm | None = None
@@ -90,6 +93,10 @@ class Scene(Section):
             raise InputError("[target] y: only for a scene with [robot]")
         if self.robot is not None and self.arm is not None:
             check_robot(self.robot, self.arm)
+        if self.torque is not None:
+            if self.robot is None or self.arm is None:
+                raise InputError("[torque]: only for a scene with [robot]")
+            check_torque(self.torque, self.arm, thrown_by(self.robot, self.arm))
         if self.cup is not None:
             self._check_cup(self.cup)
         if self.uncertainty is not None:

@@ -49,9 +49,9 @@ class Pose(Section):
 class Tolerance(Section):
     """Accepted landing error.
 
-    position [m], angle [rad]. model: the release model that the landing must be true for, on what is sent: 'sp' (the
-    sliding pivot) or 'ls-step' (the limit surface, which throws as a meshed patch does).
-    The NLP has the sliding pivot either way; its aim is corrected.
+    position [m], angle [rad]. model: the release model that the landing must be true for, on
+    what is sent: 'sp' (the sliding pivot) or 'ls-step' (the limit surface, which throws as a
+    meshed patch does). The NLP has the sliding pivot either way; its aim is corrected.
     """
 
     position: float = quantity(above=0, default=0.002)

@@ -21,11 +21,15 @@ class Torque(Section):
     limits: tuple[float, ...] | None = quantity(above=0, most=1e6, default=None)
     margin: float = quantity(least=0, below=0.9, default=0.02)
 
+    def of(self, arm: Arm, throwing_joints: tuple[int, ...]) -> tuple[float, ...]:
+        """Limits of the throwing joints [N m], without margin."""
+        if self.limits is not None:
+            return self.limits
+        return tuple(arm.limits.torque[joint - 1] for joint in throwing_joints)
 
-def check_torque(torque: Torque, arm: Arm | None, throwing_joints: tuple[int, ...]) -> None:
-    """InputError for a scene without a robot, an arm without masses, too few limits."""
-    if arm is None:
-        raise InputError("[torque]: only for a scene with [robot]")
+
+def check_torque(torque: Torque, arm: Arm, throwing_joints: tuple[int, ...]) -> None:
+    """InputError for an arm without masses and for too few or many limits."""
     if not arm.links:
         raise InputError(f"[torque]: arm {arm.name} has no link masses ('links' in its data file)")
     if torque.limits is not None and len(torque.limits) != len(throwing_joints):

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import difflib
 import logging
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
+from xml.etree import ElementTree
 
 import numpy as np
 import numpy.typing as npt
@@ -16,15 +16,9 @@ import numpy.typing as npt
 from ..models.arm import JointFrame
 from .errors import InputError
 from .text_file import read_text
+from .urdf_frames import axis_turn, frame_of, hand_turn, origin, unit_axis
 
 Array = npt.NDArray[np.float64]
-
-#: A link's own axes, by the names that options have for them.
-AXES = {
-    sign + name: (-1.0 if sign else 1.0) * np.eye(3)[i]
-    for i, name in enumerate("xyz")
-    for sign in ("", "-")
-}
 
 
 @dataclass(frozen=True)
@@ -60,9 +54,9 @@ class UrdfChain:
         for joint in self.path:
             at = at @ origin(joint)
             if joint.name in turns:
-                found.append(_frame(at @ turns[joint.name]))
+                found.append(frame_of(at @ turns[joint.name]))
                 at = turns[joint.name].T
-        return (*found, _frame(at @ self.hand_turn))
+        return (*found, frame_of(at @ self.hand_turn))
 
     def posed(self, q: Sequence[float]) -> tuple[Array, Array, Array]:
         """By yourdfpy: joint origins (n, 3), axes (n, 3) and the hand's pose (4, 4).
@@ -72,7 +66,7 @@ class UrdfChain:
         self.robot.update_cfg(dict(zip(self.names, map(float, q), strict=True)))
         links = [self.robot.get_transform(joint.child, self.base) for joint in self.joints]
         pairs = zip(links, self.joints, strict=True)
-        axes = [link[:3, :3] @ _unit(joint) for link, joint in pairs]
+        axes = [link[:3, :3] @ unit_axis(joint) for link, joint in pairs]
         hand = self.robot.get_transform(self.tool, self.base) @ self.hand_turn
         return np.array([link[:3, 3] for link in links]), np.array(axes), hand
 
@@ -88,10 +82,12 @@ def read_urdf(path: Path) -> Any:
         ) from None
     logging.getLogger("yourdfpy.urdf").setLevel(logging.CRITICAL)
     try:
-        if "xmlns:xacro" in text:
+        # yourdfpy mends broken files by leaving out what it cannot read.
+        root = ElementTree.fromstring(text)
+        if root.tag != "robot":
+            raise ValueError("its root is not <robot>")
+        if any("xacro" in part.tag for part in root.iter()):
             raise ValueError("it is a xacro; make a URDF of it with 'xacro FILE > my.urdf'")
-        if "<robot" not in text:
-            raise ValueError("it has no <robot>")
         parsed = yourdfpy.URDF.load(str(path), load_meshes=False, build_scene_graph=False)
         _check_tree(parsed.robot)
         return yourdfpy.URDF(robot=parsed.robot, load_meshes=False)
@@ -130,14 +126,8 @@ def chain_of(
     for joint in path:
         if joint.mimic is not None:
             raise InputError(f"joint '{joint.name}' mimics '{joint.mimic.joint}': not supported")
-    turns = tuple(_axis_turn(joint) for joint in chosen)
-    hand_turn = _hand_turn(approach, closing)
-    return UrdfChain(robot, tuple(path), tuple(chosen), base, tool, turns, hand_turn)
-
-
-def origin(joint: Any) -> Array:
-    """4x4: the joint's frame in its parent link's, at 0."""
-    return np.eye(4) if joint.origin is None else np.asarray(joint.origin, dtype=float)
+    turns, hand = tuple(axis_turn(joint) for joint in chosen), hand_turn(approach, closing)
+    return UrdfChain(robot, tuple(path), tuple(chosen), base, tool, turns, hand)
 
 
 def hanging(robot: Any, link: str) -> list[Any]:
@@ -154,6 +144,7 @@ def _check_tree(robot: Any) -> None:
                 raise ValueError(f"two {kind}s are called '{name}'")
     parents = {}
     for joint in robot.joints:
+        unit_axis(joint)
         for link in (joint.parent, joint.child):
             if link not in links:
                 raise ValueError(f"joint '{joint.name}' names a link '{link}' that is not there")
@@ -177,7 +168,7 @@ def _chosen(robot: Any, name: str) -> Any:
         raise InputError(f"--joints: '{name}' mimics '{joint.mimic.joint}', it has no motor")
     if joint.type not in ("revolute", "continuous"):
         raise InputError(f"--joints: '{name}' is {joint.type}, must be revolute or continuous")
-    _unit(joint)
+    unit_axis(joint)
     return joint
 
 
@@ -226,49 +217,3 @@ def _last_link(robot: Any, joint: Any) -> str:
     while len(after := hanging(robot, link)) == 1 and after[0].type == "fixed":
         link = str(after[0].child)
     return link
-
-
-def _unit(joint: Any) -> Array:
-    """The joint's axis, of length 1."""
-    axis = np.asarray([1.0, 0.0, 0.0] if joint.axis is None else joint.axis, dtype=float)
-    length = float(np.linalg.norm(axis)) if axis.shape == (3,) else 0.0
-    if not (math.isfinite(length) and length > 0):
-        raise InputError(f"joint '{joint.name}': axis must be three numbers, not all 0")
-    return np.asarray(axis / length)
-
-
-def _turn(x: Array, y: Array, z: Array) -> Array:
-    """4x4: the rotation whose columns are x, y, z."""
-    turn = np.eye(4)
-    turn[:3, :3] = np.column_stack([x, y, z])
-    return turn
-
-
-def _axis_turn(joint: Any) -> Array:
-    """4x4: a frame whose z is the joint's axis; the link's own where that is z."""
-    z = _unit(joint)
-    y = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
-    y = y / np.linalg.norm(y)
-    return _turn(np.cross(y, z), y, z)
-
-
-def _hand_turn(approach: str, closing: str) -> Array:
-    """4x4: the hand's frame in the tool link's."""
-    z, y = AXES[approach], AXES[closing]
-    if abs(z @ y) > 0.5:
-        raise InputError(f"--closing {closing}: must not be the axis of --approach {approach}")
-    return _turn(np.cross(y, z), y, z)
-
-
-def _frame(pose: Array) -> JointFrame:
-    """A 4x4 pose as position and roll, pitch, yaw, good to the last digits at any pitch."""
-    r = pose[:3, :3]
-    level = math.hypot(r[0, 0], r[1, 0])
-    yaw = math.atan2(r[1, 0], r[0, 0]) if level > 1e-12 else 0.0
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    roll = math.atan2(sin * r[0, 2] - cos * r[1, 2], cos * r[1, 1] - sin * r[0, 1])
-    x, y, z, *rpy = (
-        0.0 if abs(value) < 1e-14 else float(value)
-        for value in (*pose[:3, 3], roll, math.atan2(-r[2, 0], level), yaw)
-    )
-    return JointFrame((x, y, z), (rpy[0], rpy[1], rpy[2]))

@@ -67,7 +67,7 @@ def test_franka_files_are_the_motion(saved, tmp_path, capsys):
         "joints.csv",
         "gripper.csv",
         "franka.json",
-        "README.txt",
+        "franka.txt",
     }
     header = (out / "joints.csv").read_text().splitlines()[0].split(",")
     assert header == [
@@ -125,9 +125,31 @@ def test_franka_json_says_where_to_start_and_what_is_used(saved, tmp_path):
     for name, shares in facts["limits_used"].items():
         assert max(shares) <= 1.0, name
         assert shares[2] == 0.0  # a joint that keeps its posture, in the middle of its range
-    text = (tmp_path / "README.txt").read_text()
+    text = (tmp_path / "franka.txt").read_text()
     assert f"{facts['start'][1]:.6f}" in text
     assert f"row {facts['gripper']['cycle']}" in text
+
+
+def test_arm_of_six_joints(copied, tmp_path):
+    """The Panda with its last joint welded in its posture: the same throw, a joint less."""
+    plan = json.loads((copied / "plan.json").read_text())
+    arm = plan["definition"]["arm"]
+    last = arm["dh"].pop()
+    arm["posture"].pop()
+    arm.pop("links", None)
+    for values in arm["limits"].values():
+        values.pop()
+    arm["tool"] |= {"xyz": [last["a"], 0.0, 0.0], "rpy": [last["alpha"], 0.0, 0.0]}
+    arm["tool"]["rotation"] += math.pi / 4
+    arm["name"] = "six"
+    (copied / "plan.json").write_text(json.dumps(plan))
+    words = ["--franka", str(tmp_path / "f"), "--ros", str(tmp_path / "r")]
+    assert main(["export", str(copied), *words]) == 0
+    header = (tmp_path / "f" / "joints.csv").read_text().splitlines()[0].split(",")
+    assert header == ["t", *(f"q{j}" for j in range(1, 7)), *(f"dq{j}" for j in range(1, 7))]
+    assert len(json.loads((tmp_path / "f" / "franka.json").read_text())["start"]) == 6
+    trajectory = read_bag(tmp_path / "r")["/joint_trajectory"][0][2]
+    assert trajectory.joint_names == [f"six_joint{j}" for j in range(1, 7)]
 
 
 def read_bag(folder: Path) -> dict[str, list[tuple[int, str, object]]]:

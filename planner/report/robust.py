@@ -30,7 +30,7 @@ HARD = 2e-3
 #: The opening as it was not planned: friction and opening time times these.
 FRICTION, OPENING = 0.7, 1.2
 #: Scenes with their targets: quick, full.
-TARGETS = {"delay": (3, 60), "hand-flip": (3, 25)}
+TARGETS = {"delay": (2, 60), "hand-flip": (2, 25)}
 QUICK_METHODS = ("quiet", "joint-velocity")
 
 
