@@ -11,6 +11,7 @@ from .planner.api import plan, simulate
 from .planner.plan import Plan
 from .planner.planner import Planner
 from .planner.reach_map import ReachMap, reach_map
+from .planner.replay import Replay, replay
 from .planner.sent import SentThrow, read_plan
 from .planner.simulate_batch import simulate_batch
 from .planner.sweep import Sweep, sweep
@@ -29,6 +30,7 @@ __all__ = [
     "Planner",
     "Pose",
     "ReachMap",
+    "Replay",
     "Scene",
     "SentThrow",
     "Sweep",
@@ -37,6 +39,7 @@ __all__ = [
     "plan",
     "reach_map",
     "read_plan",
+    "replay",
     "scene_names",
     "simulate",
     "simulate_batch",

@@ -224,14 +224,14 @@ nearest, binding = far.nearest, far.binding
 # %% [markdown]
 """
 What is in reach at all? `reach_map` throws sampled motions and sorts the landings. In grey all
-landings at the height of the target, in colour the bins (6 cm wide) with a throw that also goes
-into a cup there. The colour is the room that its best throw leaves to the nearest limit of
-velocity, acceleration, position or grip.
+landings at the height of the target, in colour the bins in which a throw also goes into a cup
+there. The colour is the room that the bin's best throw leaves to the nearest limit of velocity,
+acceleration, position or grip.
 """
 
 # %%
-whole = tp.reach_map(scene.replace(cup=None), samples=30_000)
-into = tp.reach_map(scene, samples=80_000)
+whole = tp.reach_map(scene.replace(cup=None), samples=20_000)
+into = tp.reach_map(scene, samples=50_000)
 where = into.theta_edges[:-1] + np.diff(into.theta_edges) / 2
 
 figure, axis = plt.subplots(figsize=(9, 5))
@@ -260,9 +260,9 @@ plt.show()
 
 # %% [markdown]
 """
-The cup takes only bars that come down nearly upright: θ near −90° (CoM end first), near 90°
-(grasped end first), near 270° (a turn more). The map is sampled: an empty spot may only have been
-missed, and the planner, which optimises, reaches cups where no sample fell.
+The cup takes only bars that come down nearly upright, with either end first: θ near −90° or 90°.
+The map is sampled: an empty spot may only have been missed. The planner optimises, and gets to
+places where no sample fell, as to 270° below.
 
 ## Other angles, and turns
 

@@ -86,7 +86,7 @@ def test_the_bar_rests_in_the_cup(into_cup):
     assert f"friction {FRICTION:g}" in words
 
 
-@pytest.mark.parametrize("change", [{"step": 5e-6}, {"flight_step": 5e-5}, {"points": 24}])
+@pytest.mark.parametrize("change", [{"step": 5e-6}, {"flight_step": 5e-5}, {"points": 16}])
 def test_neither_steps_nor_points_decide_the_landing(into_cup, cup, change):
     other = replay(cup, **change)
     assert other.landing[0] == pytest.approx(into_cup.landing[0], abs=1e-4)

@@ -22,6 +22,7 @@ from throwplan.models.arm import Arm
 from throwplan.models.hand import PlanarArm
 from throwplan.planner.check import broken_limits, throw
 from throwplan.planner.cli import main
+from throwplan.planner.motion import SampledMotion
 from throwplan.planner.mover import make_mover
 from throwplan.planner.nlp import ThrowNlp, build_nlp
 from throwplan.planner.numbers import structure_of
@@ -496,6 +497,34 @@ def test_the_limits_bind_near_a_joints_end(fr3, fr3_planner):
     slower = (high[:, 1] < 0.9 * 2.62) & (high[:, 1] > 0.5)
     used = samples.dq[slower, 1] / high[slower, 1]
     assert 0.985 < used.max() <= 0.996
+
+
+@pytest.mark.parametrize("slowing", [True, False])
+def test_a_sample_over_the_curve_is_named(fr3, slowing):
+    """Joint 4 at a steady 2 rad/s to 0.15 rad before its end: under 2.62, over the curve."""
+    mover = make_mover(fr3 if slowing else without_slowing(fr3))
+    ticks = np.arange(300)[:, None]
+    q = np.array([0.0, -0.9, 2.0]) + 0.001 * ticks * np.array([0.0, 2.0, 0.0])
+    dq = np.tile([0.0, 2.0, 0.0], (300, 1))
+    broken = broken_limits(mover.hard, mover.joints, SampledMotion(q, dq, 0.0 * q))
+    assert broken == (["joint 4 velocity"] if slowing else [])
+
+
+@pytest.mark.parametrize(
+    ("robot", "target"),
+    [
+        ({"control": "acceleration"}, FR3_TARGETS[1]),
+        ({"start": (-math.pi / 4, -3 * math.pi / 4, math.pi / 2)}, NEAR_THE_END),
+    ],
+    ids=["acceleration", "start"],
+)
+def test_other_ways_to_plan_keep_the_limits(fr3, robot, target):
+    scene = fr3.replace(robot=dataclasses.replace(fr3.robot, **robot))
+    plan = tp.Planner(scene).plan(target)
+    assert plan.solved
+    low, high = fr3_velocity(plan.throw.samples.q)
+    dq = plan.throw.samples.dq
+    assert (dq <= high).all() and (dq >= low).all()
 
 
 def test_releases_keep_the_limits_at_both_ends_of_the_opening(fr3_planner, fr3):
