@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from ..problems.scene import Scene
 from .geometry import column_distance, lowest_of_bar, palm_corners, reach_of_bar
-from .mover import Mover
+from .mover import Limits, Mover
 from .numbers import BRAKE_SHARE
 from .releases import Releases, ReleaseSampler
 from .run_up import run_up
@@ -45,10 +45,17 @@ def margins(scene: Scene, mover: Mover, throws: Releases) -> Array:
     end, stop, rate = _ahead(scene, mover, throws)
     middle, half = (limits.q_max + limits.q_min) / 2, (limits.q_max - limits.q_min) / 2
     half = np.maximum(half, 1e-12)
-    uses = [np.abs(v) / limits.dq for v in (dq, rate)] + [np.abs(ddq) / limits.ddq]
+    uses = [_velocity_use(limits, *state) for state in ((q, dq), (end, rate))]
+    uses += [np.abs(ddq) / limits.ddq]
     uses += [np.abs(position - middle) / half for position in (q, end, stop)]
     most = np.max([use.max(axis=1) for use in uses], axis=0)
     return np.asarray(1.0 - np.maximum(most, ReleaseSampler(scene, mover).grip_use(q, dq, ddq)))
+
+
+def _velocity_use(limits: Limits, q: Array, dq: Array) -> Array:
+    """Velocities (N, n) over their limits at positions q (N, n)."""
+    low, high = limits.velocity(q)
+    return np.asarray(np.maximum(dq / np.maximum(high, 1e-9), dq / np.minimum(low, -1e-9)))
 
 
 def _ahead(scene: Scene, mover: Mover, throws: Releases) -> tuple[Array, Array, Array]:
