@@ -3,13 +3,17 @@
 from __future__ import annotations
 
 import numpy as np
+import numpy.typing as npt
 
+from ..models.arm import Arm
 from ..models.hand import PlanarArm, hand_motion
 from ..models.hand_track import ConstantAcceleration, PiecewiseAcceleration, SampledHand
 from ..models.recording import RecordedJoints
 from ..models.release import HandTrack
 from ..problems.errors import InputError
 from ..problems.scene import Motion, Scene
+
+Array = npt.NDArray[np.float64]
 
 #: Joints that do not throw may wander this far [rad] from the arm's posture.
 POSTURE_ROOM = 0.05
@@ -35,18 +39,23 @@ def _track(scene: Scene, motion: Motion) -> HandTrack:
         table = np.array(motion.samples, float)
         if motion.joints is None:
             return SampledHand(table[:, 0] - motion.opening_time, table[:, 1:])
-        return _recorded(scene, motion, table)
+        assert scene.arm is not None  # checked by Scene
+        joints = table[:, 1:]
+        return recorded_joints(scene.arm, table[:, 0], joints, motion.opening_time, motion.cutoff)
     if motion.accelerations:
         return PiecewiseAcceleration(pose, twist, motion.times, motion.accelerations)
     return ConstantAcceleration(pose, twist, (*motion.acceleration, motion.angular_acceleration))
 
 
-def _recorded(scene: Scene, motion: Motion, table: np.ndarray) -> HandTrack:
-    arm = scene.arm
-    assert arm is not None  # checked by Scene
+def recorded_joints(
+    arm: Arm, times: Array, joints: Array, opening_time: float, cutoff: float
+) -> RecordedJoints:
+    """The hand of an arm's recorded joints (K, joints) [rad], in the plane that joint 1 is in.
+
+    ValueError for joints that do not keep the throwing posture, and as `RecordedJoints`.
+    """
     kinematics = PlanarArm(arm)
     throwing = [j - 1 for j in kinematics.throwing_joints]
-    joints = table[:, 1:]
     for joint in range(arm.joints):
         if joint in throwing or joint == arm.azimuth_joint - 1:
             continue
@@ -63,9 +72,7 @@ def _recorded(scene: Scene, motion: Motion, table: np.ndarray) -> HandTrack:
             f"most {POSTURE_ROOM} is allowed"
         )
     function = hand_motion(kinematics)
-    return RecordedJoints(
-        table[:, 0], joints[:, throwing], function, motion.opening_time, motion.cutoff
-    )
+    return RecordedJoints(times, joints[:, throwing], function, opening_time, cutoff)
 
 
 def _check_span(scene: Scene, motion: Motion) -> None:

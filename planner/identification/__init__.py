@@ -1,0 +1,1 @@
+"""Contact parameters from measured throws, and how well release models predict those."""
