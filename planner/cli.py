@@ -10,7 +10,9 @@ from collections.abc import Sequence
 from ..problems.errors import InputError
 from .command import DONE, WRONG_INPUT, Parser
 from .command_export import add_export
+from .command_identify import add_identify
 from .command_import import add_import
+from .command_make_throws import add_make_throws
 from .command_map import add_map
 from .command_plan import add_plan
 from .command_replay import add_replay
@@ -18,6 +20,7 @@ from .command_report import add_report
 from .command_scenes import add_scenes
 from .command_simulate import add_simulate
 from .command_sweep import add_sweep
+from .command_validate import add_validate
 from .command_view import add_view
 
 
@@ -61,6 +64,7 @@ def _parser() -> Parser:
     for add in (
         *(add_scenes, add_plan, add_simulate, add_map, add_sweep, add_report),
         *(add_view, add_replay, add_export, add_import),
+        *(add_make_throws, add_identify, add_validate),
     ):
         add(commands)
     return parser
