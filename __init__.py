@@ -16,8 +16,9 @@ from .planner.sent import SentThrow, read_plan
 from .planner.simulate_batch import simulate_batch
 from .planner.sweep import Sweep, sweep
 from .problems.errors import InputError, ThrowplanError
-from .problems.load import load_scene, scene_names
+from .problems.load import load_scene, scene_names, scene_text
 from .problems.scene import Pose, Scene
+from .problems.throw_data import ThrowData, load_throws
 
 try:
     __version__ = version("throwplan")
@@ -34,13 +35,16 @@ __all__ = [
     "Scene",
     "SentThrow",
     "Sweep",
+    "ThrowData",
     "ThrowplanError",
     "load_scene",
+    "load_throws",
     "plan",
     "reach_map",
     "read_plan",
     "replay",
     "scene_names",
+    "scene_text",
     "simulate",
     "simulate_batch",
     "sweep",
