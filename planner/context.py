@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 #: do: of what is carried on its way, of the flying bar, of the bar that falls back.
 Guard = Literal["carry", "flight", "return"]
 #: Of what the check has seen too little room.
-Tight = Literal["held", "cup"]
+Tight = Literal["held", "cup", "torque"]
 #: Unit of the jerk control [rad/s^3], so that the variables are of order one.
 JERK_UNIT = 1000.0
 
@@ -31,11 +31,13 @@ JERK_UNIT = 1000.0
 class Room:
     """More room [m] than usual, where the check has seen that it takes more.
 
-    held: between obstacles and what is carried; cup: between the bar and the cup.
+    held: between obstacles and what is carried; cup: between the bar and the cup; torque: as
+    a share of the joints' limits.
     """
 
     held: float = 0.0
     cup: float = 0.0
+    torque: float = 0.0
 
 
 #: What an NLP has at first.

@@ -36,8 +36,12 @@ Array = npt.NDArray[np.float64]
 #: scene's tolerance where that is less.
 AIM = (1e-4, math.radians(0.02))
 MAX_CORRECTIONS = 8
-#: Room [m] beyond what the check has seen to be missing, and the most that is tried.
-MORE_ROOM: dict[Tight, tuple[float, float]] = {"held": (0.002, 0.05), "cup": (2e-4, 0.005)}
+#: Room [m; share] beyond what the check has seen to be missing, and the most that is tried.
+MORE_ROOM: dict[Tight, tuple[float, float]] = {
+    "held": (0.002, 0.05),
+    "cup": (2e-4, 0.005),
+    "torque": (0.01, 0.3),
+}
 
 
 @dataclass
@@ -78,7 +82,7 @@ class Search:
         asked: set[Guard] = {violation.guard for violation in found if violation.guard}
         for violation in found:
             tight = violation.tight
-            if tight and violation.guard in self.guards:
+            if tight and (not violation.guard or violation.guard in self.guards):
                 more, most = MORE_ROOM[tight]
                 room = getattr(self.room, tight) + violation.depth + more
                 self.room = replace(self.room, **{tight: min(room, most)})

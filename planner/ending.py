@@ -11,6 +11,9 @@ from .context import Context
 from .integration import full_state, relative_state
 from .ocp import Stage
 
+#: For so long [s] after its stop a joint counts as braking, more or less.
+STILL = 0.01
+
 
 def detached(context: Context, stage: Stage) -> list[ca.SX]:
     """Adds the flight time and what is asked of the flight; returns the landing (x, z, theta)."""
@@ -66,11 +69,25 @@ def at_rest(context: Context, stage: Stage) -> None:
     else:
         context.limit_slowing(stage, q, dq)
     if context.structure.torque:
-        # The brake, with an empty hand: as it begins, and where it ends.
-        against = -braking * rate / ca.sqrt(rate**2 + 1e-4)
         context.limit_torque(stage, q, dq, ddq)
-        context.limit_torque(stage, place, rate, against)
-        context.limit_torque(stage, stop, 0 * rate, against)
+        _brake_torque(context, stage, place, rate)
+
+
+def _brake_torque(context: Context, stage: Stage, q: ca.SX, dq: ca.SX) -> None:
+    """Torques of the brake with an empty hand: as it begins, and as each joint comes to rest.
+
+    Every joint brakes by itself; those that have stopped no longer do.
+    """
+    braking = context.each("braking")
+    against = -braking * dq / ca.sqrt(dq**2 + 1e-4)
+    context.limit_torque(stage, q, dq, against)
+    stops = ca.sqrt(dq**2 + 1e-6) / braking
+    for i in range(context.n):
+        left = stops - stops[i]
+        going = (1 + (left + STILL) / ca.sqrt((left + STILL) ** 2 + STILL**2 / 4)) / 2
+        share = ca.fmin(stops[i] / stops, 1.0)
+        there = q + dq * stops * (share - share**2 / 2)
+        context.limit_torque(stage, there, dq * (1 - share), going * against)
 
 
 def _cup(context: Context, stage: Stage, flight: FlightState, land: FlightState) -> None:

@@ -152,7 +152,7 @@ def parameter_values(
     if scene.torque is not None:
         assert isinstance(mover.kinematics, PlanarArm)
         limits_of = scene.torque.of(mover.kinematics.arm, mover.kinematics.throwing_joints)
-        values["torque_max"] = (1 - scene.torque.margin) * np.array(limits_of)
+        values["torque_max"] = (1 - scene.torque.margin - room.torque) * np.array(limits_of)
     if limits.slowing is not None:
         names = ("slowing", "slowing_offset", "slowing_upper", "slowing_lower")
         values |= dict(zip(names, limits.slowing, strict=True))

@@ -40,7 +40,7 @@ class Violation:
     """What is broken, in words; what the NLP can do about it beyond what it does at first.
 
     guard: which of its rows that seldom decide are against this, "" for none; tight, depth
-    [m]: of what there is too little room, and how much is missing.
+    [m; share of a limit]: of what there is too little room, and how much is missing.
     """
 
     words: str
@@ -121,9 +121,8 @@ def _torque_violations(
     for name, share in zip(mover.joints, use.T, strict=True):
         if share.max() > 1.0:
             worst, when = 100 * share.max(), 1e3 * times[share.argmax()]
-            found.append(
-                Violation(f"torque of {name}: {worst:.0f} % of its limit at {when:.0f} ms")
-            )
+            words = f"torque of {name}: {worst:.0f} % of its limit at {when:.0f} ms"
+            found.append(Violation(words, tight="torque", depth=float(share.max()) - 1.0))
     return found
 
 

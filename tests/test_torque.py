@@ -52,6 +52,14 @@ def test_weak_limits_are_kept(
     assert use(plan, WEAK)[1].max() <= 1.0
 
 
+@pytest.mark.parametrize("name", ["pose", "box"])
+def test_a_brake_that_takes_too_much_is_asked_for_less(name: str) -> None:
+    """The NLP looks at some instants of the brake; the check looks at every sample."""
+    plan = tp.plan(tp.load_scene(name).replace(torque=Torque(limits=WEAK)))
+    assert plan.solved
+    assert use(plan, WEAK)[1].max() <= 1.0
+
+
 def test_limits_that_bind_change_the_throw() -> None:
     scene = tp.load_scene("cup")
     free = tp.plan(scene)
