@@ -5,13 +5,9 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 import numpy.typing as npt
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
+from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -68,9 +64,8 @@ def first_slip(case: ReleaseCase, run: Release, dead_zone: float) -> int | None:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write the figure and free it."""
+    """Write the figure."""
     figure.savefig(path, dpi=100)
-    plt.close(figure)
 
 
 # The limit surface.
@@ -89,7 +84,8 @@ def draw_limit_surface(scene: Scene, path: Path) -> None:
     along = _force_axis(load)
     grip = float(case.grip.force(moment))
     shares = [share for share in ISOLINES if share * grip <= case.grip.full * (1 + 1e-9)]
-    figure, axis = plt.subplots(figsize=(10, 7.6), constrained_layout=True)
+    figure = Figure(figsize=(10, 7.6), layout="constrained")
+    axis = figure.subplots()
     for share in shares:
         _isoline(axis, case, surface, along, grip, share)
     reach = shares[0] * grip * float(case.contact.force_limit(1.0))
@@ -147,7 +143,7 @@ def _isoline(
     ways = np.array([*(along[:, None] * np.cos(angle)), arm * np.sin(angle)])
     size = case.contact.faces * share * grip / np.array([surface.gauge(way) for way in ways.T])
     force, torque = _in_plane(ways * size, along)
-    shade = plt.get_cmap("viridis")(0.85 - 0.85 * share / max(ISOLINES))
+    shade = colormaps["viridis"](0.85 - 0.85 * share / max(ISOLINES))
     axis.plot(force, torque, color=shade, lw=2.6 if share == 1.0 else 1.4)
     words = f"f_N = {share * grip:.3g} N" + (", onset" if share == 1.0 else "")
     box = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ..models.hand import PlanarArm
 from .folders import filling
 from .motion import SampledMotion
-from .plan import Plan
+from .plan import Draw, Plan
 from .sent import document
 
 Array = npt.NDArray[np.float64]
@@ -22,21 +22,27 @@ Array = npt.NDArray[np.float64]
 FILES = ("motion.csv", "throw.png", "throw.gif", "plan.json")
 
 
-def save_plan(plan: Plan, folder: Path, draw: bool) -> None:
-    """Write a plan's files into `folder`, and take away those of an earlier plan."""
+def save_plan(plan: Plan, folder: Path, draw: Draw) -> None:
+    """Write a plan's files into `folder`, and take away those of an earlier plan.
+
+    draw: "png" for throw.png alone.
+    """
     with filling(folder, FILES) as scratch:
         _write(plan, scratch, draw)
 
 
-def _write(plan: Plan, folder: Path, draw: bool) -> None:
+def _write(plan: Plan, folder: Path, draw: Draw) -> None:
     if plan.solved:
         write_motion(plan, folder / "motion.csv")
         if draw:
-            from .picture import draw_throw, draw_throw_moving
+            from .picture import draw_throw
 
             start = time.perf_counter()
             draw_throw(plan, folder / "throw.png")
-            draw_throw_moving(plan, folder / "throw.gif")
+            if draw != "png":
+                from .moving_picture import draw_throw_moving
+
+                draw_throw_moving(plan, folder / "throw.gif")
             plan.time["draw"] = time.perf_counter() - start
     text = json.dumps(document(plan), indent=2, allow_nan=False)
     (folder / "plan.json").write_text(text + "\n", encoding="utf-8")

@@ -6,14 +6,10 @@ import math
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 import numpy.typing as npt
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patheffects import AbstractPathEffect, withStroke
 from matplotlib.ticker import MultipleLocator
 
@@ -48,7 +44,8 @@ def _title(found: ReachMap) -> str:
 
 
 def _draw_plane(found: ReachMap, theta_edges: Array, path: Path) -> None:
-    figure, axis = plt.subplots(figsize=(8.4, 5.8), constrained_layout=True)
+    figure = Figure(figsize=(8.4, 5.8), layout="constrained")
+    axis = figure.subplots()
     x, theta = found.x_edges, np.degrees(theta_edges)
     top = max(float(np.nanmax(found.margin)), 0.05)
     mesh = axis.pcolormesh(
@@ -71,7 +68,6 @@ def _draw_plane(found: ReachMap, theta_edges: Array, path: Path) -> None:
     axis.set_title(_title(found), loc="left", fontsize=10)
     figure.legend(loc="outside lower center", ncols=3, fontsize=9, frameon=False)
     figure.savefig(path, dpi=130)
-    plt.close(figure)
 
 
 def _contours(axis: Axes, found: ReachMap, theta_edges: Array) -> None:
@@ -137,7 +133,8 @@ def _frame(axis: Axes, theta: Array) -> None:
 
 def _draw_line(found: ReachMap, path: Path) -> None:
     """Margin and number of throws over x."""
-    figure, axes = plt.subplots(2, 1, figsize=(8.4, 4.8), sharex=True, constrained_layout=True)
+    figure = Figure(figsize=(8.4, 4.8), layout="constrained")
+    axes = figure.subplots(2, 1, sharex=True)
     target = found.scene.target
     assert target is not None  # a scene with a map has one
     rows = (
@@ -157,4 +154,3 @@ def _draw_line(found: ReachMap, path: Path) -> None:
     axes[1].set_xlabel("landing x [m]")
     axes[0].set_title(_title(found), loc="left", fontsize=10)
     figure.savefig(path, dpi=130)
-    plt.close(figure)

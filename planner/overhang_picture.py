@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib
 import numpy as np
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from ..models.overhang import OverhangingBeam
 from ..models.release import ReleaseCase
@@ -26,7 +22,7 @@ def draw_overhang(scene: Scene, path: Path) -> None:
     """
     case = given_case(scene)
     beam = OverhangingBeam(case.body, case.contact, scene.patch.torsion_arm, case.gravity)
-    figure = plt.figure(figsize=(10, 7.6), constrained_layout=True)
+    figure = Figure(figsize=(10, 7.6), layout="constrained")
     sketch, axis = figure.subplots(2, 1, height_ratios=(1, 3.2))
     _sketch(sketch, beam)
     hinge, slide = _beam_forces(axis, case, beam)

@@ -1,33 +1,27 @@
-"""throw.png and throw.gif."""
+"""throw.png, and what it shares with throw.gif."""
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 import numpy.typing as npt
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
-from matplotlib.animation import AbstractMovieWriter, FuncAnimation, PillowWriter
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 
 from ..problems.scene import Pose, Scene, ThrownObject
 from .geometry import bar_outline, palm_corners
 from .plan import Plan
 from .quietness import load_curve
-from .sent import SentThrow, sent_throw
+from .sent import sent_throw
 from .timeline import PHASES, Timeline, timeline
 from .view_colours import ARM, COLOURS
 
 Array = npt.NDArray[np.float64]
 
-#: Playback speed of throw.gif against real time, and its frames.
-SLOW, FRAMES, FPS = 0.2, 90, 20
 #: The plots over time start this long before the command [ms].
 LEAD_MS = 120.0
 #: Least width drawn for a bar [m].
@@ -37,73 +31,19 @@ MIN_WIDTH = 0.008
 def draw_throw(plan: Plan, path: Path) -> None:
     """The throw as one picture: what moves where, and three plots over time."""
     line = timeline(sent_throw(plan))
-    figure = plt.figure(figsize=(12.5, 6.6), constrained_layout=True)
+    figure = Figure(figsize=(12.5, 6.6), layout="constrained")
     grid = figure.add_gridspec(3, 2, width_ratios=(2.1, 1))
     stage = figure.add_subplot(grid[:, 0])
-    _draw_surroundings(stage, plan.scene, plan.target)
+    draw_surroundings(stage, plan.scene, plan.target)
     _draw_arms(stage, plan.scene, line)
     _draw_bars(stage, plan.scene.object, line)
-    _frame(stage, plan.scene, line)
+    frame_stage(stage, plan.scene, line)
     stage.set_title(_title(plan), loc="left", fontsize=10)
     plots = [figure.add_subplot(grid[i, 1]) for i in range(3)]
     _draw_plots(plots, line)
     if plan.robust:
         _draw_window(plots[-1], plan)
     figure.savefig(path, dpi=110)
-    plt.close(figure)
-
-
-def draw_throw_moving(plan: Plan, path: Path) -> None:
-    """The throw as an animation at a fifth of its speed, ending a moment after landing."""
-    throw = sent_throw(plan)
-    line = timeline(throw)
-    last = len(line.times) - 1
-    frames = np.unique(np.linspace(0, last, FRAMES).astype(int))
-    frames = np.concatenate([frames, np.full(12, last)])
-    duration = line.times[-1] / SLOW
-    fps = max(5.0, min(FPS, len(frames) / duration))
-    animate(throw, line, frames, PillowWriter(fps=round(fps)), path)
-
-
-def animate(
-    throw: SentThrow,
-    line: Timeline,
-    frames: npt.NDArray[np.int_],
-    writer: AbstractMovieWriter,
-    path: Path,
-) -> None:
-    """The instants `frames` of the throw, one after another, into a file."""
-    figure, stage = plt.subplots(figsize=(7.2, 5.4), dpi=80, constrained_layout=True)
-    scene = throw.scene
-    _draw_surroundings(stage, scene, throw.target)
-    _frame(stage, scene, line)
-    bar = Polygon(np.zeros((4, 2)), closed=True, zorder=6)
-    trail = stage.plot([], [], color="#222222", lw=0.8, zorder=3)[0]
-    arm = stage.plot([], [], "-o", color=ARM, lw=5, ms=5, solid_capstyle="round", zorder=4)[0]
-    hand = Polygon(np.zeros((4, 2)), closed=True, color=ARM, zorder=4)
-    stage.add_patch(bar)
-    stage.add_patch(hand)
-    label = stage.text(0.02, 0.97, "", transform=stage.transAxes, va="top", fontsize=10)
-
-    def show(i: int) -> list[Any]:
-        bar.set_xy(_outline(scene.object, line.com[:, i]))
-        phase = PHASES[line.phase[i]]
-        bar.set_color(COLOURS[phase])
-        trail.set_data(line.com[0, : i + 1], line.com[1, : i + 1])
-        if line.arm is not None:
-            arm.set_data(*line.arm[i])
-        hand.set_xy(_hand_outline(scene, line.hand[:, i]))
-        label.set_text(f"t = {1e3 * line.times[i]:.0f} ms   {phase}")
-        return [bar, trail, arm, hand, label]
-
-    show(0)
-    try:
-        # The layout is found once, not for every frame.
-        figure.draw_without_rendering()
-        figure.set_layout_engine("none")
-        FuncAnimation(figure, show, frames=frames, blit=False).save(path, writer=writer, dpi=80)
-    finally:
-        plt.close(figure)
 
 
 def _title(plan: Plan) -> str:
@@ -113,24 +53,22 @@ def _title(plan: Plan) -> str:
     return f"{plan.scene.name}: {kind} landing {1e3 * error_x:.3f} mm{angle} from the target"
 
 
-def _outline(bar: ThrownObject, com: Array) -> Array:
+def bar_corners(bar: ThrownObject, com: Array) -> Array:
     """Corners (4, 2) of the bar, widened to be seen."""
-    import dataclasses
-
     wide = dataclasses.replace(bar, width=max(bar.width, MIN_WIDTH))
     return np.asarray(bar_outline(wide, com[:, None])[:, 0].T)
 
 
-def _hand_outline(scene: Scene, pose: Array) -> Array:
+def hand_corners(scene: Scene, pose: Array) -> Array:
+    """Corners (N, 2) of the palm, or of a small pad for a free hand."""
     if scene.arm is not None:
         return np.asarray(palm_corners(scene.arm.tool, pose[:, None])[:, 0].T)
-    # A free hand: a small pad at the grasp.
     cos, sin = np.cos(pose[2]), np.sin(pose[2])
     corners = 0.02 * np.array([[-1, -0.7], [1, -0.7], [1, 0.7], [-1, 0.7]])
     return np.asarray(pose[:2] + corners @ np.array([[cos, sin], [-sin, cos]]))
 
 
-def _draw_surroundings(stage: Axes, scene: Scene, target: Pose) -> None:
+def draw_surroundings(stage: Axes, scene: Scene, target: Pose) -> None:
     """Target, cup, floor and base column."""
     wall: dict[str, Any] = {"color": "#5b4a3f", "lw": 3, "solid_capstyle": "butt", "zorder": 2}
     if scene.cup is not None:
@@ -147,7 +85,7 @@ def _draw_surroundings(stage: Axes, scene: Scene, target: Pose) -> None:
             stage.add_patch(Rectangle((-radius, 0), 2 * radius, height, color="#e4e1dc", zorder=0))
     x = target.plane_x
     if target.theta is not None:
-        corners = _outline(scene.object, np.array([x, target.z, target.theta]))
+        corners = bar_corners(scene.object, np.array([x, target.z, target.theta]))
         stage.add_patch(Polygon(corners, closed=True, fill=False, ls="--", color="k", zorder=7))
     stage.plot([x], [target.z], "k+", ms=11, zorder=8, label="target")
 
@@ -168,7 +106,7 @@ def _draw_arms(stage: Axes, scene: Scene, line: Timeline) -> None:
                 zorder=2,
                 solid_capstyle="round",
             )
-        outline = _hand_outline(scene, line.hand[:, i])
+        outline = hand_corners(scene, line.hand[:, i])
         stage.add_patch(Polygon(outline, closed=True, color=ARM, alpha=alpha, zorder=2))
 
 
@@ -181,7 +119,7 @@ def _draw_bars(stage: Axes, bar: ThrownObject, line: Timeline) -> None:
         name = PHASES[line.phase[i]]
         stage.add_patch(
             Polygon(
-                _outline(bar, line.com[:, i]),
+                bar_corners(bar, line.com[:, i]),
                 closed=True,
                 color=COLOURS[name],
                 alpha=0.75,
@@ -194,7 +132,7 @@ def _draw_bars(stage: Axes, bar: ThrownObject, line: Timeline) -> None:
         stage.plot([], [], color=COLOURS[name], lw=5, label=name)
 
 
-def _frame(stage: Axes, scene: Scene, line: Timeline) -> None:
+def frame_stage(stage: Axes, scene: Scene, line: Timeline) -> None:
     """Equal axes around everything that moves."""
     points = [bar_outline(scene.object, line.com).reshape(2, -1), line.hand[:2]]
     if line.arm is not None:

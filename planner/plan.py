@@ -21,6 +21,8 @@ from .rollout import Landing
 from .solver import Solution
 
 Status = Literal["solved", "out_of_reach", "not_converged"]
+#: Which pictures of a plan are drawn: both, none, or throw.png alone.
+Draw = bool | Literal["png"]
 
 
 @dataclass(frozen=True)
@@ -158,8 +160,10 @@ class Plan:
             ]
         return more
 
-    def save(self, folder: str | Path, draw: bool = True) -> None:
+    def save(self, folder: str | Path, draw: Draw = True) -> None:
         """Write plan.json and, for a throw, motion.csv and (draw) throw.png, throw.gif.
+
+        draw: "png" draws throw.png alone, False neither.
 
         Raises InputError if the folder cannot be written; then nothing is left behind.
         """

@@ -12,13 +12,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 import numpy.typing as npt
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -128,7 +123,8 @@ def draw_chatter(scene: Scene, path: Path) -> None:
     """Explicit Euler against implicit and time stepping; below, its first slips step by step."""
     case = given_case(scene)
     start = slide_onset(case, ellipsoid(case.contact))
-    figure, axes = plt.subplots(3, 2, figsize=(10, 9.4), constrained_layout=True)
+    figure = Figure(figsize=(10, 9.4), layout="constrained")
+    axes = figure.subplots(3, 2)
     runs = [(curve, curve.model.release(case)) for curve in (*EXPLICIT, SMOOTHED, STEPPED)]
     for curve, run in runs:
         _plot_four(axes[:2].ravel(), run, curve)
@@ -158,7 +154,7 @@ def draw_chatter(scene: Scene, path: Path) -> None:
 def draw_shapes(scene: Scene, path: Path) -> None:
     """Three limit surfaces, and the release with each by explicit Euler and by time stepping."""
     case = given_case(scene)
-    figure = plt.figure(figsize=(10, 9.4), constrained_layout=True)
+    figure = Figure(figsize=(10, 9.4), layout="constrained")
     grid = figure.add_gridspec(3, 3, height_ratios=(1.5, 1, 1))
     below = np.array([[figure.add_subplot(grid[1 + j, i]) for i in range(3)] for j in range(2)])
     for i, (name, shape) in enumerate(SHAPES.items()):
@@ -196,7 +192,8 @@ def draw_comparison(scene: Scene, path: Path) -> None:
     Below: how far v_z and omega are from the time-stepping limit surface.
     """
     case = given_case(scene)
-    figure, grid = plt.subplots(3, 2, figsize=(10, 9.8), constrained_layout=True)
+    figure = Figure(figsize=(10, 9.8), layout="constrained")
+    grid = figure.subplots(3, 2)
     axes, apart = grid[:2].ravel(), grid[2]
     truth = STEPPED.model.release(case)
     for curve in COMPARED:

@@ -61,18 +61,14 @@ def _write_path(replay: Replay, path: Path) -> None:
 
 def _draw(replay: Replay, path: Path) -> None:
     """The bar's way at true scale, and beside it the landings about the target."""
-    import matplotlib
+    from matplotlib.figure import Figure
 
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
-
-    figure = plt.figure(figsize=(10, 6.4), constrained_layout=True)
+    figure = Figure(figsize=(10, 6.4), layout="constrained")
     stage, near = figure.subplots(1, 2, width_ratios=(1.2, 1))
     _draw_way(replay, stage)
     _draw_landings(replay, near)
     figure.suptitle(_title(replay), fontsize=11)
     figure.savefig(path, dpi=110)
-    plt.close(figure)
 
 
 def _draw_way(replay: Replay, axes: Any) -> None:

@@ -7,15 +7,11 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 import numpy.typing as npt
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
+from matplotlib.figure import Figure
 from matplotlib.patches import Polygon, Rectangle
 
 from .geometry import bar_outline
@@ -33,9 +29,8 @@ LEAST = 0.02
 
 def draw_landings(sweep: Sweep, path: Path, unit_of: Callable[[str], tuple[float, str]]) -> None:
     """Landings about the target with the tolerance, and the bars as they come down."""
-    figure, (points, bars) = plt.subplots(
-        1, 2, figsize=(12, 5.2), width_ratios=(1.35, 1), constrained_layout=True
-    )
+    figure = Figure(figsize=(12, 5.2), layout="constrained")
+    points, bars = figure.subplots(1, 2, width_ratios=(1.35, 1))
     _draw_points(points, sweep, unit_of)
     _draw_bars(bars, sweep)
     shown = min(sweep.samples, POINTS)
@@ -49,7 +44,6 @@ def draw_landings(sweep: Sweep, path: Path, unit_of: Callable[[str], tuple[float
         fontsize=11,
     )
     figure.savefig(path, dpi=110)
-    plt.close(figure)
 
 
 def widen(axis: Axes, vertical: bool = True) -> None:

@@ -6,13 +6,8 @@ import math
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 import numpy.typing as npt
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
@@ -77,9 +72,8 @@ def draw_delay(sweep: Sweep, path: Path) -> None:
         turned = np.degrees(pose[:, :, 1] - target.theta)
         rows.append(("θ − target [deg]", turned, math.degrees(scene.tolerance.angle)))
     rows.append(("scaled error [mm]", 1e3 * scaled, math.nan))
-    figure, axes = plt.subplots(
-        len(rows), 1, figsize=(8, 2.3 * len(rows) + 0.9), sharex=True, constrained_layout=True
-    )
+    figure = Figure(figsize=(8, 2.3 * len(rows) + 0.9), layout="constrained")
+    axes = figure.subplots(len(rows), 1, sharex=True)
     for axis, (label, values, tolerance) in zip(axes, rows, strict=True):
         if math.isfinite(tolerance):
             axis.axhspan(-tolerance, tolerance, color=GREEN, alpha=0.18, lw=0, label="tolerance")
@@ -123,7 +117,8 @@ def draw_histogram(sweep: Sweep, path: Path) -> None:
     """Landing x and theta about the target, and the scaled error with its quantiles."""
     scene, target = sweep.plan.scene, sweep.plan.target
     landed = sweep.landings.pose[np.isfinite(sweep.landings.pose[:, 0])]
-    figure, axes = plt.subplots(1, 3, figsize=(12, 3.9), constrained_layout=True)
+    figure = Figure(figsize=(12, 3.9), layout="constrained")
+    axes = figure.subplots(1, 3)
     dx = 1e3 * (landed[:, 0] - target.plane_x)
     _bars(axes[0], dx, "x − target [mm]", 1e3 * scene.tolerance.position)
     about = sweep.nominal.pose[0, 1] if target.theta is None else target.theta
@@ -172,7 +167,8 @@ def draw_tornado(sweep: Sweep, path: Path) -> None:
     moved = np.nan_to_num(poses[:, :, :2] - sweep.nominal.pose[0, :2])
     names = sweep.sampler.names
     height = 1.8 + 0.42 * len(names)
-    figure, axes = plt.subplots(1, 2, figsize=(12, height), constrained_layout=True)
+    figure = Figure(figsize=(12, height), layout="constrained")
+    axes = figure.subplots(1, 2)
     parts = (("x [mm]", 1e3, 0), ("θ [deg]", math.degrees(1.0), 1))
     for axis, (label, factor, column) in zip(axes, parts, strict=True):
         order = np.argsort(np.ptp(np.pad(moved[:, :, column], ((0, 0), (0, 1))), axis=1))
@@ -215,4 +211,3 @@ def _swing_label(sweep: Sweep, i: int) -> str:
 
 def _save(figure: Figure, path: Path) -> None:
     figure.savefig(path, dpi=110)
-    plt.close(figure)

@@ -1,11 +1,15 @@
-"""A planar throwing arm as a URDF whose frames lie as oddly as a URDF allows."""
+"""A planar throwing arm as a URDF whose frames lie as oddly as a URDF allows, and its import."""
 
 from __future__ import annotations
 
 import dataclasses
+from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
+from throwplan.models.arm import Arm
+from throwplan.planner.cli import main
+from throwplan.problems.arm_file import load_arm
 
 #: In the world at rest: where the joints are (x, z) [m], and their axes.
 PLACES = np.array([[0.0, 0.2], [0.05, 0.4], [0.45, 0.5], [0.8, 0.35]])
@@ -13,6 +17,11 @@ AXES = np.array([[0.0, 0.0, 1.0], [0.0, -1.0, 0.0], [0.0, 1.0, 0.0], [0.0, -1.0,
 #: The tool link's origin (x, z) [m] and where the hand points, as an angle in the plane.
 TOOL, POINTS = np.array([0.95, 0.3]), -0.4
 JOINTS = ["turn", "lift", "bend", "flick"]
+ODD_OPTIONS = [
+    *["--tool", "hand", "--approach=-x", "--closing", "z", "--tcp", "0.08"],
+    *["--acceleration", "10", "--jerk", "1000"],
+]
+XACRO = 'xmlns:xacro="http://ros.org/xacro"'
 
 
 @dataclasses.dataclass
@@ -123,3 +132,11 @@ def planar_urdf(fingers: str = "prismatic", axis_length: float = 2.5) -> tuple[s
 
 def words(values: np.ndarray) -> str:
     return " ".join(repr(float(value)) for value in values)
+
+
+def imported(folder: Path, urdf: Path, joints: list[str], *options: str) -> Arm:
+    out = folder / "arm.toml"
+    out.unlink(missing_ok=True)
+    words = ["import-robot", str(urdf), "--joints", *joints, *options, "--out", str(out)]
+    assert main(words) == 0
+    return load_arm(str(out))

@@ -10,10 +10,12 @@ import numpy as np
 import pytest
 import throwplan as tp
 from throwplan.planner.cli import main
+from throwplan.planner.report.kept import kept
 from throwplan.planner.report.page import Effort, Picture, Section, Table
-from throwplan.planner.report.planner import Measured, best_of, variants
+from throwplan.planner.report.planner import best_of, variants
+from throwplan.planner.report.planner_runs import Measured
 from throwplan.planner.report.reach import FAR, outside
-from throwplan.planner.report.run import SECTIONS, write
+from throwplan.planner.report.run import SECTIONS, make_report, write
 from throwplan.planner.report.single_shooting import SingleShooting
 
 ROWS = [["a | b", 1 / 3, 7, None], ["c", math.nan, 123456.789, "<why>"]]
@@ -27,9 +29,9 @@ def test_a_section_is_written_as_markdown_html_csv_and_pictures(tmp_path: Path) 
     section = Section("parts", "What < that", seconds=1.0)
     section.add("Words with `code`.", Table("sizes", "Sizes", ("name", "x", "n", "why"), ROWS))
     section.add(Picture("drawn", "A & B", draw))
-    write(tmp_path, ["made here"], [section])
+    write(tmp_path, ["made here"], section, [section])
     assert {path.name for path in tmp_path.iterdir()} == {
-        *("index.md", "index.html", "sizes.csv", "drawn.png")
+        *("index.md", "index.html", "report.json", "sizes.csv", "drawn.png")
     }
     text = (tmp_path / "index.md").read_text()
     assert "| a \\| b | 0.333 | 7 | – |" in text and "| c | – | 123457 | <why> |" in text
@@ -46,11 +48,33 @@ def test_a_section_is_written_as_markdown_html_csv_and_pictures(tmp_path: Path) 
 def test_a_second_section_stands_beside_the_first(tmp_path: Path) -> None:
     one = Section("parts", "One", [Table("first", "First", ("a",), [[1]])], 1.0)
     two = Section("reach", "Two", [Table("second", "Second", ("a",), [[2]])], 1.0)
-    write(tmp_path, [], [one])
-    write(tmp_path, [], [one, two])
+    write(tmp_path, [], one, [one])
+    write(tmp_path, [], two, [two, one])
     text = (tmp_path / "index.md").read_text()
     assert text.index("## One") < text.index("## Two")
     assert (tmp_path / "first.csv").exists() and (tmp_path / "second.csv").exists()
+
+
+def test_one_section_measured_again_leaves_the_others(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What is kept is read back to the digit; a section whose files are gone is not shown."""
+    one = Section("parts", "One", ["Words.", Table("first", "First", ("a",), ROWS)], 1.0, "then")
+    one.add(Picture("drawn", "A", draw))
+    write(tmp_path, ["now", "here"], one, [one])
+    (found,) = kept(tmp_path)
+    assert found.parts[0] == "Words." and found.made == "then"
+    assert isinstance(found.parts[1], Table) and str(found.parts[1].rows) == str(ROWS)
+
+    def make(effort: Effort) -> Section:
+        return Section("reach", "Two", [Table("second", "Second", ("a",), [[2]])])
+
+    monkeypatch.setattr("throwplan.planner.report.reach.make", make)
+    make_report(tmp_path, ["reach"])
+    text = (tmp_path / "index.md").read_text()
+    assert text.index("## One") < text.index("then") < text.index("## Two")
+    (tmp_path / "first.csv").unlink()
+    assert [section.key for section in kept(tmp_path)] == ["reach"]
 
 
 def test_unknown_sections_and_folders_are_refused(

@@ -7,15 +7,11 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-import matplotlib
 import numpy as np
 import numpy.typing as npt
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
 from matplotlib.artist import Artist
 from matplotlib.axes import Axes
+from matplotlib.figure import Figure
 
 from ..sweep_pictures import BLACK, BLUE, GREEN, GREY, RED
 
@@ -68,10 +64,8 @@ class Panel:
 def draw_work_precision(rows: Sequence[Sequence[Panel]], title: str, path: Path) -> None:
     """Rows of panels over one time axis, one legend for all."""
     wide, high = len(rows[0]), len(rows)
-    figure, grid = plt.subplots(
-        high, wide, figsize=(4.4 * wide, 3.7 * high + 1.2), sharex=True, squeeze=False,
-        constrained_layout=True,
-    )  # fmt: skip
+    figure = Figure(figsize=(4.4 * wide, 3.7 * high + 1.2), layout="constrained")
+    grid = figure.subplots(high, wide, sharex=True, squeeze=False)
     for axes, panels in zip(grid, rows, strict=True):
         for axis, panel in zip(axes, panels, strict=True):
             _draw(axis, panel)
@@ -86,7 +80,6 @@ def draw_work_precision(rows: Sequence[Sequence[Panel]], title: str, path: Path)
     )
     figure.suptitle(title, x=0.01, ha="left", fontsize=12)
     figure.savefig(path, dpi=110)
-    plt.close(figure)
 
 
 def _draw(axis: Axes, panel: Panel) -> None:
@@ -127,10 +120,8 @@ def draw_widths(
     panels: Sequence[tuple[str, Mapping[str, Array]]], steps: Sequence[int], path: Path
 ) -> None:
     """Error [mm] over the number of steps: per throw a line for each width, no width last."""
-    figure, axes = plt.subplots(
-        1, len(panels), figsize=(3.6 * len(panels), 4.2), sharey=True, constrained_layout=True,
-        squeeze=False,
-    )  # fmt: skip
+    figure = Figure(figsize=(3.6 * len(panels), 4.2), layout="constrained")
+    axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)
     for axis, (name, lines) in zip(axes[0], panels, strict=True):
         for i, (words, errors) in enumerate(lines.items()):
             last = i == len(lines) - 1
@@ -152,4 +143,3 @@ def draw_widths(
     axes[0][0].set_ylabel("scaled landing error to ε → 0 [mm]")
     axes[0][0].legend(fontsize=8)
     figure.savefig(path, dpi=110)
-    plt.close(figure)

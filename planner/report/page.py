@@ -65,12 +65,14 @@ Part = str | Table | Picture
 
 @dataclass
 class Section:
-    """One chapter. key: what `--only` calls it; seconds: how long it took to make."""
+    """One chapter. key: what `--only` calls it; seconds: how long it took to make; made: when,
+    where and by what command, in words."""
 
     key: str
     title: str
     parts: list[Part] = field(default_factory=list)
     seconds: float = math.nan
+    made: str = ""
 
     def add(self, *parts: Part) -> None:
         """More of it."""

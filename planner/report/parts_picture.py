@@ -10,16 +10,12 @@ from .part_sizes import Measured
 
 def draw(words: Sequence[str], found: Sequence[Measured], path: Path) -> None:
     """Two bar charts side by side: operations, and times to solve; one line for each word."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
+    from matplotlib.figure import Figure
 
     from ..sweep_pictures import BLUE, GREEN, GREY
 
-    figure, (left, right) = plt.subplots(
-        1, 2, figsize=(11, 4.5), sharey=True, constrained_layout=True
-    )
+    figure = Figure(figsize=(11, 4.5), layout="constrained")
+    left, right = figure.subplots(1, 2, sharey=True)
     operations = [float(one.operations) for one in found]
     own, whole = ([1e3 * getattr(one, name) for one in found] for name in ("solve", "whole"))
     lines = range(len(found))
@@ -40,4 +36,3 @@ def draw(words: Sequence[str], found: Sequence[Measured], path: Path) -> None:
         axis.grid(axis="x", alpha=0.3)
     left.invert_yaxis()
     figure.savefig(path, dpi=120)
-    plt.close(figure)

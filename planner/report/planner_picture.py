@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 import numpy.typing as npt
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
+from matplotlib.figure import Figure
 
 COLOURS = ("#222222", "#8a8f98", "#4c78a8", "#2a9d6f", "#f2a33a", "#d1495b", "#9467bd", "#17becf")
 
@@ -23,7 +19,8 @@ def draw_settings(
     best: list[bool],
 ) -> None:
     """Points (N, 2): solving time [ms], error [mm]; families by colour, Pareto points ringed."""
-    figure, axes = plt.subplots(figsize=(9, 6), layout="constrained")
+    figure = Figure(figsize=(9, 6), layout="constrained")
+    axes = figure.subplots()
     names = {"integrator": "rk4: opening × substeps"}
     for kind, color in zip(dict.fromkeys(kinds), COLOURS, strict=False):
         members = [k for k, other in enumerate(kinds) if other == kind]
@@ -52,4 +49,3 @@ def draw_settings(
     axes.legend(fontsize=8)
     axes.grid(alpha=0.3, which="both")
     figure.savefig(path, dpi=110)
-    plt.close(figure)

@@ -4,20 +4,17 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 import numpy.typing as npt
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
+from matplotlib.figure import Figure
 
 Array = npt.NDArray[np.float64]
 
 
 def draw_targets(path: Path, *, solved: Array, lost: Array, outside: Array, nearest: Array) -> None:
     """Poses (N, 2) [m, rad]; `nearest` belongs to `outside`, row by row."""
-    figure, axes = plt.subplots(figsize=(9, 6), layout="constrained")
+    figure = Figure(figsize=(9, 6), layout="constrained")
+    axes = figure.subplots()
     for one, other in zip(outside, nearest, strict=True):
         axes.plot(*_shown(np.array([one, other])), color="#dddddd", lw=0.7, zorder=1)
     groups = (
@@ -35,7 +32,6 @@ def draw_targets(path: Path, *, solved: Array, lost: Array, outside: Array, near
     axes.legend()
     axes.grid(alpha=0.3)
     figure.savefig(path, dpi=110)
-    plt.close(figure)
 
 
 def _shown(poses: Array) -> tuple[Array, Array]:

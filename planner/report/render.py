@@ -23,11 +23,17 @@ def markdown(title: str, head: Sequence[str], sections: Sequence[Section]) -> st
     """The whole report as Markdown; tables link their CSV files."""
     lines = [f"# {title}", "", *(f"- {line}" for line in head), ""]
     for section in sections:
-        lines += [f"## {section.title}", ""]
+        lines += [f"## {section.title}", "", *_otherwise(section, head)]
         for part in section.parts:
             lines += [*_markdown_of(part), ""]
         lines += [_again(section), ""]
     return "\n".join(lines)
+
+
+def _otherwise(section: Section, head: Sequence[str]) -> list[str]:
+    """When and where a section was made, if not as the page's head says."""
+    usual = not section.made or section.made == " ".join(head[:2])
+    return [] if usual else [section.made, ""]
 
 
 def _again(section: Section) -> str:
@@ -51,6 +57,7 @@ def page(title: str, head: Sequence[str], sections: Sequence[Section], folder: P
     body += [f"<li>{_words(line)}</li>" for line in head] + ["</ul>"]
     for section in sections:
         body.append(f'<h2 id="{section.key}">{html.escape(section.title)}</h2>')
+        body += [f"<p>{_words(line)}</p>" for line in _otherwise(section, head) if line]
         body += [_html_of(part, folder) for part in section.parts]
         body.append(f"<p>{_words(_again(section))}</p>")
     text = "\n".join(body)

@@ -4,13 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-import matplotlib
 import numpy as np
 import numpy.typing as npt
-
-matplotlib.use("Agg")
-
-import matplotlib.pyplot as plt
+from matplotlib.figure import Figure
 
 #: Where a target without a plan is drawn, and the least ratio that is told apart.
 LOST, LEAST = 20.0, 1e-4
@@ -18,7 +14,8 @@ LOST, LEAST = 20.0, 1e-4
 
 def draw_ratios(ratios: dict[str, npt.NDArray[np.float64]], path: Path) -> None:
     """Ratios (N,) by method, infinite without a plan; a bar at each median."""
-    figure, axes = plt.subplots(figsize=(9, 4.5), layout="constrained")
+    figure = Figure(figsize=(9, 4.5), layout="constrained")
+    axes = figure.subplots()
     rng = np.random.default_rng(0)
     for place, found in enumerate(ratios.values()):
         solved = np.isfinite(found)
@@ -34,4 +31,3 @@ def draw_ratios(ratios: dict[str, npt.NDArray[np.float64]], path: Path) -> None:
     axes.set_ylabel("spread / nominal spread\n(× : no plan)")
     axes.grid(axis="y", alpha=0.3)
     figure.savefig(path, dpi=110)
-    plt.close(figure)

@@ -12,6 +12,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from ..folders import filling
+from .kept import NAME, keep, kept
 from .page import Effort, Section, Table
 from .render import markdown, page
 
@@ -19,7 +20,7 @@ TITLE = "throwplan: error against run time, stability, and what a scene leaves o
 #: Sections by what `--only` calls them; each is a module here with `make(effort)`.
 SECTIONS = ("models", "planner", "stability", "parts", "reach", "robust")
 #: Files of every report, beside the tables' and pictures'.
-FILES = ("index.md", "index.html")
+FILES = ("index.md", "index.html", NAME)
 #: Libraries whose versions decide the figures.
 LIBRARIES = ("throwplan", "casadi", "numpy", "scipy", "ruckig")
 
@@ -32,33 +33,37 @@ def make_report(
     """Measure and write the sections `only` (all, if empty) into `folder`.
 
     The page is written anew after each section, so what was made stays if the next is
-    interrupted. show: given a section's key, says who hears of its progress.
+    interrupted. With `only` the other sections of a report that is there stay. show: given
+    a section's key, says who hears of its progress.
     """
     head, made = _head(quick), []
+    before = [section for section in kept(folder) if only and section.key not in only]
     for key in SECTIONS:
         if only and key not in only:
             continue
         progress = None if show is None else show(key)
         start = time.perf_counter()
         section = importlib.import_module(f".{key}", __package__).make(Effort(quick, progress))
-        section.seconds = time.perf_counter() - start
+        section.seconds, section.made = time.perf_counter() - start, head[0] + " " + head[1]
         made.append(section)
-        write(folder, head, made)
+        write(folder, head, section, [*before, *made])
     return made
 
 
-def write(folder: Path, head: Sequence[str], sections: Sequence[Section]) -> None:
-    """The page of some sections with all files of the last of them."""
-    parts = [part for part in sections[-1].parts if not isinstance(part, str)]
+def write(folder: Path, head: Sequence[str], section: Section, sections: Sequence[Section]) -> None:
+    """The page of all sections, and the files of one of them."""
+    parts = [part for part in section.parts if not isinstance(part, str)]
     new = tuple(f"{p.name}.{'csv' if isinstance(p, Table) else 'png'}" for p in parts)
     with filling(folder, new) as scratch:
         for part in parts:
             part.write(scratch)
     with filling(folder, FILES) as scratch:
+        sections = sorted(sections, key=lambda one: SECTIONS.index(one.key))
         text = markdown(TITLE, head, sections)
         (scratch / "index.md").write_text(text, encoding="utf-8")
         whole = page(TITLE, head, sections, folder)
         (scratch / "index.html").write_text(whole, encoding="utf-8")
+        keep(scratch, sections)
 
 
 def _head(quick: bool) -> list[str]:

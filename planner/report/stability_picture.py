@@ -10,15 +10,13 @@ from .extreme_runs import Outcome
 
 def draw(found: Sequence[Outcome], path: Path) -> None:
     """Error over time, and condition over iterations, of the extreme cases."""
-    import matplotlib
-
-    matplotlib.use("Agg")
-    import matplotlib.pyplot as plt
+    from matplotlib.figure import Figure
     from matplotlib.ticker import NullFormatter
 
     from ..sweep_pictures import BLUE, GREEN, GREY, RED
 
-    figure, (left, right) = plt.subplots(1, 2, figsize=(11, 4.5), constrained_layout=True)
+    figure = Figure(figsize=(11, 4.5), layout="constrained")
+    left, right = figure.subplots(1, 2)
     kinds = (("free hand", GREEN, False), ("Panda", BLUE, True))
     floor = 1e-7
     for label, colour, robot in kinds:
@@ -42,4 +40,3 @@ def draw(found: Sequence[Outcome], path: Path) -> None:
         axis.grid(alpha=0.3)
         axis.legend(frameon=False, fontsize=8)
     figure.savefig(path, dpi=120)
-    plt.close(figure)

@@ -1,0 +1,109 @@
+"""What is measured of one way to pose and solve throws: first solves, and whole plans."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ...problems.scene import Pose, Scene
+from ..check import throw
+from ..compiled import Compile
+from ..correction import Search
+from ..guess import guess_from
+from ..motion import opening_start, planned_motion
+from ..numbers import bounds, opening_nodes, parameter_values
+from ..planner import Planner
+from ..smooth import SmoothingError, send
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Variant:
+    """One way to pose and solve: mesh settings other than the usual, solver, compiled."""
+
+    mesh: tuple[tuple[str, float | str], ...] = ()
+    solver: str = "fatrop"
+    compiling: Compile = "no"
+
+    @property
+    def words(self) -> str:
+        """What differs from the default."""
+        return ", ".join(f"{name} {value}" for name, value in self.mesh) or "as it is"
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What came of a variant's first solves, and of its whole plans.
+
+    solved: first solves that converged; exact, sent (N, 2): their landing errors without
+    correction [m, rad], of the planned motion and of what is sent; solve [s], iterations
+    (N,); plans: that ended as solved; plan [s] (M,); final (M, 2): the errors of these.
+    """
+
+    solved: int
+    exact: Array
+    sent: Array
+    solve: Array
+    iterations: Array
+    plans: int
+    plan: Array
+    final: Array
+    trouble: str
+
+
+def measured(scene: Scene, targets: list[Pose], variant: Variant) -> Measured:
+    """A variant on all targets; building and compiling are not in the times."""
+    mesh = dataclasses.replace(scene.mesh, **dict(variant.mesh))  # type: ignore[arg-type]
+    scene = scene.replace(mesh=mesh)
+    planner = Planner(scene, compiling=variant.compiling)
+    planner.plan(targets[0], solver=variant.solver)  # type: ignore[arg-type]
+    first = [_first(planner, target, variant.solver) for target in targets]
+    plans = [planner.plan(target, solver=variant.solver) for target in targets]  # type: ignore[arg-type]
+    done = [plan for plan in plans if plan.solved]
+    good = [entry for entry in first if not entry[-1]]
+    return Measured(
+        len(good),
+        np.array([entry[0] for entry in good]).reshape(-1, 2),
+        np.array([entry[1] for entry in good]).reshape(-1, 2),
+        np.array([entry[2] for entry in first]),
+        np.array([entry[3] for entry in first]),
+        len(done),
+        np.array([plan.time["total"] - plan.time["build"] for plan in plans]),
+        np.array([plan.error_sent() for plan in done]).reshape(-1, 2),
+        "; ".join(dict.fromkeys(entry[-1] for entry in first if entry[-1])),
+    )
+
+
+def _first(
+    planner: Planner, target: Pose, solver: str
+) -> tuple[tuple[float, float], tuple[float, float], float, int, str]:
+    """One solve: errors of what is planned and sent, seconds, iterations, trouble."""
+    scene, mover, search = planner.scene.aimed_at(target), planner.mover, Search(planner.scene)
+    releases = planner.releases()
+    index = planner.starts(target)[0][0]
+    flight = float(releases.landings(target.z, scene.gravity)[2][index])
+    problem = planner.bench.problem(target, solver, search)
+    nlp = problem.nlp
+    guess = guess_from(nlp, scene, mover, releases, index, flight)
+    numbers = nlp.parameters.vector(parameter_values(scene, mover, target))
+    limits, begin = bounds(nlp, scene, mover), time.process_time()
+    found = problem.solver.solve(guess, numbers, limits)
+    seconds = time.process_time() - begin
+    none = math.nan, math.nan
+    if not found.success:
+        return none, none, seconds, found.iterations, f"{solver} did not converge"
+    nodes = opening_nodes(scene.mesh, scene.gripper.profile().opening)
+    planned, at = planned_motion(nlp, mover, found.x, nodes), opening_start(nlp, found.x)
+    exact = throw(scene, mover, planned, at, target.z).miss(target)
+    try:
+        motion = planned if scene.robot is None else send(mover, planned)
+    except SmoothingError as error:
+        return exact, none, seconds, found.iterations, str(error)
+    sent = throw(scene, mover, motion, at, target.z).miss(target)
+    return exact, sent, seconds, found.iterations, ""

@@ -1,0 +1,158 @@
+"""The Franka Research 3: velocity limits that depend on the position."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections import Counter
+
+import casadi as ca
+import numpy as np
+import pytest
+import throwplan as tp
+from throwplan.planner.check import broken_limits
+from throwplan.planner.motion import SampledMotion
+from throwplan.planner.mover import make_mover
+from throwplan.planner.nlp import ThrowNlp, build_nlp
+from throwplan.planner.numbers import structure_of
+
+
+def fr3_velocity(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Lowest and highest velocity of joints 2, 4, 6 at q (N, 3): libfranka, rate_limiting.h."""
+    high = [
+        np.minimum(2.62, -0.20 + np.sqrt(np.maximum(5.17 * (1.79180 - q[:, 0]), 0))),
+        np.minimum(2.62, -0.30 + np.sqrt(np.maximum(8.00 * (-0.1458 - q[:, 1]), 0))),
+        np.minimum(4.18, -0.35 + np.sqrt(np.maximum(11.0 * (4.52050 - q[:, 2]), 0))),
+    ]
+    low = [
+        np.maximum(-2.62, 0.20 - np.sqrt(np.maximum(5.17 * (1.79180 + q[:, 0]), 0))),
+        np.maximum(-2.62, 0.30 - np.sqrt(np.maximum(8.00 * (3.04810 + q[:, 1]), 0))),
+        np.maximum(-4.18, 0.35 - np.sqrt(np.maximum(11.0 * (-0.54092 + q[:, 2]), 0))),
+    ]
+    return np.minimum(low, 0.0).T, np.maximum(high, 0.0).T
+
+
+def without_slowing(scene: tp.Scene) -> tp.Scene:
+    limits = dataclasses.replace(scene.arm.limits, slowing=None)
+    return scene.replace(arm=dataclasses.replace(scene.arm, limits=limits))
+
+
+@pytest.fixture(scope="module")
+def fr3():
+    return tp.load_scene("fr3")
+
+
+@pytest.fixture(scope="module")
+def fr3_planner(fr3):
+    return tp.Planner(fr3)
+
+
+#: A throw backwards over the base, joint 4 fast near the end of its range; two more.
+NEAR_THE_END = tp.Pose(x=-2.07, z=0.1, theta=5.9)
+FR3_TARGETS = [NEAR_THE_END, tp.Pose(x=-0.592, z=0.1, theta=0.657), None]
+
+
+def test_shipped_limits_are_libfrankas(fr3):
+    mover = make_mover(fr3)
+    q = np.random.default_rng(0).uniform(mover.hard.q_min, mover.hard.q_max, (200, 3))
+    for found, expected in zip(mover.hard.velocity(q), fr3_velocity(q), strict=True):
+        np.testing.assert_allclose(found, expected, atol=1e-12)
+    planned = mover.planning.velocity(q)[1]
+    np.testing.assert_allclose(planned, 0.99 * fr3_velocity(q)[1], atol=1e-12)
+
+
+@pytest.mark.parametrize("target", FR3_TARGETS, ids=str)
+def test_every_sample_keeps_the_velocity_limits(fr3_planner, target):
+    plan = fr3_planner.plan(target)
+    assert plan.solved
+    position, angle = plan.error_sent()
+    assert abs(position) < 0.002 and abs(angle) < math.radians(0.5)
+    samples = plan.throw.samples
+    low, high = fr3_velocity(samples.q)
+    assert (samples.dq <= high).all() and (samples.dq >= low).all()
+    assert np.abs(samples.dq[-1]).max() == pytest.approx(0.0, abs=1e-9)
+
+
+def test_the_limits_bind_near_a_joints_end(fr3, fr3_planner):
+    """Without them the arm would go faster than it may; with them it goes as fast as it may."""
+    free = tp.Planner(without_slowing(fr3)).plan(NEAR_THE_END)
+    assert free.solved
+    low, high = fr3_velocity(free.throw.samples.q)
+    dq = free.throw.samples.dq
+    assert max((dq - high).max(), (low - dq).max()) > 0.01
+    mover = make_mover(fr3)
+    broken = broken_limits(mover.hard, mover.joints, free.throw.samples)
+    assert broken and all(words.endswith("velocity") for words in broken)
+
+    samples = fr3_planner.plan(NEAR_THE_END).throw.samples
+    _, high = fr3_velocity(samples.q)
+    # Where the limit has fallen by a tenth or more, joint 4 uses all but the 1 % kept back.
+    slower = (high[:, 1] < 0.9 * 2.62) & (high[:, 1] > 0.5)
+    used = samples.dq[slower, 1] / high[slower, 1]
+    assert 0.985 < used.max() <= 0.996
+
+
+@pytest.mark.parametrize("slowing", [True, False])
+def test_a_sample_over_the_curve_is_named(fr3, slowing):
+    """Joint 4 at a steady 2 rad/s to 0.15 rad before its end: under 2.62, over the curve."""
+    mover = make_mover(fr3 if slowing else without_slowing(fr3))
+    ticks = np.arange(300)[:, None]
+    q = np.array([0.0, -0.9, 2.0]) + 0.001 * ticks * np.array([0.0, 2.0, 0.0])
+    dq = np.tile([0.0, 2.0, 0.0], (300, 1))
+    broken = broken_limits(mover.hard, mover.joints, SampledMotion(q, dq, 0.0 * q))
+    assert broken == (["joint 4 velocity"] if slowing else [])
+
+
+@pytest.mark.parametrize(
+    ("robot", "target"),
+    [
+        ({"control": "acceleration"}, FR3_TARGETS[1]),
+        ({"start": (-math.pi / 4, -3 * math.pi / 4, math.pi / 2)}, NEAR_THE_END),
+    ],
+    ids=["acceleration", "start"],
+)
+def test_other_ways_to_plan_keep_the_limits(fr3, robot, target):
+    scene = fr3.replace(robot=dataclasses.replace(fr3.robot, **robot))
+    plan = tp.Planner(scene).plan(target)
+    assert plan.solved
+    low, high = fr3_velocity(plan.throw.samples.q)
+    dq = plan.throw.samples.dq
+    assert (dq <= high).all() and (dq >= low).all()
+
+
+def test_releases_keep_the_limits_at_both_ends_of_the_opening(fr3_planner, fr3):
+    releases = fr3_planner.releases()
+    opening = fr3.gripper.profile().opening
+    end = releases.q + opening * (releases.dq + opening * releases.ddq / 2)
+    rate = releases.dq + opening * releases.ddq
+    assert len(releases.q) > 1000
+    for q, dq in ((releases.q, releases.dq), (end, rate)):
+        low, high = fr3_velocity(q)
+        assert (dq <= high).all() and (dq >= low).all()
+
+
+def nlp_of(scene: tp.Scene) -> ThrowNlp:
+    mover = make_mover(scene)
+    return build_nlp(structure_of(scene, mover, True), mover)
+
+
+def operations(nlp: ThrowNlp) -> int:
+    """Of its constraints and objective."""
+    outputs = [nlp.problem["g"], nlp.problem["f"]]
+    function = ca.Function("nlp", [nlp.problem["x"], nlp.problem["p"]], outputs)
+    return int(function.expand().n_instructions())
+
+
+def test_an_arm_without_such_limits_has_nothing_of_them(fr3):
+    full, bare = nlp_of(fr3), nlp_of(without_slowing(fr3))
+    panda = nlp_of(tp.load_scene("pose"))
+    assert bare.size == panda.size
+    assert set(bare.parameters.blocks) == set(panda.parameters.blocks)
+    assert operations(bare) == operations(panda) < operations(full)
+    assert full.size[0] == bare.size[0]
+    more = Counter(full.row_names) - Counter(bare.row_names)
+    assert set(more) == {f"joint {j} velocity" for j in (2, 4, 6)}
+    assert sum(more.values()) == full.size[1] - bare.size[1]
+    assert set(full.parameters.blocks) - set(bare.parameters.blocks) == {
+        "slowing", "slowing_offset", "slowing_upper", "slowing_lower",
+    }  # fmt: skip
