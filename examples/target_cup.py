@@ -61,17 +61,14 @@ print(plan.status, "-", plan.message)
 
 # %% [markdown]
 """
-`save` writes the plan (`plan.json`), the joint motion at 1 kHz (`motion.csv`) and two pictures. The
-animation takes some seconds; `save(folder, draw=False)` leaves both pictures out.
+`save` writes the plan (`plan.json`), the joint motion at 1 kHz (`motion.csv`) and two pictures: one
+that stands still and one that moves. `draw="png"` leaves out the second, `draw=False` both.
 """
 
 # %%
 with tempfile.TemporaryDirectory() as folder:
-    plan.save(folder)
+    plan.save(folder, draw="png")
     display(Image(f"{folder}/throw.png", width=900))
-
-# Drawing to files has switched matplotlib's backend: back to pictures below the cells.
-# %matplotlib inline
 
 # %% [markdown]
 """

@@ -31,17 +31,19 @@ def failed_plan(
     search: Search,
 ) -> Plan:
     """No throw found: out of reach with the nearest possible, or not converged."""
-    if answer is None:
+    if answer is None and not search.late:
         far, pose, words = highest(releases, target, search.scene.gravity)
         status: Status = "out_of_reach" if far else "not_converged"
         plan = _plan(bench, status, target, words, None, name, search)
         return dataclasses.replace(plan, nearest=pose, binding=("landing height",))
-    if answer.outside:
+    if answer is not None and answer.outside:
         words = _out_of_reach(answer)
         plan = _plan(bench, "out_of_reach", target, words, None, name, search)
         return dataclasses.replace(plan, nearest=answer.pose, binding=answer.names)
     thrown, why = search.fallback or (None, search.trouble[-1] if search.trouble else "")
     message = f"no throw found: {why or 'no feasible release to start from'}"
+    if search.late:
+        message += " (more time may help: patience)"
     return _plan(bench, "not_converged", target, message, thrown, name, search)
 
 

@@ -51,7 +51,7 @@ class Search:
     trouble: why starts led nowhere, in order; fallback: a throw that keeps less than
     it should, and why; broken: the last attempt's throw, if it led to one that breaks
     something. guards, room: which rows the check has shown to be needed, and where more
-    room.
+    room. until: when, by time.perf_counter(), no further attempt is made.
     """
 
     scene: Scene
@@ -63,6 +63,12 @@ class Search:
     broken: PlannedThrow | None = None
     guards: frozenset[Guard] = frozenset()
     room: Room = USUAL
+    until: float = math.inf
+
+    @property
+    def late(self) -> bool:
+        """Whether the time for searching is over."""
+        return time.perf_counter() > self.until
 
     @contextmanager
     def clock(self, name: str) -> Iterator[None]:

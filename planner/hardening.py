@@ -47,6 +47,8 @@ def hardened(
     """
     best: tuple[float, Plan, Hardened] | None = None
     for source in sources:
+        if best is not None and search.late:
+            break
         assert source.throw is not None
         found = _by_method(bench, source, method, names, search)
         if found is None:

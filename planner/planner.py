@@ -45,6 +45,8 @@ MORE_SOURCES = 3
 MOST_ALTERNATIVES = 20
 #: Random releases drawn for the starting points.
 SAMPLES = 20_000
+#: Time [s] after which no further attempt is made. Usual plans take a thousandth of it.
+PATIENCE = 20.0
 #: NLPs tried from one release, each asked what the check has seen to be missing.
 TRIES = 4
 
@@ -86,6 +88,7 @@ class Planner:
         warm: Plan | None = None,
         alternatives: int = 0,
         robust: str | None = None,
+        patience: float = PATIENCE,
     ) -> Plan:
         """A throw to `target` (the scene's by default), with its status.
 
@@ -93,7 +96,8 @@ class Planner:
         with IPOPT as fallback. turns: 'any' takes theta modulo full turns. warm: a
         solved plan of this planner for a target nearby. alternatives: how many throws
         that differ from the plan's to look for; they are in `Plan.alternatives`. robust: a
-        method of the section [robust], instead of the scene's.
+        method of the section [robust], instead of the scene's. patience [s]: after so long
+        no further attempt to find a throw is begun.
         """
         started = time.perf_counter()
         target = self.check(target)
@@ -107,7 +111,9 @@ class Planner:
         method = self._method(robust)
         if method and alternatives:
             raise InputError("alternatives: not with a robust plan")
-        search = Search(self.scene.aimed_at(target))
+        if not patience > 0:
+            raise InputError(f"patience = {patience!r}: must be above 0")
+        search = Search(self.scene.aimed_at(target), until=started + patience)
         made, self._build_time = self._build_time, 0.0
         search.times["build"] = made
         names = ("fatrop", "ipopt") if solver == "auto" else (solver,)
@@ -155,14 +161,17 @@ class Planner:
                 # The starts have had IPOPT already.
                 break
             for index, goal, _ in first[: count * wanted]:
+                if search.late:
+                    break
                 found += self._from_release(name, index, goal, releases, search, light)
                 if len(distinct(found)) >= wanted:
                     return self._chosen(found, alternatives, search)
         if found:
             return self._chosen(found, alternatives, search)
-        if first and (answer is None or search.guards):
+        if first and (answer is None or search.guards) and not search.late:
             answer = self._possible(first[0][1], releases, search)
-        if answer is not None and not answer.outside and answer.solution is not None:
+        reached = answer is not None and not answer.outside and answer.solution is not None
+        if reached and answer is not None and not search.late:
             # The elastic solve reached the target: its point starts the real problem.
             goal = answer.goal
             guess = answer.guess_for(self.bench.nlp(goal, search))
@@ -246,7 +255,7 @@ class Planner:
             thrown = attempt(problem, self.mover, goal, guess, search)
             if thrown is not None:
                 return [Found(goal, thrown, problem.solver.name)]
-            if search.broken is None or search.asked == asked:
+            if search.broken is None or search.asked == asked or search.late:
                 break
             if light and search.guards & HEAVY:
                 search.guards, search.room = asked

@@ -133,3 +133,15 @@ def test_fatrop_is_not_given_a_start_that_it_never_returns_from() -> None:
     assert time.perf_counter() - start < 60.0
     assert plan.status in ("solved", "not_converged", "out_of_reach")
     assert plan.solver == "ipopt"
+
+
+def test_no_attempt_is_begun_after_the_patience_is_over() -> None:
+    """An honest answer, and that more time may help; a solved target needs none of it."""
+    scene = tp.load_scene("cup")
+    planner = tp.Planner(scene, compiling="no")
+    planner.plan()
+    plan = planner.plan(patience=1e-6)
+    assert plan.status == "not_converged" and "patience" in plan.message
+    assert plan.attempts == 0
+    with pytest.raises(tp.InputError, match="patience = 0: must be above 0"):
+        planner.plan(patience=0)
