@@ -9,6 +9,8 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -53,12 +55,15 @@ class TableRelease:
         self.opening = float(t[ended] - t[start])
         self._times, self._forces = t[start : ended + 1] - t[start], f[start : ended + 1]
 
-    def force(self, time: npt.ArrayLike) -> Array:
-        """f_N [N] at `time` [s] after the start of the fall."""
+    @cached_property
+    def _curve(self) -> Any:
         from scipy.interpolate import PchipInterpolator
 
-        curve = PchipInterpolator(self._times, self._forces)
-        force = curve(np.clip(np.asarray(time, float), 0.0, self.opening))
+        return PchipInterpolator(self._times, self._forces)
+
+    def force(self, time: npt.ArrayLike) -> Array:
+        """f_N [N] at `time` [s] after the start of the fall."""
+        force = self._curve(np.clip(np.asarray(time, float), 0.0, self.opening))
         return np.asarray(np.maximum(force, 0.0))
 
 

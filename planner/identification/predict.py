@@ -76,7 +76,7 @@ class Predictions:
 #: Models that take many parameters at once; every other of `simulate.MODELS` one by one.
 BATCHES: dict[str, Callable[[ReleaseBatch], BatchRelease]] = {
     "sp": lambda batch: throw_sliding_pivot(batch, even=compiled_steps("sp", batch.hands)),
-    "sp-paper": lambda batch: throw_sliding_pivot(batch, 400, "paper"),
+    "sp-paper": lambda batch: throw_sliding_pivot(batch, 100, "paper"),
     "ls": throw_karnopp,
     "ls-step": lambda batch: throw_limit_surface(
         batch, even=compiled_steps("ls-step", batch.hands)
@@ -171,6 +171,10 @@ class Predictor:
         self, model: str, throw: MeasuredThrow, hand: HandTrack, parameters: Parameters
     ) -> Array:
         found = []
+        # Splines instead of an arm's kinematics at every call, as in a batch.
+        hands = self.batch(throw, hand, parameters).hands
+        if isinstance(hands, SampledHands):
+            hand = SampledHand(hands.times, hands.poses[0])
         for sets in zip(*parameters.spread(), strict=True):
             end = MODELS[model].release(self.case(throw, hand, sets)).detach
             found.append([end.x, end.z, end.theta, end.v_x, end.v_z, end.omega])

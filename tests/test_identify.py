@@ -1,0 +1,302 @@
+"""Identification: truth recovered, derivatives, the ridge, priors, learning, files, bad input."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import re
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+import pytest
+import throwplan as tp
+from throwplan.models.grip_force import TableRelease
+from throwplan.planner import compiled_batch
+from throwplan.planner.cli import main
+from throwplan.planner.compiler import compiler
+from throwplan.planner.identification.fit_belief import Belief
+from throwplan.planner.identification.fit_landing import DifferencedLandings, PivotLandings
+from throwplan.planner.identification.fit_scene import applied, contact_text, prior_of
+from throwplan.planner.identification.grid import MISSED, grid_of
+from throwplan.planner.identification.identify_run import identify
+from throwplan.planner.identification.learn import throw_data, thrown, updated
+from throwplan.planner.identification.measured import measured
+from throwplan.planner.identification.predict import Parameters, Predictor
+from throwplan.problems.errors import InputError
+from throwplan.problems.hold import Grasp, ThrownObject
+from throwplan.problems.load import load_scene, scene_text
+from throwplan.problems.throw_data import MeasuredThrow, Shared, ThrowData
+
+Array = npt.NDArray[np.float64]
+
+MU, RADIUS, LATE = 0.8, 0.004, 0.006
+NOISE = (0.002, 0.01)
+BARS = (ThrownObject(0.24, 535e-6, 0.26, 0.10), ThrownObject(0.24, 802e-6, 0.26, 0.16))
+
+
+def made(
+    count: int,
+    model: str,
+    delay: float = 0.0,
+    alike: bool = False,
+    noise: tuple[float, float] = NOISE,
+) -> ThrowData:
+    """Synthetic throws of a free hand, with noise on the landings."""
+    rng = np.random.default_rng(7)
+    grip = TableRelease([0.0, 0.05, 0.10], [120.0, 120.0, 0.0])
+    times = np.arange(-0.12, 0.16, 0.001)
+    throws = []
+    for number in range(count):
+        draw = np.random.default_rng(1) if alike else rng
+        twist = draw.uniform([1.0, 1.0, -2.0], [2.0, 2.0, 4.0])
+        pull = draw.uniform([-6.0, -8.0, -40.0], [6.0, 4.0, 40.0])
+        pose = np.array([0.0, 0.9, draw.uniform(-1.5, 0.2)])
+        path = pose + times[:, None] * twist + times[:, None] ** 2 * pull / 2
+        bar, factors = BARS[0 if alike else number % 2], {"com": str(number % 2)}
+        throws.append(
+            MeasuredThrow(
+                f"t{number}", bar, Grasp(), times + 0.5, path, 0.45, grip, None, None, factors
+            )
+        )
+    shared = Shared(landing_height=0.1, position_noise=noise[0], angle_noise=noise[1])
+    truth = {"friction": MU, "patch_radius": RADIUS, "delay": delay}
+    data = ThrowData("made", shared, tuple(throws), None, truth)
+    real = thrown(data, model, truth)
+    real = real + rng.normal(size=real.shape) * noise
+    return with_landings(data, real)
+
+
+def with_landings(data: ThrowData, places: Array) -> ThrowData:
+    """The throws with these landings."""
+    landed = [
+        dataclasses.replace(throw, landing=(float(x), 0.1, float(theta)))
+        for throw, (x, theta) in zip(data.throws, places, strict=True)
+    ]
+    return dataclasses.replace(data, throws=tuple(landed))
+
+
+@pytest.fixture(scope="module")
+def patched() -> ThrowData:
+    """Throws by the meshed patch, none of the models that are fitted."""
+    return made(10, "patch", LATE)
+
+
+@pytest.fixture
+def compiling() -> Iterator[None]:
+    """Compiled code where there is a compiler: the limit surface takes minutes without."""
+    caches = (compiler, compiled_batch._library)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("THROWPLAN_COMPILE", "1")
+        for cached in caches:
+            cached.cache_clear()
+        yield
+    for cached in caches:
+        cached.cache_clear()
+
+
+@pytest.mark.parametrize("model", ["sp", "ls-step"])
+@pytest.mark.usefixtures("compiling")
+def test_truth_is_recovered_within_five_per_cent(patched: ThrowData, model: str) -> None:
+    found = identify(patched, model, delay=True, grid=False)
+    belief = found.posterior
+    assert belief.product == pytest.approx(MU * RADIUS, rel=0.05)
+    assert belief.value("delay") == pytest.approx(LATE, abs=0.0015)
+    # The ridge: the product is known much better than either of its parts.
+    for part in ("friction", "patch_radius"):
+        assert belief.deviation(part) > 5 * belief.product_deviation
+    assert belief.correlation("friction", "patch_radius") < -0.95
+    # And in the cost itself, by predictions, not only by its curvature.
+    wide, narrow = found.profiles["friction"], found.profiles["product"]
+    middle = len(wide.value) // 2
+    spans = [
+        np.interp(1.0, p.cost[middle:], p.value[middle:] / p.value[middle]) for p in (wide, narrow)
+    ]
+    assert np.log(spans[0]) > 4 * np.log(spans[1])
+
+
+def test_casadi_derivatives_are_those_of_the_batch() -> None:
+    predictor = Predictor(made(6, "sp"))
+    names = ("friction", "patch_radius", "delay", "grip_scale")
+    point = np.array([math.log(0.7), math.log(0.005), 0.004, 0.05])
+    landing, slopes = PivotLandings(predictor, names).at(point)
+    theirs, differences = DifferencedLandings(predictor, "sp", names).at(point)
+    assert np.abs(landing - theirs).max() < 3e-4
+    scale = np.abs(slopes).max(axis=(0, 1))
+    assert (np.abs(slopes - differences).max(axis=(0, 1)) / scale < 0.05).all()
+    # Only the product of friction and force is seen.
+    assert slopes[..., 3] == pytest.approx(slopes[..., 0])
+    # Against differences of itself, which make no step of their own.
+    step = 1e-6
+    for i in (0, 1):
+        move = step * np.eye(4)[i]
+        pair = [PivotLandings(predictor, names).at(point + sign * move)[0] for sign in (1, -1)]
+        assert (pair[0] - pair[1]) / (2 * step) == pytest.approx(slopes[..., i], abs=1e-4)
+
+
+def test_the_grid_counts_what_does_not_land() -> None:
+    data = made(3, "sp")
+    gone = dataclasses.replace(data, shared=dataclasses.replace(data.shared, landing_height=5.0))
+    truth = measured(data)
+    axes = (np.array([0.6, 0.8, 1.0]), np.array([0.003, 0.004]))
+    grid = grid_of(Predictor(data), "sp", truth, axes)
+    assert grid.optimum == (0.8, 0.004) and not grid.missed.any()
+    nowhere = grid_of(Predictor(gone), "sp", truth, axes)
+    assert (nowhere.missed == 3).all() and (nowhere.error == MISSED).all()
+
+
+def test_a_prior_pulls() -> None:
+    data = made(4, "sp", noise=(0.05, 0.5))
+    names = ("friction", "patch_radius")
+    mean = np.log([1.2, 0.006])
+    loose, firm = (Belief(names, mean, width**2 * np.eye(2)) for width in (1.0, 0.001))
+    free = updated(loose, data, "sp")
+    held = updated(firm, data, "sp")
+    assert held.values() == pytest.approx({"friction": 1.2, "patch_radius": 0.006}, rel=0.01)
+    assert abs(math.log(free.product / (MU * RADIUS))) < abs(math.log(held.product / (MU * RADIUS)))
+    assert free.product_deviation < 1.0 and held.deviation("friction") <= 0.001
+
+
+def test_the_forces_scale_is_held_by_its_prior() -> None:
+    belief = identify(made(6, "sp"), "sp", grip_scale=True, grid=False).posterior
+    assert belief.deviation("grip_scale") == pytest.approx(0.1, rel=0.02)
+    assert belief.product == pytest.approx(MU * RADIUS, rel=0.05)
+    assert belief.effective.names == ("friction", "patch_radius")
+    assert belief.effective.product == pytest.approx(belief.product)
+
+
+def test_an_outlier_pulls_little() -> None:
+    data = made(8, "sp")
+    places = measured(data).landing.copy()
+    places[3] += [0.3, 2.0]
+    belief = identify(with_landings(data, places), "sp", grid=False).posterior
+    assert belief.product == pytest.approx(MU * RADIUS, rel=0.05)
+
+
+def test_three_throws_make_landings_four_times_better() -> None:
+    given = load_scene("pose")
+    truth = {"friction": 1.1, "patch_radius": 0.00325, "delay": 0.010}
+    product = truth["friction"] * truth["patch_radius"]
+    shrink = math.sqrt(0.6 * product / (given.contact.friction * given.contact.patch_radius))
+    contact = dataclasses.replace(
+        given.contact,
+        friction=shrink * given.contact.friction,
+        patch_radius=shrink * given.contact.patch_radius,
+    )
+    wrong, aim = given.replace(contact=contact), given.target
+    assert aim is not None and aim.theta is not None
+    goals = [
+        tp.Pose(aim.x + dx, aim.z, aim.theta + math.radians(turn))
+        for dx, turn in ((0.0, 0), (-0.15, 20), (0.1, -25), (-0.05, 40))
+    ]
+
+    def thrown_with(scene: tp.Scene) -> tuple[list[tp.Plan], Array]:
+        planner = tp.Planner(scene)
+        plans = [planner.plan(goal) for goal in goals]
+        assert all(plan.solved for plan in plans)
+        return plans, thrown(throw_data(plans), "patch", truth)
+
+    def error(plans: list[tp.Plan], real: Array) -> float:
+        off = np.abs(real - [[plan.target.x, plan.target.theta] for plan in plans])
+        return float((off @ [1.0, given.object.length / 2]).mean())
+
+    plans, real = thrown_with(wrong)
+    noise = (0.002, math.radians(0.5))
+    seen = real[:3] + np.random.default_rng(0).normal(size=(3, 2)) * noise
+    data = throw_data(plans[:3], [(float(x), float(t)) for x, t in seen], *noise)
+    prior = prior_of(wrong, ("friction", "patch_radius", "delay"))
+    after = thrown_with(applied(updated(prior, data, "sp"), wrong))
+    assert error(plans, real) > 4 * error(*after)
+
+
+BELIEFS = {
+    "narrow": Belief(
+        ("friction", "patch_radius", "delay"),
+        np.array([math.log(0.9), math.log(0.003), 0.004]),
+        np.array([[1e-2, -9.9e-3, 0.0], [-9.9e-3, 1e-2, 0.0], [0.0, 0.0, 1e-6]]),
+    ),
+    "wide": Belief(
+        ("friction", "patch_radius"),
+        np.array([math.log(0.9), math.log(0.003)]),
+        0.25 * np.array([[1.0, -0.9995], [-0.9995, 1.0]]),
+    ),
+    "known": Belief(
+        ("friction", "patch_radius"),
+        np.array([math.log(0.9), math.log(0.003)]),
+        np.array([[1e-4, -5e-5], [-5e-5, 1e-4]]),
+    ),
+}
+
+
+@pytest.mark.parametrize("name", BELIEFS)
+def test_the_contact_file_is_part_of_a_scene(name: str, tmp_path: Path) -> None:
+    belief = BELIEFS[name]
+    text = re.sub(r"\[contact\].*?(?=\n\[)", "", scene_text("pose"), flags=re.S)
+    file = tmp_path / "pasted.toml"
+    file.write_text(text + "\n" + contact_text(belief, 0.6, 2), encoding="utf-8")
+    scene = load_scene(file)
+    assert scene.contact.friction == pytest.approx(0.9)
+    assert scene.mean_delay == pytest.approx(0.004 if name == "narrow" else 0.0)
+    swept = tp.sweep(tp.Planner(scene).plan(), samples=256)
+    values = {n: swept.values[:, i] for i, n in enumerate(swept.sampler.names)}
+    product = np.log(values["friction"] * values["patch_radius"])
+    assert product.std() == pytest.approx(belief.product_deviation, rel=0.35)
+    assert np.log(values["friction"]).std() == pytest.approx(belief.deviation("friction"), rel=0.2)
+    again = prior_of(applied(belief, scene), belief.names)
+    assert again.product == pytest.approx(belief.product, rel=0.01)
+
+
+BAD: dict[str, tuple[dict[str, Any], str, str]] = {
+    "alike": ({"count": 5, "alike": True}, "sp", "all 5 throws are alike"),
+    "one": ({"count": 1}, "sp", "1 throw for friction"),
+    "model": ({"count": 2}, "ls-stp", "did you mean 'ls-step'"),
+    "no derivatives": ({"count": 2}, "ls", "only its grid"),
+}
+
+
+@pytest.mark.parametrize("name", BAD)
+def test_what_cannot_be_identified_is_refused_in_one_line(name: str) -> None:
+    throws, model, words = BAD[name]
+    data = made(**throws, model="sp")
+    with pytest.raises(InputError, match=words) as caught:
+        identify(data, model, grid=False)
+    assert "\n" not in str(caught.value)
+
+
+def test_alike_throws_are_fitted_with_a_prior() -> None:
+    found = identify(made(4, "sp", alike=True), "sp", prior=load_scene("pose"), grid=False)
+    assert found.posterior.product_deviation < 0.2
+
+
+def test_the_command_writes_its_files(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    data = made(4, "sp")
+    monkeypatch.setattr("throwplan.problems.throw_data.load_throws", lambda folder: data)
+    out = tmp_path / "out"
+    words = ["identify", "data", "--model", "sp", "--delay", "--out", str(out), "--json"]
+    assert main(words) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told[0]["fit"]["product"]["value"] == pytest.approx(MU * RADIUS, rel=0.05)
+    assert told[0]["grid"]["predictions"] == 4 * 400
+    names = {"identify.json", "grid-sp.csv", "grid-sp.png", "fit.png", "contact.toml"}
+    assert {path.name for path in out.iterdir()} == names
+    assert len((out / "grid-sp.csv").read_text().splitlines()) == 401
+    assert main(["identify", "data", "--model", "sp", "--only", "com=3"]) == 2
+    assert "com must be one of 0, 1" in capsys.readouterr().err
+
+
+def test_a_slow_model_is_timed_on_a_subset(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("throwplan.planner.identification.identify_run.PATIENCE", 0.0)
+    found = identify(made(1, "sp"), "ils")
+    assert found.grid is None and found.fit is None
+    assert found.each is not None and found.whole == pytest.approx(found.each * 400)
+
+
+def test_predictions_of_other_parameters_differ() -> None:
+    data = made(2, "sp")
+    found = Predictor(data).predict("sp", Parameters(np.array([0.4, 0.8]), np.array([RADIUS])))
+    assert np.abs(np.diff(found.landing[..., 1], axis=1)).min() > 1e-4
