@@ -8,6 +8,8 @@ print(plan.status, plan.to_dict()["error"])
 from importlib.metadata import PackageNotFoundError, version
 
 from .planner.api import plan, simulate
+from .planner.identification.identify_run import Identified, identify
+from .planner.identification.learn import throw_data, thrown
 from .planner.plan import Plan
 from .planner.planner import Planner
 from .planner.reach_map import ReachMap, reach_map
@@ -26,6 +28,7 @@ except PackageNotFoundError:  # run from a checkout that is not installed
     __version__ = "0"
 
 __all__ = [
+    "Identified",
     "InputError",
     "Plan",
     "Planner",
@@ -37,6 +40,7 @@ __all__ = [
     "Sweep",
     "ThrowData",
     "ThrowplanError",
+    "identify",
     "load_scene",
     "load_throws",
     "plan",
@@ -48,4 +52,6 @@ __all__ = [
     "simulate",
     "simulate_batch",
     "sweep",
+    "throw_data",
+    "thrown",
 ]

@@ -32,8 +32,6 @@ import math
 import matplotlib.pyplot as plt
 import numpy as np
 import throwplan as tp
-from throwplan.planner.identification.identify_run import identify
-from throwplan.planner.identification.learn import throw_data, thrown
 
 plt.rcParams |= {
     "figure.dpi": 85,
@@ -98,7 +96,7 @@ def planned(scene, ways):
 
 def landed(plans):
     """Where the plans' throws really land (N, 2): x [m], theta [rad]."""
-    return thrown(throw_data(plans), "patch", TRUTH)
+    return tp.thrown(tp.throw_data(plans), "patch", TRUTH)
 
 
 plans = planned(wrong, WAYS)
@@ -134,8 +132,8 @@ MODEL = "ls-step"  # the limit surface, stepped; "sp" is the sliding pivot
 def learned(count, model=MODEL):
     """What is known after the first throws."""
     landings = [(float(x), float(theta)) for x, theta in seen[:count]]
-    data = throw_data(plans[:count], landings, *NOISE)
-    return identify(data, model, prior=wrong, delay=True, grid=False)
+    data = tp.throw_data(plans[:count], landings, *NOISE)
+    return tp.identify(data, model, prior=wrong, delay=True, grid=False)
 
 
 three = learned(3)
@@ -170,7 +168,7 @@ as `[uncertainty]`. The delay's mean is now known, so the command goes out earli
 """
 
 # %%
-TEST = WAYS[:4]
+TEST = WAYS[:3]
 HALF = given.object.length / 2
 
 

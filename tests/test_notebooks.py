@@ -14,7 +14,7 @@ import nbformat
 import pytest
 
 EXAMPLES = Path(__file__).parent.parent / "examples"
-NAMES = ("target_cup", "fifty_milliseconds", "timing", "your_own")
+NAMES = ("target_cup", "fifty_milliseconds", "timing", "your_own", "learning")
 #: Longest time of a notebook [s], and largest file [bytes].
 LONGEST, LARGEST = 60.0, 1_500_000
 
@@ -121,3 +121,11 @@ def test_an_own_scene_is_planned_within_its_own_limits(run: Any) -> None:
     assert all(0.1 < peak <= 1.0 + 1e-6 for peak in ran["peaks"].values())
     assert ran["opening_ms"] == pytest.approx(50, abs=6)
     assert 0.5 < ran["friction_success"] <= 1.0
+
+
+def test_few_throws_teach_what_a_wrong_belief_lacks(run: Any) -> None:
+    """From 40 % in mu r_p and 10 ms in delay: the issue's goal is four times in three throws."""
+    ran = run("learning")
+    assert ran["ratio"] >= 4.0
+    assert ran["product_after_all"] == pytest.approx(1.0, abs=0.05)
+    assert ran["delay_after_three_ms"] == pytest.approx(10.0, abs=1.5)
