@@ -6,7 +6,7 @@ PIP := PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/pip install --quiet --dis
 EDITABLE := --config-settings editable_mode=strict --editable
 FILES := pyproject.toml constraints.txt $(wildcard *.py */*.py */*/*.py problems/*/*.toml)
 
-.PHONY: run test pictures notebooks notebooks-executed clean
+.PHONY: run test extras pictures notebooks notebooks-executed clean
 
 run: .venv/run
 	$(BIN)/throwplan plan cup --out out/cup
@@ -16,6 +16,10 @@ test: .venv/test
 	$(BIN)/ruff format --check .
 	cd .venv && bin/mypy --config-file ../pyproject.toml -p throwplan
 	$(BIN)/pytest --numprocesses 2 --dist loadfile
+
+# The optional extras beside what is there.
+extras: .venv/run
+	$(PIP) $(EDITABLE) '.[dask,mujoco,ros,urdf,view]'
 
 # README's pictures, made again.
 pictures: .venv/run

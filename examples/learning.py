@@ -190,10 +190,10 @@ And with other numbers of throws, by two models:
 """
 
 # %%
-KS = [k for k in (1, 2, 3, 5, 10) if k <= len(plans)]
+COUNTS = {"sp": (1, 3, 10), "ls-step": (1, 2, 3, 5, 10)}
 curves = {}
-for model in ("sp", "ls-step"):
-    found = [learned(k) if model == MODEL else learned(k, model) for k in KS]
+for model, counts in COUNTS.items():
+    found = [learned(k) if model == MODEL else learned(k, model) for k in counts]
     curves[model] = [before] + [
         after if one is three else errors(one.apply(given)) for one in found
     ]
@@ -202,11 +202,12 @@ for model in ("sp", "ls-step"):
 figure, axis = plt.subplots(figsize=(8, 4.2))
 for (model, curve), colour in zip(curves.items(), (BLUE, GREEN), strict=True):
     means = [1e3 * one.mean() for one in curve]
-    axis.plot([0, *KS], means, "o-", color=colour, label=f"mean, learned by {model}")
-    for k, one in zip([0, *KS], curve, strict=True):
+    ks = [0, *COUNTS[model]]
+    axis.plot(ks, means, "o-", color=colour, label=f"mean, learned by {model}")
+    for k, one in zip(ks, curve, strict=True):
         axis.plot(np.full(one.size, k), 1e3 * one, ".", color=colour, alpha=0.5, ms=5)
 axis.set(yscale="log", xlabel="throws learned from", ylabel="real landing error [mm]")
-axis.set_xticks([0, *KS])
+axis.set_xticks([0, *COUNTS[MODEL]])
 axis.set_title("Landing error over the number of throws")
 axis.legend()
 plt.show()

@@ -6,6 +6,7 @@ import json
 import math
 import sys
 from collections.abc import Sequence
+from importlib.metadata import PackageNotFoundError, version
 
 from ..problems.errors import InputError
 from .command import DONE, WRONG_INPUT, Parser
@@ -60,6 +61,7 @@ def _parser() -> Parser:
     parser = Parser(
         prog="throwplan", description="Plan throws to a landing pose through the gripper's release."
     )
+    parser.add_argument("--version", action="version", version=f"throwplan {_version()}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
     for add in (
         *(add_scenes, add_plan, add_simulate, add_map, add_sweep, add_report),
@@ -68,6 +70,13 @@ def _parser() -> Parser:
     ):
         add(commands)
     return parser
+
+
+def _version() -> str:
+    try:
+        return version("throwplan")
+    except PackageNotFoundError:  # run from a checkout that is not installed
+        return "0"
 
 
 if __name__ == "__main__":

@@ -82,6 +82,7 @@ def _plan(options: argparse.Namespace) -> int:
 def _print_plan(result: dict[str, Any], out: str | None) -> None:
     """A plan in a few lines."""
     print(f"{result['scene']}: {result['status']}, {result['message']}")
+    print(f"  {_target_words(result['target'])}")
     for name, error in result["error"].items():
         if error is not None and error["position"] is not None:
             position, angle = 1e3 * error["position"], math.degrees(error["angle"])
@@ -121,3 +122,10 @@ def _print_plan(result: dict[str, Any], out: str | None) -> None:
         )
     if out is not None:
         print(f"  written to {out}")
+
+
+def _target_words(target: dict[str, Any]) -> str:
+    """What was aimed at."""
+    theta = "free" if target["theta"] is None else f"{math.degrees(target['theta']):.1f} deg"
+    aside = f", y {target['y']:.3f} m" if target["y"] else ""
+    return f"target x {target['x']:.3f} m{aside}, z {target['z']:.3f} m, theta {theta}"

@@ -253,7 +253,9 @@ class _SurfaceSteps:
         way, new = radius * np.linalg.solve(inverse_mass, old), radius * friction[k + 1]
         # The farther |new + braking way| = radius.
         a, b, c = way @ way, new @ way, min(new @ new - radius**2, 0.0)
-        braking = radius * (math.sqrt(b * b - a * c) - b) / a
+        root = math.sqrt(b * b - a * c)
+        # The root in the form that does not cancel; nothing brakes without a way.
+        braking = radius * ((root - b) / a if b <= 0.0 and a > 0.0 else -c / max(root + b, 1e-300))
         rise = old @ (new_slip - slip) + braking
         return float(-(old @ slip) / rise) if rise > 0.0 else math.inf
 

@@ -25,7 +25,7 @@ Status = Literal["solved", "out_of_reach", "not_converged"]
 Draw = bool | Literal["png"]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class PlannedThrow:
     """The throw behind a plan: its motion and what the models make of it.
 
@@ -64,7 +64,7 @@ class PlannedThrow:
         return float(self.opening_time + self.final.release.times[-1] + flown)
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Plan:
     """Result of planning. Times in s; see `to_dict` for the units and frames of the rest.
 
@@ -89,6 +89,10 @@ class Plan:
     alternatives: tuple[Plan, ...] = ()
     robust: str = ""
     peak_load: float | None = None
+
+    def __repr__(self) -> str:
+        """A line: its arrays would fill a screen."""
+        return f"Plan({self.scene.name}: {self.status}, {self.message})"
 
     @property
     def solved(self) -> bool:

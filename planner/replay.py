@@ -16,9 +16,10 @@ from ..problems.scene import Scene
 from .check import Thrown
 from .check import throw as sliding_pivot_throw
 from .motion import TICK
+from .plan import Plan
 from .replay_model import FRICTION
 from .replay_runs import LEAD, Flown, free_flight, is_in, load_mujoco, release_run, run_to_rest
-from .sent import SentThrow, read_plan
+from .sent import SentThrow, read_plan, sent_throw
 
 Array = npt.NDArray[np.float64]
 
@@ -47,7 +48,7 @@ class Rest:
     pose: tuple[float, float, float, float]
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Replay:
     """What MuJoCo makes of a throw. Positions in the throw's plane, m; angles in rad.
 
@@ -70,6 +71,11 @@ class Replay:
     restitution: float
     simulated: float
     run: float
+
+    def __repr__(self) -> str:
+        """A line: its arrays would fill a screen."""
+        x, z, theta = self.landing
+        return f"Replay(landing x {x:.4f} m, z {z:.4f} m, theta {math.degrees(theta):.2f} deg)"
 
     @property
     def assumed(self) -> str:
@@ -148,7 +154,7 @@ def number(value: float) -> float | None:
 
 
 def replay(
-    throw: SentThrow | str | Path,
+    throw: Plan | SentThrow | str | Path,
     step: float = RELEASE_STEP,
     flight_step: float = FLIGHT_STEP,
     points: int = POINTS,
@@ -156,7 +162,7 @@ def replay(
 ) -> Replay:
     """Throw a plan in MuJoCo; needs the extra `mujoco`.
 
-    throw: a throw, or the path of a plan.json or of its folder. The hand goes the sent way
+    throw: a plan, a throw, or the path of a plan.json or of its folder. The hand goes the sent way
     from 50 ms before the opening, the bar held by `points` contacts a pad, on a ring that
     holds the torque of the patch (1: one contact with torsional friction, which is the limit
     surface's own ellipsoid); their force falls as the gripper's and they are gone when it is
@@ -169,6 +175,8 @@ def replay(
     if not 0.0 <= restitution <= MOST_RESTITUTION:
         raise InputError(f"restitution = {restitution:g}: must be 0 to {MOST_RESTITUTION:g}")
     load_mujoco()
+    if isinstance(throw, Plan):
+        throw = sent_throw(throw)
     throw = throw if isinstance(throw, SentThrow) else read_plan(throw)
     began = time.perf_counter()
     scene, height = throw.scene, throw.target.z

@@ -70,6 +70,7 @@ WORDS: dict[str, dict[str, str]] = {
         "times": "s, from the command: a measured force's times",
         "forces": "N, of one pad at `times`; the last is 0",
         "table": "a CSV file with the columns t and f_N instead of `times` and `forces`",
+        "raw": "whether `table` is an unfiltered recording: the nearest falling curve is taken",
     },
     "hand": {
         "x": "m, lowest and highest position",

@@ -24,7 +24,7 @@ from .plan import Plan
 FORMAT = 1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class SentThrow:
     """The throw that goes to the robot.
 
@@ -40,6 +40,10 @@ class SentThrow:
     samples: SampledMotion
     opening_time: float
     final: Thrown
+
+    def __repr__(self) -> str:
+        """A line: its arrays would fill a screen."""
+        return f"SentThrow({self.scene.name}, landing at {self.landing_time:.3f} s)"
 
     @property
     def target(self) -> Pose:

@@ -68,7 +68,8 @@ class Gripper(Section):
 
     Either `force` [N], `dwell` [s] (command to the start of the fall) and `opening` [s]
     (the fall, linear), or `times` [s from the command] and `forces` [N], measured, in
-    the file itself or as `table`, a CSV with the columns t and f_N.
+    the file itself or as `table`, a CSV with the columns t and f_N. raw: the table is an
+    unfiltered recording, of which the nearest falling curve is taken (`monotone_grip`).
     """
 
     force: float | None = quantity(above=0, most=1e6, default=None)
@@ -77,6 +78,7 @@ class Gripper(Section):
     times: tuple[float, ...] = ()
     forces: tuple[float, ...] = ()
     table: str | None = None
+    raw: bool = False
 
     def check(self) -> None:
         """Exactly one way of giving the force; a table that falls to zero."""

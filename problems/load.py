@@ -9,10 +9,13 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from ..models.arm import Arm
 from .arm_file import load_arm
 from .choice import Choice
 from .errors import InputError
+from .grip_recording import NOISY, grip_samples, monotone_grip, rises
 from .robust import Robust
 from .scene import (
     Cup,
@@ -137,10 +140,10 @@ def _section(key: str, value: Any, folder: Path | None) -> Any:
         raise InputError(f"{key} = {value!r}: must be a section [{key}]")
     try:
         if key == "gripper" and isinstance(value.get("table"), str):
-            beside = [k for k in value if k != "table"]
+            beside = [k for k in value if k not in ("table", "raw")]
             if beside:
                 raise InputError(f"{beside[0]}: not beside 'table', which says it all")
-            value = value | _read_grip_table(value["table"], folder)
+            value = value | _read_grip_table(value["table"], folder, value.get("raw") is True)
         if key == "motion":
             value = value | _read_motion_samples(value, folder)
         if key == "uncertainty":
@@ -150,9 +153,20 @@ def _section(key: str, value: Any, folder: Path | None) -> Any:
         raise InputError(f"[{key}] {error}") from None
 
 
-def _read_grip_table(name: str, folder: Path | None) -> dict[str, Any]:
-    rows = read_csv("table", name, folder, ("t", "f_N"))
-    return {"times": [row[0] for row in rows], "forces": [row[1] for row in rows]}
+def _read_grip_table(name: str, folder: Path | None, raw: bool) -> dict[str, Any]:
+    """Times and forces of a recording; of a raw one, those of its nearest falling curve."""
+    rows = np.array(read_csv("table", name, folder, ("t", "f_N"))).reshape(-1, 2)
+    if raw:
+        try:
+            rows = grip_samples(monotone_grip(rows[:, 0], rows[:, 1]))
+        except ValueError as error:
+            raise InputError(f"table = {name}: {error}") from None
+    elif len(rows) and rises(rows[:, 1]) > NOISY * np.abs(rows[:, 1]).max():
+        raise InputError(
+            f"table = {name}: f_N must fall, but rises by {rises(rows[:, 1]):.3g} N in all: for "
+            "a raw recording say raw = true"
+        )
+    return {"times": rows[:, 0].tolist(), "forces": rows[:, 1].tolist()}
 
 
 def _read_motion_samples(table: Mapping[str, Any], folder: Path | None) -> dict[str, Any]:

@@ -27,7 +27,8 @@ def scene_table(scene: Scene) -> dict[str, Any]:
         elif section is not None:
             table[key] = table_of(section)
     # Its rows are there.
-    table["gripper"].pop("table", None)
+    for key in ("table", "raw"):
+        table["gripper"].pop(key, None)
     if scene.arm is not None:
         table["arm"] = arm_table(scene.arm)
     return {key: value for key, value in table.items() if value not in ({}, "")}

@@ -32,6 +32,7 @@ from throwplan.problems.scene import (
     Robot,
     ThrownObject,
     Tolerance,
+    Torque,
     Uncertainty,
     Workspace,
 )
@@ -466,6 +467,7 @@ VALID: dict[type, dict[str, object]] = {
     Landing: {"speed_min": 1.0, "speed_max": 3.0, "rate_max": 2.0},
     Workspace: {"floor": 0.02, "column_radius": 0.1, "column_height": 0.4},
     Motion: {"position": [0.0, 0.1], "angle_deg": 10.0, "velocity": [1, 0], "rate": 2.0},
+    Torque: {"limits": [80.0, 80.0, 10.0], "margin": 0.1},
     Robust: {"method": "quiet", "early": 0.01, "late": 0.02},
     Choice: {"by": "time", "among": 3},
     Mesh: {"carry": 10, "opening": 10, "substeps": 2, "epsilon": 0.03},

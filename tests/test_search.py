@@ -81,7 +81,7 @@ def test_warm_plans_follow_a_moving_target() -> None:
 
 def test_throws_over_the_robot_itself_are_found() -> None:
     """Backwards, past column and palm: rows of the flight come in when the check asks."""
-    plan = tp.Planner(tp.load_scene("box")).plan(tp.Pose(x=-0.386, z=0.1))
+    plan = tp.Planner(tp.load_scene("box")).plan(tp.Pose(x=-0.386, z=0.1), patience=90.0)
     assert plan.solved
     assert plan.throw.nlp.structure.passing > 0
 
@@ -98,7 +98,7 @@ def test_what_is_carried_is_looked_at_closer_when_the_check_asks(
     name: str, x: float, theta: float, missed: str
 ) -> None:
     scene = tp.load_scene(name)
-    plan = tp.Planner(scene).plan(scene.target.in_plane(x, theta))
+    plan = tp.Planner(scene).plan(scene.target.in_plane(x, theta), patience=90.0)
     assert plan.solved and plan.attempts > 2
     assert plan.throw.nlp.structure.instants > 2 and plan.throw.nlp.structure.arm
     assert missed in " ".join(plan.throw.nlp.row_names)

@@ -16,9 +16,9 @@ import numpy.typing as npt
 
 from ...models.grip_force import LinearRelease, TableRelease
 from ...problems.errors import InputError
+from ...problems.grip_recording import monotone_grip
 from ...problems.hold import Grasp, ThrownObject
 from ...problems.throw_data import MeasuredThrow, Shared, ThrowData
-from ...problems.throw_data_files import monotone_grip
 from ..mover import Mover, make_mover
 from .make_throws_design import GRIP, PITCHES, RELEASES, Throwing, design, grip_use
 from .make_throws_scene import BARS, GRIPPER, HEIGHT, HELD, SURFACES, scene_with, surfaced
