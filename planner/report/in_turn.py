@@ -4,13 +4,18 @@ from __future__ import annotations
 
 import multiprocessing
 import os
+import time
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from multiprocessing.connection import Connection
+from pathlib import Path
 from typing import Any
 
 #: What a process may take to start [s].
 STARTING = 60.0
+#: How often it is looked how long a process has worked [s], and how much longer it may take by
+#: the clock, where others keep the machine busy.
+LOOK, SLOW = 2.0, 10.0
 #: How a process can end without an answer, in words.
 ENDINGS = {"hang": "no answer in time: process ended", "crash": "its process died"}
 
@@ -20,7 +25,9 @@ def in_turn(
 ) -> Iterator[Any]:
     """work(*job) for each job in one other process; "hang" or "crash" where that gives nothing.
 
-    patience [s]: for one job; the process is then ended and another one goes on.
+    patience [s]: processor time for one job (ten times as much by the clock, which is all
+    that counts where processor times cannot be read); the process is then ended and another
+    one goes on.
     """
     left = list(jobs)
     while left:
@@ -37,7 +44,7 @@ def in_turn(
             while left and answered:
                 answer = "hang"
                 try:
-                    answered = here.poll(patience)
+                    answered = _answers(here, process.pid, patience)
                     if answered:
                         answer = here.recv()
                 except EOFError:
@@ -47,6 +54,28 @@ def in_turn(
         finally:
             process.kill()
             process.join()
+
+
+def _answers(here: Connection, pid: int | None, patience: float) -> bool:
+    """Whether an answer comes before the process has worked for `patience` [s]."""
+    begun, worked = time.perf_counter(), _processor_time(pid)
+    while not here.poll(min(patience, LOOK)):
+        now = _processor_time(pid)
+        known = now is not None and worked is not None
+        if known and now - worked > patience:  # type: ignore[operator]
+            return False
+        if time.perf_counter() - begun > (SLOW if known else 1.0) * patience:
+            return False
+    return True
+
+
+def _processor_time(pid: int | None) -> float | None:
+    """Processor time of a process [s]; None where that cannot be read."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_text(encoding="ascii").rpartition(")")[2].split()
+        return (int(fields[11]) + int(fields[12])) / os.sysconf("SC_CLK_TCK")
+    except (OSError, ValueError, IndexError):
+        return None
 
 
 @contextmanager
