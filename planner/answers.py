@@ -18,7 +18,8 @@ def solved_plan(bench: Workbench, found: Found, search: Search) -> Plan:
     """The plan of a throw that was found."""
     plan = _plan(bench, "solved", found.goal, "", found.thrown, found.solver, search)
     dx, dtheta = plan.error_sent()
-    words = f"lands {1e3 * dx:.3f} mm and {math.degrees(dtheta):.3f} deg from the target"
+    turn = "" if found.goal.theta is None else f" and {math.degrees(dtheta):.3f} deg"
+    words = f"lands {1e3 * dx:.3f} mm{turn} from the target"
     return dataclasses.replace(plan, message=words)
 
 
