@@ -81,7 +81,7 @@ def test_links_lead_somewhere(path):
 def commands_of(text: str) -> list[list[str]]:
     """The words of every command line in code blocks that calls throwplan."""
     found, fenced = [], False
-    for line in text.splitlines():
+    for line in re.sub(r"\\\n\s*", "", text).splitlines():  # continued lines are one
         if line.startswith("```"):
             fenced = not fenced
         elif fenced or line.startswith("    "):
