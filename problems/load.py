@@ -15,7 +15,7 @@ from ..models.arm import Arm
 from .arm_file import load_arm
 from .choice import Choice
 from .errors import InputError
-from .grip_recording import NOISY, grip_samples, monotone_grip, rises
+from .grip_recording import NOISY, ROWS, grip_samples, monotone_grip, rises
 from .robust import Robust
 from .scene import (
     Cup,
@@ -161,7 +161,7 @@ def _read_grip_table(name: str, folder: Path | None, raw: bool) -> dict[str, Any
             rows = grip_samples(monotone_grip(rows[:, 0], rows[:, 1]))
         except ValueError as error:
             raise InputError(f"table = {name}: {error}") from None
-    elif len(rows) and rises(rows[:, 1]) > NOISY * np.abs(rows[:, 1]).max():
+    elif len(rows) >= ROWS and rises(rows[:, 1]) > NOISY * np.abs(rows[:, 1]).max():
         raise InputError(
             f"table = {name}: f_N must fall, but rises by {rises(rows[:, 1]):.3g} N in all: for "
             "a raw recording say raw = true"
