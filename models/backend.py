@@ -16,6 +16,7 @@ import numpy as np
 #: float, NumPy array of shape (N,), or a scalar CasADi SX/MX expression.
 Value = Any
 
+_SYMBOLS = (ca.SX, ca.MX)
 _NUMPY = SimpleNamespace(
     sqrt=np.sqrt, sin=np.sin, cos=np.cos, maximum=np.maximum, minimum=np.minimum, where=np.where
 )
@@ -26,8 +27,9 @@ _CASADI = SimpleNamespace(
 
 def backend(*values: Value) -> SimpleNamespace:
     """Functions that suit `values`: CasADi's if any of them is symbolic, else NumPy's."""
-    if any(isinstance(value, ca.SX | ca.MX) for value in values):
-        return _CASADI
+    for value in values:  # called in every step of a batch: no generator
+        if isinstance(value, _SYMBOLS):
+            return _CASADI
     return _NUMPY
 
 

@@ -70,12 +70,12 @@ def case_of(v: dict[str, np.ndarray], i: int) -> ReleaseCase:
     )
 
 
-@pytest.mark.parametrize("run", [sliding_pivot_batch, stepped_batch])
-def test_no_nan_in_ten_thousand_extreme_throws(run) -> None:
-    start = time.perf_counter()
-    detach = run(batch_of(extremes(10_000, 1)))
+@pytest.mark.parametrize(("run", "steps"), [(sliding_pivot_batch, 48), (stepped_batch, 30)])
+def test_no_nan_in_ten_thousand_extreme_throws(run, steps) -> None:
+    start = time.process_time()
+    detach = run(batch_of(extremes(10_000, 1)), steps)
     assert np.isfinite(detach).all()
-    assert time.perf_counter() - start < 60
+    assert time.process_time() - start < 60
 
 
 @pytest.mark.parametrize(
