@@ -13,6 +13,9 @@ from .reach import Binding, highest
 from .releases import Releases
 from .workbench import Workbench
 
+#: A target of more full turns than this may have been given in degrees.
+MANY_TURNS = 3
+
 
 def solved_plan(bench: Workbench, found: Found, search: Search) -> Plan:
     """The plan of a throw that was found."""
@@ -38,7 +41,7 @@ def failed_plan(
         plan = _plan(bench, status, target, words, None, name, search)
         return dataclasses.replace(plan, nearest=pose, binding=("landing height",))
     if answer is not None and answer.outside:
-        words = _out_of_reach(answer)
+        words = _out_of_reach(answer) + _radians(target)
         plan = _plan(bench, "out_of_reach", target, words, None, name, search)
         return dataclasses.replace(plan, nearest=answer.pose, binding=answer.names)
     thrown, why = search.fallback or (None, search.trouble[-1] if search.trouble else "")
@@ -72,6 +75,14 @@ def _plan(
         variables=variables,
         constraints=constraints,
     )
+
+
+def _radians(target: Pose) -> str:
+    """A hint for an angle that may have been meant in degrees."""
+    if target.theta is None or abs(target.theta) < MANY_TURNS * 2 * math.pi:
+        return ""
+    turns = target.theta / (2 * math.pi)
+    return f"; theta {target.theta:g} rad is {turns:.1f} turns: Pose takes radians"
 
 
 def _out_of_reach(answer: Binding) -> str:

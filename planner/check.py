@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property, partial
 
 import numpy as np
 import numpy.typing as npt
@@ -27,14 +28,17 @@ Array = npt.NDArray[np.float64]
 
 @dataclass(frozen=True)
 class Thrown:
-    """A motion thrown by a non-smooth release model: the sliding pivot or the limit surface.
-
-    grip_use: largest friction use before the opening (1 is the limit).
-    """
+    """A motion thrown by a non-smooth release model: the sliding pivot or the limit surface."""
 
     release: Release
     landing: Landing
-    grip_use: float
+    carried: Callable[[], float]
+
+    @cached_property
+    def grip_use(self) -> float:
+        """Largest friction use before the opening (1 is the limit)."""
+        # Corrections ask for it of their last throw only.
+        return self.carried()
 
     def miss(self, target: Pose) -> tuple[float, float]:
         """(Δx [m], Δtheta [rad]) to the target; 0 where it leaves theta open."""
@@ -65,7 +69,7 @@ def _thrown(
     height: float,
 ) -> Thrown:
     """A motion thrown by `model`, which takes the release and its kinks."""
-    use = slip_while_carrying(scene, mover, motion, opening_time)
+    use = partial(slip_while_carrying, scene, mover, motion, opening_time)
     case = case_of(scene, MoverTrack(mover, motion, opening_time))
     release = model(case, kinks_of(motion, opening_time, case.grip.opening))
     return Thrown(release, landing(release, height, scene.gravity), use)

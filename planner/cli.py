@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import difflib
 import json
 import math
 import sys
@@ -30,7 +31,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     words = [_plain(word) for word in (sys.argv[1:] if arguments is None else arguments)]
     as_json = "--json" in words
     try:
-        options = _parser().parse_args(words)
+        options, rest = _parser().parse_known_args(words)
+        if rest:
+            raise InputError(_not_known(options.parser, rest[0]))
         status: int = options.run(options)
         return status
     except InputError as error:
@@ -45,6 +48,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         sys.stderr.close()
         return DONE
+
+
+def _not_known(parser: Parser, word: str) -> str:
+    """A word that a command does not take, and the nearest option that it does."""
+    near = difflib.get_close_matches(word, parser._option_string_actions, 1, 0.6)
+    hint = f", did you mean {near[0]}?" if near else ""
+    return f"unknown argument {word}{hint} (see '{parser.prog} --help')"
 
 
 def _plain(word: str) -> str:

@@ -35,7 +35,7 @@ def command(commands: Any, name: str, run: Any, words: str, example: str) -> Par
         epilog=f"example: {example}",
     )
     parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
-    parser.set_defaults(run=run)
+    parser.set_defaults(run=run, parser=parser)
     return parser
 
 
@@ -84,7 +84,10 @@ def target_of(scene: Scene, words: Sequence[str] | None, azimuth: str | None) ->
         return target
     if scene.robot is None:
         raise InputError("--azimuth: only for a scene with [robot]")
-    turn = math.radians(number("--azimuth", azimuth))
+    degrees = number("--azimuth", azimuth)
+    if abs(degrees) > 180:
+        raise InputError(f"--azimuth {azimuth}: must be from -180 to 180")
+    turn = math.radians(degrees)
     x = target.plane_x
     if x < 0:
         raise InputError(f"--target {x:g}: must be above 0 with --azimuth")

@@ -54,7 +54,9 @@ def _identify(options: argparse.Namespace) -> int:
     from .identification.predict import check_model
     from .workers import executor_of
 
-    models = ALL if options.model == "all" else (options.model,)
+    models: tuple[str, ...] = ALL if options.model == "all" else (options.model,)
+    if options.no_grid and len(models) > 1:
+        models = tuple(model for model in models if model != "ls")  # it has a grid only
     for model in models:
         check_model(model)
     workers = whole("--workers", options.workers, 1, 256)
@@ -129,7 +131,7 @@ def _print(found: list[Identified], out: str | None) -> None:
         elif one.model == "ls":
             print("    no fit: its landings are no smooth function of the parameters")
     if out is not None:
-        print(f"  written to {out}; paste contact.toml into a scene")
+        print(f"  written to {out}; contact.toml is for a scene, in place of its [contact]")
 
 
 def _print_grid(one: Identified) -> None:

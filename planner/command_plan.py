@@ -73,6 +73,8 @@ def _plan(options: argparse.Namespace) -> int:
         print(plan.json())
     else:
         _print_plan(plan.to_dict(), options.out)
+        if plan.solved and len(plan.alternatives) < alternatives:
+            print(f"  no more of {alternatives} alternatives: other starts lead to the same throws")
     if plan.solved:
         return DONE
     print(f"throwplan: {plan.message}", file=sys.stderr)
@@ -81,7 +83,8 @@ def _plan(options: argparse.Namespace) -> int:
 
 def _print_plan(result: dict[str, Any], out: str | None) -> None:
     """A plan in a few lines."""
-    print(f"{result['scene']}: {result['status']}, {result['message']}")
+    said = f", {result['message']}" if result["status"] == "solved" else ""
+    print(f"{result['scene']}: {result['status']}{said}")
     print(f"  {_target_words(result['target'])}")
     for name, error in result["error"].items():
         if error is not None and error["position"] is not None:

@@ -22,7 +22,7 @@ def add_report(commands: Any) -> None:
         nargs="+",
         metavar="SECTION",
         default=[],
-        help="these sections only: models, planner, stability, parts, reach, robust",
+        help="these sections only: models, planner, stability, parts, reach, robust, throws",
     )
     parser.add_argument(
         "--out", metavar="DIR", default="report", help="where to write (default: report)"

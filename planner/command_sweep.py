@@ -16,6 +16,7 @@ from ..problems.robust import METHODS
 from ..problems.scene import Pose, Scene
 from .command import DONE, NO_THROW, add_out, add_scene, add_target, command, say, target_of
 from .progress import ProgressLine
+from .sweep_units import unit_of
 
 if TYPE_CHECKING:
     from .plan import Plan
@@ -131,19 +132,31 @@ def _print_sweep(found: Sweep, out: str | None) -> None:
     ):
         row = (_cell(result["quantiles"][name][key], scale) for key in keys)
         print(f"    {name + ' [' + unit + ']':14}" + "".join(row))
-    print(f"    {'parameter':14}{'dx':>12}{'dtheta':>12}{'of var(x)':>12}{'of var(theta)':>15}")
-    for name, slope in result["sensitivity"].items():
-        slopes, shares = (
-            [part[axis] for axis in ("x", "theta")] for part in (slope, slope["share"])
-        )
-        cells = "".join(f"{'-' if value is None else format(value, '.4g'):>12}" for value in slopes)
-        first, second = (f"{100 * share:.1f} %" for share in shares)
-        print(f"    {name:14}{cells}{first:>12}{second:>15}")
+    _print_sensitivity(result["sensitivity"])
     inside = result["delay_inside"]
     early, late = _delay(inside["early"], "-50"), _delay(inside["late"], "+50")
     print(f"  delays from {early} to {late} succeed, all else as planned; {result['time']:.1f} s")
     if out is not None:
         print(f"  written to {out}")
+
+
+def _print_sensitivity(sensitivity: dict[str, Any]) -> None:
+    """What a change of each parameter moves, and its share of the variance."""
+    print(
+        f"    {'a change of':24}{'x [mm]':>9}{'theta [deg]':>12}{'of var(x)':>12}"
+        f"{'of var(theta)':>15}"
+    )
+    for name, slope in sensitivity.items():
+        factor, unit = unit_of(name)
+        amount, words = (1 / factor, f"1 {unit}") if unit else (0.1, "0.1")
+        cells = [f"    {name + ' by ' + words:24}"]
+        for axis, scale, width in (("x", 1e3, 9), ("theta", math.degrees(1.0), 12)):
+            value = slope[axis]
+            cells.append(
+                f"{'-' if value is None else format(amount * scale * value, '.3g'):>{width}}"
+            )
+        first, second = (f"{100 * slope['share'][axis]:.1f} %" for axis in ("x", "theta"))
+        print("".join(cells) + f"{first:>12}{second:>15}")
 
 
 def _percent(rate: dict[str, float]) -> str:

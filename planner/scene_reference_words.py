@@ -85,7 +85,8 @@ WORDS: dict[str, dict[str, str]] = {
     },
     "robot": {
         "arm": "name of a shipped arm, or an arm data file (.toml, seen from the scene's folder)",
-        "start": "degrees, the throwing joints at rest before the throw; left out: free",
+        "start": "degrees, the throwing joints at rest before the throw; left out: free, and the "
+        "least effort may be a mere drop",
         "throwing_joints": "joints that throw; the arm's own where left out",
         "control": "`jerk`: continuous acceleration; `acceleration`: steps, smoothed afterwards",
         "position_margin": "rad, kept back from both ends of a joint's range",

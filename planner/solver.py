@@ -21,8 +21,11 @@ FEASIBLE = 1e-6
 MAX_ITERATIONS = {"fatrop": 150, "ipopt": 500}
 #: Barrier parameter at the start: small, for the starting points are good ones.
 MU_INIT = 0.01
-#: The same when a solution nearby, with its multipliers, is handed over.
-MU_WARM = 1e-5
+#: The same when a solution nearby, with its multipliers, is handed over. FATROP tries the first
+#: for few iterations (3 are usual where the same limits stay active, 6 with the second), then
+#: the second; it moves such a point by as much away from the bounds it lies at.
+MU_WARM = {"fatrop": (1e-8, 1e-5), "ipopt": (1e-5,)}
+FEW = 6
 #: FATROP 1.1 may repeat one factorisation for ever where constraints are this steep at the
 #: start (seen from 3e6 on; usual starts are below 500), so it is not given such a start.
 STEEPEST = 1e5
@@ -71,15 +74,20 @@ class Solver:
         """The plug-in with a barrier parameter to start from."""
         if mu_init in self._solvers:
             return self._solvers[mu_init]
+        steps = MU_WARM[self.name]
+        most = FEW if mu_init in steps[:-1] else self._most
         options: dict[str, Any] = {
             "print_time": False,
             "error_on_fail": False,
             "calc_lam_p": False,
             "cache": self._functions,
         }
-        common = {"print_level": 0, "max_iter": self._most, "tol": 1e-7, "mu_init": mu_init}
+        common: dict[str, Any] = {"print_level": 0, "max_iter": most, "tol": 1e-7}
+        common["mu_init"] = mu_init
         nlp = self.nlp
         if self.name == "fatrop":
+            if mu_init in steps:
+                common |= {"bound_push": mu_init, "bound_frac": mu_init}
             options |= {
                 "structure_detection": "manual",
                 "N": len(nlp.nx) - 1,
@@ -117,11 +125,15 @@ class Solver:
             message = f"not tried from a start with a slope of {steep:.0e}"
             none = np.zeros(0)
             return Solution(guess, none, none, np.inf, False, np.inf, 0, 0.0, message)
-        solver = self._solver(MU_INIT if warm is None else MU_WARM)
-        start = time.perf_counter()
-        result = solver(**arguments)
+        start, iterations = time.perf_counter(), 0
+        for mu_init in (MU_INIT,) if warm is None else MU_WARM[self.name]:
+            solver = self._solver(mu_init)
+            result = solver(**arguments)
+            stats = solver.stats()
+            iterations += int(stats.get("iter_count", 0))
+            if stats["success"]:
+                break
         seconds = time.perf_counter() - start
-        stats = solver.stats()
         x = np.array(result["x"]).ravel()
         finite = bool(np.isfinite(x).all())
         return Solution(
@@ -131,7 +143,7 @@ class Solver:
             cost=float(result["f"]),
             success=bool(stats["success"]) and finite,
             violation=self.violation(x, parameters, bounds) if finite else np.inf,
-            iterations=int(stats.get("iter_count", 0)),
+            iterations=iterations,
             seconds=seconds,
             message=str(stats.get("return_status", "")),
         )

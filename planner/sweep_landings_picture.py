@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +16,7 @@ from matplotlib.patches import Polygon, Rectangle
 from .geometry import bar_outline
 from .picture import MIN_WIDTH
 from .sweep import Sweep
+from .sweep_units import unit_of
 
 Array = npt.NDArray[np.float64]
 
@@ -27,11 +27,11 @@ POINTS, BARS, MARGIN = 5000, 120, 0.06
 LEAST = 0.02
 
 
-def draw_landings(sweep: Sweep, path: Path, unit_of: Callable[[str], tuple[float, str]]) -> None:
+def draw_landings(sweep: Sweep, path: Path) -> None:
     """Landings about the target with the tolerance, and the bars as they come down."""
     figure = Figure(figsize=(12, 5.2), layout="constrained")
     points, bars = figure.subplots(1, 2, width_ratios=(1.35, 1))
-    _draw_points(points, sweep, unit_of)
+    _draw_points(points, sweep)
     _draw_bars(bars, sweep)
     shown = min(sweep.samples, POINTS)
     some = "" if shown == sweep.samples else f", {shown:,} of them shown"
@@ -54,7 +54,7 @@ def widen(axis: Axes, vertical: bool = True) -> None:
             getattr(axis, limits)(middle - LEAST / 2, middle + LEAST / 2)
 
 
-def _draw_points(axis: Axes, sweep: Sweep, unit_of: Callable[[str], tuple[float, str]]) -> None:
+def _draw_points(axis: Axes, sweep: Sweep) -> None:
     """Landing x and theta from the target, coloured by the parameter that matters most."""
     scene, target = sweep.plan.scene, sweep.plan.target
     shown = slice(None, POINTS)

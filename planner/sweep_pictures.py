@@ -11,12 +11,12 @@ import numpy.typing as npt
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
-from ..problems.uncertainty import PARAMETERS
 from .sweep import Sweep
 from .sweep_landings_picture import LEAST, draw_landings, widen
 from .sweep_run import CHUNKS
 from .sweep_sensitivity import OUTER, delay_band, swings
 from .sweep_statistics import quantiles, scaled_error
+from .sweep_units import unit_of
 from .uncertain import quantile
 
 Array = npt.NDArray[np.float64]
@@ -24,28 +24,11 @@ Array = npt.NDArray[np.float64]
 BLUE, GREEN, RED, GREY, BLACK = "#4c78a8", "#2a9d6f", "#d1495b", "#8a8f98", "#222222"
 #: Models whose chunks are smaller than this take milliseconds a throw.
 SLOW_CHUNK = 256
-#: Units on the axes by the ends of the parameters' names.
-UNITS = (
-    (("hand_vx", "hand_vz"), 1e3, "mm/s"),
-    (("hand_omega",), math.degrees(1.0), "deg/s"),
-    (("delay", "opening"), 1e3, "ms"),
-    (("friction",), 1.0, ""),
-    (("mass",), 1e3, "g"),
-    (("inertia",), 1e6, "kg mm²"),
-)
-
-
-def unit_of(name: str) -> tuple[float, str]:
-    """Factor and unit in which people read a parameter."""
-    for names, factor, unit in UNITS:
-        if name in names:
-            return factor, unit
-    return (math.degrees(1.0), "deg") if PARAMETERS[name].degrees else (1e3, "mm")
 
 
 def draw_sweep(sweep: Sweep, folder: Path) -> None:
     """The four pictures."""
-    draw_landings(sweep, folder / "landings.png", unit_of)
+    draw_landings(sweep, folder / "landings.png")
     draw_delay(sweep, folder / "delay.png")
     draw_histogram(sweep, folder / "histogram.png")
     draw_tornado(sweep, folder / "tornado.png")

@@ -73,8 +73,8 @@ class Gripper(Section):
     """
 
     force: float | None = quantity(above=0, most=1e6, default=None)
-    dwell: float = quantity(least=0, most=100, default=0.0)
-    opening: float | None = quantity(above=0, least=1e-5, most=100, default=None)
+    dwell: float = quantity(least=0, most=10, unit="s", default=0.0)
+    opening: float | None = quantity(above=0, least=1e-5, most=10, unit="s", default=None)
     times: tuple[float, ...] = ()
     forces: tuple[float, ...] = ()
     table: str | None = None

@@ -84,6 +84,10 @@ def load_scene(source: str | Path) -> Scene:
     if source in scene_names():
         return _parse(scene_text(source), source, None)
     path = Path(source)
+    if path.suffix == ".json":
+        raise InputError(
+            f"{source}: a scene is a .toml file; a saved plan is for view, replay and export"
+        )
     if path.suffix != ".toml" and not os.path.exists(path):
         raise InputError(_no_scene(source))
     return _parse(read_text(path), source, path)

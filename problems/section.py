@@ -20,13 +20,15 @@ def quantity(
     most: float | None = None,
     below: float | None = None,
     degrees: bool = False,
+    unit: str = "",
     choices: tuple[str, ...] = (),
     **field: Any,
 ) -> Any:
     """A dataclass field with limits.
 
     `degrees`: the scene file gives the value in degrees under the field's name with
-    `_deg` behind it; in the dataclass it is in radians.
+    `_deg` behind it; in the dataclass it is in radians. `unit`: told where a limit refuses a
+    value, for those that are easily given in another one.
     """
     meta = {
         "above": above,
@@ -34,6 +36,7 @@ def quantity(
         "most": most,
         "below": below,
         "degrees": degrees,
+        "unit": unit,
         "choices": choices,
     }
     return dataclasses.field(metadata=meta, **field)
@@ -233,7 +236,8 @@ def _check_limits(field: dataclasses.Field[Any], value: Any) -> None:
             limit = meta.get(name)
             if limit is not None and not holds(item, limit):
                 limit = math.degrees(limit) if meta.get("degrees") else limit
-                raise InputError(f"{_key(field)} = {shown:g}: must be {words} {limit:g}")
+                unit = f" {meta['unit']}" if meta.get("unit") else ""
+                raise InputError(f"{_key(field)} = {shown:g}: must be {words} {limit:g}{unit}")
 
 
 _LIMITS: tuple[tuple[str, Any, str], ...] = (

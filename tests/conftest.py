@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import tempfile
+from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
@@ -21,3 +22,19 @@ def odd_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     path = tmp_path_factory.mktemp("odd") / "odd.urdf"
     path.write_text(planar_urdf()[0])
     return path
+
+
+@pytest.fixture
+def compiling() -> Iterator[None]:
+    """Compiled code where there is a compiler: the limit surface takes minutes without."""
+    from throwplan.planner import compiled_batch
+    from throwplan.planner.compiler import compiler
+
+    caches = (compiler, compiled_batch._library)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setenv("THROWPLAN_COMPILE", "1")
+        for cached in caches:
+            cached.cache_clear()
+        yield
+    for cached in caches:
+        cached.cache_clear()

@@ -191,6 +191,7 @@ NUMBERS = [
     edited("com beyond length", HAND, {"object.com": "0.21"}, "com = 0.21", "length", "0.2"),
     edited("grasp beyond com", HAND, {"grasp.offset": "0.15"}, "[grasp]", "offset", "0.15", "0.1"),
     edited("negative dwell", HAND, {"gripper.dwell": "-0.1"}, "dwell = -0.1", "at least 0"),
+    edited("opening in ms", HAND, {"gripper.opening": "50"}, "opening = 50", "at most 10 s"),
     edited("no opening", HAND, {"gripper.opening": "0"}, "opening = 0", "above 0"),
     edited("zero tolerance", HAND, {"tolerance.position": "0"}, "position = 0", "above 0"),
 ]
@@ -445,6 +446,9 @@ ARGUMENTS = [
     ("cup, angle free", "plan cup --target 0.9 0.2 free", ["cup", "theta"]),
     ("azimuth of a hand", "plan hand-box --azimuth 10", ["--azimuth", "[robot]"]),
     ("azimuth NaN", "plan cup --azimuth nan", ["--azimuth", "nan", "finite"]),
+    ("azimuth of a turn", "plan cup --azimuth 400", ["--azimuth", "400", "-180 to 180"]),
+    ("mistyped option", "plan cup --targt 1 0 0", ["--targt", "--target", "throwplan plan --help"]),
+    ("plan for a scene", "plan plan.json", ["plan.json", ".toml", "view"]),
     ("azimuth text", "plan cup --azimuth left", ["--azimuth", "left", "number"]),
     # Joint 1 of the Panda: +-2.8973 rad.
     (

@@ -6,7 +6,6 @@ import dataclasses
 import json
 import math
 import re
-from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,17 +14,16 @@ import numpy.typing as npt
 import pytest
 import throwplan as tp
 from throwplan.models.grip_force import TableRelease
-from throwplan.planner import compiled_batch
 from throwplan.planner.cli import main
-from throwplan.planner.compiler import compiler
 from throwplan.planner.identification.fit_belief import Belief
 from throwplan.planner.identification.fit_landing import DifferencedLandings, PivotLandings
 from throwplan.planner.identification.fit_scene import applied, contact_text, prior_of
 from throwplan.planner.identification.grid import MISSED, grid_of
 from throwplan.planner.identification.identify_run import identify
-from throwplan.planner.identification.learn import throw_data, thrown, updated
+from throwplan.planner.identification.learn import thrown, updated
 from throwplan.planner.identification.measured import measured
 from throwplan.planner.identification.predict import Parameters, Predictor
+from throwplan.planner.report.learning_runs import BELIEVED, Lesson
 from throwplan.problems.errors import InputError
 from throwplan.problems.hold import Grasp, ThrownObject
 from throwplan.problems.load import load_scene, scene_text
@@ -83,19 +81,6 @@ def with_landings(data: ThrowData, places: Array) -> ThrowData:
 def patched() -> ThrowData:
     """Throws by the meshed patch, none of the models that are fitted."""
     return made(10, "patch", LATE)
-
-
-@pytest.fixture
-def compiling() -> Iterator[None]:
-    """Compiled code where there is a compiler: the limit surface takes minutes without."""
-    caches = (compiler, compiled_batch._library)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("THROWPLAN_COMPILE", "1")
-        for cached in caches:
-            cached.cache_clear()
-        yield
-    for cached in caches:
-        cached.cache_clear()
 
 
 @pytest.mark.parametrize("model", ["sp", "ls-step"])
@@ -177,39 +162,11 @@ def test_an_outlier_pulls_little() -> None:
 
 
 def test_three_throws_make_landings_four_times_better() -> None:
-    given = load_scene("pose")
-    truth = {"friction": 1.1, "patch_radius": 0.00325, "delay": 0.010}
-    product = truth["friction"] * truth["patch_radius"]
-    shrink = math.sqrt(0.6 * product / (given.contact.friction * given.contact.patch_radius))
-    contact = dataclasses.replace(
-        given.contact,
-        friction=shrink * given.contact.friction,
-        patch_radius=shrink * given.contact.patch_radius,
-    )
-    wrong, aim = given.replace(contact=contact), given.target
-    assert aim is not None and aim.theta is not None
-    goals = [
-        tp.Pose(aim.x + dx, aim.z, aim.theta + math.radians(turn))
-        for dx, turn in ((0.0, 0), (-0.15, 20), (0.1, -25), (-0.05, 40))
-    ]
-
-    def thrown_with(scene: tp.Scene) -> tuple[list[tp.Plan], Array]:
-        planner = tp.Planner(scene)
-        plans = [planner.plan(goal) for goal in goals]
-        assert all(plan.solved for plan in plans)
-        return plans, thrown(throw_data(plans), "patch", truth)
-
-    def error(plans: list[tp.Plan], real: Array) -> float:
-        off = np.abs(real - [[plan.target.x, plan.target.theta] for plan in plans])
-        return float((off @ [1.0, given.object.length / 2]).mean())
-
-    plans, real = thrown_with(wrong)
-    noise = (0.002, math.radians(0.5))
-    seen = real[:3] + np.random.default_rng(0).normal(size=(3, 2)) * noise
-    data = throw_data(plans[:3], [(float(x), float(t)) for x, t in seen], *noise)
-    prior = prior_of(wrong, ("friction", "patch_radius", "delay"))
-    after = thrown_with(applied(updated(prior, data, "sp"), wrong))
-    assert error(plans, real) > 4 * error(*after)
+    lesson = Lesson()
+    learned = lesson.after(3, "sp", seed=0)
+    assert lesson.before > 0.05  # the belief was wrong indeed
+    assert lesson.before > 4 * learned.error
+    assert abs(learned.product - BELIEVED) > 0.1
 
 
 BELIEFS = {

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from throwplan.planner.cli import main
+from throwplan.planner.report import throws
 from throwplan.planner.report.kept import kept
 from throwplan.planner.report.page import Effort, Picture, Section, Table
 from throwplan.planner.report.planner import best_of, variants
@@ -119,6 +120,30 @@ def test_targets_outside_are_far_from_every_landing() -> None:
         near = (np.abs(x - target.plane_x) < FAR[0]) & (np.abs(theta - target.theta) < FAR[1])
         # The planner's own table is none of those that were looked at: few, if any, are near.
         assert near.mean() < 1e-3
+
+
+@pytest.mark.usefixtures("compiling")
+def test_the_throws_section_has_its_figures(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(throws, "LEARNERS", ("sp",))
+    section = throws.make(Effort(quick=True))
+    tables = {part.name: part for part in section.parts if isinstance(part, Table)}
+    rows = [
+        dict(zip(tables["identified"].columns, r, strict=True)) for r in tables["identified"].rows
+    ]
+    found = {row["model"]: row for row in rows}
+    assert list(found) == ["ls", "sp", "ls-step"]
+    for model in ("sp", "ls-step"):
+        # One throw a condition: the fit is nearer the truth than a cell of the grid is wide.
+        assert found[model]["fit, μ r_p / truth"] == pytest.approx(1.0, abs=0.1)
+        assert found[model]["grid, least error [mm]"] < found["ls"]["grid, least error [mm]"] / 4
+    for model, count, error, *_ in tables["learning"].rows:
+        assert model in ("sp", "ls-step") and count == 3 and 0 < error < 25
+    for part in section.parts:
+        if not isinstance(part, str):
+            part.write(tmp_path)
+    assert (tmp_path / "throws-grid-ls-step.png").stat().st_size > 20_000
 
 
 def test_single_shooting_reaches_what_the_planner_reaches() -> None:

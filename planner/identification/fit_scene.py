@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import json
 import math
+import textwrap
 
 import numpy as np
 import numpy.typing as npt
@@ -140,6 +141,7 @@ def contact_text(belief: Belief, torsion: float, faces: int) -> str:
     """The sections [contact] and [uncertainty] for a scene file."""
     known = belief.effective
     lines = [
+        "# In place of the [contact] and [uncertainty] of a scene.",
         "[contact]",
         f"friction = {known.value('friction'):.6g}",
         f"patch_radius = {known.value('patch_radius'):.6g} # m",
@@ -161,5 +163,9 @@ def contact_text(belief: Belief, torsion: float, faces: int) -> str:
 def _plain(value: object) -> str:
     """A number or a list of them as TOML has it."""
     if isinstance(value, list):
-        return "[" + ", ".join(_plain(number) for number in value) + "]"
+        words = ", ".join(_plain(number) for number in value)
+        if len(words) < 80:
+            return f"[{words}]"
+        inside = textwrap.fill(words, 98, initial_indent="  ", subsequent_indent="  ")
+        return f"[\n{inside},\n]"
     return f"{value:.6g}" if isinstance(value, float) else str(value)

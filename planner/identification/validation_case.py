@@ -24,6 +24,8 @@ Array = npt.NDArray[np.float64]
 ZOOM, FLIGHT = 0.15, 120
 #: Sampling before the opening [s].
 STEP = 0.002
+#: Instants at which the flying bar is drawn.
+BARS = 8
 
 
 Style = dict[str, Any]
@@ -105,12 +107,17 @@ PANELS: tuple[tuple[tuple[int, ...], float, str], ...] = (
 
 
 def case_picture(found: Validation, row: int) -> Figure:
-    """x and z, theta, v_x and omega over time: the whole throw, and the first 150 ms."""
+    """x and z, theta, v_x and omega over time: the whole throw, and the first 150 ms; below
+    the bar as it flies."""
     real = measured_course(found, row)
     courses = {model: predicted_course(found, model, row) for model in found.checks}
     shades = colours(list(courses))
-    figure = Figure(figsize=(11, 10.5), layout="constrained")
-    axes = figure.subplots(len(PANELS), 2, squeeze=False, width_ratios=(1.4, 1))
+    figure = Figure(figsize=(11, 14.5), layout="constrained")
+    grid = figure.add_gridspec(
+        len(PANELS) + 1, 2, width_ratios=(1.4, 1), height_ratios=[1.0] * len(PANELS) + [1.9]
+    )
+    axes = [[figure.add_subplot(grid[i, j]) for j in range(2)] for i in range(len(PANELS))]
+    _flight(figure.add_subplot(grid[-1, :]), found, row, courses, real, shades)
     grip = found.data.throws[row].grip
     for line, (rows, factor, label) in enumerate(PANELS):
         for axis, zoomed in zip(axes[line], (False, True), strict=True):
@@ -130,6 +137,31 @@ def case_picture(found: Validation, row: int) -> Figure:
     words = f"throw {throw.name} (middling error), grey: the grip force falls"
     figure.suptitle(title(found, words), x=0.01, ha="left", fontsize=11)
     return figure
+
+
+def _flight(
+    axis: Axes,
+    found: Validation,
+    row: int,
+    courses: dict[str, Course],
+    real: Course,
+    shades: dict[str, str],
+) -> None:
+    """The bar on its way, measured and by every model, at the same instants (Fig. 16(c))."""
+    throw = found.data.throws[row]
+    ends = np.array([-throw.object.com, throw.object.length - throw.object.com])
+    end = min(float(course.times[-1]) for course in (real, *courses.values()))
+    instants = np.linspace(max(float(real.times[0]), 0.0), end, BARS)
+    drawn = [(real, MEASURED), *((c, _style(m, shades)) for m, c in courses.items())]
+    for course, style in drawn:
+        x, z, theta = (np.interp(instants, course.times, course.states[i]) for i in range(3))
+        along = x + np.cos(theta) * ends[:, None], z + np.sin(theta) * ends[:, None]
+        axis.plot(*along, **style)
+        axis.plot(course.states[0], course.states[1], **style | {"lw": 0.8, "ls": ":"})
+    axis.set_aspect("equal", adjustable="datalim")
+    axis.set(xlabel="x [m]", ylabel="z [m]")
+    axis.set_title(f"the bar at {BARS} instants, dots: its CoM", loc="left", fontsize=10)
+    axis.grid(alpha=0.25)
 
 
 def _curve(

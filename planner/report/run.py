@@ -18,7 +18,7 @@ from .render import markdown, page
 
 TITLE = "throwplan: error against run time, stability, and what a scene leaves out"
 #: Sections by what `--only` calls them; each is a module here with `make(effort)`.
-SECTIONS = ("models", "planner", "stability", "parts", "reach", "robust")
+SECTIONS = ("models", "planner", "stability", "parts", "reach", "robust", "throws")
 #: Files of every report, beside the tables' and pictures'.
 FILES = ("index.md", "index.html", NAME)
 #: Libraries whose versions decide the figures.
