@@ -74,8 +74,7 @@ def _print_map(found: ReachMap, out: str | None) -> None:
         low, high = (math.degrees(v) for v in (found.theta.min(), found.theta.max()))
         words += f", theta {low:.0f} to {high:.0f} deg"
     best = float(found.margin[found.landings > 0].max())
-    print(f"  {words}")
-    print(f"  best margin {100 * best:.0f} %: what the throw leaves of the limit it uses most")
+    print(f"  {words}; best margin {100 * best:.0f} % (left of the limit that is used most)")
     print(f"  {_target(found)}")
 
 

@@ -78,12 +78,13 @@ def cup_entries(bar: ThrownObject, com: Array, cup: Cup, detach: Array, flight: 
 
 
 def enters_cup_at_landing(
-    scene: Scene, detach: Array, x: Array, time: Array
+    scene: Scene, detach: Array, x: Array, time: Array, more: float = 0.0
 ) -> npt.NDArray[np.bool_]:
     """Whether throws (N,) go into a cup that has come along with the target to their landing.
 
     detach (N, 6): CoM pose and twist; x (N,) [m] and time (N,) [s] of the landing at the
-    height of the scene's target. True for a scene without a cup.
+    height of the scene's target; more [m]: clearance beyond the scene's. True for a scene
+    without a cup.
     """
     if scene.cup is None or scene.target is None:
         return np.ones(len(x), dtype=bool)
@@ -91,7 +92,7 @@ def enters_cup_at_landing(
     shifted[:, 0] += scene.target.plane_x - x
     com = np.full(len(x), scene.object.com)
     room = cup_entries(scene.object, com, scene.cup, shifted, time)
-    return np.asarray(room >= scene.cup.clearance)
+    return np.asarray(room >= scene.cup.clearance + more)
 
 
 def _some(bars: Bars, which: npt.NDArray[np.intp]) -> Bars:

@@ -11,15 +11,16 @@ from .exact_release import relative_states
 from .motion import PlannedMotion, stage_times
 from .mover import Mover
 from .nlp import ThrowNlp
-from .numbers import opening_nodes, with_accelerations
+from .numbers import lower_end, opening_nodes, with_accelerations
 from .releases import Releases
 from .rollout import MoverTrack, case_of
 from .run_up import polynomial, run_up
 
 Array = npt.NDArray[np.float64]
 
-#: Time [s] between the cup's depths in a guess.
-CUP_STEP = 0.02
+#: How long before and after the landing height [s] the cup's depths are looked for, and in
+#: how many instants.
+CUP_SPAN, CUP_INSTANTS = (0.15, 0.3), 181
 
 
 def guess_from(
@@ -48,6 +49,8 @@ def guess_from(
     change = np.diff(coordinates["ddq" if s.jerk_control else "dq"], axis=1) / steps
     control = change / JERK_UNIT if s.jerk_control else change
 
+    entries = _cup_times(scene, releases.detach[index], flight, s.cup) if s.cup else None
+
     def value(name: str, k: int) -> Array | float:
         if name in coordinates:
             return np.asarray(coordinates[name][:, k])
@@ -55,8 +58,24 @@ def guess_from(
             return np.asarray(control[:, k])
         if name == "rel":
             return np.asarray(relative[:, k - s.opens])
-        if name.startswith("t_cup"):
-            return flight + CUP_STEP * (int(name[5:]) - (s.cup - 1) / 2)
+        if entries is not None and name.startswith("t_cup"):
+            return float(entries[int(name[5:])])
         return {"T": duration, "t_f": flight}.get(name, 0.0)
 
     return with_accelerations(nlp, nlp.fill(value), np.diff(nodes))
+
+
+def _cup_times(scene: Scene, detach: Array, flight: float, depths: int) -> Array:
+    """When (depths,) [s] after detach the bar's lower end is at each depth below the rim.
+
+    detach (6,): CoM pose and twist. The landing height may well be above the rim.
+    """
+    cup, target = scene.cup, scene.target
+    assert cup is not None and target is not None
+    times = flight + np.linspace(-CUP_SPAN[0], CUP_SPAN[1], CUP_INSTANTS)
+    z = detach[1] + (detach[4] - scene.gravity / 2 * times) * times
+    lowest = z + lower_end(scene, target) * np.sin(detach[2] + detach[5] * times)
+    # Falling from here on, as far as the spin lets it.
+    depth = np.maximum.accumulate(cup.rim - lowest)
+    asked = cup.insertion * np.arange(depths) / max(depths - 1, 1)
+    return np.interp(asked, depth + 1e-9 * np.arange(times.size), times)

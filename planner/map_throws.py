@@ -17,9 +17,9 @@ import numpy.typing as npt
 from ..problems.scene import Scene
 from .geometry import column_distance, lowest_of_bar, palm_corners, reach_of_bar
 from .mover import Limits, Mover
-from .numbers import BRAKE_SHARE
+from .numbers import BRAKE_SHARE, PASSING_ROOM, ROOM
 from .releases import Releases, ReleaseSampler
-from .run_up import run_up
+from .run_up import polynomial, run_up
 from .violations import outline_kernel
 
 Array = npt.NDArray[np.float64]
@@ -33,6 +33,8 @@ CHUNK = 20_000
 CELL = 0.15
 #: Instants of the flight that are held against the base column.
 FLIGHT_INSTANTS = 40
+#: Instants of the run-up at which the held bar is.
+RUN_UP_INSTANTS = 5
 
 
 def margins(scene: Scene, mover: Mover, throws: Releases) -> Array:
@@ -88,6 +90,7 @@ def _start(throws: Releases) -> Array:
 def allowed(scene: Scene, mover: Mover, throws: Releases, time: Array) -> Flags:
     """Whether the throws (N,) can be wound up for and break nothing; time (N,): of flight [s]."""
     good = throws.clear & _wound_up(scene, mover, throws) & _off_floor(scene, mover, throws)
+    good &= _held_beside_column(scene, mover, throws)
     return good & _bounded(scene, throws, time) & _beside_column(scene, throws, time)
 
 
@@ -127,20 +130,46 @@ def _off_floor(scene: Scene, mover: Mover, throws: Releases) -> Flags:
     return fine
 
 
+def _held_beside_column(scene: Scene, mover: Mover, throws: Releases) -> Flags:
+    """Whether the held bar (N,) is beside the base column during the run-up."""
+    fine = np.ones(len(throws.q), dtype=bool)
+    column = _column(scene)
+    if column is None or not fine.size:
+        return fine
+    duration = throws.run_up[:, None]
+    path = run_up(None, throws.q, throws.dq, throws.ddq, duration)
+    theta_held, h = scene.grasp.angle, scene.com_offset
+    for share in np.linspace(0.0, 1.0, RUN_UP_INSTANTS):
+        q = polynomial(path, share * duration)
+        x, z, theta = np.array(mover.motion(q.T, 0 * q.T, 0 * q.T)[0])
+        theta = theta + theta_held
+        com = np.array([x + h * np.cos(theta), z + h * np.sin(theta), theta])
+        fine &= column_distance(scene.object, com, *column) >= ROOM
+    return fine
+
+
+def _column(scene: Scene) -> tuple[float, float] | None:
+    """Radius and height [m] of the base column, None without one."""
+    workspace = scene.workspace
+    if workspace is None or workspace.column_radius is None or workspace.column_height is None:
+        return None
+    return workspace.column_radius, workspace.column_height
+
+
 def _beside_column(scene: Scene, throws: Releases, time: Array) -> Flags:
     """Whether the flying bar (N,) passes the base column, and lands beside it."""
     fine = np.ones(len(throws.q), dtype=bool)
-    workspace = scene.workspace
-    if workspace is None or workspace.column_radius is None or workspace.column_height is None:
+    column = _column(scene)
+    if column is None:
         return fine
-    radius, height = workspace.column_radius, workspace.column_height
+    radius, height = column
     x, z, theta, v_x, v_z, omega = throws.detach.T
     for share in np.linspace(0.0, 1.0, FLIGHT_INSTANTS):
         t = share * time
         com = np.array([x + v_x * t, z + (v_z - scene.gravity * t / 2) * t, theta + omega * t])
         room = np.maximum(np.abs(com[0]) - radius, com[1] - height)
         near = np.flatnonzero(room < reach_of_bar(scene.object))
-        fine[near] &= column_distance(scene.object, com[:, near], radius, height) >= 0.0
+        fine[near] &= column_distance(scene.object, com[:, near], radius, height) >= PASSING_ROOM
     return fine
 
 

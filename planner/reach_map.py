@@ -1,8 +1,7 @@
 """Which landing poses are in reach: sampled throws, sorted into bins of x and theta.
 
-A bin with a landing is one that was hit, not one that a plan was made for: of 48 bins
-drawn on pose, cup (without its cup; 2 cm bins) and hand-flip (6 cm), half of them among
-those with five landings or more, the planner solved the middles of 47. An empty bin
+A bin with a landing is one that was hit, not one that a plan was made for; `throwplan
+report` plans to the middles of random ones (planner/report/map_targets.py). An empty bin
 beside full ones may only have been missed.
 """
 
@@ -27,7 +26,7 @@ from .folders import filling
 from .map_bins import WIDTHS, edges_of, place, places
 from .map_throws import allowed, cells_of, chunks, margins
 from .mover import make_mover
-from .numbers import FLIGHT_MAX
+from .numbers import FLIGHT_MAX, ROOM
 from .reach import highest
 from .releases import joined
 from .start import check_start
@@ -185,7 +184,8 @@ def reach_map(
         # Only what lands is asked for its way there.
         thrown, x, theta, time = thrown.picked(in_time), x[in_time], theta[in_time], time[in_time]
         good = allowed(scene, mover, thrown, time)
-        good &= enters_cup_at_landing(aimed, thrown.detach, x, time)
+        # With the room that a plan keeps.
+        good &= enters_cup_at_landing(aimed, thrown.detach, x, time, ROOM)
         thrown = thrown.picked(good)
         parts.append((x[good], theta[good], margins(scene, mover, thrown), cells_of(mover, thrown)))
         done += count

@@ -25,6 +25,7 @@ from ..plan import Status
 from ..planner import Planner
 from ..reach_study import Outcome, outcomes, reachable_targets
 from ..releases import ReleaseSampler
+from .map_targets import map_targets
 from .page import Cell, Effort, Picture, Section, Table
 from .rivals import rivals
 
@@ -45,6 +46,8 @@ DRAWS, DRAW = 10, 20_000
 FAR = (0.1, math.radians(20))
 #: ... and looked for this far beyond the landings.
 ROUND = np.array([1.0, 2.0])
+#: Middles of a map's bins that are thrown to, and the map's sampled states.
+ON_MAP, SAMPLED = 40, 200_000
 #: How far a followed target moves: x [m], theta [rad], in how many plans of 10 ms.
 SWING, PERIOD, TICK = (0.06, 0.2), 2.0, 0.01
 
@@ -61,7 +64,7 @@ def make(effort: Effort) -> Section:
         "built once for all plans."
     )
     steps = [name for name, sizes in TARGETS.items() if effort.of(*sizes)]
-    total, rows, lost = len(steps) + 4, [], []
+    total, rows, lost = len(steps) + 5, [], []
     kept: dict[str, tuple[Planner, list[Outcome]]] = {}
     for done, name in enumerate(steps):
         effort.tell(done, total)
@@ -98,6 +101,9 @@ def make(effort: Effort) -> Section:
     effort.tell(len(steps) + 2, total)
     section.add(_truer(effort))
     effort.tell(len(steps) + 3, total)
+    if not effort.quick:
+        section.add(*map_targets(SAMPLED, ON_MAP))
+    effort.tell(len(steps) + 4, total)
     section.add(rivals(planner.scene, [r.target for r in inside[: effort.of(5, 50)]]))
     return section
 
