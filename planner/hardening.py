@@ -42,40 +42,52 @@ def hardened(
     """The robust throw by `method` that scatters least among those from `sources`.
 
     The first that scatters little enough ends the search: not every throw can be made
-    quiet, and another way to the same target often can. 'auto' keeps to the nominal throw
-    where none scatters less.
+    quiet, and another way to the same target often can. 'auto' takes the best quiet throw,
+    goes to scenarios from there where it scatters beyond the tolerance, and keeps to the
+    nominal throw where nothing scatters less.
     """
+    tried: list[Plan] = []
     best: tuple[float, Plan, Hardened] | None = None
     for source in sources:
         if best is not None and search.late:
             break
-        assert source.throw is not None
-        found = _by_method(bench, source, method, names, search)
+        tried.append(source)
+        found = _by_method(bench, source, "quiet" if method == "auto" else method, names, search)
         if found is None:
             continue
-        usual, mine = (scatter(t, source.target) for t in (source.throw, found.thrown))
+        usual, mine = (_scatter(source, throw) for throw in (source.throw, found.thrown))
         if method == "auto" and usual < mine:
             mine, found = usual, _as_it_is(bench, source)
         if best is None or mine < best[0]:
             best = mine, source, found
         if mine <= max(LITTLE * usual, _allowed(source)):
             break
+    if method == "auto" and tried and (best is None or not enough(*best[1:])):
+        source, start = (tried[0], tried[0].throw) if best is None else (best[1], best[2].thrown)
+        better = _made(bench, source, start, "scenarios", names, search)
+        if better is not None:
+            mine = _scatter(source, better.thrown)
+            if mine < (_scatter(source, source.throw) if best is None else best[0]):
+                best = mine, source, better
     return None if best is None else best[1:]
+
+
+def _scatter(source: Plan, thrown: PlannedThrow | None) -> float:
+    """How much a throw scatters [m]."""
+    assert thrown is not None
+    return scatter(thrown, source.target)
 
 
 def _by_method(
     bench: Workbench, source: Plan, method: str, names: tuple[str, ...], search: Search
 ) -> Hardened | None:
-    """A robust throw from one source; 'auto' goes to scenarios where quiet is not enough."""
-    first = "quiet" if method in ("auto", "scenarios") else method
-    found = _made(bench, source, source.throw, first, names, search)
-    if method != "scenarios" and (method != "auto" or (found and enough(source, found))):
-        return found
-    start = source.throw if found is None else found.thrown
+    """A robust throw from one source; scenarios start from a quiet one, if there is one."""
+    if method != "scenarios":
+        return _made(bench, source, source.throw, method, names, search)
+    quiet = _made(bench, source, source.throw, "quiet", names, search)
+    start = source.throw if quiet is None else quiet.thrown
     better = _made(bench, source, start, "scenarios", names, search)
-    if better is None or found is None or method == "scenarios":
-        return found if better is None else better
-    return better if spread(source, better) < spread(source, found) else found
+    return quiet if better is None else better
 
 
 def _as_it_is(bench: Workbench, source: Plan) -> Hardened:

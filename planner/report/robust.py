@@ -7,6 +7,7 @@ import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 from pathlib import Path
 
 import numpy as np
@@ -14,11 +15,13 @@ import numpy.typing as npt
 
 from ...problems.load import load_scene
 from ...problems.robust import COMPARED, METHODS
+from ...problems.scene import Pose
 from ..plan import Plan
 from ..planner import Planner
 from ..reach_study import reachable_targets
 from ..sweep import sweep
 from ..sweep_statistics import scaled_error
+from ..workers import executor_of
 from .page import Cell, Effort, Picture, Section, Table
 
 Array = npt.NDArray[np.float64]
@@ -31,17 +34,26 @@ HARD = 2e-3
 FRICTION, OPENING = 0.7, 1.2
 #: Scenes with their targets: quick, full.
 TARGETS = {"delay": (2, 60), "hand-flip": (2, 25)}
-QUICK_METHODS = ("quiet", "joint-velocity")
+#: Methods that all targets are planned with; the others and the baselines have the first
+#: `SOME` targets.
+QUICK_METHODS, MAIN = ("quiet", "joint-velocity"), ("auto", "quiet")
+SOME = 20
+#: Processes that share the targets.
+WORKERS = 2
 
 
 @dataclass(frozen=True)
 class Robust:
-    """One method at one target: its plan, and 95 % spreads [m] over the nominal plan's."""
+    """One method at one target: 95 % spreads [m] over the nominal plan's, times [s] over the
+    nominal plan's, error of what is sent (m, rad), and the window's largest load."""
 
-    plan: Plan
-    seconds: float
+    solved: bool
     ratio: float
     otherwise: float
+    plan_time: float
+    solve_time: float
+    error: tuple[float, float]
+    load: float | None
 
 
 def make(effort: Effort) -> Section:
@@ -54,21 +66,31 @@ def make(effort: Effort) -> Section:
         "times the angle) about the plan's own landing; tables give it as a share of the nominal "
         f"plan's. `otherwise`: the same with friction {100 * (1 - FRICTION):.0f} % lower and the "
         f"opening {100 * (OPENING - 1):.0f} % longer, which no plan knew of. A target without a "
-        f"plan counts as infinite. Nothing is compiled. Random targets in reach, seed {SEED}; "
+        f"plan counts as infinite. `auto` and `quiet` have all targets, the others the first {SOME}, "
+        f"shared by {WORKERS} processes; nothing is compiled. Random targets in reach, seed {SEED}; "
         f"those whose nominal spread is under {1e3 * HARD:.0f} mm already are left out."
     )
     methods = QUICK_METHODS if effort.quick else (*METHODS, *COMPARED)
-    total = len(TARGETS) * len(methods)
-    for number, (name, sizes) in enumerate(TARGETS.items()):
+    counts = {name: effort.of(*sizes) for name, sizes in TARGETS.items()}
+    done, total = 0, sum(counts.values())
+    for name, count in counts.items():
         planner = Planner(load_scene(name), compiling="no")
-        nominal = list(itertools.islice(_nominal(planner), effort.of(*sizes)))
+        nominal = list(itertools.islice(_nominal(planner), count))
         spreads = np.array([spread(plan) for plan in nominal])
-        rows, ratios = [], {}
-        for k, method in enumerate(methods):
-            effort.tell(number * len(methods) + k, total)
-            found = [_made(planner, plan, method) for plan in nominal]
-            rows.append(_row(method, found, nominal))
-            ratios[method] = np.array([robust.ratio for robust in found])
+        jobs = [
+            (name, plan.target, [m for m in methods if m in MAIN or number < SOME])
+            for number, plan in enumerate(nominal)
+        ]
+        found: dict[str, list[Robust]] = {method: [] for method in methods}
+        with executor_of(1 if effort.quick else WORKERS, None) as executor:
+            run = map if executor is None else executor.map
+            for made in run(_studied, jobs):
+                for method, robust in made.items():
+                    found[method].append(robust)
+                done += 1
+                effort.tell(done, total)
+        rows = [_row(method, found[method]) for method in methods]
+        ratios = {m: np.array([robust.ratio for robust in found[m]]) for m in methods}
         section.add(
             f"Scene `{name}`: {len(nominal)} targets, nominal spread median "
             f"{1e3 * np.median(spreads):.1f} mm, worst {1e3 * spreads.max():.1f} mm."
@@ -104,28 +126,50 @@ def otherwise(plan: Plan) -> float:
     return float(np.quantile(error, 0.95))
 
 
-def _made(planner: Planner, nominal: Plan, method: str) -> Robust:
-    """The robust plan to a nominal plan's target."""
-    plan = planner.plan(nominal.target, robust=method)
-    seconds = plan.time["total"] - plan.time["build"]
-    if not plan.solved:
-        return Robust(plan, seconds, math.inf, math.inf)
-    return Robust(
-        plan, seconds, spread(plan) / spread(nominal), otherwise(plan) / otherwise(nominal)
-    )
+@cache
+def _planner(name: str) -> Planner:
+    """A worker's own planner of a scene."""
+    return Planner(load_scene(name), compiling="no")
 
 
-def _row(method: str, found: list[Robust], nominal: list[Plan]) -> list[Cell]:
-    solved = [robust for robust in found if robust.plan.solved]
-    errors = [robust.plan.error_sent() for robust in solved]
+def _studied(job: tuple[str, Pose, list[str]]) -> dict[str, Robust]:
+    """Robust plans to one target, by method, against its nominal plan."""
+    name, target, methods = job
+    planner = _planner(name)
+    planner.plan(target)
+    nominal = planner.plan(target)
+    usual, other = spread(nominal), otherwise(nominal)
+    made = {}
+    for method in methods:
+        plan = planner.plan(target, robust=method)
+        solved = plan.solved
+        made[method] = Robust(
+            solved,
+            spread(plan) / usual if solved else math.inf,
+            otherwise(plan) / other if solved else math.inf,
+            _own(plan) / _own(nominal),
+            plan.time["solve"] / nominal.time["solve"],
+            plan.error_sent() if solved else (math.nan, math.nan),
+            plan.peak_load,
+        )
+    return made
+
+
+def _own(plan: Plan) -> float:
+    """Time [s] of a plan without what is built once for all."""
+    return plan.time["total"] - plan.time["build"]
+
+
+def _row(method: str, found: list[Robust]) -> list[Cell]:
+    solved = [robust for robust in found if robust.solved]
+    errors = [robust.error for robust in solved]
     worst = np.max(errors, axis=0) if errors else np.full(2, math.nan)
-    usual = np.array([plan.time["total"] - plan.time["build"] for plan in nominal])
-    slower = np.median([robust.seconds for robust in found] / usual)
-    solves = np.array([robust.plan.time["solve"] for robust in found])
-    solver = np.median(solves / [plan.time["solve"] for plan in nominal])
-    loads = [robust.plan.peak_load for robust in solved if robust.plan.peak_load is not None]
+    slower = np.median([robust.plan_time for robust in found])
+    solver = np.median([robust.solve_time for robust in found])
+    loads = [robust.load for robust in solved if robust.load is not None]
     return [
         method,
+        len(found),
         len(solved),
         *_quantiles([robust.ratio for robust in found], (50, 75, 90)),
         *_quantiles([robust.otherwise for robust in found], (50, 90)),
@@ -149,6 +193,7 @@ def _table(name: str, rows: list[list[Cell]]) -> Table:
         f"Scene {name}: spread as a share of the nominal plan's",
         (
             "method",
+            "targets",
             "solved",
             "median",
             "75 %",
