@@ -66,9 +66,9 @@ def make(effort: Effort) -> Section:
         "times the angle) about the plan's own landing; tables give it as a share of the nominal "
         f"plan's. `otherwise`: the same with friction {100 * (1 - FRICTION):.0f} % lower and the "
         f"opening {100 * (OPENING - 1):.0f} % longer, which no plan knew of. A target without a "
-        f"plan counts as infinite. `auto` and `quiet` have all targets, the others the first {SOME}, "
-        f"shared by {WORKERS} processes; nothing is compiled. Random targets in reach, seed {SEED}; "
-        f"those whose nominal spread is under {1e3 * HARD:.0f} mm already are left out."
+        f"plan counts as infinite. `auto` and `quiet` have all targets, the others the first "
+        f"{SOME}, shared by {WORKERS} processes; nothing is compiled. Random targets in reach, "
+        f"seed {SEED}; those whose nominal spread is under {1e3 * HARD:.0f} mm are left out."
     )
     methods = QUICK_METHODS if effort.quick else (*METHODS, *COMPARED)
     counts = {name: effort.of(*sizes) for name, sizes in TARGETS.items()}
