@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ..models.batch import Cubics, Hands, Throws
+from ..models.batch_hands import Cubics, Hands, Throws
 from .motion import TICK
 from .mover import Mover
 from .plan import PlannedThrow

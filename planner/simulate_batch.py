@@ -13,15 +13,13 @@ import numpy.typing as npt
 
 from ..models.batch import (
     BatchRelease,
-    ConstantAccelerations,
-    HandsTrack,
     ReleaseBatch,
-    SampledHands,
     sliding_pivot_batch,
     stepped_batch,
     throw_limit_surface,
     throw_sliding_pivot,
 )
+from ..models.batch_hands import ConstantAccelerations, HandsTrack, SampledHands
 from ..models.contact import Body, Contact
 from ..models.flight import land
 from ..models.lugre_release import LuGreRelease

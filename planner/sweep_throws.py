@@ -9,7 +9,8 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from ..models.batch import HandsTrack, ReleaseBatch, throw_limit_surface, throw_sliding_pivot
+from ..models.batch import ReleaseBatch, throw_limit_surface, throw_sliding_pivot
+from ..models.batch_hands import HandsTrack
 from ..models.contact import Body, Contact
 from ..models.flight import land
 from ..problems.errors import InputError

@@ -6,12 +6,8 @@ import time
 
 import numpy as np
 import pytest
-from throwplan.models.batch import (
-    ConstantAccelerations,
-    ReleaseBatch,
-    sliding_pivot_batch,
-    stepped_batch,
-)
+from throwplan.models.batch import ReleaseBatch, sliding_pivot_batch, stepped_batch
+from throwplan.models.batch_hands import ConstantAccelerations
 from throwplan.models.contact import Body, Contact, contact_twist
 from throwplan.models.grip_force import LinearRelease
 from throwplan.models.hand_track import ConstantAcceleration

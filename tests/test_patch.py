@@ -11,7 +11,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from release_cases import VALUES, detached, landed, reference_case
 from scipy.integrate import solve_ivp
-from throwplan.models.batch import ConstantAccelerations, ReleaseBatch
+from throwplan.models.batch import ReleaseBatch
+from throwplan.models.batch_hands import ConstantAccelerations
 from throwplan.models.contact import Body, Contact
 from throwplan.models.flight import land
 from throwplan.models.grip_force import LinearRelease

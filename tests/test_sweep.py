@@ -10,7 +10,8 @@ import matplotlib.image
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.models.batch import ConstantAccelerations, sliding_pivot_batch
+from throwplan.models.batch import sliding_pivot_batch
+from throwplan.models.batch_hands import ConstantAccelerations
 from throwplan.models.flight import land
 from throwplan.planner import progress
 from throwplan.planner.carry_hold import CarryHold

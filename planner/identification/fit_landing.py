@@ -10,7 +10,8 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from ...models.batch import GRADING, SampledHands, graded
+from ...models.batch import GRADING, graded
+from ...models.batch_hands import SampledHands
 from ...models.contact import HandMotion
 from ...models.integrate import rk4_step
 from ...models.release import HandTrack

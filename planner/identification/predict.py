@@ -10,13 +10,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models.batch import (
-    BatchRelease,
-    ReleaseBatch,
-    SampledHands,
-    throw_limit_surface,
-    throw_sliding_pivot,
-)
+from ...models.batch import BatchRelease, ReleaseBatch, throw_limit_surface, throw_sliding_pivot
+from ...models.batch_hands import SampledHands
 from ...models.contact import Body, Contact
 from ...models.flight import land
 from ...models.hand_track import SampledHand

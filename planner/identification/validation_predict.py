@@ -15,14 +15,8 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline, PchipInterpolator, PPoly
 
-from ...models.batch import (
-    BatchRelease,
-    Hands,
-    HandsTrack,
-    ReleaseBatch,
-    SampledHands,
-    throw_sliding_pivot,
-)
+from ...models.batch import BatchRelease, ReleaseBatch, throw_sliding_pivot
+from ...models.batch_hands import Hands, HandsTrack, SampledHands
 from ...models.flight import land
 from ...models.grip_force import TableRelease
 from ...models.karnopp_batch import throw_karnopp

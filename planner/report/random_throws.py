@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ...models.batch import ConstantAccelerations, ReleaseBatch
+from ...models.batch import ReleaseBatch
+from ...models.batch_hands import ConstantAccelerations
 from ...models.contact import Body, Contact, HandMotion, pivot_wrench
 from ...models.grip_force import LinearRelease
 from ...models.hand_track import ConstantAcceleration
