@@ -41,7 +41,12 @@ def add_identify(commands: Any) -> None:
     parser.add_argument("--prior", metavar="SCENE", help="its [contact] and [uncertainty]")
     parser.add_argument("--throws", metavar="N", help="only the first N throws")
     parser.add_argument(
-        "--only", metavar="FACTOR=LABEL", nargs="+", default=[], help="only throws with this label"
+        "--only",
+        metavar="FACTOR=LABEL",
+        nargs="+",
+        action="extend",
+        default=[],
+        help="only throws with this label",
     )
     parser.add_argument("--workers", metavar="N", default="1", help="processes (default: 1)")
     add_out(parser, "identify.json, contact.toml, the grids and pictures")
@@ -94,7 +99,9 @@ def _identify(options: argparse.Namespace) -> int:
 
 
 def _chosen(data: ThrowData, options: argparse.Namespace) -> ThrowData:
-    """The throws that the options ask for."""
+    """The throws that the options ask for; of several surfaces those on the usual one."""
+    from .identification.factors import usual_surface
+
     numbers = list(range(len(data.throws)))
     for word in options.only:
         name, found, label = word.partition("=")
@@ -109,15 +116,18 @@ def _chosen(data: ThrowData, options: argparse.Namespace) -> ThrowData:
         numbers = numbers[: whole("--throws", options.throws, 1, MOST_THROWS)]
     if not numbers:
         raise InputError(f"--only {' '.join(options.only)}: no throw has all these labels")
-    return data.picked(numbers)
+    chosen = data.picked(numbers)
+    return chosen.picked(usual_surface(chosen))
 
 
 def _print(found: list[Identified], out: str | None) -> None:
     """What was found, in some lines a model."""
+    from .identification.factors import SURFACE
     from .identification.fit_belief import UNKNOWNS
 
     data = found[0].data
-    print(f"{data.name}: {len(data.throws)} throws")
+    surface = data.factors.get(SURFACE, [""])[0]
+    print(f"{data.name}: {len(data.throws)} throws" + (f" on {surface}" if surface else ""))
     if {"friction", "patch_radius"} <= set(data.truth):
         known = [name for name in UNKNOWNS if name in data.truth]
         truth = ", ".join(f"{name} {data.truth[name]:g}" for name in known)

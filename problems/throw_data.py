@@ -32,6 +32,11 @@ LANDING = ("x", "z", "theta")
 MORE = ("track", "grasp_offset", "grasp_angle_deg")
 #: No hand-held thing weighs more [kg]: above it, it is likely in grams.
 HEAVIEST = 50.0
+#: A landing's z may be this far [m] from the height at which landings are compared.
+HEIGHT_ERROR = 0.05
+#: What a motion must cover [s] before the force falls and after it is gone: filters err at the
+#: ends, and a late opening needs more.
+MARGIN = 0.03
 #: Fewest throws that parameters are fitted to.
 FEWEST = 1
 
@@ -216,6 +221,11 @@ def _throw(
     landing = None
     if all(row.get(name) for name in LANDING):
         x, z, theta = (_number(row, name) for name in LANDING)
+        if abs(z - shared.landing_height) > HEIGHT_ERROR:
+            raise InputError(
+                f"z = {z:g}: must be within {HEIGHT_ERROR:g} m of landing_height = "
+                f"{shared.landing_height:g}"
+            )
         landing = (x, z, theta)
     track = None
     if row.get("track"):
@@ -223,10 +233,11 @@ def _throw(
     if landing is None and track is None:
         raise InputError("no landing: give x, z and theta, or a track")
     start, end = command + grip.dwell, command + grip.dwell + grip.opening
-    if not motion[0, 0] <= start or not end <= motion[-1, 0]:
+    if not motion[0, 0] <= start - MARGIN or not end + MARGIN <= motion[-1, 0]:
         raise InputError(
             f"motion = {row['motion']}: too short: the opening lasts from {start:.3f} to "
-            f"{end:.3f} s, the samples cover {motion[0, 0]:.3f} to {motion[-1, 0]:.3f} s"
+            f"{end:.3f} s, the samples cover {motion[0, 0]:.3f} to {motion[-1, 0]:.3f} s, must "
+            f"cover {MARGIN:g} s more at either end"
         )
     known = (*NEEDED, *LANDING, *MORE)
     factors = {key: value for key, value in row.items() if key not in known}

@@ -24,10 +24,12 @@ from throwplan.planner.identification.learn import thrown, updated
 from throwplan.planner.identification.measured import measured
 from throwplan.planner.identification.predict import Parameters, Predictor
 from throwplan.planner.report.learning_runs import BELIEVED, Lesson
+from throwplan.problems.distribution import Distribution
 from throwplan.problems.errors import InputError
 from throwplan.problems.hold import Grasp, ThrownObject
 from throwplan.problems.load import load_scene, scene_text
 from throwplan.problems.throw_data import MeasuredThrow, Shared, ThrowData
+from throwplan.problems.uncertainty import Uncertainty
 
 Array = npt.NDArray[np.float64]
 
@@ -244,6 +246,58 @@ def test_the_command_writes_its_files(
     assert len((out / "grid-sp.csv").read_text().splitlines()) == 401
     assert main(["identify", "data", "--model", "sp", "--only", "com=3"]) == 2
     assert "com must be one of 0, 1" in capsys.readouterr().err
+
+
+def test_filters_add_up_and_several_surfaces_are_not_pooled(
+    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    labels = ("paper", "steel", "steel", "steel", "paper", "steel")
+    data = made(6, "sp")
+    throws = tuple(
+        dataclasses.replace(throw, factors=throw.factors | {"surface": label})
+        for throw, label in zip(data.throws, labels, strict=True)
+    )
+    data = dataclasses.replace(data, throws=throws)
+    with pytest.raises(InputError, match="surface: one contact cannot be that of paper, steel"):
+        identify(data, "sp", grid=False)
+    monkeypatch.setattr("throwplan.problems.throw_data.load_throws", lambda folder: data)
+    words = ["identify", "data", "--model", "sp", "--no-grid", "--json"]
+    for more, count in (
+        ([], 4),
+        (["--only", "com=1"], 3),
+        (["--only", "com=1", "--only", "surface=steel"], 3),
+        (["--only", "surface=paper"], 2),
+    ):
+        status = main([*words, *more])
+        said = capsys.readouterr()
+        # Two throws may well be too few, and are then said to be.
+        assert status == 0 or count == 2, said.err
+        if status == 0:
+            assert json.loads(said.out)[0]["throws"] == count
+
+
+def test_throws_that_never_land_are_refused_in_one_line() -> None:
+    for count in (3, 7):
+        data = made(count, "sp")
+        gone = dataclasses.replace(data.shared, landing_height=5.0)
+        with pytest.raises(InputError, match=r"no landing: .* landing_height = 5 by sp"):
+            identify(dataclasses.replace(data, shared=gone), "sp", grid=False)
+
+
+def test_a_prior_that_knows_a_value_exactly_holds_it() -> None:
+    scene = load_scene("pose")
+    known = Uncertainty(delay=Distribution(samples=(0.004,)))
+    found = identify(
+        made(4, "sp", 0.004), "sp", prior=scene.replace(uncertainty=known), delay=True, grid=False
+    )
+    assert found.posterior.value("delay") == pytest.approx(0.004, abs=1e-5)
+
+
+def test_the_ridge_is_as_narrow_as_the_product_is_known() -> None:
+    found = identify(made(6, "sp"), "sp", grip_scale=True, grid=False)
+    ridge = found.profiles["product"]
+    width = np.ptp(np.log(ridge.value)) / 6  # three deviations either way
+    assert width == pytest.approx(found.posterior.product_deviation, rel=0.05)
 
 
 def test_a_slow_model_is_timed_on_a_subset(monkeypatch: pytest.MonkeyPatch) -> None:

@@ -295,6 +295,7 @@ def replaced(path: Path, old: str, new: str) -> None:
         ("throws.csv", "grip/0001.csv", "grip/9.csv", "line 2: grip = "),
         ("throws.csv", "0.1001", "soon", "line 3: command = 'soon': must be a finite number"),
         ("throws.csv", "0.1001", "0.5", "line 3: motion = motion/0002.csv: too short"),
+        ("throws.csv", "0.1001", "0.265", "must cover 0.03 s more at either end"),
         ("throws.csv", "track/0001.csv", "", "line 2: no landing: give x, z and theta, or a"),
         ("throws.csv", "track/0001.csv", "a,b", "throws.csv: line 2 has 13 cells, not 12"),
         ("motion/0001.csv", "\n0.002,", "\n0.000,", "line 3: t must rise from row to row"),

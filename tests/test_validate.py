@@ -26,7 +26,7 @@ from throwplan.planner.identification.validation_predict import predicted, quick
 from throwplan.planner.simulate import MODELS
 from throwplan.problems.arm_file import load_arm
 from throwplan.problems.hold import Grasp, ThrownObject
-from throwplan.problems.throw_data import MeasuredThrow, Shared, ThrowData
+from throwplan.problems.throw_data import MeasuredThrow, Shared, ThrowData, load_throws
 from throwplan.problems.throw_data_files import write_throws
 
 COMS = {"0.10": (0.10, 535e-6), "0.16": (0.16, 802e-6)}
@@ -254,7 +254,7 @@ def test_files_and_pictures(found, tmp_path):
         image = matplotlib.image.imread(tmp_path / f"{name}.png")[..., :3]
         assert image.shape[0] > 300
         assert 0.01 < (image.min(axis=2) < 0.9).mean() < 0.6
-    with (tmp_path / "throws.csv").open(encoding="utf-8") as file:
+    with (tmp_path / "errors_by_throw.csv").open(encoding="utf-8") as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 27 * 2
     mine = [r for r in rows if r["model"] == "sp" and r["in_batch"] == "1"]
@@ -288,6 +288,25 @@ def test_the_command(found, tmp_path, capsys):
     for part in ("Table III", "Table IV", "folds", "Factors", "SYNTHETIC", "com: 0.10 → 0.16"):
         assert part in text
     assert (tmp_path / "out" / "factors.png").exists()
+
+
+def test_output_beside_the_data_leaves_the_data(tmp_path):
+    data = make_data(pitches=("p1",), repeats=1, paper=0)
+    write_throws(data, tmp_path)
+    before = (tmp_path / "throws.csv").read_bytes()
+    assert main(["validate", str(tmp_path), "--models", "ls-step", "--out", str(tmp_path)]) == 0
+    assert (tmp_path / "throws.csv").read_bytes() == before
+    assert len(load_throws(tmp_path).throws) == len(data.throws)
+
+
+def test_another_surface_is_fitted_apart_without_a_column_that_says_so(data, found):
+    plain = [
+        dataclasses.replace(t, factors={k: v for k, v in t.factors.items() if k != "set"})
+        for t in data.throws
+    ]
+    again = validate(dataclasses.replace(data, throws=tuple(plain)), ("sp",))
+    assert set(again.checks["sp"].parameters) == {"", "paper"}
+    assert len(again.batch) == len(found.batch)
 
 
 def test_landings_without_tracks_and_too_few_throws(tmp_path):

@@ -30,6 +30,8 @@ KNOWN = {
 NO_FACTORS = ("repeat", "set")
 #: The label of `set` for throws that vary one factor only, beside the batch.
 APART = "factors"
+#: The factor whose labels need contact parameters of their own.
+SURFACE = "surface"
 #: Below it the two conditions' errors differ significantly.
 SIGNIFICANT = 0.05
 
@@ -67,9 +69,17 @@ class FactorRow:
 
 
 def batch_rows(data: ThrowData) -> Rows:
-    """The throws that parameters are fitted to: all but those that vary one factor apart."""
-    rows = [i for i, throw in enumerate(data.throws) if throw.factors.get("set") != APART]
-    return np.array(rows or range(len(data.throws)), int)
+    """The throws that parameters are fitted to: those on the surface that most are on, and of
+    these not the ones that vary one factor apart."""
+    rows = usual_surface(data)
+    return np.array([i for i in rows if data.throws[i].factors.get("set") != APART] or rows, int)
+
+
+def usual_surface(data: ThrowData) -> list[int]:
+    """The throws on the surface that most throws are on: one contact cannot fit two."""
+    labels = [throw.factors.get(SURFACE, "") for throw in data.throws]
+    usual = max(dict.fromkeys(labels), key=labels.count)
+    return [i for i, label in enumerate(labels) if label == usual]
 
 
 def condition_columns(data: ThrowData) -> list[str]:

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ...problems.errors import InputError
 from .fit_belief import UNKNOWNS, Belief, parameters_at
 from .fit_identifiable import check_identifiable
 from .fit_landing import landings_of
@@ -99,6 +100,9 @@ def fit_to(
     )
     best = min((problem.solved(start) for start in starts), key=lambda found: found[1])
     point, noise = best[0], problem.sigma
+    if not np.isfinite(problem.landed(point)[0]).all(axis=1).any():
+        height = f"landing_height = {shared.landing_height:g}"
+        raise InputError(f"no landing: no throw comes down to {height} by {model}")
     for _ in range(REFITS if len(truth.landing) >= ENOUGH else 0):
         sigma = np.maximum(noise, problem.scatter(point))
         if np.allclose(sigma, problem.sigma, rtol=0.02):

@@ -54,7 +54,7 @@ def prior_of(scene: Scene, names: tuple[str, ...]) -> Belief:
             elif scene.uncertainty is None:
                 deviation = ASSUMED[name]
         mean.append(value if name == "delay" else math.log(value))
-        deviations.append(deviation)
+        deviations.append(max(deviation, 1e-6))
     matrix = np.eye(len(names))
     for one, other, number in section.correlation:
         if one in names and other in names:
@@ -141,7 +141,8 @@ def contact_text(belief: Belief, torsion: float, faces: int) -> str:
     """The sections [contact] and [uncertainty] for a scene file."""
     known = belief.effective
     lines = [
-        "# In place of the [contact] and [uncertainty] of a scene.",
+        "# In place of the [contact] and [uncertainty] of a scene. The doubt is that of the mean",
+        "# by this model: not the scatter from throw to throw, nor the model's own error.",
         "[contact]",
         f"friction = {known.value('friction'):.6g}",
         f"patch_radius = {known.value('patch_radius'):.6g} # m",

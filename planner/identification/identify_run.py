@@ -15,6 +15,7 @@ import numpy.typing as npt
 from ...problems.errors import InputError
 from ...problems.scene import Scene
 from ...problems.throw_data import ThrowData
+from .factors import SURFACE
 from .fit import Fit, costs_at, fit_to, unknowns
 from .fit_belief import Belief, parameters_at
 from .fit_scene import applied, prior_of
@@ -128,6 +129,11 @@ def identify(
     InputError for an unknown model and where the throws cannot tell the unknowns.
     """
     check_model(model)
+    surfaces = data.factors.get(SURFACE, [])
+    if len(surfaces) > 1:
+        raise InputError(
+            f"{SURFACE}: one contact cannot be that of {', '.join(surfaces)}: give throws of one"
+        )
     names = unknowns(delay, grip_scale)
     if isinstance(prior, Scene):
         prior = prior_of(prior, names)
@@ -192,8 +198,8 @@ def _profiles(
     belief = fit.posterior
     reach = np.linspace(-PROFILE_REACH, PROFILE_REACH, PROFILE_POINTS)
     combinations = {
-        "product": {"friction": 1.0, "patch_radius": 1.0},
-        "friction": {"friction": 1.0},
+        "product": {"friction": 1.0, "patch_radius": 1.0, "grip_scale": 1.0},
+        "friction": {"friction": 1.0, "grip_scale": 1.0},
         "patch_radius": {"patch_radius": 1.0},
     }
     found = {}

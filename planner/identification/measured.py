@@ -15,7 +15,7 @@ Array = npt.NDArray[np.float64]
 
 #: Window of the Savitzky-Golay filter that differentiates tracks (samples), and its order.
 WINDOW, ORDER = 21, 2
-#: Longest part of the flight [s], from the end of the opening on, whose twist is averaged.
+#: How long [s] after the opening a bar surely flies, for a track that ends before the landing.
 FLIGHT = 0.15
 
 
@@ -73,7 +73,11 @@ def _from_track(
     times, height = track[flying, 0], data.shared.landing_height
     below = np.flatnonzero((track[flying, 2][1:] <= height) & (track[flying, 2][:-1] > height))
     # The parabola through the whole flight: less noise than the two samples around the end.
-    last = below[0] + 2 if below.size else len(times)
+    last = below[0] + 2 if below.size else int((times <= start + FLIGHT).sum())
+    if not below.size and throw.landing is None:
+        raise InputError(
+            f"throw {throw.name}: no landing: the track never comes down to {height:g} m"
+        )
     t = times[:last] - start
     x, z, theta = (track[flying, i][:last] for i in (1, 2, 3))
     along, turning = np.polyfit(t, x, 1), np.polyfit(t, theta, 1)
@@ -82,7 +86,7 @@ def _from_track(
     root = rising[0] ** 2 + 2 * data.shared.gravity * drop
     if root < 0 or data.shared.gravity == 0:
         raise InputError(
-            f"throw {throw.name}: no landing: the track never comes down to {height:g}"
+            f"throw {throw.name}: no landing: the track never comes down to {height:g} m"
         )
     time = (rising[0] + np.sqrt(root)) / data.shared.gravity
     landed = (float(np.polyval(along, time)), float(np.polyval(turning, time)))

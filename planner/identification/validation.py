@@ -24,7 +24,7 @@ from .best_cell import (
     spread_rows,
     whole_grid,
 )
-from .factors import FactorRow, batch_rows, comparisons, conditions, factor_rows
+from .factors import SURFACE, FactorRow, batch_rows, comparisons, conditions, factor_rows
 from .measured import Measured, measured, scaled
 from .predict import BATCHES, Parameters, Predictor, check_model
 from .validation_folds import Crossed, cross_validated
@@ -40,8 +40,6 @@ About = Callable[[str], Progress]
 PAPER_MODELS = ("ls", "sp", "sp-paper", "ils", "ls-step")
 #: Where the search of slow models begins.
 GUIDE = "ls-step"
-#: The factor whose other labels need other contact parameters.
-SURFACE = "surface"
 #: Throws whose single release is timed.
 TIMED = 20
 
@@ -79,9 +77,16 @@ class ModelCheck:
 
     @property
     def at_edge(self) -> bool:
-        """Whether better parameters may lie outside the searched ones."""
-        ends = ((self.friction, self.cells.friction), (self.patch_radius, self.cells.patch_radius))
-        return any(np.isclose(v, [known.min(), known.max()]).any() for v, known in ends)
+        """Whether better parameters, of any surface, may lie outside the searched ones."""
+        known = self.cells.friction, self.cells.patch_radius
+        ends = [(values.min(), values.max()) for values in known]
+        # A slow model is searched around another model's best, surface by surface.
+        pairs = self.parameters.values() if self.whole else [self.parameters[""]]
+        return any(
+            np.isclose(value, end).any()
+            for pair in pairs
+            for value, end in zip(pair, ends, strict=True)
+        )
 
     @property
     def whole(self) -> bool:

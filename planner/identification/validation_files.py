@@ -23,7 +23,7 @@ PICTURES = {
     "violins": "Signed errors: density, quartiles, median.",
     "factors": "What a factor does: landings measured and predicted, errors in both conditions.",
 }
-TABLES = ("parameters", "errors", "cross_validation", "factors", "throws")
+TABLES = ("parameters", "errors", "cross_validation", "factors", "errors_by_throw")
 FILES = (
     "validation.md",
     *(f"{name}.csv" for name in TABLES),
@@ -46,7 +46,7 @@ def as_page(found: Validation, drawn: list[str]) -> str:
         lines += ["", table.markdown()]
     for name in drawn:
         lines += ["", f"![{PICTURES[name]}]({name}.png)", "", f"*{PICTURES[name]}*"]
-    lines += ["", "Errors of every throw: [throws.csv](throws.csv).", ""]
+    lines += ["", "Errors of every throw: [errors_by_throw.csv](errors_by_throw.csv).", ""]
     return "\n".join(lines)
 
 
@@ -56,7 +56,7 @@ def save_validation(found: Validation, folder: Path) -> None:
         drawn = _draw(found, scratch)
         for table in tables(found):
             table.write(scratch)
-        _write_throws(found, scratch / "throws.csv")
+        _write_throws(found, scratch / "errors_by_throw.csv")
         (scratch / "validation.md").write_text(as_page(found, drawn), encoding="utf-8")
 
 
@@ -81,7 +81,7 @@ def _draw(found: Validation, folder: Path) -> list[str]:
 
 
 def _write_throws(found: Validation, path: Path) -> None:
-    """throws.csv: a row per throw and model, angles in degrees."""
+    """errors_by_throw.csv: a row per throw and model, angles in degrees."""
     names = list(found.data.factors)
     header = ["throw", *names, "model", "friction", "patch_radius"]
     header += ["dx", "dtheta_deg", "scaled", "dv_x", "domega_deg"]

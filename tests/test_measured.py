@@ -1,0 +1,79 @@
+"""What is taken from tracks: rates, the landing, and tracks that do not show one."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import numpy as np
+import pytest
+from throwplan.models.grip_force import TableRelease
+from throwplan.planner.identification.measured import measured, velocities
+from throwplan.problems.errors import InputError
+from throwplan.problems.hold import Grasp, ThrownObject
+from throwplan.problems.throw_data import MeasuredThrow, Shared, ThrowData
+
+G, HEIGHT, OPENED = 9.81, -0.7, 0.6
+#: CoM pose and twist at the opening's end.
+START = np.array([0.5, 0.4, 0.3, 1.5, 1.0, 5.0])
+
+
+def state(t: np.ndarray) -> np.ndarray:
+    """x, z, theta (K, 3) so long after the opening's end, the floor not there."""
+    x, z, theta, v_x, v_z, omega = START
+    return np.column_stack([x + v_x * t, z + v_z * t - G * t**2 / 2, theta + omega * t])
+
+
+def landing_time(height: float) -> float:
+    _, z, _, _, v_z, _ = START
+    return float((v_z + np.sqrt(v_z**2 + 2 * G * (z - height))) / G)
+
+
+def data(rest_at: float, end: float = 2.0, landing: tuple | None = None) -> ThrowData:
+    """One throw whose bar stops dead at a height and lies there until `end` [s]."""
+    times = np.arange(-0.1, end, 0.004)
+    flight = np.minimum(times, landing_time(rest_at))
+    track = np.column_stack([times + OPENED, state(flight)])
+    bar = ThrownObject(mass=0.24, inertia=535e-6, length=0.26, com=0.10)
+    grip = TableRelease([0.0, 0.05, 0.10], [120.0, 120.0, 0.0])
+    motion = np.column_stack([times, 0 * times, 0 * times])
+    throw = MeasuredThrow(
+        "one", bar, Grasp(), times, motion, OPENED - 0.10, grip, landing, track, {}
+    )
+    return ThrowData("made", Shared(landing_height=HEIGHT), (throw,))
+
+
+def test_rates_of_a_quadratic_are_exact() -> None:
+    t = np.arange(0.0, 0.5, 0.004)
+    track = np.column_stack([t, 1 + 2 * t - 3 * t**2, -2 * t + t**2, 0.5 * t**2])
+    exact = np.column_stack([2 - 6 * t, -2 + 2 * t, t])
+    assert np.abs(velocities(track) - exact).max() < 1e-9
+
+
+@pytest.mark.parametrize("rest_at", [HEIGHT - 0.01, HEIGHT - 0.3])
+def test_what_comes_after_the_landing_is_not_looked_at(rest_at: float) -> None:
+    found = measured(data(rest_at))
+    x, _, theta = state(np.array([landing_time(HEIGHT)]))[0]
+    assert found.landing[0] == pytest.approx([x, theta], abs=1e-6)
+    assert found.twist[0] == pytest.approx(START[[3, 5]], abs=1e-6)
+
+
+def test_a_bar_that_comes_to_rest_above_the_landing_height_has_not_landed() -> None:
+    with pytest.raises(InputError, match="throw one: no landing: the track never comes down"):
+        measured(data(HEIGHT + 0.01))
+
+
+@pytest.mark.parametrize("end", [0.2, 2.0])
+def test_a_landing_of_its_own_needs_the_flight_only(end: float) -> None:
+    """The track ends early, or its bar comes to rest above: the twist is that of the flight."""
+    found = measured(data(HEIGHT + 0.01, end, landing=(1.3, HEIGHT, 2.0)))
+    assert found.landing[0] == pytest.approx([1.3, 2.0])
+    assert found.twist[0] == pytest.approx(START[[3, 5]], abs=1e-6)
+
+
+def test_a_track_that_begins_too_late_is_refused() -> None:
+    late = data(HEIGHT - 0.1)
+    throw = late.throws[0]
+    assert throw.track is not None
+    cut = dataclasses.replace(throw, track=throw.track[throw.track[:, 0] < OPENED + 0.05])
+    with pytest.raises(InputError, match="13 samples after the opening, must have at least 21"):
+        measured(dataclasses.replace(late, throws=(cut,)))
