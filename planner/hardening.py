@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Iterable
 
 import numpy as np
@@ -46,29 +47,26 @@ def hardened(
     goes to scenarios from there where it scatters beyond the tolerance, and keeps to the
     nominal throw where nothing scatters less.
     """
-    tried: list[Plan] = []
     best: tuple[float, Plan, Hardened] | None = None
     for source in sources:
         if best is not None and search.late:
             break
-        tried.append(source)
         found = _by_method(bench, source, "quiet" if method == "auto" else method, names, search)
-        if found is None:
+        if found is None and method != "auto":
             continue
-        usual, mine = (_scatter(source, throw) for throw in (source.throw, found.thrown))
-        if method == "auto" and usual < mine:
+        usual = _scatter(source, source.throw)
+        mine = math.inf if found is None else _scatter(source, found.thrown)
+        if found is None or (method == "auto" and usual < mine):
             mine, found = usual, _as_it_is(bench, source)
         if best is None or mine < best[0]:
             best = mine, source, found
         if mine <= max(LITTLE * usual, _allowed(source)):
             break
-    if method == "auto" and tried and (best is None or not enough(*best[1:])):
-        source, start = (tried[0], tried[0].throw) if best is None else (best[1], best[2].thrown)
+    if method == "auto" and best is not None and not enough(*best[1:]):
+        source, start = best[1], best[2].thrown
         better = _made(bench, source, start, "scenarios", names, search)
-        if better is not None:
-            mine = _scatter(source, better.thrown)
-            if mine < (_scatter(source, source.throw) if best is None else best[0]):
-                best = mine, source, better
+        if better is not None and _scatter(source, better.thrown) < best[0]:
+            return source, better
     return None if best is None else best[1:]
 
 

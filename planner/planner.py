@@ -209,6 +209,9 @@ class Planner:
             return dataclasses.replace(plan, status="not_converged", message=words)
         source, throw = found
         made = solved_plan(self.bench, Found(source.target, throw.thrown, throw.solver), search)
+        if throw.method == "nominal":
+            words = f"{made.message}; no throw found that bears the opening better"
+            made = dataclasses.replace(made, message=words)
         return dataclasses.replace(made, robust=throw.method, peak_load=throw.peak_load)
 
     def _robust_bench(self) -> Workbench:
