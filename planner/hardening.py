@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Iterable
 
 import numpy as np
@@ -21,6 +20,8 @@ from .workbench import Workbench
 SAMPLES = 256
 #: A throw that scatters this share of the nominal one's needs no other way to be tried.
 LITTLE = 0.1
+#: What is tried where a throw cannot be made quiet.
+STILL = "joint-velocity"
 
 
 @dataclasses.dataclass(frozen=True)
@@ -43,31 +44,54 @@ def hardened(
     """The robust throw by `method` that scatters least among those from `sources`.
 
     The first that scatters little enough ends the search: not every throw can be made
-    quiet, and another way to the same target often can. 'auto' takes the best quiet throw,
-    goes to scenarios from there where it scatters beyond the tolerance, and keeps to the
-    nominal throw where nothing scatters less.
+    quiet, and another way to the same target often can. 'auto' takes quiet throws, and
+    beside those that scatter more than that constant joint velocities: near the base, where
+    the hand cannot follow a free flight, a slow let-go scatters less. Where the best is
+    beyond the tolerance it goes to scenarios from there. It keeps to the nominal throw where
+    nothing scatters less.
     """
-    best: tuple[float, Plan, Hardened] | None = None
+    best: _Judged | None = None
     for source in sources:
         if best is not None and search.late:
             break
         found = _by_method(bench, source, "quiet" if method == "auto" else method, names, search)
-        if found is None and method != "auto":
-            continue
-        usual = _scatter(source, source.throw)
-        mine = math.inf if found is None else _scatter(source, found.thrown)
-        if found is None or (method == "auto" and usual < mine):
-            mine, found = usual, _as_it_is(bench, source)
-        if best is None or mine < best[0]:
-            best = mine, source, found
-        if mine <= max(LITTLE * usual, _allowed(source)):
+        best = _better(best, source, found)
+        if method == "auto":
+            best = _better(best, source, _as_it_is(bench, source))
+            if best is not None and not best.little:
+                still = _made(bench, source, source.throw, STILL, names, search)
+                best = _better(best, source, still)
+        if best is not None and best.little:
             break
-    if method == "auto" and best is not None and not enough(*best[1:]):
-        source, start = best[1], best[2].thrown
-        better = _made(bench, source, start, "scenarios", names, search)
-        if better is not None and _scatter(source, better.thrown) < best[0]:
-            return source, better
-    return None if best is None else best[1:]
+    if method == "auto" and best is not None and not enough(best.source, best.found):
+        found = _made(bench, best.source, best.found.thrown, "scenarios", names, search)
+        best = _better(best, best.source, found)
+    return None if best is None else (best.source, best.found)
+
+
+@dataclasses.dataclass(frozen=True)
+class _Judged:
+    """A robust throw, where it came from, and how much it scatters [m]."""
+
+    source: Plan
+    found: Hardened
+    scatter: float
+
+    @property
+    def little(self) -> bool:
+        """Whether no other way needs to be tried."""
+        if self.found.method == "nominal":
+            return self.scatter <= _allowed(self.source)
+        usual = _scatter(self.source, self.source.throw)
+        return self.scatter <= max(LITTLE * usual, _allowed(self.source))
+
+
+def _better(best: _Judged | None, source: Plan, found: Hardened | None) -> _Judged | None:
+    """The one of two that scatters less."""
+    if found is None:
+        return best
+    mine = _Judged(source, found, _scatter(source, found.thrown))
+    return mine if best is None or mine.scatter < best.scatter else best
 
 
 def _scatter(source: Plan, thrown: PlannedThrow | None) -> float:
