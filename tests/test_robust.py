@@ -44,6 +44,23 @@ def test_a_robust_plan_scatters_a_twentieth(
     assert scaled_spread(plan) < scaled_spread(nominal) / 20
 
 
+def test_near_the_base_auto_lets_go_slowly(planner: tp.Planner) -> None:
+    """Where the hand has no room to follow a free flight; a quiet throw scatters more there."""
+    target = tp.Pose(x=-0.3444, z=0.1, theta=-1.428254)
+    plain, quiet, auto = (planner.plan(target, robust=m) for m in (None, "quiet", "auto"))
+    assert plain.solved and auto.solved
+    assert auto.robust == "joint-velocity"
+    assert scaled_spread(auto) < scaled_spread(plain) / 5
+    assert not quiet.solved or scaled_spread(quiet) > scaled_spread(auto)
+
+
+def test_auto_is_never_worse_than_the_nominal_throw(planner: tp.Planner) -> None:
+    target = tp.Pose(x=0.2160, z=0.1, theta=-2.111609)
+    plain, auto = planner.plan(target), planner.plan(target, robust="auto")
+    assert plain.solved and auto.solved
+    assert scaled_spread(auto) <= 1.01 * scaled_spread(plain)
+
+
 def test_a_free_hand_is_quiet_all_the_way() -> None:
     """Where nothing limits it, the pads transmit next to nothing over the whole window."""
     scene = tp.load_scene("hand-flip")
