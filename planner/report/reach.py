@@ -25,6 +25,7 @@ from ..plan import Status
 from ..planner import Planner
 from ..reach_study import Outcome, outcomes, reachable_targets
 from ..releases import ReleaseSampler
+from ..workers import executor_of
 from .map_targets import map_targets
 from .page import Cell, Effort, Picture, Section, Table
 from .rivals import rivals
@@ -40,6 +41,8 @@ TARGETS = {
     "hand-box": (30, 300),
     "hand-flip": (30, 300),
 }
+#: Processes that make the targets; nothing is timed meanwhile.
+WORKERS = 2
 #: Sampled releases that say what is in reach, in draws of this many states.
 DRAWS, DRAW = 10, 20_000
 #: Targets out of reach are farther than this from all of them: x [m] or theta [rad] ...
@@ -64,13 +67,16 @@ def make(effort: Effort) -> Section:
         "built once for all plans."
     )
     steps = [name for name, sizes in TARGETS.items() if effort.of(*sizes)]
+    counts = [effort.of(*TARGETS[name]) for name in steps]
     total, rows, lost = len(steps) + 5, [], []
     kept: dict[str, tuple[Planner, list[Outcome]]] = {}
-    for done, name in enumerate(steps):
+    effort.tell(0, total)
+    with executor_of(1 if effort.quick else WORKERS, None) as executor:
+        run = map if executor is None else executor.map
+        inside_of = dict(zip(steps, run(_targets, steps, counts), strict=True))
+    for done, (name, targets) in enumerate(inside_of.items()):
         effort.tell(done, total)
         scene = load_scene(name)
-        found = reachable_targets(scene, SEED)
-        targets = list(itertools.islice(found, effort.of(*TARGETS[name])))
         for compiling in ("wait", "no"):
             planner = _warmed(scene, targets[0], compiling)
             some = targets if compiling == "wait" else targets[: effort.of(10, 100)]
@@ -106,6 +112,11 @@ def make(effort: Effort) -> Section:
     effort.tell(len(steps) + 4, total)
     section.add(rivals(planner.scene, [r.target for r in inside[: effort.of(5, 50)]]))
     return section
+
+
+def _targets(name: str, count: int) -> list[Pose]:
+    """Random targets in reach of a scene."""
+    return list(itertools.islice(reachable_targets(load_scene(name), SEED), count))
 
 
 def _warmed(scene: Scene, target: Pose, compiling: Compile) -> Planner:
