@@ -27,6 +27,10 @@ FLAGS = ("-O1",)
 NAMES = ("nlp_f", "nlp_g", "nlp_grad_f", "nlp_jac_g", "nlp_hess_l", "nlp_grad")
 #: Closes a complete source file.
 _END = "/* end */\n"
+#: Code longer than this (bytes), that of scenarios, takes minutes and gigabytes to compile: it
+#: is left alone, and a file that says so kept instead.
+LARGEST = 8_000_000
+_TOO_LARGE = "/* too large to compile */\n"
 
 
 def compiled_functions(
@@ -70,8 +74,10 @@ def _source(key: str, make: Callable[[], dict[str, ca.Function]], compiling: Com
         if compiling == "cached":
             return None
         source = _generated(make())
+        if len(source) > LARGEST:
+            source = _TOO_LARGE + _END
         publish(folder, name, lambda path: _write(path, source))
-    return source
+    return None if source.startswith(_TOO_LARGE) else source
 
 
 def _write(path: Path, text: str) -> None:

@@ -50,12 +50,11 @@ def shared_library(
     if path is None or sound(path):
         return path
     folder, name = path.parent, path.stem
-    if publish(folder, f"{name}.c", lambda to: _write(to, source)) is None:
-        return None
-    if not wait:
+    if wait:
+        return path if _compile(folder, name, flags, source) and sound(path) else None
+    if publish(folder, f"{name}.c", lambda to: _write(to, source)) is not None:
         _start(folder, name, flags)
-        return None
-    return path if _compile(folder, name, flags) and sound(path) else None
+    return None
 
 
 def library_path(source: str, flags: tuple[str, ...] = ("-O2",)) -> Path | None:
@@ -94,15 +93,16 @@ def _start(folder: Path, name: str, flags: tuple[str, ...]) -> None:
         return
 
 
-def _compile(folder: Path, name: str, flags: tuple[str, ...]) -> bool:
-    """Makes NAME.so of NAME.c, and NAME.sum that tells a damaged library from a sound one."""
+def _compile(folder: Path, name: str, flags: tuple[str, ...], source: str) -> bool:
+    """Makes NAME.so, and NAME.sum that tells a damaged library from a sound one."""
     command = compiler()
     if command is None:
         return False
-    code, output = folder / f"{name}.c", f"{name}.so"
+    output = f"{name}.so"
     try:
         with tempfile.TemporaryDirectory(dir=folder) as scratch:
-            made = Path(scratch) / output
+            made, code = Path(scratch) / output, Path(scratch) / f"{name}.c"
+            _write(code, source)
             order = [command, *flags, "-fPIC", "-shared", "-o", str(made), str(code), "-lm"]
             done = subprocess.run(
                 order,
@@ -156,6 +156,9 @@ def _machine() -> str:
 
 
 if __name__ == "__main__":
+    os.nice(10)  # those who plan meanwhile come first
     home = cache_folder()
     if home is not None:
-        _compile(home, sys.argv[1], tuple(sys.argv[2:]))
+        given = home / f"{sys.argv[1]}.c"
+        _compile(home, sys.argv[1], tuple(sys.argv[2:]), given.read_text(encoding="utf-8"))
+        given.unlink(missing_ok=True)

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner import compiler
+from throwplan.planner import compiled, compiler
 from throwplan.planner.compiled import NAMES, compiled_functions
 from throwplan.planner.compiler import shared_library
 from throwplan.planner.derivatives import nlp_functions, nlp_key
@@ -98,6 +98,30 @@ def test_without_a_compiler_or_a_cache_there_is_no_library(
     monkeypatch.undo()
     monkeypatch.setenv("THROWPLAN_CACHE", "")
     assert shared_library(SOURCE) is None
+
+
+@needs_compiler
+def test_code_that_is_too_large_is_not_made_again(
+    cache: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    nlp, derived = small_nlp(), []
+    monkeypatch.setattr(compiled, "LARGEST", 1000)
+
+    def derive() -> dict:
+        derived.append(1)
+        return nlp_functions(nlp, "fatrop")
+
+    for mode in ("background", "wait", "cached"):
+        assert compiled_functions(nlp_key(nlp, "fatrop"), derive, mode) is None
+    assert len(derived) == 1
+    assert not list(cache.glob("*.so")) and not list(cache.glob("*.busy"))
+    assert sum(path.stat().st_size for path in cache.iterdir()) < 1000
+
+
+@needs_compiler
+def test_only_libraries_are_kept(cache: Path) -> None:
+    assert shared_library(SOURCE) is not None
+    assert sorted(path.suffix for path in cache.iterdir()) == [".so", ".sum"]
 
 
 @needs_compiler
