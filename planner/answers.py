@@ -47,7 +47,7 @@ def failed_plan(
     thrown, why = search.fallback or (None, search.trouble[-1] if search.trouble else "")
     message = f"no throw found: {why or 'no feasible release to start from'}"
     if search.late:
-        message += " (more time may help: patience)"
+        message += "; given up after the longest time, more may help (Planner.plan(patience=…))"
     return _plan(bench, "not_converged", target, message, thrown, name, search)
 
 

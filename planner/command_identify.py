@@ -141,7 +141,8 @@ def _print(found: list[Identified], out: str | None) -> None:
         elif one.model == "ls":
             print("    no fit: its landings are no smooth function of the parameters")
     if out is not None:
-        print(f"  written to {out}; contact.toml is for a scene, in place of its [contact]")
+        print(f"  written to {out}; contact.toml is for a scene,", end=" ")
+        print("in place of its [contact] and [uncertainty]")
 
 
 def _print_grid(one: Identified) -> None:

@@ -72,7 +72,12 @@ def _plan(options: argparse.Namespace) -> int:
     if options.json:
         print(plan.json())
     else:
-        _print_plan(plan.to_dict(), options.out)
+        gripper, workspace = scene.gripper, scene.workspace
+        _print_plan(plan.to_dict(), None if workspace is None else workspace.floor, options.out)
+        if gripper.raw:
+            grip = gripper.profile()
+            lasts = f"dwell {1e3 * grip.dwell:.1f} ms, opening {1e3 * grip.opening:.1f} ms"
+            print(f"  grip from the recording: full {grip.full:.4g} N, {lasts}")
         if plan.solved and len(plan.alternatives) < alternatives:
             print(f"  no more of {alternatives} alternatives: other starts lead to the same throws")
     if plan.solved:
@@ -81,8 +86,8 @@ def _plan(options: argparse.Namespace) -> int:
     return NO_THROW
 
 
-def _print_plan(result: dict[str, Any], out: str | None) -> None:
-    """A plan in a few lines."""
+def _print_plan(result: dict[str, Any], floor: float | None, out: str | None) -> None:
+    """A plan in a few lines; floor [m] of the workspace."""
     said = f", {result['message']}" if result["status"] == "solved" else ""
     print(f"{result['scene']}: {result['status']}{said}")
     print(f"  {_target_words(result['target'])}")
@@ -97,6 +102,11 @@ def _print_plan(result: dict[str, Any], out: str | None) -> None:
         free = target["theta"] is None
         angle = 0.0 if free else math.degrees(abs(surface["theta"] - target["theta"]))
         print(f"  {'limit surface':14} error {position:8.3f} mm {angle:8.3f} deg (for comparison)")
+    if floor is not None and target["z"] < floor:
+        print(
+            f"  note: the target is below the floor of [workspace], z {floor:g} m, which only arm,"
+        )
+        print("        hand and held bar keep; the bar may touch it before")
     release, solver, times = result["release"], result["solver"], result["time"]
     if release["opening_time"] is not None:
         moments = ", ".join(

@@ -131,7 +131,8 @@ def _print_sweep(found: Sweep, out: str | None) -> None:
         ("scaled", "mm", 1e3),
     ):
         row = (_cell(result["quantiles"][name][key], scale) for key in keys)
-        print(f"    {name + ' [' + unit + ']':14}" + "".join(row))
+        note = "  |dx| + |dtheta| l/2" if name == "scaled" else ""
+        print(f"    {name + ' [' + unit + ']':14}" + "".join(row) + note)
     _print_sensitivity(result["sensitivity"])
     inside = result["delay_inside"]
     early, late = _delay(inside["early"], "-50"), _delay(inside["late"], "+50")

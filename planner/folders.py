@@ -15,6 +15,8 @@ def prepare_folder(folder: Path, names: tuple[str, ...] = ()) -> Path:
     """Make `folder` if need be and make sure it takes files `names`; InputError if not."""
     if str(folder) in ("", "."):
         raise InputError("--out: needs a folder's name")
+    if folder.is_file():
+        raise InputError(f"--out {folder}: is a file; must be a folder")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):

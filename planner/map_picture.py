@@ -39,7 +39,8 @@ def _title(found: ReachMap) -> str:
     cup = ", with the cup there" if found.scene.cup is not None else ""
     return (
         f"{found.scene.name}: landing poses in reach at z = {found.z:g} m{cup}\n"
-        f"{found.x.size:,} landings of {found.samples:,} sampled states, bins of {size}"
+        f"{found.x.size:,} landings of {found.samples:,} sampled states, bins of {size}; "
+        "blank: not hit"
     )
 
 

@@ -69,6 +69,10 @@ class ReachMap:
     theta: Array
     message: str = ""
 
+    def __repr__(self) -> str:
+        """A line: its arrays would fill a screen."""
+        return f"ReachMap({self.scene.name}: {self.reachable:,} bins in reach at z {self.z:g} m)"
+
     @property
     def reachable(self) -> int:
         """How many bins a throw landed in."""

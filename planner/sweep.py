@@ -57,6 +57,11 @@ class Sweep:
         """Throws that were made."""
         return len(self.numbers)
 
+    def __repr__(self) -> str:
+        """A line: its arrays would fill a screen."""
+        rate = 100 * float(self.success.mean())
+        return f"Sweep({self.label}: {self.samples:,} throws, {rate:.1f} % succeed)"
+
     @property
     def robust(self) -> bool:
         """Whether the plan was made against uncertainty."""

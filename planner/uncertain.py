@@ -96,7 +96,7 @@ def words_of(section: Uncertainty) -> list[str]:
         elif spread.normal is not None:
             words = f"normal, deviation {unit * spread.normal:g}{times}"
         else:
-            words = f"{len(spread.samples)} measured values{times}"
+            words = f"{len(spread.samples)} given values{times}"
         about = "" if spread.mean is None else f" about {unit * spread.mean:g}"
         lines.append(f"{file_key(name)}: {words}{about}")
     return lines

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 import numpy.typing as npt
 
@@ -13,6 +15,8 @@ Array = npt.NDArray[np.float64]
 STEP = 0.001
 #: Fewest rows of a raw recording of the grip force.
 ROWS = 20
+#: Shares of the full grip: a force so near it is still held; a fall so small is level.
+HELD, LEVEL = 0.05, 0.02
 #: A recording whose rises together are more than this share of its peak is raw.
 NOISY = 0.05
 
@@ -41,12 +45,22 @@ def monotone_grip(times: Array, forces: Array) -> TableRelease:
         raise ValueError("has a value that is not a finite number")
     tail = raw[-max(t.size // 10, 2) :]
     force = raw - np.median(tail)
-    before = np.flatnonzero(force < 0.95 * force.max())
-    if force.max() <= 0 or not before.size or not before[0]:
-        raise ValueError("f_N must start at the full grip and fall from there")
-    full = float(np.median(force[: before[0]]))
-    noise = 3 * float(np.std(tail))
     fall = np.asarray(isotonic_regression(force, increasing=False).x)
+    # Half the force is far from the noise of either end: before it, the full grip is what most
+    # samples are at.
+    half = int(np.flatnonzero(fall < fall[0] / 2)[0]) if fall[-1] < fall[0] / 2 else 0
+    if fall[0] <= 0 or half < 2:
+        raise ValueError("f_N must start at the full grip and fall from there")
+    flat = np.flatnonzero(fall[:half] >= (1 - HELD) * float(np.median(force[: half // 2 + 1])))
+    if flat.size < 2:
+        raise ValueError("f_N must start at the full grip and fall from there")
+    full = float(np.median(force[flat]))
+    noise = 3 * float(np.std(np.diff(tail))) / math.sqrt(2)
+    ends = [float(np.mean(part)) for part in np.array_split(tail, 2)]
+    if ends[0] - ends[1] > max(LEVEL * full, noise):
+        raise ValueError(
+            "f_N must go on, level, for a tenth of the recording after the pads are apart"
+        )
     fall[fall >= full - max(noise, FALL_SHARE * full)] = full
     fall[fall <= max(noise, 1e-6 * full)] = 0.0
     ended = int(np.flatnonzero(fall > 0)[-1]) + 2

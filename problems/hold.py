@@ -8,6 +8,9 @@ from ..models.grip_force import GripProfile, LinearRelease, TableRelease
 from .errors import InputError
 from .section import Section, quantity
 
+#: No hand-held thing weighs more [kg]: above it, it is likely in grams.
+HEAVIEST = 50.0
+
 
 @dataclasses.dataclass(frozen=True)
 class ThrownObject(Section):
@@ -19,12 +22,17 @@ class ThrownObject(Section):
 
     mass: float = quantity(above=0, most=1e4)
     inertia: float = quantity(above=0, least=1e-12, most=1e6)
-    length: float = quantity(above=0, most=100)
+    length: float = quantity(above=0, most=10, unit="m")
     com: float = quantity(least=0)
     width: float = quantity(least=0, most=100, default=0.0)
 
     def check(self) -> None:
-        """CoM inside the bar; inertia not above the two-point-mass bound for that CoM."""
+        """A mass in kg, the CoM inside the bar, and the inertia not above the two-point-mass
+        bound for that CoM."""
+        if self.mass > HEAVIEST:
+            raise InputError(
+                f"mass = {self.mass:g}: must be in kg, at most {HEAVIEST:g} (is it in grams?)"
+            )
         if self.com > self.length:
             raise InputError(f"com = {self.com:g}: must be at most the length {self.length:g}")
         most = self.mass * (self.com * (self.length - self.com) + self.width**2 / 4)
@@ -56,7 +64,7 @@ class PadContact(Section):
     """
 
     friction: float = quantity(above=0, most=100)
-    patch_radius: float = quantity(above=0, least=1e-6, most=1)
+    patch_radius: float = quantity(above=0, least=1e-6, most=0.1, unit="m")
     torsion: float = quantity(above=0, least=1e-3, most=10, default=0.6)
     faces: int = quantity(least=1, most=100, default=2)
     pressure: str = quantity(choices=("uniform", "hertz"), default="uniform")
@@ -73,8 +81,8 @@ class Gripper(Section):
     """
 
     force: float | None = quantity(above=0, most=1e6, default=None)
-    dwell: float = quantity(least=0, most=10, unit="s", default=0.0)
-    opening: float | None = quantity(above=0, least=1e-5, most=10, unit="s", default=None)
+    dwell: float = quantity(least=0, most=2, unit="s", default=0.0)
+    opening: float | None = quantity(above=0, least=1e-5, most=2, unit="s", default=None)
     times: tuple[float, ...] = ()
     forces: tuple[float, ...] = ()
     table: str | None = None

@@ -30,8 +30,6 @@ Array = npt.NDArray[np.float64]
 NEEDED = ("throw", "object", "motion", "grip", "command")
 LANDING = ("x", "z", "theta")
 MORE = ("track", "grasp_offset", "grasp_angle_deg")
-#: No hand-held thing weighs more [kg]: above it, it is likely in grams.
-HEAVIEST = 50.0
 #: A landing's z may be this far [m] from the height at which landings are compared.
 HEIGHT_ERROR = 0.05
 #: What a motion must cover [s] before the force falls and after it is gone: filters err at the
@@ -160,12 +158,6 @@ def _head(
             objects[name] = from_table(ThrownObject, table)
         except InputError as error:
             raise InputError(f"[objects.{name}] {error}") from None
-        if objects[name].mass > HEAVIEST:
-            mass = objects[name].mass
-            raise InputError(
-                f"[objects.{name}] mass = {mass:g}: must be in kg, at most {HEAVIEST:g} "
-                "(is it in grams?)"
-            )
     truth = tables.get("truth", {})
     if not isinstance(truth, Mapping) or not all(
         isinstance(v, int | float) and not isinstance(v, bool) for v in truth.values()

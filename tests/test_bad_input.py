@@ -191,7 +191,8 @@ NUMBERS = [
     edited("com beyond length", HAND, {"object.com": "0.21"}, "com = 0.21", "length", "0.2"),
     edited("grasp beyond com", HAND, {"grasp.offset": "0.15"}, "[grasp]", "offset", "0.15", "0.1"),
     edited("negative dwell", HAND, {"gripper.dwell": "-0.1"}, "dwell = -0.1", "at least 0"),
-    edited("opening in ms", HAND, {"gripper.opening": "50"}, "opening = 50", "at most 10 s"),
+    edited("mass in g", HAND, {"object.mass": "310"}, "mass = 310", "kg", "grams"),
+    edited("opening in ms", HAND, {"gripper.opening": "50"}, "opening = 50", "at most 2 s"),
     edited("no opening", HAND, {"gripper.opening": "0"}, "opening = 0", "above 0"),
     edited("zero tolerance", HAND, {"tolerance.position": "0"}, "position = 0", "above 0"),
 ]

@@ -337,6 +337,24 @@ def test_a_raw_force_recording_becomes_a_profile_that_falls() -> None:
     assert np.abs(np.interp(t, *rows.T) - true).max() < 3.5
 
 
+@pytest.mark.parametrize("noise", [0.2, 0.8, 2.0])
+def test_the_full_grip_of_a_noisy_recording_is_no_single_sample(noise: float) -> None:
+    t = np.arange(0.0, 0.2, 0.001)
+    u = np.clip((t - 0.04) / 0.05, 0.0, 1.0)
+    true = 90.0 * (1 - 3 * u**2 + 2 * u**3)
+    found = []
+    for seed in range(40):
+        raw = true + 1.5 + noise * np.random.default_rng(seed).normal(size=t.size)
+        found.append(monotone_grip(t, raw).full)
+        if noise > 1.0:  # that hides the slope of a few samples
+            continue
+        # Cut off while there is force on the pads: what is left is no offset.
+        with pytest.raises(ValueError, match="must go on, level"):
+            monotone_grip(t[t < 0.075], raw[t < 0.075])
+    assert np.abs(np.array(found) - 90.0).max() < 0.5 + noise
+    assert np.std(found) < noise / 3
+
+
 @pytest.mark.parametrize(
     ("forces", "message"),
     [
