@@ -63,6 +63,12 @@ def draw_delay(sweep: Sweep, path: Path) -> None:
             axis.axhline(0.0, color=GREEN, lw=0.8)
         _band(axis, 1e3 * delays, values, bool(set(sweep.sampler.names) - {"delay"}))
         axis.axvline(0.0, color=GREY, lw=0.8, ls=":")
+        # A bar that has slipped in the full grip has failed wherever it lands.
+        words: str | None = "first delay that fails, slip before the opening counted"
+        for end in (sweep.delays.early, sweep.delays.late):
+            if end is not None and limits[0] <= end <= limits[1]:
+                axis.axvline(1e3 * end, color=RED, lw=1.0, ls="--", label=words)
+                words = None
         axis.set_ylabel(label)
         axis.grid(alpha=0.25)
         axis.margins(x=0)
