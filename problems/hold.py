@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import dataclasses
+from collections.abc import Mapping
+from typing import Any
 
 from ..models.grip_force import GripProfile, LinearRelease, TableRelease
 from .errors import InputError
-from .section import Section, quantity
+from .section import Section, from_table, quantity
 
 #: No hand-held thing weighs more [kg]: above it, it is likely in grams.
 HEAVIEST = 50.0
@@ -22,17 +24,12 @@ class ThrownObject(Section):
 
     mass: float = quantity(above=0, most=1e4)
     inertia: float = quantity(above=0, least=1e-12, most=1e6)
-    length: float = quantity(above=0, most=10, unit="m")
+    length: float = quantity(above=0, most=100, unit="m")
     com: float = quantity(least=0)
     width: float = quantity(least=0, most=100, default=0.0)
 
     def check(self) -> None:
-        """A mass in kg, the CoM inside the bar, and the inertia not above the two-point-mass
-        bound for that CoM."""
-        if self.mass > HEAVIEST:
-            raise InputError(
-                f"mass = {self.mass:g}: must be in kg, at most {HEAVIEST:g} (is it in grams?)"
-            )
+        """CoM inside the bar; inertia not above the two-point-mass bound for that CoM."""
         if self.com > self.length:
             raise InputError(f"com = {self.com:g}: must be at most the length {self.length:g}")
         most = self.mass * (self.com * (self.length - self.com) + self.width**2 / 4)
@@ -41,6 +38,16 @@ class ThrownObject(Section):
                 f"inertia = {self.inertia:g}: must be at most {most:.4g} kg m^2, "
                 "what mass, length, width and com allow"
             )
+
+
+def held_object(table: Mapping[str, Any]) -> ThrownObject:
+    """The object of a file's table, in SI units: of a mass that a hand can hold."""
+    found: ThrownObject = from_table(ThrownObject, table)
+    if found.mass > HEAVIEST:
+        raise InputError(
+            f"mass = {found.mass:g}: must be in kg, at most {HEAVIEST:g} (is it in grams?)"
+        )
+    return found
 
 
 @dataclasses.dataclass(frozen=True)
@@ -64,7 +71,7 @@ class PadContact(Section):
     """
 
     friction: float = quantity(above=0, most=100)
-    patch_radius: float = quantity(above=0, least=1e-6, most=0.1, unit="m")
+    patch_radius: float = quantity(above=0, least=1e-6, most=1, unit="m")
     torsion: float = quantity(above=0, least=1e-3, most=10, default=0.6)
     faces: int = quantity(least=1, most=100, default=2)
     pressure: str = quantity(choices=("uniform", "hertz"), default="uniform")

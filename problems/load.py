@@ -16,6 +16,7 @@ from .arm_file import load_arm
 from .choice import Choice
 from .errors import InputError
 from .grip_recording import NOISY, ROWS, grip_samples, monotone_grip, rises
+from .hold import held_object
 from .robust import Robust
 from .scene import (
     Cup,
@@ -152,6 +153,8 @@ def _section(key: str, value: Any, folder: Path | None) -> Any:
             value = value | _read_motion_samples(value, folder)
         if key == "uncertainty":
             return uncertainty_from(value)
+        if key == "object":
+            return held_object(value)
         return from_table(SECTIONS[key], value)
     except InputError as error:
         raise InputError(f"[{key}] {error}") from None

@@ -20,7 +20,7 @@ from ..models.arm import Arm
 from ..models.grip_force import TableRelease
 from .arm_file import load_arm
 from .errors import InputError
-from .hold import Grasp, ThrownObject
+from .hold import Grasp, ThrownObject, held_object
 from .section import Section, from_table, quantity, unknown
 from .text_file import read_csv, read_text, toml_tables
 
@@ -155,7 +155,7 @@ def _head(
         if not isinstance(table, Mapping):
             raise InputError(f"objects: {name} = {table!r}: must be a section [objects.{name}]")
         try:
-            objects[name] = from_table(ThrownObject, table)
+            objects[name] = held_object(table)
         except InputError as error:
             raise InputError(f"[objects.{name}] {error}") from None
     truth = tables.get("truth", {})

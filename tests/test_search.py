@@ -103,7 +103,7 @@ def test_what_is_carried_is_looked_at_closer_when_the_check_asks(
     assert plan.throw.nlp.structure.instants > 2 and plan.throw.nlp.structure.arm
     assert missed in " ".join(plan.throw.nlp.row_names)
     again = tp.Planner(scene)
-    moved = again.plan(plan.target, warm=plan)
+    moved = again.plan(plan.target, warm=plan, patience=90.0)
     assert moved.solved, "a plan of another planner is no warm start, but no error either"
 
 
