@@ -159,7 +159,7 @@ def report_first_calls(plan: tp.Plan) -> None:
     from throwplan.planner import exact_release, violations
 
     print("first calls, with what they build:")
-    for kernel in (exact_release._pivot_kernel, exact_release._surface_kernel):
+    for kernel in (exact_release.pivot_kernel, exact_release._surface_kernel):
         kernel.cache_clear()
         print(f"  {kernel.__name__:<18} {first_ms(kernel):6.1f} ms")
     violations.outline_kernel.cache_clear()

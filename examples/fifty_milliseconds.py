@@ -30,17 +30,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import throwplan as tp
 
-plt.rcParams |= {
-    "figure.dpi": 85,
-    "figure.constrained_layout.use": True,
-    "axes.grid": True,
-    "grid.alpha": 0.25,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.titlelocation": "left",
-    "axes.titlesize": 11,
-    "legend.fontsize": 9,
-}
+plt.style.use("notebook.mplstyle")
 AREAS = {"stick": "#8a8f98", "pivot": "#f2a33a", "slide": "#d1495b"}
 
 # %% [markdown]

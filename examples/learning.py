@@ -33,17 +33,7 @@ import matplotlib.pyplot as plt
 import numpy as np
 import throwplan as tp
 
-plt.rcParams |= {
-    "figure.dpi": 85,
-    "figure.constrained_layout.use": True,
-    "axes.grid": True,
-    "grid.alpha": 0.25,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.titlelocation": "left",
-    "axes.titlesize": 11,
-    "legend.fontsize": 9,
-}
+plt.style.use("notebook.mplstyle")
 RED, GREEN, BLUE, GREY = "#d1495b", "#2a9d6f", "#4c78a8", "#8a8f98"
 
 # %% [markdown]
@@ -192,7 +182,7 @@ And with other numbers of throws, by two models:
 """
 
 # %%
-COUNTS = {"sp": (3,), "ls-step": (1, 2, 3, 5, 10)}
+COUNTS = {"sp": (3,), "ls-step": (1, 2, 3, 10)}
 curves = {}
 for model, counts in COUNTS.items():
     found = [learned(k) if model == MODEL else learned(k, model) for k in counts]

@@ -33,17 +33,7 @@ import throwplan as tp
 from IPython.display import Image, display
 from matplotlib.patches import Polygon
 
-plt.rcParams |= {
-    "figure.dpi": 85,
-    "figure.constrained_layout.use": True,
-    "axes.grid": True,
-    "grid.alpha": 0.25,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.titlelocation": "left",
-    "axes.titlesize": 11,
-    "legend.fontsize": 9,
-}
+plt.style.use("notebook.mplstyle")
 
 # %% [markdown]
 """

@@ -32,17 +32,7 @@ import numpy as np
 import throwplan as tp
 from matplotlib.patches import Rectangle
 
-plt.rcParams |= {
-    "figure.dpi": 85,
-    "figure.constrained_layout.use": True,
-    "axes.grid": True,
-    "grid.alpha": 0.25,
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.titlelocation": "left",
-    "axes.titlesize": 11,
-    "legend.fontsize": 9,
-}
+plt.style.use("notebook.mplstyle")
 RED, GREEN = "#d1495b", "#2a9d6f"
 
 # %% [markdown]
