@@ -27,6 +27,8 @@ Flags = npt.NDArray[np.bool_]
 
 #: Throws per chunk: some thirty arrays of this many doubles stay in the cache.
 CHUNK = 2048
+#: Steps of an opening, usually: errors of random throws are below 0.03 and 0.2 mm.
+PIVOT_STEPS, SURFACE_STEPS = 48, 120
 #: Grading of the sliding pivot's steps towards the end of the opening.
 GRADING = 2.0
 
@@ -145,19 +147,21 @@ def graded(steps: int, power: float) -> Array:
     return np.asarray(1.0 - (1.0 - np.linspace(0.0, 1.0, steps + 1)) ** power)
 
 
-def sliding_pivot_batch(batch: ReleaseBatch, steps: int = 48, form: Form = "continuous") -> Array:
+def sliding_pivot_batch(
+    batch: ReleaseBatch, steps: int = PIVOT_STEPS, form: Form = "continuous"
+) -> Array:
     """Detach states (N, 6) by the non-smooth sliding pivot, see `throw_sliding_pivot`."""
     return throw_sliding_pivot(batch, steps, form).detach
 
 
-def stepped_batch(batch: ReleaseBatch, steps: int = 120) -> Array:
+def stepped_batch(batch: ReleaseBatch, steps: int = SURFACE_STEPS) -> Array:
     """Detach states (N, 6) by the time-stepping limit surface, see `throw_limit_surface`."""
     return throw_limit_surface(batch, steps).detach
 
 
 def throw_sliding_pivot(
     batch: ReleaseBatch,
-    steps: int = 48,
+    steps: int = PIVOT_STEPS,
     form: Form = "continuous",
     even: EvenSteps | None = None,
 ) -> BatchRelease:
@@ -171,7 +175,7 @@ def throw_sliding_pivot(
 
 
 def throw_limit_surface(
-    batch: ReleaseBatch, steps: int = 120, even: EvenSteps | None = None
+    batch: ReleaseBatch, steps: int = SURFACE_STEPS, even: EvenSteps | None = None
 ) -> BatchRelease:
     """N releases by the time-stepping limit surface.
 

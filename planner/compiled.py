@@ -1,13 +1,13 @@
-"""Compiled functions of an NLP, from the cache folder, where a C compiler is there.
+"""Compiled functions, an NLP's mostly, from the cache folder, where a C compiler is there.
 
 The library's name in the cache is a hash of the generated C code, compiler and machine.
-The code is kept too, under a hash of the NLP that it comes from, so that a library is
-found without deriving and generating anything.
+The code is kept too, under a hash of what it comes from, so that a library is found without
+deriving and generating anything.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Literal
 
@@ -34,30 +34,54 @@ _TOO_LARGE = "/* too large to compile */\n"
 
 
 def compiled_functions(
-    key: str, make: Callable[[], dict[str, ca.Function]], compiling: Compile
+    key: str,
+    make: Callable[[], dict[str, ca.Function]],
+    compiling: Compile,
+    names: Sequence[str] = NAMES,
 ) -> dict[str, ca.Function] | None:
-    """The functions NAMES compiled, or None.
+    """The functions `names` compiled, or None.
 
     key: all that they depend on; make: derives them, called when no code is cached.
     """
     source = _source(key, make, compiling)
     path = None if source is None else shared_library(source, FLAGS, wait=compiling == "wait")
-    return None if path is None else _loaded(path)
+    return None if path is None else _loaded(path, names)
 
 
-def awaited_library(key: str) -> Path | None:
+class Code:
+    """Compiled functions that may still be on their way from another process.
+
+    functions: what is there from the start, see `compiled_functions`; None if nothing is.
+    """
+
+    def __init__(
+        self,
+        key: str,
+        make: Callable[[], dict[str, ca.Function]],
+        compiling: Compile,
+        names: Sequence[str] = NAMES,
+    ) -> None:
+        self.functions = compiled_functions(key, make, compiling, names)
+        waits = self.functions is None and compiling == "background"
+        self._names, self._awaited = names, _library(key) if waits else None
+
+    def arrived(self) -> dict[str, ca.Function] | None:
+        """The functions if they were awaited and are there now, once."""
+        path = self._awaited
+        if path is None or not (path.exists() and sound(path)):
+            return None
+        self._awaited = None
+        return _loaded(path, self._names)
+
+
+def _library(key: str) -> Path | None:
     """Where the functions of `key` will be when a process has compiled them."""
     source = _source(key, dict, "cached")
     return None if source is None else library_path(source, FLAGS)
 
 
-def arrived_functions(path: Path) -> dict[str, ca.Function] | None:
-    """The functions from a library that was awaited; None while it is not there."""
-    return _loaded(path) if path.exists() and sound(path) else None
-
-
-def _loaded(path: Path) -> dict[str, ca.Function]:
-    return {name: ca.external(name, str(path)) for name in NAMES}
+def _loaded(path: Path, names: Sequence[str]) -> dict[str, ca.Function]:
+    return {name: ca.external(name, str(path)) for name in names}
 
 
 def _source(key: str, make: Callable[[], dict[str, ca.Function]], compiling: Compile) -> str | None:
@@ -86,6 +110,6 @@ def _write(path: Path, text: str) -> None:
 
 def _generated(functions: dict[str, ca.Function]) -> str:
     generator = ca.CodeGenerator("throw")
-    for name in NAMES:
-        generator.add(functions[name])
+    for function in functions.values():
+        generator.add(function)
     return str(generator.dump()) + _END

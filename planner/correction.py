@@ -51,7 +51,8 @@ class Search:
     trouble: why starts led nowhere, in order; fallback: a throw that keeps less than
     it should, and why; broken: the last attempt's throw, if it led to one that breaks
     something. guards, room: which rows the check has shown to be needed, and where more
-    room. until: when, by time.perf_counter(), no further attempt is made.
+    room. until: when, by time.perf_counter(), no further attempt is made. tried: starts,
+    with the solver and what was asked, that led nowhere.
     """
 
     scene: Scene
@@ -64,6 +65,7 @@ class Search:
     guards: frozenset[Guard] = frozenset()
     room: Room = USUAL
     until: float = math.inf
+    tried: set[tuple[object, ...]] = field(default_factory=set)
 
     @property
     def late(self) -> bool:

@@ -187,7 +187,7 @@ def _pivot_run(case: ReleaseCase, nodes: Array) -> _PivotRun:
     columns[:, 19:] = numbers(case).T
     states = np.empty((steps + 1, 6))
     states[0] = 0.0, 0.0, case.grasp_angle, 0.0, 0.0, 0.0
-    states[1:], excess = _pivot_kernel()(states[0], columns)
+    states[1:], excess = pivot_kernel()(states[0], columns)
     # The nodes: the first step's start, then each step's end.
     at = np.arange(-1, times.size, 3)
     at[0] = 0
@@ -295,7 +295,7 @@ def _surface_steps(case: ReleaseCase, shares: Array) -> _SurfaceSteps:
 
 
 @cache
-def _pivot_kernel() -> StepKernel:
+def pivot_kernel() -> StepKernel:
     """(state, hand and grip at start, middle, end, dt, numbers) -> state, excesses."""
     p, body, contact, gravity = number_symbols()
     state, u = ca.SX.sym("state", 6), ca.SX.sym("u", 19)

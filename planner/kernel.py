@@ -23,10 +23,13 @@ BLOCK, STEPS = 96, 40
 
 
 class Kernel:
-    """A CasADi function of whole matrices, each given as its transpose (columns, rows)."""
+    """A CasADi function of whole matrices, each given as its transpose (columns, rows).
+
+    plain: as made; function: what is called, another one of the same dense shapes perhaps.
+    """
 
     def __init__(self, function: ca.Function) -> None:
-        self._function = _dense(function)
+        self.plain = self.function = _dense(function)
         self._inputs = [_shape(function, i, True) for i in range(function.n_in())]
         self._outputs = [_shape(function, i, False) for i in range(function.n_out())]
 
@@ -37,7 +40,7 @@ class Kernel:
             raise ValueError(f"shapes {[v.shape for v in given]}: must be {self._inputs}")
         results = [np.empty(shape) for shape in self._outputs]
         # A buffer of its own for each call: threads share nothing.
-        buffer, run = _buffer(self._function)
+        buffer, run = _buffer(self.function)
         for i, value in enumerate(given):
             buffer.set_arg(i, value.data)
         for i, value in enumerate(results):
@@ -47,10 +50,13 @@ class Kernel:
 
 
 class MappedKernel:
-    """A CasADi function of columns, for any number of them: arrays (N, rows) to (N, rows)."""
+    """A CasADi function of columns, for any number of them: arrays (N, rows) to (N, rows).
+
+    plain, function: of one block, as for `Kernel`.
+    """
 
     def __init__(self, function: ca.Function) -> None:
-        self._function = _dense(function).map(BLOCK)
+        self.plain = self.function = _dense(function).map(BLOCK)
         self._inputs = [function.size1_in(i) for i in range(function.n_in())]
         self._outputs = [function.size1_out(i) for i in range(function.n_out())]
 
@@ -66,7 +72,7 @@ class MappedKernel:
             # Zeros fill the block; what they give is cut off again.
             given = [np.vstack([v, np.zeros((BLOCK - count, v.shape[1]))]) for v in given]
         results = [np.empty((max(count, BLOCK), rows)) for rows in self._outputs]
-        buffer, run = _buffer(self._function)
+        buffer, run = _buffer(self.function)
         slots = [(buffer.set_arg, i, v) for i, v in enumerate(given)]
         slots += [(buffer.set_res, i, v) for i, v in enumerate(results)]
         views = [(put, i, v.reshape(-1).data, v.shape[1]) for put, i, v in slots]
@@ -80,13 +86,16 @@ class MappedKernel:
 
 
 class StepKernel:
-    """A step taken many times in a row, as (state, numbers of the step) -> (state, others)."""
+    """A step taken many times in a row, as (state, numbers of the step) -> (state, others).
+
+    steps: the kernel of one block of them.
+    """
 
     def __init__(self, inputs: list[Any], outputs: list[Any]) -> None:
         ends = np.cumsum([0, *(value.numel() for value in outputs)])
         shared = ca.cse(ca.vertcat(*outputs))
         parts = [shared[low:high] for low, high in pairwise(ends)]
-        self._steps = Kernel(ca.Function("step", inputs, parts).mapaccum("steps", STEPS, 1))
+        self.steps = Kernel(ca.Function("step", inputs, parts).mapaccum("steps", STEPS, 1))
 
     def __call__(self, start: Array, columns: Array) -> list[Array]:
         """State and others after each of K steps from `start` (n,); columns (K, numbers)."""
@@ -97,7 +106,7 @@ class StepKernel:
             columns = np.vstack([columns, filling])
         parts = []
         for first in range(0, count, STEPS):
-            parts.append(self._steps(start[None], columns[first : first + STEPS]))
+            parts.append(self.steps(start[None], columns[first : first + STEPS]))
             start = parts[-1][0][-1]
         return [np.concatenate(values)[:count] for values in zip(*parts, strict=True)]
 

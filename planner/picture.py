@@ -91,9 +91,10 @@ def draw_surroundings(stage: Axes, scene: Scene, target: Pose) -> None:
 
 
 def _draw_arms(stage: Axes, scene: Scene, line: Timeline) -> None:
-    """The arm (or hand) at rest, at the opening, at detach and at landing."""
-    moments = [0.0, line.marks["opening"], line.marks["detach"]]
-    for moment, alpha in zip(moments, (0.25, 0.5, 0.9), strict=True):
+    """The arm (or hand) at rest, as the opening starts and at detach."""
+    kind = "hand" if line.arm is None else "arm"
+    moments = {"at rest": 0.0} | {name: line.marks[name] for name in ("opening", "detach")}
+    for (name, moment), alpha in zip(moments.items(), (0.25, 0.5, 0.9), strict=True):
         i = min(int(np.searchsorted(line.times, moment)), len(line.times) - 1)
         if line.arm is not None:
             stage.plot(
@@ -108,6 +109,7 @@ def _draw_arms(stage: Axes, scene: Scene, line: Timeline) -> None:
             )
         outline = hand_corners(scene, line.hand[:, i])
         stage.add_patch(Polygon(outline, closed=True, color=ARM, alpha=alpha, zorder=2))
+        stage.plot([], [], color=ARM, alpha=alpha, lw=5, label=f"{kind}, {name}")
 
 
 def _draw_bars(stage: Axes, bar: ThrownObject, line: Timeline) -> None:
@@ -129,7 +131,7 @@ def _draw_bars(stage: Axes, bar: ThrownObject, line: Timeline) -> None:
         )
     for index in np.unique(line.phase):
         name = PHASES[index]
-        stage.plot([], [], color=COLOURS[name], lw=5, label=name)
+        stage.plot([], [], color=COLOURS[name], lw=5, label=f"bar, {name}")
 
 
 def frame_stage(stage: Axes, scene: Scene, line: Timeline) -> None:
@@ -147,7 +149,7 @@ def frame_stage(stage: Axes, scene: Scene, line: Timeline) -> None:
     stage.grid(alpha=0.25)
     handles, _ = stage.get_legend_handles_labels()
     if len(handles) > 1:
-        stage.legend(loc="best", fontsize=8, framealpha=0.9)
+        stage.legend(loc="best", fontsize=8, framealpha=0.9, ncols=2)
 
 
 def _draw_window(axis: Axes, plan: Plan) -> None:

@@ -18,6 +18,7 @@ from .compiled import Compile
 from .correction import Search, attempt
 from .guess import guess_from
 from .hardening import hardened
+from .kernel_code import KernelCode, check_kernels
 from .mover import make_mover
 from .plan import Plan, checked_target
 from .reach import Binding, Reach
@@ -77,6 +78,7 @@ class Planner:
         self._compiling: Compile = compiling
         self._quiet: Workbench | None = None
         self._reach = Reach(scene, self.mover, compiling)
+        self._code: list[KernelCode] = []
         self._build_time = time.perf_counter() - start
 
     def plan(
@@ -116,6 +118,7 @@ class Planner:
         search = Search(self.scene.aimed_at(target), until=started + patience)
         made, self._build_time = self._build_time, 0.0
         search.times["build"] = made
+        self._take_code(search)
         names = ("fatrop", "ipopt") if solver == "auto" else (solver,)
         plan = self._warm_plan(target, names[0], warm, search) if warm is not None else None
         if plan is None:
@@ -130,6 +133,15 @@ class Planner:
     def compiled(self) -> bool:
         """Whether the problems solved so far ran as machine code."""
         return self.bench.compiled
+
+    def _take_code(self, search: Search) -> None:
+        """Machine code for the checks, as far as it may be and is there."""
+        if not self._code:
+            with search.clock("build"):
+                kernels = check_kernels(self.scene, self.mover)
+                self._code = [KernelCode(some, self._compiling) for some in kernels]
+        for code in self._code:
+            code.take()
 
     def check(self, target: Pose | None = None) -> Pose:
         """The target that `plan` would take; InputError if it does not fit the scene."""
@@ -248,6 +260,9 @@ class Planner:
         sampled = True
         for _ in range(TRIES):
             nlp, asked = self.bench.nlp(goal, search), search.asked
+            this = name, index, goal, asked
+            if sampled and this in search.tried:
+                break
             with search.clock("guess"):
                 guess = (
                     guess_from(nlp, search.scene, self.mover, releases, index, flight)
@@ -259,6 +274,8 @@ class Planner:
             if thrown is not None:
                 return [Found(goal, thrown, problem.solver.name)]
             if search.broken is None or search.asked == asked or search.late:
+                if sampled:
+                    search.tried.add(this)
                 break
             if light and search.guards & HEAVY:
                 search.guards, search.room = asked

@@ -12,6 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..models.batch import (
+    PIVOT_STEPS,
+    SURFACE_STEPS,
     BatchRelease,
     ReleaseBatch,
     sliding_pivot_batch,
@@ -49,6 +51,16 @@ BATCH_MODELS: dict[str, Callable[[ReleaseBatch], Array]] = {
     "lugre": LuGreRelease().batch,
 }
 
+#: Usual steps of an opening, and the most.
+STEPS = {
+    "sp": PIVOT_STEPS,
+    "sp-paper": PAPER_STEPS,
+    "ls-step": SURFACE_STEPS,
+    "patch": PatchRelease.steps,
+    "lugre": LuGreRelease.steps,
+}
+MOST_STEPS = 100_000
+
 #: Samples of a scene's own motion over the opening.
 GIVEN_SAMPLES = 1001
 
@@ -82,6 +94,7 @@ def simulate_batch(
     contact: Mapping[str, Any] | None = None,
     object: Mapping[str, Any] | None = None,
     gripper: Mapping[str, Any] | None = None,
+    steps: int | None = None,
     executor: Executor | None = None,
 ) -> BatchResult:
     """N different throws through a release model.
@@ -91,6 +104,8 @@ def simulate_batch(
     (N, K, 3) or (1, K, 3) and `delays` (N,) [s] (sampled motion, cubic splines).
     object: mass, inertia, com_offset; contact: friction, patch_radius, torsion, faces;
     gripper: force [N], opening [s]: numbers or arrays (N,), the scene's where absent.
+    steps: of the opening, instead of the model's usual ones; `ls-step` takes twice as many
+    too and extrapolates, `sp` doubles them for throws that swing fast.
     executor: spreads chunks over its workers; the result does not depend on it.
     `sp` and `ls-step` of many throws run in compiled code where a C compiler is there.
     Raises InputError for unknown names, unequal lengths, NaN, times that do not rise.
@@ -99,20 +114,23 @@ def simulate_batch(
         near = difflib.get_close_matches(str(model), BATCH_MODELS, 1, 0.4)
         hint = f", did you mean '{near[0]}'?" if near else ""
         raise InputError(f"model = {model!r}: must be one of {', '.join(BATCH_MODELS)}{hint}")
+    whole = isinstance(steps, int) and not isinstance(steps, bool)
+    if steps is not None and not (whole and 1 <= steps <= MOST_STEPS):
+        raise InputError(f"steps = {steps!r}: must be a whole number, 1 to {MOST_STEPS}")
     batch = _batch(scene, hand or {}, contact or {}, object or {}, gripper or {})
-    release = _run(model, batch, executor)
+    release = _run(model, batch, steps or STEPS[model], executor)
     height = None if scene.target is None else scene.target.z
     landing = None if height is None else land(release.detach, height, scene.gravity)
     return BatchResult(release.detach, landing, release.trouble)
 
 
-def _run(model: str, batch: ReleaseBatch, executor: Executor | None) -> BatchRelease:
+def _run(model: str, batch: ReleaseBatch, steps: int, executor: Executor | None) -> BatchRelease:
     # Decided, and compiled, once for all shares: they must not differ by a digit.
     compiled = batch.count >= PAYS_FROM and compiled_steps(model, batch.hands) is not None
     if executor is None:
-        return _Share(model, batch, compiled).run()
+        return _Share(model, batch, steps, compiled).run()
     numbers = np.array_split(np.arange(batch.count), max(batch.count // 4096, 1))
-    shares = [_Share(model, batch.part(throws), compiled) for throws in numbers]
+    shares = [_Share(model, batch.part(throws), steps, compiled) for throws in numbers]
     done = list(executor.map(_Share.run, shares))
     detach, lost = (
         np.concatenate(part) for part in zip(*((d.detach, d.lost) for d in done), strict=True)
@@ -126,17 +144,19 @@ class _Share:
 
     model: str
     batch: ReleaseBatch
+    steps: int
     compiled: bool
 
     def run(self) -> BatchRelease:
         even = compiled_steps(self.model, self.batch.hands) if self.compiled else None
         if self.model == "sp":
-            return throw_sliding_pivot(self.batch, even=even)
+            return throw_sliding_pivot(self.batch, self.steps, even=even)
         if self.model == "sp-paper":
-            return throw_sliding_pivot(self.batch, PAPER_STEPS, "paper")
+            return throw_sliding_pivot(self.batch, self.steps, "paper")
         if self.model == "ls-step":
-            return throw_limit_surface(self.batch, even=even)
-        detach = BATCH_MODELS[self.model](self.batch)
+            return throw_limit_surface(self.batch, self.steps, even)
+        meshed = PatchRelease if self.model == "patch" else LuGreRelease
+        detach = meshed(steps=self.steps).batch(self.batch)
         return BatchRelease(detach, np.zeros(len(detach), bool), UNSOLVED)
 
 

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from .compiled import Compile, arrived_functions, awaited_library, compiled_functions
+from .compiled import Code, Compile
 from .derivatives import nlp_functions, nlp_key
 from .ocp import Nlp
 
@@ -63,11 +63,9 @@ class Solver:
         self.name = name
         self._most = max_iterations or MAX_ITERATIONS[name]
         key = nlp_key(nlp, name)
-        functions = compiled_functions(key, lambda: nlp_functions(nlp, name), compiling)
-        self.compiled = functions is not None
-        self._functions = functions or nlp_functions(nlp, name)
-        waits = not self.compiled and compiling == "background"
-        self._awaited = awaited_library(key) if waits else None
+        self._code = Code(key, lambda: nlp_functions(nlp, name), compiling)
+        self.compiled = self._code.functions is not None
+        self._functions = self._code.functions or nlp_functions(nlp, name)
         self._solvers: dict[float, ca.Function] = {}
 
     def _solver(self, mu_init: float) -> ca.Function:
@@ -155,9 +153,9 @@ class Solver:
 
     def _take_compiled(self) -> None:
         """Goes over to the compiled functions once another process has made them."""
-        found = None if self._awaited is None else arrived_functions(self._awaited)
+        found = self._code.arrived()
         if found is not None:
-            self._functions, self.compiled, self._awaited = found, True, None
+            self._functions, self.compiled = found, True
             self._solvers.clear()
 
     def violation(self, x: Array, parameters: Array, bounds: tuple[Array, Array]) -> float:

@@ -24,8 +24,7 @@ def odd_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return path
 
 
-@pytest.fixture
-def compiling() -> Iterator[None]:
+def _compiling() -> Iterator[None]:
     """Compiled code where there is a compiler: the limit surface takes minutes without."""
     from throwplan.planner import compiled_batch
     from throwplan.planner.compiler import compiler
@@ -38,3 +37,8 @@ def compiling() -> Iterator[None]:
         yield
     for cached in caches:
         cached.cache_clear()
+
+
+compiling = pytest.fixture(_compiling, name="compiling")
+#: The same for a whole file of tests.
+compiling_all = pytest.fixture(_compiling, scope="module", name="compiling_all")

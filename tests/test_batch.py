@@ -16,6 +16,7 @@ from throwplan.models.hand_track import ConstantAcceleration
 from throwplan.models.release import LOST, ReleaseCase
 from throwplan.models.sliding_pivot_release import SlidingPivotRelease
 from throwplan.models.time_stepping_release import SteppedRelease
+from throwplan.planner.simulate_batch import STEPS
 
 
 def throws(count: int, seed: int = 0) -> dict:
@@ -203,9 +204,29 @@ def test_what_could_not_be_computed_says_why() -> None:
             "hand.poses: must be (N, 4, 3)",
         ),
         ({"hand": {"pose": np.zeros((4, 2))}}, "hand.pose: must be an array (N, 3)"),
+        ({"steps": 0}, "steps = 0: must be a whole number, 1 to 100000"),
+        ({"steps": 12.5}, "steps = 12.5: must be a whole number"),
+        ({"steps": True}, "steps = True: must be a whole number"),
     ],
 )
 def test_bad_arrays_are_one_clear_line(arguments: dict, words: str) -> None:
     with pytest.raises(tp.InputError) as caught:
         tp.simulate_batch(DROP, **arguments)
     assert words in str(caught.value) and "\n" not in str(caught.value)
+
+
+@pytest.mark.parametrize(("model", "nearer"), [("sp", 50.0), ("ls-step", 8.0), ("patch", 4.0)])
+def test_steps_that_are_asked_for_are_taken(model: str, nearer: float) -> None:
+    """16 times the steps are nearer to many; without any the usual ones are taken.
+
+    By less for the patch, whose points begin to slip one by one inside the steps.
+    """
+    few, more, many, usual = 20, 320, 2560, STEPS[model]
+    found = {
+        steps: tp.simulate_batch(DROP, model, steps=steps, **throws(8, 1)).detach
+        for steps in (few, more, many, usual)
+    }
+    error = {n: float(np.median(np.abs(found[n] - found[many]).max(axis=1))) for n in (few, more)}
+    assert error[more] < error[few] / nearer
+    plain = tp.simulate_batch(DROP, model, **throws(8, 1)).detach
+    np.testing.assert_array_equal(plain, found[usual])

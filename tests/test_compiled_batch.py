@@ -5,7 +5,6 @@ from __future__ import annotations
 import os
 import subprocess
 import sys
-from collections.abc import Iterator
 from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +18,6 @@ from test_extreme import batch_of, extremes
 from throwplan.models.batch import ReleaseBatch, throw_limit_surface, throw_sliding_pivot
 from throwplan.models.batch_hands import ConstantAccelerations, SampledHands
 from throwplan.models.grip_force import TableRelease
-from throwplan.planner import compiled_batch
 from throwplan.planner.compiled_batch import compiled_steps
 from throwplan.planner.compiler import compiler
 from throwplan.planner.lane_code import lane_function
@@ -29,18 +27,10 @@ RUNS = {"sp": throw_sliding_pivot, "ls-step": throw_limit_surface}
 
 
 @pytest.fixture(scope="module", autouse=True)
-def compiling() -> Iterator[None]:
-    """Compiled code is allowed in this file; skipped where there is no C compiler."""
-    caches = (compiler, compiled_batch._library)
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("THROWPLAN_COMPILE", "1")
-        for cached in caches:
-            cached.cache_clear()
-        if compiler() is None:
-            pytest.skip("no C compiler")
-        yield
-    for cached in caches:
-        cached.cache_clear()
+def compiler_there(compiling_all: None) -> None:
+    """All of this file needs a C compiler."""
+    if compiler() is None:
+        pytest.skip("no C compiler")
 
 
 def many(count: int, seed: int = 0) -> ReleaseBatch:

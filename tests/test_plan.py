@@ -242,3 +242,10 @@ def test_position_only_leaves_the_angle_alone() -> None:
     assert result["target"]["theta"] is None
     assert result["error"]["sent"]["angle"] == 0
     assert result["landing"]["sent"]["theta"] is not None
+
+
+def test_a_start_without_heavy_guards_is_taken_up_again_with_them() -> None:
+    """Starts come twice: first without guards that cost much, then with them."""
+    scene = tp.load_scene("flip")
+    target = scene.target.in_plane(-0.23749494304997687, math.radians(-91.33577420668458))
+    assert tp.Planner(scene).plan(target).solved

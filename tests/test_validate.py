@@ -271,7 +271,7 @@ def test_a_failing_picture_leaves_nothing(found, tmp_path, monkeypatch):
     def broken(*_: object) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(validation_files, "_write_throws", broken)
+    monkeypatch.setattr(validation_files, "errors_by_throw", broken)
     with pytest.raises(ValueError, match="No space left"):
         validation_files.save_validation(found, tmp_path)
     assert not list(tmp_path.iterdir())

@@ -76,17 +76,17 @@ class ModelCheck:
         return self.parameters[""][1]
 
     @property
-    def at_edge(self) -> bool:
-        """Whether better parameters, of any surface, may lie outside the searched ones."""
+    def at_edge(self) -> list[str]:
+        """Surfaces (empty: that of the batch) whose better parameters may lie outside."""
         known = self.cells.friction, self.cells.patch_radius
         ends = [(values.min(), values.max()) for values in known]
         # A slow model is searched around another model's best, surface by surface.
-        pairs = self.parameters.values() if self.whole else [self.parameters[""]]
-        return any(
-            np.isclose(value, end).any()
-            for pair in pairs
-            for value, end in zip(pair, ends, strict=True)
-        )
+        searched = self.parameters.items() if self.whole else [("", self.parameters[""])]
+        return [
+            surface
+            for surface, pair in searched
+            if any(np.isclose(value, end).any() for value, end in zip(pair, ends, strict=True))
+        ]
 
     @property
     def whole(self) -> bool:

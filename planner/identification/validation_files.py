@@ -56,7 +56,8 @@ def save_validation(found: Validation, folder: Path) -> None:
         drawn = _draw(found, scratch)
         for table in tables(found):
             table.write(scratch)
-        _write_throws(found, scratch / "errors_by_throw.csv")
+        with (scratch / "errors_by_throw.csv").open("w", newline="", encoding="utf-8") as file:
+            csv.writer(file).writerows(errors_by_throw(found))
         (scratch / "validation.md").write_text(as_page(found, drawn), encoding="utf-8")
 
 
@@ -80,24 +81,23 @@ def _draw(found: Validation, folder: Path) -> list[str]:
     return list(figures)
 
 
-def _write_throws(found: Validation, path: Path) -> None:
-    """errors_by_throw.csv: a row per throw and model, angles in degrees."""
+def errors_by_throw(found: Validation) -> list[list[str]]:
+    """Head, then a row per throw and model, angles in degrees; empty where nothing landed."""
     names = list(found.data.factors)
     header = ["throw", *names, "model", "friction", "patch_radius"]
     header += ["dx", "dtheta_deg", "scaled", "dv_x", "domega_deg"]
     batch = set(found.batch.tolist())
-    with path.open("w", newline="", encoding="utf-8") as file:
-        writer = csv.writer(file)
-        writer.writerow([*header, "in_batch"])
-        for model, check in found.checks.items():
-            scaled = found.scaled(model)
-            for i, throw in enumerate(found.data.throws):
-                pair = check.parameters[check.surface[i]]
-                (dx, dtheta), (dv, domega) = check.landing[i], check.twist[i]
-                numbers = [dx, math.degrees(dtheta), scaled[i], dv, math.degrees(domega)]
-                cells = [f"{v:.9g}" if math.isfinite(v) else "" for v in (*pair, *numbers)]
-                labels = [throw.factors.get(name, "") for name in names]
-                writer.writerow([throw.name, *labels, model, *cells, int(i in batch)])
+    rows = [[*header, "in_batch"]]
+    for model, check in found.checks.items():
+        scaled = found.scaled(model)
+        for i, throw in enumerate(found.data.throws):
+            pair = check.parameters[check.surface[i]]
+            (dx, dtheta), (dv, domega) = check.landing[i], check.twist[i]
+            numbers = [dx, math.degrees(dtheta), scaled[i], dv, math.degrees(domega)]
+            cells = [f"{v:.9g}" if math.isfinite(v) else "" for v in (*pair, *numbers)]
+            labels = [throw.factors.get(name, "") for name in names]
+            rows.append([throw.name, *labels, model, *cells, str(int(i in batch))])
+    return rows
 
 
 def as_dict(found: Validation) -> dict[str, Any]:

@@ -57,9 +57,10 @@ def _of_model(found: Validation, check: ModelCheck) -> list[str]:
             f"{model}: too slow for the whole grid: its parameters are the best of "
             f"{cells.friction.size} around {GUIDE}'s best, on {len(cells.rows)} throws: {names}"
         )
-    if check.at_edge:
+    for surface in check.at_edge:
         where = "grid" if check.whole else "searched parameters"
-        lines.append(f"{model}: its best parameters are at the edge of the {where}")
+        best = f"its best parameters for {surface}" if surface else "its best parameters"
+        lines.append(f"{model}: {best} are at the edge of the {where}")
     if cells.missing:
         share = 100 * cells.missing / cells.error.size
         lines.append(
