@@ -20,6 +20,7 @@ def add_report(commands: Any) -> None:
     parser.add_argument(
         "--only",
         nargs="+",
+        action="extend",
         metavar="SECTION",
         default=[],
         help="these sections only: models, planner, stability, parts, reach, robust, throws",

@@ -73,8 +73,10 @@ def test_links_lead_somewhere(path):
         target = (path.parent / name) if name else path
         assert target.exists(), link
         if anchor:
-            titles = re.findall(r"^#+ (.*)$", target.read_text(encoding="utf-8"), flags=re.M)
+            there = target.read_text(encoding="utf-8")
+            titles = re.findall(r"^#+ (.*)$", there, flags=re.M)
             anchors = {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+            anchors |= set(re.findall(r'<a id="(\w+)"></a>', there))
             assert anchor in anchors, link
 
 

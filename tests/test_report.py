@@ -9,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
+from PIL import Image
 from throwplan.planner.cli import main
 from throwplan.planner.report import throws
 from throwplan.planner.report.kept import kept
@@ -23,24 +24,37 @@ ROWS = [["a | b", 1 / 3, 7, None], ["c", math.nan, 123456.789, "<why>"]]
 
 
 def draw(path: Path) -> None:
-    path.write_bytes(b"\x89PNG picture")
+    """Two colours and all shades between them, more than a palette holds."""
+    shades = np.linspace(0, 255, 40 * 300).reshape(40, 300, 1)
+    Image.fromarray(np.concatenate([shades, 0 * shades, 255 - shades], axis=2).astype("u1")).save(
+        path, "PNG"
+    )
 
 
 def test_a_section_is_written_as_markdown_html_csv_and_pictures(tmp_path: Path) -> None:
     section = Section("parts", "What < that", seconds=1.0)
     section.add("Words with `code`.", Table("sizes", "Sizes", ("name", "x", "n", "why"), ROWS))
-    section.add(Picture("drawn", "A & B", draw))
+    dots = Table("dots", "", ("x", "y"), [[1, 2.5]])
+    section.add(Picture("drawn", "A & B", draw, dots))
     write(tmp_path, ["made here"], section, [section])
     assert {path.name for path in tmp_path.iterdir()} == {
-        *("index.md", "index.html", "report.json", "sizes.csv", "drawn.png")
+        *("index.md", "index.html", "report.json", "sizes.csv", "drawn.png", "dots.csv")
     }
+    assert (tmp_path / "dots.csv").read_text().split() == ["x,y", "1,2.5"]
     text = (tmp_path / "index.md").read_text()
     assert "| a \\| b | 0.333 | 7 | – |" in text and "| c | – | 123457 | <why> |" in text
     assert "throwplan report --only parts" in text and "](sizes.csv)" in text
+    assert "*A & B* ([dots.csv](dots.csv))" in text
     page = (tmp_path / "index.html").read_text()
     assert "&lt;why&gt;" in page and "<code>code</code>" in page and "A &amp; B" in page
     # Self-contained: no file beside it, nothing from elsewhere.
     assert "data:image/png;base64," in page and 'src="http' not in page and ".png" not in page
+    with Image.open(tmp_path / "drawn.png") as picture:
+        drawn, shown = tmp_path / "whole.png", np.asarray(picture.convert("RGB"), float)
+        assert picture.mode == "P"
+    draw(drawn)
+    with Image.open(drawn) as picture:
+        assert np.abs(np.asarray(picture, float) - shown).max() < 8
     with (tmp_path / "sizes.csv").open(newline="") as file:
         rows = list(csv.reader(file))
     assert rows[0] == ["name", "x", "n", "why"] and rows[1] == ["a | b", str(1 / 3), "7", ""]
@@ -60,11 +74,14 @@ def test_one_section_measured_again_leaves_the_others(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     """What is kept is read back to the digit; a section whose files are gone is not shown."""
-    one = Section("parts", "One", ["Words.", Table("first", "First", ("a",), ROWS)], 1.0, "then")
-    one.add(Picture("drawn", "A", draw))
+    one = Section(
+        "parts", "One", ["Words.", Table("first", "First", ("a", "b", "c", "d"), ROWS)], 1.0, "then"
+    )
+    one.short.append("Take that.")
+    one.add(Picture("drawn", "A", draw, Table("dots", "", ("x",), [[1]])))
     write(tmp_path, ["now", "here"], one, [one])
     (found,) = kept(tmp_path)
-    assert found.parts[0] == "Words." and found.made == "then"
+    assert found.parts[0] == "Words." and found.made == "then" and found.short == one.short
     assert isinstance(found.parts[1], Table) and str(found.parts[1].rows) == str(ROWS)
 
     def make(effort: Effort) -> Section:
@@ -74,6 +91,7 @@ def test_one_section_measured_again_leaves_the_others(
     make_report(tmp_path, ["reach"])
     text = (tmp_path / "index.md").read_text()
     assert text.index("## One") < text.index("then") < text.index("## Two")
+    assert text.index("- Take that. ([One](#parts))") < text.index('<a id="parts"></a>')
     (tmp_path / "first.csv").unlink()
     assert [section.key for section in kept(tmp_path)] == ["reach"]
 
@@ -100,6 +118,9 @@ def test_the_pareto_set_is_what_nothing_beats_in_both() -> None:
     found = [measured(10, 1.0), measured(20, 0.1), measured(20, 1.0), measured(1, 0.01, solved=5)]
     # The last is best in both, but half of its solves fail.
     assert best_of(found) == [True, True, False, False]
+    # What differs by less than rows do by chance decides nothing.
+    assert best_of([measured(10, 1.0), measured(10.5, 0.99)]) == [True, True]
+    assert best_of([measured(10, 1.0), measured(40, 0.99)]) == [True, False]
 
 
 def test_variants_differ_and_the_usual_comes_first() -> None:

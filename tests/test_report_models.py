@@ -168,7 +168,7 @@ def test_failed_rows_stay_with_their_cause() -> None:
         assert (cell["own x [mm]"] is not None) or cell["status"] != "ok"
         assert cell["status"] == "ok" or cell["Pareto set"] == ""
     told = {row[0]: row for row in choice([one])[0].rows}
-    assert told["sp, RK4"][3] == "160 steps"  # 20 steps are 0.4 mm off
+    assert told["sp, RK4"][4] == "160 steps"  # 20 steps are 0.4 mm off
     assert told["ils, LSODA"][1] is None
     assert "gave up" in told["ils, LSODA"][-1]
 

@@ -21,7 +21,7 @@ from throwplan.planner.report.conditioning import condition, kkt_matrix
 from throwplan.planner.report.derivative_check import derivative_errors, structures
 from throwplan.planner.report.extreme_runs import Outcome, outcomes, run
 from throwplan.planner.report.extreme_scenes import cases, some
-from throwplan.planner.report.in_turn import in_turn
+from throwplan.planner.report.in_turn import in_turn, shared
 from throwplan.planner.report.judge import grip_by_differences, judged, time_down
 from throwplan.planner.report.noisy_guesses import from_noisy_guess
 from throwplan.planner.report.other_units import in_other_units, unit_rows
@@ -229,6 +229,23 @@ def test_hangs_and_crashes_are_caught_and_the_rest_goes_on() -> None:
     assert found == ["one", "crash", "two", "hang", "three"]
 
 
+def test_jobs_shared_by_two_processes_keep_their_order() -> None:
+    """A hang in one of them holds the other up neither in its work nor by its time."""
+    jobs = ["sleep", "one", "two", "die", "three", "four", "five"]
+    found = list(shared(answer_or_end, [(job,) for job in jobs], 1.0))
+    assert found == ["hang", "one", "two", "crash", "three", "four", "five"]
+    assert not list(shared(answer_or_end, [], 1.0))
+
+
+def test_what_goes_wrong_in_the_sharing_is_heard(monkeypatch: pytest.MonkeyPatch) -> None:
+    def no_process(*_: object) -> None:
+        raise OSError("no process left")
+
+    monkeypatch.setattr("throwplan.planner.report.in_turn.in_turn", no_process)
+    with pytest.raises(OSError, match="no process left"):
+        list(shared(answer_or_end, [("one",)], 1.0))
+
+
 def test_a_case_that_takes_too_long_is_a_hang() -> None:
     (found,) = outcomes([case for case in cases() if case.base == "pose"][:1], patience=1e-3)
     assert found.status == "hang" and found.cause
@@ -243,5 +260,5 @@ def test_false_solved_is_counted_and_named(plans) -> None:
     fine = Outcome(case, "solved", "", judged(good, plan.target))
     odd = Outcome(case, "solved", "", judged(good, plan.target), finite=False)
     parts = _extremes([bad, fine, odd])
-    assert "not true: 1." in str(parts[0]) and "not finite: 1." in str(parts[0])
+    assert "2 are judged true, 1 not true" in str(parts[0]) and "not finite: 1." in str(parts[0])
     assert any("FALSE solved" in row for part in parts for row in getattr(part, "rows", []))

@@ -1,4 +1,4 @@
-"""Extreme cases planned one after the other, in a process that can be ended."""
+"""Extreme cases planned one after the other, in processes that can be ended."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ..plan import Plan
 from ..planner import Planner
 from .conditioning import condition, kkt_matrix
 from .extreme_scenes import Case
-from .in_turn import ENDINGS, in_turn
+from .in_turn import ENDINGS, shared
 from .judge import Verdict, judged
 from .page import Cell
 
@@ -102,7 +102,7 @@ def finite(plan: Plan) -> bool:
 
 def outcomes(wanted: Sequence[Case], patience: float = PATIENCE) -> Iterator[Outcome]:
     """All cases in turn."""
-    answers = in_turn(run, [(case,) for case in wanted], patience)
+    answers = shared(run, [(case,) for case in wanted], patience)
     for case, answer in zip(wanted, answers, strict=True):
         if isinstance(answer, Outcome):
             yield answer

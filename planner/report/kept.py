@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
-from .page import Part, Picture, Section, Table
+from .page import Part, Picture, Section, Table, files_of
 
 #: Where they are kept, beside the page.
 NAME = "report.json"
@@ -22,11 +22,13 @@ def keep(folder: Path, sections: Sequence[Section]) -> None:
             "title": section.title,
             "made": section.made,
             "seconds": section.seconds,
+            "short": section.short,
             "parts": [_kept(part) for part in section.parts],
         }
         for section in sections
     ]
-    (folder / NAME).write_text(json.dumps(found, indent=1, allow_nan=True) + "\n", encoding="utf-8")
+    text = ",\n".join(json.dumps(section, allow_nan=True) for section in found)
+    (folder / NAME).write_text(f"[\n{text}\n]\n", encoding="utf-8")
 
 
 def kept(folder: Path) -> list[Section]:
@@ -40,9 +42,7 @@ def kept(folder: Path) -> list[Section]:
 
 
 def _whole(folder: Path, section: Section) -> bool:
-    names = [f"{p.name}.png" for p in section.parts if isinstance(p, Picture)]
-    names += [f"{p.name}.csv" for p in section.parts if isinstance(p, Table)]
-    return all((folder / name).exists() for name in names)
+    return all((folder / name).exists() for part in section.parts for name in files_of(part))
 
 
 def _kept(part: Part) -> dict[str, Any]:
@@ -56,14 +56,16 @@ def _kept(part: Part) -> dict[str, Any]:
             "digits": part.digits,
         }
     if isinstance(part, Picture):
-        return {"picture": part.name, "caption": part.caption}
+        data = {} if part.data is None else {"data": part.data.name}
+        return {"picture": part.name, "caption": part.caption, **data}
     return {"words": part}
 
 
 def _section(entry: dict[str, Any]) -> Section:
     parts = [_part(part) for part in entry["parts"]]
     seconds = math.nan if entry["seconds"] is None else float(entry["seconds"])
-    return Section(entry["key"], entry["title"], parts, seconds, entry["made"])
+    short = [str(words) for words in entry.get("short", [])]
+    return Section(entry["key"], entry["title"], parts, seconds, entry["made"], short)
 
 
 def _part(entry: dict[str, Any]) -> Part:
@@ -72,7 +74,8 @@ def _part(entry: dict[str, Any]) -> Part:
     if "table" in entry:
         columns, rows = entry["columns"], entry["rows"]
         return Table(entry["table"], entry["caption"], columns, rows, entry["digits"])
-    return Picture(entry["picture"], entry["caption"], _is_there)
+    data = Table(entry["data"], "", (), ()) if "data" in entry else None
+    return Picture(entry["picture"], entry["caption"], _is_there, data)
 
 
 def _is_there(path: Path) -> None:

@@ -25,6 +25,8 @@ T = TypeVar("T")
 #: Units in which people read errors: landing x, theta, detach twist, scaled landing.
 SHOWN = np.array([1e3, math.degrees(1.0), 1e3, 1e3])
 ERRORS = ("x [mm]", "θ [deg]", "twist [mm/s]")
+#: Points of a finer patch, which tells how well the usual one is meshed.
+FINE_MESH = 256
 #: Seconds from which on a run is not repeated, quick and full.
 LONG = (0.03, 1.0)
 
@@ -93,6 +95,8 @@ def measure(
         "patch": detached(extrapolated(patched, effort.of(500, 2000), case)),
     }
     known = {law: off(throw, end, truths[law]) for law, end in second.items()}
+    if not effort.quick:
+        known["mesh"] = off(throw, patch_truth(case, FINE_MESH), truths["patch"])
     known["ils"] = known["ls"]
     tick()
     repeats, long = effort.of(1, 3), LONG[effort.of(0, 1)]

@@ -50,9 +50,9 @@ def surface_truth(case: ReleaseCase) -> Array:
     return _creeping(case, np.zeros((2, 1)), np.ones(1), float(case.contact.torsion_arm))
 
 
-def patch_truth(case: ReleaseCase) -> Array:
+def patch_truth(case: ReleaseCase, points: int = 64) -> Array:
     """Detach state (6,) of the meshed patch as a differential equation, see `_creeping`."""
-    patch, arm = scaled_patch(case.contact, "uniform", 64)
+    patch, arm = scaled_patch(case.contact, "uniform", points)
     return _creeping(case, float(arm) * np.array([patch.x, patch.z]), patch.weights)
 
 

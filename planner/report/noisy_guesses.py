@@ -15,7 +15,7 @@ from ..guess import guess_from
 from ..nlp import ThrowNlp
 from ..plan import Plan
 from ..planner import Planner
-from .in_turn import ENDINGS, in_turn
+from .in_turn import ENDINGS, shared
 from .judge import STEPS, judged
 from .page import Effort, Table
 
@@ -70,7 +70,7 @@ def guess_rows(name: str, effort: Effort) -> list[list[Any]]:
     """The planner's guess for a scene with noise of several sizes."""
     rows, count = [], effort.of(3, 8)
     jobs = [(name, size, number) for size in NOISE for number in range(count)]
-    answers = list(in_turn(from_noisy_guess, jobs, GUESS_PATIENCE))
+    answers = list(shared(from_noisy_guess, jobs, GUESS_PATIENCE))
     for i, size in enumerate(NOISE):
         group = answers[i * count : (i + 1) * count]
         kinds = collections.Counter(a if isinstance(a, str) else a[0] for a in group)

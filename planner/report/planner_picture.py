@@ -32,15 +32,19 @@ def draw_settings(
             *points[members].T,
             marker="D" if mine else "o",
             ms=9 if mine else 5,
-            lw=0.8,
+            # No line between solvers.
+            lw=0.0 if kind in ("compiled", "IPOPT") else 0.8,
             color=color,
             label=names.get(kind, kind),
             zorder=2,
         )
         for k in members:
             short = labels[k].replace("integrator rk4, opening ", "").replace(", substeps ", " × ")
-            short = short.removeprefix(f"{kind} ")
-            axes.annotate(short, points[k], fontsize=6, xytext=(3, 3), textcoords="offset points")
+            short = short.removeprefix(f"{kind} ").replace("as it is", "" if mine else "default")
+            above = 4 if k % 2 else -8
+            axes.annotate(
+                short, points[k], fontsize=6, xytext=(3, above), textcoords="offset points"
+            )
     ringed = points[np.array(best)]
     axes.plot(*ringed.T, "o", ms=13, mfc="none", mec="#222222", lw=0, label="Pareto set")
     axes.set(xscale="log", yscale="log")

@@ -29,7 +29,7 @@ def draw_targets(path: Path, *, solved: Array, lost: Array, outside: Array, near
             axes.plot(*_shown(poses), marker, color=color, label=words, ms=5, zorder=2)
     axes.set_xlabel("x [m]")
     axes.set_ylabel("θ [deg]")
-    axes.legend()
+    axes.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, frameon=False)
     axes.grid(alpha=0.3)
     figure.savefig(path, dpi=110)
 

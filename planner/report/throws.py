@@ -10,6 +10,8 @@ from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
 from pathlib import Path
 
+import numpy as np
+
 from ...problems.throw_data import ThrowData
 from ..identification.grid import Grid, estimated_seconds, grid_of
 from ..identification.identify_pictures import draw_grid
@@ -18,8 +20,14 @@ from ..identification.make_throws import Making, make_throws
 from ..identification.measured import measured
 from ..identification.predict import Predictor
 from ..identification.validation import Validation, validate
+from ..identification.validation_files import errors_by_throw
 from ..identification.validation_notes import head, notes
-from ..identification.validation_tables import crossed_table, error_table, parameter_table
+from ..identification.validation_tables import (
+    crossed_table,
+    error_table,
+    factor_table,
+    parameter_table,
+)
 from ..workers import executor_of
 from .learning_runs import BELIEVED, JUDGED, NOISE, REALITY, TRUTH, Lesson
 from .page import Cell, Effort, Picture, Section, Table
@@ -89,12 +97,16 @@ def _add_identified(section: Section, data: ThrowData, timed: bool) -> None:
             (
                 *("model", "grid, least error [mm]", "grid, μ r_p / truth"),
                 *("fit, error [mm]", "fit, μ r_p / truth", "± of it"),
-                *("grid [s]", "not compiled [s]", "one prediction [ms]", "all at that [s]"),
+                *("grid [s]", "not compiled [s]", "one prediction [ms]", "grid, one process [s]"),
             ),
             rows,
         ),
-        f"{count:,} predictions took {fast:.1f} s, {slow:.1f} s without compiled code.",
+        f"{count:,} predictions took {fast:.1f} s, {slow:.1f} s without compiled code, with "
+        "splines of the measured hands and scoring. ± is what the noise leaves open; it knows "
+        "nothing of a model's own error, so a product may be off by many times that. A model "
+        "without a fit has none: its landings jump with the parameters.",
     )
+    section.short.append(_short(rows))
     if timed:
         section.add(
             f"`{TIMED}` has no batch: it was timed on a few throws, and the time of its grid is "
@@ -102,11 +114,32 @@ def _add_identified(section: Section, data: ThrowData, timed: bool) -> None:
         )
     for model, one in found.items():
         words = f"Mean scaled error over friction and patch radius by {model}, lowest 10 % hatched"
-        section.add(Picture(f"throws-grid-{model}", words, _grid_drawing(one)))
+        assert one.grid is not None
+        cells = _cells(f"throws-grid-{model}", one.grid)
+        section.add(Picture(f"throws-grid-{model}", words, _grid_drawing(one), cells))
 
 
 def _grid_drawing(one: Identified) -> Callable[[Path], None]:
     return lambda path: draw_grid(one, path)
+
+
+def _short(rows: list[list[Cell]]) -> str:
+    """How well parameters are found."""
+    fits = [f"`{row[0]}` {row[4]:.3g}" for row in rows if isinstance(row[4], float)]
+    return (
+        "Friction times patch radius fitted to synthetic throws, as a share of the truth: "
+        f"{', '.join(fits)}."
+    )
+
+
+def _cells(name: str, grid: Grid) -> Table:
+    """The grid's cells, one in a row."""
+    rows: list[list[Cell]] = [
+        [float(grid.friction[i]), float(grid.patch_radius[j]), float(error)]
+        for (i, j), error in np.ndenumerate(grid.error)
+    ]
+    columns = ("friction", "patch radius [m]", "mean scaled error [m]")
+    return Table(name, "", columns, rows)
 
 
 def _identified_row(one: Identified, plain: Grid, true: float) -> list[Cell]:
@@ -148,15 +181,22 @@ def _add_validated(section: Section, found: Validation) -> None:
         words = table.words()
         section.add(Table(f"throws-{table.name}", table.caption, words[0], words[1:]))
     section.add(
+        "Times of one release here are those of a measured hand motion with its splines, "
+        "`sp` with events located; section models has given motions."
+    )
+    every, factors = errors_by_throw(found), factor_table(found).words()
+    section.add(
         Picture(
             "throws-errors",
             "Predicted less measured landings by model",
             lambda path: pictures.save(pictures.errors_picture(found), path),
+            Table("throws-every", "", every[0], every[1:]),
         ),
         Picture(
             "throws-factors",
             "What a change of one factor does, measured and predicted; errors in both conditions",
             lambda path: pictures.save(factors_picture(found), path),
+            Table("throws-factors", "", factors[0], factors[1:]),
         ),
     )
 
@@ -189,13 +229,15 @@ def _add_learned(section: Section, effort: Effort) -> None:
         f"{1e3 * TRUTH['delay']:.0f} ms; reality is the meshed patch (`{REALITY}`). Landings are "
         f"measured with noise of {1e3 * NOISE[0]:.0f} mm and {math.degrees(NOISE[1]):.1f}°, "
         f"{len(seeds)} seeds. Before any throw the mean real scaled error of {JUDGED} targets is "
-        f"{1e3 * lesson.before:.1f} mm.",
+        f"{1e3 * lesson.before:.1f} mm. A single throw cannot tell the "
+        "delay from μ r_p by itself; what `sp` leaves is in part its own distance to the patch.",
         Table(
             "learning",
             "Mean real landing error of throws planned after k throws",
             (
-                *("learned by", "throws k", "error, median [mm]", "worst [mm]"),
-                *("times better, median", "worst", "μ r_p / truth, least", "most"),
+                *("learned by", "throws k", "error, median [mm]", "error, worst [mm]"),
+                *("times better, median", "times better, worst"),
+                *("μ r_p / truth, least", "μ r_p / truth, most"),
             ),
             rows,
         ),
