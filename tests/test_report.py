@@ -14,7 +14,8 @@ from throwplan.planner.cli import main
 from throwplan.planner.report import throws
 from throwplan.planner.report.kept import kept
 from throwplan.planner.report.page import Effort, Picture, Section, Table
-from throwplan.planner.report.planner import best_of, variants
+from throwplan.planner.report.planner import variants
+from throwplan.planner.report.planner_points import best_of, points
 from throwplan.planner.report.planner_runs import Measured
 from throwplan.planner.report.reach import FAR, outside
 from throwplan.planner.report.run import SECTIONS, make_report, write
@@ -108,26 +109,38 @@ def test_unknown_sections_and_folders_are_refused(
     assert len(capsys.readouterr().err.splitlines()) == 1
 
 
-def measured(milliseconds: float, millimetres: float, solved: int = 10) -> Measured:
+def measured(
+    milliseconds: float, millimetres: float, solved: int = 10, cost: float = 2.0
+) -> Measured:
     errors = np.tile([1e-3 * millimetres, 0.0], (10, 1))
     times, none = np.full(10, 1e-3 * milliseconds), np.zeros((0, 2))
-    return Measured(solved, errors, errors, times, times, 10, times, none, "")
+    # The first solve of each fails, and has no cost.
+    costs = np.array([math.nan, *[cost] * 9])
+    return Measured(solved, errors, errors, costs, times, times, 10, times, none, "")
 
 
-def test_the_pareto_set_is_what_nothing_beats_in_both() -> None:
+def best(*found: Measured) -> list[bool]:
+    return best_of(points(list(found)))
+
+
+def test_the_pareto_set_is_what_nothing_beats() -> None:
     found = [measured(10, 1.0), measured(20, 0.1), measured(20, 1.0), measured(1, 0.01, solved=5)]
     # The last is best in both, but half of its solves fail.
-    assert best_of(found) == [True, True, False, False]
+    assert best(*found) == [True, True, False, False]
     # What differs by less than rows do by chance decides nothing.
-    assert best_of([measured(10, 1.0), measured(10.5, 0.99)]) == [True, True]
-    assert best_of([measured(10, 1.0), measured(40, 0.99)]) == [True, False]
+    assert best(measured(10, 1.0), measured(10.5, 0.99)) == [True, True]
+    assert best(measured(10, 1.0), measured(40, 0.99)) == [True, False]
+    # A slower one stays if its throws cost less; the effort does not differ by chance.
+    assert best(measured(10, 1.0), measured(40, 1.0, cost=1.98)) == [True, True]
+    assert best(measured(10, 1.0), measured(40, 1.0, cost=1.999)) == [True, False]
+    assert best(measured(10, 1.0), measured(10, 1.0, cost=2.01)) == [True, False]
 
 
 def test_variants_differ_and_the_usual_comes_first() -> None:
     for quick in (True, False):
         found = variants(Effort(quick))
         assert found[0].mesh == () and len(set(found)) == len(found)
-        usual = tp.load_scene("pose").mesh
+        usual = tp.load_scene("cup").mesh
         for variant in found[2:]:
             changed = any(getattr(usual, name) != value for name, value in variant.mesh)
             assert changed or variant.compiling == "wait"

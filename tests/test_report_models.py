@@ -173,16 +173,19 @@ def test_failed_rows_stay_with_their_cause() -> None:
     assert "gave up" in told["ils, LSODA"][-1]
 
 
-def test_pareto_set_by_comparing_all_pairs() -> None:
+@pytest.mark.parametrize("figures", [2, 3])
+def test_pareto_set_by_comparing_all_pairs(figures: int) -> None:
     rng = np.random.default_rng(1)
-    for seconds, errors in rng.integers(1, 9, (40, 2, 12)):
-        found = set(pareto(list(seconds), list(errors)))
-        points = set(zip(seconds, errors, strict=True))
-        best = {
-            p for p in points if not any(q != p and q[0] <= p[0] and q[1] <= p[1] for q in points)
-        }
-        assert {(seconds[i], errors[i]) for i in found} == best
+    for columns in rng.integers(1, 9, (40, figures, 12)):
+        found, all_points = pareto(*columns), list(zip(*columns, strict=True))
+        points = set(all_points)
+        best = {p for p in points if not any(q != p and not above(q, p) for q in points)}
+        assert {all_points[i] for i in found} == best
         assert len(found) == len(best)
+
+
+def above(one: tuple[int, ...], other: tuple[int, ...]) -> bool:
+    return any(a > b for a, b in zip(one, other, strict=True))
 
 
 def test_every_method_that_was_asked_for_is_there() -> None:

@@ -1,27 +1,31 @@
-"""The settings worth choosing: none of the others is better in both."""
+"""The settings worth choosing: none of the others is as good in all figures and better in one."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
 
 import numpy as np
+import numpy.typing as npt
+
+Figures = Sequence[float] | npt.NDArray[np.float64]
 
 
-def pareto(seconds: Sequence[float], errors: Sequence[float], margin: float = 0.0) -> list[int]:
-    """Which runs have no other that is at least as near and faster.
+def pareto(*figures: Figures, margins: Sequence[float] | None = None) -> list[int]:
+    """Which runs no other beats; each of `figures` has one number a run, less is better.
 
-    margin: share by which figures may differ by chance; with it a run falls out where another
-    is better by more than that in one and not worse by more than that in the other. Of runs
-    that are alike in both the first stays. In the order of their times.
+    margins: for each figure the share by which it may differ by chance (0 if not given): a run
+    is beaten by one that is better by more than that in a figure and not worse by more than
+    that in any. Of runs alike in all the first stays. In the order of the first figure.
     """
-    time, error = np.asarray(seconds, float), np.asarray(errors, float)
+    values = np.array(figures, float)
+    shares = [0.0] * len(values) if margins is None else margins
+    room = 1.0 + np.array(shares)[:, None]
     found: list[int] = []
-    for i in np.lexsort((error, time)):
-        better = (time < time[i]) | (error < error[i])
-        faster = (time * (1.0 + margin) <= time[i]) & (error <= error[i] * (1.0 + margin))
-        nearer = (error * (1.0 + margin) <= error[i]) & (time <= time[i] * (1.0 + margin))
-        beaten = (faster | nearer) & better
-        alike = any(time[k] == time[i] and error[k] == error[i] for k in found)
+    for i in np.lexsort(values[::-1]):
+        mine = values[:, i : i + 1]
+        clearly = ((values < mine) & (values * room <= mine)).any(axis=0)
+        beaten = clearly & (values <= mine * room).all(axis=0)
+        alike = any((values[:, k] == values[:, i]).all() for k in found)
         if not beaten.any() and not alike:
             found.append(int(i))
     return found

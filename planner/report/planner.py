@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
+from collections.abc import Sequence
 from pathlib import Path
 
 import numpy as np
@@ -14,25 +15,22 @@ from ...problems.load import load_scene
 from ...problems.scene import Pose, Scene
 from ..reach_study import reachable_targets
 from .page import Cell, Effort, Picture, Section, Table
-from .pareto import pareto
+from .planner_points import MARGINS, beats, best_of, points, scaled
 from .planner_runs import Measured, Variant, measured
 
 Array = npt.NDArray[np.float64]
 
 #: Seed of the targets; scenes with their targets: quick, full.
-SEED, TARGETS = 2, {"pose": (3, 20), "hand-flip": (3, 20)}
-#: What counts as better in either figure; the default, measured twice, shows by how much rows
-#: differ by chance.
-MARGIN = 0.1
+SEED, TARGETS = 2, {"cup": (3, 20), "hand-flip": (3, 20)}
 #: Runs of each first solve, of which the fastest counts: quick, full.
 REPEATS = (1, 2)
 #: Each setting by itself, the others as they usually are: quick, full.
-CARRY = ((6,), (3, 4, 5, 6, 8, 10, 15, 20))
-OPENING = ((4, 8, 16), (4, 6, 8, 10, 12, 16, 24, 32))
+CARRY = ((6,), (3, 4, 5, 6, 8, 10, 15))
+OPENING = ((4, 8, 16), (4, 6, 8, 12, 16, 24, 32))
 GRADING = ((), (1.0, 1.25, 1.5, 2.0, 3.0))
 EPSILON = ((0.1, 0.01), (0.3, 0.1, 0.03, 0.01, 0.003, 0.001))
 #: Intervals of the opening, with Runge-Kutta steps in each.
-STEPS = (((8, 2),), ((4, 1), (8, 1), (16, 1), (4, 2), (8, 2), (12, 2), (8, 4), (16, 4)))
+STEPS = (((8, 2),), ((4, 1), (8, 1), (16, 1), (4, 2), (8, 2), (16, 4)))
 
 
 def variants(effort: Effort) -> list[Variant]:
@@ -49,7 +47,7 @@ def variants(effort: Effort) -> list[Variant]:
     if not effort.quick:
         found += [Variant(compiling="wait"), Variant(solver="ipopt", compiling="wait")]
         found.append(Variant((("opening", 16),), compiling="wait"))
-    usual = dataclasses.asdict(load_scene("pose").mesh)
+    usual = dataclasses.asdict(load_scene("cup").mesh)
     changed = [v for v in found if not v.mesh or any(usual[k] != value for k, value in v.mesh)]
     return list(dict.fromkeys(changed))
 
@@ -65,10 +63,12 @@ def make(effort: Effort) -> Section:
         "whole plan. Errors are the scaled ones (position and half the bar's length times the "
         "angle). Solving times are the processor's. All opening intervals are multiple "
         "shooting; `gauss` is two-point collocation inside each, its accelerations unknowns of "
-        f"the NLP. Random targets in reach, seed {SEED}. ★: no other row of the same kind "
-        f"(compiled or not) is better by more than {100 * MARGIN:.0f} % in error or time and "
-        "not worse by as much in the other.",
-        f"The default is FATROP, then IPOPT where that fails, with `{_mesh(load_scene('pose'))}` "
+        "the NLP. The effort is the NLP's cost, squared accelerations and jerks over the throw: "
+        "with fewer intervals to carry the object it is higher. Random targets in reach, "
+        f"seed {SEED}. ★: no other row of the same kind (compiled or not) is better in solving "
+        f"time, exact error or effort (by more than {_shares(MARGINS)} %) and not worse by as "
+        "much in any.",
+        f"The default is FATROP, then IPOPT where that fails, with `{_mesh(load_scene('cup'))}` "
         "(section `[mesh]` of a scene). Other rows differ from it by what is named.",
         "Before correction the errors of a coarse mesh and of ε can cancel in part, so that a "
         "finer row may be the worse one; more intervals tend to the error of ε alone. What a "
@@ -83,16 +83,16 @@ def make(effort: Effort) -> Section:
         for k, variant in enumerate(asked):
             effort.tell(number * len(asked) + k, total)
             found.append(measured(scene, targets, variant, effort.of(*REPEATS)))
-        best = [False] * len(found)
+        figures, best = points(found), [False] * len(found)
         for kind in ("no", "wait"):
             # Compiled ones are compared among themselves.
             alike = [k for k, variant in enumerate(asked) if variant.compiling == kind]
-            for k, star in zip(alike, best_of([found[k] for k in alike]), strict=True):
+            for k, star in zip(alike, best_of(figures[alike]), strict=True):
                 best[k] = star
         again = measured(scene, targets, asked[0], effort.of(*REPEATS))
-        section.add(_table(name, targets, asked, found, best))
-        section.add(f"{_words(asked, found, best)} {_chance(found[0], again)}")
-        section.add(_picture(name, asked, found, best))
+        section.add(_table(name, targets, asked, found, figures, best))
+        section.add(f"{_words(asked, found, figures, best)} {_chance(found[0], again)}")
+        section.add(_picture(name, asked, figures, best))
         scenes.append(found)
     table, words, stars = _together(asked, scenes)
     section.add(table, words)
@@ -109,11 +109,13 @@ def _mesh(scene: Scene) -> str:
 
 def _chance(one: Measured, again: Measured) -> str:
     """How much a row differs from itself, measured at the end once more."""
-    shares = [abs(_point(again)[0] / _point(one)[0] - 1)]
-    shares.append(abs(float(np.median(again.plan) / np.median(one.plan)) - 1))
+    solve, plan = (
+        abs(float(np.median(other) / np.median(mine)) - 1)
+        for mine, other in ((one.solve, again.solve), (one.plan, again.plan))
+    )
     return (
-        f"Measured once more at the end, its solve differs by {100 * shares[0]:.0f} % and its "
-        f"plan by {100 * shares[1]:.0f} %."
+        f"Measured once more at the end, its solve differs by {100 * solve:.0f} % and its "
+        f"plan by {100 * plan:.0f} %."
     )
 
 
@@ -128,23 +130,23 @@ def _short(asked: list[Variant], scenes: dict[str, list[Measured]], stars: list[
         if fast is not None:
             times += f", {1e3 * float(np.median(fast.plan)):.0f} ms compiled"
         slower = float(np.median(other.solve) / np.median(usual.solve))
-        worst = 1e3 * float(_scaled(usual.final).max(initial=0.0))
+        worst = 1e3 * float(scaled(usual.final).max(initial=0.0))
         words.append(
             f"`{name}` {times}, {usual.plans} of {len(usual.plan)} solved, {worst:.2g} mm left at "
             f"most; IPOPT's solve takes {slower:.1f} times as long"
         )
     return (
-        f"To plan, keep the default, FATROP with `{_mesh(load_scene('pose'))}`: "
+        f"To plan, keep the default, FATROP with `{_mesh(load_scene('cup'))}`: "
         f"{'; '.join(words)}. On the Pareto set of all scenes together: {', '.join(stars)}."
     )
 
 
 def _together(asked: list[Variant], scenes: list[list[Measured]]) -> tuple[Table, str, list[str]]:
     """All scenes at once: a setting is the same for all of them; and the Pareto set by name."""
-    points = np.array([[_point(one) for one in found] for found in scenes])
-    seconds, errors = np.exp(np.log(points).mean(axis=0)).T
+    figures = np.exp(np.mean([np.log(points(found)) for found in scenes], axis=0))
+    seconds, errors, costs = figures.T
     usual = [k for k, v in enumerate(asked) if v.compiling == "no" and np.isfinite(seconds[k])]
-    best = {usual[k] for k in pareto(seconds[usual], errors[usual], MARGIN)}
+    best = {k for k, star in zip(usual, best_of(figures[usual]), strict=True) if star}
     rows: list[list[Cell]] = [
         [
             ("★ " if k in best else "") + asked[k].words,
@@ -153,6 +155,7 @@ def _together(asked: list[Variant], scenes: list[list[Measured]]) -> tuple[Table
             float(errors[k] / errors[0]),
             float(seconds[k]),
             float(seconds[k] / seconds[0]),
+            _more(costs[k]),
         ]
         for k in usual
     ]
@@ -160,7 +163,10 @@ def _together(asked: list[Variant], scenes: list[list[Measured]]) -> tuple[Table
         f"All {len(scenes)} scenes together (geometric means), not compiled, settings that solve "
         "nine of ten targets at once in each"
     )
-    columns = ("setting", "solver", "exact [mm]", "over the default's", "solve [ms]", "over its")
+    columns = (
+        *("setting", "solver", "exact [mm]", "over the default's", "solve [ms]", "over its"),
+        "effort, % above its",
+    )
     where = "is on it" if 0 in best else "is not on it"
     words = f"The Pareto set of all scenes together has {len(best)} settings; the default {where}."
     left = [
@@ -177,38 +183,17 @@ def _together(asked: list[Variant], scenes: list[list[Measured]]) -> tuple[Table
     return Table("planner-together", caption, columns, rows), words, stars
 
 
-def _scaled(errors: Array, scene_length: float = 0.26) -> Array:
-    """Scaled errors (N,) [m] of (N, 2) [m, rad]; the built-in scenes' bar is 0.26 m long."""
-    return np.asarray(np.abs(errors) @ [1.0, scene_length / 2])
-
-
-def best_of(found: list[Measured]) -> list[bool]:
-    """Which are on the Pareto set of median exact error and median solving time."""
-    points = [_point(one) for one in found]
-    kept = [k for k, point in enumerate(points) if np.isfinite(point).all()]
-    seconds, errors = np.array([points[k] for k in kept]).reshape(-1, 2).T
-    best = pareto(seconds.tolist(), errors.tolist(), MARGIN)
-    stars = {kept[k] for k in best}
-    return [k in stars for k in range(len(found))]
-
-
-def _point(one: Measured) -> tuple[float, float]:
-    """Median solving time [ms] and exact error [mm]; infinite if few solves converge."""
-    if one.solved < 0.9 * len(one.solve):
-        return math.inf, math.inf
-    return 1e3 * float(np.median(one.solve)), 1e3 * float(np.median(_scaled(one.exact)))
-
-
 def _table(
     name: str,
     targets: list[Pose],
     asked: list[Variant],
     found: list[Measured],
+    figures: Array,
     best: list[bool],
 ) -> Table:
     rows: list[list[Cell]] = []
-    for variant, one, star in zip(asked, found, best, strict=True):
-        errors = [_scaled(e) for e in (one.exact, one.sent, one.final)]
+    for variant, one, (_, _, cost), star in zip(asked, found, figures, best, strict=True):
+        errors = [scaled(e) for e in (one.exact, one.sent, one.final)]
         rows.append(
             [
                 ("★ " if star else "") + variant.words,
@@ -219,6 +204,7 @@ def _table(
                 *(_share(errors[1], q) for q in (50, 95)),
                 1e3 * float(np.median(one.solve)),
                 float(np.median(one.iterations)),
+                _more(cost),
                 one.plans,
                 _share(errors[2], 100),
                 1e3 * float(np.median(one.plan)),
@@ -228,8 +214,8 @@ def _table(
     columns = (
         *("setting", "solver", "compiled", "first solves", "exact, median [mm]"),
         *("exact, 95 % [mm]", "sent, median [mm]", "sent, 95 % [mm]", "solve [ms]"),
-        *("iterations", "plans solved"),
-        *("final, worst [mm]", "plan [ms]", "trouble"),
+        *("iterations", "effort, % above the default's", "plans solved", "final, worst [mm]"),
+        *("plan [ms]", "trouble"),
     )
     caption = f"Scene {name}: {len(targets)} targets, one setting changed at a time"
     return Table(f"planner-{name}", caption, columns, rows)
@@ -239,36 +225,41 @@ def _share(errors: Array, share: float) -> Cell:
     return 1e3 * float(np.percentile(errors, share)) if len(errors) else None
 
 
-def _beats(one: tuple[float, float], other: tuple[float, float]) -> bool:
-    """Whether a point leaves another out of the Pareto set."""
-    return one != other and pareto((one[0], other[0]), (one[1], other[1]), MARGIN) == [0]
+def _more(cost: float) -> Cell:
+    """By how much [%] an effort, as a share of the default's, is higher."""
+    return round(100 * (cost - 1), 2) if math.isfinite(cost) else None
 
 
-def _words(asked: list[Variant], found: list[Measured], best: list[bool]) -> str:
+def _shares(margins: Sequence[float]) -> str:
+    """Shares as percentages in a row."""
+    return ", ".join(f"{100 * share:.3g}" for share in margins)
+
+
+def _words(asked: list[Variant], found: list[Measured], figures: Array, best: list[bool]) -> str:
     """Where the usual settings stand."""
-    mine, exact = _point(found[0]), _scaled(found[0].exact)
+    exact = scaled(found[0].exact)
     better = [
         variant.words
-        for variant, one in zip(asked, found, strict=True)
-        if variant.compiling == "no" and _beats(_point(one), mine)
+        for variant, point in zip(asked, figures, strict=True)
+        if variant.compiling == "no" and beats(point, figures[0])
     ]
     where = "is on the Pareto set"
     if not best[0]:
         where = f"is beaten by {'; '.join(better)}" if better else "fails too often"
     return (
         f"The default {where}: {1e3 * float(np.median(exact)):.2g} mm before correction at "
-        f"{mine[0]:.1f} ms a solve, {found[0].plans} of {len(found[0].plan)} plans solved with at "
-        f"most {1e3 * float(_scaled(found[0].final).max(initial=0.0)):.2g} mm left."
+        f"{figures[0, 0]:.1f} ms a solve, {found[0].plans} of {len(found[0].plan)} plans solved "
+        f"with at most {1e3 * float(scaled(found[0].final).max(initial=0.0)):.2g} mm left."
     )
 
 
-def _picture(name: str, asked: list[Variant], found: list[Measured], best: list[bool]) -> Picture:
+def _picture(name: str, asked: list[Variant], figures: Array, best: list[bool]) -> Picture:
     def draw(path: Path) -> None:
         from .planner_picture import draw_settings
 
         kinds = [_kind(variant) for variant in asked]
         labels = [variant.words for variant in asked]
-        draw_settings(path, np.array([_point(one) for one in found]), kinds, labels, best)
+        draw_settings(path, figures[:, :2], kinds, labels, best)
 
     caption = f"Scene {name}: error before correction against solving time, medians"
     return Picture(f"planner-{name}", caption, draw)

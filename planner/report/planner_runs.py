@@ -6,6 +6,7 @@ import dataclasses
 import math
 import time
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -42,14 +43,15 @@ class Measured:
     """What came of a variant's first solves, and of its whole plans.
 
     solved: first solves that converged; exact, sent (N, 2): their landing errors without
-    correction [m, rad], of the planned motion and of what is sent; solve [s], iterations
-    (N,); plans: that ended as solved; plan [s] (M,); final (M, 2): the errors of these;
-    trouble, lost: why first solves, and plans, failed.
+    correction [m, rad], of the planned motion and of what is sent; cost (M,) of the throw, NaN
+    where the solve failed; solve [s], iterations (M,); plans: that ended as solved; plan [s]
+    (M,); final (L, 2): the errors of these; trouble, lost: why first solves, and plans, failed.
     """
 
     solved: int
     exact: Array
     sent: Array
+    cost: Array
     solve: Array
     iterations: Array
     plans: int
@@ -60,7 +62,7 @@ class Measured:
 
 
 def measured(scene: Scene, targets: list[Pose], variant: Variant, repeats: int = 1) -> Measured:
-    """A variant on all targets; building and compiling are not in the times.
+    """A variant on all M targets; building and compiling are not in the times.
 
     repeats: of each first solve, of which the fastest counts.
     """
@@ -71,25 +73,35 @@ def measured(scene: Scene, targets: list[Pose], variant: Variant, repeats: int =
     first = [_first(planner, target, variant.solver, repeats) for target in targets]
     plans = [planner.plan(target, solver=variant.solver) for target in targets]  # type: ignore[arg-type]
     done = [plan for plan in plans if plan.solved]
-    good = [entry for entry in first if not entry[-1]]
+    good = [one for one in first if not one.trouble]
     return Measured(
         len(good),
-        np.array([entry[0] for entry in good]).reshape(-1, 2),
-        np.array([entry[1] for entry in good]).reshape(-1, 2),
-        np.array([entry[2] for entry in first]),
-        np.array([entry[3] for entry in first]),
+        np.array([one.exact for one in good]).reshape(-1, 2),
+        np.array([one.sent for one in good]).reshape(-1, 2),
+        np.array([one.cost for one in first]),
+        np.array([one.seconds for one in first]),
+        np.array([one.iterations for one in first]),
         len(done),
         np.array([plan.time["total"] - plan.time["build"] for plan in plans]),
         np.array([plan.error_sent() for plan in done]).reshape(-1, 2),
-        "; ".join(dict.fromkeys(entry[-1] for entry in first if entry[-1])),
+        "; ".join(dict.fromkeys(one.trouble for one in first if one.trouble)),
         "; ".join(dict.fromkeys(plan.message for plan in plans if not plan.solved)),
     )
 
 
-def _first(
-    planner: Planner, target: Pose, solver: str, repeats: int
-) -> tuple[tuple[float, float], tuple[float, float], float, int, str]:
-    """One solve: errors of what is planned and sent, seconds, iterations, trouble."""
+class _First(NamedTuple):
+    """One solve: errors of what is planned and sent [m, rad], and what went wrong."""
+
+    cost: float
+    seconds: float
+    iterations: int
+    exact: tuple[float, float] = (math.nan, math.nan)
+    sent: tuple[float, float] = (math.nan, math.nan)
+    trouble: str = ""
+
+
+def _first(planner: Planner, target: Pose, solver: str, repeats: int) -> _First:
+    """One solve from the nearest sampled release."""
     scene, mover, search = planner.scene.aimed_at(target), planner.mover, Search(planner.scene)
     releases = planner.releases()
     index = planner.starts(target)[0][0]
@@ -103,15 +115,14 @@ def _first(
         begin = time.process_time()
         found = problem.solver.solve(guess, numbers, limits)
         seconds = min(seconds, time.process_time() - begin)
-    none = math.nan, math.nan
+    made = _First(found.cost, seconds, found.iterations)
     if not found.success:
-        return none, none, seconds, found.iterations, f"{solver} did not converge"
+        return made._replace(cost=math.nan, trouble=f"{solver} did not converge")
     nodes = opening_nodes(scene.mesh, scene.gripper.profile().opening)
     planned, at = planned_motion(nlp, mover, found.x, nodes), opening_start(nlp, found.x)
-    exact = throw(scene, mover, planned, at, target.z).miss(target)
+    made = made._replace(exact=throw(scene, mover, planned, at, target.z).miss(target))
     try:
         motion = planned if scene.robot is None else send(mover, planned)
     except SmoothingError as error:
-        return exact, none, seconds, found.iterations, str(error)
-    sent = throw(scene, mover, motion, at, target.z).miss(target)
-    return exact, sent, seconds, found.iterations, ""
+        return made._replace(trouble=str(error))
+    return made._replace(sent=throw(scene, mover, motion, at, target.z).miss(target))
