@@ -5,8 +5,8 @@ from __future__ import annotations
 import dataclasses
 import functools
 import time
-from collections.abc import Iterator
-from typing import Literal, get_args
+from collections.abc import Callable, Iterator
+from typing import TYPE_CHECKING, Literal, get_args
 
 from ..problems.errors import InputError
 from ..problems.mesh import Mesh
@@ -15,7 +15,9 @@ from ..problems.scene import Pose, Scene
 from .alternatives import Found, distinct, ordered
 from .answers import failed_plan, solved_plan
 from .compiled import Compile
+from .context import USUAL
 from .correction import Search, attempt
+from .derivatives import nlp_key
 from .guess import guess_from
 from .hardening import hardened
 from .kernel_code import KernelCode, check_kernels
@@ -26,9 +28,13 @@ from .refit import again
 from .release_cache import stored
 from .releases import Releases, ReleaseSampler
 from .start import check_start
-from .starts import Turns, starts
+from .starts import Turns, goals_of, starts
 from .workbench import HEAVY, Workbench
 
+if TYPE_CHECKING:
+    from .solved_throws import SolvedThrow, SolvedThrows
+
+Progress = Callable[[int, int], None]
 SolverName = Literal["auto", "fatrop", "ipopt"]
 
 #: Starts tried with FATROP, then with IPOPT.
@@ -48,6 +54,8 @@ MOST_ALTERNATIVES = 20
 SAMPLES = 20_000
 #: Time [s] after which no further attempt is made. Usual plans take a thousandth of it.
 PATIENCE = 20.0
+#: Throws that `prepare` tries to solve, the most it may be asked for, and starts tried of each.
+PREPARED, MOST_PREPARED, PREPARING = 1000, 10_000, 3
 #: NLPs tried from one release, each asked what the check has seen to be missing.
 TRIES = 4
 
@@ -79,6 +87,7 @@ class Planner:
         self._quiet: Workbench | None = None
         self._reach = Reach(scene, self.mover, compiling)
         self._code: list[KernelCode] = []
+        self._throws: SolvedThrows | None = None
         self._build_time = time.perf_counter() - start
 
     def plan(
@@ -121,6 +130,8 @@ class Planner:
         self._take_code(search)
         names = ("fatrop", "ipopt") if solver == "auto" else (solver,)
         plan = self._warm_plan(target, names[0], warm, search) if warm is not None else None
+        if plan is None and self._throws is not None and self._wanted(alternatives) == 1:
+            plan = self._recalled(target, names[0], turns, search)
         if plan is None:
             plan = self._searched(target, names, turns, alternatives, search)
         if method and plan.solved and not plan.robust:
@@ -128,6 +139,50 @@ class Planner:
         plan.time.update(search.times)
         plan.time["total"] = time.perf_counter() - started + made
         return plan
+
+    def prepare(self, throws: int = PREPARED, progress: Progress | None = None) -> int:
+        """Solves throws all over the reach, for later plans to start from; how many it found.
+
+        Takes a minute or so, once: they are kept in the cache folder. Plans to targets at
+        the height of the scene's then start from the nearest and take about half the time;
+        without one nearby they are made as ever. Not for plans that look for alternatives.
+        throws: how many are tried. progress: hears of tried and all.
+        """
+        # Imported here: a plan needs none of it.
+        from . import solved_throws
+
+        whole = isinstance(throws, int) and not isinstance(throws, bool)
+        if not whole or not 1 <= throws <= MOST_PREPARED:
+            raise InputError(f"throws = {throws!r}: must be a whole number, 1 to {MOST_PREPARED}")
+        target = self.check(None)
+        nlp = self.bench.nlp(target, Search(self.scene))
+        key = nlp_key(nlp, "fatrop")
+        self._throws = None
+        made = functools.partial(self._solved, throws, progress)
+        self._throws = solved_throws.stored(key, self.scene, throws, made)
+        return len(self._throws)
+
+    def _solved(self, throws: int, progress: Progress | None) -> Iterator[SolvedThrow]:
+        """Throws to targets all over the reach, as far as they are soon found."""
+        from . import solved_throws
+        from .reach_map import reach_map
+
+        reach = reach_map(self.scene, samples=solved_throws.SAMPLES)
+        wanted = solved_throws.targets(self.scene, reach.x, reach.theta, throws)
+        for number, target in enumerate(wanted):
+            if progress is not None:
+                progress(number, len(wanted))
+            search = Search(self.scene.aimed_at(target))
+            for index, goal, _ in self.starts(target, PREPARING):
+                found = self._from_release("fatrop", index, goal, self.releases(), search, True)
+                if found:
+                    yield solved_throws.SolvedThrow.of(found[0].thrown, goal, search.guards)
+                    break
+
+    @property
+    def prepared(self) -> int:
+        """How many solved throws plans may start from."""
+        return 0 if self._throws is None else len(self._throws)
 
     @property
     def compiled(self) -> bool:
@@ -311,6 +366,21 @@ class Planner:
             if thrown is None
             else solved_plan(self.bench, Found(target, thrown, problem.solver.name), search)
         )
+
+    def _recalled(self, target: Pose, name: str, turns: Turns, search: Search) -> Plan | None:
+        """A plan from one of the solved throws nearby, None if that does not lead to one."""
+        assert self._throws is not None
+        goals = goals_of(self.releases(), self.scene, target, turns)
+        for near, goal in self._throws.near(goals):
+            search.guards, search.room = near.guards, near.room
+            problem = self.bench.problem(goal, name, search)
+            if near.x.size != problem.nlp.size[0]:
+                continue
+            thrown = attempt(problem, self.mover, goal, near.x, search, near.solution, near.aim)
+            if thrown is not None:
+                return solved_plan(self.bench, Found(goal, thrown, problem.solver.name), search)
+        search.guards, search.room = frozenset(), USUAL
+        return None
 
     def _possible(self, goal: Pose, releases: Releases, search: Search) -> Binding:
         """What is possible at all nearest the goal, from the table and the elastic solve."""

@@ -20,14 +20,18 @@ def starts(
 
     With turns 'any' theta counts modulo full turns, and each entry says which it is for.
     """
-    goals = [target]
-    if turns == "any" and target.theta is not None:
-        _, thetas, _ = releases.landings(target.z, scene.gravity)
-        usual = float(np.nanmedian(thetas)) if np.isfinite(thetas).any() else target.theta
-        nearest_turn = round((usual - target.theta) / (2 * math.pi))
-        goals = [target.turned(2 * math.pi * (nearest_turn + k)) for k in range(-2, 3)]
     found: list[tuple[int, Pose, float]] = []
-    for goal in goals:
+    for goal in goals_of(releases, scene, target, turns):
         pairs = zip(*nearest(releases, scene, goal.plane_x, goal.z, goal.theta, count), strict=True)
         found += [(int(i), goal, float(d)) for i, d in pairs]
     return sorted(found, key=lambda entry: entry[2])
+
+
+def goals_of(releases: Releases, scene: Scene, target: Pose, turns: Turns) -> list[Pose]:
+    """The target; with turns 'any' at the turns about what is usual in the table."""
+    if turns == "exact" or target.theta is None:
+        return [target]
+    _, thetas, _ = releases.landings(target.z, scene.gravity)
+    usual = float(np.nanmedian(thetas)) if np.isfinite(thetas).any() else target.theta
+    nearest_turn = round((usual - target.theta) / (2 * math.pi))
+    return [target.turned(2 * math.pi * (nearest_turn + k)) for k in range(-2, 3)]

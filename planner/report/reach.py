@@ -11,6 +11,7 @@ import collections
 import dataclasses
 import itertools
 import math
+import time
 from pathlib import Path
 
 import numpy as np
@@ -41,6 +42,8 @@ TARGETS = {
     "hand-box": (20, 300),
     "hand-flip": (20, 300),
 }
+#: Scenes that are planned once more with prepared throws.
+PREPARED = ("pose", "cup", "hand-box")
 #: Processes that make the targets; nothing is timed meanwhile.
 WORKERS = 2
 #: Sampled releases that say what is in reach, in draws of this many states.
@@ -68,7 +71,7 @@ def make(effort: Effort) -> Section:
     )
     steps = [name for name, sizes in TARGETS.items() if effort.of(*sizes)]
     counts = [effort.of(*TARGETS[name]) for name in steps]
-    total, rows, lost = len(steps) + 5, [], []
+    total, rows, lost, notes = len(steps) + 5, [], [], []
     kept: dict[str, tuple[Planner, list[Outcome]]] = {}
     effort.tell(0, total)
     with executor_of(1 if effort.quick else WORKERS, None) as executor:
@@ -83,11 +86,22 @@ def make(effort: Effort) -> Section:
             results = list(outcomes(planner, some))
             # Those with rows that seldom decide may still be waiting for the compiler.
             ready = compiling == "wait" and compiler() is not None
-            rows.append([name, "yes" if ready else "no", *_figures(results)])
+            rows.append([name, "yes" if ready else "no", None, *_figures(results)])
+            if name in PREPARED and not effort.quick:
+                ahead, words = _prepared(scene, targets[0], compiling)
+                notes += words
+                figures = _figures(list(outcomes(ahead, some)))
+                rows.append([name, "yes" if ready else "no", ahead.prepared, *figures])
             if compiling == "wait":
                 kept[name] = planner, results
                 lost += [[name, *_unsolved(result)] for result in results if not result.plan.solved]
     section.add(_table("reach-inside", "Random targets in reach", rows))
+    if notes:
+        section.add(
+            "`prepared`: how many solved throws `Planner.prepare` had laid by beforehand for plans "
+            f"to start from, see `planner/solved_throws.py`. Making them took {'; '.join(notes)}; "
+            "they stay in the cache folder."
+        )
     section.add(_lost("reach-lost", "Targets in reach without a throw, and why", lost))
     effort.tell(len(steps), total)
     planner, inside = kept["pose"]
@@ -134,6 +148,15 @@ def _warmed(scene: Scene, target: Pose, compiling: Compile) -> Planner:
     return planner
 
 
+def _prepared(scene: Scene, target: Pose, compiling: Compile) -> tuple[Planner, list[str]]:
+    """A planner with prepared throws, and what these took if they were not there."""
+    planner, made = _warmed(scene, target, compiling), []
+    start = time.perf_counter()
+    planner.prepare(progress=lambda done, total: made.append(done))
+    seconds = time.perf_counter() - start
+    return planner, [f"{seconds:.0f} s for `{scene.name}`"] if made else []
+
+
 def _percentiles(values: list[float]) -> list[Cell]:
     return [float(v) for v in np.percentile(values, [50, 99])]
 
@@ -160,10 +183,12 @@ def _figures(results: list[Outcome]) -> list[Cell]:
 def _short(rows: list[list[Cell]]) -> str:
     """How much is thrown to, and how fast."""
     compiled = [row for row in rows if row[1] == "yes"] or rows
-    words = [
-        f"`{name}` {solved} of {count}, {plan:.3g} ms a plan"
-        for name, _, count, solved, plan, *_ in compiled
-    ]
+    words = []
+    for name, _, prepared, count, solved, plan, *_ in compiled:
+        if prepared is None:
+            words.append(f"`{name}` {solved} of {count}, {plan:.3g} ms a plan")
+        else:
+            words[-1] += f" ({plan:.3g} ms prepared)"
     return f"Random targets in reach that are thrown to: {'; '.join(words)}."
 
 
@@ -171,6 +196,7 @@ def _table(name: str, caption: str, rows: list[list[Cell]]) -> Table:
     columns = (
         "scene",
         "compiled",
+        "prepared",
         "targets",
         "solved",
         "plan, median [ms]",
