@@ -28,7 +28,7 @@ ERRORS = ("x [mm]", "θ [deg]", "twist [mm/s]")
 #: Points of a finer patch, which tells how well the usual one is meshed.
 FINE_MESH = 256
 #: Seconds from which on a run is not repeated, quick and full.
-LONG = (0.03, 1.0)
+LONG = (0.03, 0.2)
 
 
 @dataclass(frozen=True)

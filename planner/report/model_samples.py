@@ -24,6 +24,7 @@ from ...models.release import Release, ReleaseCase
 from ...models.sliding_pivot_release import SlidingPivotRelease
 from ..compiled_batch import compiled_steps
 from ..simulate_batch import STEPS
+from ..workers import executor_of
 from .model_measures import least_time
 from .model_runs import STIFFNESSES, SmoothedRelease, python_loop, stepped
 from .model_throws import detached, differences
@@ -41,6 +42,9 @@ SEED = 0
 LENGTH = 0.26
 #: A scaled landing error [m] in 99 of 100 throws for which the cheapest batch is told.
 ASKED = 1e-3
+#: Converged answers by law, and the processes that make them.
+TRUTHS = {"sp": pivot_truth, "ls": surface_truth, "patch": patch_truth}
+WORKERS = 2
 
 
 @dataclass(frozen=True)
@@ -51,14 +55,21 @@ class Sample:
     short: str
 
 
+def _truths(case: ReleaseCase) -> dict[str, Array]:
+    """Converged detach states of a throw, by law."""
+    return {law: truth(case) for law, truth in TRUTHS.items()}
+
+
 def sample_tables(effort: Effort) -> Sample:
     """Batch times over many random throws, own and model errors of the first of them."""
     count, few = effort.of(512, 10_000), effort.of(3, 100)
     batch = random_throws(count, SEED)
     first = batch.part(np.arange(few))
     cases = [throw_number(batch, i) for i in range(few)]
-    truths = {"sp": pivot_truth, "ls": surface_truth, "patch": patch_truth}
-    ends = {law: np.array([truth(case) for case in cases]) for law, truth in truths.items()}
+    # Nothing is timed meanwhile.
+    with executor_of(1 if effort.quick else WORKERS, None) as executor:
+        found_by_law = list((map if executor is None else executor.map)(_truths, cases))
+    ends = {law: np.array([one[law] for one in found_by_law]) for law in TRUTHS}
     sure = np.isfinite(np.hstack(list(ends.values()))).all(axis=1)
     own: list[list[Cell]] = []
     model: list[list[Cell]] = []

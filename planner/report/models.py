@@ -35,7 +35,7 @@ NAMES = (
     ("LuGre", "bristles of the stiffness σ₀ [1/m] at those points"),
 )  # fmt: skip
 TIMES = """Times are processor time on one core, the least of several runs after a first one that
- is not counted (slow ones, over a second, or 0.03 s in a quick report, run once), with nothing
+ is not counted (slow ones, over 0.2 s, or 0.03 s in a quick report, run once), with nothing
  kept between runs but the compiled loop. The instants at which slip begins are left out, where a
  model finds them apart; `ls` and `ils` contain about half a millisecond for them. `sp`, RK4 and
  Euler, and `ls-step` run as CasADi's own loops; located events, `ls`, `ils` and the patch in

@@ -34,7 +34,7 @@ def make(effort: Effort) -> Section:
 
     def next_of(posed: Posed, compiling: Compile = "no") -> Measured:
         # Everything takes longer: fewer runs of it.
-        repeats = effort.of(1, 3) if posed.robust else effort.of(3, 9)
+        repeats = effort.of(1, 3) if posed.robust else effort.of(3, 5)
         found = measured(posed, repeats, compiling)
         effort.tell(next(steps), total)
         return found

@@ -43,7 +43,7 @@ TARGETS = {
     "hand-flip": (20, 300),
 }
 #: Scenes that are planned once more with prepared throws.
-PREPARED = ("pose", "cup", "hand-box")
+PREPARED = ("pose", "hand-box")
 #: Processes that make the targets; nothing is timed meanwhile.
 WORKERS = 2
 #: Sampled releases that say what is in reach, in draws of this many states.

@@ -36,11 +36,11 @@ HARD = 2e-3
 #: The opening as it was not planned: friction and opening time times these.
 FRICTION, OPENING = 0.7, 1.2
 #: Scenes with their targets: quick, full.
-TARGETS = {"delay": (1, 60), "hand-flip": (1, 25)}
+TARGETS = {"delay": (1, 60), "hand-flip": (1, 15)}
 #: Methods that all targets are planned with; the others and the baselines have the first
 #: `SOME` targets.
 QUICK_METHODS, MAIN = ("quiet", "joint-velocity"), ("auto", "quiet")
-SOME = 8
+SOME = 5
 #: Processes that share the targets.
 WORKERS = 2
 
