@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import zipfile
 from collections.abc import Callable
 from pathlib import Path
 
@@ -11,7 +10,7 @@ import numpy as np
 from ..models import integrate, sliding_pivot
 from ..problems.scene import Scene
 from . import palm_room, releases, run_up, sparse
-from .cache import cache_folder, digest, publish, source_of
+from .cache import DAMAGED, cache_folder, digest, publish, source_of
 from .mover import Mover
 from .releases import ARRAYS, Releases
 
@@ -68,7 +67,7 @@ def _read(path: Path) -> Releases | None:
         with path.open("rb") as file, np.load(file) as arrays:
             found = [arrays[key] for key in ARRAYS]
             found = [a.astype(bool if a.dtype == bool else float) for a in found]
-    except (OSError, ValueError, KeyError, EOFError, zipfile.BadZipFile):
+    except DAMAGED:
         return None
     if len({len(array) for array in found}) != 1 or not all(np.isfinite(a).all() for a in found):
         return None

@@ -2,8 +2,8 @@
 
 The release table has what is thrown; these have the whole motion, and the multipliers that
 an interior-point solver needs to go on from it. Made when asked for, see `Planner.prepare`,
-and kept in the cache folder. A stale or foreign one costs time only: whatever is solved from
-it is checked like any other throw.
+and kept in the cache folder. A stale one costs time only: one of another size is not used, and
+whatever is solved from one is checked like any other throw.
 """
 
 from __future__ import annotations
@@ -11,7 +11,6 @@ from __future__ import annotations
 import dataclasses
 import math
 import sys
-import zipfile
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -21,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..problems.scene import Pose, Scene
-from .cache import cache_folder, digest, publish, source_of
+from .cache import DAMAGED, cache_folder, digest, publish, source_of
 from .context import Guard, Room
 from .plan import PlannedThrow
 from .solver import Solution
@@ -43,7 +42,11 @@ PARTS = ("x", "lam_g", "lam_x")
 
 @dataclass(frozen=True)
 class SolvedThrow:
-    """A throw's target, what its NLP had beyond the usual, its answer, and where it aimed."""
+    """A throw's target, what its NLP had beyond the usual, and its answer.
+
+    x (n,), lam_g (m,), lam_x (n,): point and multipliers. aim: (dx [m], dtheta [rad]) beside
+    the target, which made what is sent land at it.
+    """
 
     target: Pose
     guards: frozenset[Guard]
@@ -58,6 +61,11 @@ class SolvedThrow:
         """What is worth keeping of a throw to `target`, its NLP with `guards`."""
         found = throw.solution
         return cls(target, guards, throw.room, found.x, found.lam_g, found.lam_x, throw.aim)
+
+    def fits(self, goal: Pose, size: tuple[int, int]) -> bool:
+        """Whether it is of the NLP of (variables, constraints) `size` for `goal`."""
+        alike = (self.target.theta is None) == (goal.theta is None)
+        return alike and (self.x.size, self.lam_g.size, self.lam_x.size) == (*size, size[0])
 
     @property
     def solution(self) -> Solution:
@@ -119,6 +127,9 @@ def stored(
     # Where in the reach the scene's own target lies changes nothing.
     somewhere = Pose(1.0, target.z, theta=None if target.theta is None else 0.0)
     like = scene.aimed_at(somewhere).replace(name="", description="", file="")
+    if like.cup is not None:
+        # Moved and moved back it may differ in the last digit.
+        like = like.replace(cup=dataclasses.replace(like.cup, x=round(like.cup.x, 9)))
     made_by = source_of(sys.modules[__name__])
     name = f"{digest('throws', made_by, repr(like), str(count), key)}.npz"
     found = None if folder is None else _read(folder / name)
@@ -137,11 +148,10 @@ def targets(scene: Scene, x: Array, theta: Array, count: int) -> list[Pose]:
     assert scene.target is not None
     if not len(x):
         return []
-    rng = np.random.default_rng(SEED)
-    evenly = sparse_parents(x, theta, round(EVENLY * count), rng)
+    angle, rng = scene.target.theta is not None, np.random.default_rng(SEED)
+    evenly = sparse_parents(x, theta if angle else 0 * theta, round(EVENLY * count), rng)
     others = rng.choice(len(x), min(count, len(x)), replace=False)
     chosen = list(dict.fromkeys([*evenly.tolist(), *others.tolist()]))[:count]
-    angle = scene.target.theta is not None
     return [scene.target.in_plane(float(x[i]), float(theta[i]) if angle else None) for i in chosen]
 
 
@@ -152,10 +162,12 @@ def _read(path: Path) -> list[SolvedThrow] | None:
             ends = np.cumsum(arrays["sizes"], axis=0)
             if not all(len(arrays[name]) == end for name, end in zip(PARTS, ends[-1], strict=True)):
                 return None
+            if not all(np.isfinite(arrays[name]).all() for name in ("room", "aim", *PARTS)):
+                return None
             parts = [np.split(arrays[name], ends[:-1, k]) for k, name in enumerate(PARTS)]
             columns = [arrays[name] for name in ("pose", "guards", "room", "aim")]
             return [_throw(*row) for row in zip(*columns, *parts, strict=True)]
-    except (OSError, ValueError, KeyError, IndexError, EOFError, TypeError, zipfile.BadZipFile):
+    except DAMAGED:
         return None
 
 

@@ -112,11 +112,11 @@ def test_unknown_sections_and_folders_are_refused(
 def measured(
     milliseconds: float, millimetres: float, solved: int = 10, cost: float = 2.0
 ) -> Measured:
-    errors = np.tile([1e-3 * millimetres, 0.0], (10, 1))
-    times, none = np.full(10, 1e-3 * milliseconds), np.zeros((0, 2))
-    # The first solve of each fails, and has no cost.
-    costs = np.array([math.nan, *[cost] * 9])
-    return Measured(solved, errors, errors, costs, times, times, 10, times, none, "")
+    # Targets differ more than settings do; the first solve of each fails.
+    target = np.array([math.nan, 1.0, 9.0, 1.0, 4.0, 0.1, 1.0, 2.0, 0.3, 1.0])
+    errors = np.outer(target, [1e-3 * millimetres, 0.0])
+    times, none = 1e-3 * milliseconds * np.nan_to_num(target, nan=5.0), np.zeros((0, 2))
+    return Measured(solved, errors, errors, cost * target, times, times, 10, times, none, "")
 
 
 def best(*found: Measured) -> list[bool]:
@@ -134,6 +134,8 @@ def test_the_pareto_set_is_what_nothing_beats() -> None:
     assert best(measured(10, 1.0), measured(40, 1.0, cost=1.98)) == [True, True]
     assert best(measured(10, 1.0), measured(40, 1.0, cost=1.999)) == [True, False]
     assert best(measured(10, 1.0), measured(10, 1.0, cost=2.01)) == [True, False]
+    # Other targets' errors do not hide a setting that is nearer for each.
+    assert points([measured(10, 1.0), measured(10, 0.5)])[:, 1] == pytest.approx([1.0, 0.5])
 
 
 def test_variants_differ_and_the_usual_comes_first() -> None:

@@ -22,16 +22,23 @@ def scaled(errors: Array, scene_length: float = 0.26) -> Array:
 
 
 def points(found: list[Measured]) -> Array:
-    """(N, 3): median solving time [ms], exact error [mm], effort over the first one's.
+    """(N, 3): solving time [ms], exact error [mm], effort over the first one's.
 
-    The effort is the NLP's cost at its answer, the median of what it is over the first one's
-    for the same target. Infinite where fewer than nine of ten solves converge.
+    Each is the first one's median times the median of the ratios to it for the same target:
+    targets differ far more than settings do. The effort is the NLP's cost at its answer.
+    Infinite where fewer than nine of ten solves converge.
     """
     made = np.full((len(found), 3), np.inf)
+    first = found[0]
+    usual = 1e3 * np.median(first.solve), 1e3 * np.nanmedian(scaled(first.exact)), 1.0
     for row, one in zip(made, found, strict=True):
         if one.solved >= 0.9 * len(one.solve):
-            row[:2] = 1e3 * np.median(one.solve), 1e3 * np.median(scaled(one.exact))
-            row[2] = np.nanmedian(one.cost / found[0].cost)
+            ratios = (
+                one.solve / first.solve,
+                scaled(one.exact) / scaled(first.exact),
+                one.cost / first.cost,
+            )
+            row[:] = np.multiply(usual, [np.nanmedian(ratio) for ratio in ratios])
     return made
 
 

@@ -42,9 +42,9 @@ class Variant:
 class Measured:
     """What came of a variant's first solves, and of its whole plans.
 
-    solved: first solves that converged; exact, sent (N, 2): their landing errors without
-    correction [m, rad], of the planned motion and of what is sent; cost (M,) of the throw, NaN
-    where the solve failed; solve [s], iterations (M,); plans: that ended as solved; plan [s]
+    solved: first solves that converged; exact, sent (M, 2): their landing errors without
+    correction [m, rad], of the planned motion and of what is sent, and cost (M,) of the throw,
+    NaN where the solve failed; solve [s], iterations (M,); plans: that ended as solved; plan [s]
     (M,); final (L, 2): the errors of these; trouble, lost: why first solves, and plans, failed.
     """
 
@@ -73,11 +73,10 @@ def measured(scene: Scene, targets: list[Pose], variant: Variant, repeats: int =
     first = [_first(planner, target, variant.solver, repeats) for target in targets]
     plans = [planner.plan(target, solver=variant.solver) for target in targets]  # type: ignore[arg-type]
     done = [plan for plan in plans if plan.solved]
-    good = [one for one in first if not one.trouble]
     return Measured(
-        len(good),
-        np.array([one.exact for one in good]).reshape(-1, 2),
-        np.array([one.sent for one in good]).reshape(-1, 2),
+        sum(not one.trouble for one in first),
+        np.array([one.exact for one in first]),
+        np.array([one.sent for one in first]),
         np.array([one.cost for one in first]),
         np.array([one.seconds for one in first]),
         np.array([one.iterations for one in first]),

@@ -96,11 +96,11 @@ def make(effort: Effort) -> Section:
                 kept[name] = planner, results
                 lost += [[name, *_unsolved(result)] for result in results if not result.plan.solved]
     section.add(_table("reach-inside", "Random targets in reach", rows))
-    if notes:
+    if any(row[2] for row in rows):
+        took = f" Making them took {'; '.join(notes)}." if notes else ""
         section.add(
-            "`prepared`: how many solved throws `Planner.prepare` had laid by beforehand for plans "
-            f"to start from, see `planner/solved_throws.py`. Making them took {'; '.join(notes)}; "
-            "they stay in the cache folder."
+            "`prepared`: how many solved throws `Planner.prepare` had laid by beforehand, in the "
+            f"cache folder, for plans to start from.{took}"
         )
     section.add(_lost("reach-lost", "Targets in reach without a throw, and why", lost))
     effort.tell(len(steps), total)
