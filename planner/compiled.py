@@ -65,10 +65,16 @@ class Code:
         waits = self.functions is None and compiling == "background"
         self._names, self._awaited = names, _library(key) if waits else None
 
+    @property
+    def awaited(self) -> bool:
+        """Whether another process is still compiling them."""
+        path = self._awaited
+        return path is not None and not (path.exists() and sound(path))
+
     def arrived(self) -> dict[str, ca.Function] | None:
         """The functions if they were awaited and are there now, once."""
         path = self._awaited
-        if path is None or not (path.exists() and sound(path)):
+        if path is None or self.awaited:
             return None
         self._awaited = None
         return _loaded(path, self._names)

@@ -146,6 +146,11 @@ class Solver:
             message=str(stats.get("return_status", "")),
         )
 
+    @property
+    def awaited(self) -> bool:
+        """Whether machine code is still being compiled for it."""
+        return self._code.awaited
+
     def _slope(self, x: Array, parameters: Array) -> float:
         """Largest derivative of a constraint at x."""
         slopes = self._functions["nlp_jac_g"](x, parameters)[1].nonzeros()

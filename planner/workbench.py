@@ -49,6 +49,11 @@ class Workbench:
         problems = self._problems.values()
         return bool(problems) and all(problem.solver.compiled for problem in problems)
 
+    @property
+    def awaited(self) -> bool:
+        """Whether machine code is still being compiled for any of them."""
+        return any(problem.solver.awaited for problem in self._problems.values())
+
     def nlp(self, target: Pose, search: Search, robust: str = "") -> ThrowNlp:
         """The NLP for a target, with what the search has seen to be needed."""
         kind = Kind(target.theta is not None, search.guards, robust)
