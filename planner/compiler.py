@@ -5,6 +5,7 @@ python -m throwplan.planner.compiler NAME FLAG...    compiles NAME.c in that fol
 
 from __future__ import annotations
 
+import atexit
 import ctypes
 import hashlib
 import os
@@ -71,6 +72,8 @@ def _write(path: Path, text: str) -> None:
 
 #: Processes at work; they go on when this one ends.
 _started: list[subprocess.Popen[bytes]] = []
+# Any later they would tell the user that they are still running: the filters are gone by then.
+atexit.register(_started.clear)
 
 
 def _start(folder: Path, name: str, flags: tuple[str, ...]) -> None:

@@ -94,9 +94,9 @@ def make(effort: Effort) -> Section:
         section.add(f"{_words(asked, found, figures, best)} {_chance(found[0], again)}")
         section.add(_picture(name, asked, figures, best))
         scenes.append(found)
-    table, words, stars = _together(asked, scenes)
+    table, words, choice = _together(asked, scenes)
     section.add(table, words)
-    section.short.append(_short(asked, dict(zip(TARGETS, scenes, strict=True)), stars))
+    section.short.append(_short(asked, dict(zip(TARGETS, scenes, strict=True)), choice))
     return section
 
 
@@ -119,30 +119,28 @@ def _chance(one: Measured, again: Measured) -> str:
     )
 
 
-def _short(asked: list[Variant], scenes: dict[str, list[Measured]], stars: list[str]) -> str:
+def _short(asked: list[Variant], scenes: dict[str, list[Measured]], choice: str) -> str:
     """What to plan with."""
     words = []
     for name, found in scenes.items():
         known = {(v.words, v.solver, v.compiling): one for v, one in zip(asked, found, strict=True)}
-        usual, other = known["as it is", "fatrop", "no"], known["as it is", "ipopt", "no"]
+        mine, other = known["as it is", "fatrop", "no"], known["as it is", "ipopt", "no"]
         fast = known.get(("as it is", "fatrop", "wait"))
-        times = f"{1e3 * float(np.median(usual.plan)):.0f} ms a plan"
+        times = f"{1e3 * float(np.median(mine.plan)):.0f} ms a plan"
         if fast is not None:
             times += f", {1e3 * float(np.median(fast.plan)):.0f} ms compiled"
-        slower = float(np.median(other.solve) / np.median(usual.solve))
-        worst = 1e3 * float(scaled(usual.final).max(initial=0.0))
+        slower = float(np.median(other.solve) / np.median(mine.solve))
+        worst = 1e3 * float(scaled(mine.final).max(initial=0.0))
         words.append(
-            f"`{name}` {times}, {usual.plans} of {len(usual.plan)} solved, {worst:.2g} mm left at "
+            f"`{name}` {times}, {mine.plans} of {len(mine.plan)} solved, {worst:.2g} mm left at "
             f"most; IPOPT's solve takes {slower:.1f} times as long"
         )
-    return (
-        f"To plan, keep the default, FATROP with `{_mesh(load_scene('cup'))}`: "
-        f"{'; '.join(words)}. On the Pareto set of all scenes together: {', '.join(stars)}."
-    )
+    usual = _mesh(load_scene("cup"))
+    return f"To plan, the default, FATROP with `{usual}`: {'; '.join(words)}. {choice}"
 
 
-def _together(asked: list[Variant], scenes: list[list[Measured]]) -> tuple[Table, str, list[str]]:
-    """All scenes at once: a setting is the same for all of them; and the Pareto set by name."""
+def _together(asked: list[Variant], scenes: list[list[Measured]]) -> tuple[Table, str, str]:
+    """All scenes at once: a setting is the same for all of them; and what to choose from."""
     figures = np.exp(np.mean([np.log(points(found)) for found in scenes], axis=0))
     seconds, errors, costs = figures.T
     usual = [k for k, v in enumerate(asked) if v.compiling == "no" and np.isfinite(seconds[k])]
@@ -167,8 +165,18 @@ def _together(asked: list[Variant], scenes: list[list[Measured]]) -> tuple[Table
         *("setting", "solver", "exact [mm]", "over the default's", "solve [ms]", "over its"),
         "effort, % above its",
     )
-    where = "is on it" if 0 in best else "is not on it"
-    words = f"The Pareto set of all scenes together has {len(best)} settings; the default {where}."
+    where = "is on it"
+    if 0 not in best:
+        better = [
+            f"{asked[k].words} ({errors[k] / errors[0]:.2f} of its error, "
+            f"{seconds[k] / seconds[0]:.2f} of its time, {100 * (costs[k] - 1):+.2f} % effort)"
+            for k in usual
+            if beats(figures[k], figures[0])
+        ]
+        where = f"is not: better is {'; '.join(better)}"
+    stars = ", ".join(asked[k].words.replace("as it is", "the default") for k in usual if k in best)
+    choice = f"On the Pareto set of all scenes together: {stars}; the default {where}."
+    words = choice
     left = [
         f"{variant.words} ({' and '.join(str(found[k].solved) for found in scenes)})"
         for k, variant in enumerate(asked)
@@ -179,8 +187,7 @@ def _together(asked: list[Variant], scenes: list[list[Measured]]) -> tuple[Table
             f" Left out, with their first solves of {len(scenes[0][0].solve)} targets each: "
             f"{'; '.join(left)}."
         )
-    stars = [asked[k].words.replace("as it is", "the default") for k in usual if k in best]
-    return Table("planner-together", caption, columns, rows), words, stars
+    return Table("planner-together", caption, columns, rows), words, choice
 
 
 def _table(
