@@ -92,6 +92,7 @@ def test_one_section_measured_again_leaves_the_others(
     make_report(tmp_path, ["reach"])
     text = (tmp_path / "index.md").read_text()
     assert text.index("## One") < text.index("then") < text.index("## Two")
+    assert text.index("Put together from sections") < text.index("## One")
     assert text.index("- Take that. ([One](#parts))") < text.index('<a id="parts"></a>')
     (tmp_path / "first.csv").unlink()
     assert [section.key for section in kept(tmp_path)] == ["reach"]

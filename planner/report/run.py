@@ -19,6 +19,8 @@ from .render import markdown, page
 TITLE = "throwplan: error against run time, stability, and what a scene leaves out"
 #: Sections by what `--only` calls them; each is a module here with `make(effort)`.
 SECTIONS = ("models", "planner", "stability", "parts", "reach", "robust", "throws")
+#: Head of a report in which sections were measured anew.
+MIXED = "Put together from sections that were made one by one; each says when and by what command."
 #: Files of every report, beside the tables' and pictures'.
 FILES = ("index.md", "index.html", NAME)
 #: Libraries whose versions decide the figures.
@@ -46,7 +48,7 @@ def make_report(
         section = importlib.import_module(f".{key}", __package__).make(Effort(quick, progress))
         section.seconds, section.made = time.perf_counter() - start, head[0] + " " + head[1]
         made.append(section)
-        write(folder, head, section, [*before, *made])
+        write(folder, [MIXED, *head[1:]] if before else head, section, [*before, *made])
     return made
 
 
