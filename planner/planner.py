@@ -17,7 +17,7 @@ from ..problems.scene import Pose, Scene
 from .alternatives import Found, distinct, ordered
 from .answers import failed_plan, solved_plan
 from .compiled import Compile
-from .correction import Search, attempt
+from .correction import Problem, Search, attempt
 from .derivatives import nlp_key
 from .guess import guess_from
 from .hardening import hardened
@@ -28,6 +28,7 @@ from .reach import Binding, Reach
 from .refit import again
 from .release_cache import stored
 from .releases import Releases, ReleaseSampler
+from .solver import Solution
 from .start import check_start
 from .starts import Turns, goals_of, starts
 from .workbench import HEAVY, Workbench
@@ -162,9 +163,9 @@ class Planner:
             raise InputError(
                 "prepare: not for a scene with [choice], which looks for several throws"
             )
-        search = Search(self.scene.aimed_at(self.check(None)))
+        target, search = self.check(), Search(self.scene)
         self._take_code(search)
-        key = nlp_key(self.bench.nlp(self.check(None), search), "fatrop")
+        key = nlp_key(self.bench.nlp(target, search), "fatrop")
         made = functools.partial(self._solved, int(throws), progress)
         self._throws = solved_throws.stored(key, self.scene, int(throws), made)
         return len(self._throws)
@@ -369,12 +370,7 @@ class Planner:
             return None
         search.guards, search.room = kind.guards, warm.throw.room
         problem = self.bench.problem(target, name, search)
-        thrown = attempt(problem, self.mover, target, solution.x, search, solution, warm.throw.aim)
-        return (
-            None
-            if thrown is None
-            else solved_plan(self.bench, Found(target, thrown, problem.solver.name), search)
-        )
+        return self._from_solution(problem, target, solution, warm.throw.aim, search)
 
     def _recalled(self, target: Pose, name: str, turns: Turns, search: Search) -> Plan | None:
         """A plan from one of the solved throws nearby, None if that does not lead to one."""
@@ -389,11 +385,25 @@ class Planner:
             problem = self.bench.problem(goal, name, search)
             if not near.fits(goal, problem.nlp.size):
                 continue
-            thrown = attempt(problem, self.mover, goal, near.x, search, near.solution, near.aim)
-            if thrown is not None:
-                return solved_plan(self.bench, Found(goal, thrown, problem.solver.name), search)
+            plan = self._from_solution(problem, goal, near.solution, near.aim, search)
+            if plan is not None:
+                return plan
         search.guards, search.room = asked
         return None
+
+    def _from_solution(
+        self,
+        problem: Problem,
+        goal: Pose,
+        solution: Solution,
+        aim: tuple[float, float],
+        search: Search,
+    ) -> Plan | None:
+        """A plan from a solution of the same NLP for a target nearby, and where that aimed."""
+        thrown = attempt(problem, self.mover, goal, solution.x, search, solution, aim)
+        if thrown is None:
+            return None
+        return solved_plan(self.bench, Found(goal, thrown, problem.solver.name), search)
 
     def _possible(self, goal: Pose, releases: Releases, search: Search) -> Binding:
         """What is possible at all nearest the goal, from the table and the elastic solve."""

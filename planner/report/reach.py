@@ -27,6 +27,7 @@ from ..planner import Planner
 from ..reach_study import Outcome, outcomes, reachable_targets
 from ..releases import ReleaseSampler
 from ..workers import executor_of
+from .following import following
 from .map_targets import map_targets
 from .page import Cell, Effort, Picture, Section, Table
 from .rivals import rivals
@@ -57,8 +58,6 @@ FAR = (0.1, math.radians(20))
 ROUND = np.array([1.0, 2.0])
 #: Middles of a map's bins that are thrown to, and the map's sampled states.
 ON_MAP, SAMPLED = 40, 200_000
-#: How far a followed target moves: x [m], theta [rad], in how many plans of 10 ms.
-SWING, PERIOD, TICK = (0.06, 0.2), 2.0, 0.01
 
 
 def make(effort: Effort) -> Section:
@@ -122,7 +121,7 @@ def make(effort: Effort) -> Section:
         )
     )
     effort.tell(len(steps) + 1, total)
-    section.add(_following(effort))
+    section.add(following(effort))
     effort.tell(len(steps) + 2, total)
     section.add(
         _truer(effort),
@@ -271,46 +270,6 @@ def _outside(results: list[Outcome], sampled: int) -> list[Table | str]:
         "planner, had stopped short of the edge of what is in reach.",
         _lost("reach-outside-lost", "Neither thrown nor called out of reach", lost),
     ]
-
-
-def _following(effort: Effort) -> Table:
-    """Warm plans that follow a moving target."""
-    rows = []
-    for name in ("pose", "cup"):
-        planner = Planner(load_scene(name), compiling="wait")
-        plan = planner.plan()
-        plan = planner.plan(warm=plan)
-        target, solves, totals, errors = plan.target, [], [], []
-        count = effort.of(20, 200)
-        for k in range(count):
-            swing = math.sin(2 * math.pi * k * TICK / PERIOD)
-            theta = None if target.theta is None else target.theta + SWING[1] * swing
-            moved = target.in_plane(target.plane_x - SWING[0] * swing, theta)
-            after = planner.plan(moved, warm=plan)
-            solves.append(1e3 * after.time["solve"])
-            totals.append(1e3 * after.time["total"])
-            if after.solved:
-                plan = after
-                errors.append(after.error_sent())
-        worst = np.max(errors, axis=0)
-        inside = sum(total <= 1e3 * TICK for total in totals)
-        figures = [float(v) for v in np.percentile(solves, [50, 95])]
-        rows.append(
-            [
-                *(name, count, len(errors), inside, *figures, float(np.median(totals))),
-                *(1e3 * float(worst[0]), math.degrees(float(worst[1]))),
-            ]
-        )
-    return Table(
-        "reach-following",
-        f"Warm plans after a target that swings by {100 * SWING[0]:.0f} cm and {SWING[1]:g} rad, "
-        f"a plan every {1e3 * TICK:.0f} ms",
-        (
-            *("scene", "plans", "solved", f"within {1e3 * TICK:.0f} ms", "solve, median [ms]"),
-            *("solve, 95 % [ms]", "plan, median [ms]", "worst error [mm]", "worst error [deg]"),
-        ),
-        rows,
-    )
 
 
 def _truer(effort: Effort) -> Table:
