@@ -19,8 +19,9 @@ if TYPE_CHECKING:
     from ..models.dynamics import PlanarDynamics
 
 #: Rows that seldom decide, and so come into the NLP only after the check has seen that they
-#: do: of what is carried on its way, of the flying bar, of the bar that falls back.
-Guard = Literal["carry", "flight", "return"]
+#: do: of what is carried on its way, of the flying bar beside hand and cup, of its way past
+#: the base column, of the bar that falls back.
+Guard = Literal["carry", "flight", "passing", "return"]
 #: Of what the check has seen too little room.
 Tight = Literal["held", "cup", "torque"]
 #: Unit of the jerk control [rad/s^3], so that the variables are of order one.

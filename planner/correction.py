@@ -42,6 +42,9 @@ MORE_ROOM: dict[Tight, tuple[float, float]] = {
     "cup": (2e-4, 0.005),
     "torque": (0.01, 0.3),
 }
+#: Where the held bar dips less than this [m] into an obstacle between two nodes, more room is
+#: tried before rows that look closer.
+SHALLOW = 0.015
 
 
 @dataclass
@@ -87,14 +90,17 @@ class Search:
         self.trouble.append("; ".join(violation.words for violation in found))
         if self.fallback is None:
             self.fallback = (thrown, self.trouble[-1])
-        asked: set[Guard] = {violation.guard for violation in found if violation.guard}
+        asked: set[Guard] = set()
         for violation in found:
-            tight = violation.tight
-            if tight and (not violation.guard or violation.guard in self.guards):
+            guard, tight = violation.guard, violation.tight
+            if tight:
                 more, most = MORE_ROOM[tight]
-                room = getattr(self.room, tight) + violation.depth + more
-                self.room = replace(self.room, **{tight: min(room, most)})
-                asked.discard("flight")
+                room = getattr(self.room, tight) + violation.depth
+                if not guard or guard in self.guards or (tight == "held" and room < SHALLOW):
+                    self.room = replace(self.room, **{tight: min(room + more, most)})
+                    continue
+            if guard:
+                asked.add(guard)
         if asked == {"flight"} and "flight" in self.guards:
             # Between the two ends, or later than looked at.
             asked = {"return"}

@@ -86,6 +86,20 @@ def column_distance(bar: ThrownObject, com: Array, radius: float, height: float)
     return np.asarray(np.maximum(np.abs(x) - radius, z - height).min(axis=1))
 
 
+def column_of(scene: Scene) -> tuple[float, float] | None:
+    """Radius and height [m] of the base column, None without one."""
+    workspace = scene.workspace
+    if workspace is None or workspace.column_radius is None or workspace.column_height is None:
+        return None
+    return workspace.column_radius, workspace.column_height
+
+
+def held_bar(scene: Scene, hand: Array) -> Array:
+    """CoM poses (3, N) of the held bar for hand poses (3, N)."""
+    theta, h = hand[2] + scene.grasp.angle, scene.com_offset
+    return np.array([hand[0] + h * np.cos(theta), hand[1] + h * np.sin(theta), theta])
+
+
 @dataclass(frozen=True)
 class CupEntry:
     """The bar's way into the cup. clearance [m]: least distance of outline and wall or rim,

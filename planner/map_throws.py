@@ -15,11 +15,19 @@ import numpy as np
 import numpy.typing as npt
 
 from ..problems.scene import Scene
-from .geometry import column_distance, lowest_of_bar, palm_corners, reach_of_bar
+from .geometry import (
+    column_distance,
+    column_of,
+    held_bar,
+    lowest_of_bar,
+    palm_corners,
+    reach_of_bar,
+)
 from .mover import Limits, Mover
 from .numbers import BRAKE_SHARE, PASSING_ROOM, ROOM
+from .release_room import column_room
 from .releases import Releases, ReleaseSampler
-from .run_up import polynomial, run_up
+from .run_up import run_up
 from .violations import outline_kernel
 
 Array = npt.NDArray[np.float64]
@@ -123,43 +131,23 @@ def _off_floor(scene: Scene, mover: Mover, throws: Releases) -> Flags:
         if scene.arm is not None:
             lowest = np.minimum(lowest, palm_corners(scene.arm.tool, hand.T)[1].min(axis=1))
         if holds:
-            theta, h = hand[:, 2] + scene.grasp.angle, scene.com_offset
-            com = np.array([hand[:, 0], hand[:, 1] + h * np.sin(theta), theta])
-            lowest = np.minimum(lowest, lowest_of_bar(scene.object, com))
+            bar = held_bar(scene, hand.T)
+            lowest = np.minimum(lowest, lowest_of_bar(scene.object, bar))
         fine &= lowest >= workspace.floor
     return fine
 
 
 def _held_beside_column(scene: Scene, mover: Mover, throws: Releases) -> Flags:
     """Whether the held bar (N,) is beside the base column during the run-up."""
-    fine = np.ones(len(throws.q), dtype=bool)
-    column = _column(scene)
-    if column is None or not fine.size:
-        return fine
     duration = throws.run_up[:, None]
     path = run_up(None, throws.q, throws.dq, throws.ddq, duration)
-    theta_held, h = scene.grasp.angle, scene.com_offset
-    for share in np.linspace(0.0, 1.0, RUN_UP_INSTANTS):
-        q = polynomial(path, share * duration)
-        x, z, theta = np.array(mover.motion(q.T, 0 * q.T, 0 * q.T)[0])
-        theta = theta + theta_held
-        com = np.array([x + h * np.cos(theta), z + h * np.sin(theta), theta])
-        fine &= column_distance(scene.object, com, *column) >= ROOM
-    return fine
-
-
-def _column(scene: Scene) -> tuple[float, float] | None:
-    """Radius and height [m] of the base column, None without one."""
-    workspace = scene.workspace
-    if workspace is None or workspace.column_radius is None or workspace.column_height is None:
-        return None
-    return workspace.column_radius, workspace.column_height
+    return column_room(scene, mover, path, duration, RUN_UP_INSTANTS) >= ROOM
 
 
 def _beside_column(scene: Scene, throws: Releases, time: Array) -> Flags:
     """Whether the flying bar (N,) passes the base column, and lands beside it."""
     fine = np.ones(len(throws.q), dtype=bool)
-    column = _column(scene)
+    column = column_of(scene)
     if column is None:
         return fine
     radius, height = column

@@ -64,8 +64,9 @@ def structure_of(
 
     angle: whether the target fixes theta. guards: which of the rows that seldom decide
     are in: "carry" looks at grip and held bar more often and at the arm too, "flight" keeps
-    the flying bar off the hand's body and the base column and asks more of the cup, "return"
-    keeps all of it off the hand, and for the rest of the flight.
+    the ends of the flying bar off the hand's body and asks more of the cup, "passing" keeps the
+    bar off the base column, "return" keeps all of it off the hand, and for the rest of the
+    flight.
     robust, window: what is asked of the hand over that window.
     """
     workspace, landing = scene.workspace, scene.landing
@@ -94,7 +95,7 @@ def structure_of(
         arm="carry" in guards,
         palm=len(PALM_TIMES) if guards & {"flight", "return"} and palm else 0,
         later=LATER if "return" in guards and palm else 0,
-        passing=PASSING if "flight" in guards and column else 0,
+        passing=PASSING if "passing" in guards and column else 0,
         elastic=elastic,
         early=0 if window is None else window.early,
         late=0 if window is None else window.late,

@@ -47,7 +47,7 @@ LIGHT_STARTS = 4
 #: what is possible at all comes before further starts.
 FAR = 0.3
 #: Numerical settings of robust plans, where the scene has none of its own.
-QUIET_MESH = Mesh(opening=8, grading=1.0)
+QUIET_MESH = Mesh(opening=8, grading=1.0, epsilon=0.03)
 #: Other throws to a target that robust planning may start from.
 MORE_SOURCES = 3
 #: Most alternatives that may be asked for.

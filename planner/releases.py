@@ -22,7 +22,7 @@ from ..models.sliding_pivot import SlidingPivot
 from ..problems.scene import Scene
 from .mover import Mover
 from .numbers import BRAKE_SHARE
-from .palm_room import clears_palm
+from .release_room import clears_palm, column_room
 from .rollout import friction_use
 from .run_up import run_up
 from .sparse import sparse_parents
@@ -36,7 +36,7 @@ TABLE_STEPS = 12
 POOL, DIFFERENT = 400, 0.15
 #: Share of a table drawn beside releases whose landings are sparse, and in how many rounds.
 SPARSE_SHARE, ROUNDS = 0.6, 6
-#: How much nearer [m, scaled error] a landing must be for a throw that meets the hand.
+#: How much nearer [m, scaled error] a landing must be for a throw that meets column or hand.
 DETOUR = 0.1
 #: How near, in shares of the limits' range.
 NEARNESS = (0.01, 0.1)
@@ -46,7 +46,7 @@ NEARNESS = (0.01, 0.1)
 class Releases:
     """Feasible sampled releases: (N, n) coordinates, rates and accelerations at the
     opening's start, run-up time (N,), detach states (N, 6): x, z, theta, v_x, v_z, omega,
-    and whether (N,) the bar then clears the hand's body.
+    and whether (N,) the bar clears the base column on the run-up, and then the hand's body.
     """
 
     q: Array
@@ -166,6 +166,8 @@ class ReleaseSampler:
         opening = self.profile.opening
         end, rate = q + opening * (dq + opening * ddq / 2), dq + opening * ddq
         clear = clears_palm(self.scene, self.mover, end, rate, states)
+        path = run_up(self.mover.start, q, dq, ddq, duration[:, None])
+        clear &= column_room(self.scene, self.mover, path, duration[:, None]) >= 0.0
         return Releases(q, dq, ddq, duration, states, clear)
 
     def run_up_time(self, dq: Array, ddq: Array, rng: np.random.Generator) -> Array:
@@ -252,7 +254,7 @@ def nearest(
 ) -> tuple[npt.NDArray[np.int_], Array]:
     """Indices and scaled distances [m] (39) of `count` near landings, nearest first.
 
-    Throws whose bar clears the hand come first where they are not much farther. Each
+    Throws whose bar clears column and hand come first where they are not much farther. Each
     differs from those before it; where there are too few such among the nearest, others
     like them fill up.
     """

@@ -17,7 +17,9 @@ from .check import Thrown
 from .context import Guard, Tight
 from .geometry import (
     column_distance,
+    column_of,
     cup_entry,
+    held_bar,
     lowest_of_bar,
     palm_corners,
     palm_distance,
@@ -134,7 +136,7 @@ def _workspace_violations(
     times = np.arange(0.0, end + TICK, TICK)
     q = motion.at(times)[0].T
     pose, lowest_joint = outline_kernel(mover.motion, mover.kinematics)(q)
-    held = np.hstack([_carried(scene, pose[times < opening_time].T), thrown.release.com])
+    held = np.hstack([held_bar(scene, pose[times < opening_time].T), thrown.release.com])
     detach = opening_time + thrown.release.times[-1]
     flight_times = np.linspace(0.0, thrown.landing.flight_time, FLIGHT_SAMPLES)
     flying = flight_poses(scene, thrown, flight_times)
@@ -146,15 +148,15 @@ def _workspace_violations(
         depth = float(workspace.floor - lowest)
         if depth > 1e-6:
             found.append(Violation(f"floor: {1e3 * depth:.0f} mm below it", "carry", "held", depth))
-    if workspace.column_radius is not None and workspace.column_height is not None:
-        column = (workspace.column_radius, workspace.column_height)
+    column = column_of(scene)
+    if column is not None:
         carried, flown = (-_column_room(scene, poses, *column) for poses in (held, flying))
         if max(carried, flown) > 1e-6:
             words = "base column: the bar touches it"
             if carried > flown:
                 found.append(Violation(words, "carry", "held", carried))
             else:
-                found.append(Violation(words, "flight"))
+                found.append(Violation(words, "passing"))
     if workspace.palm_clearance is not None and scene.arm is not None:
         tool, clearance = scene.arm.tool, workspace.palm_clearance
         hand = hand_samples(mover, motion, detach + flight_times).pose
@@ -174,13 +176,6 @@ def _column_room(scene: Scene, poses: Array, radius: float, height: float) -> fl
     away = np.maximum(np.abs(poses[0]) - radius, poses[1] - height)
     near = poses[:, away < reach_of_bar(scene.object)]
     return float(column_distance(scene.object, near, radius, height).min(initial=np.inf))
-
-
-def _carried(scene: Scene, hand: Array) -> Array:
-    """CoM poses (3, N) of the held bar for hand poses."""
-    theta = hand[2] + scene.grasp.angle
-    h = scene.com_offset
-    return np.array([hand[0] + h * np.cos(theta), hand[1] + h * np.sin(theta), theta])
 
 
 @lru_cache(maxsize=16)

@@ -24,6 +24,6 @@ class Mesh(Section):
     grading: float = quantity(least=1, most=4, default=2.0)
     integrator: str = quantity(choices=("gauss", "rk4"), default="gauss")
     substeps: int = quantity(least=1, most=20, default=2)
-    epsilon: float = quantity(above=0, most=1, default=0.03)
+    epsilon: float = quantity(above=0, most=1, default=0.02)
     sticking_margin: float = quantity(least=0, below=1, default=0.05)
     carry_max: float = quantity(above=0, default=2.0)

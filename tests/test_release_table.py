@@ -8,11 +8,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
+from scipy.interpolate import BPoly
 from throwplan.planner import releases as table_module
 from throwplan.planner.exact_release import sliding_pivot_release
 from throwplan.planner.motion import PlannedMotion
 from throwplan.planner.mover import make_mover
 from throwplan.planner.release_cache import stored
+from throwplan.planner.release_room import clears_palm
 from throwplan.planner.releases import Releases, ReleaseSampler
 from throwplan.planner.rollout import MoverTrack, case_of, friction_use, hand_samples, landing
 
@@ -59,6 +61,32 @@ def test_thrown_as_the_exact_model_throws(name: str) -> None:
         exact = landing(release, scene.target.z, scene.gravity)
         assert x[i] == pytest.approx(exact.x, abs=6e-3)
         assert theta[i] == pytest.approx(exact.theta, abs=0.05)
+
+
+def test_run_ups_through_the_base_column_are_told_from_those_beside_it() -> None:
+    """SciPy's polynomials, and the bar's axis point by point."""
+    scene = tp.load_scene("cup")
+    mover, table, workspace = make_mover(scene), drawn(scene, 2000), scene.workspace
+    opening = scene.gripper.profile().opening
+    end = table.q + opening * (table.dq + opening * table.ddq / 2)
+    rate = table.dq + opening * table.ddq
+    off_palm = clears_palm(scene, mover, end, rate, table.detach)
+    bar = np.linspace(-scene.object.com, scene.object.length - scene.object.com, 53)
+    deepest = np.full(len(table.q), -np.inf)
+    for i, duration in enumerate(table.run_up):
+        ends = [[mover.start, 0 * mover.start, 0 * mover.start]]
+        ends.append([table.q[i], table.dq[i], table.ddq[i]])
+        path = BPoly.from_derivatives([0.0, duration], ends)(np.linspace(0.0, duration, 120))
+        x, z, theta = np.array(mover.motion(path.T, 0 * path.T, 0 * path.T)[0])[:, :, None]
+        theta = theta + scene.grasp.angle
+        x = x + (scene.com_offset + bar) * np.cos(theta)
+        z = z + (scene.com_offset + bar) * np.sin(theta)
+        inside = np.minimum(workspace.column_radius - np.abs(x), workspace.column_height - z)
+        deepest[i] = inside.max()
+    through = deepest > 0.02
+    assert 0.1 < through.mean() < 0.5
+    assert not table.clear[through].any()
+    assert table.clear[off_palm & (deepest < -scene.object.width)].all()
 
 
 def test_draws_beside_sparse_landings_reach_farther(monkeypatch: pytest.MonkeyPatch) -> None:

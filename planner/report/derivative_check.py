@@ -22,7 +22,7 @@ Array = npt.NDArray[np.float64]
 #: Steps of differences along a random direction of length one per variable.
 NEAR, FAR = 2e-7, 4e-7
 SEED = 3
-GUARDS: frozenset[Guard] = frozenset({"carry", "flight"})
+GUARDS: frozenset[Guard] = frozenset({"carry", "flight", "passing"})
 
 
 def structures(scene: Scene, everything: bool) -> Iterator[tuple[str, ThrowNlp, Array]]:

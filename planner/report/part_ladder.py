@@ -13,7 +13,7 @@ from ..context import Guard
 from ..planner import Planner
 from .part_sizes import Posed
 
-GUARDS: frozenset[Guard] = frozenset({"carry", "flight"})
+GUARDS: frozenset[Guard] = frozenset({"carry", "flight", "passing"})
 #: Sections at values that never bind: they cost their rows and variables and change nothing.
 WIDE_LANDING = Landing(speed_min=0.01, speed_max=100.0, rate_max=1e3)
 WIDE_WORKSPACE = Workspace(floor=-10.0, column_radius=0.01, column_height=0.01)

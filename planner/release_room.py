@@ -1,4 +1,7 @@
-"""Whether sampled throws clear the hand that has just let go: the bar flies, the arm brakes."""
+"""Whether sampled throws clear the base column on their way and the hand that lets go.
+
+A planner that starts from a run-up through the column mostly ends with one.
+"""
 
 from __future__ import annotations
 
@@ -6,12 +9,39 @@ import numpy as np
 import numpy.typing as npt
 
 from ..problems.scene import Scene
-from .geometry import palm_distance
+from .geometry import column_distance, column_of, held_bar, palm_distance, reach_of_bar
 from .kernel import mapped
 from .mover import Mover
 from .numbers import BRAKE_SHARE, PALM_TIMES
+from .run_up import polynomial
 
 Array = npt.NDArray[np.float64]
+
+#: Instants of the run-up at which the held bar is held against the column.
+INSTANTS = 24
+
+
+def column_room(
+    scene: Scene, mover: Mover, path: list[Array], duration: Array, instants: int = INSTANTS
+) -> Array:
+    """Least signed room [m] (N,) of the held bar from the base column on N run-ups.
+
+    path: coefficients (N, n) as `run_up` gives them; duration (N, 1) [s]. Infinite where the
+    column is out of the bar's reach all along, and in a scene without one.
+    """
+    room = np.full(len(duration), np.inf)
+    column = column_of(scene)
+    if column is None or not room.size:
+        return room
+    radius, height = column
+    for share in np.linspace(0.0, 1.0, instants):
+        q = polynomial(path, share * duration)
+        com = held_bar(scene, mapped(mover.motion)(q, 0 * q, 0 * q)[0].T)
+        away = np.maximum(np.abs(com[0]) - radius, com[1] - height)
+        near = np.flatnonzero(away < reach_of_bar(scene.object))
+        found = column_distance(scene.object, com[:, near], radius, height)
+        room[near] = np.minimum(room[near], found)
+    return room
 
 
 def clears_palm(
