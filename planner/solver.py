@@ -13,6 +13,7 @@ import numpy.typing as npt
 from .compiled import Code, Compile
 from .derivatives import nlp_functions, nlp_key
 from .ocp import Nlp
+from .watched import GivenUpError, watched
 
 Array = npt.NDArray[np.float64]
 
@@ -29,6 +30,9 @@ FEW = 6
 #: FATROP 1.1 may repeat one factorisation for ever where constraints are this steep at the
 #: start (seen from 3e6 on; usual starts are below 500), so it is not given such a start.
 STEEPEST = 1e5
+#: FATROP is given up after this time [s] and that of so many evaluations of the constraints'
+#: derivatives: 150 iterations take that of a thousand.
+LONGEST, EVALUATIONS = 1.0, 3000
 
 
 @dataclass(frozen=True)
@@ -67,6 +71,7 @@ class Solver:
         self.compiled = self._code.functions is not None
         self._functions = self._code.functions or nlp_functions(nlp, name)
         self._solvers: dict[float, ca.Function] = {}
+        self._evaluation: float | None = None
 
     def _solver(self, mu_init: float) -> ca.Function:
         """The plug-in with a barrier parameter to start from."""
@@ -121,12 +126,16 @@ class Solver:
         steep = self.name == "fatrop" and warm is None and self._slope(guess, parameters)
         if not steep <= STEEPEST:
             message = f"not tried from a start with a slope of {steep:.0e}"
-            none = np.zeros(0)
-            return Solution(guess, none, none, np.inf, False, np.inf, 0, 0.0, message)
+            return self._none(guess, message, 0.0)
         start, iterations = time.perf_counter(), 0
         for mu_init in (MU_INIT,) if warm is None else MU_WARM[self.name]:
             solver = self._solver(mu_init)
-            result = solver(**arguments)
+            try:
+                result = self._called(solver, arguments)
+            except GivenUpError as error:
+                # The plug-in's memory is the lost thread's.
+                self._solvers.clear()
+                return self._none(guess, f"given up: {error}", time.perf_counter() - start)
             stats = solver.stats()
             iterations += int(stats.get("iter_count", 0))
             if stats["success"]:
@@ -146,6 +155,21 @@ class Solver:
             message=str(stats.get("return_status", "")),
         )
 
+    def _called(self, solver: ca.Function, arguments: dict[str, Any]) -> dict[str, ca.DM]:
+        """The plug-in's answer; GivenUpError where it has none in time."""
+        if self.name != "fatrop":
+            return dict(solver(**arguments))
+        if self._evaluation is None:
+            self._slope(arguments["x0"], arguments["p"])
+        limit = LONGEST + EVALUATIONS * (self._evaluation or 0.0)
+        return watched(lambda: solver(**arguments), limit)
+
+    @staticmethod
+    def _none(guess: Array, message: str, seconds: float) -> Solution:
+        """No solution."""
+        none = np.zeros(0)
+        return Solution(guess, none, none, np.inf, False, np.inf, 0, seconds, message)
+
     @property
     def awaited(self) -> bool:
         """Whether machine code is still being compiled for it."""
@@ -153,7 +177,9 @@ class Solver:
 
     def _slope(self, x: Array, parameters: Array) -> float:
         """Largest derivative of a constraint at x."""
+        start = time.perf_counter()
         slopes = self._functions["nlp_jac_g"](x, parameters)[1].nonzeros()
+        self._evaluation = time.perf_counter() - start
         return float(np.max(np.abs(slopes), initial=0.0))
 
     def _take_compiled(self) -> None:
