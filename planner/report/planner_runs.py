@@ -45,7 +45,8 @@ class Measured:
     solved: first solves that converged; exact, sent (M, 2): their landing errors without
     correction [m, rad], of the planned motion and of what is sent, and cost (M,) of the throw,
     NaN where the solve failed; solve [s], iterations (M,); plans: that ended as solved; plan [s]
-    (M,); final (L, 2): the errors of these; trouble, lost: why first solves, and plans, failed.
+    (M,); final (L, 2): the errors of these; trouble, lost: why first solves, and plans, failed;
+    beside [s] (M,): solves of the usual settings, each just before this one's.
     """
 
     solved: int
@@ -59,18 +60,32 @@ class Measured:
     final: Array
     trouble: str
     lost: str = ""
+    beside: Array | None = None
 
 
-def measured(scene: Scene, targets: list[Pose], variant: Variant, repeats: int = 1) -> Measured:
+def usual_planner(scene: Scene) -> Planner:
+    """The planner whose solves stand beside all others': the scene's settings, not compiled."""
+    planner = Planner(scene, compiling="no")
+    planner.plan()
+    return planner
+
+
+def measured(
+    scene: Scene, targets: list[Pose], variant: Variant, usual: Planner, repeats: int = 1
+) -> Measured:
     """A variant on all M targets; building and compiling are not in the times.
 
-    repeats: of each first solve, of which the fastest counts.
+    usual: whose first solves are measured in turn with the variant's; repeats: of each first
+    solve, of which the fastest counts.
     """
     mesh = dataclasses.replace(scene.mesh, **dict(variant.mesh))  # type: ignore[arg-type]
     scene = scene.replace(mesh=mesh)
     planner = Planner(scene, compiling=variant.compiling)
     planner.plan(targets[0], solver=variant.solver)  # type: ignore[arg-type]
-    first = [_first(planner, target, variant.solver, repeats) for target in targets]
+    beside, first = [], []
+    for target in targets:
+        beside.append(_first(usual, target, "fatrop", repeats).seconds)
+        first.append(_first(planner, target, variant.solver, repeats))
     plans = [planner.plan(target, solver=variant.solver) for target in targets]  # type: ignore[arg-type]
     done = [plan for plan in plans if plan.solved]
     return Measured(
@@ -85,6 +100,7 @@ def measured(scene: Scene, targets: list[Pose], variant: Variant, repeats: int =
         np.array([plan.error_sent() for plan in done]).reshape(-1, 2),
         "; ".join(dict.fromkeys(one.trouble for one in first if one.trouble)),
         "; ".join(dict.fromkeys(plan.message for plan in plans if not plan.solved)),
+        np.array(beside),
     )
 
 
