@@ -15,26 +15,29 @@ from .ocp import Stage
 CORNER = 0.002
 
 
-def held_clear(context: Context, stage: Stage, q: ca.SX, pose: list[ca.SX]) -> None:
+def held_clear(
+    context: Context, stage: Stage, q: ca.SX, pose: list[ca.SX], *, given: bool = False
+) -> None:
     """The held bar's far end clear of floor and base column, where the scene has them.
 
-    q, pose: the coordinates and the hand's pose with them. With the guard "carry" arm and
-    hand are clear of the floor too.
+    q, pose: the coordinates and the hand's pose with them; given: by the scene, so that no more
+    room than usual is asked. With the guard "carry" arm and hand are clear of the floor too.
     """
     s, p = context.structure, context.parameters
     if not (s.floor or s.column):
         return
+    room = ca.SX(0) if given else p("held_room")
     theta = pose[2] + context.grasp_angle
     reach, half_width = context.body.com_offset + p("ahead"), p("half_width")
     cos, sin = ca.cos(theta), ca.sin(theta)
     tip_x, tip_z = pose[0] + reach * cos, pose[1] + reach * sin
     if s.floor:
-        stage.row("floor", tip_z - half_width - p("floor") - p("held_room"), 0.0, np.inf)
+        stage.row("floor", tip_z - half_width - p("floor") - room, 0.0, np.inf)
         if s.arm:
-            _arm_above_floor(context, stage, q, pose)
+            _arm_above_floor(context, stage, q, pose, room)
     if s.column:
-        room = _off_column(context, tip_x, tip_z, cos, sin) - p("held_room")
-        stage.row("base column", room, 0.0, np.inf)
+        beside = _off_column(context, tip_x, tip_z, cos, sin)
+        stage.row("base column", beside - room, 0.0, np.inf)
 
 
 def flight_clear(context: Context, stage: Stage, flight: FlightState) -> None:
@@ -53,9 +56,11 @@ def flight_clear(context: Context, stage: Stage, flight: FlightState) -> None:
         _past_column(context, stage, flight)
 
 
-def _arm_above_floor(context: Context, stage: Stage, q: ca.SX, pose: list[ca.SX]) -> None:
+def _arm_above_floor(
+    context: Context, stage: Stage, q: ca.SX, pose: list[ca.SX], room: ca.SX
+) -> None:
     """Joint frames, the hand and its body not below the floor."""
-    p, floor = context.parameters, context.parameters("floor") + context.parameters("held_room")
+    p, floor = context.parameters, context.parameters("floor") + room
     heights = context.heights(q)
     if context.structure.hand:
         cos, sin = ca.cos(pose[2]), ca.sin(pose[2])

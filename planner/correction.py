@@ -42,8 +42,8 @@ MORE_ROOM: dict[Tight, tuple[float, float]] = {
     "cup": (2e-4, 0.005),
     "torque": (0.01, 0.3),
 }
-#: Where the held bar dips less than this [m] into an obstacle between two nodes, more room is
-#: tried before rows that look closer.
+#: Where the held bar dips less than this [m] into an obstacle, between nodes that keep clear of
+#: it, more room is tried before rows that look closer.
 SHALLOW = 0.015
 
 
@@ -91,17 +91,19 @@ class Search:
         if self.fallback is None:
             self.fallback = (thrown, self.trouble[-1])
         asked: set[Guard] = set()
+        missing: dict[Tight, float] = {}
         for violation in found:
-            guard, tight = violation.guard, violation.tight
-            if tight:
-                more, most = MORE_ROOM[tight]
-                room = getattr(self.room, tight) + violation.depth
-                if not guard or guard in self.guards or (tight == "held" and room < SHALLOW):
-                    self.room = replace(self.room, **{tight: min(room + more, most)})
-                    continue
-            if guard:
+            guard, tight, depth = violation.guard, violation.tight, violation.depth
+            shallow = violation.between and self.room.held + depth < SHALLOW
+            if tight and (not guard or guard in self.guards or shallow):
+                missing[tight] = max(missing.get(tight, 0.0), depth)
+            elif guard:
                 asked.add(guard)
-        if asked == {"flight"} and "flight" in self.guards:
+        for tight, depth in missing.items():
+            more, most = MORE_ROOM[tight]
+            room = min(getattr(self.room, tight) + depth + more, most)
+            self.room = replace(self.room, **{tight: room})
+        if "flight" in asked and asked <= self.guards:
             # Between the two ends, or later than looked at.
             asked = {"return"}
         self.guards |= asked
@@ -178,7 +180,8 @@ def _corrected(
         solution, numbers = _solved(problem, mover, goal, guess, search, warm)
         if not solution.success:
             if best is None:
-                search.trouble.append(f"{problem.solver.name} did not converge")
+                why = solution.message if not solution.iterations else ""
+                search.trouble.append(why or f"{problem.solver.name} did not converge")
             break
         try:
             candidate = _candidate(problem, mover, solution, numbers, target, goal, search)

@@ -80,10 +80,17 @@ def palm_distance(bar: ThrownObject, tool: Tool, com: Array, hand: Array) -> Arr
     return np.asarray(np.minimum(from_bar, from_palm))
 
 
-def column_distance(bar: ThrownObject, com: Array, radius: float, height: float) -> Array:
-    """Signed room [m] (N,) of the bar beside or above the base column; negative inside."""
-    x, z = bar_outline(bar, com, EDGE_POINTS)
-    return np.asarray(np.maximum(np.abs(x) - radius, z - height).min(axis=1))
+def column_room(bar: ThrownObject, com: Array, radius: float, height: float) -> Array:
+    """Signed room [m] (N,) of the bar beside or above the base column; negative inside.
+
+    Infinite where the column is out of the bar's reach.
+    """
+    away = np.maximum(np.abs(com[0]) - radius, com[1] - height)
+    near = np.flatnonzero(away < reach_of_bar(bar))
+    x, z = bar_outline(bar, com[:, near], EDGE_POINTS)
+    room = np.full(com.shape[1], np.inf)
+    room[near] = np.maximum(np.abs(x) - radius, z - height).min(axis=1)
+    return room
 
 
 def column_of(scene: Scene) -> tuple[float, float] | None:

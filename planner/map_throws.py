@@ -16,16 +16,14 @@ import numpy.typing as npt
 
 from ..problems.scene import Scene
 from .geometry import (
-    column_distance,
     column_of,
+    column_room,
     held_bar,
     lowest_of_bar,
     palm_corners,
-    reach_of_bar,
 )
 from .mover import Limits, Mover
-from .numbers import BRAKE_SHARE, PASSING_ROOM, ROOM
-from .release_room import column_room
+from .numbers import BRAKE_SHARE, PASSING_ROOM
 from .releases import Releases, ReleaseSampler
 from .run_up import run_up
 from .violations import outline_kernel
@@ -41,8 +39,6 @@ CHUNK = 20_000
 CELL = 0.15
 #: Instants of the flight that are held against the base column.
 FLIGHT_INSTANTS = 40
-#: Instants of the run-up at which the held bar is.
-RUN_UP_INSTANTS = 5
 
 
 def margins(scene: Scene, mover: Mover, throws: Releases) -> Array:
@@ -98,7 +94,6 @@ def _start(throws: Releases) -> Array:
 def allowed(scene: Scene, mover: Mover, throws: Releases, time: Array) -> Flags:
     """Whether the throws (N,) can be wound up for and break nothing; time (N,): of flight [s]."""
     good = throws.clear & _wound_up(scene, mover, throws) & _off_floor(scene, mover, throws)
-    good &= _held_beside_column(scene, mover, throws)
     return good & _bounded(scene, throws, time) & _beside_column(scene, throws, time)
 
 
@@ -137,27 +132,17 @@ def _off_floor(scene: Scene, mover: Mover, throws: Releases) -> Flags:
     return fine
 
 
-def _held_beside_column(scene: Scene, mover: Mover, throws: Releases) -> Flags:
-    """Whether the held bar (N,) is beside the base column during the run-up."""
-    duration = throws.run_up[:, None]
-    path = run_up(None, throws.q, throws.dq, throws.ddq, duration)
-    return column_room(scene, mover, path, duration, RUN_UP_INSTANTS) >= ROOM
-
-
 def _beside_column(scene: Scene, throws: Releases, time: Array) -> Flags:
     """Whether the flying bar (N,) passes the base column, and lands beside it."""
     fine = np.ones(len(throws.q), dtype=bool)
     column = column_of(scene)
     if column is None:
         return fine
-    radius, height = column
     x, z, theta, v_x, v_z, omega = throws.detach.T
     for share in np.linspace(0.0, 1.0, FLIGHT_INSTANTS):
         t = share * time
         com = np.array([x + v_x * t, z + (v_z - scene.gravity * t / 2) * t, theta + omega * t])
-        room = np.maximum(np.abs(com[0]) - radius, com[1] - height)
-        near = np.flatnonzero(room < reach_of_bar(scene.object))
-        fine[near] &= column_distance(scene.object, com[:, near], radius, height) >= PASSING_ROOM
+        fine &= column_room(scene.object, com, *column) >= PASSING_ROOM
     return fine
 
 

@@ -25,7 +25,7 @@ def carry_interval(context: Context, first: bool, stage: Stage, following: Stage
     _position_between_nodes(context, stage, dt)
     # With continuous acceleration an interval's start is the last one's end.
     for i in range(s.jerk_control and not first, s.instants + 1):
-        _held(context, stage, i / s.instants * dt)
+        _held(context, stage, i / s.instants * dt, given=first and i == 0 and not s.free_start)
 
 
 def waiting_interval(context: Context, first: bool, stage: Stage, following: Stage) -> None:
@@ -129,12 +129,15 @@ def _held_wrench(
     return pivot_wrench(context.body, context.gravity, motion, motion.omega, x, z)
 
 
-def _held(context: Context, stage: Stage, t: ca.SX) -> None:
-    """At time t of the interval the full grip holds the object, clear of obstacles."""
+def _held(context: Context, stage: Stage, t: ca.SX, *, given: bool = False) -> None:
+    """At time t of the interval the full grip holds the object, clear of obstacles.
+
+    given: the pose is given by the scene.
+    """
     q, dq, ddq = context.inside(stage, t)
     pose, _, motion = context.hand(stage, q, dq, ddq)
     wrench, p = _held_wrench(context, pose, motion), context.parameters
     context.limit_torque(stage, q, dq, ddq, wrench)
     use = context.contact.utilisation_squared(*wrench, p("full_grip"))
     stage.row("grip while carrying", use / p("sticking_limit") ** 2, -np.inf, 1.0)
-    held_clear(context, stage, q, pose)
+    held_clear(context, stage, q, pose, given=given)

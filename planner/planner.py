@@ -46,7 +46,8 @@ LIGHT_STARTS = 4
 #: Beyond this distance [m, scaled error (39)] from every landing of the table the question
 #: what is possible at all comes before further starts.
 FAR = 0.3
-#: Numerical settings of robust plans, where the scene has none of its own.
+#: Numerical settings of robust plans, where the scene has none of its own. These hardly slide, so
+#: that a wider rounding costs nothing; with it they were measured.
 QUIET_MESH = Mesh(opening=8, grading=1.0, epsilon=0.03)
 #: Other throws to a target that robust planning may start from.
 MORE_SOURCES = 3
@@ -321,7 +322,7 @@ class Planner:
         light: bool,
     ) -> list[Found]:
         """The throw that one sampled release leads to, if any; light: without heavy guards."""
-        flight = self._flight_time(releases, index, goal)
+        flight, room = self._flight_time(releases, index, goal), search.room
         sampled = True
         for _ in range(TRIES):
             nlp, asked = self.bench.nlp(goal, search), search.asked
@@ -345,9 +346,12 @@ class Planner:
             if light and search.guards & HEAVY:
                 search.guards, search.room = asked
                 break
-            # A sampled release that clears the hand leads there sooner than a throw that
-            # does not; for all else the throw is nearer.
+            # A sampled release that clears column and hand leads there sooner than a throw
+            # that does not; for all else the throw is nearer.
             sampled = sampled and search.guards == {"flight"} and bool(releases.clear[index])
+        if "carry" not in search.guards:
+            # Where one throw's corners needed room another's may not.
+            search.room = dataclasses.replace(search.room, held=room.held)
         return []
 
     def _chosen(self, found: list[Found], alternatives: int, search: Search) -> Plan:

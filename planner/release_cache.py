@@ -9,13 +9,13 @@ import numpy as np
 
 from ..models import integrate, sliding_pivot
 from ..problems.scene import Scene
-from . import release_room, releases, run_up, sparse
+from . import geometry, numbers, release_room, releases, run_up, sparse
 from .cache import DAMAGED, cache_folder, digest, publish, source_of
 from .mover import Mover
 from .releases import ARRAYS, Releases
 
 #: What decides which releases are drawn for a scene, and where they go.
-MAKERS = (releases, sparse, run_up, release_room, sliding_pivot, integrate)
+MAKERS = (releases, sparse, run_up, release_room, geometry, numbers, sliding_pivot, integrate)
 
 
 def stored(

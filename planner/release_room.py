@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..problems.scene import Scene
-from .geometry import column_distance, column_of, held_bar, palm_distance, reach_of_bar
+from .geometry import column_of, column_room, held_bar, palm_distance
 from .kernel import mapped
 from .mover import Mover
 from .numbers import BRAKE_SHARE, PALM_TIMES
@@ -21,27 +21,23 @@ Array = npt.NDArray[np.float64]
 INSTANTS = 24
 
 
-def column_room(
-    scene: Scene, mover: Mover, path: list[Array], duration: Array, instants: int = INSTANTS
-) -> Array:
-    """Least signed room [m] (N,) of the held bar from the base column on N run-ups.
+def clears_column(
+    scene: Scene, mover: Mover, path: list[Array], duration: Array
+) -> npt.NDArray[np.bool_]:
+    """Whether the held bar (N,) stays out of the base column on N run-ups.
 
-    path: coefficients (N, n) as `run_up` gives them; duration (N, 1) [s]. Infinite where the
-    column is out of the bar's reach all along, and in a scene without one.
+    path: coefficients (N, n) as `run_up` gives them; duration (N, 1) [s]. True where nothing is
+    asked.
     """
-    room = np.full(len(duration), np.inf)
+    clear = np.ones(len(duration), dtype=bool)
     column = column_of(scene)
-    if column is None or not room.size:
-        return room
-    radius, height = column
-    for share in np.linspace(0.0, 1.0, instants):
+    if column is None or not clear.size:
+        return clear
+    for share in np.linspace(0.0, 1.0, INSTANTS):
         q = polynomial(path, share * duration)
-        com = held_bar(scene, mapped(mover.motion)(q, 0 * q, 0 * q)[0].T)
-        away = np.maximum(np.abs(com[0]) - radius, com[1] - height)
-        near = np.flatnonzero(away < reach_of_bar(scene.object))
-        found = column_distance(scene.object, com[:, near], radius, height)
-        room[near] = np.minimum(room[near], found)
-    return room
+        hand = mapped(mover.motion)(q, 0 * q, 0 * q)[0].T
+        clear &= column_room(scene.object, held_bar(scene, hand), *column) >= 0.0
+    return clear
 
 
 def clears_palm(

@@ -22,7 +22,7 @@ from ..models.sliding_pivot import SlidingPivot
 from ..problems.scene import Scene
 from .mover import Mover
 from .numbers import BRAKE_SHARE
-from .release_room import clears_palm, column_room
+from .release_room import clears_column, clears_palm
 from .rollout import friction_use
 from .run_up import run_up
 from .sparse import sparse_parents
@@ -167,7 +167,7 @@ class ReleaseSampler:
         end, rate = q + opening * (dq + opening * ddq / 2), dq + opening * ddq
         clear = clears_palm(self.scene, self.mover, end, rate, states)
         path = run_up(self.mover.start, q, dq, ddq, duration[:, None])
-        clear &= column_room(self.scene, self.mover, path, duration[:, None]) >= 0.0
+        clear &= clears_column(self.scene, self.mover, path, duration[:, None])
         return Releases(q, dq, ddq, duration, states, clear)
 
     def run_up_time(self, dq: Array, ddq: Array, rng: np.random.Generator) -> Array:

@@ -30,9 +30,9 @@ FEW = 6
 #: FATROP 1.1 may repeat one factorisation for ever where constraints are this steep at the
 #: start (seen from 3e6 on; usual starts are below 500), so it is not given such a start.
 STEEPEST = 1e5
-#: FATROP is given up after this time [s] and that of so many evaluations of the constraints'
-#: derivatives: 150 iterations take that of a thousand.
-LONGEST, EVALUATIONS = 1.0, 3000
+#: FATROP is given up after this processor time [s] and that of so many evaluations of the
+#: constraints' derivatives, 150 iterations taking that of a thousand; at the latest [s].
+LONGEST, EVALUATIONS, LATEST = 1.0, 3000, 60.0
 
 
 @dataclass(frozen=True)
@@ -71,7 +71,7 @@ class Solver:
         self.compiled = self._code.functions is not None
         self._functions = self._code.functions or nlp_functions(nlp, name)
         self._solvers: dict[float, ca.Function] = {}
-        self._evaluation: float | None = None
+        self._evaluation = np.inf
 
     def _solver(self, mu_init: float) -> ca.Function:
         """The plug-in with a barrier parameter to start from."""
@@ -133,9 +133,12 @@ class Solver:
             try:
                 result = self._called(solver, arguments)
             except GivenUpError as error:
-                # The plug-in's memory is the lost thread's.
                 self._solvers.clear()
                 return self._none(guess, f"given up: {error}", time.perf_counter() - start)
+            except BaseException:
+                # The plug-in's memory is the lost thread's.
+                self._solvers.clear()
+                raise
             stats = solver.stats()
             iterations += int(stats.get("iter_count", 0))
             if stats["success"]:
@@ -159,9 +162,9 @@ class Solver:
         """The plug-in's answer; GivenUpError where it has none in time."""
         if self.name != "fatrop":
             return dict(solver(**arguments))
-        if self._evaluation is None:
+        if not np.isfinite(self._evaluation):
             self._slope(arguments["x0"], arguments["p"])
-        limit = LONGEST + EVALUATIONS * (self._evaluation or 0.0)
+        limit = min(LONGEST + EVALUATIONS * self._evaluation, LATEST)
         return watched(lambda: solver(**arguments), limit)
 
     @staticmethod
@@ -177,9 +180,9 @@ class Solver:
 
     def _slope(self, x: Array, parameters: Array) -> float:
         """Largest derivative of a constraint at x."""
-        start = time.perf_counter()
+        start = time.thread_time()
         slopes = self._functions["nlp_jac_g"](x, parameters)[1].nonzeros()
-        self._evaluation = time.perf_counter() - start
+        self._evaluation = min(self._evaluation, time.thread_time() - start)
         return float(np.max(np.abs(slopes), initial=0.0))
 
     def _take_compiled(self) -> None:

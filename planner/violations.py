@@ -16,8 +16,8 @@ from ..problems.scene import Scene
 from .check import Thrown
 from .context import Guard, Tight
 from .geometry import (
-    column_distance,
     column_of,
+    column_room,
     cup_entry,
     held_bar,
     lowest_of_bar,
@@ -42,13 +42,15 @@ class Violation:
     """What is broken, in words; what the NLP can do about it beyond what it does at first.
 
     guard: which of its rows that seldom decide are against this, "" for none; tight, depth
-    [m; share of a limit]: of what there is too little room, and how much is missing.
+    [m; share of a limit]: of what there is too little room, and how much is missing; between:
+    every NLP has rows against it, at its nodes.
     """
 
     words: str
     guard: Guard | Literal[""] = ""
     tight: Tight | Literal[""] = ""
     depth: float = 0.0
+    between: bool = False
 
 
 def scene_violations(
@@ -142,19 +144,20 @@ def _workspace_violations(
     flying = flight_poses(scene, thrown, flight_times)
     found = []
     if workspace.floor is not None:
-        lowest = min(lowest_of_bar(bar, held).min(), lowest_joint.min(), pose[:, 1].min())
+        arm = min(lowest_joint.min(), pose[:, 1].min())
         if scene.arm is not None:
-            lowest = min(lowest, palm_corners(scene.arm.tool, pose.T)[1].min())
-        depth = float(workspace.floor - lowest)
+            arm = min(arm, palm_corners(scene.arm.tool, pose.T)[1].min())
+        depth = float(workspace.floor - min(lowest_of_bar(bar, held).min(), arm))
         if depth > 1e-6:
-            found.append(Violation(f"floor: {1e3 * depth:.0f} mm below it", "carry", "held", depth))
+            words, only_bar = f"floor: {1e3 * depth:.0f} mm below it", workspace.floor - arm <= 1e-6
+            found.append(Violation(words, "carry", "held", depth, bool(only_bar)))
     column = column_of(scene)
     if column is not None:
-        carried, flown = (-_column_room(scene, poses, *column) for poses in (held, flying))
+        carried, flown = (-column_room(bar, poses, *column).min() for poses in (held, flying))
         if max(carried, flown) > 1e-6:
             words = "base column: the bar touches it"
             if carried > flown:
-                found.append(Violation(words, "carry", "held", carried))
+                found.append(Violation(words, "carry", "held", float(carried), True))
             else:
                 found.append(Violation(words, "passing"))
     if workspace.palm_clearance is not None and scene.arm is not None:
@@ -168,14 +171,6 @@ def _workspace_violations(
             late = flight_times[near][room < clearance - 1e-6][0] > PALM_TIMES[-1]
             found.append(Violation(words, "return" if late else "flight"))
     return found
-
-
-def _column_room(scene: Scene, poses: Array, radius: float, height: float) -> float:
-    """Least signed room [m] of the bar at poses (3, N) from the base column; inf if far."""
-    # Only where the column is within the bar's reach.
-    away = np.maximum(np.abs(poses[0]) - radius, poses[1] - height)
-    near = poses[:, away < reach_of_bar(scene.object)]
-    return float(column_distance(scene.object, near, radius, height).min(initial=np.inf))
 
 
 @lru_cache(maxsize=16)

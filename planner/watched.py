@@ -21,6 +21,12 @@ Answer = TypeVar("Answer")
 
 #: How much longer than its processor time a call may take by the clock, on a busy machine.
 BUSY = 20.0
+#: Signals of a thread's own mistakes, which are not to be blocked.
+FAULTS = {
+    getattr(signal, name)
+    for name in ("SIGSEGV", "SIGBUS", "SIGFPE", "SIGILL", "SIGABRT", "SIGTRAP", "SIGSYS")
+    if hasattr(signal, name)
+}
 
 
 class GivenUpError(Exception):
@@ -33,28 +39,41 @@ class _Worker:
     def __init__(self) -> None:
         self._calls: SimpleQueue[Callable[[], Any]] = SimpleQueue()
         self._answers: SimpleQueue[tuple[Any, BaseException | None]] = SimpleQueue()
+        self._sleep_signal = _free_signal()
         self._thread = threading.Thread(target=self._work, name="throwplan-solver", daemon=True)
         self._thread.start()
 
-    def call(self, made: Callable[[], Answer], limit: float) -> Answer:
-        """What the call gives; GivenUpError after `limit` [s], and the thread is lost."""
-        begun, worked = time.perf_counter(), self._worked()
+    def call(self, made: Callable[[], Answer], limit: float) -> tuple[Any, BaseException | None]:
+        """What the call gives, or raises; after any other exception here the thread is lost.
+
+        GivenUpError after `limit` [s].
+        """
         self._calls.put(made)
-        left = limit
+        try:
+            return self._answer(limit)
+        except BaseException:
+            self._put_to_sleep()
+            raise
+
+    def _answer(self, limit: float) -> tuple[Any, BaseException | None]:
+        begun, worked, left = time.perf_counter(), self._worked(), limit
         while True:
-            try:
-                answer, error = self._answers.get(timeout=left)
-            except Empty:
-                left = limit - (self._worked() - worked)
-                if left > 0.0 and time.perf_counter() - begun < BUSY * limit:
-                    continue
-                self._put_to_sleep()
-                raise GivenUpError(f"no end after {limit:.0f} s") from None
-            if error is not None:
-                raise error
-            return answer  # type: ignore[no-any-return]
+            with contextlib.suppress(Empty):
+                return self._answers.get(timeout=left)
+            left = limit - (self._worked() - worked)
+            if left > 0.0 and time.perf_counter() - begun < BUSY * limit:
+                continue
+            with contextlib.suppress(Empty):
+                return self._answers.get_nowait()
+            raise GivenUpError(f"no end after {limit:.0f} s")
 
     def _work(self) -> None:
+        if hasattr(signal, "pthread_sigmask"):
+            # Signals are for other threads: one would wake this one from its sleep.
+            others = signal.valid_signals() - FAULTS
+            signal.pthread_sigmask(signal.SIG_BLOCK, others)
+            if self._sleep_signal is not None:
+                signal.pthread_sigmask(signal.SIG_UNBLOCK, [self._sleep_signal])
         while True:
             made = self._calls.get()
             try:
@@ -75,7 +94,7 @@ class _Worker:
 
     def _put_to_sleep(self) -> None:
         """Takes the lost thread off the processor, where the system can."""
-        ident, number = self._thread.ident, _free_signal()
+        ident, number = self._thread.ident, self._sleep_signal
         if ident is None or number is None:
             return
         # A signal runs its handler in the thread it is sent to, whatever that is busy with:
@@ -91,9 +110,9 @@ class _Worker:
 
 
 def _free_signal() -> int | None:
-    """A real-time signal that Python code here does not use, None where there is none."""
+    """A real-time signal that nothing here uses, None where there is none."""
     first, last = getattr(signal, "SIGRTMIN", 0), getattr(signal, "SIGRTMAX", -1)
-    free = (n for n in range(last, first, -1) if signal.getsignal(n) in (signal.SIG_DFL, None))
+    free = (n for n in range(last, first, -1) if signal.getsignal(n) == signal.SIG_DFL)
     return next(free, None)
 
 
@@ -106,23 +125,17 @@ if hasattr(os, "register_at_fork"):
 def watched(made: Callable[[], Answer], limit: float) -> Answer:
     """made(), in another thread; GivenUpError after `limit` [s] of its processor time.
 
-    Whatever the call raises is raised here. A thread that is given up keeps its memory until the
-    process ends, and sleeps where the system has real-time signals (elsewhere it goes on).
+    Whatever the call raises is raised here. A thread that is given up, or left by Ctrl-C, keeps
+    its memory until the process ends, and sleeps where the system has real-time signals
+    (elsewhere it goes on).
     """
     try:
         worker = _idle.pop()
     except IndexError:
         worker = _Worker()
-    busy = True
-    try:
-        answer = worker.call(made, limit)
-        busy = False
-        return answer
-    except (GivenUpError, KeyboardInterrupt):
-        raise
-    except Exception:
-        busy = False
-        raise
-    finally:
-        if not busy:
-            _idle.append(worker)
+    answer, error = worker.call(made, limit)
+    # Only here is the thread known to wait for the next call.
+    _idle.append(worker)
+    if error is not None:
+        raise error
+    return answer  # type: ignore[no-any-return]

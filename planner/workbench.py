@@ -24,8 +24,7 @@ class Kind:
     robust: str = ""
 
 
-#: Guards with which FATROP 1.1 was seen to repeat one factorisation for ever, once in 332
-#: extreme scenes, at a point with nothing unusual about it.
+#: Guards with many rows all along: IPOPT's, and other starts come first, which often do without.
 HEAVY: frozenset[Guard] = frozenset({"carry", "return"})
 
 

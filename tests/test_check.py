@@ -12,7 +12,7 @@ from throwplan.models.hand import PlanarHand, hand_motion
 from throwplan.planner.check import broken_limits, throw
 from throwplan.planner.geometry import (
     bar_outline,
-    column_distance,
+    column_room,
     cup_entry,
     distance_to_bar,
     lowest_of_bar,
@@ -75,8 +75,11 @@ def test_distances_of_bar_palm_and_column() -> None:
     assert palm_distance(bar, tool, level, hand)[0] == pytest.approx(tool.palm_front)
     folded = np.array([[0.8], [0.5], [math.pi]])
     assert palm_distance(bar, tool, folded, hand)[0] == 0.0
-    assert column_distance(bar, level, 0.12, 0.45)[0] == pytest.approx(0.78)
-    assert column_distance(bar, np.array([[0.1], [0.2], [0.0]]), 0.12, 0.45)[0] < 0
+    # Beside, inside, above, and out of reach.
+    places = np.array([[0.25, 0.1, 0.0, 1.0], [0.2, 0.2, 0.5, 0.5], [0.0, 0.0, 0.0, 0.0]])
+    room = column_room(bar, places, 0.12, 0.45)
+    assert room[[0, 2]] == pytest.approx([0.03, 0.05 - bar.width / 2])
+    assert room[1] < 0.0 and room[3] == np.inf
 
 
 def test_lowest_corner_and_reach_of_a_bar() -> None:

@@ -10,7 +10,9 @@ import time
 import numpy as np
 import pytest
 import throwplan as tp
+from throwplan.planner.correction import Search
 from throwplan.planner.reach_study import outcomes, reachable_targets
+from throwplan.planner.violations import Violation
 from throwplan.problems.choice import Choice
 
 
@@ -90,6 +92,34 @@ def test_a_bar_that_only_grazes_the_hand_is_not_held_against_the_column() -> Non
     plan = tp.Planner(tp.load_scene("pose")).plan(tp.Pose(x=0.729, z=0.1, theta=0.632))
     assert plan.solved
     assert plan.throw.nlp.structure.palm > 0 and plan.throw.nlp.structure.passing == 0
+
+
+def test_what_the_next_problem_has_after_a_throw_that_breaks_something() -> None:
+    scene, thrown = tp.load_scene("cup"), object()
+
+    def after(*found: Violation, guards: frozenset[str] = frozenset()) -> Search:
+        search = Search(scene, guards=guards)
+        search.take_note(thrown, list(found))
+        return search
+
+    floor = Violation("floor", "carry", "held", 0.008, True)
+    column = Violation("base column", "carry", "held", 0.006, True)
+    # Corners cut between nodes: as much room as the deepest asks, and 2 mm; no more rows.
+    found = after(floor, column)
+    assert found.room.held == pytest.approx(0.010) and not found.guards
+    # Through the column, or the arm, which has no rows at first: these come in.
+    for other in (
+        dataclasses.replace(column, depth=0.12),
+        dataclasses.replace(floor, between=False),
+    ):
+        found = after(other)
+        assert found.room.held == 0.0 and found.guards == {"carry"}
+        again = after(other, guards=frozenset({"carry"}))
+        assert again.room.held == pytest.approx(min(other.depth + 0.002, 0.05))
+    palm, passing = Violation("palm", "flight"), Violation("base column", "passing")
+    assert after(palm, passing).guards == {"flight", "passing"}
+    assert "return" in after(palm, passing, guards=frozenset({"flight", "passing"})).guards
+    assert after(passing, guards=frozenset({"passing"})).guards == {"passing"}
 
 
 def test_what_is_carried_is_looked_at_closer_when_the_check_asks() -> None:

@@ -6,9 +6,12 @@ import hashlib
 import signal
 import threading
 import time
+from collections.abc import Callable
+from typing import Any
 
 import pytest
 import throwplan as tp
+from throwplan.planner import solver as solver_module
 from throwplan.planner.watched import GivenUpError, watched
 
 
@@ -49,6 +52,38 @@ def test_many_callers_at_once() -> None:
     for thread in threads:
         thread.join()
     assert sorted(found) == list(range(20))
+
+
+def test_an_interrupted_caller_leaves_no_answer_for_the_next() -> None:
+    def stop(number: int, frame: object) -> None:
+        raise TimeoutError
+
+    before = signal.signal(signal.SIGALRM, stop)
+    try:
+        signal.setitimer(signal.ITIMER_REAL, 0.2)
+        with pytest.raises(TimeoutError):
+            watched(lambda: time.sleep(0.6) or 1, 5.0)
+        assert watched(lambda: 2, 5.0) == 2
+        time.sleep(0.8)
+        assert watched(lambda: 3, 5.0) == 3
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0.0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def test_a_solve_that_is_given_up_is_a_start_that_failed(monkeypatch: pytest.MonkeyPatch) -> None:
+    calls: list[float] = []
+
+    def first_is_endless(made: Callable[[], Any], limit: float) -> Any:
+        calls.append(limit)
+        if len(calls) == 1:
+            raise GivenUpError("no end after 1 s")
+        return watched(made, limit)
+
+    monkeypatch.setattr(solver_module, "watched", first_is_endless)
+    plan = tp.Planner(tp.load_scene("hand-flip"), compiling="no").plan()
+    assert plan.solved and plan.solver == "fatrop"
+    assert len(calls) > 1 and all(1.0 < limit <= 60.0 for limit in calls)
 
 
 def test_a_start_that_fatrop_never_returned_from() -> None:

@@ -17,8 +17,8 @@ from .page import Cell, Effort, Picture, Table
 
 Array = npt.NDArray[np.float64]
 
-#: Rounding widths of the study; the NLP's default is 0.03.
-EPSILONS = (0.3, 0.1, 0.03, 0.01, 3e-3, 1e-3, 1e-4)
+#: Rounding widths of the study; the NLP's default is 0.02.
+EPSILONS = (0.3, 0.1, 0.03, 0.02, 0.01, 3e-3, 1e-3, 1e-4)
 WIDTH_STEPS = (10, 20, 40, 80, 160, 320, 640)
 
 

@@ -128,7 +128,9 @@ def _short(asked: list[Variant], scenes: dict[str, list[Measured]], choice: str)
         times = f"{1e3 * float(np.median(mine.plan)):.0f} ms a plan"
         if fast is not None:
             times += f", {1e3 * float(np.median(fast.plan)):.0f} ms compiled"
-        slower = float(np.median(other.solve) / np.median(mine.solve))
+        slower = float(
+            np.median(other.solve / (mine.solve if other.beside is None else other.beside))
+        )
         worst = 1e3 * float(scaled(mine.final).max(initial=0.0))
         words.append(
             f"`{name}` {times}, {mine.plans} of {len(mine.plan)} solved, {worst:.2g} mm left at "
