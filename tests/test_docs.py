@@ -5,15 +5,27 @@ from __future__ import annotations
 import argparse
 import ast
 import dataclasses
+import functools
 import math
 import re
 import shlex
 import tomllib
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
 import throwplan
-from throwplan.planner import correction, hardening, numbers, planner, window
+from throwplan.planner import (
+    correction,
+    hardening,
+    numbers,
+    planner,
+    releases,
+    solved_throws,
+    solver,
+    window,
+)
 from throwplan.planner.cli import _parser, main
 from throwplan.planner.scene_reference import ARM, reference
 from throwplan.planner.scene_reference_words import NOTES, WORDS
@@ -127,6 +139,24 @@ def test_readme_has_commands():
     assert len(commands_of((ROOT / "README.md").read_text(encoding="utf-8"))) >= 5
 
 
+def test_python_of_the_readme_runs(tmp_path, monkeypatch):
+    """As it stands there, but for the number of prepared throws."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    (code,) = re.findall(r"^```python\n(.*?)^```", text, flags=re.M | re.S)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(solved_throws, "SAMPLES", 4000)
+    few = functools.partialmethod(throwplan.Planner.prepare, 8)
+    monkeypatch.setattr(throwplan.Planner, "prepare", few)
+    found: dict[str, Any] = {}
+    exec(compile(code, "README.md", "exec"), found)
+    assert found["plan"].solved and found["again"].solved
+    assert (tmp_path / "out" / "mine" / "plan.json").is_file()
+    assert found["planner"].prepared > 0
+    assert found["heavy"].object.mass == 0.3
+    detach = found["result"].detach
+    assert detach.shape == (10_000, 6) and np.isfinite(detach).all()
+
+
 def source_texts() -> list[str]:
     """All texts of the package's source, with … for what is filled in."""
     texts = []
@@ -177,6 +207,9 @@ def test_numbers_of_how_it_works_are_the_program_s():
         f"under {1e3 * correction.AIM[0]:g} mm and {math.degrees(correction.AIM[1]):g}°",
         f"up to {words[planner.TRIES]} problems from one start",
         f"farther than {planner.FAR:g} m",
+        f"as {releases.DETOUR:g} m farther",
+        f"less than {1e3 * correction.SHALLOW:g} mm into floor or column",
+        f"at most {solver.LATEST:g} s",
         f"a sweep of {hardening.SAMPLES} throws",
         f"up to {words[planner.MORE_SOURCES]} other throws",
         f"{words[len(window.SHARES)]} other openings",
