@@ -7,8 +7,8 @@ import math
 import numpy as np
 
 from ...problems.load import load_scene
-from ..planner import Planner
 from .page import Effort, Table
+from .warmed import warmed
 
 #: How far a followed target moves: x [m], theta [rad], and in what time and steps [s].
 SWING, PERIOD, TICK = (0.06, 0.2), 2.0, 0.01
@@ -18,7 +18,9 @@ def following(effort: Effort) -> Table:
     """Warm plans that follow a moving target."""
     rows = []
     for name in ("pose", "cup"):
-        planner = Planner(load_scene(name), compiling="wait")
+        scene = load_scene(name)
+        assert scene.target is not None
+        planner = warmed(scene, [scene.target], "wait")
         plan = planner.plan()
         plan = planner.plan(warm=plan)
         target, solves, totals, errors = plan.target, [], [], []

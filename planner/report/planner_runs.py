@@ -18,8 +18,9 @@ from ..correction import Search
 from ..guess import guess_from
 from ..motion import opening_start, planned_motion
 from ..numbers import bounds, opening_nodes, parameter_values
-from ..planner import Planner
+from ..planner import Planner, SolverName
 from ..smooth import SmoothingError, send
+from .warmed import warmed
 
 Array = npt.NDArray[np.float64]
 
@@ -29,7 +30,7 @@ class Variant:
     """One way to pose and solve: mesh settings other than the usual, solver, compiled."""
 
     mesh: tuple[tuple[str, float | str], ...] = ()
-    solver: str = "fatrop"
+    solver: SolverName = "fatrop"
     compiling: Compile = "no"
 
     @property
@@ -80,13 +81,12 @@ def measured(
     """
     mesh = dataclasses.replace(scene.mesh, **dict(variant.mesh))  # type: ignore[arg-type]
     scene = scene.replace(mesh=mesh)
-    planner = Planner(scene, compiling=variant.compiling)
-    planner.plan(targets[0], solver=variant.solver)  # type: ignore[arg-type]
+    planner = warmed(scene, targets[:1], variant.compiling, variant.solver)
     beside, first = [], []
     for target in targets:
         beside.append(_first(usual, target, "fatrop", repeats).seconds)
         first.append(_first(planner, target, variant.solver, repeats))
-    plans = [planner.plan(target, solver=variant.solver) for target in targets]  # type: ignore[arg-type]
+    plans = [planner.plan(target, solver=variant.solver) for target in targets]
     done = [plan for plan in plans if plan.solved]
     return Measured(
         sum(not one.trouble for one in first),

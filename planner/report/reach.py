@@ -31,6 +31,7 @@ from .following import following
 from .map_targets import map_targets
 from .page import Cell, Effort, Picture, Section, Table
 from .rivals import rivals
+from .warmed import warmed
 
 #: Seed of the targets.
 SEED = 1
@@ -45,9 +46,8 @@ TARGETS = {
 }
 #: Scenes that are planned once more with prepared throws.
 PREPARED = ("pose", "cup", "hand-box")
-#: Plans before any is timed, and the longest time [s] to wait for what a compiler then makes in
-#: the background.
-FIRST, COMPILING = 50, 150.0
+#: Plans before any is timed: the rows they ask for are compiled.
+FIRST = 50
 #: Processes that make the targets; nothing is timed meanwhile.
 WORKERS = 2
 #: Sampled releases that say what is in reach, in draws of this many states.
@@ -83,14 +83,14 @@ def make(effort: Effort) -> Section:
         effort.tell(done, total)
         scene = load_scene(name)
         for compiling in ("wait", "no"):
-            planner = _warmed(scene, targets[0], compiling)
+            first = targets[: effort.of(2, FIRST)]
+            planner = warmed(scene, first, compiling)
             some = targets if compiling == "wait" else targets[: effort.of(10, 100)]
-            _await_code(planner, targets[: effort.of(2, FIRST)])
             results = list(outcomes(planner, some))
             ready = compiling == "wait" and compiler() is not None
             rows.append([name, "yes" if ready else "no", None, *_figures(results)])
             if name in PREPARED and not effort.quick:
-                ahead, words = _prepared(scene, targets[0], compiling)
+                ahead, words = _prepared(scene, first, compiling)
                 notes += words
                 figures = _figures(list(outcomes(ahead, some)))
                 rows.append([name, "yes" if ready else "no", ahead.prepared, *figures])
@@ -143,29 +143,13 @@ def _targets(name: str, count: int) -> list[Pose]:
     return list(itertools.islice(reachable_targets(load_scene(name), SEED), count))
 
 
-def _warmed(scene: Scene, target: Pose, compiling: Compile) -> Planner:
-    """A planner that has built, drawn and compiled what one plan needs."""
-    planner = Planner(scene, compiling=compiling)
-    planner.plan(target)
-    return planner
-
-
-def _prepared(scene: Scene, target: Pose, compiling: Compile) -> tuple[Planner, list[str]]:
+def _prepared(scene: Scene, first: list[Pose], compiling: Compile) -> tuple[Planner, list[str]]:
     """A planner with prepared throws, and what these took if they were not there."""
-    planner, made = _warmed(scene, target, compiling), []
+    planner, made = warmed(scene, first, compiling), []
     start = time.perf_counter()
     planner.prepare(progress=lambda done, total: made.append(done))
     seconds = time.perf_counter() - start
     return planner, [f"{seconds:.0f} s for `{scene.name}`"] if made else []
-
-
-def _await_code(planner: Planner, first: list[Pose]) -> None:
-    """Plans to some targets, which shows what rows they ask for, until these are compiled."""
-    for target in first:
-        planner.plan(target)
-    until = time.perf_counter() + COMPILING
-    while planner.bench.awaited and time.perf_counter() < until:
-        time.sleep(0.2)
 
 
 def _percentiles(values: list[float]) -> list[Cell]:
@@ -278,7 +262,7 @@ def _truer(effort: Effort) -> Table:
     targets = list(itertools.islice(reachable_targets(scene, SEED), effort.of(4, 60)))
     for model in ("sp", "ls-step"):
         tolerance = dataclasses.replace(scene.tolerance, model=model)
-        planner = _warmed(scene.replace(tolerance=tolerance), targets[0], "wait")
+        planner = warmed(scene.replace(tolerance=tolerance), targets, "wait")
         plans = [result.plan for result in outcomes(planner, targets)]
         throws = [plan.throw.limit_surface.miss(plan.target) for plan in plans if plan.throw]
         x, theta = np.abs(throws).T
