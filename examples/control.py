@@ -20,7 +20,8 @@ def main() -> None:
         scene = tp.load_scene(name)
         for control in ("jerk", "acceleration"):
             robot = dataclasses.replace(scene.robot, control=control)
-            result = tp.plan(scene.replace(robot=robot)).to_dict()
+            planner = tp.Planner(scene.replace(robot=robot), compiling="no")
+            result = planner.plan().to_dict()
             sent, exact = result["landing"]["sent"], result["landing"]["exact"]
             error = result["error"]["sent"]
             moved = (
