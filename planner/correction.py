@@ -180,8 +180,8 @@ def _corrected(
         solution, numbers = _solved(problem, mover, goal, guess, search, warm)
         if not solution.success:
             if best is None:
-                why = solution.message if not solution.iterations else ""
-                search.trouble.append(why or f"{problem.solver.name} did not converge")
+                failed = f"{problem.solver.name} did not converge"
+                search.trouble.append(failed if solution.answered else solution.message)
             break
         try:
             candidate = _candidate(problem, mover, solution, numbers, target, goal, search)

@@ -15,13 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..problems.scene import Scene
-from .geometry import (
-    column_of,
-    column_room,
-    held_bar,
-    lowest_of_bar,
-    palm_corners,
-)
+from .geometry import column_of, column_room, held_bar, lowest_of_bar, palm_corners
 from .mover import Limits, Mover
 from .numbers import BRAKE_SHARE, PASSING_ROOM
 from .releases import Releases, ReleaseSampler

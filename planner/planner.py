@@ -19,13 +19,12 @@ from .answers import failed_plan, solved_plan
 from .compiled import Compile
 from .correction import Problem, Search, attempt
 from .derivatives import nlp_key
-from .guess import guess_from
+from .from_release import from_release
 from .hardening import hardened
 from .kernel_code import KernelCode, check_kernels
 from .mover import make_mover
 from .plan import Plan, checked_target
 from .reach import Binding, Reach
-from .refit import again
 from .release_cache import stored
 from .releases import Releases, ReleaseSampler
 from .solver import Solution
@@ -34,7 +33,7 @@ from .starts import Turns, goals_of, starts
 from .workbench import HEAVY, Workbench
 
 if TYPE_CHECKING:
-    from .solved_throws import SolvedThrow, SolvedThrows
+    from .solved_throws import SolvedThrows
 
 Progress = Callable[[int, int], None]
 SolverName = Literal["auto", "fatrop", "ipopt"]
@@ -57,10 +56,8 @@ MOST_ALTERNATIVES = 20
 SAMPLES = 20_000
 #: Time [s] after which no further attempt is made. Usual plans take a thousandth of it.
 PATIENCE = 20.0
-#: Throws that `prepare` tries to solve, the most it may be asked for, and starts tried of each.
-PREPARED, MOST_PREPARED, PREPARING = 1000, 10_000, 3
-#: NLPs tried from one release, each asked what the check has seen to be missing.
-TRIES = 4
+#: Throws that `prepare` tries to solve, and the most it may be asked for.
+PREPARED, MOST_PREPARED = 1000, 10_000
 
 
 class Planner:
@@ -155,7 +152,8 @@ class Planner:
         whose plans look for several throws.
         """
         # Imported here: a plan needs none of it.
-        from . import solved_throws
+        from .preparing import solved
+        from .solved_throws import stored as stored_throws
 
         whole = isinstance(throws, int | np.integer) and not isinstance(throws, bool)
         if not whole or not 1 <= throws <= MOST_PREPARED:
@@ -167,28 +165,9 @@ class Planner:
         target, search = self.check(), Search(self.scene)
         self._take_code(search)
         key = nlp_key(self.bench.nlp(target, search), "fatrop")
-        made = functools.partial(self._solved, int(throws), progress)
-        self._throws = solved_throws.stored(key, self.scene, int(throws), made)
+        made = functools.partial(solved, self.bench, self.releases, int(throws), progress)
+        self._throws = stored_throws(key, self.scene, int(throws), made)
         return len(self._throws)
-
-    def _solved(self, throws: int, progress: Progress | None) -> Iterator[SolvedThrow]:
-        """Throws to targets all over the reach, as far as they are soon found."""
-        from . import solved_throws
-        from .reach_map import reach_map
-
-        reach = reach_map(self.scene, samples=solved_throws.SAMPLES)
-        wanted = solved_throws.targets(self.scene, reach.x, reach.theta, throws)
-        for number, target in enumerate(wanted):
-            if progress is not None:
-                progress(number, len(wanted))
-            search = Search(self.scene.aimed_at(target))
-            for index, goal, _ in self.starts(target, PREPARING):
-                found = self._from_release("fatrop", index, goal, self.releases(), search, True)
-                if found:
-                    yield solved_throws.SolvedThrow.of(found[0].thrown, goal, search.guards)
-                    break
-        if progress is not None:
-            progress(len(wanted), len(wanted))
 
     @property
     def prepared(self) -> int:
@@ -241,7 +220,9 @@ class Planner:
             for index, goal, _ in first[: count * wanted]:
                 if search.late:
                     break
-                found += self._from_release(name, index, goal, releases, search, light)
+                throw = from_release(self.bench, name, index, goal, releases, search, light)
+                if throw is not None:
+                    found.append(throw)
                 if len(distinct(found)) >= wanted:
                     return self._chosen(found, alternatives, search)
         if found:
@@ -312,48 +293,6 @@ class Planner:
         among = 1 if choice is None else choice.among
         return max(among, 1 + alternatives)
 
-    def _from_release(
-        self,
-        name: str,
-        index: int,
-        goal: Pose,
-        releases: Releases,
-        search: Search,
-        light: bool,
-    ) -> list[Found]:
-        """The throw that one sampled release leads to, if any; light: without heavy guards."""
-        flight, room = self._flight_time(releases, index, goal), search.room
-        sampled = True
-        for _ in range(TRIES):
-            nlp, asked = self.bench.nlp(goal, search), search.asked
-            this = name, index, goal, asked
-            if sampled and this in search.tried:
-                break
-            with search.clock("guess"):
-                guess = (
-                    guess_from(nlp, search.scene, self.mover, releases, index, flight)
-                    if sampled
-                    else again(nlp, search)
-                )
-            problem = self.bench.problem(goal, name, search)
-            thrown = attempt(problem, self.mover, goal, guess, search)
-            if thrown is not None:
-                return [Found(goal, thrown, problem.solver.name)]
-            if search.broken is None or search.asked == asked or search.late:
-                if sampled:
-                    search.tried.add(this)
-                break
-            if light and search.guards & HEAVY:
-                search.guards, search.room = asked
-                break
-            # A sampled release that clears column and hand leads there sooner than a throw
-            # that does not; for all else the throw is nearer.
-            sampled = sampled and search.guards == {"flight"} and bool(releases.clear[index])
-        if "carry" not in search.guards:
-            # Where one throw's corners needed room another's may not.
-            search.room = dataclasses.replace(search.room, held=room.held)
-        return []
-
     def _chosen(self, found: list[Found], alternatives: int, search: Search) -> Plan:
         """The plan of the best throw found, with the others that differ."""
         by = "effort" if self.scene.choice is None else self.scene.choice.by
@@ -415,10 +354,6 @@ class Planner:
             answer = self._reach.nearest_possible(search.scene, releases, goal, search.guards)
         search.iterations += answer.iterations
         return answer
-
-    def _flight_time(self, releases: Releases, index: int, goal: Pose) -> float:
-        """How long release `index` flies down to the goal's height [s]."""
-        return float(releases.landings(goal.z, self.scene.gravity)[2][index])
 
     def releases(self) -> Releases:
         """The table of sampled releases that starting points come from."""

@@ -129,7 +129,7 @@ class Reach:
         for tried, index in enumerate(indices):
             if tried >= STARTS and missed <= known:
                 break
-            flown = float(entering.landings(target.z, scene.gravity)[2][index])
+            flown = entering.flight_time(index, target.z, scene.gravity)
             guess = guess_from(nlp, scene, mover, entering, int(index), flown)
             solution = solver.solve(guess, numbers, limits)
             iterations += solution.iterations

@@ -64,6 +64,10 @@ class Releases:
         x, theta, time = self._at(height, gravity)["landings"]
         return x, theta, time
 
+    def flight_time(self, index: int, height: float, gravity: float) -> float:
+        """How long release `index` flies down to `height` [s]; NaN if it does not."""
+        return float(self.landings(height, gravity)[2][index])
+
     def shares(self, height: float, gravity: float) -> Array:
         """Coordinates, rates and flight times (N, 2n + 1), each as a share of its range."""
         last = self._at(height, gravity)

@@ -28,9 +28,9 @@ from .sparse import sparse_parents
 
 Array = npt.NDArray[np.float64]
 
-#: Sampled states whose landings are the targets; share of these drawn evenly over the reach, its
-#: edge above all, the others as often as random throws land there.
-SAMPLES, EVENLY = 60_000, 0.25
+#: Share of the targets drawn evenly over the reach, its edge above all, the others as often as
+#: random throws land there.
+EVENLY = 0.25
 #: Within this distance [m, scaled error] of a target a solved throw is of use.
 NEAR = 0.2
 #: How many of the nearest are tried.

@@ -49,6 +49,11 @@ class Solution:
     seconds: float
     message: str
 
+    @property
+    def answered(self) -> bool:
+        """Whether the solver came to any point; `message` says why not."""
+        return bool(self.lam_g.size)
+
 
 class Solver:
     """One NLP with one solver; `solve` may be called many times.

@@ -44,9 +44,9 @@ class _Worker:
         self._thread.start()
 
     def call(self, made: Callable[[], Answer], limit: float) -> tuple[Any, BaseException | None]:
-        """What the call gives, or raises; after any other exception here the thread is lost.
+        """What the call gives and what it raises; GivenUpError after `limit` [s].
 
-        GivenUpError after `limit` [s].
+        After an exception here, that one or Ctrl-C's, the thread is lost.
         """
         self._calls.put(made)
         try:
@@ -101,10 +101,8 @@ class _Worker:
         # here the C library's own pause, which returns after the next signal only.
         library = ctypes.CDLL(None)
         pause = ctypes.cast(library.pause, ctypes.c_void_p)
-        library.signal.argtypes, library.signal.restype = (
-            (ctypes.c_int, ctypes.c_void_p),
-            ctypes.c_void_p,
-        )
+        library.signal.argtypes = (ctypes.c_int, ctypes.c_void_p)
+        library.signal.restype = ctypes.c_void_p
         library.signal(number, pause)
         signal.pthread_kill(ident, number)
 

@@ -18,11 +18,12 @@ import pytest
 import throwplan
 from throwplan.planner import (
     correction,
+    from_release,
     hardening,
     numbers,
     planner,
+    preparing,
     releases,
-    solved_throws,
     solver,
     window,
 )
@@ -144,7 +145,7 @@ def test_python_of_the_readme_runs(tmp_path, monkeypatch):
     text = (ROOT / "README.md").read_text(encoding="utf-8")
     (code,) = re.findall(r"^```python\n(.*?)^```", text, flags=re.M | re.S)
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr(solved_throws, "SAMPLES", 4000)
+    monkeypatch.setattr(preparing, "SAMPLES", 4000)
     few = functools.partialmethod(throwplan.Planner.prepare, 8)
     monkeypatch.setattr(throwplan.Planner, "prepare", few)
     found: dict[str, Any] = {}
@@ -205,7 +206,7 @@ def test_numbers_of_how_it_works_are_the_program_s():
         f"IPOPT from up to {words[planner.STARTS['ipopt']]}",
         f"up to {words[correction.MAX_CORRECTIONS]} times",
         f"under {1e3 * correction.AIM[0]:g} mm and {math.degrees(correction.AIM[1]):g}°",
-        f"up to {words[planner.TRIES]} problems from one start",
+        f"up to {words[from_release.TRIES]} problems from one start",
         f"farther than {planner.FAR:g} m",
         f"as {releases.DETOUR:g} m farther",
         f"less than {1e3 * correction.SHALLOW:g} mm into floor or column",

@@ -44,7 +44,7 @@ def point_of(scene: tp.Scene, nlp: ThrowNlp) -> tuple[np.ndarray, np.ndarray]:
     releases = sampler.draw(6000)
     target = scene.target
     index = nearest(releases, scene, target.x, target.z, target.theta, 1)[0][0]
-    flight = float(releases.landings(target.z, scene.gravity)[2][index])
+    flight = releases.flight_time(index, target.z, scene.gravity)
     x = guess_from(nlp, scene, mover, releases, int(index), flight)
     return x, nlp.parameters.vector(parameter_values(scene, mover, target))
 

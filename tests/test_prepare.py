@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner import correction, solved_throws
+from throwplan.planner import correction, preparing, solved_throws
 from throwplan.planner.context import Room
 from throwplan.planner.solved_throws import SolvedThrow, SolvedThrows, _read
 from throwplan.problems.choice import Choice
@@ -21,7 +21,7 @@ COUNT = 60
 def a_cache_of_their_own(tmp_path_factory: pytest.TempPathFactory):
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("THROWPLAN_CACHE", str(tmp_path_factory.mktemp("prepared")))
-        patch.setattr(solved_throws, "SAMPLES", 20_000)
+        patch.setattr(preparing, "SAMPLES", 20_000)
         yield
 
 

@@ -190,6 +190,6 @@ def test_single_shooting_reaches_what_the_planner_reaches() -> None:
     assert target is not None
     releases = planner.releases()
     index = planner.starts(target)[0][0]
-    flight = float(releases.landings(target.z, scene.gravity)[2][index])
+    flight = releases.flight_time(index, target.z, scene.gravity)
     solved, _ = SingleShooting(scene).solve(scene, target, releases, index, flight)
     assert solved

@@ -45,7 +45,7 @@ def from_noisy_guess(name: str, size: float, number: int) -> tuple[str, str]:
     target, releases = plan.target, planner.releases()
     index, goal, _ = planner.starts(target)[0]
     scene = plan.scene.aimed_at(target)
-    flight = float(releases.landings(goal.z, scene.gravity)[2][index])
+    flight = releases.flight_time(index, goal.z, scene.gravity)
     search = Search(scene)
     nlp = planner.bench.nlp(goal, search)
     guess = guess_from(nlp, scene, planner.mover, releases, index, flight)

@@ -120,7 +120,7 @@ def _first(planner: Planner, target: Pose, solver: str, repeats: int) -> _First:
     scene, mover, search = planner.scene.aimed_at(target), planner.mover, Search(planner.scene)
     releases = planner.releases()
     index = planner.starts(target)[0][0]
-    flight = float(releases.landings(target.z, scene.gravity)[2][index])
+    flight = releases.flight_time(index, target.z, scene.gravity)
     problem = planner.bench.problem(target, solver, search)
     nlp = problem.nlp
     guess = guess_from(nlp, scene, mover, releases, index, flight)
