@@ -145,13 +145,16 @@ def attempt(
     search: Search,
     warm: Solution | None = None,
     aim: tuple[float, float] = (0.0, 0.0),
+    *,
+    near: bool = True,
 ) -> PlannedThrow | None:
     """One solve and its corrections; None (and why, in `search`) if it is no good.
 
-    aim: (dx [m], dtheta [rad]) beside the target to aim at first.
+    aim: (dx [m], dtheta [rad]) beside the target to aim at first. near: whether `warm` is the
+    solution for almost the same target.
     """
     search.broken = None
-    best = _corrected(problem, mover, target, guess, search, warm, aim)
+    best = _corrected(problem, mover, target, guess, search, warm, aim, near)
     if best is None:
         return None
     with search.clock("check"):
@@ -171,13 +174,14 @@ def _corrected(
     search: Search,
     warm: Solution | None,
     aim: tuple[float, float],
+    near: bool,
 ) -> _Candidate | None:
     goal = target.in_plane(target.plane_x + aim[0], target.turned(aim[1]).theta)
     tolerance = search.scene.tolerance
     aimed = min(AIM[0], tolerance.position / 2), min(AIM[1], tolerance.angle / 2)
     best, best_miss = None, math.inf
     for _ in range(MAX_CORRECTIONS):
-        solution, numbers = _solved(problem, mover, goal, guess, search, warm)
+        solution, numbers = _solved(problem, mover, goal, guess, search, warm, near)
         if not solution.success:
             if best is None:
                 failed = f"{problem.solver.name} did not converge"
@@ -198,7 +202,7 @@ def _corrected(
         if miss <= 1.0:
             break
         goal = goal.in_plane(goal.plane_x - dx, goal.turned(-dtheta).theta)
-        guess, warm = solution.x, solution
+        guess, warm, near = solution.x, solution, True
     return best
 
 
@@ -209,12 +213,13 @@ def _solved(
     guess: Array,
     search: Search,
     warm: Solution | None,
+    near: bool,
 ) -> tuple[Solution, Array]:
     """The NLP's solution for `goal`: from `warm` if that works, else from its point afresh."""
     with search.clock("solve"):
         values = parameter_values(search.scene, mover, goal, problem.window, search.room)
         numbers = problem.nlp.parameters.vector(values)
-        solution = problem.solver.solve(guess, numbers, problem.limits, warm)
+        solution = problem.solver.solve(guess, numbers, problem.limits, warm, near=near)
         if not solution.success and warm is not None:
             search.iterations += solution.iterations
             solution = problem.solver.solve(warm.x, numbers, problem.limits)

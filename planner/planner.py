@@ -45,6 +45,8 @@ LIGHT_STARTS = 4
 #: Beyond this distance [m, scaled error (39)] from every landing of the table the question
 #: what is possible at all comes before further starts.
 FAR = 0.3
+#: A solution for a target within this distance [m, scaled error] needs but a few iterations.
+BESIDE = 0.005
 #: Numerical settings of robust plans, where the scene has none of its own. These hardly slide, so
 #: that a wider rounding costs nothing; with it they were measured.
 QUIET_MESH = Mesh(opening=8, grading=1.0, epsilon=0.03)
@@ -313,7 +315,7 @@ class Planner:
             return None
         search.guards, search.room = kind.guards, warm.throw.room
         problem = self.bench.problem(target, name, search)
-        return self._from_solution(problem, target, solution, warm.throw.aim, search)
+        return self._from_solution(problem, target, solution, warm.target, warm.throw.aim, search)
 
     def _recalled(self, target: Pose, name: str, turns: Turns, search: Search) -> Plan | None:
         """A plan from one of the solved throws nearby, None if that does not lead to one."""
@@ -328,7 +330,9 @@ class Planner:
             problem = self.bench.problem(goal, name, search)
             if not near.fits(goal, problem.nlp.size):
                 continue
-            plan = self._from_solution(problem, goal, near.solution, near.aim, search)
+            plan = self._from_solution(
+                problem, goal, near.solution, near.target, near.aim, search
+            )
             if plan is not None:
                 return plan
         search.guards, search.room = asked
@@ -339,11 +343,14 @@ class Planner:
         problem: Problem,
         goal: Pose,
         solution: Solution,
+        solved: Pose,
         aim: tuple[float, float],
         search: Search,
     ) -> Plan | None:
-        """A plan from a solution of the same NLP for a target nearby, and where that aimed."""
-        thrown = attempt(problem, self.mover, goal, solution.x, search, solution, aim)
+        """A plan from a solution of the same NLP for the target `solved`, and where that aimed."""
+        near = goal.distance(solved, self.scene.object.length / 2) < BESIDE
+        start = goal, solution.x, search, solution, aim
+        thrown = attempt(problem, self.mover, *start, near=near)
         if thrown is None:
             return None
         return solved_plan(self.bench, Found(goal, thrown, problem.solver.name), search)

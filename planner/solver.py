@@ -22,11 +22,10 @@ FEASIBLE = 1e-6
 MAX_ITERATIONS = {"fatrop": 150, "ipopt": 500}
 #: Barrier parameter at the start: small, for the starting points are good ones.
 MU_INIT = 0.01
-#: The same when a solution nearby, with its multipliers, is handed over. FATROP tries the first
-#: for few iterations (3 are usual where the same limits stay active, 6 with the second), then
-#: the second; it moves such a point by as much away from the bounds it lies at.
-MU_WARM = {"fatrop": (1e-8, 1e-5), "ipopt": (1e-5,)}
-FEW = 6
+#: The same when a solution with its multipliers is handed over, and the most iterations from
+#: there: for a target beside its own (3 usual), and after that, or for one some centimetres off
+#: (6 usual). FATROP moves such a point by as much away from the bounds it lies at.
+WARM = {"fatrop": ((1e-8, 12), (1e-6, 60)), "ipopt": ((1e-5, 500),)}
 #: FATROP 1.1 may repeat one factorisation for ever where constraints are this steep at the
 #: start (seen from 3e6 on; usual starts are below 500), so it is not given such a start.
 STEEPEST = 1e5
@@ -82,19 +81,18 @@ class Solver:
         """The plug-in with a barrier parameter to start from."""
         if mu_init in self._solvers:
             return self._solvers[mu_init]
-        steps = MU_WARM[self.name]
-        most = FEW if mu_init in steps[:-1] else self._most
+        warm = dict(WARM[self.name])
         options: dict[str, Any] = {
             "print_time": False,
             "error_on_fail": False,
             "calc_lam_p": False,
             "cache": self._functions,
         }
-        common: dict[str, Any] = {"print_level": 0, "max_iter": most, "tol": 1e-7}
+        common: dict[str, Any] = {"print_level": 0, "max_iter": warm.get(mu_init, self._most), "tol": 1e-7}
         common["mu_init"] = mu_init
         nlp = self.nlp
         if self.name == "fatrop":
-            if mu_init in steps:
+            if mu_init in warm:
                 common |= {"bound_push": mu_init, "bound_frac": mu_init}
             options |= {
                 "structure_detection": "manual",
@@ -115,8 +113,13 @@ class Solver:
         parameters: Array,
         bounds: tuple[Array, Array],
         warm: Solution | None = None,
+        *,
+        near: bool = True,
     ) -> Solution:
-        """Solve from `guess`; `warm` hands over a solution nearby, multipliers too."""
+        """Solve from `guess`; `warm` hands over a solution, multipliers too.
+
+        near: whether that is of almost the same target.
+        """
         arguments: dict[str, Any] = {
             "x0": guess,
             "p": parameters,
@@ -133,7 +136,8 @@ class Solver:
             message = f"not tried from a start with a slope of {steep:.0e}"
             return self._none(guess, message, 0.0)
         start, iterations = time.perf_counter(), 0
-        for mu_init in (MU_INIT,) if warm is None else MU_WARM[self.name]:
+        steps = [mu_init for mu_init, _ in WARM[self.name]] if warm else [MU_INIT]
+        for mu_init in steps if near else steps[-1:]:
             solver = self._solver(mu_init)
             try:
                 result = self._called(solver, arguments)

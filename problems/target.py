@@ -40,6 +40,14 @@ class Pose(Section):
         turn = self.azimuth
         return dataclasses.replace(self, x=x * math.cos(turn), y=x * math.sin(turn), theta=theta)
 
+    def distance(self, other: Pose, lever: float) -> float:
+        """Scaled distance [m] in the throw's plane: |dx| + |dz| + |dtheta| `lever` [m] (39).
+
+        theta counts where both fix it.
+        """
+        turn = 0.0 if self.theta is None or other.theta is None else self.theta - other.theta
+        return abs(self.plane_x - other.plane_x) + abs(self.z - other.z) + abs(turn) * lever
+
     def turned(self, angle: float) -> Pose:
         """The same pose with theta, if fixed, `angle` [rad] further."""
         return dataclasses.replace(self, theta=None if self.theta is None else self.theta + angle)

@@ -29,6 +29,9 @@ def hand(tmp_path_factory) -> Path:
 
 
 def view_process(arguments: list[str]) -> subprocess.Popen[str]:
+    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
+        # As a shell's background job has it, and hands it on.
+        signal.signal(signal.SIGINT, signal.default_int_handler)
     return subprocess.Popen(
         [sys.executable, "-m", "throwplan", "view", *arguments],
         stdout=subprocess.PIPE,
