@@ -114,8 +114,8 @@ def _past_column(context: Context, stage: Stage, flight: FlightState) -> None:
             theta = ca.SX(at.theta)
             cos, sin = ca.cos(theta), ca.sin(theta)
             x, z = at.x + along * cos, at.z + along * sin
-            room = _off_column(context, x, z, cos, sin) - share * p("passing_room")
-            stage.row("base column", room, 0.0, np.inf)
+            room = share * p("passing_room") - (1 - share) * p("column_room")
+            stage.row("base column", _off_column(context, x, z, cos, sin) - room, 0.0, np.inf)
 
 
 def _off_column(context: Context, x: ca.SX, z: ca.SX, cos: ca.SX, sin: ca.SX) -> ca.SX:

@@ -35,7 +35,7 @@ def from_release(
     for _ in range(TRIES):
         nlp, asked = bench.nlp(goal, search), search.asked
         if sampled:
-            this = name, index, goal, asked
+            this = name, id(releases), index, goal, asked
             if this in search.tried:
                 break
             tried.append(this)

@@ -46,8 +46,9 @@ QUIET_WEIGHT = 10.0
 QUIET_HAIR = 0.05
 #: Price of the scenarios' mean square scaled miss [1/m^2].
 SCENARIO_WEIGHT = 1e4
-#: Room the NLP keeps beside cup and workspace for smoothing and correction [m].
-ROOM = 0.001
+#: Room [m] that the NLP keeps for what lies between its nodes, smoothing and correction: beside
+#: the cup; of what is carried beside floor and column; of the flying bar beside the hand.
+CUP_ROOM, HELD_ROOM, PALM_ROOM = 0.001, 0.001, 0.008
 
 
 def structure_of(
@@ -161,10 +162,10 @@ def parameter_values(
         values["start"] = mover.start
     if scene.workspace is not None:
         workspace = scene.workspace
-        values["floor"] = (workspace.floor or 0.0) + ROOM
-        values["column_radius"] = (workspace.column_radius or 0.0) + ROOM
-        values["column_height"] = (workspace.column_height or 0.0) + ROOM
-        values["passing_room"] = PASSING_ROOM
+        values["floor"] = (workspace.floor or 0.0) + HELD_ROOM
+        values["column_radius"] = (workspace.column_radius or 0.0) + HELD_ROOM
+        values["column_height"] = (workspace.column_height or 0.0) + HELD_ROOM
+        values["passing_room"], values["column_room"] = PASSING_ROOM, HELD_ROOM
         values["held_room"] = room.held
         values |= _palm_values(scene)
     if scene.landing is not None:
@@ -177,7 +178,7 @@ def parameter_values(
         values["cup_x"], values["cup_rim"], values["cup_insertion"] = cup.x, cup.rim, cup.insertion
         # The bar is as thick as it is wide, so a round cup is narrower beside its middle.
         chord = math.sqrt(cup.radius**2 - (scene.object.width / 2) ** 2)
-        values["cup_radius"], values["cup_clearance"] = chord, cup.clearance + ROOM + room.cup
+        values["cup_radius"], values["cup_clearance"] = chord, cup.clearance + CUP_ROOM + room.cup
         values["lower_end"] = lower_end(scene, target)
     return values
 
@@ -224,7 +225,7 @@ def _palm_values(scene: Scene) -> dict[str, Any]:
     """The hand's body, grown by the clearance and half the bar's width."""
     if scene.arm is None or scene.workspace is None:
         return {}
-    tool, grown = scene.arm.tool, scene.object.width / 2 + 8 * ROOM
+    tool, grown = scene.arm.tool, scene.object.width / 2 + PALM_ROOM
     grown += scene.workspace.palm_clearance or 0.0
     return {
         "body_back": tool.palm_back,

@@ -19,6 +19,7 @@ from .answers import failed_plan, solved_plan
 from .compiled import Compile
 from .correction import Problem, Search, attempt
 from .derivatives import nlp_key
+from .from_elastic import from_elastic
 from .from_release import from_release
 from .hardening import hardened
 from .kernel_code import KernelCode, check_kernels
@@ -29,7 +30,7 @@ from .release_cache import stored
 from .releases import Releases, ReleaseSampler
 from .solver import Solution
 from .start import check_start
-from .starts import Turns, goals_of, starts
+from .starts import Turns, goals_of, past_column, starts
 from .workbench import HEAVY, Workbench
 
 if TYPE_CHECKING:
@@ -214,34 +215,48 @@ class Planner:
             if answer is None or answer.outside:
                 return failed_plan(self.bench, target, answer, releases, names[-1], search)
         found: list[Found] = []
-        # Heavy guards cost more than other starts, which often do without.
-        for name, count, light in _rounds(names):
-            if name != names[0] and search.guards & HEAVY:
-                # The starts have had IPOPT already.
-                break
-            for index, goal, _ in first[: count * wanted]:
-                if search.late:
-                    break
-                throw = from_release(self.bench, name, index, goal, releases, search, light)
-                if throw is not None:
-                    found.append(throw)
-                if len(distinct(found)) >= wanted:
-                    return self._chosen(found, alternatives, search)
+        for name, light, table, index, goal in self._tries(first, target, turns, names, search):
+            throw = from_release(self.bench, name, index, goal, table, search, light)
+            if throw is not None:
+                found.append(throw)
+            if len(distinct(found)) >= wanted:
+                return self._chosen(found, alternatives, search)
         if found:
             return self._chosen(found, alternatives, search)
         if first and (answer is None or search.guards) and not search.late:
             answer = self._possible(first[0][1], releases, search)
         reached = answer is not None and not answer.outside and answer.solution is not None
         if reached and answer is not None and not search.late:
-            # The elastic solve reached the target: its point starts the real problem.
-            goal = answer.goal
-            guess = answer.guess_for(self.bench.nlp(goal, search))
-            thrown = attempt(
-                self.bench.problem(goal, "ipopt", search), self.mover, goal, guess, search
-            )
-            if thrown is not None:
-                return self._chosen([Found(goal, thrown, "ipopt")], alternatives, search)
+            throw = from_elastic(self.bench, answer, search)
+            if throw is not None:
+                return self._chosen([throw], alternatives, search)
         return failed_plan(self.bench, target, answer, releases, names[-1], search)
+
+    def _tries(
+        self,
+        first: list[tuple[int, Pose, float]],
+        target: Pose,
+        turns: Turns,
+        names: tuple[str, ...],
+        search: Search,
+    ) -> Iterator[tuple[str, bool, Releases, int, Pose]]:
+        """Solver, whether without heavy guards, release and goal, one after the other."""
+        table = releases = self.releases()
+        share = len(first) / max(STARTS.values())
+        # Heavy guards cost more than other starts, which often do without.
+        for name, count, light in _rounds(names):
+            if name != names[0] and search.guards & HEAVY:
+                # The starts have had IPOPT already.
+                return
+            number = 0
+            while number < min(count * share, len(first)) and not search.late:
+                index, goal, _ = first[number]
+                number += 1
+                yield name, light, table, index, goal
+                if "passing" in search.guards and table is releases:
+                    # Now from the nearest of those that fly past the column.
+                    number, table = 0, past_column(releases, self.scene, target.z)
+                    first = starts(table, self.scene, target, turns, len(first))
 
     def _method(self, robust: str | None) -> str:
         """The robust method that is asked for, empty if none."""
@@ -330,9 +345,7 @@ class Planner:
             problem = self.bench.problem(goal, name, search)
             if not near.fits(goal, problem.nlp.size):
                 continue
-            plan = self._from_solution(
-                problem, goal, near.solution, near.target, near.aim, search
-            )
+            plan = self._from_solution(problem, goal, near.solution, near.target, near.aim, search)
             if plan is not None:
                 return plan
         search.guards, search.room = asked

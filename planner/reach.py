@@ -31,6 +31,7 @@ from .numbers import (
 )
 from .releases import Releases, nearest
 from .solver import Solution, Solver
+from .starts import past_column
 from .workbench import patient
 
 Array = npt.NDArray[np.float64]
@@ -54,7 +55,8 @@ _KINDS = {"q": "position", "dq": "velocity", "ddq": "acceleration", "T": "carry 
 class Binding:
     """The nearest possible landing to `goal` (None: nothing was found) and what binds there.
 
-    inside_tolerance: whether it is the goal itself; names: the binding limits.
+    inside_tolerance: whether it is the goal itself; names: the binding limits. beside: (dx [m],
+    dtheta [rad]) from the goal to where the elastic point lands by its own model.
     """
 
     goal: Pose
@@ -64,6 +66,7 @@ class Binding:
     iterations: int
     solution: Solution | None
     nlp: ThrowNlp | None
+    beside: tuple[float, float] = (0.0, 0.0)
 
     @property
     def outside(self) -> bool:
@@ -119,6 +122,8 @@ class Reach:
         numbers = nlp.parameters.vector(parameter_values(scene, mover, target))
         limits = bounds(nlp, scene, mover)
         entering = _into_the_cup(scene, releases, target)
+        if "passing" in guards:
+            entering = past_column(entering, scene, target.z)
         indices, distances = nearest(
             entering, scene, target.plane_x, target.z, target.theta, STARTS + MORE_STARTS
         )
@@ -145,12 +150,13 @@ class Reach:
             return Binding(target, None, False, (), iterations, None, None)
         angle = None if target.theta is None else landing.theta
         end = np.array(nlp.landing(best.x, numbers)).ravel()
-        dx = abs(end[0] - target.plane_x)
-        dtheta = 0.0 if target.theta is None else abs(end[2] - target.theta)
-        inside = bool(dx <= scene.tolerance.position and dtheta <= scene.tolerance.angle)
+        dx = float(end[0] - target.plane_x)
+        dtheta = 0.0 if target.theta is None else float(end[2] - target.theta)
+        most = scene.tolerance
+        inside = abs(dx) <= most.position and abs(dtheta) <= most.angle
         names = () if inside else _binding(nlp, mover, best, limits)
         pose = target.in_plane(landing.x, angle)
-        return Binding(target, pose, inside, names, iterations, best, nlp)
+        return Binding(target, pose, inside, names, iterations, best, nlp, (dx, dtheta))
 
 
 def _miss(nlp: ThrowNlp, solution: Solution, numbers: Array, scene: Scene, target: Pose) -> float:

@@ -26,7 +26,7 @@ from .folders import filling
 from .map_bins import WIDTHS, edges_of, place, places
 from .map_throws import allowed, cells_of, chunks, margins
 from .mover import make_mover
-from .numbers import FLIGHT_MAX, ROOM
+from .numbers import CUP_ROOM, FLIGHT_MAX
 from .reach import highest
 from .releases import joined
 from .start import check_start
@@ -189,7 +189,7 @@ def reach_map(
         thrown, x, theta, time = thrown.picked(in_time), x[in_time], theta[in_time], time[in_time]
         good = allowed(scene, mover, thrown, time)
         # With the room that a plan keeps.
-        good &= enters_cup_at_landing(aimed, thrown.detach, x, time, ROOM)
+        good &= enters_cup_at_landing(aimed, thrown.detach, x, time, CUP_ROOM)
         thrown = thrown.picked(good)
         parts.append((x[good], theta[good], margins(scene, mover, thrown), cells_of(mover, thrown)))
         done += count

@@ -1,4 +1,4 @@
-"""Whether sampled throws clear the base column on their way and the hand that lets go.
+"""Whether sampled throws clear the base column, held and in flight, and the hand that lets go.
 
 A planner that starts from a run-up through the column mostly ends with one.
 """
@@ -17,7 +17,7 @@ from .run_up import polynomial
 
 Array = npt.NDArray[np.float64]
 
-#: Instants of the run-up at which the held bar is held against the column.
+#: Instants of run-up and flight at which the bar is held against the column.
 INSTANTS = 24
 
 
@@ -37,6 +37,24 @@ def clears_column(
         q = polynomial(path, share * duration)
         hand = mapped(mover.motion)(q, 0 * q, 0 * q)[0].T
         clear &= column_room(scene.object, held_bar(scene, hand), *column) >= 0.0
+    return clear
+
+
+def flies_past_column(scene: Scene, detach: Array, duration: Array) -> npt.NDArray[np.bool_]:
+    """Whether the flying bar (N,) stays out of the base column.
+
+    detach (N, 6): the bar's pose and twist there; duration (N,) [s] of the flights, NaN where it
+    does not come down, which counts as clear. True where nothing is asked.
+    """
+    clear = np.ones(len(detach), dtype=bool)
+    column = column_of(scene)
+    if column is None or not clear.size:
+        return clear
+    x, z, theta, v_x, v_z, omega = detach.T
+    for share in np.linspace(0.0, 1.0, INSTANTS):
+        t = share * np.nan_to_num(duration)
+        com = np.array([x + v_x * t, z + (v_z - scene.gravity * t / 2) * t, theta + omega * t])
+        clear &= column_room(scene.object, com, *column) >= 0.0
     return clear
 
 

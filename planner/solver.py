@@ -88,8 +88,8 @@ class Solver:
             "calc_lam_p": False,
             "cache": self._functions,
         }
-        common: dict[str, Any] = {"print_level": 0, "max_iter": warm.get(mu_init, self._most), "tol": 1e-7}
-        common["mu_init"] = mu_init
+        common: dict[str, Any] = {"print_level": 0, "mu_init": mu_init, "tol": 1e-7}
+        common["max_iter"] = warm.get(mu_init, self._most)
         nlp = self.nlp
         if self.name == "fatrop":
             if mu_init in warm:

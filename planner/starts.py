@@ -8,6 +8,7 @@ from typing import Literal
 import numpy as np
 
 from ..problems.scene import Pose, Scene
+from .release_room import flies_past_column
 from .releases import Releases, nearest
 
 Turns = Literal["exact", "any"]
@@ -25,6 +26,13 @@ def starts(
         pairs = zip(*nearest(releases, scene, goal.plane_x, goal.z, goal.theta, count), strict=True)
         found += [(int(i), goal, float(d)) for i, d in pairs]
     return sorted(found, key=lambda entry: entry[2])
+
+
+def past_column(releases: Releases, scene: Scene, height: float) -> Releases:
+    """The releases whose bar flies past the base column down to `height` [m]; all, if none does."""
+    _, _, time = releases.landings(height, scene.gravity)
+    found = flies_past_column(scene, releases.detach, time)
+    return releases.picked(found) if found.any() else releases
 
 
 def goals_of(releases: Releases, scene: Scene, target: Pose, turns: Turns) -> list[Pose]:
