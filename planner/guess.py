@@ -66,7 +66,7 @@ def guess_from(
 
 
 def _cup_times(scene: Scene, detach: Array, flight: float, depths: int) -> Array:
-    """When (depths,) [s] after detach the bar's lower end is at each depth below the rim.
+    """When (depths,) [s] after detach the bar's lowest corner is at each depth below the rim.
 
     detach (6,): CoM pose and twist. The landing height may well be above the rim.
     """
@@ -74,7 +74,9 @@ def _cup_times(scene: Scene, detach: Array, flight: float, depths: int) -> Array
     assert cup is not None and target is not None
     times = flight + np.linspace(-CUP_SPAN[0], CUP_SPAN[1], CUP_INSTANTS)
     z = detach[1] + (detach[4] - scene.gravity / 2 * times) * times
-    lowest = z + lower_end(scene, target) * np.sin(detach[2] + detach[5] * times)
+    theta = detach[2] + detach[5] * times
+    end, across = lower_end(scene, target), scene.object.width / 2
+    lowest = z + end * np.sin(theta) - across * np.abs(np.cos(theta))
     # Falling from here on, as far as the spin lets it.
     depth = np.maximum.accumulate(cup.rim - lowest)
     asked = cup.insertion * np.arange(depths) / max(depths - 1, 1)

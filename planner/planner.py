@@ -16,6 +16,7 @@ from ..problems.robust import COMPARED, METHODS
 from ..problems.scene import Pose, Scene
 from .alternatives import Found, distinct, ordered
 from .answers import failed_plan, solved_plan
+from .closer import closer
 from .compiled import Compile
 from .correction import Problem, Search, attempt
 from .derivatives import nlp_key
@@ -38,6 +39,8 @@ if TYPE_CHECKING:
 
 Progress = Callable[[int, int], None]
 SolverName = Literal["auto", "fatrop", "ipopt"]
+#: Solver, number of starts and whether without heavy guards.
+Round = tuple[str, int, bool]
 
 #: Starts tried with FATROP, then with IPOPT.
 STARTS = {"fatrop": 6, "ipopt": 4}
@@ -204,59 +207,72 @@ class Planner:
         search: Search,
     ) -> Plan:
         """Solvers in turn, each from several starts; then the honest answer."""
+        wanted = self._wanted(alternatives)
+        most = max(STARTS.values()) * wanted
         with search.clock("guess"):
             releases = self.releases()
-            wanted = self._wanted(alternatives)
-            first = starts(releases, self.scene, target, turns, max(STARTS.values()) * wanted)
+            first = starts(releases, self.scene, target, turns, most)
+            far = not first or first[0][2] > FAR
+            if first and far:
+                releases = closer(self._sampler, releases, first[0][1])
+                first = starts(releases, self.scene, target, turns, most)
+                far = first[0][2] > FAR
         answer: Binding | None = None
-        if not first or first[0][2] > FAR:
+        if far:
             # Nothing like it in the table: ask first what is possible at all.
             answer = self._possible(first[0][1], releases, search) if first else None
             if answer is None or answer.outside:
                 return failed_plan(self.bench, target, answer, releases, names[-1], search)
         found: list[Found] = []
-        for name, light, table, index, goal in self._tries(first, target, turns, names, search):
-            throw = from_release(self.bench, name, index, goal, table, search, light)
-            if throw is not None:
+        for rounds in _rounds(names):
+            for throw in self._throws_from(first, releases, target, turns, rounds, search):
                 found.append(throw)
-            if len(distinct(found)) >= wanted:
+                if len(distinct(found)) >= wanted:
+                    return self._chosen(found, alternatives, search)
+            if found:
                 return self._chosen(found, alternatives, search)
-        if found:
-            return self._chosen(found, alternatives, search)
-        if first and (answer is None or search.guards) and not search.late:
+            if not far and not search.late:
+                # The table is too coarse here.
+                with search.clock("guess"):
+                    releases, far = closer(self._sampler, releases, first[0][1]), True
+                    first = starts(releases, self.scene, target, turns, most)
+        if not search.late and (answer is None or search.guards):
             answer = self._possible(first[0][1], releases, search)
         reached = answer is not None and not answer.outside and answer.solution is not None
         if reached and answer is not None and not search.late:
-            throw = from_elastic(self.bench, answer, search)
-            if throw is not None:
-                return self._chosen([throw], alternatives, search)
+            last = from_elastic(self.bench, answer, search)
+            if last is not None:
+                return self._chosen([last], alternatives, search)
         return failed_plan(self.bench, target, answer, releases, names[-1], search)
 
-    def _tries(
+    def _throws_from(
         self,
         first: list[tuple[int, Pose, float]],
+        releases: Releases,
         target: Pose,
         turns: Turns,
-        names: tuple[str, ...],
+        rounds: list[Round],
         search: Search,
-    ) -> Iterator[tuple[str, bool, Releases, int, Pose]]:
-        """Solver, whether without heavy guards, release and goal, one after the other."""
-        table = releases = self.releases()
-        share = len(first) / max(STARTS.values())
+    ) -> Iterator[Found]:
+        """Throws that `rounds` of starts lead to, from the releases of `first` and then on."""
+        table, most = releases, len(first)
+        share = most / max(STARTS.values())
         # Heavy guards cost more than other starts, which often do without.
-        for name, count, light in _rounds(names):
-            if name != names[0] and search.guards & HEAVY:
+        for name, count, light in rounds:
+            if name != rounds[0][0] and search.guards & HEAVY:
                 # The starts have had IPOPT already.
                 return
             number = 0
             while number < min(count * share, len(first)) and not search.late:
                 index, goal, _ = first[number]
                 number += 1
-                yield name, light, table, index, goal
+                found = from_release(self.bench, name, index, goal, table, search, light)
+                if found is not None:
+                    yield found
                 if "passing" in search.guards and table is releases:
                     # Now from the nearest of those that fly past the column.
                     number, table = 0, past_column(releases, self.scene, target.z)
-                    first = starts(table, self.scene, target, turns, len(first))
+                    first = starts(table, self.scene, target, turns, most)
 
     def _method(self, robust: str | None) -> str:
         """The robust method that is asked for, empty if none."""
@@ -383,6 +399,8 @@ class Planner:
         return self._releases
 
 
-def _rounds(names: tuple[str, ...]) -> list[tuple[str, int, bool]]:
-    """Solver, number of starts and whether without heavy guards, in turn."""
-    return [(names[0], LIGHT_STARTS, True), *((name, STARTS[name], False) for name in names)]
+def _rounds(names: tuple[str, ...]) -> list[list[Round]]:
+    """Rounds of starts from the table, and from the releases that are looked for then."""
+    first, rest = names[0], names[1:]
+    table = [(first, LIGHT_STARTS, True), (first, STARTS[first], False)]
+    return [table, [(first, LIGHT_STARTS, False), *((name, STARTS[name], False) for name in rest)]]

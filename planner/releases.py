@@ -121,7 +121,7 @@ class ReleaseSampler:
             height = float(np.quantile(table.detach[:, 1], 0.05))
             x, theta, _ = table.landings(height, self.scene.gravity)
             parents = sparse_parents(x, theta, beside, rng)
-            table = joined(table, self._beside(table, parents, rng))
+            table = joined(table, self.beside(table, parents, rng))
         return table
 
     def _evenly(self, count: int, rng: np.random.Generator) -> Releases:
@@ -136,10 +136,10 @@ class ReleaseSampler:
             q[-1] = self.mover.start
         return self._kept(q, dq, ddq, self.run_up_time(dq, ddq, rng), rng)
 
-    def _beside(
+    def beside(
         self, table: Releases, parents: npt.NDArray[np.int_], rng: np.random.Generator
     ) -> Releases:
-        """Releases from states near those of `parents`, some nearer, some farther."""
+        """Releases from states near those of `parents` (indices), some nearer, some farther."""
         limits, n = self.mover.planning, self.mover.size
         size = (len(parents), n)
         low, high = map(math.log, NEARNESS)
@@ -248,6 +248,21 @@ class ReleaseSampler:
         return np.array(self.release.com_state(state, pose, twist, hand)).T
 
 
+def distances(
+    releases: Releases, scene: Scene, x: float, height: float, theta: float | None
+) -> Array:
+    """Scaled distances [m] (39) (N,) of the landings; inf where there is none.
+
+    Throws whose bar meets column or hand count as `DETOUR` farther.
+    """
+    land_x, land_theta, time = releases.landings(height, scene.gravity)
+    distance = np.abs(land_x - x)
+    if theta is not None:
+        distance = distance + np.abs(land_theta - theta) * scene.object.length / 2
+    distance = np.where(np.isfinite(time), distance, np.inf)
+    return np.asarray(distance + np.where(releases.clear, 0.0, DETOUR))
+
+
 def nearest(
     releases: Releases,
     scene: Scene,
@@ -262,12 +277,7 @@ def nearest(
     differs from those before it; where there are too few such among the nearest, others
     like them fill up.
     """
-    land_x, land_theta, time = releases.landings(height, scene.gravity)
-    distance = np.abs(land_x - x)
-    if theta is not None:
-        distance = distance + np.abs(land_theta - theta) * scene.object.length / 2
-    distance = np.where(np.isfinite(time), distance, np.inf)
-    distance = distance + np.where(releases.clear, 0.0, DETOUR)
+    distance = distances(releases, scene, x, height, theta)
     size = min(max(POOL, count), len(distance))
     if size == 0:
         return np.zeros(0, int), np.zeros(0)
