@@ -26,7 +26,7 @@ from .hardening import hardened
 from .kernel_code import KernelCode, check_kernels
 from .mover import make_mover
 from .plan import Plan, checked_target
-from .reach import Binding, Reach
+from .reach import Binding, Reach, in_column
 from .release_cache import stored
 from .releases import Releases, ReleaseSampler
 from .solver import Solution
@@ -218,8 +218,10 @@ class Planner:
                 first = starts(releases, self.scene, target, turns, most)
                 far = first[0][2] > FAR
         answer: Binding | None = None
-        if far:
-            # Nothing like it in the table: ask first what is possible at all.
+        if blocked := in_column(self.scene, target):
+            search.guards |= {"passing"}
+        if far or blocked:
+            # Nothing like it in the table, or no room: ask first what is possible at all.
             answer = self._possible(first[0][1], releases, search) if first else None
             if answer is None or answer.outside:
                 return failed_plan(self.bench, target, answer, releases, names[-1], search)

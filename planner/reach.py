@@ -19,6 +19,7 @@ from .check import throw
 from .compiled import Compile
 from .context import Guard
 from .cup_entries import enters_cup_at_landing
+from .geometry import column_of, column_room
 from .guess import guess_from
 from .motion import opening_start, planned_motion
 from .mover import Mover
@@ -45,6 +46,8 @@ STARTS, MORE_STARTS = 3, 5
 WORSE = 1.1
 #: A height this far [m] above every sampled apex is out of reach.
 HEIGHT_ROOM = 0.25
+#: Angles at which a bar that may land at any is held against the column.
+HALF_TURN = 181
 #: A multiplier counts as binding above this share of the largest.
 BINDING_SHARE = 0.02
 
@@ -164,6 +167,18 @@ def _miss(nlp: ThrowNlp, solution: Solution, numbers: Array, scene: Scene, targe
     x, _, theta = np.array(nlp.landing(solution.x, numbers)).ravel()
     turn = 0.0 if target.theta is None else abs(theta - target.theta)
     return float(abs(x - target.plane_x) + turn * scene.object.length / 2)
+
+
+def in_column(scene: Scene, target: Pose) -> bool:
+    """Whether the bar would be inside the base column there, wherever the tolerance lets it be."""
+    column, most = column_of(scene), scene.tolerance
+    if column is None:
+        return False
+    half_turn = np.linspace(0.0, math.pi, HALF_TURN)
+    theta = half_turn if target.theta is None else np.array([target.theta])
+    poses = np.array([np.full(theta.size, target.plane_x), np.full(theta.size, target.z), theta])
+    room = column_room(scene.object, poses, *column).max()
+    return bool(room < -most.position - most.angle * scene.object.length)
 
 
 def _into_the_cup(scene: Scene, releases: Releases, target: Pose) -> Releases:

@@ -192,7 +192,7 @@ def test_after_throws_that_lead_nowhere_the_search_is_the_usual_one(
     planner._throws = SolvedThrows(roomier, scene)
     asked = []
 
-    def attempt(problem, mover, target, guess, search, *warm):
+    def attempt(problem, mover, target, guess, search, *warm, near=True):
         asked.append((search.room, bool(warm)))
         # What is prepared leads nowhere.
         return None if warm else correction.attempt(problem, mover, target, guess, search)
