@@ -15,11 +15,13 @@ BEYOND = 1.02
 
 
 def from_elastic(bench: Workbench, answer: Binding, search: Search) -> Found | None:
-    """The throw that an elastic point within the tolerance leads to; None if it leads to none.
+    """The throw that an elastic point within the tolerance leads to; None without one or the other.
 
     The target itself first. Where that cannot be had the elastic point's own landing, which the
     tolerance allows, is the aim.
     """
+    if answer.outside or answer.solution is None:
+        return None
     dx, dtheta = answer.beside
     for aim in ((0.0, 0.0), (BEYOND * dx, BEYOND * dtheta)):
         found = _aimed(bench, answer, search, aim)
