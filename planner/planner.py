@@ -16,40 +16,28 @@ from ..problems.robust import COMPARED, METHODS
 from ..problems.scene import Pose, Scene
 from .alternatives import Found, distinct, ordered
 from .answers import failed_plan, solved_plan
-from .closer import closer
 from .compiled import Compile
 from .correction import Problem, Search, attempt
 from .derivatives import nlp_key
-from .from_elastic import from_elastic
-from .from_release import from_release
 from .hardening import hardened
 from .kernel_code import KernelCode, check_kernels
 from .mover import make_mover
 from .plan import Plan, checked_target
-from .reach import Binding, Reach, in_column
+from .reach import Reach
 from .release_cache import stored
 from .releases import Releases, ReleaseSampler
 from .solver import Solution
 from .start import check_start
-from .starts import Turns, goals_of, past_column, starts
-from .workbench import HEAVY, Workbench
+from .starts import Turns, goals_of, starts
+from .table_search import TableSearch
+from .workbench import Workbench
 
 if TYPE_CHECKING:
     from .solved_throws import SolvedThrows
 
 Progress = Callable[[int, int], None]
 SolverName = Literal["auto", "fatrop", "ipopt"]
-#: Solver, number of starts and whether without heavy guards.
-Round = tuple[str, int, bool]
 
-#: Starts tried with FATROP, then with IPOPT.
-STARTS = {"fatrop": 6, "ipopt": 4}
-#: Starts tried first, without guards that cost much.
-LIGHT_STARTS = 4
-#: Beyond the first distance [m, scaled error] from every landing of the table nearer ones are
-#: looked for; where these stay beyond the second the question what is possible at all comes
-#: before any start. Targets in reach are seldom more than 0.04 m from the table's landings.
-FAR, STILL_FAR = 0.08, 0.05
 #: A solution for a target within this distance [m, scaled error] needs but a few iterations.
 BESIDE = 0.005
 #: Numerical settings of robust plans, where the scene has none of its own. These hardly slide, so
@@ -92,7 +80,8 @@ class Planner:
         self.bench = Workbench(scene, self.mover, compiling)
         self._compiling: Compile = compiling
         self._quiet: Workbench | None = None
-        self._reach = Reach(scene, self.mover, compiling)
+        reach = Reach(scene, self.mover, compiling)
+        self._search = TableSearch(self.bench, self._sampler, reach, self.releases)
         self._code: list[KernelCode] = []
         self._throws: SolvedThrows | None = None
         self._build_time = time.perf_counter() - start
@@ -208,88 +197,10 @@ class Planner:
         search: Search,
     ) -> Plan:
         """Solvers in turn, each from several starts; then the honest answer."""
-        wanted = self._wanted(alternatives)
-        most = max(STARTS.values()) * wanted
-        with search.clock("guess"):
-            releases = self.releases()
-            first = starts(releases, self.scene, target, turns, most)
-            coarse, far = bool(first), not first
-            if first and first[0][2] > FAR:
-                releases, coarse = closer(self._sampler, releases, first[0][1]), False
-                first = starts(releases, self.scene, target, turns, most)
-                far = first[0][2] > STILL_FAR
-        answer: Binding | None = None
-        if blocked := in_column(self.scene, target):
-            search.guards |= {"passing"}
-        if far or blocked:
-            # Nothing like it in the table, or no room: ask first what is possible at all.
-            if not first:
-                return failed_plan(self.bench, target, None, releases, names[-1], search)
-            answer, last = self._at_the_edge(first[0][1], releases, search)
-            if answer.outside:
-                return failed_plan(self.bench, target, answer, releases, names[-1], search)
-            if last is not None and wanted == 1:
-                return self._chosen([last], alternatives, search)
-        asked = search.asked
-        found: list[Found] = []
-        for rounds in _rounds(names):
-            for throw in self._throws_from(first, releases, target, turns, rounds, search):
-                found.append(throw)
-                if len(distinct(found)) >= wanted:
-                    return self._chosen(found, alternatives, search)
-            if found:
-                return self._chosen(found, alternatives, search)
-            if coarse and not search.late:
-                with search.clock("guess"):
-                    releases, coarse = closer(self._sampler, releases, first[0][1]), False
-                    first = starts(releases, self.scene, target, turns, most)
-        if not search.late and (answer is None or search.asked != asked):
-            answer, last = self._at_the_edge(first[0][1], releases, search)
-            if last is not None:
-                return self._chosen([last], alternatives, search)
-        return failed_plan(self.bench, target, answer, releases, names[-1], search)
-
-    def _at_the_edge(
-        self, goal: Pose, releases: Releases, search: Search
-    ) -> tuple[Binding, Found | None]:
-        """What is possible nearest the goal, and the throw to the goal that this leads to.
-
-        Asked anew with what that throw's check has seen to be missing.
-        """
-        while True:
-            asked, answer = search.asked, self._possible(goal, releases, search)
-            found = None if search.late else from_elastic(self.bench, answer, search)
-            if found is not None or search.asked == asked or search.late:
-                return answer, found
-
-    def _throws_from(
-        self,
-        first: list[tuple[int, Pose, float]],
-        releases: Releases,
-        target: Pose,
-        turns: Turns,
-        rounds: list[Round],
-        search: Search,
-    ) -> Iterator[Found]:
-        """Throws that `rounds` of starts lead to, from the releases of `first` and then on."""
-        table, most = releases, len(first)
-        share = most / max(STARTS.values())
-        # Heavy guards cost more than other starts, which often do without.
-        for name, count, light in rounds:
-            if name != rounds[0][0] and search.guards & HEAVY:
-                # The starts have had IPOPT already.
-                return
-            number = 0
-            while number < min(count * share, len(first)) and not search.late:
-                index, goal, _ = first[number]
-                number += 1
-                found = from_release(self.bench, name, index, goal, table, search, light)
-                if found is not None:
-                    yield found
-                if "passing" in search.guards and table is releases:
-                    # Now from the nearest of those that fly past the column.
-                    number, table = 0, past_column(releases, self.scene, target.z)
-                    first = starts(table, self.scene, target, turns, most)
+        outcome = self._search.run(target, turns, names, self._wanted(alternatives), search)
+        if outcome.found:
+            return self._chosen(outcome.found, alternatives, search)
+        return failed_plan(self.bench, target, outcome.answer, outcome.releases, names[-1], search)
 
     def _method(self, robust: str | None) -> str:
         """The robust method that is asked for, empty if none."""
@@ -401,23 +312,9 @@ class Planner:
             return None
         return solved_plan(self.bench, Found(goal, thrown, problem.solver.name), search)
 
-    def _possible(self, goal: Pose, releases: Releases, search: Search) -> Binding:
-        """What is possible at all nearest the goal, from the table and the elastic solve."""
-        with search.clock("solve"):
-            answer = self._reach.nearest_possible(search.scene, releases, goal, search.guards)
-        search.iterations += answer.iterations
-        return answer
-
     def releases(self) -> Releases:
         """The table of sampled releases that starting points come from."""
         if self._releases is None:
             draw = functools.partial(self._sampler.draw, SAMPLES)
             self._releases = stored(self.scene, self.mover, SAMPLES, 0, draw)
         return self._releases
-
-
-def _rounds(names: tuple[str, ...]) -> list[list[Round]]:
-    """Rounds of starts from the table, and from the releases that are looked for then."""
-    first, rest = names[0], names[1:]
-    table = [(first, LIGHT_STARTS, True), (first, STARTS[first], False)]
-    return [table, [(first, LIGHT_STARTS, False), *((name, STARTS[name], False) for name in rest)]]
