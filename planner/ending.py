@@ -93,8 +93,9 @@ def _brake_torque(context: Context, stage: Stage, q: ca.SX, dq: ca.SX) -> None:
 def _cup(context: Context, stage: Stage, flight: FlightState, land: FlightState) -> None:
     """The bar's outline inside the opening at several depths of its lower end.
 
-    Per depth one unknown time, at which the lower corner of the lower end is that far below
-    the rim; then the end's corners keep the clearance to the wall, and the long edges
+    First its lowest corner passes the rim, at one unknown time, clear of the wall. Then, per
+    depth, one unknown time at which the middle of the lower end is that far below
+    the rim; the end's corners keep the clearance to the wall, and the long edges
     keep it to the rim. `lower_end` is that end's distance from the CoM along the
     axis, negative for the grasped end. The cup goes with the target, so with a landing
     that may miss it goes with that.
@@ -102,13 +103,18 @@ def _cup(context: Context, stage: Stage, flight: FlightState, land: FlightState)
     p, depths = context.parameters, context.structure.cup
     radius, clearance, half_width = p("cup_radius"), p("cup_clearance"), p("half_width")
     cup_x = p("cup_x") + (land.x - p("target_x") if context.structure.elastic else 0)
+    end = p("lower_end")
+    at = flight.after(stage.control("t_rim"), context.gravity)
+    cos, sin = ca.cos(at.theta), ca.sin(at.theta)
+    across = half_width * cos / ca.sqrt(cos**2 + 1e-6)
+    stage.row("cup depth", at.z + end * sin - across * cos - p("cup_rim"), 0.0, 0.0)
+    corner = at.x + end * cos + across * sin - cup_x
+    stage.row("cup clearance", corner / (radius - clearance), -1.0, 1.0)
     for i in range(depths):
         at = flight.after(stage.control(f"t_cup{i}"), context.gravity)
         cos, sin = ca.cos(at.theta), ca.sin(at.theta)
         depth = p("cup_insertion") * i / max(depths - 1, 1)
-        end = p("lower_end")
-        lowest = at.z + end * sin - half_width * ca.sqrt(cos**2 + 1e-6)
-        stage.row("cup depth", lowest - (p("cup_rim") - depth), 0.0, 0.0)
+        stage.row("cup depth", at.z + end * sin - (p("cup_rim") - depth), 0.0, 0.0)
         for side in (-1, 1):
             corner = at.x + end * cos - side * half_width * sin - cup_x
             stage.row("cup clearance", corner / (radius - clearance), -1.0, 1.0)

@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 from .alternatives import Found
+from .context import Room
 from .correction import Search, attempt
+from .numbers import CUP_ROOM
 from .reach import Binding
 from .refit import again
 from .workbench import Workbench
@@ -12,22 +16,44 @@ from .workbench import Workbench
 TRIES = 3
 #: How much farther than the elastic point to aim, which lies at the very edge.
 BEYOND = 1.02
+#: Share of the tolerance that may be aimed away.
+INSIDE = 0.98
+#: Room [m] beyond the cup's clearance that is kept in the end, looked at in more depths.
+LEAST = 2e-4
 
 
 def from_elastic(bench: Workbench, answer: Binding, search: Search) -> Found | None:
     """The throw that an elastic point within the tolerance leads to; None without one or the other.
 
     The target itself first. Where that cannot be had the elastic point's own landing, which the
-    tolerance allows, is the aim.
+    tolerance allows, is the aim; and in the end less room beside the cup is kept.
     """
     if answer.outside or answer.solution is None:
         return None
-    dx, dtheta = answer.beside
-    for aim in ((0.0, 0.0), (BEYOND * dx, BEYOND * dtheta)):
-        found = _aimed(bench, answer, search, aim)
-        if found is not None or search.late:
-            return found
+    most = search.scene.tolerance
+    dx, dtheta = (
+        min(max(BEYOND * miss, -INSIDE * allowed), INSIDE * allowed)
+        for miss, allowed in zip(answer.beside, (most.position, most.angle), strict=True)
+    )
+    rooms = _rooms(search)
+    for room in rooms:
+        for aim in ((0.0, 0.0), (dx, dtheta)):
+            if search.late:
+                return None
+            if room != search.room and search.scene.cup is not None:
+                search.guards, search.room = search.guards | {"flight"}, room
+            found = _aimed(bench, answer, search, aim)
+            if found is not None:
+                return found
+    search.room = rooms[0]
     return None
+
+
+def _rooms(search: Search) -> list[Room]:
+    """What room to try: that of the search and, where there is a cup, less beside that."""
+    if search.scene.cup is None:
+        return [search.room]
+    return [search.room, replace(search.room, cup=LEAST - CUP_ROOM)]
 
 
 def _aimed(

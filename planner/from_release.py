@@ -31,11 +31,12 @@ def from_release(
     guards and room.
     """
     flight = releases.flight_time(index, goal.z, bench.scene.gravity)
+    state = releases.q[index].tobytes(), releases.detach[index].tobytes()
     held, sampled, tried = search.room.held, True, []
     for _ in range(TRIES):
         nlp, asked = bench.nlp(goal, search), search.asked
         if sampled:
-            this = name, id(releases), index, goal, asked
+            this = name, state, goal, asked
             if this in search.tried:
                 break
             tried.append(this)

@@ -59,14 +59,17 @@ def guess_from(
         if name == "rel":
             return np.asarray(relative[:, k - s.opens])
         if entries is not None and name.startswith("t_cup"):
-            return float(entries[int(name[5:])])
+            return float(entries[1 + int(name[5:])])
+        if entries is not None and name == "t_rim":
+            return float(entries[0])
         return {"T": duration, "t_f": flight}.get(name, 0.0)
 
     return with_accelerations(nlp, nlp.fill(value), np.diff(nodes))
 
 
 def _cup_times(scene: Scene, detach: Array, flight: float, depths: int) -> Array:
-    """When (depths,) [s] after detach the bar's lowest corner is at each depth below the rim.
+    """When (1 + depths,) [s] after detach the bar's lowest corner is at the rim, and the middle
+    of its lower end at each depth below.
 
     detach (6,): CoM pose and twist. The landing height may well be above the rim.
     """
@@ -75,9 +78,13 @@ def _cup_times(scene: Scene, detach: Array, flight: float, depths: int) -> Array
     times = flight + np.linspace(-CUP_SPAN[0], CUP_SPAN[1], CUP_INSTANTS)
     z = detach[1] + (detach[4] - scene.gravity / 2 * times) * times
     theta = detach[2] + detach[5] * times
-    end, across = lower_end(scene, target), scene.object.width / 2
-    lowest = z + end * np.sin(theta) - across * np.abs(np.cos(theta))
-    # Falling from here on, as far as the spin lets it.
-    depth = np.maximum.accumulate(cup.rim - lowest)
+    middle = z + lower_end(scene, target) * np.sin(theta)
+    corner = middle - scene.object.width / 2 * np.abs(np.cos(theta))
+
+    def when(heights: Array, asked: Array) -> Array:
+        # Falling from here on, as far as the spin lets it.
+        depth = np.maximum.accumulate(cup.rim - heights)
+        return np.interp(asked, depth + 1e-9 * np.arange(times.size), times)
+
     asked = cup.insertion * np.arange(depths) / max(depths - 1, 1)
-    return np.interp(asked, depth + 1e-9 * np.arange(times.size), times)
+    return np.append(when(corner, np.zeros(1)), when(middle, asked))

@@ -17,7 +17,7 @@ import numpy.typing as npt
 from ..problems.scene import Pose, Scene
 from .check import throw
 from .compiled import Compile
-from .context import Guard
+from .context import Guard, Room
 from .cup_entries import enters_cup_at_landing
 from .geometry import column_of, column_room
 from .guess import guess_from
@@ -25,6 +25,7 @@ from .motion import opening_start, planned_motion
 from .mover import Mover
 from .nlp import ThrowNlp, build_nlp
 from .numbers import (
+    CUP_ROOM,
     bounds,
     opening_nodes,
     parameter_values,
@@ -46,6 +47,8 @@ STARTS, MORE_STARTS = 3, 5
 WORSE = 1.1
 #: A height this far [m] above every sampled apex is out of reach.
 HEIGHT_ROOM = 0.25
+#: Only what breaks the scene's own conditions is out of reach.
+BARE = Room(cup=-CUP_ROOM)
 #: Angles at which a bar that may land at any is held against the column.
 HALF_TURN = 181
 #: A multiplier counts as binding above this share of the largest.
@@ -59,7 +62,8 @@ class Binding:
     """The nearest possible landing to `goal` (None: nothing was found) and what binds there.
 
     inside_tolerance: whether it is the goal itself; names: the binding limits. beside: (dx [m],
-    dtheta [rad]) from the goal to where the elastic point lands by its own model.
+    dtheta [rad]) from the goal to where the elastic point lands by its own model; missed: its
+    scaled distance [m].
     """
 
     goal: Pose
@@ -70,6 +74,7 @@ class Binding:
     solution: Solution | None
     nlp: ThrowNlp | None
     beside: tuple[float, float] = (0.0, 0.0)
+    missed: float = math.inf
 
     @property
     def outside(self) -> bool:
@@ -122,7 +127,7 @@ class Reach:
         """
         mover = self._mover
         nlp, solver = self._solver(target.theta is not None, guards)
-        numbers = nlp.parameters.vector(parameter_values(scene, mover, target))
+        numbers = nlp.parameters.vector(parameter_values(scene, mover, target, None, BARE))
         limits = bounds(nlp, scene, mover)
         entering = _into_the_cup(scene, releases, target)
         if "passing" in guards:
@@ -159,7 +164,7 @@ class Reach:
         inside = abs(dx) <= most.position and abs(dtheta) <= most.angle
         names = () if inside else _binding(nlp, mover, best, limits)
         pose = target.in_plane(landing.x, angle)
-        return Binding(target, pose, inside, names, iterations, best, nlp, (dx, dtheta))
+        return Binding(target, pose, inside, names, iterations, best, nlp, (dx, dtheta), missed)
 
 
 def _miss(nlp: ThrowNlp, solution: Solution, numbers: Array, scene: Scene, target: Pose) -> float:

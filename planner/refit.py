@@ -63,6 +63,8 @@ def refit(nlp: ThrowNlp, throw: PlannedThrow, nodes: Array, step: float, delays:
             return scenario(name, k)
         if name.startswith("t_cup"):
             return float(np.interp(int(name[5:]) / max(s.cup - 1, 1), depths, entries))
+        if name == "t_rim":
+            return np.asarray(source.block(x, name, old.detach))
         if name.startswith("t_f_"):
             return flight - s.late * step
         return flight if name == "t_f" else 0.0

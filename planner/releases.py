@@ -249,18 +249,24 @@ class ReleaseSampler:
 
 
 def distances(
-    releases: Releases, scene: Scene, x: float, height: float, theta: float | None
+    releases: Releases,
+    scene: Scene,
+    x: float,
+    height: float,
+    theta: float | None,
+    *,
+    detour: float = DETOUR,
 ) -> Array:
     """Scaled distances [m] (39) (N,) of the landings; inf where there is none.
 
-    Throws whose bar meets column or hand count as `DETOUR` farther.
+    Throws whose bar meets column or hand count as `detour` [m] farther.
     """
     land_x, land_theta, time = releases.landings(height, scene.gravity)
     distance = np.abs(land_x - x)
     if theta is not None:
         distance = distance + np.abs(land_theta - theta) * scene.object.length / 2
     distance = np.where(np.isfinite(time), distance, np.inf)
-    return np.asarray(distance + np.where(releases.clear, 0.0, DETOUR))
+    return np.asarray(distance + np.where(releases.clear, 0.0, detour))
 
 
 def nearest(

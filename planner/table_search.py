@@ -24,6 +24,8 @@ LIGHT_STARTS = 4
 #: looked for; where these stay beyond the second the question what is possible at all comes
 #: before any start. Targets in reach are seldom more than 0.04 m from the table's landings.
 FAR, STILL_FAR = 0.08, 0.05
+#: A goal a full turn off counts too where its nearest landing is at most so much farther.
+RIVAL = 2.0
 
 #: Solver, number of starts and whether without heavy guards.
 Round = tuple[str, int, bool]
@@ -43,6 +45,20 @@ class Outcome:
     releases: Releases
 
 
+@dataclass(frozen=True)
+class _Aim:
+    """What is looked for: so many distinct throws to the target."""
+
+    target: Pose
+    turns: Turns
+    wanted: int
+
+    def starts(self, releases: Releases, scene: Scene) -> list[Start]:
+        """The releases that land nearest."""
+        most = max(STARTS.values()) * self.wanted
+        return starts(releases, scene, self.target, self.turns, most)
+
+
 @dataclass
 class _Candidates:
     """Releases to start from, the nearest first; coarse: nearer ones may be looked for."""
@@ -52,9 +68,20 @@ class _Candidates:
     coarse: bool = True
 
     @property
+    def goal(self) -> Pose:
+        """Of the turns that are allowed the one with the nearest landing."""
+        return self.first[0][1]
+
+    @property
     def distance(self) -> float:
-        """How far the nearest lands [m, scaled error]."""
+        """How far from its goal the nearest lands [m, scaled error]."""
         return self.first[0][2]
+
+    @property
+    def undisputed(self) -> bool:
+        """Whether no other goal has a landing about as near."""
+        near = (goal for _, goal, away in self.first if away < RIVAL * self.distance)
+        return all(goal == self.goal for goal in near)
 
 
 class TableSearch:
@@ -73,97 +100,101 @@ class TableSearch:
         self, target: Pose, turns: Turns, names: tuple[str, ...], wanted: int, search: Search
     ) -> Outcome:
         """At most `wanted` distinct throws by the solvers `names`, one after the other."""
-        most, answer = max(STARTS.values()) * wanted, None
-        candidates = self._nearest(target, turns, most, search)
-        releases = candidates.releases
+        aim = _Aim(target, turns, wanted)
+        candidates = self._nearest(aim, search)
         if not candidates.first:
-            return Outcome([], None, releases)
-        if blocked := in_column(self._scene, target):
-            search.guards |= {"passing"}
-        far = not candidates.coarse and candidates.distance > STILL_FAR
-        if blocked or far:
-            # Nothing like it, or no room there: ask first what is possible at all.
-            answer, last = self._at_the_edge(candidates, search)
-            if answer.outside or (last is not None and wanted == 1):
-                return Outcome([] if last is None else [last], answer, releases)
-        asked, found = search.asked, list[Found]()
+            return Outcome([], None, candidates.releases)
+        answer, found = self._asked_first(candidates, target, search)
+        if len(found) >= wanted or (answer is not None and answer.outside):
+            return Outcome(found, answer, candidates.releases)
+        asked = search.guards
         for rounds in _rounds(names):
-            for throw in self._throws(candidates, target, turns, rounds, search):
+            for throw in self._throws(candidates, aim, rounds, search):
                 found.append(throw)
                 if len(distinct(found)) >= wanted:
-                    break
-            if found:
-                return Outcome(found, None, releases)
+                    return Outcome(found, None, candidates.releases)
             if candidates.coarse and not search.late:
-                self._look_closer(candidates, target, turns, search)
-        if not search.late and (answer is None or search.asked != asked):
-            answer, last = self._at_the_edge(candidates, search)
-            found = [] if last is None else [last]
+                self._look_closer(candidates, aim, search)
+        if not found and not search.late and (answer is None or search.guards != asked):
+            answer, found = self._at_the_edge(candidates, search)
         return Outcome(found, answer, candidates.releases)
 
-    def _nearest(self, target: Pose, turns: Turns, most: int, search: Search) -> _Candidates:
+    def _nearest(self, aim: _Aim, search: Search) -> _Candidates:
         """The table's releases that land nearest, and nearer ones where all are far."""
         with search.clock("guess"):
             releases = self._table()
-            found = starts(releases, self._scene, target, turns, most)
-        candidates = _Candidates(releases, found)
-        if found and candidates.distance > FAR:
-            self._look_closer(candidates, target, turns, search)
+            candidates = _Candidates(releases, aim.starts(releases, self._scene))
+        if candidates.first and candidates.distance > FAR:
+            self._look_closer(candidates, aim, search)
         return candidates
 
-    def _look_closer(
-        self, candidates: _Candidates, target: Pose, turns: Turns, search: Search
-    ) -> None:
+    def _look_closer(self, candidates: _Candidates, aim: _Aim, search: Search) -> None:
         """Adds releases that land nearer than those there are."""
         with search.clock("guess"):
-            goal, most = candidates.first[0][1], len(candidates.first)
-            candidates.releases = closer(self._sampler, candidates.releases, goal)
-            candidates.first = starts(candidates.releases, self._scene, target, turns, most)
+            candidates.releases = closer(self._sampler, candidates.releases, candidates.goal)
+            candidates.first = aim.starts(candidates.releases, self._scene)
             candidates.coarse = False
 
+    def _asked_first(
+        self, candidates: _Candidates, target: Pose, search: Search
+    ) -> tuple[Binding | None, list[Found]]:
+        """Where nothing lands near, or there is no room: what is possible at all.
+
+        None where that does not settle it: the elastic solve must come as near as a release.
+        """
+        blocked = in_column(self._scene, target)
+        if blocked:
+            search.guards |= {"passing"}
+        if not blocked and (candidates.coarse or candidates.distance <= STILL_FAR):
+            return None, []
+        answer, found = self._at_the_edge(candidates, search)
+        as_near = answer.missed <= candidates.distance + self._scene.tolerance.position
+        settled = blocked or (as_near and candidates.undisputed)
+        return (answer if settled or not answer.outside else None), found
+
     def _throws(
-        self,
-        candidates: _Candidates,
-        target: Pose,
-        turns: Turns,
-        rounds: list[Round],
-        search: Search,
+        self, candidates: _Candidates, aim: _Aim, rounds: list[Round], search: Search
     ) -> Iterator[Found]:
         """Throws that the rounds of starts lead to."""
-        first, table = candidates.first, candidates.releases
-        share = len(first) / max(STARTS.values())
+        first, table, passing = candidates.first, candidates.releases, False
         # Heavy guards cost more than other starts, which often do without.
         for name, count, light in rounds:
             if name != rounds[0][0] and search.guards & HEAVY:
                 # The starts have had IPOPT already.
                 return
             number = 0
-            while number < min(count * share, len(first)) and not search.late:
+            while not search.late:
+                if "passing" in search.guards and not passing:
+                    # From now on from the nearest of those that fly past the column.
+                    number, passing = 0, True
+                    table = past_column(table, self._scene, aim.target.z)
+                    first = aim.starts(table, self._scene)
+                if number >= min(count * aim.wanted, len(first)):
+                    break
                 index, goal, _ = first[number]
                 number += 1
                 found = from_release(self._bench, name, index, goal, table, search, light)
                 if found is not None:
                     yield found
-                if "passing" in search.guards and table is candidates.releases:
-                    # Now from the nearest of those that fly past the column.
-                    number, table = 0, past_column(table, self._scene, target.z)
-                    first = starts(table, self._scene, target, turns, len(first))
 
-    def _at_the_edge(self, candidates: _Candidates, search: Search) -> tuple[Binding, Found | None]:
+    def _at_the_edge(self, candidates: _Candidates, search: Search) -> tuple[Binding, list[Found]]:
         """What is possible nearest the goal, and the throw to the goal that this leads to.
 
-        From the table and the elastic solve; asked anew with what that throw's check has seen
-        to be missing.
+        From the table and the elastic solve; asked anew with the rows that that throw's check
+        has seen to be missing.
         """
-        goal, releases = candidates.first[0][1], candidates.releases
         while True:
-            asked = search.asked
+            guards = search.guards
             with search.clock("solve"):
-                answer = self._reach.nearest_possible(search.scene, releases, goal, search.guards)
+                answer = self._reach.nearest_possible(
+                    search.scene, candidates.releases, candidates.goal, guards
+                )
             search.iterations += answer.iterations
             found = None if search.late else from_elastic(self._bench, answer, search)
-            if found is not None or search.asked == asked or search.late:
-                return answer, found
+            if found is not None:
+                return answer, [found]
+            if search.guards == guards or search.late:
+                return answer, []
 
 
 def _rounds(names: tuple[str, ...]) -> list[list[Round]]:

@@ -25,6 +25,7 @@ from throwplan.planner import (
     preparing,
     releases,
     solver,
+    table_search,
     window,
 )
 from throwplan.planner.cli import _parser, main
@@ -202,12 +203,14 @@ def test_numbers_of_how_it_works_are_the_program_s():
     words = {4: "four", 6: "six", 8: "eight", 3: "three"}
     for sentence in (
         f"{planner.SAMPLES:,} random states",
-        f"FATROP from up to {words[planner.STARTS['fatrop']]} of them",
-        f"IPOPT from up to {words[planner.STARTS['ipopt']]}",
+        f"FATROP from up to {words[table_search.STARTS['fatrop']]} of them",
+        f"IPOPT from up to {words[table_search.STARTS['ipopt']]}",
         f"up to {words[correction.MAX_CORRECTIONS]} times",
         f"under {1e3 * correction.AIM[0]:g} mm and {math.degrees(correction.AIM[1]):g}°",
         f"up to {words[from_release.TRIES]} problems from one start",
-        f"farther than {planner.FAR:g} m",
+        f"farther than {table_search.FAR:g} m",
+        f"stays farther than {table_search.STILL_FAR:g} m",
+        f"{words[table_search.LIGHT_STARTS]} more starts with FATROP",
         f"as {releases.DETOUR:g} m farther",
         f"less than {1e3 * correction.SHALLOW:g} mm into floor or column",
         f"at most {solver.LATEST:g} s",

@@ -7,6 +7,7 @@ import math
 import numpy as np
 import pytest
 import throwplan as tp
+from throwplan.planner import starts, table_search
 from throwplan.planner.closer import closer
 from throwplan.planner.geometry import column_of, column_room, lowest_of_bar
 from throwplan.planner.releases import distances
@@ -35,6 +36,9 @@ def test_releases_are_looked_for_ever_nearer(cup: tp.Planner) -> None:
     more, again = (closer(cup._sampler, table, target) for _ in range(2))
     assert np.array_equal(more.detach[: len(table.q)], table.detach)
     assert np.array_equal(more.q, again.q)
+    assert len(np.unique(more.detach, axis=0)) == len(np.unique(table.detach, axis=0)) + (
+        len(more.q) - len(table.q)
+    )
     before, after = (distances(some, *where).min() for some in (table, more))
     assert after < 0.2 * before
     # What was added is feasible, and lands where it says.
@@ -100,9 +104,72 @@ def test_with_any_angle_a_bar_may_stand_beside_the_column() -> None:
 def test_the_way_into_the_cup_begins_with_the_lowest_corner(cup: tp.Planner) -> None:
     plan, scene = cup.plan(aimed(cup, 0.9, -75)), cup.scene
     nlp, x = plan.throw.nlp, plan.throw.solution.x
-    times = [float(nlp.block(x, f"t_cup{i}", nlp.structure.detach)[0]) for i in range(4)]
+    names = ["t_rim", *(f"t_cup{i}" for i in range(nlp.structure.cup))]
+    times = [float(nlp.block(x, name, nlp.structure.detach)[0]) for name in names]
+    assert times == sorted(times)
     poses = flight_poses(scene, plan.throw.final, np.array(times))
-    # Aslant the corner enters 2.6 mm before the middle of the end.
-    assert (scene.object.width / 2 * np.abs(np.cos(poses[2])) > 2.2e-3).all()
     depths = scene.cup.rim - lowest_of_bar(scene.object, poses)
-    assert np.allclose(depths, np.linspace(0.0, scene.cup.insertion, 4), rtol=0, atol=1e-3)
+    # Aslant the corner enters 2.6 mm before the middle of the end.
+    below = scene.object.width / 2 * np.abs(np.cos(poses[2]))
+    assert (below > 2.2e-3).all()
+    middles = np.linspace(0.0, scene.cup.insertion, nlp.structure.cup)
+    assert np.allclose(depths - [0.0, *below[1:]], [0.0, *middles], rtol=0, atol=1e-3)
+
+
+def counted(monkeypatch: pytest.MonkeyPatch) -> list[tuple[str, float]]:
+    """The starts that a search takes, none of which leads anywhere: solver, goal's angle."""
+    taken: list[tuple[str, float]] = []
+
+    def nowhere(bench, name, index, goal, releases, search, light):
+        taken.append((name, goal.theta))
+
+    monkeypatch.setattr(table_search, "from_release", nowhere)
+    monkeypatch.setattr(table_search, "from_elastic", lambda *arguments: None)
+    return taken
+
+
+@pytest.mark.parametrize("turns", ["exact", "any"])
+def test_so_many_starts_and_no_more(
+    pose: tp.Planner, monkeypatch: pytest.MonkeyPatch, turns: str
+) -> None:
+    taken = counted(monkeypatch)
+    plan = pose.plan(turns=turns)
+    assert not plan.solved
+    # Four and six from the table, four and IPOPT's four from releases that were looked for.
+    assert [name for name, _ in taken] == ["fatrop"] * 14 + ["ipopt"] * 4
+
+
+def test_with_nothing_that_passes_the_column_the_starts_come_to_an_end(
+    pose: tp.Planner, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    taken, clear = counted(monkeypatch), "flies_past_column"
+    monkeypatch.setattr(starts, clear, lambda scene, detach, time: np.zeros(len(detach), bool))
+    monkeypatch.setattr(
+        table_search, "in_column", lambda scene, target: bool(taken.append(("asked", 0.0)))
+    )
+    asked = pose._search._throws
+
+    def passing(candidates, aim, rounds, search):
+        search.guards |= {"passing"}
+        return asked(candidates, aim, rounds, search)
+
+    monkeypatch.setattr(pose._search, "_throws", passing)
+    pose.plan()
+    assert len(taken) == 1 + 18
+
+
+@pytest.mark.parametrize(("x", "degrees"), [(-1.342, 274.6), (-0.735, 258.4)])
+def test_an_elastic_solve_that_ends_farther_off_than_a_release_settles_nothing(
+    cup: tp.Planner, x: float, degrees: float
+) -> None:
+    """No release near these goes into the cup, so that it starts, and ends, elsewhere."""
+    plan = cup.plan(aimed(cup, x, degrees))
+    assert plan.solved, plan.message
+
+
+def test_a_throw_at_the_edge_is_kept_where_others_are_looked_for(
+    pose: tp.Planner, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(table_search, "from_release", lambda *arguments: None)
+    plan = pose.plan(aimed(pose, 1.303, -163.5), alternatives=1)
+    assert plan.solved and plan.alternatives == ()

@@ -10,12 +10,21 @@ import socket
 import subprocess
 import sys
 import urllib.request
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 import pytest
 from throwplan.planner.cli import main
 from view_plans import cup_plan, free_port, hand_plan
+
+
+@pytest.fixture(autouse=True)
+def interruptible() -> Iterator[None]:
+    """A shell's background job ignores interrupts, and would hand that on."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
 
 
 @pytest.fixture(scope="module")
@@ -29,9 +38,6 @@ def hand(tmp_path_factory) -> Path:
 
 
 def view_process(arguments: list[str]) -> subprocess.Popen[str]:
-    if signal.getsignal(signal.SIGINT) == signal.SIG_IGN:
-        # As a shell's background job has it, and hands it on.
-        signal.signal(signal.SIGINT, signal.default_int_handler)
     return subprocess.Popen(
         [sys.executable, "-m", "throwplan", "view", *arguments],
         stdout=subprocess.PIPE,
