@@ -34,8 +34,8 @@ def test_each_thing_adds_its_own_and_is_solved(rungs: list[Posed], climbed: list
     assert pivot[0] == pivot[1] and 2 * mesh.opening <= pivot[0] <= 4 * mesh.opening
     assert angle == (0, 1)
     assert landing == (0, 3)
-    # An entry time and its equation for each point of the bar in the cup, and the walls.
-    assert cup[0] == 4 and cup[1] > 4
+    # A time and its equation for the rim and each depth in the cup, and the walls.
+    assert cup[0] == 4 + 1 and cup[1] > 4 + 1
     # Floor and column for the bar's ends at every node.
     assert workspace[0] == 0 and workspace[1] >= 2 * mesh.carry
 
