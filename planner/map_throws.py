@@ -15,9 +15,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ..problems.scene import Scene
-from .geometry import column_of, column_room, held_bar, lowest_of_bar, palm_corners
+from .geometry import held_bar, lowest_of_bar, palm_corners
 from .mover import Limits, Mover
 from .numbers import BRAKE_SHARE, PASSING_ROOM
+from .release_room import flies_past_column
 from .releases import Releases, ReleaseSampler
 from .run_up import run_up
 from .violations import outline_kernel
@@ -31,8 +32,6 @@ CHUNK = 20_000
 #: Two throws are different when they lie in different cells of this share of the range of a
 #: coordinate or rate.
 CELL = 0.15
-#: Instants of the flight that are held against the base column.
-FLIGHT_INSTANTS = 40
 
 
 def margins(scene: Scene, mover: Mover, throws: Releases) -> Array:
@@ -88,7 +87,8 @@ def _start(throws: Releases) -> Array:
 def allowed(scene: Scene, mover: Mover, throws: Releases, time: Array) -> Flags:
     """Whether the throws (N,) can be wound up for and break nothing; time (N,): of flight [s]."""
     good = throws.clear & _wound_up(scene, mover, throws) & _off_floor(scene, mover, throws)
-    return good & _bounded(scene, throws, time) & _beside_column(scene, throws, time)
+    good &= flies_past_column(scene, throws.detach, time, PASSING_ROOM)
+    return good & _bounded(scene, throws, time)
 
 
 def _wound_up(scene: Scene, mover: Mover, throws: Releases) -> Flags:
@@ -123,20 +123,6 @@ def _off_floor(scene: Scene, mover: Mover, throws: Releases) -> Flags:
             bar = held_bar(scene, hand.T)
             lowest = np.minimum(lowest, lowest_of_bar(scene.object, bar))
         fine &= lowest >= workspace.floor
-    return fine
-
-
-def _beside_column(scene: Scene, throws: Releases, time: Array) -> Flags:
-    """Whether the flying bar (N,) passes the base column, and lands beside it."""
-    fine = np.ones(len(throws.q), dtype=bool)
-    column = column_of(scene)
-    if column is None:
-        return fine
-    x, z, theta, v_x, v_z, omega = throws.detach.T
-    for share in np.linspace(0.0, 1.0, FLIGHT_INSTANTS):
-        t = share * time
-        com = np.array([x + v_x * t, z + (v_z - scene.gravity * t / 2) * t, theta + omega * t])
-        fine &= column_room(scene.object, com, *column) >= PASSING_ROOM
     return fine
 
 

@@ -47,7 +47,7 @@ STARTS, MORE_STARTS = 3, 5
 WORSE = 1.1
 #: A height this far [m] above every sampled apex is out of reach.
 HEIGHT_ROOM = 0.25
-#: Only what breaks the scene's own conditions is out of reach.
+#: The cup's own clearance and no more: less than that only is out of reach.
 BARE = Room(cup=-CUP_ROOM)
 #: Angles at which a bar that may land at any is held against the column.
 HALF_TURN = 181

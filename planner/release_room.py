@@ -8,6 +8,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from ..models.flight import FlightState
 from ..problems.scene import Scene
 from .geometry import column_of, column_room, held_bar, palm_distance
 from .kernel import mapped
@@ -17,8 +18,8 @@ from .run_up import polynomial
 
 Array = npt.NDArray[np.float64]
 
-#: Instants of run-up and flight at which the bar is held against the column.
-INSTANTS = 24
+#: Instants of the run-up, and of the flight, at which the bar is held against the column.
+INSTANTS, FLIGHT_INSTANTS = 24, 40
 
 
 def clears_column(
@@ -40,21 +41,22 @@ def clears_column(
     return clear
 
 
-def flies_past_column(scene: Scene, detach: Array, duration: Array) -> npt.NDArray[np.bool_]:
-    """Whether the flying bar (N,) stays out of the base column.
+def flies_past_column(
+    scene: Scene, detach: Array, duration: Array, room: float = 0.0
+) -> npt.NDArray[np.bool_]:
+    """Whether the flying bar (N,) stays out of the base column, by `room` [m] or more.
 
     detach (N, 6): the bar's pose and twist there; duration (N,) [s] of the flights, NaN where it
-    does not come down, which counts as clear. True where nothing is asked.
+    does not come down, which counts as not clear. True where nothing is asked.
     """
     clear = np.ones(len(detach), dtype=bool)
     column = column_of(scene)
     if column is None or not clear.size:
         return clear
-    x, z, theta, v_x, v_z, omega = detach.T
-    for share in np.linspace(0.0, 1.0, INSTANTS):
-        t = share * np.nan_to_num(duration)
-        com = np.array([x + v_x * t, z + (v_z - scene.gravity * t / 2) * t, theta + omega * t])
-        clear &= column_room(scene.object, com, *column) >= 0.0
+    clear &= np.isfinite(duration)
+    for share in np.linspace(0.0, 1.0, FLIGHT_INSTANTS):
+        com = _flown(scene, detach, share * np.nan_to_num(duration))
+        clear &= column_room(scene.object, com, *column) >= room
     return clear
 
 
@@ -71,12 +73,17 @@ def clears_palm(
     if workspace is None or workspace.palm_clearance is None or arm is None or not len(q):
         return clear
     stop_time = np.abs(dq) / (BRAKE_SHARE * mover.planning.ddq) + 1e-9
-    x, z, theta, v_x, v_z, omega = detach.T
     still = np.zeros_like(q)
     for t in PALM_TIMES:
         moving = np.minimum(t / stop_time, 1.0)
         there = q + dq * stop_time * (moving - moving**2 / 2)
         hand = mapped(mover.motion)(there, still, still)[0].T
-        com = np.array([x + v_x * t, z + (v_z - scene.gravity * t / 2) * t, theta + omega * t])
+        com = _flown(scene, detach, t)
         clear &= palm_distance(scene.object, arm.tool, com, hand) >= workspace.palm_clearance
     return clear
+
+
+def _flown(scene: Scene, detach: Array, times: Array | float) -> Array:
+    """CoM poses (3, N) at `times` [s] after detach (N, 6)."""
+    state = FlightState(*detach.T).after(times, scene.gravity)
+    return np.array([state.x, state.z, state.theta])

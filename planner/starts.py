@@ -31,7 +31,7 @@ def starts(
 def past_column(releases: Releases, scene: Scene, height: float) -> Releases:
     """The releases whose bar flies past the base column down to `height` [m]; all, if none does."""
     _, _, time = releases.landings(height, scene.gravity)
-    found = np.isfinite(time) & flies_past_column(scene, releases.detach, time)
+    found = flies_past_column(scene, releases.detach, time)
     return releases.picked(found) if found.any() else releases
 
 

@@ -104,8 +104,8 @@ class TableSearch:
         candidates = self._nearest(aim, search)
         if not candidates.first:
             return Outcome([], None, candidates.releases)
-        answer, found = self._asked_first(candidates, target, search)
-        if len(found) >= wanted or (answer is not None and answer.outside):
+        answer, found, settled = self._asked_first(candidates, target, search)
+        if len(found) >= wanted or settled:
             return Outcome(found, answer, candidates.releases)
         asked = search.guards
         for rounds in _rounds(names):
@@ -137,20 +137,20 @@ class TableSearch:
 
     def _asked_first(
         self, candidates: _Candidates, target: Pose, search: Search
-    ) -> tuple[Binding | None, list[Found]]:
+    ) -> tuple[Binding | None, list[Found], bool]:
         """Where nothing lands near, or there is no room: what is possible at all.
 
-        None where that does not settle it: the elastic solve must come as near as a release.
+        And whether that settles it: then it comes as near as any release, but not to the goal.
         """
         blocked = in_column(self._scene, target)
         if blocked:
             search.guards |= {"passing"}
         if not blocked and (candidates.coarse or candidates.distance <= STILL_FAR):
-            return None, []
+            return None, [], False
         answer, found = self._at_the_edge(candidates, search)
         as_near = answer.missed <= candidates.distance + self._scene.tolerance.position
-        settled = blocked or (as_near and candidates.undisputed)
-        return (answer if settled or not answer.outside else None), found
+        settled = answer.outside and (blocked or (as_near and candidates.undisputed))
+        return answer, found, settled
 
     def _throws(
         self, candidates: _Candidates, aim: _Aim, rounds: list[Round], search: Search
