@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 #: the base column, of the bar that falls back.
 Guard = Literal["carry", "flight", "passing", "return"]
 #: Of what the check has seen too little room.
-Tight = Literal["held", "cup", "torque"]
+Tight = Literal["held", "cup", "torque", "passing"]
 #: Unit of the jerk control [rad/s^3], so that the variables are of order one.
 JERK_UNIT = 1000.0
 
@@ -33,12 +33,13 @@ class Room:
     """More room [m] than usual, where the check has seen that it takes more.
 
     held: between obstacles and what is carried; cup: between the bar and the cup; torque: as
-    a share of the joints' limits.
+    a share of the joints' limits; passing: between the base column and the flying bar.
     """
 
     held: float = 0.0
     cup: float = 0.0
     torque: float = 0.0
+    passing: float = 0.0
 
 
 #: What an NLP has at first.

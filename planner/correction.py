@@ -41,6 +41,7 @@ MORE_ROOM: dict[Tight, tuple[float, float]] = {
     "held": (0.002, 0.05),
     "cup": (2e-4, 0.005),
     "torque": (0.01, 0.3),
+    "passing": (0.002, 0.03),
 }
 #: Where the held bar dips less than this [m] into an obstacle, between nodes that keep clear of
 #: it, more room is tried before rows that look closer.

@@ -165,7 +165,8 @@ def parameter_values(
         values["floor"] = (workspace.floor or 0.0) + HELD_ROOM
         values["column_radius"] = (workspace.column_radius or 0.0) + HELD_ROOM
         values["column_height"] = (workspace.column_height or 0.0) + HELD_ROOM
-        values["passing_room"], values["column_room"] = PASSING_ROOM, HELD_ROOM
+        values["passing_room"] = PASSING_ROOM + room.passing
+        values["column_room"] = HELD_ROOM
         values["held_room"] = room.held
         values |= _palm_values(scene)
     if scene.landing is not None:

@@ -159,7 +159,7 @@ def _workspace_violations(
             if carried > flown:
                 found.append(Violation(words, "carry", "held", float(carried), True))
             else:
-                found.append(Violation(words, "passing"))
+                found.append(Violation(words, "passing", "passing", float(flown)))
     if workspace.palm_clearance is not None and scene.arm is not None:
         tool, clearance = scene.arm.tool, workspace.palm_clearance
         hand = hand_samples(mover, motion, detach + flight_times).pose

@@ -69,6 +69,14 @@ def test_beside_the_base_column(pose: tp.Planner, x: float, degrees: float) -> N
     assert -1e-5 < room.min() < 2e-3
 
 
+def test_a_bar_that_touches_the_column_between_two_instants_gets_more_room() -> None:
+    """It passes a corner there; the same rows with the same room would lead there for ever."""
+    planner = tp.Planner(tp.load_scene("flip"))
+    plan = planner.plan(aimed(planner, -0.36681081, 5.1195110))
+    assert plan.solved and plan.throw.room.passing > 0.0, plan.message
+    assert plan.attempts < 10
+
+
 def test_where_only_the_tolerance_lets_it_land(pose: tp.Planner) -> None:
     """There the bar would lie 0.8 mm beside the column, and no throw was found to do so."""
     plan, tolerance = pose.plan(aimed(pose, 0.22, -15)), pose.scene.tolerance
