@@ -7,15 +7,12 @@ print(plan.status, plan.to_dict()["error"])
 
 from importlib.metadata import PackageNotFoundError, version
 
-from .planner.api import plan, simulate
-from .planner.identification.identify_run import Identified, identify
-from .planner.identification.learn import throw_data, thrown
-from .planner.plan import Plan
-from .planner.planner import Planner
-from .planner.reach_map import ReachMap, reach_map
-from .planner.replay import Replay, replay
-from .planner.sent import SentThrow, read_plan
-from .planner.simulate_batch import simulate_batch
+from .planner.check import SentThrow, simulate, simulate_batch
+from .planner.identify import Identified, identify, throw_data, thrown
+from .planner.plan import Planner, plan
+from .planner.reach import ReachMap, reach_map
+from .planner.result import Plan, read_plan
+from .planner.robot import Replay, replay
 from .planner.sweep import Sweep, sweep
 from .problems.errors import InputError, ThrowplanError
 from .problems.load import load_scene, scene_names, scene_text

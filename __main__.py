@@ -2,6 +2,6 @@
 
 import sys
 
-from throwplan.planner.cli import main
+from .planner.cli import main
 
 sys.exit(main())

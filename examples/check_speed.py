@@ -21,17 +21,13 @@ import throwplan as tp
 from throwplan.models.release import HandSamples, Release, ReleaseCase
 from throwplan.models.sliding_pivot_release import SlidingPivotRelease
 from throwplan.models.time_stepping_release import SteppedRelease
-from throwplan.planner.check import (
-    broken_limits,
-    limit_surface_throw,
-    throw,
-)
-from throwplan.planner.motion import TICK, PlannedMotion
-from throwplan.planner.mover import Mover
-from throwplan.planner.plan import PlannedThrow
-from throwplan.planner.rollout import Landing, case_of, landing, slip_while_carrying
-from throwplan.planner.smooth import SHARE, send
-from throwplan.planner.violations import scene_violations
+from throwplan.planner.check.check import broken_limits, limit_surface_throw, throw
+from throwplan.planner.check.motion import TICK, PlannedMotion
+from throwplan.planner.check.mover import Mover
+from throwplan.planner.check.rollout import Landing, case_of, landing, slip_while_carrying
+from throwplan.planner.check.smooth import SHARE, send
+from throwplan.planner.check.violations import scene_violations
+from throwplan.planner.result.plan import PlannedThrow
 
 SCENES = ("pose", "cup", "box", "flip", "hand-box", "hand-flip")
 
@@ -156,7 +152,7 @@ def report(name: str, plan: tp.Plan, found: PlannedThrow, runs: int) -> None:
 
 def report_first_calls(plan: tp.Plan) -> None:
     """What the first calls of a process cost: planning has made some of it already."""
-    from throwplan.planner import exact_release, violations
+    from throwplan.planner.check import exact_release, violations
 
     print("first calls, with what they build:")
     for kernel in (exact_release.pivot_kernel, exact_release._surface_kernel):

@@ -17,13 +17,7 @@ import numpy as np
 import numpy.typing as npt
 
 from .contact import Contact, contact_twist, pivot_wrench
-from .limit_surface import (
-    LimitSurface,
-    Norm,
-    ellipsoid,
-    slip_size,
-    smoothed_sliding_wrench,
-)
+from .limit_surface import LimitSurface, Norm, ellipsoid, slip_size, smoothed_sliding_wrench
 from .release import HandSamples, Release, ReleaseCase, failed
 from .slip_onset import slip_onset, surface_gauge
 

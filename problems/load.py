@@ -76,6 +76,11 @@ def scene_text(name: str) -> str:
     return (files(__package__) / "scenes" / f"{name}.toml").read_text(encoding="utf-8")
 
 
+def as_scene(scene: Scene | str | Path) -> Scene:
+    """A scene as it is, or loaded."""
+    return scene if isinstance(scene, Scene) else load_scene(scene)
+
+
 def load_scene(source: str | Path) -> Scene:
     """A scene from a built-in name or a TOML file.
 

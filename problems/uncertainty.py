@@ -203,3 +203,7 @@ def _pairs(value: Any, keys: Mapping[str, str]) -> Any:
             if key not in keys:
                 raise InputError(f"correlation: {unknown(key, list(keys))}")
     return [[keys[one], keys[other], float(number)] for one, other, number in value]
+
+
+#: What a scene without [uncertainty] is swept under: the opening up to 10 ms early or late.
+USUAL = Uncertainty(delay=Distribution(uniform=0.010))

@@ -26,8 +26,8 @@ def odd_file(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def _compiling() -> Iterator[None]:
     """Compiled code where there is a compiler: the limit surface takes minutes without."""
-    from throwplan.planner import compiled_batch
-    from throwplan.planner.compiler import compiler
+    from throwplan.planner.compile import compiled_batch
+    from throwplan.planner.compile.compiler import compiler
 
     caches = (compiler, compiled_batch._library)
     with pytest.MonkeyPatch.context() as patch:

@@ -16,7 +16,7 @@ from throwplan.models.hand_track import ConstantAcceleration
 from throwplan.models.release import LOST, ReleaseCase
 from throwplan.models.sliding_pivot_release import SlidingPivotRelease
 from throwplan.models.time_stepping_release import SteppedRelease
-from throwplan.planner.simulate_batch import STEPS
+from throwplan.planner.check.simulate_batch import STEPS
 
 
 def throws(count: int, seed: int = 0) -> dict:
@@ -86,7 +86,7 @@ def test_batch_lands_where_the_single_models_do(model, exact, position, angle) -
 
 def test_default_steps_are_converged_over_many_throws() -> None:
     from throwplan.models.batch import sliding_pivot_batch, stepped_batch
-    from throwplan.planner.simulate_batch import _batch
+    from throwplan.planner.check.simulate_batch import _batch
 
     values = throws(3000, seed=5)
     batch = _batch(DROP, values["hand"], values["contact"], values["object"], values["gripper"])

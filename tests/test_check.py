@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import throwplan as tp
 from throwplan.models.hand import PlanarHand, hand_motion
-from throwplan.planner.check import broken_limits, throw
-from throwplan.planner.geometry import (
+from throwplan.planner.check.check import broken_limits, throw
+from throwplan.planner.check.geometry import (
     bar_outline,
     column_room,
     cup_entry,
@@ -19,11 +19,11 @@ from throwplan.planner.geometry import (
     palm_distance,
     reach_of_bar,
 )
-from throwplan.planner.motion import PlannedMotion, SampledMotion
-from throwplan.planner.mover import Mover, make_mover
-from throwplan.planner.rollout import slip_while_carrying
-from throwplan.planner.smooth import send
-from throwplan.planner.violations import scene_violations
+from throwplan.planner.check.motion import PlannedMotion, SampledMotion
+from throwplan.planner.check.mover import Mover, make_mover
+from throwplan.planner.check.rollout import slip_while_carrying
+from throwplan.planner.check.smooth import send
+from throwplan.planner.check.violations import scene_violations
 
 
 @pytest.fixture(scope="module")

@@ -11,13 +11,13 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner import compiled, compiler
-from throwplan.planner.compiled import NAMES, compiled_functions
-from throwplan.planner.compiler import shared_library
-from throwplan.planner.derivatives import nlp_functions, nlp_key
-from throwplan.planner.mover import make_mover
-from throwplan.planner.nlp import ThrowNlp, build_nlp
-from throwplan.planner.numbers import structure_of
+from throwplan.planner.check.mover import make_mover
+from throwplan.planner.compile import compiled, compiler
+from throwplan.planner.compile.compiled import NAMES, compiled_functions
+from throwplan.planner.compile.compiler import shared_library
+from throwplan.planner.ocp.derivatives import nlp_functions, nlp_key
+from throwplan.planner.ocp.nlp import ThrowNlp, build_nlp
+from throwplan.planner.ocp.numbers import structure_of
 
 needs_compiler = pytest.mark.skipif(
     not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="no C compiler here"
@@ -132,7 +132,7 @@ def test_broken_code_is_no_error(cache: Path) -> None:
 @needs_compiler
 def test_processes_may_share_the_cache(cache: Path) -> None:
     code = (
-        "from throwplan.planner.compiler import shared_library\n"
+        "from throwplan.planner.compile.compiler import shared_library\n"
         f"assert shared_library({SOURCE!r}) is not None\n"
     )
     running = [subprocess.Popen([sys.executable, "-c", code]) for _ in range(3)]

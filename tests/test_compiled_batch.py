@@ -18,10 +18,10 @@ from test_extreme import batch_of, extremes
 from throwplan.models.batch import ReleaseBatch, throw_limit_surface, throw_sliding_pivot
 from throwplan.models.batch_hands import ConstantAccelerations, SampledHands
 from throwplan.models.grip_force import TableRelease
-from throwplan.planner.compiled_batch import compiled_steps
-from throwplan.planner.compiler import compiler
-from throwplan.planner.lane_code import lane_function
-from throwplan.planner.simulate_batch import _batch
+from throwplan.planner.check.simulate_batch import _batch
+from throwplan.planner.compile.compiled_batch import compiled_steps
+from throwplan.planner.compile.compiler import compiler
+from throwplan.planner.compile.lane_code import lane_function
 
 RUNS = {"sp": throw_sliding_pivot, "ls-step": throw_limit_surface}
 

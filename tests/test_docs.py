@@ -16,23 +16,16 @@ from typing import Any
 import numpy as np
 import pytest
 import throwplan
-from throwplan.planner import (
-    correction,
-    from_release,
-    hardening,
-    numbers,
-    planner,
-    preparing,
-    releases,
-    solver,
-    table_search,
-    window,
-)
+from throwplan.planner import plan as planner
 from throwplan.planner.cli import _parser, main
-from throwplan.planner.scene_reference import ARM, reference
-from throwplan.planner.scene_reference_words import NOTES, WORDS
+from throwplan.planner.ocp import numbers, solver, window
+from throwplan.planner.reach import preparing
+from throwplan.planner.robust import hardening
+from throwplan.planner.search import correction, from_release, releases, table_search
 from throwplan.problems.load import SECTIONS, scene_names, scene_text
 from throwplan.problems.mesh import Mesh
+from throwplan.problems.reference import ARM, reference
+from throwplan.problems.reference_words import NOTES, WORDS
 
 ROOT = Path(__file__).parent.parent
 PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])

@@ -7,11 +7,11 @@ import math
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner import starts, table_search
-from throwplan.planner.closer import closer
-from throwplan.planner.geometry import column_of, column_room, lowest_of_bar
-from throwplan.planner.releases import distances
-from throwplan.planner.violations import flight_poses
+from throwplan.planner.check.geometry import column_of, column_room, lowest_of_bar
+from throwplan.planner.check.violations import flight_poses
+from throwplan.planner.search import starts, table_search
+from throwplan.planner.search.closer import closer
+from throwplan.planner.search.releases import distances
 
 
 @pytest.fixture(scope="module")

@@ -18,15 +18,15 @@ from throwplan.models.release import Release, ReleaseCase
 from throwplan.models.sliding_pivot import SlidingPivot
 from throwplan.models.sliding_pivot_release import SlidingPivotRelease, world_release
 from throwplan.models.time_stepping_release import SteppedRelease
-from throwplan.planner import exact_release
-from throwplan.planner.exact_release import (
+from throwplan.planner.check import exact_release
+from throwplan.planner.check.exact_release import (
     limit_surface_release,
     relative_states,
     sliding_pivot_release,
 )
-from throwplan.planner.motion import INSIDE
-from throwplan.planner.opening_grid import graded_shares, halved, instants
-from throwplan.planner.rollout import MoverTrack, case_of, kinks_of, landing
+from throwplan.planner.check.motion import INSIDE
+from throwplan.planner.check.opening_grid import graded_shares, halved, instants
+from throwplan.planner.check.rollout import MoverTrack, case_of, kinks_of, landing
 
 SCENES = ("pose", "cup", "box", "flip", "hand-box", "hand-flip")
 #: What is thrown: every scene's plan, and an arm's motion as it is sent.

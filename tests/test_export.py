@@ -13,7 +13,7 @@ import numpy as np
 import pytest
 from throwplan import Planner, Pose, load_scene
 from throwplan.planner.cli import main
-from throwplan.planner.export_ros import GRIPPER_TYPE, TRAJECTORY_TYPE
+from throwplan.planner.robot.export_ros import GRIPPER_TYPE, TRAJECTORY_TYPE
 
 TURN = math.radians(20.0)
 

@@ -15,11 +15,11 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from PIL import Image, ImageSequence
 from throwplan import Plan, Planner, load_scene
-from throwplan.planner import moving_picture
-from throwplan.planner.moving_picture import frames, indexed
-from throwplan.planner.plan import Draw
-from throwplan.planner.sent import sent_throw
-from throwplan.planner.timeline import timeline
+from throwplan.planner.result.files import sent_throw
+from throwplan.planner.result.plan import Draw
+from throwplan.planner.show import moving_picture
+from throwplan.planner.show.moving_picture import frames, indexed
+from throwplan.planner.show.timeline import timeline
 
 
 @pytest.fixture(scope="module")

@@ -10,11 +10,11 @@ import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner.check import broken_limits
-from throwplan.planner.motion import SampledMotion
-from throwplan.planner.mover import make_mover
-from throwplan.planner.nlp import ThrowNlp, build_nlp
-from throwplan.planner.numbers import structure_of
+from throwplan.planner.check.check import broken_limits
+from throwplan.planner.check.motion import SampledMotion
+from throwplan.planner.check.mover import make_mover
+from throwplan.planner.ocp.nlp import ThrowNlp, build_nlp
+from throwplan.planner.ocp.numbers import structure_of
 
 
 def fr3_velocity(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -10,8 +10,8 @@ import pytest
 import throwplan as tp
 from throwplan.models.hand_track import ConstantAcceleration, PiecewiseAcceleration, SampledHand
 from throwplan.models.recording import low_pass
+from throwplan.planner.check.given_motion import given_hand
 from throwplan.planner.cli import main
-from throwplan.planner.given_motion import given_hand
 
 
 def scene_with(tmp_path: Path, motion: str) -> Path:

@@ -15,14 +15,14 @@ import pytest
 import throwplan as tp
 from throwplan.models.grip_force import TableRelease
 from throwplan.planner.cli import main
-from throwplan.planner.identification.fit_belief import Belief
-from throwplan.planner.identification.fit_landing import DifferencedLandings, PivotLandings
-from throwplan.planner.identification.fit_scene import applied, contact_text, prior_of
-from throwplan.planner.identification.grid import MISSED, grid_of
-from throwplan.planner.identification.identify_run import identify
-from throwplan.planner.identification.learn import thrown, updated
-from throwplan.planner.identification.measured import measured
-from throwplan.planner.identification.predict import Parameters, Predictor
+from throwplan.planner.identify.fit_belief import Belief
+from throwplan.planner.identify.fit_landing import DifferencedLandings, PivotLandings
+from throwplan.planner.identify.fit_scene import applied, contact_text, prior_of
+from throwplan.planner.identify.grid import MISSED, grid_of
+from throwplan.planner.identify.identify_run import identify
+from throwplan.planner.identify.learn import thrown, updated
+from throwplan.planner.identify.measured import measured
+from throwplan.planner.identify.predict import Parameters, Predictor
 from throwplan.planner.report.learning_runs import BELIEVED, Lesson
 from throwplan.problems.distribution import Distribution
 from throwplan.problems.errors import InputError
@@ -301,7 +301,7 @@ def test_the_ridge_is_as_narrow_as_the_product_is_known() -> None:
 
 
 def test_a_slow_model_is_timed_on_a_subset(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("throwplan.planner.identification.identify_run.PATIENCE", 0.0)
+    monkeypatch.setattr("throwplan.planner.identify.identify_run.PATIENCE", 0.0)
     found = identify(made(1, "sp"), "ils")
     assert found.grid is None and found.fit is None
     assert found.each is not None and found.whole == pytest.approx(found.each * 400)

@@ -16,9 +16,9 @@ from adam.numpy import KinDynComputations
 from planar_urdf import JOINTS, ODD_OPTIONS, XACRO, hand_pose, imported, moved, planar_urdf
 from throwplan.models.arm import Arm
 from throwplan.models.hand import PlanarArm
-from throwplan.planner.check import throw
+from throwplan.planner.check.check import throw
+from throwplan.planner.check.mover import make_mover
 from throwplan.planner.cli import main
-from throwplan.planner.mover import make_mover
 from throwplan.problems.arm_file import load_arm
 from throwplan.problems.load import scene_text
 

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from throwplan.models.hand import PlanarHand, hand_motion
-from throwplan.planner.kernel import BLOCK, STEPS, Kernel, MappedKernel, StepKernel, mapped
+from throwplan.planner.compile.kernel import BLOCK, STEPS, Kernel, MappedKernel, StepKernel, mapped
 
 
 def two_outputs() -> ca.Function:

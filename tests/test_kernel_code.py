@@ -10,9 +10,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner import compiler
-from throwplan.planner.kernel_code import KernelCode, check_kernels
-from throwplan.planner.mover import make_mover
+from throwplan.planner.check.kernel_code import KernelCode, check_kernels
+from throwplan.planner.check.mover import make_mover
+from throwplan.planner.compile import compiler
 
 pytestmark = pytest.mark.skipif(
     not any(map(shutil.which, ("cc", "gcc", "clang"))), reason="no C compiler here"

@@ -12,11 +12,11 @@ import numpy as np
 import pytest
 from throwplan.models.grip_force import TableRelease
 from throwplan.planner.cli import main
-from throwplan.planner.identification.make_throws import Making, Noise, make_throws
-from throwplan.planner.identification.make_throws_scene import HEIGHT
-from throwplan.planner.identification.make_throws_truth import Flown, Law
-from throwplan.planner.identification.measured import measured
-from throwplan.planner.identification.predict import Parameters, Predictor
+from throwplan.planner.identify.make_throws import Making, Noise, make_throws
+from throwplan.planner.identify.make_throws_scene import HEIGHT
+from throwplan.planner.identify.make_throws_truth import Flown, Law
+from throwplan.planner.identify.measured import measured
+from throwplan.planner.identify.predict import Parameters, Predictor
 from throwplan.problems.errors import InputError
 from throwplan.problems.grip_recording import grip_samples, monotone_grip
 from throwplan.problems.hold import Grasp, ThrownObject

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from throwplan.planner.cli import main
-from throwplan.planner.map_throws import CHUNK
+from throwplan.planner.reach.map_throws import CHUNK
 from throwplan.problems.scene import Landing
 
 KEYS = {"scene", "z", "reachable", "x", "theta", "file"}

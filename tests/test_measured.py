@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 from throwplan.models.grip_force import TableRelease
-from throwplan.planner.identification.measured import measured, velocities
+from throwplan.planner.identify.measured import measured, velocities
 from throwplan.problems.errors import InputError
 from throwplan.problems.hold import Grasp, ThrownObject
 from throwplan.problems.throw_data import MeasuredThrow, Shared, ThrowData

@@ -9,16 +9,12 @@ import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner.derivatives import nlp_functions
-from throwplan.planner.guess import guess_from
-from throwplan.planner.mover import make_mover
-from throwplan.planner.nlp import ThrowNlp, build_nlp
-from throwplan.planner.numbers import (
-    bounds,
-    parameter_values,
-    structure_of,
-)
-from throwplan.planner.releases import ReleaseSampler, nearest
+from throwplan.planner.check.mover import make_mover
+from throwplan.planner.ocp.derivatives import nlp_functions
+from throwplan.planner.ocp.nlp import ThrowNlp, build_nlp
+from throwplan.planner.ocp.numbers import bounds, parameter_values, structure_of
+from throwplan.planner.search.guess import guess_from
+from throwplan.planner.search.releases import ReleaseSampler, nearest
 
 #: (variables, constraints) of the built-in scenes: what a scene does not need is not there.
 SIZES = {

@@ -9,9 +9,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner import correction, preparing, solved_throws
-from throwplan.planner.context import Room
-from throwplan.planner.solved_throws import SolvedThrow, SolvedThrows, _read
+from throwplan.planner.ocp.context import Room
+from throwplan.planner.reach import preparing
+from throwplan.planner.search import correction, solved_throws
+from throwplan.planner.search.solved_throws import SolvedThrow, SolvedThrows, _read
 from throwplan.problems.choice import Choice
 
 COUNT = 60
@@ -197,7 +198,7 @@ def test_after_throws_that_lead_nowhere_the_search_is_the_usual_one(
         # What is prepared leads nowhere.
         return None if warm else correction.attempt(problem, mover, target, guess, search)
 
-    monkeypatch.setattr("throwplan.planner.planner.attempt", attempt)
+    monkeypatch.setattr("throwplan.planner.plan.attempt", attempt)
     before, after = plain.plan(target), planner.plan(target)
     assert 1 <= asked.count((Room(held=0.04), True)) <= solved_throws.NEAREST
     assert all(room == Room() for room, warm in asked if not warm)

@@ -14,15 +14,15 @@ from throwplan.models.limit_surface_release import ImplicitRelease, KarnoppRelea
 from throwplan.models.release import Release, ReleaseCase
 from throwplan.models.sliding_pivot_release import SlidingPivotRelease
 from throwplan.models.time_stepping_release import SteppedRelease
-from throwplan.planner.contact_pictures import (
+from throwplan.planner.show.contact_pictures import (
     draw_limit_surface,
     first_slip,
     given_case,
     held_wrench,
     slide_onset,
 )
-from throwplan.planner.overhang_picture import draw_overhang
-from throwplan.planner.release_pictures import draw_chatter, draw_release_pictures, quartic
+from throwplan.planner.show.overhang_picture import draw_overhang
+from throwplan.planner.show.release_pictures import draw_chatter, draw_release_pictures, quartic
 from throwplan.problems.errors import InputError
 from throwplan.problems.scene import Motion, Scene
 

@@ -9,14 +9,14 @@ import numpy as np
 import pytest
 import throwplan as tp
 from scipy.interpolate import BPoly
-from throwplan.planner import releases as table_module
-from throwplan.planner.exact_release import sliding_pivot_release
-from throwplan.planner.motion import PlannedMotion
-from throwplan.planner.mover import make_mover
-from throwplan.planner.release_cache import stored
-from throwplan.planner.release_room import clears_palm
-from throwplan.planner.releases import Releases, ReleaseSampler
-from throwplan.planner.rollout import MoverTrack, case_of, friction_use, hand_samples, landing
+from throwplan.planner.check.exact_release import sliding_pivot_release
+from throwplan.planner.check.motion import PlannedMotion
+from throwplan.planner.check.mover import make_mover
+from throwplan.planner.check.rollout import MoverTrack, case_of, friction_use, hand_samples, landing
+from throwplan.planner.search import releases as table_module
+from throwplan.planner.search.release_cache import stored
+from throwplan.planner.search.release_room import clears_palm
+from throwplan.planner.search.releases import Releases, ReleaseSampler
 
 ARRAYS = ("q", "dq", "ddq", "run_up", "detach")
 

@@ -12,14 +12,14 @@ import numpy as np
 import pytest
 import throwplan as tp
 from throwplan.planner.cli import main
-from throwplan.planner.command_replay import text
-from throwplan.planner.replay_model import FRICTION, damping_ratio
-from throwplan.planner.sent import read_plan
+from throwplan.planner.cli.replay import text
+from throwplan.planner.result.files import read_plan
+from throwplan.planner.robot.replay_model import FRICTION, damping_ratio
 from throwplan.problems.errors import InputError
 
 mujoco = pytest.importorskip("mujoco")
 
-from throwplan.planner.replay import replay  # noqa: E402
+from throwplan.planner.robot.replay import replay  # noqa: E402
 
 
 def planned(folder, name, target=None):
@@ -95,7 +95,7 @@ def test_neither_steps_nor_points_decide_the_landing(into_cup, cup, change):
 
 
 def test_another_hold_before_the_opening_changes_nothing(into_cup, cup, monkeypatch):
-    monkeypatch.setattr("throwplan.planner.replay_runs.LEAD", 0.15)
+    monkeypatch.setattr("throwplan.planner.robot.replay_runs.LEAD", 0.15)
     other = replay(cup)
     assert other.landing[0] == pytest.approx(into_cup.landing[0], abs=5e-5)
     assert other.landing[2] == pytest.approx(into_cup.landing[2], abs=math.radians(0.02))

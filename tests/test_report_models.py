@@ -22,13 +22,7 @@ from throwplan.planner.report.model_runs import (
     python_loop,
     stepped,
 )
-from throwplan.planner.report.model_throws import (
-    Throw,
-    detached,
-    four_throws,
-    off,
-    throws_table,
-)
+from throwplan.planner.report.model_throws import Throw, detached, four_throws, off, throws_table
 from throwplan.planner.report.model_truths import patch_truth, pivot_truth, surface_truth
 from throwplan.planner.report.pareto import pareto
 from throwplan.planner.report.random_throws import HELD, random_throws, throw_number

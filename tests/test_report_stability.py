@@ -12,10 +12,9 @@ import numpy as np
 import pytest
 import throwplan as tp
 from throwplan.models.flight import FlightState, time_to_height
-from throwplan.planner.check import throw
-from throwplan.planner.mover import make_mover
-from throwplan.planner.numbers import bounds
-from throwplan.planner.plan import PlannedThrow
+from throwplan.planner.check.check import throw
+from throwplan.planner.check.mover import make_mover
+from throwplan.planner.ocp.numbers import bounds
 from throwplan.planner.report import derivative_check, judge
 from throwplan.planner.report.conditioning import condition, kkt_matrix
 from throwplan.planner.report.derivative_check import derivative_errors, structures
@@ -27,6 +26,7 @@ from throwplan.planner.report.noisy_guesses import from_noisy_guess
 from throwplan.planner.report.other_units import in_other_units, unit_rows
 from throwplan.planner.report.page import Effort
 from throwplan.planner.report.stability import _extremes
+from throwplan.planner.result.plan import PlannedThrow
 from throwplan.problems.load import load_scene
 
 

@@ -10,9 +10,9 @@ import time
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner.correction import Search
-from throwplan.planner.reach_study import outcomes, reachable_targets
-from throwplan.planner.violations import Violation
+from throwplan.planner.check.violations import Violation
+from throwplan.planner.report.reach_study import outcomes, reachable_targets
+from throwplan.planner.search.correction import Search
 from throwplan.problems.choice import Choice
 
 

@@ -6,8 +6,8 @@ import json
 
 import pytest
 import throwplan as tp
+from throwplan.planner.check.simulate import MODELS, VARIANTS
 from throwplan.planner.cli import main
-from throwplan.planner.simulate import MODELS, VARIANTS
 
 
 @pytest.fixture(scope="module")

@@ -8,11 +8,11 @@ from functools import cache
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner import smooth
-from throwplan.planner.check import broken_limits
-from throwplan.planner.motion import TICK, PlannedMotion, SampledMotion
-from throwplan.planner.mover import Mover, make_mover
-from throwplan.planner.smooth import send
+from throwplan.planner.check import smooth
+from throwplan.planner.check.check import broken_limits
+from throwplan.planner.check.motion import TICK, PlannedMotion, SampledMotion
+from throwplan.planner.check.mover import Mover, make_mover
+from throwplan.planner.check.smooth import send
 
 
 @cache

@@ -13,17 +13,16 @@ import throwplan as tp
 from throwplan.models.batch import sliding_pivot_batch
 from throwplan.models.batch_hands import ConstantAccelerations
 from throwplan.models.flight import land
-from throwplan.planner import progress
-from throwplan.planner.carry_hold import CarryHold
-from throwplan.planner.check import throw
-from throwplan.planner.cli import main
-from throwplan.planner.cup_entries import cup_entries
-from throwplan.planner.disturbed_hands import HandTable
-from throwplan.planner.geometry import cup_entry
-from throwplan.planner.sweep_run import CHUNKS, run_sweep
-from throwplan.planner.sweep_sensitivity import derivatives, scan_delays
-from throwplan.planner.sweep_throws import Thrower
-from throwplan.planner.uncertain import sampler_of
+from throwplan.planner.check.check import throw
+from throwplan.planner.check.cup_entries import cup_entries
+from throwplan.planner.check.geometry import cup_entry
+from throwplan.planner.cli import main, progress
+from throwplan.planner.sweep.carry_hold import CarryHold
+from throwplan.planner.sweep.disturbed_hands import HandTable
+from throwplan.planner.sweep.sweep_run import CHUNKS, run_sweep
+from throwplan.planner.sweep.sweep_sensitivity import derivatives, scan_delays
+from throwplan.planner.sweep.sweep_throws import Thrower
+from throwplan.planner.sweep.uncertain import sampler_of
 from throwplan.problems.load import scene_text
 from throwplan.problems.scene import Distribution, Gripper, Uncertainty
 

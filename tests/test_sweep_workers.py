@@ -15,9 +15,9 @@ from multiprocessing import get_context
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner.sweep import sweep_until_stopped
-from throwplan.planner.sweep_run import CHUNKS
-from throwplan.planner.workers import executor_of
+from throwplan.planner.sweep.sweep import sweep_until_stopped
+from throwplan.planner.sweep.sweep_run import CHUNKS
+from throwplan.planner.sweep.workers import executor_of
 
 #: Chunks that are smaller than usual, so that there are many.
 CHUNK, SAMPLES = 256, 12 * 256 + 100

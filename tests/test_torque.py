@@ -10,8 +10,8 @@ import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
+from throwplan.planner.check.torque import torque_use
 from throwplan.planner.cli import main
-from throwplan.planner.torque import torque_use
 from throwplan.problems.load import scene_text
 from throwplan.problems.torque import Torque
 

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 from throwplan import InputError, load_scene
-from throwplan.planner.uncertain import USUAL, quantile, sampler_of
+from throwplan.planner.sweep.uncertain import USUAL, quantile, sampler_of
 from throwplan.problems.load import scene_text
 from throwplan.problems.scene import Distribution, Uncertainty
 

@@ -14,16 +14,16 @@ import numpy as np
 import pytest
 from throwplan.models.flight import land
 from throwplan.models.grip_force import TableRelease
+from throwplan.planner.check.simulate import MODELS
 from throwplan.planner.cli import main
-from throwplan.planner.identification import validation_files
-from throwplan.planner.identification.best_cell import cells_around, spread_rows
-from throwplan.planner.identification.factors import comparisons, factor_rows, mann_whitney
-from throwplan.planner.identification.measured import measured
-from throwplan.planner.identification.predict import Parameters, Predictor
-from throwplan.planner.identification.validation import validate
-from throwplan.planner.identification.validation_folds import bootstrap, fold_of
-from throwplan.planner.identification.validation_predict import predicted, quick_predictor
-from throwplan.planner.simulate import MODELS
+from throwplan.planner.identify import validation_files
+from throwplan.planner.identify.best_cell import cells_around, spread_rows
+from throwplan.planner.identify.factors import comparisons, factor_rows, mann_whitney
+from throwplan.planner.identify.measured import measured
+from throwplan.planner.identify.predict import Parameters, Predictor
+from throwplan.planner.identify.validation import validate
+from throwplan.planner.identify.validation_folds import bootstrap, fold_of
+from throwplan.planner.identify.validation_predict import predicted, quick_predictor
 from throwplan.problems.arm_file import load_arm
 from throwplan.problems.hold import Grasp, ThrownObject
 from throwplan.problems.throw_data import MeasuredThrow, Shared, ThrowData, load_throws

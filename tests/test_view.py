@@ -9,10 +9,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from throwplan.planner.sent import read_plan
-from throwplan.planner.view import View
-from throwplan.planner.view_poses import SpaceThrow, in_space, link_pieces, placed, space_throw
-from throwplan.planner.view_server import serving
+from throwplan.planner.result.files import read_plan
+from throwplan.planner.show.view import View
+from throwplan.planner.show.view_poses import SpaceThrow, in_space, link_pieces, placed, space_throw
+from throwplan.planner.show.view_server import serving
 from view_plans import AZIMUTH, cup_plan, free_port, hand_plan
 
 

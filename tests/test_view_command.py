@@ -150,7 +150,7 @@ def test_planning_imports_no_viser() -> None:
 def test_a_film(capsys, monkeypatch, tmp_path: Path, hand: Path) -> None:
     if shutil.which("ffmpeg") is None:
         pytest.skip("no ffmpeg here")
-    from throwplan.planner import view_film
+    from throwplan.planner.show import view_film
 
     monkeypatch.setattr(view_film, "FPS", 5)
     path = tmp_path / "films" / "throw.mp4"
@@ -165,7 +165,7 @@ def test_a_film(capsys, monkeypatch, tmp_path: Path, hand: Path) -> None:
 
 
 def test_a_film_that_cannot_be(capsys, monkeypatch, tmp_path: Path, hand: Path) -> None:
-    from throwplan.planner import view_film
+    from throwplan.planner.show import view_film
 
     assert "must end in .mp4" in refusal(capsys, hand, "--mp4", tmp_path / "throw.gif")
 

@@ -21,9 +21,9 @@ import numpy as np
 import pytest
 from matplotlib.colors import rgb_to_hsv
 from PIL import Image
-from throwplan.planner.sent import read_plan
-from throwplan.planner.view_poses import SpaceThrow, space_throw
-from throwplan.planner.view_server import serving
+from throwplan.planner.result.files import read_plan
+from throwplan.planner.show.view_poses import SpaceThrow, space_throw
+from throwplan.planner.show.view_server import serving
 from view_plans import cup_plan, free_port
 from websockets.sync.client import connect
 

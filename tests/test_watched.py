@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 import throwplan as tp
-from throwplan.planner import solver as solver_module
-from throwplan.planner.watched import GivenUpError, watched
+from throwplan.planner.ocp import solver as solver_module
+from throwplan.planner.ocp.watched import GivenUpError, watched
 
 
 def endless() -> bytes:

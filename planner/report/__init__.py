@@ -1,1 +1,5 @@
-"""`throwplan report`: error against run time, stability, and what a scene leaves out."""
+"""`throwplan report`: error against run time, stability, reach and robustness, measured."""
+
+from .run import FILES, SECTIONS, make_report
+
+__all__ = ["FILES", "SECTIONS", "make_report"]

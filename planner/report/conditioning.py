@@ -5,10 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..derivatives import nlp_functions
-from ..numbers import bounds, parameter_values
-from ..plan import PlannedThrow
-from ..window import window_of
+from ..ocp import bounds, nlp_functions, parameter_values, window_of
+from ..result import PlannedThrow
 
 Array = npt.NDArray[np.float64]
 #: Multipliers and distances from bounds are taken to be at least this.

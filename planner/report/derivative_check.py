@@ -10,12 +10,16 @@ import numpy.typing as npt
 
 from ...problems.load import load_scene
 from ...problems.scene import Scene
-from ..context import Guard
-from ..derivatives import nlp_functions
-from ..mover import make_mover
-from ..nlp import ThrowNlp, build_nlp
-from ..numbers import bounds, parameter_values, structure_of
-from ..window import window_of
+from ..check import Guard, make_mover
+from ..ocp import (
+    ThrowNlp,
+    bounds,
+    build_nlp,
+    nlp_functions,
+    parameter_values,
+    structure_of,
+    window_of,
+)
 from .page import Effort, Part, Table
 
 Array = npt.NDArray[np.float64]

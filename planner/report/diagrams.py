@@ -5,15 +5,16 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
-from matplotlib.artist import Artist
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 
-from ..sweep_pictures import BLACK, BLUE, GREEN, GREY, RED
+from ..sweep import BLACK, BLUE, GREEN, GREY, RED
+
+if TYPE_CHECKING:
+    from matplotlib.artist import Artist
+    from matplotlib.axes import Axes
 
 Array = npt.NDArray[np.float64]
 
@@ -63,6 +64,8 @@ class Panel:
 
 def draw_work_precision(rows: Sequence[Sequence[Panel]], title: str, path: Path) -> None:
     """Rows of panels over one time axis, one legend for all."""
+    from matplotlib.figure import Figure
+
     wide, high = len(rows[0]), len(rows)
     figure = Figure(figsize=(4.4 * wide, 3.7 * high + 1.2), layout="constrained")
     grid = figure.subplots(high, wide, sharex=True, squeeze=False)
@@ -120,6 +123,8 @@ def draw_widths(
     panels: Sequence[tuple[str, Mapping[str, Array]]], steps: Sequence[int], path: Path
 ) -> None:
     """Error [mm] over the number of steps: per throw a line for each width, no width last."""
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(3.6 * len(panels), 4.2), layout="constrained")
     axes = figure.subplots(1, len(panels), sharey=True, squeeze=False)
     for axis, (name, lines) in zip(axes[0], panels, strict=True):

@@ -11,8 +11,8 @@ from typing import Any
 import numpy as np
 
 from ...problems.errors import InputError
-from ..plan import Plan
-from ..planner import Planner
+from ..plan import Planner
+from ..result import Plan
 from .conditioning import condition, kkt_matrix
 from .extreme_scenes import Case
 from .in_turn import ENDINGS, shared

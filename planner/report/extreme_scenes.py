@@ -18,7 +18,7 @@ import numpy as np
 
 from ...problems.load import load_scene
 from ...problems.scene import Pose, Scene
-from ..planner import Planner
+from ..plan import Planner
 
 #: Where a case's target is; "own" is the base scene's.
 Aim = Literal["own", "inside", "edge", "beyond", "hand height", "straight up", "behind"]

@@ -13,12 +13,8 @@ from ...models.flight import FlightState
 from ...models.release import HandSamples
 from ...models.sliding_pivot_release import SlidingPivotRelease
 from ...problems.scene import Pose, Scene
-from ..check import broken_limits, throw
-from ..motion import Motion
-from ..mover import Mover
-from ..plan import PlannedThrow
-from ..rollout import case_of
-from ..violations import scene_violations
+from ..check import Motion, Mover, broken_limits, case_of, scene_violations, throw
+from ..result import PlannedThrow
 
 Array = npt.NDArray[np.float64]
 #: Steps of the independent release, doubled at most so many times until it is settled.

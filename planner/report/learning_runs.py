@@ -14,11 +14,9 @@ import numpy.typing as npt
 from ...problems.load import load_scene
 from ...problems.scene import Scene
 from ...problems.target import Pose
-from ..identification.fit_belief import Belief
-from ..identification.fit_scene import applied, prior_of
-from ..identification.learn import throw_data, thrown, updated
-from ..plan import Plan
-from ..planner import Planner
+from ..identify import Belief, applied, prior_of, throw_data, thrown, updated
+from ..plan import Planner
+from ..result import Plan
 
 Array = npt.NDArray[np.float64]
 

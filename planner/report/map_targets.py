@@ -9,9 +9,9 @@ import numpy as np
 
 from ...problems.load import load_scene
 from ...problems.scene import Pose
-from ..plan import Plan
-from ..planner import Planner
-from ..reach_map import ReachMap, reach_map
+from ..plan import Planner
+from ..reach import ReachMap, reach_map
+from ..result import Plan
 from .page import Cell, Table
 
 #: Scenes, and the seed of the bins.

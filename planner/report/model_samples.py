@@ -22,9 +22,9 @@ from ...models.lugre_release import LuGreRelease
 from ...models.patch_release import PatchRelease
 from ...models.release import Release, ReleaseCase
 from ...models.sliding_pivot_release import SlidingPivotRelease
-from ..compiled_batch import compiled_steps
-from ..simulate_batch import STEPS
-from ..workers import executor_of
+from ..check import STEPS
+from ..compile import compiled_steps
+from ..sweep import executor_of
 from .model_measures import least_time
 from .model_runs import STIFFNESSES, SmoothedRelease, python_loop, stepped
 from .model_throws import detached, differences

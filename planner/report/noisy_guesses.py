@@ -10,11 +10,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ...problems.load import load_scene
-from ..correction import Search, attempt
-from ..guess import guess_from
-from ..nlp import ThrowNlp
-from ..plan import Plan
-from ..planner import Planner
+from ..ocp import ThrowNlp
+from ..plan import Planner
+from ..result import Plan
+from ..search import Search, attempt, guess_from
 from .in_turn import ENDINGS, shared
 from .judge import STEPS, judged
 from .page import Effort, Table

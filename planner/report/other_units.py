@@ -12,11 +12,9 @@ import numpy as np
 
 from ...problems.load import load_scene
 from ...problems.scene import Scene
-from ..check import limit_surface_throw, throw
-from ..motion import PlannedMotion
-from ..mover import make_mover
-from ..plan import Plan
-from ..planner import Planner
+from ..check import PlannedMotion, limit_surface_throw, make_mover, throw
+from ..plan import Planner
+from ..result import Plan
 from .page import Effort, Table
 
 

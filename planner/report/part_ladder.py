@@ -9,8 +9,8 @@ from ...problems.distribution import Distribution
 from ...problems.load import load_scene
 from ...problems.robust import Robust
 from ...problems.scene import Cup, Landing, Scene, Uncertainty, Workspace
-from ..context import Guard
-from ..planner import Planner
+from ..check import Guard
+from ..plan import Planner
 from .part_sizes import Posed
 
 GUARDS: frozenset[Guard] = frozenset({"carry", "flight", "passing"})

@@ -10,17 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from ...problems.scene import Pose, Scene
-from ..compiled import Compile
-from ..context import Guard
-from ..correction import Search, attempt
-from ..derivatives import nlp_functions
-from ..guess import guess_from
-from ..nlp import ThrowNlp
-from ..numbers import opening_nodes, parameter_values
-from ..plan import PlannedThrow
-from ..planner import Planner
-from ..refit import refit
-from ..window import window_of
+from ..check import Guard
+from ..compile import Compile
+from ..ocp import ThrowNlp, nlp_functions, opening_nodes, parameter_values, window_of
+from ..plan import Planner
+from ..result import PlannedThrow
+from ..search import Search, attempt, guess_from, refit
 from .page import Cell
 
 Array = npt.NDArray[np.float64]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from ...problems.load import load_scene, scene_names
 from ...problems.scene import Scene
-from ..compiled import Compile
+from ..compile import Compile
 from .import_count import imports_of
 from .page import Cell, Effort, Part, Picture, Section, Table
 from .part_ladder import ARM, HAND, ladder, with_everything

@@ -12,7 +12,7 @@ def draw(words: Sequence[str], found: Sequence[Measured], path: Path) -> None:
     """Two bar charts side by side: operations, and times to solve; one line for each word."""
     from matplotlib.figure import Figure
 
-    from ..sweep_pictures import BLUE, GREEN, GREY
+    from ..sweep import BLUE, GREEN, GREY
 
     figure = Figure(figsize=(11, 4.5), layout="constrained")
     left, right = figure.subplots(1, 2, sharey=True)

@@ -13,10 +13,10 @@ import numpy.typing as npt
 
 from ...problems.load import load_scene
 from ...problems.scene import Pose, Scene
-from ..reach_study import reachable_targets
 from .page import Cell, Effort, Picture, Section, Table
 from .planner_points import MARGINS, beats, best_of, points, scaled
 from .planner_runs import Measured, Variant, measured, usual_planner
+from .reach_study import reachable_targets
 
 Array = npt.NDArray[np.float64]
 

@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import math
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
 
 Array = npt.NDArray[np.float64]
 
@@ -25,6 +27,8 @@ def draw_settings(
     best: list[bool],
 ) -> None:
     """Points (N, 2): solving time [ms], error [mm]; families by colour, Pareto points ringed."""
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(9, 6), layout="constrained")
     axes = figure.subplots()
     names, words = {"integrator": "rk4: opening × substeps"}, [""] * len(labels)

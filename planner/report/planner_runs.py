@@ -12,14 +12,11 @@ import numpy as np
 import numpy.typing as npt
 
 from ...problems.scene import Pose, Scene
-from ..check import throw
-from ..compiled import Compile
-from ..correction import Search
-from ..guess import guess_from
-from ..motion import opening_start, planned_motion
-from ..numbers import bounds, opening_nodes, parameter_values
-from ..planner import Planner, SolverName
-from ..smooth import SmoothingError, send
+from ..check import SmoothingError, send, throw
+from ..compile import Compile
+from ..ocp import bounds, opening_nodes, opening_start, parameter_values, planned_motion
+from ..plan import Planner, SolverName
+from ..search import Search, guess_from
 from .warmed import warmed
 
 Array = npt.NDArray[np.float64]

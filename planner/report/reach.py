@@ -19,17 +19,16 @@ import numpy.typing as npt
 
 from ...problems.load import load_scene
 from ...problems.scene import Pose, Scene
-from ..compiled import Compile
-from ..compiler import compiler
-from ..mover import make_mover
-from ..plan import Status
-from ..planner import Planner
-from ..reach_study import Outcome, outcomes, reachable_targets
-from ..releases import ReleaseSampler
-from ..workers import executor_of
+from ..check import make_mover
+from ..compile import Compile, c_compiler
+from ..plan import Planner
+from ..result import Status
+from ..search import ReleaseSampler
+from ..sweep import executor_of
 from .following import following
 from .map_targets import map_targets
 from .page import Cell, Effort, Picture, Section, Table
+from .reach_study import Outcome, outcomes, reachable_targets
 from .rivals import rivals
 from .warmed import warmed
 
@@ -87,7 +86,7 @@ def make(effort: Effort) -> Section:
             planner = warmed(scene, first, compiling)
             some = targets if compiling == "wait" else targets[: effort.of(10, 100)]
             results = list(outcomes(planner, some))
-            ready = compiling == "wait" and compiler() is not None
+            ready = compiling == "wait" and c_compiler() is not None
             rows.append([name, "yes" if ready else "no", None, *_figures(results)])
             if name in PREPARED and not effort.quick:
                 ahead, words = _prepared(scene, first, compiling)

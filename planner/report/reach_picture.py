@@ -6,13 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from matplotlib.figure import Figure
 
 Array = npt.NDArray[np.float64]
 
 
 def draw_targets(path: Path, *, solved: Array, lost: Array, outside: Array, nearest: Array) -> None:
     """Poses (N, 2) [m, rad]; `nearest` belongs to `outside`, row by row."""
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(9, 6), layout="constrained")
     axes = figure.subplots()
     for one, other in zip(outside, nearest, strict=True):

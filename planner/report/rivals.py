@@ -8,10 +8,9 @@ import time
 import numpy as np
 
 from ...problems.scene import Pose, Scene
-from ..correction import Search
-from ..guess import guess_from
-from ..numbers import bounds, parameter_values
-from ..planner import Planner
+from ..ocp import bounds, parameter_values
+from ..plan import Planner
+from ..search import Search, guess_from
 from .page import Cell, Table
 from .single_shooting import SingleShooting
 

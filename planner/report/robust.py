@@ -17,13 +17,11 @@ import numpy.typing as npt
 from ...problems.load import load_scene
 from ...problems.robust import COMPARED, METHODS
 from ...problems.scene import Pose
-from ..plan import Plan
-from ..planner import Planner
-from ..reach_study import reachable_targets
-from ..sweep import sweep
-from ..sweep_statistics import scaled_error
-from ..workers import executor_of
+from ..plan import Planner
+from ..result import Plan
+from ..sweep import executor_of, scaled_error, sweep
 from .page import Cell, Effort, Picture, Section, Table, shown
+from .reach_study import reachable_targets
 
 Array = npt.NDArray[np.float64]
 

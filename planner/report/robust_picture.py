@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
-from matplotlib.figure import Figure
 
 #: Where a target without a plan is drawn, and the least ratio that is told apart.
 LOST, LEAST = 20.0, 1e-4
@@ -14,6 +13,8 @@ LOST, LEAST = 20.0, 1e-4
 
 def draw_ratios(ratios: dict[str, npt.NDArray[np.float64]], path: Path) -> None:
     """Ratios (N,) by method, infinite without a plan; a bar at each median."""
+    from matplotlib.figure import Figure
+
     figure = Figure(figsize=(9, 4.5), layout="constrained")
     axes = figure.subplots()
     rng = np.random.default_rng(0)

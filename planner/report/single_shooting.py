@@ -12,11 +12,9 @@ import numpy.typing as npt
 from scipy.optimize import minimize
 
 from ...problems.scene import Pose, Scene
-from ..guess import guess_from
-from ..mover import make_mover
-from ..nlp import build_nlp
-from ..numbers import bounds, parameter_values, structure_of
-from ..releases import Releases
+from ..check import make_mover
+from ..ocp import bounds, build_nlp, parameter_values, structure_of
+from ..search import Releases, guess_from
 
 Array = npt.NDArray[np.float64]
 

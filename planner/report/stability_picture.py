@@ -13,7 +13,7 @@ def draw(found: Sequence[Outcome], path: Path) -> None:
     from matplotlib.figure import Figure
     from matplotlib.ticker import NullFormatter
 
-    from ..sweep_pictures import BLUE, GREEN, GREY, RED
+    from ..sweep import BLUE, GREEN, GREY, RED
 
     figure = Figure(figsize=(11, 4.5), layout="constrained")
     left, right = figure.subplots(1, 2)

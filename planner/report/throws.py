@@ -13,22 +13,28 @@ from pathlib import Path
 import numpy as np
 
 from ...problems.throw_data import ThrowData
-from ..identification.grid import Grid, estimated_seconds, grid_of
-from ..identification.identify_pictures import draw_grid
-from ..identification.identify_run import Identified, identify
-from ..identification.make_throws import Making, make_throws
-from ..identification.measured import measured
-from ..identification.predict import Predictor
-from ..identification.validation import Validation, validate
-from ..identification.validation_files import errors_by_throw
-from ..identification.validation_notes import head, notes
-from ..identification.validation_tables import (
+from ..identify import (
+    Grid,
+    Identified,
+    Making,
+    Predictor,
+    Validation,
     crossed_table,
+    draw_grid,
     error_table,
+    errors_by_throw,
+    estimated_seconds,
     factor_table,
+    grid_of,
+    head,
+    identify,
+    make_throws,
+    measured,
+    notes,
     parameter_table,
+    validate,
 )
-from ..workers import executor_of
+from ..sweep import executor_of
 from .learning_runs import BELIEVED, JUDGED, NOISE, REALITY, TRUTH, Lesson
 from .page import Cell, Effort, Picture, Section, Table
 
@@ -166,8 +172,8 @@ def _hide_compiler() -> None:
 
 def _add_validated(section: Section, found: Validation) -> None:
     """Tables III and IV, cross-validation, and pictures."""
-    from ..identification import validation_pictures as pictures
-    from ..identification.factors_picture import factors_picture
+    from ..identify import factors_picture
+    from ..identify import validation_pictures as pictures
 
     section.add(
         f"The models judged on all {len(found.data.throws)} throws (`throwplan validate`, "

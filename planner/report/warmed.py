@@ -6,8 +6,8 @@ import time
 from collections.abc import Sequence
 
 from ...problems.scene import Pose, Scene
-from ..compiled import Compile
-from ..planner import Planner, SolverName
+from ..compile import Compile
+from ..plan import Planner, SolverName
 
 #: The longest time [s] to wait for what a compiler makes in the background.
 LONGEST = 150.0

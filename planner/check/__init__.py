@@ -1,0 +1,86 @@
+"""Motions thrown by the exact models, and what such a throw breaks of its scene.
+
+The promise behind `solved` is kept here: nothing in this room knows how a throw was found.
+"""
+
+from .check import Thrown, broken_limits, limit_surface_throw, throw
+from .cup_entries import cup_entries, enters_cup_at_landing
+from .exact_release import relative_states
+from .geometry import (
+    bar_outline,
+    column_of,
+    column_room,
+    held_bar,
+    lowest_of_bar,
+    palm_corners,
+    palm_distance,
+    reach_of_bar,
+)
+from .given_motion import given_hand, recorded_joints
+from .kernel_code import KernelCode, check_kernels
+from .motion import TICK, Motion, PlannedMotion, SampledMotion
+from .mover import Limits, Mover, make_mover
+from .rollout import Landing, MoverTrack, case_of, friction_use, hand_samples, slip_while_carrying
+from .sent import SentThrow
+from .simulate import MODELS, simulate
+from .simulate_batch import BATCH_MODELS, STEPS
+from .smooth import SmoothingError, send
+from .violations import (
+    PALM_TIMES,
+    Guard,
+    Tight,
+    Violation,
+    flight_poses,
+    outline_kernel,
+    scene_violations,
+)
+
+__all__ = [
+    "BATCH_MODELS",
+    "MODELS",
+    "PALM_TIMES",
+    "STEPS",
+    "TICK",
+    "Guard",
+    "KernelCode",
+    "Landing",
+    "Limits",
+    "Motion",
+    "Mover",
+    "MoverTrack",
+    "PlannedMotion",
+    "SampledMotion",
+    "SentThrow",
+    "SmoothingError",
+    "Thrown",
+    "Tight",
+    "Violation",
+    "bar_outline",
+    "broken_limits",
+    "case_of",
+    "check_kernels",
+    "column_of",
+    "column_room",
+    "cup_entries",
+    "enters_cup_at_landing",
+    "flight_poses",
+    "friction_use",
+    "given_hand",
+    "hand_samples",
+    "held_bar",
+    "limit_surface_throw",
+    "lowest_of_bar",
+    "make_mover",
+    "outline_kernel",
+    "palm_corners",
+    "palm_distance",
+    "reach_of_bar",
+    "recorded_joints",
+    "relative_states",
+    "scene_violations",
+    "send",
+    "simulate",
+    "simulate_batch",
+    "slip_while_carrying",
+    "throw",
+]

@@ -1,0 +1,317 @@
+"""Arrays of throws through a release model: in, and detach and landing out."""
+
+from __future__ import annotations
+
+import difflib
+from collections.abc import Callable, Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ...models.batch import (
+    PIVOT_STEPS,
+    SURFACE_STEPS,
+    BatchRelease,
+    ReleaseBatch,
+    sliding_pivot_batch,
+    stepped_batch,
+    throw_limit_surface,
+    throw_sliding_pivot,
+)
+from ...models.batch_hands import ConstantAccelerations, HandsTrack, SampledHands
+from ...models.contact import Body, Contact
+from ...models.flight import land
+from ...models.lugre_release import LuGreRelease
+from ...models.patch_release import PatchRelease
+from ...models.release import UNSOLVED
+from ...problems.errors import InputError
+from ...problems.scene import Scene
+from ..compile import PAYS_FROM, compiled_steps
+from .given_motion import given_hand
+
+Array = npt.NDArray[np.float64]
+
+#: Steps of the paper's form: it jumps, so it needs more of them.
+PAPER_STEPS = 400
+
+
+def _paper_form(batch: ReleaseBatch) -> Array:
+    return sliding_pivot_batch(batch, PAPER_STEPS, "paper")
+
+
+#: Release models that take batches, and their detach states (N, 6).
+BATCH_MODELS: dict[str, Callable[[ReleaseBatch], Array]] = {
+    "sp": sliding_pivot_batch,
+    "sp-paper": _paper_form,
+    "ls-step": stepped_batch,
+    "patch": PatchRelease().batch,
+    "lugre": LuGreRelease().batch,
+}
+
+#: Usual steps of an opening, and the most.
+STEPS = {
+    "sp": PIVOT_STEPS,
+    "sp-paper": PAPER_STEPS,
+    "ls-step": SURFACE_STEPS,
+    "patch": PatchRelease.steps,
+    "lugre": LuGreRelease.steps,
+}
+MOST_STEPS = 100_000
+
+#: Samples of a scene's own motion over the opening.
+GIVEN_SAMPLES = 1001
+
+_OBJECT = ("mass", "inertia", "com_offset")
+_CONTACT = ("friction", "patch_radius", "torsion", "faces")
+_GRIPPER = ("force", "opening")
+_HAND = ("pose", "twist", "acceleration")
+_SAMPLED = ("times", "poses", "delays")
+
+
+@dataclass(frozen=True)
+class BatchResult:
+    """Detach states and landings of N throws.
+
+    detach (N, 6): x, z, theta, v_x, v_z, omega of the CoM; landing (N, 3): x, theta and
+    flight time [s] at the scene's landing height, NaN where a throw never comes down
+    through it; None where the scene gives no height. trouble (N,): why a throw is not to
+    be trusted, in the words of the single models' status; empty where it is.
+    """
+
+    detach: Array
+    landing: Array | None
+    trouble: npt.NDArray[np.object_]
+
+
+def simulate_batch(
+    scene: Scene,
+    model: str = "sp",
+    *,
+    hand: Mapping[str, Any] | None = None,
+    contact: Mapping[str, Any] | None = None,
+    object: Mapping[str, Any] | None = None,
+    gripper: Mapping[str, Any] | None = None,
+    steps: int | None = None,
+    executor: Executor | None = None,
+) -> BatchResult:
+    """N different throws through a release model.
+
+    hand: `pose`, `twist`, `acceleration`, each (N, 3) (constant acceleration from the
+    opening's start; the scene's [motion] where absent), or `times` (K,), `poses`
+    (N, K, 3) or (1, K, 3) and `delays` (N,) [s] (sampled motion, cubic splines).
+    object: mass, inertia, com_offset; contact: friction, patch_radius, torsion, faces;
+    gripper: force [N], opening [s]: numbers or arrays (N,), the scene's where absent.
+    steps: of the opening, instead of the model's usual ones; `ls-step` takes twice as many
+    too and extrapolates, `sp` doubles them for throws that swing fast.
+    executor: spreads chunks over its workers; the result does not depend on it.
+    `sp` and `ls-step` of many throws run in compiled code where a C compiler is there.
+    Raises InputError for unknown names, unequal lengths, NaN, times that do not rise.
+    """
+    if model not in BATCH_MODELS:
+        near = difflib.get_close_matches(str(model), BATCH_MODELS, 1, 0.4)
+        hint = f", did you mean '{near[0]}'?" if near else ""
+        raise InputError(f"model = {model!r}: must be one of {', '.join(BATCH_MODELS)}{hint}")
+    whole = isinstance(steps, int) and not isinstance(steps, bool)
+    if steps is not None and not (whole and 1 <= steps <= MOST_STEPS):
+        raise InputError(f"steps = {steps!r}: must be a whole number, 1 to {MOST_STEPS}")
+    batch = _batch(scene, hand or {}, contact or {}, object or {}, gripper or {})
+    release = _run(model, batch, steps or STEPS[model], executor)
+    height = None if scene.target is None else scene.target.z
+    landing = None if height is None else land(release.detach, height, scene.gravity)
+    return BatchResult(release.detach, landing, release.trouble)
+
+
+def _run(model: str, batch: ReleaseBatch, steps: int, executor: Executor | None) -> BatchRelease:
+    # Decided, and compiled, once for all shares: they must not differ by a digit.
+    compiled = batch.count >= PAYS_FROM and compiled_steps(model, batch.hands) is not None
+    if executor is None:
+        return _Share(model, batch, steps, compiled).run()
+    numbers = np.array_split(np.arange(batch.count), max(batch.count // 4096, 1))
+    shares = [_Share(model, batch.part(throws), steps, compiled) for throws in numbers]
+    done = list(executor.map(_Share.run, shares))
+    detach, lost = (
+        np.concatenate(part) for part in zip(*((d.detach, d.lost) for d in done), strict=True)
+    )
+    return BatchRelease(detach, lost, done[0].why_not)
+
+
+@dataclass(frozen=True)
+class _Share:
+    """A run of throws for one worker."""
+
+    model: str
+    batch: ReleaseBatch
+    steps: int
+    compiled: bool
+
+    def run(self) -> BatchRelease:
+        even = compiled_steps(self.model, self.batch.hands) if self.compiled else None
+        if self.model == "sp":
+            return throw_sliding_pivot(self.batch, self.steps, even=even)
+        if self.model == "sp-paper":
+            return throw_sliding_pivot(self.batch, self.steps, "paper")
+        if self.model == "ls-step":
+            return throw_limit_surface(self.batch, self.steps, even)
+        meshed = PatchRelease if self.model == "patch" else LuGreRelease
+        detach = meshed(steps=self.steps).batch(self.batch)
+        return BatchRelease(detach, np.zeros(len(detach), bool), UNSOLVED)
+
+
+def _batch(
+    scene: Scene,
+    hand: Mapping[str, Any],
+    contact: Mapping[str, Any],
+    body: Mapping[str, Any],
+    gripper: Mapping[str, Any],
+) -> ReleaseBatch:
+    profile = scene.gripper.profile()
+    numbers = {
+        "object": _numbers("object", _OBJECT, body),
+        "contact": _numbers("contact", _CONTACT, contact),
+        "gripper": _numbers("gripper", _GRIPPER, gripper),
+    }
+    lengths = {
+        f"{section}.{name}": value.size
+        for section, values in numbers.items()
+        for name, value in values.items()
+        if value.ndim
+    }
+    hands, hand_lengths = _hands(scene, hand)
+    lengths |= hand_lengths
+    count = max(lengths.values(), default=1)
+    for name, length in lengths.items():
+        if length != count:
+            raise InputError(f"{name}: has {length} entries, other arrays have {count}")
+
+    def spread(values: Mapping[str, Array], name: str, default: float) -> Array:
+        return np.broadcast_to(values.get(name, np.asarray(default, float)), (count,)).copy()
+
+    kept = {"object": scene.body, "contact": scene.patch}
+    opening = spread(numbers["gripper"], "opening", profile.opening)
+    _check_cover(hands, opening)
+    made = {
+        section: {
+            name: spread(numbers[section], name, getattr(kept[section], name)) for name in names
+        }
+        for section, names in (("object", _OBJECT), ("contact", _CONTACT))
+    }
+    if count > 1 and not hand_lengths:
+        hands = _repeated(hands, count)
+    return ReleaseBatch(
+        count,
+        Body(**made["object"]),
+        Contact(**made["contact"]),
+        profile,
+        hands,
+        opening,
+        spread(numbers["gripper"], "force", profile.full),
+        scene.gravity,
+        scene.grasp.angle,
+    )
+
+
+def _numbers(section: str, names: tuple[str, ...], values: Mapping[str, Any]) -> dict[str, Array]:
+    """Checked numbers or arrays (N,) of one section, all above zero (com_offset: at least)."""
+    result = {}
+    for name, value in values.items():
+        if name not in names:
+            raise InputError(f"{section}: unknown key '{name}' (known: {', '.join(names)})")
+        array = _array(f"{section}.{name}", value)
+        if array.ndim > 1:
+            raise InputError(f"{section}.{name}: must be a number or an array (N,)")
+        if (array < 0).any() or (name != "com_offset" and (array == 0).any()):
+            raise InputError(f"{section}.{name}: must be above 0")
+        result[name] = array
+    return result
+
+
+def _hands(scene: Scene, hand: Mapping[str, Any]) -> tuple[HandsTrack, dict[str, int]]:
+    """The hand motions, and the lengths of the arrays that tell N."""
+    for name in hand:
+        if name not in _HAND + _SAMPLED:
+            known = ", ".join(_HAND + _SAMPLED)
+            raise InputError(f"hand: unknown key '{name}' (known: {known})")
+    if any(name in hand for name in _SAMPLED):
+        return _sampled(hand)
+    motion = scene.motion
+    if motion is not None and not hand and (motion.samples or motion.accelerations):
+        # One motion for all throws, as dense samples.
+        opening = scene.gripper.profile().opening
+        times = np.linspace(0.0, opening, GIVEN_SAMPLES)
+        return SampledHands(times, given_hand(scene).at(times).pose.T[None]), {}
+    if motion is None and "pose" not in hand:
+        raise InputError(f"{scene.place}: has no [motion]: give hand pose, twist, acceleration")
+    defaults: dict[str, Any] = {name: np.zeros(3) for name in _HAND}
+    if motion is not None:
+        defaults = {
+            "pose": (*motion.position, motion.angle),
+            "twist": (*motion.velocity, motion.rate),
+            "acceleration": (*motion.acceleration, motion.angular_acceleration),
+        }
+    arrays = {name: _array(f"hand.{name}", hand.get(name, defaults[name])) for name in _HAND}
+    for name, array in arrays.items():
+        if array.ndim not in (1, 2) or array.shape[-1] != 3:
+            raise InputError(f"hand.{name}: must be an array (N, 3), has shape {array.shape}")
+    lengths = {f"hand.{name}": len(array) for name, array in arrays.items() if array.ndim == 2}
+    count = max(lengths.values(), default=1)
+    if set(lengths.values()) - {count}:
+        raise InputError(f"hand: arrays of unequal length {sorted(set(lengths.values()))}")
+    full = [np.broadcast_to(arrays[name], (count, 3)).copy() for name in _HAND]
+    return ConstantAccelerations(*full), lengths
+
+
+def _check_cover(hands: HandsTrack, opening: Array) -> None:
+    """InputError if sampled hands end before an opening does, or begin after its start."""
+    if not isinstance(hands, SampledHands):
+        return
+    delays = np.zeros(1) if hands.delays is None else hands.delays
+    first, last = float(delays.min()), float((delays + opening).max())
+    if first < hands.times[0] - 1e-9 or last > hands.times[-1] + 1e-9:
+        raise InputError(
+            f"hand.times: must cover {first:g} to {last:g} s, cover {hands.times[0]:g} to "
+            f"{hands.times[-1]:g} s"
+        )
+
+
+def _repeated(hands: HandsTrack, count: int) -> HandsTrack:
+    """One hand motion for `count` throws."""
+    if not isinstance(hands, ConstantAccelerations):
+        return hands
+    return ConstantAccelerations(
+        *(np.repeat(v, count, axis=0) for v in (hands.pose, hands.twist, hands.acceleration))
+    )
+
+
+def _sampled(hand: Mapping[str, Any]) -> tuple[HandsTrack, dict[str, int]]:
+    if any(name in hand for name in _HAND):
+        raise InputError("hand: give pose, twist, acceleration or times, poses, delays, not both")
+    if "times" not in hand or "poses" not in hand:
+        raise InputError("hand: a sampled motion needs 'times' and 'poses'")
+    times, poses = _array("hand.times", hand["times"]), _array("hand.poses", hand["poses"])
+    if times.ndim != 1 or times.size < 4:
+        raise InputError("hand.times: must be an array (K,) of at least four times")
+    if (np.diff(times) <= 0).any():
+        raise InputError("hand.times: must rise from sample to sample")
+    if poses.ndim != 3 or poses.shape[1:] != (times.size, 3):
+        raise InputError(f"hand.poses: must be (N, {times.size}, 3), has shape {poses.shape}")
+    lengths = {"hand.poses": len(poses)} if len(poses) > 1 else {}
+    delays = None
+    if "delays" in hand:
+        delays = _array("hand.delays", hand["delays"])
+        if delays.ndim != 1:
+            raise InputError("hand.delays: must be an array (N,)")
+        lengths["hand.delays"] = delays.size
+    return SampledHands(times, poses, delays), lengths
+
+
+def _array(name: str, value: Any) -> Array:
+    try:
+        array = np.asarray(value, float)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: must be numbers") from None
+    if not np.isfinite(array).all():
+        raise InputError(f"{name}: must be finite numbers")
+    return array

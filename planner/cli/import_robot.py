@@ -1,0 +1,216 @@
+"""`throwplan import-robot`: a robot's URDF as an arm data file."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import math
+from pathlib import Path
+from typing import Any
+
+from ...models.arm import Arm
+from ...problems.arm_file import arm_from
+from ...problems.arm_text import arm_text
+from ...problems.errors import InputError
+from ...problems.folders import copy_out
+from ...problems.text_file import toml_tables
+from ...problems.urdf.arm import (
+    EXACT,
+    LIMIT_OPTIONS,
+    STATES,
+    Choices,
+    arm_of,
+    kinematics_difference,
+    limits_of,
+)
+from ...problems.urdf.file import UrdfChain, chain_of, read_urdf
+from ...problems.urdf.frames import AXES
+from ...problems.urdf.masses import held_joints
+from .command import DONE, Parser, command, number
+
+LIMIT_UNITS = {"velocity": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3", "torque": "N m"}
+
+
+def add_import(commands: Any) -> None:
+    """Adds `throwplan import-robot`."""
+    example = (
+        "throwplan import-robot my.urdf --joints j1 j2 j3 j4 j5 j6 --tool gripper --tcp 0.12 "
+        "--acceleration 10 --jerk 1000 --out my-arm.toml"
+    )
+    words = "turn a robot's URDF into an arm data file"
+    parser = command(commands, "import-robot", _import, words, example)
+    parser.add_argument("urdf", metavar="FILE.urdf", help="the robot")
+    parser.add_argument(
+        "--joints", nargs="+", required=True, metavar="J", help="the arm's joints, base first"
+    )
+    parser.add_argument("--out", required=True, metavar="FILE.toml", help="the arm data file")
+    parser.add_argument("--name", help="the arm's name (default: the URDF's)")
+    parser.add_argument("--base", metavar="LINK", help="link of the base frame (default: the root)")
+    parser.add_argument("--tool", metavar="LINK", help="link of the hand (default: the last)")
+    parser.add_argument(
+        "--approach",
+        default="z",
+        choices=list(AXES),
+        help="axis of the tool link that points out of the hand; write --approach=-z (default: z)",
+    )
+    parser.add_argument(
+        "--closing",
+        choices=["x", "y", "z"],
+        help="axis of the tool link along which the pads close (default: y, or z)",
+    )
+    parser.add_argument("--tcp", metavar="M", help="from the tool link on to the pads' centre (0)")
+    parser.add_argument(
+        "--palm",
+        nargs=3,
+        metavar=("BACK", "FRONT", "HALF_WIDTH"),
+        help="the hand's body behind the pads' centre, in m (default: none)",
+    )
+    _add_motion(parser)
+
+
+def _add_motion(parser: Parser) -> None:
+    """The options on joints: what they do in a throw, and their limits."""
+    parser.add_argument("--azimuth", metavar="J", help="joint that turns the plane (the first)")
+    parser.add_argument(
+        "--throwing",
+        nargs="+",
+        metavar="J",
+        help="joints that throw (default: those that turn in the plane y = 0)",
+    )
+    parser.add_argument(
+        "--posture-deg",
+        nargs="+",
+        metavar="DEG",
+        help="what the other joints keep, per joint (default: 0 where allowed, pads across)",
+    )
+    for name, option in LIMIT_OPTIONS.items():
+        parser.add_argument(
+            option,
+            nargs="+",
+            metavar="VALUE",
+            help=f"{name.replace('_', ' ')} limits [{LIMIT_UNITS.get(name, 'deg')}]: one for all "
+            "joints or one per joint; - keeps the URDF's",
+        )
+
+
+def _import(options: argparse.Namespace) -> int:
+    out, urdf = Path(options.out), Path(options.urdf)
+    if out.suffix != ".toml":
+        raise InputError(f"--out {out}: must end in .toml")
+    if not out.parent.is_dir():
+        raise InputError(f"--out {out}: its folder is not there")
+    if options.name is not None and not (options.name and options.name.isprintable()):
+        raise InputError("--name: must be a word")
+    closing = options.closing or ("z" if options.approach.endswith("y") else "y")
+    robot = read_urdf(urdf)
+    try:
+        chain = chain_of(
+            robot, options.joints, options.tool, options.base, options.approach, closing
+        )
+        held = held_joints(chain)
+        drawn = arm_of(chain, limits_of(chain, _given_limits(options)), _choices(options, chain))
+    except InputError as error:
+        raise error.within(str(urdf)) from None
+    text = arm_text(drawn, _remarks(chain, urdf, held), chain.names)
+    arm = arm_from(toml_tables(text, str(out)))
+    difference = kinematics_difference(arm, chain)
+    if not difference <= EXACT:
+        raise InputError(
+            f"{urdf}: the arm's kinematics are {difference:.1e} off yourdfpy's, nothing written"
+        )
+    copy_out(text, out)
+    _report(options, arm, chain, held, difference)
+    return DONE
+
+
+def _given_limits(options: argparse.Namespace) -> dict[str, list[float | None]]:
+    """The limits that options give, per joint, in SI units."""
+    given: dict[str, list[float | None]] = {}
+    for name, option in LIMIT_OPTIONS.items():
+        words = getattr(options, option[2:].replace("-", "_"))
+        if words is None:
+            continue
+        unit = math.radians(1.0) if name.startswith("position") else 1.0
+        each = words * len(options.joints) if len(words) == 1 else words
+        given[name] = [
+            None if word == "-" else unit * number(option, word, " or -")
+            for word in _per_joint(options, option, each)
+        ]
+    return given
+
+
+def _per_joint(options: argparse.Namespace, option: str, words: list[str]) -> list[str]:
+    """The words of an option if they are one per joint; InputError if not."""
+    if len(words) != len(options.joints):
+        raise InputError(f"{option}: must be {len(options.joints)} values, one per joint")
+    return words
+
+
+def _choices(options: argparse.Namespace, chain: UrdfChain) -> Choices:
+    """What the options say of the hand and of the joints' parts."""
+    posture = []
+    if options.posture_deg is not None:
+        words = _per_joint(options, "--posture-deg", options.posture_deg)
+        posture = [math.radians(number("--posture-deg", word)) for word in words]
+    tcp = 0.0 if options.tcp is None else number("--tcp", options.tcp)
+    palm = None
+    if options.palm is not None:
+        back, front, half_width = (number("--palm", word) for word in options.palm)
+        palm = (back, front, half_width)
+        if not (back > front > 0 and half_width > 0):
+            raise InputError("--palm: must be BACK above FRONT, both and HALF_WIDTH above 0")
+    return Choices(
+        options.name or chain.robot.robot.name or "arm",
+        options.azimuth,
+        tuple(options.throwing or ()),
+        tuple(posture),
+        tcp,
+        palm,
+    )
+
+
+def _remarks(chain: UrdfChain, urdf: Path, held: list[str]) -> list[str]:
+    """What the file says of where it comes from."""
+    remarks = [f"Made by 'throwplan import-robot' from {urdf.name}.", f"Base link: {chain.base}"]
+    remarks[1] += f"; hand: {chain.tool}."
+    return remarks + ([f"Held at 0: {', '.join(held)}."] if held else [])
+
+
+def _report(
+    options: argparse.Namespace, arm: Arm, chain: UrdfChain, held: list[str], difference: float
+) -> None:
+    """What was made of the robot."""
+    mass = sum(link.mass for link in arm.links) if arm.links else None
+    names = dict(enumerate(chain.names, start=1))
+    throwing = [names[joint] for joint in arm.throwing_joints]
+    azimuth = names[arm.azimuth_joint]
+    if options.json:
+        found = {
+            "out": str(options.out),
+            "name": arm.name,
+            "joints": list(chain.names),
+            "base": chain.base,
+            "tool": chain.tool,
+            "azimuth": azimuth,
+            "throwing": throwing,
+            "posture_deg": [math.degrees(angle) for angle in arm.posture],
+            "limits": {k: v for k, v in dataclasses.asdict(arm.limits).items() if v is not None},
+            "mass": mass,
+            "held": held,
+            "states": STATES,
+            "difference": difference,
+        }
+        print(json.dumps(found))
+        return
+    kept = [f"{math.degrees(angle):.6g}" for angle in arm.posture]
+    print(f"{arm.name}: written to {options.out}")
+    print(f"  base {chain.base}, hand {chain.tool}, {options.approach} points out of it")
+    print(f"  {azimuth} turns the plane, {', '.join(throwing)} throw")
+    print(f"  posture {' '.join(kept)} deg")
+    if held:
+        print(f"  held at 0: {', '.join(held)}")
+    if options.palm is None:
+        print("  no --palm: nothing keeps the bar off the hand's body")
+    print(f"  moved mass {mass:.4g} kg" if mass is not None else "  no masses in the URDF")
+    print(f"  kinematics at {STATES} random states: at most {difference:.1e} off yourdfpy's")

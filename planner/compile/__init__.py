@@ -1,0 +1,28 @@
+"""Machine code and tables: the cache folder, CasADi kernels, compiled batches.
+
+Everything here may be missing: callers then run slower and give the same answers.
+"""
+
+from .cache import DAMAGED, cache_folder, digest, publish, source_of
+from .compiled import Code, Compile
+from .compiled_batch import PAYS_FROM, compiled_steps
+from .compiler import compiler as c_compiler
+from .kernel import STEPS, Kernel, MappedKernel, StepKernel, mapped
+
+__all__ = [
+    "DAMAGED",
+    "PAYS_FROM",
+    "STEPS",
+    "Code",
+    "Compile",
+    "Kernel",
+    "MappedKernel",
+    "StepKernel",
+    "c_compiler",
+    "cache_folder",
+    "compiled_steps",
+    "digest",
+    "mapped",
+    "publish",
+    "source_of",
+]

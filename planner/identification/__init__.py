@@ -1,1 +1,0 @@
-"""Contact parameters from measured throws, and how well release models predict those."""

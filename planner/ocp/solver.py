@@ -1,0 +1,208 @@
+"""FATROP and IPOPT on one NLP."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from ..compile import Code, Compile
+from .assembly import Nlp
+from .derivatives import nlp_functions, nlp_key
+from .watched import GivenUpError, watched
+
+Array = npt.NDArray[np.float64]
+
+#: A point is feasible for us when no constraint is broken by more than this.
+FEASIBLE = 1e-6
+MAX_ITERATIONS = {"fatrop": 150, "ipopt": 500}
+#: Barrier parameter at the start: small, for the starting points are good ones.
+MU_INIT = 0.01
+#: The same when a solution with its multipliers is handed over, and the most iterations from
+#: there: for a target beside its own (3 usual), and after that, or for one some centimetres off
+#: (6 usual). FATROP moves such a point by as much away from the bounds it lies at.
+WARM = {"fatrop": ((1e-8, 12), (1e-6, 60)), "ipopt": ((1e-5, 500),)}
+#: FATROP 1.1 may repeat one factorisation for ever where constraints are this steep at the
+#: start (seen from 3e6 on; usual starts are below 500), so it is not given such a start.
+STEEPEST = 1e5
+#: FATROP is given up after this processor time [s] and that of so many evaluations of the
+#: constraints' derivatives, 150 iterations taking that of a thousand; at the latest [s].
+LONGEST, EVALUATIONS, LATEST = 1.0, 3000, 60.0
+
+
+@dataclass(frozen=True)
+class Solution:
+    """Point, multipliers and how the solver ended. violation: largest constraint breach."""
+
+    x: Array
+    lam_g: Array
+    lam_x: Array
+    cost: float
+    success: bool
+    violation: float
+    iterations: int
+    seconds: float
+    message: str
+
+    @property
+    def answered(self) -> bool:
+        """Whether the solver came to any point; `message` says why not."""
+        return bool(self.lam_g.size)
+
+
+class Solver:
+    """One NLP with one solver; `solve` may be called many times.
+
+    compiled: whether its functions are machine code; see `compiled.Compile`.
+    """
+
+    def __init__(
+        self,
+        nlp: Nlp,
+        name: str,
+        max_iterations: int | None = None,
+        compiling: Compile = "no",
+    ) -> None:
+        self.nlp = nlp
+        self.name = name
+        self._most = max_iterations or MAX_ITERATIONS[name]
+        key = nlp_key(nlp, name)
+        self._code = Code(key, lambda: nlp_functions(nlp, name), compiling)
+        self.compiled = self._code.functions is not None
+        self._functions = self._code.functions or nlp_functions(nlp, name)
+        self._solvers: dict[float, ca.Function] = {}
+        self._evaluation = np.inf
+
+    def _solver(self, mu_init: float) -> ca.Function:
+        """The plug-in with a barrier parameter to start from."""
+        if mu_init in self._solvers:
+            return self._solvers[mu_init]
+        warm = dict(WARM[self.name])
+        options: dict[str, Any] = {
+            "print_time": False,
+            "error_on_fail": False,
+            "calc_lam_p": False,
+            "cache": self._functions,
+        }
+        common: dict[str, Any] = {"print_level": 0, "mu_init": mu_init, "tol": 1e-7}
+        common["max_iter"] = warm.get(mu_init, self._most)
+        nlp = self.nlp
+        if self.name == "fatrop":
+            if mu_init in warm:
+                common |= {"bound_push": mu_init, "bound_frac": mu_init}
+            options |= {
+                "structure_detection": "manual",
+                "N": len(nlp.nx) - 1,
+                "nx": nlp.nx,
+                "nu": nlp.nu,
+                "ng": nlp.ng,
+                "fatrop": common,
+            }
+        else:
+            options["ipopt"] = common | {"sb": "yes"}
+        self._solvers[mu_init] = ca.nlpsol("throw", self.name, nlp.problem, options)
+        return self._solvers[mu_init]
+
+    def solve(
+        self,
+        guess: Array,
+        parameters: Array,
+        bounds: tuple[Array, Array],
+        warm: Solution | None = None,
+        *,
+        near: bool = True,
+    ) -> Solution:
+        """Solve from `guess`; `warm` hands over a solution, multipliers too.
+
+        near: whether that is of almost the same target.
+        """
+        arguments: dict[str, Any] = {
+            "x0": guess,
+            "p": parameters,
+            "lbx": bounds[0],
+            "ubx": bounds[1],
+            "lbg": self.nlp.lbg,
+            "ubg": self.nlp.ubg,
+        }
+        if warm is not None:
+            arguments |= {"x0": warm.x, "lam_g0": warm.lam_g, "lam_x0": warm.lam_x}
+        self._take_compiled()
+        steep = self.name == "fatrop" and warm is None and self._slope(guess, parameters)
+        if not steep <= STEEPEST:
+            message = f"not tried from a start with a slope of {steep:.0e}"
+            return self._none(guess, message, 0.0)
+        start, iterations = time.perf_counter(), 0
+        steps = [mu_init for mu_init, _ in WARM[self.name]] if warm else [MU_INIT]
+        for mu_init in steps if near else steps[-1:]:
+            solver = self._solver(mu_init)
+            try:
+                result = self._called(solver, arguments)
+            except GivenUpError as error:
+                self._solvers.clear()
+                return self._none(guess, f"given up: {error}", time.perf_counter() - start)
+            except BaseException:
+                # The plug-in's memory is the lost thread's.
+                self._solvers.clear()
+                raise
+            stats = solver.stats()
+            iterations += int(stats.get("iter_count", 0))
+            if stats["success"]:
+                break
+        seconds = time.perf_counter() - start
+        x = np.array(result["x"]).ravel()
+        finite = bool(np.isfinite(x).all())
+        return Solution(
+            x=x,
+            lam_g=np.array(result["lam_g"]).ravel(),
+            lam_x=np.array(result["lam_x"]).ravel(),
+            cost=float(result["f"]),
+            success=bool(stats["success"]) and finite,
+            violation=self.violation(x, parameters, bounds) if finite else np.inf,
+            iterations=iterations,
+            seconds=seconds,
+            message=str(stats.get("return_status", "")),
+        )
+
+    def _called(self, solver: ca.Function, arguments: dict[str, Any]) -> dict[str, ca.DM]:
+        """The plug-in's answer; GivenUpError where it has none in time."""
+        if self.name != "fatrop":
+            return dict(solver(**arguments))
+        if not np.isfinite(self._evaluation):
+            self._slope(arguments["x0"], arguments["p"])
+        limit = min(LONGEST + EVALUATIONS * self._evaluation, LATEST)
+        return watched(lambda: solver(**arguments), limit)
+
+    @staticmethod
+    def _none(guess: Array, message: str, seconds: float) -> Solution:
+        """No solution."""
+        none = np.zeros(0)
+        return Solution(guess, none, none, np.inf, False, np.inf, 0, seconds, message)
+
+    @property
+    def awaited(self) -> bool:
+        """Whether machine code is still being compiled for it."""
+        return self._code.awaited
+
+    def _slope(self, x: Array, parameters: Array) -> float:
+        """Largest derivative of a constraint at x."""
+        start = time.thread_time()
+        slopes = self._functions["nlp_jac_g"](x, parameters)[1].nonzeros()
+        self._evaluation = min(self._evaluation, time.thread_time() - start)
+        return float(np.max(np.abs(slopes), initial=0.0))
+
+    def _take_compiled(self) -> None:
+        """Goes over to the compiled functions once another process has made them."""
+        found = self._code.arrived()
+        if found is not None:
+            self._functions, self.compiled = found, True
+            self._solvers.clear()
+
+    def violation(self, x: Array, parameters: Array, bounds: tuple[Array, Array]) -> float:
+        """Largest breach of any constraint or bound at x."""
+        g = np.array(self._functions["nlp_g"](x, parameters)).ravel()
+        breaches = (self.nlp.lbg - g, g - self.nlp.ubg, bounds[0] - x, x - bounds[1])
+        return float(max(np.max(breach) for breach in breaches))

@@ -1,0 +1,70 @@
+"""The window around the opening in which an uncertain gripper may open."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ...problems.scene import Scene
+from ...problems.uncertainty import USUAL
+
+Array = npt.NDArray[np.float64]
+
+#: Longest interval [s] of the window before the opening and after detach.
+STEP = 0.005
+#: A normal delay is taken to reach this many standard deviations.
+DEVIATIONS = 2.0
+#: An opening is always taken to last up to this share longer: the brake waits for it.
+SLOWER = 0.2
+#: Openings that the scenarios share the hand's motion among, as shares of the window.
+SHARES = (-1.0, -0.5, 0.5, 1.0)
+
+
+@dataclass(frozen=True)
+class Window:
+    """early, late: intervals of `step` [s] before the opening's start and after detach.
+
+    delays (scenarios,) [s]: of the openings other than the planned one.
+    """
+
+    early: int
+    late: int
+    step: float
+    delays: Array
+
+
+def window_of(scene: Scene) -> Window:
+    """The window of a scene's [robust] and [uncertainty]; +-10 ms where they say nothing."""
+    before, after = _reach(scene)
+    robust = scene.robust
+    if robust is not None:
+        before = before if robust.early is None else robust.early
+        after = after if robust.late is None else robust.late
+    early, late = math.ceil(before / STEP - 1e-9), math.ceil(after / STEP - 1e-9)
+    steps = [length / count for length, count in ((before, early), (after, late)) if count]
+    step = max(steps, default=STEP)
+    delays = [step * (early if share < 0 else late) * share for share in SHARES]
+    return Window(early, late, step, np.array([d for d in delays if d != 0.0]))
+
+
+def _reach(scene: Scene) -> tuple[float, float]:
+    """How much earlier than its mean the force may start to fall, and later be zero [s]."""
+    section = scene.uncertainty
+    delay = section.delay if section is not None else USUAL.delay
+    opening = None if section is None else section.opening
+    nominal = scene.gripper.profile().opening
+    before, after = 0.0, SLOWER * nominal
+    if delay is not None:
+        spread = delay.about(0.0)
+        low, high = spread.reach
+        width = DEVIATIONS * spread.deviation if delay.normal is not None else 0.0
+        before = max(spread.expected - low, width)
+        after += max(high - spread.expected, width)
+    if opening is not None:
+        spread = opening.about(nominal)
+        width = DEVIATIONS * spread.deviation if opening.normal is not None else 0.0
+        after += max(max(spread.reach[1], spread.expected + width) - (1 + SLOWER) * nominal, 0.0)
+    return before, after

@@ -1,0 +1,147 @@
+"""The sampled throws of a map: drawn, those that break something left out, and their margins.
+
+The states are those of `ReleaseSampler` from a free start: a scene with a given start is
+wound up first, from rest there to rest at the run-up's start, in what the longest carry
+leaves. Kept are the throws that keep floor, base column, palm and the bounds of [landing].
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import numpy.typing as npt
+
+from ...problems.scene import Scene
+from ..check import Limits, Mover, held_bar, lowest_of_bar, outline_kernel, palm_corners
+from ..ocp import BRAKE_SHARE, PASSING_ROOM
+from ..search import Releases, ReleaseSampler, flies_past_column, run_up
+
+Array = npt.NDArray[np.float64]
+Counts = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+
+#: Sampled states at a time.
+CHUNK = 20_000
+#: Two throws are different when they lie in different cells of this share of the range of a
+#: coordinate or rate.
+CELL = 0.15
+
+
+def margins(scene: Scene, mover: Mover, throws: Releases) -> Array:
+    """1 - largest use of a limit (N,) at the opening's start and end, and where it stops.
+
+    Uses are shares of the planner's limits: rates, accelerations, the way from the middle of
+    a coordinate's range to its end, and friction (root of the ellipsoid) at full grip.
+    """
+    limits, q, dq, ddq = mover.planning, throws.q, throws.dq, throws.ddq
+    end, stop, rate = _ahead(scene, mover, throws)
+    middle, half = (limits.q_max + limits.q_min) / 2, (limits.q_max - limits.q_min) / 2
+    half = np.maximum(half, 1e-12)
+    uses = [_velocity_use(limits, *state) for state in ((q, dq), (end, rate))]
+    uses += [np.abs(ddq) / limits.ddq]
+    uses += [np.abs(position - middle) / half for position in (q, end, stop)]
+    most = np.max([use.max(axis=1) for use in uses], axis=0)
+    return np.asarray(1.0 - np.maximum(most, ReleaseSampler(scene, mover).grip_use(q, dq, ddq)))
+
+
+def _velocity_use(limits: Limits, q: Array, dq: Array) -> Array:
+    """Velocities (N, n) over their limits at positions q (N, n)."""
+    low, high = limits.velocity(q)
+    return np.asarray(np.maximum(dq / np.maximum(high, 1e-9), dq / np.minimum(low, -1e-9)))
+
+
+def _ahead(scene: Scene, mover: Mover, throws: Releases) -> tuple[Array, Array, Array]:
+    """Coordinates (N, n) at the opening's end and after braking, and rates at its end."""
+    opening = scene.gripper.profile().opening
+    end = throws.q + throws.dq * opening + throws.ddq * opening**2 / 2
+    rate = throws.dq + throws.ddq * opening
+    way = rate * np.abs(rate) / (2 * BRAKE_SHARE * mover.planning.ddq)
+    return end, end + way, rate
+
+
+def chunks(scene: Scene, mover: Mover, samples: int) -> Iterator[tuple[int, list[Releases]]]:
+    """(states drawn, releases that can be thrown from a free start) of each chunk."""
+    # A start that is given says where the wind-up begins, not where the run-up does.
+    sampler = ReleaseSampler(scene, dataclasses.replace(mover, start=None))
+    for seed, first in enumerate(range(0, samples, CHUNK)):
+        count = min(CHUNK, samples - first)
+        drawn = [sampler.draw(count, seed)]
+        if seed == 0 and mover.start is not None:
+            # The last of a draw just lets go at the start.
+            drawn.append(ReleaseSampler(scene, mover).draw(1))
+        yield count, drawn
+
+
+def _start(throws: Releases) -> Array:
+    """Coordinates (N, n) at rest before the run-up from a free start."""
+    return run_up(None, throws.q, throws.dq, throws.ddq, throws.run_up[:, None])[0]
+
+
+def allowed(scene: Scene, mover: Mover, throws: Releases, time: Array) -> Flags:
+    """Whether the throws (N,) can be wound up for and break nothing; time (N,): of flight [s]."""
+    good = throws.clear & _wound_up(scene, mover, throws) & _off_floor(scene, mover, throws)
+    good &= flies_past_column(scene, throws.detach, time, PASSING_ROOM)
+    return good & _bounded(scene, throws, time)
+
+
+def _wound_up(scene: Scene, mover: Mover, throws: Releases) -> Flags:
+    """Whether the longest carry (N,) leaves time to go from the start to the run-up's start.
+
+    By a quintic from rest to rest, whose peaks are 15/8 d/T, 10/sqrt(3) d/T^2, 60 d/T^3.
+    """
+    if mover.start is None:
+        return np.ones(len(throws.q), dtype=bool)
+    limits, way = mover.planning, np.abs(_start(throws) - mover.start)
+    times = [15 / 8 * way / limits.dq, np.sqrt(10 / math.sqrt(3) * way / limits.ddq)]
+    if limits.jerk is not None:
+        times.append(np.cbrt(60 * way / limits.jerk))
+    needed = np.max(times, axis=0).max(axis=1, initial=0.0)
+    return np.asarray(needed + throws.run_up <= scene.mesh.carry_max)
+
+
+def _off_floor(scene: Scene, mover: Mover, throws: Releases) -> Flags:
+    """Whether arm, hand and held bar (N,) are off the floor at all ends of the motion."""
+    fine = np.ones(len(throws.q), dtype=bool)
+    workspace = scene.workspace
+    if workspace is None or workspace.floor is None or not fine.size:
+        return fine
+    end, stop, _ = _ahead(scene, mover, throws)
+    outline = outline_kernel(mover.motion, mover.kinematics)
+    for q, holds in ((_start(throws), True), (throws.q, True), (end, False), (stop, False)):
+        hand, lowest = outline(q)
+        lowest = np.minimum(np.ravel(lowest), hand[:, 1])
+        if scene.arm is not None:
+            lowest = np.minimum(lowest, palm_corners(scene.arm.tool, hand.T)[1].min(axis=1))
+        if holds:
+            bar = held_bar(scene, hand.T)
+            lowest = np.minimum(lowest, lowest_of_bar(scene.object, bar))
+        fine &= lowest >= workspace.floor
+    return fine
+
+
+def _bounded(scene: Scene, throws: Releases, time: Array) -> Flags:
+    """Whether the landings (N,) keep the bounds of [landing]."""
+    bounds = scene.landing
+    v_x, v_z, omega = throws.detach.T[3:]
+    fine = np.ones(len(time), dtype=bool)
+    if bounds is None:
+        return fine
+    speed = np.hypot(v_x, v_z - scene.gravity * time)
+    fine &= speed >= bounds.speed_min
+    if bounds.speed_max is not None:
+        fine &= speed <= bounds.speed_max
+    if bounds.rate_max is not None:
+        fine &= np.abs(omega) <= bounds.rate_max
+    return fine
+
+
+def cells_of(mover: Mover, throws: Releases) -> Counts:
+    """Number (N,) of each release's cell in the grid over coordinates and rates."""
+    limits, count = mover.planning, math.ceil(1 / CELL)
+    wide = np.maximum(limits.q_max - limits.q_min, 1e-12)
+    shares = np.hstack([(throws.q - limits.q_min) / wide, throws.dq / limits.dq / 2 + 0.5])
+    places = np.clip((shares / CELL).astype(np.int64), 0, count - 1)
+    return np.asarray(places @ count ** np.arange(places.shape[1], dtype=np.int64))

@@ -1,0 +1,260 @@
+"""Which landing poses are in reach: sampled throws, sorted into bins of x and theta.
+
+A bin with a landing is one that was hit, not one that a plan was made for; `throwplan
+report` plans to the middles of random ones (planner/report/map_targets.py). An empty bin
+beside full ones may only have been missed.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ...models.flight import land
+from ...problems.errors import InputError
+from ...problems.folders import filling
+from ...problems.load import as_scene
+from ...problems.scene import Scene
+from ..check import enters_cup_at_landing, make_mover
+from ..ocp import CUP_ROOM, FLIGHT_MAX
+from ..search import check_start, highest, joined
+from .map_bins import WIDTHS, edges_of, place, places
+from .map_throws import allowed, cells_of, chunks, margins
+
+Array = npt.NDArray[np.float64]
+Counts = npt.NDArray[np.int64]
+Flags = npt.NDArray[np.bool_]
+Progress = Callable[[int, int], None]
+
+#: Most sampled states that may be asked for; usual number.
+MOST, SAMPLES = 10_000_000, 200_000
+#: Height [m] and distance [m] a target may have.
+FARTHEST = 1e4
+#: What a map leaves in its folder.
+FILES = ("map.png", "map.npz")
+
+
+@dataclass(frozen=True, eq=False)
+class ReachMap:
+    """Landing poses that sampled throws of `scene` reach at height `z` [m].
+
+    samples: states drawn. x_edges (X + 1,) [m] and theta_edges (T + 1,) [rad] of the bins;
+    theta_edges is None and T is 1 where the scene leaves theta open. Per bin (X, T):
+    landings, how many throws landed there; solutions, how many different throws (occupied
+    cells of a grid over coordinates and rates, 0.15 of each range wide, so neighbours
+    across a cell's border count as two); margin, the best 1 - (largest use of velocity,
+    acceleration, position room and grip), NaN where nothing landed. x, theta (N,): the
+    landings themselves. message: why nothing is in reach, empty if something is.
+    """
+
+    scene: Scene
+    z: float
+    samples: int
+    x_edges: Array
+    theta_edges: Array | None
+    landings: Counts
+    solutions: Counts
+    margin: Array
+    x: Array
+    theta: Array
+    message: str = ""
+
+    def __repr__(self) -> str:
+        """A line: its arrays would fill a screen."""
+        return f"ReachMap({self.scene.name}: {self.reachable:,} bins in reach at z {self.z:g} m)"
+
+    @property
+    def reachable(self) -> int:
+        """How many bins a throw landed in."""
+        return int(np.count_nonzero(self.landings))
+
+    @property
+    def widths(self) -> tuple[float, float | None]:
+        """Width of the bins [m, rad]; None where theta is open."""
+        if not self.reachable:
+            return WIDTHS[0][0], None
+        theta = self.theta_edges
+        angle = None if theta is None else float(theta[1] - theta[0])
+        return float(self.x_edges[1] - self.x_edges[0]), angle
+
+    def bin_of(self, x: float, theta: float | None = None) -> tuple[int, int] | None:
+        """Indices of the bin at `x` [m], `theta` [rad]; None outside all bins."""
+        i = place(self.x_edges, x)
+        j = 0
+        if self.theta_edges is not None and theta is not None:
+            j = place(self.theta_edges, theta)
+        return None if i < 0 or j < 0 else (i, j)
+
+    def contains(self, x: float, theta: float | None = None) -> bool:
+        """Whether a throw landed in the bin of `x` [m], `theta` [rad]; None: at any theta."""
+        found = self.bin_of(x, theta)
+        if found is None:
+            return False
+        if theta is None:
+            return bool(self.landings[found[0]].any())
+        return bool(self.landings[found] > 0)
+
+    def distance(self, x: float, theta: float | None = None) -> float:
+        """Scaled distance [m] to the nearest landing: |dx| + |dtheta| length / 2 (39).
+
+        Infinite without a landing. Theta does not count where it is open or None.
+        """
+        if not self.reachable:
+            return math.inf
+        away = np.abs(self.x - x)
+        if theta is not None and self.theta_edges is not None:
+            away = away + np.abs(self.theta - theta) * self.scene.object.length / 2
+        return float(away.min())
+
+    def to_dict(self, file: Path | None = None) -> dict[str, Any]:
+        """The JSON object of `throwplan map`; a message is in it only if nothing is in reach."""
+        nothing = not self.reachable
+        free = nothing or self.theta_edges is None
+        answer = {
+            "scene": self.scene.name,
+            "z": self.z,
+            "reachable": self.reachable,
+            "x": None if nothing else [float(self.x.min()), float(self.x.max())],
+            "theta": None if free else [float(self.theta.min()), float(self.theta.max())],
+            "file": None if file is None else str(file),
+        }
+        return answer | ({"message": self.message} if nothing else {})
+
+    def save(self, folder: str | Path) -> Path:
+        """Write map.png and map.npz, all or nothing; returns the path of map.npz.
+
+        map.npz has x_edges, theta_edges (empty where theta is open), landings, solutions,
+        margin, x and theta as in this class, and z [m] and samples as scalars.
+        """
+        from .map_picture import draw_map
+
+        if not self.reachable:
+            raise InputError(f"{self.scene.place}: nothing to save, {self.message}")
+        with filling(Path(folder), FILES) as scratch:
+            draw_map(self, scratch / "map.png")
+            np.savez_compressed(scratch / "map.npz", **self._arrays())
+        return Path(folder) / "map.npz"
+
+    def _arrays(self) -> dict[str, Any]:
+        names = ("x_edges", "landings", "solutions", "margin", "x", "theta", "z", "samples")
+        arrays = {name: np.asarray(getattr(self, name)) for name in names}
+        edges = np.empty(0) if self.theta_edges is None else self.theta_edges
+        return arrays | {"theta_edges": edges}
+
+
+def reach_map(
+    scene: Scene | str | Path,
+    z: float | None = None,
+    samples: int = SAMPLES,
+    *,
+    progress: Progress | None = None,
+) -> ReachMap:
+    """The landing poses in reach of a scene at height `z` [m], by default the target's.
+
+    The same arguments give the same map. progress(done, samples) is called on the way.
+    Raises InputError for a scene that cannot be planned and for numbers out of range; a
+    height that no throw comes down through gives an empty map with its message.
+    """
+    scene = as_scene(scene)
+    check_map(z, samples)
+    mover = make_mover(scene)
+    check_start(scene, mover)
+    assert scene.target is not None  # checked by Scene, for all that have a mover
+    height = scene.target.z if z is None else float(z)
+    target = dataclasses.replace(scene.target, z=height)
+    # A cup comes along with the target.
+    aimed = scene.aimed_at(target)
+    parts: list[tuple[Array, Array, Array, Counts]] = []
+    down, best, done = 0, (-math.inf, ""), 0
+    for count, drawn in chunks(scene, mover, samples):
+        thrown = joined(*drawn)
+        x, theta, time = land(thrown.detach, height, scene.gravity).T
+        in_time = np.isfinite(time) & (time <= FLIGHT_MAX)
+        down += int(in_time.sum())
+        if not down:
+            for part in drawn:
+                _, pose, words = highest(part, target, scene.gravity)
+                best = max(best, (-math.inf if pose is None else pose.z, words))
+        # Only what lands is asked for its way there.
+        thrown, x, theta, time = thrown.picked(in_time), x[in_time], theta[in_time], time[in_time]
+        good = allowed(scene, mover, thrown, time)
+        # With the room that a plan keeps.
+        good &= enters_cup_at_landing(aimed, thrown.detach, x, time, CUP_ROOM)
+        thrown = thrown.picked(good)
+        parts.append((x[good], theta[good], margins(scene, mover, thrown), cells_of(mover, thrown)))
+        done += count
+        if progress is not None:
+            progress(done, samples)
+    x, theta, margin, cells = (np.concatenate(rows) for rows in zip(*parts, strict=True))
+    if not x.size:
+        message = _why_nothing(height, down, best)
+        empty = np.zeros((0, 1))
+        counts = empty.astype(np.int64)
+        return ReachMap(
+            scene, height, samples, np.empty(0), None, counts, counts, empty, x, theta, message
+        )
+    angle = scene.target.theta is not None
+    return _sorted_in(scene, height, samples, angle, x, theta, margin, cells)
+
+
+def check_map(z: float | None, samples: int, prefix: str = "") -> None:
+    """InputError for numbers out of range; `prefix` as on the command line."""
+    if z is not None:
+        number = isinstance(z, float | int | np.number) and not isinstance(z, bool)
+        if not number or not abs(z) <= FARTHEST:
+            most = f"{FARTHEST:g}"
+            raise InputError(f"{prefix}z = {z!r}: must be a number, -{most} to {most} m")
+    whole = isinstance(samples, int | np.integer) and not isinstance(samples, bool)
+    if not whole or not 1 <= samples <= MOST:
+        raise InputError(f"{prefix}samples = {samples!r}: must be a whole number, 1 to {MOST}")
+
+
+def _sorted_in(
+    scene: Scene,
+    z: float,
+    samples: int,
+    angle: bool,
+    x: Array,
+    theta: Array,
+    margin: Array,
+    cells: Counts,
+) -> ReachMap:
+    """The landings in bins; those of theta only if it counts."""
+    x_edges, theta_edges = edges_of(x, theta, angle)
+    shape = (len(x_edges) - 1, 1 if theta_edges is None else len(theta_edges) - 1)
+    where = places(x_edges, x) * shape[1]
+    if theta_edges is not None:
+        where = where + places(theta_edges, theta)
+    size = shape[0] * shape[1]
+    best = np.full(size, -np.inf)
+    np.maximum.at(best, where, margin)
+    different = np.unique(np.column_stack([where, cells]), axis=0)[:, 0]
+    return ReachMap(
+        scene,
+        z,
+        samples,
+        x_edges,
+        theta_edges,
+        np.bincount(where, minlength=size).reshape(shape),
+        np.bincount(different, minlength=size).reshape(shape),
+        np.where(np.isfinite(best), best, np.nan).reshape(shape),
+        x,
+        theta,
+    )
+
+
+def _why_nothing(z: float, down: int, best: tuple[float, str]) -> str:
+    """Why no throw was found; best: highest rise [m] of all and words on it."""
+    if down:
+        kept = "keeps floor, base column, longest carry and the bounds of [landing]"
+        return f"no throw found: none of {down:,} sampled throws down to z {z:g} m {kept}"
+    if best[0] > z:
+        return f"no throw found: none comes down through z {z:g} m within {FLIGHT_MAX:g} s"
+    return best[1]

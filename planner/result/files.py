@@ -1,0 +1,186 @@
+"""Plans as files: plan.json, motion.csv, throw.png, throw.gif, written whole; and read back."""
+
+from __future__ import annotations
+
+import json
+import time
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from ...models.hand import PlanarArm
+from ...problems.errors import InputError
+from ...problems.folders import filling
+from ...problems.scene_table import scene_from_table, scene_table
+from ...problems.text_file import read_csv, read_text
+from ..check import TICK, Mover, SampledMotion, SentThrow, limit_surface_throw, make_mover, throw
+from ..ocp import load_curve
+
+if TYPE_CHECKING:
+    from .plan import Plan
+
+Array = npt.NDArray[np.float64]
+
+
+#: Which pictures of a plan are drawn: both, none, or throw.png alone.
+Draw = bool | Literal["png"]
+#: Version of plan.json. Another one is refused: what its keys mean may differ.
+FORMAT = 1
+#: What a plan may leave in its folder.
+FILES = ("motion.csv", "throw.png", "throw.gif", "plan.json")
+
+
+def save_plan(plan: Plan, folder: Path, draw: Draw) -> None:
+    """Write a plan's files into `folder`, and take away those of an earlier plan.
+
+    draw: "png" for throw.png alone.
+    """
+    with filling(folder, FILES) as scratch:
+        _write(plan, scratch, draw)
+
+
+def _write(plan: Plan, folder: Path, draw: Draw) -> None:
+    if plan.solved:
+        write_motion(plan, folder / "motion.csv")
+        if draw:
+            from ..show import draw_throw, draw_throw_moving
+
+            start, throw = time.perf_counter(), sent_throw(plan)
+            load = None
+            if plan.robust:
+                load = load_curve(throw.scene, throw.mover, throw.motion, throw.opening_time)
+            draw_throw(throw, folder / "throw.png", load)
+            if draw != "png":
+                draw_throw_moving(throw, folder / "throw.gif")
+            plan.time["draw"] = time.perf_counter() - start
+    text = json.dumps(document(plan), indent=2, allow_nan=False)
+    (folder / "plan.json").write_text(text + "\n", encoding="utf-8")
+
+
+def write_motion(plan: Plan, path: Path) -> None:
+    """motion.csv: launch, release and brake at 1 kHz, the joints or the hand."""
+    assert plan.throw is not None
+    samples = plan.throw.samples
+    kinematics = plan.mover.kinematics
+    if isinstance(kinematics, PlanarArm):
+        values = joint_samples(kinematics, plan.target.azimuth, samples)
+        columns = dict(zip(("q", "dq", "ddq"), values, strict=True))
+    else:
+        columns = _hand_columns(plan, samples)
+    write_table(path, {"t": samples.times} | columns)
+
+
+def joint_samples(
+    kinematics: PlanarArm, azimuth: float, samples: SampledMotion
+) -> tuple[Array, Array, Array]:
+    """q, dq, ddq of all joints of the arm, each (N, joints): posture and azimuth [rad] held."""
+    arm = kinematics.arm
+    throwing = [j - 1 for j in kinematics.throwing_joints]
+    q, dq, ddq = (np.zeros((len(samples.q), arm.joints)) for _ in range(3))
+    q[:] = arm.posture
+    q[:, arm.azimuth_joint - 1] = azimuth
+    q[:, throwing], dq[:, throwing], ddq[:, throwing] = samples.q, samples.dq, samples.ddq
+    return q, dq, ddq
+
+
+def write_table(path: Path, columns: dict[str, Array]) -> None:
+    """A CSV of columns (N,) or (N, n), which become name1, name2, ... ."""
+    names: list[str] = []
+    for name, values in columns.items():
+        names += [name] if values.ndim == 1 else [f"{name}{j + 1}" for j in range(values.shape[1])]
+    table = np.column_stack(list(columns.values()))
+    np.savetxt(path, table, delimiter=",", header=",".join(names), comments="", fmt="%.12g")
+
+
+def _hand_columns(plan: Plan, samples: SampledMotion) -> dict[str, Array]:
+    outputs = plan.mover.motion(samples.q.T, samples.dq.T, samples.ddq.T)
+    values = np.vstack([np.array(o) for o in outputs])
+    names = ("x", "z", "theta", "vx", "vz", "omega", "ax", "az", "alpha")
+    return dict(zip(names, values, strict=True))
+
+
+def sent_throw(plan: Plan) -> SentThrow:
+    """The throw of a solved plan; InputError for a plan without one."""
+    if plan.throw is None or not plan.solved:
+        raise InputError(f"the plan is {plan.status}: it holds no throw")
+    throw = plan.throw
+    scene = plan.scene.aimed_at(plan.target)
+    planned = throw.sent is None
+    return SentThrow(
+        scene,
+        plan.mover,
+        throw.planned if planned else throw.samples,
+        float(throw.planned.times[-1] if planned else throw.samples.times[-1]),
+        throw.samples,
+        throw.opening_time,
+        throw.final,
+    )
+
+
+def document(plan: Plan) -> dict[str, Any]:
+    """What plan.json holds: `Plan.to_dict`, and the scene that `read_plan` needs."""
+    scene = plan.scene.aimed_at(plan.target)
+    return {"format": FORMAT, **plan.to_dict(), "definition": scene_table(scene)}
+
+
+def read_plan(path: str | Path) -> SentThrow:
+    """The throw of a plan.json with the motion.csv beside it, thrown again.
+
+    InputError for a file that is not there, is no plan, is of another version or holds no
+    throw, and for samples that do not fit its scene.
+    """
+    path = Path(path)
+    if path.is_dir():
+        path = path / "plan.json"
+    plan = _plan_object(path)
+    try:
+        scene = scene_from_table(plan["definition"])
+        opening_time = float(plan["release"]["opening_time"])
+    except InputError as error:
+        raise InputError(f"{path}: {error}") from None
+    except (KeyError, TypeError, AttributeError, ValueError) as error:
+        raise InputError(f"{path}: is not a whole plan file ({error!r})") from None
+    mover = make_mover(scene)
+    samples = _samples(path.parent / "motion.csv", mover)
+    end = float(samples.times[-1])
+    if not 0.0 <= opening_time <= end:
+        raise InputError(f"{path}: opening_time = {opening_time:g}: must be within motion.csv")
+    assert scene.target is not None
+    model = limit_surface_throw if scene.tolerance.model == "ls-step" else throw
+    final = model(scene, mover, samples, opening_time, scene.target.z)
+    return SentThrow(scene, mover, samples, end, samples, opening_time, final)
+
+
+def _plan_object(path: Path) -> dict[str, Any]:
+    """The JSON object of a solved plan of this version."""
+    text = read_text(path)
+    try:
+        plan = json.loads(text)
+    except ValueError as error:
+        raise InputError(f"{path}: is not JSON: {error}") from None
+    if not isinstance(plan, dict) or "status" not in plan:
+        raise InputError(f"{path}: is not a plan file")
+    version = plan.get("format")
+    if version != FORMAT:
+        made = "an older version" if version is None else f"version {version!r}"
+        raise InputError(f"{path}: a plan file of {made}, must be {FORMAT}: plan it again")
+    if plan["status"] != "solved":
+        raise InputError(f"{path}: the plan is {plan['status']}: it holds no throw")
+    return plan
+
+
+def _samples(path: Path, mover: Mover) -> SampledMotion:
+    """The planned coordinates in motion.csv."""
+    kinematics = mover.kinematics
+    if isinstance(kinematics, PlanarArm):
+        joints = kinematics.throwing_joints
+        names = [f"{prefix}{j}" for prefix in ("q", "dq", "ddq") for j in joints]
+    else:
+        columns = (("x", "z", "theta"), ("vx", "vz", "omega"), ("ax", "az", "alpha"))
+        names = [name for row in columns for name in row[: mover.size]]
+    rows = np.array(read_csv("motion", str(path), None, ("t", *names)))
+    if len(rows) < 2 or np.abs(rows[:, 0] - TICK * np.arange(len(rows))).max() > 1e-6:
+        raise InputError(f"{path}: t must go from 0 in steps of {TICK:g}")
+    return SampledMotion(*np.split(rows[:, 1:], 3, axis=1))

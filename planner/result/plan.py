@@ -1,0 +1,240 @@
+"""What planning gives back: status, landings, errors, motion; as JSON and as files."""
+
+from __future__ import annotations
+
+import json
+import math
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any, Literal
+
+from ...models.arm import Arm
+from ...problems.errors import InputError
+from ...problems.scene import Pose, Scene
+from ..check import Landing, Mover, PlannedMotion, SampledMotion, Thrown, limit_surface_throw
+from ..ocp import USUAL, Room, Solution, ThrowNlp
+from .files import Draw, save_plan
+
+Status = Literal["solved", "out_of_reach", "not_converged"]
+
+
+@dataclass(frozen=True, repr=False)
+class PlannedThrow:
+    """The throw behind a plan: its motion and what the models make of it.
+
+    nlp, solution: where it comes from; opening_time [s] on the motion's clock; sent is None
+    for a hand scene, whose motion is checked as planned; samples are what motion.csv holds.
+    final: the throw that counts, by the model of the tolerance; aim: how far beside the
+    target (dx [m], dtheta [rad]) the NLP's landing is put, so that this one is at it;
+    room: what its NLP kept more than usual.
+    """
+
+    scene: Scene
+    mover: Mover
+    nlp: ThrowNlp
+    solution: Solution
+    planned: PlannedMotion
+    samples: SampledMotion
+    opening_time: float
+    planned_landing: tuple[float, float, float]
+    exact: Thrown
+    sent: Thrown | None
+    final: Thrown
+    aim: tuple[float, float]
+    room: Room = USUAL
+
+    @cached_property
+    def limit_surface(self) -> Thrown:
+        """The motion that counts, thrown by the limit surface; made when first asked for."""
+        motion = self.planned if self.sent is None else self.samples
+        height = self.final.landing.z
+        return limit_surface_throw(self.scene, self.mover, motion, self.opening_time, height)
+
+    @property
+    def landing_time(self) -> float:
+        """When the object lands [s] on the motion's clock."""
+        flown = self.final.landing.flight_time
+        return float(self.opening_time + self.final.release.times[-1] + flown)
+
+
+@dataclass(frozen=True, repr=False)
+class Plan:
+    """Result of planning. Times in s; see `to_dict` for the units and frames of the rest.
+
+    robust: the method that made it so, empty if none; peak_load: then, the largest share of
+    the grip's friction limit that the pads would transmit while they may open.
+    """
+
+    scene: Scene
+    mover: Mover
+    target: Pose
+    status: Status
+    message: str
+    throw: PlannedThrow | None
+    nearest: Pose | None = None
+    binding: tuple[str, ...] = ()
+    solver: str = ""
+    iterations: int = 0
+    attempts: int = 0
+    variables: int = 0
+    constraints: int = 0
+    time: dict[str, float] = field(default_factory=dict)
+    alternatives: tuple[Plan, ...] = ()
+    robust: str = ""
+    peak_load: float | None = None
+
+    def __repr__(self) -> str:
+        """A line: its arrays would fill a screen."""
+        return f"Plan({self.scene.name}: {self.status}, {self.message})"
+
+    @property
+    def solved(self) -> bool:
+        """Whether the checked landing is inside the tolerance and nothing is broken."""
+        return self.status == "solved"
+
+    def to_dict(self) -> dict[str, Any]:
+        """The plan as JSON: SI units, radians; poses in the base frame for an arm."""
+        throw = self.throw
+        landing: dict[str, Any] = dict.fromkeys(("planned", "exact", "sent", "limit_surface"))
+        error: dict[str, Any] = dict.fromkeys(("planned", "exact", "sent"))
+        release: dict[str, Any] = dict.fromkeys(
+            ("command_time", "opening_time", "detach_time", "landing_time")
+        )
+        if throw is not None:
+            profile = self.scene.gripper.profile()
+            poses = {
+                "planned": throw.planned_landing,
+                "exact": _pose(throw.exact.landing),
+                "sent": None if throw.sent is None else _pose(throw.sent.landing),
+                "limit_surface": _pose(throw.limit_surface.landing),
+            }
+            landing = {k: p and self._json_pose(p) for k, p in poses.items()}
+            error = {name: self._json_error(poses[name]) for name in error}
+            detach = throw.opening_time + profile.opening
+            flight = throw.final.landing.flight_time
+            release = {
+                "command_time": throw.opening_time - profile.dwell - self.scene.mean_delay,
+                "opening_time": throw.opening_time,
+                "detach_time": detach,
+                "landing_time": _number(detach + flight),
+            }
+        nearest = self.nearest
+        return {
+            "scene": self.scene.name,
+            "status": self.status,
+            "message": self.message,
+            "target": _pose_dict(self.target),
+            "landing": landing,
+            "error": error,
+            "release": release,
+            "nearest": None if nearest is None else _pose_dict(nearest),
+            "binding": list(self.binding),
+            "solver": {
+                "name": self.solver,
+                "iterations": self.iterations,
+                "attempts": self.attempts,
+            },
+            "nlp": {"variables": self.variables, "constraints": self.constraints},
+            **self._more(),
+            "time": {"build": 0.0, "guess": 0.0, "solve": 0.0, "smooth": 0.0, "check": 0.0}
+            | {"total": 0.0, "draw": None}
+            | self.time,
+        }
+
+    def _more(self) -> dict[str, Any]:
+        """What only some plans have: robustness, alternatives."""
+        more: dict[str, Any] = {}
+        if self.robust:
+            more["robust"] = {"method": self.robust, "peak_load": self.peak_load}
+        if self.alternatives:
+            more["alternatives"] = [
+                {
+                    "landing": other.to_dict()["landing"],
+                    "release": other.to_dict()["release"],
+                    "effort": None if other.throw is None else other.throw.solution.cost,
+                }
+                for other in self.alternatives
+            ]
+        return more
+
+    def save(self, folder: str | Path, draw: Draw = True) -> None:
+        """Write plan.json and, for a throw, motion.csv and (draw) throw.png, throw.gif.
+
+        draw: "png" draws throw.png alone, False neither.
+
+        Raises InputError if the folder cannot be written; then nothing is left behind.
+        """
+        save_plan(self, Path(folder), draw)
+
+    def error_sent(self) -> tuple[float, float]:
+        """(position [m], angle [rad]) error of the landing that counts; NaN without a throw."""
+        if self.throw is None:
+            return math.nan, math.nan
+        error = self._json_error(_pose(self.throw.final.landing))
+        return error["position"], error["angle"]
+
+    def _json_pose(self, pose: tuple[float, float, float]) -> dict[str, Any]:
+        """In-plane (x, z, theta) as JSON, turned to the target's azimuth for an arm."""
+        x, z, theta = pose
+        if self.scene.robot is None:
+            return {"x": _number(x), "z": _number(z), "theta": _number(theta)}
+        turn = self.target.azimuth
+        x_base, y_base = x * math.cos(turn), x * math.sin(turn)
+        return {
+            "x": _number(x_base),
+            "y": _number(y_base),
+            "z": _number(z),
+            "theta": _number(theta),
+        }
+
+    def _json_error(self, pose: tuple[float, float, float] | None) -> Any:
+        if pose is None:
+            return None
+        angle = 0.0 if self.target.theta is None else abs(pose[2] - self.target.theta)
+        position = abs(pose[0] - self.target.plane_x)
+        return {"position": _number(position), "angle": _number(angle)}
+
+    def json(self) -> str:
+        """`to_dict` as a JSON text."""
+        return json.dumps(self.to_dict(), indent=2, allow_nan=False)
+
+
+def checked_target(scene: Scene, target: Pose | None) -> Pose:
+    """The target to plan for: the given one or the scene's; InputError if it does not fit."""
+    target = target or scene.target
+    if target is None:
+        raise InputError(f"{scene.place}: section [target] is missing")
+    if not isinstance(target, Pose):
+        raise InputError(f"target = {target!r}: must be a Pose")
+    if scene.robot is None and target.y != 0.0:
+        raise InputError("target y: only for a scene with [robot]")
+    if scene.cup is not None and target.theta is None:
+        raise InputError("[cup] needs a target with theta_deg, to know which end goes in")
+    if scene.arm is not None:
+        _check_azimuth(scene.arm, target)
+    return target
+
+
+def _check_azimuth(arm: Arm, target: Pose) -> None:
+    """InputError unless the joint that turns the throw's plane can turn it there."""
+    joint = arm.azimuth_joint - 1
+    low, high = arm.limits.position_min[joint], arm.limits.position_max[joint]
+    if not low <= target.azimuth <= high:
+        raise InputError(
+            f"target: its azimuth {math.degrees(target.azimuth):.1f} deg is outside joint "
+            f"{joint + 1}'s range [{math.degrees(low):.1f}, {math.degrees(high):.1f}] deg"
+        )
+
+
+def _pose(landing: Landing) -> tuple[float, float, float]:
+    return landing.x, landing.z, landing.theta
+
+
+def _pose_dict(pose: Pose) -> dict[str, Any]:
+    return {"x": pose.x, "y": pose.y, "z": pose.z, "theta": pose.theta}
+
+
+def _number(value: float) -> float | None:
+    """A float for JSON: null where it is not a number."""
+    return float(value) if math.isfinite(value) else None

@@ -1,0 +1,163 @@
+"""A plan for robot controllers: read back, looked at once more, and written out."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from ...models.arm import Arm
+from ...models.hand import PlanarArm
+from ...problems.errors import InputError
+from ...problems.folders import filling
+from ..check import TICK, SentThrow, broken_limits, scene_violations
+from ..result import joint_samples, read_plan
+
+Array = npt.NDArray[np.float64]
+
+#: At rest: rate [rad/s] and acceleration [rad/s^2] of every joint are below.
+REST = (1e-6, 1e-3)
+#: A clock instant is on a tick that it misses by less than this share of one.
+ON_TICK = 1e-6
+
+
+@dataclass(frozen=True)
+class JointMotion:
+    """What is sent to an arm: all its joints at 1 kHz from rest to rest, and the opening.
+
+    q, dq, ddq (N, joints) at times (N,) [s]; throw: where it comes from.
+    """
+
+    arm: Arm
+    throw: SentThrow
+    q: Array
+    dq: Array
+    ddq: Array
+
+    @property
+    def times(self) -> Array:
+        """Sample times (N,) [s]."""
+        return self.throw.samples.times
+
+    @property
+    def cycle(self) -> int:
+        """The last sample at or before the opening command: it goes out in that cycle."""
+        return math.floor(self.throw.command_time / TICK + ON_TICK)
+
+    @property
+    def fraction(self) -> float:
+        """How much of that cycle has passed when the command is due, 0 to 1."""
+        return max(self.throw.command_time / TICK - self.cycle, 0.0)
+
+    @cached_property
+    def uses(self) -> dict[str, Array]:
+        """Largest share of each limit that each joint (joints,) uses.
+
+        The samples' own values, and those that a controller sees in differences of the
+        positions that it is sent.
+        """
+        limits = self.arm.limits
+        low, high = np.array(limits.position_min), np.array(limits.position_max)
+        # At rest before the first sample and after the last.
+        sent = np.vstack([self.q[[0] * 3], self.q, self.q[[-1] * 3]])
+        seen = [np.diff(sent, k, axis=0) / TICK**k for k in (1, 2, 3)]
+        jerk = np.diff(self.ddq, axis=0) / TICK
+
+        def most(*values: Array) -> Array:
+            return np.asarray(np.max([np.abs(value).max(axis=0) for value in values], axis=0))
+
+        return {
+            "position": most(self.q - (low + high) / 2) / ((high - low) / 2),
+            "velocity": np.maximum(most(seen[0]) / limits.velocity, self._velocity_use()),
+            "acceleration": most(self.ddq, seen[1]) / limits.acceleration,
+            "jerk": most(jerk, seen[2]) / limits.jerk,
+        }
+
+    def _velocity_use(self) -> Array:
+        """Largest share (joints,) of the velocity limits, which may fall towards a range's ends."""
+        throw, shares = self.throw, np.zeros(self.arm.joints)
+        low, high = throw.mover.hard.velocity(throw.samples.q)
+        limit = np.where(throw.samples.dq > 0, high, -low)
+        kinematics = throw.mover.kinematics
+        assert isinstance(kinematics, PlanarArm)
+        moving = [j - 1 for j in kinematics.throwing_joints]
+        shares[moving] = (np.abs(throw.samples.dq) / np.maximum(limit, 1e-9)).max(axis=0)
+        return shares
+
+
+def joint_motion(path: str | Path) -> JointMotion:
+    """The motion of an arm's plan, fit to be sent.
+
+    InputError for what `read_plan` refuses, for a hand's plan, and for a motion that does
+    not begin and end at rest, breaks a limit or throws elsewhere: files can be edited.
+    """
+    throw = read_plan(path)
+    kinematics = throw.mover.kinematics
+    if not isinstance(kinematics, PlanarArm):
+        raise InputError(f"{path}: the plan's scene has no [robot], so there are no joints to send")
+    values = joint_samples(kinematics, throw.target.azimuth, throw.samples)
+    motion = JointMotion(kinematics.arm, throw, *values)
+    wrong = _wrong(motion)
+    if wrong:
+        raise InputError(f"{path}: not sent, {wrong[0]}")
+    return motion
+
+
+def _wrong(motion: JointMotion) -> list[str]:
+    """Why the motion must not be sent, in words."""
+    throw, arm = motion.throw, motion.arm
+    found = []
+    for where, sample in (("begin", 0), ("end", -1)):
+        for j in range(arm.joints):
+            rate, acceleration = abs(motion.dq[sample, j]), abs(motion.ddq[sample, j])
+            if not (rate <= REST[0] and acceleration <= REST[1]):
+                found.append(f"the motion does not {where} at rest: joint {j + 1}")
+    broken = broken_limits(throw.mover.hard, throw.mover.joints, throw.samples)
+    found += [f"limit of {name} broken" for name in broken]
+    low, high = np.array(arm.limits.position_min), np.array(arm.limits.position_max)
+    outside = (motion.q[0] < low) | (motion.q[0] > high)
+    found += [f"limit of joint {j + 1} position broken" for j in np.flatnonzero(outside)]
+    found += _uneven(motion)
+    if throw.command_time < -ON_TICK * TICK:
+        found.append(f"the opening command would come {-1e3 * throw.command_time:.1f} ms too early")
+    tolerance, (dx, dtheta) = throw.scene.tolerance, throw.final.miss(throw.target)
+    # NaN where it does not come down at all.
+    if not max(abs(dx) / tolerance.position, abs(dtheta) / tolerance.angle) <= 1 + 1e-6:
+        off = f"{1e3 * abs(dx):.2f} mm and {math.degrees(abs(dtheta)):.2f} deg off"
+        found.append(f"the motion lands {off}")
+    violations = scene_violations(
+        throw.scene, throw.mover, throw.motion, throw.until, throw.opening_time, throw.final
+    )
+    return found + [violation.words for violation in violations]
+
+
+def _uneven(motion: JointMotion) -> list[str]:
+    """Joints whose positions, rates and accelerations are not those of one motion."""
+    jerk, found = np.array(motion.arm.limits.jerk), []
+    pairs = (("rates", motion.q, motion.dq, TICK / 4), ("accelerations", motion.dq, motion.ddq, 1))
+    for name, values, rates, part in pairs:
+        off = np.abs(np.diff(values, axis=0) / TICK - (rates[1:] + rates[:-1]) / 2)
+        # What the jerk limit lets a motion do inside a tick, twice.
+        most = part * jerk * TICK / 2 + 1e-6
+        for j in np.flatnonzero((off > most).any(axis=0)):
+            found.append(f"joint {j + 1}'s {name} do not fit the samples")
+    return found
+
+
+@contextmanager
+def option_folder(option: str, folder: str, names: tuple[str, ...]) -> Iterator[Path]:
+    """`folders.filling` for a folder that `option` names."""
+    try:
+        with filling(Path(folder), names) as scratch:
+            yield scratch
+    except InputError as error:
+        words = str(error)
+        if not words.startswith("--out"):
+            raise
+        raise InputError(f"{option}{words.removeprefix('--out')}") from None

@@ -1,0 +1,249 @@
+"""A throw in MuJoCo: a referee whose contacts and flight are not ours."""
+
+from __future__ import annotations
+
+import math
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ...problems.errors import InputError
+from ...problems.scene import Scene
+from ..check import TICK, SentThrow, Thrown
+from ..check import throw as sliding_pivot_throw
+from ..result import Plan, read_plan, sent_throw
+from .replay_model import FRICTION
+from .replay_runs import LEAD, Flown, free_flight, is_in, load_mujoco, release_run, run_to_rest
+
+Array = npt.NDArray[np.float64]
+
+#: Steps [s] of the release and of the flight, and contact points of a pad.
+RELEASE_STEP, FLIGHT_STEP, POINTS = 1e-5, 1e-4, 12
+
+#: Share of its speed with which the bar leaves what it hits.
+RESTITUTION, MOST_RESTITUTION = 0.1, 0.99
+
+
+@dataclass(frozen=True)
+class Rest:
+    """Where the bar was at the end of a replay into a cup.
+
+    inside: its CoM inside the cup's radius and its lower end in the cup; at_rest: else it
+    still moves 4 s after landing, and has been inside for the last second;
+    entered: its lower end was in the cup, `insertion` below the rim, at some time;
+    touched_rim: it met the wall before;
+    pose: x, y, z [m] and theta [rad], y across the throw's plane.
+    """
+
+    inside: bool
+    entered: bool
+    touched_rim: bool
+    at_rest: bool
+    pose: tuple[float, float, float, float]
+
+
+@dataclass(frozen=True, repr=False)
+class Replay:
+    """What MuJoCo makes of a throw. Positions in the throw's plane, m; angles in rad.
+
+    landing: x, z, theta where the CoM comes down through the target's height with nothing
+    to meet, NaN if it does not; sp, limit_surface: the same by the models. times (K,) [s] on
+    the motion's clock, 1 ms apart from the opening on, and com (3, K): x, z, theta among
+    cup, hand and base column, until the bar rests (without a cup: until landing).
+    touched: what of these the bar met, in that order; rest: None without a cup; restitution:
+    of what it meets; simulated, run [s]: time in MuJoCo from the hold to the end, and here.
+    """
+
+    throw: SentThrow
+    landing: tuple[float, float, float]
+    sp: tuple[float, float, float]
+    limit_surface: tuple[float, float, float]
+    times: Array
+    com: Array
+    touched: tuple[str, ...]
+    rest: Rest | None
+    restitution: float
+    simulated: float
+    run: float
+
+    def __repr__(self) -> str:
+        """A line: its arrays would fill a screen."""
+        x, z, theta = self.landing
+        return f"Replay(landing x {x:.4f} m, z {z:.4f} m, theta {math.degrees(theta):.2f} deg)"
+
+    @property
+    def assumed(self) -> str:
+        """What is taken for granted about the cup, in words."""
+        return (
+            f"a fixed, rigid cup, friction {FRICTION:g}; what hits it leaves with "
+            f"{self.restitution:g} of its speed"
+        )
+
+    def off(self, other: str) -> tuple[float, float]:
+        """MuJoCo's landing less another: (dx [m], dtheta [rad]).
+
+        other: "target", "sp" or "limit_surface"; dtheta is NaN for a target that leaves it open.
+        """
+        target = self.throw.target
+        theta = math.nan if target.theta is None else target.theta
+        x, _, angle = {
+            "target": (target.plane_x, target.z, theta),
+            "sp": self.sp,
+            "limit_surface": self.limit_surface,
+        }[other]
+        return float(self.landing[0] - x), float(self.landing[2] - angle)
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON: SI units, radians; poses in the base frame for an arm."""
+        scene, rest = self.throw.scene, self.rest
+        landing = {
+            "mujoco": self._pose(*self.landing),
+            "sp": self._pose(*self.sp),
+            "limit_surface": self._pose(*self.limit_surface),
+        }
+        difference = {}
+        for name in ("target", "sp", "limit_surface"):
+            position, angle = (number(abs(value)) for value in self.off(name))
+            difference[name] = {"position": position, "angle": angle}
+        cup = None
+        if rest is not None:
+            x, y, z, theta = rest.pose
+            cup = {
+                "in": rest.inside,
+                "entered": rest.entered,
+                "touched_rim": rest.touched_rim,
+                "at_rest": rest.at_rest,
+                "rest": self._pose(x, z, theta, y),
+            }
+        return {
+            "scene": scene.name,
+            "landing": landing,
+            "difference": difference,
+            "touched": list(self.touched),
+            "restitution": self.restitution,
+            "cup": cup,
+            "time": {"simulated": self.simulated, "run": self.run},
+        }
+
+    def save(self, folder: str | Path, draw: bool = True) -> None:
+        """Write replay.json, replay.csv and (draw) replay.png; InputError if that fails."""
+        from .replay_files import save_replay
+
+        save_replay(self, Path(folder), draw)
+
+    def _pose(self, x: float, z: float, theta: float, y: float = 0.0) -> dict[str, Any]:
+        """A pose in the throw's plane, `y` [m] across it, as in plan.json."""
+        if self.throw.scene.robot is None:
+            return {"x": number(x), "z": number(z), "theta": number(theta)}
+        turn = self.throw.target.azimuth
+        cos, sin = math.cos(turn), math.sin(turn)
+        # Forward and up are x and z of MuJoCo: its y is to the left of the throw.
+        base_x, base_y = number(x * cos - y * sin), number(x * sin + y * cos)
+        return {"x": base_x, "y": base_y, "z": number(z), "theta": number(theta)}
+
+
+def number(value: float) -> float | None:
+    """A number for JSON, None for one that is not finite."""
+    return float(value) if math.isfinite(value) else None
+
+
+def replay(
+    throw: Plan | SentThrow | str | Path,
+    step: float = RELEASE_STEP,
+    flight_step: float = FLIGHT_STEP,
+    points: int = POINTS,
+    restitution: float = RESTITUTION,
+) -> Replay:
+    """Throw a plan in MuJoCo; needs the extra `mujoco`.
+
+    throw: a plan, a throw, or the path of a plan.json or of its folder. The hand goes the sent way
+    from 50 ms before the opening, the bar held by `points` contacts a pad, on a ring that
+    holds the torque of the patch (1: one contact with torsional friction, which is the limit
+    surface's own ellipsoid); their force falls as the gripper's and they are gone when it is
+    zero. The bar then flies, free to turn in space, once alone, for its landing, and once
+    among the scene's cup, hand and base column. The cup is fixed and rigid, with the floor
+    under it; what hits these leaves with `restitution` (0 to 0.99) of its speed.
+    step, flight_step [s]: of the opening, and after it. InputError for what is no plan, and
+    without MuJoCo.
+    """
+    if not 0.0 <= restitution <= MOST_RESTITUTION:
+        raise InputError(f"restitution = {restitution:g}: must be 0 to {MOST_RESTITUTION:g}")
+    load_mujoco()
+    if isinstance(throw, Plan):
+        throw = sent_throw(throw)
+    throw = throw if isinstance(throw, SentThrow) else read_plan(throw)
+    began = time.perf_counter()
+    scene, height = throw.scene, throw.target.z
+    opening, states = release_run(throw, step, points)
+    detach, start = states[-1], float(opening[-1])
+    expected = throw.final.landing.flight_time
+    expected = expected if math.isfinite(expected) else 1.0
+    free = free_flight(scene, detach, start, 1.2 * expected + 0.2, flight_step)
+    landing, landing_time = _coming_down(free, height, detach[2])
+    end = landing_time if math.isfinite(landing_time) else start + expected
+    flown = run_to_rest(throw, detach, start, end, flight_step, restitution)
+    path = np.vstack([states[:, :2].T, states[:, 2]])
+    flight = np.vstack([flown.com[:, 0], flown.com[:, 2], _angles(flown, detach[2])])
+    known, poses = np.append(opening, flown.times[1:]), np.hstack([path, flight[:, 1:]])
+    times = np.arange(throw.opening_time, known[-1], TICK)
+    com = np.array([np.interp(times, known, row) for row in poses])
+    return Replay(
+        throw,
+        landing,
+        _landing_of(_sliding_pivot(throw)),
+        _landing_of(throw.limit_surface),
+        times,
+        com,
+        flown.touched,
+        _rest(scene, flown, float(flight[2, -1])),
+        restitution,
+        simulated=float(known[-1] - throw.opening_time) + min(LEAD, throw.opening_time),
+        run=time.perf_counter() - began,
+    )
+
+
+def _sliding_pivot(throw: SentThrow) -> Thrown:
+    """The throw by the sliding pivot, whatever the tolerance's model."""
+    if throw.scene.tolerance.model == "sp":
+        return throw.final
+    motion, opening = throw.motion, throw.opening_time
+    return sliding_pivot_throw(throw.scene, throw.mover, motion, opening, throw.target.z)
+
+
+def _landing_of(thrown: Thrown) -> tuple[float, float, float]:
+    return thrown.landing.x, thrown.landing.z, thrown.landing.theta
+
+
+def _angles(flown: Flown, theta: float) -> Array:
+    """theta (N,) of the axis in the throw's plane, turns counted on from `theta` at first."""
+    angles = np.unwrap(np.arctan2(flown.axis[:, 2], flown.axis[:, 0]))
+    return np.asarray(angles + 2 * np.pi * round((theta - angles[0]) / (2 * np.pi)))
+
+
+def _coming_down(
+    free: Flown, height: float, theta: float
+) -> tuple[tuple[float, float, float], float]:
+    """x, z, theta and time where the CoM comes down through `height`; NaN if it does not."""
+    z = free.com[:, 2]
+    below = np.flatnonzero((z[:-1] >= height) & (z[1:] < height))
+    if not below.size:
+        return (math.nan, math.nan, math.nan), math.nan
+    i = below[-1]
+    share = (z[i] - height) / (z[i] - z[i + 1])
+    columns = np.column_stack([free.com[:, 0], _angles(free, theta), free.times])
+    x, angle, instant = columns[i] + share * (columns[i + 1] - columns[i])
+    return (float(x), height, float(angle)), float(instant)
+
+
+def _rest(scene: Scene, flown: Flown, theta: float) -> Rest | None:
+    """How it ended, for a scene with a cup."""
+    if scene.cup is None:
+        return None
+    last = flown.times >= flown.times[-1] - (0.0 if flown.at_rest else 1.0)
+    inside = is_in(scene, scene.cup, flown.com[last], flown.axis[last])
+    x, y, z = (float(value) for value in flown.com[-1])
+    return Rest(inside, flown.entered, flown.touched_rim, flown.at_rest, (x, y, z, theta))

@@ -1,0 +1,5 @@
+"""Plans that bear an uncertain opening: quiet releases, scenarios, constant rates."""
+
+from .hardening import hardened
+
+__all__ = ["hardened"]

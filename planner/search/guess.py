@@ -1,0 +1,85 @@
+"""A sampled release as the starting point of an NLP."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from ...problems.scene import Scene
+from ..check import Mover, MoverTrack, PlannedMotion, case_of, relative_states
+from ..ocp import JERK_UNIT, ThrowNlp, lower_end, opening_nodes, stage_times, with_accelerations
+from .releases import Releases
+from .run_up import polynomial, run_up
+
+Array = npt.NDArray[np.float64]
+
+#: How long before and after the landing height [s] the cup's depths are looked for, and in
+#: how many instants.
+CUP_SPAN, CUP_INSTANTS = (0.15, 0.3), 181
+
+
+def guess_from(
+    nlp: ThrowNlp, scene: Scene, mover: Mover, releases: Releases, index: int, flight: float
+) -> Array:
+    """Decision vector that starts the NLP from release `index`, which flies for `flight` [s]."""
+    s = nlp.structure
+    q, dq, ddq = releases.q[index], releases.dq[index], releases.ddq[index]
+    duration = float(releases.run_up[index])
+    nodes = opening_nodes(scene.mesh, scene.gripper.profile().opening)
+    times = stage_times(s, duration, nodes, 0.0)
+    launch = run_up(mover.start, q, dq, ddq, duration)
+    launched = times[: s.opens + 1, None]
+    before = [polynomial(launch, launched, k).T for k in range(3)]
+    opening = PlannedMotion(nodes[[0, -1]], q[None], dq[None], ddq[None], 0 * q[None])
+    during = opening.at(nodes[1:])
+    coordinates = {
+        name: np.hstack(pair)
+        for name, *pair in zip(("q", "dq", "ddq"), before, during, strict=True)
+    }
+    # A step in the middle of each interval too: one alone is rough.
+    fine = np.sort(np.concatenate([nodes, (nodes[:-1] + nodes[1:]) / 2]))
+    track = relative_states(case_of(scene, MoverTrack(mover, opening, 0.0)), fine)[::2].T
+    relative = track if s.pivot else track[[0, 1, 3, 4]]
+    steps = np.diff(times)
+    change = np.diff(coordinates["ddq" if s.jerk_control else "dq"], axis=1) / steps
+    control = change / JERK_UNIT if s.jerk_control else change
+
+    entries = _cup_times(scene, releases.detach[index], flight, s.cup) if s.cup else None
+
+    def value(name: str, k: int) -> Array | float:
+        if name in coordinates:
+            return np.asarray(coordinates[name][:, k])
+        if name == "c":
+            return np.asarray(control[:, k])
+        if name == "rel":
+            return np.asarray(relative[:, k - s.opens])
+        if entries is not None and name.startswith("t_cup"):
+            return float(entries[1 + int(name[5:])])
+        if entries is not None and name == "t_rim":
+            return float(entries[0])
+        return {"T": duration, "t_f": flight}.get(name, 0.0)
+
+    return with_accelerations(nlp, nlp.fill(value), np.diff(nodes))
+
+
+def _cup_times(scene: Scene, detach: Array, flight: float, depths: int) -> Array:
+    """When (1 + depths,) [s] after detach the bar's lowest corner is at the rim, and the middle
+    of its lower end at each depth below.
+
+    detach (6,): CoM pose and twist. The landing height may well be above the rim.
+    """
+    cup, target = scene.cup, scene.target
+    assert cup is not None and target is not None
+    times = flight + np.linspace(-CUP_SPAN[0], CUP_SPAN[1], CUP_INSTANTS)
+    z = detach[1] + (detach[4] - scene.gravity / 2 * times) * times
+    theta = detach[2] + detach[5] * times
+    middle = z + lower_end(scene, target) * np.sin(theta)
+    corner = middle - scene.object.width / 2 * np.abs(np.cos(theta))
+
+    def when(heights: Array, asked: Array) -> Array:
+        # Falling from here on, as far as the spin lets it.
+        depth = np.maximum.accumulate(cup.rim - heights)
+        return np.interp(asked, depth + 1e-9 * np.arange(times.size), times)
+
+    asked = cup.insertion * np.arange(depths) / max(depths - 1, 1)
+    return np.append(when(corner, np.zeros(1)), when(middle, asked))

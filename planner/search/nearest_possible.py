@@ -1,0 +1,247 @@
+"""The nearest landing that is possible, and the limits that bind there.
+
+The same NLP with a landing that may miss at a price in the scaled error (39), solved
+by IPOPT from the nearest sampled releases: an answer from the table and from the
+elastic solve, not from a failed iteration.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ...problems.scene import Pose, Scene
+from ..check import Guard, Mover, column_of, column_room, enters_cup_at_landing, throw
+from ..compile import Compile
+from ..ocp import (
+    CUP_ROOM,
+    Room,
+    Solution,
+    Solver,
+    ThrowNlp,
+    bounds,
+    build_nlp,
+    opening_nodes,
+    opening_start,
+    parameter_values,
+    planned_motion,
+    structure_of,
+)
+from .guess import guess_from
+from .releases import Releases, nearest
+from .starts import past_column
+from .workbench import patient
+
+Array = npt.NDArray[np.float64]
+
+#: Iterations that an elastic solve may take.
+ITERATIONS = 300
+#: Starts of the elastic solve, and how many more where it ends farther from the target than
+#: the landing it started from.
+STARTS, MORE_STARTS = 3, 5
+#: How much farther that may be.
+WORSE = 1.1
+#: A height this far [m] above every sampled apex is out of reach.
+HEIGHT_ROOM = 0.25
+#: The cup's own clearance and no more: less than that only is out of reach.
+BARE = Room(cup=-CUP_ROOM)
+#: Angles at which a bar that may land at any is held against the column.
+HALF_TURN = 181
+#: A multiplier counts as binding above this share of the largest.
+BINDING_SHARE = 0.02
+
+_KINDS = {"q": "position", "dq": "velocity", "ddq": "acceleration", "T": "carry time"}
+
+
+@dataclass(frozen=True)
+class Binding:
+    """The nearest possible landing to `goal` (None: nothing was found) and what binds there.
+
+    inside_tolerance: whether it is the goal itself; names: the binding limits. beside: (dx [m],
+    dtheta [rad]) from the goal to where the elastic point lands by its own model; missed: its
+    scaled distance [m].
+    """
+
+    goal: Pose
+    pose: Pose | None
+    inside_tolerance: bool
+    names: tuple[str, ...]
+    iterations: int
+    solution: Solution | None
+    nlp: ThrowNlp | None
+    beside: tuple[float, float] = (0.0, 0.0)
+    missed: float = math.inf
+
+    @property
+    def outside(self) -> bool:
+        """Whether something is possible, but not the goal."""
+        return self.pose is not None and not self.inside_tolerance
+
+    def guess_for(self, nlp: ThrowNlp) -> Array:
+        """The elastic point as a start of the real problem `nlp`."""
+        elastic, solution = self.nlp, self.solution
+        assert elastic is not None and solution is not None
+        last = len(nlp.nx) - 1
+        flight = elastic.block(solution.x, "t_f", last)
+
+        def value(name: str, k: int) -> Array | float:
+            block = elastic.block(solution.x, name, k)
+            if block is not None:
+                return block
+            # The times of more cup depths than the elastic problem has.
+            return 0.0 if flight is None else float(flight[0])
+
+        return nlp.fill(value)
+
+
+class Reach:
+    """The elastic problems of a scene, built when first asked for."""
+
+    def __init__(self, scene: Scene, mover: Mover, compiling: Compile) -> None:
+        self._scene, self._mover = scene, mover
+        self._compiling = compiling
+        self._solvers: dict[tuple[bool, frozenset[Guard]], Solver] = {}
+
+    def _solver(self, angle: bool, guards: frozenset[Guard]) -> tuple[ThrowNlp, Solver]:
+        key = (angle, guards)
+        if key not in self._solvers:
+            scene, mover = self._scene, self._mover
+            structure = structure_of(scene, mover, angle, guards=guards, elastic=True)
+            nlp = build_nlp(structure, mover)
+            compiling = patient(self._compiling, guards)
+            self._solvers[key] = Solver(nlp, "ipopt", ITERATIONS, compiling)
+        solver = self._solvers[key]
+        assert isinstance(solver.nlp, ThrowNlp)
+        return solver.nlp, solver
+
+    def nearest_possible(
+        self, scene: Scene, releases: Releases, target: Pose, guards: frozenset[Guard]
+    ) -> Binding:
+        """The landing nearest `target` in the scaled error that `scene` can throw.
+
+        scene: this one, aimed at the target; guards: rows that the check has shown to be needed.
+        """
+        mover = self._mover
+        nlp, solver = self._solver(target.theta is not None, guards)
+        numbers = nlp.parameters.vector(parameter_values(scene, mover, target, None, BARE))
+        limits = bounds(nlp, scene, mover)
+        entering = _into_the_cup(scene, releases, target)
+        if "passing" in guards:
+            entering = past_column(entering, scene, target.z)
+        indices, distances = nearest(
+            entering, scene, target.plane_x, target.z, target.theta, STARTS + MORE_STARTS
+        )
+        known = WORSE * min(distances, default=math.inf) + scene.tolerance.position
+        nodes = opening_nodes(scene.mesh, scene.gripper.profile().opening)
+        best: Solution | None = None
+        missed, iterations = math.inf, 0
+        for tried, index in enumerate(indices):
+            if tried >= STARTS and missed <= known:
+                break
+            flown = entering.flight_time(index, target.z, scene.gravity)
+            guess = guess_from(nlp, scene, mover, entering, int(index), flown)
+            solution = solver.solve(guess, numbers, limits)
+            iterations += solution.iterations
+            if solution.success and (best is None or solution.cost < best.cost):
+                best, missed = solution, _miss(nlp, solution, numbers, scene, target)
+        if best is None or missed > known:
+            # Failed iterations prove nothing, nor do those that led away from a known landing.
+            return Binding(target, None, False, (), iterations, None, None)
+        # Where that motion lands by the non-smooth model: the pose is one that can be thrown.
+        motion = planned_motion(nlp, mover, best.x, nodes)
+        landing = throw(scene, mover, motion, opening_start(nlp, best.x), target.z).landing
+        if not math.isfinite(landing.flight_time):
+            return Binding(target, None, False, (), iterations, None, None)
+        angle = None if target.theta is None else landing.theta
+        end = np.array(nlp.landing(best.x, numbers)).ravel()
+        dx = float(end[0] - target.plane_x)
+        dtheta = 0.0 if target.theta is None else float(end[2] - target.theta)
+        most = scene.tolerance
+        inside = abs(dx) <= most.position and abs(dtheta) <= most.angle
+        names = () if inside else _binding(nlp, mover, best, limits)
+        pose = target.in_plane(landing.x, angle)
+        return Binding(target, pose, inside, names, iterations, best, nlp, (dx, dtheta), missed)
+
+
+def _miss(nlp: ThrowNlp, solution: Solution, numbers: Array, scene: Scene, target: Pose) -> float:
+    """Scaled distance [m] (39) of an elastic solution's landing from the target."""
+    x, _, theta = np.array(nlp.landing(solution.x, numbers)).ravel()
+    turn = 0.0 if target.theta is None else abs(theta - target.theta)
+    return float(abs(x - target.plane_x) + turn * scene.object.length / 2)
+
+
+def in_column(scene: Scene, target: Pose) -> bool:
+    """Whether the bar would be inside the base column there, wherever the tolerance lets it be."""
+    column, most = column_of(scene), scene.tolerance
+    if column is None:
+        return False
+    half_turn = np.linspace(0.0, math.pi, HALF_TURN)
+    theta = half_turn if target.theta is None else np.array([target.theta])
+    poses = np.array([np.full(theta.size, target.plane_x), np.full(theta.size, target.z), theta])
+    room = column_room(scene.object, poses, *column).max()
+    return bool(room < -most.position - most.angle * scene.object.length)
+
+
+def _into_the_cup(scene: Scene, releases: Releases, target: Pose) -> Releases:
+    """The releases that go into a cup that has come along; all, if none does."""
+    if scene.cup is None:
+        return releases
+    x, _, time = releases.landings(target.z, scene.gravity)
+    found = enters_cup_at_landing(scene, releases.detach, x, time)
+    return releases.picked(found) if found.any() else releases
+
+
+def highest(releases: Releases, target: Pose, gravity: float) -> tuple[bool, Pose | None, str]:
+    """Where no sampled release comes down through the target's height: the highest apex.
+
+    Whether the target is clearly above it, the pose there, and words.
+    """
+    if len(releases.q) == 0:
+        return False, None, "no throw found: no sampled release keeps limits and grip"
+    x, z, theta, v_x, v_z, omega = releases.detach.T
+    rise = np.maximum(v_z, 0.0) / gravity if gravity > 0 else np.zeros_like(z)
+    apex = z + rise * np.maximum(v_z, 0.0) / 2
+    i = int(np.argmax(apex))
+    angle = None if target.theta is None else float(theta[i] + omega[i] * rise[i])
+    pose = dataclasses.replace(
+        target.in_plane(float(x[i] + v_x[i] * rise[i]), angle), z=float(apex[i])
+    )
+    far = bool(target.z > apex[i] + HEIGHT_ROOM)
+    kind = "out of reach" if far else "no throw found"
+    if target.z <= apex[i]:
+        return far, pose, f"{kind}: no sampled release comes down through z {target.z:g} m"
+    most = f"at most about {apex[i]:.2f} m"
+    return far, pose, f"{kind}: no sampled release rises to z {target.z:g} m, {most}"
+
+
+def _binding(
+    nlp: ThrowNlp, mover: Mover, solution: Solution, limits: tuple[Array, Array]
+) -> tuple[str, ...]:
+    """Names of the limits with the largest multipliers, strongest first."""
+    strength: dict[str, float] = {}
+    for name, multiplier in zip(nlp.row_names, solution.lam_g, strict=True):
+        if name.startswith(("gap", "landing x", "landing z", "landing theta")):
+            continue
+        strength[name] = max(strength.get(name, 0.0), abs(multiplier))
+    for block, _, where in nlp.layout:
+        for i, multiplier in enumerate(solution.lam_x[where]):
+            at = where.start + i
+            close = min(solution.x[at] - limits[0][at], limits[1][at] - solution.x[at])
+            if block.endswith(("_short", "_far")) or not close < 1e-4:
+                continue
+            name = _variable_name(block, i, mover)
+            strength[name] = max(strength.get(name, 0.0), abs(multiplier))
+    largest = max(strength.values(), default=0.0)
+    ordered = sorted(strength, key=lambda name: -strength[name])
+    return tuple(n for n in ordered if strength[n] > max(BINDING_SHARE * largest, 1e-6))
+
+
+def _variable_name(block: str, i: int, mover: Mover) -> str:
+    if block == "c":
+        return f"{mover.joints[i]} {'jerk' if mover.jerk_control else 'acceleration'}"
+    kind = _KINDS.get(block, block)
+    return kind if block in ("T", "t_f") else f"{mover.joints[i]} {kind}"

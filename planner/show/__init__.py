@@ -1,0 +1,20 @@
+"""Pictures, GIF and 3-D view of throws and releases, in one style."""
+
+from .moving_picture import draw_throw_moving
+from .picture import MIN_WIDTH, draw_throw
+from .release_pictures import draw_release_pictures
+from .view_film import save_film
+from .view_poses import space_throw
+from .view_server import open_browser, run, serving
+
+__all__ = [
+    "MIN_WIDTH",
+    "draw_release_pictures",
+    "draw_throw",
+    "draw_throw_moving",
+    "open_browser",
+    "run",
+    "save_film",
+    "serving",
+    "space_throw",
+]

@@ -1,0 +1,230 @@
+"""A plan under uncertainty: what is thrown, what comes of it, and as JSON."""
+
+from __future__ import annotations
+
+import difflib
+import math
+import time
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ...problems.errors import InputError
+from ...problems.uncertainty import USUAL
+from ..check import BATCH_MODELS
+from ..result import Plan
+from .sweep_run import Progress, Thrown, run_sweep
+from .sweep_sensitivity import DelayScan, derivatives, scan_delays, successes
+from .sweep_statistics import quantiles, scaled_error, variance_shares, wilson
+from .sweep_throws import Flags, Landings, Thrower, thrower_of
+from .uncertain import Sampler, sampler_of, words_of
+
+Array = npt.NDArray[np.float64]
+
+#: Most samples of one sweep: their parameters and landings stay in memory.
+MOST = 10_000_000
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A plan's sent motion thrown with sampled parameters, by one release model.
+
+    numbers (N,): places in the sequence of samples; values (N, P): their parameters,
+    columns as `sampler.names`, SI units; landings: what came of them, and of the plan's
+    own values in `nominal`. derivatives: (dx, dtheta) by the parameter, shares: of their
+    variances. delays: landings over the delay alone. asked: samples that were asked for,
+    N unless Ctrl-C came first. seconds: time of all that.
+    """
+
+    plan: Plan
+    thrower: Thrower
+    sampler: Sampler
+    asked: int
+    numbers: npt.NDArray[np.int_]
+    values: Array
+    landings: Landings
+    nominal: Landings
+    derivatives: dict[str, tuple[float, float]]
+    shares: dict[str, tuple[float, float]]
+    delays: DelayScan
+    seconds: float
+
+    @property
+    def samples(self) -> int:
+        """Throws that were made."""
+        return len(self.numbers)
+
+    def __repr__(self) -> str:
+        """A line: its arrays would fill a screen."""
+        rate = 100 * float(self.success.mean())
+        return f"Sweep({self.label}: {self.samples:,} throws, {rate:.1f} % succeed)"
+
+    @property
+    def robust(self) -> bool:
+        """Whether the plan was made against uncertainty."""
+        return bool(self.plan.robust)
+
+    @property
+    def label(self) -> str:
+        """The scene's name, and what made its plan robust."""
+        name = self.plan.scene.name
+        return f"{name}, robust ({self.plan.robust})" if self.plan.robust else name
+
+    @property
+    def success(self) -> Flags:
+        """(N,): inside the tolerance, or into the cup; and held until the opening."""
+        return successes(self.thrower, self.landings)
+
+    @property
+    def errors(self) -> dict[str, Array]:
+        """Distances (N,) from the nominal landing: position [m], angle [rad], scaled [m]."""
+        scene, target = self.plan.scene, self.plan.target
+        dx, dtheta = (self.landings.pose - self.nominal.pose).T[:2]
+        scaled = scaled_error(dx, dtheta, scene.object.length, target.theta is not None)
+        return {"position": np.abs(dx), "angle": np.abs(dtheta), "scaled": scaled}
+
+    def to_dict(self) -> dict[str, Any]:
+        """The sweep as JSON: SI units, radians.
+
+        bias: of the nominal landing from the target; position and angle are sizes, x and
+        theta signed. quantiles: of the distances from the nominal landing. sensitivity:
+        derivatives by the parameter, and shares of the variances. delay_inside: the
+        largest delays [s] beyond the mean that still succeed, null beyond 50 ms.
+        """
+        scene, target = self.plan.scene, self.plan.target
+        x, theta = (float(value) for value in self.nominal.pose[0, :2])
+        dx = x - target.plane_x
+        dtheta = 0.0 if target.theta is None else theta - target.theta
+        spread = np.nanstd(self.landings.pose[:, :2], axis=0) if self._lands else [math.nan] * 2
+        return {
+            "scene": scene.name,
+            "samples": self.samples,
+            "asked": self.asked,
+            "seed": self.sampler.seed,
+            "model": self.thrower.model,
+            "robust": self.robust,
+            "uncertain": list(self.sampler.names),
+            "assumed": scene.uncertainty is None,
+            "success": _rate(self.success),
+            "in_tolerance": _rate(self.landings.in_tolerance),
+            "in_cup": None if scene.cup is None else _rate(self.landings.in_cup),
+            "held": _rate(self.landings.held),
+            "nominal": {"x": _number(x), "theta": _number(theta)},
+            "bias": {"position": _number(abs(dx)), "angle": _number(abs(dtheta))}
+            | {"x": _number(dx), "theta": _number(dtheta)},
+            "deviation": {"x": _number(spread[0]), "theta": _number(spread[1])},
+            "quantiles": {
+                name: {key: _number(value) for key, value in quantiles(errors).items()}
+                for name, errors in self.errors.items()
+            },
+            "sensitivity": {name: self._sensitivity(name) for name in self.sampler.names},
+            "delay_inside": {"early": self.delays.early, "late": self.delays.late},
+            "time": self.seconds,
+        }
+
+    def save(self, folder: str | Path) -> None:
+        """Write sweep.json, sweep.csv and four pictures; InputError if that cannot be done."""
+        from .sweep_files import save_sweep
+
+        save_sweep(self, Path(folder))
+
+    @property
+    def _lands(self) -> bool:
+        return bool(np.isfinite(self.landings.pose[:, 0]).any())
+
+    def _sensitivity(self, name: str) -> dict[str, Any]:
+        x, theta = self.derivatives[name]
+        share_x, share_theta = self.shares[name]
+        share = {"x": _number(share_x), "theta": _number(share_theta)}
+        return {"x": _number(x), "theta": _number(theta), "share": share}
+
+    def uncertain(self) -> list[str]:
+        """What was taken to be uncertain, in words."""
+        return words_of(self.plan.scene.uncertainty or USUAL)
+
+
+def sweep(
+    plan: Plan,
+    samples: int = 1000,
+    seed: int = 0,
+    model: str = "sp",
+    executor: Executor | None = None,
+) -> Sweep:
+    """Throw a solved plan's sent motion under its scene's [uncertainty].
+
+    Without that section: under an opening delay uniform in +-10 ms. The samples are a
+    seeded Sobol sequence and the same for every executor, which spreads chunks of them.
+    Raises InputError for a plan without a throw, an unknown model, numbers out of range.
+    """
+    found = sweep_until_stopped(plan, samples, seed, model, executor)
+    if found is None or found.samples < samples:
+        raise KeyboardInterrupt
+    return found
+
+
+def sweep_until_stopped(
+    plan: Plan,
+    samples: int = 1000,
+    seed: int = 0,
+    model: str = "sp",
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Sweep | None:
+    """The same; after Ctrl-C the sweep of what was done until then, None if nothing was."""
+    started = time.perf_counter()
+    check_sweep(samples, seed, model)
+    sampler = sampler_of(plan.scene, seed)
+    thrower = thrower_of(plan, model, sampler, samples)
+    thrown, _ = run_sweep(thrower, sampler, samples, executor, progress)
+    return None if thrown is None else _described(plan, thrower, sampler, samples, thrown, started)
+
+
+def check_sweep(samples: int, seed: int, model: str, prefix: str = "") -> None:
+    """InputError for numbers out of range and unknown models; `prefix` as on the command line."""
+    if model not in BATCH_MODELS:
+        near = difflib.get_close_matches(str(model), BATCH_MODELS, 1, 0.4)
+        hint = f", did you mean '{near[0]}'?" if near else ""
+        raise InputError(
+            f"{prefix}model = {model!r}: must be one of {', '.join(BATCH_MODELS)}{hint}"
+        )
+    for name, value, low, high in (("samples", samples, 1, MOST), ("seed", seed, 0, 2**32 - 1)):
+        whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
+        if not whole or not low <= value <= high:
+            raise InputError(f"{prefix}{name} = {value!r}: must be a whole number, {low} to {high}")
+
+
+def _described(
+    plan: Plan, thrower: Thrower, sampler: Sampler, asked: int, thrown: Thrown, started: float
+) -> Sweep:
+    """All that is to be said of the thrown samples."""
+    pose = thrown.landings.pose
+    shares = [variance_shares(thrown.values, pose[:, column]) for column in (0, 1)]
+    return Sweep(
+        plan,
+        thrower,
+        sampler,
+        asked,
+        thrown.numbers,
+        thrown.values,
+        thrown.landings,
+        thrower.throw(thrower.nominal()),
+        derivatives(thrower, sampler),
+        dict(zip(sampler.names, zip(*shares, strict=True), strict=True)),
+        scan_delays(thrower),
+        time.perf_counter() - started,
+    )
+
+
+def _rate(successes: Flags) -> dict[str, float]:
+    """Share of the throws and its Wilson 95 % interval."""
+    count, total = int(successes.sum()), successes.size
+    low, high = wilson(count, total)
+    return {"rate": count / total, "low": low, "high": high}
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None

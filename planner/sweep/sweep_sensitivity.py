@@ -1,0 +1,126 @@
+"""How a throw's landing answers to each parameter alone, and the delays that it can bear."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ...problems.uncertainty import PARAMETERS
+from .sweep_throws import FURTHEST, Flags, Landings, Thrower
+from .uncertain import Sampler, quantile
+
+Array = npt.NDArray[np.float64]
+
+#: Steps of the central differences: this share of the standard deviation, and at most
+#: this share of a positive value.
+STEP, MOST = 0.05, 0.01
+#: Delays tried on the way to the first failure [s]; it is then located by cutting its
+#: interval into so many sections, so often: all sections in one batch of throws.
+DELAY_GRID, SECTIONS, ROUNDS = 5e-4, 64, 2
+#: Quantiles between which a parameter swings.
+OUTER = (0.05, 0.95)
+#: The band over delay: delays, and draws of the other parameters at each; fewer for the
+#: models that take milliseconds a throw.
+BAND, SLOW_BAND = (41, 128), (21, 16)
+
+
+def derivatives(thrower: Thrower, sampler: Sampler) -> dict[str, tuple[float, float]]:
+    """d x / d p [m per unit] and d theta / d p [rad per unit] at the plan's own values.
+
+    Central differences by the thrower's model, for each uncertain parameter.
+    """
+    count = len(thrower.names)
+    steps = np.array([_step(thrower, sampler, i) for i in range(count)])
+    values = np.repeat(thrower.nominal(), 2 * count, axis=0)
+    for i, step in enumerate(steps):
+        values[2 * i, i] += step
+        values[2 * i + 1, i] -= step
+    pose = thrower.throw(values).pose[:, :2]
+    slopes = (pose[0::2] - pose[1::2]) / (2 * steps[:, None])
+    return {name: (float(s[0]), float(s[1])) for name, s in zip(thrower.names, slopes, strict=True)}
+
+
+def _step(thrower: Thrower, sampler: Sampler, i: int) -> float:
+    name, value = thrower.names[i], thrower.nominal()[0, i]
+    # One measured value has no deviation.
+    step = STEP * sampler.spreads[i].deviation or 1e-4
+    return min(step, MOST * value) if PARAMETERS[name].scaled else step
+
+
+@dataclass(frozen=True)
+class DelayScan:
+    """Landings at `delays` (K,) [s] beyond the mean, all else as planned.
+
+    early, late [s]: the largest delays before and after it up to which every throw still
+    succeeds; 0 where the nominal one fails, None where none fails within `FURTHEST`.
+    """
+
+    delays: Array
+    pose: Array
+    early: float | None
+    late: float | None
+
+
+def scan_delays(thrower: Thrower) -> DelayScan:
+    """Tries the delays within +-`FURTHEST`, and locates the first failure on either side."""
+    half = round(FURTHEST / DELAY_GRID)
+    delays = np.asarray(DELAY_GRID * np.arange(-half, half + 1), float)
+    tried = _at_delays(thrower, delays)
+    fine = successes(thrower, tried)
+    if not fine[half]:
+        return DelayScan(delays, tried.pose, 0.0, 0.0)
+    # Grid points on both sides of the first failure, for the sides that have one.
+    sides = {"early": (delays[half::-1], fine[half::-1]), "late": (delays[half:], fine[half:])}
+    between = {}
+    for side, (along, inside) in sides.items():
+        if not inside.all():
+            first = int(np.argmin(inside))
+            between[side] = along[first - 1 : first + 1]
+    for _ in range(ROUNDS if between else 0):
+        points = {s: np.linspace(e[0], e[1], SECTIONS + 1) for s, e in between.items()}
+        inner = np.concatenate([along[1:-1] for along in points.values()])
+        kept = successes(thrower, _at_delays(thrower, inner)).reshape(len(points), -1)
+        for (side, along), inside in zip(points.items(), kept, strict=True):
+            first = int(np.argmin(np.append(inside, False)))
+            between[side] = along[first : first + 2]
+    found = {side: float(ends[0]) for side, ends in between.items()}
+    return DelayScan(delays, tried.pose, found.get("early"), found.get("late"))
+
+
+def successes(thrower: Thrower, landings: Landings) -> Flags:
+    """Which throws (N,) succeed: into the cup, or inside the tolerance; held until opened."""
+    inside = landings.in_tolerance if thrower.scene.cup is None else landings.in_cup
+    return np.asarray(inside & landings.held)
+
+
+def _at_delays(thrower: Thrower, delays: Array, values: Array | None = None) -> Landings:
+    """Throws with these delays (K,) beyond the mean, all else as planned or as `values`."""
+    if values is None:
+        values = thrower.nominal(len(delays))
+    if "delay" in thrower.names:
+        values = values.copy()
+        values[:, thrower.names.index("delay")] = thrower.mean_delay + delays
+        return thrower.throw(values)
+    extended = thrower.with_parameter("delay")
+    return extended.throw(np.column_stack([values, thrower.mean_delay + delays]))
+
+
+def swings(thrower: Thrower, sampler: Sampler) -> Array:
+    """Poses (P, 2, 3) with each parameter at its 5 and 95 % quantile, all else as planned."""
+    values = np.repeat(thrower.nominal(), 2 * len(thrower.names), axis=0)
+    for i, (spread, bounds) in enumerate(zip(sampler.spreads, sampler.ranges, strict=True)):
+        values[2 * i : 2 * i + 2, i] = quantile(spread, np.array(OUTER), bounds)
+    return thrower.throw(values).pose.reshape(-1, 2, 3)
+
+
+def delay_band(
+    thrower: Thrower, sampler: Sampler, limits: tuple[float, float], slow: bool
+) -> tuple[Array, Array]:
+    """Delays (K,) [s] beyond the mean, and poses (K, M, 3) for M draws of all else there."""
+    count, draws = SLOW_BAND if slow else BAND
+    delays = np.linspace(*limits, count)
+    values = sampler.draw(0, draws)
+    pose = _at_delays(thrower, np.repeat(delays, draws), np.tile(values, (count, 1))).pose
+    return delays, pose.reshape(count, draws, 3)

@@ -1,0 +1,219 @@
+"""A serial chain of a robot's URDF. Needs the extra `urdf`, for yourdfpy."""
+
+from __future__ import annotations
+
+import difflib
+import logging
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+import numpy.typing as npt
+
+from ...models.arm import JointFrame
+from ..errors import InputError
+from ..text_file import read_text
+from .frames import axis_turn, frame_of, hand_turn, origin, unit_axis
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class UrdfChain:
+    """The chosen joints of a URDF, from the base link to the hand's link.
+
+    path: all of yourdfpy's joints from base to tool link; joints: the chosen ones of them.
+    turns (4, 4) each: how an arm's joint frame, whose z is the joint's axis, lies in the
+    frame of the URDF's link; hand_turn (4, 4): how the hand's frame, whose z is the
+    approach direction and y the closing direction, lies in the tool link's.
+    """
+
+    robot: Any
+    path: tuple[Any, ...]
+    joints: tuple[Any, ...]
+    base: str
+    tool: str
+    turns: tuple[Array, ...]
+    hand_turn: Array
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of the chosen joints."""
+        return tuple(joint.name for joint in self.joints)
+
+    def frames(self) -> tuple[JointFrame, ...]:
+        """The arm's joint frames, then the hand's, each in the frame before, at angle 0.
+
+        Fixed joints are folded in, and so are those that are not chosen, at 0.
+        """
+        turns = dict(zip(self.names, self.turns, strict=True))
+        found, at = [], np.eye(4)
+        for joint in self.path:
+            at = at @ origin(joint)
+            if joint.name in turns:
+                found.append(frame_of(at @ turns[joint.name]))
+                at = turns[joint.name].T
+        return (*found, frame_of(at @ self.hand_turn))
+
+    def posed(self, q: Sequence[float]) -> tuple[Array, Array, Array]:
+        """By yourdfpy: joint origins (n, 3), axes (n, 3) and the hand's pose (4, 4).
+
+        In the base link's frame, at joint angles q [rad], the other joints at 0.
+        """
+        self.robot.update_cfg(dict(zip(self.names, map(float, q), strict=True)))
+        links = [self.robot.get_transform(joint.child, self.base) for joint in self.joints]
+        pairs = zip(links, self.joints, strict=True)
+        axes = [link[:3, :3] @ unit_axis(joint) for link, joint in pairs]
+        hand = self.robot.get_transform(self.tool, self.base) @ self.hand_turn
+        return np.array([link[:3, 3] for link in links]), np.array(axes), hand
+
+
+def read_urdf(path: Path) -> Any:
+    """yourdfpy's robot from a URDF file; InputError if it is none, or yourdfpy is missing."""
+    text = read_text(path)
+    try:
+        import yourdfpy
+    except ImportError:
+        raise InputError(
+            "import-robot needs the extra 'urdf': pip install 'throwplan[urdf]'"
+        ) from None
+    logging.getLogger("yourdfpy.urdf").setLevel(logging.CRITICAL)
+    try:
+        # yourdfpy mends broken files by leaving out what it cannot read.
+        root = ElementTree.fromstring(text)
+        if root.tag != "robot":
+            raise ValueError("its root is not <robot>")
+        if any("xacro" in part.tag for part in root.iter()):
+            raise ValueError("it is a xacro; make a URDF of it with 'xacro FILE > my.urdf'")
+        parsed = yourdfpy.URDF.load(str(path), load_meshes=False, build_scene_graph=False)
+        _check_tree(parsed.robot)
+        return yourdfpy.URDF(robot=parsed.robot, load_meshes=False)
+    except Exception as error:  # yourdfpy lets through whatever its parts raise.
+        reason = str(error) or type(error).__name__
+        raise InputError(f"{path}: cannot be read as a URDF: {reason}") from None
+
+
+def chain_of(
+    robot: Any,
+    names: Sequence[str],
+    tool: str | None = None,
+    base: str | None = None,
+    approach: str = "z",
+    closing: str = "y",
+) -> UrdfChain:
+    """The chain of the joints `names`, in order from the base; InputError naming the joint.
+
+    tool: the hand's link; None for the last that hangs on the last joint without a branch.
+    base: the link whose frame is the arm's base, None for the root. approach, closing:
+    axes of the tool link (`AXES`) along which the hand points and its pads close.
+    """
+    chosen = [_chosen(robot, name) for name in names]
+    if len(set(names)) < len(names) or len(names) < 2:
+        raise InputError("--joints: must name two joints or more, each once")
+    _check_serial(robot, chosen)
+    tool = _last_link(robot, chosen[-1]) if tool is None else _link(robot, "--tool", tool)
+    base = robot.base_link if base is None else _link(robot, "--base", base)
+    path = _path(robot, tool)
+    if chosen[-1] not in path:
+        raise InputError(f"--tool {tool}: must hang on the last joint '{names[-1]}'")
+    parents = [joint.parent for joint in path]
+    if base not in parents[: path.index(chosen[0]) + 1]:
+        raise InputError(f"--base {base}: must be a link before the first joint '{names[0]}'")
+    path = path[parents.index(base) :]
+    for joint in path:
+        if joint.mimic is not None:
+            raise InputError(f"joint '{joint.name}' mimics '{joint.mimic.joint}': not supported")
+    turns, hand = tuple(axis_turn(joint) for joint in chosen), hand_turn(approach, closing)
+    return UrdfChain(robot, tuple(path), tuple(chosen), base, tool, turns, hand)
+
+
+def hanging(robot: Any, link: str) -> list[Any]:
+    """The joints that hang on a link."""
+    return [joint for joint in robot.robot.joints if joint.parent == link]
+
+
+def _check_tree(robot: Any) -> None:
+    """ValueError unless the joints connect the links to one tree."""
+    links = [link.name for link in robot.links]
+    for kind, names in (("link", links), ("joint", [joint.name for joint in robot.joints])):
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"two {kind}s are called '{name}'")
+    parents = {}
+    for joint in robot.joints:
+        unit_axis(joint)
+        for link in (joint.parent, joint.child):
+            if link not in links:
+                raise ValueError(f"joint '{joint.name}' names a link '{link}' that is not there")
+        if joint.child in parents:
+            raise ValueError(f"two joints move the link '{joint.child}'")
+        parents[joint.child] = joint.parent
+    for start in links:
+        link, steps = start, 0
+        while link in parents:
+            link, steps = parents[link], steps + 1
+            if steps > len(links):
+                raise ValueError(f"the joints about link '{start}' form a ring")
+
+
+def _chosen(robot: Any, name: str) -> Any:
+    """A joint that can be one of the arm's."""
+    if name not in robot.joint_map:
+        raise InputError(f"--joints: no joint '{name}'{_near(name, list(robot.joint_map))}")
+    joint = robot.joint_map[name]
+    if joint.mimic is not None:
+        raise InputError(f"--joints: '{name}' mimics '{joint.mimic.joint}', it has no motor")
+    if joint.type not in ("revolute", "continuous"):
+        raise InputError(f"--joints: '{name}' is {joint.type}, must be revolute or continuous")
+    unit_axis(joint)
+    return joint
+
+
+def _link(robot: Any, option: str, name: str) -> str:
+    """The link that an option names."""
+    if name not in robot.link_map:
+        raise InputError(f"{option}: no link '{name}'{_near(name, list(robot.link_map))}")
+    return name
+
+
+def _near(name: str, known: list[str]) -> str:
+    """Words for the names that are like `name`, or else for all."""
+    near = difflib.get_close_matches(name, known, 3, 0.6)
+    words = " or ".join(f"'{other}'" for other in near)
+    return f", did you mean {words}?" if near else f" (there are: {', '.join(known)})"
+
+
+def _path(robot: Any, link: str) -> list[Any]:
+    """The joints from the root to a link."""
+    movers = {joint.child: joint for joint in robot.robot.joints}
+    found: list[Any] = []
+    while link in movers:
+        found.insert(0, movers[link])
+        link = movers[link].parent
+    return found
+
+
+def _check_serial(robot: Any, chosen: list[Any]) -> None:
+    """InputError unless the chosen joints follow each other on one chain."""
+    paths = [_path(robot, joint.child) for joint in chosen]
+    longest = max(paths, key=len)
+    for joint in chosen:
+        if joint not in longest:
+            raise InputError(
+                f"--joints: '{joint.name}' is not on the chain from the base to "
+                f"'{longest[-1].name}'; must be one serial chain"
+            )
+    ordered = [joint.name for joint in longest if joint in chosen]
+    if ordered != [joint.name for joint in chosen]:
+        raise InputError(f"--joints: must go from the base on: {' '.join(ordered)}")
+
+
+def _last_link(robot: Any, joint: Any) -> str:
+    """The last link that is fixed to a joint's without a branch on the way."""
+    link = str(joint.child)
+    while len(after := hanging(robot, link)) == 1 and after[0].type == "fixed":
+        link = str(after[0].child)
+    return link
