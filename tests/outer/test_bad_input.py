@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
 import sys
 from dataclasses import dataclass, field
@@ -10,8 +9,7 @@ from importlib import resources
 from pathlib import Path
 
 import pytest
-from throwplan import Planner, load_scene
-from throwplan.planner.cli import main
+from throwplan import InputError, Planner, load_scene
 
 # Valid scenes as sections of TOML literals; a case edits one of them.
 
@@ -313,6 +311,7 @@ COMMANDS = [
     Wrong("plan with motion only", ("[motion]", "[hand]", "[robot]"), DROP),
 ]
 
+
 CASES = [*FILES, *KEYS, *TYPES, *NUMBERS, *GRIPS, *MOVERS, *CUPS, *WEAK, *COMMANDS]
 
 
@@ -331,31 +330,6 @@ def put(case: Wrong, folder: Path) -> str:
     return "scene.toml"
 
 
-def listing(folder: Path) -> dict[str, bytes | None]:
-    """Everything under `folder`, with its content."""
-    return {
-        str(path.relative_to(folder)): path.read_bytes() if path.is_file() else None
-        for path in sorted(folder.rglob("*"))
-    }
-
-
-def refused(capsys, *arguments: str) -> str:
-    """The message of wrong input, with and without --json; the rules that hold for all."""
-    assert main(arguments) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert len(err.splitlines()) == 1, err
-    assert "Traceback" not in err
-    assert main([*arguments, "--json"]) == 2
-    out, err_too = capsys.readouterr()
-    answer = json.loads(out)
-    assert list(answer) == ["error"]
-    assert answer["error"].strip() != ""
-    assert answer["error"] in err
-    assert err_too == err
-    return err
-
-
 @pytest.mark.parametrize("sections", [HAND, TURNING, ROBOT, CUP, DROP])
 def test_the_unedited_scenes_are_right(sections, folder):
     """So that what is refused below is refused for the edit."""
@@ -366,22 +340,13 @@ def test_the_unedited_scenes_are_right(sections, folder):
 
 
 @pytest.mark.parametrize("case", CASES, ids=lambda case: case.id)
-def test_wrong_scene(case, folder, capsys):
+def test_wrong_scene(case, folder, refused, untouched):
+    """Nothing is left behind, nor the folder that --out would have made."""
     scene = put(case, folder)
-    before = listing(folder)
-    message = refused(capsys, case.command, scene)
+    untouched()
+    message = refused(case.command, scene, "--out", "new/out")
     for word in (scene, *case.words):
         assert word in message
-    assert listing(folder) == before
-
-
-@pytest.mark.parametrize("case", CASES, ids=lambda case: case.id)
-def test_wrong_scene_leaves_no_output(case, folder, capsys):
-    """Nor the folder that --out would have made."""
-    scene = put(case, folder)
-    before = listing(folder)
-    refused(capsys, case.command, scene, "--out", "new/out")
-    assert listing(folder) == before
 
 
 @pytest.mark.parametrize(("sections", "edits"), STRONG)
@@ -411,22 +376,20 @@ ARMS = [
 ]
 
 
-@pytest.mark.parametrize(("right", "wrong", "words"), ARMS)
-def test_wrong_arm_data_file(right, wrong, words, folder, capsys):
+@pytest.mark.parametrize(("right", "wrong", "words"), [(None, None, []), *ARMS])
+def test_arm_data_file(right, wrong, words, folder, refused):
+    """A copy of the shipped file is right; with a mistake the message names it."""
     text = (resources.files("throwplan.problems") / "arms" / "panda.toml").read_text()
+    put(edited("", ROBOT, {"robot.arm": '"my-arm.toml"'}), folder)
+    if right is None:
+        (folder / "my-arm.toml").write_text(text)
+        assert load_scene("scene.toml").arm == load_scene("pose").arm
+        return
     assert right in text
     (folder / "my-arm.toml").write_text(text.replace(right, wrong, 1))
-    put(edited("", ROBOT, {"robot.arm": '"my-arm.toml"'}), folder)
-    message = refused(capsys, "plan", "scene.toml")
+    message = refused("plan scene.toml")
     for word in ("scene.toml", "my-arm.toml", *words):
         assert word in message
-
-
-def test_copied_arm_data_file_is_right(folder):
-    text = (resources.files("throwplan.problems") / "arms" / "panda.toml").read_text()
-    (folder / "my-arm.toml").write_text(text)
-    put(edited("", ROBOT, {"robot.arm": '"my-arm.toml"'}), folder)
-    assert load_scene("scene.toml").arm == load_scene("pose").arm
 
 
 # The command line.
@@ -479,109 +442,77 @@ ARGUMENTS = [
 @pytest.mark.parametrize(
     ("line", "words"), [case[1:] for case in ARGUMENTS], ids=[case[0] for case in ARGUMENTS]
 )
-def test_wrong_arguments(line, words, folder, capsys):
-    message = refused(capsys, *line.split())
+def test_wrong_arguments(line, words, refused, untouched):
+    untouched()
+    message = refused(line)
     for word in words:
         assert word.lower() in message.lower()
-    assert listing(folder) == {}
 
 
 @pytest.mark.parametrize(
     "line",
     [
-        "plan drop --out new",
-        "plan pose --azimuth 170 --out new",
-        "plan cup --target nan 0 0 --out new",
-        "simulate drop --model no --out new",
-        "simulate cup --out new",
+        "plan drop",
+        "plan pose --azimuth 170",
+        "plan cup --target nan 0 0",
+        "simulate drop --model no",
+        "simulate cup",
+        "map pose --samples 0",
+        "sweep pose --samples 0",
+        "make-throws --repeats 0",
     ],
 )
-def test_wrong_arguments_leave_no_output(line, folder, capsys):
-    refused(capsys, *line.split())
-    assert listing(folder) == {}
+def test_wrong_arguments_leave_no_output(line, refused, untouched):
+    untouched()
+    refused(f"{line} --out new")
 
 
 @pytest.mark.parametrize("command", ["plan hand-box", "simulate drop"])
 @pytest.mark.parametrize("out", ["taken", "taken/out", "taken/out/deep"])
-def test_unwritable_output(command, out, folder, capsys):
+def test_unwritable_output(command, out, folder, refused, untouched):
     """A file in the way of the folder, or of one above it."""
     (folder / "taken").write_text("mine")
-    message = refused(capsys, *command.split(), "--out", out)
-    assert "--out" in message
-    assert out in message
-    assert listing(folder) == {"taken": b"mine"}
+    untouched()
+    message = refused(f"{command} --out", out)
+    assert "--out" in message and out in message
 
 
-def test_simulation_that_cannot_be_written_whole_is_not_begun(folder, capsys):
-    (folder / "out" / "simulation.json").mkdir(parents=True)
-    before = listing(folder)
-    assert "--out" in refused(capsys, "simulate", "drop", "--model", "sp", "--out", "out")
-    assert listing(folder) == before
+def test_what_cannot_be_written_whole_is_not_begun(folder, refused, untouched, plan_of):
+    for name in ("simulation.json", "plan.json"):
+        (folder / "out" / name).mkdir(parents=True)
+    untouched()
+    assert "--out" in refused("simulate drop --model sp --out out")
+    with pytest.raises(InputError, match="--out out"):
+        plan_of("hand-box").save("out", draw=False)
 
 
-def test_plan_that_cannot_be_written_whole_is_not_begun(folder):
-    (folder / "out" / "plan.json").mkdir(parents=True)
-    before = listing(folder)
-    plan = Planner(load_scene("hand-box")).plan()
-    with pytest.raises(ValueError, match="--out out"):
-        plan.save("out", draw=False)
-    assert listing(folder) == before
-
-
-def test_scene_is_not_written_over_a_file(folder, capsys):
+def test_scene_is_not_written_over_a_file(folder, refused, untouched):
     (folder / "cup.toml").write_text("mine")
-    message = refused(capsys, "scenes", "--write", "cup")
-    assert "cup.toml" in message
-    assert "exists" in message
-    assert listing(folder) == {"cup.toml": b"mine"}
+    untouched()
+    message = refused("scenes --write cup")
+    assert "cup.toml" in message and "exists" in message
 
 
 @pytest.mark.parametrize("name", ["a" * 300, "a" * 300 + ".toml", "taken/cup", "taken/cup.toml"])
-def test_names_that_cannot_be_files(name, folder, capsys):
+def test_names_that_cannot_be_files(name, folder, refused, untouched):
     (folder / "taken").write_text("mine")
-    assert name in refused(capsys, "plan", name)
-    assert listing(folder) == {"taken": b"mine"}
+    untouched()
+    assert name in refused("plan", name)
 
 
-# In a process of its own.
-
-PROCESSES = [
-    (["plan", "gone.toml"], "gone.toml"),
-    (["plan", "scene.toml"], "mass"),
-    (["simulate", "drop", "--model", "x"], "ls-step"),
-    ([], "COMMAND"),
-]
-
-
-@pytest.mark.parametrize(("arguments", "word"), PROCESSES)
-@pytest.mark.parametrize("as_json", [False, True])
-def test_process(arguments, word, as_json, folder):
+@pytest.mark.parametrize(
+    ("line", "word"), [("plan scene.toml", "mass"), ("simulate drop --model x", "ls-step")]
+)
+def test_in_a_process_of_its_own(line, word, folder, untouched):
     put(edited("", HAND, {"object.mass": "-1"}), folder)
-    before = listing(folder)
-    extra = ["--json"] if as_json else []
-    run = subprocess.run(
-        [sys.executable, "-m", "throwplan", *arguments, *extra],
-        capture_output=True,
-        text=True,
-        check=False,
-    )
-    assert run.returncode == 2
-    assert len(run.stderr.splitlines()) == 1
-    assert word in run.stderr
-    assert "Traceback" not in run.stderr
-    if as_json:
-        assert word in json.loads(run.stdout)["error"]
-    else:
-        assert run.stdout == ""
-    assert listing(folder) == before
+    untouched()
+    command = [sys.executable, "-m", "throwplan", *line.split()]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert len(done.stderr.splitlines()) == 1 and word in done.stderr
 
 
-# Odd: an answer, or one line, but no traceback and no NaN. What CasADi prints counts too (capfd).
-
-
-def no_nan(name: str) -> float:
-    raise AssertionError(f"{name} in JSON")
-
+# Odd: an answer, or one line, but no traceback and no NaN. What CasADi prints counts too.
 
 ODD = [
     ("huge mass", HAND, {"object.mass": "1e300"}, {2}),
@@ -603,14 +534,12 @@ ODD = [
 @pytest.mark.parametrize(
     ("sections", "edits", "allowed"), [case[1:] for case in ODD], ids=[case[0] for case in ODD]
 )
-def test_odd_scenes_get_an_answer(sections, edits, allowed, folder, capfd):
+def test_odd_scenes_get_an_answer(sections, edits, allowed, folder, run):
     (folder / "scene.toml").write_text(toml(sections, edits))
-    status = main(["plan", "scene.toml", "--json"])
-    out, err = capfd.readouterr()
-    assert status in allowed
-    answer = json.loads(out, parse_constant=no_nan)
-    assert (list(answer) == ["error"]) == (status == 2)
-    assert len(err.splitlines()) == (status != 0)
+    said = run("plan scene.toml --json")
+    assert said.status in allowed
+    assert (list(said.json) == ["error"]) == (said.status == 2)
+    assert len(said.err.splitlines()) == (said.status != 0)
 
 
 @pytest.mark.parametrize("model", ["sp", "all"])
@@ -627,11 +556,9 @@ def test_odd_scenes_get_an_answer(sections, edits, allowed, folder, capfd):
     ],
     ids=str,
 )
-def test_odd_motions_get_an_answer(edits, model, folder, capfd):
+def test_odd_motions_get_an_answer(edits, model, folder, run):
     (folder / "scene.toml").write_text(toml(DROP, edits))
-    status = main(["simulate", "scene.toml", "--model", model, "--json"])
-    out, err = capfd.readouterr()
-    assert status in {0, 2}
-    answer = json.loads(out, parse_constant=no_nan)
-    assert (list(answer) == ["error"]) == (status == 2)
-    assert len(err.splitlines()) == (status != 0)
+    said = run("simulate scene.toml --json --model", model)
+    assert said.status in {0, 2}
+    assert (list(said.json) == ["error"]) == (said.status == 2)
+    assert len(said.err.splitlines()) == (said.status != 0)

@@ -1,0 +1,108 @@
+"""Commands run in this process, plans made once for all tests of the outer face."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, NoReturn
+
+import numpy as np
+import pytest
+import throwplan as tp
+from throwplan.planner.cli import main
+
+
+@dataclass(frozen=True)
+class Said:
+    """What a command printed and returned."""
+
+    status: int
+    out: str
+    err: str
+
+    @property
+    def json(self) -> dict[str, Any]:
+        """Standard output as exactly one JSON object; NaN and infinities are errors."""
+        answer = json.loads(self.out, parse_constant=_no_constant)
+        assert isinstance(answer, dict)
+        return answer
+
+
+def _no_constant(name: str) -> NoReturn:
+    raise AssertionError(f"{name} in JSON")
+
+
+@pytest.fixture
+def run(capfd: pytest.CaptureFixture[str]) -> Callable[..., Said]:
+    """A function that runs a command line: words, the first one split at blanks."""
+
+    def running(line: str, *words: object) -> Said:
+        capfd.readouterr()
+        status = main([*line.split(), *map(str, words)])
+        return Said(status, *capfd.readouterr())
+
+    return running
+
+
+@pytest.fixture
+def refused(run: Callable[..., Said]) -> Callable[..., str]:
+    """A function that runs a command line that is wrong and returns its one line of message.
+
+    What holds for every refusal is asserted: status 2, one line on stderr, with --json the
+    same message as the only key of one object on stdout.
+    """
+
+    def refusing(line: str, *words: object) -> str:
+        plain, as_json = run(line, *words), run(line, *words, "--json")
+        assert (plain.status, plain.out, as_json.status) == (2, "", 2), plain
+        assert len(plain.err.splitlines()) == 1 and "Traceback" not in plain.err, plain.err
+        answer = as_json.json
+        assert list(answer) == ["error"] and answer["error"].strip()
+        assert answer["error"] in plain.err and as_json.err == plain.err
+        return plain.err
+
+    return refusing
+
+
+def listing(folder: Path) -> dict[str, bytes | None]:
+    """Everything under a folder, with its content."""
+    return {
+        str(path.relative_to(folder)): path.read_bytes() if path.is_file() else None
+        for path in sorted(folder.rglob("*"))
+    }
+
+
+@pytest.fixture
+def untouched(tmp_path: Path):
+    """The test leaves `tmp_path` as `untouched()` found it when it was called last."""
+    before: list[dict[str, bytes | None]] = []
+    yield lambda: before.append(listing(tmp_path))
+    assert listing(tmp_path) == before[-1]
+
+
+@pytest.fixture(scope="session")
+def plan_of() -> Callable[[str], tp.Plan]:
+    """The plan of a built-in scene, made once."""
+    return cache(tp.plan)
+
+
+@pytest.fixture(scope="session")
+def saved(plan_of, tmp_path_factory) -> Callable[[str], Path]:
+    """The folder of a built-in scene's plan without its pictures; not to be changed."""
+
+    @cache
+    def folder_of(name: str) -> Path:
+        folder = tmp_path_factory.mktemp(name)
+        plan_of(name).save(folder, draw=False)
+        return folder
+
+    return folder_of
+
+
+@pytest.fixture(scope="session")
+def table() -> Callable[[Path], np.ndarray]:
+    """Reads a CSV file with a header line."""
+    return lambda path: np.genfromtxt(path, delimiter=",", names=True)
