@@ -1,0 +1,477 @@
+"""Plans: every built-in scene, its JSON and files, and what `solved` promises, by other means."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+import throwplan as tp
+from scipy.integrate import solve_ivp
+from scipy.interpolate import CubicSpline
+
+#: interface.md's JSON of `plan`: keys, and the keys below them.
+KEYS: dict[str, set[str]] = {
+    **{key: set() for key in ("scene", "status", "message", "nearest", "binding")},
+    "target": {"x", "y", "z", "theta"},
+    "landing": {"planned", "exact", "sent", "limit_surface"},
+    "error": {"planned", "exact", "sent"},
+    "release": {"command_time", "opening_time", "detach_time", "landing_time"},
+    "solver": {"name", "iterations", "attempts"},
+    "nlp": {"variables", "constraints"},
+    "time": {"build", "guess", "solve", "smooth", "check", "total", "draw"},
+}
+HAND = ("hand-box", "hand-flip")
+PANDA = ("pose", "cup", "box", "flip", "delay")
+ALL = [name for name in tp.scene_names() if tp.load_scene(name).motion is None]
+
+#: The Panda by its maker's data sheet, joints 1 to 7.
+POSITION_MAX = np.array([2.8973, 1.7628, 2.8973, -0.0698, 2.8973, 3.7525, 2.8973])
+POSITION_MIN = np.array([-2.8973, -1.7628, -2.8973, -3.0718, -2.8973, -0.0175, -2.8973])
+VELOCITY = np.array([2.175, 2.175, 2.175, 2.175, 2.61, 2.61, 2.61])
+ACCELERATION = np.array([15, 7.5, 10, 12.5, 15, 20, 20])
+JERK = np.array([7500, 3750, 5000, 6250, 7500, 10000, 10000])
+
+
+def assert_interface_keys(answer: dict) -> None:
+    assert set(answer) >= set(KEYS)
+    for key, below in KEYS.items():
+        assert not below or set(answer[key]) >= below, key
+    assert isinstance(answer["binding"], list)
+    assert all(type(answer["solver"][key]) is int for key in ("iterations", "attempts"))
+    assert all(answer["nlp"][key] > 0 for key in ("variables", "constraints"))
+    times = {key: value for key, value in answer["time"].items() if key != "draw"}
+    assert all(seconds >= 0 for seconds in times.values())
+    assert times["total"] >= max(times.values())
+
+
+# Every built-in scene.
+
+
+@pytest.mark.parametrize("name", ALL)
+def test_a_built_in_scene_is_solved_as_it_is_sent(name, plan_of, saved) -> None:
+    plan = plan_of(name)
+    answer = plan.to_dict()
+    assert_interface_keys(answer)
+    assert plan.status == answer["status"] == "solved", plan.message
+    assert answer["scene"] == name and answer["nearest"] is None
+    decisive = "exact" if name in HAND else "sent"
+    for stage in {"exact", decisive}:
+        # The corrections' aim, far inside the tolerance.
+        assert answer["error"][stage]["position"] <= 1e-4
+        assert answer["error"][stage]["angle"] <= math.radians(0.02)
+    assert (answer["landing"]["sent"] is None) == (name in HAND)
+    target, open_angle = answer["target"], answer["target"]["theta"] is None
+    for stage, landing in answer["landing"].items():
+        if landing is None:
+            continue
+        assert landing["z"] == pytest.approx(target["z"], abs=1e-9)
+        assert landing["theta"] is not None
+        error = answer["error"].get(stage)
+        if error:
+            assert error["position"] == pytest.approx(abs(landing["x"] - target["x"]), abs=1e-12)
+            miss = 0.0 if open_angle else abs(landing["theta"] - target["theta"])
+            assert error["angle"] == pytest.approx(miss, abs=1e-12)
+    times, profile = answer["release"], plan.scene.gripper.profile()
+    assert times["command_time"] >= -1e-6
+    assert times["opening_time"] - times["command_time"] == pytest.approx(profile.dwell)
+    assert times["detach_time"] - times["opening_time"] == pytest.approx(profile.opening)
+    assert times["landing_time"] > times["detach_time"]
+    written = json.loads((saved(name) / "plan.json").read_text())
+    assert set(written) >= set(answer)
+    assert written["landing"] == answer["landing"] and written["release"] == times
+
+
+@pytest.mark.parametrize("name", PANDA)
+def test_motion_csv_keeps_every_limit_and_rests_at_both_ends(name, saved, table) -> None:
+    rows = table(saved(name) / "motion.csv")
+    joints = range(1, 8)
+    names = ["t", *(f"{kind}{j}" for kind in ("q", "dq", "ddq") for j in joints)]
+    assert list(rows.dtype.names) == names
+    q, dq, ddq = (np.column_stack([rows[f"{k}{j}"] for j in joints]) for k in ("q", "dq", "ddq"))
+    assert np.allclose(np.diff(rows["t"]), 1e-3)
+    assert (q <= POSITION_MAX).all() and (q >= POSITION_MIN).all()
+    assert (np.abs(dq) <= VELOCITY).all() and (np.abs(ddq) <= ACCELERATION).all()
+    assert (np.abs(np.diff(q, axis=0)) <= 1e-3 * VELOCITY).all()
+    assert (np.abs(np.diff(dq, axis=0)) <= 1e-3 * ACCELERATION).all()
+    assert (np.abs(np.diff(ddq, axis=0)) <= 1e-3 * JERK).all()
+    for end in (0, -1):
+        assert np.abs(dq[end]).max() < 1e-9 and np.abs(ddq[end]).max() < 1e-9
+    for j in (1, 3, 5):
+        rate = CubicSpline(rows["t"], q[:, j]).derivative()(rows["t"])
+        assert np.abs(rate - dq[:, j])[3:-3].max() < 1e-3
+
+
+def hand_from_csv(rows: np.ndarray) -> list[CubicSpline]:
+    """Hand pose by textbook trigonometry of the Panda's plane, as splines of time."""
+    q2, q4, q6 = rows["q2"], rows["q4"], rows["q6"]
+    x = 0.316 * np.sin(q2) + 0.0825 * np.cos(q2)
+    z = 0.333 + 0.316 * np.cos(q2) - 0.0825 * np.sin(q2)
+    # Direction of the forearm: joint 4 is negative and folds it forward.
+    elbow = q2 - q4
+    x += -0.0825 * np.cos(elbow) + 0.384 * np.sin(elbow)
+    z += 0.0825 * np.sin(elbow) + 0.384 * np.cos(elbow)
+    wrist = elbow - q6
+    x += 0.088 * np.cos(wrist) - 0.2104 * np.sin(wrist)
+    z += -0.088 * np.sin(wrist) - 0.2104 * np.cos(wrist)
+    return [CubicSpline(rows["t"], value) for value in (x, z, -math.pi / 2 - wrist)]
+
+
+def sliding_pivot(scene: tp.Scene, hand: np.ndarray, state: np.ndarray, grip: float) -> np.ndarray:
+    """Textbook sliding pivot in world coordinates, written apart from the package's.
+
+    `hand` (3, 3): pose, rate, second rate; `state`: the CoM's x, z, theta and rates.
+    """
+    body, contact, m = scene.object, scene.contact, scene.object.mass
+    (px, pz, _), _, (hx, hz, alpha_h) = hand
+    x, z, _, vx, vz, omega = state
+    rx, rz = x - px, z - pz
+    fx = m * (hx - alpha_h * rz - omega**2 * rx)
+    fz = m * (hz + alpha_h * rx - omega**2 * rz + scene.gravity)
+    big_j = m * scene.com_offset**2 + body.inertia
+    tau = big_j * alpha_h - m * (hx * rz - hz * rx) + m * scene.gravity * rx
+    f_max = contact.faces * contact.friction * grip
+    tau_max = contact.torsion * contact.patch_radius * f_max
+    alpha = alpha_h - np.sign(tau) * max(abs(tau) - tau_max, 0.0) / big_j
+    size = math.hypot(fx, fz)
+    over = max(1.0 - f_max / size, 0.0) if size > 0 else 0.0
+    dx, dz = over * fx, over * fz
+    alpha -= (-rx * dz + rz * dx) / big_j
+    ax = hx - alpha * rz - omega**2 * rx - dx / m
+    az = hz + alpha * rx - omega**2 * rz - dz / m
+    return np.array([vx, vz, omega, ax, az, alpha])
+
+
+@pytest.mark.parametrize("name", PANDA)
+def test_landing_again_from_motion_csv_alone(name, plan_of, saved, table) -> None:
+    """Other kinematics, other coordinates, another integrator: the same landing."""
+    scene, answer = plan_of(name).scene, plan_of(name).to_dict()
+    curves = hand_from_csv(table(saved(name) / "motion.csv"))
+    opening, detach = answer["release"]["opening_time"], answer["release"]["detach_time"]
+
+    def hand(t: float) -> np.ndarray:
+        return np.array([[float(curve(t, order)) for curve in curves] for order in range(3)])
+
+    def rates(t: float, state: np.ndarray) -> np.ndarray:
+        grip = 120.0 * max(1.0 - (t - opening) / 0.05, 0.0)
+        return sliding_pivot(scene, hand(t), state, grip)
+
+    (x, z, theta), (vx, vz, omega), _ = hand(opening)
+    rx, rz = scene.com_offset * math.cos(theta), scene.com_offset * math.sin(theta)
+    state = np.array([x + rx, z + rz, theta, vx - omega * rz, vz + omega * rx, omega])
+    run = solve_ivp(rates, (opening, detach), state, rtol=1e-9, atol=1e-11, max_step=2e-4)
+    x, z, theta, vx, vz, omega = run.y[:, -1]
+    height, g = answer["target"]["z"], scene.gravity
+    flight = (vz + math.sqrt(vz**2 + 2 * g * (z - height))) / g
+    sent = answer["landing"]["sent"]
+    assert x + vx * flight == pytest.approx(sent["x"], abs=3e-4)
+    assert theta + omega * flight == pytest.approx(sent["theta"], abs=math.radians(0.1))
+    assert detach + flight == pytest.approx(answer["release"]["landing_time"], abs=1e-3)
+
+
+@pytest.mark.parametrize("name", ["hand-flip", "pose", "cup"])
+def test_ipopt_lands_the_same(name, plan_of) -> None:
+    other = tp.plan(name, solver="ipopt").to_dict()
+    assert (other["status"], other["solver"]["name"]) == ("solved", "ipopt")
+    mine = plan_of(name).to_dict()["landing"]["exact"]
+    theirs = other["landing"]["exact"]
+    assert mine["x"] == pytest.approx(theirs["x"], abs=2.5e-4)
+    assert mine["theta"] == pytest.approx(theirs["theta"], abs=1e-3)
+
+
+def test_planned_exact_and_limit_surface_are_three_different_models(plan_of) -> None:
+    landing = plan_of("cup").to_dict()["landing"]
+    xs = [landing[name]["x"] for name in ("planned", "exact", "limit_surface")]
+    assert len({round(x, 6) for x in xs}) == 3
+    assert max(xs) - min(xs) < 0.02
+
+
+def test_full_turns_count(plan_of, saved, table) -> None:
+    """hand-flip starts hanging at -90 deg and lands at 270: one full turn."""
+    theta = table(saved("hand-flip") / "motion.csv")["theta"]
+    assert theta[0] == pytest.approx(-math.pi / 2, abs=1e-6)
+    landed = plan_of("hand-flip").to_dict()["landing"]["exact"]["theta"]
+    assert landed == pytest.approx(1.5 * math.pi, abs=math.radians(0.2))
+
+
+# The command, its answer and its files.
+
+
+def test_the_command_prints_one_object_and_nothing_else(tmp_path) -> None:
+    """In a process of its own, so that what libraries print counts too."""
+    command = [sys.executable, "-m", "throwplan", "plan", "hand-box", "--json"]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+    assert_interface_keys(json.loads(done.stdout))
+    assert json.loads(done.stdout)["time"]["draw"] is None
+    assert list(tmp_path.iterdir()) == []  # nothing is written without --out
+
+
+def test_files_in_the_folder(tmp_path, run) -> None:
+    out = tmp_path / "out" / "deep"
+    said = run("plan hand-flip --out", out)
+    assert said.status == 0 and str(out) in said.out
+    assert {path.name for path in out.iterdir()} == {
+        *("plan.json", "motion.csv", "throw.png", "throw.gif")
+    }
+    header = (out / "motion.csv").read_text().splitlines()[0]
+    assert header == "t,x,z,theta,vx,vz,omega,ax,az,alpha"
+    from PIL import Image
+
+    with Image.open(out / "throw.gif") as gif, Image.open(out / "throw.png") as png:
+        assert gif.n_frames > 20 and min(gif.size) > 200
+        assert min(png.size) > 300 and len(set(png.convert("L").tobytes())) > 20
+    assert json.loads((out / "plan.json").read_text())["time"]["draw"] > 0
+
+
+def test_a_plan_is_read_back(saved, plan_of) -> None:
+    for name in ("cup", "hand-flip"):
+        plan, found = plan_of(name), tp.read_plan(saved(name))
+        assert found.scene == plan.scene and found.target == plan.target
+        release = plan.to_dict()["release"]
+        assert found.opening_time == pytest.approx(release["opening_time"], abs=1e-12)
+        # The samples of a free hand blur the steps of its acceleration.
+        blur = 1e-6 if name == "cup" else 5e-4
+        assert found.landing_time == pytest.approx(release["landing_time"], abs=blur)
+
+
+@pytest.fixture(scope="module")
+def hand_box() -> tp.Planner:
+    return tp.Planner(tp.load_scene("hand-box"))
+
+
+def test_out_of_reach_exits_3_with_why_and_the_nearest(tmp_path, run) -> None:
+    """The cup 3 m away."""
+    out = tmp_path / "out"
+    said = run("plan cup --target 3 0.22 -90 --json --out", out)
+    answer = said.json
+    assert said.status == 3
+    assert_interface_keys(answer)
+    assert (answer["status"], answer["scene"]) == ("out_of_reach", "cup")
+    assert answer["target"] == {"x": 3.0, "y": 0.0, "z": 0.22, "theta": -math.pi / 2}
+    for key in ("landing", "error", "release"):
+        assert set(answer[key].values()) == {None}, key
+    names = answer["binding"]
+    assert names and len(set(names)) == len(names) and all(names)
+    # One line on stderr says it too.
+    assert len(said.err.splitlines()) == 1
+    assert answer["message"] in said.err and names[0] in answer["message"]
+    nearest = answer["nearest"]
+    assert set(nearest) == {"x", "y", "z", "theta"}
+    assert (nearest["y"], nearest["z"]) == (0.0, pytest.approx(0.22))
+    assert nearest["theta"] == pytest.approx(-math.pi / 2, abs=0.2)
+    # More than an arm's length, less than was asked for.
+    assert 0.9 < nearest["x"] < 2.9
+    assert f"{nearest['x']:.3f}" in said.err
+    # No motion and no picture of a throw that is not there.
+    assert [path.name for path in out.iterdir()] == ["plan.json"]
+    assert json.loads((out / "plan.json").read_text())["message"] == answer["message"]
+
+
+def test_a_height_out_of_reach(hand_box) -> None:
+    """The hand rises to 1.1 m at most and throws 3 m/s up: 1.56 m is the highest of all."""
+    plan = hand_box.plan(tp.Pose(x=0.3, z=1.7))
+    assert plan.status == "out_of_reach" and "1.7" in plan.message
+
+
+def test_the_nearest_is_possible_and_no_more_is(hand_box) -> None:
+    far = hand_box.plan(tp.Pose(x=5.0, z=0.0))
+    assert far.status == "out_of_reach"
+    nearest = far.nearest
+    # Braking from 3 m/s with 30 m/s^2 takes 0.15 m of the hand's range, so the object leaves
+    # from x 0.25 m, z 0.95 m at 3 m/s each way at the very best.
+    flight = (3.0 + math.sqrt(9.0 + 2 * 9.81 * 0.95)) / 9.81
+    assert nearest.x < 0.25 + 3.0 * flight
+    for step, status in ((-0.005, "solved"), (0.01, "out_of_reach")):
+        assert hand_box.plan(tp.Pose(x=nearest.x + step, z=0.0)).status == status
+
+
+def test_no_motion_of_another_plan_stays(tmp_path, hand_box) -> None:
+    """A second plan into the same folder that finds no throw: motion.csv is not its own."""
+    hand_box.plan().save(tmp_path, draw=False)
+    assert (tmp_path / "motion.csv").exists()
+    hand_box.plan(tp.Pose(x=0.3, z=1.7)).save(tmp_path, draw=False)
+    assert json.loads((tmp_path / "plan.json").read_text())["status"] != "solved"
+    assert not (tmp_path / "motion.csv").exists()
+
+
+@pytest.mark.parametrize("angle", ["-9e1", "-90", "-9.0E1", "free"])
+def test_angles_on_the_command_line(angle, run) -> None:
+    answer = run("plan pose --target 0.9 0.1", angle, "--json").json
+    assert answer["status"] == "solved"
+    expected = None if angle == "free" else pytest.approx(-math.pi / 2)
+    assert answer["target"]["theta"] == expected
+    assert (answer["error"]["sent"]["angle"] == 0.0) == (angle == "free")
+
+
+def test_negative_x_with_an_azimuth_is_refused(refused) -> None:
+    message = refused("plan box --target -0.6 0.1 free --azimuth 10")
+    assert "above 0 with --azimuth" in message
+
+
+# Planners and their options.
+
+
+def test_one_planner_serves_many_targets_and_starts_warm() -> None:
+    planner = tp.Planner(tp.load_scene("cup"))
+    first = planner.plan()
+    again = planner.plan(tp.Pose(x=0.92, z=0.22, theta=-math.pi / 2), warm=first)
+    assert first.status == again.status == "solved"
+    answer = again.to_dict()
+    assert answer["time"]["build"] == 0.0 and answer["time"]["guess"] == 0.0
+    # The cup went along: the plan's own cup is the one that the bar enters.
+    assert again.scene.cup.x == pytest.approx(0.92)
+    assert answer["landing"]["sent"]["x"] == pytest.approx(0.92, abs=2e-3)
+    assert planner.plan().to_dict()["landing"] == first.to_dict()["landing"]
+
+
+@pytest.mark.parametrize("theta", [2 * math.pi - 0.5, 20 * math.pi])
+def test_turns_any_takes_the_angle_modulo_full_turns(theta) -> None:
+    plan = tp.plan("pose", tp.Pose(x=1.1, z=0.1, theta=theta), turns="any")
+    assert plan.status == "solved" and plan.target.theta != theta
+    landed = plan.to_dict()["landing"]["sent"]["theta"]
+    assert math.remainder(landed - theta, 2 * math.pi) == pytest.approx(0, abs=0.01)
+
+
+def test_azimuth_turns_the_plane_by_joint_1(tmp_path, plan_of, table) -> None:
+    turn = math.radians(40)
+    target = tp.Pose(x=0.9 * math.cos(turn), y=0.9 * math.sin(turn), z=0.22, theta=-math.pi / 2)
+    plan = tp.plan("cup", target)
+    answer, straight = plan.to_dict(), plan_of("cup").to_dict()
+    assert answer["status"] == "solved"
+    sent = answer["landing"]["sent"]
+    assert (sent["x"], sent["y"]) == pytest.approx((target.x, target.y), abs=1e-3)
+    plan.save(tmp_path, draw=False)
+    assert np.allclose(table(tmp_path / "motion.csv")["q1"], turn)
+    opening = [one["release"]["opening_time"] for one in (answer, straight)]
+    assert opening[0] == pytest.approx(opening[1], abs=0.02)
+
+
+def test_alternatives_are_other_throws_to_the_same_target() -> None:
+    plan = tp.Planner(tp.load_scene("hand-flip")).plan(alternatives=2)
+    assert plan.status == "solved" and len(plan.alternatives) >= 1
+    times = [one.to_dict()["release"]["opening_time"] for one in (plan, *plan.alternatives)]
+    assert len({round(t, 3) for t in times}) == len(times)
+    for other in plan.alternatives:
+        assert other.status == "solved" and other.to_dict()["error"]["exact"]["position"] < 1e-3
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ({"robust": "loud"}, "robust = 'loud': must be one of auto, quiet"),
+        ({"robust": "quiet", "alternatives": 2}, "alternatives: not with a robust plan"),
+        ({"alternatives": 99}, "alternatives = 99: must be 0 to 20"),
+        ({"solver": "snopt"}, "solver.*'snopt'"),
+        ({"turns": "some"}, "turns.*'some'"),
+        ({"target": tp.Pose(x=1.0, z=0.0, y=0.2)}, "y"),
+    ],
+)
+def test_wrong_options_in_python(options, words, hand_box) -> None:
+    with pytest.raises(tp.InputError, match=words):
+        hand_box.plan(**options)
+
+
+def test_when_the_time_is_over_no_attempt_is_begun(hand_box) -> None:
+    assert hand_box.plan(patience=1e-9).status == "not_converged"
+
+
+# What a plan keeps.
+
+
+def test_a_hand_keeps_its_range_while_it_brakes(tmp_path, table) -> None:
+    scene = tp.load_scene("hand-box")
+    tight = scene.replace(
+        hand=dataclasses.replace(scene.hand, z=(0.66, 0.74), x=(-0.4, 0.25)),
+        gripper=dataclasses.replace(scene.gripper, opening=0.1),
+    )
+    plan = tp.plan(tight)
+    assert plan.status == "solved"
+    plan.save(tmp_path, draw=False)
+    rows = table(tmp_path / "motion.csv")
+    assert rows["z"].max() <= 0.74 and rows["z"].min() >= 0.66 and rows["x"].max() <= 0.25
+    assert np.abs([rows["vx"], rows["vz"]]).max() <= 3.0
+    assert np.abs([rows["ax"], rows["az"]]).max() <= 30.0
+    assert rows["vx"][-1] == rows["vz"][-1] == 0.0
+
+
+@pytest.mark.parametrize(
+    ("name", "hand", "opening", "target"),
+    [
+        # Held at its CoM at (0, 0.7) m; let go without moving it comes down through (0, 0).
+        ("hand-box", {}, 2.0, tp.Pose(x=0.0, z=0.0)),
+        ("hand-box", {"speed": 1e-3}, 0.05, tp.Pose(x=0.0, z=0.0)),
+        # Hanging at -90 degrees from a hand at (0, 0.7) m, its CoM 0.1 m below.
+        (
+            "hand-flip",
+            {"x": (-0.001, 0.001), "z": (0.699, 0.701)},
+            0.05,
+            tp.Pose(x=0.0, z=0.3, theta=-math.pi / 2),
+        ),
+    ],
+)
+def test_letting_go_at_rest_is_never_out_of_reach(name, hand, opening, target) -> None:
+    """A slow gripper, a hand that can hardly move: still the start pose is a release."""
+    scene = tp.load_scene(name)
+    hand, gripper = (
+        dataclasses.replace(scene.hand, **hand),
+        dataclasses.replace(scene.gripper, opening=opening),
+    )
+    assert tp.plan(scene.replace(hand=hand, gripper=gripper), target).status != "out_of_reach"
+
+
+def test_a_target_at_the_apex_gets_an_answer(hand_box) -> None:
+    plan = hand_box.plan(tp.Pose(x=-0.2, z=1.33))
+    assert plan.status in ("solved", "not_converged", "out_of_reach") and plan.message
+
+
+@pytest.fixture(scope="module")
+def delay() -> tp.Planner:
+    return tp.Planner(tp.load_scene("delay"))
+
+
+@pytest.mark.parametrize("method", ["quiet", "scenarios", "auto"])
+def test_a_robust_plan_scatters_a_twentieth(method, delay, plan_of) -> None:
+    plan = delay.plan(robust=method)
+    answer = plan.to_dict()
+    assert answer["status"] == "solved" and answer["robust"]["method"] == plan.robust
+    assert answer["error"]["sent"]["position"] < 1e-4
+    assert answer["error"]["sent"]["angle"] < math.radians(0.02)
+    spread = [
+        tp.sweep(one, samples=256).to_dict()["quantiles"]["scaled"]["95"]
+        for one in (plan, plan_of("delay"))
+    ]
+    assert spread[0] < spread[1] / 20
+
+
+def test_a_robust_section_asks_for_it_and_uncertainty_alone_does_not(tmp_path, plan_of) -> None:
+    assert not plan_of("delay").to_dict().get("robust")
+    path = tmp_path / "quiet.toml"
+    path.write_text(tp.scene_text("delay") + '\n[robust]\nmethod = "quiet"\n')
+    answer = tp.plan(path).to_dict()
+    assert answer["status"] == "solved" and answer["robust"]["method"] == "quiet"
+    assert 0 < answer["robust"]["peak_load"] < 1
+
+
+def test_bounds_of_landing_and_torque_are_planned(tmp_path) -> None:
+    path = tmp_path / "more.toml"
+    path.write_text(
+        tp.scene_text("pose")
+        + "\n[landing]\nspeed_max = 3.2\nrate_max = 3.0\n[torque]\nlimits = [60.0, 40.0, 8.0]\n"
+    )
+    answer, plain = tp.plan(path).to_dict(), tp.plan("pose").to_dict()
+    assert answer["status"] == "solved"
+    # Rows for the bounds, no variables: what is absent adds nothing.
+    assert answer["nlp"]["constraints"] > plain["nlp"]["constraints"]
+
+
+def test_a_choice_among_throws_takes_the_quickest(tmp_path, plan_of) -> None:
+    path = tmp_path / "quick.toml"
+    path.write_text(tp.scene_text("hand-flip") + '\n[choice]\nby = "time"\namong = 3\n')
+    answer, plain = tp.plan(path).to_dict(), plan_of("hand-flip").to_dict()
+    assert answer["status"] == "solved"
+    assert answer["release"]["landing_time"] <= plain["release"]["landing_time"] + 1e-6

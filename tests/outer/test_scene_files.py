@@ -1,0 +1,487 @@
+"""The scene format: built-in scenes, units, defaults, frozen sections, grip tables, refusals."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import re
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+import throwplan as tp
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+
+#: interface.md's list.
+BUILT_IN = ("drop", "drop-2cm", "hand-box", "hand-flip", "pose", "cup", "box", "flip", "delay")
+
+#: Only what has no default: a hand that throws.
+LEAST = """
+[object]
+mass = 0.2
+inertia = 5e-4
+length = 0.2
+com = 0.1
+[contact]
+friction = 0.8
+patch_radius = 0.0075
+[gripper]
+force = 50.0
+opening = 0.05
+[hand]
+x = [-0.4, 0.4]
+z = [0.3, 1.1]
+speed = 3
+acceleration = 30
+[target]
+x = 1.2
+z = 0
+"""
+
+
+def loaded(folder: Path, text: str) -> tp.Scene:
+    path = folder / "scene.toml"
+    path.write_text(text, encoding="utf-8")
+    return tp.load_scene(path)
+
+
+def refusal(folder: Path, text: str) -> str:
+    """The message that a scene file is refused with; it is one line and names the file."""
+    with pytest.raises(tp.InputError) as caught:
+        loaded(folder, text)
+    message = str(caught.value)
+    assert "scene.toml" in message and "\n" not in message
+    return message
+
+
+# Built-in scenes.
+
+
+def test_interface_names_are_built_in() -> None:
+    assert set(BUILT_IN) <= set(tp.scene_names())
+
+
+@pytest.mark.parametrize("name", tp.scene_names())
+def test_a_built_in_scene_is_self_contained_and_can_be_copied(name, tmp_path, monkeypatch, run):
+    scene, tables = tp.load_scene(name), tomllib.loads(tp.scene_text(name))
+    assert scene.name == name
+    assert scene.description and "\n" not in scene.description
+    assert "table" not in tables["gripper"]
+    assert not tables.get("robot", {}).get("arm", "").endswith(".toml")
+    monkeypatch.chdir(tmp_path)
+    said = run("scenes --write", name)
+    assert said.status == 0 and f"{name}.toml" in said.out
+    assert [path.name for path in tmp_path.iterdir()] == [f"{name}.toml"]
+    monkeypatch.chdir("/")
+    copy = tp.load_scene(tmp_path / f"{name}.toml")
+    assert copy.file
+    assert copy.replace(name="", file="") == scene.replace(name="", file="")
+
+
+def test_scenes_prints_a_line_each_and_one_object(run) -> None:
+    said = run("scenes")
+    assert (said.status, said.err) == (0, "")
+    assert [line.split()[0] for line in said.out.splitlines()] == tp.scene_names()
+    said = run("scenes --json")
+    assert set(said.json["scenes"]) == set(tp.scene_names()) and said.err == ""
+
+
+def test_cup_is_the_interface_s() -> None:
+    scene = tp.load_scene("cup")
+    cup = scene.cup
+    assert (cup.x, cup.rim, cup.radius, cup.depth) == (0.90, 0.10, 0.06, 0.15)
+    assert (cup.clearance, cup.insertion) == (0.005, 0.08)
+    assert (scene.target.x, scene.target.y, scene.target.z) == (0.90, 0.0, 0.22)
+    assert scene.target.theta == pytest.approx(-math.pi / 2, abs=1e-15)
+    # CoM end down: at the target's instant the lower end is 4 cm below the rim.
+    lower_end = scene.target.z - (scene.object.length - scene.object.com)
+    assert cup.rim - lower_end == pytest.approx(0.04, abs=1e-12)
+    assert scene.robot.start == pytest.approx((-math.pi / 4, -3 * math.pi / 4, math.pi / 2))
+
+
+@pytest.mark.parametrize("name", ["pose", "cup", "box", "flip"])
+def test_panda_scenes_share_the_paper_s_bar(name) -> None:
+    scene = tp.load_scene(name)
+    bar, contact, grip = scene.object, scene.contact, scene.gripper
+    assert (bar.mass, bar.length, bar.inertia) == (0.24, 0.26, 535e-6)
+    assert scene.com_offset == pytest.approx(0.10) and scene.grasp.angle == 0.0
+    assert (contact.friction, contact.patch_radius, contact.torsion) == (1.0, 0.0025, 0.6)
+    assert contact.faces == 2
+    assert (grip.force, grip.dwell, grip.opening) == (120.0, 0.05, 0.05)
+    assert (scene.tolerance.position, scene.tolerance.angle) == (0.002, math.radians(0.5))
+    assert scene.workspace.floor == 0.02
+    assert scene.workspace.column_radius is not None
+    assert scene.workspace.palm_clearance is not None
+    assert scene.robot.arm == "panda"
+    assert name == "cup" or scene.target.z == 0.1
+    assert (scene.target.theta is None) == (name == "box")
+
+
+@pytest.mark.parametrize(("name", "offset"), [("drop", 0.10), ("drop-2cm", 0.02)])
+def test_drop_scenes_are_table_one(name, offset) -> None:
+    scene = tp.load_scene(name)
+    assert scene.object.mass == 0.2 and scene.com_offset == pytest.approx(offset)
+    assert math.sqrt(scene.object.inertia / scene.object.mass) == pytest.approx(0.05)
+    assert (scene.contact.friction, scene.contact.patch_radius) == (0.8, 0.0075)
+    assert (scene.contact.torsion, scene.contact.faces) == (0.6, 2)
+    assert (scene.gripper.force, scene.gripper.dwell, scene.gripper.opening) == (50.0, 0.0, 0.05)
+    assert scene.gravity == 9.81 and scene.target is None
+
+
+def test_hand_scenes_are_the_interface_s() -> None:
+    box, flip = tp.load_scene("hand-box"), tp.load_scene("hand-flip")
+    assert box.target.theta is None and box.com_offset == 0.0 and not box.hand.turns
+    assert flip.hand.turns
+    assert flip.target.theta - flip.hand.start_theta == pytest.approx(2 * math.pi)
+    assert box.robot is None and flip.robot is None
+
+
+def test_uncertainty_is_data_and_leaves_the_plan_alone() -> None:
+    scene, plain = tp.load_scene("delay"), tp.load_scene("pose")
+    assert scene.uncertainty is not None and scene.uncertainty.delay.uniform == 0.010
+    same = scene.replace(uncertainty=None, name=plain.name, description=plain.description)
+    assert same == plain
+
+
+# Units, defaults, frozen, replace, aimed_at.
+
+
+def test_degrees_become_radians(tmp_path) -> None:
+    text = LEAST.replace("z = 0\n", "z = 0\ntheta_deg = -450\n").replace(
+        "acceleration = 30",
+        "acceleration = 30\ntheta_deg = [-180, 90]\nangular_speed = 12\n"
+        "angular_acceleration = 80\nstart = [0, 0.7]\nstart_theta_deg = 30",
+    )
+    scene = loaded(tmp_path, text + "[grasp]\nangle_deg = 60\n[tolerance]\nangle_deg = 1.8\n")
+    assert scene.target.theta == pytest.approx(-2.5 * math.pi)  # unwrapped
+    assert scene.hand.theta == pytest.approx((-math.pi, math.pi / 2))
+    assert scene.hand.start_theta == pytest.approx(math.pi / 6)
+    assert scene.grasp.angle == pytest.approx(math.pi / 3)
+    assert scene.tolerance.angle == pytest.approx(math.pi / 100)
+    assert scene.hand.angular_speed == 12.0  # rad/s in the file too
+
+
+def test_defaults(tmp_path) -> None:
+    scene = loaded(tmp_path, LEAST)
+    assert scene.name == "scene" and scene.gravity == 9.81
+    assert (scene.contact.torsion, scene.contact.faces) == (0.6, 2)
+    assert scene.gripper.dwell == 0.0 and scene.object.width == 0.0
+    assert (scene.grasp.offset, scene.grasp.angle) == (0.0, 0.0)
+    assert (scene.tolerance.position, scene.tolerance.angle) == (0.002, math.radians(0.5))
+    assert scene.target == tp.Pose(x=1.2, y=0.0, z=0.0, theta=None)
+    assert scene.hand.start is None
+    assert type(scene.hand.speed) is float and type(scene.target.z) is float
+    for section in ("robot", "motion", "cup", "landing", "workspace", "arm"):
+        assert getattr(scene, section) is None
+
+
+@pytest.mark.parametrize("name", ["cup", "hand-flip", "drop"])
+def test_scenes_and_sections_are_frozen(name) -> None:
+    scene = tp.load_scene(name)
+    values = [getattr(scene, field.name) for field in dataclasses.fields(scene)]
+    parts = [scene, *filter(dataclasses.is_dataclass, values)]
+    assert len(parts) > 5
+    for part in parts:
+        field = dataclasses.fields(part)[0].name
+        with pytest.raises(dataclasses.FrozenInstanceError):
+            setattr(part, field, getattr(part, field))
+
+
+def test_replace_makes_a_variant() -> None:
+    scene = tp.load_scene("cup")
+    moon = scene.replace(gravity=1.62)
+    assert (moon.gravity, scene.gravity) == (1.62, 9.81)
+    assert moon.replace(gravity=9.81) == scene
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"gravity": math.nan}, ["gravity", "nan", "finite"]),
+        ({"gravity": -1.0}, ["gravity", "-1", "at least 0"]),
+        ({"target": None}, ["[target]", "missing"]),
+        ({"target": tp.Pose(x=1.0, z=0.1)}, ["[cup]", "theta_deg"]),
+        ({"robot": None, "arm": None}, ["[hand]", "[robot]", "[motion]"]),
+        ({"object": "bar"}, ["object", "bar"]),
+    ],
+)
+def test_replace_checks_again(changes, words) -> None:
+    with pytest.raises(tp.InputError) as caught:
+        tp.load_scene("cup").replace(**changes)
+    for word in words:
+        assert word in str(caught.value)
+
+
+def test_sections_check_what_belongs_together() -> None:
+    scene = tp.load_scene("cup")
+    far = dataclasses.replace(scene.grasp, offset=0.11)
+    with pytest.raises(tp.InputError, match=r"offset.*0\.11.*0\.1"):
+        scene.replace(grasp=far)
+
+
+def test_aimed_at_takes_the_cup_along() -> None:
+    scene = tp.load_scene("cup")
+    moved = scene.aimed_at(tp.Pose(x=1.1, z=0.5, theta=-math.pi / 2))
+    assert moved.target == tp.Pose(x=1.1, z=0.5, theta=-math.pi / 2)
+    assert moved.cup.x - scene.cup.x == pytest.approx(0.2)
+    assert moved.cup.rim - scene.cup.rim == pytest.approx(0.28)
+    kept = {"x": 0.0, "rim": 0.0}
+    assert dataclasses.replace(moved.cup, **kept) == dataclasses.replace(scene.cup, **kept)
+    # Turned by 50 degrees at the same distance, the cup stays where it is in the plane.
+    turn = math.radians(50)
+    aside = tp.Pose(x=0.9 * math.cos(turn), y=0.9 * math.sin(turn), z=0.22, theta=-math.pi / 2)
+    moved = scene.aimed_at(aside)
+    assert moved.cup.x == pytest.approx(0.9)
+    assert moved.target.azimuth == pytest.approx(turn)
+    assert moved.target.plane_x == pytest.approx(0.9)
+    pose = tp.load_scene("pose")
+    assert pose.aimed_at(aside) == pose.replace(target=aside)
+
+
+# Wrong keys, sections and values.
+
+
+@pytest.mark.parametrize(
+    ("right", "wrong"),
+    [
+        *[("mass = ", "masss = "), ("patch_radius = ", "patch_radios = ")],
+        *[("force = ", "forse = "), ("opening = ", "openning = "), ("speed = ", "sped = ")],
+        *[("[contact]", "[contacts]"), ("[target]", "[traget]")],
+    ],
+)
+def test_unknown_key_names_the_nearest(right, wrong, tmp_path) -> None:
+    message = refusal(tmp_path, LEAST.replace(right, wrong, 1))
+    assert re.search(rf"did you mean .?{right.strip(' =[]')}\b", message)
+    assert f"'{wrong.strip(' =[]')}'" in message
+
+
+@pytest.mark.parametrize(
+    "line",
+    ["mass = 0.2", "length = 0.2", "friction = 0.8", "opening = 0.05", "speed = 3", "x = 1.2"],
+)
+def test_missing_key_is_named(line, tmp_path) -> None:
+    message = refusal(tmp_path, LEAST.replace(line + "\n", "", 1))
+    assert "missing" in message and f"'{line.split()[0]}'" in message
+
+
+SECTIONS = [
+    ("torque", "margin = 1.0", "margin.*below 0.9"),
+    ("torque", "limits = [80.0, 80.0]", "limits.*3"),
+    ("torque", "limits = [80.0, 80.0, 0.0]", "limits.*above 0"),
+    ("torque", "limit = [80.0, 80.0, 8.0]", "limit.*did you mean 'limits'"),
+    ("choice", 'by = "luck"', "by.*'luck'"),
+    ("robust", 'method = "loud"', "method.*'loud'"),
+    ("landing", "speed_max = -1", "speed_max"),
+    ("uncertainty", "", "nothing is uncertain"),
+    ("uncertainty", "delay = 0.01", "delay = 0.01: must be"),
+    ("uncertainty", "delay = { unifrom = 0.01 }", "did you mean 'uniform'"),
+    ("uncertainty", "delay = { uniform = -0.01 }", "delay: uniform = -0.01: must be above 0"),
+    ("uncertainty", "delay = { uniform = 0.01, normal = 0.01 }", "exactly one of"),
+    ("uncertainty", "delay = { uniform = 0.1, relative = true }", "delay: relative: only for"),
+    ("uncertainty", "delay = { uniform = nan }", "delay: uniform = nan: must be a finite number"),
+    ("uncertainty", "delay = { samples = [] }", "exactly one of"),
+    ("uncertainty", "frction = { uniform = 0.1 }", "'frction', did you mean 'friction'"),
+    ("uncertainty", "grasp_angle = { uniform = 1 }", "did you mean 'grasp_angle_deg'"),
+    ("uncertainty", "grasp_angle_deg = { uniform = -1 }", "uniform = -1: must be above 0"),
+    ("uncertainty", "friction = { uniform = 1.0 }", r"friction: reaches \[0, 2\]: must stay with"),
+    ("uncertainty", "mass = { samples = [0.2, -0.1] }", "mass: reaches"),
+    ("uncertainty", "opening = { samples = [0.0] }", "opening: is 0: must stay within"),
+    ("uncertainty", "com_offset = { uniform = 0.11 }", "com_offset: reaches"),
+    ("uncertainty", "delay = { normal = 1e-3 }\ncorrelation = 3", "correlation = 3: must be like"),
+]
+TWO = "delay = { normal = 1e-3 }\nmass = { normal = 1e-3 }\nopening = { normal = 1e-3 }\n"
+CORRELATIONS = [
+    ('[["delay", "friction", 0.5]]', "'friction' is not uncertain here"),
+    ('[["dlay", "mass", 0.5]]', "'dlay', did you mean 'delay'"),
+    ('[["delay", "mass", 1.0]]', "delay and mass = 1: must be between -1 and 1"),
+    ('[["delay", "mass", 0.1], ["mass", "delay", 0.2]]', "once"),
+    (
+        '[["delay", "mass", 0.9], ["mass", "opening", 0.9], ["delay", "opening", -0.9]]',
+        "positive definite",
+    ),
+]
+SECTIONS += [("uncertainty", f"{TWO}correlation = {rows}", words) for rows, words in CORRELATIONS]
+
+
+@pytest.mark.parametrize(("section", "text", "words"), SECTIONS)
+def test_wrong_optional_sections_are_refused(section, text, words, tmp_path) -> None:
+    message = refusal(tmp_path, f"{tp.scene_text('pose')}\n[{section}]\n{text}\n")
+    assert re.search(words, message)
+    assert message.count(f"[{section}]") == 1
+
+
+def test_torque_is_only_for_a_robot_with_masses(tmp_path) -> None:
+    text = f"{tp.scene_text('hand-box')}\n[torque]\n"
+    assert "only for a scene with [robot]" in refusal(tmp_path, text)
+    scene = loaded(tmp_path, f"{tp.scene_text('pose')}\n[torque]\n")
+    with pytest.raises(tp.InputError, match="no link masses"):
+        scene.replace(arm=dataclasses.replace(scene.arm, links=()))
+
+
+def test_uncertainty_in_every_unit(tmp_path) -> None:
+    section = """
+    [uncertainty]
+    delay = { samples = [0.001, 0.002, 0.006] }
+    opening = { normal = 0.1, relative = true }
+    mass = { uniform = 0.012, mean = 0.25 }
+    grasp_angle_deg = { uniform = 2.0 }
+    hand_omega_deg = { normal = 10.0, mean = -5.0 }
+    """
+    scene = loaded(tmp_path, tp.scene_text("pose") + section)
+    names = ("delay", "opening", "mass", "grasp_angle", "hand_omega")
+    assert scene.uncertainty.names == names
+    assert scene.mean_delay == pytest.approx(0.003)
+    assert tp.load_scene("pose").mean_delay == 0.0
+    assert scene.uncertainty.grasp_angle.uniform == pytest.approx(math.radians(2))
+
+
+#: A rich scene of each mover: every section that a wrong value may stand in.
+MORE = """
+[landing]
+speed_min = 1.0
+speed_max = 9.0
+rate_max = 8.0
+[mesh]
+carry = 10
+opening = 10
+substeps = 2
+epsilon = 0.03
+"""
+ARM_SECTIONS = """
+[grasp]
+offset = 0.01
+angle_deg = 5.0
+[torque]
+limits = [80.0, 80.0, 10.0]
+margin = 0.1
+[robust]
+method = "quiet"
+early = 0.01
+late = 0.02
+"""
+RICH = {
+    "cup": tp.scene_text("cup") + MORE + ARM_SECTIONS,
+    "hand-flip": tp.scene_text("hand-flip") + MORE + '[choice]\nby = "time"\namong = 3\n',
+    "drop": tp.scene_text("drop"),
+}
+PLACES = [
+    (name, section, key)
+    for name, text in RICH.items()
+    for section, keys in tomllib.loads(text).items()
+    if isinstance(keys, dict)
+    for key in keys
+]
+
+texts = st.text("ab", max_size=5)
+tables = st.dictionaries(st.sampled_from("ab"), st.floats(0, 1), max_size=2)
+numbers = st.floats(-2, 2) | st.integers(-3, 3)
+not_finite = st.sampled_from([math.nan, math.inf, -math.inf])
+
+
+def wrong_for(valid: object) -> st.SearchStrategy[object]:
+    """TOML values of every type but that of `valid`, and numbers that are not finite."""
+    if isinstance(valid, str):
+        return tables | st.booleans() | numbers | st.lists(texts, max_size=3)
+    other = texts | tables | st.booleans() | not_finite
+    if isinstance(valid, list):
+        return other | numbers | other.map(lambda item: [item, *valid[1:]])
+    return other | st.lists(numbers | other, max_size=3)
+
+
+def literal(value: object) -> str:
+    """A value in TOML."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{key} = {literal(v)}" for key, v in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(literal, value)) + "]"
+    return json.dumps(value) if isinstance(value, str | bool) else repr(value)
+
+
+def test_the_rich_scenes_are_right(tmp_path) -> None:
+    for text in RICH.values():
+        loaded(tmp_path, text)
+
+
+@settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@given(data=st.data())
+def test_wrong_types_are_refused_by_their_key(data, tmp_path) -> None:
+    name, section, key = data.draw(st.sampled_from(PLACES))
+    scene = tomllib.loads(RICH[name])
+    scene[section][key] = data.draw(wrong_for(scene[section][key]))
+    top = [f"{k} = {literal(v)}" for k, v in scene.items() if not isinstance(v, dict)]
+    for title, keys in scene.items():
+        if isinstance(keys, dict):
+            top += [f"[{title}]", *(f"{k} = {literal(v)}" for k, v in keys.items())]
+    message = refusal(tmp_path, "\n".join(top) + "\n")
+    assert key in message and f"[{section}]" in message
+
+
+# The measured grip force.
+
+ROWS = [(0.0, 50.0), (0.04, 50.0), (0.06, 45.0), (0.07, 20.0), (0.09, 0.0)]
+FORCE = "force = 50.0\nopening = 0.05"
+WITH_TABLE = LEAST.replace(FORCE, 'table = "measured/grip.csv"')
+
+
+def write_table(folder: Path, rows, header: str = "t,f_N") -> None:
+    (folder / "measured").mkdir(parents=True, exist_ok=True)
+    lines = [header, *(",".join(map(str, row)) for row in rows)]
+    (folder / "measured" / "grip.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+
+
+def test_grip_table_is_relative_to_the_scene_file(tmp_path, monkeypatch) -> None:
+    folder, elsewhere = tmp_path / "scenes", tmp_path / "elsewhere"
+    write_table(folder, ROWS)
+    write_table(elsewhere, [(0.0, 7.0), (0.1, 0.0)])
+    monkeypatch.chdir(elsewhere)
+    profile = loaded(folder, WITH_TABLE).gripper.profile()
+    assert profile.full == 50.0
+    assert profile.dwell == pytest.approx(0.04) and profile.opening == pytest.approx(0.05)
+    after = np.array([t - 0.04 for t, _ in ROWS[1:]])
+    assert profile.force(after) == pytest.approx([f for _, f in ROWS[1:]], abs=1e-9)
+
+
+def test_grip_table_in_any_order_and_in_the_file_itself(tmp_path) -> None:
+    write_table(tmp_path, [(f, "x", t) for t, f in ROWS], "\ufefff_N,note,t")
+    aside = loaded(tmp_path, WITH_TABLE).gripper
+    assert list(zip(aside.times, aside.forces, strict=True)) == ROWS
+    lists = f"times = {[t for t, _ in ROWS]}\nforces = {[f for _, f in ROWS]}"
+    inside = loaded(tmp_path, LEAST.replace(FORCE, lists)).gripper
+    assert (inside.times, inside.forces) == (aside.times, aside.forces)
+
+
+def test_measured_linear_fall_is_the_linear_profile(tmp_path) -> None:
+    times = [0.0, 0.01, 0.02, *np.linspace(0.03, 0.08, 41).tolist()]
+    forces = [50.0, 50.0, 50.0, *np.linspace(50.0, 0.0, 41).tolist()]
+    write_table(tmp_path, zip(times, forces, strict=True))
+    measured = loaded(tmp_path, WITH_TABLE).gripper.profile()
+    linear = loaded(tmp_path, LEAST.replace(FORCE, FORCE + "\ndwell = 0.03")).gripper.profile()
+    assert measured.dwell == pytest.approx(linear.dwell)
+    assert measured.opening == pytest.approx(linear.opening)
+    instants = np.linspace(0.0, 0.06, 61)
+    assert measured.force(instants) == pytest.approx(linear.force(instants), abs=0.2)
+
+
+# The bound on the inertia.
+
+sizes = st.floats(1e-3, 2.0)
+
+
+@given(mass=sizes, length=sizes, share=st.floats(0.01, 0.99), slimness=st.floats(0.0, 0.5))
+def test_inertia_up_to_two_point_masses(mass, length, share, slimness) -> None:
+    """The most a bar with that CoM can have is two point masses at its two ends."""
+    com, width = share * length, slimness * length
+    near, far = mass * (1 - share), mass * share
+    ends = near * com**2 + far * (length - com) ** 2
+    most = ends + mass * (width / 2) ** 2  # and as far off the axis as the width allows
+    assert most == pytest.approx(mass * com * (length - com) + mass * width**2 / 4)
+    rest = {"mass": mass, "length": length, "com": com, "width": width}
+    bar = tp.load_scene("drop").object
+    assert dataclasses.replace(bar, inertia=most, **rest).inertia == most
+    for inertia in (mass * length**2 / 12, mass * length**2 / 4):  # a rod and a dumbbell
+        dataclasses.replace(bar, **rest | {"inertia": inertia, "com": length / 2})
+    with pytest.raises(tp.InputError, match="inertia"):
+        dataclasses.replace(bar, inertia=1.0001 * most, **rest)
