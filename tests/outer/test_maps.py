@@ -1,0 +1,251 @@
+"""The map of landing poses in reach: what is in it, its files, the command; prepared throws."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import matplotlib.image
+import numpy as np
+import pytest
+import throwplan as tp
+
+KEYS = {"scene", "z", "reachable", "x", "theta", "file"}
+
+
+@pytest.fixture(scope="module")
+def pose() -> tp.ReachMap:
+    return tp.reach_map("pose", samples=40_000)
+
+
+@pytest.fixture(scope="module")
+def box() -> tp.ReachMap:
+    return tp.reach_map("hand-box", samples=6000)
+
+
+def test_every_landing_is_contained(pose, box) -> None:
+    for found in (pose, box):
+        assert found.x.size > 1000
+        assert found.landings.sum() == found.x.size
+        for x, theta in zip(found.x[:2000], found.theta[:2000], strict=True):
+            assert found.contains(x, theta)
+        assert found.distance(found.x[7], found.theta[7]) == 0.0
+
+
+def test_bins_agree_with_each_other(pose) -> None:
+    hit = pose.landings > 0
+    assert pose.reachable == hit.sum()
+    assert ((pose.solutions > 0) == hit).all()
+    assert (pose.solutions <= pose.landings).all()
+    assert (np.isfinite(pose.margin) == hit).all()
+    # The sampler keeps the limits and the grip, so no use is above 1.
+    assert pose.margin[hit].min() >= 0.0 and pose.margin[hit].max() < 1.0
+    assert (np.diff(pose.x_edges) > 0).all() and (np.diff(pose.theta_edges) > 0).all()
+
+
+def test_margin_of_letting_go_at_rest() -> None:
+    """Nothing moves: the margin is what the weight leaves of the grip."""
+    scene = tp.load_scene("hand-box")
+    hand = dataclasses.replace(scene.hand, x=(-0.001, 0.001), z=(0.699, 0.701), start=(0.0, 0.7))
+    found = tp.reach_map(scene.replace(hand=hand), samples=1)
+    # Held at its CoM: weight over the force limit of two faces.
+    use = 0.2 * 9.81 / (2 * 0.8 * 50.0)
+    assert np.abs(found.x).min() < 1e-12
+    assert np.nanmax(found.margin) == pytest.approx(1 - use)
+
+
+def test_the_middle_of_full_bins_is_solved(pose) -> None:
+    planner = tp.Planner(pose.scene)
+    fullest = np.argsort(pose.landings, axis=None)[::-1]
+    for place in fullest[[0, 15, 30]]:
+        i, j = np.unravel_index(place, pose.landings.shape)
+        x, theta = pose.x_edges[i : i + 2].mean(), pose.theta_edges[j : j + 2].mean()
+        assert pose.contains(x, theta)
+        plan = planner.plan(tp.Pose(x=float(x), z=pose.z, theta=float(theta)))
+        assert plan.status == "solved"
+
+
+def test_far_outside(pose, box) -> None:
+    for x, theta in ((9.0, 0.0), (-9.0, 0.0), (0.5, 40.0), (math.nan, 0.0), (0.5, math.inf)):
+        assert not pose.contains(x, theta)
+    # At least as far as from the nearest x, and half a length for each radian.
+    assert pose.distance(9.0, 0.0) >= 9.0 - pose.x.max() > 0
+    assert pose.distance(0.5, 40.0) >= (40.0 - pose.theta.max()) * 0.26 / 2
+    assert not box.contains(9.0)
+    assert box.distance(9.0) == pytest.approx(9.0 - box.x.max())
+
+
+def test_hand_box_ends_where_mechanics_says(box) -> None:
+    """The object leaves from x 0.25 m, z 0.95 m at 3 m/s each way at the very best."""
+    farthest = 0.25 + 3.0 * (3.0 + math.sqrt(9.0 + 2 * 9.81 * 0.95)) / 9.81
+    assert np.abs(box.x).max() < farthest
+    assert box.theta_edges is None
+    # A start in the middle and an alike hand on both sides.
+    assert box.x.max() == pytest.approx(-box.x.min(), rel=0.15)
+    assert (tp.reach_map("hand-box", samples=6000).x == box.x).all()
+
+
+def test_bounds_of_landing_are_kept(tmp_path) -> None:
+    text, files = tp.scene_text("hand-flip"), {}
+    for key in ("rate_max = 1.0", "speed_min = 90.0"):
+        files[key] = tmp_path / f"{len(files)}.toml"
+        files[key].write_text(f"{text}\n[landing]\n{key}\n")
+    everything = tp.reach_map("hand-flip", samples=8000)
+    slow = tp.reach_map(files["rate_max = 1.0"], samples=8000)
+    assert 0 < slow.x.size < everything.x.size and set(slow.x) < set(everything.x)
+    # The hand turns by 120 degrees, and no flight of 1.5 s adds more than 1.5 rad.
+    assert np.abs(slow.theta).max() < math.radians(120.0) + 1.5 < np.abs(everything.theta).max()
+    impossible = tp.reach_map(files["speed_min = 90.0"], samples=2000)
+    assert impossible.reachable == 0 and "[landing]" in impossible.message
+
+
+def test_a_start_to_wind_up_from_takes_nothing_but_time() -> None:
+    """With a given start and a long carry the same throws as without; fewer in a short one."""
+    scene = tp.load_scene("flip")
+    long = scene.replace(mesh=dataclasses.replace(scene.mesh, carry_max=5.0))
+    short = scene.replace(mesh=dataclasses.replace(scene.mesh, carry_max=0.4))
+    # Run-ups are drawn up to the longest carry, so compare the same limit.
+    free = long.replace(robot=dataclasses.replace(scene.robot, start=None))
+    from_start, from_anywhere = (tp.reach_map(s, samples=2000).x.size for s in (long, free))
+    # One more: letting go at the start.
+    assert from_anywhere <= from_start <= from_anywhere + 1
+    assert tp.reach_map(short, samples=2000).x.size < 0.7 * from_start
+
+
+def test_with_a_cup_only_poses_that_go_into_one_are_in_reach() -> None:
+    """The cup comes along with the landing; a bar that lies flat enters none."""
+    scene = tp.load_scene("cup")
+    found = tp.reach_map(scene, samples=20_000)
+    without = tp.reach_map(scene.replace(cup=None), samples=20_000)
+    assert 0 < found.x.size < 0.3 * without.x.size
+    assert np.abs(np.cos(found.theta)).max() < 0.85
+    assert np.abs(np.cos(without.theta)).max() > 0.99
+
+
+def test_files(pose, box, tmp_path) -> None:
+    for found, folder in ((pose, tmp_path / "plane"), (box, tmp_path / "line")):
+        assert found.save(folder) == folder / "map.npz"
+        assert sorted(path.name for path in folder.iterdir()) == ["map.npz", "map.png"]
+        with np.load(folder / "map.npz") as arrays:
+            for name in ("x_edges", "landings", "solutions", "x", "theta"):
+                np.testing.assert_array_equal(arrays[name], getattr(found, name))
+            assert arrays["z"] == found.z and arrays["samples"] == found.samples
+            assert (arrays["theta_edges"].size == 0) == (found is box)
+        picture = matplotlib.image.imread(folder / "map.png")[..., :3]
+        high, wide = picture.shape[:2]
+        middle = picture[high // 4 : 3 * high // 4, wide // 4 : 3 * wide // 4]
+        assert (np.ptp(middle, axis=2) > 0.1).mean() > 0.03  # colour, not only black on white
+
+
+def test_the_command(run, tmp_path) -> None:
+    out = tmp_path / "out"
+    answer = run("map pose --samples 3000 --json --out", out).json
+    assert set(answer) == KEYS
+    assert (answer["scene"], answer["z"]) == ("pose", 0.1) and answer["reachable"] > 10
+    assert answer["x"][0] < answer["x"][1] and answer["theta"][0] < answer["theta"][1]
+    assert answer["file"] == str(out / "map.npz")
+    said = run("map hand-box --samples 3000 --z 0.2")
+    assert (said.status, len(said.out.splitlines()), said.err) == (0, 3, "")
+    assert "target x 1.2 m" in said.out
+    answer = run("map hand-box --samples 3000 --z -1 --json").json
+    assert set(answer) == KEYS
+    assert (answer["z"], answer["theta"], answer["file"]) == (-1.0, None, None)
+
+
+def test_a_height_out_of_reach(run) -> None:
+    """The hand rises to 1.1 m at most and throws 3 m/s up: 1.56 m is the highest of all."""
+    said = run("map hand-box --samples 3000 --z 1.9 --json")
+    answer = said.json
+    assert (said.status, len(said.err.splitlines())) == (3, 1)
+    assert (answer["reachable"], answer["x"], answer["theta"]) == (0, None, None)
+    assert answer["message"] in said.err
+    highest = float(answer["message"].split("at most about ")[1].split(" m")[0])
+    assert 1.2 < highest < 1.57
+    empty = tp.reach_map("hand-box", z=1.9, samples=3000)
+    assert not empty.contains(0.0) and empty.distance(0.0) == math.inf
+    with pytest.raises(tp.InputError, match="nothing to save"):
+        empty.save("never")
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("map drop", "no [hand] or [robot]"),
+        ("map pose --z high", "--z high: must be a finite number"),
+        ("map pose --z 1e9", "--z = 1000000000.0: must be"),
+        ("map pose --samples 0", "--samples 0: must be a whole number, 1 to"),
+        ("map pose --samples 1e3", "--samples 1e3: must be a whole number"),
+        ("map nothing-like-it", "nothing-like-it"),
+    ],
+)
+def test_refused_on_the_command_line(line, words, refused, tmp_path, untouched) -> None:
+    untouched()
+    assert words in refused(line, "--out", tmp_path / "out")
+
+
+@pytest.mark.parametrize("wrong", [{"z": math.nan}, {"z": "0.1"}, {"samples": 0}, {"samples": 2.5}])
+def test_refused_in_python(wrong) -> None:
+    (name,) = wrong
+    with pytest.raises(tp.InputError, match=f"{name} = .*must be"):
+        tp.reach_map("pose", **wrong)
+
+
+# Prepared throws.
+
+
+@pytest.fixture(scope="module")
+def prepared(tmp_path_factory) -> tp.Planner:
+    planner = tp.Planner(tp.load_scene("hand-box"))
+    heard: list[tuple[int, int]] = []
+    made = planner.prepare(30, lambda done, total: heard.append((done, total)))
+    assert 15 < made == planner.prepared <= 30
+    assert heard[0] == (0, 30) and heard[-1] == (30, 30) and heard == sorted(heard)
+    return planner
+
+
+def test_prepared_plans_take_fewer_iterations_and_keep_their_promise(prepared) -> None:
+    plain = tp.Planner(prepared.scene)
+    assert plain.prepared == 0
+    counts = []
+    for x in (-1.1, -0.7, 0.45, 0.8, 1.0, 1.3):
+        target = tp.Pose(x=x, z=0.0)
+        before, after = plain.plan(target).to_dict(), prepared.plan(target).to_dict()
+        assert after["status"] == "solved"
+        assert after["error"]["exact"]["position"] <= 1e-4
+        counts.append(after["solver"]["iterations"] / before["solver"]["iterations"])
+    assert np.median(counts) < 0.8
+
+
+def test_prepared_throws_are_made_once(prepared) -> None:
+    heard: list[int] = []
+    scene = prepared.scene
+    # A target elsewhere and another name make no difference; another bar does.
+    elsewhere = scene.replace(target=dataclasses.replace(scene.target, x=0.3), name="mine")
+    for same in (scene, elsewhere):
+        other = tp.Planner(same)
+        assert other.prepare(30, lambda done, total: heard.append(done)) == prepared.prepared
+    assert not heard
+    target = tp.Pose(x=0.9, z=0.0)
+    one, two = prepared.plan(target).to_dict(), other.plan(target).to_dict()
+    assert one["landing"] == two["landing"]
+    heavier = scene.replace(object=dataclasses.replace(scene.object, mass=0.2))
+    tp.Planner(heavier).prepare(5, lambda done, total: heard.append(done))
+    assert len(heard) == 6
+
+
+def test_a_damaged_file_of_prepared_throws_is_made_again(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
+    scene = tp.load_scene("hand-box")
+    made = tp.Planner(scene).prepare(5)
+    sizes = {path: path.stat().st_size for path in tmp_path.rglob("*.npz")}
+    assert sizes
+    for path in sizes:
+        path.write_bytes(path.read_bytes()[:200])
+    assert tp.Planner(scene).prepare(5) == made
+    assert {path: path.stat().st_size for path in tmp_path.rglob("*.npz")} == sizes
+
+
+@pytest.mark.parametrize("throws", [0, -1, 10_001, 2.5, True, "many"])
+def test_a_wrong_number_of_throws_is_refused(throws, prepared) -> None:
+    with pytest.raises(tp.InputError, match=r"throws = .*: must be a whole number, 1 to 10000"):
+        prepared.prepare(throws)

@@ -1,0 +1,141 @@
+"""`simulate`, its variants and batches of releases: names, statuses, files, scene motions."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+import throwplan as tp
+
+#: What `all` runs, in this order; interface.md names all but ls-smooth.
+NAMES = ("sp", "sp-paper", "ls", "ls-smooth", "ils", "ls-step", "patch", "lugre")
+#: To be had by name only.
+VARIANTS = (
+    *("sp-euler", "sp-paper-euler", "ils-consistent", "ils-radau", "ils-bdf", "ils-rotated"),
+    *("ils-quartic", "ls-step-rotated", "ls-step-quartic", "patch-hertz", "lugre-1e6", "lugre-1e5"),
+)
+
+
+@pytest.fixture(scope="module")
+def drop() -> dict[str, dict]:
+    """The JSON of the drop by every model and variant."""
+    scene = tp.load_scene("drop")
+    found = {name: tp.simulate(scene, name)[name] for name in (*NAMES, *VARIANTS)}
+    return {name: one.to_dict() for name, one in found.items()}
+
+
+@pytest.fixture(scope="module")
+def omega(drop) -> dict[str, float]:
+    """Turning rates [rad/s] at detach."""
+    return {name: one["detach"]["omega"] for name, one in drop.items()}
+
+
+def test_all_models_as_json_and_as_a_file(tmp_path, run) -> None:
+    said = run("simulate drop-2cm --json --out", tmp_path / "out")
+    assert (said.status, said.err) == (0, "")
+    answer = said.json
+    assert answer["scene"] == "drop-2cm" and tuple(answer["models"]) == NAMES
+    for name, model in answer["models"].items():
+        assert set(model) == {"status", "detach", "landing", "events", "time"}
+        assert set(model["detach"]) == {"x", "z", "theta", "vx", "vz", "omega"}
+        assert set(model["events"]) == {"pivot", "slide"}
+        assert model["landing"] is None  # the scene gives no height
+        assert (model["status"] == "ok") == (not name.startswith("ls") or name == "ls-step")
+    assert answer == json.loads((tmp_path / "out" / "simulation.json").read_text())
+    pictures = [path for path in (tmp_path / "out").iterdir() if path.suffix == ".png"]
+    assert pictures and all(path.stat().st_size > 10_000 for path in pictures)
+
+
+def test_the_drop_is_the_paper_s_by_every_model(drop, omega) -> None:
+    for name in ("sp", "sp-paper", "ils", "ls-step", "patch", "lugre"):
+        assert omega[name] == pytest.approx(-1.035, abs=0.02)
+    assert drop["sp"]["events"] == pytest.approx({"pivot": 0.02275, "slide": 0.0487736}, abs=1e-6)
+
+
+def test_variants_are_asked_for_by_name(run, refused) -> None:
+    said = run("simulate drop-2cm --model ls-step-quartic")
+    header, row = said.out.splitlines()[1:3]
+    assert len(header) == len(row) and row.split()[0] == "ls-step-quartic"
+    line = refused("simulate drop --model ls-step-quartc")
+    assert "did you mean 'ls-step-quartic'?" in line
+    assert all(name in line for name in (*NAMES, *VARIANTS))
+
+
+def test_other_integrators_and_norms_agree_with_the_plain_model(omega) -> None:
+    for variant, plain, within in (
+        *[("ils-radau", "ils", 1e-5), ("ils-bdf", "ils", 1e-5), ("ils-consistent", "ils", 5e-3)],
+        *[("sp-euler", "sp", 1e-3), ("sp-paper-euler", "sp-paper", 1e-3)],
+        ("patch-hertz", "patch", 2e-3),
+    ):
+        assert omega[variant] == pytest.approx(omega[plain], rel=within)
+
+
+def test_other_surfaces_agree_between_stepping_and_the_smoothed_law(omega) -> None:
+    for shape in ("rotated", "quartic"):
+        assert omega[f"ls-step-{shape}"] == pytest.approx(omega[f"ils-{shape}"], rel=0.02)
+        assert abs(omega[f"ls-step-{shape}"] / omega["ls-step"] - 1) > 2e-3
+
+
+def test_softer_bristles_let_the_bar_turn_further(omega) -> None:
+    assert omega["lugre-1e5"] < omega["lugre-1e6"] < omega["lugre"] < omega["patch"]
+
+
+def test_a_model_that_fails_is_shown_and_the_others_go_on(tmp_path, run) -> None:
+    text = tp.scene_text("drop")
+    text = text.replace("opening = 0.05", "opening = 2.0").replace("force = 50.0", "force = 2000.0")
+    text += "acceleration = [300.0, 200.0]\nangular_acceleration = 500.0\nrate = 9.0\n"
+    (tmp_path / "hard.toml").write_text(text)
+    answer = run("simulate --json", tmp_path / "hard.toml").json
+    failing = {name for name, model in answer["models"].items() if model["status"] != "ok"}
+    assert {"ls", "sp"} <= failing and "ls-step" not in failing
+    said = run("simulate --model ls", tmp_path / "hard.toml")
+    assert said.status == 0 and "ls: not to be trusted" in said.out
+
+
+def test_landing_is_given_where_there_is_a_height() -> None:
+    scene = tp.load_scene("drop").replace(target=tp.Pose(x=0.0, z=-1.0))
+    for name in ("sp", "ls-step"):
+        landing = tp.simulate(scene, name)[name].to_dict()["landing"]
+        assert landing["z"] == -1.0 and 0.05 < landing["x"] < 0.15
+
+
+def test_pressure_of_the_scene_reaches_the_meshed_models(drop) -> None:
+    scene = tp.load_scene("drop")
+    hertz = scene.replace(contact=dataclasses.replace(scene.contact, pressure="hertz"))
+    found = tp.simulate(hertz, "patch")["patch"].to_dict()["detach"]
+    assert found["omega"] == pytest.approx(drop["patch-hertz"]["detach"]["omega"], abs=1e-9)
+    assert abs(found["omega"] - drop["patch"]["detach"]["omega"]) > 1e-7
+
+
+# Batches.
+
+
+@pytest.mark.parametrize(
+    "motion",
+    [
+        {"times": (0.0, 0.02), "accelerations": ((1.0, 0.0, 0.0), (0.0, 2.0, 5.0))},
+        {"acceleration": (3.0, -2.0), "angular_acceleration": 8.0},
+    ],
+)
+def test_a_batch_throws_the_scene_s_own_motion(motion) -> None:
+    scene = tp.load_scene("drop")
+    scene = scene.replace(motion=dataclasses.replace(scene.motion, **motion))
+    alone = tp.simulate(scene, "sp")["sp"].to_dict()["detach"]
+    batch = tp.simulate_batch(scene, contact={"friction": [0.8, 0.8]}).detach
+    values = list(alone.values())
+    assert batch[1, :3] == pytest.approx(values[:3], abs=1e-5)
+    assert batch[0, 3:] == pytest.approx(values[3:], abs=2e-3)
+
+
+def test_a_batch_refuses_motions_that_do_not_cover_the_opening() -> None:
+    scene, t = tp.load_scene("drop"), np.linspace(0, 0.06, 20)
+    poses = np.zeros((1, 20, 3))
+    for hand, words in (
+        ({"times": t, "poses": poses, "delays": [0.0, 0.02]}, "must cover 0 to 0.07"),
+        ({"times": t, "poses": poses, "delays": [-0.01]}, "must cover -0.01"),
+        ({"times": t, "poses": poses, "twist": np.zeros((1, 3))}, "not both"),
+    ):
+        with pytest.raises(tp.InputError, match=words):
+            tp.simulate_batch(scene, hand=hand)
