@@ -23,7 +23,7 @@ from .mover import Limits, Mover, make_mover
 from .rollout import Landing, MoverTrack, case_of, friction_use, hand_samples, slip_while_carrying
 from .sent import SentThrow
 from .simulate import MODELS, simulate
-from .simulate_batch import BATCH_MODELS, STEPS
+from .simulate_batch import BATCH_MODELS, STEPS, simulate_batch
 from .smooth import SmoothingError, send
 from .violations import (
     PALM_TIMES,
