@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner.ocp.context import Room
+from throwplan.planner.ocp import Margins
 from throwplan.planner.reach import preparing
 from throwplan.planner.search import correction, solved_throws
 from throwplan.planner.search.solved_throws import SolvedThrow, SolvedThrows, _read
@@ -91,7 +91,7 @@ def test_what_is_read_is_what_was_saved(tmp_path: Path) -> None:
     planner = tp.Planner(scene)
     planner.prepare(COUNT)
     throws = list(throws_of(planner)[:6])
-    room = Room(held=0.01, cup=2e-4, torque=0.3)
+    room = Margins(held=0.01, cup=2e-4, torque=0.3)
     guards = frozenset({"carry", "flight"})
     throws[1] = dataclasses.replace(throws[1], guards=guards, room=room, aim=(1e-3, -2e-3))
     longer = np.append(throws[2].lam_g, 1.0)
@@ -189,7 +189,7 @@ def test_after_throws_that_lead_nowhere_the_search_is_the_usual_one(
     planner, plain = tp.Planner(scene), tp.Planner(scene)
     planner.prepare(COUNT)
     target = near(planner, 1)[0]
-    roomier = [dataclasses.replace(t, room=Room(held=0.04)) for t in throws_of(planner)]
+    roomier = [dataclasses.replace(t, room=Margins(held=0.04)) for t in throws_of(planner)]
     planner._throws = SolvedThrows(roomier, scene)
     asked = []
 
@@ -200,8 +200,8 @@ def test_after_throws_that_lead_nowhere_the_search_is_the_usual_one(
 
     monkeypatch.setattr("throwplan.planner.plan.attempt", attempt)
     before, after = plain.plan(target), planner.plan(target)
-    assert 1 <= asked.count((Room(held=0.04), True)) <= solved_throws.NEAREST
-    assert all(room == Room() for room, warm in asked if not warm)
+    assert 1 <= asked.count((Margins(held=0.04), True)) <= solved_throws.NEAREST
+    assert all(room == Margins() for room, warm in asked if not warm)
     np.testing.assert_array_equal(before.throw.solution.x, after.throw.solution.x)
 
 

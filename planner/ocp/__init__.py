@@ -3,7 +3,8 @@
 A scene section that is absent adds no variable, constraint or parameter.
 """
 
-from .context import JERK_UNIT, USUAL, Room
+from .asked import HEAVY, USUAL, Asked, Margins
+from .context import JERK_UNIT
 from .derivatives import nlp_functions, nlp_key
 from .nlp import ThrowNlp, build_nlp
 from .numbers import (
@@ -27,10 +28,12 @@ __all__ = [
     "BRAKE_SHARE",
     "CUP_ROOM",
     "FLIGHT_MAX",
+    "HEAVY",
     "JERK_UNIT",
     "PASSING_ROOM",
     "USUAL",
-    "Room",
+    "Asked",
+    "Margins",
     "Solution",
     "Solver",
     "ThrowNlp",

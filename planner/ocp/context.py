@@ -21,24 +21,6 @@ JERK_UNIT = 1000.0
 
 
 @dataclass(frozen=True)
-class Room:
-    """More room [m] than usual, where the check has seen that it takes more.
-
-    held: between obstacles and what is carried; cup: between the bar and the cup; torque: as
-    a share of the joints' limits; passing: between the base column and the flying bar.
-    """
-
-    held: float = 0.0
-    cup: float = 0.0
-    torque: float = 0.0
-    passing: float = 0.0
-
-
-#: What an NLP has at first.
-USUAL = Room()
-
-
-@dataclass(frozen=True)
 class Structure:
     """What a scene's NLP consists of; two scenes with the same one share a build.
 

@@ -11,8 +11,9 @@ import numpy.typing as npt
 from ...models.hand import PlanarArm
 from ...problems.scene import Mesh, Pose, Scene
 from ..check import PALM_TIMES, Guard, Mover
+from .asked import USUAL, Margins
 from .assembly import Nlp
-from .context import JERK_UNIT, USUAL, Room, Structure
+from .context import JERK_UNIT, Structure
 from .integration import NODES, SLIP_UNIT, TURN_UNIT
 from .nlp import ThrowNlp
 from .window import Window
@@ -106,11 +107,15 @@ def structure_of(
 
 
 def parameter_values(
-    scene: Scene, mover: Mover, target: Pose, window: Window | None = None, room: Room = USUAL
+    scene: Scene,
+    mover: Mover,
+    target: Pose,
+    window: Window | None = None,
+    margins: Margins = USUAL.margins,
 ) -> dict[str, Any]:
     """Values of every parameter that an NLP of this scene may have.
 
-    room: more than usual, where the check has seen that it takes more.
+    margins: beyond the usual ones.
     """
     body, contact, profile = scene.body, scene.patch, scene.gripper.profile()
     limits = mover.planning
@@ -152,7 +157,7 @@ def parameter_values(
     if scene.torque is not None:
         assert isinstance(mover.kinematics, PlanarArm)
         limits_of = scene.torque.of(mover.kinematics.arm, mover.kinematics.throwing_joints)
-        values["torque_max"] = (1 - scene.torque.margin - room.torque) * np.array(limits_of)
+        values["torque_max"] = (1 - scene.torque.margin - margins.torque) * np.array(limits_of)
     if limits.slowing is not None:
         names = ("slowing", "slowing_offset", "slowing_upper", "slowing_lower")
         values |= dict(zip(names, limits.slowing, strict=True))
@@ -163,9 +168,9 @@ def parameter_values(
         values["floor"] = (workspace.floor or 0.0) + HELD_ROOM
         values["column_radius"] = (workspace.column_radius or 0.0) + HELD_ROOM
         values["column_height"] = (workspace.column_height or 0.0) + HELD_ROOM
-        values["passing_room"] = PASSING_ROOM + room.passing
+        values["passing_room"] = PASSING_ROOM + margins.passing
         values["column_room"] = HELD_ROOM
-        values["held_room"] = room.held
+        values["held_room"] = margins.held
         values |= _palm_values(scene)
     if scene.landing is not None:
         landing = scene.landing
@@ -177,7 +182,10 @@ def parameter_values(
         values["cup_x"], values["cup_rim"], values["cup_insertion"] = cup.x, cup.rim, cup.insertion
         # The bar is as thick as it is wide, so a round cup is narrower beside its middle.
         chord = math.sqrt(cup.radius**2 - (scene.object.width / 2) ** 2)
-        values["cup_radius"], values["cup_clearance"] = chord, cup.clearance + CUP_ROOM + room.cup
+        values["cup_radius"], values["cup_clearance"] = (
+            chord,
+            cup.clearance + CUP_ROOM + margins.cup,
+        )
         values["lower_end"] = lower_end(scene, target)
     return values
 

@@ -13,7 +13,7 @@ from ...models.arm import Arm
 from ...problems.errors import InputError
 from ...problems.scene import Pose, Scene
 from ..check import Landing, Mover, PlannedMotion, SampledMotion, Thrown, limit_surface_throw
-from ..ocp import USUAL, Room, Solution, ThrowNlp
+from ..ocp import USUAL, Margins, Solution, ThrowNlp
 from .files import Draw, save_plan
 
 Status = Literal["solved", "out_of_reach", "not_converged"]
@@ -42,7 +42,7 @@ class PlannedThrow:
     sent: Thrown | None
     final: Thrown
     aim: tuple[float, float]
-    room: Room = USUAL
+    room: Margins = USUAL.margins
 
     @cached_property
     def limit_surface(self) -> Thrown:

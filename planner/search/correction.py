@@ -12,7 +12,7 @@ import time
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -25,7 +25,6 @@ from ..check import (
     SampledMotion,
     SmoothingError,
     Thrown,
-    Tight,
     Violation,
     broken_limits,
     limit_surface_throw,
@@ -35,7 +34,8 @@ from ..check import (
 )
 from ..ocp import (
     USUAL,
-    Room,
+    Asked,
+    Margins,
     Solution,
     Solver,
     ThrowNlp,
@@ -53,16 +53,6 @@ Array = npt.NDArray[np.float64]
 #: scene's tolerance where that is less.
 AIM = (1e-4, math.radians(0.02))
 MAX_CORRECTIONS = 8
-#: Room [m; share] beyond what the check has seen to be missing, and the most that is tried.
-MORE_ROOM: dict[Tight, tuple[float, float]] = {
-    "held": (0.002, 0.05),
-    "cup": (2e-4, 0.005),
-    "torque": (0.01, 0.3),
-    "passing": (0.002, 0.03),
-}
-#: Where the held bar dips less than this [m] into an obstacle, between nodes that keep clear of
-#: it, more room is tried before rows that look closer.
-SHALLOW = 0.015
 
 
 @dataclass
@@ -84,7 +74,7 @@ class Search:
     fallback: tuple[PlannedThrow, str] | None = None
     broken: PlannedThrow | None = None
     guards: frozenset[Guard] = frozenset()
-    room: Room = USUAL
+    room: Margins = USUAL.margins
     until: float = math.inf
     tried: set[tuple[object, ...]] = field(default_factory=set)
 
@@ -108,26 +98,11 @@ class Search:
         self.trouble.append("; ".join(violation.words for violation in found))
         if self.fallback is None:
             self.fallback = (thrown, self.trouble[-1])
-        asked: set[Guard] = set()
-        missing: dict[Tight, float] = {}
-        for violation in found:
-            guard, tight, depth = violation.guard, violation.tight, violation.depth
-            shallow = violation.between and self.room.held + depth < SHALLOW
-            if tight and (not guard or guard in self.guards or shallow):
-                missing[tight] = max(missing.get(tight, 0.0), depth)
-            elif guard:
-                asked.add(guard)
-        for tight, depth in missing.items():
-            more, most = MORE_ROOM[tight]
-            room = min(getattr(self.room, tight) + depth + more, most)
-            self.room = replace(self.room, **{tight: room})
-        if "flight" in asked and asked <= self.guards:
-            # Between the two ends, or later than looked at.
-            asked = {"return"}
-        self.guards |= asked
+        after = Asked(self.guards, self.room).with_(found)
+        self.guards, self.room = after.guards, after.margins
 
     @property
-    def asked(self) -> tuple[frozenset[Guard], Room]:
+    def asked(self) -> tuple[frozenset[Guard], Margins]:
         """What it takes an NLP to have now."""
         return self.guards, self.room
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..ocp import CUP_ROOM, Room
+from ..ocp import CUP_ROOM
 from .alternatives import Found
 from .correction import Search, attempt
 from .nearest_possible import Binding
@@ -48,7 +48,7 @@ def from_elastic(bench: Workbench, answer: Binding, search: Search) -> Found | N
     return None
 
 
-def _rooms(search: Search) -> list[Room]:
+def _rooms(search: Search) -> list[Margins]:
     """What room to try: that of the search and, where there is a cup, less beside that."""
     if search.scene.cup is None:
         return [search.room]

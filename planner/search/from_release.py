@@ -5,12 +5,13 @@ from __future__ import annotations
 from dataclasses import replace
 
 from ...problems.scene import Pose
+from ..ocp import HEAVY
 from .alternatives import Found
 from .correction import Search, attempt
 from .guess import guess_from
 from .refit import again
 from .releases import Releases
-from .workbench import HEAVY, Workbench
+from .workbench import Workbench
 
 #: NLPs tried from one release, each asked what the check has seen to be missing.
 TRIES = 4

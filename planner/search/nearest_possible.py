@@ -19,7 +19,7 @@ from ..check import Guard, Mover, column_of, column_room, enters_cup_at_landing,
 from ..compile import Compile
 from ..ocp import (
     CUP_ROOM,
-    Room,
+    Margins,
     Solution,
     Solver,
     ThrowNlp,
@@ -48,7 +48,7 @@ WORSE = 1.1
 #: A height this far [m] above every sampled apex is out of reach.
 HEIGHT_ROOM = 0.25
 #: The cup's own clearance and no more: less than that only is out of reach.
-BARE = Room(cup=-CUP_ROOM)
+BARE = Margins(cup=-CUP_ROOM)
 #: Angles at which a bar that may land at any is held against the column.
 HALF_TURN = 181
 #: A multiplier counts as binding above this share of the largest.

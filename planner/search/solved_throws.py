@@ -21,7 +21,7 @@ import numpy.typing as npt
 from ...problems.scene import Pose, Scene
 from ..check import Guard
 from ..compile import DAMAGED, cache_folder, digest, publish, source_of
-from ..ocp import Room, Solution
+from ..ocp import Margins, Solution
 from ..result import PlannedThrow
 from .sparse import sparse_parents
 
@@ -49,7 +49,7 @@ class SolvedThrow:
 
     target: Pose
     guards: frozenset[Guard]
-    room: Room
+    room: Margins
     x: Array
     lam_g: Array
     lam_x: Array
@@ -179,7 +179,7 @@ def _throw(
     return SolvedThrow(
         Pose(plane_x, z=z, theta=None if math.isnan(theta) else theta),
         frozenset(known),
-        Room(*room.tolist()),
+        Margins(*room.tolist()),
         x,
         lam_g,
         lam_x,

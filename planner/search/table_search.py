@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 from ...problems.scene import Pose, Scene
+from ..ocp import HEAVY
 from .alternatives import Found, distinct
 from .closer import closer
 from .correction import Search
@@ -14,7 +15,7 @@ from .from_release import from_release
 from .nearest_possible import Binding, Reach, in_column
 from .releases import Releases, ReleaseSampler
 from .starts import Turns, past_column, starts
-from .workbench import HEAVY, Workbench
+from .workbench import Workbench
 
 #: Starts tried with FATROP, then with IPOPT.
 STARTS = {"fatrop": 6, "ipopt": 4}

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from ...problems.scene import Pose, Scene
 from ..check import Guard, Mover
 from ..compile import Compile
-from ..ocp import Solver, ThrowNlp, Window, bounds, build_nlp, structure_of, window_of
+from ..ocp import HEAVY, Solver, ThrowNlp, Window, bounds, build_nlp, structure_of, window_of
 from .correction import Problem, Search
 
 
@@ -18,10 +18,6 @@ class Kind:
     angle: bool
     guards: frozenset[Guard]
     robust: str = ""
-
-
-#: Guards with many rows all along: IPOPT's, and other starts come first, which often do without.
-HEAVY: frozenset[Guard] = frozenset({"carry", "return"})
 
 
 def patient(compiling: Compile, guards: frozenset[Guard]) -> Compile:
