@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ..ocp import CUP_ROOM
+from ..ocp import CUP_ROOM, Margins
 from .alternatives import Found
 from .correction import Search, attempt
 from .nearest_possible import Binding
