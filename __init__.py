@@ -14,10 +14,17 @@ from .planner.reach import ReachMap, reach_map
 from .planner.result import Plan, read_plan
 from .planner.robot import Replay, replay
 from .planner.sweep import Sweep, sweep
-from .problems.errors import InputError, ThrowplanError
-from .problems.load import load_scene, scene_names, scene_text
-from .problems.scene import Pose, Scene
-from .problems.throw_data import ThrowData, load_throws
+from .problems import (
+    InputError,
+    Pose,
+    Scene,
+    ThrowData,
+    ThrowplanError,
+    load_scene,
+    load_throws,
+    scene_names,
+    scene_text,
+)
 
 try:
     __version__ = version("throwplan")

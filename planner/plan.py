@@ -11,11 +11,7 @@ from typing import Literal, get_args
 
 import numpy as np
 
-from ..problems.errors import InputError
-from ..problems.load import as_scene
-from ..problems.mesh import Mesh
-from ..problems.robust import COMPARED, METHODS
-from ..problems.scene import Pose, Scene
+from ..problems import COMPARED_METHODS, ROBUST_METHODS, InputError, Mesh, Pose, Scene, as_scene
 from .check import KernelCode, check_kernels, make_mover
 from .compile import Compile
 from .ocp import Solution, nlp_key
@@ -212,8 +208,8 @@ class Planner:
         """The robust method that is asked for, empty if none."""
         if robust is None:
             return "" if self.scene.robust is None else self.scene.robust.method
-        if robust not in METHODS + COMPARED:
-            raise InputError(f"robust = {robust!r}: must be one of {', '.join(METHODS)}")
+        if robust not in ROBUST_METHODS + COMPARED_METHODS:
+            raise InputError(f"robust = {robust!r}: must be one of {', '.join(ROBUST_METHODS)}")
         return robust
 
     def _hardened(

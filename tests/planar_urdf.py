@@ -9,7 +9,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 from throwplan.models.arm import Arm
 from throwplan.planner.cli import main
-from throwplan.problems.arm_file import load_arm
+from throwplan.problems import load_arm
 
 #: In the world at rest: where the joints are (x, z) [m], and their axes.
 PLACES = np.array([[0.0, 0.2], [0.05, 0.4], [0.45, 0.5], [0.8, 0.35]])

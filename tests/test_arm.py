@@ -10,7 +10,7 @@ from adam.numpy import KinDynComputations
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from throwplan.models.hand import PlanarArm, PlanarHand, hand_motion
-from throwplan.problems.arm_file import load_arm
+from throwplan.problems import load_arm
 
 URDF = Path(__file__).parent / "data" / "panda.urdf"
 PANDA = load_arm("panda")

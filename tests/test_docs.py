@@ -22,8 +22,8 @@ from throwplan.planner.ocp import numbers, solver, window
 from throwplan.planner.reach import preparing
 from throwplan.planner.robust import hardening
 from throwplan.planner.search import correction, from_release, releases, table_search
+from throwplan.problems import Mesh
 from throwplan.problems.load import SECTIONS, scene_names, scene_text
-from throwplan.problems.mesh import Mesh
 from throwplan.problems.reference import ARM, reference
 from throwplan.problems.reference_words import NOTES, WORDS
 

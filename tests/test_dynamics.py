@@ -6,7 +6,7 @@ import pytest
 from adam.numpy import KinDynComputations
 from throwplan.models.dynamics import PlanarDynamics
 from throwplan.models.hand import PlanarArm
-from throwplan.problems.arm_file import load_arm
+from throwplan.problems import load_arm
 
 PANDA = load_arm("panda")
 THROWING = [1, 3, 5]

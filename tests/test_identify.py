@@ -24,12 +24,18 @@ from throwplan.planner.identify.learn import thrown, updated
 from throwplan.planner.identify.measured import measured
 from throwplan.planner.identify.predict import Parameters, Predictor
 from throwplan.planner.report.learning_runs import BELIEVED, Lesson
-from throwplan.problems.distribution import Distribution
-from throwplan.problems.errors import InputError
-from throwplan.problems.hold import Grasp, ThrownObject
-from throwplan.problems.load import load_scene, scene_text
-from throwplan.problems.throw_data import MeasuredThrow, Shared, ThrowData
-from throwplan.problems.uncertainty import Uncertainty
+from throwplan.problems import (
+    Distribution,
+    Grasp,
+    InputError,
+    MeasuredThrow,
+    Shared,
+    ThrowData,
+    ThrownObject,
+    Uncertainty,
+    load_scene,
+    scene_text,
+)
 
 Array = npt.NDArray[np.float64]
 

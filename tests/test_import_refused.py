@@ -10,7 +10,7 @@ import xml.etree.ElementTree as ET
 import pytest
 from planar_urdf import JOINTS, ODD_OPTIONS, XACRO
 from throwplan.planner.cli import main
-from throwplan.problems.arm_file import load_arm
+from throwplan.problems import load_arm
 
 MIMIC = '<mimic joint="lift"/>'
 FLICK = '"flick" type="revolute"'

@@ -19,8 +19,7 @@ from throwplan.models.hand import PlanarArm
 from throwplan.planner.check.check import throw
 from throwplan.planner.check.mover import make_mover
 from throwplan.planner.cli import main
-from throwplan.problems.arm_file import load_arm
-from throwplan.problems.load import scene_text
+from throwplan.problems import load_arm, scene_text
 
 PANDA_URDF = Path(__file__).parent / "data" / "panda.urdf"
 PANDA_JOINTS = [f"panda_joint{i}" for i in range(1, 8)]

@@ -17,11 +17,17 @@ from throwplan.planner.identify.make_throws_scene import HEIGHT
 from throwplan.planner.identify.make_throws_truth import Flown, Law
 from throwplan.planner.identify.measured import measured
 from throwplan.planner.identify.predict import Parameters, Predictor
-from throwplan.problems.errors import InputError
+from throwplan.problems import (
+    Grasp,
+    InputError,
+    MeasuredThrow,
+    Shared,
+    ThrowData,
+    ThrownObject,
+    load_throws,
+    write_throws,
+)
 from throwplan.problems.grip_recording import grip_samples, monotone_grip
-from throwplan.problems.hold import Grasp, ThrownObject
-from throwplan.problems.throw_data import MeasuredThrow, Shared, ThrowData, load_throws
-from throwplan.problems.throw_data_files import write_throws
 
 #: Franka's data sheet of the Panda, joints 2, 4 and 6: position from, to [rad], then rate,
 #: acceleration and jerk.

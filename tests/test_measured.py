@@ -8,9 +8,7 @@ import numpy as np
 import pytest
 from throwplan.models.grip_force import TableRelease
 from throwplan.planner.identify.measured import measured, velocities
-from throwplan.problems.errors import InputError
-from throwplan.problems.hold import Grasp, ThrownObject
-from throwplan.problems.throw_data import MeasuredThrow, Shared, ThrowData
+from throwplan.problems import Grasp, InputError, MeasuredThrow, Shared, ThrowData, ThrownObject
 
 G, HEIGHT, OPENED = 9.81, -0.7, 0.6
 #: CoM pose and twist at the opening's end.

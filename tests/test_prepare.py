@@ -13,7 +13,7 @@ from throwplan.planner.ocp import Margins
 from throwplan.planner.reach import preparing
 from throwplan.planner.search import correction, solved_throws
 from throwplan.planner.search.solved_throws import SolvedThrow, SolvedThrows, _read
-from throwplan.problems.choice import Choice
+from throwplan.problems import Choice
 
 COUNT = 60
 

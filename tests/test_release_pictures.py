@@ -23,8 +23,7 @@ from throwplan.planner.show.contact_pictures import (
 )
 from throwplan.planner.show.overhang_picture import draw_overhang
 from throwplan.planner.show.release_pictures import draw_chatter, draw_release_pictures, quartic
-from throwplan.problems.errors import InputError
-from throwplan.problems.scene import Motion, Scene
+from throwplan.problems import InputError, Motion, Scene
 
 NAMES = ["limit-surface.png", "chatter.png", "shapes.png", "overhang.png", "comparison.png"]
 SHAPES = {"ellipsoid": ellipsoid, "rotated": rotated_ellipsoid, "quartic": quartic}

@@ -15,7 +15,7 @@ from throwplan.planner.cli import main
 from throwplan.planner.cli.replay import text
 from throwplan.planner.result.files import read_plan
 from throwplan.planner.robot.replay_model import FRICTION, damping_ratio
-from throwplan.problems.errors import InputError
+from throwplan.problems import InputError
 
 mujoco = pytest.importorskip("mujoco")
 

@@ -10,7 +10,7 @@ from throwplan.planner.report.import_count import imports_of
 from throwplan.planner.report.part_ladder import ARM, GUARDS, HAND, ladder, with_everything
 from throwplan.planner.report.part_sizes import Measured, Posed, measured
 from throwplan.planner.report.parts import _forced_words, _goal_parts
-from throwplan.problems.load import load_scene
+from throwplan.problems import load_scene
 
 
 @pytest.fixture(scope="module")

@@ -27,7 +27,7 @@ from throwplan.planner.report.other_units import in_other_units, unit_rows
 from throwplan.planner.report.page import Effort
 from throwplan.planner.report.stability import _extremes
 from throwplan.planner.result.plan import PlannedThrow
-from throwplan.problems.load import load_scene
+from throwplan.problems import load_scene
 
 
 @pytest.fixture(scope="module")

@@ -15,7 +15,7 @@ from throwplan.planner.ocp.numbers import opening_nodes, structure_of
 from throwplan.planner.ocp.window import window_of
 from throwplan.planner.plan import QUIET_MESH
 from throwplan.planner.search.refit import refit
-from throwplan.problems.robust import Robust
+from throwplan.problems import Robust
 
 
 def scaled_spread(plan: tp.Plan, **uncertain: dict) -> float:

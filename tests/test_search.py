@@ -13,7 +13,7 @@ import throwplan as tp
 from throwplan.planner.check.violations import Violation
 from throwplan.planner.report.reach_study import outcomes, reachable_targets
 from throwplan.planner.search.correction import Search
-from throwplan.problems.choice import Choice
+from throwplan.problems import Choice
 
 
 @pytest.mark.parametrize("name", ["pose", "cup", "box", "hand-flip"])

@@ -23,8 +23,7 @@ from throwplan.planner.sweep.sweep_run import CHUNKS, run_sweep
 from throwplan.planner.sweep.sweep_sensitivity import derivatives, scan_delays
 from throwplan.planner.sweep.sweep_throws import Thrower
 from throwplan.planner.sweep.uncertain import sampler_of
-from throwplan.problems.load import scene_text
-from throwplan.problems.scene import Distribution, Gripper, Uncertainty
+from throwplan.problems import Distribution, Gripper, Uncertainty, scene_text
 
 G = 9.81
 POSE, TWIST = np.array([0.2, 0.9, -0.6]), np.array([1.9, 1.4, 2.5])

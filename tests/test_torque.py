@@ -12,8 +12,7 @@ import pytest
 import throwplan as tp
 from throwplan.planner.check.torque import torque_use
 from throwplan.planner.cli import main
-from throwplan.problems.load import scene_text
-from throwplan.problems.torque import Torque
+from throwplan.problems import Torque, scene_text
 
 #: Under half of the Panda's torques [N m].
 WEAK = (45.0, 30.0, 6.0)

@@ -9,9 +9,8 @@ import numpy as np
 import pytest
 from scipy import stats
 from throwplan import InputError, load_scene
-from throwplan.planner.sweep.uncertain import USUAL, quantile, sampler_of
-from throwplan.problems.load import scene_text
-from throwplan.problems.scene import Distribution, Uncertainty
+from throwplan.planner.sweep.uncertain import quantile, sampler_of
+from throwplan.problems import USUAL_UNCERTAINTY, Distribution, Uncertainty, scene_text
 
 
 def scene_with(tmp_path, section: str, base: str = "pose"):
@@ -171,7 +170,7 @@ def test_copula_couples_ranks_and_leaves_the_margins(rho: float) -> None:
 
 
 def test_any_part_of_the_sequence_can_be_drawn_by_itself() -> None:
-    sampler = sampler_of(load_scene("pose").replace(uncertainty=USUAL), 5)
+    sampler = sampler_of(load_scene("pose").replace(uncertainty=USUAL_UNCERTAINTY), 5)
     whole = sampler.draw(0, 512)
     parts = [sampler.draw(first, 128) for first in range(0, 512, 128)]
     assert np.array_equal(whole, np.vstack(parts))
@@ -179,7 +178,7 @@ def test_any_part_of_the_sequence_can_be_drawn_by_itself() -> None:
 
 
 def test_seeds_differ_and_repeat() -> None:
-    draws = [sampled(USUAL, 256, seed) for seed in (0, 0, 1)]
+    draws = [sampled(USUAL_UNCERTAINTY, 256, seed) for seed in (0, 0, 1)]
     assert np.array_equal(draws[0], draws[1])
     assert not np.allclose(draws[0], draws[2])
     # Low discrepancy: each 256th of the range is met once.
@@ -199,4 +198,4 @@ def test_quantiles_of_a_distribution_invert_its_law() -> None:
 
 def test_the_section_is_frozen() -> None:
     with pytest.raises(dataclasses.FrozenInstanceError):
-        USUAL.delay = None  # type: ignore[misc]
+        USUAL_UNCERTAINTY.delay = None  # type: ignore[misc]

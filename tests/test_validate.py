@@ -24,10 +24,16 @@ from throwplan.planner.identify.predict import Parameters, Predictor
 from throwplan.planner.identify.validation import validate
 from throwplan.planner.identify.validation_folds import bootstrap, fold_of
 from throwplan.planner.identify.validation_predict import predicted, quick_predictor
-from throwplan.problems.arm_file import load_arm
-from throwplan.problems.hold import Grasp, ThrownObject
-from throwplan.problems.throw_data import MeasuredThrow, Shared, ThrowData, load_throws
-from throwplan.problems.throw_data_files import write_throws
+from throwplan.problems import (
+    Grasp,
+    MeasuredThrow,
+    Shared,
+    ThrowData,
+    ThrownObject,
+    load_arm,
+    load_throws,
+    write_throws,
+)
 
 COMS = {"0.10": (0.10, 535e-6), "0.16": (0.16, 802e-6)}
 PITCHES = {"p1": (-0.6, 1.9), "p2": (-0.95, 1.2), "p3": (-1.3, 0.5)}

@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models.release import Release, ReleaseCase
-from ...problems.scene import Pose, Scene
+from ...problems import Pose, Scene
 from .exact_release import limit_surface_release, sliding_pivot_release
 from .motion import TICK, PiecewiseMotion, SampledMotion
 from .mover import Limits, Mover

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.scene import Cup, Scene, ThrownObject
+from ...problems import Cup, Scene, ThrownObject
 
 Array = npt.NDArray[np.float64]
 

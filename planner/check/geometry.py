@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models.arm import Tool
-from ...problems.scene import Cup, Scene, ThrownObject
+from ...problems import Cup, Scene, ThrownObject
 
 Array = npt.NDArray[np.float64]
 

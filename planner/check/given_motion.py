@@ -10,8 +10,7 @@ from ...models.hand import PlanarArm, hand_motion
 from ...models.hand_track import ConstantAcceleration, PiecewiseAcceleration, SampledHand
 from ...models.recording import RecordedJoints
 from ...models.release import HandTrack
-from ...problems.errors import InputError
-from ...problems.scene import Motion, Scene
+from ...problems import InputError, Motion, Scene
 
 Array = npt.NDArray[np.float64]
 

@@ -10,7 +10,7 @@ from collections.abc import Mapping
 
 import casadi as ca
 
-from ...problems.scene import Scene
+from ...problems import Scene
 from ..compile import Code, Compile, Kernel, MappedKernel, mapped
 from .exact_release import pivot_kernel
 from .mover import Mover

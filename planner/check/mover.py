@@ -10,8 +10,7 @@ import numpy.typing as npt
 
 from ...models.arm import Slowing
 from ...models.hand import PlanarArm, PlanarHand, hand_motion
-from ...problems.errors import InputError
-from ...problems.scene import Hand, Scene
+from ...problems import Hand, InputError, Scene
 
 Array = npt.NDArray[np.float64]
 

@@ -11,7 +11,7 @@ import numpy.typing as npt
 from ...models.contact import pivot_wrench
 from ...models.flight import FlightState, time_to_height
 from ...models.release import HandSamples, HandTrack, Release, ReleaseCase
-from ...problems.scene import Scene
+from ...problems import Scene
 from ..compile import mapped
 from .motion import Motion, PiecewiseMotion
 from .mover import Mover

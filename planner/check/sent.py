@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from functools import cached_property
 
-from ...problems.scene import Pose, Scene
+from ...problems import Pose, Scene
 from .check import Thrown, limit_surface_throw
 from .motion import PiecewiseMotion, SampledMotion
 from .mover import Mover

@@ -17,9 +17,7 @@ from ...models.patch_release import PatchRelease
 from ...models.release import Release, ReleaseCase, ReleaseModel
 from ...models.sliding_pivot_release import SlidingPivotRelease
 from ...models.time_stepping_release import SteppedRelease
-from ...problems.errors import InputError
-from ...problems.load import as_scene
-from ...problems.scene import Scene
+from ...problems import InputError, Scene, as_scene
 from .given_motion import given_hand
 from .rollout import Landing, case_of, landing
 

@@ -27,8 +27,7 @@ from ...models.flight import land
 from ...models.lugre_release import LuGreRelease
 from ...models.patch_release import PatchRelease
 from ...models.release import UNSOLVED
-from ...problems.errors import InputError
-from ...problems.scene import Scene
+from ...problems import InputError, Scene
 from ..compile import PAYS_FROM, compiled_steps
 from .given_motion import given_hand
 

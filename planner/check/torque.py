@@ -11,7 +11,7 @@ import numpy.typing as npt
 from ...models.contact import pivot_wrench
 from ...models.dynamics import PlanarDynamics
 from ...models.hand import PlanarArm
-from ...problems.scene import Scene
+from ...problems import Scene
 from ..compile import MappedKernel
 from .motion import TICK, Motion
 from .mover import Mover

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models.hand import PlanarArm, PlanarHand
-from ...problems.scene import Scene
+from ...problems import Scene
 from ..compile import MappedKernel
 from .check import Thrown
 from .geometry import (

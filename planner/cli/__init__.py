@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from importlib.metadata import PackageNotFoundError, version
 
-from ...problems.errors import InputError
+from ...problems import InputError
 from .command import DONE, WRONG_INPUT, Parser
 from .export import add_export
 from .identify import add_identify

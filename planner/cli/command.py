@@ -9,8 +9,7 @@ import sys
 from collections.abc import Sequence
 from typing import Any, NoReturn
 
-from ...problems.errors import InputError
-from ...problems.scene import Pose, Scene
+from ...problems import InputError, Pose, Scene
 
 DONE, WRONG_INPUT, NO_THROW = 0, 2, 3
 

@@ -7,7 +7,7 @@ import json
 from contextlib import ExitStack
 from typing import Any
 
-from ...problems.errors import InputError
+from ...problems import InputError
 from .command import DONE, command, number
 
 

@@ -8,13 +8,12 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...problems.errors import InputError
-from ...problems.load import load_scene
+from ...problems import InputError, load_scene
 from .command import DONE, add_out, command, whole
 from .progress import ProgressLine
 
 if TYPE_CHECKING:
-    from ...problems.throw_data import ThrowData
+    from ...problems import ThrowData
     from ..identify import Belief, Identified
 
 #: What `--model all` stands for.
@@ -52,7 +51,7 @@ def add_identify(commands: Any) -> None:
 
 
 def _identify(options: argparse.Namespace) -> int:
-    from ...problems.throw_data import load_throws
+    from ...problems import load_throws
     from ..identify import IDENTIFY_FILES as FILES
     from ..identify import check_model, identify, save_identified
     from ..sweep import executor_of
@@ -66,7 +65,7 @@ def _identify(options: argparse.Namespace) -> int:
     data = _chosen(load_throws(options.data), options)
     prior = None if options.prior is None else load_scene(options.prior)
     if options.out is not None:
-        from ...problems.folders import prepare_folder
+        from ...problems import prepare_folder
 
         prepare_folder(Path(options.out), FILES)
     found = []

@@ -10,23 +10,21 @@ from pathlib import Path
 from typing import Any
 
 from ...models.arm import Arm
-from ...problems.arm_file import arm_from
-from ...problems.arm_text import arm_text
-from ...problems.errors import InputError
-from ...problems.folders import copy_out
-from ...problems.text_file import toml_tables
-from ...problems.urdf.arm import (
+from ...problems import InputError, arm_from, arm_text, copy_out, toml_tables
+from ...problems.urdf import (
+    AXES,
     EXACT,
     LIMIT_OPTIONS,
     STATES,
     Choices,
+    UrdfChain,
     arm_of,
+    chain_of,
+    held_joints,
     kinematics_difference,
     limits_of,
+    read_urdf,
 )
-from ...problems.urdf.file import UrdfChain, chain_of, read_urdf
-from ...problems.urdf.frames import AXES
-from ...problems.urdf.masses import held_joints
 from .command import DONE, Parser, command, number
 
 LIMIT_UNITS = {"velocity": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3", "torque": "N m"}

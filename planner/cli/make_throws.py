@@ -11,12 +11,12 @@ import time
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...problems.errors import InputError
+from ...problems import InputError
 from .command import DONE, add_out, command, number, whole
 from .progress import ProgressLine
 
 if TYPE_CHECKING:
-    from ...problems.throw_data import ThrowData
+    from ...problems import ThrowData
     from ..identify import Flown, Making
 
 #: Options with a number: what is allowed, and what they say.
@@ -48,7 +48,7 @@ def add_make_throws(commands: Any) -> None:
 
 
 def _make_throws(options: argparse.Namespace) -> int:
-    from ...problems.throw_data_files import write_throws
+    from ...problems import write_throws
     from ..identify import make_throws, object_names
 
     started = time.perf_counter()
@@ -106,15 +106,13 @@ def _making(options: argparse.Namespace) -> Making:
 
 def _check_place(folder: Path) -> None:
     """InputError for a folder that holds anything but a synthetic data set; makes it."""
-    from ...problems.folders import prepare_folder
-    from ...problems.text_file import read_text, toml_tables
-    from ...problems.throw_data_files import NAMES
+    from ...problems import THROW_DATA_FILES, prepare_folder, read_text, toml_tables
 
     prepare_folder(folder)
     held = sorted(path.name for path in folder.iterdir())
     if not held:
         return
-    other = [name for name in held if name not in NAMES]
+    other = [name for name in held if name not in THROW_DATA_FILES]
     if other:
         raise InputError(f"--out {folder}: holds {other[0]}, not overwritten; name a new folder")
     head = folder / "dataset.toml"
@@ -126,15 +124,15 @@ def _check_place(folder: Path) -> None:
 
 def _put(folder: Path, write: Any) -> None:
     """Writes beside what is there, then puts it in its place; the head goes last."""
-    from ...problems.throw_data_files import NAMES
+    from ...problems import THROW_DATA_FILES
 
     try:
         with tempfile.TemporaryDirectory(dir=folder) as scratch:
             write(Path(scratch))
-            for name in NAMES:
+            for name in THROW_DATA_FILES:
                 old = folder / name
                 shutil.rmtree(old) if old.is_dir() else old.unlink(missing_ok=True)
-            for name in reversed(NAMES):
+            for name in reversed(THROW_DATA_FILES):
                 shutil.move(Path(scratch) / name, folder / name)
     except OSError as error:
         raise InputError(f"--out {folder}: {error.strerror or error}") from None

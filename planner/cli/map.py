@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...problems.load import load_scene
+from ...problems import load_scene
 from .command import DONE, NO_THROW, add_out, add_scene, command, number, say, whole
 from .progress import ProgressLine
 
@@ -30,7 +30,7 @@ def add_map(commands: Any) -> None:
 
 
 def _map(options: argparse.Namespace) -> int:
-    from ...problems.folders import prepare_folder
+    from ...problems import prepare_folder
     from ..check import make_mover
     from ..reach import FILES, MOST, check_map, reach_map
 

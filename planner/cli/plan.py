@@ -8,8 +8,7 @@ import sys
 from pathlib import Path
 from typing import Any
 
-from ...problems.load import load_scene
-from ...problems.robust import METHODS
+from ...problems import ROBUST_METHODS, load_scene
 from .command import DONE, NO_THROW, add_out, add_scene, add_target, command, say, target_of, whole
 
 
@@ -33,7 +32,7 @@ def add_plan(commands: Any) -> None:
     )
     parser.add_argument(
         "--robust",
-        choices=METHODS,
+        choices=ROBUST_METHODS,
         help="bear the scene's [uncertainty] (an opening 10 ms early or late without one)",
     )
     parser.add_argument(
@@ -55,7 +54,7 @@ def _plan(options: argparse.Namespace) -> int:
     planner = Planner(scene)
     planner.check(target)
     if options.out is not None:
-        from ...problems.folders import prepare_folder
+        from ...problems import prepare_folder
 
         prepare_folder(Path(options.out))
     say(options, f"{scene.name}: planning")

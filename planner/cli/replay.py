@@ -33,7 +33,7 @@ def _replay(options: argparse.Namespace) -> int:
     load_mujoco()
     restitution = number("--restitution", options.restitution)
     if options.out is not None:
-        from ...problems.folders import prepare_folder
+        from ...problems import prepare_folder
 
         prepare_folder(Path(options.out))
     throw = read_plan(options.plan)

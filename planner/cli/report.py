@@ -31,8 +31,7 @@ def add_report(commands: Any) -> None:
 
 
 def _report(options: argparse.Namespace) -> int:
-    from ...problems.errors import InputError
-    from ...problems.folders import prepare_folder
+    from ...problems import InputError, prepare_folder
     from ..report import FILES, SECTIONS, make_report
     from .progress import ProgressLine
 

@@ -7,8 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ...problems.errors import InputError
-from ...problems.load import load_scene, scene_names, scene_text
+from ...problems import InputError, load_scene, scene_names, scene_text
 from .command import DONE, command
 
 
@@ -26,13 +25,13 @@ def _scenes(options: argparse.Namespace) -> int:
     if options.reference:
         if options.write is not None:
             raise InputError("--write and --reference: give one of them")
-        from ...problems.reference import reference
+        from ...problems import scene_reference
 
-        text = reference()
+        text = scene_reference()
         print(json.dumps({"reference": text}) if options.json else text, end="")
         return DONE
     if options.write is not None:
-        from ...problems.folders import copy_out
+        from ...problems import copy_out
 
         path = Path(f"{options.write}.toml")
         copy_out(scene_text(options.write), path)

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ...problems.load import load_scene
+from ...problems import load_scene
 from .command import DONE, add_out, add_scene, command, say
 
 
@@ -31,7 +31,7 @@ def _simulate(options: argparse.Namespace) -> int:
     results = {name: run.to_dict() for name, run in simulate(scene, options.model).items()}
     text = json.dumps({"scene": scene.name, "models": results}, indent=2, allow_nan=False)
     if options.out is not None:
-        from ...problems.folders import save_text
+        from ...problems import save_text
 
         save_text(text + "\n", Path(options.out), "simulation.json")
         from ..show import draw_release_pictures

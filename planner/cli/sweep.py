@@ -10,10 +10,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...problems.errors import InputError
-from ...problems.load import load_scene
-from ...problems.robust import METHODS
-from ...problems.scene import Pose, Scene
+from ...problems import ROBUST_METHODS, InputError, Pose, Scene, load_scene
 from ..sweep import unit_of
 from .command import DONE, NO_THROW, add_out, add_scene, add_target, command, say, target_of
 from .progress import ProgressLine
@@ -32,7 +29,7 @@ def add_sweep(commands: Any) -> None:
     parser = command(commands, "sweep", _sweep, words, example)
     add_scene(parser)
     add_target(parser)
-    parser.add_argument("--robust", choices=METHODS, help="plan against the uncertainty")
+    parser.add_argument("--robust", choices=ROBUST_METHODS, help="plan against the uncertainty")
     parser.add_argument("--model", default="sp", metavar="NAME", help="release model (default: sp)")
     numbers = (
         ("--samples", "1000", "throws (default: 1000)"),
@@ -87,7 +84,7 @@ def _planned(scene: Scene, target: Pose | None, options: argparse.Namespace) -> 
     planner = Planner(scene)
     planner.check(target)
     if options.out is not None:
-        from ...problems.folders import prepare_folder
+        from ...problems import prepare_folder
         from ..sweep import FILES
 
         prepare_folder(Path(options.out), FILES)

@@ -7,7 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ...problems.errors import InputError
+from ...problems import InputError
 from .command import DONE, add_out, command, say
 from .progress import ProgressLine
 
@@ -35,8 +35,7 @@ def add_validate(commands: Any) -> None:
 
 
 def _validate(options: argparse.Namespace) -> int:
-    from ...problems.folders import prepare_folder
-    from ...problems.throw_data import load_throws
+    from ...problems import load_throws, prepare_folder
     from ..identify import PAPER_MODELS, as_dict, as_text, save_validation, validate
     from ..identify import VALIDATION_FILES as FILES
 

@@ -9,7 +9,7 @@ import sys
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ...problems.errors import InputError
+from ...problems import InputError
 from .command import DONE, command, number, say, whole
 
 if TYPE_CHECKING:

@@ -10,8 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.errors import InputError
-from ...problems.throw_data import ThrowData
+from ...problems import InputError, ThrowData
 
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int_]

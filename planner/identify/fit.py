@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.errors import InputError
+from ...problems import InputError
 from .fit_belief import UNKNOWNS, Belief, parameters_at
 from .fit_identifiable import check_identifiable
 from .fit_landing import landings_of

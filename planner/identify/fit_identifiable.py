@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.errors import InputError
+from ...problems import InputError
 
 Array = npt.NDArray[np.float64]
 

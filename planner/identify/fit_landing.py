@@ -17,7 +17,7 @@ from ...models.integrate import rk4_step
 from ...models.release import HandTrack
 from ...models.sliding_pivot import SlidingPivot
 from ...models.sliding_pivot_release import number_symbols
-from ...problems.throw_data import MeasuredThrow
+from ...problems import MeasuredThrow
 from .fit_belief import UNKNOWNS, parameters_at
 from .fit_together import landings_together
 from .predict import Parameters, Predictor

@@ -10,9 +10,7 @@ import textwrap
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.distribution import Distribution
-from ...problems.scene import Scene
-from ...problems.uncertainty import Uncertainty, uncertainty_table
+from ...problems import Distribution, Scene, Uncertainty, uncertainty_table
 from .fit_belief import Belief
 
 Array = npt.NDArray[np.float64]

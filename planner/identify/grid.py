@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.throw_data import ThrowData
+from ...problems import ThrowData
 from .measured import Measured, errors, scaled
 from .predict import BATCHES, Parameters, Predictor
 

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...problems.folders import filling
+from ...problems import filling
 from .fit_scene import contact_text
 from .grid import Grid
 from .identify_run import Identified

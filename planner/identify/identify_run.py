@@ -12,9 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.errors import InputError
-from ...problems.scene import Scene
-from ...problems.throw_data import ThrowData
+from ...problems import InputError, Scene, ThrowData
 from .factors import SURFACE
 from .fit import Fit, costs_at, fit_to, unknowns
 from .fit_belief import Belief, parameters_at

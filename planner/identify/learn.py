@@ -6,9 +6,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models.grip_force import LinearRelease, TableRelease
-from ...problems.errors import InputError
-from ...problems.scene import Scene
-from ...problems.throw_data import MeasuredThrow, Shared, ThrowData
+from ...problems import InputError, MeasuredThrow, Scene, Shared, ThrowData
 from ..check import hand_samples
 from ..result import Plan, sent_throw
 from .fit import fit_to

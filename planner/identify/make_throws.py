@@ -15,10 +15,15 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models.grip_force import LinearRelease, TableRelease
-from ...problems.errors import InputError
-from ...problems.grip_recording import monotone_grip
-from ...problems.hold import Grasp, ThrownObject
-from ...problems.throw_data import MeasuredThrow, Shared, ThrowData
+from ...problems import (
+    Grasp,
+    InputError,
+    MeasuredThrow,
+    Shared,
+    ThrowData,
+    ThrownObject,
+    monotone_grip,
+)
 from ..check import Mover, make_mover
 from .make_throws_design import GRIP, PITCHES, RELEASES, Throwing, design, grip_use
 from .make_throws_scene import BARS, GRIPPER, HEIGHT, HELD, SURFACES, scene_with, surfaced

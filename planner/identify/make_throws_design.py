@@ -18,7 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models.hand import PlanarArm
-from ...problems.scene import Scene
+from ...problems import Scene
 from ..check import (
     TICK,
     Limits,

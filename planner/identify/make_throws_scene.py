@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from functools import cache
 
-from ...problems.hold import Gripper, PadContact, ThrownObject
-from ...problems.load import load_scene
-from ...problems.scene import Scene, Workspace
+from ...problems import Gripper, PadContact, Scene, ThrownObject, Workspace, load_scene
 
 #: The paper's bar, Table II, and those of its factor analysis; where the paper gives no CoM
 #: it is taken in the middle of the bar, and the inertia of a changed mass as unchanged.

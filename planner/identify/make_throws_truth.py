@@ -15,7 +15,7 @@ from ...models.grip_force import LinearRelease
 from ...models.lugre_release import LuGreRelease
 from ...models.patch_release import CHUNK, Throws, march
 from ...models.release import HandSamples, Release, sticking_state
-from ...problems.hold import ThrownObject
+from ...problems import ThrownObject
 from ..check import Mover, hand_samples
 from .make_throws_design import Throwing
 

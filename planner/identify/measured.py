@@ -7,8 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.errors import InputError
-from ...problems.throw_data import MeasuredThrow, ThrowData
+from ...problems import InputError, MeasuredThrow, ThrowData
 from .predict import Predictions
 
 Array = npt.NDArray[np.float64]

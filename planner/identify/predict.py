@@ -18,8 +18,7 @@ from ...models.hand_track import SampledHand
 from ...models.karnopp_batch import throw_karnopp
 from ...models.patch_release import PatchRelease
 from ...models.release import HandTrack, ReleaseCase
-from ...problems.errors import InputError
-from ...problems.throw_data import MeasuredThrow, ThrowData
+from ...problems import InputError, MeasuredThrow, ThrowData
 from ..check import MODELS, recorded_joints
 from ..compile import compiled_steps
 

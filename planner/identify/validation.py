@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.throw_data import ThrowData
+from ...problems import ThrowData
 from ..check import MODELS
 from .best_cell import (
     FAST,

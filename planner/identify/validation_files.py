@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from ...problems.folders import filling
+from ...problems import filling
 from .validation import Validation
 from .validation_notes import head, notes
 from .validation_tables import tables

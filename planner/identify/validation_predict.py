@@ -22,7 +22,7 @@ from ...models.grip_force import TableRelease
 from ...models.karnopp_batch import throw_karnopp
 from ...models.limit_surface_release import ImplicitRelease
 from ...models.release import HandSamples, HandTrack, ReleaseCase, ReleaseModel
-from ...problems.throw_data import MeasuredThrow, ThrowData
+from ...problems import MeasuredThrow, ThrowData
 from ..check import MODELS
 from .grid import Progress
 from .predict import REACH, STEP, Parameters, Predictions, Predictor

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models.hand import PlanarArm
-from ...problems.scene import Mesh, Pose, Scene
+from ...problems import Mesh, Pose, Scene
 from ..check import PALM_TIMES, Guard, Mover
 from .asked import USUAL, Margins
 from .assembly import Nlp

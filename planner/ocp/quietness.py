@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.scene import Scene
+from ...problems import Scene
 from ..check import Motion, Mover, friction_use, hand_samples
 from .window import Window, window_of
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.scene import Scene
-from ...problems.uncertainty import USUAL
+from ...problems import USUAL_UNCERTAINTY, Scene
 
 Array = npt.NDArray[np.float64]
 
@@ -53,7 +52,7 @@ def window_of(scene: Scene) -> Window:
 def _reach(scene: Scene) -> tuple[float, float]:
     """How much earlier than its mean the force may start to fall, and later be zero [s]."""
     section = scene.uncertainty
-    delay = section.delay if section is not None else USUAL.delay
+    delay = section.delay if section is not None else USUAL_UNCERTAINTY.delay
     opening = None if section is None else section.opening
     nominal = scene.gripper.profile().opening
     before, after = 0.0, SLOWER * nominal

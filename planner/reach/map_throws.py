@@ -14,7 +14,7 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.scene import Scene
+from ...problems import Scene
 from ..check import Limits, Mover, held_bar, lowest_of_bar, outline_kernel, palm_corners
 from ..ocp import BRAKE_SHARE, PASSING_ROOM
 from ..search import Releases, ReleaseSampler, flies_past_column, run_up

@@ -18,10 +18,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models.flight import land
-from ...problems.errors import InputError
-from ...problems.folders import filling
-from ...problems.load import as_scene
-from ...problems.scene import Scene
+from ...problems import InputError, Scene, as_scene, filling
 from ..check import enters_cup_at_landing, make_mover
 from ..ocp import CUP_ROOM, FLIGHT_MAX
 from ..search import check_start, highest, joined

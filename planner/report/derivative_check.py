@@ -8,8 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.load import load_scene
-from ...problems.scene import Scene
+from ...problems import Scene, load_scene
 from ..check import Guard, make_mover
 from ..ocp import (
     ThrowNlp,

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ...problems.errors import InputError
+from ...problems import InputError
 from ..plan import Planner
 from ..result import Plan
 from .conditioning import condition, kkt_matrix

@@ -16,8 +16,7 @@ from typing import Any, Literal
 
 import numpy as np
 
-from ...problems.load import load_scene
-from ...problems.scene import Pose, Scene
+from ...problems import Pose, Scene, load_scene
 from ..plan import Planner
 
 #: Where a case's target is; "own" is the base scene's.

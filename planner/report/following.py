@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...problems.load import load_scene
+from ...problems import load_scene
 from ..plan import Planner
 from .page import Effort, Table
 from .warmed import warmed

@@ -10,7 +10,7 @@ import sys
 import time
 from dataclasses import dataclass
 
-from ...problems.scene import Scene
+from ...problems import Scene
 
 #: Libraries that take long to import, by the name of their module.
 HEAVY = ("numpy", "casadi", "scipy", "ruckig", "matplotlib", "PIL", "distributed")

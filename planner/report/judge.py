@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ...models.flight import FlightState
 from ...models.release import HandSamples
 from ...models.sliding_pivot_release import SlidingPivotRelease
-from ...problems.scene import Pose, Scene
+from ...problems import Pose, Scene
 from ..check import Motion, Mover, broken_limits, case_of, scene_violations, throw
 from ..result import PlannedThrow
 

@@ -11,9 +11,7 @@ from functools import cached_property
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.load import load_scene
-from ...problems.scene import Scene
-from ...problems.target import Pose
+from ...problems import Pose, Scene, load_scene
 from ..identify import Belief, applied, prior_of, throw_data, thrown, updated
 from ..plan import Planner
 from ..result import Plan

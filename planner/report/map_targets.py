@@ -7,8 +7,7 @@ import math
 
 import numpy as np
 
-from ...problems.load import load_scene
-from ...problems.scene import Pose
+from ...problems import Pose, load_scene
 from ..plan import Planner
 from ..reach import ReachMap, reach_map
 from ..result import Plan

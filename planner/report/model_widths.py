@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.mesh import Mesh
+from ...problems import Mesh
 from .model_measures import SHOWN, Measured
 from .model_runs import SmoothedRelease
 from .model_throws import detached, off

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.load import load_scene
+from ...problems import load_scene
 from ..ocp import ThrowNlp
 from ..plan import Planner
 from ..result import Plan

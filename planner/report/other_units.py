@@ -10,8 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from ...problems.load import load_scene
-from ...problems.scene import Scene
+from ...problems import Scene, load_scene
 from ..check import PlannedMotion, limit_surface_throw, make_mover, throw
 from ..plan import Planner
 from ..result import Plan

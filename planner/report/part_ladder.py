@@ -5,10 +5,16 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable, Iterator
 
-from ...problems.distribution import Distribution
-from ...problems.load import load_scene
-from ...problems.robust import Robust
-from ...problems.scene import Cup, Landing, Scene, Uncertainty, Workspace
+from ...problems import (
+    Cup,
+    Distribution,
+    Landing,
+    Robust,
+    Scene,
+    Uncertainty,
+    Workspace,
+    load_scene,
+)
 from ..check import Guard
 from ..plan import Planner
 from .part_sizes import Posed

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.scene import Pose, Scene
+from ...problems import Pose, Scene
 from ..check import Guard
 from ..compile import Compile
 from ..ocp import ThrowNlp, nlp_functions, opening_nodes, parameter_values, window_of

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from ...problems.load import load_scene, scene_names
-from ...problems.scene import Scene
+from ...problems import Scene, load_scene, scene_names
 from ..compile import Compile
 from .import_count import imports_of
 from .page import Cell, Effort, Part, Picture, Section, Table

@@ -11,8 +11,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.load import load_scene
-from ...problems.scene import Pose, Scene
+from ...problems import Pose, Scene, load_scene
 from .page import Cell, Effort, Picture, Section, Table
 from .planner_points import MARGINS, beats, best_of, points, scaled
 from .planner_runs import Measured, Variant, measured, usual_planner

@@ -11,7 +11,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.scene import Pose, Scene
+from ...problems import Pose, Scene
 from ..check import SmoothingError, send, throw
 from ..compile import Compile
 from ..ocp import bounds, opening_nodes, opening_start, parameter_values, planned_motion

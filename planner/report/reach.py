@@ -17,8 +17,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.load import load_scene
-from ...problems.scene import Pose, Scene
+from ...problems import Pose, Scene, load_scene
 from ..check import make_mover
 from ..compile import Compile, c_compiler
 from ..plan import Planner

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.scene import Pose, Scene
+from ...problems import Pose, Scene
 from ..check import (
     Limits,
     Mover,

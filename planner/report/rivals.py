@@ -7,7 +7,7 @@ import time
 
 import numpy as np
 
-from ...problems.scene import Pose, Scene
+from ...problems import Pose, Scene
 from ..ocp import bounds, parameter_values
 from ..plan import Planner
 from ..search import Search, guess_from

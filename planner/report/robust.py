@@ -14,9 +14,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.load import load_scene
-from ...problems.robust import COMPARED, METHODS
-from ...problems.scene import Pose
+from ...problems import COMPARED_METHODS, ROBUST_METHODS, Pose, load_scene
 from ..plan import Planner
 from ..result import Plan
 from ..sweep import executor_of, scaled_error, sweep
@@ -80,7 +78,7 @@ def make(effort: Effort) -> Section:
         "Peak load is the largest wrench between pads and object while they may open, over the "
         "full grip's limit.",
     )
-    methods = QUICK_METHODS if effort.quick else (*METHODS, *COMPARED)
+    methods = QUICK_METHODS if effort.quick else (*ROBUST_METHODS, *COMPARED_METHODS)
     counts = {name: effort.of(*sizes) for name, sizes in TARGETS.items()}
     done, total = 0, sum(counts.values())
     for name, count in counts.items():

@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from importlib.metadata import version
 from pathlib import Path
 
-from ...problems.folders import filling
+from ...problems import filling
 from .kept import NAME, keep, kept
 from .page import Effort, Section, files_of
 from .render import markdown, page

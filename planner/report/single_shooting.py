@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.optimize import minimize
 
-from ...problems.scene import Pose, Scene
+from ...problems import Pose, Scene
 from ..check import make_mover
 from ..ocp import bounds, build_nlp, parameter_values, structure_of
 from ..search import Releases, guess_from

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...problems.load import load_scene, scene_names
+from ...problems import load_scene, scene_names
 from .derivative_check import derivative_parts, derivative_rows
 from .extreme_runs import PATIENCE, Outcome, outcomes
 from .extreme_scenes import SEED, cases, some

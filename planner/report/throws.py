@@ -12,7 +12,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...problems.throw_data import ThrowData
+from ...problems import ThrowData
 from ..identify import (
     Grid,
     Identified,

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Sequence
 
-from ...problems.scene import Pose, Scene
+from ...problems import Pose, Scene
 from ..compile import Compile
 from ..plan import Planner, SolverName
 

@@ -11,10 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models.hand import PlanarArm
-from ...problems.errors import InputError
-from ...problems.folders import filling
-from ...problems.scene_table import scene_from_table, scene_table
-from ...problems.text_file import read_csv, read_text
+from ...problems import InputError, filling, read_csv, read_text, scene_from_table, scene_table
 from ..check import TICK, Mover, SampledMotion, SentThrow, limit_surface_throw, make_mover, throw
 from ..ocp import load_curve
 

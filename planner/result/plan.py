@@ -10,8 +10,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ...models.arm import Arm
-from ...problems.errors import InputError
-from ...problems.scene import Pose, Scene
+from ...problems import InputError, Pose, Scene
 from ..check import Landing, Mover, PlannedMotion, SampledMotion, Thrown, limit_surface_throw
 from ..ocp import USUAL, Margins, Solution, ThrowNlp
 from .files import Draw, save_plan

@@ -14,8 +14,7 @@ import numpy.typing as npt
 
 from ...models.arm import Arm
 from ...models.hand import PlanarArm
-from ...problems.errors import InputError
-from ...problems.folders import filling
+from ...problems import InputError, filling
 from ..check import TICK, SentThrow, broken_limits, scene_violations
 from ..result import joint_samples, read_plan
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from ...problems.errors import InputError
+from ...problems import InputError
 from ..check import TICK
 from .export import JointMotion
 

@@ -11,8 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.errors import InputError
-from ...problems.scene import Scene
+from ...problems import InputError, Scene
 from ..check import TICK, SentThrow, Thrown
 from ..check import throw as sliding_pivot_throw
 from ..result import Plan, read_plan, sent_throw

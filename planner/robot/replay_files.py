@@ -10,8 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.folders import filling
-from ...problems.scene import Cup, ThrownObject
+from ...problems import Cup, ThrownObject, filling
 from ..check import bar_outline
 from .replay import Replay
 

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ...problems.scene import Cup, Scene
+from ...problems import Cup, Scene
 from ..check import reach_of_bar
 
 #: Penetration [m] that the pads have at most: a pad is a sphere of 1 m on a plate 2 m thick.

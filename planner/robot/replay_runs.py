@@ -11,8 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models.release import sticking_state
-from ...problems.errors import InputError
-from ...problems.scene import Cup, Scene
+from ...problems import Cup, InputError, Scene
 from ..check import SentThrow, hand_samples
 from .replay_model import hand_inertia, has_hand, landing_model, pads_of, release_model
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...problems.scene import Pose
+from ...problems import Pose
 from ..result import PlannedThrow
 from .scatter import scatter
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from ...problems.scene import Pose
+from ...problems import Pose
 from ..result import Plan, PlannedThrow, Status
 from .alternatives import Found
 from .correction import Search

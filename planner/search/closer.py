@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.scene import Pose, Scene
+from ...problems import Pose, Scene
 from .releases import Releases, ReleaseSampler, distances, joined
 
 #: Releases kept from round to round, states drawn beside each, the most rounds.

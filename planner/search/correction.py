@@ -17,7 +17,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.scene import Pose, Scene
+from ...problems import Pose, Scene
 from ..check import (
     Guard,
     Mover,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import replace
 
-from ...problems.scene import Pose
+from ...problems import Pose
 from ..ocp import HEAVY
 from .alternatives import Found
 from .correction import Search, attempt

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.scene import Scene
+from ...problems import Scene
 from ..check import Mover, MoverTrack, PlannedMotion, case_of, relative_states
 from ..ocp import JERK_UNIT, ThrowNlp, lower_end, opening_nodes, stage_times, with_accelerations
 from .releases import Releases

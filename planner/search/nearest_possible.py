@@ -14,7 +14,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.scene import Pose, Scene
+from ...problems import Pose, Scene
 from ..check import Guard, Mover, column_of, column_room, enters_cup_at_landing, throw
 from ..compile import Compile
 from ..ocp import (

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...models.integrate import rk4_step
 from ...models.sliding_pivot import SlidingPivot
-from ...problems.scene import Scene
+from ...problems import Scene
 from ..check import Mover, column_room
 from ..compile import DAMAGED, cache_folder, digest, publish, source_of
 from ..ocp import parameter_values

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models.flight import FlightState
-from ...problems.scene import Scene
+from ...problems import Scene
 from ..check import PALM_TIMES, Mover, column_of, column_room, held_bar, palm_distance
 from ..compile import mapped
 from ..ocp import BRAKE_SHARE

@@ -19,7 +19,7 @@ from ...models.flight import land
 from ...models.integrate import rk4_step
 from ...models.release import HandSamples
 from ...models.sliding_pivot import SlidingPivot
-from ...problems.scene import Scene
+from ...problems import Scene
 from ..check import Mover, friction_use
 from ..ocp import BRAKE_SHARE
 from .release_room import clears_column, clears_palm

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ...problems.scene import Pose
+from ...problems import Pose
 from ..check import throw
 from ..ocp import window_of
 from ..result import PlannedThrow

@@ -18,7 +18,7 @@ from typing import Any, get_args
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.scene import Pose, Scene
+from ...problems import Pose, Scene
 from ..check import Guard
 from ..compile import DAMAGED, cache_folder, digest, publish, source_of
 from ..ocp import Margins, Solution

@@ -7,8 +7,7 @@ import math
 import numpy as np
 
 from ...models.release import HandSamples
-from ...problems.errors import InputError
-from ...problems.scene import Scene
+from ...problems import InputError, Scene
 from ..check import Mover, friction_use
 
 #: Random start poses looked at when the start is free.

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from ...problems.scene import Pose, Scene
+from ...problems import Pose, Scene
 from .release_room import flies_past_column
 from .releases import Releases, nearest
 

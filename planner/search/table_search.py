@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
-from ...problems.scene import Pose, Scene
+from ...problems import Pose, Scene
 from ..ocp import HEAVY
 from .alternatives import Found, distinct
 from .closer import closer

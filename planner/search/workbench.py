@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from ...problems.scene import Pose, Scene
+from ...problems import Pose, Scene
 from ..check import Guard, Mover
 from ..compile import Compile
 from ..ocp import HEAVY, Solver, ThrowNlp, Window, bounds, build_nlp, structure_of, window_of

@@ -13,7 +13,7 @@ from ...models.limit_surface import LimitSurface, ellipsoid
 from ...models.limit_surface_release import KarnoppRelease
 from ...models.release import Release, ReleaseCase, onset
 from ...models.time_stepping_release import SteppedRelease
-from ...problems.scene import Scene
+from ...problems import Scene
 from ..check import case_of, given_hand
 
 if TYPE_CHECKING:

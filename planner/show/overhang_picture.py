@@ -9,7 +9,7 @@ import numpy as np
 
 from ...models.overhang import OverhangingBeam
 from ...models.release import ReleaseCase
-from ...problems.scene import Scene
+from ...problems import Scene
 from .contact_pictures import AREAS, BLACK, BLUE, RED, given_case, save
 
 if TYPE_CHECKING:

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.scene import Pose, Scene, ThrownObject
+from ...problems import Pose, Scene, ThrownObject
 from ..check import SentThrow, bar_outline, palm_corners
 from .timeline import PHASES, Timeline, timeline
 from .view_colours import ARM, COLOURS

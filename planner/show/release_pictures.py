@@ -21,7 +21,7 @@ from ...models.limit_surface_release import ImplicitRelease, KarnoppRelease
 from ...models.release import Release, ReleaseCase, ReleaseModel
 from ...models.sliding_pivot_release import SlidingPivotRelease
 from ...models.time_stepping_release import SteppedRelease
-from ...problems.scene import Scene
+from ...problems import Scene
 from .contact_pictures import (
     AREAS,
     BLACK,

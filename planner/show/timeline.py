@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from ...models.contact import HandMotion, pivot_wrench
 from ...models.hand import PlanarArm
-from ...problems.scene import Scene
+from ...problems import Scene
 from ..check import SentThrow, flight_poses, hand_samples
 
 Array = npt.NDArray[np.float64]

@@ -13,7 +13,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...problems.errors import InputError
+from ...problems import InputError
 from ..check import SentThrow
 from .moving_picture import SLOW, Pixels, frames
 from .timeline import timeline

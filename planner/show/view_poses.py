@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from ...models.arm import Arm, DHRow, placement
 from ...models.hand import PlanarArm
-from ...problems.scene import Scene
+from ...problems import Scene
 from ..check import SentThrow, bar_outline
 from .timeline import PHASES, Timeline, timeline
 

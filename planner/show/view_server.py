@@ -12,7 +12,7 @@ import webbrowser
 from collections.abc import Iterator
 from typing import Any
 
-from ...problems.errors import InputError
+from ...problems import InputError
 from .view_poses import SpaceThrow
 
 HOST = "127.0.0.1"

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models.contact import Body, Contact, HandMotion, pivot_wrench
-from ...problems.scene import Scene
+from ...problems import Scene
 from ..check import TICK, Motion, Mover, friction_use, hand_samples
 
 Array = npt.NDArray[np.float64]

@@ -13,8 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.errors import InputError
-from ...problems.uncertainty import USUAL
+from ...problems import USUAL_UNCERTAINTY, InputError
 from ..check import BATCH_MODELS
 from ..result import Plan
 from .sweep_run import Progress, Thrown, run_sweep
@@ -144,7 +143,7 @@ class Sweep:
 
     def uncertain(self) -> list[str]:
         """What was taken to be uncertain, in words."""
-        return words_of(self.plan.scene.uncertainty or USUAL)
+        return words_of(self.plan.scene.uncertainty or USUAL_UNCERTAINTY)
 
 
 def sweep(

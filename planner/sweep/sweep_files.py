@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...problems.folders import filling
+from ...problems import filling
 from .sweep import Sweep
 
 #: What a sweep leaves in its folder.

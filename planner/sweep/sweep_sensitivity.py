@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.uncertainty import PARAMETERS
+from ...problems import UNCERTAIN_PARAMETERS
 from .sweep_throws import FURTHEST, Flags, Landings, Thrower
 from .uncertain import Sampler, quantile
 
@@ -46,7 +46,7 @@ def _step(thrower: Thrower, sampler: Sampler, i: int) -> float:
     name, value = thrower.names[i], thrower.nominal()[0, i]
     # One measured value has no deviation.
     step = STEP * sampler.spreads[i].deviation or 1e-4
-    return min(step, MOST * value) if PARAMETERS[name].scaled else step
+    return min(step, MOST * value) if UNCERTAIN_PARAMETERS[name].scaled else step
 
 
 @dataclass(frozen=True)

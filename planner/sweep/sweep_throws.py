@@ -13,8 +13,7 @@ from ...models.batch import ReleaseBatch, throw_limit_surface, throw_sliding_piv
 from ...models.batch_hands import HandsTrack
 from ...models.contact import Body, Contact
 from ...models.flight import land
-from ...problems.errors import InputError
-from ...problems.scene import Pose, Scene
+from ...problems import InputError, Pose, Scene
 from ..check import BATCH_MODELS, cup_entries
 from ..compile import PAYS_FROM, compiled_steps
 from ..result import Plan

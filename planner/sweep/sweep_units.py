@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ...problems.uncertainty import PARAMETERS
+from ...problems import UNCERTAIN_PARAMETERS
 
 #: Names, factor from SI, unit; the others are lengths, or angles.
 UNITS = (
@@ -22,4 +22,4 @@ def unit_of(name: str) -> tuple[float, str]:
     for names, factor, unit in UNITS:
         if name in names:
             return factor, unit
-    return (math.degrees(1.0), "deg") if PARAMETERS[name].degrees else (1e3, "mm")
+    return (math.degrees(1.0), "deg") if UNCERTAIN_PARAMETERS[name].degrees else (1e3, "mm")

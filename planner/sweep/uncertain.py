@@ -7,9 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ...problems.distribution import Distribution
-from ...problems.scene import Scene
-from ...problems.uncertainty import USUAL, Uncertainty
+from ...problems import USUAL_UNCERTAINTY, Distribution, Scene, Uncertainty
 
 Array = npt.NDArray[np.float64]
 
@@ -53,7 +51,7 @@ class Sampler:
 
 def sampler_of(scene: Scene, seed: int) -> Sampler:
     """Draws of the scene's [uncertainty], or of the usual one where it has none."""
-    section = scene.uncertainty or USUAL
+    section = scene.uncertainty or USUAL_UNCERTAINTY
     names, values, ranges = section.names, scene.values, scene.ranges
     return Sampler(
         names,
@@ -82,12 +80,12 @@ def quantile(spread: Distribution, shares: Array, bounds: tuple[float, float]) -
 
 def words_of(section: Uncertainty) -> list[str]:
     """The uncertain parameters in words, for people: one line each, units of the file."""
-    from ...problems.uncertainty import PARAMETERS, file_key
+    from ...problems import UNCERTAIN_PARAMETERS, file_key
 
     lines = []
     for name in section.names:
         spread: Distribution = getattr(section, name)
-        unit = np.degrees(1.0) if PARAMETERS[name].degrees else 1.0
+        unit = np.degrees(1.0) if UNCERTAIN_PARAMETERS[name].degrees else 1.0
         times = " x the scene's" if spread.relative else ""
         if spread.uniform is not None:
             words = f"uniform +-{unit * spread.uniform:g}{times}"

@@ -11,7 +11,7 @@ from concurrent.futures import BrokenExecutor, CancelledError, Executor, Process
 from contextlib import contextmanager
 from multiprocessing import get_context
 
-from ...problems.errors import InputError
+from ...problems import InputError
 
 #: Most processes here.
 MOST = 256
