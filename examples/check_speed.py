@@ -18,9 +18,7 @@ from typing import Any
 import numpy as np
 import ruckig
 import throwplan as tp
-from throwplan.models.release import HandSamples, Release, ReleaseCase
-from throwplan.models.sliding_pivot_release import SlidingPivotRelease
-from throwplan.models.time_stepping_release import SteppedRelease
+from throwplan.models import HandSamples, Release, ReleaseCase, SlidingPivotRelease, SteppedRelease
 from throwplan.planner.check.check import broken_limits, limit_surface_throw, throw
 from throwplan.planner.check.motion import TICK, PlannedMotion
 from throwplan.planner.check.mover import Mover

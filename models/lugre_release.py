@@ -20,7 +20,7 @@ import numpy.typing as npt
 
 from .batch import ReleaseBatch
 from .patch import Pressure
-from .patch_release import Bristles, Throws, march, patch_batch, single
+from .patch_release import Bristles, PatchThrows, march_patch, patch_batch, single_release
 from .release import Release, ReleaseCase
 
 Array = npt.NDArray[np.float64]
@@ -52,14 +52,16 @@ class LuGreRelease:
 
     def release(self, case: ReleaseCase) -> Release:
         """The release of one case; `trouble` says so if a step was not solved."""
-        throws = Throws.of(case, self.steps)
-        return single(march(throws, self.points, self.pressure, self.bristles(throws)))
+        throws = PatchThrows.of(case, self.steps)
+        return single_release(
+            march_patch(throws, self.points, self.pressure, self.bristles(throws))
+        )
 
     def batch(self, batch: ReleaseBatch) -> Array:
         """Detach states (N, 6) of a batch; NaN for a throw with a step that was not solved."""
         return patch_batch(batch, self.steps, self.points, self.pressure, self.bristles)
 
-    def bristles(self, throws: Throws) -> Bristles:
+    def bristles(self, throws: PatchThrows) -> Bristles:
         """The bristles, damped as the full grip (that of the first step) asks for."""
         grip = throws.contact.faces * throws.forces[0]
         damping = self.damping_ratio * critical_damping(throws.body.mass, grip, self.stiffness)

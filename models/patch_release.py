@@ -37,11 +37,11 @@ Array = npt.NDArray[np.float64]
 CREEP = 1e-12
 #: Throws per chunk of a batch: arrays of points times throws stay in the cache, and products
 #: below 64^3, from which on BLAS takes threads that wait ten times as long on a busy machine.
-CHUNK = 112
+PATCH_CHUNK = 112
 
 
 @dataclass(frozen=True)
-class Throws:
+class PatchThrows:
     """N releases side by side; every number of body and contact may be an array (N,).
 
     start (6, N): CoM pose and twist at time 0; hand: samples (3, K, N) at times (K, N);
@@ -56,7 +56,7 @@ class Throws:
     gravity: Any = 9.81
 
     @classmethod
-    def of(cls, case: ReleaseCase, steps: int) -> Throws:
+    def of(cls, case: ReleaseCase, steps: int) -> PatchThrows:
         """One case as a batch of one, in even steps."""
         times = np.linspace(0.0, case.grip.opening, steps + 1)
         forces = case.grip.force((times[1:] + times[:-1]) / 2)[:, None]
@@ -66,7 +66,7 @@ class Throws:
         return cls(case.body, case.contact, case.start()[:, None], samples, forces, case.gravity)
 
     @classmethod
-    def of_batch(cls, batch: ReleaseBatch, steps: int) -> Throws:
+    def of_batch(cls, batch: ReleaseBatch, steps: int) -> PatchThrows:
         """A batch, each throw in even steps of its own opening."""
         shares = np.linspace(0.0, 1.0, steps + 1)
         times = shares[:, None] * batch.opening
@@ -98,7 +98,9 @@ class PatchRelease:
 
     def release(self, case: ReleaseCase) -> Release:
         """The release of one case; `trouble` says so if a step was not solved."""
-        release = single(march(Throws.of(case, self.steps), self.points, self.pressure))
+        release = single_release(
+            march_patch(PatchThrows.of(case, self.steps), self.points, self.pressure)
+        )
         pivot, slide = slip_onset(case, patch_gauge(case.contact, self.pressure, self.points))
         return replace(release, pivot=pivot, slide=slide)
 
@@ -112,7 +114,7 @@ def patch_batch(
     steps: int = 500,
     points: int = 64,
     pressure: Pressure = "uniform",
-    bristles: Callable[[Throws], Bristles] | None = None,
+    bristles: Callable[[PatchThrows], Bristles] | None = None,
 ) -> Array:
     """Detach states (N, 6) of N different releases, all throws of a chunk in one step.
 
@@ -120,15 +122,15 @@ def patch_batch(
     of a chunk, in place of Coulomb's. NaN for a throw with a step that was not solved.
     """
     detach = np.empty((batch.count, 6))
-    for first in range(0, batch.count, CHUNK):
-        part = np.arange(first, min(first + CHUNK, batch.count))
-        throws = Throws.of_batch(batch.part(part), steps)
-        end = march(throws, points, pressure, bristles(throws) if bristles else None).detach
+    for first in range(0, batch.count, PATCH_CHUNK):
+        part = np.arange(first, min(first + PATCH_CHUNK, batch.count))
+        throws = PatchThrows.of_batch(batch.part(part), steps)
+        end = march_patch(throws, points, pressure, bristles(throws) if bristles else None).detach
         detach[part] = np.array([end.x, end.z, end.theta, end.v_x, end.v_z, end.omega]).T
     return detach
 
 
-def single(batch: Release) -> Release:
+def single_release(batch: Release) -> Release:
     """The only release of a batch of one."""
     times, com, twist = batch.times[:, 0], batch.com[..., 0], batch.com_twist[..., 0]
     if not np.isfinite(com).all():
@@ -136,8 +138,8 @@ def single(batch: Release) -> Release:
     return Release(times, com, twist, wrench=None if batch.wrench is None else batch.wrench[..., 0])
 
 
-def march(
-    throws: Throws,
+def march_patch(
+    throws: PatchThrows,
     points: int = 64,
     pressure: Pressure = "uniform",
     bristles: Bristles | None = None,
@@ -181,7 +183,7 @@ def march(
 def _bristled(
     rigid: SlipProblem,
     bristles: Bristles,
-    throws: Throws,
+    throws: PatchThrows,
     solver: PointSolver,
     share: Array,
     dt: Array,
@@ -219,7 +221,7 @@ class _Frame:
 
     @classmethod
     def of(
-        cls, throws: Throws, state: Array, middle: Array, twist: Array, arm: Array, dt: Array
+        cls, throws: PatchThrows, state: Array, middle: Array, twist: Array, arm: Array, dt: Array
     ) -> _Frame:
         body = throws.body
         cos, sin = np.cos(middle[2]), np.sin(middle[2])

@@ -9,7 +9,7 @@ from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-from ..models.arm import Arm, DHRow, JointFrame, JointLimits, LinkInertia, Slowing, Tool
+from ..models import Arm, DHRow, JointFrame, JointLimits, LinkInertia, Slowing, Tool
 from .errors import InputError
 from .section import Section, from_table, quantity, unknown
 from .text_file import read_text, toml_tables

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from collections.abc import Sequence
 
-from ..models.arm import Arm, JointFrame
+from ..models import Arm, JointFrame
 
 
 def arm_text(arm: Arm, remarks: Sequence[str] = (), names: Sequence[str] = ()) -> str:

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import numpy.typing as npt
 
-from ..models.grip_force import FALL_SHARE, TableRelease
+from ..models import FALL_SHARE, TableRelease
 
 Array = npt.NDArray[np.float64]
 

@@ -6,7 +6,7 @@ import dataclasses
 from collections.abc import Mapping
 from typing import Any
 
-from ..models.grip_force import GripProfile, LinearRelease, TableRelease
+from ..models import GripProfile, LinearRelease, TableRelease
 from .errors import InputError
 from .section import Section, from_table, quantity
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ..models.arm import Arm
+from ..models import Arm
 from .arm_file import load_arm
 from .choice import Choice
 from .errors import InputError

@@ -6,7 +6,7 @@ import dataclasses
 import itertools
 import math
 
-from ..models.arm import Arm
+from ..models import Arm
 from .errors import InputError
 from .section import Section, quantity
 

@@ -11,8 +11,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from ..models.arm import Arm
-from ..models.contact import Body, Contact
+from ..models import Arm, Body, Contact
 from .choice import Choice
 from .distribution import Distribution
 from .errors import InputError

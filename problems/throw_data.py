@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..models.arm import Arm
-from ..models.grip_force import TableRelease
+from ..models import Arm, TableRelease
 from .arm_file import load_arm
 from .errors import InputError
 from .hold import Grasp, ThrownObject, held_object

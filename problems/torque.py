@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 
-from ..models.arm import Arm
+from ..models import Arm
 from .errors import InputError
 from .section import Section, quantity
 

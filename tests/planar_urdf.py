@@ -7,7 +7,7 @@ from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from throwplan.models.arm import Arm
+from throwplan.models import Arm
 from throwplan.planner.cli import main
 from throwplan.problems import load_arm
 

@@ -7,10 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from throwplan.models.contact import Body, Contact
-from throwplan.models.grip_force import LinearRelease
-from throwplan.models.hand_track import ConstantAcceleration
-from throwplan.models.release import Release, ReleaseCase
+from throwplan.models import (
+    Body,
+    ConstantAcceleration,
+    Contact,
+    LinearRelease,
+    Release,
+    ReleaseCase,
+)
 
 VALUES: dict[str, Any] = {
     name: case

@@ -9,7 +9,7 @@ import pytest
 from adam.numpy import KinDynComputations
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from throwplan.models.hand import PlanarArm, PlanarHand, hand_motion
+from throwplan.models import PlanarArm, PlanarHand, hand_motion
 from throwplan.problems import load_arm
 
 URDF = Path(__file__).parent / "data" / "panda.urdf"

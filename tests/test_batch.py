@@ -9,13 +9,20 @@ from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.models.contact import Body, Contact
-from throwplan.models.flight import land
-from throwplan.models.grip_force import LinearRelease
-from throwplan.models.hand_track import ConstantAcceleration
-from throwplan.models.release import LOST, ReleaseCase
-from throwplan.models.sliding_pivot_release import SlidingPivotRelease
-from throwplan.models.time_stepping_release import SteppedRelease
+from throwplan.models import (
+    LOST,
+    BatchRelease,
+    Body,
+    ConstantAcceleration,
+    Contact,
+    LinearRelease,
+    ReleaseCase,
+    SlidingPivotRelease,
+    SteppedRelease,
+    land,
+    sliding_pivot_batch,
+    stepped_batch,
+)
 from throwplan.planner.check.simulate_batch import STEPS
 
 
@@ -85,7 +92,6 @@ def test_batch_lands_where_the_single_models_do(model, exact, position, angle) -
 
 
 def test_default_steps_are_converged_over_many_throws() -> None:
-    from throwplan.models.batch import sliding_pivot_batch, stepped_batch
     from throwplan.planner.check.simulate_batch import _batch
 
     values = throws(3000, seed=5)
@@ -174,8 +180,6 @@ def test_trouble_is_what_the_single_model_says() -> None:
 
 
 def test_what_could_not_be_computed_says_why() -> None:
-    from throwplan.models.batch import BatchRelease
-
     detach = np.zeros((3, 6))
     detach[1, 2] = np.nan
     release = BatchRelease(detach, np.array([True, True, False]), "no solution")

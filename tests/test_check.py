@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.models.hand import PlanarHand, hand_motion
+from throwplan.models import PlanarHand, hand_motion
 from throwplan.planner.check.check import broken_limits, throw
 from throwplan.planner.check.geometry import (
     bar_outline,

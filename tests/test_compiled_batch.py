@@ -15,9 +15,14 @@ import pytest
 import throwplan as tp
 from test_batch import DROP, throws
 from test_extreme import batch_of, extremes
-from throwplan.models.batch import ReleaseBatch, throw_limit_surface, throw_sliding_pivot
-from throwplan.models.batch_hands import ConstantAccelerations, SampledHands
-from throwplan.models.grip_force import TableRelease
+from throwplan.models import (
+    ConstantAccelerations,
+    ReleaseBatch,
+    SampledHands,
+    TableRelease,
+    throw_limit_surface,
+    throw_sliding_pivot,
+)
 from throwplan.planner.check.simulate_batch import _batch
 from throwplan.planner.compile.compiled_batch import compiled_steps
 from throwplan.planner.compile.compiler import compiler
@@ -112,7 +117,6 @@ def test_an_operation_without_c_is_refused() -> None:
 SCRIPT = """
 import sys, numpy as np, throwplan as tp
 from throwplan.planner import compiled_batch
-from throwplan.models.batch_hands import (ConstantAccelerations)
 result = tp.simulate_batch(
     tp.load_scene("drop"), sys.argv[1], contact={"friction": np.linspace(0.3, 1.0, 2500)}
 )

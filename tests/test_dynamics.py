@@ -4,8 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from adam.numpy import KinDynComputations
-from throwplan.models.dynamics import PlanarDynamics
-from throwplan.models.hand import PlanarArm
+from throwplan.models import PlanarArm, PlanarDynamics
 from throwplan.problems import load_arm
 
 PANDA = load_arm("panda")

@@ -11,13 +11,20 @@ import throwplan as tp
 from scipy.integrate import solve_ivp
 from test_extreme import case_of as extreme_case
 from test_extreme import extremes
-from throwplan.models.contact import Body, Contact, HandMotion
-from throwplan.models.grip_force import LinearRelease
-from throwplan.models.hand_track import ConstantAcceleration, PiecewiseAcceleration
-from throwplan.models.release import Release, ReleaseCase
-from throwplan.models.sliding_pivot import SlidingPivot
-from throwplan.models.sliding_pivot_release import SlidingPivotRelease, world_release
-from throwplan.models.time_stepping_release import SteppedRelease
+from throwplan.models import (
+    Body,
+    ConstantAcceleration,
+    Contact,
+    HandMotion,
+    LinearRelease,
+    PiecewiseAcceleration,
+    Release,
+    ReleaseCase,
+    SlidingPivot,
+    SlidingPivotRelease,
+    SteppedRelease,
+    world_release,
+)
 from throwplan.planner.check import exact_release
 from throwplan.planner.check.exact_release import (
     limit_surface_release,

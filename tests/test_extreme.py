@@ -6,15 +6,22 @@ import time
 
 import numpy as np
 import pytest
-from throwplan.models.batch import ReleaseBatch, sliding_pivot_batch, stepped_batch
-from throwplan.models.batch_hands import ConstantAccelerations
-from throwplan.models.contact import Body, Contact, contact_twist
-from throwplan.models.grip_force import LinearRelease
-from throwplan.models.hand_track import ConstantAcceleration
-from throwplan.models.limit_surface_release import ImplicitRelease, KarnoppRelease
-from throwplan.models.release import ReleaseCase
-from throwplan.models.sliding_pivot_release import SlidingPivotRelease
-from throwplan.models.time_stepping_release import SteppedRelease
+from throwplan.models import (
+    Body,
+    ConstantAcceleration,
+    ConstantAccelerations,
+    Contact,
+    ImplicitRelease,
+    KarnoppRelease,
+    LinearRelease,
+    ReleaseBatch,
+    ReleaseCase,
+    SlidingPivotRelease,
+    SteppedRelease,
+    contact_twist,
+    sliding_pivot_batch,
+    stepped_batch,
+)
 
 
 def extremes(count: int, seed: int) -> dict[str, np.ndarray]:

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
-from throwplan.models.flight import FlightState, time_to_height
+from throwplan.models import FlightState, time_to_height
 
 relaxed = settings(deadline=None)
 position, speed, rate = st.floats(-5, 5), st.floats(-10, 10), st.floats(-60, 60)

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from throwplan.models.grip_force import LinearRelease, TableRelease
+from throwplan.models import LinearRelease, TableRelease
 
 relaxed = settings(deadline=None)
 

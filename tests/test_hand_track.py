@@ -8,8 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.models.hand_track import ConstantAcceleration, PiecewiseAcceleration, SampledHand
-from throwplan.models.recording import low_pass
+from throwplan.models import ConstantAcceleration, PiecewiseAcceleration, SampledHand, low_pass
 from throwplan.planner.check.given_motion import given_hand
 from throwplan.planner.cli import main
 

@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import throwplan as tp
-from throwplan.models.grip_force import TableRelease
+from throwplan.models import TableRelease
 from throwplan.planner.cli import main
 from throwplan.planner.identify.fit_belief import Belief
 from throwplan.planner.identify.fit_landing import DifferencedLandings, PivotLandings

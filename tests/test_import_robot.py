@@ -14,8 +14,7 @@ import throwplan as tp
 import yourdfpy
 from adam.numpy import KinDynComputations
 from planar_urdf import JOINTS, ODD_OPTIONS, XACRO, hand_pose, imported, moved, planar_urdf
-from throwplan.models.arm import Arm
-from throwplan.models.hand import PlanarArm
+from throwplan.models import Arm, PlanarArm
 from throwplan.planner.check.check import throw
 from throwplan.planner.check.mover import make_mover
 from throwplan.planner.cli import main

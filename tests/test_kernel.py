@@ -7,7 +7,7 @@ from concurrent.futures import ThreadPoolExecutor
 import casadi as ca
 import numpy as np
 import pytest
-from throwplan.models.hand import PlanarHand, hand_motion
+from throwplan.models import PlanarHand, hand_motion
 from throwplan.planner.compile.kernel import BLOCK, STEPS, Kernel, MappedKernel, StepKernel, mapped
 
 

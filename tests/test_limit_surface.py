@@ -6,15 +6,17 @@ import math
 
 import numpy as np
 import pytest
-from throwplan.models.contact import Contact
-from throwplan.models.friction import coulomb, karnopp, viscous_smoothed
-from throwplan.models.limit_surface import (
+from throwplan.models import (
+    Contact,
     Ellipsoid,
     Quartic,
+    coulomb,
     ellipsoid,
+    karnopp,
     rotated_ellipsoid,
     slip_size,
     smoothed_sliding_wrench,
+    viscous_smoothed,
 )
 
 CONTACT = Contact(0.7, 0.006, 0.6, 2)

@@ -9,13 +9,19 @@ import numpy as np
 import pytest
 from release_cases import VALUES, detached, landed, reference_case
 from scipy.integrate import solve_ivp
-from throwplan.models.contact import Body, Contact
-from throwplan.models.grip_force import LinearRelease
-from throwplan.models.hand_track import ConstantAcceleration
-from throwplan.models.lugre_release import LuGreRelease, critical_damping
-from throwplan.models.patch import disc
-from throwplan.models.patch_release import PatchRelease, Throws, march
-from throwplan.models.release import ReleaseCase
+from throwplan.models import (
+    Body,
+    ConstantAcceleration,
+    Contact,
+    LinearRelease,
+    LuGreRelease,
+    PatchRelease,
+    PatchThrows,
+    ReleaseCase,
+    critical_damping,
+    disc,
+    march_patch,
+)
 
 CASES = sorted(VALUES)
 DROP = "drop_h100_faces2"
@@ -156,7 +162,9 @@ def test_a_still_hand_gives_no_energy_beyond_that_of_the_bristles() -> None:
 def test_the_wrench_stays_within_the_limits_without_damping_peaks() -> None:
     case = reference_case(DROP)
     model = LuGreRelease(stiffness=1e6, damping_ratio=1e-6)
-    release = march(Throws.of(case, 500), bristles=model.bristles(Throws.of(case, 500)))
+    release = march_patch(
+        PatchThrows.of(case, 500), bristles=model.bristles(PatchThrows.of(case, 500))
+    )
     assert release.wrench is not None
     forces = case.grip.force((release.times[1:, 0] + release.times[:-1, 0]) / 2)
     limit = case.contact.force_limit(forces)

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from throwplan.models.grip_force import TableRelease
+from throwplan.models import TableRelease
 from throwplan.planner.cli import main
 from throwplan.planner.identify.make_throws import Making, Noise, make_throws
 from throwplan.planner.identify.make_throws_scene import HEIGHT

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from throwplan.models.grip_force import TableRelease
+from throwplan.models import TableRelease
 from throwplan.planner.identify.measured import measured, velocities
 from throwplan.problems import Grasp, InputError, MeasuredThrow, Shared, ThrowData, ThrownObject
 

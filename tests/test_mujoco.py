@@ -6,12 +6,18 @@ import math
 import numpy as np
 import pytest
 from release_cases import VALUES, reference_case
-from throwplan.models.contact import Body, Contact
-from throwplan.models.flight import FlightState, time_to_height
-from throwplan.models.grip_force import LinearRelease, TableRelease
-from throwplan.models.hand_track import ConstantAcceleration, SampledHand
-from throwplan.models.release import ReleaseCase
-from throwplan.models.time_stepping_release import SteppedRelease
+from throwplan.models import (
+    Body,
+    ConstantAcceleration,
+    Contact,
+    FlightState,
+    LinearRelease,
+    ReleaseCase,
+    SampledHand,
+    SteppedRelease,
+    TableRelease,
+    time_to_height,
+)
 
 mujoco = pytest.importorskip("mujoco")
 

@@ -6,13 +6,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from throwplan.models.contact import Body, Contact
-from throwplan.models.grip_force import LinearRelease
-from throwplan.models.hand_track import ConstantAcceleration
-from throwplan.models.overhang import OverhangingBeam
-from throwplan.models.patch import Patch
-from throwplan.models.patch_release import PatchRelease
-from throwplan.models.release import ReleaseCase
+from throwplan.models import (
+    Body,
+    ConstantAcceleration,
+    Contact,
+    LinearRelease,
+    OverhangingBeam,
+    Patch,
+    PatchRelease,
+    ReleaseCase,
+)
 
 BAR, PADS = Body(0.2, 5e-4, 0.1), Contact(0.8, 0.0075)
 BEAM = OverhangingBeam(BAR, PADS)

@@ -11,23 +11,28 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from release_cases import VALUES, detached, landed, reference_case
 from scipy.integrate import solve_ivp
-from throwplan.models.batch import ReleaseBatch
-from throwplan.models.batch_hands import ConstantAccelerations
-from throwplan.models.contact import Body, Contact
-from throwplan.models.flight import land
-from throwplan.models.grip_force import LinearRelease
-from throwplan.models.hand_track import ConstantAcceleration, SampledHand
-from throwplan.models.patch import (
+from throwplan.models import (
+    CREEP,
     RADIUS_PER_ARM,
+    Body,
+    ConstantAcceleration,
+    ConstantAccelerations,
+    Contact,
+    LinearRelease,
     Patch,
+    PatchRelease,
     PointSolver,
+    Release,
+    ReleaseBatch,
+    ReleaseCase,
+    SampledHand,
     SlipProblem,
+    SteppedRelease,
     disc,
+    land,
+    patch_batch,
     scaled_patch,
 )
-from throwplan.models.patch_release import CREEP, PatchRelease, patch_batch
-from throwplan.models.release import Release, ReleaseCase
-from throwplan.models.time_stepping_release import SteppedRelease
 
 CASES = sorted(VALUES)
 BAR = Body(0.24, 5.35e-4, 0.1)

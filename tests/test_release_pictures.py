@@ -9,11 +9,16 @@ import numpy as np
 import pytest
 import throwplan
 from PIL import Image
-from throwplan.models.limit_surface import ellipsoid, rotated_ellipsoid
-from throwplan.models.limit_surface_release import ImplicitRelease, KarnoppRelease
-from throwplan.models.release import Release, ReleaseCase
-from throwplan.models.sliding_pivot_release import SlidingPivotRelease
-from throwplan.models.time_stepping_release import SteppedRelease
+from throwplan.models import (
+    ImplicitRelease,
+    KarnoppRelease,
+    Release,
+    ReleaseCase,
+    SlidingPivotRelease,
+    SteppedRelease,
+    ellipsoid,
+    rotated_ellipsoid,
+)
 from throwplan.planner.show.contact_pictures import (
     draw_limit_surface,
     first_slip,

@@ -7,10 +7,15 @@ import dataclasses
 import numpy as np
 import pytest
 from release_cases import VALUES, detached, expected, landed, reference_case
-from throwplan.models.limit_surface import Quartic, ellipsoid, rotated_ellipsoid
-from throwplan.models.limit_surface_release import ImplicitRelease, KarnoppRelease
-from throwplan.models.sliding_pivot_release import SlidingPivotRelease
-from throwplan.models.time_stepping_release import SteppedRelease
+from throwplan.models import (
+    ImplicitRelease,
+    KarnoppRelease,
+    Quartic,
+    SlidingPivotRelease,
+    SteppedRelease,
+    ellipsoid,
+    rotated_ellipsoid,
+)
 
 CASES = sorted(VALUES)
 

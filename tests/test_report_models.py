@@ -7,9 +7,7 @@ from functools import cache, partial
 
 import numpy as np
 import pytest
-from throwplan.models.limit_surface_release import ImplicitRelease, KarnoppRelease
-from throwplan.models.release import Release
-from throwplan.models.sliding_pivot_release import SlidingPivotRelease
+from throwplan.models import ImplicitRelease, KarnoppRelease, Release, SlidingPivotRelease
 from throwplan.planner.report.model_choice import choice
 from throwplan.planner.report.model_measures import Measured, Row, least_time, marked
 from throwplan.planner.report.model_rows import rows_table
@@ -195,7 +193,7 @@ def test_every_method_that_was_asked_for_is_there() -> None:
 
 
 def test_a_random_throw_alone_is_the_one_of_the_batch() -> None:
-    from throwplan.models.batch import throw_sliding_pivot
+    from throwplan.models import throw_sliding_pivot
 
     batch = random_throws(50, 3)
     together = throw_sliding_pivot(batch, 200).detach

@@ -11,7 +11,7 @@ import time
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.models.flight import FlightState, time_to_height
+from throwplan.models import FlightState, time_to_height
 from throwplan.planner.check.check import throw
 from throwplan.planner.check.mover import make_mover
 from throwplan.planner.ocp.numbers import bounds

@@ -12,11 +12,20 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from scipy.integrate import solve_ivp
-from throwplan.models.contact import Body, Contact, HandMotion, pivot_wrench
-from throwplan.models.flight import FlightState, time_to_height
-from throwplan.models.integrate import rk4_step
-from throwplan.models.sliding_pivot import STATES, SlidingPivot
-from throwplan.models.smoothing import positive, relative_widths, soft_positive
+from throwplan.models import (
+    STATES,
+    Body,
+    Contact,
+    FlightState,
+    HandMotion,
+    SlidingPivot,
+    pivot_wrench,
+    positive,
+    relative_widths,
+    rk4_step,
+    soft_positive,
+    time_to_height,
+)
 
 CASES = json.loads((Path(__file__).parent / "data" / "release.json").read_text())
 STILL = {"theta0": 0.0, "v0": [0.0, 0.0], "omega0": 0.0, "a": [0.0, 0.0], "alpha": 0.0}

@@ -7,16 +7,26 @@ import dataclasses
 import numpy as np
 import pytest
 from release_cases import VALUES, reference_case
-from throwplan.models.contact import Contact, contact_twist
-from throwplan.models.hand_track import ConstantAcceleration, PiecewiseAcceleration
-from throwplan.models.limit_surface import Quartic, ellipsoid, rotated_ellipsoid
-from throwplan.models.limit_surface_release import ImplicitRelease, KarnoppRelease
-from throwplan.models.patch import Patch, disc
-from throwplan.models.patch_gauge import patch_gauge
-from throwplan.models.patch_release import PatchRelease
-from throwplan.models.release import ReleaseCase
-from throwplan.models.slip_onset import held_wrench, slip_onset, surface_gauge
-from throwplan.models.time_stepping_release import SteppedRelease
+from throwplan.models import (
+    ConstantAcceleration,
+    Contact,
+    ImplicitRelease,
+    KarnoppRelease,
+    Patch,
+    PatchRelease,
+    PiecewiseAcceleration,
+    Quartic,
+    ReleaseCase,
+    SteppedRelease,
+    contact_twist,
+    disc,
+    ellipsoid,
+    held_wrench,
+    patch_gauge,
+    rotated_ellipsoid,
+    slip_onset,
+    surface_gauge,
+)
 
 GRAVITY = 9.81
 

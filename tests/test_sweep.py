@@ -10,9 +10,7 @@ import matplotlib.image
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.models.batch import sliding_pivot_batch
-from throwplan.models.batch_hands import ConstantAccelerations
-from throwplan.models.flight import land
+from throwplan.models import ConstantAccelerations, land, sliding_pivot_batch
 from throwplan.planner.check.check import throw
 from throwplan.planner.check.cup_entries import cup_entries
 from throwplan.planner.check.geometry import cup_entry

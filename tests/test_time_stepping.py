@@ -10,9 +10,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from throwplan.models.contact import Body, Contact, com_twist
-from throwplan.models.impulse import ITERATIONS
-from throwplan.models.time_stepping import HandState, LimitSurfaceStepping
+from throwplan.models import ITERATIONS, Body, Contact, HandState, LimitSurfaceStepping, com_twist
 
 CASES = json.loads((Path(__file__).parent / "data" / "release.json").read_text())
 STILL = {"theta0": 0.0, "v0": [0.0, 0.0], "omega0": 0.0, "a": [0.0, 0.0], "alpha": 0.0}

@@ -12,8 +12,7 @@ import re
 import matplotlib.image
 import numpy as np
 import pytest
-from throwplan.models.flight import land
-from throwplan.models.grip_force import TableRelease
+from throwplan.models import TableRelease, land
 from throwplan.planner.check.simulate import MODELS
 from throwplan.planner.cli import main
 from throwplan.planner.identify import validation_files

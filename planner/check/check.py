@@ -9,7 +9,7 @@ from functools import cached_property, partial
 import numpy as np
 import numpy.typing as npt
 
-from ...models.release import Release, ReleaseCase
+from ...models import Release, ReleaseCase
 from ...problems import Pose, Scene
 from .exact_release import limit_surface_release, sliding_pivot_release
 from .motion import TICK, PiecewiseMotion, SampledMotion

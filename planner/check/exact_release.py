@@ -21,12 +21,20 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from ...models.contact import HandMotion
-from ...models.integrate import rk4_step
-from ...models.release import HandSamples, Release, ReleaseCase, onset
-from ...models.sliding_pivot import LOST_SLIP, SlidingPivot
-from ...models.sliding_pivot_release import number_symbols, numbers
-from ...models.time_stepping import HandState, LimitSurfaceStepping
+from ...models import (
+    LOST_SLIP,
+    HandMotion,
+    HandSamples,
+    HandState,
+    LimitSurfaceStepping,
+    Release,
+    ReleaseCase,
+    SlidingPivot,
+    number_symbols,
+    numbers,
+    onset,
+    rk4_step,
+)
 from ..compile import STEPS, StepKernel
 from .motion import INSIDE
 from .opening_grid import graded_shares, halved, instants

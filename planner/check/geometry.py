@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ...models.arm import Tool
+from ...models import Tool
 from ...problems import Cup, Scene, ThrownObject
 
 Array = npt.NDArray[np.float64]

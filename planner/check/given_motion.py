@@ -5,11 +5,16 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ...models.arm import Arm
-from ...models.hand import PlanarArm, hand_motion
-from ...models.hand_track import ConstantAcceleration, PiecewiseAcceleration, SampledHand
-from ...models.recording import RecordedJoints
-from ...models.release import HandTrack
+from ...models import (
+    Arm,
+    ConstantAcceleration,
+    HandTrack,
+    PiecewiseAcceleration,
+    PlanarArm,
+    RecordedJoints,
+    SampledHand,
+    hand_motion,
+)
 from ...problems import InputError, Motion, Scene
 
 Array = npt.NDArray[np.float64]

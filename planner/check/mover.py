@@ -8,8 +8,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from ...models.arm import Slowing
-from ...models.hand import PlanarArm, PlanarHand, hand_motion
+from ...models import PlanarArm, PlanarHand, Slowing, hand_motion
 from ...problems import Hand, InputError, Scene
 
 Array = npt.NDArray[np.float64]

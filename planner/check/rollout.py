@@ -8,9 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ...models.contact import pivot_wrench
-from ...models.flight import FlightState, time_to_height
-from ...models.release import HandSamples, HandTrack, Release, ReleaseCase
+from ...models import (
+    FlightState,
+    HandSamples,
+    HandTrack,
+    Release,
+    ReleaseCase,
+    pivot_wrench,
+    time_to_height,
+)
 from ...problems import Scene
 from ..compile import mapped
 from .motion import Motion, PiecewiseMotion

@@ -10,13 +10,19 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ...models.limit_surface import Quartic, rotated_ellipsoid
-from ...models.limit_surface_release import ImplicitRelease, KarnoppRelease
-from ...models.lugre_release import LuGreRelease
-from ...models.patch_release import PatchRelease
-from ...models.release import Release, ReleaseCase, ReleaseModel
-from ...models.sliding_pivot_release import SlidingPivotRelease
-from ...models.time_stepping_release import SteppedRelease
+from ...models import (
+    ImplicitRelease,
+    KarnoppRelease,
+    LuGreRelease,
+    PatchRelease,
+    Quartic,
+    Release,
+    ReleaseCase,
+    ReleaseModel,
+    SlidingPivotRelease,
+    SteppedRelease,
+    rotated_ellipsoid,
+)
 from ...problems import InputError, Scene, as_scene
 from .given_motion import given_hand
 from .rollout import Landing, case_of, landing

@@ -11,22 +11,25 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models.batch import (
+from ...models import (
     PIVOT_STEPS,
     SURFACE_STEPS,
+    UNSOLVED,
     BatchRelease,
+    Body,
+    ConstantAccelerations,
+    Contact,
+    HandsTrack,
+    LuGreRelease,
+    PatchRelease,
     ReleaseBatch,
+    SampledHands,
+    land,
     sliding_pivot_batch,
     stepped_batch,
     throw_limit_surface,
     throw_sliding_pivot,
 )
-from ...models.batch_hands import ConstantAccelerations, HandsTrack, SampledHands
-from ...models.contact import Body, Contact
-from ...models.flight import land
-from ...models.lugre_release import LuGreRelease
-from ...models.patch_release import PatchRelease
-from ...models.release import UNSOLVED
 from ...problems import InputError, Scene
 from ..compile import PAYS_FROM, compiled_steps
 from .given_motion import given_hand

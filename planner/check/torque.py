@@ -8,9 +8,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from ...models.contact import pivot_wrench
-from ...models.dynamics import PlanarDynamics
-from ...models.hand import PlanarArm
+from ...models import PlanarArm, PlanarDynamics, pivot_wrench
 from ...problems import Scene
 from ..compile import MappedKernel
 from .motion import TICK, Motion

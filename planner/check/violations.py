@@ -11,7 +11,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from ...models.hand import PlanarArm, PlanarHand
+from ...models import PlanarArm, PlanarHand
 from ...problems import Scene
 from ..compile import MappedKernel
 from .check import Thrown

@@ -9,7 +9,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from ...models.arm import Arm
+from ...models import Arm
 from ...problems import InputError, arm_from, arm_text, copy_out, toml_tables
 from ...problems.urdf import (
     AXES,

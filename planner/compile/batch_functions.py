@@ -4,14 +4,19 @@ from __future__ import annotations
 
 import casadi as ca
 
-from ...models.backend import Value
-from ...models.contact import HandMotion
-from ...models.impulse import ITERATIONS, ImpulseProblem, Iterate
-from ...models.integrate import rk4_step
-from ...models.release import sticking_state
-from ...models.sliding_pivot import SlidingPivot
-from ...models.sliding_pivot_release import number_symbols
-from ...models.time_stepping import HandState, LimitSurfaceStepping
+from ...models import (
+    ITERATIONS,
+    HandMotion,
+    HandState,
+    ImpulseProblem,
+    Iterate,
+    LimitSurfaceStepping,
+    SlidingPivot,
+    Value,
+    number_symbols,
+    rk4_step,
+    sticking_state,
+)
 from .batch_text import BLOCKS, LIMIT_SURFACE, SLIDING_PIVOT
 from .lane_code import HEAD, lane_function
 

@@ -16,8 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models.batch import GRADING, BatchRelease, EvenSteps, ReleaseBatch, graded
-from ...models.batch_hands import CubicHands, HandsTrack
+from ...models import GRADING, BatchRelease, CubicHands, EvenSteps, HandsTrack, ReleaseBatch, graded
 from .batch_functions import source
 from .compiler import shared_library
 from .lane_code import FLAGS

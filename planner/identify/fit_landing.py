@@ -10,13 +10,16 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from ...models.batch import GRADING, graded
-from ...models.batch_hands import SampledHands
-from ...models.contact import HandMotion
-from ...models.integrate import rk4_step
-from ...models.release import HandTrack
-from ...models.sliding_pivot import SlidingPivot
-from ...models.sliding_pivot_release import number_symbols
+from ...models import (
+    GRADING,
+    HandMotion,
+    HandTrack,
+    SampledHands,
+    SlidingPivot,
+    graded,
+    number_symbols,
+    rk4_step,
+)
 from ...problems import MeasuredThrow
 from .fit_belief import UNKNOWNS, parameters_at
 from .fit_together import landings_together

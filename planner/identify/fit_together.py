@@ -5,11 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ...models.batch import ReleaseBatch
-from ...models.batch_hands import SampledHands
-from ...models.contact import Body, Contact
-from ...models.flight import land
-from ...models.grip_force import GripProfile
+from ...models import Body, Contact, GripProfile, ReleaseBatch, SampledHands, land
 from .predict import BATCHES, Parameters, Predictor
 
 Array = npt.NDArray[np.float64]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ...models.grip_force import LinearRelease, TableRelease
+from ...models import LinearRelease, TableRelease
 from ...problems import InputError, MeasuredThrow, Scene, Shared, ThrowData
 from ..check import hand_samples
 from ..result import Plan, sent_throw

@@ -14,7 +14,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import numpy.typing as npt
 
-from ...models.grip_force import LinearRelease, TableRelease
+from ...models import LinearRelease, TableRelease
 from ...problems import (
     Grasp,
     InputError,

@@ -17,7 +17,7 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from ...models.hand import PlanarArm
+from ...models import PlanarArm
 from ...problems import Scene
 from ..check import (
     TICK,

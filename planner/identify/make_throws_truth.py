@@ -9,12 +9,20 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from ...models.contact import Body, Contact
-from ...models.flight import FlightState, land
-from ...models.grip_force import LinearRelease
-from ...models.lugre_release import LuGreRelease
-from ...models.patch_release import CHUNK, Throws, march
-from ...models.release import HandSamples, Release, sticking_state
+from ...models import (
+    PATCH_CHUNK,
+    Body,
+    Contact,
+    FlightState,
+    HandSamples,
+    LinearRelease,
+    LuGreRelease,
+    PatchThrows,
+    Release,
+    land,
+    march_patch,
+    sticking_state,
+)
 from ...problems import ThrownObject
 from ..check import Mover, hand_samples
 from .make_throws_design import Throwing
@@ -41,11 +49,11 @@ class Law:
             return "meshed patch, rigid"
         return f"meshed patch, LuGre bristles of stiffness {self.stiffness:g} 1/m"
 
-    def march(self, throws: Throws) -> Release:
+    def march(self, throws: PatchThrows) -> Release:
         """Releases side by side."""
         if self.kind == "patch":
-            return march(throws)
-        return march(throws, bristles=LuGreRelease(stiffness=self.stiffness).bristles(throws))
+            return march_patch(throws)
+        return march_patch(throws, bristles=LuGreRelease(stiffness=self.stiffness).bristles(throws))
 
 
 @dataclass(frozen=True)
@@ -110,8 +118,8 @@ def true_throws(
     Raises ArithmeticError for a throw that the law does not solve.
     """
     found: list[Flown] = []
-    for first in range(0, len(events), CHUNK):
-        part = events[first : first + CHUNK]
+    for first in range(0, len(events), PATCH_CHUNK):
+        part = events[first : first + PATCH_CHUNK]
         release = law.march(_throws(mover, part, law.steps, gravity))
         detach = np.vstack([release.com[:, -1], release.com_twist[:, -1]])
         landing = land(detach.T, height, gravity)
@@ -126,7 +134,7 @@ def true_throws(
     return found
 
 
-def _throws(mover: Mover, events: Sequence[Event], steps: int, gravity: float) -> Throws:
+def _throws(mover: Mover, events: Sequence[Event], steps: int, gravity: float) -> PatchThrows:
     """The events' releases side by side, hands taken at each step from the motion itself."""
     times, hands, forces = [], [], []
     for event in events:
@@ -143,4 +151,4 @@ def _throws(mover: Mover, events: Sequence[Event], steps: int, gravity: float) -
     )
     start = np.array(sticking_state(pose[:, 0], twist[:, 0], 0.0, bars[2]))
     samples = HandSamples(np.array(times).T, pose, twist, acceleration)
-    return Throws(Body(*bars), contact, start, samples, np.array(forces).T, gravity)
+    return PatchThrows(Body(*bars), contact, start, samples, np.array(forces).T, gravity)

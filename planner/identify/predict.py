@@ -10,14 +10,21 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models.batch import BatchRelease, ReleaseBatch, throw_limit_surface, throw_sliding_pivot
-from ...models.batch_hands import SampledHands
-from ...models.contact import Body, Contact
-from ...models.flight import land
-from ...models.hand_track import SampledHand
-from ...models.karnopp_batch import throw_karnopp
-from ...models.patch_release import PatchRelease
-from ...models.release import HandTrack, ReleaseCase
+from ...models import (
+    BatchRelease,
+    Body,
+    Contact,
+    HandTrack,
+    PatchRelease,
+    ReleaseBatch,
+    ReleaseCase,
+    SampledHand,
+    SampledHands,
+    land,
+    throw_karnopp,
+    throw_limit_surface,
+    throw_sliding_pivot,
+)
 from ...problems import InputError, MeasuredThrow, ThrowData
 from ..check import MODELS, recorded_joints
 from ..compile import compiled_steps

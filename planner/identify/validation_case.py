@@ -9,8 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models.flight import land
-from ...models.release import sticking_state
+from ...models import land, sticking_state
 from ..check import MODELS
 from .measured import velocities
 from .validation import Validation

@@ -15,13 +15,22 @@ import numpy as np
 import numpy.typing as npt
 from scipy.interpolate import CubicSpline, PchipInterpolator, PPoly
 
-from ...models.batch import BatchRelease, ReleaseBatch, throw_sliding_pivot
-from ...models.batch_hands import Hands, HandsTrack, SampledHands
-from ...models.flight import land
-from ...models.grip_force import TableRelease
-from ...models.karnopp_batch import throw_karnopp
-from ...models.limit_surface_release import ImplicitRelease
-from ...models.release import HandSamples, HandTrack, ReleaseCase, ReleaseModel
+from ...models import (
+    BatchRelease,
+    Hands,
+    HandSamples,
+    HandsTrack,
+    HandTrack,
+    ImplicitRelease,
+    ReleaseBatch,
+    ReleaseCase,
+    ReleaseModel,
+    SampledHands,
+    TableRelease,
+    land,
+    throw_karnopp,
+    throw_sliding_pivot,
+)
 from ...problems import MeasuredThrow, ThrowData
 from ..check import MODELS
 from .grid import Progress

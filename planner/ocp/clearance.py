@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import casadi as ca
 import numpy as np
 
-from ...models.flight import FlightState
+from ...models import FlightState
 from .assembly import Stage
 from .context import Context
 

@@ -8,11 +8,15 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...models.contact import Body, Contact, HandMotion
-from ...models.dynamics import PlanarDynamics
-from ...models.hand import PlanarArm
-from ...models.sliding_pivot import SlidingPivot
-from ...models.smoothing import relative_widths
+from ...models import (
+    Body,
+    Contact,
+    HandMotion,
+    PlanarArm,
+    PlanarDynamics,
+    SlidingPivot,
+    relative_widths,
+)
 from ..check import Mover
 from .assembly import Parameters, Stage
 

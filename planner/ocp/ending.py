@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from ...models.flight import FlightState
+from ...models import FlightState
 from .assembly import Stage
 from .clearance import flight_clear
 from .context import Context

@@ -12,8 +12,7 @@ import math
 
 import casadi as ca
 
-from ...models.contact import HandMotion
-from ...models.integrate import rk4_step
+from ...models import HandMotion, rk4_step
 from .assembly import Stage
 from .context import Context
 

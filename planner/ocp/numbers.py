@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models.hand import PlanarArm
+from ...models import PlanarArm
 from ...problems import Mesh, Pose, Scene
 from ..check import PALM_TIMES, Guard, Mover
 from .asked import USUAL, Margins

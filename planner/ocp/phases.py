@@ -5,7 +5,7 @@ from __future__ import annotations
 import casadi as ca
 import numpy as np
 
-from ...models.contact import HandMotion, pivot_wrench
+from ...models import HandMotion, pivot_wrench
 from .assembly import Stage
 from .clearance import held_clear
 from .context import JERK_UNIT, Context

@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import casadi as ca
 
-from ...models.contact import HandMotion
+from ...models import HandMotion
 from .assembly import Stage
 from .context import Context
 from .integration import NODES

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models.flight import land
+from ...models import land
 from ...problems import InputError, Scene, as_scene, filling
 from ..check import enters_cup_at_landing, make_mover
 from ..ocp import CUP_ROOM, FLIGHT_MAX

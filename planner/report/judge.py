@@ -9,9 +9,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models.flight import FlightState
-from ...models.release import HandSamples
-from ...models.sliding_pivot_release import SlidingPivotRelease
+from ...models import FlightState, HandSamples, SlidingPivotRelease
 from ...problems import Pose, Scene
 from ..check import Motion, Mover, broken_limits, case_of, scene_violations, throw
 from ..result import PlannedThrow

@@ -12,7 +12,7 @@ from typing import TypeVar
 import numpy as np
 import numpy.typing as npt
 
-from ...models.release import Release
+from ...models import Release
 from .model_runs import STIFFNESSES, Method, bristled, extrapolated, patched, stepped
 from .model_throws import Throw, detached, off
 from .model_truths import patch_truth, pivot_truth, surface_truth

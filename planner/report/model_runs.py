@@ -10,21 +10,26 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from ...models.contact import HandMotion
-from ...models.integrate import euler_step, rk4_step
-from ...models.limit_surface_release import ImplicitRelease, KarnoppRelease
-from ...models.lugre_release import LuGreRelease
-from ...models.patch_release import Throws, march, single
-from ...models.release import Release, ReleaseCase
-from ...models.sliding_pivot import SlidingPivot
-from ...models.sliding_pivot_release import (
+from ...models import (
+    HandMotion,
+    ImplicitRelease,
+    KarnoppRelease,
+    LuGreRelease,
+    PatchThrows,
+    Release,
+    ReleaseCase,
+    SlidingPivot,
     SlidingPivotRelease,
+    SteppedRelease,
+    euler_step,
+    march_patch,
     number_symbols,
     numbers,
+    relative_widths,
+    rk4_step,
+    single_release,
     world_release,
 )
-from ...models.smoothing import relative_widths
-from ...models.time_stepping_release import SteppedRelease
 from .model_throws import detached
 
 Array = npt.NDArray[np.float64]
@@ -120,7 +125,7 @@ def extrapolated(
 
 def patched(steps: int, case: ReleaseCase) -> Release:
     """The meshed Coulomb patch, without the instants at which slip begins."""
-    return single(march(Throws.of(case, steps)))
+    return single_release(march_patch(PatchThrows.of(case, steps)))
 
 
 def bristled(stiffness: float, steps: int, case: ReleaseCase) -> Release:

@@ -10,18 +10,19 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from ...models.batch import (
+from ...models import (
     BatchRelease,
     EvenSteps,
+    ImplicitRelease,
+    LuGreRelease,
+    PatchRelease,
+    Release,
     ReleaseBatch,
+    ReleaseCase,
+    SlidingPivotRelease,
     throw_limit_surface,
     throw_sliding_pivot,
 )
-from ...models.limit_surface_release import ImplicitRelease
-from ...models.lugre_release import LuGreRelease
-from ...models.patch_release import PatchRelease
-from ...models.release import Release, ReleaseCase
-from ...models.sliding_pivot_release import SlidingPivotRelease
 from ..check import STEPS
 from ..compile import compiled_steps
 from ..sweep import executor_of

@@ -9,12 +9,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ...models.contact import Body, Contact
-from ...models.flight import land
-from ...models.grip_force import LinearRelease
-from ...models.hand_track import ConstantAcceleration
-from ...models.release import Release, ReleaseCase
-from ...models.slip_onset import held_wrench
+from ...models import (
+    Body,
+    ConstantAcceleration,
+    Contact,
+    LinearRelease,
+    Release,
+    ReleaseCase,
+    held_wrench,
+    land,
+)
 from .page import Cell, Table
 
 Array = npt.NDArray[np.float64]

@@ -5,11 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ...models.contact import HandMotion
-from ...models.patch import scaled_patch
-from ...models.release import ReleaseCase
-from ...models.sliding_pivot import SlidingPivot
-from ...models.smoothing import relative_widths
+from ...models import HandMotion, ReleaseCase, SlidingPivot, relative_widths, scaled_patch
 
 Array = npt.NDArray[np.float64]
 

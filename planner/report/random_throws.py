@@ -5,12 +5,17 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ...models.batch import ReleaseBatch
-from ...models.batch_hands import ConstantAccelerations
-from ...models.contact import Body, Contact, HandMotion, pivot_wrench
-from ...models.grip_force import LinearRelease
-from ...models.hand_track import ConstantAcceleration
-from ...models.release import ReleaseCase
+from ...models import (
+    Body,
+    ConstantAcceleration,
+    ConstantAccelerations,
+    Contact,
+    HandMotion,
+    LinearRelease,
+    ReleaseBatch,
+    ReleaseCase,
+    pivot_wrench,
+)
 
 Array = npt.NDArray[np.float64]
 

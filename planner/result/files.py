@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from ...models.hand import PlanarArm
+from ...models import PlanarArm
 from ...problems import InputError, filling, read_csv, read_text, scene_from_table, scene_table
 from ..check import TICK, Mover, SampledMotion, SentThrow, limit_surface_throw, make_mover, throw
 from ..ocp import load_curve

@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
-from ...models.arm import Arm
+from ...models import Arm
 from ...problems import InputError, Pose, Scene
 from ..check import Landing, Mover, PlannedMotion, SampledMotion, Thrown, limit_surface_throw
 from ..ocp import USUAL, Margins, Solution, ThrowNlp

@@ -12,8 +12,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from ...models.arm import Arm
-from ...models.hand import PlanarArm
+from ...models import Arm, PlanarArm
 from ...problems import InputError, filling
 from ..check import TICK, SentThrow, broken_limits, scene_violations
 from ..result import joint_samples, read_plan

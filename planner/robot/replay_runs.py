@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models.release import sticking_state
+from ...models import sticking_state
 from ...problems import Cup, InputError, Scene
 from ..check import SentThrow, hand_samples
 from .replay_model import hand_inertia, has_hand, landing_model, pads_of, release_model

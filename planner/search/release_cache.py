@@ -7,8 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
-from ...models.integrate import rk4_step
-from ...models.sliding_pivot import SlidingPivot
+from ...models import SlidingPivot, rk4_step
 from ...problems import Scene
 from ..check import Mover, column_room
 from ..compile import DAMAGED, cache_folder, digest, publish, source_of

@@ -8,7 +8,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ...models.flight import FlightState
+from ...models import FlightState
 from ...problems import Scene
 from ..check import PALM_TIMES, Mover, column_of, column_room, held_bar, palm_distance
 from ..compile import mapped

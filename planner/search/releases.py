@@ -14,11 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models.contact import HandMotion
-from ...models.flight import land
-from ...models.integrate import rk4_step
-from ...models.release import HandSamples
-from ...models.sliding_pivot import SlidingPivot
+from ...models import HandMotion, HandSamples, SlidingPivot, land, rk4_step
 from ...problems import Scene
 from ..check import Mover, friction_use
 from ..ocp import BRAKE_SHARE

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from ...models.release import HandSamples
+from ...models import HandSamples
 from ...problems import InputError, Scene
 from ..check import Mover, friction_use
 

@@ -8,11 +8,18 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models.contact import Contact, contact_twist, pivot_wrench
-from ...models.limit_surface import LimitSurface, ellipsoid
-from ...models.limit_surface_release import KarnoppRelease
-from ...models.release import Release, ReleaseCase, onset
-from ...models.time_stepping_release import SteppedRelease
+from ...models import (
+    Contact,
+    KarnoppRelease,
+    LimitSurface,
+    Release,
+    ReleaseCase,
+    SteppedRelease,
+    contact_twist,
+    ellipsoid,
+    onset,
+    pivot_wrench,
+)
 from ...problems import Scene
 from ..check import case_of, given_hand
 

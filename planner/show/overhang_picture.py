@@ -7,8 +7,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...models.overhang import OverhangingBeam
-from ...models.release import ReleaseCase
+from ...models import OverhangingBeam, ReleaseCase
 from ...problems import Scene
 from .contact_pictures import AREAS, BLACK, BLUE, RED, given_case, save
 

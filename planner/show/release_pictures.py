@@ -15,12 +15,20 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models.contact import Contact
-from ...models.limit_surface import LimitSurface, Quartic, ellipsoid, rotated_ellipsoid
-from ...models.limit_surface_release import ImplicitRelease, KarnoppRelease
-from ...models.release import Release, ReleaseCase, ReleaseModel
-from ...models.sliding_pivot_release import SlidingPivotRelease
-from ...models.time_stepping_release import SteppedRelease
+from ...models import (
+    Contact,
+    ImplicitRelease,
+    KarnoppRelease,
+    LimitSurface,
+    Quartic,
+    Release,
+    ReleaseCase,
+    ReleaseModel,
+    SlidingPivotRelease,
+    SteppedRelease,
+    ellipsoid,
+    rotated_ellipsoid,
+)
 from ...problems import Scene
 from .contact_pictures import (
     AREAS,

@@ -8,8 +8,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from ...models.contact import HandMotion, pivot_wrench
-from ...models.hand import PlanarArm
+from ...models import HandMotion, PlanarArm, pivot_wrench
 from ...problems import Scene
 from ..check import SentThrow, flight_poses, hand_samples
 

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models.arm import Tool
+from ...models import Tool
 from .timeline import PHASES
 from .view_colours import ARM, COLOURS
 from .view_poses import SpaceThrow, in_space, link_pieces, normal

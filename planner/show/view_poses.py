@@ -12,8 +12,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from ...models.arm import Arm, DHRow, placement
-from ...models.hand import PlanarArm
+from ...models import Arm, DHRow, PlanarArm, placement
 from ...problems import Scene
 from ..check import SentThrow, bar_outline
 from .timeline import PHASES, Timeline, timeline

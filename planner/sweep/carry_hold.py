@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ...models.contact import Body, Contact, HandMotion, pivot_wrench
+from ...models import Body, Contact, HandMotion, pivot_wrench
 from ...problems import Scene
 from ..check import TICK, Motion, Mover, friction_use, hand_samples
 

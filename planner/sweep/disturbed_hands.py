@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ...models.batch_hands import Cubics, Hands, Throws
+from ...models import Cubics, Hands, Throws
 from ..check import TICK, Mover, hand_samples
 from ..result import PlannedThrow
 

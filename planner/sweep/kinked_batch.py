@@ -8,10 +8,16 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from ...models.batch import GRADING, BatchRelease, ReleaseBatch, by_chunks, graded
-from ...models.contact import HandMotion
-from ...models.integrate import rk4_step
-from ...models.sliding_pivot import SlidingPivot
+from ...models import (
+    GRADING,
+    BatchRelease,
+    HandMotion,
+    ReleaseBatch,
+    SlidingPivot,
+    by_chunks,
+    graded,
+    rk4_step,
+)
 
 Array = npt.NDArray[np.float64]
 

@@ -9,10 +9,15 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from ...models.batch import ReleaseBatch, throw_limit_surface, throw_sliding_pivot
-from ...models.batch_hands import HandsTrack
-from ...models.contact import Body, Contact
-from ...models.flight import land
+from ...models import (
+    Body,
+    Contact,
+    HandsTrack,
+    ReleaseBatch,
+    land,
+    throw_limit_surface,
+    throw_sliding_pivot,
+)
 from ...problems import InputError, Pose, Scene
 from ..check import BATCH_MODELS, cup_entries
 from ..compile import PAYS_FROM, compiled_steps

@@ -10,8 +10,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from ...models.arm import Arm, JointFrame, JointLimits, Tool
-from ...models.hand import PlanarArm
+from ...models import Arm, JointFrame, JointLimits, PlanarArm, Tool
 from ..errors import InputError
 from .file import UrdfChain
 from .masses import link_inertias

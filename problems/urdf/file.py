@@ -13,7 +13,7 @@ from xml.etree import ElementTree
 import numpy as np
 import numpy.typing as npt
 
-from ...models.arm import JointFrame
+from ...models import JointFrame
 from ..errors import InputError
 from ..text_file import read_text
 from .frames import axis_turn, frame_of, hand_turn, origin, unit_axis

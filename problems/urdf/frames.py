@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models.arm import JointFrame
+from ...models import JointFrame
 from ..errors import InputError
 
 Array = npt.NDArray[np.float64]

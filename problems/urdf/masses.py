@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models.arm import LinkInertia
+from ...models import LinkInertia
 from ..errors import InputError
 from .file import UrdfChain, hanging
 from .frames import origin
