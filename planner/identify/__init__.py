@@ -3,6 +3,7 @@
 Also makes synthetic throws on the published design, to know the truth that a fit should find.
 """
 
+from .design import conditions, design, grip_use, scene_with
 from .factors import SURFACE, usual_surface
 from .factors_picture import factors_picture
 from .fit_belief import UNKNOWNS, Belief
@@ -13,10 +14,9 @@ from .identify_files import save_identified
 from .identify_pictures import draw_grid
 from .identify_run import Identified, identify
 from .learn import throw_data, thrown, updated
-from .make_throws import Making, Noise, make_throws, object_names
-from .make_throws_truth import Flown, Law
 from .measured import measured
 from .predict import Predictor, check_model
+from .synthetic import Flown, Law, Making, Noise, make_throws, object_names
 from .validation import PAPER_MODELS, Validation, validate
 from .validation_files import FILES as VALIDATION_FILES
 from .validation_files import as_dict, as_text, errors_by_throw, save_validation
@@ -42,7 +42,9 @@ __all__ = [
     "as_dict",
     "as_text",
     "check_model",
+    "conditions",
     "crossed_table",
+    "design",
     "draw_grid",
     "error_table",
     "errors_by_throw",
@@ -50,6 +52,7 @@ __all__ = [
     "factor_table",
     "factors_picture",
     "grid_of",
+    "grip_use",
     "head",
     "identify",
     "make_throws",
@@ -60,6 +63,7 @@ __all__ = [
     "prior_of",
     "save_identified",
     "save_validation",
+    "scene_with",
     "throw_data",
     "thrown",
     "updated",

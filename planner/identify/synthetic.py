@@ -1,0 +1,333 @@
+"""Synthetic throws: the design's motions, thrown by a meshed patch, measured with noise.
+
+Always labelled synthetic. Rates, filters and the tracker's accuracy are those of Liu and
+Billard, section VI-A; all other noise is assumed and stated in `Noise`.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from ...models import (
+    PATCH_CHUNK,
+    Body,
+    Contact,
+    FlightState,
+    HandSamples,
+    LinearRelease,
+    LuGreRelease,
+    PatchThrows,
+    TableRelease,
+    land,
+    march_patch,
+    sticking_state,
+)
+from ...problems import (
+    Grasp,
+    InputError,
+    MeasuredThrow,
+    Shared,
+    ThrowData,
+    ThrownObject,
+    monotone_grip,
+)
+from ..check import Mover, hand_samples, make_mover
+from .design import (
+    BARS,
+    DWELL,
+    FORCE,
+    GRIP,
+    HEIGHT,
+    HELD,
+    OPENING,
+    Condition,
+    Throwing,
+    conditions,
+    contact_of,
+    design,
+    grip_use,
+    scene_with,
+)
+
+Array = npt.NDArray[np.float64]
+
+#: Sampling of joints, track and grip force [s], the paper's.
+JOINTS, TRACK, FORCES = 1 / 500, 1 / 250, 1 / 1000
+#: How long the track starts before the command and the force goes on after the fall [s].
+BEFORE, AFTER = 0.1, 0.04
+#: Draws are cut off at so many standard deviations: no bar slips in the full grip.
+CUT = 3.0
+
+
+@dataclass(frozen=True)
+class Law:
+    """The true release law: a rigid meshed patch, or LuGre bristles of a stiffness [1/m].
+
+    steps over the opening, first order: 8 times as many move the design's landings by up to
+    0.03 mm and 0.03 deg.
+    """
+
+    kind: Literal["patch", "lugre"] = "patch"
+    stiffness: float = 1e6
+    steps: int = 1000
+
+    @property
+    def words(self) -> str:
+        """The law in words."""
+        if self.kind == "patch":
+            return "meshed patch, rigid"
+        return f"meshed patch, LuGre bristles of stiffness {self.stiffness:g} 1/m"
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations of one throw against its condition, and of what is measured.
+
+    What varies: opening [s], the gripper's dwell; force, full grip, and friction, relative.
+    What is measured: joints [rad], each sample; sync [s], the force's clock against the
+    joints'; grip [N], each sample, with an offset of the same size; position [m] and angle
+    [rad] of each sample of the track; landing [m], landing_angle [rad].
+    """
+
+    opening: float = 0.002
+    force: float = 0.03
+    friction: float = 0.03
+    joints: float = 5e-5
+    sync: float = 0.0005
+    grip: float = 0.3
+    position: float = 0.0002
+    angle: float = 0.002
+    landing: float = 0.002
+    landing_angle: float = math.radians(0.5)
+
+    @classmethod
+    def none(cls) -> Noise:
+        """Nothing varies, everything is measured exactly."""
+        return cls(**{part.name: 0.0 for part in dataclasses.fields(cls)})
+
+
+@dataclass(frozen=True)
+class Making:
+    """What is asked for. friction and patch_radius [m] are of the base surface."""
+
+    law: Law = field(default_factory=Law)
+    friction: float = HELD[0]
+    patch_radius: float = HELD[1]
+    repeats: int = 5
+    factors: bool = False
+    noise: Noise = field(default_factory=Noise)
+    seed: int = 1
+
+
+@dataclass(frozen=True)
+class Event:
+    """One throw as it truly is: its motion, bar and contact, its grip (dwell after `command`).
+
+    command [s]: when the opening command goes out, on the motion's clock.
+    """
+
+    motion: Throwing
+    bar: ThrownObject
+    friction: float
+    patch_radius: float
+    grip: LinearRelease
+    command: float
+
+    @property
+    def opening(self) -> float:
+        """When the grip force truly starts to fall [s]."""
+        return self.command + self.grip.dwell
+
+
+@dataclass(frozen=True)
+class Flown:
+    """A true throw: landing x [m], theta [rad], flight time [s]; com (3, K) at times (K,) [s]
+    of the opening."""
+
+    event: Event
+    times: Array
+    com: Array
+    detach: FlightState
+    landing: Array
+
+    def poses(self, mover: Mover, times: Array) -> Array:
+        """CoM poses (K, 3) at times [s] of the motion's clock: held, let go, flying."""
+        since = times - self.event.opening
+        held = hand_samples(mover, self.event.motion.samples, times).pose
+        x, z, theta = sticking_state(held, 0 * held, 0.0, self.event.bar.com)[:3]
+        going = [np.interp(since, self.times, values) for values in self.com]
+        flying = self.detach.after(since - self.times[-1], scene_with("com1").gravity)
+        parts = [(x, z, theta), going, (flying.x, flying.z, flying.theta)]
+        phase = (since > 0).astype(int) + (since >= self.times[-1])
+        return np.asarray(np.choose(phase, np.array(parts)), float).T
+
+
+def make_throws(
+    making: Making, progress: Callable[[int, int], None] | None = None
+) -> tuple[ThrowData, list[Flown]]:
+    """The data set, and each throw as it truly was.
+
+    Raises InputError for a contact that does not hold the bars on their way.
+    """
+    mover, wanted = make_mover(scene_with("com1")), list(conditions(making.factors))
+    _check_held(making, mover, wanted)
+    rng = np.random.default_rng(making.seed)
+    drawn = [(one, k) for one in wanted for k in range(1, making.repeats + 1)]
+    events = [_event(making, one, rng) for one, _ in drawn]
+    flown = _thrown(mover, events, making.law, progress or (lambda *_: None))
+    throws = []
+    for number, ((one, repeat), throw) in enumerate(zip(drawn, flown, strict=True), start=1):
+        recorded = _measured(mover, throw, making.noise, rng)
+        factors = one.labels | {"repeat": str(repeat)}
+        throws.append(dataclasses.replace(recorded, name=f"t{number:03d}", factors=factors))
+    noise = "no noise" if making.noise == Noise.none() else "noise as in [truth]"
+    shared = Shared(
+        landing_height=HEIGHT,
+        description=f"Synthetic batch: {len(throws)} throws of a bar by a Panda",
+        synthetic=f"{making.law.words}, friction {making.friction:g}, patch radius "
+        f"{1e3 * making.patch_radius:g} mm, {noise}, seed {making.seed}",
+        arm="panda",
+        position_noise=making.noise.landing or Noise.landing,
+        angle_noise=making.noise.landing_angle or Noise.landing_angle,
+    )
+    arm = scene_with("com1").arm
+    return ThrowData("throws", shared, tuple(throws), arm, _truth(making)), flown
+
+
+def object_names() -> dict[ThrownObject, str]:
+    """The bars' names in the files."""
+    return {bar: name for name, bar in BARS.items()}
+
+
+def _truth(making: Making) -> dict[str, float]:
+    """The section [truth]."""
+    found = {"friction": making.friction, "patch_radius": making.patch_radius}
+    if making.factors:
+        papertape = contact_of("papertape", making.friction, making.patch_radius)
+        found["papertape_friction"], found["papertape_patch_radius"] = papertape
+    if making.law.kind == "lugre":
+        found["stiffness"] = making.law.stiffness
+    noise = {f"noise_{key}": value for key, value in dataclasses.asdict(making.noise).items()}
+    everything = found | {"seed": float(making.seed)} | noise
+    return {key: float(f"{value:.9g}") for key, value in everything.items()}
+
+
+def _check_held(making: Making, mover: Mover, wanted: Sequence[Condition]) -> None:
+    """InputError for a contact with which a bar uses too much of the grip on the way."""
+    uses = {}
+    for one in wanted:
+        scene = scene_with(one.bar, one.surface, making.friction, making.patch_radius)
+        motion = design()[one.pitch][one.release - 1]
+        uses[f"{one.bar}, {one.pitch}, a{one.release}"] = grip_use(mover, motion, scene)
+    worst = max(uses, key=lambda name: uses[name])
+    if uses[worst] > GRIP + 1e-9:
+        raise InputError(
+            f"--friction {making.friction:g} with --patch-radius {making.patch_radius:g}: the "
+            f"grip does not hold the bar on its way ({worst}: grip use {uses[worst]:.2f}, at "
+            f"most {GRIP:g}); make their product larger"
+        )
+
+
+def _event(making: Making, one: Condition, rng: np.random.Generator) -> Event:
+    """One throw of a condition, with what varies from throw to throw."""
+    late, stronger, rougher = np.clip(rng.standard_normal(3), -CUT, CUT)
+    noise, motion = making.noise, design()[one.pitch][one.release - 1]
+    mu, radius = contact_of(one.surface, making.friction, making.patch_radius)
+    grip = LinearRelease(
+        FORCE * (1 + noise.force * stronger), DWELL + noise.opening * late, OPENING
+    )
+    command = motion.opening_time - DWELL
+    return Event(motion, BARS[one.bar], mu * (1 + noise.friction * rougher), radius, grip, command)
+
+
+def _thrown(
+    mover: Mover, events: Sequence[Event], law: Law, progress: Callable[[int, int], None]
+) -> list[Flown]:
+    """All events, thrown by the law and flown to the landing height.
+
+    Raises ArithmeticError for a throw that the law does not solve.
+    """
+    gravity, found = scene_with("com1").gravity, []
+    for first in range(0, len(events), PATCH_CHUNK):
+        part = events[first : first + PATCH_CHUNK]
+        throws = _side_by_side(mover, part, law.steps, gravity)
+        bristles = None
+        if law.kind == "lugre":
+            bristles = LuGreRelease(stiffness=law.stiffness).bristles(throws)
+        release = march_patch(throws, bristles=bristles)
+        detach = np.vstack([release.com[:, -1], release.com_twist[:, -1]])
+        landing = land(detach.T, HEIGHT, gravity)
+        if not np.isfinite(landing).all():
+            raise ArithmeticError("a true throw could not be computed")
+        for i, event in enumerate(part):
+            state = FlightState(*(float(value) for value in detach[:, i]))
+            com = release.com[:, :, i]
+            found.append(Flown(event, release.times[:, i], com, state, landing[i]))
+        progress(len(found), len(events))
+    return found
+
+
+def _side_by_side(mover: Mover, events: Sequence[Event], steps: int, gravity: float) -> PatchThrows:
+    """The events' releases as one batch, hands taken at each step from the motion itself."""
+    times, hands, forces = [], [], []
+    for event in events:
+        t = np.linspace(0.0, event.grip.opening, steps + 1)
+        hand = hand_samples(mover, event.motion.samples, event.opening + t)
+        times.append(t)
+        hands.append((hand.pose, hand.twist, hand.acceleration))
+        forces.append(event.grip.force((t[1:] + t[:-1]) / 2))
+    pose, twist, acceleration = np.array(hands).transpose(1, 2, 3, 0)
+    bars = np.array([(e.bar.mass, e.bar.inertia, e.bar.com) for e in events]).T
+    contact = Contact(
+        np.array([event.friction for event in events]),
+        np.array([event.patch_radius for event in events]),
+    )
+    start = np.array(sticking_state(pose[:, 0], twist[:, 0], 0.0, bars[2]))
+    samples = HandSamples(np.array(times).T, pose, twist, acceleration)
+    return PatchThrows(Body(*bars), contact, start, samples, np.array(forces).T, gravity)
+
+
+def _measured(mover: Mover, throw: Flown, noise: Noise, rng: np.random.Generator) -> MeasuredThrow:
+    """A true throw as it is recorded, without name and factors."""
+    event, samples, arm = throw.event, throw.event.motion.samples, scene_with("com1").arm
+    assert arm is not None
+    times = JOINTS * np.arange(math.floor(samples.times[-1] / JOINTS + 1e-9) + 1)
+    joints = np.tile(arm.posture, (times.size, 1))
+    joints[:, [j - 1 for j in arm.throwing_joints]] = samples.at(times)[0].T
+    joints += noise.joints * rng.standard_normal(joints.shape)
+    landed = event.opening + throw.times[-1] + throw.landing[2]
+    first = math.ceil((event.command - BEFORE) / TRACK)
+    seen: Array = TRACK * np.arange(first, math.ceil(landed / TRACK) + 2.0)
+    spread = np.array([noise.position, noise.position, noise.angle])
+    poses = throw.poses(mover, seen) + spread * rng.standard_normal((seen.size, 3))
+    x, theta, _ = throw.landing
+    off = rng.standard_normal(3) * [noise.landing, noise.landing, noise.landing_angle]
+    return MeasuredThrow(
+        name="",
+        object=event.bar,
+        grasp=Grasp(),
+        times=times,
+        motion=joints,
+        command=event.command,
+        grip=_recorded_force(event, noise, rng),
+        landing=(float(x + off[0]), float(HEIGHT + off[1]), float(theta + off[2])),
+        track=np.column_stack([seen, poses]),
+        factors={},
+    )
+
+
+def _recorded_force(event: Event, noise: Noise, rng: np.random.Generator) -> TableRelease:
+    """The force sensor's recording, from the command on, made to fall."""
+    grip = event.grip
+    times = np.arange(0.0, grip.dwell + grip.opening + AFTER, FORCES)
+    late, offset = noise.sync * rng.standard_normal(), noise.grip * rng.standard_normal()
+    raw = grip.force(times - grip.dwell - late)
+    raw = raw + offset + noise.grip * rng.standard_normal(times.size)
+    return monotone_grip(times, raw)
