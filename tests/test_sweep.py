@@ -6,7 +6,6 @@ import dataclasses
 import json
 import math
 
-import matplotlib.image
 import numpy as np
 import pytest
 import throwplan as tp
@@ -21,7 +20,7 @@ from throwplan.planner.sweep.sweep_run import CHUNKS, run_sweep
 from throwplan.planner.sweep.sweep_sensitivity import derivatives, scan_delays
 from throwplan.planner.sweep.sweep_throws import Thrower
 from throwplan.planner.sweep.uncertain import sampler_of
-from throwplan.problems import Distribution, Gripper, Uncertainty, scene_text
+from throwplan.problems import Distribution, Gripper, Uncertainty
 
 G = 9.81
 POSE, TWIST = np.array([0.2, 0.9, -0.6]), np.array([1.9, 1.4, 2.5])
@@ -183,15 +182,6 @@ def test_samples_land_where_the_exact_model_throws_them(posed) -> None:
         assert pose[1] == pytest.approx(exact.theta, abs=2e-3)
 
 
-def test_a_known_mean_delay_moves_the_command_and_nothing_else(posed) -> None:
-    late = Uncertainty(delay=Distribution(uniform=0.01, mean=0.015))
-    shifted = dataclasses.replace(posed, scene=posed.scene.replace(uncertainty=late))
-    one, other = tp.sweep(posed, samples=64), tp.sweep(shifted, samples=64)
-    assert other.landings.pose == pytest.approx(one.landings.pose, abs=1e-9)
-    assert other.values == pytest.approx(one.values + 0.015)
-    before, after = (plan.to_dict()["release"] for plan in (posed, shifted))
-    assert after["command_time"] == pytest.approx(before["command_time"] - 0.015)
-    assert after["opening_time"] == before["opening_time"]
 
 
 def test_the_largest_delays_are_where_success_ends(posed) -> None:
@@ -259,56 +249,17 @@ def test_cup_entries_are_those_of_single_flights() -> None:
     assert 50 < inside < 250
 
 
-def test_success_of_a_cup_is_going_in(cup_plan) -> None:
-    result = tp.sweep(cup_plan, samples=512).to_dict()
-    assert result["assumed"]
-    assert result["in_cup"]["rate"] >= result["success"]["rate"] > result["in_tolerance"]["rate"]
 
 
 # What is reported.
 
 
-def test_json_has_the_interface_s_keys(posed) -> None:
-    result = json.loads(json.dumps(tp.sweep(posed, samples=100).to_dict(), allow_nan=False))
-    assert result["scene"] == "delay"
-    assert (result["samples"], result["model"], result["robust"]) == (100, "sp", False)
-    assert result["success"]["low"] <= result["success"]["rate"] <= result["success"]["high"]
-    assert set(result["bias"]) >= {"position", "angle"}
-    for name in ("position", "angle", "scaled"):
-        values = [result["quantiles"][name][key] for key in ("50", "90", "95", "99")]
-        assert values == sorted(values)
-    assert set(result["sensitivity"]["delay"]) >= {"x", "theta"}
-    assert result["sensitivity"]["delay"]["share"]["x"] > 0.95
-    assert result["time"] > 0
 
 
-def test_an_open_angle_does_not_count() -> None:
-    plan = tp.plan("hand-box")
-    found = tp.sweep(plan, samples=200)
-    result = found.to_dict()
-    assert result["bias"]["angle"] == 0.0
-    assert found.errors["scaled"] == pytest.approx(found.errors["position"])
 
 
-def test_a_plan_without_a_throw_is_refused() -> None:
-    failed = tp.Planner(tp.load_scene("hand-box")).plan(tp.Pose(x=0.3, z=1.7))
-    with pytest.raises(tp.InputError, match="out_of_reach"):
-        tp.sweep(failed)
 
 
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
-        ({"samples": 0}, "samples = 0: must be a whole number, 1 to"),
-        ({"samples": 2.5}, "samples = 2.5"),
-        ({"samples": True}, "samples = True"),
-        ({"seed": -1}, "seed = -1"),
-        ({"model": "spp"}, "model = 'spp': must be one of sp, .*did you mean 'sp'"),
-    ],
-)
-def test_wrong_arguments_in_python(posed, arguments: dict, words: str) -> None:
-    with pytest.raises(tp.InputError, match=words):
-        tp.sweep(posed, **arguments)
 
 
 # Stopping.
@@ -348,79 +299,11 @@ def test_a_stopped_command_says_how_much_is_done(tmp_path, capsys, monkeypatch) 
 # The command.
 
 
-def test_command_prints_draws_and_writes(tmp_path, capsys) -> None:
-    path = tmp_path / "many.toml"
-    path.write_text(
-        scene_text("hand-flip")
-        + "[uncertainty]\ndelay = { uniform = 0.005 }\nfriction = { normal = 0.05 }\n"
-        + "hand_omega_deg = { normal = 1.0 }\n"
-    )
-    out = tmp_path / "out"
-    assert main(["sweep", str(path), "--samples", "300", "--json", "--out", str(out)]) == 0
-    printed, err = capsys.readouterr()
-    assert err == ""
-    result = json.loads(printed)
-    assert result == json.loads((out / "sweep.json").read_text())
-    assert result["scene"] == "many"
-    assert list(result["sensitivity"]) == ["delay", "friction", "hand_omega"]
-    rows = np.genfromtxt(out / "sweep.csv", delimiter=",", names=True)
-    assert rows.size == 300
-    assert rows.dtype.names[:5] == ("sample", "delay", "friction", "hand_omega", "x")
-    assert np.abs(rows["delay"]).max() <= 0.005
-    assert rows["success"].mean() == pytest.approx(result["success"]["rate"])
-    pictures = {"landings.png", "delay.png", "histogram.png", "tornado.png"}
-    assert {p.name for p in out.iterdir()} == pictures | {"sweep.csv", "sweep.json"}
-    for name in pictures:
-        pixels = matplotlib.image.imread(out / name)[:, :, :3]
-        assert pixels.shape[0] > 200 and pixels.shape[1] > 600
-        assert (pixels < 0.9).any(axis=2).mean() > 0.01, name
 
 
-def test_command_in_words(capsys) -> None:
-    assert main(["sweep", "hand-box", "--samples", "100", "--model", "ls-step"]) == 0
-    out, err = capsys.readouterr()
-    assert err == ""
-    for word in ("hand-box: 100 throws by ls-step", "assumed", "success", "95 %", "delay"):
-        assert word in out
 
 
-def test_out_of_reach_exits_3_with_the_plan(capsys) -> None:
-    line = ["sweep", "hand-box", "--target", "0.3", "1.7", "free", "--json"]
-    assert main(line) == 3
-    out, err = capsys.readouterr()
-    assert json.loads(out)["status"] == "out_of_reach"
-    assert len(err.splitlines()) == 1
 
 
-@pytest.mark.parametrize(
-    ("line", "words"),
-    [
-        ("--samples 0", ["--samples", "0", "1 to"]),
-        ("--samples -5", ["--samples", "-5"]),
-        ("--samples many", ["--samples", "many", "whole number"]),
-        ("--seed -1", ["--seed", "-1"]),
-        ("--workers 0", ["--workers", "0", "1 to"]),
-        ("--workers two", ["--workers", "two"]),
-        ("--model lss", ["model", "lss", "ls-step"]),
-        ("--robust quite", ["--robust", "quite", "quiet"]),
-        ("--workers 2 --scheduler a:1", ["--workers", "--scheduler"]),
-        ("--scheduler here", ["--scheduler", "here", "tcp://host:8786"]),
-        ("--scheduler tcp://127.0.0.1:1", ["--scheduler", "tcp://127.0.0.1:1", "no Dask"]),
-        ("--target nan 0 free", ["--target", "nan"]),
-    ],
-)
-def test_wrong_command_lines(line: str, words: list[str], tmp_path, capsys) -> None:
-    arguments = ["sweep", "hand-box", *line.split(), "--out", str(tmp_path / "new")]
-    assert main(arguments) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert len(err.splitlines()) == 1
-    for word in words:
-        assert word in err
-    assert list(tmp_path.iterdir()) == []
 
 
-def test_unwritable_folder(tmp_path, capsys) -> None:
-    (tmp_path / "out" / "sweep.csv").mkdir(parents=True)
-    assert main(["sweep", "hand-box", "--out", str(tmp_path / "out")]) == 2
-    assert "sweep.csv is a folder" in capsys.readouterr().err

@@ -1,0 +1,182 @@
+"""Sweeps from Python and the command line: what is reported, files, workers, refusals."""
+
+from __future__ import annotations
+
+import json
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
+from multiprocessing import get_context
+
+import matplotlib.image
+import numpy as np
+import pytest
+import throwplan as tp
+
+KEYS = {
+    *("scene", "samples", "model", "robust", "success", "bias", "quantiles", "sensitivity"),
+    "time",
+}
+
+
+@pytest.fixture(scope="module")
+def delay(plan_of) -> tp.Plan:
+    return plan_of("delay")
+
+
+def test_json_has_the_interface_s_keys(delay) -> None:
+    found = tp.sweep(delay, samples=100).to_dict()
+    result = json.loads(json.dumps(found, allow_nan=False))
+    assert set(result) >= KEYS
+    assert result["scene"] == "delay"
+    assert (result["samples"], result["model"], result["robust"]) == (100, "sp", False)
+    assert result["success"]["low"] <= result["success"]["rate"] <= result["success"]["high"]
+    assert set(result["bias"]) >= {"position", "angle"}
+    for name in ("position", "angle", "scaled"):
+        values = [result["quantiles"][name][key] for key in ("50", "90", "95", "99")]
+        assert values == sorted(values)
+    assert set(result["sensitivity"]["delay"]) >= {"x", "theta"}
+    assert result["sensitivity"]["delay"]["share"]["x"] > 0.95
+
+
+def test_an_open_angle_does_not_count(plan_of) -> None:
+    found = tp.sweep(plan_of("hand-box"), samples=200).to_dict()
+    assert found["bias"]["angle"] == 0.0
+    assert found["quantiles"]["scaled"] == pytest.approx(found["quantiles"]["position"])
+
+
+def test_success_of_a_cup_is_going_in(plan_of) -> None:
+    result = tp.sweep(plan_of("cup"), samples=512).to_dict()
+    assert result["assumed"]
+    assert result["in_cup"]["rate"] >= result["success"]["rate"] > result["in_tolerance"]["rate"]
+
+
+def planned(tmp_path, section: str) -> tp.Plan:
+    """`pose` with a section [uncertainty], which changes no plan."""
+    path = tmp_path / "scene.toml"
+    path.write_text(f"{tp.scene_text('pose')}\n[uncertainty]\n{section}\n")
+    return tp.plan(path)
+
+
+def test_a_known_mean_delay_moves_the_command(tmp_path) -> None:
+    late = planned(tmp_path, "delay = { uniform = 0.001, mean = 0.015 }")
+    release, dwell = late.to_dict()["release"], late.scene.gripper.dwell
+    assert release["command_time"] == pytest.approx(release["opening_time"] - dwell - 0.015)
+    # The command goes out earlier by the mean, so that the mean throw lands at the target.
+    assert tp.sweep(late, samples=64).to_dict()["bias"]["position"] < 5e-4
+
+
+def test_a_weak_grip_is_no_success(tmp_path) -> None:
+    """Little friction: the bar slips in the full grip, wherever it would land."""
+    weak = tp.sweep(planned(tmp_path, "friction = { uniform = 0.02, mean = 0.1 }"), samples=64)
+    assert weak.to_dict()["success"]["rate"] == 0.0
+
+
+def test_any_executor_and_the_seed_alone_decides(delay) -> None:
+    def result(**options) -> str:
+        return json.dumps(tp.sweep(delay, samples=9000, **options).to_dict() | {"time": 0})
+
+    alone = result(seed=7)
+    with ThreadPoolExecutor(3) as executor:
+        assert result(seed=7, executor=executor) == alone
+    with ProcessPoolExecutor(2, get_context("spawn")) as executor:
+        assert result(seed=7, executor=executor) == alone
+    other = result(seed=8)
+    assert other != alone
+    # Of the same distribution.
+    one, two = (json.loads(text)["quantiles"]["scaled"]["95"] for text in (alone, other))
+    assert two == pytest.approx(one, rel=0.02)
+
+
+def test_the_command_prints_draws_and_writes(tmp_path, run, table) -> None:
+    path, out = tmp_path / "many.toml", tmp_path / "out"
+    path.write_text(
+        tp.scene_text("hand-flip")
+        + "[uncertainty]\ndelay = { uniform = 0.005 }\nfriction = { normal = 0.05 }\n"
+        + "hand_omega_deg = { normal = 1.0 }\n"
+    )
+    said = run("sweep --samples 300 --json --workers 2 --out", out, path)
+    assert (said.status, said.err) == (0, "")
+    result = said.json
+    assert result == json.loads((out / "sweep.json").read_text())
+    assert set(result) >= KEYS and result["scene"] == "many"
+    assert list(result["sensitivity"]) == ["delay", "friction", "hand_omega"]
+    rows = table(out / "sweep.csv")
+    assert rows.size == 300
+    assert rows.dtype.names[:5] == ("sample", "delay", "friction", "hand_omega", "x")
+    assert np.abs(rows["delay"]).max() <= 0.005
+    assert rows["success"].mean() == pytest.approx(result["success"]["rate"])
+    pictures = {"landings.png", "delay.png", "histogram.png", "tornado.png"}
+    assert {p.name for p in out.iterdir()} == pictures | {"sweep.csv", "sweep.json"}
+    for name in pictures:
+        pixels = matplotlib.image.imread(out / name)[:, :, :3]
+        assert pixels.shape[0] > 200 and pixels.shape[1] > 600
+        assert (pixels < 0.9).any(axis=2).mean() > 0.01, name
+
+
+def test_the_command_in_words(run) -> None:
+    said = run("sweep hand-box --samples 100 --model ls-step")
+    assert (said.status, said.err) == (0, "")
+    for word in ("hand-box: 100 throws by ls-step", "assumed", "success", "95 %", "delay"):
+        assert word in said.out
+
+
+def test_without_a_throw(run) -> None:
+    said = run("sweep hand-box --target 0.3 1.7 free --json")
+    assert (said.status, len(said.err.splitlines())) == (3, 1)
+    assert said.json["status"] == "out_of_reach"
+    failed = tp.plan("hand-box", tp.Pose(x=0.3, z=1.7))
+    with pytest.raises(tp.InputError, match="out_of_reach"):
+        tp.sweep(failed)
+
+
+@pytest.mark.parametrize(
+    ("line", "words"),
+    [
+        ("--samples 0", ["--samples", "0", "1 to"]),
+        ("--samples many", ["--samples", "many", "whole number"]),
+        ("--seed -1", ["--seed", "-1"]),
+        ("--workers 0", ["--workers", "0", "1 to"]),
+        ("--model lss", ["model", "lss", "ls-step"]),
+        ("--robust quite", ["--robust", "quite", "quiet"]),
+        ("--workers 2 --scheduler a:1", ["--workers", "--scheduler"]),
+        ("--scheduler here", ["--scheduler", "here", "tcp://host:8786"]),
+        ("--target nan 0 free", ["--target", "nan"]),
+    ],
+)
+def test_wrong_command_lines(line, words, tmp_path, refused, untouched) -> None:
+    untouched()
+    message = refused(f"sweep hand-box {line} --out", tmp_path / "new")
+    for word in words:
+        assert word in message
+
+
+def test_an_unwritable_folder(tmp_path, refused) -> None:
+    (tmp_path / "out" / "sweep.csv").mkdir(parents=True)
+    assert "sweep.csv is a folder" in refused("sweep hand-box --out", tmp_path / "out")
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"samples": 0}, "samples = 0: must be a whole number, 1 to"),
+        ({"samples": 2.5}, "samples = 2.5"),
+        ({"samples": True}, "samples = True"),
+        ({"seed": -1}, "seed = -1"),
+        ({"model": "spp"}, "model = 'spp': must be one of sp, .*did you mean 'sp'"),
+    ],
+)
+def test_wrong_arguments_in_python(delay, arguments, words) -> None:
+    with pytest.raises(tp.InputError, match=words):
+        tp.sweep(delay, **arguments)
+
+
+@pytest.mark.slow
+@pytest.mark.filterwarnings("ignore")  # the cluster's own, about its closing connections
+def test_a_dask_cluster_gives_the_same_result(delay) -> None:
+    distributed = pytest.importorskip("distributed")
+    alone = tp.sweep(delay, samples=9000, seed=3).to_dict()
+    with (
+        distributed.LocalCluster(2, threads_per_worker=1, dashboard_address=None) as cluster,
+        distributed.Client(cluster) as client,
+    ):
+        found = tp.sweep(delay, samples=9000, seed=3, executor=client.get_executor()).to_dict()
+    assert found | {"time": 0} == alone | {"time": 0}
