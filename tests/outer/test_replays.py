@@ -1,0 +1,209 @@
+"""A plan thrown in MuJoCo: where it lands, and whether it ends in the cup."""
+
+from __future__ import annotations
+
+import json
+import math
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import throwplan as tp
+
+pytest.importorskip("mujoco")
+
+#: A coarser step than the usual one: half the digits, a fraction of the time.
+COARSE = 5e-5
+
+
+def edited(folder: Path, copy: Path, **sections) -> Path:
+    """A copy of a plan whose definition says something else."""
+    copy.mkdir()
+    (copy / "motion.csv").write_text((folder / "motion.csv").read_text())
+    plan = json.loads((folder / "plan.json").read_text())
+    for section, values in sections.items():
+        if isinstance(values, dict):
+            plan["definition"].setdefault(section, {}).update(values)
+        else:
+            plan["definition"][section] = values
+    (copy / "plan.json").write_text(json.dumps(plan))
+    return copy
+
+
+@pytest.fixture(scope="module")
+def into_cup(saved) -> tp.Replay:
+    return tp.replay(saved("cup"), step=2e-5)
+
+
+def assert_off(result: tp.Replay, other: str, millimetres: float, degrees: float) -> None:
+    difference = result.to_dict()["difference"][other]
+    assert 1e3 * difference["position"] < millimetres
+    assert math.degrees(difference["angle"]) < degrees
+
+
+def test_the_cup_is_hit_as_the_limit_surface_says_and_the_bar_rests_in_it(into_cup) -> None:
+    assert_off(into_cup, "limit_surface", 0.5, 0.1)
+    assert_off(into_cup, "sp", 3.0, 1.5)
+    cup = into_cup.to_dict()["cup"]
+    assert cup["in"] and cup["at_rest"] and cup["entered"] and not cup["touched_rim"]
+    scene = tp.load_scene("cup")
+    rest = cup["rest"]
+    assert math.hypot(rest["x"] - scene.cup.x, rest["y"]) < scene.cup.radius
+    assert scene.cup.rim - scene.cup.depth < rest["z"]
+    assert "hand" not in into_cup.touched
+    assert np.abs(np.diff(into_cup.com[:, -50:])).max() < 1e-5
+
+
+def test_flight_keeps_energy_and_momentum(into_cup, plan_of) -> None:
+    release = plan_of("cup").to_dict()["release"]
+    times = into_cup.times
+    flying = (times > release["detach_time"]) & (times < release["landing_time"])
+    times, com = times[flying], into_cup.com[:, flying]
+    for row, degree, bend in ((0, 1, None), (1, 2, -9.81 / 2), (2, 1, None)):
+        curve = np.polynomial.Polynomial.fit(times, com[row], degree).convert()
+        assert np.abs(curve(times) - com[row]).max() < 1e-6
+        assert bend is None or curve.coef[2] == pytest.approx(bend, rel=1e-4)
+
+
+def test_one_contact_with_torsion_is_the_limit_surface(saved) -> None:
+    """The same ellipsoid: only the solvers differ."""
+    result = tp.replay(saved("pose"), step=2e-5, points=1, flight_step=2e-4)
+    assert_off(result, "limit_surface", 0.04, 0.03)
+
+
+@pytest.mark.parametrize(
+    ("sections", "words", "touched"),
+    [
+        ({"cup": {"x": 0.85}}, "does NOT end in the cup", True),
+        ({"cup": {"x": 2.5}}, "does not go in at all", False),
+    ],
+)
+def test_a_cup_elsewhere_is_missed(sections, words, touched, saved, tmp_path, run) -> None:
+    folder = edited(saved("cup"), tmp_path / "aside", **sections)
+    said = run("replay", folder)
+    assert said.status == 0 and words in said.out
+    assert ("touches the cup's wall or rim on the way in" in said.out) == touched
+
+
+def test_json_of_a_plan_without_a_cup(saved, run) -> None:
+    result = run("replay --json", saved("pose") / "plan.json").json
+    assert result["cup"] is None and result["touched"] == []
+    assert result["landing"]["mujoco"]["y"] == 0.0
+    sent = json.loads((saved("pose") / "plan.json").read_text())["landing"]["sent"]
+    assert result["landing"]["sp"]["x"] == pytest.approx(sent["x"], abs=1e-7)
+    assert result["difference"]["limit_surface"]["position"] < 3e-4
+
+
+def test_files_and_a_hand_that_throws_full_turns(saved, tmp_path, run, table) -> None:
+    out = tmp_path / "out"
+    said = run("replay", saved("hand-flip"), "--out", out)
+    assert said.status == 0 and f"written to {out}" in said.out
+    assert sorted(p.name for p in out.iterdir()) == ["replay.csv", "replay.json", "replay.png"]
+    rows = table(out / "replay.csv")
+    assert rows.dtype.names[0] == "t"
+    np.testing.assert_allclose(np.diff(rows["t"]), 1e-3, atol=1e-8)
+    landing = json.loads((out / "replay.json").read_text())["landing"]["mujoco"]
+    assert landing["theta"] == pytest.approx(math.radians(270), abs=math.radians(1.5))
+    assert "y" not in landing
+
+
+def test_a_base_column_in_the_way_is_hit(saved, tmp_path) -> None:
+    sections = {"workspace": {"column_radius": 0.95, "column_height": 0.8}}
+    result = tp.replay(edited(saved("pose"), tmp_path / "column", **sections), step=COARSE)
+    assert result.touched == ("base column",)
+
+
+def test_wrong_input_is_refused_in_one_line(saved, tmp_path, refused) -> None:
+    assert "no such file" in refused("replay", tmp_path / "none")
+    old = edited(saved("cup"), tmp_path / "old")
+    plan = json.loads((old / "plan.json").read_text())
+    for change, words in (({"format": 0}, "plan it again"), ({"status": "x"}, "holds no throw")):
+        (old / "plan.json").write_text(json.dumps(plan | change))
+        assert words in refused("replay", old)
+    assert "restitution" in refused("replay --restitution 1", saved("cup"))
+    (tmp_path / "file").write_text("")
+    assert "--out" in refused("replay", saved("cup"), "--out", tmp_path / "file")
+
+
+def test_without_mujoco_a_line_says_what_to_install(saved, refused, monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "mujoco", None)
+    assert "pip install 'throwplan[mujoco]'" in refused("replay", saved("cup"))
+
+
+def test_mujoco_is_imported_for_a_replay_only() -> None:
+    code = (
+        "import sys, throwplan as tp; from throwplan.planner.cli import main; "
+        "main(['plan', 'hand-box', '--json']); print('mujoco' in sys.modules)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip().endswith("False")
+
+
+# Many cases, for `make verify`.
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("change", [{"step": 5e-6}, {"flight_step": 5e-5}, {"points": 16}])
+def test_neither_steps_nor_points_decide_the_landing(into_cup, saved, change) -> None:
+    one, other = into_cup.to_dict(), tp.replay(saved("cup"), **change).to_dict()
+    a, b = one["landing"]["mujoco"], other["landing"]["mujoco"]
+    assert a["x"] == pytest.approx(b["x"], abs=1e-4)
+    assert a["theta"] == pytest.approx(b["theta"], abs=math.radians(0.05))
+    assert other["cup"]["in"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("x", [0.80, 0.85, 0.95, 1.0])
+def test_other_cups_are_hit_too(tmp_path, x) -> None:
+    tp.plan("cup", tp.Pose(x=x, z=0.22, theta=-math.pi / 2)).save(tmp_path, draw=False)
+    result = tp.replay(tmp_path, step=2e-5)
+    assert result.to_dict()["cup"]["in"]
+    assert_off(result, "limit_surface", 1.0, 0.2)
+
+
+@pytest.mark.slow
+def test_what_bounces_may_leave_the_cup(saved) -> None:
+    """The CoM stands at the rim's height: half its speed back is too much."""
+    bounced = tp.replay(saved("cup"), step=2e-5, restitution=0.5)
+    assert not bounced.to_dict()["cup"]["in"]
+
+
+@pytest.mark.slow
+def test_a_turned_plane_gives_poses_in_the_base_frame(into_cup, saved, tmp_path) -> None:
+    target = {"x": 0.9 * math.cos(1), "y": 0.9 * math.sin(1)}
+    turned = edited(saved("cup"), tmp_path / "turned", target=target)
+    landing = tp.replay(turned, step=2e-5).to_dict()["landing"]["mujoco"]
+    straight = into_cup.to_dict()["landing"]["mujoco"]
+    assert math.atan2(landing["y"], landing["x"]) == pytest.approx(1.0)
+    assert math.hypot(landing["x"], landing["y"]) == pytest.approx(straight["x"], abs=1e-5)
+
+
+@pytest.mark.slow
+def test_a_throw_checked_by_the_limit_surface_has_a_sliding_pivot_too(
+    into_cup, saved, tmp_path
+) -> None:
+    other = edited(saved("cup"), tmp_path / "ls", tolerance={"model": "ls-step"})
+    one, two = (r.to_dict()["landing"] for r in (into_cup, tp.replay(other, step=COARSE, points=1)))
+    for name in ("sp", "limit_surface"):
+        assert two[name] == pytest.approx(one[name], abs=1e-9)
+
+
+@pytest.mark.slow
+def test_one_face_and_twice_the_force_is_the_same_release(saved, tmp_path) -> None:
+    lists = {"times": [0.0, 0.05, 0.1], "forces": [240.0, 240.0, 0.0]}
+    other = edited(saved("pose"), tmp_path / "one", contact={"faces": 1})
+    plan = json.loads((other / "plan.json").read_text())
+    plan["definition"]["gripper"] = lists
+    (other / "plan.json").write_text(json.dumps(plan))
+    ours, theirs = (tp.replay(folder, step=2e-5) for folder in (saved("pose"), other))
+    a, b = (one.to_dict()["landing"]["mujoco"] for one in (ours, theirs))
+    assert b == pytest.approx(a, abs=1e-4)
+
+
+@pytest.mark.slow
+def test_without_gravity_nothing_comes_down(saved, tmp_path) -> None:
+    result = tp.replay(edited(saved("cup"), tmp_path / "space", gravity=0.0), step=COARSE)
+    answer = json.loads(json.dumps(result.to_dict(), allow_nan=False))
+    assert not answer["cup"]["at_rest"] or not answer["cup"]["in"]

@@ -1,0 +1,157 @@
+"""The command `view`: serving, its answers, films, refused input."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import socket
+import subprocess
+import sys
+import urllib.request
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+
+
+@pytest.fixture(autouse=True)
+def interruptible() -> Iterator[None]:
+    """A shell's background job ignores interrupts, and would hand that on."""
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    yield
+    signal.signal(signal.SIGINT, before)
+
+
+def free_port() -> int:
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def viewing(*words: object) -> subprocess.Popen[str]:
+    """The command in a process of its own, without a browser."""
+    hidden = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
+    return subprocess.Popen(
+        [sys.executable, "-m", "throwplan", "view", *map(str, words)],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        env={name: value for name, value in os.environ.items() if name not in hidden},
+    )
+
+
+def test_it_serves_until_interrupted(saved) -> None:
+    port = free_port()
+    process = viewing(saved("hand-flip"), "--port", port)
+    try:
+        address = process.stdout.readline().strip()
+        assert address == f"http://127.0.0.1:{port}"
+        with urllib.request.urlopen(address, timeout=60) as page:
+            assert b"<html" in page.read()
+        process.send_signal(signal.SIGINT)
+        out, err = process.communicate(timeout=60)
+    finally:
+        process.kill()
+        process.wait()
+    assert (process.returncode, out) == (0, "")
+    assert err == "throwplan: no browser to open here; open the address\n"
+
+
+def test_json_is_one_object_with_the_phases(saved) -> None:
+    port = free_port()
+    words = ["--port", port, "--no-browser", "--hold", "0.1", "--json"]
+    out, err = (process := viewing(saved("cup") / "plan.json", *words)).communicate(timeout=120)
+    assert (process.returncode, err) == (0, "")
+    answer = json.loads(out)
+    assert answer["address"] == f"http://127.0.0.1:{port}"
+    assert list(answer["phases"]) == ["carry", "stick", "pivot", "slide", "flight", "landing"]
+    times = list(answer["phases"].values())
+    assert times == sorted(times) and times[0] == 0.0
+
+
+def test_a_taken_port_is_named(saved, refused) -> None:
+    with socket.socket() as other:
+        other.bind(("127.0.0.1", 0))
+        other.listen()
+        port = other.getsockname()[1]
+        said = refused("view", saved("hand-flip"), "--no-browser", "--port", port)
+    assert f"--port {port}: address already in use; choose another with --port" in said
+
+
+def test_wrong_options(saved, refused, tmp_path) -> None:
+    for port in ("0", "65536", "web", "-1", "80.5"):
+        said = refused(f"view x --port={port}")
+        assert f"--port {port}: must be a whole number, 1 to 65535" in said
+    for hold in ("0", "-1", "soon", "inf"):
+        assert f"--hold {hold}: must be" in refused(f"view --hold={hold}", saved("hand-flip"))
+    gif = tmp_path / "throw.gif"
+    assert "must end in .mp4" in refused("view", saved("hand-flip"), "--mp4", gif)
+
+
+def test_wrong_plans(saved, refused, tmp_path) -> None:
+    plan = json.loads((saved("hand-flip") / "plan.json").read_text())
+    path = tmp_path / "plan.json"
+    assert f"{path}" in refused("view", path)
+    for text, words in (
+        ("[1, 2", "is not JSON"),
+        ("[1, 2]", "is not a plan file"),
+        (json.dumps(plan | {"format": 99}), "a plan file of version 99"),
+        (json.dumps(plan | {"status": "out_of_reach"}), "it holds no throw"),
+    ):
+        path.write_text(text)
+        for more in ([], ["--mp4", tmp_path / "throw.mp4"]):
+            assert words in refused("view", tmp_path, *more)
+
+
+def run_python(code: str, *arguments: object) -> subprocess.CompletedProcess[str]:
+    command = [sys.executable, "-c", code, *map(str, arguments)]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def test_without_viser_the_extra_is_named(saved, refused, monkeypatch) -> None:
+    code = (
+        "import sys; sys.modules['viser'] = None; from throwplan.planner.cli import main; "
+        "sys.exit(main(['view', sys.argv[1], '--no-browser']))"
+    )
+    done = run_python(code, saved("hand-flip"))
+    assert done.returncode == 2 and done.stdout == ""
+    assert done.stderr == "throwplan: view needs viser: pip install 'throwplan[view]'\n"
+
+
+def test_planning_imports_neither_viser_nor_matplotlib() -> None:
+    code = (
+        "import sys, throwplan; from throwplan.planner.cli import main; "
+        "main(['plan', 'hand-box', '--json']); "
+        "sys.exit(any(m.split('.')[0] in ('viser', 'matplotlib') for m in sys.modules))"
+    )
+    assert run_python(code).returncode == 0
+
+
+def test_a_film_needs_ffmpeg_that_works(saved, refused, monkeypatch, tmp_path: Path) -> None:
+    path = tmp_path / "throw.mp4"
+    path.write_text("earlier")
+    monkeypatch.setenv("PATH", str(tmp_path))
+    words = ("view", saved("hand-flip"), "--mp4")
+    assert "needs ffmpeg, which is not installed" in refused(*words, path)
+    broken = tmp_path / "ffmpeg"
+    broken.write_text("#!/bin/sh\nexit 1\n".replace("/bin/sh", shutil.which("sh", path=os.defpath)))
+    broken.chmod(0o755)
+    assert "ffmpeg failed with status 1" in refused(*words, path)
+    assert path.read_text() == "earlier"
+    assert "below.mp4: File exists" in refused(*words, path / "below.mp4")
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="no ffmpeg here")
+def test_a_film(saved, run, tmp_path) -> None:
+    path = tmp_path / "films" / "throw.mp4"
+    said = run("view", saved("hand-flip"), "--mp4", path, "--json")
+    assert said.json == {"mp4": str(path)}
+    assert os.listdir(path.parent) == ["throw.mp4"]
+    probe = ["ffprobe", "-v", "error", "-show_entries", "format=duration", "-of", "csv=p=0"]
+    length = float(subprocess.run([*probe, path], capture_output=True, check=True).stdout)
+    landing = json.loads((saved("hand-flip") / "plan.json").read_text())["release"]["landing_time"]
+    # A fifth of the speed, and a moment more for the last frame.
+    assert length == pytest.approx(5 * landing, abs=0.4)
