@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 import re
 from pathlib import Path
@@ -14,7 +13,6 @@ import numpy.typing as npt
 import pytest
 import throwplan as tp
 from throwplan.models import TableRelease
-from throwplan.planner.cli import main
 from throwplan.planner.identify.fit_belief import Belief
 from throwplan.planner.identify.fit_landing import DifferencedLandings, PivotLandings
 from throwplan.planner.identify.fit_scene import applied, contact_text, prior_of
@@ -234,52 +232,6 @@ def test_what_cannot_be_identified_is_refused_in_one_line(name: str) -> None:
 def test_alike_throws_are_fitted_with_a_prior() -> None:
     found = identify(made(4, "sp", alike=True), "sp", prior=load_scene("pose"), grid=False)
     assert found.posterior.product_deviation < 0.2
-
-
-def test_the_command_writes_its_files(
-    tmp_path: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    data = made(4, "sp")
-    monkeypatch.setattr("throwplan.problems.throw_data.load_throws", lambda folder: data)
-    out = tmp_path / "out"
-    words = ["identify", "data", "--model", "sp", "--delay", "--out", str(out), "--json"]
-    assert main(words) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told[0]["fit"]["product"]["value"] == pytest.approx(MU * RADIUS, rel=0.05)
-    assert told[0]["grid"]["predictions"] == 4 * 400
-    names = {"identify.json", "grid-sp.csv", "grid-sp.png", "fit.png", "contact.toml"}
-    assert {path.name for path in out.iterdir()} == names
-    assert len((out / "grid-sp.csv").read_text().splitlines()) == 401
-    assert main(["identify", "data", "--model", "sp", "--only", "com=3"]) == 2
-    assert "com must be one of 0, 1" in capsys.readouterr().err
-
-
-def test_filters_add_up_and_several_surfaces_are_not_pooled(
-    capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch
-) -> None:
-    labels = ("paper", "steel", "steel", "steel", "paper", "steel")
-    data = made(6, "sp")
-    throws = tuple(
-        dataclasses.replace(throw, factors=throw.factors | {"surface": label})
-        for throw, label in zip(data.throws, labels, strict=True)
-    )
-    data = dataclasses.replace(data, throws=throws)
-    with pytest.raises(InputError, match="surface: one contact cannot be that of paper, steel"):
-        identify(data, "sp", grid=False)
-    monkeypatch.setattr("throwplan.problems.throw_data.load_throws", lambda folder: data)
-    words = ["identify", "data", "--model", "sp", "--no-grid", "--json"]
-    for more, count in (
-        ([], 4),
-        (["--only", "com=1"], 3),
-        (["--only", "com=1", "--only", "surface=steel"], 3),
-        (["--only", "surface=paper"], 2),
-    ):
-        status = main([*words, *more])
-        said = capsys.readouterr()
-        # Two throws may well be too few, and are then said to be.
-        assert status == 0 or count == 2, said.err
-        if status == 0:
-            assert json.loads(said.out)[0]["throws"] == count
 
 
 def test_throws_that_never_land_are_refused_in_one_line() -> None:

@@ -182,8 +182,6 @@ def test_samples_land_where_the_exact_model_throws_them(posed) -> None:
         assert pose[1] == pytest.approx(exact.theta, abs=2e-3)
 
 
-
-
 def test_the_largest_delays_are_where_success_ends(posed) -> None:
     scan = tp.sweep(posed, samples=64).delays
     for edge in (scan.early, scan.late):
@@ -249,17 +247,7 @@ def test_cup_entries_are_those_of_single_flights() -> None:
     assert 50 < inside < 250
 
 
-
-
 # What is reported.
-
-
-
-
-
-
-
-
 
 
 # Stopping.
@@ -297,13 +285,3 @@ def test_a_stopped_command_says_how_much_is_done(tmp_path, capsys, monkeypatch) 
 
 
 # The command.
-
-
-
-
-
-
-
-
-
-

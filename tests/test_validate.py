@@ -14,7 +14,6 @@ import numpy as np
 import pytest
 from throwplan.models import TableRelease, land
 from throwplan.planner.check.simulate import MODELS
-from throwplan.planner.cli import main
 from throwplan.planner.identify import validation_files
 from throwplan.planner.identify.best_cell import cells_around, spread_rows
 from throwplan.planner.identify.factors import comparisons, factor_rows, mann_whitney
@@ -30,8 +29,6 @@ from throwplan.problems import (
     ThrowData,
     ThrownObject,
     load_arm,
-    load_throws,
-    write_throws,
 )
 
 COMS = {"0.10": (0.10, 535e-6), "0.16": (0.16, 802e-6)}
@@ -282,28 +279,6 @@ def test_a_failing_picture_leaves_nothing(found, tmp_path, monkeypatch):
     assert not list(tmp_path.iterdir())
 
 
-def test_the_command(found, tmp_path, capsys):
-    write_throws(make_data(pitches=("p1",), repeats=1, paper=0), tmp_path / "throws")
-    words = ["validate", str(tmp_path / "throws"), "--models", "ls-step"]
-    assert main([*words, "--json", "--out", str(tmp_path / "out")]) == 0
-    printed = json.loads(capsys.readouterr().out)
-    assert printed["synthetic"]
-    assert printed["models"]["ls-step"]["errors"]["theta"]["mae"] < 0.05
-    text = validation_files.as_text(found)
-    for part in ("Table III", "Table IV", "folds", "Factors", "SYNTHETIC", "com: 0.10 → 0.16"):
-        assert part in text
-    assert (tmp_path / "out" / "factors.png").exists()
-
-
-def test_output_beside_the_data_leaves_the_data(tmp_path):
-    data = make_data(pitches=("p1",), repeats=1, paper=0)
-    write_throws(data, tmp_path)
-    before = (tmp_path / "throws.csv").read_bytes()
-    assert main(["validate", str(tmp_path), "--models", "ls-step", "--out", str(tmp_path)]) == 0
-    assert (tmp_path / "throws.csv").read_bytes() == before
-    assert len(load_throws(tmp_path).throws) == len(data.throws)
-
-
 def test_another_surface_is_fitted_apart_without_a_column_that_says_so(data, found):
     plain = [
         dataclasses.replace(t, factors={k: v for k, v in t.factors.items() if k != "set"})
@@ -375,25 +350,3 @@ def test_splined_hands_are_the_hands_of_the_joints():
         fast = predicted(quick_predictor(data), model, mine, None)
         close = 2e-3 if model == "sp-paper" else 2e-5
         assert np.abs(slow.detach - fast.detach).max() < close
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (["--models", "spp"], "--models: model = 'spp': must be one of .* did you mean 'sp'"),
-        (["--models", ","], "--models ',': names no model"),
-        (["--factor", "surfaces"], "--factor surfaces: .* did you mean 'surface'"),
-        (["--factor", "wind"], "--factor wind: must be a column of throws.csv .*com, pitch"),
-    ],
-)
-def test_refused(data, tmp_path, capsys, words, message):
-    write_throws(data, tmp_path / "throws")
-    assert main(["validate", str(tmp_path / "throws"), *words]) == 2
-    lines = capsys.readouterr().err.strip().splitlines()
-    assert len(lines) == 1
-    assert re.search(message, lines[0])
-
-
-def test_no_such_folder(tmp_path, capsys):
-    assert main(["validate", str(tmp_path / "nothing")]) == 2
-    assert "no such folder" in capsys.readouterr().err

@@ -1,15 +1,11 @@
-"""A planar throwing arm as a URDF whose frames lie as oddly as a URDF allows, and its import."""
+"""A planar throwing arm as a URDF whose frames lie as oddly as a URDF allows."""
 
 from __future__ import annotations
 
 import dataclasses
-from pathlib import Path
 
 import numpy as np
 from scipy.spatial.transform import Rotation
-from throwplan.models import Arm
-from throwplan.planner.cli import main
-from throwplan.problems import load_arm
 
 #: In the world at rest: where the joints are (x, z) [m], and their axes.
 PLACES = np.array([[0.0, 0.2], [0.05, 0.4], [0.45, 0.5], [0.8, 0.35]])
@@ -132,11 +128,3 @@ def planar_urdf(fingers: str = "prismatic", axis_length: float = 2.5) -> tuple[s
 
 def words(values: np.ndarray) -> str:
     return " ".join(repr(float(value)) for value in values)
-
-
-def imported(folder: Path, urdf: Path, joints: list[str], *options: str) -> Arm:
-    out = folder / "arm.toml"
-    out.unlink(missing_ok=True)
-    words = ["import-robot", str(urdf), "--joints", *joints, *options, "--out", str(out)]
-    assert main(words) == 0
-    return load_arm(str(out))

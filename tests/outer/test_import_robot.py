@@ -1,0 +1,328 @@
+"""`import-robot`: arms from URDF files, against other kinematics and dynamics, and refusals."""
+
+from __future__ import annotations
+
+import math
+import re
+import sys
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import casadi as ca
+import numpy as np
+import pytest
+import throwplan as tp
+import yourdfpy
+from adam.numpy import KinDynComputations
+from planar_urdf import JOINTS, ODD_OPTIONS, XACRO, hand_pose, moved, planar_urdf
+from throwplan.planner.cli import main
+
+PANDA_URDF = Path(__file__).parent.parent / "data" / "panda.urdf"
+PANDA_JOINTS = [f"panda_joint{i}" for i in range(1, 8)]
+PANDA_OPTIONS = [
+    *["--tool", "panda_hand", "--tcp", "0.1034", "--palm", "0.1034", "0.045", "0.033"],
+    *["--acceleration", "15", "7.5", "10", "12.5", "15", "20", "20"],
+    *["--jerk", "7500", "3750", "5000", "6250", "7500", "10000", "10000", "--name", "my-panda"],
+]
+
+
+def imported(folder: Path, urdf: Path, joints: list[str], *options: str):
+    """The arm of a scene that uses the file which `import-robot` writes."""
+    out = folder / "arm.toml"
+    out.unlink(missing_ok=True)
+    words = ["import-robot", str(urdf), "--joints", *joints, *options, "--out", str(out)]
+    assert main(words) == 0
+    text = re.sub(r"start_deg = .*", "", tp.scene_text("pose"))
+    (folder / "scene.toml").write_text(text.replace('arm = "panda"', 'arm = "arm.toml"'))
+    return tp.load_scene(folder / "scene.toml").arm
+
+
+@pytest.fixture(scope="module")
+def panda(tmp_path_factory):
+    return imported(tmp_path_factory.mktemp("panda"), PANDA_URDF, PANDA_JOINTS, *PANDA_OPTIONS)
+
+
+@pytest.fixture(scope="module")
+def odd_file(tmp_path_factory) -> Path:
+    path = tmp_path_factory.mktemp("odd") / "odd.urdf"
+    path.write_text(planar_urdf()[0])
+    return path
+
+
+@pytest.fixture(scope="module")
+def odd(odd_file):
+    return imported(odd_file.parent, odd_file, JOINTS, *ODD_OPTIONS)
+
+
+def frames_of(arm) -> ca.Function:
+    q = ca.SX.sym("q", arm.joints)
+    return ca.Function("frames", [q], arm.frames(q))
+
+
+def states(arm, count: int) -> np.ndarray:
+    low, high = arm.limits.position_min, arm.limits.position_max
+    return np.random.default_rng(11).uniform(low, high, (count, arm.joints))
+
+
+# Kinematics.
+
+
+def test_imported_panda_is_the_shipped_one(panda) -> None:
+    shipped = tp.load_scene("pose").arm
+    theirs, mine = frames_of(shipped), frames_of(panda)
+    for q in states(panda, 20):
+        poses = [np.array(pose) for pose in mine(q)]
+        expected = [np.array(pose) for pose in theirs(q)]
+        # Axes z along the joints, as in the Denavit-Hartenberg frames, and the pads' centre.
+        for i in [*range(7), 8]:
+            np.testing.assert_allclose(poses[i], expected[i], rtol=0, atol=1e-12)
+    assert panda.limits == shipped.limits
+    assert (panda.throwing_joints, panda.azimuth_joint) == ((2, 4, 6), 1)
+    assert panda.posture[6] == pytest.approx(math.pi / 4)
+
+
+def test_imported_panda_agrees_with_adam(panda) -> None:
+    adam, mine = KinDynComputations(str(PANDA_URDF), PANDA_JOINTS), frames_of(panda)
+    for q in states(panda, 20):
+        expected = np.asarray(adam.forward_kinematics("panda_hand_tcp", np.eye(4), q))
+        np.testing.assert_allclose(np.array(mine(q)[-1]), expected, rtol=0, atol=1e-12)
+
+
+def test_odd_frames_and_axes_are_folded_into_the_chain(odd) -> None:
+    mine = frames_of(odd)
+    assert (odd.azimuth_joint, odd.throwing_joints) == (1, (2, 3, 4))
+    for q in states(odd, 20):
+        pose = np.array(mine(q)[-1])
+        np.testing.assert_allclose(pose, hand_pose(q, 0.08), rtol=0, atol=1e-12)
+
+
+def test_a_link_may_be_the_base(tmp_path, odd_file, odd) -> None:
+    words = "<robot name='odd'><link name='world'/><joint name='stand' type='fixed'>"
+    words += "<parent link='world'/><child link='base'/><origin xyz='1 2 3' rpy='0 0 1'/></joint>"
+    raised = tmp_path / "raised.urdf"
+    raised.write_text(odd_file.read_text().replace('<robot name="odd">', words))
+    arm = imported(tmp_path, raised, JOINTS, *ODD_OPTIONS, "--base", "base")
+    for q in states(odd, 3):
+        one, other = (np.array(frames_of(a)(q)[-1]) for a in (arm, odd))
+        np.testing.assert_allclose(one, other, atol=1e-12)
+
+
+# Masses.
+
+
+def body_poses(arm, q: np.ndarray) -> list[np.ndarray]:
+    """Poses of the frames in which the arm's links are given."""
+    poses = [np.array(pose) for pose in frames_of(arm)(q)]
+    back = np.eye(4)
+    back[2, 3] = -arm.tool.tcp
+    return [*poses[: arm.joints], poses[-1] @ back]
+
+
+def test_masses_are_merged_and_move_with_their_joints(odd) -> None:
+    bodies = [body for body in planar_urdf()[1] if body.moved_by]
+    assert len(odd.links) == odd.joints + 1
+    assert sum(link.mass for link in odd.links) == pytest.approx(sum(b.mass for b in bodies))
+    # The roll and the forearm move with joint 3, so does the cover; hand and pads are the hand.
+    each = [sum(b.mass for b in bodies if b.moved_by == joint) for joint in (1, 2, 3, 4)]
+    merged = [link.mass for link in odd.links]
+    assert [*merged[:3], merged[3] + merged[4]] == pytest.approx(each)
+    body = next(b for b in bodies if b.moved_by == 1)
+    for q in states(odd, 3):
+        pose = body_poses(odd, q)[0]
+        found = pose[:3, :3] @ odd.links[0].com + pose[:3, 3]
+        np.testing.assert_allclose(found, (moved(q, 1) @ [*body.com, 1.0])[:3], atol=1e-12)
+
+
+def test_centre_of_mass_is_yourdfpys(odd, odd_file) -> None:
+    robot = yourdfpy.URDF.load(str(odd_file), load_meshes=False)
+    links = [link for link in robot.robot.links if link.name != "base"]
+    for q in states(odd, 4):
+        robot.update_cfg(dict(zip(JOINTS, q, strict=True)))
+        moment, mass = np.zeros(3), 0.0
+        for link in links:
+            pose = robot.get_transform(link.name) @ link.inertial.origin
+            moment, mass = moment + link.inertial.mass * pose[:3, 3], mass + link.inertial.mass
+        found = np.zeros(3)
+        for link, pose in zip(odd.links, body_poses(odd, q), strict=True):
+            found += link.mass * (pose[:3, :3] @ link.com + pose[:3, 3])
+        np.testing.assert_allclose(found, moment, atol=1e-12 * mass)
+
+
+def kinetic_energy(arm, q: np.ndarray, dq: np.ndarray) -> float:
+    """Of all links, their velocities by differences of their poses."""
+    h = 1e-6
+    before, now, after = (body_poses(arm, q + step * dq) for step in (-h, 0.0, h))
+    energy = 0.0
+    for link, a, pose, b in zip(arm.links, before, now, after, strict=True):
+        velocity = ((b - a) @ [*link.com, 1.0])[:3] / (2 * h)
+        spin = pose[:3, :3].T @ (b - a)[:3, :3] / (4 * h)
+        omega = np.array([spin[2, 1], spin[0, 2], spin[1, 0]])
+        omega -= [spin[1, 2], spin[2, 0], spin[0, 1]]
+        xx, xy, xz, yy, yz, zz = link.inertia
+        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        energy += link.mass * velocity @ velocity / 2 + omega @ inertia @ omega / 2
+    return float(energy)
+
+
+def test_kinetic_energy_is_that_of_adams_mass_matrix(tmp_path) -> None:
+    path = tmp_path / "odd.urdf"
+    path.write_text(planar_urdf("fixed", 1.0)[0])
+    arm = imported(tmp_path, path, JOINTS, *ODD_OPTIONS)
+    adam = KinDynComputations(str(path), JOINTS)
+    rng = np.random.default_rng(2)
+    for q in states(arm, 4):
+        dq = rng.uniform(-2, 2, 4)
+        matrix = np.asarray(adam.mass_matrix(np.eye(4), q))[6:, 6:]
+        assert kinetic_energy(arm, q, dq) == pytest.approx(dq @ matrix @ dq / 2, rel=1e-7)
+
+
+@pytest.mark.parametrize("name", ["pose", "fr3"])
+def test_shipped_masses_are_those_of_bodies(name) -> None:
+    links = tp.load_scene(name).arm.links
+    assert len(links) == 8
+    for link in links:
+        xx, xy, xz, yy, yz, zz = link.inertia
+        inertia = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        assert link.mass > 0 and np.linalg.eigvalsh(inertia).min() > 0
+    # The arms weigh about 18 kg with their bases, the hand 0.73 kg: data sheets.
+    assert 13 < sum(link.mass for link in links[:7]) < 17
+    assert links[7].mass == pytest.approx(0.73, abs=0.03)
+
+
+# Throwing, and what is printed.
+
+
+def test_imported_panda_throws_to_the_pose(tmp_path, panda) -> None:
+    assert imported(tmp_path, PANDA_URDF, PANDA_JOINTS, *PANDA_OPTIONS) == panda
+    (tmp_path / "mine.toml").write_text(
+        tp.scene_text("pose").replace('arm = "panda"', 'arm = "arm.toml"')
+    )
+    mine, shipped = (tp.plan(scene).to_dict() for scene in (tmp_path / "mine.toml", "pose"))
+    assert mine["status"] == "solved"
+    assert mine["landing"]["sent"] == pytest.approx(shipped["landing"]["sent"], abs=2e-4)
+
+
+def test_what_is_printed_and_given_limits_go_before_the_file_s(tmp_path, odd_file, run) -> None:
+    out = tmp_path / "odd.toml"
+    words = ["import-robot", odd_file, "--joints", *JOINTS, *ODD_OPTIONS]
+    found = run("", *words, "--json", "--out", out).json
+    assert found["throwing"] == ["lift", "bend", "flick"] and found["azimuth"] == "turn"
+    assert sorted(found["held"]) == ["finger-1", "finger1", "roll"]
+    assert found["states"] >= 20 and found["difference"] < 1e-9
+    said = run("", *words, "--out", tmp_path / "other.toml")
+    assert "held at 0: roll, finger1, finger-1" in said.out
+    limits = imported(
+        *(tmp_path, odd_file, JOINTS, *ODD_OPTIONS, "--velocity", "1", "-", "2", "-"),
+        *("--position-max-deg", "90"),
+    ).limits
+    assert limits.velocity == (1.0, 3.0, 2.0, 3.0)
+    assert limits.position_max == pytest.approx((math.pi / 2,) * 4)
+    assert limits.position_min == (-2.0,) * 4
+
+
+# What is refused, in one line and without leaving a file.
+
+MIMIC = '<mimic joint="lift"/>'
+FLICK = '"flick" type="revolute"'
+ROLL = [*JOINTS[:3], "roll", "flick"]
+REFUSED = {
+    "no such joint": (["turn", "lift", "bent"], [], None, r"no joint 'bent', did you mean 'bend'"),
+    "prismatic": (["turn", "lift", "finger1"], [], None, "'finger1' is prismatic"),
+    "fixed": (["turn", "lift", "flange"], [], None, "'flange' is fixed"),
+    "one joint": (["turn"], [], None, "two joints or more"),
+    "twice": (["turn", "lift", "lift"], [], None, "each once"),
+    "order": (["turn", "bend", "lift"], [], None, "from the base on: turn lift bend"),
+    "tool": (JOINTS, ["--tool", "base"], None, "must hang on the last joint 'flick'"),
+    "no such tool": (JOINTS, ["--tool", "hant"], None, "no link 'hant', did you mean 'hand'"),
+    "base": (JOINTS, ["--base", "hand"], None, "before the first joint 'turn'"),
+    "closing": (JOINTS, ["--closing", "x", "--approach=-x"], None, "must not be the axis"),
+    "azimuth": (JOINTS, ["--azimuth", "lift"], None, "'lift' does not turn upwards"),
+    "azimuth unknown": (JOINTS, ["--azimuth", "roll"], None, "no joint 'roll' among"),
+    "throwing": (JOINTS, ["--throwing", "turn"], None, "not the azimuth joint"),
+    "posture length": (JOINTS, ["--posture-deg", "1"], None, "must be 4 values"),
+    "posture": (ROLL, ["--posture-deg", *"000", "170", "0", "--throwing", "lift"], None,
+                r"--posture-deg: 170 for 'roll': must be in \[-114.592, 126.051\]"),
+    "plane": (ROLL, ["--posture-deg", *"000", "40", "0"], None,
+              "do not move the hand in the vertical plane.*change --azimuth"),
+    "number": (JOINTS, ["--velocity", "fast"], None, "--velocity fast: must be a finite number"),
+    "count": (JOINTS, ["--velocity", "1", "2"], None, "--velocity: must be 4 values"),
+    "zero": (JOINTS, ["--velocity", "0"], None, "must be above 0"),
+    "range": (JOINTS, ["--position-max-deg", "-170"], None, "must be below -170"),
+    "palm": (JOINTS, ["--palm", "0.01", "0.05", "0.03"], None, "BACK above FRONT"),
+    "name": (JOINTS, ["--name", ""], None, "--name"),
+    "mimic": (JOINTS, [], ("</joint>", f"{MIMIC}</joint>"), "'turn' mimics 'lift'"),
+    "follower": (JOINTS, [], ('finger1" type="prismatic">', f'finger1" type="revolute">{MIMIC}'),
+                 "'finger1' mimics 'lift'"),
+    "floating": (JOINTS, [], (FLICK, '"flick" type="floating"'), "'flick' is floating"),
+    "endless": (JOINTS, [], (FLICK, '"flick" type="continuous"'),
+                r"position_min of flick \(--position-min-deg\)"),
+    "axis": (JOINTS, [], ("<axis xyz=", '<axis xyz="0 0 0" was='), "axis must be three numbers"),
+    "negative mass": (JOINTS, [], ('<link name="hand"><inertial>',
+                      '<link name="hand"><inertial><mass value="-1"/>'), "link 'hand': mass = -1"),
+    "not XML": (JOINTS, [], ("<robot", "robot"), "cannot be read as a URDF"),
+    "cut short": (JOINTS, [], ("</robot>", ""), "cannot be read as a URDF: no element found"),
+    "another root": (JOINTS, [], ("robot", "sdf"), "its root is not <robot>"),
+    "xacro": (JOINTS, [], (">", f" {XACRO}><xacro:macro/>", 1), "it is a xacro"),
+    "no link": (JOINTS, [], ('<child link="hand"/>', '<child link="nothing"/>'), "'nothing'"),
+    "same names": (JOINTS, [], ('<joint name="lift"', '<joint name="turn"'), "called 'turn'"),
+    "ring": (JOINTS, [], ('<parent link="base"/>', '<parent link="hand"/>'), "form a ring"),
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_bad_input_is_one_line_and_writes_nothing(case, tmp_path, odd_file, refused, untouched):
+    joints, options, change, message = REFUSED[case]
+    urdf, text = tmp_path / "odd.urdf", odd_file.read_text()
+    urdf.write_text(text if change is None else text.replace(*change))
+    untouched()
+    words = ["--joints", *joints, "--acceleration", "10", "--jerk", "1000"]
+    words += [] if "--approach=-x" in options else ["--approach=-x"]
+    words += [] if "--closing" in options else ["--closing", "z"]
+    line = refused("import-robot", urdf, *words, *options, "--out", tmp_path / "arm.toml")
+    assert re.search(message, line)
+
+
+def test_right_angles_that_are_rounded_are_named(tmp_path, refused) -> None:
+    """1.5708 for pi/2 tilts a joint by 4e-6: the hand leaves the plane."""
+    text = PANDA_URDF.read_text().replace("1.5707963267948966", "1.5708")
+    (tmp_path / "rounded.urdf").write_text(text.replace("<robot", f"<robot {XACRO}"))
+    words = ["--joints", *PANDA_JOINTS, *PANDA_OPTIONS, "--out", tmp_path / "arm.toml"]
+    line = refused("import-robot", tmp_path / "rounded.urdf", *words)
+    assert "write the URDF's right angles in full" in line
+
+
+def test_all_missing_limits_are_named_in_one_line(tmp_path, odd_file, refused) -> None:
+    tree = ET.parse(odd_file)
+    for name in ("lift", "bend"):
+        tree.find(f"joint[@name='{name}']/limit").set("velocity", "0")
+    tree.write(tmp_path / "odd.urdf")
+    words = ["--joints", *JOINTS, "--out", tmp_path / "arm.toml"]
+    line = refused("import-robot", tmp_path / "odd.urdf", *words)
+    for part in (
+        "velocity of lift, bend (--velocity)",
+        "acceleration of all joints (--acceleration)",
+        "jerk of all joints (--jerk)",
+    ):
+        assert part in line
+
+
+def test_files_that_are_not_there_or_in_the_way(tmp_path, odd_file, refused, untouched) -> None:
+    taken = tmp_path / "taken.toml"
+    taken.write_text("mine")
+    untouched()
+    words = ["--joints", *JOINTS, *ODD_OPTIONS, "--out"]
+    for out, message in (
+        (tmp_path / "no" / "arm.toml", "its folder is not there"),
+        (tmp_path / "arm.json", "must end in .toml"),
+        (taken, "exists already"),
+        (taken / "arm.toml", "its folder is not there"),
+    ):
+        assert message in refused("import-robot", odd_file, *words, out)
+    missing = refused("import-robot", tmp_path / "none.urdf", *words, tmp_path / "arm.toml")
+    assert "none.urdf: no such file" in missing
+
+
+def test_without_yourdfpy_the_extra_is_named(tmp_path, odd_file, refused, monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "yourdfpy", None)
+    words = ["--joints", *JOINTS, *ODD_OPTIONS, "--out", tmp_path / "arm.toml"]
+    assert "throwplan[urdf]" in refused("import-robot", odd_file, *words)

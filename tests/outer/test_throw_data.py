@@ -1,0 +1,300 @@
+"""Measured throws: data sets as files, `make-throws`, `identify` and `validate`."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import re
+import shutil
+from pathlib import Path
+
+import numpy as np
+import pytest
+import throwplan as tp
+
+#: Franka's data sheet of the Panda, joints 2, 4 and 6: position from, to [rad], then rate,
+#: acceleration and jerk.
+JOINTS = [1, 3, 5]
+LOW, HIGH = [-1.7628, -3.0718, -0.0175], [1.7628, -0.0698, 3.7525]
+RATE, ACCELERATION, JERK = [2.175, 2.175, 2.61], [7.5, 12.5, 20.0], [3750.0, 6250.0, 10000.0]
+TRUE = 0.8 * 0.0031
+
+
+@pytest.fixture(scope="module")
+def made(tmp_path_factory) -> Path:
+    """One synthetic throw of each condition of the paper's design; not to be changed."""
+    from throwplan.planner.cli import main
+
+    folder = tmp_path_factory.mktemp("throws") / "made"
+    assert main(["make-throws", "--out", str(folder), "--repeats", "1"]) == 0
+    return folder
+
+
+SMALL = """landing_height = -0.8
+description = "a bar of plastic"
+angle_noise_deg = 1.0
+[objects.bar]
+mass = 0.24
+inertia = 0.000535
+length = 0.26
+com = 0.10
+[truth]
+friction = 0.8
+"""
+
+
+@pytest.fixture
+def small(tmp_path) -> Path:
+    """Two throws of a free hand: one with a landing, one with a track only."""
+    folder = tmp_path / "small"
+    for name in ("motion", "grip", "track"):
+        (folder / name).mkdir(parents=True)
+    (folder / "dataset.toml").write_text(SMALL)
+    rows = ["throw,object,command,x,z,theta,motion,grip,track,odd one"]
+    rows.append('"throw, no. 1",bar,0.1001,1.0,-0.8,7.5,motion/1.csv,grip/1.csv,,"""0"""')
+    rows.append("second,bar,0.1,,,,motion/1.csv,grip/1.csv,track/1.csv,x")
+    (folder / "throws.csv").write_text("\n".join(rows) + "\n")
+    t = np.arange(0.0, 0.4, 0.002)
+    motion = np.column_stack([t, t, t**2, -t])
+    lines = [",".join(f"{value:.9g}" for value in row) for row in motion]
+    (folder / "motion" / "1.csv").write_text("\n".join(["t,x,z,theta", *lines]) + "\n")
+    (folder / "grip" / "1.csv").write_text("t,f_N\n0,100\n0.05,100\n0.08,40\n0.115,0\n")
+    t = np.arange(0.2, 0.9, 0.004)
+    track = np.column_stack([t, 1.5 * t, 0.9 * t - 9.81 * t**2 / 2, 5 * t])
+    lines = [",".join(f"{value:.9g}" for value in row) for row in track]
+    (folder / "track" / "1.csv").write_text("\n".join(["t,x,z,theta", *lines]) + "\n")
+    return folder
+
+
+# Files of a data set.
+
+
+def test_a_small_data_set_is_read(small) -> None:
+    data = tp.load_throws(small)
+    one, two = data.throws
+    assert (one.name, one.object.mass, one.command) == ("throw, no. 1", 0.24, 0.1001)
+    assert one.landing == (1.0, -0.8, 7.5) and one.track is None
+    assert one.factors["odd one"] == '"0"'
+    assert two.landing is None and two.track.shape[1] == 4
+    assert one.grip.dwell == pytest.approx(0.05) and one.grip.opening == pytest.approx(0.065)
+    assert one.motion.shape == (200, 3)
+    assert data.shared.landing_height == -0.8 and data.truth == {"friction": 0.8}
+    assert data.shared.angle_noise == pytest.approx(math.radians(1.0))
+    assert not data.shared.synthetic
+
+
+@pytest.mark.parametrize(
+    ("file", "old", "new", "message"),
+    [
+        ("dataset.toml", "mass = 0.24", "mass = 240", "at most 50 (is it in grams?)"),
+        ("dataset.toml", "mass = 0.24", "mas = 0.24", "unknown key 'mas', did you mean 'mass'?"),
+        ("dataset.toml", "mass = 0.24", "mass = nan", "mass = nan: must be a finite number"),
+        ("dataset.toml", "landing_height = -0.8", "", "key 'landing_height' is missing"),
+        ("dataset.toml", "inertia = 0.000535", "inertia = 535", "inertia = 535: must be at most"),
+        ("dataset.toml", "friction = 0.8", 'friction = "?"', "must be a section [truth] of numb"),
+        ("throws.csv", ",bar,", ",stick,", "line 2: object: unknown key 'stick'"),
+        ("throws.csv", "command", "order", "the first line must name the column command"),
+        ("throws.csv", "grip/1.csv", "grip/9.csv", "line 2: grip = "),
+        ("throws.csv", "0.1001", "soon", "line 2: command = 'soon': must be a finite number"),
+        ("throws.csv", "0.1001", "0.5", "line 2: motion = motion/1.csv: too short"),
+        ("throws.csv", "0.1001", "0.265", "must cover 0.03 s more at either end"),
+        ("throws.csv", "1.0,-0.8,7.5", ",,", "line 2: no landing: give x, z and theta, or a"),
+        ("throws.csv", "track/1.csv", "a,b", "throws.csv: line 3 has 11 cells, not 10"),
+        ("motion/1.csv", "\n0.002,", "\n0.000,", "line 3: t must rise from row to row"),
+        ("motion/1.csv", "\n0.002,", "\nnan,", "line 3 has a value that is not finite"),
+        ("motion/1.csv", "theta", "angle", "must name the columns t, x, z and theta"),
+        ("grip/1.csv", "t,f_N\n", "t,f_N\n0,-1\n", "t must rise from row to row"),
+        ("grip/1.csv", "0.115,0", "0.115,50", "f_N must end at 0, but the last row has 50 N"),
+    ],
+)
+def test_wrong_data_is_refused_in_one_line(file, old, new, message, small) -> None:
+    text = (small / file).read_text()
+    assert old in text
+    (small / file).write_text(text.replace(old, new, 1))
+    with pytest.raises(tp.InputError) as caught:
+        tp.load_throws(small)
+    told = str(caught.value)
+    assert message in told and "\n" not in told
+    assert file in told or "throws.csv" in told
+
+
+def test_missing_folders_and_files_are_refused(small, tmp_path, refused) -> None:
+    for command in ("identify", "validate"):
+        assert "no such folder" in refused(command, tmp_path / "nothing")
+    (small / "throws.csv").unlink()
+    with pytest.raises(tp.InputError, match=r"throws\.csv: no such file"):
+        tp.load_throws(small)
+
+
+# make-throws.
+
+
+def test_the_design_is_the_paper_s(made) -> None:
+    data = tp.load_throws(made)
+    conditions = {tuple(t.factors[key] for key in ("com", "pitch", "release")) for t in data.throws}
+    assert len(data.throws) == len(conditions) == 2 * 3 * 6
+    assert {throw.object.com for throw in data.throws} == {0.10, 0.16}
+    assert data.shared.landing_height < 0
+    assert data.truth["friction"] * data.truth["patch_radius"] == pytest.approx(TRUE)
+    landing = np.array([throw.landing for throw in data.throws])
+    assert np.ptp(landing[:, 0]) > 0.5 and np.ptp(landing[:, 2]) > math.radians(90)
+
+
+def test_motions_keep_the_panda_s_limits_and_start_at_rest(made) -> None:
+    for throw in tp.load_throws(made).throws:
+        joints = throw.motion[:, JOINTS]
+        # Encoder noise of 0.05 mrad on top.
+        assert (joints >= np.array(LOW) - 1e-3).all() and (joints <= np.array(HIGH) + 1e-3).all()
+        assert np.abs(joints[0] - joints[10]).max() < 1e-3
+        # A mean of the rate over 20 ms: no more than its largest, but for the noise.
+        rate = (joints[10:] - joints[:-10]) / 0.02
+        assert (np.abs(rate) <= np.array(RATE) + 0.02).all()
+
+
+def test_the_command_says_what_it_wrote_and_the_seed_decides(tmp_path, run) -> None:
+    """LuGre bristles, no noise: always labelled synthetic, written again over itself."""
+    out = tmp_path / "made"
+    line = "make-throws --repeats 1 --truth lugre --stiffness 1e5 --seed 7 --json --out"
+    found = run(line, out).json
+    data = tp.load_throws(out)
+    assert found["throws"] == len(data.throws) == 36
+    assert found["synthetic"] == data.shared.synthetic and found["truth"] == data.truth
+    assert found["landing_height"] == data.shared.landing_height
+    assert "LuGre" in found["synthetic"] and "seed 7" in found["synthetic"]
+    first = (out / "throws.csv").read_bytes()
+    assert run(line, out).status == 0
+    assert (out / "throws.csv").read_bytes() == first
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("", "--out: needs a folder's name"),
+        ("--friction 0.3", "the grip does not hold the bar on its way"),
+        ("--friction 0", "--friction 0: must be from 0.01 to 10"),
+        ("--friction much", "--friction much: must be a finite number"),
+        ("--patch-radius 3.1", "--patch-radius 3.1: must be from 0.0001 to 0.05"),
+        ("--stiffness 1e6", "--stiffness: only with --truth lugre"),
+        ("--repeats 0", "--repeats 0: must be a whole number, 1 to 100"),
+        ("--seed one", "--seed one: must be a whole number"),
+        ("--truth glue", "invalid choice: 'glue'"),
+    ],
+)
+def test_wrong_options_are_refused(words, message, tmp_path, refused) -> None:
+    out = ["--out", tmp_path / "made"] if words else []
+    assert message in refused(f"make-throws {words}", *out)
+    assert not any(path.is_file() for path in tmp_path.rglob("*"))
+
+
+def test_nothing_but_synthetic_throws_is_overwritten(small, tmp_path, refused) -> None:
+    before = (small / "throws.csv").read_bytes()
+    line = "make-throws --repeats 1 --out"
+    assert "not labelled synthetic, not overwritten" in refused(line, small)
+    assert (small / "throws.csv").read_bytes() == before
+    (tmp_path / "other").mkdir()
+    (tmp_path / "other" / "thesis.txt").write_text("mine")
+    assert "holds thesis.txt, not overwritten" in refused(line, tmp_path / "other")
+
+
+# identify.
+
+
+def test_identify_finds_the_product_of_friction_and_radius(made, tmp_path, run) -> None:
+    out = tmp_path / "out"
+    words = ["--model", "sp", "--throws", 18, "--json", "--out", out]
+    said = run("identify", made, *words)
+    assert said.status == 0
+    (told,) = json.loads(said.out)
+    assert told["fit"]["product"]["value"] == pytest.approx(TRUE, rel=0.05)
+    # The ridge: the product is known much better than either of its parts.
+    for part in ("friction", "patch_radius"):
+        assert told["fit"][part]["deviation"] > 5 * told["fit"]["product"]["deviation"]
+    assert told["grid"]["predictions"] == 18 * 400
+    names = {"identify.json", "grid-sp.csv", "grid-sp.png", "fit.png", "contact.toml"}
+    assert {path.name for path in out.iterdir()} == names
+    assert len((out / "grid-sp.csv").read_text().splitlines()) == 401
+    # contact.toml is part of a scene.
+    text = re.sub(r"\[contact\].*?(?=\n\[)", "", tp.scene_text("pose"), flags=re.S)
+    (tmp_path / "pasted.toml").write_text(text + "\n" + (out / "contact.toml").read_text())
+    scene = tp.load_scene(tmp_path / "pasted.toml")
+    product = scene.contact.friction * scene.contact.patch_radius
+    assert product == pytest.approx(told["fit"]["product"]["value"], rel=1e-3)
+    assert scene.uncertainty is not None
+
+
+def test_identify_takes_filters_and_refuses_what_tells_nothing(made, small, run, refused) -> None:
+    words = ["--model", "sp", "--no-grid"]
+    for more, count in ((["--only", "com=com1"], 18), (["--throws", "5"], 5)):
+        said = run("identify", made, *words, *more, "--json")
+        assert json.loads(said.out)[0]["throws"] == count
+    assert "com must be one of com1, com2" in refused("identify", made, *words, "--only", "com=3")
+    assert "1 throw for friction" in refused("identify", made, *words, "--throws", "1")
+    assert "did you mean 'ls-step'" in refused("identify", made, "--model", "ls-stp")
+
+
+def test_python_learns_from_planned_throws() -> None:
+    """Plans as data, thrown with another contact, and that contact found again."""
+    planner = tp.Planner(tp.load_scene("pose"))
+    targets = [tp.Pose(x=x, z=0.1, theta=-1.3) for x in (0.85, 0.95, 1.05)]
+    plans = [planner.plan(target) for target in targets]
+    truth = {"friction": 0.8, "patch_radius": 0.0025, "delay": 0.004}
+    places = tp.thrown(tp.throw_data(plans), "sp", truth)
+    assert places.shape == (3, 2)
+    data = tp.throw_data(plans, [(float(x), float(theta)) for x, theta in places])
+    found = tp.identify(data, "sp", prior=tp.load_scene("delay"), delay=True, grid=False)
+    assert isinstance(found, tp.Identified)
+    nominal = planner.scene.contact.friction * planner.scene.contact.patch_radius
+    off = abs(found.posterior.product - 0.002)
+    assert off < 0.5 * (nominal - 0.002)
+    assert found.posterior.value("delay") == pytest.approx(0.004, abs=0.002)
+    with pytest.raises(tp.InputError, match="no throws"):
+        tp.throw_data([])
+
+
+# validate.
+
+
+def test_validate_writes_its_tables_and_pictures(made, tmp_path, run) -> None:
+    out = tmp_path / "out"
+    said = run("validate", made, "--models", "sp", "--json", "--out", out)
+    printed = said.json
+    assert printed["synthetic"]
+    assert printed["models"]["sp"]["errors"]["theta"]["mae"] < 0.05
+    tables = {"cross_validation", "errors", "errors_by_throw", "factors", "parameters"}
+    pictures = {"boxes", "case", "errors", "factors", "landings", "violins"}
+    names = {f"{n}.csv" for n in tables} | {f"{n}.png" for n in pictures} | {"validation.md"}
+    assert {path.name for path in out.iterdir()} == names
+    rows = list(csv.DictReader((out / "errors_by_throw.csv").read_text().splitlines()))
+    assert len(rows) == 36
+    mean = np.mean([abs(float(row["dx"])) for row in rows])
+    (line,) = csv.DictReader((out / "errors.csv").read_text().splitlines())
+    assert float(line["x [m]"]) == pytest.approx(mean, rel=1e-6)
+    page = (out / "validation.md").read_text()
+    for part in ("Table III", "Table IV", "folds", "actors", "SYNTHETIC", "com"):
+        assert part in page
+    text = run("validate", made, "--models", "sp").out
+    for part in ("Table III", "Table IV", "folds", "Factors", "SYNTHETIC", "com: com1 → com2"):
+        assert part in text
+
+
+def test_validate_beside_the_data_leaves_the_data(made, tmp_path, run) -> None:
+    copy = Path(shutil.copytree(made, tmp_path / "copy"))
+    few = "".join((copy / "throws.csv").read_text().splitlines(keepends=True)[:7])
+    (copy / "throws.csv").write_text(few)
+    assert run("validate", copy, "--models", "sp", "--out", copy).status == 0
+    assert (copy / "throws.csv").read_text() == few
+    assert len(tp.load_throws(copy).throws) == 6
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        ("--models spp", "--models: model = 'spp': must be one of .* did you mean 'sp'"),
+        ("--models ,", "--models ',': names no model"),
+        ("--factor surfaces", "--factor surfaces: .* did you mean 'surface'"),
+        ("--factor wind", "--factor wind: must be a column of throws.csv"),
+    ],
+)
+def test_validate_refuses(words, message, made, refused) -> None:
+    assert re.search(message, refused(f"validate {made} {words}"))
