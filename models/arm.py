@@ -40,7 +40,7 @@ class JointFrame:
     """
 
     xyz: Point
-    rpy: Point
+    rpy: Point = (0.0, 0.0, 0.0)
 
     def placed(self) -> ca.SX:
         """4x4: the joint's frame at angle 0."""

@@ -1,32 +1,30 @@
-"""What is wanted: scenes as data, with their checks."""
+"""What is wanted, as data with its checks: scenes, arms and measured throws, and their files.
 
-from .arm_file import arm_from, load_arm
-from .arm_text import arm_text
-from .choice import Choice
-from .distribution import Distribution
-from .errors import InputError, ThrowplanError
-from .folders import copy_out, filling, prepare_folder, save_text
-from .grip_recording import monotone_grip
-from .hold import Grasp, Gripper, PadContact, ThrownObject
-from .load import as_scene, load_scene, scene_names, scene_text
-from .mesh import Mesh
-from .movers import Hand, Motion, Robot
-from .reference import reference as scene_reference
-from .robust import COMPARED as COMPARED_METHODS
-from .robust import METHODS as ROBUST_METHODS
-from .robust import Robust
-from .scene import Scene
-from .scene_table import scene_from_table, scene_table
-from .surroundings import Cup, Workspace
-from .target import Landing, Pose, Tolerance
-from .text_file import read_csv, read_text, toml_tables
-from .throw_data import MeasuredThrow, Shared, ThrowData, load_throws
-from .throw_data_files import NAMES as THROW_DATA_FILES
-from .throw_data_files import write_throws
-from .torque import Torque
-from .uncertainty import PARAMETERS as UNCERTAIN_PARAMETERS
-from .uncertainty import USUAL as USUAL_UNCERTAINTY
-from .uncertainty import Uncertainty, file_key, uncertainty_table
+Everything a user writes is read here, and refused with one line where it is wrong (`InputError`).
+Scenes are frozen dataclasses in SI units and radians; a section that is None adds nothing.
+"""
+
+from .arms import arm_from, arm_text, load_arm
+from .files import copy_out, filling, prepare_folder, read_csv, read_text, save_text, toml_tables
+from .grip import Grasp, Gripper, PadContact, ThrownObject, grip_samples, monotone_grip
+from .movers import Hand, Motion, Robot, Torque
+from .reference import scene_reference
+from .scene import Mesh, Scene
+from .section import InputError, ThrowplanError
+from .targets import Choice, Cup, Landing, Pose, Tolerance, Workspace
+from .throws import THROW_DATA_FILES, MeasuredThrow, Shared, ThrowData, load_throws, write_throws
+from .toml import as_scene, load_scene, scene_from_table, scene_names, scene_table, scene_text
+from .uncertainty import (
+    COMPARED_METHODS,
+    ROBUST_METHODS,
+    UNCERTAIN_PARAMETERS,
+    USUAL_UNCERTAINTY,
+    Distribution,
+    Robust,
+    Uncertainty,
+    file_key,
+    uncertainty_table,
+)
 
 __all__ = [
     "COMPARED_METHODS",
@@ -64,6 +62,7 @@ __all__ = [
     "copy_out",
     "file_key",
     "filling",
+    "grip_samples",
     "load_arm",
     "load_scene",
     "load_throws",

@@ -1,4 +1,4 @@
-"""What moves the hand: a free planar hand, an arm, or a motion that is given."""
+"""What moves the hand: a free planar hand, an arm with its torques, or a motion that is given."""
 
 from __future__ import annotations
 
@@ -7,29 +7,36 @@ import itertools
 import math
 
 from ..models import Arm
-from .errors import InputError
-from .section import Section, quantity
+from .section import InputError, Section, quantity
 
 
 @dataclasses.dataclass(frozen=True)
 class Hand(Section):
-    """A hand that moves by itself in the plane, within boxes per axis.
-
-    x, z [m] and theta [rad]: [lowest, highest] position; speed [m/s] and acceleration
-    [m/s^2] per axis; angular_speed [rad/s], angular_acceleration [rad/s^2]. Without
-    the angular keys the hand does not turn and keeps `theta[0]`. start: (x, z) or
-    (x, z, theta in degrees in the file) at rest; free where absent.
+    """A hand that moves by itself in the plane, within boxes per axis. Exactly one of [hand],
+    [robot] and [motion] is given.
     """
 
-    x: tuple[float, float]
-    z: tuple[float, float]
-    speed: float = quantity(above=0, most=1e3)
-    acceleration: float = quantity(above=0, most=1e5)
-    theta: tuple[float, float] = quantity(degrees=True, default=(0.0, 0.0))
-    angular_speed: float | None = quantity(above=0, most=1e3, default=None)
-    angular_acceleration: float | None = quantity(above=0, most=1e5, default=None)
-    start: tuple[float, float] | None = None
-    start_theta: float | None = quantity(degrees=True, default=None)
+    x: tuple[float, float] = quantity("m, lowest and highest position")
+    z: tuple[float, float] = quantity("m, lowest and highest position")
+    speed: float = quantity("m/s, each axis", above=0, most=1e3)
+    acceleration: float = quantity("m/s², each axis", above=0, most=1e5)
+    theta: tuple[float, float] = quantity(
+        "degrees, lowest and highest; a hand that does not turn keeps the first",
+        degrees=True,
+        default=(0.0, 0.0),
+    )
+    angular_speed: float | None = quantity(
+        "rad/s; left out: the hand does not turn", above=0, most=1e3, default=None
+    )
+    angular_acceleration: float | None = quantity(
+        "rad/s²; with `angular_speed`", above=0, most=1e5, default=None
+    )
+    start: tuple[float, float] | None = quantity(
+        "m, x and z at rest before the throw; left out: free", default=None
+    )
+    start_theta: float | None = quantity(
+        "degrees, at rest; with `start`, for a hand that turns", degrees=True, default=None
+    )
 
     @property
     def turns(self) -> bool:
@@ -57,37 +64,47 @@ class Hand(Section):
         for name, value in start.items():
             low, high = getattr(self, name)
             if value is not None and not low <= value <= high:
-                raise InputError(_outside(name, value, low, high))
-
-
-def _outside(name: str, value: float, low: float, high: float) -> str:
-    """Words for a start outside a hand's range."""
-    key = f"start: {name}"
-    if name == "theta":
-        key = "start_theta_deg"
-        value, low, high = map(math.degrees, (value, low, high))
-    return f"{key} = {value:g}: must be within [{low:g}, {high:g}]"
+                turn = name == "theta"
+                key, unit = ("start_theta_deg", math.degrees(1)) if turn else (f"start: {name}", 1)
+                raise InputError(
+                    f"{key} = {unit * value:g}: must be within [{unit * low:g}, {unit * high:g}]"
+                )
 
 
 @dataclasses.dataclass(frozen=True)
 class Robot(Section):
-    """A serial arm that throws in a vertical plane through its base axis.
-
-    arm: a shipped arm's name or an arm data file. start [rad]: the throwing joints at
-    rest before the throw; free where absent. control: 'jerk' plans with continuous
-    acceleration, 'acceleration' with steps that are smoothed afterwards. The margins
-    are shares of the limits kept back for smoothing and correction; position_margin
-    is in rad.
+    """A serial arm that throws in a vertical plane through its base axis. Exactly one of [hand],
+    [robot] and [motion] is given.
     """
 
-    arm: str
-    start: tuple[float, ...] | None = quantity(degrees=True, default=None)
-    throwing_joints: tuple[int, ...] | None = None
-    control: str = quantity(choices=("jerk", "acceleration"), default="jerk")
-    position_margin: float = quantity(least=0, below=0.5, default=0.01)
-    velocity_margin: float = quantity(least=0, below=0.9, default=0.01)
-    acceleration_margin: float = quantity(least=0, below=0.9, default=0.02)
-    jerk_margin: float = quantity(least=0, below=0.9, default=0.05)
+    arm: str = quantity(
+        "name of a shipped arm, or an arm data file (.toml, seen from the scene's folder)"
+    )
+    start: tuple[float, ...] | None = quantity(
+        "degrees, the throwing joints at rest before the throw; left out: free, and the least "
+        "effort may be a mere drop",
+        degrees=True,
+        default=None,
+    )
+    throwing_joints: tuple[int, ...] | None = quantity(
+        "joints that throw; the arm's own where left out", default=None
+    )
+    control: str = quantity(
+        "`jerk`: continuous acceleration; `acceleration`: steps, smoothed afterwards",
+        choices=("jerk", "acceleration"),
+        default="jerk",
+    )
+    position_margin: float = quantity(
+        "rad, kept back from both ends of a joint's range", least=0, below=0.5, default=0.01
+    )
+    velocity_margin: float = quantity(
+        "share of the limit kept back for smoothing and correction",
+        least=0,
+        below=0.9,
+        default=0.01,
+    )
+    acceleration_margin: float = quantity("the same", least=0, below=0.9, default=0.02)
+    jerk_margin: float = quantity("the same", least=0, below=0.9, default=0.05)
 
 
 def thrown_by(robot: Robot, arm: Arm) -> tuple[int, ...]:
@@ -112,10 +129,7 @@ def check_robot(robot: Robot, arm: Arm) -> None:
         given = [round(math.degrees(angle), 6) for angle in robot.start]
         raise InputError(f"[robot] start_deg = {given}: must be a list of {len(joints)} angles")
     for joint, angle in zip(joints, robot.start, strict=True):
-        low, high = (
-            arm.limits.position_min[joint - 1],
-            arm.limits.position_max[joint - 1],
-        )
+        low, high = arm.limits.position_min[joint - 1], arm.limits.position_max[joint - 1]
         if not low <= angle <= high:
             raise InputError(
                 f"[robot] start_deg: joint {joint} at {math.degrees(angle):.1f} is outside "
@@ -124,31 +138,86 @@ def check_robot(robot: Robot, arm: Arm) -> None:
 
 
 @dataclasses.dataclass(frozen=True)
-class Motion(Section):
-    """A given hand motion for `simulate`.
+class Torque(Section):
+    """Keeps the throwing joints' torques inside limits, by inverse dynamics. Only with
+    [robot], and an arm whose data hold link masses.
 
-    Constant acceleration from the opening's start: position (x, z) [m], angle [rad],
-    velocity [m/s], rate [rad/s], acceleration [m/s^2], angular_acceleration [rad/s^2].
-    Or pieces of it: accelerations (a_x, a_z, alpha) from `times` [s] on, the first 0.
-    Or samples: `table`, a CSV with columns t, x, z, theta; or `joints`, a CSV with t and
-    q1, q2, ... of the `arm`, low-passed at `cutoff` [Hz] without phase shift; then
-    opening_time is the time in the file at which the force starts to fall.
+    Left out are friction and rotors of the drives, and the
+    joints that only hold the posture.
     """
 
-    position: tuple[float, float] = (0.0, 0.0)
-    angle: float = quantity(degrees=True, default=0.0)
-    velocity: tuple[float, float] = quantity(least=-1e3, most=1e3, default=(0.0, 0.0))
-    rate: float = quantity(least=-1e4, most=1e4, default=0.0)
-    acceleration: tuple[float, float] = quantity(least=-1e5, most=1e5, default=(0.0, 0.0))
-    angular_acceleration: float = quantity(least=-1e5, most=1e5, default=0.0)
-    times: tuple[float, ...] = ()
-    accelerations: tuple[tuple[float, float, float], ...] = ()
-    table: str | None = None
-    joints: str | None = None
-    arm: str | None = None
-    opening_time: float = 0.0
-    cutoff: float = quantity(above=0, default=35.0)
-    samples: tuple[tuple[float, ...], ...] = ()
+    limits: tuple[float, ...] | None = quantity(
+        "N m, one per throwing joint; the arm's own where left out",
+        above=0,
+        most=1e6,
+        default=None,
+    )
+    margin: float = quantity(
+        "share of the limits kept back for smoothing and correction",
+        least=0,
+        below=0.9,
+        default=0.02,
+    )
+
+    def of(self, arm: Arm, throwing_joints: tuple[int, ...]) -> tuple[float, ...]:
+        """Limits of the throwing joints [N m], without margin."""
+        if self.limits is not None:
+            return self.limits
+        return tuple(arm.limits.torque[joint - 1] for joint in throwing_joints)
+
+
+def check_torque(torque: Torque, robot: Robot | None, arm: Arm | None) -> None:
+    """InputError for a scene without arm, an arm without masses, too few or many limits."""
+    if robot is None or arm is None:
+        raise InputError("[torque]: only for a scene with [robot]")
+    if not arm.links:
+        raise InputError(f"[torque]: arm {arm.name} has no link masses ('links' in its data file)")
+    count = len(thrown_by(robot, arm))
+    if torque.limits is not None and len(torque.limits) != count:
+        raise InputError(f"[torque] limits = {list(torque.limits)}: must be a list of {count}")
+
+
+@dataclasses.dataclass(frozen=True)
+class Motion(Section):
+    """A given hand motion for `simulate`. Exactly one of [hand], [robot] and [motion] is given.
+    One of `acceleration` (with `angular_acceleration`), `accelerations` (with `times`), `table`
+    and `joints` (with `arm`); none of them is constant velocity.
+    """
+
+    position: tuple[float, float] = quantity(
+        "m, x and z of the hand when the force starts to fall", default=(0.0, 0.0)
+    )
+    angle: float = quantity("degrees, the hand's angle then", degrees=True, default=0.0)
+    velocity: tuple[float, float] = quantity(
+        "m/s, x and z then", least=-1e3, most=1e3, default=(0.0, 0.0)
+    )
+    rate: float = quantity("rad/s, turning rate then", least=-1e4, most=1e4, default=0.0)
+    acceleration: tuple[float, float] = quantity(
+        "m/s², x and z, constant", least=-1e5, most=1e5, default=(0.0, 0.0)
+    )
+    angular_acceleration: float = quantity("rad/s², constant", least=-1e5, most=1e5, default=0.0)
+    times: tuple[float, ...] = quantity(
+        "s, from when on each row of `accelerations` holds; the first is 0", default=()
+    )
+    accelerations: tuple[tuple[float, float, float], ...] = quantity(
+        "rows a_x, a_z [m/s²], alpha [rad/s²]", default=()
+    )
+    table: str | None = quantity(
+        "a CSV file with the columns t, x, z, theta (s, m, rad)", default=None
+    )
+    joints: str | None = quantity(
+        "a CSV file with the columns t, q1, q2, ... (s, rad) of `arm`", default=None
+    )
+    arm: str | None = quantity("as in [robot]; with `joints`", default=None)
+    opening_time: float = quantity(
+        "s, time in `table` or `joints` at which the force starts to fall", default=0.0
+    )
+    cutoff: float = quantity(
+        "Hz, low-pass of the samples, without phase shift", above=0, default=35.0
+    )
+    samples: tuple[tuple[float, ...], ...] = quantity(
+        "the rows of `table` or `joints`, in the file itself", default=()
+    )
 
     def check(self) -> None:
         """One kind of motion; as many pieces as times; samples that rise in time."""

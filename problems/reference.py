@@ -1,4 +1,4 @@
-"""The reference of scene files and arm data files, from the sections' dataclasses."""
+"""The reference of scene files and arm data files, from the sections' fields and docstrings."""
 
 from __future__ import annotations
 
@@ -8,34 +8,21 @@ import math
 import textwrap
 import types
 import typing
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from typing import Any
 
-from . import arm_file
-from .distribution import Distribution
-from .load import SECTIONS
-from .reference_words import NOTES, WORDS
+from ..models import Arm, DHRow, JointFrame, JointLimits, LinkInertia, Slowing, Tool
+from .arms import ARM_KEYS, LISTS
 from .scene import Scene
-from .section import Section
-from .uncertainty import PARAMETERS
+from .section import Section, file_key, hints_of
+from .toml import SECTIONS, TOP_KEYS
+from .uncertainty import SHARES, UNCERTAIN_PARAMETERS, Distribution, Uncertainty
 
-TOP = ("name", "description", "gravity")
 #: Ranges that hang on the scene's other values.
 WITHIN = {
     "com_offset": "the CoM within the bar",
     "grasp_offset": "within the bar's length of its end",
 }
-#: Tables of an arm data file: title, place in WORDS, dataclass.
-ARM: tuple[tuple[str, str, type[Section]], ...] = (
-    ("Keys at the top of an arm's file", "arm", arm_file._ArmTable),
-    ("[[dh]]", "dh", arm_file._DHTable),
-    ("[[joints]]", "joints", arm_file._JointTable),
-    ("[tool]", "tool", arm_file._ToolTable),
-    ("[limits]", "limits", arm_file._LimitsTable),
-    ("[limits.slowing]", "limits.slowing", arm_file._SlowingTable),
-    ("[[links]]", "links", arm_file._LinkTable),
-)
-
 INTRODUCTION = """\
 # Scene files
 
@@ -46,12 +33,45 @@ x points forward, z up, angles count counter-clockwise from +x. A section that i
 nothing to the plan. A wrong key or value is refused with one line that names it. A dash stands
 for no bound, and for a default of nothing.
 """
-
 ARM_INTRODUCTION = """\
 # Arm data files
 
 A robot is a TOML file too. `throwplan import-robot` makes one from a URDF.
 """
+#: Tables of an arm data file: title, what it describes, what is said of it.
+ARM_PARTS: tuple[tuple[str, type[Any], str], ...] = (
+    (
+        "Keys at the top of an arm's file",
+        Arm,
+        "The keys before the first section; `arm` in [robot] and [motion] names the file. Angles "
+        "are in radians there. Joints count from 1.",
+    ),
+    (
+        "[[dh]]",
+        DHRow,
+        "One table per joint in the list `dh`: modified (Craig) Denavit-Hartenberg. Either `dh` "
+        "or `joints`.",
+    ),
+    (
+        "[[joints]]",
+        JointFrame,
+        "One table per joint in the list `joints`: its frame as URDF places it, turned so that "
+        "the joint turns about its z axis. Either `dh` or `joints`.",
+    ),
+    ("[tool]", Tool, "From the last joint to the pads, and the hand's body."),
+    ("[limits]", JointLimits, "One value per joint in each list."),
+    (
+        "[limits.slowing]",
+        Slowing,
+        "Velocity limits that fall towards the ends of a joint's range, one value per joint in "
+        "each list; left out for an arm whose limits are the same everywhere.",
+    ),
+    (
+        "[[links]]",
+        LinkInertia,
+        "One table per joint and one for the hand, in the list `links`; may be left out.",
+    ),
+)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -65,30 +85,29 @@ class Key:
     meaning: str
 
 
-def reference() -> str:
+def scene_reference() -> str:
     """The whole reference as Markdown."""
-    parts = [INTRODUCTION, _part("##", "Keys at the top", "", _keys("", Scene, TOP))]
+    top = dataclasses.replace(_key(Scene, "name"), default="from the file")
+    keys = iter([top, *(_key(Scene, name) for name in TOP_KEYS[1:])])
+    words = "These keys stand before the first section."
+    parts = [INTRODUCTION, _part("##", "Keys at the top", words, keys)]
     for name, kind in SECTIONS.items():
-        keys = _uncertain() if name == "uncertainty" else _keys(name, kind)
-        parts.append(_part("##", f"[{name}]", name, keys, _summary(kind)))
-        if name == "uncertainty":
-            spread = _keys("spread", Distribution)
-            parts.append(_part("###", "How a value is spread", "spread", spread))
+        keys = _uncertain_keys() if kind is Uncertainty else _keys(kind)
+        parts.append(_part("##", f"[{name}]", _summary(kind), keys))
+        if kind is Uncertainty:
+            words = "The table behind a key of [uncertainty]."
+            parts.append(_part("###", "How a value is spread", words, _keys(Distribution)))
     parts.append(ARM_INTRODUCTION)
-    parts += [_part("##", title, place, _keys(place, kind)) for title, place, kind in ARM]
+    parts += [_part("##", title, words, _arm_keys(kind)) for title, kind, words in ARM_PARTS]
     return "\n".join(parts)
 
 
-def _part(level: str, title: str, place: str, keys: Iterator[Key], summary: str = "") -> str:
+def _part(level: str, title: str, words: str, keys: Iterator[Key]) -> str:
     """A heading, what is said of the section, and its table."""
-    words = textwrap.fill(" ".join(filter(None, (summary, NOTES.get(place)))), 100)
-    return "\n\n".join(filter(None, (f"{level} {title}", words, _table(keys))))
-
-
-def _table(keys: Iterator[Key]) -> str:
     rows = [("key", "type", "allowed", "default", "meaning"), ("---",) * 5]
     rows += [(f"`{k.name}`", k.kind, k.allowed, k.default, k.meaning) for k in keys]
-    return "".join(f"| {' | '.join(row)} |\n" for row in rows)
+    table = "".join(f"| {' | '.join(row)} |\n" for row in rows)
+    return "\n\n".join([f"{level} {title}", textwrap.fill(words, 100), table])
 
 
 def _summary(kind: type[Section]) -> str:
@@ -96,38 +115,45 @@ def _summary(kind: type[Section]) -> str:
     return " ".join(inspect.cleandoc(kind.__doc__ or "").split("\n\n")[0].split())
 
 
-def _keys(place: str, kind: type[Section], names: tuple[str, ...] | None = None) -> Iterator[Key]:
-    """The keys of a section as its file has them, required ones first."""
-    hints = typing.get_type_hints(kind)
+def _keys(kind: type[Section]) -> Iterator[Key]:
+    """The keys of a section as its file has them."""
     for field in dataclasses.fields(kind):
-        if names is not None and field.name not in names:
-            continue
-        degrees = bool(field.metadata.get("degrees"))
-        yield Key(
-            f"{field.name}_deg" if degrees else field.name,
-            _kind(hints[field.name]),
-            _allowed(field.metadata),
-            "from the file" if names and field.name == "name" else _default(field, degrees),
-            WORDS.get(place, {}).get(field.name, ""),
-        )
-    if place == "arm":
-        yield Key("dh", "list of tables", "–", "–", "the chain, see [[dh]]")
-        yield Key("joints", "list of tables", "–", "–", "the chain, see [[joints]]")
-        yield Key("links", "list of tables", "–", "–", "masses, see [[links]]")
+        yield _key(kind, field.name)
 
 
-def _uncertain() -> Iterator[Key]:
-    """The keys of [uncertainty]."""
-    words = WORDS["uncertainty"]
-    for name, rules in PARAMETERS.items():
-        key = f"{name}_deg" if rules.degrees else name
-        if rules.scaled:
-            allowed = "0.01 to 100 times the scene's"
+def _arm_keys(kind: type[Any]) -> Iterator[Key]:
+    """The keys of a table of an arm's data file."""
+    for name, about in ARM_KEYS[kind].items():
+        if name in LISTS:
+            yield Key(name, "list of tables", "–", "–", about["meaning"])
         else:
-            unit = math.degrees(1.0) if rules.degrees else 1.0
-            allowed = WITHIN.get(name, f"within ±{unit * rules.most:.6g}")
-        yield Key(key, "table", allowed, "–", words.get(name, ""))
-    yield Key("correlation", "list of rows", "–", "–", words["correlation"])
+            key = _key(kind, name, about)
+            yield dataclasses.replace(key, default="–") if name == "description" else key
+
+
+def _key(kind: type[Any], name: str, about: Mapping[str, Any] | None = None) -> Key:
+    """A field's line; `about`: its rules, where the dataclass itself has none."""
+    (field,) = (field for field in dataclasses.fields(kind) if field.name == name)
+    about = field.metadata if about is None else about
+    degrees = bool(about["degrees"])
+    kind_words = _kind(hints_of(kind)[name])
+    default = _default(field.default, math.degrees(1.0) if degrees else 1.0)
+    return Key(file_key(name, about), kind_words, _allowed(about), default, about["meaning"])
+
+
+def _uncertain_keys() -> Iterator[Key]:
+    """The keys of [uncertainty]."""
+    for field in dataclasses.fields(Uncertainty):
+        name, key = field.name, _key(Uncertainty, field.name)
+        if name not in UNCERTAIN_PARAMETERS:
+            yield dataclasses.replace(key, kind="list of rows")
+            continue
+        parameter = UNCERTAIN_PARAMETERS[name]
+        unit = math.degrees(1.0) if parameter.degrees else 1.0
+        allowed = WITHIN.get(name, f"within ±{unit * parameter.most:.6g}")
+        if parameter.scaled:
+            allowed = f"{SHARES[0]:g} to {SHARES[1]:g} times the scene's"
+        yield dataclasses.replace(key, allowed=allowed)
 
 
 def _kind(hint: Any) -> str:
@@ -140,33 +166,28 @@ def _kind(hint: Any) -> str:
             return f"list of rows, each a {_kind(items[0])}"
         count = "" if items[-1] is Ellipsis else f"{len(items)} "
         return f"list of {count}{_kind(items[0])}s"
-    if isinstance(hint, type) and issubclass(hint, Section):
+    if dataclasses.is_dataclass(hint):
         return "table"
     return {float: "number", int: "whole number", str: "text", bool: "true or false"}[hint]
 
 
-def _allowed(limits: Any) -> str:
+def _allowed(about: Mapping[str, Any]) -> str:
     """The range of a field, in the file's unit."""
-    if limits.get("choices"):
-        return ", ".join(f"`{choice}`" for choice in limits["choices"])
-    unit = math.degrees(1.0) if limits.get("degrees") else 1.0
-    given = [name for name in ("least", "above", "most", "below") if limits.get(name) is not None]
+    if about["choices"]:
+        return ", ".join(f"`{choice}`" for choice in about["choices"])
+    unit = math.degrees(1.0) if about["degrees"] else 1.0
+    given = [name for name in ("least", "above", "most", "below") if name in about]
     if "least" in given and "above" in given:
         # Together they are above 0, and by so much.
         given.remove("above")
     words = {"least": "at least", "above": "above", "most": "at most", "below": "below"}
-    found = [f"{words[name]} {unit * limits[name]:.6g}" for name in given]
-    return ", ".join(found) or "–"
+    return ", ".join(f"{words[name]} {unit * about[name]:.6g}" for name in given) or "–"
 
 
-def _default(field: dataclasses.Field[Any], degrees: bool) -> str:
-    missing = dataclasses.MISSING
-    if field.default is missing and field.default_factory is missing:
+def _default(value: Any, unit: float) -> str:
+    if value is dataclasses.MISSING:
         return "required"
-    value = field.default
-    if value in (None, (), "", missing):
-        return "–"
-    return f"`{_plain(value, math.degrees(1.0) if degrees else 1.0)}`"
+    return "–" if value in (None, (), "") else f"`{_plain(value, unit)}`"
 
 
 def _plain(value: Any, unit: float) -> str:

@@ -1,7 +1,6 @@
 """A scene: what is thrown, what holds it, where it should land. Data only, SI units, radians.
 
-A section that is None is left out of everything: no variable, no constraint. The sections
-are in files of their own; their names are all to be had from here.
+A section that is None is left out of everything: no variable, no constraint.
 """
 
 from __future__ import annotations
@@ -12,50 +11,56 @@ from pathlib import Path
 from typing import Any
 
 from ..models import Arm, Body, Contact
-from .choice import Choice
-from .distribution import Distribution
-from .errors import InputError
-from .hold import Grasp, Gripper, PadContact, ThrownObject
-from .mesh import Mesh
-from .movers import Hand, Motion, Robot, check_robot, thrown_by
-from .robust import Robust
-from .section import Section, quantity
-from .surroundings import Cup, Workspace
-from .target import Landing, Pose, Tolerance
-from .torque import Torque, check_torque
-from .uncertainty import PARAMETERS, SHARES, Uncertainty
+from .grip import Grasp, Gripper, PadContact, ThrownObject
+from .movers import Hand, Motion, Robot, Torque, check_robot, check_torque
+from .section import InputError, Section, quantity, rules
+from .targets import Choice, Cup, Landing, Pose, Tolerance, Workspace
+from .uncertainty import SHARES, UNCERTAIN_PARAMETERS, Robust, Uncertainty
 
-__all__ = [
-    "Cup",
-    "Distribution",
-    "Grasp",
-    "Gripper",
-    "Hand",
-    "Landing",
-    "Mesh",
-    "Motion",
-    "PadContact",
-    "Pose",
-    "Robot",
-    "Scene",
-    "ThrownObject",
-    "Tolerance",
-    "Torque",
-    "Uncertainty",
-    "Workspace",
-]
+
+@dataclasses.dataclass(frozen=True)
+class Mesh(Section):
+    """Numerical settings of the NLP. The defaults were chosen by measurement; few scenes need this
+    section.
+    """
+
+    carry: int = quantity("intervals from rest to the opening", least=3, most=60, default=6)
+    opening: int = quantity("intervals of the opening", least=2, most=60, default=6)
+    grading: float = quantity(
+        "above 1 the opening's intervals shrink towards its end", least=1, most=4, default=2.0
+    )
+    integrator: str = quantity(
+        "of the opening: two-point collocation, or Runge-Kutta with `substeps`",
+        choices=("gauss", "rk4"),
+        default="gauss",
+    )
+    substeps: int = quantity("steps per interval of `rk4`", least=1, most=20, default=2)
+    epsilon: float = quantity(
+        "relative rounding width of the friction laws", above=0, most=1, default=0.02
+    )
+    sticking_margin: float = quantity(
+        "share of the full grip's friction limit kept free while carrying",
+        least=0,
+        below=1,
+        default=0.05,
+    )
+    carry_max: float = quantity(
+        "s, longest carry; above the gripper's dwell by 0.05 s", above=0, default=2.0
+    )
 
 
 @dataclasses.dataclass(frozen=True)
 class Scene(Section):
     """A whole scene. `file` is where it came from, for messages."""
 
-    name: str
+    name: str = dataclasses.field(
+        metadata=rules("name of the scene; a file's own name where left out")
+    )
     object: ThrownObject
     contact: PadContact
     gripper: Gripper
-    description: str = ""
-    gravity: float = quantity(least=0, most=1e3, default=9.81)
+    description: str = quantity("one line for `throwplan scenes`", default="")
+    gravity: float = quantity("m/s², along −z", least=0, most=1e3, default=9.81)
     grasp: Grasp = dataclasses.field(default_factory=Grasp)
     hand: Hand | None = None
     robot: Robot | None = None
@@ -93,9 +98,7 @@ class Scene(Section):
         if self.robot is not None and self.arm is not None:
             check_robot(self.robot, self.arm)
         if self.torque is not None:
-            if self.robot is None or self.arm is None:
-                raise InputError("[torque]: only for a scene with [robot]")
-            check_torque(self.torque, self.arm, thrown_by(self.robot, self.arm))
+            check_torque(self.torque, self.robot, self.arm)
         if self.cup is not None:
             self._check_cup(self.cup)
         if self.uncertainty is not None:
@@ -157,7 +160,7 @@ class Scene(Section):
         pads = {name: getattr(self.contact, name) for name in ("friction", "patch_radius")}
         grasp = {"grasp_offset": self.grasp.offset, "grasp_angle": self.grasp.angle}
         rest = {"com_offset": self.com_offset, "opening": self.gripper.profile().opening}
-        return dict.fromkeys(PARAMETERS, 0.0) | held | pads | grasp | rest
+        return dict.fromkeys(UNCERTAIN_PARAMETERS, 0.0) | held | pads | grasp | rest
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
@@ -165,8 +168,8 @@ class Scene(Section):
         offset, length = self.grasp.offset, self.object.length
         found = {
             name: (SHARES[0] * value, SHARES[1] * value)
-            if PARAMETERS[name].scaled
-            else (value - PARAMETERS[name].most, value + PARAMETERS[name].most)
+            if UNCERTAIN_PARAMETERS[name].scaled
+            else (value - UNCERTAIN_PARAMETERS[name].most, value + UNCERTAIN_PARAMETERS[name].most)
             for name, value in self.values.items()
         }
         # The CoM stays in the bar; the pads may reach beyond its end by an error.

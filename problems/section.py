@@ -1,19 +1,35 @@
-"""Checked sections of a scene: frozen dataclasses whose fields know their limits."""
+"""Sections of a scene file: frozen dataclasses whose fields know what they mean and allow.
+
+A field is described once, by `rules`: what the reference in docs/ says of it, the unit of its
+file, its limits. Loading, checking, writing and the reference all read that.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import difflib
 import math
+import re
 import types
 import typing
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
-from .errors import InputError
+
+class ThrowplanError(Exception):
+    """Base of all of throwplan's own exceptions."""
 
 
-def quantity(
+class InputError(ThrowplanError, ValueError):
+    """Wrong input. The message is one line: where, which value, what is allowed."""
+
+    def within(self, place: str) -> InputError:
+        """The same error with `place` (a file, a section) put before the message."""
+        return InputError(f"{place}: {self}")
+
+
+def rules(
+    meaning: str,
     *,
     above: float | None = None,
     least: float | None = None,
@@ -22,82 +38,89 @@ def quantity(
     degrees: bool = False,
     unit: str = "",
     choices: tuple[str, ...] = (),
-    **field: Any,
-) -> Any:
-    """A dataclass field with limits.
+) -> dict[str, Any]:
+    """What is to be known of a field.
 
-    `degrees`: the scene file gives the value in degrees under the field's name with
-    `_deg` behind it; in the dataclass it is in radians. `unit`: told where a limit refuses a
-    value, for those that are easily given in another one.
+    meaning: words for the reference, which begin with the unit that files give the value in.
+    degrees: files give the value in degrees, under the field's name with `_deg` behind it; in
+    the dataclass it is in radians, and so are the limits here. unit: said where a limit
+    refuses a value, for those that are easily given in another unit. choices: of a text.
     """
-    meta = {
-        "above": above,
-        "least": least,
-        "most": most,
-        "below": below,
-        "degrees": degrees,
-        "unit": unit,
-        "choices": choices,
-    }
-    return dataclasses.field(metadata=meta, **field)
+    limits = {"above": above, "least": least, "most": most, "below": below}
+    given = {name: limit for name, limit in limits.items() if limit is not None}
+    return {"meaning": meaning, "degrees": degrees, "unit": unit, "choices": choices} | given
 
 
-#: Types of the fields of each section; resolving them takes longer than checking a value.
-_known_hints: dict[type[Any], dict[str, Any]] = {}
-
-
-def _hints(kind: type[Any]) -> dict[str, Any]:
-    if kind not in _known_hints:
-        _known_hints[kind] = typing.get_type_hints(kind)
-    return _known_hints[kind]
+def quantity(meaning: str, *, default: Any = dataclasses.MISSING, **limits: Any) -> Any:
+    """A dataclass field with its `rules`."""
+    return dataclasses.field(default=default, metadata=rules(meaning, **limits))
 
 
 @dataclasses.dataclass(frozen=True)
 class Section:
     """Base of all sections: checks types, finiteness and limits of its fields."""
 
+    def __init_subclass__(cls) -> None:
+        """Say in the docstring what the fields mean: in Python angles are in radians."""
+        fields = {k: f for k, f in vars(cls).items() if isinstance(f, dataclasses.Field)}
+        words = [
+            f"{name}: {re.sub('^degrees', 'radians', field.metadata.get('meaning', ''))}"
+            for name, field in fields.items()
+        ]
+        cls.__doc__ = "\n    ".join([f"{cls.__doc__}\n", *words])
+
     def __post_init__(self) -> None:
-        hints = _hints(type(self))
+        hints = hints_of(type(self))
         for field in dataclasses.fields(self):
-            value = _coerced(getattr(self, field.name), hints[field.name])
-            if value is _WRONG:
-                raise InputError(
-                    f"{_key(field)} = {_shown(field, getattr(self, field.name))!r}: "
-                    f"must be {_describe(hints[field.name])}"
-                )
+            value = checked(
+                field.name, getattr(self, field.name), hints[field.name], field.metadata
+            )
             object.__setattr__(self, field.name, value)
-            _check_limits(field, value)
         self.check()
 
     def check(self) -> None:
         """Conditions between fields; raises InputError."""
 
 
-_WRONG = object()
+#: Types of the fields of each section; resolving them takes longer than checking a value.
+_known_hints: dict[type[Any], dict[str, Any]] = {}
+
+
+def hints_of(kind: type[Any]) -> dict[str, Any]:
+    """The types of a dataclass's fields by name."""
+    if kind not in _known_hints:
+        _known_hints[kind] = typing.get_type_hints(kind)
+    return _known_hints[kind]
+
+
+def file_key(name: str, about: Mapping[str, Any]) -> str:
+    """A field's key in files."""
+    return f"{name}_deg" if about.get("degrees") else name
+
+
+# From files and to them.
 
 
 def from_table(kind: type[Any], table: Mapping[str, Any]) -> Any:
     """A section of dataclass `kind` from a TOML table; unknown keys are refused."""
-    fields = {_key(f): f for f in dataclasses.fields(kind)}
+    fields = {file_key(f.name, f.metadata): f for f in dataclasses.fields(kind)}
     values: dict[str, Any] = {}
     for key, value in table.items():
         if key not in fields:
             raise InputError(unknown(key, list(fields)))
         field = fields[key]
         values[field.name] = _radians(key, value) if field.metadata.get("degrees") else value
-        nested = _section_kind(kind, field)
-        if nested is not None and isinstance(value, Mapping):
-            try:
-                values[field.name] = from_table(nested, value)
-            except InputError as error:
-                raise InputError(f"{key}: {error}") from None
-    for key, field in fields.items():
-        needed = (
-            field.default is dataclasses.MISSING and field.default_factory is dataclasses.MISSING
-        )
-        if needed and field.name not in values:
-            raise InputError(f"key '{key}' is missing")
+    check_complete(kind, values)
     return kind(**values)
+
+
+def check_complete(kind: type[Any], values: Mapping[str, Any]) -> None:
+    """InputError for the first field of a dataclass that has no value and no default."""
+    missing = dataclasses.MISSING
+    for field in dataclasses.fields(kind):
+        needed = field.default is missing and field.default_factory is missing
+        if needed and field.name not in values:
+            raise InputError(f"key '{file_key(field.name, field.metadata)}' is missing")
 
 
 def table_of(section: Section) -> dict[str, Any]:
@@ -105,42 +128,17 @@ def table_of(section: Section) -> dict[str, Any]:
     table: dict[str, Any] = {}
     for field in dataclasses.fields(section):
         value = getattr(section, field.name)
-        made = field.default_factory
-        default = field.default if made is dataclasses.MISSING else made()
-        if value is None or value == default:
-            continue
-        table[_key(field)] = _plain(value, bool(field.metadata.get("degrees")))
+        if value is not None and value != field.default:
+            key = file_key(field.name, field.metadata)
+            table[key] = _plain(value, bool(field.metadata.get("degrees")))
     return table
 
 
 def _plain(value: Any, degrees: bool) -> Any:
     """A value as TOML or JSON has it."""
-    if isinstance(value, Section):
-        return table_of(value)
     if isinstance(value, tuple):
         return [_plain(item, degrees) for item in value]
     return math.degrees(value) if degrees else value
-
-
-def _section_kind(kind: type[Any], field: dataclasses.Field[Any]) -> type[Any] | None:
-    """The section that a field holds, None for a plain value."""
-    hint = _hints(kind)[field.name]
-    options = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
-    for option in options:
-        if isinstance(option, type) and issubclass(option, Section):
-            return option
-    return None
-
-
-def unknown(key: str, known: list[str]) -> str:
-    """'unknown key' message with the nearest known one."""
-    near = difflib.get_close_matches(key, known, 1, 0.4)
-    hint = f", did you mean '{near[0]}'?" if near else ""
-    return f"unknown key '{key}'{hint} (known: {', '.join(known)})"
-
-
-def _key(field: dataclasses.Field[Any]) -> str:
-    return f"{field.name}_deg" if field.metadata.get("degrees") else field.name
 
 
 def _radians(key: str, value: Any) -> Any:
@@ -154,44 +152,65 @@ def _radians(key: str, value: Any) -> Any:
         raise InputError(f"{key}: the number is too large") from None
 
 
-def _shown(field: dataclasses.Field[Any], value: Any) -> Any:
+def nearest(word: str, known: Sequence[str]) -> str:
+    """A hint at the known word that is most like a wrong one; empty if none is."""
+    near = difflib.get_close_matches(word, known, 1, 0.4)
+    return f", did you mean '{near[0]}'?" if near else ""
+
+
+def unknown(key: str, known: Sequence[str]) -> str:
+    """'unknown key' message with the nearest known one."""
+    return f"unknown key '{key}'{nearest(key, known)} (known: {', '.join(known)})"
+
+
+# Checks of single values.
+
+_WRONG = object()
+#: Whole numbers beyond this have no float.
+_HUGE = 1e308
+_LIMITS: tuple[tuple[str, Any, str], ...] = (
+    ("above", lambda v, limit: v > limit, "above"),
+    ("least", lambda v, limit: v >= limit, "at least"),
+    ("most", lambda v, limit: v <= limit, "at most"),
+    ("below", lambda v, limit: v < limit, "below"),
+)
+
+
+def checked(name: str, value: Any, hint: Any, about: Mapping[str, Any]) -> Any:
+    """A field's value as the type `hint`; InputError for a wrong type or a broken limit."""
+    key, found = file_key(name, about), _coerced(value, hint)
+    if found is _WRONG:
+        shown = _shown(value, bool(about.get("degrees")))
+        raise InputError(f"{key} = {shown!r}: must be {_describe(hint)}")
+    for item in found if isinstance(found, tuple) else (found,):
+        _check_limits(key, item, about)
+    return found
+
+
+def _shown(value: Any, degrees: bool) -> Any:
     """A value as the file gives it: in degrees where its key says so."""
     if isinstance(value, list | tuple):
-        return [_shown(field, item) for item in value]
-    if field.metadata.get("degrees") and isinstance(value, float):
-        return round(math.degrees(value), 9)
-    return value
+        return [_shown(item, degrees) for item in value]
+    return round(math.degrees(value), 9) if degrees and isinstance(value, float) else value
 
 
 def _coerced(value: Any, hint: Any) -> Any:
     """`value` as the type `hint` asks, or _WRONG."""
     if isinstance(hint, types.UnionType):
-        for option in typing.get_args(hint):
-            result = _coerced(value, option)
-            if result is not _WRONG:
-                return result
-        return _WRONG
-    if hint is float:
-        number = isinstance(value, int | float) and not isinstance(value, bool)
-        return float(value) if number and abs(value) < _HUGE else _large(value)
-    if hint is int:
-        return value if isinstance(value, int) and not isinstance(value, bool) else _WRONG
+        options = (_coerced(value, option) for option in typing.get_args(hint))
+        return next((found for found in options if found is not _WRONG), _WRONG)
     if typing.get_origin(hint) is tuple:
         return _coerced_tuple(value, typing.get_args(hint))
     if hint is type(None):
         return None if value is None else _WRONG
-    return value if isinstance(value, hint) else _WRONG
-
-
-#: Whole numbers beyond this have no float.
-_HUGE = 1e308
-
-
-def _large(value: Any) -> Any:
-    """inf for a number that is too large, so that the limits refuse it; else _WRONG."""
-    if isinstance(value, float):
-        return value
-    return math.inf if isinstance(value, int) and not isinstance(value, bool) else _WRONG
+    if hint not in (float, int):
+        return value if isinstance(value, hint) else _WRONG
+    if isinstance(value, bool) or not isinstance(value, int | float):
+        return _WRONG
+    if hint is int:
+        return value if isinstance(value, int) else _WRONG
+    # A whole number that is too large for a float becomes inf, which the limits refuse.
+    return float(value) if isinstance(value, float) or abs(value) < _HUGE else math.inf
 
 
 def _coerced_tuple(value: Any, hints: tuple[Any, ...]) -> Any:
@@ -206,43 +225,32 @@ def _coerced_tuple(value: Any, hints: tuple[Any, ...]) -> Any:
 
 
 def _describe(hint: Any) -> str:
+    """A type in words for messages."""
     if isinstance(hint, types.UnionType):
         options = [h for h in typing.get_args(hint) if h is not type(None)]
         return " or ".join(_describe(h) for h in options)
     if typing.get_origin(hint) is tuple:
         args = typing.get_args(hint)
-        if args[-1] is Ellipsis:
-            return f"a list, each {_describe(args[0])}"
-        return f"a list of {len(args)}, each {_describe(args[0])}"
+        count = "" if args[-1] is Ellipsis else f" of {len(args)}"
+        return f"a list{count}, each {_describe(args[0])}"
     names = {float: "a number", int: "a whole number", str: "a text", bool: "true or false"}
     return names.get(hint, getattr(hint, "__name__", str(hint)))
 
 
-def _check_limits(field: dataclasses.Field[Any], value: Any) -> None:
-    values = value if isinstance(value, tuple) else (value,)
-    meta = field.metadata
-    for item in values:
-        if isinstance(item, str) and meta.get("choices") and item not in meta["choices"]:
-            near = difflib.get_close_matches(item, meta["choices"], 1, 0.4)
-            hint = f", did you mean '{near[0]}'?" if near else ""
-            allowed = ", ".join(meta["choices"])
-            raise InputError(f"{_key(field)} = {item!r}: must be one of {allowed}{hint}")
-        if isinstance(item, bool) or not isinstance(item, int | float):
-            continue
-        shown = math.degrees(item) if meta.get("degrees") else item
-        if not math.isfinite(item):
-            raise InputError(f"{_key(field)} = {shown}: must be a finite number")
-        for name, holds, words in _LIMITS:
-            limit = meta.get(name)
-            if limit is not None and not holds(item, limit):
-                limit = math.degrees(limit) if meta.get("degrees") else limit
-                unit = f" {meta['unit']}" if meta.get("unit") else ""
-                raise InputError(f"{_key(field)} = {shown:g}: must be {words} {limit:g}{unit}")
-
-
-_LIMITS: tuple[tuple[str, Any, str], ...] = (
-    ("above", lambda v, limit: v > limit, "above"),
-    ("least", lambda v, limit: v >= limit, "at least"),
-    ("most", lambda v, limit: v <= limit, "at most"),
-    ("below", lambda v, limit: v < limit, "below"),
-)
+def _check_limits(key: str, item: Any, about: Mapping[str, Any]) -> None:
+    """InputError for a text that is no choice, and a number that is not finite or outside."""
+    choices = about.get("choices")
+    if isinstance(item, str) and choices and item not in choices:
+        hint = nearest(item, choices)
+        raise InputError(f"{key} = {item!r}: must be one of {', '.join(choices)}{hint}")
+    if isinstance(item, bool) or not isinstance(item, int | float):
+        return
+    shown = math.degrees(item) if about.get("degrees") else item
+    if not math.isfinite(item):
+        raise InputError(f"{key} = {shown}: must be a finite number")
+    for name, holds, words in _LIMITS:
+        limit = about.get(name)
+        if limit is not None and not holds(item, limit):
+            limit = math.degrees(limit) if about.get("degrees") else limit
+            unit = f" {about['unit']}" if about.get("unit") else ""
+            raise InputError(f"{key} = {shown:g}: must be {words} {limit:g}{unit}")

@@ -1,4 +1,4 @@
-"""What is not known exactly: which of a scene's values are spread, and how they hang together."""
+"""What is not known exactly: how a value is spread, which ones are, and plans made for it."""
 
 from __future__ import annotations
 
@@ -11,9 +11,82 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .distribution import Distribution
-from .errors import InputError
-from .section import Section, from_table, table_of, unknown
+from . import section
+from .section import InputError, Section, from_table, quantity, table_of, unknown
+
+
+@dataclasses.dataclass(frozen=True)
+class Distribution(Section):
+    """How a value is spread: one of `uniform`, `normal` and `samples`.
+
+    All numbers are multiples of the scene's value where `relative` says so:
+    `{ uniform = 0.1, relative = true }` is +-10 % of it.
+    """
+
+    uniform: float | None = quantity("half width about `mean`", above=0, default=None)
+    normal: float | None = quantity(
+        "standard deviation about `mean`; cut off where values become impossible",
+        above=0,
+        default=None,
+    )
+    samples: tuple[float, ...] = quantity("measured values", default=())
+    mean: float | None = quantity(
+        "the scene's value (0 for an error) where left out; not with `samples`", default=None
+    )
+    relative: bool = quantity(
+        "all numbers are multiples of the scene's value; only for opening, friction, "
+        "patch_radius, mass, inertia",
+        default=False,
+    )
+
+    def check(self) -> None:
+        """Exactly one kind."""
+        kinds = [self.uniform is not None, self.normal is not None, bool(self.samples)]
+        if sum(kinds) != 1:
+            raise InputError("give exactly one of 'uniform', 'normal' and 'samples'")
+        if self.samples and self.mean is not None:
+            raise InputError("mean: not beside 'samples', which have their own")
+
+    def about(self, value: float) -> Distribution:
+        """The same without reference to the scene, whose value is `value`: in its unit."""
+        unit = value if self.relative else 1.0
+        mean = value if self.mean is None else unit * self.mean
+        return self._times(unit, None if self.samples else mean)
+
+    def scaled(self, unit: float) -> Distribution:
+        """The same in another unit, of which `unit` make up the one before."""
+        mean = None if self.mean is None else unit * self.mean
+        return self._times(unit, mean, self.relative)
+
+    def _times(self, unit: float, mean: float | None, relative: bool = False) -> Distribution:
+        width, deviation = self.uniform, self.normal
+        return Distribution(
+            None if width is None else unit * width,
+            None if deviation is None else unit * deviation,
+            tuple(unit * value for value in self.samples),
+            mean,
+            relative,
+        )
+
+    @property
+    def expected(self) -> float:
+        """Mean of the distribution, one that `about` made (a cut-off aside)."""
+        return float(np.mean(self.samples)) if self.samples else self.mean or 0.0
+
+    @property
+    def deviation(self) -> float:
+        """Its standard deviation."""
+        if self.uniform is not None:
+            return self.uniform / math.sqrt(3.0)
+        return float(np.std(self.samples)) if self.samples else self.normal or 0.0
+
+    @property
+    def reach(self) -> tuple[float, float]:
+        """Lowest and highest value; the mean alone for a normal one, which is cut off."""
+        if self.samples:
+            return min(self.samples), max(self.samples)
+        half = self.uniform or 0.0
+        return self.expected - half, self.expected + half
 
 
 @dataclasses.dataclass(frozen=True)
@@ -32,75 +105,72 @@ class Parameter:
 
 #: A positive value may be spread to these shares of the scene's own.
 SHARES = (0.01, 100.0)
-
-PARAMETERS: dict[str, Parameter] = {
-    "delay": Parameter(most=10.0),
-    "opening": Parameter(scaled=True),
-    "friction": Parameter(scaled=True),
-    "patch_radius": Parameter(scaled=True),
-    "mass": Parameter(scaled=True),
-    "com_offset": Parameter(most=100.0),
-    "inertia": Parameter(scaled=True),
-    "grasp_offset": Parameter(most=100.0),
-    "grasp_angle": Parameter(degrees=True, most=math.tau),
-    "hand_x": Parameter(most=10.0),
-    "hand_z": Parameter(most=10.0),
-    "hand_theta": Parameter(degrees=True, most=math.tau),
-    "hand_vx": Parameter(most=100.0),
-    "hand_vz": Parameter(most=100.0),
-    "hand_omega": Parameter(degrees=True, most=1000.0),
-}
-
-
-def file_key(name: str) -> str:
-    """A parameter's key in a scene file."""
-    return f"{name}_deg" if PARAMETERS[name].degrees else name
+#: The positive values, in the order of `Uncertainty`.
+SCALED = ("opening", "friction", "patch_radius", "mass", "inertia")
 
 
 @dataclasses.dataclass(frozen=True)
 class Uncertainty(Section):
     """What is not known exactly; feeds sweeps, and robust plans where they are asked for.
+    At least one of the keys. Each holds a table with exactly one of `uniform`, `normal` and
+    `samples`, for example `{ uniform = 0.010, mean = 0.004 }`.
 
-    delay [s]: the gripper opens that much later than commanded (below zero: earlier); a
-    known mean moves the command earlier by as much. opening [s]: duration of the fall.
-    friction; patch_radius [m]; mass [kg]; com_offset [m], from the pads to the CoM;
-    inertia [kg m^2]; grasp_offset [m], of the pads from the bar's end; grasp_angle [rad].
-    hand_x, hand_z [m], hand_theta [rad], hand_vx, hand_vz [m/s], hand_omega [rad/s]: error
-    of the hand's pose and twist as the force starts to fall. correlation: (name, name,
-    coefficient) of the normal scores (a Gaussian copula).
+    The errors of the hand's pose and twist are those as the force starts to fall. correlation
+    is of the normal scores (a Gaussian copula).
     """
 
-    delay: Distribution | None = None
-    opening: Distribution | None = None
-    friction: Distribution | None = None
-    patch_radius: Distribution | None = None
-    mass: Distribution | None = None
-    com_offset: Distribution | None = None
-    inertia: Distribution | None = None
-    grasp_offset: Distribution | None = None
-    grasp_angle: Distribution | None = None
-    hand_x: Distribution | None = None
-    hand_z: Distribution | None = None
-    hand_theta: Distribution | None = None
-    hand_vx: Distribution | None = None
-    hand_vz: Distribution | None = None
-    hand_omega: Distribution | None = None
-    correlation: tuple[tuple[str, str, float], ...] = ()
+    delay: Distribution | None = quantity(
+        "s, the gripper opens that much later than commanded; a known mean sends the command "
+        "earlier",
+        most=10.0,
+        default=None,
+    )
+    opening: Distribution | None = quantity("s, duration of the force's fall", default=None)
+    friction: Distribution | None = quantity("μ", default=None)
+    patch_radius: Distribution | None = quantity("m", default=None)
+    mass: Distribution | None = quantity("kg", default=None)
+    com_offset: Distribution | None = quantity(
+        "m, from the pads to the CoM", most=100.0, default=None
+    )
+    inertia: Distribution | None = quantity("kg m²", default=None)
+    grasp_offset: Distribution | None = quantity(
+        "m, of the pads from the bar's end", most=100.0, default=None
+    )
+    grasp_angle: Distribution | None = quantity(
+        "degrees", degrees=True, most=math.tau, default=None
+    )
+    hand_x: Distribution | None = quantity(
+        "m, error of the hand when the force starts to fall", most=10.0, default=None
+    )
+    hand_z: Distribution | None = quantity("m, the same", most=10.0, default=None)
+    hand_theta: Distribution | None = quantity(
+        "degrees, the same", degrees=True, most=math.tau, default=None
+    )
+    hand_vx: Distribution | None = quantity("m/s, the same", most=100.0, default=None)
+    hand_vz: Distribution | None = quantity("m/s, the same", most=100.0, default=None)
+    hand_omega: Distribution | None = quantity(
+        "degrees/s, the same", degrees=True, most=1000.0, default=None
+    )
+    correlation: tuple[tuple[str, str, float], ...] = quantity(
+        "rows name, name, coefficient (between −1 and 1) of the normal scores", default=()
+    )
 
     @property
     def names(self) -> tuple[str, ...]:
         """The uncertain parameters."""
-        return tuple(name for name in PARAMETERS if getattr(self, name) is not None)
+        return tuple(name for name in UNCERTAIN_PARAMETERS if getattr(self, name) is not None)
 
     def check(self) -> None:
         """Something is uncertain; relative only where that means something; correlations."""
         if not self.names:
             raise InputError(
-                f"nothing is uncertain (known: {', '.join(map(file_key, PARAMETERS))})"
+                f"nothing is uncertain (known: {', '.join(map(file_key, UNCERTAIN_PARAMETERS))})"
             )
         for name in self.names:
-            if getattr(self, name).relative and not PARAMETERS[name].scaled:
-                allowed = ", ".join(key for key, value in PARAMETERS.items() if value.scaled)
+            if getattr(self, name).relative and not UNCERTAIN_PARAMETERS[name].scaled:
+                allowed = ", ".join(
+                    key for key, value in UNCERTAIN_PARAMETERS.items() if value.scaled
+                )
                 raise InputError(f"{file_key(name)}: relative: only for {allowed}")
         self._check_correlation()
 
@@ -144,7 +214,7 @@ class Uncertainty(Section):
             least, most = getattr(self, name).about(values[name]).reach
             if low <= least and most <= high:
                 continue
-            unit = math.degrees(1.0) if PARAMETERS[name].degrees else 1.0
+            unit = math.degrees(1.0) if UNCERTAIN_PARAMETERS[name].degrees else 1.0
             words = [f"{unit * value:.6g}" for value in (least, most, low, high)]
             reached = f"is {words[0]}" if least == most else f"reaches [{words[0]}, {words[1]}]"
             raise InputError(
@@ -152,9 +222,26 @@ class Uncertainty(Section):
             )
 
 
+#: The values that may be uncertain, by name.
+UNCERTAIN_PARAMETERS: dict[str, Parameter] = {
+    field.name: Parameter(
+        field.metadata["degrees"], field.name in SCALED, field.metadata.get("most", 0.0)
+    )
+    for field in dataclasses.fields(Uncertainty)
+    if field.name != "correlation"
+}
+#: What a scene without [uncertainty] is swept under: the opening up to 10 ms early or late.
+USUAL_UNCERTAINTY = Uncertainty(delay=Distribution(uniform=0.010))
+
+
+def file_key(name: str) -> str:
+    """A parameter's key in a scene file."""
+    return section.file_key(name, {"degrees": UNCERTAIN_PARAMETERS[name].degrees})
+
+
 def uncertainty_from(table: Mapping[str, Any]) -> Uncertainty:
     """The section [uncertainty] of a scene file; InputError naming the key."""
-    keys = {file_key(name): name for name in PARAMETERS}
+    keys = {file_key(name): name for name in UNCERTAIN_PARAMETERS}
     values: dict[str, Any] = {}
     for key, value in table.items():
         if key == "correlation":
@@ -168,7 +255,7 @@ def uncertainty_from(table: Mapping[str, Any]) -> Uncertainty:
                 spread: Distribution = from_table(Distribution, value)
             except InputError as error:
                 raise InputError(f"{key}: {error}") from None
-            values[keys[key]] = spread.in_radians() if key.endswith("_deg") else spread
+            values[keys[key]] = spread.scaled(math.radians(1)) if key.endswith("_deg") else spread
     return Uncertainty(**values)
 
 
@@ -178,7 +265,7 @@ def uncertainty_table(uncertainty: Uncertainty) -> dict[str, Any]:
     for name in uncertainty.names:
         spread: Distribution = getattr(uncertainty, name)
         table[file_key(name)] = table_of(
-            spread.in_degrees() if PARAMETERS[name].degrees else spread
+            spread.scaled(math.degrees(1)) if UNCERTAIN_PARAMETERS[name].degrees else spread
         )
     if uncertainty.correlation:
         table["correlation"] = [
@@ -205,5 +292,38 @@ def _pairs(value: Any, keys: Mapping[str, str]) -> Any:
     return [[keys[one], keys[other], float(number)] for one, other, number in value]
 
 
-#: What a scene without [uncertainty] is swept under: the opening up to 10 ms early or late.
-USUAL = Uncertainty(delay=Distribution(uniform=0.010))
+#: On the command line: the methods that are recommended.
+ROBUST_METHODS = ("auto", "quiet", "scenarios", "stationary")
+#: For comparison: quiet as a constraint, and what others do.
+COMPARED_METHODS = ("quiet-exactly", "hand-velocity", "joint-velocity")
+
+
+@dataclasses.dataclass(frozen=True)
+class Robust(Section):
+    """A robust plan, for the delays of [uncertainty], or +-10 ms where that has none.
+
+    method: 'quiet' (while the pads may open they transmit as little as can be), 'scenarios'
+    (several openings share the hand's motion and all land near the target), 'stationary'
+    (constant acceleration, the landing stationary in the delay), 'auto' (quiet, and
+    scenarios if a sweep finds that not enough); for comparison 'quiet-exactly' (as a
+    constraint), 'hand-velocity' and 'joint-velocity' (constant over the window).
+    """
+
+    method: str = quantity(
+        "see [how it works](how-it-works.md#a-plan-that-forgives-timing); the last three are for "
+        "comparison",
+        choices=ROBUST_METHODS + COMPARED_METHODS,
+        default="auto",
+    )
+    early: float | None = quantity(
+        "s, window before the opening; from [uncertainty] where left out",
+        least=0,
+        most=0.1,
+        default=None,
+    )
+    late: float | None = quantity(
+        "s, window after detach; from [uncertainty] where left out",
+        least=0,
+        most=0.1,
+        default=None,
+    )

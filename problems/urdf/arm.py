@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import Arm, JointFrame, JointLimits, PlanarArm, Tool
-from ..errors import InputError
+from ..section import InputError
 from .file import UrdfChain
 from .masses import link_inertias
 

@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import JointFrame
-from ..errors import InputError
-from ..text_file import read_text
+from ..files import read_text
+from ..section import InputError
 from .frames import axis_turn, frame_of, hand_turn, origin, unit_axis
 
 Array = npt.NDArray[np.float64]

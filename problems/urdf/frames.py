@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import JointFrame
-from ..errors import InputError
+from ..section import InputError
 
 Array = npt.NDArray[np.float64]
 

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import LinkInertia
-from ..errors import InputError
+from ..section import InputError
 from .file import UrdfChain, hanging
 from .frames import origin
 

@@ -1,8 +1,7 @@
-"""Scenes from TOML files, and the scenes that are shipped."""
+"""Scenes as tables: read from TOML files, shipped with the package, kept in a plan's file."""
 
 from __future__ import annotations
 
-import difflib
 import os
 from collections.abc import Mapping
 from importlib.resources import files
@@ -12,33 +11,25 @@ from typing import Any
 import numpy as np
 
 from ..models import Arm
-from .arm_file import load_arm
-from .choice import Choice
-from .errors import InputError
-from .grip_recording import NOISY, ROWS, grip_samples, monotone_grip, rises
-from .hold import held_object
-from .robust import Robust
-from .scene import (
-    Cup,
+from .arms import arm_from, arm_table, load_arm
+from .files import read_csv, read_text, toml_tables
+from .grip import (
+    NOISY,
+    ROWS,
     Grasp,
     Gripper,
-    Hand,
-    Landing,
-    Mesh,
-    Motion,
     PadContact,
-    Pose,
-    Robot,
-    Scene,
     ThrownObject,
-    Tolerance,
-    Torque,
-    Uncertainty,
-    Workspace,
+    grip_samples,
+    held_object,
+    monotone_grip,
+    rises,
 )
-from .section import Section, from_table, unknown
-from .text_file import read_csv, read_text, toml_tables
-from .uncertainty import uncertainty_from
+from .movers import Hand, Motion, Robot, Torque
+from .scene import Mesh, Scene
+from .section import InputError, Section, from_table, nearest, table_of, unknown
+from .targets import Choice, Cup, Landing, Pose, Tolerance, Workspace
+from .uncertainty import Robust, Uncertainty, uncertainty_from, uncertainty_table
 
 #: Sections of a scene file, and what each becomes.
 SECTIONS: dict[str, type[Section]] = {
@@ -60,7 +51,8 @@ SECTIONS: dict[str, type[Section]] = {
     "robust": Robust,
     "mesh": Mesh,
 }
-_KEYS = ("name", "description", "gravity")
+#: Keys of a scene file that stand before its first section.
+TOP_KEYS = ("name", "description", "gravity")
 
 
 def scene_names() -> list[str]:
@@ -101,8 +93,7 @@ def load_scene(source: str | Path) -> Scene:
 
 def _no_scene(name: str) -> str:
     names = scene_names()
-    near = difflib.get_close_matches(name, names, 1, 0.4)
-    hint = f", did you mean '{near[0]}'?" if near else ""
+    hint = nearest(name, names)
     return f"no scene '{name}'{hint} (built in: {', '.join(names)}; or a .toml file)"
 
 
@@ -111,12 +102,44 @@ def _parse(text: str, place: str, path: Path | None) -> Scene:
     folder = path.parent if path else None
     name = path.stem if path else place
     try:
-        return scene_from({"name": name} | tables, file=str(path or ""), folder=folder)
+        return _scene_from({"name": name} | tables, file=str(path or ""), folder=folder)
     except InputError as error:
         raise error.within(place) from None
 
 
-def scene_from(
+def scene_table(scene: Scene) -> dict[str, Any]:
+    """The scene as its file would say it, with the data of its arm as the table `arm`.
+
+    What the file takes from other files (a recorded grip force) is in it.
+    """
+    table: dict[str, Any] = {key: getattr(scene, key) for key in TOP_KEYS}
+    for key in SECTIONS:
+        section = getattr(scene, key)
+        if isinstance(section, Uncertainty):
+            table[key] = uncertainty_table(section)
+        elif section is not None:
+            table[key] = table_of(section)
+    # Its rows are there.
+    for key in ("table", "raw"):
+        table["gripper"].pop(key, None)
+    if scene.arm is not None:
+        table["arm"] = arm_table(scene.arm)
+    return {key: value for key, value in table.items() if value not in ({}, "")}
+
+
+def scene_from_table(table: Mapping[str, Any]) -> Scene:
+    """The scene that `scene_table` made the table from; InputError for what is wrong in it."""
+    sections = {key: value for key, value in table.items() if key != "arm"}
+    if "arm" not in table:
+        return _scene_from(sections)
+    try:
+        arm = arm_from(table["arm"])
+    except InputError as error:
+        raise InputError(f"arm: {error}") from None
+    return _scene_from(sections, arm=arm)
+
+
+def _scene_from(
     tables: Mapping[str, Any],
     *,
     file: str = "",
@@ -129,19 +152,22 @@ def scene_from(
     """
     values: dict[str, Any] = {"file": file}
     for key, value in tables.items():
-        if key in _KEYS:
+        if key in TOP_KEYS:
             values[key] = value
         elif key in SECTIONS:
             values[key] = _section(key, value, folder)
         else:
-            raise InputError(unknown(key, [*_KEYS, *SECTIONS]))
+            raise InputError(unknown(key, [*TOP_KEYS, *SECTIONS]))
     for key in ("object", "contact", "gripper"):
         if key not in values:
             raise InputError(f"section [{key}] is missing")
-    if "robot" in values:
-        values["arm"] = arm or _named_arm("robot", values["robot"].arm, folder)
-    elif "motion" in values and values["motion"].arm is not None:
-        values["arm"] = arm or _named_arm("motion", values["motion"].arm, folder)
+    mover = "robot" if "robot" in values else "motion"
+    if mover in values and values[mover].arm is not None:
+        name = values[mover].arm
+        try:
+            values["arm"] = arm or load_arm(name, folder)
+        except InputError as error:
+            raise InputError(f"[{mover}] arm = {name!r}: {error}") from None
     return Scene(**values)
 
 
@@ -158,9 +184,7 @@ def _section(key: str, value: Any, folder: Path | None) -> Any:
             value = value | _read_motion_samples(value, folder)
         if key == "uncertainty":
             return uncertainty_from(value)
-        if key == "object":
-            return held_object(value)
-        return from_table(SECTIONS[key], value)
+        return held_object(value) if key == "object" else from_table(SECTIONS[key], value)
     except InputError as error:
         raise InputError(f"[{key}] {error}") from None
 
@@ -192,10 +216,3 @@ def _read_motion_samples(table: Mapping[str, Any], folder: Path | None) -> dict[
     else:
         return {}
     return {"samples": rows}
-
-
-def _named_arm(section: str, name: str, folder: Path | None) -> Arm:
-    try:
-        return load_arm(name, folder)
-    except InputError as error:
-        raise InputError(f"[{section}] arm = {name!r}: {error}") from None

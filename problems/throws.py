@@ -8,8 +8,10 @@ from __future__ import annotations
 
 import csv
 import dataclasses
+import io
 import math
-from collections.abc import Mapping
+import re
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,11 +19,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ..models import Arm, TableRelease
-from .arm_file import load_arm
-from .errors import InputError
-from .hold import Grasp, ThrownObject, held_object
-from .section import Section, from_table, quantity, unknown
-from .text_file import read_csv, read_text, toml_tables
+from .arms import arm_names, load_arm
+from .files import read_csv, read_text, toml_key, toml_lines, toml_tables
+from .grip import Grasp, ThrownObject, grip_samples, held_object
+from .section import InputError, Section, file_key, from_table, quantity, table_of, unknown
 
 Array = npt.NDArray[np.float64]
 
@@ -42,23 +43,34 @@ FEWEST = 1
 class Shared(Section):
     """What all throws of a data set share.
 
-    landing_height [m]: where a landing pose is measured or predicted; faces and torsion of
-    the pads, which are not identified. arm: whose joints the motions hold, absent for
-    motions of the hand; cutoff [Hz] of the low-pass for joints. synthetic: what made the
-    throws, absent for real ones. position_noise [m], angle_noise [rad]: standard deviation
-    of the measured landing.
+    Faces and torsion of the pads are not identified. arm is None for motions of the hand;
+    synthetic says what made the throws, and is empty for real ones.
     """
 
-    landing_height: float = quantity(least=-1e3, most=1e3)
-    description: str = ""
-    synthetic: str = ""
-    gravity: float = quantity(least=0, most=1e3, default=9.81)
-    faces: int = quantity(least=1, most=100, default=2)
-    torsion: float = quantity(above=0, least=1e-3, most=10, default=0.6)
-    arm: str | None = None
-    cutoff: float = quantity(above=0, default=35.0)
-    position_noise: float = quantity(above=0, most=1, default=0.005)
-    angle_noise: float = quantity(degrees=True, above=0, default=math.radians(2.0))
+    landing_height: float = quantity(
+        "m, where landing poses are measured and predicted", least=-1e3, most=1e3
+    )
+    description: str = quantity("", default="")
+    synthetic: str = quantity("made by a program, not measured", default="")
+    gravity: float = quantity("m/s^2", least=0, most=1e3, default=9.81)
+    faces: int = quantity("pads that rub on the object", least=1, most=100, default=2)
+    torsion: float = quantity(
+        "torsional limit = torsion * patch radius * tangential limit",
+        above=0,
+        least=1e-3,
+        most=10,
+        default=0.6,
+    )
+    arm: str | None = quantity(
+        "whose joints the motions hold; left out: the hand's x, z, theta", default=None
+    )
+    cutoff: float = quantity("Hz, low-pass for the joints' positions", above=0, default=35.0)
+    position_noise: float = quantity(
+        "m, standard deviation of a measured landing", above=0, most=1, default=0.005
+    )
+    angle_noise: float = quantity(
+        "degrees, the same of its angle", degrees=True, above=0, default=math.radians(2.0)
+    )
 
 
 @dataclasses.dataclass(frozen=True)
@@ -269,3 +281,105 @@ def _number(row: Mapping[str, str], key: str, default: float | None = None) -> f
     if not math.isfinite(value):
         raise InputError(f"{key} = {word!r}: must be a finite number")
     return value
+
+
+# Written.
+
+
+#: Digits of every number that is written.
+FORMAT = "%.9g"
+#: What a data set's folder holds.
+THROW_DATA_FILES = ("dataset.toml", "throws.csv", "motion", "grip", "track")
+
+
+def write_throws(
+    data: ThrowData, folder: str | Path, objects: Mapping[ThrownObject, str] | None = None
+) -> None:
+    """Write dataset.toml, throws.csv and the recordings into `folder`, made if need be.
+
+    `load_throws` gives the same back to 9 digits; the grip force is sampled at 1 kHz.
+    objects: their names in the files, else object1, object2 and so on. Raises InputError
+    for a folder that cannot be written and an arm's file that `folder` does not hold.
+    """
+    folder = Path(folder)
+    kinds = dict.fromkeys(throw.object for throw in data.throws)
+    names = {one: f"object{i}" for i, one in enumerate(kinds, start=1)} | dict(objects or {})
+    arm = data.shared.arm
+    if arm is not None and arm not in arm_names() and not (folder / arm).is_file():
+        raise InputError(f"{folder}: holds no {arm}: copy the arm's file there first")
+    files = _file_names(data.throws)
+    try:
+        for kind in ("motion", "grip", "track"):
+            if kind != "track" or any(throw.track is not None for throw in data.throws):
+                (folder / kind).mkdir(parents=True, exist_ok=True)
+        text = _head_text(data, {one: names[one] for one in kinds})
+        (folder / "dataset.toml").write_text(text, encoding="utf-8")
+        (folder / "throws.csv").write_text(_rows_text(data, names, files), encoding="utf-8")
+        for throw, file in zip(data.throws, files, strict=True):
+            _write_recordings(throw, folder, file, data.arm is not None)
+    except OSError as error:
+        raise InputError(f"{folder}: {error.strerror or error}") from None
+
+
+def _head_text(data: ThrowData, objects: Mapping[ThrownObject, str]) -> str:
+    """dataset.toml."""
+    lines = _lines(data.shared)
+    for thrown, name in objects.items():
+        lines += ["", f"[objects.{toml_key(name)}]", *_lines(thrown)]
+    if data.truth:
+        lines += ["", "# What made the throws: for comparison only, no fit reads it.", "[truth]"]
+        lines += toml_lines({key: float(value) for key, value in data.truth.items()}, {})
+    return "\n".join(lines) + "\n"
+
+
+def _lines(section: Section) -> list[str]:
+    """A section's lines, each with its unit and meaning."""
+    fields = dataclasses.fields(section)
+    meanings = {file_key(f.name, f.metadata): f.metadata["meaning"] for f in fields}
+    return toml_lines(table_of(section), meanings)
+
+
+def _rows_text(data: ThrowData, objects: Mapping[ThrownObject, str], files: Sequence[str]) -> str:
+    """throws.csv."""
+    factors = list(data.factors)
+    columns = ["throw", "object", *factors, "command", "grasp_offset", "grasp_angle_deg"]
+    columns += [*LANDING, "motion", "grip", "track"]
+    text = io.StringIO()
+    writer = csv.writer(text, lineterminator="\n")
+    writer.writerow(columns)
+    for throw, file in zip(data.throws, files, strict=True):
+        held = (throw.command, throw.grasp.offset, np.degrees(throw.grasp.angle))
+        landing = throw.landing or ("", "", "")
+        writer.writerow(
+            [throw.name, objects[throw.object]]
+            + [throw.factors.get(name, "") for name in factors]
+            + [value if isinstance(value, str) else FORMAT % value for value in (*held, *landing)]
+            + [f"motion/{file}", f"grip/{file}", "" if throw.track is None else f"track/{file}"]
+        )
+    return text.getvalue()
+
+
+def _file_names(throws: Sequence[MeasuredThrow]) -> list[str]:
+    """A file's name per throw: the throw's own, or its number where that makes none."""
+    names = [throw.name for throw in throws]
+    plain = all(re.fullmatch(r"[A-Za-z0-9_-]+", name) for name in names)
+    if plain and len({name.lower() for name in names}) == len(names):
+        return [f"{name}.csv" for name in names]
+    return [f"{number:04d}.csv" for number in range(1, len(names) + 1)]
+
+
+def _write_recordings(throw: MeasuredThrow, folder: Path, file: str, joints: bool) -> None:
+    """The recordings of one throw."""
+    if joints:
+        columns = ["t", *(f"q{j + 1}" for j in range(throw.motion.shape[1]))]
+    else:
+        columns = ["t", "x", "z", "theta"]
+    _write(folder / "motion" / file, columns, np.column_stack([throw.times, throw.motion]))
+    _write(folder / "grip" / file, ["t", "f_N"], grip_samples(throw.grip))
+    if throw.track is not None:
+        _write(folder / "track" / file, ["t", "x", "z", "theta"], throw.track)
+
+
+def _write(path: Path, columns: list[str], rows: Array) -> None:
+    lines = [",".join(columns), *(",".join(FORMAT % value for value in row) for row in rows)]
+    path.write_text("\n".join(lines) + "\n", encoding="utf-8")

@@ -1,0 +1,147 @@
+"""Files: what users write is read with clear errors; what we write is there whole or not at all."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+import os
+import re
+import tempfile
+import tomllib
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from .section import InputError
+
+
+def read_text(path: Path) -> str:
+    """The text of a file; InputError naming it."""
+    try:
+        # A byte-order mark, as spreadsheets write it, is no part of the first column.
+        return path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "is not a text file"
+        raise InputError(f"{path}: {reason}") from None
+
+
+def toml_tables(text: str, place: str) -> dict[str, Any]:
+    """TOML as tables; InputError naming `place`."""
+    try:
+        return tomllib.loads(text)
+    except (ValueError, RecursionError) as error:
+        # Beside broken syntax: numbers too long to read, tables nested too deep.
+        raise InputError(f"{place}: broken TOML: {error}") from None
+
+
+def toml_lines(table: Mapping[str, Any], meanings: Mapping[str, str]) -> list[str]:
+    """Keys and plain values as lines of TOML; `meanings` are comments, by key."""
+    lines = []
+    for key, value in table.items():
+        remark = f" # {meanings[key]}" if meanings.get(key) else ""
+        # TOML's texts have JSON's escapes; repr keeps every digit of a number.
+        shown = json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
+        lines.append(f"{toml_key(key)} = {shown}{remark}")
+    return lines
+
+
+def toml_key(name: str) -> str:
+    """A key of TOML, quoted if need be."""
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name, ensure_ascii=False)
+
+
+def read_csv(
+    key: str, name: str, folder: Path | None, columns: tuple[str, ...]
+) -> list[list[float]]:
+    """The named columns of a CSV file, row by row; InputError naming file and line."""
+    try:
+        rows = list(csv.reader(read_text((folder or Path()) / name).splitlines()))
+    except (InputError, csv.Error) as error:
+        raise InputError(f"{key} = {error}") from None
+    header = [cell.strip() for cell in rows[0]] if rows else []
+    missing = [column for column in columns if column not in header]
+    if missing:
+        named = f"{', '.join(columns[:-1])} and {columns[-1]}"
+        raise InputError(
+            f"{key} = {name}: the first line must name the columns {named} "
+            f"({missing[0]} is missing)"
+        )
+    at = [header.index(column) for column in columns]
+    found = []
+    for number, row in enumerate(rows[1:], start=2):
+        if not row:
+            continue
+        try:
+            values = [float(row[i]) for i in at]
+        except (ValueError, IndexError):
+            raise InputError(f"{key} = {name}: line {number} is not {len(at)} numbers") from None
+        if not all(map(math.isfinite, values)):
+            raise InputError(f"{key} = {name}: line {number} has a value that is not finite")
+        found.append(values)
+    return found
+
+
+def prepare_folder(folder: Path, names: tuple[str, ...] = ()) -> Path:
+    """Make `folder` if need be and make sure it takes files `names`; InputError if not."""
+    if str(folder) in ("", "."):
+        raise InputError("--out: needs a folder's name")
+    if folder.is_file():
+        raise InputError(f"--out {folder}: is a file; must be a folder")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise InputError(f"--out {folder}: {error.strerror or error}") from None
+    for name in names:
+        if (folder / name).is_dir():
+            raise InputError(f"--out {folder}: {name} is a folder there")
+    return folder
+
+
+@contextmanager
+def filling(folder: Path, names: tuple[str, ...]) -> Iterator[Path]:
+    """A folder to write files `names` into, which are then moved to `folder` together.
+
+    Of the names, those that were not written are deleted there, so that nothing of an earlier
+    result is mistaken for this one's. If anything fails, nothing changes.
+    """
+    folder = prepare_folder(folder, names)
+    try:
+        with tempfile.TemporaryDirectory(dir=folder) as scratch:
+            yield Path(scratch)
+            written = {path.name for path in Path(scratch).iterdir()}
+            for name in names:
+                if name in written:
+                    os.replace(Path(scratch) / name, folder / name)
+                else:
+                    (folder / name).unlink(missing_ok=True)
+    except OSError as error:
+        raise InputError(f"--out {folder}: {error.strerror or error}") from None
+
+
+def save_text(text: str, folder: Path, name: str) -> None:
+    """Write `name` into `folder`, whole or not at all."""
+    folder = prepare_folder(folder)
+    _replace(text, folder / name, f"--out {folder}")
+
+
+def copy_out(text: str, path: Path) -> None:
+    """Write a text file that is not there yet; InputError otherwise."""
+    if path.exists():
+        raise InputError(f"{path}: exists already, not overwritten")
+    _replace(text, path, str(path))
+
+
+def _replace(text: str, path: Path, place: str) -> None:
+    scratch = path.with_suffix(".part")
+    try:
+        scratch.write_text(text, encoding="utf-8")
+        os.replace(scratch, path)
+    except OSError as error:
+        scratch.unlink(missing_ok=True)
+        raise InputError(f"{place}: {error.strerror or error}") from None

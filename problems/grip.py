@@ -1,0 +1,215 @@
+"""What is thrown and how it is held: bar, grasp, pads, and the grip force with its recordings."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..models import FALL_SHARE, GripProfile, LinearRelease, TableRelease
+from .section import InputError, Section, from_table, quantity
+
+Array = npt.NDArray[np.float64]
+
+#: No hand-held thing weighs more [kg]: above it, it is likely in grams.
+HEAVIEST = 50.0
+
+
+@dataclasses.dataclass(frozen=True)
+class ThrownObject(Section):
+    """The bar: a rigid body with its mass along a long axis. Required."""
+
+    mass: float = quantity("kg", above=0, most=1e4)
+    inertia: float = quantity(
+        "kg m², about the CoM; at most mass·(com·(length − com) + width²/4)",
+        above=0,
+        least=1e-12,
+        most=1e6,
+    )
+    length: float = quantity("m, along the axis", above=0, most=100, unit="m")
+    com: float = quantity("m, from the end nearer the grasp to the CoM; at most `length`", least=0)
+    width: float = quantity("m, across the axis", least=0, most=100, default=0.0)
+
+    def check(self) -> None:
+        """CoM inside the bar; inertia not above the two-point-mass bound for that CoM."""
+        if self.com > self.length:
+            raise InputError(f"com = {self.com:g}: must be at most the length {self.length:g}")
+        most = self.mass * (self.com * (self.length - self.com) + self.width**2 / 4)
+        if self.inertia > most * (1 + 1e-9):
+            raise InputError(
+                f"inertia = {self.inertia:g}: must be at most {most:.4g} kg m^2, "
+                "what mass, length, width and com allow"
+            )
+
+
+def held_object(table: Mapping[str, Any]) -> ThrownObject:
+    """The object of a file's table, in SI units: of a mass that a hand can hold."""
+    found: ThrownObject = from_table(ThrownObject, table)
+    if found.mass > HEAVIEST:
+        raise InputError(
+            f"mass = {found.mass:g}: must be in kg, at most {HEAVIEST:g} (is it in grams?)"
+        )
+    return found
+
+
+@dataclasses.dataclass(frozen=True)
+class Grasp(Section):
+    """Where and how the bar is held. Left out: the bar is held at its end, in line with the
+    hand.
+    """
+
+    offset: float = quantity(
+        "m, from the end nearer the grasp to the pads; at most `com` of [object]",
+        least=0,
+        default=0.0,
+    )
+    angle: float = quantity(
+        "degrees, of the bar's axis (grasp towards CoM) against the hand's approach axis",
+        degrees=True,
+        default=0.0,
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class PadContact(Section):
+    """Friction of the pads. Required."""
+
+    friction: float = quantity("μ, of one pad", above=0, most=100)
+    patch_radius: float = quantity(
+        "m, radius r_p of the pads' patch", above=0, least=1e-6, most=1, unit="m"
+    )
+    torsion: float = quantity(
+        "c: the torsional limit is c·r_p times the tangential one",
+        above=0,
+        least=1e-3,
+        most=10,
+        default=0.6,
+    )
+    faces: int = quantity("pads that rub; `force` is that of one", least=1, most=100, default=2)
+    pressure: str = quantity(
+        "how the models `patch` and `lugre` spread the force over the pad",
+        choices=("uniform", "hertz"),
+        default="uniform",
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Gripper(Section):
+    """Grip force of one pad. Required. Either `force` and `opening`, or `times` and `forces`, or
+    `table`.
+    """
+
+    force: float | None = quantity("N, of one pad at full grip", above=0, most=1e6, default=None)
+    dwell: float = quantity(
+        "s, from the command until the force starts to fall", least=0, most=2, unit="s", default=0.0
+    )
+    opening: float | None = quantity(
+        "s, from there to zero, linear", above=0, least=1e-5, most=2, unit="s", default=None
+    )
+    times: tuple[float, ...] = quantity("s, from the command: a measured force's times", default=())
+    forces: tuple[float, ...] = quantity("N, of one pad at `times`; the last is 0", default=())
+    table: str | None = quantity(
+        "a CSV file with the columns t and f_N instead of `times` and `forces`", default=None
+    )
+    raw: bool = quantity(
+        "whether `table` is an unfiltered recording: the nearest falling curve is taken",
+        default=False,
+    )
+
+    def check(self) -> None:
+        """Exactly one way of giving the force; a table that falls to zero."""
+        linear = self.force is not None or self.opening is not None
+        measured = bool(self.times or self.forces or self.table)
+        if linear == measured:
+            raise InputError("give either 'force' and 'opening', or a measured 'table'")
+        if linear and (self.force is None or self.opening is None):
+            missing = "force" if self.force is None else "opening"
+            raise InputError(f"key '{missing}' is missing")
+        self.profile()
+
+    def profile(self) -> GripProfile:
+        """The grip-force profile of the models."""
+        if self.force is not None and self.opening is not None:
+            return LinearRelease(self.force, self.dwell, self.opening)
+        try:
+            return TableRelease(self.times, self.forces)
+        except ValueError as error:
+            raise InputError(f"table = {self.table or 'times, forces'}: {error}") from None
+
+
+# Recordings of the grip force.
+
+#: Sampling of the grip force that is written [s].
+STEP = 0.001
+#: Fewest rows of a raw recording of the grip force.
+ROWS = 20
+#: Shares of the full grip: a force so near it is still held; a fall so small is level.
+HELD, LEVEL = 0.05, 0.02
+#: A recording whose rises together are more than this share of its peak is raw.
+NOISY = 0.05
+
+
+def rises(forces: Array) -> float:
+    """All rises of a recording together [N]: what noise adds to a force that only falls."""
+    return float(np.maximum(np.diff(forces), 0.0).sum())
+
+
+def monotone_grip(times: Array, forces: Array) -> TableRelease:
+    """The falling profile in a raw recording of one pad's force.
+
+    times (K,) [s] from the opening command on, forces (K,) [N], from the dwell until the
+    pads have been apart for at least a tenth of the recording. The offset, the median of
+    that last tenth, is taken off; the full force is the median of what comes before the
+    fall; the falling curve is the nearest one in the sense of least squares, full and zero
+    where it is within the noise of those. Raises ValueError for fewer than 20 rows, a
+    recording without a fall, and as `TableRelease`.
+    """
+    from scipy.optimize import isotonic_regression
+
+    t, raw = np.asarray(times, float), np.asarray(forces, float)
+    if t.shape != raw.shape or t.size < ROWS:
+        raise ValueError(f"needs at least {ROWS} rows of t, f_N")
+    if not np.isfinite(raw).all():
+        raise ValueError("has a value that is not a finite number")
+    tail = raw[-max(t.size // 10, 2) :]
+    force = raw - np.median(tail)
+    fall = np.asarray(isotonic_regression(force, increasing=False).x)
+    # Half the force is far from the noise of either end: before it, the full grip is what most
+    # samples are at.
+    half = int(np.flatnonzero(fall < fall[0] / 2)[0]) if fall[-1] < fall[0] / 2 else 0
+    if fall[0] <= 0 or half < 2:
+        raise ValueError("f_N must start at the full grip and fall from there")
+    flat = np.flatnonzero(fall[:half] >= (1 - HELD) * float(np.median(force[: half // 2 + 1])))
+    if flat.size < 2:
+        raise ValueError("f_N must start at the full grip and fall from there")
+    full = float(np.median(force[flat]))
+    noise = 3 * float(np.std(np.diff(tail))) / math.sqrt(2)
+    ends = [float(np.mean(part)) for part in np.array_split(tail, 2)]
+    if ends[0] - ends[1] > max(LEVEL * full, noise):
+        raise ValueError(
+            "f_N must go on, level, for a tenth of the recording after the pads are apart"
+        )
+    fall[fall >= full - max(noise, FALL_SHARE * full)] = full
+    fall[fall <= max(noise, 1e-6 * full)] = 0.0
+    ended = int(np.flatnonzero(fall > 0)[-1]) + 2
+    return TableRelease(t[:ended].tolist(), fall[:ended].tolist())
+
+
+def grip_samples(grip: TableRelease) -> Array:
+    """t [s] from the opening command on and force of one pad [N] (K, 2), every millisecond.
+
+    A table of these has the same dwell and opening: no sample beside both ends is at the
+    full force, or at zero.
+    """
+    held = np.arange(0.0, grip.dwell - STEP / 1000, STEP)
+    falling = np.arange(STEP, grip.opening - STEP / 1000, STEP)
+    force = grip.force(falling)
+    kept = (force < (1 - 1.01 * FALL_SHARE) * grip.full) & (force > 1e-6 * grip.full)
+    times = np.concatenate([[0.0], falling[kept], [grip.opening]])
+    forces = np.concatenate([grip.force(0.0)[None], force[kept], [0.0]])
+    rows = [np.column_stack([held, np.full(held.size, grip.full)])]
+    return np.vstack([*rows, np.column_stack([grip.dwell + times, forces])])

@@ -1,0 +1,164 @@
+"""What is wanted: where the object lands, how exactly, past what, and which of several throws."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+from .section import InputError, Section, quantity
+
+
+@dataclasses.dataclass(frozen=True)
+class Pose(Section):
+    """A landing pose of the object's CoM. Required with [hand] and [robot]; `--target` replaces
+    it. With [motion] it only gives the height at which the landing is read off.
+
+    theta is unwrapped; None leaves it open. For a hand scene x is in the throw's plane and y
+    is 0; for an arm x, y, z are in the base frame.
+    """
+
+    x: float = quantity(
+        "m, of the CoM; with [robot] in the base frame, else in the throw's plane",
+        least=-1e4,
+        most=1e4,
+    )
+    z: float = quantity("m, the CoM comes down through this height", least=-1e4, most=1e4)
+    theta: float | None = quantity(
+        "degrees, from the grasped end to the CoM, full turns count; left out: any",
+        degrees=True,
+        least=-1e4,
+        most=1e4,
+        default=None,
+    )
+    y: float = quantity("m, base frame; only with [robot]", least=-1e4, most=1e4, default=0.0)
+
+    @property
+    def azimuth(self) -> float:
+        """Angle [rad] about the base axis of the vertical plane through the pose."""
+        return math.atan2(self.y, self.x) if self.y != 0.0 else 0.0
+
+    @property
+    def plane_x(self) -> float:
+        """x [m] in that plane."""
+        return math.hypot(self.x, self.y) if self.y != 0.0 else self.x
+
+    def in_plane(self, x: float, theta: float | None) -> Pose:
+        """The pose at `x` [m] and `theta` [rad] in the same plane and at the same height."""
+        turn = self.azimuth
+        return dataclasses.replace(self, x=x * math.cos(turn), y=x * math.sin(turn), theta=theta)
+
+    def distance(self, other: Pose, lever: float) -> float:
+        """Scaled distance [m] in the throw's plane: |dx| + |dz| + |dtheta| `lever` [m] (39).
+
+        theta counts where both fix it.
+        """
+        turn = 0.0 if self.theta is None or other.theta is None else self.theta - other.theta
+        return abs(self.plane_x - other.plane_x) + abs(self.z - other.z) + abs(turn) * lever
+
+    def turned(self, angle: float) -> Pose:
+        """The same pose with theta, if fixed, `angle` [rad] further."""
+        return dataclasses.replace(self, theta=None if self.theta is None else self.theta + angle)
+
+
+@dataclasses.dataclass(frozen=True)
+class Tolerance(Section):
+    """Accepted landing error.
+
+    The NLP has the sliding pivot whatever the model; the aim is corrected for the model, on
+    what is sent.
+    """
+
+    position: float = quantity("m, largest error of an accepted landing", above=0, default=0.002)
+    angle: float = quantity(
+        "degrees, the same of the angle", above=0, degrees=True, default=math.radians(0.5)
+    )
+    model: str = quantity(
+        "release model that the landing must be true for: the sliding pivot or the "
+        "time-stepping limit surface",
+        choices=("sp", "ls-step"),
+        default="sp",
+    )
+
+
+@dataclasses.dataclass(frozen=True)
+class Landing(Section):
+    """Bounds on the speed and the turning rate at landing."""
+
+    speed_min: float = quantity(
+        "m/s, of the CoM at landing; below `speed_max`", least=0, default=0.0
+    )
+    speed_max: float | None = quantity("m/s; left out: no bound", above=0, default=None)
+    rate_max: float | None = quantity(
+        "rad/s, turning rate at landing either way; left out: no bound", above=0, default=None
+    )
+
+    def check(self) -> None:
+        """speed_min below speed_max."""
+        if self.speed_max is not None and self.speed_min >= self.speed_max:
+            raise InputError(
+                f"speed_min = {self.speed_min:g}: must be below speed_max = {self.speed_max:g}"
+            )
+
+
+@dataclasses.dataclass(frozen=True)
+class Cup(Section):
+    """A cup, open above, that the bar enters with its lower end first. Needs `theta_deg` in
+    [target], which says which end goes in.
+    """
+
+    x: float = quantity("m, centre, in the throw's plane; goes along with another target")
+    rim: float = quantity("m, height of the rim; goes along with another target")
+    radius: float = quantity(
+        "m, inside; above half the bar's width, the clearance and 1 mm", above=0
+    )
+    depth: float = quantity("m, inside", above=0)
+    clearance: float = quantity(
+        "m, from the bar's outline to wall and rim, from when the lower end is in the rim plane "
+        "until it is `insertion` below",
+        least=0,
+        default=0.0,
+    )
+    insertion: float = quantity("m; at most `depth`", above=0, default=0.05)
+
+    def check(self) -> None:
+        """The bar enters no deeper than the cup is."""
+        if self.insertion > self.depth:
+            raise InputError(
+                f"insertion = {self.insertion:g}: must be at most the depth {self.depth:g}"
+            )
+
+
+@dataclasses.dataclass(frozen=True)
+class Workspace(Section):
+    """Where nothing may be. Heights and distances in m, in the throw's plane."""
+
+    floor: float | None = quantity(
+        "m, lowest height of hand, arm joints and held bar; left out: none", default=None
+    )
+    column_radius: float | None = quantity(
+        "m, the robot's base, for the bar; with `column_height`", above=0, default=None
+    )
+    column_height: float | None = quantity("m; with `column_radius`", above=0, default=None)
+    palm_clearance: float | None = quantity(
+        "m, from the detached bar to the hand's body; only an arm's hand has one",
+        least=0,
+        default=None,
+    )
+
+    def check(self) -> None:
+        """Both column values or none."""
+        if (self.column_radius is None) != (self.column_height is None):
+            raise InputError("column_radius and column_height: give both or neither")
+
+
+@dataclasses.dataclass(frozen=True)
+class Choice(Section):
+    """Selection among throws that differ; without it the first one found is taken."""
+
+    by: str = quantity(
+        "least of: the NLP's cost; time from rest to landing; what an opening early or late does "
+        "to the landing",
+        choices=("effort", "time", "robustness"),
+        default="effort",
+    )
+    among: int = quantity("throws that differ, to look for", least=1, most=20, default=4)
