@@ -1,0 +1,122 @@
+"""README and docs: links lead somewhere, commands exist, code runs, messages are real."""
+
+from __future__ import annotations
+
+import ast
+import re
+import shlex
+import tomllib
+from functools import cache
+from pathlib import Path
+from typing import Any
+
+import pytest
+import throwplan as tp
+from throwplan.planner.cli import main
+
+ROOT = Path(__file__).parent.parent.parent
+PAGES = sorted([ROOT / "README.md", *(ROOT / "docs").glob("*.md")])
+page = pytest.mark.parametrize("path", PAGES, ids=lambda path: str(path.relative_to(ROOT)))
+
+
+def test_scene_reference_is_current_and_has_every_key(run, refused) -> None:
+    printed = run("scenes --reference").out
+    assert printed == (ROOT / "docs" / "scene-reference.md").read_text(encoding="utf-8")
+    titles = {part.splitlines()[0]: part for part in re.split(r"\n#+ ", printed)}
+    for name in tp.scene_names():
+        for key, value in tomllib.loads(tp.scene_text(name)).items():
+            section = titles[f"[{key}]" if isinstance(value, dict) else "Keys at the top"]
+            known = set(re.findall(r"^\| `(\w+)` \|", section, flags=re.M))
+            assert set(value if isinstance(value, dict) else [key]) <= known
+    # Every key has a meaning.
+    rows = re.findall(r"^\| `\w+` \|(.*)$", printed, flags=re.M)
+    assert len(rows) > 60
+    assert all(row.rstrip("| ").split("|")[-1].strip() for row in rows)
+    assert "give one of them" in refused("scenes --reference --write cup")
+
+
+@page
+def test_links_lead_somewhere(path) -> None:
+    text = path.read_text(encoding="utf-8")
+    for link in re.findall(r"\]\(([^)\s]+)\)", text):
+        if re.match(r"https?:", link):
+            continue
+        name, _, anchor = link.partition("#")
+        target = (path.parent / name) if name else path
+        assert target.exists(), link
+        if anchor:
+            there = target.read_text(encoding="utf-8")
+            titles = re.findall(r"^#+ (.*)$", there, flags=re.M)
+            anchors = {re.sub(r"[^\w\- ]", "", title.lower()).replace(" ", "-") for title in titles}
+            anchors |= set(re.findall(r'<a id="(\w+)"></a>', there))
+            assert anchor in anchors, link
+
+
+def commands_of(text: str) -> list[list[str]]:
+    """The words of every command line in code blocks and in the text that calls throwplan."""
+    found, fenced = [], False
+    for line in re.sub(r"\\\n\s*", "", text).splitlines():  # continued lines are one
+        if line.startswith("```"):
+            fenced = not fenced
+        elif fenced or line.startswith("    "):
+            match = re.match(r"(?:\$ )?(?:\S*/)?throwplan (.+)$", line.strip())
+            if match:
+                found.append(shlex.split(match[1], comments=True))
+    return found + [line.split() for line in re.findall(r"`(?:\S*/)?throwplan ([^`]+)`", text)]
+
+
+@page
+def test_commands_and_their_options_exist(path, capsys) -> None:
+    @cache
+    def options_of(name: str) -> set[str]:
+        with pytest.raises(SystemExit) as stopped:
+            main([name, "--help"])
+        assert stopped.value.code == 0, name
+        return set(re.findall(r"--[a-z][\w-]*", capsys.readouterr().out))
+
+    for name, *words in commands_of(path.read_text(encoding="utf-8")):
+        if name == "COMMAND" or name.startswith("--"):
+            continue
+        options = options_of(name)
+        for word in words:
+            if word.startswith("--"):
+                assert word.partition("=")[0] in options, (name, word)
+
+
+def test_python_of_the_readme_runs(tmp_path, monkeypatch) -> None:
+    """As it stands there, but for the throws that are prepared: those have tests of their own."""
+    text = (ROOT / "README.md").read_text(encoding="utf-8")
+    blocks = re.findall(r"^```python\n(.*?)^```", text, flags=re.M | re.S)
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setattr(tp.Planner, "prepare", lambda planner: 0)
+    found: dict[str, Any] = {}
+    for code in blocks:
+        exec(compile(code, "README.md", "exec"), found)
+    assert found["plan"].status == "solved"
+    assert len(commands_of(text)) >= 5
+
+
+def source_texts() -> list[str]:
+    """All texts of the package's source, with … for what is filled in."""
+    texts = []
+    for path in sorted(Path(tp.__file__).parent.rglob("*.py")):
+        for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
+            if isinstance(node, ast.JoinedStr):
+                parts = [v.value if isinstance(v, ast.Constant) else "…" for v in node.values]
+                texts.append("".join(map(str, parts)))
+            elif isinstance(node, ast.Constant) and isinstance(node.value, str):
+                texts.append(node.value)
+    return texts
+
+
+def test_messages_and_binding_names_of_the_troubleshooting_page_are_the_program_s() -> None:
+    text = (ROOT / "docs" / "troubleshooting.md").read_text(encoding="utf-8")
+    lines = re.findall(r"^- (`.*)$", text, flags=re.M)
+    messages = [message for line in lines for message in re.findall(r"`([^`]+)`", line)]
+    rows = re.findall(r"^  \| (`.*`) \|", text, flags=re.M)
+    names = [name for row in rows for name in re.findall(r"`([^`]+)`", row)]
+    assert len(messages) > 60 and len(names) > 12
+    texts = source_texts()
+    for message in (*messages, *names):
+        for words in filter(None, map(str.strip, message.split("…"))):
+            assert any(words in text for text in texts), (message, words)
