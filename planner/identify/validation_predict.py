@@ -13,7 +13,6 @@ from typing import cast
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline, PchipInterpolator, PPoly
 
 from ...models import (
     BatchRelease,
@@ -84,6 +83,8 @@ class KeptCurve(TableRelease):
     """The same force with its curve made once: models one by one ask for it a thousand times."""
 
     def __init__(self, grip: TableRelease) -> None:
+        from scipy.interpolate import PchipInterpolator
+
         self.__dict__.update(grip.__dict__)
         self._curve = PchipInterpolator(self._times, self._forces)
 
@@ -109,6 +110,8 @@ class SplinedHand:
     """A hand as one spline of pose, twist and acceleration, from the command on."""
 
     def __init__(self, throw: MeasuredThrow, hand: HandTrack) -> None:
+        from scipy.interpolate import CubicSpline, PPoly
+
         first = max(float(throw.times[0]) - throw.opening, -throw.grip.dwell - STEP)
         last = min(float(throw.times[-1]) - throw.opening, throw.grip.opening + REACH)
         times = np.linspace(first, last, max(round((last - first) / STEP), 4) + 1)
