@@ -125,9 +125,39 @@ class Scene(Section):
         if self.target is not None and self.target.theta is None:
             raise InputError("[cup] needs a target with theta_deg, to know which end goes in")
 
+    def check_target_in_cup(self) -> None:
+        """InputError where no flight through the target's pose can have entered the cup.
+
+        Where the lower end is below the rim at the target, it and the place where the axis
+        passes the rim plane are inside the cup, as far as the tolerance lets the pose be off.
+        `aimed_at` does not ask this: it moves the cup, and which angles fit is for the plan.
+        """
+        cup, target, bar = self.cup, self.target, self.object
+        if cup is None or target is None or target.theta is None:
+            return
+        cos, sin = math.cos(target.theta), math.sin(target.theta)
+        along = min(-bar.com, bar.length - bar.com, key=lambda s: s * sin)
+        x, z = target.plane_x + along * cos, target.z + along * sin
+        if z >= cup.rim:
+            return
+        # From the lower end up to the rim plane, or to the other end.
+        up = min((cup.rim - z) / abs(sin), bar.length) if sin else bar.length
+        mouth = x - math.copysign(up, along) * cos
+        off = max(abs(x - cup.x), abs(mouth - cup.x))
+        error = self.tolerance.position + bar.length * self.tolerance.angle
+        why = f"{off:.3g} m off its centre, radius {cup.radius:g} m"
+        if off <= cup.radius + error:
+            if z >= cup.rim - cup.depth - error:
+                return
+            why = f"{cup.rim - z:.3g} m below its rim, depth {cup.depth:g} m"
+        raise InputError(f"[cup] at the [target] the bar is not in the cup: {why}")
+
     def replace(self, **changes: Any) -> Scene:
         """A copy with the given sections changed, e.g. ``scene.replace(target=Pose(...))``."""
-        return dataclasses.replace(self, **changes)
+        scene = dataclasses.replace(self, **changes)
+        if "cup" in changes or "target" in changes:
+            scene.check_target_in_cup()
+        return scene
 
     def aimed_at(self, target: Pose) -> Scene:
         """The scene with another target; a cup goes with it by the same way in x and z."""

@@ -102,9 +102,11 @@ def _parse(text: str, place: str, path: Path | None) -> Scene:
     folder = path.parent if path else None
     name = path.stem if path else place
     try:
-        return _scene_from({"name": name} | tables, file=str(path or ""), folder=folder)
+        scene = _scene_from({"name": name} | tables, file=str(path or ""), folder=folder)
+        scene.check_target_in_cup()
     except InputError as error:
         raise error.within(place) from None
+    return scene
 
 
 def scene_table(scene: Scene) -> dict[str, Any]:

@@ -241,6 +241,33 @@ def test_aimed_at_takes_the_cup_along() -> None:
     assert pose.aimed_at(aside) == pose.replace(target=aside)
 
 
+@pytest.mark.parametrize(
+    ("target", "cup_x", "words"),
+    [
+        ("x = 0.9\nz = 0.22\ntheta_deg = -90", 1.3, "0.4 m off its centre, radius 0.06 m"),
+        ("x = 0.9\nz = 0.22\ntheta_deg = -60", 0.9, "0.08 m off its centre"),
+        # The lower end is inside, but the bar leans through the wall.
+        ("x = 0.84\nz = 0.073\ntheta_deg = -45", 0.9, "0.087 m off its centre"),
+        ("x = 0.9\nz = 0.08\ntheta_deg = -90", 0.9, "0.18 m below its rim, depth 0.15 m"),
+    ],
+)
+def test_a_target_at_which_the_bar_is_not_in_the_cup(target, cup_x, words, tmp_path) -> None:
+    text = re.sub(r"\[target\].*?\n\n", f"[target]\n{target}\n\n", tp.scene_text("cup"), flags=re.S)
+    text = text.replace("[cup]\nx = 0.90", f"[cup]\nx = {cup_x}")
+    message = refusal(tmp_path, text)
+    assert "[cup] at the [target] the bar is not in the cup" in message and words in message
+
+
+def test_a_cup_may_stand_where_the_bar_still_falls_into_it(tmp_path) -> None:
+    # At the target the lower end is above the rim: how it goes on is for the plan.
+    text = tp.scene_text("cup").replace("[cup]\nx = 0.90", "[cup]\nx = 1.00")
+    scene = loaded(tmp_path, text.replace("z = 0.22", "z = 0.27"))
+    with pytest.raises(tp.InputError, match="not in the cup"):
+        scene.replace(target=tp.load_scene("cup").target)
+    # Another target takes the cup along: which angles fit is no matter of the file.
+    assert scene.aimed_at(tp.Pose(x=0.9, z=0.2, theta=-1.0)).cup.x == pytest.approx(1.0)
+
+
 # Wrong keys, sections and values.
 
 
