@@ -13,7 +13,7 @@ from throwplan.models import ConstantAccelerations, land, sliding_pivot_batch
 from throwplan.planner.check.check import throw
 from throwplan.planner.check.cup_entries import cup_entries
 from throwplan.planner.check.geometry import cup_entry
-from throwplan.planner.cli import main, progress
+from throwplan.planner.cli import common, main
 from throwplan.planner.sweep.carry_hold import CarryHold
 from throwplan.planner.sweep.disturbed_hands import HandTable
 from throwplan.planner.sweep.sweep_run import CHUNKS, run_sweep
@@ -274,7 +274,7 @@ def test_a_stopped_command_says_how_much_is_done(tmp_path, capsys, monkeypatch) 
     def stop(self, done: int, total: int) -> None:
         raise KeyboardInterrupt
 
-    monkeypatch.setattr(progress.ProgressLine, "show", stop)
+    monkeypatch.setattr(common.Progress, "__call__", stop)
     line = ["sweep", "hand-box", "--samples", "1000", "--json", "--out", str(tmp_path / "out")]
     assert main(line) == 130
     out, err = capsys.readouterr()

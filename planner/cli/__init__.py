@@ -1,44 +1,54 @@
-"""The command line: `throwplan COMMAND`."""
+"""The command line: `throwplan COMMAND`.
+
+Each command is the file of its name (`import-robot` is import_robot.py) with `EXAMPLE`,
+`arguments(parser)` and `run(options)`. Only the file of the command that runs is imported.
+"""
 
 from __future__ import annotations
 
+import argparse
 import difflib
 import json
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
+from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 
 from ...problems import InputError
-from .command import DONE, WRONG_INPUT, Parser
-from .export import add_export
-from .identify import add_identify
-from .import_robot import add_import
-from .make_throws import add_make_throws
-from .map import add_map
-from .plan import add_plan
-from .replay import add_replay
-from .report import add_report
-from .scenes import add_scenes
-from .simulate import add_simulate
-from .sweep import add_sweep
-from .validate import add_validate
-from .view import add_view
+from .common import DONE, WRONG_INPUT, Parser
+
+__all__ = ["COMMANDS", "main", "parser_of"]
+
+COMMANDS = {
+    "scenes": "list the built-in scenes",
+    "plan": "plan a throw and check it",
+    "simulate": "throw a given hand motion by release models",
+    "map": "show which landing poses are in reach",
+    "sweep": "throw a plan many times under uncertainty",
+    "report": "measure error against run time, stability, and what scenes leave out",
+    "view": "look at a plan in 3-D in the browser",
+    "replay": "throw a plan's release in MuJoCo",
+    "export": "write a plan for a robot controller",
+    "import-robot": "turn a robot's URDF into an arm data file",
+    "make-throws": "make a synthetic batch of measured throws",
+    "identify": "fit friction and patch radius to measured throws",
+    "validate": "compare release models on measured throws",
+}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
     words = [_plain(word) for word in (sys.argv[1:] if arguments is None else arguments)]
-    as_json = "--json" in words
     try:
-        options, rest = _parser().parse_known_args(words)
-        if rest:
-            raise InputError(_not_known(options.parser, rest[0]))
+        options, unknown = parser_of(words[:1]).parse_known_args(words)
+        if unknown:
+            raise InputError(_unknown(options.parser, unknown[0]))
         status: int = options.run(options)
         return status
     except InputError as error:
         message = " ".join(str(error).split())
-        if as_json:
+        if "--json" in words:
             print(json.dumps({"error": message}))
         print(f"throwplan: {message}", file=sys.stderr)
         return WRONG_INPUT
@@ -50,7 +60,36 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return DONE
 
 
-def _not_known(parser: Parser, word: str) -> str:
+def parser_of(chosen: Iterable[str] = COMMANDS) -> Parser:
+    """The parser of all commands; only those `chosen` know their arguments."""
+    parser = Parser(
+        prog="throwplan", description="Plan throws to a landing pose through the gripper's release."
+    )
+    try:
+        number = version("throwplan")
+    except PackageNotFoundError:  # run from a checkout that is not installed
+        number = "0"
+    parser.add_argument("--version", action="version", version=f"throwplan {number}")
+    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
+    for name, words in COMMANDS.items():
+        command = commands.add_parser(
+            name, help=words, description=f"{words[0].upper()}{words[1:]}."
+        )
+        if name in chosen:
+            _add_arguments(command, name)
+    return parser
+
+
+def _add_arguments(parser: argparse.ArgumentParser, name: str) -> None:
+    """What the command's file adds to its parser."""
+    module = import_module(f".{name.replace('-', '_')}", __name__)
+    parser.epilog = f"example: {module.EXAMPLE}"
+    parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
+    module.arguments(parser)
+    parser.set_defaults(run=module.run, parser=parser)
+
+
+def _unknown(parser: argparse.ArgumentParser, word: str) -> str:
     """A word that a command does not take, and the nearest option that it does."""
     near = difflib.get_close_matches(word, parser._option_string_actions, 1, 0.6)
     hint = f", did you mean {near[0]}?" if near else ""
@@ -65,28 +104,6 @@ def _plain(word: str) -> str:
         return f"{float(word):f}" if math.isfinite(float(word)) else word
     except ValueError:
         return word
-
-
-def _parser() -> Parser:
-    parser = Parser(
-        prog="throwplan", description="Plan throws to a landing pose through the gripper's release."
-    )
-    parser.add_argument("--version", action="version", version=f"throwplan {_version()}")
-    commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
-    for add in (
-        *(add_scenes, add_plan, add_simulate, add_map, add_sweep, add_report),
-        *(add_view, add_replay, add_export, add_import),
-        *(add_make_throws, add_identify, add_validate),
-    ):
-        add(commands)
-    return parser
-
-
-def _version() -> str:
-    try:
-        return version("throwplan")
-    except PackageNotFoundError:  # run from a checkout that is not installed
-        return "0"
 
 
 if __name__ == "__main__":

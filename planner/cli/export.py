@@ -3,18 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import json
 from contextlib import ExitStack
-from typing import Any
 
 from ...problems import InputError
-from .command import DONE, command, number
+from ..robot import FILES, export_ros, joint_motion, option_folder, write_franka
+from .common import DONE, answer, number
+
+EXAMPLE = "throwplan export out/cup/plan.json --franka out/franka"
 
 
-def add_export(commands: Any) -> None:
-    """Adds `throwplan export`."""
-    example = "throwplan export out/cup/plan.json --franka out/franka"
-    parser = command(commands, "export", _export, "write a plan for a robot controller", example)
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The command's options."""
     parser.add_argument("plan", metavar="PLAN", help="a plan.json, or the folder that it is in")
     parser.add_argument(
         "--franka", metavar="DIR", help="write CSV files at 1 kHz for libfranka there"
@@ -32,50 +31,44 @@ def add_export(commands: Any) -> None:
     )
 
 
-def _export(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
+    """Writes the formats that are asked for."""
     if options.franka is None and options.ros is None:
         raise InputError("give --franka DIR, --ros DIR or both")
     if options.ros is None:
         for option in ("joint_names", "open_width"):
             if getattr(options, option) is not None:
                 raise InputError(f"--{option.replace('_', '-')}: only with --ros")
-    from ..robot import FILES, export_ros, joint_motion, option_folder, write_franka
-
     width = export_ros.WIDTH
     if options.open_width is not None:
         width = number("--open-width", options.open_width)
         if width < 0:
             raise InputError(f"--open-width {options.open_width}: must be at least 0")
     if options.ros is not None:
-        # Before the plan is read: what is missing is said at once.
+        # Before the plan is read: a missing extra is said at once.
         export_ros.ros_typestore()
     motion = joint_motion(options.plan)
     names = export_ros.joint_names(motion, options.joint_names)
     with ExitStack() as stack:
         if options.franka is not None:
-            write_franka(
-                motion, stack.enter_context(option_folder("--franka", options.franka, FILES))
-            )
+            folder = option_folder("--franka", options.franka, FILES)
+            write_franka(motion, stack.enter_context(folder))
         if options.ros is not None:
             folder = option_folder("--ros", options.ros, export_ros.FILES)
             export_ros.write_ros(motion, stack.enter_context(folder), names, width)
-    throw = motion.throw
-    if options.json:
-        written = {
-            "franka": options.franka,
-            "ros": options.ros,
-            "duration": float(motion.times[-1]),
-            "command_time": throw.command_time,
-            "cycle": motion.cycle,
-            "fraction": motion.fraction,
-        }
-        print(json.dumps(written))
-        return DONE
-    print(
-        f"{throw.scene.name}: {len(motion.times)} samples, {motion.times[-1]:.3f} s; the gripper's "
+    throw, duration = motion.throw, float(motion.times[-1])
+    result = {
+        "franka": options.franka,
+        "ros": options.ros,
+        "duration": duration,
+        "command_time": throw.command_time,
+        "cycle": motion.cycle,
+        "fraction": motion.fraction,
+    }
+    lines = [
+        f"{throw.scene.name}: {len(motion.times)} samples, {duration:.3f} s; the gripper's "
         f"command {1e3 * throw.command_time:.1f} ms after the first"
-    )
-    for folder in (options.franka, options.ros):
-        if folder is not None:
-            print(f"  written to {folder}")
+    ]
+    lines += [f"  written to {folder}" for folder in (options.franka, options.ros) if folder]
+    answer(options, result, "\n".join(lines))
     return DONE

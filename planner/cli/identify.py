@@ -3,29 +3,31 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
 
-from ...problems import InputError, load_scene
-from .command import DONE, add_out, command, whole
-from .progress import ProgressLine
+from ...problems import InputError, ThrowData, load_scene, load_throws, prepare_folder
+from ..identify import (
+    IDENTIFY_FILES,
+    SURFACE,
+    UNKNOWNS,
+    Identified,
+    check_model,
+    identify,
+    save_identified,
+    usual_surface,
+)
+from ..sweep import executor_of
+from .common import DONE, Progress, add_out, answer, whole
 
-if TYPE_CHECKING:
-    from ...problems import ThrowData
-    from ..identify import Belief, Identified
-
+EXAMPLE = "throwplan identify out/throws --model ls-step --out out/fit"
 #: What `--model all` stands for.
 ALL = ("ls", "sp", "ls-step")
-MOST_THROWS = 1_000_000
+MOST_THROWS, MOST_WORKERS = 1_000_000, 256
 
 
-def add_identify(commands: Any) -> None:
-    """Adds `throwplan identify`."""
-    example = "throwplan identify out/throws --model ls-step --out out/fit"
-    words = "fit friction and patch radius to measured throws"
-    parser = command(commands, "identify", _identify, words, example)
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The command's options."""
     parser.add_argument("data", metavar="DATA", help="a folder with dataset.toml and throws.csv")
     parser.add_argument(
         "--model",
@@ -50,29 +52,21 @@ def add_identify(commands: Any) -> None:
     add_out(parser, "identify.json, contact.toml, the grids and pictures")
 
 
-def _identify(options: argparse.Namespace) -> int:
-    from ...problems import load_throws
-    from ..identify import IDENTIFY_FILES as FILES
-    from ..identify import check_model, identify, save_identified
-    from ..sweep import executor_of
-
+def run(options: argparse.Namespace) -> int:
+    """Fits each model, writes and prints."""
     models: tuple[str, ...] = ALL if options.model == "all" else (options.model,)
     if options.no_grid and len(models) > 1:
         models = tuple(model for model in models if model != "ls")  # it has a grid only
     for model in models:
         check_model(model)
-    workers = whole("--workers", options.workers, 1, 256)
+    workers = whole("--workers", options.workers, 1, MOST_WORKERS)
     data = _chosen(load_throws(options.data), options)
     prior = None if options.prior is None else load_scene(options.prior)
     if options.out is not None:
-        from ...problems import prepare_folder
-
-        prepare_folder(Path(options.out), FILES)
-    found = []
-    with executor_of(workers, None) as executor, ProgressLine(data.name) as show:
-        line = show.__self__  # type: ignore[attr-defined]
-        for model in models:
-            one = identify(
+        prepare_folder(Path(options.out), IDENTIFY_FILES)
+    with executor_of(workers, None) as executor, Progress(data.name) as progress:
+        found = [
+            identify(
                 data,
                 model,
                 prior=prior,
@@ -81,15 +75,13 @@ def _identify(options: argparse.Namespace) -> int:
                 grid=not options.no_grid,
                 executor=executor,
                 workers=workers,
-                about=line.about,
+                about=progress.about,
             )
-            found.append(one)
+            for model in models
+        ]
     if options.out is not None:
         save_identified(found, Path(options.out))
-    if options.json:
-        print(json.dumps([one.to_dict() for one in found], indent=2, allow_nan=False))
-    else:
-        _print(found, options.out)
+    answer(options, [one.to_dict() for one in found], _text(found, options.out))
     if all(one.fit is None and one.model != "ls" for one in found):
         print("throwplan: no fit: too slow, see above; give fewer --throws", file=sys.stderr)
     return DONE
@@ -97,8 +89,6 @@ def _identify(options: argparse.Namespace) -> int:
 
 def _chosen(data: ThrowData, options: argparse.Namespace) -> ThrowData:
     """The throws that the options ask for; of several surfaces those on the usual one."""
-    from ..identify import usual_surface
-
     numbers = list(range(len(data.throws)))
     for word in options.only:
         name, found, label = word.partition("=")
@@ -117,75 +107,19 @@ def _chosen(data: ThrowData, options: argparse.Namespace) -> ThrowData:
     return chosen.picked(usual_surface(chosen))
 
 
-def _print(found: list[Identified], out: str | None) -> None:
-    """What was found, in some lines a model."""
-    from ..identify import SURFACE, UNKNOWNS
-
+def _text(found: list[Identified], out: str | None) -> str:
+    """The data's own lines, then what each model found."""
     data = found[0].data
     surface = data.factors.get(SURFACE, [""])[0]
-    print(f"{data.name}: {len(data.throws)} throws" + (f" on {surface}" if surface else ""))
+    lines = [f"{data.name}: {len(data.throws)} throws" + (f" on {surface}" if surface else "")]
     if {"friction", "patch_radius"} <= set(data.truth):
-        known = [name for name in UNKNOWNS if name in data.truth]
-        truth = ", ".join(f"{name} {data.truth[name]:g}" for name in known)
+        known = [f"{name} {data.truth[name]:g}" for name in UNKNOWNS if name in data.truth]
         product = data.truth["friction"] * data.truth["patch_radius"]
-        print(f"  truth: {truth}; mu r_p {1e3 * product:.4g} mm")
-    for one in found:
-        print(f"  {one.model}:")
-        _print_grid(one)
-        if one.fit is not None:
-            _print_fit(one, one.posterior)
-        elif one.model == "ls":
-            print("    no fit: its landings are no smooth function of the parameters")
+        lines.append(f"  truth: {', '.join(known)}; mu r_p {1e3 * product:.4g} mm")
+    lines += [one.summary() for one in found]
     if out is not None:
-        print(f"  written to {out}; contact.toml is for a scene,", end=" ")
-        print("in place of its [contact] and [uncertainty]")
-
-
-def _print_grid(one: Identified) -> None:
-    """The grid's lines, and what a slow model would take."""
-    if one.each is not None and one.whole is not None:
-        print(
-            f"    {1e3 * one.each:.3g} ms a throw, timed on a subset; the grid of "
-            f"{400 * len(one.data.throws):,} predictions would take {one.whole / 60:.3g} min "
-            "(extrapolated)" + ("" if one.grid is not None else ", not run")
+        lines.append(
+            f"  written to {out}; contact.toml is for a scene, "
+            "in place of its [contact] and [uncertainty]"
         )
-    if one.grid is None:
-        return
-    told = one.grid.to_dict()
-    print(
-        f"    grid: least mean error {100 * told['least_error']:.3f} cm (most "
-        f"{100 * told['most_error']:.3f}) at friction {told['friction']:.3g}, patch_radius "
-        f"{1e3 * told['patch_radius']:.3g} mm, mu r_p {1e3 * told['product']:.3g} mm"
-    )
-    lost = f", {told['missed']} do not land" if told["missed"] else ""
-    print(
-        f"    {told['predictions']:,} predictions in {told['seconds']:.1f} s, "
-        f"{1e3 * told['time_per_throw']:.3g} ms a throw{lost}"
-    )
-
-
-def _print_fit(one: Identified, belief: Belief) -> None:
-    """The fit's lines."""
-    fit = one.fit
-    assert fit is not None and one.error is not None
-    parts = []
-    for name, value in belief.values().items():
-        deviation = belief.deviation(name)
-        if name == "delay":
-            parts.append(f"delay {1e3 * value:.2f} +- {1e3 * deviation:.2f} ms")
-            continue
-        unit, factor = (" mm", 1e3) if name == "patch_radius" else ("", 1.0)
-        parts.append(f"{name} {factor * value:.4g}{unit} +- {100 * deviation:.2g} %")
-    print(f"    fit: {', '.join(parts)}")
-    print(
-        f"    mu r_p {1e3 * belief.product:.4g} mm +- {100 * belief.product_deviation:.2g} %, "
-        f"mean error {100 * one.error:.3f} cm; {fit.derivatives}, {fit.evaluations} evaluations, "
-        f"{fit.seconds:.1f} s"
-    )
-    if max(fit.scatter) > 1.0:
-        print(
-            f"    residuals are {fit.scatter[0]:.1f} (x) and {fit.scatter[1]:.1f} (theta) times "
-            "the measurement's noise: the model errs, or the noise is larger"
-        )
-    if fit.at_bound:
-        print(f"    {', '.join(fit.at_bound)}: at the edge of what is searched")
+    return "\n".join(lines)

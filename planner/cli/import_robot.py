@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import dataclasses
-import json
 import math
 from pathlib import Path
 from typing import Any
@@ -25,19 +24,17 @@ from ...problems.urdf import (
     limits_of,
     read_urdf,
 )
-from .command import DONE, Parser, command, number
+from .common import DONE, answer, number
 
+EXAMPLE = (
+    "throwplan import-robot my.urdf --joints j1 j2 j3 j4 j5 j6 --tool gripper --tcp 0.12 "
+    "--acceleration 10 --jerk 1000 --out my-arm.toml"
+)
 LIMIT_UNITS = {"velocity": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3", "torque": "N m"}
 
 
-def add_import(commands: Any) -> None:
-    """Adds `throwplan import-robot`."""
-    example = (
-        "throwplan import-robot my.urdf --joints j1 j2 j3 j4 j5 j6 --tool gripper --tcp 0.12 "
-        "--acceleration 10 --jerk 1000 --out my-arm.toml"
-    )
-    words = "turn a robot's URDF into an arm data file"
-    parser = command(commands, "import-robot", _import, words, example)
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The command's options."""
     parser.add_argument("urdf", metavar="FILE.urdf", help="the robot")
     parser.add_argument(
         "--joints", nargs="+", required=True, metavar="J", help="the arm's joints, base first"
@@ -64,10 +61,10 @@ def add_import(commands: Any) -> None:
         metavar=("BACK", "FRONT", "HALF_WIDTH"),
         help="the hand's body behind the pads' centre, in m (default: none)",
     )
-    _add_motion(parser)
+    _motion_arguments(parser)
 
 
-def _add_motion(parser: Parser) -> None:
+def _motion_arguments(parser: argparse.ArgumentParser) -> None:
     """The options on joints: what they do in a throw, and their limits."""
     parser.add_argument("--azimuth", metavar="J", help="joint that turns the plane (the first)")
     parser.add_argument(
@@ -92,7 +89,8 @@ def _add_motion(parser: Parser) -> None:
         )
 
 
-def _import(options: argparse.Namespace) -> int:
+def run(options: argparse.Namespace) -> int:
+    """Reads the URDF, checks the arm that comes of it, writes and prints."""
     out, urdf = Path(options.out), Path(options.urdf)
     if out.suffix != ".toml":
         raise InputError(f"--out {out}: must end in .toml")
@@ -118,7 +116,8 @@ def _import(options: argparse.Namespace) -> int:
             f"{urdf}: the arm's kinematics are {difference:.1e} off yourdfpy's, nothing written"
         )
     copy_out(text, out)
-    _report(options, arm, chain, held, difference)
+    found = _found(options, arm, chain, held) | {"states": STATES, "difference": difference}
+    answer(options, found, _text(options, found))
     return DONE
 
 
@@ -175,40 +174,42 @@ def _remarks(chain: UrdfChain, urdf: Path, held: list[str]) -> list[str]:
     return remarks + ([f"Held at 0: {', '.join(held)}."] if held else [])
 
 
-def _report(
-    options: argparse.Namespace, arm: Arm, chain: UrdfChain, held: list[str], difference: float
-) -> None:
-    """What was made of the robot."""
-    mass = sum(link.mass for link in arm.links) if arm.links else None
+def _found(
+    options: argparse.Namespace, arm: Arm, chain: UrdfChain, held: list[str]
+) -> dict[str, Any]:
+    """What was made of the robot, for JSON."""
     names = dict(enumerate(chain.names, start=1))
-    throwing = [names[joint] for joint in arm.throwing_joints]
-    azimuth = names[arm.azimuth_joint]
-    if options.json:
-        found = {
-            "out": str(options.out),
-            "name": arm.name,
-            "joints": list(chain.names),
-            "base": chain.base,
-            "tool": chain.tool,
-            "azimuth": azimuth,
-            "throwing": throwing,
-            "posture_deg": [math.degrees(angle) for angle in arm.posture],
-            "limits": {k: v for k, v in dataclasses.asdict(arm.limits).items() if v is not None},
-            "mass": mass,
-            "held": held,
-            "states": STATES,
-            "difference": difference,
-        }
-        print(json.dumps(found))
-        return
-    kept = [f"{math.degrees(angle):.6g}" for angle in arm.posture]
-    print(f"{arm.name}: written to {options.out}")
-    print(f"  base {chain.base}, hand {chain.tool}, {options.approach} points out of it")
-    print(f"  {azimuth} turns the plane, {', '.join(throwing)} throw")
-    print(f"  posture {' '.join(kept)} deg")
-    if held:
-        print(f"  held at 0: {', '.join(held)}")
+    return {
+        "out": str(options.out),
+        "name": arm.name,
+        "joints": list(chain.names),
+        "base": chain.base,
+        "tool": chain.tool,
+        "azimuth": names[arm.azimuth_joint],
+        "throwing": [names[joint] for joint in arm.throwing_joints],
+        "posture_deg": [math.degrees(angle) for angle in arm.posture],
+        "limits": {k: v for k, v in dataclasses.asdict(arm.limits).items() if v is not None},
+        "mass": sum(link.mass for link in arm.links) if arm.links else None,
+        "held": held,
+    }
+
+
+def _text(options: argparse.Namespace, found: dict[str, Any]) -> str:
+    """The same for people."""
+    mass, kept = found["mass"], " ".join(f"{angle:.6g}" for angle in found["posture_deg"])
+    lines = [
+        f"{found['name']}: written to {options.out}",
+        f"  base {found['base']}, hand {found['tool']}, {options.approach} points out of it",
+        f"  {found['azimuth']} turns the plane, {', '.join(found['throwing'])} throw",
+        f"  posture {kept} deg",
+    ]
+    if found["held"]:
+        lines.append(f"  held at 0: {', '.join(found['held'])}")
     if options.palm is None:
-        print("  no --palm: nothing keeps the bar off the hand's body")
-    print(f"  moved mass {mass:.4g} kg" if mass is not None else "  no masses in the URDF")
-    print(f"  kinematics at {STATES} random states: at most {difference:.1e} off yourdfpy's")
+        lines.append("  no --palm: nothing keeps the bar off the hand's body")
+    lines.append(f"  moved mass {mass:.4g} kg" if mass is not None else "  no masses in the URDF")
+    lines.append(
+        f"  kinematics at {found['states']} random states: at most {found['difference']:.1e} "
+        "off yourdfpy's"
+    )
+    return "\n".join(lines)

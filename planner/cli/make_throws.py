@@ -3,22 +3,27 @@
 from __future__ import annotations
 
 import argparse
-import json
 import math
 import shutil
+import statistics
 import tempfile
 import time
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
-from ...problems import InputError
-from .command import DONE, add_out, command, number, whole
-from .progress import ProgressLine
+from ...problems import (
+    THROW_DATA_FILES,
+    InputError,
+    ThrowData,
+    prepare_folder,
+    read_text,
+    toml_tables,
+    write_throws,
+)
+from ..identify import Flown, Law, Making, Noise, make_throws, object_names
+from .common import DONE, Progress, add_out, answer, number, whole
 
-if TYPE_CHECKING:
-    from ...problems import ThrowData
-    from ..identify import Flown, Making
-
+EXAMPLE = "throwplan make-throws --out out/throws"
 #: Options with a number: what is allowed, and what they say.
 NUMBERS = {
     "stiffness": (1e3, 1e9, "of LuGre's bristles, 1/m (default: 1e6)"),
@@ -27,11 +32,8 @@ NUMBERS = {
 }
 
 
-def add_make_throws(commands: Any) -> None:
-    """Adds `throwplan make-throws`."""
-    example = "throwplan make-throws --out out/throws"
-    words = "make a synthetic batch of measured throws"
-    parser = command(commands, "make-throws", _make_throws, words, example)
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The command's options."""
     parser.add_argument("--seed", metavar="N", default="1", help="of the noise (default: 1)")
     laws = "what lets go of the bar: a rigid meshed patch (default) or LuGre bristles"
     parser.add_argument("--truth", choices=("patch", "lugre"), default="patch", help=laws)
@@ -47,40 +49,33 @@ def add_make_throws(commands: Any) -> None:
     add_out(parser, "dataset.toml, throws.csv and the recordings (needed)")
 
 
-def _make_throws(options: argparse.Namespace) -> int:
-    from ...problems import write_throws
-    from ..identify import make_throws, object_names
-
+def run(options: argparse.Namespace) -> int:
+    """Makes the throws, writes them and prints their ranges."""
     started = time.perf_counter()
     making = _making(options)
     if options.out is None:
         raise InputError("--out: needs a folder's name")
     folder = Path(options.out)
     _check_place(folder)
-    with ProgressLine("make-throws") as show:
-        data, flown = make_throws(making, show)
-    _put(folder, lambda place: write_throws(data, place, object_names()))
-    found = _summary(data, flown) | {"seconds": round(time.perf_counter() - started, 1)}
-    if options.json:
-        print(json.dumps({"folder": str(folder)} | found, indent=2, allow_nan=False))
-        return DONE
-    landing, flight = found["landing"], found["flight_time"]
-    print(f"{folder}: {found['throws']} synthetic throws, {found['batch']} of them the batch")
-    print(f"  {found['synthetic']}")
-    print(
-        f"  landings at z = {data.shared.landing_height:g} m: x {landing['x'][0]:.2f} to "
-        f"{landing['x'][1]:.2f} m, theta {landing['theta_deg'][0]:.0f} to "
-        f"{landing['theta_deg'][1]:.0f} deg"
+    with Progress("make-throws") as progress:
+        data, flown = make_throws(making, progress)
+    _write(data, folder)
+    found = _ranges(data, flown) | {"seconds": round(time.perf_counter() - started, 1)}
+    x, theta, flight = found["landing"]["x"], found["landing"]["theta_deg"], found["flight_time"]
+    text = (
+        f"{folder}: {found['throws']} synthetic throws, {found['batch']} of them the batch\n"
+        f"  {found['synthetic']}\n"
+        f"  landings at z = {data.shared.landing_height:g} m: x {x[0]:.2f} to {x[1]:.2f} m, "
+        f"theta {theta[0]:.0f} to {theta[1]:.0f} deg\n"
+        f"  flight time of the batch: {flight['mean']:.3f} s, standard deviation "
+        f"{flight['std']:.3f} s; made in {found['seconds']:.0f} s"
     )
-    print(f"  flight time of the batch: {flight['mean']:.3f} s, standard deviation ", end="")
-    print(f"{flight['std']:.3f} s; made in {found['seconds']:.0f} s")
+    answer(options, {"folder": str(folder)} | found, text)
     return DONE
 
 
 def _making(options: argparse.Namespace) -> Making:
     """What the options ask for."""
-    from ..identify import Law, Making, Noise
-
     given = {}
     for option, (low, high, _) in NUMBERS.items():
         word = getattr(options, option.replace("-", "_"))
@@ -106,8 +101,6 @@ def _making(options: argparse.Namespace) -> Making:
 
 def _check_place(folder: Path) -> None:
     """InputError for a folder that holds anything but a synthetic data set; makes it."""
-    from ...problems import THROW_DATA_FILES, prepare_folder, read_text, toml_tables
-
     prepare_folder(folder)
     held = sorted(path.name for path in folder.iterdir())
     if not held:
@@ -122,13 +115,11 @@ def _check_place(folder: Path) -> None:
         )
 
 
-def _put(folder: Path, write: Any) -> None:
-    """Writes beside what is there, then puts it in its place; the head goes last."""
-    from ...problems import THROW_DATA_FILES
-
+def _write(data: ThrowData, folder: Path) -> None:
+    """Replaces what `folder` holds once all is written; dataset.toml moves last."""
     try:
         with tempfile.TemporaryDirectory(dir=folder) as scratch:
-            write(Path(scratch))
+            write_throws(data, scratch, object_names())
             for name in THROW_DATA_FILES:
                 old = folder / name
                 shutil.rmtree(old) if old.is_dir() else old.unlink(missing_ok=True)
@@ -138,11 +129,10 @@ def _put(folder: Path, write: Any) -> None:
         raise InputError(f"--out {folder}: {error.strerror or error}") from None
 
 
-def _summary(data: ThrowData, flown: list[Flown]) -> dict[str, Any]:
+def _ranges(data: ThrowData, flown: list[Flown]) -> dict[str, Any]:
     """Counts, the true landings' ranges, and the batch's flight times [s]."""
     batch = [f for f, t in zip(flown, data.throws, strict=True) if t.factors["set"] == "batch"]
     times = [float(throw.landing[2]) for throw in batch]
-    mean = sum(times) / len(times)
     x = [float(throw.landing[0]) for throw in flown]
     theta = [math.degrees(throw.landing[1]) for throw in flown]
     return {
@@ -151,9 +141,6 @@ def _summary(data: ThrowData, flown: list[Flown]) -> dict[str, Any]:
         "batch": len(batch),
         "landing_height": data.shared.landing_height,
         "landing": {"x": [min(x), max(x)], "theta_deg": [min(theta), max(theta)]},
-        "flight_time": {
-            "mean": mean,
-            "std": math.sqrt(sum((t - mean) ** 2 for t in times) / len(times)),
-        },
+        "flight_time": {"mean": statistics.fmean(times), "std": statistics.pstdev(times)},
         "truth": data.truth,
     }

@@ -7,14 +7,16 @@ import json
 from pathlib import Path
 from typing import Any
 
-from ...problems import load_scene
-from .command import DONE, add_out, add_scene, command, say
+from ...problems import load_scene, save_text
+from ..check import simulate
+from ..show import draw_release_pictures
+from .common import DONE, add_out, add_scene, answer, say
+
+EXAMPLE = "throwplan simulate drop --model sp"
 
 
-def add_simulate(commands: Any) -> None:
-    """Adds `throwplan simulate`."""
-    words = "throw a given hand motion by release models"
-    parser = command(commands, "simulate", _simulate, words, "throwplan simulate drop --model sp")
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The command's options."""
     add_scene(parser)
     names = (
         "a model's name, or all; also variants that are not part of all: ls-step-quartic, "
@@ -24,47 +26,41 @@ def add_simulate(commands: Any) -> None:
     add_out(parser, "simulation.json and five pictures")
 
 
-def _simulate(options: argparse.Namespace) -> int:
-    from ..check import simulate
-
+def run(options: argparse.Namespace) -> int:
+    """Simulates, writes and prints."""
     scene = load_scene(options.scene)
-    results = {name: run.to_dict() for name, run in simulate(scene, options.model).items()}
-    text = json.dumps({"scene": scene.name, "models": results}, indent=2, allow_nan=False)
+    models = {name: run.to_dict() for name, run in simulate(scene, options.model).items()}
+    result = {"scene": scene.name, "models": models}
     if options.out is not None:
-        from ...problems import save_text
-
-        save_text(text + "\n", Path(options.out), "simulation.json")
-        from ..show import draw_release_pictures
-
-        say(options, f"{scene.name}: drawing")
+        text = json.dumps(result, indent=2, allow_nan=False) + "\n"
+        save_text(text, Path(options.out), "simulation.json")
+        say(f"{scene.name}: drawing")
         draw_release_pictures(scene, Path(options.out))
-    if options.json:
-        print(text)
-        return DONE
-    _print_simulations(scene.name, results)
+    answer(options, result, _table(scene.name, models))
     return DONE
 
 
-def _print_simulations(name: str, results: dict[str, Any]) -> None:
-    """A table of detach states and events, landings where there is a height, and statuses."""
+def _table(name: str, models: dict[str, Any]) -> str:
+    """Detach states and events, landings where there is a height, and statuses."""
     keys = ("x", "z", "theta", "vx", "vz", "omega")
-    print(f"{name}: object at detach, SI units")
-    wide = max(10, *(len(model) for model in results))
-    print(
-        f"  {'model':{wide}}" + "".join(f"{key:>12}" for key in keys) + "       pivot       slide"
-    )
-    for model, result in results.items():
-        numbers = "".join(_cell(result["detach"][key], 12, 5) for key in keys)
-        events = (result["events"][event] for event in ("pivot", "slide"))
-        onsets = "".join(_cell(None if e is None else 1e3 * e, 9, 2, " ms") for e in events)
-        print(f"  {model:{wide}}{numbers}{onsets}")
-    for model, result in results.items():
-        if result["landing"] is not None:
-            x, theta = (_cell(result["landing"][key], 10, 4) for key in ("x", "theta"))
-            print(f"  {model:{wide}} lands at x{x} m, theta{theta} rad")
-    for model, result in results.items():
-        if result["status"] != "ok":
-            print(f"  {model}: not to be trusted: {result['status']}")
+    wide = max(10, *(len(model) for model in models))
+    lines = [f"{name}: object at detach, SI units"]
+    heads = "".join(f"{key:>12}" for key in keys)
+    lines.append(f"  {'model':{wide}}{heads}{'pivot':>12}{'slide':>12}")
+    for model, found in models.items():
+        cells = "".join(_cell(found["detach"][key], 12, 5) for key in keys)
+        for moment in (found["events"]["pivot"], found["events"]["slide"]):
+            cells += _cell(None if moment is None else 1e3 * moment, 9, 2, " ms")
+        lines.append(f"  {model:{wide}}{cells}")
+    for model, found in models.items():
+        landing = found["landing"]
+        if landing is not None:
+            x, theta = (_cell(landing[key], 10, 4) for key in ("x", "theta"))
+            lines.append(f"  {model:{wide}} lands at x{x} m, theta{theta} rad")
+    for model, found in models.items():
+        if found["status"] != "ok":
+            lines.append(f"  {model}: not to be trusted: {found['status']}")
+    return "\n".join(lines)
 
 
 def _cell(value: float | None, width: int, digits: int, unit: str = "") -> str:

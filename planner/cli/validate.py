@@ -3,25 +3,30 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
-from typing import Any
 
-from ...problems import InputError
-from .command import DONE, add_out, command, say
-from .progress import ProgressLine
+from ...problems import InputError, load_throws, prepare_folder
+from ..identify import (
+    PAPER_MODELS,
+    VALIDATION_FILES,
+    as_dict,
+    as_text,
+    check_model,
+    save_validation,
+    validate,
+)
+from .common import DONE, Progress, add_out, answer, say, written
+
+EXAMPLE = "throwplan validate out/throws --out out/validation"
 
 
-def add_validate(commands: Any) -> None:
-    """Adds `throwplan validate`."""
-    example = "throwplan validate out/throws --out out/validation"
-    words = "compare release models on measured throws"
-    parser = command(commands, "validate", _validate, words, example)
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The command's options."""
     parser.add_argument("data", metavar="DATA", help="a folder with dataset.toml and throws.csv")
     parser.add_argument(
         "--models",
         metavar="A,B,C",
-        help="release models, with commas (default: ls,sp,sp-paper,ils,ls-step)",
+        help=f"release models, with commas (default: {','.join(PAPER_MODELS)})",
     )
     parser.add_argument(
         "--factor",
@@ -34,35 +39,24 @@ def add_validate(commands: Any) -> None:
     add_out(parser, "validation.md, tables as CSV and six pictures")
 
 
-def _validate(options: argparse.Namespace) -> int:
-    from ...problems import load_throws, prepare_folder
-    from ..identify import PAPER_MODELS, as_dict, as_text, save_validation, validate
-    from ..identify import VALIDATION_FILES as FILES
-
-    models = PAPER_MODELS if options.models is None else _names(options.models)
+def run(options: argparse.Namespace) -> int:
+    """Compares, writes and prints."""
+    models = PAPER_MODELS if options.models is None else _models(options.models)
     data = load_throws(options.data)
     if options.out is not None:
-        prepare_folder(Path(options.out), FILES)
-    line = ProgressLine("", "throws")
-    with line:
-        found = validate(data, models, options.factor, line.about)
+        prepare_folder(Path(options.out), VALIDATION_FILES)
+    with Progress() as progress:
+        found = validate(data, models, options.factor, progress.about)
     if options.out is not None:
-        say(options, f"{data.name}: writing {options.out}")
+        say(f"{data.name}: writing {options.out}")
         save_validation(found, Path(options.out))
-    if options.json:
-        print(json.dumps(as_dict(found), indent=2, allow_nan=False))
-    else:
-        print(as_text(found))
-        print(f"\n{found.seconds:.0f} s")
-        if options.out is not None:
-            print(f"written to {options.out}")
+    text = f"{as_text(found)}\n\n{found.seconds:.0f} s" + written(options)
+    answer(options, as_dict(found), text)
     return DONE
 
 
-def _names(words: str) -> tuple[str, ...]:
+def _models(words: str) -> tuple[str, ...]:
     """The models of `--models a,b,c`, checked."""
-    from ..identify import check_model
-
     names = tuple(dict.fromkeys(word.strip() for word in words.split(",") if word.strip()))
     if not names:
         raise InputError(f"--models {words!r}: names no model")

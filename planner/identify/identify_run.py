@@ -101,11 +101,62 @@ class Identified:
             else {"seconds_per_throw": self.each, "extrapolated_seconds": self.whole},
         }
 
+    def summary(self) -> str:
+        """The grid and the fit in some lines for people."""
+        lines = [f"  {self.model}:"]
+        if self.each is not None and self.whole is not None:
+            lines.append(
+                f"    {1e3 * self.each:.3g} ms a throw, timed on a subset; the grid of "
+                f"{400 * len(self.data.throws):,} predictions would take {self.whole / 60:.3g} min "
+                "(extrapolated)" + ("" if self.grid is not None else ", not run")
+            )
+        if self.grid is not None:
+            told = self.grid.to_dict()
+            lost = f", {told['missed']} do not land" if told["missed"] else ""
+            lines += [
+                f"    grid: least mean error {100 * told['least_error']:.3f} cm (most "
+                f"{100 * told['most_error']:.3f}) at friction {told['friction']:.3g}, patch_radius "
+                f"{1e3 * told['patch_radius']:.3g} mm, mu r_p {1e3 * told['product']:.3g} mm",
+                f"    {told['predictions']:,} predictions in {told['seconds']:.1f} s, "
+                f"{1e3 * told['time_per_throw']:.3g} ms a throw{lost}",
+            ]
+        if self.fit is not None and self.error is not None:
+            lines += _fit_words(self.fit, self.error)
+        elif self.model == "ls":
+            lines.append("    no fit: its landings are no smooth function of the parameters")
+        return "\n".join(lines)
+
     def save(self, folder: str | Path) -> None:
         """Write identify.json, the grid, the pictures and contact.toml."""
         from .identify_files import save_identified
 
         save_identified([self], Path(folder))
+
+
+def _fit_words(fit: Fit, error: float) -> list[str]:
+    """The fit for people; error [m]: mean scaled error of its landings."""
+    belief, parts = fit.posterior, []
+    for name, value in belief.values().items():
+        deviation = belief.deviation(name)
+        if name == "delay":
+            parts.append(f"delay {1e3 * value:.2f} +- {1e3 * deviation:.2f} ms")
+            continue
+        unit, factor = (" mm", 1e3) if name == "patch_radius" else ("", 1.0)
+        parts.append(f"{name} {factor * value:.4g}{unit} +- {100 * deviation:.2g} %")
+    lines = [
+        f"    fit: {', '.join(parts)}",
+        f"    mu r_p {1e3 * belief.product:.4g} mm +- {100 * belief.product_deviation:.2g} %, "
+        f"mean error {100 * error:.3f} cm; {fit.derivatives}, {fit.evaluations} evaluations, "
+        f"{fit.seconds:.1f} s",
+    ]
+    if max(fit.scatter) > 1.0:
+        lines.append(
+            f"    residuals are {fit.scatter[0]:.1f} (x) and {fit.scatter[1]:.1f} (theta) times "
+            "the measurement's noise: the model errs, or the noise is larger"
+        )
+    if fit.at_bound:
+        lines.append(f"    {', '.join(fit.at_bound)}: at the edge of what is searched")
+    return lines
 
 
 def identify(

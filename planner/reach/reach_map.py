@@ -35,7 +35,7 @@ MOST, SAMPLES = 10_000_000, 200_000
 #: Height [m] and distance [m] a target may have.
 FARTHEST = 1e4
 #: What a map leaves in its folder.
-FILES = ("map.png", "map.npz")
+MAP_FILES = ("map.png", "map.npz")
 
 
 @dataclass(frozen=True, eq=False)
@@ -124,6 +124,38 @@ class ReachMap:
         }
         return answer | ({"message": self.message} if nothing else {})
 
+    def summary(self) -> str:
+        """The map in three lines for people; it must hold a landing."""
+        wide, angle = self.widths
+        size = f"{100 * wide:g} cm" + ("" if angle is None else f" x {math.degrees(angle):g} deg")
+        ranges = f"x {self.x.min():.2f} to {self.x.max():.2f} m"
+        if angle is not None:
+            low, high = np.degrees([self.theta.min(), self.theta.max()])
+            ranges += f", theta {low:.0f} to {high:.0f} deg"
+        best = 100 * float(np.nanmax(self.margin))
+        return (
+            f"{self.scene.name}: {self.reachable:,} bins of {size} in reach at z {self.z:g} m "
+            f"({self.x.size:,} landings of {self.samples:,} samples)\n"
+            f"  {ranges}; best margin {best:.0f} % (left of the limit that is used most)\n"
+            f"  {self._target_words()}"
+        )
+
+    def _target_words(self) -> str:
+        """Whether the scene's target is in reach."""
+        target = self.scene.target
+        assert target is not None  # a scene with a map has one
+        x, theta = target.plane_x, target.theta
+        words = f"target x {x:g} m"
+        if theta is not None:
+            words += f", theta {math.degrees(theta):g} deg"
+        where = self.bin_of(x, theta)
+        if where is None or not self.landings[where]:
+            away = self.distance(x, theta)
+            return f"{words}: in no bin that was hit, nearest landing {away:.3f} m away (scaled)"
+        count, margin = self.solutions[where], 100 * self.margin[where]
+        different = "1 throw" if count == 1 else f"{count:,} different throws"
+        return f"{words}: in reach, {different} in its bin, best margin {margin:.0f} %"
+
     def save(self, folder: str | Path) -> Path:
         """Write map.png and map.npz, all or nothing; returns the path of map.npz.
 
@@ -134,7 +166,7 @@ class ReachMap:
 
         if not self.reachable:
             raise InputError(f"{self.scene.place}: nothing to save, {self.message}")
-        with filling(Path(folder), FILES) as scratch:
+        with filling(Path(folder), MAP_FILES) as scratch:
             draw_map(self, scratch / "map.png")
             np.savez_compressed(scratch / "map.npz", **self._arrays())
         return Path(folder) / "map.npz"

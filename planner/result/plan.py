@@ -166,6 +166,53 @@ class Plan:
         """
         save_plan(self, Path(folder), draw)
 
+    def summary(self) -> str:
+        """The plan in some lines for people: status, errors, moments, solver."""
+        result, scene = self.to_dict(), self.scene
+        solver, error = result["solver"], result["error"]
+        lines = [f"{scene.name}: {self.status}" + (f", {self.message}" if self.solved else "")]
+        lines.append(f"  {_target_words(self.target)}")
+        landing = None if self.throw is None else self.throw.limit_surface.landing
+        if landing is not None and math.isfinite(landing.x):
+            error["limit surface"] = self._json_error(_pose(landing))
+        for name, off in error.items():
+            if off is not None and off["position"] is not None:
+                note = " (for comparison)" if name == "limit surface" else ""
+                position, angle = 1e3 * off["position"], math.degrees(off["angle"])
+                lines.append(f"  {name:14} error {position:8.3f} mm {angle:8.3f} deg{note}")
+        floor = None if scene.workspace is None else scene.workspace.floor
+        if floor is not None and self.target.z < floor:
+            lines.append(
+                f"  note: the target is below the floor of [workspace], z {floor:g} m, which only "
+                "arm,\n        hand and held bar keep; the bar may touch it before"
+            )
+        if self.throw is not None:
+            lines.append(f"  {_moments(result['release'])}")
+        lines.append(
+            f"  {solver['name']}, {solver['iterations']} iterations in {solver['attempts']} "
+            f"solves, {self.variables} variables, {self.constraints} constraints, "
+            f"{result['time']['total']:.2f} s"
+        )
+        if self.robust:
+            lines.append(
+                f"  robust by {self.robust}: while they may open, the pads transmit at most "
+                f"{100 * (self.peak_load or 0.0):.1f} % of the grip's friction limit"
+            )
+        for number, other in enumerate(result.get("alternatives", ()), start=1):
+            moments = other["release"]
+            flight = 1e3 * (moments["landing_time"] - moments["detach_time"])
+            lines.append(
+                f"  alternative {number}: effort {other['effort']:.2f}, opening at "
+                f"{1e3 * moments['opening_time']:.0f} ms, flight {flight:.0f} ms"
+            )
+        if scene.gripper.raw:
+            grip = scene.gripper.profile()
+            lines.append(
+                f"  grip from the recording: full {grip.full:.4g} N, dwell "
+                f"{1e3 * grip.dwell:.1f} ms, opening {1e3 * grip.opening:.1f} ms"
+            )
+        return "\n".join(lines)
+
     def error_sent(self) -> tuple[float, float]:
         """(position [m], angle [rad]) error of the landing that counts; NaN without a throw."""
         if self.throw is None:
@@ -224,6 +271,22 @@ def _check_azimuth(arm: Arm, target: Pose) -> None:
             f"target: its azimuth {math.degrees(target.azimuth):.1f} deg is outside joint "
             f"{joint + 1}'s range [{math.degrees(low):.1f}, {math.degrees(high):.1f}] deg"
         )
+
+
+def _target_words(target: Pose) -> str:
+    """The target for people."""
+    theta = "free" if target.theta is None else f"{math.degrees(target.theta):.1f} deg"
+    aside = f", y {target.y:.3f} m" if target.y else ""
+    return f"target x {target.x:.3f} m{aside}, z {target.z:.3f} m, theta {theta}"
+
+
+def _moments(release: dict[str, float | None]) -> str:
+    """The release's times for people."""
+    return ", ".join(
+        f"{name.removesuffix('_time')} {1e3 * value:.0f} ms"
+        for name, value in release.items()
+        if value is not None
+    )
 
 
 def _pose(landing: Landing) -> tuple[float, float, float]:

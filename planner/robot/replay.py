@@ -44,6 +44,22 @@ class Rest:
     at_rest: bool
     pose: tuple[float, float, float, float]
 
+    def words(self) -> list[str]:
+        """How it ended, for people."""
+        x, _, z, theta = self.pose
+        where = f"x {x:.3f} m, z {z:.3f} m, theta {math.degrees(theta):.1f} deg"
+        if self.inside:
+            state = "comes to rest" if self.at_rest else "still rocks, 4 s after landing,"
+            ending = f"{state} in the cup: {where}"
+        elif self.at_rest:
+            ending = f"does NOT end in the cup: it rests at {where}"
+        else:
+            ending = f"does NOT end in the cup: 4 s after landing it moves at {where}"
+        if not (self.entered or self.touched_rim):
+            return [ending, "does not go in at all"]
+        touch = "touches the cup's wall or rim" if self.touched_rim else "clears wall and rim"
+        return [ending, f"{touch} on the way in"]
+
 
 @dataclass(frozen=True, repr=False)
 class Replay:
@@ -127,6 +143,34 @@ class Replay:
             "cup": cup,
             "time": {"simulated": self.simulated, "run": self.run},
         }
+
+    def summary(self) -> str:
+        """The replay in some lines for people: landing, differences, the way into the cup."""
+        scene = self.throw.scene
+        if not math.isfinite(self.landing[0]):
+            lines = [f"{scene.name}: in MuJoCo it never comes down through the target's height"]
+        else:
+            dx, dtheta = self.off("target")
+            inside = abs(dx) <= scene.tolerance.position
+            off = f"{1e3 * abs(dx):.3f} mm"
+            if not math.isnan(dtheta):
+                inside = inside and abs(dtheta) <= scene.tolerance.angle
+                off += f" and {math.degrees(abs(dtheta)):.3f} deg"
+            where = f"{'inside' if inside else 'OUTSIDE'} the tolerance"
+            lines = [f"{scene.name}: in MuJoCo it lands {off} from the target, {where}"]
+            lines.append(f"  {'MuJoCo less':15}{'dx':>13}{'dtheta':>13}")
+            for key in ("target", "sp", "limit_surface"):
+                dx, dtheta = self.off(key)
+                words = "sliding pivot" if key == "sp" else key.replace("_", " ")
+                angle = "open" if math.isnan(dtheta) else f"{math.degrees(dtheta):+.3f} deg"
+                lines.append(f"  {words:15}{1e3 * dx:+10.3f} mm{angle:>13}")
+        met = [name for name in self.touched if name in {"hand", "base column"}]
+        if met:
+            lines.append(f"  on its way the bar hits: {', '.join(met)}")
+        if self.rest is not None:
+            lines += [f"  {words}" for words in self.rest.words()]
+            lines.append(f"  assumed: {self.assumed}")
+        return "\n".join([*lines, f"  {self.simulated:.2f} s simulated in {self.run:.1f} s"])
 
     def save(self, folder: str | Path, draw: bool = True) -> None:
         """Write replay.json, replay.csv and (draw) replay.png; InputError if that fails."""

@@ -5,7 +5,7 @@ from .picture import MIN_WIDTH, draw_throw
 from .release_pictures import draw_release_pictures
 from .view_film import save_film
 from .view_poses import space_throw
-from .view_server import open_browser, run, serving
+from .view_server import open_browser, run_panel, serving
 
 __all__ = [
     "MIN_WIDTH",
@@ -13,7 +13,7 @@ __all__ = [
     "draw_throw",
     "draw_throw_moving",
     "open_browser",
-    "run",
+    "run_panel",
     "save_film",
     "serving",
     "space_throw",

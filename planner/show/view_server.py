@@ -61,7 +61,7 @@ def check_port(port: int) -> None:
             raise InputError(f"--port {port}: {reason}; choose another with --port") from None
 
 
-def run(panel: Any, hold: float | None) -> None:
+def run_panel(panel: Any, hold: float | None) -> None:
     """Plays what the panel asks for, for `hold` seconds or until interrupted."""
     start = last = time.perf_counter()
     while hold is None or last - start < hold:

@@ -16,6 +16,7 @@ import numpy.typing as npt
 from ...problems import USUAL_UNCERTAINTY, InputError
 from ..check import BATCH_MODELS
 from ..result import Plan
+from .summary import summary
 from .sweep_run import Progress, Thrown, run_sweep
 from .sweep_sensitivity import DelayScan, derivatives, scan_delays, successes
 from .sweep_statistics import quantiles, scaled_error, variance_shares, wilson
@@ -124,6 +125,10 @@ class Sweep:
             "delay_inside": {"early": self.delays.early, "late": self.delays.late},
             "time": self.seconds,
         }
+
+    def summary(self) -> str:
+        """The sweep in some lines for people."""
+        return summary(self)
 
     def save(self, folder: str | Path) -> None:
         """Write sweep.json, sweep.csv and four pictures; InputError if that cannot be done."""

@@ -1,17 +1,19 @@
-"""What the commands share: their parser, options, and words on the way."""
+"""What the commands share: their parser, options, progress and answers."""
 
 from __future__ import annotations
 
 import argparse
 import dataclasses
+import json
 import math
 import sys
-from collections.abc import Sequence
+import time
+from collections.abc import Callable
 from typing import Any, NoReturn
 
 from ...problems import InputError, Pose, Scene
 
-DONE, WRONG_INPUT, NO_THROW = 0, 2, 3
+DONE, WRONG_INPUT, NO_THROW, INTERRUPTED = 0, 2, 3, 130
 
 
 class Parser(argparse.ArgumentParser):
@@ -25,22 +27,14 @@ class Parser(argparse.ArgumentParser):
         raise InputError(f"{message} (see '{self.prog} --help')")
 
 
-def command(commands: Any, name: str, run: Any, words: str, example: str) -> Parser:
-    """The parser of a command: `words` say what it does, `run(options)` does it."""
-    parser: Parser = commands.add_parser(
-        name,
-        help=words,
-        description=f"{words[0].upper()}{words[1:]}.",
-        epilog=f"example: {example}",
-    )
-    parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
-    parser.set_defaults(run=run, parser=parser)
-    return parser
-
-
 def add_scene(parser: argparse.ArgumentParser) -> None:
     """The argument SCENE."""
     parser.add_argument("scene", metavar="SCENE", help="a built-in scene's name or a TOML file")
+
+
+def add_out(parser: argparse.ArgumentParser, what: str) -> None:
+    """The option --out; `what` is written there."""
+    parser.add_argument("--out", metavar="DIR", help=f"write {what} there")
 
 
 def add_target(parser: argparse.ArgumentParser) -> None:
@@ -56,19 +50,9 @@ def add_target(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_out(parser: argparse.ArgumentParser, what: str) -> None:
-    """The option --out; `what` is written there."""
-    parser.add_argument("--out", metavar="DIR", help=f"write {what} there")
-
-
-def say(options: argparse.Namespace, words: str) -> None:
-    """Progress, where somebody watches."""
-    if sys.stderr.isatty():
-        print(words, file=sys.stderr)
-
-
-def target_of(scene: Scene, words: Sequence[str] | None, azimuth: str | None) -> Pose | None:
+def target_of(scene: Scene, options: argparse.Namespace) -> Pose | None:
     """The target that --target and --azimuth ask for, None for the scene's own."""
+    words, azimuth = options.target, options.azimuth
     if words is None and azimuth is None:
         return None
     target = scene.target
@@ -86,8 +70,7 @@ def target_of(scene: Scene, words: Sequence[str] | None, azimuth: str | None) ->
     degrees = number("--azimuth", azimuth)
     if abs(degrees) > 180:
         raise InputError(f"--azimuth {azimuth}: must be from -180 to 180")
-    turn = math.radians(degrees)
-    x = target.plane_x
+    turn, x = math.radians(degrees), target.plane_x
     if x < 0:
         raise InputError(f"--target {x:g}: must be above 0 with --azimuth")
     return dataclasses.replace(target, x=x * math.cos(turn), y=x * math.sin(turn))
@@ -113,3 +96,53 @@ def number(option: str, word: str, more: str = "") -> float:
     if not math.isfinite(value):
         raise InputError(f"{option} {word}: must be a finite number{more}")
     return value
+
+
+def answer(options: argparse.Namespace, result: object, text: str) -> None:
+    """The command's result on stdout: `result` as JSON if asked for, `text` for people if not."""
+    print(json.dumps(result, indent=2, allow_nan=False) if options.json else text)
+
+
+def written(options: argparse.Namespace) -> str:
+    """A last line of the text that says where --out went."""
+    return "" if options.out is None else f"\n  written to {options.out}"
+
+
+def say(words: str) -> None:
+    """A step of the work, where somebody watches."""
+    if sys.stderr.isatty():
+        print(words, file=sys.stderr)
+
+
+class Progress:
+    """A line on a terminal's stderr: how far long work is, and the seconds left."""
+
+    def __init__(self, name: str = "", unit: str = "throws") -> None:
+        self._name, self._unit = name, unit
+        self._first: tuple[float, int] | None = None
+
+    def __call__(self, done: int, total: int) -> None:
+        """Show that `done` of `total` are done."""
+        words = f"{self._name}: {done:,} of {total:,} {self._unit}, {100 * done / total:.0f} %"
+        now = time.perf_counter()
+        # The time before the first call is start-up and says nothing about the rest.
+        started, before = self._first = self._first or (now, done)
+        if done > before:
+            words += f", {(now - started) * (total - done) / (done - before):.0f} s left"
+        self._show(words)
+
+    def about(self, name: str) -> Callable[[int, int], None]:
+        """Begin other work, called `name`."""
+        self._name, self._first = name, None
+        self._show(name)
+        return self
+
+    def _show(self, words: str) -> None:
+        if sys.stderr.isatty():
+            print(f"\r\033[K{words}", end="", file=sys.stderr, flush=True)
+
+    def __enter__(self) -> Progress:
+        return self
+
+    def __exit__(self, *error: object) -> None:
+        self._show("")
