@@ -1,53 +1,67 @@
-"""Plans throws of one scene: the problem is built once and solved for many targets."""
+"""Plans throws of one scene: the problem is built once and solved for many targets.
+
+The way of one plan: from a neighbouring plan, from throws solved ahead, from sampled releases,
+from the edge of what is possible; each attempt solves, sends, throws, corrects and checks.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Literal, get_args
+from typing import Any, Literal, get_args
 
 import numpy as np
 
-from ..problems import COMPARED_METHODS, ROBUST_METHODS, InputError, Mesh, Pose, Scene, as_scene
+from ..problems import (
+    COMPARED_METHODS,
+    ROBUST_METHODS,
+    InputError,
+    Mesh,
+    Pose,
+    Scene,
+    as_scene,
+)
 from .check import KernelCode, check_kernels, make_mover
 from .compile import Compile
-from .ocp import Solution, nlp_key
+from .ocp import USUAL, Solution, nlp_key
 from .reach import solved
-from .result import Plan, checked_target
-from .robust import hardened
+from .result import Plan, PlannedThrow, Status, checked_target
+from .robust import Hardening
 from .search import (
-    Found,
-    Problem,
+    Attempt,
+    Binding,
+    Clock,
+    Outcome,
+    Problems,
     Reach,
     Releases,
     ReleaseSampler,
-    Search,
     SolvedThrows,
+    Start,
     TableSearch,
+    Task,
     Turns,
-    Workbench,
-    attempt,
+    attempts,
     check_start,
     distinct,
-    failed_plan,
     goals_of,
+    highest,
     ordered,
-    solved_plan,
-    starts,
+    stored_releases,
+    stored_throws,
 )
-from .search import release_cache_stored as stored
-from .search import solved_throws_stored as stored_throws
 
 Progress = Callable[[int, int], None]
 SolverName = Literal["auto", "fatrop", "ipopt"]
 
-#: A solution for a target within this distance [m, scaled error] needs but a few iterations.
-BESIDE = 0.005
-#: Numerical settings of robust plans, where the scene has none of its own. These hardly slide, so
-#: that a wider rounding costs nothing; with it they were measured.
+#: A solution for a target within this distance [m, scaled error] needs few iterations.
+NEAR = 0.005
+#: Numerical settings of robust plans, where the scene has none of its own. A robust throw hardly
+#: slides, so its opening needs even intervals, and a wider rounding costs nothing.
 QUIET_MESH = Mesh(opening=8, grading=1.0, epsilon=0.03)
 #: Other throws to a target that robust planning may start from.
 MORE_SOURCES = 3
@@ -59,6 +73,8 @@ SAMPLES = 20_000
 PATIENCE = 20.0
 #: Throws that `prepare` tries to solve, and the most it may be asked for.
 PREPARED, MOST_PREPARED = 1000, 10_000
+#: A target of more full turns than this may have been given in degrees.
+MANY_TURNS = 3
 
 
 class Planner:
@@ -67,7 +83,7 @@ class Planner:
     compiling: whether the NLP's functions are compiled where a C compiler is there: 'no',
     'cached' (used if they are in the cache), 'background' (and compiled for later by a
     process of its own if they are not), 'wait' (compiled first, once, in some seconds; those
-    with rows that seldom decide in the background).
+    with constraints that seldom bind in the background).
 
     Raises InputError for a scene that cannot be planned at all: no [hand] or [robot],
     or a grip too weak to hold the object at rest in any permitted start pose.
@@ -75,20 +91,15 @@ class Planner:
 
     def __init__(self, scene: Scene, *, compiling: Compile = "background") -> None:
         start = time.perf_counter()
-        if compiling not in get_args(Compile):
-            known = ", ".join(get_args(Compile))
-            raise InputError(f"compiling = {compiling!r}: must be one of {known}")
+        _check_one_of("compiling", compiling, Compile)
         self.scene = scene
         self.mover = make_mover(scene)
         check_start(scene, self.mover)
-        self._releases: Releases | None = None
-        self._sampler = ReleaseSampler(scene, self.mover)
-        self.bench = Workbench(scene, self.mover, compiling)
+        self.problems = Problems(scene, self.mover, compiling)
         self._compiling: Compile = compiling
-        self._quiet: Workbench | None = None
+        self._sampler = ReleaseSampler(scene, self.mover)
         reach = Reach(scene, self.mover, compiling)
-        self._search = TableSearch(self.bench, self._sampler, reach, self.releases)
-        self._code: list[KernelCode] = []
+        self._search = TableSearch(self.problems, self._sampler, reach, self.releases)
         self._throws: SolvedThrows | None = None
         self._build_time = time.perf_counter() - start
 
@@ -114,10 +125,8 @@ class Planner:
         """
         started = time.perf_counter()
         target = self.check(target)
-        if solver not in get_args(SolverName):
-            raise InputError(f"solver = {solver!r}: must be one of auto, fatrop, ipopt")
-        if turns not in get_args(Turns):
-            raise InputError(f"turns = {turns!r}: must be one of exact, any")
+        _check_one_of("solver", solver, SolverName)
+        _check_one_of("turns", turns, Turns)
         if not 0 <= alternatives <= MOST_ALTERNATIVES:
             most = MOST_ALTERNATIVES
             raise InputError(f"alternatives = {alternatives!r}: must be 0 to {most}")
@@ -126,21 +135,68 @@ class Planner:
             raise InputError("alternatives: not with a robust plan")
         if not patience > 0:
             raise InputError(f"patience = {patience!r}: must be above 0")
-        search = Search(self.scene.aimed_at(target), until=started + patience)
+        solvers = ("fatrop", "ipopt") if solver == "auto" else (solver,)
+        clock = Clock(started + patience)
+        task = Task(self.scene.aimed_at(target), target, solvers, clock)
         made, self._build_time = self._build_time, 0.0
-        search.times["build"] = made
-        self._take_code(search)
-        names = ("fatrop", "ipopt") if solver == "auto" else (solver,)
-        plan = self._warm_plan(target, names[0], warm, search) if warm is not None else None
-        if plan is None and self._throws is not None and self._wanted(alternatives) == 1:
-            plan = self._recalled(target, names[0], turns, search)
-        if plan is None:
-            plan = self._searched(target, names, turns, alternatives, search)
-        if method and plan.solved and not plan.robust:
-            plan = self._hardened(plan, method, names, turns, search)
-        plan.time.update(search.times)
-        plan.time["total"] = time.perf_counter() - started + made
-        return plan
+        clock.seconds["build"] = made
+        with clock("build"):
+            self._take_code()
+        plan = self._planned(task, turns, warm, alternatives)
+        if method and plan.solved:
+            plan = self._hardened(plan, method, turns, task)
+        total = time.perf_counter() - started + made
+        return dataclasses.replace(plan, time={**clock.seconds, "total": total})
+
+    def _planned(self, task: Task, turns: Turns, warm: Plan | None, alternatives: int) -> Plan:
+        """A throw from whatever is near; otherwise by a search from the release table."""
+        tried: list[Attempt] = []
+        for start in self._near(task, turns, warm, alternatives):
+            if task.clock.late:
+                break
+            for attempt in attempts(self.problems, start, task):
+                tried.append(attempt)
+                if attempt.solved:
+                    return self._solved(attempt, tried, task)
+        outcome = self._search.run(task, turns, self._wanted(alternatives))
+        tried += outcome.attempts
+        if not outcome.solved:
+            return self._failed(outcome, tried, task)
+        best, *others = outcome.solved
+        if others:
+            by = "effort" if self.scene.choice is None else self.scene.choice.by
+            best, *others = ordered(distinct(outcome.solved), by)
+        plan = self._solved(best, tried, task, outcome.iterations)
+        rest = tuple(self._solved(other, [other], task) for other in others[:alternatives])
+        return dataclasses.replace(plan, alternatives=rest)
+
+    def _near(
+        self, task: Task, turns: Turns, warm: Plan | None, alternatives: int
+    ) -> Iterator[Start]:
+        """Starts from solutions for targets nearby: a plan's, then those of throws solved ahead."""
+        angle = task.target.theta is not None
+        usable = warm is not None and warm.throw is not None and warm.mover is self.mover
+        if usable and warm is not None and warm.throw is not None:
+            throw = warm.throw
+            # Its multipliers fit its own NLP only.
+            if not throw.nlp.structure.robust and (warm.target.theta is not None) == angle:
+                start = self._warm_start(task, task.target, throw.solution, warm.target)
+                yield dataclasses.replace(start, asked=throw.asked, aim=throw.aim)
+        if self._throws is None or self._wanted(alternatives) > 1:
+            return
+        with task.clock("guess"):
+            goals = goals_of(self.releases(), self.scene, task.target, turns)
+            near = self._throws.near(goals)
+        for kept, goal in near:
+            nlp = self.problems.nlp(goal, kept.asked, task.clock)
+            if kept.fits(goal, nlp.size):
+                start = self._warm_start(task, goal, kept.solution, kept.target)
+                yield dataclasses.replace(start, asked=kept.asked, aim=kept.aim)
+
+    def _warm_start(self, task: Task, goal: Pose, solution: Solution, solved_for: Pose) -> Start:
+        """A start from a solution for another target."""
+        near = goal.distance(solved_for, self.scene.object.length / 2) < NEAR
+        return Start(goal, lambda nlp: solution.x, task.solvers[0], warm=solution, near=near)
 
     def prepare(self, throws: int = PREPARED, progress: Progress | None = None) -> int:
         """Solves throws all over the reach, for this planner's plans to start from.
@@ -160,10 +216,9 @@ class Planner:
             raise InputError(
                 "prepare: not for a scene with [choice], which looks for several throws"
             )
-        target, search = self.check(), Search(self.scene)
-        self._take_code(search)
-        key = nlp_key(self.bench.nlp(target, search), "fatrop")
-        made = functools.partial(solved, self.bench, self.releases, int(throws), progress)
+        self._take_code()
+        key = nlp_key(self.problems.nlp(self.check(), USUAL, Clock()), "fatrop")
+        made = functools.partial(solved, self.problems, self.releases, int(throws), progress)
         self._throws = stored_throws(key, self.scene, int(throws), made)
         return len(self._throws)
 
@@ -175,14 +230,16 @@ class Planner:
     @property
     def compiled(self) -> bool:
         """Whether the problems solved so far ran as machine code."""
-        return self.bench.compiled
+        return self.problems.compiled
 
-    def _take_code(self, search: Search) -> None:
-        """Machine code for the checks, as far as it may be and is there."""
-        if not self._code:
-            with search.clock("build"):
-                kernels = check_kernels(self.scene, self.mover)
-                self._code = [KernelCode(some, self._compiling) for some in kernels]
+    @functools.cached_property
+    def _code(self) -> list[KernelCode]:
+        """Machine code for the checks."""
+        kernels = check_kernels(self.scene, self.mover)
+        return [KernelCode(some, self._compiling) for some in kernels]
+
+    def _take_code(self) -> None:
+        """Lets the checks run as machine code, as far as that is there."""
         for code in self._code:
             code.take()
 
@@ -190,19 +247,14 @@ class Planner:
         """The target that `plan` would take; InputError if it does not fit the scene."""
         return checked_target(self.scene, target)
 
-    def _searched(
-        self,
-        target: Pose,
-        names: tuple[str, ...],
-        turns: Turns,
-        alternatives: int,
-        search: Search,
-    ) -> Plan:
-        """Solvers in turn, each from several starts; then the honest answer."""
-        outcome = self._search.run(target, turns, names, self._wanted(alternatives), search)
-        if outcome.found:
-            return self._chosen(outcome.found, alternatives, search)
-        return failed_plan(self.bench, target, outcome.answer, outcome.releases, names[-1], search)
+    def releases(self) -> Releases:
+        """The table of sampled releases that starting points come from."""
+        if self._releases is None:
+            draw = functools.partial(self._sampler.draw, SAMPLES)
+            self._releases = stored_releases(self.scene, self.mover, SAMPLES, 0, draw)
+        return self._releases
+
+    _releases: Releases | None = None
 
     def _method(self, robust: str | None) -> str:
         """The robust method that is asked for, empty if none."""
@@ -212,114 +264,113 @@ class Planner:
             raise InputError(f"robust = {robust!r}: must be one of {', '.join(ROBUST_METHODS)}")
         return robust
 
-    def _hardened(
-        self, plan: Plan, method: str, names: tuple[str, ...], turns: Turns, search: Search
-    ) -> Plan:
+    def _hardened(self, plan: Plan, method: str, turns: Turns, task: Task) -> Plan:
         """The plan of a robust throw to the same target, from `plan`'s or others to it."""
+        others: list[Outcome] = []
 
         def sources() -> Iterator[Plan]:
             yield plan
-            yield from self._searched(plan.target, names, turns, MORE_SOURCES, search).alternatives
+            others.append(self._search.run(task, turns, MORE_SOURCES + 1))
+            for attempt in ordered(distinct(others[0].solved), "effort")[1:]:
+                yield self._solved(attempt, [attempt], task)
 
-        bench = self._robust_bench()
-        trial = dataclasses.replace(search, scene=search.scene.replace(mesh=bench.scene.mesh))
-        found = hardened(bench, sources(), method, names, trial)
-        search.iterations, search.attempts = trial.iterations, trial.attempts
+        problems = self._robust_problems
+        scene = task.scene.replace(mesh=problems.scene.mesh)
+        hardening = Hardening(problems, method, dataclasses.replace(task, scene=scene))
+        found = hardening.best(sources())
+        tried = [*(a for outcome in others for a in outcome.attempts), *hardening.attempts]
+        plan = dataclasses.replace(
+            plan,
+            iterations=plan.iterations + sum(attempt.iterations for attempt in tried),
+            attempts=plan.attempts + sum(attempt.solves for attempt in tried),
+        )
         if found is None:
-            why = search.trouble[-1] if search.trouble else ""
-            words = f"no robust throw found by {method}: {why}"
+            reason = hardening.attempts[-1].reason if hardening.attempts else ""
+            words = f"no robust throw found by {method}: {reason}"
             return dataclasses.replace(plan, status="not_converged", message=words)
-        source, throw = found
-        made = solved_plan(self.bench, Found(source.target, throw.thrown, throw.solver), search)
-        if throw.method == "nominal":
-            words = f"{made.message}; no throw found that bears the opening better"
-            made = dataclasses.replace(made, message=words)
-        return dataclasses.replace(made, robust=throw.method, peak_load=throw.peak_load)
+        words = _lands(found.thrown, found.source.target)
+        if found.method == "nominal":
+            words += "; no throw found that bears the opening better"
+        variables, constraints = found.thrown.nlp.size
+        return dataclasses.replace(
+            found.source,
+            status="solved",
+            message=words,
+            throw=found.thrown,
+            solver=found.solver,
+            variables=variables,
+            constraints=constraints,
+            robust=found.method,
+            peak_load=found.peak_load,
+            iterations=plan.iterations,
+            attempts=plan.attempts,
+        )
 
-    def _robust_bench(self) -> Workbench:
-        """The workbench of robust NLPs, made when first needed."""
-        if self._quiet is None:
-            # A robust throw hardly slides: its opening needs even intervals, not ones that
-            # are short towards the end.
-            usual = self.scene.mesh == Mesh()
-            scene = self.scene.replace(mesh=QUIET_MESH) if usual else self.scene
-            self._quiet = Workbench(scene, self.mover, self._compiling)
-        return self._quiet
-
-    def starts(self, target: Pose, count: int = 1) -> list[tuple[int, Pose, float]]:
-        """(release of the table, target, scaled distance [m]) of the nearest landings."""
-        return starts(self.releases(), self.scene, target, "exact", count)
+    @functools.cached_property
+    def _robust_problems(self) -> Problems:
+        """The NLPs of robust plans."""
+        usual = self.scene.mesh == Mesh()
+        scene = self.scene.replace(mesh=QUIET_MESH) if usual else self.scene
+        return Problems(scene, self.mover, self._compiling)
 
     def _wanted(self, alternatives: int) -> int:
         """How many distinct throws to find before one is chosen."""
         choice = self.scene.choice
-        among = 1 if choice is None else choice.among
-        return max(among, 1 + alternatives)
+        return max(1 if choice is None else choice.among, 1 + alternatives)
 
-    def _chosen(self, found: list[Found], alternatives: int, search: Search) -> Plan:
-        """The plan of the best throw found, with the others that differ."""
-        by = "effort" if self.scene.choice is None else self.scene.choice.by
-        best, *others = ordered(distinct(found), by) if len(found) > 1 else found
-        plan = solved_plan(self.bench, best, search)
-        rest = tuple(solved_plan(self.bench, other, search) for other in others[:alternatives])
-        return dataclasses.replace(plan, alternatives=rest)
+    def _solved(
+        self, found: Attempt, tried: Sequence[Attempt], task: Task, iterations: int = 0
+    ) -> Plan:
+        """The plan of a throw that was found; iterations: of solves beside the attempts."""
+        assert found.throw is not None
+        goal, words = found.start.goal, _lands(found.throw, found.start.goal)
+        plan = self._plan(task, goal, "solved", words, tried, iterations, found.throw)
+        return dataclasses.replace(plan, solver=found.solver)
 
-    def _warm_plan(self, target: Pose, name: str, warm: Plan, search: Search) -> Plan | None:
-        """A plan from a neighbouring one, None if that does not lead to a solved throw."""
-        if warm.throw is None or warm.mover is not self.mover:
-            return None
-        if (warm.target.theta is None) != (target.theta is None):
-            return None
-        # Its multipliers fit its own NLP only.
-        kind, solution = self.bench.kind_of(warm.throw.nlp), warm.throw.solution
-        if kind is None or kind.robust:
-            return None
-        search.guards, search.room = kind.guards, warm.throw.room
-        problem = self.bench.problem(target, name, search)
-        return self._from_solution(problem, target, solution, warm.target, warm.throw.aim, search)
+    def _failed(self, outcome: Outcome, tried: Sequence[Attempt], task: Task) -> Plan:
+        """No throw found: out of reach with the nearest possible, or not converged."""
+        answer, late, target = outcome.answer, task.clock.late, task.target
+        plan = functools.partial(self._plan, task, target, tried=tried, more=outcome.iterations)
+        if answer is None and not late:
+            far, pose, words = highest(outcome.releases, target, task.scene.gravity)
+            found = plan("out_of_reach" if far else "not_converged", words)
+            return dataclasses.replace(found, nearest=pose, binding=("landing height",))
+        if answer is not None and answer.outside:
+            found = plan("out_of_reach", _out_of_reach(answer, target))
+            return dataclasses.replace(found, nearest=answer.pose, binding=answer.names)
+        broken = [attempt for attempt in tried if attempt.throw is not None]
+        thrown = broken[0].throw if broken else None
+        reasons = [attempt.reason for attempt in broken[:1] or tried[-1:]]
+        message = f"no throw found: {(reasons or [''])[0] or 'no feasible release to start from'}"
+        if late:
+            message += "; given up after the longest time, more may help (Planner.plan(patience=…))"
+        return plan("not_converged", message, throw=thrown)
 
-    def _recalled(self, target: Pose, name: str, turns: Turns, search: Search) -> Plan | None:
-        """A plan from one of the solved throws nearby, None if that does not lead to one."""
-        assert self._throws is not None
-        asked = search.asked
-        with search.clock("guess"):
-            near_ones = self._throws.near(goals_of(self.releases(), self.scene, target, turns))
-        for near, goal in near_ones:
-            if search.late:
-                break
-            search.guards, search.room = near.guards, near.room
-            problem = self.bench.problem(goal, name, search)
-            if not near.fits(goal, problem.nlp.size):
-                continue
-            plan = self._from_solution(problem, goal, near.solution, near.target, near.aim, search)
-            if plan is not None:
-                return plan
-        search.guards, search.room = asked
-        return None
-
-    def _from_solution(
+    def _plan(
         self,
-        problem: Problem,
-        goal: Pose,
-        solution: Solution,
-        solved: Pose,
-        aim: tuple[float, float],
-        search: Search,
-    ) -> Plan | None:
-        """A plan from a solution of the same NLP for the target `solved`, and where that aimed."""
-        near = goal.distance(solved, self.scene.object.length / 2) < BESIDE
-        start = goal, solution.x, search, solution, aim
-        thrown = attempt(problem, self.mover, *start, near=near)
-        if thrown is None:
-            return None
-        return solved_plan(self.bench, Found(goal, thrown, problem.solver.name), search)
-
-    def releases(self) -> Releases:
-        """The table of sampled releases that starting points come from."""
-        if self._releases is None:
-            draw = functools.partial(self._sampler.draw, SAMPLES)
-            self._releases = stored(self.scene, self.mover, SAMPLES, 0, draw)
-        return self._releases
+        task: Task,
+        target: Pose,
+        status: Status,
+        message: str,
+        tried: Sequence[Attempt],
+        more: int,
+        throw: PlannedThrow | None = None,
+    ) -> Plan:
+        nlp = self.problems.nlp(target, USUAL, task.clock) if throw is None else throw.nlp
+        variables, constraints = nlp.size
+        return Plan(
+            task.scene,
+            self.mover,
+            target,
+            status,
+            message,
+            throw,
+            solver=task.solvers[-1],
+            iterations=more + sum(attempt.iterations for attempt in tried),
+            attempts=sum(attempt.solves for attempt in tried),
+            variables=variables,
+            constraints=constraints,
+        )
 
 
 def plan(
@@ -335,3 +386,29 @@ def plan(
     Raises InputError for wrong input; every other end is the plan's status.
     """
     return Planner(as_scene(scene)).plan(target, solver=solver, turns=turns)
+
+
+def _check_one_of(name: str, value: object, allowed: Any) -> None:
+    """InputError unless `value` is one of a Literal's."""
+    if value not in get_args(allowed):
+        raise InputError(f"{name} = {value!r}: must be one of {', '.join(get_args(allowed))}")
+
+
+def _lands(thrown: PlannedThrow, goal: Pose) -> str:
+    """Where a throw lands, in words."""
+    dx, dtheta = thrown.final.miss(goal)
+    turn = "" if goal.theta is None else f" and {math.degrees(abs(dtheta)):.3f} deg"
+    return f"lands {1e3 * abs(dx):.3f} mm{turn} from the target"
+
+
+def _out_of_reach(answer: Binding, target: Pose) -> str:
+    """The nearest possible landing in words; a hint for an angle that may have been degrees."""
+    pose = answer.pose
+    assert pose is not None
+    angle = "" if pose.theta is None else f", theta {math.degrees(pose.theta):.1f} deg"
+    limits = f" (limited by {', '.join(answer.names[:4])})" if answer.names else ""
+    words = f"out of reach: nearest possible x {pose.plane_x:.3f} m{angle}{limits}"
+    if target.theta is None or abs(target.theta) < MANY_TURNS * 2 * math.pi:
+        return words
+    turns = target.theta / (2 * math.pi)
+    return f"{words}; theta {target.theta:g} rad is {turns:.1f} turns: Pose takes radians"

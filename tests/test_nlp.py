@@ -13,8 +13,7 @@ from throwplan.planner.check.mover import make_mover
 from throwplan.planner.ocp.derivatives import nlp_functions
 from throwplan.planner.ocp.nlp import ThrowNlp, build_nlp
 from throwplan.planner.ocp.numbers import bounds, parameter_values, structure_of
-from throwplan.planner.search.guess import guess_from
-from throwplan.planner.search.releases import ReleaseSampler, nearest
+from throwplan.planner.search import ReleaseSampler, guess_from, starts
 
 #: (variables, constraints) of the built-in scenes: what a scene does not need is not there.
 SIZES = {
@@ -39,7 +38,7 @@ def point_of(scene: tp.Scene, nlp: ThrowNlp) -> tuple[np.ndarray, np.ndarray]:
     sampler = ReleaseSampler(scene, mover)
     releases = sampler.draw(6000)
     target = scene.target
-    index = nearest(releases, scene, target.x, target.z, target.theta, 1)[0][0]
+    index = starts(releases, scene, target, "exact", 1)[0][0]
     flight = releases.flight_time(index, target.z, scene.gravity)
     x = guess_from(nlp, scene, mover, releases, int(index), flight)
     return x, nlp.parameters.vector(parameter_values(scene, mover, target))

@@ -11,6 +11,7 @@ import hashlib
 import os
 import sys
 import tempfile
+import tokenize
 import zipfile
 import zlib
 from collections.abc import Callable
@@ -19,7 +20,7 @@ from pathlib import Path
 #: What reading a damaged NPZ file may raise.
 DAMAGED = (
     *(OSError, ValueError, KeyError, IndexError, TypeError, EOFError, RuntimeError),
-    *(zipfile.BadZipFile, zlib.error),
+    *(zipfile.BadZipFile, zlib.error, SyntaxError, tokenize.TokenError),
 )
 
 

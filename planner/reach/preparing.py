@@ -2,9 +2,19 @@
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Iterator
 
-from ..search import Releases, Search, SolvedThrow, Workbench, from_release, starts, targets
+from ..search import (
+    Problems,
+    Releases,
+    SolvedThrow,
+    Task,
+    attempts,
+    release_start,
+    spread_targets,
+    starts,
+)
 from .reach_map import reach_map
 
 #: Sampled states whose landings are the targets, and starts tried of each target.
@@ -12,7 +22,7 @@ SAMPLES, STARTS = 60_000, 3
 
 
 def solved(
-    bench: Workbench,
+    problems: Problems,
     table: Callable[[], Releases],
     throws: int,
     progress: Callable[[int, int], None] | None,
@@ -21,17 +31,18 @@ def solved(
 
     table: gives the sampled releases; progress(tried, all) is called before each and at the end.
     """
-    scene = bench.scene
+    scene = problems.scene
     reach, releases = reach_map(scene, samples=SAMPLES), table()
-    wanted = targets(scene, reach.x, reach.theta, throws)
+    wanted = spread_targets(scene, reach.x, reach.theta, throws)
     for number, target in enumerate(wanted):
         if progress is not None:
             progress(number, len(wanted))
-        search = Search(scene.aimed_at(target))
+        task = Task(scene.aimed_at(target), target, ("fatrop",))
         for index, goal, _ in starts(releases, scene, target, "exact", STARTS):
-            found = from_release(bench, "fatrop", index, goal, releases, search, True)
-            if found is not None:
-                yield SolvedThrow.of(found.thrown, goal, search.guards)
+            start = release_start(problems, task, releases, index, goal)
+            *_, last = attempts(problems, dataclasses.replace(start, light=True), task)
+            if last.throw is not None and last.solved:
+                yield SolvedThrow.of(last.throw, goal)
                 break
     if progress is not None:
         progress(len(wanted), len(wanted))

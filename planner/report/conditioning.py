@@ -26,7 +26,9 @@ def kkt_matrix(thrown: PlannedThrow) -> Array:
     assert target is not None
     window = window_of(scene) if nlp.structure.robust else None
     goal = target.in_plane(target.plane_x + thrown.aim[0], target.turned(thrown.aim[1]).theta)
-    numbers = nlp.parameters.vector(parameter_values(scene, mover, goal, window, thrown.room))
+    numbers = nlp.parameters.vector(
+        parameter_values(scene, mover, goal, window, thrown.asked.margins)
+    )
     functions = nlp_functions(nlp, "fatrop")
     hessian = functions["nlp_hess_l"](at.x, numbers, 1.0, at.lam_g)[1].full()
     g, jacobian = (part.full() for part in functions["nlp_jac_g"](at.x, numbers))

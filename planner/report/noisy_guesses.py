@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import collections
+import dataclasses
 import functools
 from typing import Any
 
@@ -13,7 +14,7 @@ from ...problems import load_scene
 from ..ocp import ThrowNlp
 from ..plan import Planner
 from ..result import Plan
-from ..search import Search, attempt, guess_from
+from ..search import Task, attempts, release_start, starts
 from .in_turn import ENDINGS, shared
 from .judge import STEPS, judged
 from .page import Effort, Table
@@ -42,17 +43,20 @@ def from_noisy_guess(name: str, size: float, number: int) -> tuple[str, str]:
     planner, plan = _planned(name)
     rng = np.random.default_rng([SEED, number])
     target, releases = plan.target, planner.releases()
-    index, goal, _ = planner.starts(target)[0]
     scene = plan.scene.aimed_at(target)
-    flight = releases.flight_time(index, goal.z, scene.gravity)
-    search = Search(scene)
-    nlp = planner.bench.nlp(goal, search)
-    guess = guess_from(nlp, scene, planner.mover, releases, index, flight)
-    noise = size * np.maximum(_spread(nlp, guess), 0.1) * rng.standard_normal(guess.size)
-    problem = planner.bench.problem(goal, "fatrop", search)
-    thrown = attempt(problem, planner.mover, goal, guess + noise, search)
-    if thrown is None:
-        return "failed", "; ".join(search.trouble)
+    task = Task(scene, target, ("fatrop",))
+    index, goal, _ = starts(releases, scene, target, "exact", 1)[0]
+    start = release_start(planner.problems, task, releases, index, goal)
+
+    def noisy(nlp: ThrowNlp) -> Array:
+        guess = start.guess(nlp)
+        return guess + size * np.maximum(_spread(nlp, guess), 0.1) * rng.standard_normal(guess.size)
+
+    start = dataclasses.replace(start, guess=noisy, tries=1)
+    attempt = next(attempts(planner.problems, start, task))
+    thrown = attempt.throw
+    if thrown is None or not attempt.solved:
+        return "failed", attempt.reason
     wrong = judged(thrown, target, STEPS // 4).wrong
     return ("false" if wrong else "true"), "; ".join(wrong)
 

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from ...problems import Pose, Scene
+from ...problems import Scene
 from ..check import Guard
 from ..compile import Compile
-from ..ocp import ThrowNlp, nlp_functions, opening_nodes, parameter_values, window_of
+from ..ocp import Asked, ThrowNlp, nlp_functions, opening_nodes, parameter_values, window_of
 from ..plan import Planner
 from ..result import PlannedThrow
-from ..search import Search, attempt, guess_from, refit
+from ..search import Attempt, Clock, Task, attempts, refit, release_start, starts
 from .page import Cell
 
 Array = npt.NDArray[np.float64]
@@ -104,12 +106,16 @@ COLUMNS = (
 
 @dataclass
 class Run:
-    """One way to a throw. solve [s], iterations: of the last NLP tried."""
+    """One way to a throw. last: the last NLP tried; solve [s]: of that one."""
 
-    search: Search
-    thrown: PlannedThrow | None = None
+    clock: Clock
+    last: Attempt | None = None
     solve: float = math.nan
-    iterations: int = 0
+
+    @property
+    def thrown(self) -> PlannedThrow | None:
+        """The throw, if the way led to one."""
+        return self.last.throw if self.last is not None and self.last.solved else None
 
 
 def operations(nlp: ThrowNlp) -> int:
@@ -132,75 +138,58 @@ def measured(posed: Posed, repeats: int, compiling: Compile = "no") -> Measured:
     target = posed.scene.target
     assert target is not None
     guards, robust = posed.steps[-1]
-    search = Search(posed.scene, guards=guards)
-    nlp = planner.bench.nlp(target, search, robust) if first.thrown is None else first.thrown.nlp
+    clock = Clock()
+    thrown, last = first.thrown, first.last
+    nlp = thrown.nlp if thrown else planner.problems.nlp(target, Asked(guards), clock, robust)
     return Measured(
         *nlp.size,
         nlp.problem["p"].numel(),
         operations(nlp),
-        _function_time(planner, nlp, first.thrown),
-        first.iterations,
-        first.search.times["build"],
+        _function_time(planner, nlp, thrown),
+        0 if last is None else last.iterations,
+        first.clock.seconds["build"],
         # The least: others on the machine only add.
         float(np.min([run.solve for run in runs])),
-        float(np.min([run.search.times["solve"] for run in runs])),
-        "" if first.thrown else first.search.trouble[-1],
+        float(np.min([run.clock.seconds["solve"] for run in runs])),
+        "" if thrown or last is None else last.reason,
     )
 
 
 def _run(planner: Planner, posed: Posed) -> Run:
     """The planner's own way to a throw: from its starts, one NLP's throw to the next one's."""
-    run = Run(Search(posed.scene))
-    target = posed.scene.target
+    run, target, scene = Run(Clock()), posed.scene.target, posed.scene
     assert target is not None
+    task = Task(scene, target, ("fatrop",), run.clock)
     releases = planner.releases()
-    flights = releases.landings(target.z, posed.scene.gravity)[2]
-    for index, goal, _ in planner.starts(target, STARTS):
-        source: PlannedThrow | None = None
+    nodes = opening_nodes(scene.mesh, scene.gripper.profile().opening)
+    for index, goal, _ in starts(releases, scene, target, "exact", STARTS):
+        start = release_start(planner.problems, task, releases, index, goal)
         for guards, robust in posed.steps:
-            if source is None:
-                run.search.guards = guards
-                nlp = planner.bench.nlp(goal, run.search)
-                flight = float(flights[index])
-                guess = guess_from(nlp, posed.scene, planner.mover, releases, index, flight)
-            else:
-                guess = _from(source, planner, goal, guards, robust, run.search)
-            _attempt(run, planner, goal, guess, robust)
-            source = run.thrown or run.search.broken
+            before = run.clock.seconds["solve"]
+            start = dataclasses.replace(start, asked=Asked(guards), robust=robust, tries=1)
+            run.last = next(attempts(planner.problems, start, task))
+            run.solve = run.clock.seconds["solve"] - before
+            source = run.last.throw
             if source is None:
                 break
+            start = dataclasses.replace(start, guess=_from(source, scene, nodes, posed))
         if run.thrown is not None:
             break
     return run
 
 
 def _from(
-    source: PlannedThrow,
-    planner: Planner,
-    goal: Pose,
-    guards: frozenset[Guard],
-    robust: str,
-    search: Search,
-) -> Array:
+    source: PlannedThrow, scene: Scene, nodes: Array, posed: Posed
+) -> Callable[[ThrowNlp], Array]:
     """Guess of the next NLP from the throw before it."""
-    scene = search.scene
-    search.guards = guards
-    nodes = opening_nodes(scene.mesh, scene.gripper.profile().opening)
-    step, delays = 0.0, np.zeros(0)
-    if robust:
-        window = window_of(scene)
-        step, delays = window.step, window.delays
-    return refit(planner.bench.nlp(goal, search, robust), source, nodes, step, delays)
+    window = window_of(scene)
 
+    def guess(nlp: ThrowNlp) -> Array:
+        robust = bool(nlp.structure.robust)
+        delays = window.delays if robust else np.zeros(0)
+        return refit(nlp, source, nodes, window.step if robust else 0.0, delays)
 
-def _attempt(run: Run, planner: Planner, goal: Pose, guess: Array, robust: str) -> None:
-    """Solves the next NLP."""
-    search = run.search
-    problem = planner.bench.problem(goal, "fatrop", search, robust)
-    before, iterations = search.times["solve"], search.iterations
-    run.thrown = attempt(problem, planner.mover, goal, guess, search)
-    run.solve = search.times["solve"] - before
-    run.iterations = search.iterations - iterations
+    return guess
 
 
 def _function_time(planner: Planner, nlp: ThrowNlp, thrown: PlannedThrow | None) -> float:

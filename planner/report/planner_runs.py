@@ -14,9 +14,9 @@ import numpy.typing as npt
 from ...problems import Pose, Scene
 from ..check import SmoothingError, send, throw
 from ..compile import Compile
-from ..ocp import bounds, opening_nodes, opening_start, parameter_values, planned_motion
+from ..ocp import USUAL, bounds, opening_nodes, opening_start, parameter_values, planned_motion
 from ..plan import Planner, SolverName
-from ..search import Search, guess_from
+from ..search import Clock, guess_from, starts
 from .warmed import warmed
 
 Array = npt.NDArray[np.float64]
@@ -114,11 +114,11 @@ class _First(NamedTuple):
 
 def _first(planner: Planner, target: Pose, solver: str, repeats: int) -> _First:
     """One solve from the nearest sampled release."""
-    scene, mover, search = planner.scene.aimed_at(target), planner.mover, Search(planner.scene)
+    scene, mover = planner.scene.aimed_at(target), planner.mover
     releases = planner.releases()
-    index = planner.starts(target)[0][0]
+    index = starts(releases, scene, target, "exact", 1)[0][0]
     flight = releases.flight_time(index, target.z, scene.gravity)
-    problem = planner.bench.problem(target, solver, search)
+    problem = planner.problems.problem(target, USUAL, solver, Clock())
     nlp = problem.nlp
     guess = guess_from(nlp, scene, mover, releases, index, flight)
     numbers = nlp.parameters.vector(parameter_values(scene, mover, target))

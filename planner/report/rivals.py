@@ -8,9 +8,9 @@ import time
 import numpy as np
 
 from ...problems import Pose, Scene
-from ..ocp import bounds, parameter_values
+from ..ocp import USUAL, bounds, parameter_values
 from ..plan import Planner
-from ..search import Search, guess_from
+from ..search import Clock, guess_from, starts
 from .page import Cell, Table
 from .single_shooting import SingleShooting
 
@@ -27,14 +27,14 @@ WAYS = (
 def rivals(scene: Scene, targets: list[Pose]) -> Table:
     """First solves without corrections; functions not compiled, the same for all."""
     planner = Planner(scene, compiling="no")
-    bench, mover, search = planner.bench, planner.mover, Search(scene)
+    mover = planner.mover
     releases = planner.releases()
     still = int(np.argmin(np.abs(releases.dq).sum(axis=1)))
     shooting = SingleShooting(scene)
     found: dict[tuple[str, str], list[tuple[bool, float]]] = {way: [] for way in WAYS}
     for target in targets:
         aimed = scene.aimed_at(target)
-        first = planner.starts(target)[0][0]
+        first = starts(releases, scene, target, "exact", 1)[0][0]
         _, _, flights = releases.landings(target.z, scene.gravity)
         for way in WAYS:
             solver, start = way
@@ -43,7 +43,7 @@ def rivals(scene: Scene, targets: list[Pose]) -> Table:
             if solver.startswith("SLSQP"):
                 found[way].append(shooting.solve(aimed, target, releases, index, flight))
                 continue
-            problem = bench.problem(target, solver.lower(), search)
+            problem = planner.problems.problem(target, USUAL, solver.lower(), Clock())
             guess = guess_from(problem.nlp, aimed, mover, releases, index, flight)
             numbers = problem.nlp.parameters.vector(parameter_values(aimed, mover, target))
             begin = time.perf_counter()

@@ -27,7 +27,7 @@ def warmed(
         for target in targets:
             first.plan(target, solver=solver)
         until = time.perf_counter() + LONGEST
-        while first.bench.awaited and time.perf_counter() < until:
+        while first.problems.awaited and time.perf_counter() < until:
             time.sleep(0.2)
         compiling = "cached"
     planner = Planner(scene, compiling=compiling)

@@ -12,7 +12,7 @@ from typing import Any, Literal
 from ...models import Arm
 from ...problems import InputError, Pose, Scene
 from ..check import Landing, Mover, PlannedMotion, SampledMotion, Thrown, limit_surface_throw
-from ..ocp import USUAL, Margins, Solution, ThrowNlp
+from ..ocp import USUAL, Asked, Solution, ThrowNlp
 from .files import Draw, save_plan
 
 Status = Literal["solved", "out_of_reach", "not_converged"]
@@ -26,7 +26,7 @@ class PlannedThrow:
     for a hand scene, whose motion is checked as planned; samples are what motion.csv holds.
     final: the throw that counts, by the model of the tolerance; aim: how far beside the
     target (dx [m], dtheta [rad]) the NLP's landing is put, so that this one is at it;
-    room: what its NLP kept more than usual.
+    asked: what its NLP had beyond the usual constraints.
     """
 
     scene: Scene
@@ -41,7 +41,7 @@ class PlannedThrow:
     sent: Thrown | None
     final: Thrown
     aim: tuple[float, float]
-    room: Margins = USUAL.margins
+    asked: Asked = USUAL
 
     @cached_property
     def limit_surface(self) -> Thrown:

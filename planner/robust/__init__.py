@@ -1,5 +1,5 @@
 """Plans that bear an uncertain opening: quiet releases, scenarios, constant rates."""
 
-from .hardening import hardened
+from .hardening import Hardened, Hardening
 
-__all__ = ["hardened"]
+__all__ = ["Hardened", "Hardening"]

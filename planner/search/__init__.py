@@ -1,45 +1,39 @@
 """Where solves start and how they go on: release table, solved throws, corrections.
 
-Also answers what is the nearest landing possible, and which limits bind there.
+Also answers which landing is the nearest possible, and which limits bind there.
 """
 
-from .alternatives import Found, distinct, ordered
-from .answers import failed_plan, solved_plan
-from .correction import Problem, Search, attempt
-from .from_release import from_release
-from .guess import guess_from
-from .nearest_possible import Reach, highest
-from .refit import refit
-from .release_cache import stored as release_cache_stored
-from .release_room import flies_past_column
-from .releases import Releases, ReleaseSampler, joined
-from .run_up import polynomial, run_up
-from .scatter import scatter
-from .solved_throws import SolvedThrow, SolvedThrows, targets
-from .solved_throws import stored as solved_throws_stored
-from .start import check_start
-from .starts import Turns, goals_of, starts
-from .table_search import TableSearch
-from .workbench import Workbench
+from .attempt import Attempt, Start, attempts, violations
+from .choice import distinct, ordered, scatter
+from .guess import guess_from, refit
+from .nearest import Binding, Reach, highest
+from .nlps import Clock, Problem, Problems, Task, check_start
+from .release_table import Releases, Turns, goals_of, joined, starts
+from .run_up import flies_past_column, polynomial, run_up
+from .sampling import ReleaseSampler, stored_releases
+from .stored import SolvedThrow, SolvedThrows, spread_targets, stored_throws
+from .table import Outcome, TableSearch, release_start
 
 __all__ = [
-    "Found",
+    "Attempt",
+    "Binding",
+    "Clock",
+    "Outcome",
     "Problem",
+    "Problems",
     "Reach",
     "ReleaseSampler",
     "Releases",
-    "Search",
     "SolvedThrow",
     "SolvedThrows",
+    "Start",
     "TableSearch",
+    "Task",
     "Turns",
-    "Workbench",
-    "attempt",
+    "attempts",
     "check_start",
     "distinct",
-    "failed_plan",
     "flies_past_column",
-    "from_release",
     "goals_of",
     "guess_from",
     "highest",
@@ -47,11 +41,12 @@ __all__ = [
     "ordered",
     "polynomial",
     "refit",
-    "release_cache_stored",
+    "release_start",
     "run_up",
     "scatter",
-    "solved_plan",
-    "solved_throws_stored",
+    "spread_targets",
     "starts",
-    "targets",
+    "stored_releases",
+    "stored_throws",
+    "violations",
 ]

@@ -1,4 +1,4 @@
-"""A sampled release as the starting point of an NLP."""
+"""Decision vectors to start an NLP from: of a sampled release, or of a throw of another NLP."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ import numpy.typing as npt
 from ...problems import Scene
 from ..check import Mover, MoverTrack, PlannedMotion, case_of, relative_states
 from ..ocp import JERK_UNIT, ThrowNlp, lower_end, opening_nodes, stage_times, with_accelerations
-from .releases import Releases
+from ..result import PlannedThrow
+from .release_table import Releases
 from .run_up import polynomial, run_up
 
 Array = npt.NDArray[np.float64]
@@ -83,3 +84,52 @@ def _cup_times(scene: Scene, detach: Array, flight: float, depths: int) -> Array
 
     asked = cup.insertion * np.arange(depths) / max(depths - 1, 1)
     return np.append(when(corner, np.zeros(1)), when(middle, asked))
+
+
+def refit(nlp: ThrowNlp, throw: PlannedThrow, nodes: Array, step: float, delays: Array) -> Array:
+    """Decision vector of `nlp` from a throw of another; delays (scenarios,) [s]."""
+    source = throw.nlp
+    s, old = nlp.structure, source.structure
+    times = stage_times(s, throw.opening_time, nodes, step)
+    coordinates = dict(zip(("q", "dq", "ddq"), throw.planned.at(times), strict=True))
+    x = throw.solution.x
+    flight = float(source.block(x, "t_f", old.detach)[0])  # type: ignore[index]
+    size = 6 if s.pivot else 4
+    # The source's opening may have other intervals.
+    before = opening_nodes(throw.scene.mesh, float(nodes[-1]))
+    relative = [source.block(x, "rel", old.opens + i) for i in range(1, old.opening + 1)]
+    track = np.array([np.zeros(size), *[r for r in relative if r is not None]])
+
+    def relative_at(since: float) -> Array:
+        return np.array([np.interp(since, before, track[:, i]) for i in range(size)])
+
+    entered = [source.block(x, f"t_cup{i}", old.detach) for i in range(old.cup)]
+    entries = [float(time[0]) for time in entered if time is not None]
+    depths = np.linspace(0.0, 1.0, len(entries))
+
+    def scenario(name: str, k: int) -> Array:
+        return relative_at(times[k] - throw.opening_time - delays[int(name.rsplit("_", 1)[1])])
+
+    def value(name: str, k: int) -> Array | float:
+        if name in coordinates:
+            return np.asarray(coordinates[name][:, k])
+        if name == "c":
+            kind = "ddq" if s.jerk_control else "dq"
+            change = coordinates[kind][:, k + 1] - coordinates[kind][:, k]
+            slope = change / (times[k + 1] - times[k])
+            return np.asarray(slope / JERK_UNIT if s.jerk_control else slope)
+        if name == "T":
+            return throw.opening_time - s.early * step
+        if name == "rel":
+            return relative_at(float(nodes[k - s.opens]))
+        if name.startswith("rel_"):
+            return scenario(name, k)
+        if name.startswith("t_cup"):
+            return float(np.interp(int(name[5:]) / max(s.cup - 1, 1), depths, entries))
+        if name == "t_rim":
+            return np.asarray(source.block(x, name, old.detach))
+        if name.startswith("t_f_"):
+            return flight - s.late * step
+        return flight if name == "t_f" else 0.0
+
+    return with_accelerations(nlp, nlp.fill(value), np.diff(nodes))

@@ -1,6 +1,7 @@
-"""Run-ups in closed form: polynomials from rest to a state of the coordinates.
+"""Sampled throws in closed form: their run-ups, and whether these and the flight clear obstacles.
 
-The launch of a sampled release, for the table, the map, guesses, and random test motions.
+A run-up is a polynomial from rest to a state of the coordinates. Solves that start from a run-up
+through the base column mostly end with one, so each sampled throw is marked.
 """
 
 from __future__ import annotations
@@ -10,7 +11,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ...models import FlightState
+from ...problems import Scene
+from ..check import PALM_TIMES, Mover, column_of, column_room, held_bar, palm_distance
+from ..compile import mapped
+from ..ocp import BRAKE_SHARE
+
 Array = npt.NDArray[np.float64]
+
+#: Instants of the run-up, and of the flight, at which the bar is held against the column.
+INSTANTS, FLIGHT_INSTANTS = 24, 40
 
 
 def run_up(start: Array | None, q: Array, dq: Array, ddq: Array, duration: Any) -> list[Array]:
@@ -42,3 +52,70 @@ def polynomial(coefficients: list[Array], t: Any, derivative: int = 0) -> Array:
         factor = float(np.prod(np.arange(power, power - derivative, -1)))
         terms.append(factor * coefficients[power] * t ** (power - derivative))
     return np.asarray(sum(terms))
+
+
+def clears_column(
+    scene: Scene, mover: Mover, path: list[Array], duration: Array
+) -> npt.NDArray[np.bool_]:
+    """Whether the held bar (N,) stays out of the base column on N run-ups.
+
+    path: coefficients (N, n) as `run_up` gives them; duration (N, 1) [s]. True where nothing is
+    asked.
+    """
+    clear = np.ones(len(duration), dtype=bool)
+    column = column_of(scene)
+    if column is None or not clear.size:
+        return clear
+    for share in np.linspace(0.0, 1.0, INSTANTS):
+        q = polynomial(path, share * duration)
+        hand = mapped(mover.motion)(q, 0 * q, 0 * q)[0].T
+        clear &= column_room(scene.object, held_bar(scene, hand), *column) >= 0.0
+    return clear
+
+
+def flies_past_column(
+    scene: Scene, detach: Array, duration: Array, room: float = 0.0
+) -> npt.NDArray[np.bool_]:
+    """Whether the flying bar (N,) stays out of the base column, by `room` [m] or more.
+
+    detach (N, 6): the bar's pose and twist there; duration (N,) [s] of the flights, NaN where it
+    does not come down, which counts as not clear. True where nothing is asked.
+    """
+    clear = np.ones(len(detach), dtype=bool)
+    column = column_of(scene)
+    if column is None or not clear.size:
+        return clear
+    clear &= np.isfinite(duration)
+    for share in np.linspace(0.0, 1.0, FLIGHT_INSTANTS):
+        com = _flown(scene, detach, share * np.nan_to_num(duration))
+        clear &= column_room(scene.object, com, *column) >= room
+    return clear
+
+
+def clears_palm(
+    scene: Scene, mover: Mover, q: Array, dq: Array, detach: Array
+) -> npt.NDArray[np.bool_]:
+    """Whether the bar (N,) keeps the scene's clearance to the hand's body after detach.
+
+    q, dq (N, n): coordinates and rates at detach, from where each brakes at what is counted
+    on; detach (N, 6): the bar's pose and twist there. True where nothing is asked.
+    """
+    clear = np.ones(len(q), dtype=bool)
+    workspace, arm = scene.workspace, scene.arm
+    if workspace is None or workspace.palm_clearance is None or arm is None or not len(q):
+        return clear
+    stop_time = np.abs(dq) / (BRAKE_SHARE * mover.planning.ddq) + 1e-9
+    still = np.zeros_like(q)
+    for t in PALM_TIMES:
+        moving = np.minimum(t / stop_time, 1.0)
+        there = q + dq * stop_time * (moving - moving**2 / 2)
+        hand = mapped(mover.motion)(there, still, still)[0].T
+        com = _flown(scene, detach, t)
+        clear &= palm_distance(scene.object, arm.tool, com, hand) >= workspace.palm_clearance
+    return clear
+
+
+def _flown(scene: Scene, detach: Array, times: Array | float) -> Array:
+    """CoM poses (3, N) at `times` [s] after detach (N, 6)."""
+    state = FlightState(*detach.T).after(times, scene.gravity)
+    return np.array([state.x, state.z, state.theta])

@@ -8,13 +8,10 @@ import math
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner.check.mover import make_mover
-from throwplan.planner.check.rollout import friction_use, hand_samples
-from throwplan.planner.ocp.nlp import build_nlp
-from throwplan.planner.ocp.numbers import opening_nodes, structure_of
-from throwplan.planner.ocp.window import window_of
+from throwplan.planner.check import friction_use, hand_samples, make_mover
+from throwplan.planner.ocp import build_nlp, opening_nodes, structure_of, window_of
 from throwplan.planner.plan import QUIET_MESH
-from throwplan.planner.search.refit import refit
+from throwplan.planner.search import refit
 from throwplan.problems import Robust
 
 

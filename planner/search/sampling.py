@@ -1,96 +1,43 @@
-"""Sampled releases: what a scene can throw, and starting points for the NLP.
+"""Random feasible releases: all over the limits, where landings are sparse, near a target.
 
-Random states of the coordinates at the start of the opening, kept when limits, grip,
-run-up and room to brake allow them, are thrown through the non-smooth sliding pivot
-as one batch. The landing nearest a target then starts the NLP.
+Random states of the coordinates at the start of the opening, kept when limits, grip, run-up and
+brake allow them, are thrown through the non-smooth sliding pivot as one batch.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
-from typing import Any
+from collections.abc import Callable
+from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from ...models import HandMotion, HandSamples, SlidingPivot, land, rk4_step
-from ...problems import Scene
-from ..check import Mover, friction_use
-from ..ocp import BRAKE_SHARE
-from .release_room import clears_column, clears_palm
-from .run_up import run_up
-from .sparse import sparse_parents
+from ...models import HandMotion, HandSamples, SlidingPivot, rk4_step
+from ...problems import Pose, Scene
+from ..check import Mover, column_room, friction_use
+from ..compile import DAMAGED, cache_folder, digest, publish, source_of
+from ..ocp import BRAKE_SHARE, parameter_values
+from .release_table import ARRAYS, Releases, distances, joined
+from .run_up import clears_column, clears_palm, run_up
 
 Array = npt.NDArray[np.float64]
 
 #: Runge-Kutta steps of the opening in the table.
 TABLE_STEPS = 12
-#: Nearest landings among which starting points are chosen, and how far apart these are: as a
-#: share of the table's range of some coordinate, rate or the flight time.
-POOL, DIFFERENT = 400, 0.15
 #: Share of a table drawn beside releases whose landings are sparse, and in how many rounds.
 SPARSE_SHARE, ROUNDS = 0.6, 6
-#: How much nearer [m, scaled error] a landing must be for a throw that meets column or hand.
-DETOUR = 0.1
 #: How near, in shares of the limits' range.
 NEARNESS = (0.01, 0.1)
-
-
-@dataclass(frozen=True)
-class Releases:
-    """Feasible sampled releases: (N, n) coordinates, rates and accelerations at the
-    opening's start, run-up time (N,), detach states (N, 6): x, z, theta, v_x, v_z, omega,
-    and whether (N,) the bar clears the base column on the run-up, and then the hand's body.
-    """
-
-    q: Array
-    dq: Array
-    ddq: Array
-    run_up: Array
-    detach: Array
-    clear: npt.NDArray[np.bool_]
-
-    # Of the last height asked for: a plan asks several times for one.
-    _last: dict[str, Any] = field(default_factory=dict, repr=False, init=False)
-
-    def landings(self, height: float, gravity: float) -> tuple[Array, Array, Array]:
-        """x [m], theta [rad] and flight time [s] of coming down through `height`; NaN if not."""
-        x, theta, time = self._at(height, gravity)["landings"]
-        return x, theta, time
-
-    def flight_time(self, index: int, height: float, gravity: float) -> float:
-        """How long release `index` flies down to `height` [s]; NaN if it does not."""
-        return float(self.landings(height, gravity)[2][index])
-
-    def shares(self, height: float, gravity: float) -> Array:
-        """Coordinates, rates and flight times (N, 2n + 1), each as a share of its range."""
-        last = self._at(height, gravity)
-        if "shares" not in last:
-            states = np.hstack([self.q, self.dq, last["landings"][2][:, None]])
-            spread = np.nanmax(states, axis=0) - np.nanmin(states, axis=0)
-            last["shares"] = states / np.maximum(spread, 1e-9)
-        return np.asarray(last["shares"])
-
-    def _at(self, height: float, gravity: float) -> dict[str, Any]:
-        if self._last.get("for") != (height, gravity):
-            self._last.clear()
-            found = land(self.detach, height, gravity).T.copy()
-            self._last.update({"for": (height, gravity), "landings": found})
-        return self._last
-
-    def picked(self, chosen: npt.NDArray[Any]) -> Releases:
-        """Some of the releases: flags (N,) or indices."""
-        return Releases(*(getattr(self, name)[chosen] for name in ARRAYS))
-
-
-#: What a table of releases holds.
-ARRAYS = ("q", "dq", "ddq", "run_up", "detach", "clear")
-
-
-def joined(*parts: Releases) -> Releases:
-    """The releases of all parts, one after the other."""
-    return Releases(*(np.concatenate([getattr(p, name) for p in parts]) for name in ARRAYS))
+#: Bins across the range of landings, each way.
+BINS = 40
+#: How much more often a bin at the edge of the reached ones is taken.
+EDGE = 3.0
+#: Releases kept from round to round, states drawn beside each, the most rounds.
+PARENTS, CHILDREN, MOST_ROUNDS = 24, 12, 10
+#: It goes on while two rounds bring the nearest landing this much nearer.
+NEARER = 0.85
+SEED = 7
 
 
 class ReleaseSampler:
@@ -243,61 +190,119 @@ class ReleaseSampler:
         return np.array(self.release.com_state(state, pose, twist, hand)).T
 
 
-def distances(
-    releases: Releases,
-    scene: Scene,
-    x: float,
-    height: float,
-    theta: float | None,
-    *,
-    detour: float = DETOUR,
-) -> Array:
-    """Scaled distances [m] (39) (N,) of the landings; inf where there is none.
+def sparse_parents(
+    x: Array, theta: Array, count: int, rng: np.random.Generator
+) -> npt.NDArray[np.int_]:
+    """Indices (count,) of landings, drawn so that each filled bin is as likely as the next.
 
-    Throws whose bar meets column or hand count as `detour` [m] farther.
+    x (N,) [m], theta (N,) [rad]; entries that are not finite are not taken.
     """
-    land_x, land_theta, time = releases.landings(height, scene.gravity)
-    distance = np.abs(land_x - x)
-    if theta is not None:
-        distance = distance + np.abs(land_theta - theta) * scene.object.length / 2
-    distance = np.where(np.isfinite(time), distance, np.inf)
-    return np.asarray(distance + np.where(releases.clear, 0.0, detour))
+    finite = np.flatnonzero(np.isfinite(x) & np.isfinite(theta))
+    if len(finite) == 0:
+        return np.zeros(0, int)
+    i, j = _bins(x[finite]), _bins(theta[finite])
+    filled = np.zeros((BINS + 2, BINS + 2))
+    np.add.at(filled, (i + 1, j + 1), 1.0)
+    empty = filled == 0
+    edge = np.zeros_like(empty)
+    for axis in (0, 1):
+        for step in (-1, 1):
+            edge |= np.roll(empty, step, axis)
+    weight = np.where(edge, EDGE, 1.0)[i + 1, j + 1] / filled[i + 1, j + 1]
+    return np.asarray(rng.choice(finite, count, p=weight / weight.sum()))
 
 
-def nearest(
-    releases: Releases,
-    scene: Scene,
-    x: float,
-    height: float,
-    theta: float | None,
-    count: int,
-) -> tuple[npt.NDArray[np.int_], Array]:
-    """Indices and scaled distances [m] (39) of `count` near landings, nearest first.
+def _bins(values: Array) -> npt.NDArray[np.int_]:
+    low, width = values.min(), max(float(np.ptp(values)), 1e-9)
+    return np.asarray(np.minimum(((values - low) / width * BINS).astype(int), BINS - 1))
 
-    Throws whose bar clears column and hand come first where they are not much farther. Each
-    differs from those before it; where there are too few such among the nearest, others
-    like them fill up.
+
+def closer(sampler: ReleaseSampler, releases: Releases, target: Pose) -> Releases:
+    """`releases` and, after them, new ones whose landings lie nearer the target.
+
+    Each round draws states beside the releases that land nearest.
     """
-    distance = distances(releases, scene, x, height, theta)
-    size = min(max(POOL, count), len(distance))
-    if size == 0:
-        return np.zeros(0, int), np.zeros(0)
-    pool = np.argpartition(distance, size - 1)[:size]
-    pool = pool[np.argsort(distance[pool], kind="stable")]
-    pool = pool[np.isfinite(distance[pool])]
-    if count > 1 and len(pool):
-        pool = pool[_different(releases.shares(height, scene.gravity)[pool], count)]
-    found = pool[:count]
-    return found, distance[found] - np.where(releases.clear[found], 0.0, DETOUR)
+    scene, rng = sampler.scene, np.random.default_rng(SEED)
+    where = scene, target.plane_x, target.z, target.theta
+
+    def nearest(some: Releases) -> npt.NDArray[np.int_]:
+        return np.argsort(distances(some, *where), kind="stable")[:PARENTS]
+
+    best = releases.picked(nearest(releases))
+    new, misses = np.zeros(len(best.q), bool), [_miss(best, *where)] if len(best.q) else []
+    while misses and len(misses) <= MOST_ROUNDS:
+        if len(misses) > 2 and not misses[-1] < NEARER * misses[-3]:
+            break
+        drawn = sampler.beside(best, np.repeat(np.arange(len(best.q)), CHILDREN), rng)
+        both, new = joined(best, drawn), np.append(new, np.ones(len(drawn.q), bool))
+        order = nearest(both)
+        best, new = both.picked(order), new[order]
+        misses.append(_miss(best, *where))
+    return joined(releases, best.picked(new))
 
 
-def _different(states: Array, count: int) -> npt.NDArray[np.int_]:
-    """Indices of at most `count` rows, in order, that differ; filled up with other rows."""
-    chosen: list[int] = []
-    free = np.ones(len(states), bool)
-    while len(chosen) < count and free.any():
-        i = int(free.argmax())
-        chosen.append(i)
-        free &= np.abs(states - states[i]).max(axis=1) > DIFFERENT
-    others = np.setdiff1d(np.arange(len(states)), chosen)[: count - len(chosen)]
-    return np.sort(np.concatenate([np.array(chosen, int), others]))
+def _miss(some: Releases, scene: Scene, x: float, height: float, theta: float | None) -> float:
+    """Scaled distance [m] (39) of the nearest landing, whether it meets column or hand or not."""
+    away = distances(some, scene, x, height, theta, detour=0.0)
+    return float(away.min())
+
+
+#: What decides which releases are drawn for a scene, and where they go.
+MAKERS = (ReleaseSampler, sparse_parents, run_up, clears_column, column_room, parameter_values)
+LAWS = (SlidingPivot, rk4_step)
+
+
+def stored_releases(
+    scene: Scene, mover: Mover, count: int, seed: int, draw: Callable[[], Releases]
+) -> Releases:
+    """The table of a scene from the cache, or drawn and put there.
+
+    Its name is a hash of all that it depends on: not of the target, cup or tolerance. A
+    damaged file is drawn again; without a cache folder nothing is kept.
+    """
+    folder = cache_folder()
+    if folder is None:
+        return draw()
+    name = f"{_key(scene, mover, count, seed)}.npz"
+    found = _read(folder / name)
+    if found is None:
+        found = draw()
+        arrays = {key: getattr(found, key) for key in ARRAYS}
+        publish(folder, name, lambda path: np.savez(path, **arrays))
+    return found
+
+
+def _key(scene: Scene, mover: Mover, count: int, seed: int) -> str:
+    limits = mover.planning
+    parts = (
+        scene.object,
+        scene.grasp,
+        scene.patch,
+        scene.gripper,
+        scene.gravity,
+        scene.workspace,
+        scene.mesh.sticking_margin,
+        scene.mesh.carry_max,
+        scene.arm,
+        mover.kinematics.coordinates,
+        getattr(mover.kinematics, "throwing_joints", None),
+        scene.hand,
+        *(None if v is None else v.tolist() for v in vars(limits).values()),
+        None if mover.start is None else mover.start.tolist(),
+        count,
+        seed,
+    )
+    return digest("releases", source_of(*MAKERS, *LAWS), *map(repr, parts))
+
+
+def _read(path: Path) -> Releases | None:
+    """The table in a file; None if it is not there or not whole."""
+    try:
+        with path.open("rb") as file, np.load(file) as arrays:
+            found = [arrays[key] for key in ARRAYS]
+            found = [a.astype(bool if a.dtype == bool else float) for a in found]
+    except DAMAGED:
+        return None
+    if len({len(array) for array in found}) != 1 or not all(np.isfinite(a).all() for a in found):
+        return None
+    return Releases(*found)

@@ -9,7 +9,8 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from dataclasses import dataclass
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -19,6 +20,7 @@ from ..check import Guard, Mover, column_of, column_room, enters_cup_at_landing,
 from ..compile import Compile
 from ..ocp import (
     CUP_ROOM,
+    Asked,
     Margins,
     Solution,
     Solver,
@@ -31,10 +33,10 @@ from ..ocp import (
     planned_motion,
     structure_of,
 )
+from .attempt import Attempt, Start, attempts
 from .guess import guess_from
-from .releases import Releases, nearest
-from .starts import past_column
-from .workbench import patient
+from .nlps import Problems, Task, patient
+from .release_table import Releases, nearest, past_column
 
 Array = npt.NDArray[np.float64]
 
@@ -49,7 +51,15 @@ WORSE = 1.1
 HEIGHT_ROOM = 0.25
 #: The cup's own clearance and no more: less than that only is out of reach.
 BARE = Margins(cup=-CUP_ROOM)
-#: Angles at which a bar that may land at any is held against the column.
+#: NLPs tried from the elastic point for each aim.
+TRIES = 3
+#: How much farther than the elastic point to aim, which lies at the very edge.
+BEYOND = 1.02
+#: Share of the tolerance that the aim may use.
+INSIDE = 0.98
+#: Margin [m] beyond the cup's clearance that is kept in the end, at more depths.
+LEAST = 2e-4
+#: Angles at which a bar that may land at any angle is compared with the column.
 HALF_TURN = 181
 #: A multiplier counts as binding above this share of the largest.
 BINDING_SHARE = 0.02
@@ -165,6 +175,36 @@ class Reach:
         names = () if inside else _binding(nlp, mover, best, limits)
         pose = target.in_plane(landing.x, angle)
         return Binding(target, pose, inside, names, iterations, best, nlp, (dx, dtheta), missed)
+
+
+def from_elastic(
+    problems: Problems, answer: Binding, task: Task, asked: Asked
+) -> Iterator[Attempt]:
+    """Attempts from an elastic point within the tolerance, the last resort at the edge of reach.
+
+    The target itself first. Where that is impossible the elastic point's own landing, which the
+    tolerance allows, is the aim; and in the end a smaller margin to the cup is kept.
+    """
+    if answer.outside or answer.solution is None:
+        return
+    most = task.scene.tolerance
+    dx, dtheta = (
+        min(max(BEYOND * miss, -INSIDE * allowed), INSIDE * allowed)
+        for miss, allowed in zip(answer.beside, (most.position, most.angle), strict=True)
+    )
+    margins = [asked.margins]
+    if task.scene.cup is not None:
+        margins.append(replace(asked.margins, cup=LEAST - CUP_ROOM))
+    for margin in margins:
+        for aim in ((0.0, 0.0), (dx, dtheta)):
+            if margin != asked.margins:
+                asked = Asked(asked.guards | {"flight"}, margin)
+            start = Start(answer.goal, answer.guess_for, "ipopt", asked, TRIES, aim=aim)
+            for attempt in attempts(problems, start, task):
+                yield attempt
+                asked = attempt.after
+                if attempt.solved or task.clock.late:
+                    return
 
 
 def _miss(nlp: ThrowNlp, solution: Solution, numbers: Array, scene: Scene, target: Pose) -> float:

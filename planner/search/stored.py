@@ -21,9 +21,9 @@ import numpy.typing as npt
 from ...problems import Pose, Scene
 from ..check import Guard
 from ..compile import DAMAGED, cache_folder, digest, publish, source_of
-from ..ocp import Margins, Solution
+from ..ocp import Asked, Margins, Solution
 from ..result import PlannedThrow
-from .sparse import sparse_parents
+from .sampling import sparse_parents
 
 Array = npt.NDArray[np.float64]
 
@@ -48,18 +48,17 @@ class SolvedThrow:
     """
 
     target: Pose
-    guards: frozenset[Guard]
-    room: Margins
+    asked: Asked
     x: Array
     lam_g: Array
     lam_x: Array
     aim: tuple[float, float]
 
     @classmethod
-    def of(cls, throw: PlannedThrow, target: Pose, guards: frozenset[Guard]) -> SolvedThrow:
-        """What is worth keeping of a throw to `target`, its NLP with `guards`."""
+    def of(cls, throw: PlannedThrow, target: Pose) -> SolvedThrow:
+        """What is worth keeping of a throw to `target`."""
         found = throw.solution
-        return cls(target, guards, throw.room, found.x, found.lam_g, found.lam_x, throw.aim)
+        return cls(target, throw.asked, found.x, found.lam_g, found.lam_x, throw.aim)
 
     def fits(self, goal: Pose, size: tuple[int, int]) -> bool:
         """Whether it is of the NLP of (variables, constraints) `size` for `goal`."""
@@ -104,8 +103,8 @@ class SolvedThrows:
             "pose": np.array(
                 [(t.target.plane_x, t.target.z, t.target.theta) for t in throws], float
             ),
-            "guards": np.array([" ".join(sorted(throw.guards)) for throw in throws], str),
-            "room": np.array([dataclasses.astuple(throw.room) for throw in throws]),
+            "guards": np.array([" ".join(sorted(throw.asked.guards)) for throw in throws], str),
+            "margins": np.array([dataclasses.astuple(throw.asked.margins) for throw in throws]),
             "aim": np.array([throw.aim for throw in throws]),
             "sizes": np.array([[getattr(throw, name).size for name in PARTS] for throw in throws]),
         }
@@ -114,7 +113,7 @@ class SolvedThrows:
         np.savez(path, **arrays)
 
 
-def stored(
+def stored_throws(
     key: str, scene: Scene, count: int, make: Callable[[], Iterator[SolvedThrow]]
 ) -> SolvedThrows:
     """`count` tried throws of a scene from the cache, or made and put there.
@@ -139,7 +138,7 @@ def stored(
     return SolvedThrows(found, scene)
 
 
-def targets(scene: Scene, x: Array, theta: Array, count: int) -> list[Pose]:
+def spread_targets(scene: Scene, x: Array, theta: Array, count: int) -> list[Pose]:
     """At most `count` landing poses at the height of the scene's target.
 
     x [m], theta [rad] (N,): landings that are in reach.
@@ -161,25 +160,24 @@ def _read(path: Path) -> list[SolvedThrow] | None:
             ends = np.cumsum(arrays["sizes"], axis=0)
             if not all(len(arrays[name]) == end for name, end in zip(PARTS, ends[-1], strict=True)):
                 return None
-            if not all(np.isfinite(arrays[name]).all() for name in ("room", "aim", *PARTS)):
+            if not all(np.isfinite(arrays[name]).all() for name in ("margins", "aim", *PARTS)):
                 return None
             parts = [np.split(arrays[name], ends[:-1, k]) for k, name in enumerate(PARTS)]
-            columns = [arrays[name] for name in ("pose", "guards", "room", "aim")]
+            columns = [arrays[name] for name in ("pose", "guards", "margins", "aim")]
             return [_throw(*row) for row in zip(*columns, *parts, strict=True)]
     except DAMAGED:
         return None
 
 
 def _throw(
-    pose: Array, guards: str, room: Array, aim: Array, x: Array, lam_g: Array, lam_x: Array
+    pose: Array, guards: str, margins: Array, aim: Array, x: Array, lam_g: Array, lam_x: Array
 ) -> SolvedThrow:
     """One of a file's rows."""
     plane_x, z, theta = (float(number) for number in pose)
     known: set[Guard] = {name for name in get_args(Guard) if name in guards.split()}
     return SolvedThrow(
         Pose(plane_x, z=z, theta=None if math.isnan(theta) else theta),
-        frozenset(known),
-        Margins(*room.tolist()),
+        Asked(frozenset(known), Margins(*margins.tolist())),
         x,
         lam_g,
         lam_x,

@@ -1,0 +1,295 @@
+"""From one starting point to a checked throw: solve, send, throw, correct the aim, check.
+
+The smoothed model in the NLP lands a little off the model that counts, thrown with what is really
+sent. The aim moves by that error and the NLP is solved again from its last solution, until the
+error is under `AIM` or no longer falls. A throw whose check finds something broken is solved again
+with the constraints and margins against it (`Asked`).
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ...problems import Pose
+from ..check import (
+    Mover,
+    PlannedMotion,
+    SampledMotion,
+    SmoothingError,
+    Thrown,
+    Violation,
+    broken_limits,
+    limit_surface_throw,
+    scene_violations,
+    send,
+    throw,
+)
+from ..ocp import (
+    USUAL,
+    Asked,
+    Solution,
+    ThrowNlp,
+    opening_nodes,
+    opening_start,
+    parameter_values,
+    planned_motion,
+)
+from ..result import PlannedThrow
+from .guess import refit
+from .nlps import Problem, Problems, Task
+
+Array = npt.NDArray[np.float64]
+
+#: Corrections aim at this on the landing that counts: position [m], angle [rad]; at half the
+#: scene's tolerance where that is less.
+AIM = (1e-4, math.radians(0.02))
+MAX_CORRECTIONS = 8
+
+
+@dataclass(frozen=True)
+class Start:
+    """Where solves begin.
+
+    goal: the target, its turns counted. guess: decision vector for an NLP. asked: what the first
+    NLP is asked; tries: NLPs solved, each asked for what the check of the last one found broken.
+    light: ends where heavy guards would come in. again: whether the next NLP starts from `guess`
+    too, by what it is asked, instead of the broken throw. warm: a solution with its multipliers
+    to go on from, near: of almost the same target. aim: (dx [m], dtheta [rad]) from the goal to
+    what the NLP is to land at first. robust: the method of a robust NLP.
+    """
+
+    goal: Pose
+    guess: Callable[[ThrowNlp], Array]
+    solver: str
+    asked: Asked = USUAL
+    tries: int = 1
+    light: bool = False
+    again: Callable[[Asked], bool] = lambda asked: False
+    warm: Solution | None = None
+    near: bool = True
+    aim: tuple[float, float] = (0.0, 0.0)
+    robust: str = ""
+
+
+@dataclass(frozen=True)
+class Attempt:
+    """One NLP solved from one start, and what came of it.
+
+    throw: None where no motion was found; broken: what the throw breaks; reason: why there is no
+    solved throw, in words, empty if there is one. solver: whose; iterations of all its solves.
+    """
+
+    start: Start
+    asked: Asked
+    solver: str
+    throw: PlannedThrow | None
+    broken: tuple[Violation, ...]
+    reason: str
+    iterations: int
+    solves: int
+
+    @property
+    def solved(self) -> bool:
+        """Whether the throw lands at its goal and breaks nothing."""
+        return self.throw is not None and not self.broken
+
+    @property
+    def after(self) -> Asked:
+        """What the next NLP is to be asked."""
+        return self.asked.with_(self.broken)
+
+
+def attempts(problems: Problems, start: Start, task: Task) -> Iterator[Attempt]:
+    """NLPs from one start until one gives a solved throw or nothing more can be asked."""
+    asked, own, last = start.asked, True, None
+    for _ in range(start.tries):
+        nlp = problems.nlp(start.goal, asked, task.clock, start.robust)
+        with task.clock("guess"):
+            guess = start.guess(nlp) if own or last is None else _from_broken(nlp, last, task)
+        problem = problems.problem(start.goal, asked, start.solver, task.clock, start.robust)
+        attempt = _attempt(problem, problems.mover, start, asked, guess, task)
+        yield attempt
+        last, after = attempt.throw, attempt.after
+        if attempt.solved or last is None or after == asked or task.clock.late:
+            return
+        if start.light and after.heavy:
+            return
+        own, asked = own and start.again(after), after
+
+
+def _from_broken(nlp: ThrowNlp, broken: PlannedThrow, task: Task) -> Array:
+    nodes = opening_nodes(task.scene.mesh, task.scene.gripper.profile().opening)
+    return refit(nlp, broken, nodes, 0.0, np.zeros(0))
+
+
+@dataclass(frozen=True)
+class _Candidate:
+    """A solution, its motion as planned and as sent, and where that lands."""
+
+    solution: Solution
+    numbers: Array
+    planned: PlannedMotion
+    samples: SampledMotion
+    opening_time: float
+    thrown: Thrown
+    aim: tuple[float, float]
+
+
+def _attempt(
+    problem: Problem, mover: Mover, start: Start, asked: Asked, guess: Array, task: Task
+) -> Attempt:
+    """One NLP, its corrections and the check of its throw."""
+    solving = _Solving(problem, mover, start, asked, task)
+    best, reason = solving.corrected(guess)
+    thrown, broken = None, []
+    if best is not None:
+        with task.clock("check"):
+            thrown = _thrown(problem.nlp, mover, best, asked, task)
+            broken = violations(thrown, start.goal)
+        reason = "; ".join(violation.words for violation in broken)
+    return Attempt(
+        start,
+        asked,
+        problem.solver.name,
+        thrown,
+        tuple(broken),
+        reason,
+        solving.iterations,
+        solving.solves,
+    )
+
+
+@dataclass
+class _Solving:
+    """The solves of one attempt."""
+
+    problem: Problem
+    mover: Mover
+    start: Start
+    asked: Asked
+    task: Task
+    iterations: int = 0
+    solves: int = 0
+
+    def corrected(self, guess: Array) -> tuple[_Candidate | None, str]:
+        """The solution whose sent motion lands nearest the goal; None and why, without one."""
+        start, tolerance = self.start, self.task.scene.tolerance
+        target = start.goal
+        aimed = min(AIM[0], tolerance.position / 2), min(AIM[1], tolerance.angle / 2)
+        goal = target.in_plane(target.plane_x + start.aim[0], target.turned(start.aim[1]).theta)
+        warm, near = start.warm, start.near
+        best, least, reason = None, math.inf, ""
+        for _ in range(MAX_CORRECTIONS):
+            solution, numbers = self._solved(goal, guess, warm, near)
+            if not solution.success:
+                failed = f"{self.problem.solver.name} did not converge"
+                reason = failed if solution.answered else solution.message
+                break
+            try:
+                candidate = self._candidate(solution, numbers, goal)
+            except SmoothingError as error:
+                reason = str(error)
+                break
+            dx, dtheta = candidate.thrown.miss(target)
+            miss = scaled(dx, dtheta, aimed)
+            if not miss < least:
+                reason = "the object never comes down to the target's height"
+                break
+            best, least = candidate, miss
+            if miss <= 1.0:
+                break
+            goal = goal.in_plane(goal.plane_x - dx, goal.turned(-dtheta).theta)
+            guess, warm, near = solution.x, solution, True
+        return best, reason
+
+    def _solved(
+        self, goal: Pose, guess: Array, warm: Solution | None, near: bool
+    ) -> tuple[Solution, Array]:
+        """The NLP's solution for `goal`: from `warm` if that works, else afresh from its point."""
+        problem, margins = self.problem, self.asked.margins
+        with self.task.clock("solve"):
+            values = parameter_values(self.task.scene, self.mover, goal, problem.window, margins)
+            numbers = problem.nlp.parameters.vector(values)
+            solution = problem.solver.solve(guess, numbers, problem.limits, warm, near=near)
+            if not solution.success and warm is not None:
+                self.iterations += solution.iterations
+                solution = problem.solver.solve(warm.x, numbers, problem.limits)
+        self.iterations += solution.iterations
+        self.solves += 1
+        return solution, numbers
+
+    def _candidate(self, solution: Solution, numbers: Array, goal: Pose) -> _Candidate:
+        """The solution's motion as it is sent, and its landing by the model that counts."""
+        scene, target, problem = self.task.scene, self.start.goal, self.problem
+        step = 0.0 if problem.window is None else problem.window.step
+        opening_time = opening_start(problem.nlp, solution.x, step)
+        nodes = opening_nodes(scene.mesh, scene.gripper.profile().opening)
+        planned = planned_motion(problem.nlp, self.mover, solution.x, nodes, step)
+        with self.task.clock("smooth"):
+            samples = send(self.mover, planned)
+        motion = planned if scene.robot is None else samples
+        with self.task.clock("check"):
+            model = limit_surface_throw if scene.tolerance.model == "ls-step" else throw
+            thrown = model(scene, self.mover, motion, opening_time, target.z)
+        turn = 0.0 if goal.theta is None or target.theta is None else goal.theta - target.theta
+        aim = (goal.plane_x - target.plane_x, turn)
+        return _Candidate(solution, numbers, planned, samples, opening_time, thrown, aim)
+
+
+def _thrown(
+    nlp: ThrowNlp, mover: Mover, best: _Candidate, asked: Asked, task: Task
+) -> PlannedThrow:
+    """The candidate thrown by the models that count."""
+    scene, height = task.scene, task.target.z
+    planned, samples, at = best.planned, best.samples, best.opening_time
+    motion = planned if scene.robot is None else samples
+    counting = best.thrown
+    if scene.tolerance.model == "ls-step":
+        counting = throw(scene, mover, motion, at, height)
+    exact, sent = counting, None
+    if scene.robot is not None:
+        exact, sent = throw(scene, mover, planned, at, height), counting
+    x, z, theta = np.array(nlp.landing(best.solution.x, best.numbers)).ravel()
+    landing = (float(x), float(z), float(theta))
+    models = (landing, exact, sent, best.thrown)
+    return PlannedThrow(
+        scene, mover, nlp, best.solution, planned, samples, at, *models, best.aim, asked
+    )
+
+
+def violations(thrown: PlannedThrow, target: Pose) -> list[Violation]:
+    """Everything that a solved throw must not break."""
+    scene, mover = thrown.scene, thrown.mover
+    tolerance = scene.tolerance
+    throws = {"planned": thrown.exact}
+    if thrown.sent is not None:
+        throws["sent"] = thrown.sent
+    if tolerance.model == "ls-step":
+        throws = {"sent": thrown.final}
+    found = []
+    for label, result in throws.items():
+        dx, dtheta = result.miss(target)
+        if not scaled(dx, dtheta, (tolerance.position, tolerance.angle)) <= 1.0:
+            off = f"{1e3 * abs(dx):.2f} mm and {math.degrees(abs(dtheta)):.2f} deg off"
+            found.append(Violation(f"{label} motion lands {off}"))
+    found += [
+        Violation(f"limit of {name} broken")
+        for name in broken_limits(mover.hard, mover.joints, thrown.samples)
+    ]
+    if thrown.exact.grip_use > 1.0:
+        use = f"grip use {thrown.exact.grip_use:.2f}"
+        found.append(Violation(f"slip before the opening ({use})", "carry"))
+    motion = thrown.planned if thrown.sent is None else thrown.samples
+    end = float(motion.times[-1])
+    return found + scene_violations(scene, mover, motion, end, thrown.opening_time, thrown.final)
+
+
+def scaled(dx: float, dtheta: float, scale: tuple[float, float]) -> float:
+    """The larger of the two errors, each in its own unit of `scale`; inf for NaN."""
+    value = max(abs(dx) / scale[0], abs(dtheta) / scale[1])
+    return value if math.isfinite(value) else math.inf

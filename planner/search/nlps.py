@@ -1,0 +1,172 @@
+"""A scene's NLPs with their solvers, built when first needed and kept; whether it has any throw."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from ...models import HandSamples
+from ...problems import InputError, Pose, Scene
+from ..check import Guard, Mover, friction_use
+from ..compile import Compile
+from ..ocp import Asked, Solver, ThrowNlp, Window, bounds, build_nlp, structure_of, window_of
+
+Array = npt.NDArray[np.float64]
+
+#: Random start poses tried when the start is free.
+POSES = 4000
+
+
+@dataclass(frozen=True)
+class Clock:
+    """When a plan must end, by time.perf_counter(), and how long its parts took [s]."""
+
+    until: float = math.inf
+    seconds: dict[str, float] = field(default_factory=lambda: defaultdict(float))
+
+    @property
+    def late(self) -> bool:
+        """Whether the time for planning is over."""
+        return time.perf_counter() > self.until
+
+    @contextmanager
+    def __call__(self, name: str) -> Iterator[None]:
+        """Adds the block's duration to `name`."""
+        start = time.perf_counter()
+        try:
+            yield
+        finally:
+            self.seconds[name] += time.perf_counter() - start
+
+
+@dataclass(frozen=True)
+class Task:
+    """One call of the planner: the scene aimed at its target, solvers in order, and the clock."""
+
+    scene: Scene
+    target: Pose
+    solvers: tuple[str, ...] = ("fatrop", "ipopt")
+    clock: Clock = field(default_factory=Clock)
+
+
+@dataclass(frozen=True)
+class Problem:
+    """An NLP with one solver and the bounds of its variables; a robust one's window."""
+
+    nlp: ThrowNlp
+    solver: Solver
+    limits: tuple[Array, Array]
+    window: Window | None = None
+
+
+@dataclass(frozen=True)
+class _Kind:
+    """Which of a scene's NLPs: theta fixed or open, with which guards, robust how."""
+
+    angle: bool
+    guards: frozenset[Guard]
+    robust: str
+
+
+def patient(compiling: Compile, guards: frozenset[Guard]) -> Compile:
+    """How to compile an NLP: nobody waits for one with guards, which seldom bind."""
+    return "background" if compiling == "wait" and guards else compiling
+
+
+class Problems:
+    """NLPs and solvers of one scene by what they are asked."""
+
+    def __init__(self, scene: Scene, mover: Mover, compiling: Compile) -> None:
+        self.scene, self.mover = scene, mover
+        self._compiling = compiling
+        self._nlps: dict[_Kind, ThrowNlp] = {}
+        self._problems: dict[tuple[_Kind, str], Problem] = {}
+
+    @property
+    def compiled(self) -> bool:
+        """Whether all problems so far run as machine code."""
+        problems = self._problems.values()
+        return bool(problems) and all(problem.solver.compiled for problem in problems)
+
+    @property
+    def awaited(self) -> bool:
+        """Whether machine code is still being compiled for any of them."""
+        return any(problem.solver.awaited for problem in self._problems.values())
+
+    def nlp(self, target: Pose, asked: Asked, clock: Clock, robust: str = "") -> ThrowNlp:
+        """The NLP for a target."""
+        kind = _Kind(target.theta is not None, asked.guards, robust)
+        if kind not in self._nlps:
+            with clock("build"):
+                window = window_of(self.scene) if robust else None
+                structure = structure_of(
+                    self.scene,
+                    self.mover,
+                    kind.angle,
+                    guards=kind.guards,
+                    robust=robust,
+                    window=window,
+                )
+                self._nlps[kind] = build_nlp(structure, self.mover)
+        return self._nlps[kind]
+
+    def problem(
+        self, target: Pose, asked: Asked, solver: str, clock: Clock, robust: str = ""
+    ) -> Problem:
+        """The same with a solver: 'fatrop' or 'ipopt', IPOPT in any case for heavy guards."""
+        kind = _Kind(target.theta is not None, asked.guards, robust)
+        name = "ipopt" if asked.heavy else solver
+        if (kind, name) not in self._problems:
+            nlp = self.nlp(target, asked, clock, robust)
+            with clock("build"):
+                window = window_of(self.scene) if robust else None
+                made = Solver(nlp, name, compiling=patient(self._compiling, kind.guards))
+                limits = bounds(nlp, self.scene, self.mover, window)
+                self._problems[kind, name] = Problem(nlp, made, limits, window)
+        return self._problems[kind, name]
+
+
+def check_start(scene: Scene, mover: Mover) -> None:
+    """InputError if no permitted start pose lets the full grip hold the object at rest."""
+    limits = mover.planning
+    if (limits.q_min > limits.q_max).any():
+        raise InputError(f"{scene.place}: [robot] position_margin leaves no room")
+    if mover.start is not None:
+        q = mover.start[:, None]
+        _check_margin(scene, mover, mover.start)
+    else:
+        rng = np.random.default_rng(0)
+        q = rng.uniform(limits.q_min, limits.q_max, (POSES, mover.size)).T
+    zero = np.zeros_like(q)
+    hand = HandSamples(np.zeros(q.shape[1]), *(np.array(o) for o in mover.motion(q, zero, zero)))
+    use = float(np.hypot(*friction_use(scene, hand)).min())
+    allowed = 1.0 - scene.mesh.sticking_margin
+    if use > allowed:
+        full, table = scene.gripper.profile().full, scene.gripper.table
+        given = f"force = {full:g}:" if table is None else f"table = {table}: {full:g} N is"
+        where = "its start pose" if mover.start is not None else "any permitted start pose"
+        raise InputError(
+            f"{scene.place}: [gripper] {given} too weak to hold the object at rest in "
+            f"{where}, needs at least {full * use / allowed:.3g} N"
+        )
+
+
+def _check_margin(scene: Scene, mover: Mover, start: Array) -> None:
+    """InputError if a given start of an arm is nearer a limit than the planner's margin."""
+    if scene.robot is None:
+        return
+    limits = mover.planning
+    for name, *values in zip(mover.joints, start, limits.q_min, limits.q_max, strict=True):
+        value, low, high = (math.degrees(v) for v in values)
+        if not low <= value <= high:
+            raise InputError(
+                f"{scene.place}: [robot] start_deg: {name} at {value:.2f} must be within "
+                f"[{low:.2f}, {high:.2f}], the limits less position_margin"
+            )

@@ -1,0 +1,308 @@
+"""Search: the release table, starts and retries, alternatives, targets at the edge of reach."""
+
+from __future__ import annotations
+
+import dataclasses
+import itertools
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+import throwplan as tp
+from scipy.interpolate import BPoly
+from throwplan.models import SlidingPivotRelease
+from throwplan.planner.check import (
+    MoverTrack,
+    PlannedMotion,
+    Violation,
+    case_of,
+    column_room,
+    flight_poses,
+    make_mover,
+)
+from throwplan.planner.ocp import Asked
+from throwplan.planner.search import Releases, ReleaseSampler, starts, stored_releases
+from throwplan.problems import Choice
+
+ARRAYS = ("q", "dq", "ddq", "run_up", "detach")
+
+
+@pytest.fixture(scope="module")
+def pose() -> tp.Planner:
+    return tp.Planner(tp.load_scene("pose"))
+
+
+@pytest.fixture(scope="module")
+def cup() -> tp.Planner:
+    return tp.Planner(tp.load_scene("cup"))
+
+
+def aimed(planner: tp.Planner, x: float, degrees: float) -> tp.Pose:
+    return planner.scene.target.in_plane(x, math.radians(degrees))
+
+
+def drawn(scene: tp.Scene, count: int = 4000) -> Releases:
+    return ReleaseSampler(scene, make_mover(scene)).draw(count, 0)
+
+
+# The release table.
+
+
+@pytest.mark.parametrize("name", ["pose", "hand-flip"])
+def test_sampled_releases_are_feasible_and_thrown_as_the_exact_model_throws(name: str) -> None:
+    """Within what twelve even steps leave, which is good enough for a starting point."""
+    scene = tp.load_scene(name)
+    mover, table = make_mover(scene), drawn(scene)
+    limits, sampler = mover.planning, ReleaseSampler(scene, mover)
+    assert len(table.q) > 300
+    for t in (0.0, scene.gripper.profile().opening):
+        q, dq = table.q + t * (table.dq + t * table.ddq / 2), table.dq + t * table.ddq
+        assert (q >= limits.q_min - 1e-9).all() and (q <= limits.q_max + 1e-9).all()
+        assert (np.abs(dq) <= limits.dq + 1e-9).all()
+    assert sampler.grip_use(table.q, table.dq, table.ddq).max() <= 1.0
+    x, theta, time = table.landings(scene.target.z, scene.gravity)
+    ends = np.array([0.0, 1.0])
+    for i in np.flatnonzero(np.isfinite(time))[::400]:
+        path = PlannedMotion(ends, table.q[[i]], table.dq[[i]], table.ddq[[i]], 0 * table.q[[i]])
+        release = SlidingPivotRelease(steps=400).release(
+            case_of(scene, MoverTrack(mover, path, 0.0))
+        )
+        if not release.trouble:
+            end = release.detach.after(time[i], scene.gravity)
+            assert x[i] == pytest.approx(end.x, abs=6e-3)
+            assert theta[i] == pytest.approx(end.theta, abs=0.05)
+
+
+def test_run_ups_through_the_base_column_are_marked() -> None:
+    """SciPy's polynomials, and the bar's axis point by point."""
+    scene = tp.load_scene("cup")
+    mover, table, workspace = make_mover(scene), drawn(scene, 2000), scene.workspace
+    bar = np.linspace(-scene.object.com, scene.object.length - scene.object.com, 53)
+    deepest = np.full(len(table.q), -np.inf)
+    for i, duration in enumerate(table.run_up):
+        ends = [[mover.start, 0 * mover.start, 0 * mover.start]]
+        ends.append([table.q[i], table.dq[i], table.ddq[i]])
+        path = BPoly.from_derivatives([0.0, duration], ends)(np.linspace(0.0, duration, 120))
+        x, z, theta = np.array(mover.motion(path.T, 0 * path.T, 0 * path.T)[0])[:, :, None]
+        theta = theta + scene.grasp.angle
+        x = x + (scene.com_offset + bar) * np.cos(theta)
+        z = z + (scene.com_offset + bar) * np.sin(theta)
+        deepest[i] = np.minimum(
+            workspace.column_radius - np.abs(x), workspace.column_height - z
+        ).max()
+    through = deepest > 0.02
+    assert 0.1 < through.mean() < 0.5
+    assert not table.clear[through].any() and table.clear[~through].any()
+
+
+def test_the_cache_keeps_a_table_and_draws_a_damaged_one_again(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
+    scene, draws = tp.load_scene("cup"), []
+
+    def kept(scene: tp.Scene) -> Releases:
+        mover = make_mover(scene)
+
+        def draw() -> Releases:
+            draws.append(1)
+            return ReleaseSampler(scene, mover).draw(300)
+
+        return stored_releases(scene, mover, 300, 0, draw)
+
+    first, again = kept(scene), kept(scene)
+    assert len(draws) == 1
+    for name in ARRAYS:
+        assert np.array_equal(getattr(first, name), getattr(again, name))
+    (file,) = tmp_path.glob("*.npz")
+    whole = file.read_bytes()
+    for damaged in (whole[:100], b"", whole[: len(whole) // 2]):
+        file.write_bytes(damaged)
+        assert np.array_equal(kept(scene).q, first.q)
+    assert len(draws) == 4
+    # Neither target nor tolerance matters; object, contact and limits do.
+    kept(scene.aimed_at(tp.Pose(x=1.0, z=0.3, theta=-1.5)))
+    kept(scene.replace(tolerance=dataclasses.replace(scene.tolerance, position=0.01)))
+    assert len(draws) == 4
+    kept(scene.replace(object=dataclasses.replace(scene.object, mass=0.23)))
+    kept(scene.replace(contact=dataclasses.replace(scene.contact, friction=0.9)))
+    kept(scene.replace(robot=dataclasses.replace(scene.robot, velocity_margin=0.1)))
+    assert len(draws) == 7
+
+
+# What the next NLP is asked.
+
+
+def test_what_the_next_problem_has_after_a_throw_that_breaks_something() -> None:
+    floor = Violation("floor", "carry", "held", 0.008, True)
+    column = Violation("base column", "carry", "held", 0.006, True)
+    # Corners cut between nodes: the margin that the deepest asks for, and 2 mm; no more rows.
+    after = Asked().with_([floor, column])
+    assert after.margins.held == pytest.approx(0.010) and not after.guards
+    # Through the column, or by the arm, which has no rows at first: these come in.
+    for other in (
+        dataclasses.replace(column, depth=0.12),
+        dataclasses.replace(floor, between=False),
+    ):
+        after = Asked().with_([other])
+        assert after.margins.held == 0.0 and after.guards == {"carry"} and after.heavy
+        assert after.with_([other]).margins.held == pytest.approx(min(other.depth + 0.002, 0.05))
+    palm, passing = Violation("palm", "flight"), Violation("base column", "passing")
+    after = Asked().with_([palm, passing])
+    assert after.guards == {"flight", "passing"}
+    assert "return" in after.with_([palm, passing]).guards
+    assert Asked(frozenset({"passing"})).with_([passing]).guards == {"passing"}
+    assert Asked().with_([Violation("lands elsewhere")]) == Asked()
+
+
+@pytest.mark.parametrize(
+    ("scene", "x", "degrees", "structure"),
+    [
+        # The arm itself was below the floor at the start.
+        ("pose", 0.9, 343.8, {"arm": True}),
+        # The bar falls back onto the hand with its middle, late.
+        ("pose", -0.9514, -50.0, {"later": 40}),
+        # Backwards, past column and palm.
+        ("box", -0.386, None, {"passing": 40}),
+        # The bar only grazes the hand: the column's rows stay out.
+        ("pose", 0.729, 36.2, {"passing": 0}),
+    ],
+)
+def test_constraints_come_in_when_the_check_asks(
+    scene: str, x: float, degrees: float | None, structure: dict[str, object]
+) -> None:
+    theta = None if degrees is None else math.radians(degrees)
+    planner = tp.Planner(tp.load_scene(scene))
+    plan = planner.plan(planner.scene.target.in_plane(x, theta), patience=90.0)
+    assert plan.solved and plan.attempts > 1, plan.message
+    found = plan.throw.nlp.structure
+    assert {name: getattr(found, name) for name in structure} == structure
+
+
+def test_a_corner_cut_between_two_nodes_takes_a_margin_and_no_more_rows(cup: tp.Planner) -> None:
+    plan = cup.plan(cup.scene.target.in_plane(-0.2211, -1.6348), patience=90.0)
+    assert plan.solved and plan.solver == "fatrop"
+    assert plan.throw.asked.margins.held > 0.0 and plan.throw.nlp.structure.instants == 2
+
+
+# Several throws, warm plans, models.
+
+
+def test_alternatives_differ_and_all_land(pose: tp.Planner) -> None:
+    plan = pose.plan(alternatives=1)
+    throws = [plan, *plan.alternatives]
+    assert len(throws) == 2 and all(other.solved for other in throws)
+    costs = [other.throw.solution.cost for other in throws]
+    assert costs == sorted(costs)
+    states = [other.throw.planned.at(np.array([other.throw.opening_time])) for other in throws]
+    for one, other in itertools.combinations(states, 2):
+        assert max(np.abs(a - b).max() for a, b in zip(one[:2], other[:2], strict=True)) > 0.05
+
+
+def test_a_choice_takes_the_throw_that_is_best_by_its_criterion() -> None:
+    scene = tp.load_scene("hand-flip")
+    plans = {
+        by: tp.plan(scene.replace(choice=Choice(by=by, among=3)))
+        for by in ("effort", "time", "robustness")
+    }
+    assert all(plan.solved for plan in plans.values())
+    effort = {by: plan.throw.solution.cost for by, plan in plans.items()}
+    assert effort["effort"] <= min(effort.values()) + 1e-9
+    landed = {by: plan.throw.landing_time for by, plan in plans.items()}
+    assert landed["time"] <= min(landed.values()) + 1e-9
+    spread = {
+        by: np.quantile(tp.sweep(plan, samples=128).errors["scaled"], 0.95)
+        for by, plan in plans.items()
+    }
+    assert spread["robustness"] <= min(spread.values()) + 1e-9
+
+
+def test_warm_plans_follow_a_moving_target(pose: tp.Planner) -> None:
+    plan = pose.plan()
+    iterations = plan.iterations
+    for k in range(1, 5):
+        target = plan.target.in_plane(plan.target.plane_x - 0.003, plan.target.theta + 0.006)
+        plan = pose.plan(target, warm=plan)
+        assert plan.solved and plan.attempts <= 3, k
+        assert plan.iterations < iterations
+    other = tp.Planner(tp.load_scene("pose")).plan(target, warm=plan)
+    assert other.solved, "a plan of another planner is no warm start, but no error either"
+
+
+@pytest.mark.parametrize("name", ["pose", "hand-flip"])
+def test_the_landing_is_true_for_the_model_that_the_tolerance_names(name: str) -> None:
+    scene = tp.load_scene(name)
+    truer = dataclasses.replace(scene.tolerance, model="ls-step")
+    plan = tp.plan(scene.replace(tolerance=truer))
+    assert plan.solved
+    dx, dtheta = plan.throw.limit_surface.miss(plan.target)
+    assert abs(dx) < 1e-4 and abs(dtheta) < math.radians(0.02)
+
+
+# The edge of reach.
+
+
+def test_a_target_that_the_table_misses_by_far_is_thrown_to(cup: tp.Planner) -> None:
+    """Releases nearer to it are sampled first."""
+    target = aimed(cup, -2.18, 265)
+    assert starts(cup.releases(), cup.scene, target, "exact", 1)[0][2] > 0.25
+    plan = cup.plan(target)
+    assert plan.solved, plan.message
+
+
+def test_a_millimetre_from_the_base_column(pose: tp.Planner) -> None:
+    plan = pose.plan(aimed(pose, 0.17546259, -106.1607374))
+    assert plan.solved, plan.message
+    thrown = plan.throw.final
+    times = np.linspace(0.0, thrown.landing.flight_time, 3000)
+    clearance = column_room(pose.scene.object, flight_poses(pose.scene, thrown, times), 0.12, 0.45)
+    assert -1e-5 < clearance.min() < 2e-3
+
+
+def test_a_bar_that_touches_the_column_between_two_instants_gets_a_margin() -> None:
+    """The same rows with the same margin would lead there for ever."""
+    planner = tp.Planner(tp.load_scene("flip"))
+    plan = planner.plan(aimed(planner, -0.36681081, 5.1195110))
+    assert plan.solved and plan.throw.asked.margins.passing > 0.0, plan.message
+
+
+def test_a_target_that_only_the_tolerance_allows(pose: tp.Planner) -> None:
+    """There the bar would lie 0.8 mm from the column."""
+    plan, tolerance = pose.plan(aimed(pose, 0.22, -15)), pose.scene.tolerance
+    assert plan.solved, plan.message
+    position, angle = plan.error_sent()
+    assert 1e-4 < position < tolerance.position and angle < tolerance.angle
+
+
+def test_a_target_inside_the_column_is_out_of_reach(pose: tp.Planner) -> None:
+    plan = pose.plan(aimed(pose, 0.2, -20))
+    assert plan.status == "out_of_reach" and plan.attempts == 0
+    assert plan.binding == ("base column",)
+    near = plan.nearest
+    # The bar touches nothing there, and a little farther out it is thrown.
+    there = np.array([[near.plane_x], [near.z], [near.theta]])
+    assert column_room(pose.scene.object, there, 0.12, 0.45)[0] > -1e-4
+    out = pose.plan(near.in_plane(near.plane_x + 0.01, near.theta))
+    assert out.solved, out.message
+
+
+def test_a_pose_that_no_cup_takes_is_out_of_reach(cup: tp.Planner) -> None:
+    """The cup comes along with the target; lying flat the bar enters none."""
+    plan = cup.plan(aimed(cup, 0.51, 336.0))
+    assert plan.status == "out_of_reach"
+    assert {"cup clearance", "cup depth"} & set(plan.binding)
+    assert abs(plan.nearest.theta - plan.target.theta) > 0.2
+
+
+def test_an_elastic_solve_that_ends_farther_off_than_a_release_settles_nothing(
+    cup: tp.Planner,
+) -> None:
+    plan = cup.plan(aimed(cup, -0.735, 258.4))
+    assert plan.solved, plan.message
+
+
+def test_no_attempt_is_begun_after_the_patience_is_over(cup: tp.Planner) -> None:
+    plan = cup.plan(patience=1e-6)
+    assert plan.status == "not_converged" and "patience" in plan.message
+    assert plan.attempts == 0
