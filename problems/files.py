@@ -85,32 +85,35 @@ def read_csv(
     return found
 
 
-def prepare_folder(folder: Path, names: tuple[str, ...] = ()) -> Path:
-    """Make `folder` if need be and make sure it takes files `names`; InputError if not."""
+def prepare_folder(folder: Path, names: tuple[str, ...] = (), option: str = "--out") -> Path:
+    """Make `folder` if need be and make sure it takes files `names`; InputError if not.
+
+    option: what names the folder on the command line, for messages.
+    """
     if str(folder) in ("", "."):
-        raise InputError("--out: needs a folder's name")
+        raise InputError(f"{option}: needs a folder's name")
     if folder.is_file():
-        raise InputError(f"--out {folder}: is a file; must be a folder")
+        raise InputError(f"{option} {folder}: is a file; must be a folder")
     try:
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
     except OSError as error:
-        raise InputError(f"--out {folder}: {error.strerror or error}") from None
+        raise InputError(f"{option} {folder}: {error.strerror or error}") from None
     for name in names:
         if (folder / name).is_dir():
-            raise InputError(f"--out {folder}: {name} is a folder there")
+            raise InputError(f"{option} {folder}: {name} is a folder there")
     return folder
 
 
 @contextmanager
-def filling(folder: Path, names: tuple[str, ...]) -> Iterator[Path]:
+def filling(folder: Path, names: tuple[str, ...], option: str = "--out") -> Iterator[Path]:
     """A folder to write files `names` into, which are then moved to `folder` together.
 
     Of the names, those that were not written are deleted there, so that nothing of an earlier
     result is mistaken for this one's. If anything fails, nothing changes.
     """
-    folder = prepare_folder(folder, names)
+    folder = prepare_folder(folder, names, option)
     try:
         with tempfile.TemporaryDirectory(dir=folder) as scratch:
             yield Path(scratch)
@@ -121,7 +124,7 @@ def filling(folder: Path, names: tuple[str, ...]) -> Iterator[Path]:
                 else:
                     (folder / name).unlink(missing_ok=True)
     except OSError as error:
-        raise InputError(f"--out {folder}: {error.strerror or error}") from None
+        raise InputError(f"{option} {folder}: {error.strerror or error}") from None
 
 
 def save_text(text: str, folder: Path, name: str) -> None:

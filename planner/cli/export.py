@@ -4,9 +4,19 @@ from __future__ import annotations
 
 import argparse
 from contextlib import ExitStack
+from pathlib import Path
 
-from ...problems import InputError
-from ..robot import FILES, export_ros, joint_motion, option_folder, write_franka
+from ...problems import InputError, filling
+from ..robot import (
+    FRANKA_FILES,
+    OPEN_WIDTH,
+    ROS_FILES,
+    joint_motion,
+    joint_names,
+    ros_typestore,
+    write_franka,
+    write_ros,
+)
 from .common import DONE, answer, number
 
 EXAMPLE = "throwplan export out/cup/plan.json --franka out/franka"
@@ -39,23 +49,23 @@ def run(options: argparse.Namespace) -> int:
         for option in ("joint_names", "open_width"):
             if getattr(options, option) is not None:
                 raise InputError(f"--{option.replace('_', '-')}: only with --ros")
-    width = export_ros.WIDTH
+    width = OPEN_WIDTH
     if options.open_width is not None:
         width = number("--open-width", options.open_width)
         if width < 0:
             raise InputError(f"--open-width {options.open_width}: must be at least 0")
     if options.ros is not None:
         # Before the plan is read: a missing extra is said at once.
-        export_ros.ros_typestore()
+        ros_typestore()
     motion = joint_motion(options.plan)
-    names = export_ros.joint_names(motion, options.joint_names)
+    names = joint_names(motion, options.joint_names)
     with ExitStack() as stack:
         if options.franka is not None:
-            folder = option_folder("--franka", options.franka, FILES)
+            folder = filling(Path(options.franka), FRANKA_FILES, "--franka")
             write_franka(motion, stack.enter_context(folder))
         if options.ros is not None:
-            folder = option_folder("--ros", options.ros, export_ros.FILES)
-            export_ros.write_ros(motion, stack.enter_context(folder), names, width)
+            folder = filling(Path(options.ros), ROS_FILES, "--ros")
+            write_ros(motion, stack.enter_context(folder), names, width)
     throw, duration = motion.throw, float(motion.times[-1])
     result = {
         "franka": options.franka,
@@ -69,6 +79,6 @@ def run(options: argparse.Namespace) -> int:
         f"{throw.scene.name}: {len(motion.times)} samples, {duration:.3f} s; the gripper's "
         f"command {1e3 * throw.command_time:.1f} ms after the first"
     ]
-    lines += [f"  written to {folder}" for folder in (options.franka, options.ros) if folder]
+    lines += [f"  written to {name}" for name in (options.franka, options.ros) if name]
     answer(options, result, "\n".join(lines))
     return DONE

@@ -1,17 +1,33 @@
-"""Plans on other systems: export for Franka and ROS 2, replay in MuJoCo."""
+"""Plans on other systems: written for robot controllers, and thrown again in MuJoCo.
 
-from .export import joint_motion, option_folder
-from .export_franka import FILES, write_franka
+Both read a saved plan back (`read_plan`) and check it again, since files can be edited.
+"""
+
+from .controllers import (
+    FRANKA_FILES,
+    OPEN_WIDTH,
+    ROS_FILES,
+    joint_names,
+    ros_typestore,
+    write_franka,
+    write_ros,
+)
+from .export import JointMotion, joint_motion
+from .mujoco_throw import load_mujoco
 from .replay import Replay, Rest, replay
-from .replay_runs import load_mujoco
 
 __all__ = [
-    "FILES",
+    "FRANKA_FILES",
+    "OPEN_WIDTH",
+    "ROS_FILES",
+    "JointMotion",
     "Replay",
     "Rest",
     "joint_motion",
+    "joint_names",
     "load_mujoco",
-    "option_folder",
     "replay",
+    "ros_typestore",
     "write_franka",
+    "write_ros",
 ]

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -13,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import Arm, PlanarArm
-from ...problems import InputError, filling
+from ...problems import InputError
 from ..check import TICK, SentThrow, broken_limits, scene_violations
 from ..result import joint_samples, read_plan
 
@@ -146,16 +144,3 @@ def _uneven(motion: JointMotion) -> list[str]:
         for j in np.flatnonzero((off > most).any(axis=0)):
             found.append(f"joint {j + 1}'s {name} do not fit the samples")
     return found
-
-
-@contextmanager
-def option_folder(option: str, folder: str, names: tuple[str, ...]) -> Iterator[Path]:
-    """`folders.filling` for a folder that `option` names."""
-    try:
-        with filling(Path(folder), names) as scratch:
-            yield scratch
-    except InputError as error:
-        words = str(error)
-        if not words.startswith("--out"):
-            raise
-        raise InputError(f"{option}{words.removeprefix('--out')}") from None

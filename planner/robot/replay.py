@@ -1,7 +1,9 @@
-"""A throw in MuJoCo: a referee whose contacts and flight are not ours."""
+"""A throw in MuJoCo, whose contacts and flight are not ours: what comes of it, and its files."""
 
 from __future__ import annotations
 
+import dataclasses
+import json
 import math
 import time
 from dataclasses import dataclass
@@ -11,18 +13,27 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...problems import InputError, Scene
-from ..check import TICK, SentThrow, Thrown
+from ...problems import InputError, Scene, filling
+from ..check import TICK, SentThrow, Thrown, bar_outline
 from ..check import throw as sliding_pivot_throw
 from ..result import Plan, read_plan, sent_throw
-from .replay_model import FRICTION
-from .replay_runs import LEAD, Flown, free_flight, is_in, load_mujoco, release_run, run_to_rest
+from .mujoco_throw import (
+    FRICTION,
+    LEAD,
+    Flown,
+    free_flight,
+    is_in,
+    load_mujoco,
+    release_run,
+    run_to_rest,
+)
 
 Array = npt.NDArray[np.float64]
 
 #: Steps [s] of the release and of the flight, and contact points of a pad.
 RELEASE_STEP, FLIGHT_STEP, POINTS = 1e-5, 1e-4, 12
-
+#: What a replay may leave in its folder.
+FILES = ("replay.json", "replay.csv", "replay.png")
 #: Share of its speed with which the bar leaves what it hits.
 RESTITUTION, MOST_RESTITUTION = 0.1, 0.99
 
@@ -114,17 +125,7 @@ class Replay:
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON: SI units, radians; poses in the base frame for an arm."""
-        scene, rest = self.throw.scene, self.rest
-        landing = {
-            "mujoco": self._pose(*self.landing),
-            "sp": self._pose(*self.sp),
-            "limit_surface": self._pose(*self.limit_surface),
-        }
-        difference = {}
-        for name in ("target", "sp", "limit_surface"):
-            position, angle = (number(abs(value)) for value in self.off(name))
-            difference[name] = {"position": position, "angle": angle}
-        cup = None
+        rest, cup = self.rest, None
         if rest is not None:
             x, y, z, theta = rest.pose
             cup = {
@@ -135,9 +136,16 @@ class Replay:
                 "rest": self._pose(x, z, theta, y),
             }
         return {
-            "scene": scene.name,
-            "landing": landing,
-            "difference": difference,
+            "scene": self.throw.scene.name,
+            "landing": {
+                "mujoco": self._pose(*self.landing),
+                "sp": self._pose(*self.sp),
+                "limit_surface": self._pose(*self.limit_surface),
+            },
+            "difference": {
+                name: dict(zip(("position", "angle"), map(_size, self.off(name)), strict=True))
+                for name in ("target", "sp", "limit_surface")
+            },
             "touched": list(self.touched),
             "restitution": self.restitution,
             "cup": cup,
@@ -174,24 +182,42 @@ class Replay:
 
     def save(self, folder: str | Path, draw: bool = True) -> None:
         """Write replay.json, replay.csv and (draw) replay.png; InputError if that fails."""
-        from .replay_files import save_replay
+        with filling(Path(folder), FILES) as scratch:
+            text = json.dumps(self.to_dict(), indent=2, allow_nan=False)
+            (scratch / "replay.json").write_text(text + "\n", encoding="utf-8")
+            self._write_path(scratch / "replay.csv")
+            if draw:
+                _draw(self, scratch / "replay.png")
 
-        save_replay(self, Path(folder), draw)
+    def _write_path(self, path: Path) -> None:
+        """The CoM at 1 kHz from the opening on; with y, in the base frame, for an arm."""
+        x, z, theta = self.com
+        names, columns = "t,x,z,theta", [self.times, x, z, theta]
+        if self.throw.scene.robot is not None:
+            turn = self.throw.target.azimuth
+            names = "t,x,y,z,theta"
+            columns[1:2] = [x * math.cos(turn), x * math.sin(turn)]
+        table = np.column_stack(columns)
+        np.savetxt(path, table, delimiter=",", header=names, comments="", fmt="%.9g")
 
     def _pose(self, x: float, z: float, theta: float, y: float = 0.0) -> dict[str, Any]:
         """A pose in the throw's plane, `y` [m] across it, as in plan.json."""
         if self.throw.scene.robot is None:
-            return {"x": number(x), "z": number(z), "theta": number(theta)}
+            return {"x": _number(x), "z": _number(z), "theta": _number(theta)}
         turn = self.throw.target.azimuth
         cos, sin = math.cos(turn), math.sin(turn)
         # Forward and up are x and z of MuJoCo: its y is to the left of the throw.
-        base_x, base_y = number(x * cos - y * sin), number(x * sin + y * cos)
-        return {"x": base_x, "y": base_y, "z": number(z), "theta": number(theta)}
+        base_x, base_y = _number(x * cos - y * sin), _number(x * sin + y * cos)
+        return {"x": base_x, "y": base_y, "z": _number(z), "theta": _number(theta)}
 
 
-def number(value: float) -> float | None:
+def _number(value: float) -> float | None:
     """A number for JSON, None for one that is not finite."""
     return float(value) if math.isfinite(value) else None
+
+
+def _size(value: float) -> float | None:
+    return _number(abs(value))
 
 
 def replay(
@@ -290,3 +316,84 @@ def _rest(scene: Scene, flown: Flown, theta: float) -> Rest | None:
     inside = is_in(scene, scene.cup, flown.com[last], flown.axis[last])
     x, y, z = (float(value) for value in flown.com[-1])
     return Rest(inside, flown.entered, flown.touched_rim, flown.at_rest, (x, y, z, theta))
+
+
+# The picture.
+
+#: Between the poses drawn [s].
+EVERY = 0.02
+OPENING, FLYING, END, CUP = "#f2a33a", "#2a9d6f", "#d1495b", "#5b4a3f"
+#: The landings that are compared: field of `Replay`, words, colour.
+LANDINGS = (
+    ("sp", "sliding pivot", "#4c78a8"),
+    ("limit_surface", "limit surface", "#222222"),
+    ("landing", "MuJoCo", END),
+)
+
+
+def _draw(replay: Replay, path: Path) -> None:
+    """The bar's way at true scale, and the landings about the target."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(10, 6.4), layout="constrained")
+    way, landings = figure.subplots(1, 2, width_ratios=(1.2, 1))
+    _draw_way(replay, way)
+    _draw_landings(replay, landings)
+    for axes in (way, landings):
+        axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=2)
+    title = f"{replay.throw.scene.name}: thrown in MuJoCo"
+    if replay.rest is not None:
+        title += f", ends {'in' if replay.rest.inside else 'outside'} the cup\n{replay.assumed}"
+    figure.suptitle(title, fontsize=11)
+    figure.savefig(path, dpi=110)
+
+
+def _draw_way(replay: Replay, axes: Any) -> None:
+    """The path of the CoM and the bar along it, from the opening to the end."""
+    scene, com = replay.throw.scene, replay.com
+    # Wide enough to be seen.
+    bar = dataclasses.replace(scene.object, width=max(scene.object.width, 0.008))
+
+    def draw(pose: Array, words: str = "", **style: Any) -> None:
+        outline = bar_outline(bar, pose[:, None])[:, 0]
+        axes.fill(*outline, **{"lw": 0.5, "zorder": 6, "label": words or None, **style})
+
+    if scene.cup is not None:
+        left, right = scene.cup.x - scene.cup.radius, scene.cup.x + scene.cup.radius
+        rim, bottom = scene.cup.rim, scene.cup.rim - scene.cup.depth
+        axes.plot([left, left, right, right], [rim, bottom, bottom, rim], color=CUP, lw=3)
+    axes.plot(com[0], com[1], color="#222222", lw=1, zorder=4, label="CoM")
+    opening, seen = replay.throw.detach_time - replay.throw.opening_time, set[str]()
+    for i in range(0, len(replay.times), round(EVERY / TICK)):
+        held = replay.times[i] < replay.times[0] + opening
+        words, colour = ("opening", OPENING) if held else ("after it", FLYING)
+        draw(com[:, i], "" if words in seen else words, fc=colour, alpha=0.45)
+        seen.add(words)
+    draw(com[:, -1], "end", fc=END, alpha=0.9)
+    for name, words, colour in LANDINGS[:2]:
+        pose = np.array(getattr(replay, name))
+        if np.isfinite(pose).all():
+            draw(pose, f"landing, {words}", fc="none", ec=colour, lw=1.2, zorder=7)
+    axes.set(aspect="equal", xlabel="x [m]", ylabel="z [m]")
+
+
+def _draw_landings(replay: Replay, axes: Any) -> None:
+    """How far everybody's landing is from the target, and the tolerance."""
+    target, tolerance = replay.throw.target, replay.throw.scene.tolerance
+    # Where the target leaves the angle open, MuJoCo's is as good as any.
+    theta = replay.landing[2] if target.theta is None else target.theta
+    for name, words, colour in LANDINGS:
+        x, _, angle = getattr(replay, name)
+        dx, dtheta = 1e3 * (x - target.plane_x), math.degrees(angle - theta)
+        if math.isfinite(dx) and math.isfinite(dtheta):
+            label = f"{words}: {dx:+.2f} mm, {dtheta:+.2f}°"
+            axes.plot(dx, dtheta, "o", color=colour, ms=9, label=label)
+    axes.plot(0, 0, "k+", ms=14, label="target")
+    if target.theta is not None:
+        x, angle = 1e3 * tolerance.position, math.degrees(tolerance.angle)
+        corners = [-x, x, x, -x, -x], [-angle, -angle, angle, angle, -angle]
+        axes.plot(*corners, "k--", lw=1, label="tolerance")
+    axes.margins(0.15)
+    axes.grid(alpha=0.25)
+    given = "target" if target.theta is not None else "MuJoCo's"
+    axes.set(xlabel="x off the target [mm]", ylabel=f"theta off the {given} [deg]")

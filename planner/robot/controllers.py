@@ -1,0 +1,167 @@
+"""A motion in the files of robot controllers: CSV at 1 kHz for libfranka, a rosbag2 for ROS 2."""
+
+from __future__ import annotations
+
+import json
+import os
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...problems import InputError
+from ..check import TICK
+from ..result import write_table
+from .export import JointMotion
+
+#: What is written for either.
+FRANKA_FILES = ("joints.csv", "gripper.csv", "franka.json", "franka.txt")
+ROS_FILES = ("metadata.yaml", "throw.mcap")
+#: Gap [m] of an opened gripper where nothing else is asked for: the Franka Hand's.
+OPEN_WIDTH = 0.08
+
+FRANKA_TEXT = """\
+{scene}, thrown by {arm}.
+
+joints.csv   t and all joints, q [rad] and dq [rad/s], one row per control cycle of 1 ms.
+gripper.csv  the opening command: t [s], the row of joints.csv (0 is the first) in whose cycle
+             it goes out, and how much of that cycle has passed then.
+franka.json  the same as numbers, and what the motion uses of the robot's limits.
+
+1. Move slowly to the start pose and stop there; it is the first row:
+   q = [{start}] rad
+2. Send row after row, one per cycle, as joint positions (or dq as joint velocities). The motion
+   is within the limits as it is: switch libfranka's rate limiter off and its low-pass filter
+   too (cutoff_frequency = franka::kMaxCutoffFrequency), for they would change it.
+3. Send the gripper's opening command {command:.1f} ms after the first row, in row {cycle},
+   from another thread: the call blocks. The plan takes the force to start falling
+   {dwell:.1f} ms later and to be zero {opening:.1f} ms after that; what your gripper and
+   network really need belongs into the scene's [gripper] and [uncertainty] delay.
+4. The last row is at rest, after {duration:.3f} s. Finish the motion there.
+
+Checked: position, velocity, acceleration and jerk of every joint, and what the scene asks;
+throwplan's README says what is not checked.
+"""
+
+
+def write_franka(motion: JointMotion, folder: Path) -> dict[str, Any]:
+    """Write `FRANKA_FILES` into `folder`; returns what franka.json holds."""
+    write_table(folder / "joints.csv", {"t": motion.times, "q": motion.q, "dq": motion.dq})
+    throw = motion.throw
+    row = f"{throw.command_time:.12g},open,{motion.cycle},{motion.fraction:.6f}"
+    (folder / "gripper.csv").write_text(f"t,command,cycle,fraction\n{row}\n", encoding="utf-8")
+    facts = _facts(motion)
+    text = json.dumps(facts, indent=2, allow_nan=False)
+    (folder / "franka.json").write_text(text + "\n", encoding="utf-8")
+    profile = throw.scene.gripper.profile()
+    words = FRANKA_TEXT.format(
+        scene=throw.scene.name,
+        arm=motion.arm.description or motion.arm.name,
+        start=", ".join(f"{angle:.6f}" for angle in motion.q[0]),
+        command=1e3 * throw.command_time,
+        cycle=motion.cycle,
+        dwell=1e3 * (throw.opening_time - throw.command_time),
+        opening=1e3 * profile.opening,
+        duration=motion.times[-1],
+    )
+    (folder / "franka.txt").write_text(words, encoding="utf-8")
+    return facts
+
+
+def _facts(motion: JointMotion) -> dict[str, Any]:
+    """Start, times and limits used as JSON: SI units, radians."""
+    throw = motion.throw
+    profile = throw.scene.gripper.profile()
+    return {
+        "scene": throw.scene.name,
+        "robot": motion.arm.name,
+        "start": motion.q[0].tolist(),
+        "end": motion.q[-1].tolist(),
+        "duration": float(motion.times[-1]),
+        "samples": len(motion.times),
+        "gripper": {
+            "command_time": throw.command_time,
+            "cycle": motion.cycle,
+            "fraction": motion.fraction,
+            "dwell": profile.dwell,
+            "mean_delay": throw.scene.mean_delay,
+            "opening_time": throw.opening_time,
+            "opening": profile.opening,
+            "detach_time": throw.detach_time,
+        },
+        "limits_used": {name: values.tolist() for name, values in motion.uses.items()},
+    }
+
+
+# ROS 2.
+
+TRAJECTORY, GRIPPER = "/joint_trajectory", "/gripper_command"
+TRAJECTORY_TYPE = "trajectory_msgs/msg/JointTrajectory"
+GRIPPER_TYPE = "control_msgs/msg/GripperCommand"
+#: As control_msgs defines it; it is not among the types that rosbags knows.
+GRIPPER_DEFINITION = "float64 position\nfloat64 max_effort\n"
+#: Nanoseconds of a second and of a sample.
+SECOND = 1_000_000_000
+SAMPLE = round(TICK * SECOND)
+
+
+def ros_typestore() -> Any:
+    """The message types of the bag; InputError where rosbags is not installed."""
+    try:
+        from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+    except ImportError:
+        raise InputError("--ros: needs rosbags: pip install 'throwplan[ros]'") from None
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    store.register(get_types_from_msg(GRIPPER_DEFINITION, GRIPPER_TYPE))
+    return store
+
+
+def joint_names(motion: JointMotion, given: list[str] | None) -> list[str]:
+    """Names of all joints, the given ones or NAME_joint1, ...; InputError if they do not fit."""
+    count = motion.arm.joints
+    if given is None:
+        return [f"{motion.arm.name}_joint{j + 1}" for j in range(count)]
+    if len(given) != count or len(set(given)) != count:
+        raise InputError(f"--joint-names {' '.join(given)}: must be {count} different names")
+    return given
+
+
+def write_ros(motion: JointMotion, folder: Path, names: list[str], width: float) -> None:
+    """Write `ROS_FILES`, a bag, into `folder`. The motion's start is at 0 s on the bag's clock.
+
+    width [m]: gap of the opened gripper, for the gripper's command.
+    """
+    store = ros_typestore()
+    from rosbags.rosbag2 import StoragePlugin, Writer
+
+    # The library makes a folder of its own, named like the storage in it.
+    bag = folder / "throw"
+    command = store.types[GRIPPER_TYPE](position=width, max_effort=0.0)
+    with Writer(bag, version=8, storage_plugin=StoragePlugin.MCAP) as writer:
+        for topic, kind, time, message in (
+            (TRAJECTORY, TRAJECTORY_TYPE, 0, _trajectory(store, motion, names)),
+            (GRIPPER, GRIPPER_TYPE, round(motion.throw.command_time * SECOND), command),
+        ):
+            connection = writer.add_connection(topic, kind, typestore=store)
+            writer.write(connection, max(time, 0), store.serialize_cdr(message, kind))
+    for name in ROS_FILES:
+        os.replace(bag / name, folder / name)
+
+
+def _trajectory(store: Any, motion: JointMotion, names: list[str]) -> Any:
+    """JointTrajectory with all samples, to be started when it arrives (stamp 0)."""
+    point = store.types["trajectory_msgs/msg/JointTrajectoryPoint"]
+    duration = store.types["builtin_interfaces/msg/Duration"]
+    points = [
+        point(
+            positions=q,
+            velocities=dq,
+            accelerations=ddq,
+            effort=np.zeros(0),
+            time_from_start=duration(*divmod(i * SAMPLE, SECOND)),
+        )
+        for i, (q, dq, ddq) in enumerate(zip(motion.q, motion.dq, motion.ddq, strict=True))
+    ]
+    stamp = store.types["builtin_interfaces/msg/Time"](sec=0, nanosec=0)
+    header = store.types["std_msgs/msg/Header"](stamp=stamp, frame_id="")
+    return store.types[TRAJECTORY_TYPE](header=header, joint_names=names, points=points)
