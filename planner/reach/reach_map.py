@@ -1,8 +1,8 @@
 """Which landing poses are in reach: sampled throws, sorted into bins of x and theta.
 
 A bin with a landing is one that was hit, not one that a plan was made for; `throwplan
-report` plans to the middles of random ones (planner/report/map_targets.py). An empty bin
-beside full ones may only have been missed.
+report` plans to the middles of random ones. An empty bin next to full ones may only have been
+missed.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -22,8 +22,9 @@ from ...problems import InputError, Scene, as_scene, filling
 from ..check import enters_cup_at_landing, make_mover
 from ..ocp import CUP_ROOM, FLIGHT_MAX
 from ..search import check_start, highest, joined
-from .map_bins import WIDTHS, edges_of, place, places
-from .map_throws import allowed, cells_of, chunks, margins
+from .bins import WIDTHS, edges_of, place, places
+from .picture import draw_map
+from .throws import allowed, cells_of, chunks, margins
 
 Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
@@ -54,13 +55,13 @@ class ReachMap:
     scene: Scene
     z: float
     samples: int
-    x_edges: Array
-    theta_edges: Array | None
-    landings: Counts
-    solutions: Counts
-    margin: Array
-    x: Array
-    theta: Array
+    x_edges: Array = field(default_factory=lambda: np.empty(0))
+    theta_edges: Array | None = None
+    landings: Counts = field(default_factory=lambda: np.zeros((0, 1), np.int64))
+    solutions: Counts = field(default_factory=lambda: np.zeros((0, 1), np.int64))
+    margin: Array = field(default_factory=lambda: np.zeros((0, 1)))
+    x: Array = field(default_factory=lambda: np.empty(0))
+    theta: Array = field(default_factory=lambda: np.empty(0))
     message: str = ""
 
     def __repr__(self) -> str:
@@ -162,20 +163,15 @@ class ReachMap:
         map.npz has x_edges, theta_edges (empty where theta is open), landings, solutions,
         margin, x and theta as in this class, and z [m] and samples as scalars.
         """
-        from .map_picture import draw_map
-
         if not self.reachable:
             raise InputError(f"{self.scene.place}: nothing to save, {self.message}")
         with filling(Path(folder), MAP_FILES) as scratch:
             draw_map(self, scratch / "map.png")
-            np.savez_compressed(scratch / "map.npz", **self._arrays())
+            names = ("x_edges", "landings", "solutions", "margin", "x", "theta", "z", "samples")
+            arrays: dict[str, Any] = {name: getattr(self, name) for name in names}
+            edges = np.empty(0) if self.theta_edges is None else self.theta_edges
+            np.savez_compressed(scratch / "map.npz", theta_edges=edges, **arrays)
         return Path(folder) / "map.npz"
-
-    def _arrays(self) -> dict[str, Any]:
-        names = ("x_edges", "landings", "solutions", "margin", "x", "theta", "z", "samples")
-        arrays = {name: np.asarray(getattr(self, name)) for name in names}
-        edges = np.empty(0) if self.theta_edges is None else self.theta_edges
-        return arrays | {"theta_edges": edges}
 
 
 def reach_map(
@@ -198,23 +194,20 @@ def reach_map(
     assert scene.target is not None  # checked by Scene, for all that have a mover
     height = scene.target.z if z is None else float(z)
     target = dataclasses.replace(scene.target, z=height)
-    # A cup comes along with the target.
-    aimed = scene.aimed_at(target)
+    aimed = scene.aimed_at(target)  # moves the cup along with the target
     parts: list[tuple[Array, Array, Array, Counts]] = []
-    down, best, done = 0, (-math.inf, ""), 0
+    down, rise, done = 0, (-math.inf, ""), 0
     for count, drawn in chunks(scene, mover, samples):
         thrown = joined(*drawn)
         x, theta, time = land(thrown.detach, height, scene.gravity).T
-        in_time = np.isfinite(time) & (time <= FLIGHT_MAX)
-        down += int(in_time.sum())
+        landed = np.isfinite(time) & (time <= FLIGHT_MAX)
+        down += int(landed.sum())
         if not down:
             for part in drawn:
                 _, pose, words = highest(part, target, scene.gravity)
-                best = max(best, (-math.inf if pose is None else pose.z, words))
-        # Only what lands is asked for its way there.
-        thrown, x, theta, time = thrown.picked(in_time), x[in_time], theta[in_time], time[in_time]
+                rise = max(rise, (-math.inf if pose is None else pose.z, words))
+        thrown, x, theta, time = thrown.picked(landed), x[landed], theta[landed], time[landed]
         good = allowed(scene, mover, thrown, time)
-        # With the room that a plan keeps.
         good &= enters_cup_at_landing(aimed, thrown.detach, x, time, CUP_ROOM)
         thrown = thrown.picked(good)
         parts.append((x[good], theta[good], margins(scene, mover, thrown), cells_of(mover, thrown)))
@@ -222,15 +215,10 @@ def reach_map(
         if progress is not None:
             progress(done, samples)
     x, theta, margin, cells = (np.concatenate(rows) for rows in zip(*parts, strict=True))
+    empty = ReachMap(scene, height, samples, x=x, theta=theta)
     if not x.size:
-        message = _why_nothing(height, down, best)
-        empty = np.zeros((0, 1))
-        counts = empty.astype(np.int64)
-        return ReachMap(
-            scene, height, samples, np.empty(0), None, counts, counts, empty, x, theta, message
-        )
-    angle = scene.target.theta is not None
-    return _sorted_in(scene, height, samples, angle, x, theta, margin, cells)
+        return dataclasses.replace(empty, message=_why_nothing(height, down, rise))
+    return _binned(empty, margin, cells)
 
 
 def check_map(z: float | None, samples: int, prefix: str = "") -> None:
@@ -245,45 +233,38 @@ def check_map(z: float | None, samples: int, prefix: str = "") -> None:
         raise InputError(f"{prefix}samples = {samples!r}: must be a whole number, 1 to {MOST}")
 
 
-def _sorted_in(
-    scene: Scene,
-    z: float,
-    samples: int,
-    angle: bool,
-    x: Array,
-    theta: Array,
-    margin: Array,
-    cells: Counts,
-) -> ReachMap:
-    """The landings in bins; those of theta only if it counts."""
-    x_edges, theta_edges = edges_of(x, theta, angle)
-    shape = (len(x_edges) - 1, 1 if theta_edges is None else len(theta_edges) - 1)
-    where = places(x_edges, x) * shape[1]
-    if theta_edges is not None:
-        where = where + places(theta_edges, theta)
+def _binned(found: ReachMap, margin: Array, cells: Counts) -> ReachMap:
+    """The map with its landings in bins, of theta only where the target has one.
+
+    margin (N,): of each landing; cells (N,): equal for throws that count as the same.
+    """
+    x, theta, target = found.x, found.theta, found.scene.target
+    angle = target is not None and target.theta is not None
+    edges = edges_of([x, theta] if angle else [x])
+    theta_edges = edges[1] if angle else None
+    shape = (len(edges[0]) - 1, len(edges[1]) - 1 if angle else 1)
+    where = places(edges[0], x) * shape[1]
+    if angle:
+        where = where + places(edges[1], theta)
     size = shape[0] * shape[1]
     best = np.full(size, -np.inf)
     np.maximum.at(best, where, margin)
     different = np.unique(np.column_stack([where, cells]), axis=0)[:, 0]
-    return ReachMap(
-        scene,
-        z,
-        samples,
-        x_edges,
-        theta_edges,
-        np.bincount(where, minlength=size).reshape(shape),
-        np.bincount(different, minlength=size).reshape(shape),
-        np.where(np.isfinite(best), best, np.nan).reshape(shape),
-        x,
-        theta,
+    return dataclasses.replace(
+        found,
+        x_edges=edges[0],
+        theta_edges=theta_edges,
+        landings=np.bincount(where, minlength=size).reshape(shape),
+        solutions=np.bincount(different, minlength=size).reshape(shape),
+        margin=np.where(np.isfinite(best), best, np.nan).reshape(shape),
     )
 
 
-def _why_nothing(z: float, down: int, best: tuple[float, str]) -> str:
-    """Why no throw was found; best: highest rise [m] of all and words on it."""
+def _why_nothing(z: float, down: int, rise: tuple[float, str]) -> str:
+    """Why no throw was found; down: throws that land; rise: the highest [m], in words too."""
     if down:
         kept = "keeps floor, base column, longest carry and the bounds of [landing]"
         return f"no throw found: none of {down:,} sampled throws down to z {z:g} m {kept}"
-    if best[0] > z:
+    if rise[0] > z:
         return f"no throw found: none comes down through z {z:g} m within {FLIGHT_MAX:g} s"
-    return best[1]
+    return rise[1]

@@ -11,8 +11,9 @@ import numpy.typing as npt
 
 from ..check import SentThrow
 from .picture import bar_corners, draw_surroundings, frame_stage, hand_corners
+from .style import ARM
+from .style import PHASES as COLOURS
 from .timeline import PHASES, Timeline, timeline
-from .view_colours import ARM, COLOURS
 
 if TYPE_CHECKING:
     from PIL import Image

@@ -11,8 +11,9 @@ import numpy.typing as npt
 
 from ...problems import Pose, Scene, ThrownObject
 from ..check import SentThrow, bar_outline, palm_corners
+from .style import ARM
+from .style import PHASES as COLOURS
 from .timeline import PHASES, Timeline, timeline
-from .view_colours import ARM, COLOURS
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -9,8 +9,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import Tool
+from .style import ARM
+from .style import PHASES as COLOURS
 from .timeline import PHASES
-from .view_colours import ARM, COLOURS
 from .view_poses import SpaceThrow, in_space, link_pieces, normal
 from .view_shapes import cup_wall, quaternion, rgb, ring, rod, turned_shape
 

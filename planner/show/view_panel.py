@@ -5,8 +5,8 @@ from __future__ import annotations
 import threading
 from typing import Any
 
+from .style import PHASES as COLOURS
 from .view import View
-from .view_colours import COLOURS
 
 #: Playback speeds against real time.
 SPEEDS = {"1": 1.0, "1/5": 0.2, "1/20": 0.05}

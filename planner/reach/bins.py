@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 
 import numpy as np
@@ -19,20 +20,21 @@ WIDTHS = tuple(
 FILL, BINS = 10.0, 400
 
 
-def edges_of(x: Array, theta: Array, angle: bool) -> tuple[Array, Array | None]:
-    """Edges of the bins, multiples of widths that leave enough landings in a bin."""
-    axes = [x, theta] if angle else [x]
-    coarser = (tuple(2.0**k * width for width in WIDTHS[-1]) for k in range(1, 60))
-    edges: list[Array] = []
-    for number, widths in enumerate((*WIDTHS, *coarser)):
+def edges_of(axes: list[Array]) -> list[Array]:
+    """Edges of the bins on each axis (x, or x and theta): multiples of one of WIDTHS.
+
+    Landings too far apart for WIDTHS get bins of twice, four times, ... the last of them.
+    """
+    coarser = (tuple(2.0**k * width for width in WIDTHS[-1]) for k in itertools.count(1))
+    for number, widths in enumerate(itertools.chain(WIDTHS, coarser)):
         if any(np.ptp(v) > (BINS - 2) * w for v, w in zip(axes, widths, strict=False)):
             continue
         edges = [_multiples(v, w) for v, w in zip(axes, widths, strict=False)]
         found = [places(e, v) for e, v in zip(edges, axes, strict=True)]
         reached = np.unique(np.column_stack(found), axis=0)
-        if len(x) >= FILL * len(reached) or number >= len(WIDTHS) - 1:
+        if len(axes[0]) >= FILL * len(reached) or number >= len(WIDTHS) - 1:
             break
-    return edges[0], edges[1] if angle else None
+    return edges
 
 
 def _multiples(values: Array, width: float) -> Array:
@@ -49,7 +51,5 @@ def places(edges: Array, values: Array) -> Counts:
 
 def place(edges: Array, value: float) -> int:
     """Index of a value's bin, -1 outside."""
-    if not math.isfinite(value):
-        return -1
-    found = int(places(edges, np.array([value]))[0])
+    found = int(places(edges, np.array([value]))[0]) if math.isfinite(value) else -1
     return found if found < len(edges) - 1 else -1

@@ -1,0 +1,40 @@
+"""The style of all pictures: colours, resolution, and what several of them draw alike."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from ...problems import Cup
+
+GREY, BLUE, ORANGE, RED, GREEN = "#8a8f98", "#4c78a8", "#f2a33a", "#d1495b", "#2a9d6f"
+PURPLE, TEAL, BLACK = "#7b4fa3", "#2a788e", "#222222"
+#: The arm and hand, and a cup's wall.
+ARM, WALL = "#3d4450", "#5b4a3f"
+#: The phases of a throw in their order, and their colours.
+PHASES = {"carry": GREY, "stick": BLUE, "pivot": ORANGE, "slide": RED, "flight": GREEN}
+#: Pixels per inch of a saved picture.
+DPI = 110
+
+
+def new_figure(width: float, height: float) -> Figure:
+    """An empty figure of `width` x `height` [in], with no window and no global state."""
+    from matplotlib.figure import Figure
+
+    return Figure(figsize=(width, height), layout="constrained")
+
+
+def save(figure: Figure, path: Path) -> None:
+    """Write the figure as PNG."""
+    figure.savefig(path, dpi=DPI)
+
+
+def draw_cup(axes: Axes, cup: Cup) -> None:
+    """A cup's walls and bottom in the throw's plane."""
+    wall: dict[str, Any] = {"color": WALL, "lw": 3, "solid_capstyle": "butt", "zorder": 2}
+    bottom, left, right = cup.rim - cup.depth, cup.x - cup.radius, cup.x + cup.radius
+    axes.plot([left, left, right, right], [cup.rim, bottom, bottom, cup.rim], **wall)
