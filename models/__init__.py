@@ -19,15 +19,6 @@ from .batch import (
     throw_limit_surface,
     throw_sliding_pivot,
 )
-from .batch_hands import (
-    ConstantAccelerations,
-    CubicHands,
-    Cubics,
-    Hands,
-    HandsTrack,
-    SampledHands,
-    Throws,
-)
 from .contact import (
     Body,
     Contact,
@@ -43,7 +34,6 @@ from .flight import FlightState, land, time_to_height
 from .friction import coulomb, karnopp, viscous_smoothed
 from .grip_force import FALL_SHARE, GripProfile, LinearRelease, TableRelease
 from .hand import PlanarArm, PlanarHand, hand_motion
-from .hand_track import ConstantAcceleration, PiecewiseAcceleration, SampledHand
 from .impulse import ITERATIONS, ImpulseProblem, Iterate
 from .integrate import euler_step, rk4_step
 from .karnopp_batch import throw_karnopp
@@ -70,7 +60,7 @@ from .patch_release import (
     patch_batch,
     single_release,
 )
-from .recording import RecordedJoints, low_pass
+from .path import MovedHand, Path, Throws, low_pass
 from .release import (
     LOST,
     UNSOLVED,
@@ -105,11 +95,7 @@ __all__ = [
     "Arm",
     "BatchRelease",
     "Body",
-    "ConstantAcceleration",
-    "ConstantAccelerations",
     "Contact",
-    "CubicHands",
-    "Cubics",
     "DHRow",
     "Ellipsoid",
     "EvenSteps",
@@ -119,8 +105,6 @@ __all__ = [
     "HandSamples",
     "HandState",
     "HandTrack",
-    "Hands",
-    "HandsTrack",
     "ImplicitRelease",
     "ImpulseProblem",
     "Iterate",
@@ -132,23 +116,21 @@ __all__ = [
     "LinearRelease",
     "LinkInertia",
     "LuGreRelease",
+    "MovedHand",
     "OverhangingBeam",
     "Patch",
     "PatchRelease",
     "PatchThrows",
-    "PiecewiseAcceleration",
+    "Path",
     "PlanarArm",
     "PlanarDynamics",
     "PlanarHand",
     "PointSolver",
     "Quartic",
-    "RecordedJoints",
     "Release",
     "ReleaseBatch",
     "ReleaseCase",
     "ReleaseModel",
-    "SampledHand",
-    "SampledHands",
     "SlidingPivot",
     "SlidingPivotRelease",
     "SlipProblem",

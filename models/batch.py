@@ -14,10 +14,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .batch_hands import HandsTrack, Throws
 from .contact import Body, Contact, HandMotion
 from .grip_force import GripProfile
 from .integrate import rk4_step
+from .path import Path, Throws
 from .release import BLEW_UP, LOST, sticking_state
 from .sliding_pivot import LOST_SLIP, Form, SlidingPivot
 from .time_stepping import HandState, LimitSurfaceStepping
@@ -45,7 +45,7 @@ class ReleaseBatch:
     body: Body
     contact: Contact
     grip: GripProfile
-    hands: HandsTrack
+    hands: Path
     opening: Array
     force: Array
     gravity: Any = 9.81

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
@@ -33,6 +34,10 @@ class HandSamples:
     pose: Array
     twist: Array
     acceleration: Array
+
+    def __iter__(self) -> Iterator[Array]:
+        """pose, twist, acceleration."""
+        return iter((self.pose, self.twist, self.acceleration))
 
     @property
     def motion(self) -> HandMotion:

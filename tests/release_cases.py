@@ -7,14 +7,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from throwplan.models import (
-    Body,
-    ConstantAcceleration,
-    Contact,
-    LinearRelease,
-    Release,
-    ReleaseCase,
-)
+from throwplan.models import Body, Contact, LinearRelease, Release, ReleaseCase
+from throwplan.models import Path as Motion
 
 VALUES: dict[str, Any] = {
     name: case
@@ -34,7 +28,7 @@ def reference_case(name: str) -> ReleaseCase:
         Body(body["m"], body["I"], body["h"]),
         Contact(contact["mu"], contact["r"], contact["c"], contact["faces"]),
         LinearRelease(values["fN0"], 0.0, values["T"]),
-        ConstantAcceleration(
+        Motion.accelerating(
             (0.0, 0.0, hand["theta0"]),
             (*hand["v0"], hand["omega0"]),
             (*hand["a"], hand["alpha"]),

@@ -13,9 +13,9 @@ from throwplan.models import (
     LOST,
     BatchRelease,
     Body,
-    ConstantAcceleration,
     Contact,
     LinearRelease,
+    Path,
     ReleaseCase,
     SlidingPivotRelease,
     SteppedRelease,
@@ -62,7 +62,7 @@ def single(values: dict, i: int) -> ReleaseCase:
         Body(body["mass"][i], body["inertia"][i], body["com_offset"][i]),
         Contact(contact["friction"][i], contact["patch_radius"][i], 0.6, 2),
         LinearRelease(100.0, 0.0, values["gripper"]["opening"][i]),
-        ConstantAcceleration(*(hand[k][i] for k in ("pose", "twist", "acceleration"))),
+        Path.accelerating(*(hand[k][i] for k in ("pose", "twist", "acceleration"))),
     )
 
 

@@ -15,14 +15,8 @@ import pytest
 import throwplan as tp
 from test_batch import DROP, throws
 from test_extreme import batch_of, extremes
-from throwplan.models import (
-    ConstantAccelerations,
-    ReleaseBatch,
-    SampledHands,
-    TableRelease,
-    throw_limit_surface,
-    throw_sliding_pivot,
-)
+from throwplan.models import Path as Motion
+from throwplan.models import ReleaseBatch, TableRelease, throw_limit_surface, throw_sliding_pivot
 from throwplan.planner.check.simulate_batch import _batch
 from throwplan.planner.compile.compiled_batch import compiled_steps
 from throwplan.planner.compile.compiler import compiler
@@ -46,12 +40,11 @@ def many(count: int, seed: int = 0) -> ReleaseBatch:
 def sampled(batch: ReleaseBatch, shared: bool) -> ReleaseBatch:
     """The same hands by splines; or the first one's for all, each started a little later."""
     hands, t = batch.hands, np.linspace(-0.01, 0.15, 60)
-    assert isinstance(hands, ConstantAccelerations)
-    poses = np.array([hands.at(np.full(batch.count, time))[0] for time in t]).transpose(2, 0, 1)
+    poses = np.array([hands.at(np.full(batch.count, time)).pose for time in t]).transpose(2, 0, 1)
     if not shared:
-        return replace(batch, hands=SampledHands(t, poses))
+        return replace(batch, hands=Motion.through(t, poses))
     delays = np.linspace(-0.009, 0.04, batch.count)
-    return replace(batch, hands=SampledHands(t, poses[:1], delays))
+    return replace(batch, hands=Motion.through(t, poses[:1], delays))
 
 
 def measured(batch: ReleaseBatch) -> ReleaseBatch:
@@ -116,7 +109,7 @@ def test_an_operation_without_c_is_refused() -> None:
 
 SCRIPT = """
 import sys, numpy as np, throwplan as tp
-from throwplan.planner import compiled_batch
+from throwplan.planner.compile import compiled_batch
 result = tp.simulate_batch(
     tp.load_scene("drop"), sys.argv[1], contact={"friction": np.linspace(0.3, 1.0, 2500)}
 )

@@ -13,11 +13,10 @@ from test_extreme import case_of as extreme_case
 from test_extreme import extremes
 from throwplan.models import (
     Body,
-    ConstantAcceleration,
     Contact,
     HandMotion,
     LinearRelease,
-    PiecewiseAcceleration,
+    Path,
     Release,
     ReleaseCase,
     SlidingPivot,
@@ -136,7 +135,7 @@ def test_more_steps_land_the_same(name: str, kind: str, monkeypatch) -> None:
 def test_a_hand_whose_acceleration_steps_between_all_nodes() -> None:
     times = [0.0, 0.0107, 0.0233, 0.0391]
     steps = [[5.0, 2, 60], [-20, 10, -80], [15, -5, 90], [0, 20, -60]]
-    hand = PiecewiseAcceleration((0.0, 0.5, 0.3), (2.0, 1.0, 5.0), times, steps)
+    hand = Path.stepping((0.0, 0.5, 0.3), (2.0, 1.0, 5.0), times, steps)
     scene = tp.load_scene("pose")
     case, kinks = case_of(scene, hand), np.array(times[1:])
     exact = detached(reference(case, kinks))
@@ -157,7 +156,7 @@ def test_friction_that_turns_round_within_a_step(
     # The body slips a little; after the hand's acceleration has stepped, friction stops that
     # within microseconds and is then on its other side. All steps that are longer than that
     # miss it alike: off by up to 0.018 rad/s here, and no sign of it in finer runs.
-    hand = PiecewiseAcceleration((0.0, 0.5, 0.3), (2.0, 1.0, 5.0), [0.0, jump], [before, after])
+    hand = Path.stepping((0.0, 0.5, 0.3), (2.0, 1.0, 5.0), [0.0, jump], [before, after])
     case = case_of(tp.load_scene("flip"), hand)
     mine = detached(limit_surface_release(case, np.array([jump])))
     coarse, fine = (detached(SteppedRelease(steps=n).release(case)) for n in (32_000, 64_000))
@@ -198,7 +197,7 @@ def test_a_body_that_slides_out_of_the_pads_is_reported() -> None:
         Body(5.0, 0.01, 0.05),
         Contact(0.05, 0.001, 0.6, 2),
         LinearRelease(1.0, 0.0, 1.0),
-        ConstantAcceleration((0.0, 0.0, 0.0)),
+        Path.accelerating((0.0, 0.0, 0.0)),
     )
     assert "slid out" in sliding_pivot_release(case, np.zeros(0)).trouble
 

@@ -8,12 +8,11 @@ import numpy as np
 import pytest
 from throwplan.models import (
     Body,
-    ConstantAcceleration,
-    ConstantAccelerations,
     Contact,
     ImplicitRelease,
     KarnoppRelease,
     LinearRelease,
+    Path,
     ReleaseBatch,
     ReleaseCase,
     SlidingPivotRelease,
@@ -56,7 +55,7 @@ def batch_of(v: dict[str, np.ndarray]) -> ReleaseBatch:
         Body(v["mass"], v["inertia"], v["h"]),
         Contact(v["mu"], v["r_p"], 0.6, 2),
         LinearRelease(1.0, 0.0, 1.0),
-        ConstantAccelerations(v["pose"], v["twist"], v["acceleration"]),
+        Path.accelerating(v["pose"], v["twist"], v["acceleration"]),
         v["opening"],
         v["force"],
         v["g"],
@@ -68,7 +67,7 @@ def case_of(v: dict[str, np.ndarray], i: int) -> ReleaseCase:
         Body(*(float(v[k][i]) for k in ("mass", "inertia", "h"))),
         Contact(float(v["mu"][i]), float(v["r_p"][i]), 0.6, 2),
         LinearRelease(float(v["force"][i]), 0.0, float(v["opening"][i])),
-        ConstantAcceleration(v["pose"][i], v["twist"][i], v["acceleration"][i]),
+        Path.accelerating(v["pose"][i], v["twist"][i], v["acceleration"][i]),
         float(v["g"][i]),
     )
 
@@ -139,7 +138,7 @@ def test_a_body_that_slides_out_of_the_pads_is_reported() -> None:
         Body(5.0, 0.01, 0.05),
         Contact(0.05, 0.001, 0.6, 2),
         LinearRelease(1.0, 0.0, 1.0),
-        ConstantAcceleration((0.0, 0.0, 0.0)),
+        Path.accelerating((0.0, 0.0, 0.0)),
     )
     release = SlidingPivotRelease().release(case)
     assert "slid out" in release.trouble

@@ -8,7 +8,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.models import ConstantAcceleration, PiecewiseAcceleration, SampledHand, low_pass
+from throwplan.models import Path as Motion
+from throwplan.models import low_pass
 from throwplan.planner.check.given_motion import given_hand
 from throwplan.planner.cli import main
 
@@ -23,13 +24,11 @@ def scene_with(tmp_path: Path, motion: str) -> Path:
 
 def test_pieces_join_smoothly_and_agree_with_one_piece() -> None:
     times = np.linspace(0, 0.06, 50)
-    whole = ConstantAcceleration((0, 0, 0.2), (1, 2, 3), (4, 5, 6)).at(times)
-    cut = PiecewiseAcceleration((0, 0, 0.2), (1, 2, 3), (0.0, 0.02, 0.05), [(4, 5, 6)] * 3).at(
-        times
-    )
+    whole = Motion.accelerating((0, 0, 0.2), (1, 2, 3), (4, 5, 6)).at(times)
+    cut = Motion.stepping((0, 0, 0.2), (1, 2, 3), (0.0, 0.02, 0.05), [(4, 5, 6)] * 3).at(times)
     assert cut.pose == pytest.approx(whole.pose)
     assert cut.twist == pytest.approx(whole.twist)
-    stepped = PiecewiseAcceleration((0, 0, 0), (0, 0, 0), (0.0, 0.03), [(0, 9, 0), (0, -9, 0)])
+    stepped = Motion.stepping((0, 0, 0), (0, 0, 0), (0.0, 0.03), [(0, 9, 0), (0, -9, 0)])
     around = stepped.at(np.array([0.03 - 1e-9, 0.03 + 1e-9]))
     assert np.ptp(around.pose[1]) < 1e-8 and np.ptp(around.twist[1]) < 1e-7
 
@@ -37,7 +36,7 @@ def test_pieces_join_smoothly_and_agree_with_one_piece() -> None:
 def test_sampled_hand_has_the_derivatives_of_its_poses() -> None:
     t = np.linspace(-0.02, 0.1, 200)
     poses = np.column_stack([np.sin(5 * t), t**2, 0.3 + np.cos(4 * t)])
-    hand = SampledHand(t, poses).at(np.linspace(0, 0.08, 33))
+    hand = Motion.through(t, poses).at(np.linspace(0, 0.08, 33))
     s = hand.times
     assert hand.twist[0] == pytest.approx(5 * np.cos(5 * s), abs=1e-5)
     assert hand.acceleration[2] == pytest.approx(-16 * np.cos(4 * s), abs=1e-2)

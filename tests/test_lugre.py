@@ -11,12 +11,12 @@ from release_cases import VALUES, detached, landed, reference_case
 from scipy.integrate import solve_ivp
 from throwplan.models import (
     Body,
-    ConstantAcceleration,
     Contact,
     LinearRelease,
     LuGreRelease,
     PatchRelease,
     PatchThrows,
+    Path,
     ReleaseCase,
     critical_damping,
     disc,
@@ -88,7 +88,7 @@ def test_stiff_bristles_become_the_rigid_patch(name: str) -> None:
 
 def test_a_gripped_bar_stays_put() -> None:
     body, contact = Body(0.24, 5.35e-4, 0.1), Contact(0.8, 0.0075)
-    hand = ConstantAcceleration((0.0, 0.0, 0.4))
+    hand = Path.accelerating((0.0, 0.0, 0.4))
     case = ReleaseCase(body, contact, LinearRelease(400.0, 0.0, 0.05), hand)
     release = LuGreRelease(stiffness=1e6).release(case)
     # In the first half bristles bend further as the grip falls: less than mu / sigma_0.

@@ -8,12 +8,11 @@ import pytest
 from release_cases import VALUES, reference_case
 from throwplan.models import (
     Body,
-    ConstantAcceleration,
     Contact,
     FlightState,
     LinearRelease,
+    Path,
     ReleaseCase,
-    SampledHand,
     SteppedRelease,
     TableRelease,
     time_to_height,
@@ -186,7 +185,7 @@ def test_mujoco_agrees_on_random_throws(seed):
         Body(mass, mass * draw(0.03, 0.08) ** 2, draw(0.02, 0.2)),
         Contact(draw(0.3, 1), draw(0.0025, 0.01), faces=1 + seed % 2),
         LinearRelease(draw(20, 80), dwell=0.0, opening=draw(0.03, 0.1)),
-        ConstantAcceleration(
+        Path.accelerating(
             (0.0, 0.0, draw(-1, 1.5)),
             (speed * math.cos(elevation), speed * math.sin(elevation), draw(-5, 5)),
             (draw(-10, 10), draw(-10, 10), draw(-30, 30)),
@@ -206,7 +205,7 @@ def test_mujoco_agrees_on_a_swinging_hand_and_a_measured_grip():
         Body(mass=0.2, inertia=4e-4, com_offset=0.08),
         Contact(friction=0.7, patch_radius=0.005),
         grip,
-        SampledHand(times, poses),
+        Path.through(times, poses),
         grasp_angle=0.7,
     )
     assert_same_landing(case, thrown(case), stepped(case), 0.5, 0.15)

@@ -8,12 +8,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from throwplan.models import (
     Body,
-    ConstantAcceleration,
     Contact,
     LinearRelease,
     OverhangingBeam,
     Patch,
     PatchRelease,
+    Path,
     ReleaseCase,
 )
 
@@ -104,7 +104,7 @@ def test_a_patch_of_two_points_does_the_same(h: float, r: float) -> None:
     # The time-stepped patch knows nothing of hinges.
     beam = OverhangingBeam(Body(0.2, 5e-4, h), Contact(0.8, r))
     grip = LinearRelease(2 * beam.hinge_threshold(), 0.0, 0.04)
-    still = ConstantAcceleration((0.0, 0.0, 0.0))
+    still = Path.accelerating((0.0, 0.0, 0.0))
     two = Patch([-r, r], [0.0, 0.0], [0.5, 0.5])
     steps = 400
     case = ReleaseCase(beam.body, beam.contact, grip, still)

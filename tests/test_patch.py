@@ -15,17 +15,15 @@ from throwplan.models import (
     CREEP,
     RADIUS_PER_ARM,
     Body,
-    ConstantAcceleration,
-    ConstantAccelerations,
     Contact,
     LinearRelease,
     Patch,
     PatchRelease,
+    Path,
     PointSolver,
     Release,
     ReleaseBatch,
     ReleaseCase,
-    SampledHand,
     SlipProblem,
     SteppedRelease,
     disc,
@@ -39,7 +37,7 @@ BAR = Body(0.24, 5.35e-4, 0.1)
 BLOCK = Body(0.24, 5.35e-4, 0.0)
 PADS = Contact(0.8, 0.0075)
 GRIP = LinearRelease(50.0, 0.0, 0.05)
-REST = ConstantAcceleration((0.0, 0.0, 0.0))
+REST = Path.accelerating((0.0, 0.0, 0.0))
 PRESSURES = ("uniform", "hertz")
 
 
@@ -172,7 +170,7 @@ def test_step_gives_coulomb_friction_in_equilibrium(
 # Closed forms: a body held at its centre of mass.
 
 
-def case(body: Body, hand: ConstantAcceleration, gravity: float = 0.0) -> ReleaseCase:
+def case(body: Body, hand: Path, gravity: float = 0.0) -> ReleaseCase:
     return ReleaseCase(body, PADS, GRIP, hand, gravity)
 
 
@@ -190,7 +188,7 @@ def test_pure_translation(pressure: str, angle: float) -> None:
     # Friction carries m a until the grip is too weak at t_s, then its impulse is
     # integral of f_max, from t_s to the end: f_0 T (m a / f_0)^2 / 2.
     a = np.array([-6.0, 8.0])
-    hand = ConstantAcceleration((0.0, 0.0, angle), (1.0, 0.5, 0.0), (*a, 0.0))
+    hand = Path.accelerating((0.0, 0.0, angle), (1.0, 0.5, 0.0), (*a, 0.0))
     _, _, _, v_x, v_z, omega = converged(pressure, case(BLOCK, hand))
     share = BLOCK.mass * float(np.hypot(*a)) / float(PADS.force_limit(GRIP.full))
     gain = a * GRIP.opening * (1 - share + share / 2)
@@ -202,7 +200,7 @@ def test_pure_translation(pressure: str, angle: float) -> None:
 def test_pure_rotation(pressure: str) -> None:
     # The same with I alpha against c r_p f_max.
     alpha = -150.0
-    hand = ConstantAcceleration((0.2, 0.1, 0.0), (0.0, 0.0, 2.0), (0.0, 0.0, alpha))
+    hand = Path.accelerating((0.2, 0.1, 0.0), (0.0, 0.0, 2.0), (0.0, 0.0, alpha))
     held = case(BLOCK, hand)
     _, _, _, v_x, v_z, omega = converged(pressure, held)
     limit = float(PADS.torsion_arm * PADS.force_limit(GRIP.full))
@@ -246,19 +244,15 @@ def test_pressure_hardly_matters_at_equal_torsion() -> None:
 def batch_of_cases() -> ReleaseBatch:
     cases = [reference_case(name) for name in CASES]
     hands = [case.hand for case in cases]
-    assert all(isinstance(hand, ConstantAcceleration) for hand in hands)
     bodies = np.array([dataclasses.astuple(case.body) for case in cases]).T
     contacts = np.array([dataclasses.astuple(case.contact) for case in cases]).T
-    tracks = [
-        np.array([getattr(hand, part) for hand in hands])
-        for part in ("pose", "twist", "acceleration")
-    ]
+    tracks = zip(*(hand.at(np.zeros(1)) for hand in hands), strict=True)
     return ReleaseBatch(
         len(cases),
         Body(*bodies),
         Contact(*contacts),
         LinearRelease(1.0, 0.0, 1.0),
-        ConstantAccelerations(*tracks),
+        Path.accelerating(*(np.array(part)[..., 0] for part in tracks)),
         np.array([case.grip.opening for case in cases]),
         np.array([case.grip.full for case in cases]),
     )
@@ -320,7 +314,7 @@ def by_differential_equation(held: ReleaseCase) -> np.ndarray:
 
 
 def test_a_gripped_bar_stays_in_a_moving_hand() -> None:
-    hand = ConstantAcceleration((0.1, 0.2, 0.3), (1.0, 1.5, 4.0), (-5.0, 3.0, -20.0))
+    hand = Path.accelerating((0.1, 0.2, 0.3), (1.0, 1.5, 4.0), (-5.0, 3.0, -20.0))
     tight = LinearRelease(1e4, 0.0, 0.05)
     for angle in (0.0, -0.8):
         held = ReleaseCase(BAR, PADS, tight, hand, grasp_angle=angle)
@@ -337,7 +331,7 @@ def test_a_gripped_bar_stays_in_a_moving_hand() -> None:
 def test_a_sampled_hand_gives_the_same() -> None:
     known = reference_case("throw_decelerating")
     times = np.linspace(0.0, known.grip.opening, 30)
-    sampled = SampledHand(times, known.hand.at(times).pose.T)
+    sampled = Path.through(times, known.hand.at(times).pose.T)
     other = PatchRelease().release(dataclasses.replace(known, hand=sampled))
     # At its ends a spline of a parabola is exact, too.
     expected = PatchRelease().release(known)
@@ -350,8 +344,8 @@ def mirrored(release: Release) -> np.ndarray:
 
 
 def test_mirrored_releases_are_mirrored() -> None:
-    left = ConstantAcceleration((0.0, 0.0, 0.4), (1.0, 1.5, 3.0), (-5.0, -6.0, -10.0))
-    right = ConstantAcceleration((0.0, 0.0, math.pi - 0.4), (-1.0, 1.5, -3.0), (5.0, -6.0, 10.0))
+    left = Path.accelerating((0.0, 0.0, 0.4), (1.0, 1.5, 3.0), (-5.0, -6.0, -10.0))
+    right = Path.accelerating((0.0, 0.0, math.pi - 0.4), (-1.0, 1.5, -3.0), (5.0, -6.0, 10.0))
     a, b = (PatchRelease().release(case(BAR, hand, 9.81)) for hand in (left, right))
     np.testing.assert_allclose(mirrored(a), detached(b), atol=1e-8)
 
@@ -364,7 +358,7 @@ def test_the_patch_turns_with_the_hand() -> None:
     rotation = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
     parts = np.array([[0.0, 0.0, 0.4], [1.0, 1.5, 3.0], [-9.0, -6.0, -40.0]])
     turned = parts @ rotation.T + [[0, 0, turn], [0, 0, 0], [0, 0, 0]]
-    a, b = (model.release(case(BAR, ConstantAcceleration(*p))) for p in (parts, turned))
+    a, b = (model.release(case(BAR, Path.accelerating(*p))) for p in (parts, turned))
     np.testing.assert_allclose(rotation @ a.com[:, -1] + [0, 0, turn], b.com[:, -1], atol=1e-8)
     np.testing.assert_allclose(rotation @ a.com_twist[:, -1], b.com_twist[:, -1], atol=1e-7)
 
@@ -386,7 +380,7 @@ def test_extreme_throws_stay_finite_and_a_still_hand_gives_no_energy(seed: int) 
         pose = np.column_stack([np.zeros((count, 2)), angle])
         twist = motion * rng.uniform(-1, 1, (count, 3)) * [5, 5, 30]
         acceleration = motion * rng.uniform(-1, 1, (count, 3)) * [50, 50, 500]
-        hands = ConstantAccelerations(pose, twist, acceleration)
+        hands = Path.accelerating(pose, twist, acceleration)
         grip = LinearRelease(1.0, 0.0, 1.0)
         batch = ReleaseBatch(count, body, contact, grip, hands, opening, full)
         end = patch_batch(batch, steps=40, points=16)

@@ -8,13 +8,12 @@ import numpy as np
 import pytest
 from release_cases import VALUES, reference_case
 from throwplan.models import (
-    ConstantAcceleration,
     Contact,
     ImplicitRelease,
     KarnoppRelease,
     Patch,
     PatchRelease,
-    PiecewiseAcceleration,
+    Path,
     Quartic,
     ReleaseCase,
     SteppedRelease,
@@ -71,7 +70,7 @@ def test_steps_stick_before_the_onset_and_slip_after_it() -> None:
 
 
 def test_a_hand_that_falls_freely_never_lets_a_body_slip() -> None:
-    hand = ConstantAcceleration((0, 0, 0.3), (1.0, 2.0, 0.0), (0.0, -GRAVITY, 0.0))
+    hand = Path.accelerating((0, 0, 0.3), (1.0, 2.0, 0.0), (0.0, -GRAVITY, 0.0))
     case = dataclasses.replace(reference_case("drop_h100_faces2"), hand=hand)
     assert onset(case) == (None, None)
 
@@ -84,14 +83,14 @@ def test_a_motion_that_no_wrench_asks_for_does_not_begin(shape) -> None:
     weight = case.body.mass * GRAVITY / (2 * case.contact.friction)
     assert pivot is None
     assert slide == pytest.approx(case.grip.opening * (1 - weight / case.grip.full), abs=1e-9)
-    spun = ConstantAcceleration((0, 0, 0), acceleration=(0, 0, 300.0))
+    spun = Path.accelerating((0, 0, 0), acceleration=(0, 0, 300.0))
     pivot, slide = onset(dataclasses.replace(held_at_com, hand=spun, gravity=0.0), shape)
     assert slide is None and 0 < pivot < case.grip.opening
 
 
 def test_a_jerk_of_the_hand_is_found_to_the_instant() -> None:
     pulls = [(0.0, 0.0, 0.0), (0.0, 60.0, 0.0)]
-    hand = PiecewiseAcceleration((0, 0, 0), (0, 0, 0), (0.0, 0.0123), pulls)
+    hand = Path.stepping((0, 0, 0), (0, 0, 0), (0.0, 0.0123), pulls)
     case = dataclasses.replace(reference_case("drop_h100_faces2"), hand=hand)
     assert onset(case)[0] == pytest.approx(0.0123, abs=1e-9)
 

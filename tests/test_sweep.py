@@ -9,13 +9,12 @@ import math
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.models import ConstantAccelerations, land, sliding_pivot_batch
+from throwplan.models import Path, land, sliding_pivot_batch
 from throwplan.planner.check.check import throw
 from throwplan.planner.check.cup_entries import cup_entries
 from throwplan.planner.check.geometry import cup_entry
 from throwplan.planner.cli import common, main
 from throwplan.planner.sweep.carry_hold import CarryHold
-from throwplan.planner.sweep.disturbed_hands import HandTable
 from throwplan.planner.sweep.sweep_run import CHUNKS, run_sweep
 from throwplan.planner.sweep.sweep_sensitivity import derivatives, scan_delays
 from throwplan.planner.sweep.sweep_throws import Thrower
@@ -28,14 +27,6 @@ ACCELERATION = np.array([6.0, -4.0, 15.0])
 ERRORS = ("hand_x", "hand_z", "hand_theta", "hand_vx", "hand_vz", "hand_omega")
 
 
-def steady_hand(first: float = -0.2) -> HandTable:
-    """A hand at constant acceleration, POSE and TWIST at time 0, as one cell."""
-    pose = POSE + first * (TWIST + first * ACCELERATION / 2)
-    twist = TWIST + first * ACCELERATION
-    cells = np.concatenate([pose, twist, ACCELERATION / 2, np.zeros(3)])[:, None]
-    return HandTable(np.array([first, 1.0]), cells, np.empty(0))
-
-
 def toy(section: Uncertainty, opening: float = 0.05, model: str = "sp") -> tuple:
     """A thrower of that hand and the sampler of `section`; nothing is planned."""
     scene = tp.load_scene("hand-flip").replace(
@@ -44,7 +35,7 @@ def toy(section: Uncertainty, opening: float = 0.05, model: str = "sp") -> tuple
     sampler = sampler_of(scene, 0)
     free = CarryHold(np.empty(0), np.empty((5, 0)), 120.0)
     names = sampler.names
-    hand = steady_hand()
+    hand = Path.accelerating(POSE, TWIST, ACCELERATION)
     return Thrower(scene, scene.target, model, names, hand, free, 0.0, 400), sampler
 
 
@@ -98,7 +89,7 @@ def test_disturbed_hands_are_the_hands_that_they_stand_for() -> None:
     columns = dict(zip(thrower.names, values.T, strict=True))
     delay = columns["delay"][:, None]
     offset = np.column_stack([columns[name] for name in ERRORS])
-    hands = ConstantAccelerations(
+    hands = Path.accelerating(
         POSE + delay * (TWIST + delay * ACCELERATION / 2) + offset[:, :3],
         TWIST + delay * ACCELERATION + offset[:, 3:],
         np.tile(ACCELERATION, (64, 1)),
@@ -115,14 +106,6 @@ def test_a_com_behind_the_pads_is_thrown_too() -> None:
     pose = thrower.throw(np.linspace(-2e-3, 2e-3, 41)[:, None]).pose
     assert np.abs(np.diff(pose[:, 0])).max() < 1e-3
     assert np.abs(np.diff(pose[:, 1], 2)).max() < 5e-3
-
-
-def test_dense_hand_is_the_planned_one() -> None:
-    table = steady_hand()
-    pose, twist, acceleration = table.at(np.array([0.0, 0.05]))
-    assert pose[:, 0] == pytest.approx(POSE)
-    assert twist[:, 1] == pytest.approx(TWIST + 0.05 * ACCELERATION)
-    assert acceleration[:, 1] == pytest.approx(ACCELERATION)
 
 
 @pytest.fixture(scope="module")

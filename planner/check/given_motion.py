@@ -5,16 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ...models import (
-    Arm,
-    ConstantAcceleration,
-    HandTrack,
-    PiecewiseAcceleration,
-    PlanarArm,
-    RecordedJoints,
-    SampledHand,
-    hand_motion,
-)
+from ...models import Arm, HandTrack, MovedHand, Path, PlanarArm, hand_motion
 from ...problems import InputError, Motion, Scene
 
 Array = npt.NDArray[np.float64]
@@ -42,21 +33,21 @@ def _track(scene: Scene, motion: Motion) -> HandTrack:
     if motion.samples:
         table = np.array(motion.samples, float)
         if motion.joints is None:
-            return SampledHand(table[:, 0] - motion.opening_time, table[:, 1:])
+            return Path.through(table[:, 0] - motion.opening_time, table[:, 1:])
         assert scene.arm is not None  # checked by Scene
         joints = table[:, 1:]
         return recorded_joints(scene.arm, table[:, 0], joints, motion.opening_time, motion.cutoff)
     if motion.accelerations:
-        return PiecewiseAcceleration(pose, twist, motion.times, motion.accelerations)
-    return ConstantAcceleration(pose, twist, (*motion.acceleration, motion.angular_acceleration))
+        return Path.stepping(pose, twist, motion.times, motion.accelerations)
+    return Path.accelerating(pose, twist, (*motion.acceleration, motion.angular_acceleration))
 
 
 def recorded_joints(
     arm: Arm, times: Array, joints: Array, opening_time: float, cutoff: float
-) -> RecordedJoints:
+) -> MovedHand:
     """The hand of an arm's recorded joints (K, joints) [rad], in the plane that joint 1 is in.
 
-    ValueError for joints that do not keep the throwing posture, and as `RecordedJoints`.
+    ValueError for joints that do not keep the throwing posture, and as `low_pass`.
     """
     kinematics = PlanarArm(arm)
     throwing = [j - 1 for j in kinematics.throwing_joints]
@@ -75,8 +66,10 @@ def recorded_joints(
             f"joints: joint {arm.azimuth_joint} turns the throw's plane by {turning:.2f} rad, at "
             f"most {POSTURE_ROOM} is allowed"
         )
-    function = hand_motion(kinematics)
-    return RecordedJoints(times, joints[:, throwing], function, opening_time, cutoff)
+    if not times[0] <= opening_time < times[-1]:
+        raise ValueError(f"opening_time {opening_time:g} s is outside the recording")
+    path = Path.recorded(times, joints[:, throwing], cutoff).later(opening_time)
+    return MovedHand(path, hand_motion(kinematics))
 
 
 def _check_span(scene: Scene, motion: Motion) -> None:

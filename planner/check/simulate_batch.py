@@ -17,13 +17,11 @@ from ...models import (
     UNSOLVED,
     BatchRelease,
     Body,
-    ConstantAccelerations,
     Contact,
-    HandsTrack,
     LuGreRelease,
     PatchRelease,
+    Path,
     ReleaseBatch,
-    SampledHands,
     land,
     sliding_pivot_batch,
     stepped_batch,
@@ -200,8 +198,6 @@ def _batch(
         }
         for section, names in (("object", _OBJECT), ("contact", _CONTACT))
     }
-    if count > 1 and not hand_lengths:
-        hands = _repeated(hands, count)
     return ReleaseBatch(
         count,
         Body(**made["object"]),
@@ -230,7 +226,7 @@ def _numbers(section: str, names: tuple[str, ...], values: Mapping[str, Any]) ->
     return result
 
 
-def _hands(scene: Scene, hand: Mapping[str, Any]) -> tuple[HandsTrack, dict[str, int]]:
+def _hands(scene: Scene, hand: Mapping[str, Any]) -> tuple[Path, dict[str, int]]:
     """The hand motions, and the lengths of the arrays that tell N."""
     for name in hand:
         if name not in _HAND + _SAMPLED:
@@ -243,7 +239,7 @@ def _hands(scene: Scene, hand: Mapping[str, Any]) -> tuple[HandsTrack, dict[str,
         # One motion for all throws, as dense samples.
         opening = scene.gripper.profile().opening
         times = np.linspace(0.0, opening, GIVEN_SAMPLES)
-        return SampledHands(times, given_hand(scene).at(times).pose.T[None]), {}
+        return Path.through(times, given_hand(scene).at(times).pose.T), {}
     if motion is None and "pose" not in hand:
         raise InputError(f"{scene.place}: has no [motion]: give hand pose, twist, acceleration")
     defaults: dict[str, Any] = {name: np.zeros(3) for name in _HAND}
@@ -261,33 +257,20 @@ def _hands(scene: Scene, hand: Mapping[str, Any]) -> tuple[HandsTrack, dict[str,
     count = max(lengths.values(), default=1)
     if set(lengths.values()) - {count}:
         raise InputError(f"hand: arrays of unequal length {sorted(set(lengths.values()))}")
-    full = [np.broadcast_to(arrays[name], (count, 3)).copy() for name in _HAND]
-    return ConstantAccelerations(*full), lengths
+    return Path.accelerating(*(arrays[name] for name in _HAND)), lengths
 
 
-def _check_cover(hands: HandsTrack, opening: Array) -> None:
+def _check_cover(hands: Path, opening: Array) -> None:
     """InputError if sampled hands end before an opening does, or begin after its start."""
-    if not isinstance(hands, SampledHands):
-        return
-    delays = np.zeros(1) if hands.delays is None else hands.delays
-    first, last = float(delays.min()), float((delays + opening).max())
-    if first < hands.times[0] - 1e-9 or last > hands.times[-1] + 1e-9:
+    begin, end = float(hands.breaks[0]), hands.end
+    first, last = float(np.min(hands.delays)), float(np.max(hands.delays + opening))
+    if first < begin - 1e-9 or last > end + 1e-9:
         raise InputError(
-            f"hand.times: must cover {first:g} to {last:g} s, cover {hands.times[0]:g} to "
-            f"{hands.times[-1]:g} s"
+            f"hand.times: must cover {first:g} to {last:g} s, cover {begin:g} to {end:g} s"
         )
 
 
-def _repeated(hands: HandsTrack, count: int) -> HandsTrack:
-    """One hand motion for `count` throws."""
-    if not isinstance(hands, ConstantAccelerations):
-        return hands
-    return ConstantAccelerations(
-        *(np.repeat(v, count, axis=0) for v in (hands.pose, hands.twist, hands.acceleration))
-    )
-
-
-def _sampled(hand: Mapping[str, Any]) -> tuple[HandsTrack, dict[str, int]]:
+def _sampled(hand: Mapping[str, Any]) -> tuple[Path, dict[str, int]]:
     if any(name in hand for name in _HAND):
         raise InputError("hand: give pose, twist, acceleration or times, poses, delays, not both")
     if "times" not in hand or "poses" not in hand:
@@ -300,13 +283,13 @@ def _sampled(hand: Mapping[str, Any]) -> tuple[HandsTrack, dict[str, int]]:
     if poses.ndim != 3 or poses.shape[1:] != (times.size, 3):
         raise InputError(f"hand.poses: must be (N, {times.size}, 3), has shape {poses.shape}")
     lengths = {"hand.poses": len(poses)} if len(poses) > 1 else {}
-    delays = None
+    delays: Array | float = 0.0
     if "delays" in hand:
         delays = _array("hand.delays", hand["delays"])
         if delays.ndim != 1:
             raise InputError("hand.delays: must be an array (N,)")
         lengths["hand.delays"] = delays.size
-    return SampledHands(times, poses, delays), lengths
+    return Path.through(times, poses, delays), lengths
 
 
 def _array(name: str, value: Any) -> Array:

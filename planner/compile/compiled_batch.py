@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models import GRADING, BatchRelease, CubicHands, EvenSteps, HandsTrack, ReleaseBatch, graded
+from ...models import GRADING, BatchRelease, EvenSteps, Path, ReleaseBatch, graded
 from .batch_functions import source
 from .compiler import shared_library
 from .lane_code import FLAGS
@@ -40,10 +40,10 @@ class _Batch(ctypes.Structure):
     )
 
 
-def compiled_steps(model: str, hands: HandsTrack) -> EvenSteps | None:
+def compiled_steps(model: str, hands: Path) -> EvenSteps | None:
     """The steps of `sp` or `ls-step` in compiled code; None where that is not to be had:
     no compiler, another model, hands that are no cubics."""
-    if model not in _RUNS or not isinstance(hands, CubicHands):
+    if model not in _RUNS or not hands.cubic():
         return None
     library = _library()
     return None if library is None else partial(_RUNS[model], library)
@@ -73,15 +73,15 @@ def _throw(
     gripped: Array,
 ) -> BatchRelease:
     """`instants`: shares of the opening at which the hands are asked for; `gripped`: the grip."""
-    assert isinstance(batch.hands, CubicHands)  # as compiled_steps has checked
-    cubics = batch.hands.cubics()
+    powers, axes, pieces, rows = batch.hands.coefficients.shape
+    curves = np.zeros((4, pieces, rows, axes))
+    curves[4 - powers :] = batch.hands.coefficients.transpose(0, 2, 3, 1)
     grip = batch.grip.force(gripped * batch.grip.opening) / batch.grip.full
-    delays = np.zeros(batch.count) if cubics.delays is None else cubics.delays
+    delays = np.broadcast_to(batch.hands.delays, batch.count)
     inputs = [
         np.ascontiguousarray(value, float)
-        for value in (instants, grip, _numbers(batch), cubics.knots, cubics.coefficients, delays)
+        for value in (instants, grip, _numbers(batch), batch.hands.breaks, curves, delays)
     ]
-    _, pieces, rows, _ = cubics.coefficients.shape
     detach, lost = np.empty((batch.count, 6)), np.empty(batch.count, bool)
     addresses = [array.ctypes.data for array in (*inputs, detach, lost)]
     function(ctypes.byref(_Batch(batch.count, steps, pieces, rows, *addresses)))

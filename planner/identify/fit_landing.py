@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cache
 from typing import Any, Protocol
 
@@ -14,7 +14,7 @@ from ...models import (
     GRADING,
     HandMotion,
     HandTrack,
-    SampledHands,
+    Path,
     SlidingPivot,
     graded,
     number_symbols,
@@ -104,18 +104,15 @@ class PivotLandings:
         return np.array(landings), np.array(slopes)
 
 
-def _wide_hand(
-    predictor: Predictor, throw: MeasuredThrow, hand: HandTrack, delayed: bool
-) -> SampledHands:
+def _wide_hand(predictor: Predictor, throw: MeasuredThrow, hand: HandTrack, delayed: bool) -> Path:
     """The hand's spline around the opening, as far as a delay may reach."""
     one, reach = np.ones(1), MOST_DELAY if delayed else 0.0
     batch = predictor.batch(throw, hand, Parameters(one, one, np.array([reach])))
-    assert isinstance(batch.hands, SampledHands)
-    return SampledHands(batch.hands.times, batch.hands.poses)
+    return replace(batch.hands, delays=0.0)
 
 
 def pivot_inputs(
-    predictor: Predictor, throw: MeasuredThrow, hand: SampledHands, delay: float
+    predictor: Predictor, throw: MeasuredThrow, hand: Path, delay: float
 ) -> tuple[Array, Array, Array]:
     """What `pivot_landing` takes beside the unknowns: steps (34, STEPS), end (9,), numbers."""
     nodes = graded(STEPS, GRADING)
@@ -125,7 +122,8 @@ def pivot_inputs(
     pose, twist, acceleration = hand.at(times + delay)
     # The spline's acceleration is linear between its samples: this is its slope.
     near = 1e-6
-    jerk = (hand.at(times + delay + near)[2] - hand.at(times + delay - near)[2]) / (2 * near)
+    after, before = hand.at(times + delay + near), hand.at(times + delay - near)
+    jerk = (after.acceleration - before.acceleration) / (2 * near)
     rows = np.array([pose[2], twist[2], *acceleration])
     slopes = np.array([twist[2], acceleration[2], *jerk])
     table = [np.vstack([part[:, :-2:2], part[:, 1::2], part[:, 2::2]]) for part in (rows, slopes)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ...models import Body, Contact, GripProfile, ReleaseBatch, SampledHands, land
+from ...models import Body, Contact, GripProfile, Path, ReleaseBatch, land
 from .predict import BATCHES, Parameters, Predictor
 
 Array = npt.NDArray[np.float64]
@@ -49,12 +49,8 @@ def _joined(batches: list[ReleaseBatch]) -> ReleaseBatch:
         return np.concatenate(spread)
 
     bodies, contacts = [one.body for one in batches], [one.contact for one in batches]
-    poses, delays, times = [], [], first.opening
-    for one in batches:
-        assert isinstance(one.hands, SampledHands) and one.hands.delays is not None
-        times = one.hands.times
-        poses.append(np.repeat(one.hands.poses, one.count, axis=0))
-        delays.append(one.hands.delays)
+    poses = np.concatenate([np.repeat(one.hands.given, one.count, axis=0) for one in batches])
+    delays = column([one.hands.delays for one in batches])
     return ReleaseBatch(
         sum(one.count for one in batches),
         Body(
@@ -69,7 +65,7 @@ def _joined(batches: list[ReleaseBatch]) -> ReleaseBatch:
             first.contact.faces,
         ),
         first.grip,
-        SampledHands(times, np.concatenate(poses), np.concatenate(delays)),
+        Path.through(first.hands.breaks, poses, delays),
         column([one.opening for one in batches]),
         column([one.force for one in batches]),
         first.gravity,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -16,10 +16,9 @@ from ...models import (
     Contact,
     HandTrack,
     PatchRelease,
+    Path,
     ReleaseBatch,
     ReleaseCase,
-    SampledHand,
-    SampledHands,
     land,
     throw_karnopp,
     throw_limit_surface,
@@ -151,7 +150,7 @@ class Predictor:
             Body(*self._body(throw)),
             Contact(friction, radius, shared.torsion, shared.faces),
             grip,
-            SampledHands(times, hand.at(times).pose.T[None], delay),
+            Path.through(times, hand.at(times).pose.T, delay),
             np.full(count, grip.opening),
             grip.full * scale,
             shared.gravity,
@@ -172,9 +171,7 @@ class Predictor:
     ) -> Array:
         found = []
         # Splines instead of an arm's kinematics at every call, as in a batch.
-        hands = self.batch(throw, hand, parameters).hands
-        if isinstance(hands, SampledHands):
-            hand = SampledHand(hands.times, hands.poses[0])
+        hand = replace(self.batch(throw, hand, parameters).hands, delays=0.0)
         for sets in zip(*parameters.spread(), strict=True):
             end = MODELS[model].release(self.case(throw, hand, sets)).detach
             found.append([end.x, end.z, end.theta, end.v_x, end.v_z, end.omega])
@@ -200,7 +197,7 @@ class _Delayed:
 def _hand(data: ThrowData, throw: MeasuredThrow) -> HandTrack:
     """The hand of a throw, from the opening's start on."""
     if data.arm is None:
-        return SampledHand(throw.times - throw.opening, throw.motion)
+        return Path.through(throw.times - throw.opening, throw.motion)
     joints = throw.motion
     return recorded_joints(data.arm, throw.times, joints, throw.opening, data.shared.cutoff)
 

@@ -8,23 +8,18 @@ from __future__ import annotations
 import copy
 import dataclasses
 from collections.abc import Callable
-from dataclasses import dataclass
-from typing import cast
 
 import numpy as np
 import numpy.typing as npt
 
 from ...models import (
     BatchRelease,
-    Hands,
     HandSamples,
-    HandsTrack,
     HandTrack,
     ImplicitRelease,
     ReleaseBatch,
     ReleaseCase,
     ReleaseModel,
-    SampledHands,
     TableRelease,
     land,
     throw_karnopp,
@@ -59,8 +54,7 @@ def predicted(
     for n, (throw, hand) in enumerate(zip(throws, predictor.hands, strict=True)):
         if model in QUICKER:
             batch = predictor.batch(throw, hand, cells)
-            hands = cast(SampledHands, batch.hands)
-            together = TogetherHands(SampledHands(hands.times, hands.poses))
+            together = dataclasses.replace(batch.hands, delays=0.0)
             detach[n] = QUICKER[model](dataclasses.replace(batch, hands=together)).detach
         else:
             cases = (predictor.case(throw, hand, one) for one in zip(*cells.spread(), strict=True))
@@ -126,26 +120,6 @@ class SplinedHand:
         t = np.asarray(times, float)
         rows = self._curve(t).T
         return HandSamples(t, rows[:3], rows[3:6], rows[6:])
-
-
-@dataclass(frozen=True)
-class TogetherHands:
-    """One motion for all throws of a batch, asked for once where all ask for one time."""
-
-    one: HandsTrack
-
-    def part(self, throws: Rows) -> TogetherHands:
-        """The hands of the given throws: the same."""
-        return self
-
-    def at(self, times: Array) -> Hands:
-        """The hands at `times` (N,) [s]."""
-        if times.size == 0 or (times != times[0]).any():
-            return self.one.at(times)
-        pose, twist, acceleration = (
-            np.broadcast_to(rows, (3, times.size)) for rows in self.one.at(times[:1])
-        )
-        return pose, twist, acceleration
 
 
 def part_of(predictor: Predictor, rows: Rows) -> Predictor:

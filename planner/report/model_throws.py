@@ -9,16 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ...models import (
-    Body,
-    ConstantAcceleration,
-    Contact,
-    LinearRelease,
-    Release,
-    ReleaseCase,
-    held_wrench,
-    land,
-)
+from ...models import Body, Contact, LinearRelease, Path, Release, ReleaseCase, held_wrench, land
 from .page import Cell, Table
 
 Array = npt.NDArray[np.float64]
@@ -47,7 +38,7 @@ def four_throws() -> list[Throw]:
     ) -> ReleaseCase:
         full, opening = grip
         return ReleaseCase(
-            body, contact, LinearRelease(full, 0.0, opening), ConstantAcceleration(*hand)
+            body, contact, LinearRelease(full, 0.0, opening), Path.accelerating(*hand)
         )
 
     still = (0.0, 0.0, 0.0)

@@ -7,11 +7,10 @@ import numpy.typing as npt
 
 from ...models import (
     Body,
-    ConstantAcceleration,
-    ConstantAccelerations,
     Contact,
     HandMotion,
     LinearRelease,
+    Path,
     ReleaseBatch,
     ReleaseCase,
     pivot_wrench,
@@ -56,16 +55,14 @@ def random_throws(count: int, seed: int) -> ReleaseBatch:
     held = np.flatnonzero(contact.utilisation_squared(*load, full) < HELD**2)[:count]
     if held.size < count:
         raise ValueError(f"only {held.size} of {many} random throws hold at full grip")
-    hands = ConstantAccelerations(pose.T, twist.T, acceleration.T)
+    hands = Path.accelerating(pose.T, twist.T, acceleration.T)
     grip = LinearRelease(1.0, 0.0, 1.0)
     return ReleaseBatch(many, body, contact, grip, hands, opening, full, GRAVITY).part(held)
 
 
 def throw_number(batch: ReleaseBatch, i: int) -> ReleaseCase:
     """Throw number i of `random_throws` by itself."""
-    body, contact, hands = batch.body, batch.contact, batch.hands
-    if not isinstance(hands, ConstantAccelerations):
-        raise TypeError(f"no single throw of {type(hands).__name__}")
+    body, contact = batch.body, batch.contact
     return ReleaseCase(
         Body(*(float(v[i]) for v in (body.mass, body.inertia, body.com_offset))),
         Contact(
@@ -75,6 +72,6 @@ def throw_number(batch: ReleaseBatch, i: int) -> ReleaseCase:
             contact.faces,
         ),
         LinearRelease(float(batch.force[i]), 0.0, float(batch.opening[i])),
-        ConstantAcceleration(hands.pose[i], hands.twist[i], hands.acceleration[i]),
+        batch.hands.part(np.array([i])),
         GRAVITY,
     )

@@ -12,7 +12,7 @@ import numpy.typing as npt
 from ...models import (
     Body,
     Contact,
-    HandsTrack,
+    Path,
     ReleaseBatch,
     land,
     throw_limit_surface,
@@ -23,7 +23,7 @@ from ..check import BATCH_MODELS, cup_entries
 from ..compile import PAYS_FROM, compiled_steps
 from ..result import Plan
 from .carry_hold import CarryHold, carry_hold
-from .disturbed_hands import DelayedHands, HandTable, SentMotion, SpinningHands, tabulate
+from .disturbed_hands import SentMotion, tabulate
 from .kinked_batch import kinked_steps
 from .uncertain import Sampler
 
@@ -74,7 +74,7 @@ class Thrower:
     target: Pose
     model: str
     names: tuple[str, ...]
-    hands: HandTable
+    hands: Path
     carry: CarryHold
     mean_delay: float
     steps: int = 0
@@ -112,10 +112,10 @@ class Thrower:
         """The releases, by hands that are where they were planned to be."""
         scene, contact = self.scene, self.scene.contact
         profile, friction = scene.gripper.profile(), columns["friction"]
-        delayed = DelayedHands(self.hands, columns["delay"] - self.mean_delay)
-        hands: HandsTrack = delayed
+        hands = self.hands.later(columns["delay"] - self.mean_delay)
         if "hand_omega" in self.names:
-            hands = SpinningHands(delayed, columns["hand_omega"])
+            still = np.zeros(len(friction))
+            hands = replace(hands, drift=np.array([still, still, columns["hand_omega"]]))
         com_offset = columns["com_offset"] + scene.grasp.offset - columns["grasp_offset"]
         return ReleaseBatch(
             count=friction.size,
@@ -150,9 +150,7 @@ class Thrower:
 
     def _kinks(self, batch: ReleaseBatch) -> Array:
         """When the hands' accelerations step [s after each opening]: (J, N)."""
-        hands = batch.hands.hands if isinstance(batch.hands, SpinningHands) else batch.hands
-        assert isinstance(hands, DelayedHands)
-        return self.hands.kinks[:, None] - hands.delays
+        return np.asarray(self.hands.kinks[:, None] - batch.hands.delays)
 
     def nominal(self, count: int = 1) -> Array:
         """Values (count, P) that the plan was made with."""
@@ -212,10 +210,9 @@ def thrower_of(plan: Plan, model: str, sampler: Sampler, samples: int) -> Throwe
     )
     thrower = _settled(thrower, sampler)
     # Decided, and compiled, once: workers' results must not differ by a digit.
-    hands = DelayedHands(thrower.hands, np.zeros(1))
     kinked = model == "sp" and thrower.hands.kinks.size > 0
     pays = samples >= PAYS_FROM and "hand_omega" not in sampler.names and not kinked
-    return replace(thrower, compiled=pays and compiled_steps(model, hands) is not None)
+    return replace(thrower, compiled=pays and compiled_steps(model, thrower.hands) is not None)
 
 
 def _settled(thrower: Thrower, sampler: Sampler) -> Thrower:

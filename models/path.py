@@ -1,0 +1,290 @@
+"""Motions over time as polynomial pieces: of hands and of joints, of one throw or of N.
+
+A hand's coordinates are x, z [m] and theta [rad]; joints count as they are given. Every
+motion in the package is a `Path`, or the hand that a path of joints moves.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from .release import HandSamples
+
+Array = npt.NDArray[np.float64]
+#: Numbers of some of the throws.
+Throws = npt.NDArray[np.int_]
+
+#: The acceleration may step where two pieces meet: seen from either side, so far away [s].
+INSIDE = 1e-12
+#: Acceleration [rad/s^2; m/s^2] that a sample may be off even jerk.
+UNEVEN = 0.01
+#: Order of the low-pass for recordings; run forwards and backwards it acts as twice that.
+ORDER = 2
+
+
+@dataclass(frozen=True, eq=False)
+class Path:
+    """n coordinates over time in P polynomial pieces, for one throw or N.
+
+    breaks (P + 1,) [s]: where pieces begin and end; the first and last go on outside, or,
+    `held`, the path stays at its two ends. given (D + 1, n, P, R): coefficients, highest
+    power first, of the time since the piece's begin, or samples (R, P + 1, n) at the breaks,
+    for cubic splines. R is N, or 1 where all throws share one motion. delays (N,) [s]: how
+    much later each throw is on its motion. drift (n, N): rates added from time 0 on.
+    kinks (J,) [s]: where acceleration or jerk may step.
+    """
+
+    breaks: Array
+    given: Array
+    kinks: Array
+    held: bool = False
+    delays: Array | float = 0.0
+    drift: Array | None = None
+
+    @classmethod
+    def accelerating(
+        cls, pose: npt.ArrayLike, twist: npt.ArrayLike = 0.0, acceleration: npt.ArrayLike = 0.0
+    ) -> Path:
+        """Constant acceleration from pose and twist at time 0: each (n,), or (N, n) for N."""
+        powers = [np.asarray(v, float) for v in (acceleration, twist, pose)]
+        powers[0] = powers[0] / 2
+        columns = [np.atleast_2d(v).T for v in np.broadcast_arrays(*powers)]
+        given = np.array(columns, order="C")
+        return cls(np.array([0.0, np.inf]), given[:, :, None], np.empty(0))
+
+    @classmethod
+    def stepping(
+        cls,
+        pose: Sequence[float],
+        twist: Sequence[float],
+        times: Sequence[float],
+        accelerations: npt.ArrayLike,
+    ) -> Path:
+        """Constant accelerations (P, n) from `times` (P,) [s] on, from pose and twist at time 0.
+
+        Raises ValueError for times that do not rise from 0.
+        """
+        t, a = np.asarray(times, float), np.asarray(accelerations, float)
+        if a.shape != (t.size, len(pose)):
+            raise ValueError("accelerations: one row of three numbers per time")
+        if not (np.isfinite(t).all() and np.isfinite(a).all()):
+            raise ValueError("times, accelerations: must be finite numbers")
+        if t[0] != 0 or (np.diff(t) <= 0).any():
+            raise ValueError("times: must start at 0 and rise")
+        poses, twists = [np.asarray(pose, float)], [np.asarray(twist, float)]
+        for dt, each in zip(np.diff(t), a, strict=False):
+            poses.append(poses[-1] + twists[-1] * dt + each * dt * dt / 2)
+            twists.append(twists[-1] + each * dt)
+        given = np.stack([a / 2, np.array(twists), np.array(poses)]).transpose(0, 2, 1)
+        return cls(np.append(t, np.inf), given[..., None], t[1:])
+
+    @classmethod
+    def through(
+        cls, times: npt.ArrayLike, poses: npt.ArrayLike, delays: Array | float = 0.0
+    ) -> Path:
+        """Cubic splines through poses (K, n), or (N, K, n), at `times` (K,) [s].
+
+        Raises ValueError for unequal lengths, times that do not rise, NaN, too few samples.
+        """
+        t, rows = np.asarray(times, float), np.asarray(poses, float)
+        rows = rows if rows.ndim == 3 else rows[None]
+        if rows.ndim != 3 or rows.shape[1] != t.size:
+            raise ValueError(f"poses: one row per time, got {rows.shape[1:]} for {t.size}")
+        if t.size < 4:
+            raise ValueError("times: at least four samples are needed")
+        if not (np.isfinite(t).all() and np.isfinite(rows).all()):
+            raise ValueError("times, poses: must be finite numbers")
+        if (np.diff(t) <= 0).any():
+            raise ValueError("times: must rise from sample to sample")
+        return cls(t, rows, np.empty(0), delays=delays)
+
+    @classmethod
+    def recorded(cls, times: Array, joints: Array, cutoff: float = 35.0) -> Path:
+        """Recorded joints (K, n) [rad] at `times` (K,) [s], low-passed, by cubic splines.
+
+        The processing of Liu and Billard, section VI-A. Raises ValueError as `low_pass`.
+        """
+        return cls.through(*low_pass(times, joints, cutoff))
+
+    @classmethod
+    def cubics(cls, times: Array, q: Array, dq: Array, ddq: Array, jerk: Array) -> Path:
+        """Pieces from `times` (P + 1,) [s] with these values (P, n) at their begin."""
+        given = np.stack([jerk / 6, ddq / 2, dq, q]).transpose(0, 2, 1)[..., None]
+        return cls(times, given, times)
+
+    @classmethod
+    def quintics(cls, step: float, q: Array, dq: Array, ddq: Array) -> Path:
+        """Samples (K, n) every `step` [s], held outside; meets all three at each of them.
+
+        Kinks are the samples at which the jerk changes, and the thirds of steps inside which
+        it does: between them the quintics are one cubic.
+        """
+        h = step
+        v, a = h * dq, h * h * ddq
+        p0, v0, a0 = q[:-1], v[:-1], a[:-1]
+        # Remainders after the Taylor part of the begin.
+        d_v, d_a = v[1:] - v0 - a0, a[1:] - a0
+        d_p = q[1:] - p0 - v0 - a0 / 2
+        c5, c4, c3 = (
+            6 * d_p - 3 * d_v + d_a / 2,
+            -15 * d_p + 7 * d_v - d_a,
+            10 * d_p - 4 * d_v + d_a / 2,
+        )
+        in_steps = np.stack([c5, c4, c3, a0 / 2, v0, p0]).transpose(0, 2, 1)
+        given = in_steps / h ** np.arange(5.0, -1.0, -1.0)[:, None, None]
+        # What even jerk would leave of the next sample's rate and position.
+        off = np.abs(np.diff(dq, axis=0) / h - (ddq[:-1] + ddq[1:]) / 2)
+        off += np.abs(6 / h * (np.diff(q, axis=0) / h - dq[:-1]) - 2 * ddq[:-1] - ddq[1:])
+        uneven = np.flatnonzero((off > UNEVEN).any(axis=1))
+        change = np.abs(np.diff(ddq, n=2, axis=0))
+        corners = 1 + np.flatnonzero((change > UNEVEN).any(axis=1))
+        inside = (uneven[:, None] + np.arange(4) / 3).ravel()
+        kinks = np.asarray(np.unique(h * np.concatenate([corners, inside])), dtype=np.float64)
+        return cls(h * np.arange(len(q), dtype=np.float64), given[..., None], kinks, held=True)
+
+    @cached_property
+    def coefficients(self) -> Array:
+        """Highest power first: (D + 1, n, P, R)."""
+        if self.given.ndim == 4:
+            return self.given
+        from scipy.interpolate import CubicSpline
+
+        splines = CubicSpline(self.breaks, self.given, axis=1).c
+        return np.ascontiguousarray(splines.transpose(0, 3, 1, 2))
+
+    @property
+    def rows(self) -> int:
+        """R."""
+        return self.given.shape[-1] if self.given.ndim == 4 else len(self.given)
+
+    @property
+    def end(self) -> float:
+        """Where the last piece ends [s]."""
+        return float(self.breaks[-1])
+
+    def starts(self, derivative: int) -> Array:
+        """A derivative (P, n) at the begin of each piece of a single path."""
+        power = self.coefficients[-1 - derivative, :, :, 0]
+        return np.asarray(math.factorial(derivative) * power.T)
+
+    def part(self, throws: Throws) -> Path:
+        """The motions of the given throws."""
+        given, delays, drift = self.given, self.delays, self.drift
+        if self.rows > 1:
+            given = np.take(given, throws, axis=-1 if given.ndim == 4 else 0)
+        return replace(
+            self,
+            given=given,
+            delays=delays[throws] if isinstance(delays, np.ndarray) else delays,
+            drift=None if drift is None else drift[:, throws],
+        )
+
+    def later(self, delays: Array | float) -> Path:
+        """Each throw's clock starts that much later [s] on the motion: one value, or (N,)."""
+        return replace(self, delays=self.delays + delays)
+
+    def at(self, times: npt.ArrayLike) -> HandSamples:
+        """Coordinates and derivatives, each (n, K), at `times` (K,) [s]; N throws: (N,)."""
+        t = np.asarray(times, float)
+        clock = np.asarray(t + self.delays)
+        alike = self.rows == 1 and clock.size > 1 and not (clock != clock[0]).any()
+        p, dp, ddp = self._at(clock[:1] if alike else clock)
+        if alike:
+            p, dp, ddp = (np.broadcast_to(v, (len(v), clock.size)) for v in (p, dp, ddp))
+        if self.drift is not None:
+            p, dp = p + t * self.drift, dp + self.drift
+        return HandSamples(t, p, dp, ddp)
+
+    def _at(self, clock: Array) -> tuple[Array, Array, Array]:
+        if self.held:
+            clock = np.minimum(np.maximum(clock, self.breaks[0]), self.breaks[-1])
+        c = self.coefficients
+        if c.shape[2] == 1:
+            powers, u = list(c[:, :, 0]), clock - self.breaks[0]
+        else:
+            piece = np.searchsorted(self.breaks[1:-1], clock, "right")
+            u = clock - self.breaks[piece]
+            place = piece if self.rows == 1 else piece * self.rows + np.arange(self.rows)
+            powers = [np.take(power.reshape(len(power), -1), place, axis=1) for power in c]
+        p, dp, ddp = powers[0] * u + powers[1], powers[0], np.zeros(())
+        for power in powers[2:]:
+            ddp = ddp * u + dp
+            dp = dp * u + p
+            p = p * u + power
+        return p, dp, 2 * ddp
+
+    def closely(self, until: float, step: float) -> HandSamples:
+        """A single path from its begin to just after `until` [s], `step` apart at most.
+
+        No peak of the acceleration is missed: both sides of each kink are there, and so are
+        the insides of pieces along which the acceleration is not linear.
+        """
+        first = float(self.breaks[0])
+        inner = self.kinks[(self.kinks > first) & (self.kinks < until)]
+        begin, end = np.append(first, inner), np.append(inner, until)
+        count = np.ceil((end - begin) / step).astype(int) + 1
+        within = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count)
+        share = within / np.repeat(np.maximum(count - 1, 1), count)
+        length = end - begin - 2 * INSIDE
+        times = np.repeat(begin + INSIDE, count) + share * np.repeat(length, count)
+        return self.at(np.concatenate([times, self._swings(until), [until + INSIDE]]))
+
+    def _swings(self, until: float) -> Array:
+        """Instants [s] before `until` inside the pieces that have kinks inside."""
+        piece = np.searchsorted(self.breaks[1:-1], self.kinks, "right")
+        piece = np.unique(piece[self.kinks > self.breaks[piece]])
+        begin, end = self.breaks[piece, None], self.breaks[piece + 1, None]
+        times = begin + (end - begin) * [0.2, 0.4, 0.6, 0.8]
+        return np.asarray(times[times < until])
+
+    def cubic(self) -> bool:
+        """Whether all throws follow cubics: what compiled code knows."""
+        return self.drift is None and (self.given.ndim == 3 or len(self.given) <= 4)
+
+
+@dataclass(frozen=True, eq=False)
+class MovedHand:
+    """The hand that a path of joints moves.
+
+    motion: function of q, dq, ddq, each (n, K), that gives pose, twist and acceleration of
+    the hand, each (3, K).
+    """
+
+    path: Path
+    motion: Callable[..., Any]
+
+    def at(self, times: npt.ArrayLike) -> HandSamples:
+        """The hand at `times` (K,) [s]."""
+        return self.of(self.path.at(times))
+
+    def of(self, joints: HandSamples) -> HandSamples:
+        """The hand for joints already looked up."""
+        return HandSamples(joints.times, *(np.asarray(rows) for rows in self.motion(*joints)))
+
+
+def low_pass(times: Array, values: Array, cutoff: float) -> tuple[Array, Array]:
+    """Even times (K,) and `values` (K, n) low-passed at `cutoff` [Hz], without phase shift.
+
+    Uneven times are first resampled, by cubic splines, at their median rate. Raises
+    ValueError for fewer than 16 samples or a cutoff above half the rate.
+    """
+    from scipy.interpolate import CubicSpline
+    from scipy.signal import butter, sosfiltfilt
+
+    if times.size < 16:
+        raise ValueError(f"needs at least 16 samples, has {times.size}")
+    step = float(np.median(np.diff(times)))
+    if cutoff >= 0.5 / step:
+        raise ValueError(f"cutoff {cutoff:g} Hz must be below half the rate {1 / step:.0f} Hz")
+    even = np.linspace(times[0], times[-1], round((times[-1] - times[0]) / step) + 1)
+    if np.abs(np.diff(times) - step).max() > 1e-6 * step:
+        values = CubicSpline(times, values)(even)
+    sections = butter(ORDER, cutoff, output="sos", fs=1.0 / (even[1] - even[0]))
+    return even, np.asarray(sosfiltfilt(sections, values, axis=0))
