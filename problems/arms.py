@@ -185,7 +185,9 @@ def arm_text(arm: Arm, remarks: Sequence[str] = (), names: Sequence[str] = ()) -
     key = "dh" if "dh" in table else "joints"
     chain = table.pop(key)
     lines = [f"# {' '.join(remark.split())}" for remark in remarks]
-    lines += ["# Joint numbers count from 1.", *_lines(Arm, table), "", f"{key} = ["]
+    lines += ["# Joint numbers count from 1.", *_lines(Arm, table), ""]
+    lines += [f"# {name}: {about['meaning']}" for name, about in ARM_KEYS[LISTS[key]].items()]
+    lines.append(f"{key} = [")
     for row, name in zip(chain, words, strict=True):
         inside = ", ".join(toml_lines(row, {}))
         lines.append(f"  {{ {inside} }}, # {name}")

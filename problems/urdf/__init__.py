@@ -1,9 +1,16 @@
-"""Arms from URDF files."""
+"""Arms from URDF files: a serial chain of joints, with limits and masses, as an `Arm`."""
 
-from .arm import EXACT, LIMIT_OPTIONS, STATES, Choices, arm_of, kinematics_difference, limits_of
-from .file import UrdfChain, chain_of, read_urdf
-from .frames import AXES
-from .masses import held_joints
+from .arm import (
+    EXACT,
+    LIMIT_OPTIONS,
+    STATES,
+    Choices,
+    arm_of,
+    held_joints,
+    kinematics_difference,
+    limits_of,
+)
+from .chain import AXES, UrdfChain, chain_of, read_urdf
 
 __all__ = [
     "AXES",
