@@ -22,9 +22,9 @@ ARM_KEYS: dict[type[Any], dict[str, dict[str, Any]]] = {
         "posture": rules("rad, what the other joints keep"),
         "tool": rules("section [tool]"),
         "limits": rules("section [limits]"),
-        "dh": rules("the chain, see [[dh]]"),
-        "joints": rules("the chain, see [[joints]]"),
-        "links": rules("masses, see [[links]]"),
+        "dh": rules("the chain, a table per joint, see [[dh]]; either `dh` or `joints`"),
+        "joints": rules("the same as URDF has it, see [[joints]]"),
+        "links": rules("masses, a table per joint and one for the hand, see [[links]]"),
     },
     DHRow: {
         "a": rules("m, before the joint"),

@@ -36,42 +36,19 @@ for no bound, and for a default of nothing.
 ARM_INTRODUCTION = """\
 # Arm data files
 
-A robot is a TOML file too. `throwplan import-robot` makes one from a URDF.
+A robot is a TOML file too, which `arm` in [robot] and [motion] names. `throwplan import-robot`
+makes one from a URDF. Angles in it are in radians. Lists in `limits` hold one value per joint.
 """
-#: Tables of an arm data file: title, what it describes, what is said of it.
-ARM_PARTS: tuple[tuple[str, type[Any], str], ...] = (
-    (
-        "Keys at the top of an arm's file",
-        Arm,
-        "The keys before the first section; `arm` in [robot] and [motion] names the file. Angles "
-        "are in radians there. Joints count from 1.",
-    ),
-    (
-        "[[dh]]",
-        DHRow,
-        "One table per joint in the list `dh`: modified (Craig) Denavit-Hartenberg. Either `dh` "
-        "or `joints`.",
-    ),
-    (
-        "[[joints]]",
-        JointFrame,
-        "One table per joint in the list `joints`: its frame as URDF places it, turned so that "
-        "the joint turns about its z axis. Either `dh` or `joints`.",
-    ),
-    ("[tool]", Tool, "From the last joint to the pads, and the hand's body."),
-    ("[limits]", JointLimits, "One value per joint in each list."),
-    (
-        "[limits.slowing]",
-        Slowing,
-        "Velocity limits that fall towards the ends of a joint's range, one value per joint in "
-        "each list; left out for an arm whose limits are the same everywhere.",
-    ),
-    (
-        "[[links]]",
-        LinkInertia,
-        "One table per joint and one for the hand, in the list `links`; may be left out.",
-    ),
-)
+#: Tables of an arm data file.
+ARM_PARTS: dict[str, type[Any]] = {
+    "Keys at the top of an arm's file": Arm,
+    "[[dh]]": DHRow,
+    "[[joints]]": JointFrame,
+    "[tool]": Tool,
+    "[limits]": JointLimits,
+    "[limits.slowing]": Slowing,
+    "[[links]]": LinkInertia,
+}
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,7 +75,8 @@ def scene_reference() -> str:
             words = "The table behind a key of [uncertainty]."
             parts.append(_part("###", "How a value is spread", words, _keys(Distribution)))
     parts.append(ARM_INTRODUCTION)
-    parts += [_part("##", title, words, _arm_keys(kind)) for title, kind, words in ARM_PARTS]
+    for title, kind in ARM_PARTS.items():
+        parts.append(_part("##", title, _summary(kind), _arm_keys(kind)))
     return "\n".join(parts)
 
 
@@ -110,7 +88,7 @@ def _part(level: str, title: str, words: str, keys: Iterator[Key]) -> str:
     return "\n\n".join([f"{level} {title}", textwrap.fill(words, 100), table])
 
 
-def _summary(kind: type[Section]) -> str:
+def _summary(kind: type[Any]) -> str:
     """The first paragraph of the section's docstring, in one line."""
     return " ".join(inspect.cleandoc(kind.__doc__ or "").split("\n\n")[0].split())
 

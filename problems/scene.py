@@ -68,12 +68,12 @@ class Scene(Section):
     target: Pose | None = None
     tolerance: Tolerance = dataclasses.field(default_factory=Tolerance)
     choice: Choice | None = None
-    robust: Robust | None = None
     cup: Cup | None = None
     landing: Landing | None = None
     workspace: Workspace | None = None
     torque: Torque | None = None
     uncertainty: Uncertainty | None = None
+    robust: Robust | None = None
     mesh: Mesh = dataclasses.field(default_factory=Mesh)
     arm: Arm | None = None
     file: str = ""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import typing
 from collections.abc import Mapping
 from importlib.resources import files
 from pathlib import Path
@@ -13,43 +14,17 @@ import numpy as np
 from ..models import Arm
 from .arms import arm_from, arm_table, load_arm
 from .files import read_csv, read_text, toml_tables
-from .grip import (
-    NOISY,
-    ROWS,
-    Grasp,
-    Gripper,
-    PadContact,
-    ThrownObject,
-    grip_samples,
-    held_object,
-    monotone_grip,
-    rises,
-)
-from .movers import Hand, Motion, Robot, Torque
-from .scene import Mesh, Scene
-from .section import InputError, Section, from_table, nearest, table_of, unknown
-from .targets import Choice, Cup, Landing, Pose, Tolerance, Workspace
-from .uncertainty import Robust, Uncertainty, uncertainty_from, uncertainty_table
+from .grip import NOISY, ROWS, grip_samples, held_object, monotone_grip, rises
+from .scene import Scene
+from .section import InputError, Section, from_table, hints_of, nearest, table_of, unknown
+from .uncertainty import Uncertainty, uncertainty_from, uncertainty_table
 
 #: Sections of a scene file, and what each becomes.
 SECTIONS: dict[str, type[Section]] = {
-    "object": ThrownObject,
-    "grasp": Grasp,
-    "contact": PadContact,
-    "gripper": Gripper,
-    "hand": Hand,
-    "robot": Robot,
-    "motion": Motion,
-    "target": Pose,
-    "tolerance": Tolerance,
-    "choice": Choice,
-    "cup": Cup,
-    "landing": Landing,
-    "workspace": Workspace,
-    "torque": Torque,
-    "uncertainty": Uncertainty,
-    "robust": Robust,
-    "mesh": Mesh,
+    name: kind
+    for name, hint in hints_of(Scene).items()
+    for kind in (*typing.get_args(hint), hint)
+    if isinstance(kind, type) and issubclass(kind, Section)
 }
 #: Keys of a scene file that stand before its first section.
 TOP_KEYS = ("name", "description", "gravity")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -277,19 +276,14 @@ def uncertainty_table(uncertainty: Uncertainty) -> dict[str, Any]:
 
 def _pairs(value: Any, keys: Mapping[str, str]) -> Any:
     """Correlations with the parameters' names in place of the file's keys."""
-    wrong = f"correlation = {value!r}: must be like [['friction', 'patch_radius', 0.8]]"
-    if not isinstance(value, list):
-        raise InputError(wrong)
-    for row in value:
-        kinds = [str, str, (int, float)]
-        if not isinstance(row, list) or len(row) != 3 or isinstance(row[2], bool):
-            raise InputError(wrong)
-        if not all(itertools.starmap(isinstance, zip(row, kinds, strict=True))):
-            raise InputError(wrong)
-        for key in row[:2]:
-            if key not in keys:
-                raise InputError(f"correlation: {unknown(key, list(keys))}")
-    return [[keys[one], keys[other], float(number)] for one, other, number in value]
+    try:
+        return [[keys[one], keys[other], number] for one, other, number in value]
+    except KeyError as error:
+        raise InputError(f"correlation: {unknown(str(error.args[0]), list(keys))}") from None
+    except (TypeError, ValueError):
+        raise InputError(
+            f"correlation = {value!r}: must be like [['friction', 'patch_radius', 0.8]]"
+        ) from None
 
 
 #: On the command line: the methods that are recommended.
