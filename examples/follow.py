@@ -14,7 +14,7 @@ import math
 
 import numpy as np
 import throwplan as tp
-from throwplan.planner.report.following import TICK, follow
+from throwplan.planner.report import TICK, follow
 
 
 def main() -> None:
@@ -32,7 +32,7 @@ def main() -> None:
     x, theta = found.worst
     count = len(found.totals)
     print(
-        f"{count} targets, {count - len(found.errors)} not solved, {found.inside} planned within "
+        f"{count} targets, {count - len(found.errors)} not solved, {found.in_time} planned within "
         f"{1e3 * TICK:.0f} ms; worst error {1e3 * x:.3f} mm, {math.degrees(theta):.3f} deg"
     )
 

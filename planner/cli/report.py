@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 
 from ...problems import InputError, prepare_folder
-from ..report import FILES, SECTIONS, make_report
+from ..report import PAGE, SECTIONS, make_report
 from .common import DONE, Progress, answer
 
 EXAMPLE = "throwplan report --quick --out report"
@@ -33,11 +33,11 @@ def run(options: argparse.Namespace) -> int:
     for key in options.only:
         if key not in SECTIONS:
             raise InputError(f"--only {key}: must be one of {', '.join(SECTIONS)}")
-    folder = prepare_folder(Path(options.out), FILES)
+    folder = prepare_folder(Path(options.out), (PAGE,))
     with Progress(unit="steps") as progress:
         made = make_report(folder, options.only, options.quick, progress.about)
     seconds = {section.key: section.seconds for section in made}
     total = sum(seconds.values())
-    text = f"report: {len(made)} sections in {total:.0f} s; {folder / 'index.md'}"
+    text = f"report: {len(made)} sections in {total:.0f} s; {folder / PAGE}"
     answer(options, {"folder": str(folder), "sections": seconds}, text)
     return DONE

@@ -1,5 +1,23 @@
-"""`throwplan report`: error against run time, stability, reach and robustness, measured."""
+"""`throwplan report`: error against run time, stability, reach and robustness, measured.
 
-from .run import FILES, SECTIONS, make_report
+A section is a module with `make(effort)`, which gives figures, tables and pictures.
+"""
 
-__all__ = ["FILES", "SECTIONS", "make_report"]
+from .judge import Verdict, judged
+from .page import PAGE, Effort, Picture, Section, Table
+from .reach import TICK, follow
+from .run import SECTIONS, make_report
+
+__all__ = [
+    "PAGE",
+    "SECTIONS",
+    "TICK",
+    "Effort",
+    "Picture",
+    "Section",
+    "Table",
+    "Verdict",
+    "follow",
+    "judged",
+    "make_report",
+]

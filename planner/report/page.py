@@ -1,114 +1,174 @@
-"""What a report is made of: sections of words, tables and pictures, and where they are written.
+"""What a report is made of: sections of sentences, tables and pictures, and the page they make.
 
-A table is shown with few digits and kept whole in a CSV file; a picture is drawn into a PNG.
+The page is short: each section gives its main figures, at most one table and its pictures. Every
+table is in a CSV file with all its digits; a section that is measured again replaces its own part
+of the page, the others stay as they are.
 """
 
 from __future__ import annotations
 
 import csv
 import math
+import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 
-#: One cell: words, a number, or None for what is not there.
+#: One cell: words, a number, or None where there is no value.
 Cell = str | float | int | None
 
-
-def shown(cell: Cell, digits: int = 2) -> str:
-    """A cell as it is read, with so many significant digits of a float, or all before the point."""
-    if cell is None or (isinstance(cell, float) and math.isnan(cell)):
-        return "–"
-    if isinstance(cell, float):
-        whole = round(abs(cell)) >= 10**digits
-        return f"{cell:.0f}" if whole else f"{cell:.{digits}g}"
-    return str(cell)
+TITLE = "throwplan: error against run time, stability, and what a scene leaves out"
+HEAD = """Landings are those of models: nothing here is measured on real throws, where the published
+error of the sliding pivot is 2.4 cm and 15° (Liu and Billard, the paper). Times belong to the
+machine and run that a section names at its end; compare times within one table only. A scaled
+error is |Δx| + |Δθ| l/2, with the length l of the object. All random draws have fixed seeds."""
+#: The page, which every report has.
+PAGE = "index.md"
 
 
 @dataclass(frozen=True)
 class Table:
-    """Rows under named columns, with units in the names.
+    """Rows under named columns; the names hold the units.
 
-    name: stem of the CSV file, unique in the report; caption: what is to be seen, one
-    sentence; digits: significant ones shown of a float.
+    name: stem of the CSV file; caption: what the table holds, in a few words; short: the page
+    shows it, with `digits` significant digits of a float.
     """
 
     name: str
     caption: str
     columns: Sequence[str]
     rows: Sequence[Sequence[Cell]]
+    short: bool = False
     digits: int = 3
 
-    def write(self, folder: Path) -> None:
-        """The CSV file, all digits, empty where there is nothing."""
-        with (folder / f"{self.name}.csv").open("w", newline="", encoding="utf-8") as file:
-            writer = csv.writer(file)
-            writer.writerow(self.columns)
-            writer.writerows([["" if c is None else c for c in row] for row in self.rows])
+    def column(self, name: str) -> list[Cell]:
+        """The cells under a name."""
+        place = list(self.columns).index(name)
+        return [row[place] for row in self.rows]
 
-    def shown(self, cell: Cell) -> str:
-        """A cell as it is read."""
-        return shown(cell, self.digits)
+    def write(self, folder: Path) -> None:
+        """The CSV file; None is an empty cell."""
+        with (folder / f"{self.name}.csv").open("w", newline="", encoding="utf-8") as file:
+            csv.writer(file).writerows([self.columns, *self.rows])
+
+    def markdown(self) -> list[str]:
+        """The lines of a Markdown table; columns of numbers are aligned to the right."""
+        words = [any(isinstance(row[i], str) for row in self.rows) for i in range(self.width)]
+        align = ["---" if word else "---:" for word in words]
+        cells = [[shown(cell, self.digits).replace("|", "\\|") for cell in r] for r in self.rows]
+        return ["| " + " | ".join(row) + " |" for row in (self.columns, align, *cells)]
+
+    @property
+    def width(self) -> int:
+        """How many columns."""
+        return len(self.columns)
+
+
+def shown(cell: Cell, digits: int = 3) -> str:
+    """A cell as the page shows it: a float with so many digits, or all those before the point."""
+    if cell is None or (isinstance(cell, float) and math.isnan(cell)):
+        return "–"
+    if isinstance(cell, float):
+        return f"{cell:.0f}" if round(abs(cell)) >= 10**digits else f"{cell:.{digits}g}"
+    return str(cell)
 
 
 @dataclass(frozen=True)
 class Picture:
-    """A figure: `draw` writes the PNG file it is given; name: its stem.
-
-    data: what is drawn, where no table of the report has it; in a CSV file only.
-    """
+    """A figure: `draw` writes the PNG file that it is given; name: its stem."""
 
     name: str
     caption: str
     draw: Callable[[Path], None]
-    data: Table | None = None
 
     def write(self, folder: Path) -> None:
-        """The PNG file, in 256 colours: a third of the size, hardly another picture; its data."""
+        """The PNG file, reduced to 256 colours, which makes it three times smaller."""
         from PIL import Image
 
         path = folder / f"{self.name}.png"
         self.draw(path)
         with Image.open(path) as drawn:
-            few = drawn.convert("RGB").quantize(256, dither=Image.Dither.NONE)
-        few.save(path, optimize=True)
-        if self.data is not None:
-            self.data.write(folder)
-
-
-#: A paragraph, a table or a picture.
-Part = str | Table | Picture
-
-
-def files_of(part: Part) -> list[str]:
-    """Names of the files that a part is written into."""
-    if isinstance(part, Table):
-        return [f"{part.name}.csv"]
-    if isinstance(part, Picture):
-        return [f"{part.name}.png", *(() if part.data is None else files_of(part.data))]
-    return []
+            reduced = drawn.convert("RGB").quantize(256, dither=Image.Dither.NONE)
+        reduced.save(path, optimize=True)
 
 
 @dataclass
 class Section:
-    """One chapter. key: what `--only` calls it; seconds: how long it took to make; made: when,
-    where and by what command, in words; short: what to take from it, for the page's top."""
+    """One chapter. key: what `--only` calls it; seconds: the time it took to measure.
+
+    figures: sentences with the main results; made: machine, versions and date.
+    """
 
     key: str
     title: str
-    parts: list[Part] = field(default_factory=list)
+    figures: list[str] = field(default_factory=list)
+    tables: list[Table] = field(default_factory=list)
+    pictures: list[Picture] = field(default_factory=list)
     seconds: float = math.nan
     made: str = ""
-    short: list[str] = field(default_factory=list)
 
-    def add(self, *parts: Part) -> None:
-        """More of it."""
-        self.parts += parts
+    @property
+    def files(self) -> tuple[str, ...]:
+        """Names of the files beside the page."""
+        return (
+            *(f"{table.name}.csv" for table in self.tables),
+            *(f"{picture.name}.png" for picture in self.pictures),
+        )
+
+    def write(self, folder: Path) -> None:
+        """The tables and the pictures."""
+        for table in self.tables:
+            table.write(folder)
+        for picture in self.pictures:
+            picture.write(folder)
+
+    def markdown(self) -> str:
+        """Its part of the page."""
+        lines = [_anchor(self.key), "", f"## {self.title}", ""]
+        lines += [f"- {figure}" for figure in self.figures]
+        for table in self.tables:
+            if table.short:
+                lines += ["", f"{table.caption}:", "", *table.markdown()]
+        if self.pictures:
+            lines.append("")
+            lines += [
+                f'<img src="{picture.name}.png" width="560" alt="{picture.caption}">'
+                for picture in self.pictures
+            ]
+        links = [f"[{table.caption}]({table.name}.csv)" for table in self.tables]
+        command = f"`throwplan report --only {self.key}`"
+        lines += ["", f"Tables: {'; '.join(links)}.", ""]
+        lines += [f"{command}: {self.seconds:.0f} s, {self.made}", ""]
+        return "\n".join(lines)
+
+
+def write_page(folder: Path, parts: dict[str, str], order: Sequence[str]) -> None:
+    """The page of the sections' parts, by key, in that order."""
+    known = [parts[key] for key in order if key in parts]
+    (folder / PAGE).write_text("\n".join([f"# {TITLE}", "", HEAD, "", *known]), encoding="utf-8")
+
+
+def parts_of(folder: Path) -> dict[str, str]:
+    """The parts of a page that is there, by section; none where there is no page."""
+    try:
+        text = (folder / PAGE).read_text(encoding="utf-8")
+    except (OSError, UnicodeDecodeError):
+        return {}
+    pieces = re.split(r'^(<a id="\w+"></a>)$', text, flags=re.MULTILINE)
+    keys = [piece[len('<a id="') : -len('"></a>')] for piece in pieces[1::2]]
+    return {
+        key: f"{_anchor(key)}{text.rstrip()}\n"
+        for key, text in zip(keys, pieces[2::2], strict=True)
+    }
+
+
+def _anchor(key: str) -> str:
+    return f'<a id="{key}"></a>'
 
 
 @dataclass(frozen=True)
 class Effort:
-    """How much is measured: `quick` for a look, full for figures to believe.
+    """How much is measured: `quick` for a first look, full for figures to rely on.
 
     progress: told (done, total) of the section's own steps.
     """

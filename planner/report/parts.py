@@ -1,178 +1,238 @@
-"""Section "parts": what the NLP of each scene consists of, and what leaving things out saves."""
+"""Section `parts`: what a scene leaves out is not in its problem, and what that saves."""
 
 from __future__ import annotations
 
-from ...problems import Scene, load_scene, scene_names
-from ..compile import Compile
-from .import_count import imports_of
-from .page import Cell, Effort, Part, Picture, Section, Table
-from .part_ladder import ARM, HAND, ladder, with_everything
-from .part_sizes import COLUMNS, Measured, Posed, measured
-from .parts_picture import draw
+import dataclasses
+import json
+import os
+import pickle
+import subprocess
+import sys
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 
-#: The goal: this many times faster than with everything.
-GOAL = 5.0
-#: Of `Measured.over`, and the words that follow.
-RATIOS = ("own, over alone", "all, over alone", "status")
+from ...problems import (
+    Cup,
+    Distribution,
+    Landing,
+    Robust,
+    Scene,
+    Uncertainty,
+    Workspace,
+    load_scene,
+    scene_names,
+)
+from ..plan import Planner
+from .drawing import draw_ladder
+from .page import Cell, Effort, Picture, Section, Table
+
+#: Sections whose bounds never decide: they cost their variables and rows and change no throw.
+WIDE_LANDING = Landing(speed_min=0.01, speed_max=100.0, rate_max=1e3)
+WIDE_WORKSPACE = Workspace(floor=-10.0, column_radius=0.01, column_height=0.01)
+DELAY = Uncertainty(delay=Distribution(uniform=0.010))
+#: Lines of the ladder that are compared: a free hand with all its parts, and a Panda in its place.
+HAND, ARM = 5, 6
+#: Libraries that take long to import, by the name of their module.
+HEAVY = ("numpy", "casadi", "scipy", "ruckig", "matplotlib", "PIL", "distributed")
+#: Longest process that plans once [s].
+PATIENCE = 300.0
+#: A fresh process that plans the scene it is given, and tells what it imported.
+PLAN_ONCE = """
+import pickle, sys
+before = set(sys.modules)
+import throwplan as tp
+plan = tp.Planner(pickle.load(sys.stdin.buffer), compiling="no").plan()
+import json
+print(json.dumps([plan.status, sorted(set(sys.modules) - before)]))
+"""
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Size of a scene's NLP and times [s] of a plan, with the solves that lead to it."""
+
+    variables: int
+    constraints: int
+    iterations: int
+    build: float
+    solve: float
+    plan: float
+    status: str
+
+    def row(self, other: Measured) -> list[Cell]:
+        """Its cells in a table; the last number is its solving time over another's."""
+        times = [1e3 * seconds for seconds in (self.build, self.solve, self.plan)]
+        sizes = (self.variables, self.constraints, self.iterations)
+        return [*sizes, *times, self.solve / other.solve, self.status]
+
+
+#: Of `Measured.row`.
+COLUMNS = (
+    *("variables", "constraints", "iterations", "build [ms]", "solve [ms]", "plan [ms]"),
+    *("solve, times the first", "status"),
+)
+
+
+def measured(scene: Scene, repeats: int) -> Measured:
+    """Plans a scene once to build, then `repeats` times: the least times. Nothing is compiled."""
+    planner = Planner(scene, compiling="no")
+    first = planner.plan()
+    # A plan that fails does so slowly, and again.
+    plans = [planner.plan() for _ in range(repeats)] if first.solved else [first]
+    last = plans[-1]
+    return Measured(
+        *(last.variables, last.constraints, last.iterations, first.time["build"]),
+        min(plan.time["solve"] for plan in plans),
+        min(plan.time["total"] - plan.time["build"] for plan in plans),
+        last.status if last.solved else f"{last.status}: {last.message}",
+    )
 
 
 def make(effort: Effort) -> Section:
-    """What scenes leave out."""
+    """The ladder from a bare throw to one with everything; every scene; imports."""
     section = Section("parts", "What a scene leaves out")
     names = [name for name in scene_names() if load_scene(name).motion is None]
     chosen = ["hand-box", "cup"] if effort.quick else names
     rungs = list(ladder(load_scene("hand-box")))
-    # A quick look takes only the lines that are compared.
-    kept = (0, HAND, ARM, len(rungs) - 1) if effort.quick else range(len(rungs))
-    # Compiling the last lines takes minutes.
-    compiled = [] if effort.quick else [rungs[0], rungs[ARM]]
-    # A quick look leaves out what takes a quarter of a minute to build for each scene.
-    whole = [] if effort.quick else chosen
-    total = len(kept) + len(compiled) + 2 * len(chosen) + len(whole)
+    if effort.quick:
+        rungs = [rungs[i] for i in (0, HAND, ARM)]
+    # With everything a plan takes a quarter of a minute to build.
+    forced = [] if effort.quick else chosen
+    total = len(rungs) + 2 * len(chosen) + len(forced)
     steps = iter(range(1, total + 1))
 
-    def next_of(posed: Posed, compiling: Compile = "no") -> Measured:
-        # Everything takes longer: fewer runs of it.
-        repeats = effort.of(1, 3) if posed.robust else effort.of(3, 5)
-        found = measured(posed, repeats, compiling)
+    def next_of(scene: Scene) -> Measured:
+        # Robust plans take longer: fewer of them.
+        found = measured(scene, effort.of(2, 3 if scene.robust else 5))
         effort.tell(next(steps), total)
         return found
 
-    climbed = {i: next_of(rungs[i]) for i in kept}
-    robot = _robot_words(climbed)
-    section.add(*_goal_parts(climbed), robot, *_ladder_parts(rungs, climbed))
-    section.short.append(robot)
-    if compiled:
-        machine = [next_of(posed, "wait") for posed in compiled]
-        section.add(_compiled_table(compiled, machine, [climbed[0], climbed[ARM]]))
-    rows: list[list[Cell]] = []
-    imported: list[list[Cell]] = []
+    climbed = [(words, next_of(scene)) for words, scene in rungs]
+    bare = climbed[0][1]
+    rows: list[list[Cell]] = [[words, *one.row(bare)] for words, one in climbed]
+    every: list[list[Cell]] = []
     for name in chosen:
-        own = next_of(Posed(name, load_scene(name)))
-        rows.append([name, "as it is", *own.row(), *own.over(own), own.status])
-        if name in whole:
-            forced = next_of(with_everything(load_scene(name)))
-            rows.append([name, "everything", *forced.row(), *forced.over(own), forced.status])
-        imported.append([name, *_imports(load_scene(name))])
+        own = next_of(load_scene(name))
+        every.append([name, "as it is", *own.row(own), *imports_of(load_scene(name))])
         effort.tell(next(steps), total)
-    section.add(*_scene_parts(rows, imported))
+        if name in forced:
+            full = next_of(with_everything(load_scene(name)))
+            every.append([name, "everything", *full.row(own), None, None, None])
+    arm, hand = climbed[2 if effort.quick else ARM][1], climbed[1 if effort.quick else HAND][1]
+    section.figures += [
+        "`hand-box` is a free hand that holds the bar at its centre of mass and throws it to a "
+        "position. The same throw carries one part more in each line; bounds are so wide that "
+        "they never decide. Nothing is compiled.",
+        f"With a Panda for the free hand it takes {arm.solve / hand.solve:.2g} times as long to "
+        f"solve ({1e3 * arm.solve:.0f} and {1e3 * hand.solve:.0f} ms). The last line takes "
+        f"{climbed[-1][1].solve / bare.solve:.0f} times as long as the bare throw "
+        f"({1e3 * bare.solve:.1f} ms).",
+        f"A fresh process that plans imports {_modules(every)}.",
+    ]
+    table = Table("parts-ladder", "One part more at a time", ("hand-box", *COLUMNS), rows)
+    columns = ("scene", "parts", *COLUMNS, "modules", "large ones", "fresh process [s]")
+    words = "Every scene as it is, with its imports, and with everything"
+    section.tables += [table, Table("parts-scenes", words, columns, every)]
+    words = "Variables and solving time, one part more at a time"
+    section.pictures.append(Picture("parts", words, lambda path: draw_ladder(table, path)))
     return section
 
 
-def _imports(scene: Scene) -> list[Cell]:
-    """A fresh process that plans the scene."""
-    found = imports_of(scene)
-    return [found.modules, ", ".join(found.heavy), found.seconds, found.status]
+def _modules(rows: list[list[Cell]]) -> str:
+    """The least and the most modules that scenes import, and the large ones among them."""
+    found = {str(row[-2]): int(row[-3]) for row in rows if row[-3] is not None}
+    return "; ".join(f"{count} modules ({large})" for large, count in found.items())
 
 
-def _goal_parts(climbed: dict[int, Measured]) -> list[Part]:
-    """The goal, and the pairs that are compared: lines of the ladder by their number."""
-    first, last = climbed[0], climbed[max(climbed)]
-    ratios = [ratio for ratio in last.over(first) if isinstance(ratio, float)]
-    reached = bool(ratios) and min(ratios) >= GOAL
-    words = (
-        f"Goal: a scene without robot, θ, cup or uncertainty solves at least {GOAL:g} times "
-        "faster than the one forced to carry everything. It is "
-        f"{'reached' if reached else 'not reached'}. The scene is `hand-box`, a free hand that "
-        "holds the bar at its CoM and throws it to a position; it is compared with the same "
-        "throw carrying more. Own: the solver's time for that NLP with its corrections, "
-        "beginning with the throw of the NLP before. All: with the NLPs that lead to it, as "
-        "the planner does it. One's own solve may be faster than that of less, when it begins "
-        "nearer its solution. What is added never binds, except the pivot, the Panda and the "
-        "openings: then the throw is another one. Nothing is compiled."
+def imports_of(scene: Scene) -> list[Cell]:
+    """Modules that a fresh process imports to plan a scene, large ones among them, its time [s]."""
+    start = time.perf_counter()
+    done = subprocess.run(
+        [sys.executable, "-c", PLAN_ONCE],
+        input=pickle.dumps(scene),
+        capture_output=True,
+        check=True,
+        timeout=PATIENCE,
+        env=os.environ | {"THROWPLAN_COMPILE": "0"},
     )
-    pairs = (
-        ("alone", first),
-        ("(a) free hand with pivot, θ, landing bounds, cup, floor, column", climbed[HAND]),
-        ("(b) (a) with the Panda for the hand", climbed[ARM]),
-        ("(c) everything: (b), all guards, four other openings", last),
-    )
-    rows: list[list[Cell]] = []
-    for name, one in pairs:
-        sizes, times = (one.variables, one.constraints), (1e3 * one.solve, 1e3 * one.whole)
-        rows.append([name, *sizes, *times, *one.over(first), one.status])
-    columns = ("`hand-box`", "variables", "constraints", "own solve [ms]", "all solves [ms]")
-    caption = "What leaving out saves: times to solve over the one alone"
-    return [words, Table("parts_goal", caption, (*columns, *RATIOS), rows)]
+    seconds = time.perf_counter() - start
+    _, modules = json.loads(done.stdout)
+    return [len(modules), ", ".join(name for name in HEAVY if name in modules), seconds]
 
 
-def _robot_words(climbed: dict[int, Measured]) -> str:
-    """What a scene without a robot may expect."""
-    bare, hand, arm, last = (climbed[i] for i in (0, HAND, ARM, max(climbed)))
-    return (
-        f"Without a robot: the same throw with a Panda for the free hand takes "
-        f"{arm.whole / hand.whole:.2g} times as long to solve ({1e3 * arm.whole:.0f} and "
-        f"{1e3 * hand.whole:.0f} ms); the bare throw to a position takes "
-        f"{1e3 * bare.whole:.1f} ms, "
-        f"{last.whole / bare.whole:.0f} times less than with all guards and four other openings, "
-        "which a usual plan does not carry. Nothing is compiled."
-    )
+def ladder(scene: Scene) -> Iterator[tuple[str, Scene]]:
+    """A throw of a free hand to a position, and one part more at a time, in words."""
+    yield "as it is", scene
+    aside = dataclasses.replace(scene.grasp, offset=0.8 * scene.object.com)
+    scene = scene.replace(grasp=aside)
+    yield "+ held aside of the CoM: it pivots", scene
+    scene = with_angle(scene)
+    yield "+ θ asked for", scene
+    scene = scene.replace(landing=WIDE_LANDING)
+    yield "+ landing bounds", scene
+    scene = with_cup(scene)
+    yield "+ cup", scene
+    scene = with_workspace(scene)
+    yield "+ floor and column", scene
+    scene = with_workspace(with_cup(with_angle(with_arm(scene))))
+    yield "+ Panda for the hand, held at the end", scene
+    yield "+ four other openings", with_scenarios(scene)
 
 
-def _ladder_parts(rungs: list[Posed], climbed: dict[int, Measured]) -> list[Part]:
-    """The same throw, one thing more at a time."""
-    rows: list[list[Cell]] = []
-    names = [rungs[i].words for i in climbed]
-    found = list(climbed.values())
-    for name, one in zip(names, found, strict=True):
-        rows.append([name, *one.row(), *one.over(found[0]), one.status])
-    words = (
-        "One thing more at a time. Operations and functions are those that one iteration calls. "
-        "θ is the angle at which the throw lands anyway; guards are rows that a plan gets only "
-        "when a check asks for them."
-    )
-    picture = Picture(
-        "parts_ladder",
-        "Operations of one iteration's functions, and time to solve, one thing more at a time",
-        lambda path: draw(names, found, path),
-    )
-    columns = ("hand-box", *COLUMNS, *RATIOS)
-    return [words, Table("parts_ladder", "One thing more at a time", columns, rows), picture]
+def with_angle(scene: Scene) -> Scene:
+    """The scene asked for the angle at which it lands anyway."""
+    assert scene.target is not None
+    if scene.target.theta is not None:
+        return scene
+    plan = Planner(scene, compiling="no").plan()
+    if plan.throw is None:
+        return scene
+    theta = plan.throw.final.landing.theta
+    return scene.replace(target=dataclasses.replace(scene.target, theta=theta))
 
 
-def _compiled_table(posed: list[Posed], found: list[Measured], plain: list[Measured]) -> Table:
-    """Some lines again, as machine code, beside the same not compiled."""
-    rows: list[list[Cell]] = []
-    for one, compiled, other in zip(posed, found, plain, strict=True):
-        times = [1e3 * t for t in (other.whole, compiled.whole, compiled.build)]
-        rows.append([one.words, *times, other.whole / compiled.whole])
-    ratios = [some[-1].whole / some[0].whole for some in (plain, found)]
-    rows.append(["last over first", *ratios, None, None])
-    columns = ("hand-box", "solve [ms]", "solve, compiled [ms]", "build with compiling [ms]")
-    caption = "Two of these lines with compiled functions (what is in the cache is used)"
-    return Table("parts_compiled", caption, (*columns, "compiled ×"), rows)
+def with_cup(scene: Scene) -> Scene:
+    """A cup so far below and so wide that the bar falls in anyhow."""
+    target = scene.target
+    if scene.cup is not None or target is None:
+        return scene
+    rim = target.z - 0.1 - scene.object.length
+    return scene.replace(cup=Cup(x=target.plane_x, rim=rim, radius=50.0, depth=0.1))
 
 
-def _scene_parts(rows: list[list[Cell]], imported: list[list[Cell]]) -> list[Part]:
-    """Every scene beside itself with everything, and what planning it imports."""
-    counts = sorted(int(row[1] or 0) for row in imported)
-    words = f"A fresh process that plans imports {counts[0]} to {counts[-1]} modules."
-    forced = [row for row in rows if row[1] == "everything"]
-    if forced:
-        words = f"{_forced_words(forced)} {words}"
-    columns = ("scene", "NLP", *COLUMNS, *RATIOS)
-    more = ("scene", "modules", "heavy ones", "process [s]", "status")
-    return [
-        words,
-        Table("parts_scenes", "Sizes and times, nothing compiled", columns, rows),
-        Table("parts_imports", "Imports of a fresh process that plans", more, imported),
-    ]
+def with_workspace(scene: Scene) -> Scene:
+    """A floor, a base column and, for an arm, a palm that are never touched."""
+    if scene.workspace is not None:
+        return scene
+    palm = None if scene.robot is None else 0.0
+    return scene.replace(workspace=dataclasses.replace(WIDE_WORKSPACE, palm_clearance=palm))
 
 
-def _forced_words(forced: list[list[Cell]]) -> str:
-    """How much longer scenes with everything take, in words."""
-    words = (
-        "Every built-in scene beside the same throw with everything: what it has keeps its "
-        "values, what it lacks is added as above, a free hand becomes a Panda."
-    )
-    solved = [row for row in forced if row[-2] is not None]
-    if solved:
-        own, whole = ([float(row[i] or 0.0) for row in solved] for i in (-3, -2))
-        words += (
-            f" Everything takes {min(own):.1f} to {max(own):.0f} times as long to solve, "
-            f"{min(whole):.1f} to {max(whole):.0f} times with the NLPs that lead to it."
-        )
-    failed = [str(row[0]) for row in forced if row[-2] is None]
-    if failed:
-        words += f" Not solved with everything: {', '.join(failed)}."
-    return words
+def with_arm(scene: Scene) -> Scene:
+    """A Panda in place of a free hand: its own angle at landing, the bar held at its end.
+
+    What sticks out behind the grasp would be in the Panda's hand.
+    """
+    if scene.robot is not None or scene.target is None:
+        return scene
+    arm = load_scene("box")
+    target = dataclasses.replace(scene.target, theta=None)
+    grasp = dataclasses.replace(scene.grasp, offset=0.0)
+    bare = scene.replace(hand=None, robot=arm.robot, arm=arm.arm, grasp=grasp)
+    return bare.replace(target=target, cup=None, workspace=None)
+
+
+def with_scenarios(scene: Scene) -> Scene:
+    """An opening up to 10 ms early or late, and a plan against that."""
+    return scene.replace(uncertainty=scene.uncertainty or DELAY, robust=Robust("scenarios"))
+
+
+def with_everything(scene: Scene) -> Scene:
+    """The same throw with every part that an NLP can have; a free hand becomes a Panda."""
+    changes: tuple[Callable[[Scene], Scene], ...]
+    changes = (with_arm, with_angle, with_cup, with_workspace, with_scenarios)
+    scene = scene.replace(landing=scene.landing or WIDE_LANDING)
+    for change in changes:
+        scene = change(scene)
+    return scene

@@ -1,28 +1,39 @@
-"""Section: the planner's error against its run time, over meshes, integrators and solvers."""
+"""Section `planner`: error against run time, over meshes, integrators and solvers.
+
+Each setting plans to the same random targets, one after the other with the default's, whose time
+is its measure. The error before correction is how far the exact throw of the planned motion lands
+from where the NLP believes: what smoothing, mesh and integrator cost. What a plan ends with, after
+its corrections, is the final error.
+"""
 
 from __future__ import annotations
 
 import dataclasses
 import itertools
 import math
-from collections.abc import Sequence
-from pathlib import Path
+import time
+from dataclasses import dataclass
+from typing import Any
 
+import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from ...problems import Pose, Scene, load_scene
+from ..compile import Compile
+from ..ocp import bounds, parameter_values
+from ..plan import Planner, SolverName
+from ..result import Plan
+from .drawing import draw_settings
+from .measure import pareto, quantiles, reachable_targets, warmed
 from .page import Cell, Effort, Picture, Section, Table
-from .planner_points import MARGINS, beats, best_of, points, scaled
-from .planner_runs import Measured, Variant, measured, usual_planner
-from .reach_study import reachable_targets
 
 Array = npt.NDArray[np.float64]
 
 #: Seed of the targets; scenes with their targets: quick, full.
 SEED, TARGETS = 2, {"cup": (2, 14), "hand-flip": (3, 14)}
-#: Runs of each first solve, of which the fastest counts: quick, full.
-REPEATS = (1, 2)
+#: Scene, seed and number of targets of the other solvers: quick, full.
+RIVALS = ("pose", 1, (3, 50))
 #: Each setting by itself, the others as they usually are: quick, full.
 CARRY = ((6,), (3, 4, 5, 6, 8, 10, 15))
 OPENING = ((4, 8, 16), (4, 6, 8, 12, 16, 24, 32))
@@ -30,74 +41,225 @@ GRADING = ((), (1.0, 1.25, 1.5, 2.0, 3.0))
 EPSILON = ((0.1, 0.01), (0.3, 0.1, 0.03, 0.02, 0.015, 0.01, 0.003, 0.001))
 #: Intervals of the opening, with Runge-Kutta steps in each.
 STEPS = (((8, 2),), ((4, 1), (8, 1), (16, 1), (4, 2), (8, 2), (16, 4)))
+#: By how much solving time, error and effort must differ to decide. Times differ by chance, and
+#: errors of coarse meshes cancel by chance. The effort does not, but half a percent of it is not
+#: worth a tenth of the time.
+MARGINS = (0.1, 0.1, 5e-3)
+#: A setting that solves a smaller share of the targets is not compared.
+SOLVED = 0.9
+#: SLSQP's iterations, and the largest breach of a row that still counts as solved.
+ITERATIONS, FEASIBLE = 200, 1e-4
 
 
-def variants(effort: Effort) -> list[Variant]:
-    """All that is measured, the usual settings first."""
-    which = int(not effort.quick)
+@dataclass(frozen=True)
+class Variant:
+    """One way to pose and solve: mesh settings other than the usual, solver, compiled."""
+
+    mesh: tuple[tuple[str, float | str], ...] = ()
+    solver: SolverName = "fatrop"
+    compiling: Compile = "no"
+
+    @property
+    def words(self) -> str:
+        """What differs from the default."""
+        return ", ".join(f"{name} {value}" for name, value in self.mesh) or "default"
+
+
+@dataclass(frozen=True)
+class Measured:
+    """What came of a variant's plans to M targets.
+
+    before (M,): scaled error [m] before correction; final (M,): after, NaN if not solved; cost
+    (M,): of the throw; solve, plan, usual (M,): times [s], of the default's solve just before.
+    """
+
+    variant: Variant
+    before: Array
+    final: Array
+    cost: Array
+    solve: Array
+    plan: Array
+    usual: Array
+    iterations: Array
+    trouble: str
+
+    @property
+    def solved(self) -> int:
+        """How many plans are solved."""
+        return int(np.isfinite(self.final).sum())
+
+
+def variants(quick: bool) -> list[Variant]:
+    """All that is measured, the default first."""
+    which = int(not quick)
     found = [Variant(), Variant(solver="ipopt")]
-    found += [Variant((("carry", n),)) for n in CARRY[which]]
-    found += [Variant((("opening", n),)) for n in OPENING[which]]
-    found += [Variant((("grading", n),)) for n in GRADING[which]]
-    found += [Variant((("epsilon", n),)) for n in EPSILON[which]]
+    settings = {"carry": CARRY, "opening": OPENING, "grading": GRADING, "epsilon": EPSILON}
+    for name, values in settings.items():
+        found += [Variant(((name, value),)) for value in values[which]]
     for opening, substeps in STEPS[which]:
         mesh = (("integrator", "rk4"), ("opening", opening), ("substeps", substeps))
         found.append(Variant(mesh))
-    if not effort.quick:
+    if not quick:
         found += [Variant(compiling="wait"), Variant(solver="ipopt", compiling="wait")]
-        found.append(Variant((("opening", 16),), compiling="wait"))
     usual = dataclasses.asdict(load_scene("cup").mesh)
     changed = [v for v in found if not v.mesh or any(usual[k] != value for k, value in v.mesh)]
     return list(dict.fromkeys(changed))
 
 
 def make(effort: Effort) -> Section:
-    """The section."""
+    """All settings on all scenes, and other solvers of the same NLP."""
     section = Section("planner", "The planner: error against run time")
-    section.add(
-        "Every target is solved once from the nearest sampled release; `exact` is where the "
-        "non-smooth sliding pivot lands that planned motion, `sent` where it lands what Ruckig "
-        "makes of it, both before any correction: the error of smoothing, mesh and sending. "
-        "`final` is what is left after the planner's own corrections, with the time of the "
-        "whole plan. Errors are the scaled ones (position and half the bar's length times the "
-        "angle). Solving times are the processor's. All opening intervals are multiple "
-        "shooting; `gauss` is two-point collocation inside each, its accelerations unknowns of "
-        "the NLP. The effort is the NLP's cost, squared accelerations and jerks over the throw: "
-        "with fewer intervals to carry the object it is higher. Random targets in reach, "
-        f"seed {SEED}. ★: no other row of the same kind (compiled or not) is better in solving "
-        f"time, exact error or effort (by more than {_shares(MARGINS)} %) and not worse by as "
-        "much in any, all as medians of the ratios to the default's for the same targets, whose "
-        "solve is timed just before the other's.",
-        f"The default is FATROP, then IPOPT where that fails, with `{_mesh(load_scene('cup'))}` "
-        "(section `[mesh]` of a scene). Other rows differ from it by what is named.",
-        "Before correction the errors of a coarse mesh and of ε can cancel in part, so that a "
-        "finer row may be the worse one; more intervals tend to the error of ε alone. What a "
-        "plan ends with is `final`: choose by plans solved, their time and that.",
-    )
-    asked = variants(effort)
-    total, scenes = len(TARGETS) * len(asked), []
-    for number, (name, sizes) in enumerate(TARGETS.items()):
+    asked = variants(effort.quick)
+    total = len(TARGETS) * len(asked) + 1
+    steps = iter(range(1, total + 1))
+    rows: list[list[Cell]] = []
+    scenes: dict[str, list[Measured]] = {}
+    for name, sizes in TARGETS.items():
         scene = load_scene(name)
         targets = list(itertools.islice(reachable_targets(scene, SEED), effort.of(*sizes)))
-        usual, found = usual_planner(scene), list[Measured]()
-        for k, variant in enumerate(asked):
-            effort.tell(number * len(asked) + k, total)
-            found.append(measured(scene, targets, variant, usual, effort.of(*REPEATS)))
-        figures, best = points(found), [False] * len(found)
-        for kind in ("no", "wait"):
-            # Compiled ones are compared among themselves.
-            alike = [k for k, variant in enumerate(asked) if variant.compiling == kind]
-            for k, star in zip(alike, best_of(figures[alike]), strict=True):
-                best[k] = star
-        again = measured(scene, targets, asked[0], usual, effort.of(*REPEATS))
-        section.add(_table(name, targets, asked, found, figures, best))
-        section.add(f"{_words(asked, found, figures, best)} {_chance(found[0], again)}")
-        section.add(_picture(name, asked, figures, best))
-        scenes.append(found)
-    table, words, choice = _together(asked, scenes)
-    section.add(table, words)
-    section.short.append(_short(asked, dict(zip(TARGETS, scenes, strict=True)), choice))
+        usual, scenes[name] = warmed(scene, targets[:1], "no"), []
+        for variant in asked:
+            scenes[name].append(measured(scene, targets, variant, usual))
+            effort.tell(next(steps), total)
+        rows += _rows(name, scenes[name])
+    table = Table("planner-settings", "All settings", COLUMNS, rows)
+    choice = _together(list(scenes.values()))
+    name, seed, sizes = RIVALS
+    scene = load_scene(name)
+    others = list(itertools.islice(reachable_targets(scene, seed), effort.of(*sizes)))
+    section.figures += [_default(name, found) for name, found in scenes.items()]
+    section.figures.append(
+        "The table has the settings that no other beats in solving time, error before correction "
+        f"and effort at once, and the default (`{_mesh(load_scene('cup'))}`, FATROP, then IPOPT "
+        "where that fails). Effort: the NLP's cost, squared accelerations and jerks."
+    )
+    section.tables += [choice, table, rivals(scene, others)]
+    effort.tell(total, total)
+    words = "Error before correction over solving time, medians"
+    section.pictures.append(Picture("planner", words, lambda path: draw_settings(table, path)))
     return section
+
+
+def measured(scene: Scene, targets: list[Pose], variant: Variant, usual: Planner) -> Measured:
+    """A variant on all targets; building and compiling are not in the times."""
+    mesh = dataclasses.replace(scene.mesh, **dict(variant.mesh))  # type: ignore[arg-type]
+    scene = scene.replace(mesh=mesh)
+    planner = warmed(scene, targets[:1], variant.compiling, variant.solver)
+    first, plans = [], []
+    for target in targets:
+        first.append(usual.plan(target, solver="fatrop").time["solve"])
+        plans.append(planner.plan(target, solver=variant.solver))
+    length = scene.object.length
+    errors = [_errors(plan, length) for plan in plans]
+    return Measured(
+        variant,
+        np.array([before for before, _ in errors]),
+        np.array([final for _, final in errors]),
+        np.array([plan.throw.solution.cost if plan.throw else math.nan for plan in plans]),
+        np.array([plan.time["solve"] for plan in plans]),
+        np.array([plan.time["total"] - plan.time["build"] for plan in plans]),
+        np.array(first),
+        np.array([plan.iterations for plan in plans]),
+        "; ".join(dict.fromkeys(plan.message for plan in plans if not plan.solved)),
+    )
+
+
+def _errors(plan: Plan, length: float) -> tuple[float, float]:
+    """Scaled errors [m] before correction and at the end; NaN without a solved throw."""
+    if not plan.solved or plan.throw is None:
+        return math.nan, math.nan
+    x, _, theta = plan.throw.planned_landing
+    exact = plan.throw.exact.landing
+    turned = 0.0 if plan.target.theta is None else abs(exact.theta - theta)
+    position, angle = plan.error_sent()
+    return abs(exact.x - x) + turned * length / 2, position + angle * length / 2
+
+
+def points(found: list[Measured]) -> Array:
+    """(N, 3): solving time [ms], error before correction [mm], effort over the default's.
+
+    The default's medians times the medians of the ratios to it for the same targets: targets
+    differ far more than settings do, and machines change their speed. Infinite where fewer than
+    nine of ten plans are solved.
+    """
+    made = np.full((len(found), 3), np.inf)
+    first = found[0]
+    usual = (1e3 * np.median(first.solve), 1e3 * np.nanmedian(first.before), 1.0)
+    for row, one in zip(made, found, strict=True):
+        if one.solved >= SOLVED * len(one.final):
+            ratios = (one.solve / one.usual, one.before / first.before, one.cost / first.cost)
+            row[:] = np.multiply(usual, [np.nanmedian(ratio) for ratio in ratios])
+    return made
+
+
+def best_of(figures: Array) -> list[bool]:
+    """Which of (N, 3) no other beats."""
+    kept = np.flatnonzero(np.isfinite(figures).all(axis=1))
+    best = {int(kept[k]) for k in pareto(*figures[kept].T, margins=MARGINS)}
+    return [k in best for k in range(len(figures))]
+
+
+#: Of a setting on one scene.
+COLUMNS = (
+    *("scene", "setting", "solver", "compiled", "solved", "error before correction [mm]"),
+    *("solve [ms]", "effort, % above the default's", "iterations", "plan [ms]"),
+    *("final error, worst [mm]", "Pareto set", "trouble"),
+)
+
+
+def _rows(name: str, found: list[Measured]) -> list[list[Cell]]:
+    """A row for each variant; compiled ones are compared among themselves."""
+    figures, best = points(found), [False] * len(found)
+    for kind in ("no", "wait"):
+        alike = [k for k, one in enumerate(found) if one.variant.compiling == kind]
+        for k, star in zip(alike, best_of(figures[alike]), strict=True):
+            best[k] = star
+    return [
+        [
+            *(name, one.variant.words, one.variant.solver),
+            "yes" if one.variant.compiling == "wait" else "no",
+            *(one.solved, *(v if math.isfinite(v) else None for v in (error, time))),
+            100 * (cost - 1) if math.isfinite(cost) else None,
+            *(*quantiles(one.iterations, 50), *quantiles(1e3 * one.plan, 50)),
+            1e3 * float(np.nanmax(one.final)) if one.solved else None,
+            *("yes" if star else "", one.trouble or None),
+        ]
+        for one, (time, error, cost), star in zip(found, figures.tolist(), best, strict=True)
+    ]
+
+
+def _together(scenes: list[list[Measured]]) -> Table:
+    """The settings that no other beats over all scenes (geometric means), and the default."""
+    figures = np.exp(np.mean([np.log(points(found)) for found in scenes], axis=0))
+    plain = [k for k, one in enumerate(scenes[0]) if one.variant.compiling == "no"]
+    best = {plain[k] for k, star in enumerate(best_of(figures[plain])) if star}
+    rows: list[list[Cell]] = []
+    for k in sorted({0} | best, key=lambda k: float(figures[k, 0])):
+        variant, (time, error, cost) = scenes[0][k].variant, figures[k].tolist()
+        ratios = (time / figures[0, 0], error / figures[0, 1])
+        cells = [time, float(ratios[0]), error, float(ratios[1]), 100 * (cost - 1)]
+        rows.append([variant.words, variant.solver, *cells, "yes" if k in best else "no"])
+    columns = (
+        *("setting", "solver", "solve [ms]", "times the default's", "error [mm]"),
+        *("times its error", "effort, % above its", "Pareto set"),
+    )
+    return Table("planner-choice", "Settings to choose from", columns, rows, short=True)
+
+
+def _default(name: str, found: list[Measured]) -> str:
+    """What the default does on a scene."""
+    first = found[0]
+    ipopt = next(one for one in found if one.variant.solver == "ipopt")
+    slower = float(np.median(ipopt.solve / ipopt.usual))
+    fast = [one for one in found if one.variant.compiling == "wait"]
+    compiled = f" ({1e3 * float(np.median(fast[0].plan)):.0f} ms compiled)" if fast else ""
+    return (
+        f"`{name}`: the default takes {1e3 * float(np.median(first.plan)):.0f} ms a plan"
+        f"{compiled}, "
+        f"{first.solved} of {len(first.final)} solved, at most "
+        f"{1e3 * float(np.nanmax(first.final)):.2g} mm left; IPOPT's solves take {slower:.1f} "
+        "times as long."
+    )
 
 
 def _mesh(scene: Scene) -> str:
@@ -107,180 +269,102 @@ def _mesh(scene: Scene) -> str:
     return f'{words}, integrator = "{mesh.integrator}", epsilon = {mesh.epsilon:g}'
 
 
-def _chance(one: Measured, again: Measured) -> str:
-    """How much a row differs from itself, measured at the end once more."""
-    plan = abs(float(np.median(again.plan) / np.median(one.plan)) - 1)
-    words = f"Measured once more at the end, its plan differs by {100 * plan:.0f} %"
-    if again.beside is not None:
-        solve = abs(float(np.median(again.solve / again.beside)) - 1)
-        words += f", its solve from the one just before it by {100 * solve:.0f} %"
-    return f"{words}."
-
-
-def _short(asked: list[Variant], scenes: dict[str, list[Measured]], choice: str) -> str:
-    """What to plan with."""
-    words = []
-    for name, found in scenes.items():
-        known = {(v.words, v.solver, v.compiling): one for v, one in zip(asked, found, strict=True)}
-        mine, other = known["as it is", "fatrop", "no"], known["as it is", "ipopt", "no"]
-        fast = known.get(("as it is", "fatrop", "wait"))
-        times = f"{1e3 * float(np.median(mine.plan)):.0f} ms a plan"
-        if fast is not None:
-            times += f", {1e3 * float(np.median(fast.plan)):.0f} ms compiled"
-        slower = float(
-            np.median(other.solve / (mine.solve if other.beside is None else other.beside))
-        )
-        worst = 1e3 * float(scaled(mine.final).max(initial=0.0))
-        words.append(
-            f"`{name}` {times}, {mine.plans} of {len(mine.plan)} solved, {worst:.2g} mm left at "
-            f"most; IPOPT's solve takes {slower:.1f} times as long"
-        )
-    usual = _mesh(load_scene("cup"))
-    return f"To plan, the default, FATROP with `{usual}`: {'; '.join(words)}. {choice}"
-
-
-def _together(asked: list[Variant], scenes: list[list[Measured]]) -> tuple[Table, str, str]:
-    """All scenes at once: a setting is the same for all of them; and what to choose from."""
-    figures = np.exp(np.mean([np.log(points(found)) for found in scenes], axis=0))
-    seconds, errors, costs = figures.T
-    usual = [k for k, v in enumerate(asked) if v.compiling == "no" and np.isfinite(seconds[k])]
-    best = {k for k, star in zip(usual, best_of(figures[usual]), strict=True) if star}
-    rows: list[list[Cell]] = [
-        [
-            ("★ " if k in best else "") + asked[k].words,
-            asked[k].solver,
-            float(errors[k]),
-            float(errors[k] / errors[0]),
-            float(seconds[k]),
-            float(seconds[k] / seconds[0]),
-            _more(costs[k]),
-        ]
-        for k in usual
-    ]
-    caption = (
-        f"All {len(scenes)} scenes together (geometric means), not compiled, settings that solve "
-        "nine of ten targets at once in each"
-    )
-    columns = (
-        *("setting", "solver", "exact [mm]", "over the default's", "solve [ms]", "over its"),
-        "effort, % above its",
-    )
-    where = "is on it"
-    if 0 not in best:
-        better = [
-            f"{asked[k].words} ({errors[k] / errors[0]:.2f} of its error, "
-            f"{seconds[k] / seconds[0]:.2f} of its time, {100 * (costs[k] - 1):+.2f} % effort)"
-            for k in usual
-            if beats(figures[k], figures[0])
-        ]
-        where = f"is not: better is {'; '.join(better)}"
-    stars = ", ".join(asked[k].words.replace("as it is", "the default") for k in usual if k in best)
-    choice = f"On the Pareto set of all scenes together: {stars}; the default {where}."
-    words = choice
-    left = [
-        f"{variant.words} ({' and '.join(str(found[k].solved) for found in scenes)})"
-        for k, variant in enumerate(asked)
-        if variant.compiling == "no" and not np.isfinite(seconds[k])
-    ]
-    if left:
-        words += (
-            f" Left out, with their first solves of {len(scenes[0][0].solve)} targets each: "
-            f"{'; '.join(left)}."
-        )
-    return Table("planner-together", caption, columns, rows), words, choice
-
-
-def _table(
-    name: str,
-    targets: list[Pose],
-    asked: list[Variant],
-    found: list[Measured],
-    figures: Array,
-    best: list[bool],
-) -> Table:
+def rivals(scene: Scene, targets: list[Pose]) -> Table:
+    """The same NLP solved by other means; from the table's releases, or from one solved throw."""
+    planner = warmed(scene, targets[:1], "no")
+    warmed(scene, targets[:1], "no", "ipopt")
+    shooting, start = SingleShooting(scene), planner.plan()
+    planner.plan(warm=start)
+    found: dict[tuple[str, str], list[tuple[bool, float]]] = {}
+    for target in targets:
+        plans = {
+            ("FATROP", "table"): planner.plan(target, solver="fatrop"),
+            ("IPOPT", "table"): planner.plan(target, solver="ipopt"),
+            ("FATROP", "the scene's own throw"): planner.plan(target, warm=start),
+        }
+        for way, plan in plans.items():
+            found.setdefault(way, []).append((plan.solved, plan.time["solve"]))
+        way = ("SLSQP, single shooting", "the scene's own throw")
+        found.setdefault(way, []).append(shooting.solve(target))
+    usual = float(np.median([seconds for _, seconds in found["FATROP", "table"]]))
     rows: list[list[Cell]] = []
-    for variant, one, (_, _, cost), star in zip(asked, found, figures, best, strict=True):
-        errors = [scaled(e) for e in (one.exact, one.sent, one.final)]
-        rows.append(
-            [
-                ("★ " if star else "") + variant.words,
-                variant.solver,
-                "yes" if variant.compiling == "wait" else "no",
-                one.solved,
-                *(_share(errors[0], q) for q in (50, 95)),
-                *(_share(errors[1], q) for q in (50, 95)),
-                1e3 * float(np.median(one.solve)),
-                float(np.median(one.iterations)),
-                _more(cost),
-                one.plans,
-                _share(errors[2], 100),
-                1e3 * float(np.median(one.plan)),
-                "; ".join(filter(None, (one.trouble, one.lost))) or None,
-            ]
-        )
+    for (solver, begin), answers in found.items():
+        seconds = [one for _, one in answers]
+        good, times = sum(solved for solved, _ in answers), quantiles(seconds, 50, 99)
+        cells = [1e3 * times[0], 1e3 * times[1], times[0] / usual]
+        rows.append([solver, begin, len(answers), good, *cells])
     columns = (
-        *("setting", "solver", "compiled", "first solves", "exact, median [mm]"),
-        *("exact, 95 % [mm]", "sent, median [mm]", "sent, 95 % [mm]", "solve [ms]"),
-        *("iterations", "effort, % above the default's", "plans solved", "final, worst [mm]"),
-        *("plan [ms]", "trouble"),
+        *("solver", "start", "targets", "solved", "solve, median [ms]", "solve, 99 % [ms]"),
+        "times FATROP's",
     )
-    caption = f"Scene {name}: {len(targets)} targets, one setting changed at a time"
-    return Table(f"planner-{name}", caption, columns, rows)
+    return Table("planner-solvers", f"Other solvers, scene {scene.name}", columns, rows)
 
 
-def _share(errors: Array, share: float) -> Cell:
-    known = errors[np.isfinite(errors)]
-    return 1e3 * float(np.percentile(known, share)) if known.size else None
+class SingleShooting:
+    """SciPy's SLSQP on the NLP of a scene in its first state and controls alone.
 
+    The states follow from these, which needs an explicit integrator.
+    """
 
-def _more(cost: float) -> Cell:
-    """By how much [%] an effort, as a share of the default's, is higher."""
-    return round(100 * (cost - 1), 2) + 0.0 if math.isfinite(cost) else None
+    def __init__(self, scene: Scene) -> None:
+        self._scene = scene.replace(
+            mesh=dataclasses.replace(scene.mesh, integrator="rk4", substeps=2)
+        )
+        plan = Planner(self._scene, compiling="no").plan()
+        assert plan.throw is not None
+        self._mover, self._nlp, nlp = plan.mover, plan.throw.nlp, plan.throw.nlp
+        p = nlp.problem["p"]
+        free, places = [ca.MX.sym("x0", nlp.nx[0])], list(range(nlp.nx[0]))
+        state, pieces, rows = free[0], list[ca.MX](), list[int]()
+        for k, link in enumerate(nlp.links):
+            free.append(ca.MX.sym(f"u{k}", nlp.nu[k]))
+            places += range(link.v.start + nlp.nx[k], link.v.stop)
+            pieces.append(ca.vertcat(state, free[-1]))
+            outputs, _ = link.functions.value(pieces[-1], p[link.data], p)
+            state = outputs[: link.gap.stop - link.gap.start]
+            rows += range(link.rows.start, link.rows.stop)
+        z, x = ca.vertcat(*free), ca.vertcat(*pieces)
+        f, g = ca.Function("w", [nlp.problem["x"], p], [nlp.problem["f"], nlp.problem["g"]])(x, p)
+        g = ca.vertcat(x, g[rows])
+        self._rows, self._start = rows, plan.throw.solution.x[places]
+        self._value = ca.Function("v", [z, p], [f, g])
+        self._slope = ca.Function("s", [z, p], [ca.gradient(f, z), ca.jacobian(g, z)])
 
+    def solve(self, target: Pose) -> tuple[bool, float]:
+        """Whether SLSQP gets from the scene's own throw to a target, and its time [s]."""
+        from scipy.optimize import minimize
 
-def _shares(margins: Sequence[float]) -> str:
-    """Shares as percentages in a row."""
-    return ", ".join(f"{100 * share:.3g}" for share in margins)
+        nlp, scene = self._nlp, self._scene.aimed_at(target)
+        p = nlp.parameters.vector(parameter_values(scene, self._mover, target))
+        low, high = bounds(nlp, scene, self._mover)
+        lower = np.concatenate([low, nlp.lbg[self._rows]])
+        upper = np.concatenate([high, nlp.ubg[self._rows]])
+        same = lower == upper
+        under, over = np.isfinite(lower) & ~same, np.isfinite(upper) & ~same
 
+        def values(z: Array) -> Array:
+            return np.asarray(self._value(z, p)[1], float).ravel()
 
-def _words(asked: list[Variant], found: list[Measured], figures: Array, best: list[bool]) -> str:
-    """Where the usual settings stand."""
-    exact = scaled(found[0].exact)
-    better = [
-        variant.words
-        for variant, point in zip(asked, figures, strict=True)
-        if variant.compiling == "no" and beats(point, figures[0])
-    ]
-    where = "is on the Pareto set"
-    if not best[0]:
-        solves = bool(np.isfinite(figures[0]).all())
-        where = f"is beaten by {'; '.join(better)}" if solves else "fails too often"
-    return (
-        f"The default {where}: {1e3 * float(np.nanmedian(exact)):.2g} mm before correction at "
-        f"{figures[0, 0]:.1f} ms a solve, {found[0].plans} of {len(found[0].plan)} plans solved "
-        f"with at most {1e3 * float(scaled(found[0].final).max(initial=0.0)):.2g} mm left."
-    )
+        def slopes(z: Array) -> Array:
+            return np.asarray(self._slope(z, p)[1].full())
 
-
-def _picture(name: str, asked: list[Variant], figures: Array, best: list[bool]) -> Picture:
-    def draw(path: Path) -> None:
-        from .planner_picture import draw_settings
-
-        kinds = [_kind(variant) for variant in asked]
-        labels = [variant.words for variant in asked]
-        draw_settings(path, figures[:, :2], kinds, labels, best)
-
-    caption = (
-        f"Scene {name}: error before correction against solving time, medians; the Pareto set has "
-        "the effort as a third figure"
-    )
-    return Picture(f"planner-{name}", caption, draw)
-
-
-def _kind(variant: Variant) -> str:
-    """The family a variant is drawn in."""
-    if variant.compiling == "wait":
-        return "compiled"
-    if variant.solver == "ipopt":
-        return "IPOPT"
-    return variant.mesh[0][0] if variant.mesh else "default"
+        rows: list[dict[str, Any]] = [
+            {"type": "eq", "fun": lambda z: (values(z) - lower)[same],
+             "jac": lambda z: slopes(z)[same]},
+            {"type": "ineq",
+             "fun": lambda z: np.append((values(z) - lower)[under], (upper - values(z))[over]),
+             "jac": lambda z: np.vstack([slopes(z)[under], -slopes(z)[over]])},
+        ]  # fmt: skip
+        begin = time.perf_counter()
+        result = minimize(
+            lambda z: float(self._value(z, p)[0]),
+            self._start,
+            jac=lambda z: np.array(self._slope(z, p)[0]).ravel(),
+            method="SLSQP",
+            constraints=rows,
+            options={"maxiter": ITERATIONS, "ftol": 1e-6},
+        )
+        seconds = time.perf_counter() - begin
+        g = values(result.x)
+        breach = float(np.nanmax(np.maximum(lower - g, g - upper)))
+        return bool(np.isfinite(breach) and breach <= FEASIBLE), seconds

@@ -1,9 +1,8 @@
-"""Makes the report: section after section, written as soon as each is there."""
+"""Makes the report: one section after the other, each written as soon as it is measured."""
 
 from __future__ import annotations
 
 import datetime
-import importlib
 import os
 import platform
 import time
@@ -12,17 +11,19 @@ from importlib.metadata import version
 from pathlib import Path
 
 from ...problems import filling
-from .kept import NAME, keep, kept
-from .page import Effort, Section, files_of
-from .render import markdown, page
+from . import models, parts, planner, reach, robust, stability, throws
+from .page import PAGE, Effort, Section, parts_of, write_page
 
-TITLE = "throwplan: error against run time, stability, and what a scene leaves out"
-#: Sections by what `--only` calls them; each is a module here with `make(effort)`.
-SECTIONS = ("models", "planner", "stability", "parts", "reach", "robust", "throws")
-#: Head of a report in which sections were measured anew.
-MIXED = "Put together from sections that were made one by one; each says when and by what command."
-#: Files of every report, beside the tables' and pictures'.
-FILES = ("index.md", "index.html", NAME)
+#: Sections by what `--only` calls them, in the page's order.
+SECTIONS: dict[str, Callable[[Effort], Section]] = {
+    "models": models.make,
+    "planner": planner.make,
+    "stability": stability.make,
+    "parts": parts.make,
+    "reach": reach.make,
+    "robust": robust.make,
+    "throws": throws.make,
+}
 #: Libraries whose versions decide the figures.
 LIBRARIES = ("throwplan", "casadi", "numpy", "scipy", "ruckig")
 
@@ -32,56 +33,35 @@ Show = Callable[[str], Callable[[int, int], None]]
 def make_report(
     folder: Path, only: Sequence[str] = (), quick: bool = False, show: Show | None = None
 ) -> list[Section]:
-    """Measure and write the sections `only` (all, if empty) into `folder`.
+    """Measure the sections `only` (all, if empty) and write them into `folder`.
 
-    The page is written anew after each section, so what was made stays if the next is
-    interrupted. With `only` the other sections of a report that is there stay. show: given
-    a section's key, says who hears of its progress.
+    The page is written after each section, so that an interrupted report keeps what was
+    measured. With `only`, the other sections of a page that is there stay. show: given a
+    section's key, returns what is told of its progress.
     """
-    head, made = _head(quick, only), []
-    before = [section for section in kept(folder) if only and section.key not in only]
-    for key in SECTIONS:
+    made = []
+    page = {key: text for key, text in parts_of(folder).items() if only and key not in only}
+    for key, make in SECTIONS.items():
         if only and key not in only:
             continue
-        progress = None if show is None else show(key)
         start = time.perf_counter()
-        section = importlib.import_module(f".{key}", __package__).make(Effort(quick, progress))
-        section.seconds, section.made = time.perf_counter() - start, head[0] + " " + head[1]
+        section = make(Effort(quick, None if show is None else show(key)))
+        section.seconds, section.made = time.perf_counter() - start, _made(quick)
         made.append(section)
-        write(folder, [MIXED, *head[1:]] if before else head, section, [*before, *made])
+        page[key] = section.markdown()
+        with filling(folder, (*section.files, PAGE)) as scratch:
+            section.write(scratch)
+            write_page(scratch, page, tuple(SECTIONS))
     return made
 
 
-def write(folder: Path, head: Sequence[str], section: Section, sections: Sequence[Section]) -> None:
-    """The page of all sections, and the files of one of them."""
-    new = tuple(name for part in section.parts for name in files_of(part))
-    with filling(folder, new) as scratch:
-        for part in section.parts:
-            if not isinstance(part, str):
-                part.write(scratch)
-    with filling(folder, FILES) as scratch:
-        sections = sorted(sections, key=lambda one: SECTIONS.index(one.key))
-        text = markdown(TITLE, head, sections)
-        (scratch / "index.md").write_text(text, encoding="utf-8")
-        whole = page(TITLE, head, sections, folder)
-        (scratch / "index.html").write_text(whole, encoding="utf-8")
-        keep(scratch, sections)
-
-
-def _head(quick: bool, only: Sequence[str]) -> list[str]:
-    """Machine, versions, date, command."""
+def _made(quick: bool) -> str:
+    """Date, machine and versions, and whether few samples were taken."""
+    date = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
     versions = ", ".join(f"{name} {version(name)}" for name in LIBRARIES)
-    begun = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d, begun %H:%M UTC,")
-    command = " ".join(["throwplan report", *["--quick"] * quick, *["--only"] * bool(only), *only])
-    return [
-        f"Made on {begun} by `{command}`" + (": a quick look, few samples." if quick else "."),
-        f"Machine: {_processor()}, {os.cpu_count()} cores, {platform.system()} "
-        f"{platform.release()}; Python {platform.python_version()}; {versions}.",
-        "Times are of this machine and this run; ratios are between rows of one table.",
-        "Landings are those of models: none of this is measured on real throws. The published "
-        "error of the sliding pivot on these is 2.4 cm and 15° (Liu and Billard, the paper).",
-        "Every random draw has a fixed seed, named where it matters.",
-    ]
+    machine = f"{_processor()}, {os.cpu_count()} cores, Python {platform.python_version()}"
+    few = " A quick look (`--quick`): few samples." if quick else ""
+    return f"{date}; {machine}, {versions}.{few}"
 
 
 def _processor() -> str:

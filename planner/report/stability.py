@@ -1,189 +1,362 @@
-"""Section "stability": extreme scenes planned and thrown, derivatives, units, noisy guesses."""
+"""Section `stability`: extreme scenes, derivatives, other units, noisy starts."""
 
 from __future__ import annotations
 
 import collections
+import dataclasses
+import functools
 import math
+from collections.abc import Callable, Iterator
 from typing import Any
 
 import numpy as np
+import numpy.typing as npt
 
-from ...problems import load_scene, scene_names
-from .derivative_check import derivative_parts, derivative_rows
-from .extreme_runs import PATIENCE, Outcome, outcomes
-from .extreme_scenes import SEED, cases, some
-from .judge import DOUBLINGS, STEPS
-from .noisy_guesses import guess_parts, guess_rows
-from .other_units import unit_parts, unit_rows
-from .page import Effort, Part, Picture, Section, Table
-from .stability_picture import draw
+from ...problems import Scene, load_scene, scene_names
+from ..check import Mover, make_mover, simulate
+from ..ocp import (
+    ThrowNlp,
+    bounds,
+    build_nlp,
+    nlp_functions,
+    parameter_values,
+    structure_of,
+    window_of,
+)
+from ..plan import Planner
+from ..result import Plan
+from ..search import Task, attempts, release_start, starts
+from .drawing import draw_extremes
+from .extremes import ENDINGS, PATIENCE, Outcome, cases, in_processes, outcomes, some
+from .judge import STEPS, judged
+from .page import Cell, Effort, Picture, Section, Table
 
-#: Statuses in the order they are counted; the last three are defects.
-STATUSES = (
-    ("solved", "out_of_reach", "not_converged", "refused"),
-    ("traceback", "hang", "crash"),
-)
-#: What else is measured of each scene: rows, and how they are told.
-STUDIES = (
-    (derivative_rows, derivative_parts),
-    (unit_rows, unit_parts),
-    (guess_rows, guess_parts),
-)
+Array = npt.NDArray[np.float64]
+
+#: What a plan says, and what would be a defect.
+STATUSES = ("solved", "out_of_reach", "not_converged", "refused")
+DEFECTS = ("traceback", "hang", "crash")
+#: Steps of differences along a random direction of length one per variable.
+NEAR, FAR = 2e-7, 4e-7
+#: Sizes of the noise on starts, as shares of each variable, and how many of each: quick, full.
+NOISE, NOISY = (0.01, 0.1, 0.3, 1.0), (3, 8)
+SEED = 3
 
 
 def make(effort: Effort) -> Section:
-    """Extreme cases, derivatives, units and noisy guesses."""
+    """Extreme cases, derivatives, units and noisy starts."""
     section = Section("stability", "Stability")
     wanted = some(20) if effort.quick else cases()
     scenes = {name: load_scene(name) for name in scene_names()}
     # A scene with an uncertain opening is another one's NLP again.
     names = [n for n, s in scenes.items() if s.motion is None and s.uncertainty is None]
     chosen = ["hand-flip", "cup"] if effort.quick else names
-    total = len(wanted) + len(STUDIES) * len(chosen)
-    found: list[Outcome] = []
+    total = len(wanted) + 3 * len(chosen)
+    steps = iter(range(1, total + 1))
+
+    def told(rows: list[list[Cell]]) -> list[list[Cell]]:
+        effort.tell(next(steps), total)
+        return rows
+
+    found = []
     for outcome in outcomes(wanted):
         found.append(outcome)
-        effort.tell(len(found), total)
-    section.add(*_extremes(found))
-    section.short.append(_short(found))
-    steps = iter(range(len(wanted) + 1, total + 1))
-    for measured, told in STUDIES:
-        table: list[list[Any]] = []
-        for name in chosen:
-            table += measured(name, effort)
-            effort.tell(next(steps), total)
-        section.add(*told(table))
+        effort.tell(next(steps), total)
+    derivatives = [row for name in chosen for row in told(derivative_rows(name, effort))]
+    units = [row for name in ("drop", *chosen) for row in told(unit_rows(name))]
+    noisy = [row for name in chosen for row in told(noisy_rows(name, effort.of(*NOISY)))]
+    every = _cases_table(found)
+    section.figures += [
+        *_figures(found),
+        "Derivatives against central differences of fourth order at random points: at most "
+        f"{_most(derivatives, -2):.1e} (first) and {_most(derivatives, -1):.1e} (second) apart.",
+        "In other units of mass and length, a given motion's landing moves by at most "
+        f"{_most(units, 4):.1e} m; a throw that is planned anew, by at most "
+        f"{_most([r for r in units if r[2] == 1.0], 5):.1e} m with another unit of mass.",
+        _noisy_figure(noisy),
+    ]
+    section.tables += [
+        every,
+        _levers_table(found),
+        Table(
+            "stability-derivatives",
+            "Derivatives",
+            ("scene", "NLP", "variables", "constraints", "first", "second"),
+            derivatives,
+        ),
+        Table(
+            "stability-units",
+            "Other units",
+            (
+                *("scene", "mass ×", "length ×", "status", "given motion's landing moves [m]"),
+                *("planned landing moves [m]", "iterations before", "iterations"),
+            ),
+            units,
+        ),
+        Table(
+            "stability-starts",
+            "Noisy starts",
+            (
+                *("scene", "noise", "runs", "solved, true", "solved, false", "not solved"),
+                *("hung or crashed", "causes"),
+            ),
+            noisy,
+        ),
+    ]
+    words = "Every extreme case: position error by independent steps over the time of its plan"
+    section.pictures.append(Picture("stability", words, lambda path: draw_extremes(every, path)))
     return section
 
 
-def _extremes(found: list[Outcome]) -> list[Part]:
-    """Counts in words, the table by quantity, all cases, the worst ones, a picture."""
-    states = collections.Counter(outcome.status for outcome in found)
-    good, bad = STATUSES
-    counts = (
-        ", ".join(f"{states[s]} {s}" for s in good)
-        + "; "
-        + ", ".join(f"{states[s]} {s}" for s in bad)
+def _cases_table(found: list[Outcome]) -> Table:
+    rows: list[list[Cell]] = []
+    for one in found:
+        seen = one.verdict
+        errors = (None,) * 3 if seen is None else (seen.miss, seen.other, seen.doubt)
+        status = "FALSE solved" if one.false else one.status
+        cells = [None if e is None else 1e3 * e for e in errors]
+        rows.append([one.case.name, status, *cells, one.iterations, 1e3 * one.seconds, one.cause])
+    columns = (
+        *("case", "status", "thrown again [mm]", "independent steps [mm]", "their doubt [mm]"),
+        *("iterations", "plan [ms]", "cause"),
     )
-    odd = sum(not outcome.finite for outcome in found)
-    false = [outcome for outcome in found if outcome.false]
-    solved = [outcome for outcome in found if outcome.verdict is not None]
-    undecided = [outcome for outcome in solved if outcome.undecided]
-    words = (
-        f"{len(found)} extreme scenes, each planned in a fresh planner and, where it is called "
-        "solved, judged by other means: the sent motion is thrown again by the planner's check "
-        f"and by {STEPS} even steps or more of the models' own sliding pivot, and the force that "
-        "holds the bar is taken from second differences of its pose. "
-        "Two processes share them, so times are a little longer than alone. "
-        f"Status: {counts}. Plans with a number that is not finite: {odd}. Called solved: "
-        f"{len(solved) - len(false) - len(undecided)} are judged true, {len(false)} not true, "
-        f"{len(undecided)} undecided. A hang is a case of more than {PATIENCE:g} s of processor "
-        f"time. Mixtures draw everything at once, seed {SEED}."
-    )
-    if undecided:
-        words += (
-            f" Undecided: the even steps, up to {STEPS << DOUBLINGS}, do not settle to the "
-            f"tolerance: {', '.join(o.case.name for o in undecided)}."
-        )
-    parts: list[Part] = [words]
-    if solved:
-        parts += [_worst(found, solved)]
-    parts += [_by_lever(found)]
-    columns = [
-        "case",
-        "status",
-        "thrown again [mm]",
-        "plain steps [mm]",
-        "their doubt [mm]",
-        "iterations",
-        "plan [ms]",
-        "log10 condition, scaled",
-        "log10 condition",
-        "cause",
-    ]
-    troubled = [o for o in found if o.status in bad or o.false or not o.finite]
-    rest = [o for o in found if o.status not in ("solved", *bad)]
-    slow = sorted(solved, key=lambda o: -o.iterations)[:8]
-    shown = [*troubled, *rest, *[o for o in slow if o not in troubled]]
-    parts.append(
-        Table(
-            "stability_failures",
-            "What failed, with its cause, and the solved cases with most iterations",
-            columns,
-            [outcome.row() for outcome in shown],
-        )
-    )
-    every = Table("stability_cases", "", columns, [outcome.row() for outcome in found])
-    parts.append(Picture("stability", _CAPTION, lambda path: draw(found, path), every))
-    return parts
+    return Table("stability-cases", "Every extreme case", columns, rows)
 
 
-_CAPTION = (
-    "Every extreme case: position error of the solved ones by independent steps over the time "
-    "of the plan (left), and the condition of their scaled KKT matrix over iterations (right)"
-)
-
-
-def _short(found: list[Outcome]) -> str:
-    """What becomes of extreme scenes."""
-    states = collections.Counter(outcome.status for outcome in found)
-    broken = sum(states[s] for s in STATUSES[1])
-    odd = sum(not outcome.finite for outcome in found)
-    said = ", ".join(f"{states[s]} {s}" for s in STATUSES[0])
-    return (
-        f"Of {len(found)} extreme scenes {said}; numbers that are not finite {odd}, solved and not "
-        f"true {sum(o.false for o in found)}, tracebacks, hangs and crashes {broken}."
-    )
-
-
-def _worst(found: list[Outcome], solved: list[Outcome]) -> str:
-    """The worst cases by name."""
-
-    def most(key: str, among: list[Outcome]) -> Outcome:
-        return max(among, key=lambda o: np.nan_to_num(float(getattr(o, key)), nan=-1.0))
-
-    slow, long, ill = most("seconds", found), most("iterations", found), most("scaled", solved)
-
-    def share(outcome: Outcome) -> float:
-        verdict = outcome.verdict
-        assert verdict is not None
-        return verdict.other / outcome.case.scene.tolerance.position
-
-    far = max(solved, key=share)
-    assert far.verdict is not None
-    times = np.percentile([outcome.seconds for outcome in found], [50, 95])
-    return (
-        f"Median plan {1e3 * times[0]:.0f} ms, 95 % {1e3 * times[1]:.0f} ms (with building, "
-        f"nothing compiled). Slowest: {slow.case.name}, {slow.seconds:.1f} s ({slow.status}). "
-        f"Most iterations: {long.case.name}, {long.iterations} ({long.status}). Worst solved "
-        f"condition: {ill.case.name}, {ill.scaled:.1e} scaled, {ill.raw:.1e} as it is. Solved "
-        f"nearest its tolerance by the independent steps: {far.case.name}, "
-        f"{1e3 * far.verdict.other:.3g} mm of {1e3 * far.case.scene.tolerance.position:g} mm."
-    )
-
-
-def _by_lever(found: list[Outcome]) -> Table:
-    """Counts and medians by what is extreme."""
+def _levers_table(found: list[Outcome]) -> Table:
+    """Counts by what is far out."""
     groups: dict[str, list[Outcome]] = collections.defaultdict(list)
     for outcome in found:
         groups[outcome.case.lever].append(outcome)
-    rows = []
+    rows: list[list[Cell]] = []
     for lever, group in groups.items():
         states = collections.Counter(outcome.status for outcome in group)
-        true = [o for o in group if o.verdict is not None]
-        errors = [o.verdict.other for o in true if o.verdict is not None]
+        errors = [1e3 * o.verdict.other for o in group if o.verdict is not None]
+        defects = sum(states[s] for s in DEFECTS) + sum(o.false for o in group)
+        counts = [states[s] for s in STATUSES]
+        rows.append([lever, len(group), *counts, defects, max(errors, default=None)])
+    columns = ("far out", "cases", *STATUSES, "defects", "worst error [mm]")
+    return Table("stability-levers", "Extreme cases by what is far out", columns, rows)
+
+
+def _figures(found: list[Outcome]) -> list[str]:
+    """Counts, and the worst cases by name."""
+    states = collections.Counter(outcome.status for outcome in found)
+    said = ", ".join(f"{states[s]} {s}" for s in STATUSES)
+    solved = [outcome for outcome in found if outcome.verdict is not None]
+    undecided = [outcome.case.name for outcome in solved if outcome.undecided]
+    times = np.percentile([outcome.seconds for outcome in found], [50, 95])
+    slow = max(found, key=lambda outcome: outcome.seconds)
+    text = (
+        f"{len(found)} extreme scenes: {said}; tracebacks, hangs and crashes "
+        f"{sum(states[s] for s in DEFECTS)}, numbers that are not finite "
+        f"{sum(not o.finite for o in found)}. Each solved one is judged by other code, with "
+        f"{STEPS} even steps or more: {sum(o.false for o in solved)} are not true, "
+        f"{len(undecided)} undecided, where these steps do not settle"
+    )
+    text += f" ({', '.join(undecided)})." if undecided else "."
+    return [
+        text,
+        f"A plan takes {1e3 * times[0]:.0f} ms in the median and {1e3 * times[1]:.0f} ms in 95 %, "
+        f"with building and nothing compiled; the slowest {slow.seconds:.1f} s ({slow.case.name}, "
+        f"{slow.status}).",
+    ]
+
+
+def _most(rows: list[list[Cell]], place: int) -> float:
+    """Largest number in a column; cells without a value do not count."""
+    cells = [row[place] for row in rows]
+    return max((abs(cell) for cell in cells if isinstance(cell, float)), default=math.nan)
+
+
+def structures(scene: Scene, mover: Mover) -> Iterator[tuple[str, ThrowNlp, Array, Any]]:
+    """(what, NLP, parameters, window) of a scene: as it is, quiet, with scenarios."""
+    target = scene.target
+    assert target is not None
+    for robust in ("", "quiet", "scenarios"):
+        window = window_of(scene) if robust else None
+        angle = target.theta is not None
+        nlp = build_nlp(structure_of(scene, mover, angle, robust=robust, window=window), mover)
+        numbers = nlp.parameters.vector(parameter_values(scene, mover, target, window))
+        yield robust or "usual", nlp, numbers, window
+
+
+def derivative_rows(name: str, effort: Effort) -> list[list[Cell]]:
+    """Errors of a scene's derivatives, a row for each NLP."""
+    scene, rows = load_scene(name), list[list[Cell]]()
+    mover = make_mover(scene)
+    for words, nlp, numbers, window in structures(scene, mover):
+        limits = bounds(nlp, scene, mover, window)
         rows.append(
-            [
-                lever,
-                len(group),
-                *(states[s] for s in STATUSES[0]),
-                sum(states[s] for s in STATUSES[1]),
-                sum(o.false for o in group),
-                1e3 * max(errors, default=math.nan),
-                float(np.median([o.iterations for o in true])) if true else None,
-                max((o.log_scaled for o in true), default=math.nan),
-            ]
+            [name, words, *nlp.size, *derivative_errors(nlp, numbers, limits, effort.of(2, 5))]
         )
-    columns = ["far out", "cases", *STATUSES[0], "defects", "false solved"]
-    columns += ["worst error [mm]", "iterations (median)", "worst log10 condition, scaled"]
-    return Table("stability_levers", "The extreme cases by what is far out", columns, rows)
+        if effort.quick:
+            break
+    return rows
+
+
+def derivative_errors(
+    nlp: ThrowNlp, numbers: Array, limits: tuple[Array, Array], points: int
+) -> tuple[float, float]:
+    """Largest relative errors of first and of second derivatives at random points.
+
+    Along random directions, against central differences of fourth order, relative to the
+    largest component. The points are in the middle half of the bounds.
+    """
+    functions = nlp_functions(nlp, "fatrop")
+    rng = np.random.default_rng(SEED)
+    low, high = (np.clip(side, -1.0, 1.0) for side in limits)
+
+    def values(x: Array) -> Array:
+        g = functions["nlp_g"](x, numbers)
+        return np.append(np.array(g), float(functions["nlp_f"](x, numbers)))
+
+    worst = np.zeros(2)
+    for _ in range(points):
+        x = low + (high - low) * rng.uniform(0.25, 0.75, low.size)
+        multipliers, way = rng.standard_normal(nlp.size[1]), rng.standard_normal(x.size)
+        slope = functions["nlp_jac_g"](x, numbers)[1].full() @ way
+        cost = functions["nlp_grad_f"](x, numbers).full().ravel() @ way
+        curvature = functions["nlp_hess_l"](x, numbers, 1.0, multipliers)[1].full() @ way
+
+        def gradient(at: Array, multipliers: Array = multipliers) -> Array:
+            return np.array(functions["nlp_grad"](at, numbers, 1.0, multipliers)[2]).ravel()
+
+        first = _off(values, x, way, np.append(slope, cost))
+        worst = np.maximum(worst, [first, _off(gradient, x, way, curvature)])
+    return float(worst[0]), float(worst[1])
+
+
+def _off(function: Callable[[Array], Array], x: Array, way: Array, exact: Array) -> float:
+    """Relative error of a derivative along a direction against differences."""
+    near, far = (
+        (function(x + step * way) - function(x - step * way)) / (2 * step) for step in (NEAR, FAR)
+    )
+    return float(np.abs((4 * near - far) / 3 - exact).max() / np.abs(exact).max())
+
+
+def in_other_units(scene: Scene, mass: float, length: float = 1.0) -> Scene:
+    """The same throw where a mass reads `mass` times as much and a length `length` times.
+
+    Times stay. Lengths only of a free hand's scene: an arm has its own.
+    """
+    force = scene.gripper.force
+    assert force is not None
+    thing, contact, tolerance = scene.object, scene.contact, scene.tolerance
+    changed = scene.replace(
+        object=dataclasses.replace(
+            thing,
+            mass=mass * thing.mass,
+            inertia=mass * length**2 * thing.inertia,
+            length=length * thing.length,
+            com=length * thing.com,
+            width=length * thing.width,
+        ),
+        grasp=dataclasses.replace(scene.grasp, offset=length * scene.grasp.offset),
+        contact=dataclasses.replace(contact, patch_radius=length * contact.patch_radius),
+        gripper=dataclasses.replace(scene.gripper, force=mass * length * force),
+        tolerance=dataclasses.replace(tolerance, position=length * tolerance.position),
+        gravity=length * scene.gravity,
+    )
+    hand, target = scene.hand, scene.target
+    if length == 1.0 or hand is None or target is None:
+        return changed
+    start = None if hand.start is None else (length * hand.start[0], length * hand.start[1])
+    return changed.replace(
+        target=dataclasses.replace(target, x=length * target.x, z=length * target.z),
+        hand=dataclasses.replace(
+            hand,
+            x=(length * hand.x[0], length * hand.x[1]),
+            z=(length * hand.z[0], length * hand.z[1]),
+            speed=length * hand.speed,
+            acceleration=length * hand.acceleration,
+            start=start,
+        ),
+    )
+
+
+def unit_rows(name: str) -> list[list[Cell]]:
+    """A scene in other units of mass, a free hand's also in other units of length."""
+    scene = load_scene(name)
+    factors = [(1e-3, 1.0), (1e3, 1.0)]
+    if scene.motion is not None:
+        old = simulate(scene, "all")
+        rows: list[list[Cell]] = []
+        for mass, length in factors:
+            new = simulate(in_other_units(scene, mass, length), "all")
+            moved = max(
+                float(np.abs(new[m].release.com[:, -1] - old[m].release.com[:, -1]).max())
+                for m in ("sp", "ls-step", "patch")
+            )
+            rows.append([name, mass, length, "simulated", moved, None, None, None])
+        return rows
+    if scene.hand is not None:
+        factors += [(1.0, 0.1), (1.0, 10.0)]
+    plan, rows = Planner(scene, compiling="no").plan(), []
+    for mass, length in factors:
+        other = Planner(in_other_units(scene, mass, length), compiling="no").plan()
+        landed = None
+        if plan.throw is not None and other.throw is not None:
+            landed = abs(other.throw.final.landing.x / length - plan.throw.final.landing.x)
+        counts = (plan.iterations, other.iterations)
+        rows.append([name, mass, length, other.status, None, landed, *counts])
+    return rows
+
+
+@functools.cache
+def _planned(name: str) -> tuple[Planner, Plan]:
+    """A built-in scene's planner and plan, once in each process."""
+    planner = Planner(load_scene(name), compiling="no")
+    return planner, planner.plan()
+
+
+def from_noisy_start(name: str, size: float, number: int) -> tuple[str, str]:
+    """("true", "false" or "failed", why) of a scene's first solve from its guess with noise on it.
+
+    Each variable gets `size` times its value (at least 0.1) times a normal number; FATROP alone,
+    without another start.
+    """
+    planner, plan = _planned(name)
+    rng = np.random.default_rng([SEED, number])
+    target, releases = plan.target, planner.releases()
+    task = Task(plan.scene.aimed_at(target), target, ("fatrop",))
+    index, goal, _ = starts(releases, task.scene, target, "exact", 1)[0]
+    given = release_start(planner.problems, task, releases, index, goal)
+
+    def noisy(nlp: ThrowNlp) -> Array:
+        guess = given.guess(nlp)
+        return guess + size * np.maximum(np.abs(guess), 0.1) * rng.standard_normal(guess.size)
+
+    start = dataclasses.replace(given, guess=noisy, tries=1)
+    attempt = next(attempts(planner.problems, start, task))
+    if attempt.throw is None or not attempt.solved:
+        return "failed", attempt.reason
+    wrong = judged(attempt.throw, target, STEPS // 4).wrong
+    return ("false" if wrong else "true"), "; ".join(wrong)
+
+
+def noisy_rows(name: str, count: int) -> list[list[Cell]]:
+    """A row for each size of the noise."""
+    jobs = [(name, size, number) for size in NOISE for number in range(count)]
+    answers = list(in_processes(from_noisy_start, jobs, PATIENCE))
+    rows: list[list[Cell]] = []
+    for i, size in enumerate(NOISE):
+        group = answers[i * count : (i + 1) * count]
+        ended = [ENDINGS[a] for a in group if isinstance(a, str)]
+        came = [a for a in group if not isinstance(a, str)]
+        kinds = collections.Counter(kind for kind, _ in came)
+        causes = collections.Counter([why for _, why in came if why] + ended)
+        said = "; ".join(f"{n} × {why}" for why, n in causes.most_common(2))
+        counts = (kinds["true"], kinds["false"], kinds["failed"], len(ended))
+        rows.append([name, size, count, *counts, said or None])
+    return rows
+
+
+def _noisy_figure(rows: list[list[Cell]]) -> str:
+    """How many plans from noisy starts are solved, and whether that is true."""
+    total, true, false, failed, ended = (sum(int(row[i] or 0) for row in rows) for i in range(2, 7))
+    return (
+        "The planner's own guess with noise on every variable (up to 100 %), FATROP alone: of "
+        f"{total} solves {true} are solved and true, {false} solved and not true, {failed} not "
+        f"solved, {ended} hung or crashed."
+    )

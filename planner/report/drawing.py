@@ -1,0 +1,249 @@
+"""The report's pictures, one for each section, drawn from the section's own tables."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..sweep import BLACK, BLUE, GREEN, GREY, RED
+from .page import Cell, Table
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+Array = npt.NDArray[np.float64]
+
+ORANGE, PURPLE, CYAN = "#f2a33a", "#9467bd", "#17becf"
+#: Colour, marker and line of a release method; only settings that refine each other have a line.
+METHODS = {
+    "sp, Euler": (BLUE, "v", ":"),
+    "sp, RK4": (BLUE, "o", "-"),
+    "sp, RK4, events located": (BLUE, "s", "--"),
+    "sp, smoothed, RK4": (BLUE, "x", "-."),
+    "ls, Karnopp, Euler": (GREY, "X", ""),
+    "ils, LSODA": (RED, "o", ""),
+    "ils, Radau": (RED, "^", ""),
+    "ils, BDF": (RED, "x", ""),
+    "ls-step": (GREEN, "o", "-"),
+    "ls-step, extrapolated": (GREEN, "s", "--"),
+    "patch": (BLACK, "D", "-"),
+    "LuGre": (ORANGE, "1", ""),
+}
+#: Colours of the planner's settings, by the first word of what differs from the default.
+SETTINGS = {
+    "default": BLACK,
+    "carry": BLUE,
+    "opening": GREEN,
+    "grading": ORANGE,
+    "epsilon": RED,
+    "integrator": PURPLE,
+}
+#: Errors [mm] below these are drawn on them: converged answers are not known better.
+OWN_FLOOR, MODEL_FLOOR, PLAN_FLOOR = 1e-7, 1e-4, 1e-7
+#: Where a target without a robust plan is drawn, and the least spread that is told apart.
+LOST, LEAST = 20.0, 1e-4
+
+
+def draw_work_precision(rows: Table, path: Path) -> None:
+    """Own error (above) and model error (below) over the time of a release; a column a throw."""
+    throws = list(dict.fromkeys(rows.column("throw")))
+    figure, grid = _figure(3.6 * len(throws), 8.0, 2, len(throws), sharex=True, sharey="row")
+    for column, throw in enumerate(throws):
+        some = [row for row in _records(rows) if row["throw"] == throw]
+        for line, (kind, floor) in enumerate((("own", OWN_FLOOR), ("model", MODEL_FLOOR))):
+            axis = grid[line][column]
+            _draw_methods(axis, some, kind, floor)
+            axis.set(xscale="log", yscale="log")
+        grid[0][column].set_title(str(throw), fontsize=10)
+        grid[1][column].set_xlabel("time a throw [µs]")
+    for line, words in enumerate(("own error", "model error")):
+        grid[line][0].set_ylabel(f"{words}: scaled landing [mm]")
+    handles, names = grid[0][0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside lower center", ncols=7, fontsize=9)
+    _save(figure, path)
+
+
+def _draw_methods(axis: Axes, rows: Sequence[dict[str, Cell]], kind: str, floor: float) -> None:
+    column = f"{kind} scaled [mm]"
+    known = [row for row in rows if isinstance(row[column], float)]
+
+    def places(some: Sequence[dict[str, Cell]]) -> tuple[list[float], list[float]]:
+        times = [float(row["time [µs]"] or math.nan) for row in some]
+        return times, [max(float(row[column] or 0.0), floor) for row in some]
+
+    for name, (colour, marker, line) in METHODS.items():
+        mine = [row for row in known if row["method"] == name]
+        style: dict[str, Any] = {"color": colour, "marker": marker, "ms": 5, "lw": 1.1}
+        axis.plot(*places(mine), ls=line or "none", label=name, **style)
+    best = [row for row in known if kind in str(row["Pareto set"])]
+    ring: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 11, "mfc": "none", "mec": BLACK}
+    axis.plot(*places(best), label="Pareto set", **ring)
+
+
+def draw_settings(rows: Table, path: Path) -> None:
+    """Error before correction over solving time; a panel a scene, Pareto points ringed."""
+    scenes = list(dict.fromkeys(rows.column("scene")))
+    figure, grid = _figure(6.0 * len(scenes), 5.0, 1, len(scenes))
+    for axis, scene in zip(grid[0], scenes, strict=True):
+        some = [row for row in _records(rows) if row["scene"] == scene]
+        for row in some:
+            time, error = row["solve [ms]"], row["error before correction [mm]"]
+            words = str(row["setting"])
+            compiled = "s" if row["compiled"] == "yes" else "o"
+            marker = "^" if row["solver"] == "ipopt" else compiled
+            colour = SETTINGS.get(words.split(maxsplit=1)[0], GREY)
+            axis.plot(time, error, marker, color=colour, ms=9 if words == "default" else 5)
+            if row["Pareto set"]:
+                axis.plot(time, error, "o", ms=13, mfc="none", mec=BLACK)
+                style: dict[str, Any] = {"textcoords": "offset points", "fontsize": 7}
+                words = words.removeprefix("integrator ")
+                label = axis.annotate(words, (time, error), (0, 9), ha="center", **style)
+                label.set_in_layout(False)
+        for words, colour in SETTINGS.items():
+            axis.plot([], [], "o", color=colour, ms=5, label=words)
+        for words, marker in (("IPOPT", "^"), ("compiled", "s")):
+            axis.plot([], [], marker, color=GREY, ms=5, label=words)
+        axis.plot([], [], "o", ms=11, mfc="none", mec=BLACK, label="Pareto set")
+        axis.set(xscale="log", yscale="log", title=str(scene), xlabel="solve [ms]")
+    grid[0][0].set_ylabel("scaled error before correction [mm]")
+    grid[0][-1].legend(fontsize=8)
+    _save(figure, path)
+
+
+def draw_extremes(rows: Table, path: Path) -> None:
+    """Error by independent steps over the time of a plan, of every extreme case."""
+    figure, ((axis,),) = _figure(9.0, 4.5)
+    some = _records(rows)
+    for words, colour, hand in (("free hand", GREEN, True), ("Panda", BLUE, False)):
+        mine = [
+            row
+            for row in some
+            if row["status"] == "solved" and str(row["case"]).startswith("hand") == hand
+        ]
+        errors = [max(float(row["independent steps [mm]"] or 0.0), PLAN_FLOOR) for row in mine]
+        axis.plot([row["plan [ms]"] for row in mine], errors, "o", ms=4, color=colour, label=words)
+    failed = [
+        row["plan [ms]"] for row in some if row["status"] in ("not_converged", "out_of_reach")
+    ]
+    words = "not solved (drawn at the top)"
+    axis.plot(failed, [20.0] * len(failed), "x", ms=5, color=GREY, label=words)
+    axis.set(xscale="log", yscale="log", xlabel="plan, with building [ms]")
+    axis.set_ylabel("position error by independent steps [mm]")
+    axis.legend(frameon=False, fontsize=8)
+    _save(figure, path)
+
+
+def draw_ladder(rows: Table, path: Path) -> None:
+    """Variables and solving time of the same throw, with one part more at a time."""
+    figure, ((left, right),) = _figure(10.0, 4.0, 1, 2, sharey=True)
+    names = [str(name) for name in rows.column("hand-box")]
+    for axis, column, colour in ((left, "variables", BLUE), (right, "solve [ms]", GREEN)):
+        values = [math.nan if v is None else float(v) for v in rows.column(column)]
+        bars = axis.barh(names, values, color=colour)
+        axis.bar_label(bars, [f"{value:.3g}" for value in values], padding=3, fontsize=8)
+        axis.set(xlabel=column, xscale="log", xlim=(np.nanmin(values) / 2, 3 * np.nanmax(values)))
+    left.invert_yaxis()
+    _save(figure, path)
+
+
+def draw_targets(rows: Table, path: Path) -> None:
+    """Targets in x and theta, what was said of them, and the nearest poses that were named."""
+    figure, ((axis,),) = _figure(9.0, 5.0)
+    some = _records(rows)
+    named = [row for row in some if row["nearest x [m]"] is not None]
+    for row in named:
+        x, theta = (
+            [row[f"{k}{name}"] for k in ("", "nearest ")] for name in ("x [m]", "theta [deg]")
+        )
+        axis.plot(x, theta, color="#dddddd", lw=0.7, zorder=1)
+    groups = (
+        ("thrown to", [r for r in some if r["status"] == "solved"], "", BLUE, "."),
+        ("out of reach", [r for r in some if r["status"] == "out_of_reach"], "", RED, "x"),
+        ("nearest pose named", named, "nearest ", GREEN, "+"),
+        ("no answer", [r for r in some if r["status"] == "not_converged"], "", BLACK, "s"),
+    )
+    for words, group, which, colour, marker in groups:
+        if group:
+            x = [row[f"{which}x [m]"] for row in group]
+            theta = [row[f"{which}theta [deg]"] for row in group]
+            axis.plot(x, theta, marker, color=colour, ms=5, label=f"{words} ({len(group)})")
+    axis.set(xlabel="x [m]", ylabel="θ [deg]")
+    axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, frameon=False)
+    _save(figure, path)
+
+
+def draw_ratios(rows: Table, path: Path) -> None:
+    """Spread of robust plans over the nominal plan's, a dot a target, a bar at the median."""
+    scenes = list(dict.fromkeys(rows.column("scene")))
+    figure, grid = _figure(6.0 * len(scenes), 4.5, 1, len(scenes), sharey=True)
+    rng = np.random.default_rng(0)
+    for axis, scene in zip(grid[0], scenes, strict=True):
+        some = [row for row in _records(rows) if row["scene"] == scene]
+        methods = list(dict.fromkeys(str(row["method"]) for row in some))
+        for place, method in enumerate(methods):
+            ratios = [row["spread / nominal"] for row in some if row["method"] == method]
+            found = np.array([math.inf if r is None else float(r) for r in ratios])
+            solved = np.isfinite(found)
+            height = np.where(solved, np.maximum(found, LEAST), LOST)
+            across = place + rng.uniform(-0.25, 0.25, found.size)
+            axis.plot(across[solved], height[solved], ".", color=BLUE, ms=5)
+            axis.plot(across[~solved], height[~solved], "x", color=RED, ms=5)
+            # One of them, not a mean of two of which one may have no plan.
+            middle = float(np.percentile(height, 50, method="higher"))
+            axis.plot([place - 0.35, place + 0.35], [middle, middle], color=BLACK, lw=2)
+        axis.axhline(1.0, color=GREY, lw=0.8, ls="--")
+        axis.set(yscale="log", title=str(scene))
+        axis.set_xticks(range(len(methods)), methods, rotation=30, ha="right")
+    grid[0][0].set_ylabel("spread / nominal spread (× : no plan)")
+    _save(figure, path)
+
+
+def draw_learning(rows: Table, path: Path) -> None:
+    """Real landing error over the number of throws that were learned from."""
+    figure, ((axis,),) = _figure(7.0, 4.0)
+    some = _records(rows)
+    for model, colour in zip(dict.fromkeys(rows.column("learned by")), (BLUE, GREEN), strict=False):
+        mine = [row for row in some if row["learned by"] == model]
+        counts = [row["throws"] for row in mine]
+        for column, line in (("error, median [mm]", "-"), ("error, worst [mm]", ":")):
+            words = f"{model}, {column.split(', ')[1].removesuffix(' [mm]')}"
+            axis.plot(
+                counts, [row[column] for row in mine], line, marker="o", color=colour, label=words
+            )
+    axis.set(xlabel="throws learned from", ylabel="real scaled error [mm]", yscale="log")
+    axis.legend(frameon=False, fontsize=8)
+    _save(figure, path)
+
+
+def _records(table: Table) -> list[dict[str, Cell]]:
+    return [dict(zip(table.columns, row, strict=True)) for row in table.rows]
+
+
+def _figure(
+    width: float, height: float, lines: int = 1, columns: int = 1, **share: Any
+) -> tuple[Figure, Any]:
+    """A figure of so many inches, and its axes in lines and columns."""
+    from matplotlib.figure import Figure
+
+    figure = Figure(figsize=(width, height), layout="constrained")
+    return figure, figure.subplots(lines, columns, squeeze=False, **share)
+
+
+def _save(figure: Figure, path: Path) -> None:
+    from matplotlib.ticker import LogLocator, StrMethodFormatter
+
+    for axes in figure.axes:
+        axes.grid(alpha=0.3)
+        for axis, (low, high) in ((axes.xaxis, axes.get_xlim()), (axes.yaxis, axes.get_ylim())):
+            if axis.get_scale() == "log" and 0 < high < 100 * low:
+                # Less than two decades: labels between the powers of ten.
+                axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+                for formatter in (axis.set_minor_formatter, axis.set_major_formatter):
+                    formatter(StrMethodFormatter("{x:g}"))
+    figure.savefig(path, dpi=110)

@@ -1,0 +1,209 @@
+"""What several sections measure with: random targets in reach, warm planners, times, Pareto sets.
+
+A target in reach is where a random motion throws the bar: from rest along a polynomial run-up to a
+random state, through the opening at constant acceleration, and braked to rest; sent at 1 kHz and
+thrown by the exact model, with every limit, the grip (10 % kept free), the workspace and the cup
+checked. The planner's own table and NLP have no part in it.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from typing import TypeVar
+
+import numpy as np
+import numpy.typing as npt
+
+from ...problems import Pose, Scene
+from ..check import (
+    Limits,
+    Mover,
+    PlannedMotion,
+    SmoothingError,
+    broken_limits,
+    make_mover,
+    scene_violations,
+    send,
+    throw,
+)
+from ..compile import Compile
+from ..plan import Planner, SolverName
+from ..search import polynomial, run_up
+
+Array = npt.NDArray[np.float64]
+T = TypeVar("T")
+
+#: Longest time [s] to wait for code that a compiler makes in the background.
+COMPILING = 150.0
+#: Processes that share jobs.
+LANES = 2
+#: A random motion: pieces of its run-up, share of velocity and acceleration limits that it uses at
+#: most, largest friction use while it carries, and states drawn at once.
+PIECES, MOST, GRIP, BATCH = 40, 0.95, 0.9, 2000
+
+
+def least_time(run: Callable[[], T], repeats: int, budget: float, long: float) -> tuple[float, T]:
+    """Least processor time [s] of `run` after a first call that does not count, and its result.
+
+    Runs at least `repeats` times, and more while they take less than `budget` [s] together; a
+    first call longer than `long` [s] counts and is not repeated.
+    """
+    start = time.process_time()
+    found = run()
+    first = time.process_time() - start
+    if first > long:
+        return first, found
+    seconds: list[float] = []
+    while len(seconds) < repeats or (sum(seconds) < budget and len(seconds) < 50):
+        start = time.process_time()
+        run()
+        seconds.append(time.process_time() - start)
+    return min(seconds), found
+
+
+def pareto(*figures: Sequence[float] | Array, margins: Sequence[float] | None = None) -> list[int]:
+    """The runs that no other beats; each of `figures` has a number a run, less is better.
+
+    margins: for each figure the share by which it may differ by chance (0 if not given): a run
+    is beaten by one that is better by more than that in a figure and not worse by more than
+    that in any. Of equal runs the first stays. In the order of the first figure.
+    """
+    values = np.array(figures, float)
+    shares = [0.0] * len(values) if margins is None else margins
+    allowed = 1.0 + np.array(shares)[:, None]
+    found: list[int] = []
+    for i in np.lexsort(values[::-1]):
+        mine = values[:, i : i + 1]
+        clearly = ((values < mine) & (values * allowed <= mine)).any(axis=0)
+        beaten = clearly & (values <= mine * allowed).all(axis=0)
+        equal = any((values[:, k] == values[:, i]).all() for k in found)
+        if not beaten.any() and not equal:
+            found.append(int(i))
+    return found
+
+
+def warmed(
+    scene: Scene, targets: Sequence[Pose], compiling: Compile, solver: SolverName = "auto"
+) -> Planner:
+    """A planner whose times are those of planning alone: all is built, no compiler works.
+
+    targets: plans to these show which rows they need; with 'wait', these are compiled before.
+    Rows that only later targets need run uncompiled ('cached'), since a compiler that starts
+    then would double the times of the plans made meanwhile.
+    """
+    if compiling == "wait":
+        first = Planner(scene, compiling=compiling)
+        for target in targets:
+            first.plan(target, solver=solver)
+        until = time.perf_counter() + COMPILING
+        while first.problems.awaited and time.perf_counter() < until:
+            time.sleep(0.2)
+        compiling = "cached"
+    planner = Planner(scene, compiling=compiling)
+    for target in targets:
+        planner.plan(target, solver=solver)
+    return planner
+
+
+def quantiles(values: Sequence[float] | Array, *shares: float) -> list[float]:
+    """Quantiles at shares in percent; NaN without values."""
+    if not len(values):
+        return [math.nan] * len(shares)
+    return [float(value) for value in np.percentile(values, shares)]
+
+
+def reachable_targets(scene: Scene, seed: int) -> Iterator[Pose]:
+    """Endless landing poses in reach; theta None where the scene's target leaves it open."""
+    assert scene.target is not None
+    mover = make_mover(scene)
+    rng = np.random.default_rng(seed)
+    opening = scene.gripper.profile().opening
+    while True:
+        for motion, at in _motions(scene, mover, opening, rng):
+            pose = _thrown(scene, mover, motion, at, scene.target)
+            if pose is not None:
+                yield pose
+
+
+def _motions(
+    scene: Scene, mover: Mover, opening: float, rng: np.random.Generator
+) -> Iterator[tuple[PlannedMotion, float]]:
+    """Random motions within the limits, and when their opening starts [s]."""
+    limits, n = mover.planning, mover.size
+    q = rng.uniform(limits.q_min, limits.q_max, (BATCH, n))
+    dq = rng.uniform(-MOST, MOST, (BATCH, n)) * limits.dq
+    ddq = rng.uniform(-MOST, MOST, (BATCH, n)) * limits.ddq
+    shortest = max(scene.gripper.profile().dwell, 0.1)
+    durations = rng.uniform(shortest, 1.2, BATCH)
+    for state in zip(q, dq, ddq, durations, strict=True):
+        end = state[0] + opening * (state[1] + opening * state[2] / 2)
+        rate = state[1] + opening * state[2]
+        if _too_fast(limits, end, rate):
+            continue
+        if ((end < limits.q_min) | (end > limits.q_max)).any():
+            continue
+        motion = _motion(mover, *state, opening)
+        if motion is not None and _inside(limits, motion):
+            yield motion, float(state[3])
+
+
+def _motion(
+    mover: Mover, q: Array, dq: Array, ddq: Array, duration: float, opening: float
+) -> PlannedMotion | None:
+    """Rest to (q, dq, ddq) in `duration`, then constant acceleration over the opening."""
+    times = np.append(np.linspace(0.0, duration, PIECES + 1), duration + opening)
+    t = times[:-1, None]
+    coefficients = run_up(mover.start, q, dq, ddq, duration)
+    place, rate, acceleration = (polynomial(coefficients, t, k) for k in range(3))
+    # Cubic pieces that meet in position, rate and acceleration at the pieces' middles.
+    dt = duration / PIECES
+    jerk = polynomial(coefficients, t + dt / 2, 3)
+    jerk[-1] = 0.0
+    for k in range(PIECES):
+        place[k + 1] = place[k] + dt * (rate[k] + dt * (acceleration[k] / 2 + dt * jerk[k] / 6))
+        rate[k + 1] = rate[k] + dt * (acceleration[k] + dt * jerk[k] / 2)
+        acceleration[k + 1] = acceleration[k] + dt * jerk[k]
+    return PlannedMotion(times, place, rate, acceleration, jerk)
+
+
+def _inside(limits: Limits, motion: PlannedMotion) -> bool:
+    """Whether the motion keeps all limits, looked at at its nodes."""
+    if (motion.q < limits.q_min).any() or (motion.q > limits.q_max).any():
+        return False
+    if _too_fast(limits, motion.q, motion.dq):
+        return False
+    if (np.abs(motion.ddq) > MOST * limits.ddq).any():
+        return False
+    return limits.jerk is None or not (np.abs(motion.jerk) > MOST * limits.jerk).any()
+
+
+def _too_fast(limits: Limits, q: Array, dq: Array) -> bool:
+    """Whether any velocity is above its share of the limit there."""
+    low, high = limits.velocity(q)
+    return bool(((dq < MOST * low) | (dq > MOST * high)).any())
+
+
+def _thrown(
+    scene: Scene, mover: Mover, motion: PlannedMotion, at: float, target: Pose
+) -> Pose | None:
+    """The landing pose of a motion that breaks nothing."""
+    try:
+        samples = send(mover, motion)
+    except SmoothingError:
+        return None
+    if broken_limits(mover.hard, mover.joints, samples):
+        return None
+    stop = samples.q[-1]
+    if ((stop < mover.planning.q_min) | (stop > mover.planning.q_max)).any():
+        return None
+    sent = motion if scene.robot is None else samples
+    thrown = throw(scene, mover, sent, at, target.z)
+    if thrown.grip_use > GRIP or not np.isfinite(thrown.landing.flight_time):
+        return None
+    theta = None if target.theta is None else thrown.landing.theta
+    pose = target.in_plane(thrown.landing.x, theta)
+    end = motion.times[-1] if scene.robot is None else samples.times[-1]
+    aimed = scene.aimed_at(pose)
+    return None if scene_violations(aimed, mover, sent, float(end), at, thrown) else pose

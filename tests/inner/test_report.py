@@ -1,0 +1,256 @@
+"""The report: what is written where; its judge and its converged answers find what is wrong."""
+
+from __future__ import annotations
+
+import csv
+import dataclasses
+import math
+import os
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import throwplan as tp
+from PIL import Image
+from throwplan.models import SlidingPivotRelease
+from throwplan.planner.cli import main
+from throwplan.planner.report import (
+    Picture,
+    Section,
+    Table,
+    extremes,
+    judged,
+    laws,
+    make_report,
+    measure,
+    parts,
+    planner,
+)
+from throwplan.planner.report.page import parts_of, write_page
+
+ROWS = [["a | b", 1 / 3, 7, None], ["c", math.nan, 123456.789, "<why>"]]
+ORDER = ("parts", "reach")
+
+
+def draw(path: Path) -> None:
+    """Two colours and all shades between them, more than a palette holds."""
+    shades = np.linspace(0, 255, 40 * 300).reshape(40, 300, 1)
+    colours = np.concatenate([shades, 0 * shades, 255 - shades], axis=2).astype("u1")
+    Image.fromarray(colours).save(path, "PNG")
+
+
+def section(key: str, figure: str) -> Section:
+    table = Table(f"{key}-sizes", "Sizes", ("name", "x", "n", "why"), ROWS, short=True)
+    dots = Table(f"{key}-dots", "Dots", ("x", "y"), [[1, 2.5]])
+    picture = Picture(key, "All of it", draw)
+    return Section(key, f"About {key}", [figure], [table, dots], [picture], 1.0, "made here.")
+
+
+def test_a_section_is_its_figures_a_short_table_pictures_and_links(tmp_path: Path) -> None:
+    one = section("parts", "It takes 3 ms.")
+    one.write(tmp_path)
+    write_page(tmp_path, {"parts": one.markdown()}, ORDER)
+    assert {path.name for path in tmp_path.iterdir()} == {*one.files, "index.md"}
+    text = (tmp_path / "index.md").read_text()
+    assert "- It takes 3 ms." in text and "throwplan report --only parts" in text
+    assert "| a \\| b | 0.333 | 7 | – |" in text and "| c | – | 123457 | <why> |" in text
+    assert "[Dots](parts-dots.csv)" in text and "2.5" not in text and "parts.png" in text
+    with (tmp_path / "parts-sizes.csv").open(newline="") as file:
+        rows = list(csv.reader(file))
+    assert rows[:2] == [["name", "x", "n", "why"], ["a | b", str(1 / 3), "7", ""]]
+    with Image.open(tmp_path / "parts.png") as picture:
+        few, shown = picture.mode == "P", np.asarray(picture.convert("RGB"), float)
+    draw(tmp_path / "whole.png")
+    with Image.open(tmp_path / "whole.png") as picture:
+        assert few and np.abs(np.asarray(picture, float) - shown).max() < 8
+
+
+def test_a_section_measured_again_replaces_its_own_part_of_the_page(tmp_path: Path) -> None:
+    assert parts_of(tmp_path) == {}
+    one, two = section("parts", "Old."), section("reach", "Kept.")
+    write_page(tmp_path, {s.key: s.markdown() for s in (two, one)}, ORDER)
+    before = (tmp_path / "index.md").read_text()
+    assert before.index("Old.") < before.index("Kept.")
+    page = parts_of(tmp_path)
+    write_page(tmp_path, page, ORDER)
+    assert (tmp_path / "index.md").read_text() == before
+    write_page(tmp_path, page | {"parts": section("parts", "New.").markdown()}, ORDER)
+    assert (tmp_path / "index.md").read_text() == before.replace("Old.", "New.")
+
+
+@pytest.mark.slow
+def test_a_quick_section_is_made(tmp_path: Path) -> None:
+    heard: list[tuple[int, int]] = []
+    made = make_report(tmp_path, ["robust"], True, lambda key: lambda *done: heard.append(done))
+    assert [one.key for one in made] == ["robust"] and heard[-1] == (2, 2)
+    assert {path.name for path in tmp_path.iterdir()} == {*made[0].files, "index.md"}
+    with (tmp_path / "robust.csv").open(newline="") as file:
+        rows = list(csv.DictReader(file))
+    quiet = [row for row in rows if row["method"] == "quiet"]
+    assert len(quiet) == 2 and all(float(row["median"]) < 0.5 for row in quiet)
+
+
+@pytest.mark.parametrize("figures", [2, 3])
+def test_pareto_set_by_comparing_all_pairs(figures: int) -> None:
+    rng = np.random.default_rng(1)
+    for columns in rng.integers(1, 9, (40, figures, 12)):
+        points = list(zip(*columns.tolist(), strict=True))
+        best = {p for p in points if not any(q != p and all(map(int.__le__, q, p)) for q in points)}
+        found = measure.pareto(*columns)
+        assert {points[i] for i in found} == best and len(found) == len(best)
+
+
+def test_what_differs_by_chance_decides_nothing() -> None:
+    alike = measure.pareto([10, 10.5], [1.0, 0.99], margins=(0.1, 0.1))
+    beaten = measure.pareto([10, 40], [1.0, 0.99], margins=(0.1, 0.1))
+    assert alike == [0, 1] and beaten == [0]
+
+
+def test_variants_differ_and_the_default_comes_first() -> None:
+    for quick in (True, False):
+        found = planner.variants(quick)
+        assert found[0] == planner.Variant() and len(set(found)) == len(found)
+        assert any(one.solver == "ipopt" for one in found)
+
+
+@pytest.fixture(scope="module")
+def plan() -> tp.Plan:
+    return tp.plan("cup")
+
+
+def test_the_judge_finds_a_true_plan_true(plan: tp.Plan) -> None:
+    assert plan.throw is not None
+    verdict = judged(plan.throw, plan.target)
+    assert verdict.wrong == () and verdict.doubt < plan.scene.tolerance.position
+    assert abs(verdict.miss - verdict.other) < verdict.doubt + 1e-5
+
+
+def test_the_judge_refuses_wrong_plans(plan: tp.Plan) -> None:
+    """A later opening, a faster joint, a weaker grip, another target: each is noticed."""
+    good = plan.throw
+    assert good is not None
+    late = dataclasses.replace(good, opening_time=good.opening_time + 0.005)
+    words = " ".join(judged(late, plan.target).wrong)
+    assert "thrown again" in words and "plain steps" in words
+    samples = dataclasses.replace(good.samples, dq=3 * good.samples.dq)
+    fast = dataclasses.replace(good, samples=samples)
+    assert any("velocity" in wrong for wrong in judged(fast, plan.target).wrong)
+    gripper = dataclasses.replace(plan.scene.gripper, force=40.0)
+    weak = dataclasses.replace(good, scene=plan.scene.replace(gripper=gripper))
+    assert any("grip use" in wrong for wrong in judged(weak, plan.target).wrong)
+    aside = dataclasses.replace(plan.target, x=plan.target.x + 0.0025)
+    assert judged(good, aside).wrong
+
+
+def test_there_are_332_cases_that_differ() -> None:
+    found = extremes.cases()
+    assert len(found) == len({case.name for case in found}) == 332
+    h = np.array([case.scene.com_offset for case in found])
+    assert (h == 0).sum() > 20 and h.max() >= 0.5
+
+
+def test_a_few_extreme_cases_are_finite_true_or_say_why() -> None:
+    chosen = [case for case in extremes.some(40) if case.scene.robot is None][::12]
+    found = [extremes.run(case) for case in chosen]
+    assert all(one.finite and not one.false for one in found)
+    assert sum(one.status == "solved" for one in found) >= len(found) // 2
+    assert all(one.cause for one in found if one.status != "solved")
+
+
+def work(kind: str) -> str:
+    if kind == "sleep":
+        time.sleep(60)
+    if kind == "die":
+        os.kill(os.getpid(), 9)
+    return kind
+
+
+def test_work_that_hangs_or_dies_is_told_and_the_rest_goes_on() -> None:
+    jobs = [("a",), ("sleep",), ("b",), ("die",), ("c",)]
+    found = list(extremes.in_processes(work, jobs, patience=3.0))
+    assert found == ["a", "hang", "b", "crash", "c"]
+
+
+THROW = laws.four_throws()[1]
+
+
+@pytest.mark.parametrize(
+    ("law", "run", "close"),
+    [
+        ("sp", SlidingPivotRelease(steps=32, events=True).release, 1e-8),
+        ("ls", lambda case: laws.extrapolated(laws.stepped, 4000, case), 2e-6),
+    ],
+)
+def test_converged_answers_agree_with_other_methods(law, run, close) -> None:
+    truth = laws.TRUTHS[law](THROW.case)
+    assert laws.off(THROW, laws.detached(run(THROW.case)), truth)[3] < close
+
+
+def test_the_drop_converges_to_the_published_turning_rates() -> None:
+    """-1.0 rad/s in the paper; -1.021 and -1.034 rad/s in the reference values."""
+    case = laws.four_throws()[0].case
+    assert laws.pivot_truth(case)[5] == pytest.approx(-1.0212, abs=1e-4)
+    assert laws.surface_truth(case)[5] == pytest.approx(-1.0340, abs=1e-3)
+
+
+def test_the_loop_in_python_is_the_compiled_one() -> None:
+    compiled = SlidingPivotRelease(steps=300, integrator="euler").release(THROW.case)
+    alone = laws.detached(laws.python_loop(300, THROW.case))
+    np.testing.assert_allclose(alone, laws.detached(compiled), atol=1e-12)
+
+
+def test_a_random_throw_alone_is_the_one_of_the_batch() -> None:
+    scene, throws = tp.load_scene("drop"), laws.random_throws(50, 3)
+    together = tp.simulate_batch(scene, "sp", steps=200, **throws).detach
+    for i in (0, 17, 49):
+        case = laws.case_of(throws, i, scene.patch)
+        alone = SlidingPivotRelease(steps=32, events=True).release(case)
+        assert np.abs(laws.detached(alone) - together[i]).max() < 1e-4
+
+
+def test_each_method_is_there_once() -> None:
+    for quick in (True, False):
+        ways = list(laws.methods(quick))
+        assert len({(way.family, way.setting) for way in ways}) == len(ways)
+        assert {"sp, RK4", "ils, LSODA", "ls-step", "patch", "LuGre"} <= {w.family for w in ways}
+
+
+def test_single_shooting_reaches_what_the_planner_reaches() -> None:
+    """SciPy's SLSQP on the same rows: an independent optimiser of the planner's NLP."""
+    scene = tp.load_scene("hand-box")
+    assert scene.target is not None
+    moved = scene.target.in_plane(scene.target.plane_x + 0.02, None)
+    assert planner.SingleShooting(scene).solve(moved)[0]
+
+
+def test_everything_has_every_section() -> None:
+    scene = parts.with_everything(tp.load_scene("hand-box"))
+    sections = (scene.robot, scene.cup, scene.landing, scene.workspace, scene.uncertainty)
+    assert all(section is not None for section in sections)
+    assert scene.target is not None and scene.target.theta is not None
+    assert scene.robust is not None and scene.robust.method == "scenarios"
+
+
+def test_each_part_adds_its_own_and_is_solved() -> None:
+    """A pivot has an angle and a rate at each node of the opening; θ is one row more."""
+    found = [
+        parts.measured(scene, 1)
+        for _, scene in list(parts.ladder(tp.load_scene("hand-box")))[: parts.HAND]
+    ]
+    assert all(one.status == "solved" for one in found)
+    sizes = np.array([(one.variables, one.constraints) for one in found])
+    pivot, angle, landing, cup = np.diff(sizes, axis=0).tolist()
+    assert pivot[0] == pivot[1] > 0 and angle == [0, 1] and landing == [0, 3] and cup[0] > 0
+
+
+def test_unknown_sections_and_folders_are_refused(
+    tmp_path: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    assert main(["report", "--only", "maths", "--out", str(tmp_path / "r")]) == 2
+    words = capsys.readouterr().err
+    assert "--only maths: must be one of models, planner, stability" in words
+    assert not (tmp_path / "r").exists()
+    (tmp_path / "file").write_text("")
+    assert main(["report", "--out", str(tmp_path / "file" / "r")]) == 2
+    assert len(capsys.readouterr().err.splitlines()) == 1
