@@ -1,4 +1,4 @@
-"""Prints the table of README: every built-in scene planned in a fresh process.
+"""Prints the table of docs/performance.md: every built-in scene planned in a fresh process.
 
 Error and run time side by side, with both solvers in one run:
 

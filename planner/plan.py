@@ -10,7 +10,7 @@ import dataclasses
 import functools
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Literal, get_args
 
@@ -35,14 +35,14 @@ from .search import (
     Attempt,
     Binding,
     Clock,
-    Outcome,
     Problems,
     Reach,
     Releases,
     ReleaseSampler,
+    Search,
     SolvedThrows,
+    Sources,
     Start,
-    TableSearch,
     Task,
     Turns,
     attempts,
@@ -99,7 +99,7 @@ class Planner:
         self._compiling: Compile = compiling
         self._sampler = ReleaseSampler(scene, self.mover)
         reach = Reach(scene, self.mover, compiling)
-        self._search = TableSearch(self.problems, self._sampler, reach, self.releases)
+        self._sources = Sources(self.problems, self._sampler, reach, self.releases)
         self._throws: SolvedThrows | None = None
         self._build_time = time.perf_counter() - start
 
@@ -142,37 +142,40 @@ class Planner:
         clock.seconds["build"] = made
         with clock("build"):
             self._take_code()
-        plan = self._planned(task, turns, warm, alternatives)
+        wanted = self._wanted(alternatives)
+        plan = self._planned(task, turns, wanted, self._near(task, turns, warm, wanted))
         if method and plan.solved:
             plan = self._hardened(plan, method, turns, task)
         total = time.perf_counter() - started + made
-        return dataclasses.replace(plan, time={**clock.seconds, "total": total})
+        rest = plan.alternatives[:alternatives]
+        return dataclasses.replace(plan, alternatives=rest, time={**clock.seconds, "total": total})
 
-    def _planned(self, task: Task, turns: Turns, warm: Plan | None, alternatives: int) -> Plan:
-        """A throw from whatever is near; otherwise by a search from the release table."""
+    def _planned(self, task: Task, turns: Turns, wanted: int, near: Iterable[Start] = ()) -> Plan:
+        """The best of `wanted` distinct throws, from starts nearby or else from a search."""
         tried: list[Attempt] = []
-        for start in self._near(task, turns, warm, alternatives):
+        for start in near:
             if task.clock.late:
                 break
-            for attempt in attempts(self.problems, start, task):
-                tried.append(attempt)
-                if attempt.solved:
-                    return self._solved(attempt, tried, task)
-        outcome = self._search.run(task, turns, self._wanted(alternatives))
-        tried += outcome.attempts
-        if not outcome.solved:
-            return self._failed(outcome, tried, task)
-        best, *others = outcome.solved
-        if others:
-            by = "effort" if self.scene.choice is None else self.scene.choice.by
-            best, *others = ordered(distinct(outcome.solved), by)
-        plan = self._solved(best, tried, task, outcome.iterations)
-        rest = tuple(self._solved(other, [other], task) for other in others[:alternatives])
+            tried += attempts(self.problems, start, task)
+            if tried and tried[-1].solved:
+                return self._solved(tried[-1], tried, task)
+        search = Search(self._sources, task, turns, wanted, tried)
+        found: list[Attempt] = []
+        for start in search.starts():
+            tried += attempts(self.problems, start, task)
+            if tried[-1].solved:
+                found = distinct([*found, tried[-1]])
+            if len(found) >= wanted:
+                break
+        if not found:
+            return self._failed(search, tried, task)
+        by = "effort" if self.scene.choice is None else self.scene.choice.by
+        best, *others = ordered(found, by) if len(found) > 1 else found
+        plan = self._solved(best, tried, task, search.iterations)
+        rest = tuple(self._solved(other, [other], task) for other in others)
         return dataclasses.replace(plan, alternatives=rest)
 
-    def _near(
-        self, task: Task, turns: Turns, warm: Plan | None, alternatives: int
-    ) -> Iterator[Start]:
+    def _near(self, task: Task, turns: Turns, warm: Plan | None, wanted: int) -> Iterator[Start]:
         """Starts from solutions for targets nearby: a plan's, then those of throws solved ahead."""
         angle = task.target.theta is not None
         usable = warm is not None and warm.throw is not None and warm.mover is self.mover
@@ -182,7 +185,7 @@ class Planner:
             if not throw.nlp.structure.robust and (warm.target.theta is not None) == angle:
                 start = self._warm_start(task, task.target, throw.solution, warm.target)
                 yield dataclasses.replace(start, asked=throw.asked, aim=throw.aim)
-        if self._throws is None or self._wanted(alternatives) > 1:
+        if self._throws is None or wanted > 1:
             return
         with task.clock("guess"):
             goals = goals_of(self.releases(), self.scene, task.target, turns)
@@ -266,23 +269,23 @@ class Planner:
 
     def _hardened(self, plan: Plan, method: str, turns: Turns, task: Task) -> Plan:
         """The plan of a robust throw to the same target, from `plan`'s or others to it."""
-        others: list[Outcome] = []
+        more: list[Plan] = []
 
         def sources() -> Iterator[Plan]:
             yield plan
-            others.append(self._search.run(task, turns, MORE_SOURCES + 1))
-            for attempt in ordered(distinct(others[0].solved), "effort")[1:]:
-                yield self._solved(attempt, [attempt], task)
+            more.append(self._planned(task, turns, MORE_SOURCES + 1))
+            yield from more[0].alternatives
 
         problems = self._robust_problems
         scene = task.scene.replace(mesh=problems.scene.mesh)
         hardening = Hardening(problems, method, dataclasses.replace(task, scene=scene))
         found = hardening.best(sources())
-        tried = [*(a for outcome in others for a in outcome.attempts), *hardening.attempts]
         plan = dataclasses.replace(
             plan,
-            iterations=plan.iterations + sum(attempt.iterations for attempt in tried),
-            attempts=plan.attempts + sum(attempt.solves for attempt in tried),
+            iterations=sum(p.iterations for p in (plan, *more))
+            + sum(a.iterations for a in hardening.attempts),
+            attempts=sum(p.attempts for p in (plan, *more))
+            + sum(a.solves for a in hardening.attempts),
         )
         if found is None:
             reason = hardening.attempts[-1].reason if hardening.attempts else ""
@@ -327,12 +330,12 @@ class Planner:
         plan = self._plan(task, goal, "solved", words, tried, iterations, found.throw)
         return dataclasses.replace(plan, solver=found.solver)
 
-    def _failed(self, outcome: Outcome, tried: Sequence[Attempt], task: Task) -> Plan:
+    def _failed(self, search: Search, tried: Sequence[Attempt], task: Task) -> Plan:
         """No throw found: out of reach with the nearest possible, or not converged."""
-        answer, late, target = outcome.answer, task.clock.late, task.target
-        plan = functools.partial(self._plan, task, target, tried=tried, more=outcome.iterations)
+        answer, late, target = search.answer, task.clock.late, task.target
+        plan = functools.partial(self._plan, task, target, tried=tried, more=search.iterations)
         if answer is None and not late:
-            far, pose, words = highest(outcome.releases, target, task.scene.gravity)
+            far, pose, words = highest(search.releases, target, task.scene.gravity)
             found = plan("out_of_reach" if far else "not_converged", words)
             return dataclasses.replace(found, nearest=pose, binding=("landing height",))
         if answer is not None and answer.outside:

@@ -12,22 +12,22 @@ from .release_table import Releases, Turns, goals_of, joined, starts
 from .run_up import flies_past_column, polynomial, run_up
 from .sampling import ReleaseSampler, stored_releases
 from .stored import SolvedThrow, SolvedThrows, spread_targets, stored_throws
-from .table import Outcome, TableSearch, release_start
+from .table import Search, Sources, release_start
 
 __all__ = [
     "Attempt",
     "Binding",
     "Clock",
-    "Outcome",
     "Problem",
     "Problems",
     "Reach",
     "ReleaseSampler",
     "Releases",
+    "Search",
     "SolvedThrow",
     "SolvedThrows",
+    "Sources",
     "Start",
-    "TableSearch",
     "Task",
     "Turns",
     "attempts",

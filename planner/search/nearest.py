@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
@@ -33,9 +33,9 @@ from ..ocp import (
     planned_motion,
     structure_of,
 )
-from .attempt import Attempt, Start, attempts
+from .attempt import Start
 from .guess import guess_from
-from .nlps import Problems, Task, patient
+from .nlps import Task, patient
 from .release_table import Releases, nearest, past_column
 
 Array = npt.NDArray[np.float64]
@@ -177,10 +177,8 @@ class Reach:
         return Binding(target, pose, inside, names, iterations, best, nlp, (dx, dtheta), missed)
 
 
-def from_elastic(
-    problems: Problems, answer: Binding, task: Task, asked: Asked
-) -> Iterator[Attempt]:
-    """Attempts from an elastic point within the tolerance, the last resort at the edge of reach.
+def elastic_starts(answer: Binding, task: Task, asked: Asked) -> Iterator[Start]:
+    """Starts from an elastic point within the tolerance, the last resort at the edge of reach.
 
     The target itself first. Where that is impossible the elastic point's own landing, which the
     tolerance allows, is the aim; and in the end a smaller margin to the cup is kept.
@@ -192,19 +190,13 @@ def from_elastic(
         min(max(BEYOND * miss, -INSIDE * allowed), INSIDE * allowed)
         for miss, allowed in zip(answer.beside, (most.position, most.angle), strict=True)
     )
-    margins = [asked.margins]
+    variants = [asked]
     if task.scene.cup is not None:
-        margins.append(replace(asked.margins, cup=LEAST - CUP_ROOM))
-    for margin in margins:
+        margins = dataclasses.replace(asked.margins, cup=LEAST - CUP_ROOM)
+        variants.append(Asked(asked.guards | {"flight"}, margins))
+    for variant in variants:
         for aim in ((0.0, 0.0), (dx, dtheta)):
-            if margin != asked.margins:
-                asked = Asked(asked.guards | {"flight"}, margin)
-            start = Start(answer.goal, answer.guess_for, "ipopt", asked, TRIES, aim=aim)
-            for attempt in attempts(problems, start, task):
-                yield attempt
-                asked = attempt.after
-                if attempt.solved or task.clock.late:
-                    return
+            yield Start(answer.goal, answer.guess_for, "ipopt", variant, TRIES, aim=aim)
 
 
 def _miss(nlp: ThrowNlp, solution: Solution, numbers: Array, scene: Scene, target: Pose) -> float:

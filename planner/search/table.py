@@ -4,17 +4,15 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 
 import numpy as np
 
 from ...problems import Pose
-from ..check import Guard
 from ..ocp import USUAL, Asked, ThrowNlp
-from .attempt import Attempt, Start, attempts
-from .choice import distinct
+from .attempt import Attempt, Start
 from .guess import guess_from
-from .nearest import Binding, Reach, from_elastic, in_column
+from .nearest import Binding, Reach, elastic_starts, in_column
 from .nlps import Problems, Task
 from .release_table import Releases, Turns, past_column, starts
 from .sampling import ReleaseSampler, closer
@@ -34,22 +32,13 @@ RIVAL = 2.0
 
 
 @dataclass(frozen=True)
-class Outcome:
-    """What a search comes to: its attempts, and what is possible at all where that was asked.
+class Sources:
+    """What searches of one scene start from; `table` gives its release table."""
 
-    answer: of the last elastic solve, None without one; iterations: of the elastic solves;
-    releases: the table, with those sampled near the target.
-    """
-
-    attempts: list[Attempt]
-    answer: Binding | None
-    iterations: int
-    releases: Releases
-
-    @property
-    def solved(self) -> list[Attempt]:
-        """The attempts that led to a throw."""
-        return [attempt for attempt in self.attempts if attempt.solved]
+    problems: Problems
+    sampler: ReleaseSampler
+    reach: Reach
+    table: Callable[[], Releases]
 
 
 @dataclass(frozen=True)
@@ -61,130 +50,98 @@ class _Round:
     light: bool
 
 
-class TableSearch:
-    """Searches of one scene; `table` gives its release table."""
+class Search:
+    """The starts of one plan, from nothing but its target: releases of the table, then the edge.
 
-    def __init__(
-        self,
-        problems: Problems,
-        sampler: ReleaseSampler,
-        reach: Reach,
-        table: Callable[[], Releases],
-    ) -> None:
-        self._problems, self._sampler, self._reach, self._table = problems, sampler, reach, table
-
-    def run(self, task: Task, turns: Turns, wanted: int) -> Outcome:
-        """At most `wanted` distinct throws, by the task's solvers one after the other."""
-        search = _Search(self._problems, self._sampler, self._reach, task, turns, wanted)
-        with task.clock("guess"):
-            search.use(self._table())
-        answer = search.run()
-        return Outcome(search.attempts, answer, search.iterations, search.releases)
-
-
-@dataclass
-class _Search:
-    """One search: the releases to start from, and what its attempts have learned so far.
-
-    asked: what the next NLP is asked; coarse: whether no releases near the target were sampled
-    yet; tried: releases that led nowhere, with solver and what was asked.
+    wanted: how many distinct throws are looked for. tried: the attempts made so far, to which the
+    caller adds those from each start before it asks for the next one; what their checks found
+    broken decides what that one is asked. answer: what is possible nearest the goal, once that
+    was solved for; iterations: of these solves; releases: the table, with those sampled nearby.
     """
 
-    problems: Problems
-    sampler: ReleaseSampler
-    reach: Reach
-    task: Task
-    turns: Turns
-    wanted: int
-    attempts: list[Attempt] = field(default_factory=list)
-    iterations: int = 0
-    asked: Asked = USUAL
-    coarse: bool = True
-    tried: set[tuple[object, ...]] = field(default_factory=set)
+    def __init__(
+        self, sources: Sources, task: Task, turns: Turns, wanted: int, tried: list[Attempt]
+    ) -> None:
+        self._sources, self._task, self._turns, self._wanted = sources, task, turns, wanted
+        self._tried = tried
+        self._asked, self._coarse = USUAL, True
+        self._led_nowhere: set[tuple[object, ...]] = set()
+        self.answer: Binding | None = None
+        self.iterations = 0
+        with task.clock("guess"):
+            self._use(sources.table())
 
-    def use(self, releases: Releases) -> None:
+    def _use(self, releases: Releases) -> None:
         """Takes a table: (release, goal, scaled distance [m]) of the nearest landings."""
         self.releases = releases
-        self.nearest = self._starts(releases)
+        self._nearest = self._landing_nearest(releases)
 
-    def _starts(self, releases: Releases) -> list[tuple[int, Pose, float]]:
-        most = max(STARTS.values()) * self.wanted
-        return starts(releases, self.task.scene, self.task.target, self.turns, most)
+    def _landing_nearest(self, releases: Releases) -> list[tuple[int, Pose, float]]:
+        most = max(STARTS.values()) * self._wanted
+        return starts(releases, self._task.scene, self._task.target, self._turns, most)
 
     @property
     def _goal(self) -> Pose:
         """Of the turns that are allowed the one with the nearest landing."""
-        return self.nearest[0][1]
+        return self._nearest[0][1]
 
-    @property
-    def _done(self) -> bool:
-        solved = [attempt for attempt in self.attempts if attempt.solved]
-        return len(solved) >= self.wanted and len(distinct(solved)) >= self.wanted
-
-    @property
-    def _none(self) -> bool:
-        return not any(attempt.solved for attempt in self.attempts)
-
-    def run(self) -> Binding | None:
-        """Searches; what is possible at all, where that was asked."""
-        late, answer = self.task.clock, None
-        if self.nearest and self.nearest[0][2] > FAR:
+    def starts(self) -> Iterator[Start]:
+        """Starts until nothing more is worth a try."""
+        clock, first = self._task.clock, len(self._tried)
+        if self._nearest and self._nearest[0][2] > FAR:
             self._sample_near()
-        if not self.nearest:
-            return None
-        blocked = in_column(self.task.scene, self.task.target)
+        if not self._nearest:
+            return
+        blocked = in_column(self._task.scene, self._task.target)
         if blocked:
-            self._ask("passing")
-        if blocked or (not self.coarse and self.nearest[0][2] > STILL_FAR):
-            answer = self._at_the_edge()
-            if self._done or self._settled(answer, blocked):
-                return answer
-        guards = self.asked.guards
-        for rounds in _rounds(self.task.solvers):
-            for _ in self._from_releases(rounds):
-                if self._done:
-                    return None
-            if self.coarse and not late.late:
+            self._asked = dataclasses.replace(self._asked, guards=frozenset({"passing"}))
+        if blocked or (not self._coarse and self._nearest[0][2] > STILL_FAR):
+            yield from self._at_the_edge()
+            if self._settled(blocked):
+                return
+        guards = self._asked.guards
+        for rounds in _rounds(self._task.solvers):
+            yield from self._from_releases(rounds)
+            if self._coarse and not clock.late:
                 self._sample_near()
-        if self._none and not late.late and (answer is None or self.asked.guards != guards):
-            answer = self._at_the_edge()
-        return answer
-
-    def _ask(self, guard: Guard) -> None:
-        self.asked = dataclasses.replace(self.asked, guards=self.asked.guards | {guard})
+        found = any(attempt.solved for attempt in self._tried[first:])
+        if not found and (self.answer is None or self._asked.guards != guards):
+            yield from self._at_the_edge()
 
     def _sample_near(self) -> None:
         """Adds releases that land nearer the goal than those of the table."""
-        with self.task.clock("guess"):
-            self.use(closer(self.sampler, self.releases, self._goal))
-        self.coarse = False
+        with self._task.clock("guess"):
+            self._use(closer(self._sources.sampler, self.releases, self._goal))
+        self._coarse = False
 
-    def _settled(self, answer: Binding, blocked: bool) -> bool:
-        """Whether the elastic answer proves the target out of reach.
+    def _settled(self, blocked: bool) -> bool:
+        """Whether the answer proves the target out of reach.
 
         It must come as near as any sampled release, and no other goal may be about as near.
         """
-        goal, distance = self.nearest[0][1:]
-        as_near = answer.missed <= distance + self.task.scene.tolerance.position
-        rivals = (other for _, other, away in self.nearest if away < RIVAL * distance)
-        undisputed = all(other == goal for other in rivals)
-        return answer.outside and (blocked or (as_near and undisputed))
+        answer = self.answer
+        if answer is None or not answer.outside:
+            return False
+        goal, distance = self._nearest[0][1:]
+        as_near = answer.missed <= distance + self._task.scene.tolerance.position
+        rivals = (other for _, other, away in self._nearest if away < RIVAL * distance)
+        return blocked or (as_near and all(other == goal for other in rivals))
 
-    def _from_releases(self, rounds: list[_Round]) -> Iterator[Attempt]:
-        """Attempts from the releases that land nearest, round after round."""
-        table, nearest, passing = self.releases, self.nearest, False
+    def _from_releases(self, rounds: list[_Round]) -> Iterator[Start]:
+        """Starts from the releases that land nearest, round after round."""
+        table, nearest, passing = self.releases, self._nearest, False
         for current in rounds:
-            if current.solver != rounds[0].solver and self.asked.heavy:
+            if current.solver != rounds[0].solver and self._asked.heavy:
                 # These starts have had IPOPT already.
                 return
             number = 0
-            while not self.task.clock.late:
-                if "passing" in self.asked.guards and not passing:
+            while not self._task.clock.late:
+                if "passing" in self._asked.guards and not passing:
                     # From now on from the nearest of those that fly past the column.
                     number, passing = 0, True
-                    table = past_column(table, self.task.scene, self.task.target.z)
-                    nearest = self._starts(table)
-                if number >= min(current.count * self.wanted, len(nearest)):
+                    table = past_column(table, self._task.scene, self._task.target.z)
+                    nearest = self._landing_nearest(table)
+                if number >= min(current.count * self._wanted, len(nearest)):
                     break
                 index, goal, _ = nearest[number]
                 number += 1
@@ -192,55 +149,56 @@ class _Search:
 
     def _from_release(
         self, table: Releases, index: int, goal: Pose, current: _Round
-    ) -> Iterator[Attempt]:
-        """Attempts from one release, unless it was tried with the same solver and constraints."""
-        start = release_start(self.problems, self.task, table, index, goal)
-        start = dataclasses.replace(
-            start, solver=current.solver, asked=self.asked, light=current.light
-        )
+    ) -> Iterator[Start]:
+        """A start from one release, unless it led nowhere with the same solver and constraints."""
         release = table.q[index].tobytes(), table.detach[index].tobytes(), goal
-        if (current.solver, *release, self.asked) in self.tried:
+        if (current.solver, *release, self._asked) in self._led_nowhere:
             return
-        last = None
-        for last in attempts(self.problems, start, self.task):
-            self.attempts.append(last)
-            yield last
-        if last is None:
+        start = release_start(self._sources.problems, self._task, table, index, goal)
+        start = dataclasses.replace(
+            start, solver=current.solver, asked=self._asked, light=current.light
+        )
+        before = len(self._tried)
+        yield start
+        if len(self._tried) == before:
             return
+        last = self._tried[-1]
         after = last.after
         if start.light and after.heavy:
-            # Not counted as tried: it comes again when heavy guards may come in.
+            # It comes again when heavy guards may come in.
             after = last.asked
         elif not last.solved:
-            self.tried.add((current.solver, *release, start.asked))
+            self._led_nowhere.add((current.solver, *release, start.asked))
         if "carry" not in after.guards:
             # Where one throw's corners needed a margin another's may not.
             margins = dataclasses.replace(after.margins, held=start.asked.margins.held)
             after = dataclasses.replace(after, margins=margins)
-        self.asked = after
+        self._asked = after
 
-    def _at_the_edge(self) -> Binding:
-        """What is possible nearest the goal, and attempts at the goal from there.
+    def _at_the_edge(self) -> Iterator[Start]:
+        """Solves for what is possible nearest the goal; starts from there.
 
-        Asked again with the constraints that these attempts' checks found missing.
+        Again with the constraints that the attempts' checks found missing.
         """
-        while True:
-            guards = self.asked.guards
-            with self.task.clock("solve"):
-                answer = self.reach.nearest_possible(
-                    self.task.scene, self.releases, self._goal, guards
+        while not self._task.clock.late:
+            guards, margins = self._asked.guards, self._asked.margins
+            with self._task.clock("solve"):
+                self.answer = self._sources.reach.nearest_possible(
+                    self._task.scene, self.releases, self._goal, guards
                 )
-            self.iterations += answer.iterations
-            if self.task.clock.late:
-                return answer
-            margins = self.asked.margins
-            for attempt in from_elastic(self.problems, answer, self.task, self.asked):
-                self.attempts.append(attempt)
-                self.asked = Asked(attempt.after.guards, margins)
-                if attempt.solved:
-                    return answer
-            if self.asked.guards == guards or self.task.clock.late:
-                return answer
+            self.iterations += self.answer.iterations
+            for variant in elastic_starts(self.answer, self._task, self._asked):
+                if self._task.clock.late:
+                    return
+                before = len(self._tried)
+                asked = Asked(variant.asked.guards | self._asked.guards, variant.asked.margins)
+                yield dataclasses.replace(variant, asked=asked)
+                if len(self._tried) > before:
+                    self._asked = Asked(self._tried[-1].after.guards, margins)
+                    if self._tried[-1].solved:
+                        return
+            if self._asked.guards == guards:
+                return
 
 
 def release_start(problems: Problems, task: Task, table: Releases, index: int, goal: Pose) -> Start:

@@ -22,7 +22,7 @@ from throwplan.planner.check import (
     make_mover,
 )
 from throwplan.planner.ocp import Asked
-from throwplan.planner.search import Releases, ReleaseSampler, starts, stored_releases
+from throwplan.planner.search import Releases, ReleaseSampler, scatter, starts, stored_releases
 from throwplan.problems import Choice
 
 ARRAYS = ("q", "dq", "ddq", "run_up", "detach")
@@ -211,11 +211,8 @@ def test_a_choice_takes_the_throw_that_is_best_by_its_criterion() -> None:
     assert effort["effort"] <= min(effort.values()) + 1e-9
     landed = {by: plan.throw.landing_time for by, plan in plans.items()}
     assert landed["time"] <= min(landed.values()) + 1e-9
-    spread = {
-        by: np.quantile(tp.sweep(plan, samples=128).errors["scaled"], 0.95)
-        for by, plan in plans.items()
-    }
-    assert spread["robustness"] <= min(spread.values()) + 1e-9
+    moved = {by: scatter(plan.throw, plan.target) for by, plan in plans.items()}
+    assert moved["robustness"] <= min(moved.values()) + 1e-9
 
 
 def test_warm_plans_follow_a_moving_target(pose: tp.Planner) -> None:
@@ -247,12 +244,12 @@ def test_a_target_that_the_table_misses_by_far_is_thrown_to(cup: tp.Planner) -> 
     """Releases nearer to it are sampled first."""
     target = aimed(cup, -2.18, 265)
     assert starts(cup.releases(), cup.scene, target, "exact", 1)[0][2] > 0.25
-    plan = cup.plan(target)
+    plan = cup.plan(target, patience=90.0)
     assert plan.solved, plan.message
 
 
 def test_a_millimetre_from_the_base_column(pose: tp.Planner) -> None:
-    plan = pose.plan(aimed(pose, 0.17546259, -106.1607374))
+    plan = pose.plan(aimed(pose, 0.17546259, -106.1607374), patience=90.0)
     assert plan.solved, plan.message
     thrown = plan.throw.final
     times = np.linspace(0.0, thrown.landing.flight_time, 3000)
@@ -263,20 +260,20 @@ def test_a_millimetre_from_the_base_column(pose: tp.Planner) -> None:
 def test_a_bar_that_touches_the_column_between_two_instants_gets_a_margin() -> None:
     """The same rows with the same margin would lead there for ever."""
     planner = tp.Planner(tp.load_scene("flip"))
-    plan = planner.plan(aimed(planner, -0.36681081, 5.1195110))
+    plan = planner.plan(aimed(planner, -0.36681081, 5.1195110), patience=90.0)
     assert plan.solved and plan.throw.asked.margins.passing > 0.0, plan.message
 
 
 def test_a_target_that_only_the_tolerance_allows(pose: tp.Planner) -> None:
     """There the bar would lie 0.8 mm from the column."""
-    plan, tolerance = pose.plan(aimed(pose, 0.22, -15)), pose.scene.tolerance
+    plan, tolerance = pose.plan(aimed(pose, 0.22, -15), patience=90.0), pose.scene.tolerance
     assert plan.solved, plan.message
     position, angle = plan.error_sent()
     assert 1e-4 < position < tolerance.position and angle < tolerance.angle
 
 
 def test_a_target_inside_the_column_is_out_of_reach(pose: tp.Planner) -> None:
-    plan = pose.plan(aimed(pose, 0.2, -20))
+    plan = pose.plan(aimed(pose, 0.2, -20), patience=90.0)
     assert plan.status == "out_of_reach" and plan.attempts == 0
     assert plan.binding == ("base column",)
     near = plan.nearest
@@ -289,7 +286,7 @@ def test_a_target_inside_the_column_is_out_of_reach(pose: tp.Planner) -> None:
 
 def test_a_pose_that_no_cup_takes_is_out_of_reach(cup: tp.Planner) -> None:
     """The cup comes along with the target; lying flat the bar enters none."""
-    plan = cup.plan(aimed(cup, 0.51, 336.0))
+    plan = cup.plan(aimed(cup, 0.51, 336.0), patience=90.0)
     assert plan.status == "out_of_reach"
     assert {"cup clearance", "cup depth"} & set(plan.binding)
     assert abs(plan.nearest.theta - plan.target.theta) > 0.2
@@ -298,7 +295,7 @@ def test_a_pose_that_no_cup_takes_is_out_of_reach(cup: tp.Planner) -> None:
 def test_an_elastic_solve_that_ends_farther_off_than_a_release_settles_nothing(
     cup: tp.Planner,
 ) -> None:
-    plan = cup.plan(aimed(cup, -0.735, 258.4))
+    plan = cup.plan(aimed(cup, -0.735, 258.4), patience=90.0)
     assert plan.solved, plan.message
 
 
