@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from pathlib import Path
 
 import numpy as np
@@ -10,14 +11,12 @@ import pytest
 import throwplan as tp
 from throwplan.models import Path as Motion
 from throwplan.models import low_pass
-from throwplan.planner.check.given_motion import given_hand
 from throwplan.planner.cli import main
 
 
-def scene_with(tmp_path: Path, motion: str) -> Path:
+def scene_with(folder: Path, motion: str) -> Path:
     """The drop scene with another [motion], in a file."""
-    path = tmp_path / "given.toml"
-    text = (Path(__file__).parent.parent / "problems/scenes/drop.toml").read_text()
+    path, text = folder / "given.toml", tp.scene_text("drop")
     path.write_text(text[: text.index("[motion]")] + "[motion]\n" + motion)
     return path
 
@@ -25,7 +24,8 @@ def scene_with(tmp_path: Path, motion: str) -> Path:
 def test_pieces_join_smoothly_and_agree_with_one_piece() -> None:
     times = np.linspace(0, 0.06, 50)
     whole = Motion.accelerating((0, 0, 0.2), (1, 2, 3), (4, 5, 6)).at(times)
-    cut = Motion.stepping((0, 0, 0.2), (1, 2, 3), (0.0, 0.02, 0.05), [(4, 5, 6)] * 3).at(times)
+    pieces = (0.0, 0.02, 0.05), [(4, 5, 6)] * 3
+    cut = Motion.stepping((0, 0, 0.2), (1, 2, 3), *pieces).at(times)
     assert cut.pose == pytest.approx(whole.pose)
     assert cut.twist == pytest.approx(whole.twist)
     stepped = Motion.stepping((0, 0, 0), (0, 0, 0), (0.0, 0.03), [(0, 9, 0), (0, -9, 0)])
@@ -36,8 +36,8 @@ def test_pieces_join_smoothly_and_agree_with_one_piece() -> None:
 def test_sampled_hand_has_the_derivatives_of_its_poses() -> None:
     t = np.linspace(-0.02, 0.1, 200)
     poses = np.column_stack([np.sin(5 * t), t**2, 0.3 + np.cos(4 * t)])
-    hand = Motion.through(t, poses).at(np.linspace(0, 0.08, 33))
-    s = hand.times
+    s = np.linspace(0, 0.08, 33)
+    hand = Motion.through(t, poses).at(s)
     assert hand.twist[0] == pytest.approx(5 * np.cos(5 * s), abs=1e-5)
     assert hand.acceleration[2] == pytest.approx(-16 * np.cos(4 * s), abs=1e-2)
 
@@ -55,53 +55,49 @@ def test_low_pass_keeps_slow_motion_in_phase_and_removes_noise() -> None:
     assert np.abs(smooth[middle, 0] - np.sin(2 * math.pi * 3 * even[middle])).max() < 2e-3
 
 
-@pytest.fixture(scope="module")
-def recording(tmp_path_factory) -> tuple[Path, tp.Plan]:
-    """A plan's joint motion as it would be recorded at 500 Hz, with encoder noise."""
-    folder = tmp_path_factory.mktemp("recording")
+def test_recorded_joints_throw_as_the_motion_they_record(tmp_path) -> None:
+    """A plan's joints as they would be recorded at 500 Hz, with encoder noise."""
     plan = tp.plan("pose")
-    plan.save(folder, draw=False)
-    table = np.genfromtxt(folder / "motion.csv", delimiter=",", names=True)[::2]
+    plan.save(tmp_path, draw=False)
+    table = np.genfromtxt(tmp_path / "motion.csv", delimiter=",", names=True)[::2]
     noise = np.random.default_rng(0).standard_normal((len(table), 7)) * 1e-5
     joints = np.column_stack([table[f"q{j}"] for j in range(1, 8)]) + noise
+    rows = np.column_stack([table["t"], joints])
     header = "t," + ",".join(f"q{j}" for j in range(1, 8))
+    np.savetxt(tmp_path / "joints.csv", rows, delimiter=",", header=header, comments="")
+    answer, text = plan.to_dict(), tp.scene_text("pose")
+    text = re.sub(r"\[(robot|workspace)\].*?(?=\n\[|\Z)", "", text, flags=re.S)
+    motion = f"opening_time = {answer['release']['opening_time']}\n"
+    motion = f'\n[motion]\njoints = "joints.csv"\narm = "panda"\n{motion}'
+    (tmp_path / "recorded.toml").write_text(text + motion)
+    landing = tp.simulate(tmp_path / "recorded.toml", "sp")["sp"].to_dict()["landing"]
+    assert landing["x"] == pytest.approx(answer["landing"]["sent"]["x"], abs=0.02)
+    assert landing["theta"] == pytest.approx(answer["landing"]["sent"]["theta"], abs=0.17)
+
+
+def test_simulate_takes_pieces_and_samples(tmp_path) -> None:
+    t = np.linspace(0, 0.06, 61)
+    poses = np.column_stack([t, 1.5 * t + t**2, 0.2 + 2 * t])
+    header = "t,x,z,theta"
     np.savetxt(
-        folder / "joints.csv",
-        np.column_stack([table["t"], joints]),
+        tmp_path / "hand.csv",
+        np.column_stack([t, poses]),
         delimiter=",",
         header=header,
         comments="",
     )
-    return folder, plan
-
-
-def test_recorded_joints_throw_as_the_motion_they_record(recording) -> None:
-    folder, plan = recording
-    opening = plan.throw.opening_time
-    text = (Path(__file__).parent.parent / "problems/scenes/pose.toml").read_text()
-    text = text[: text.index("[robot]")] + text[text.index("[target]") : text.index("[workspace]")]
-    motion = f'\n[motion]\njoints = "joints.csv"\narm = "panda"\nopening_time = {opening}\n'
-    (folder / "recorded.toml").write_text(text + motion)
-    scene = tp.load_scene(folder / "recorded.toml")
-    hand = given_hand(scene).at(np.array([0.0, 0.05]))
-    planned = plan.mover.motion(*plan.throw.samples.at(opening + np.array([0.0, 0.05])))
-    assert hand.pose == pytest.approx(np.array(planned[0]), abs=2e-3)
-    assert hand.twist == pytest.approx(np.array(planned[1]), abs=0.1)
-    landing = tp.simulate(scene, "sp")["sp"].landing
-    assert landing.x == pytest.approx(plan.throw.sent.landing.x, abs=0.02)
-    assert landing.theta == pytest.approx(plan.throw.sent.landing.theta, abs=math.radians(10))
-
-
-def test_simulate_takes_pieces_and_samples(tmp_path: Path) -> None:
-    pieces = "times = [0.0, 0.02]\naccelerations = [[1.0, 0.0, 0.0], [0.0, 2.0, 5.0]]\n"
-    release = tp.simulate(scene_with(tmp_path, pieces), "sp")["sp"].release
-    assert np.isfinite(release.com).all()
-    t = np.linspace(0, 0.1, 30)
-    table = np.column_stack([t, 0.5 * t**2, 0 * t, 0 * t])
-    np.savetxt(tmp_path / "hand.csv", table, delimiter=",", header="t,x,z,theta", comments="")
-    sampled = tp.simulate(scene_with(tmp_path, 'table = "hand.csv"\n'), "sp")["sp"].release
-    plain = tp.simulate(scene_with(tmp_path, "acceleration = [1.0, 0.0]\n"), "sp")["sp"].release
-    assert sampled.com[:, -1] == pytest.approx(plain.com[:, -1], abs=1e-6)
+    whole = "angle_deg = 11.459155902616466\nvelocity = [1.0, 1.5]\nrate = 2.0\n"
+    motions = {
+        "constant": whole + "acceleration = [0.0, 2.0]\n",
+        "pieces": whole + "times = [0.0, 0.03]\naccelerations = [[0, 2, 0], [0, 2, 0]]\n",
+        "samples": 'table = "hand.csv"\n',
+    }
+    ends = [
+        tp.simulate(scene_with(tmp_path, motion), "sp")["sp"].to_dict()["detach"]
+        for motion in motions.values()
+    ]
+    for other in ends[1:]:
+        assert other == pytest.approx(ends[0], abs=1e-4)
 
 
 @pytest.mark.parametrize(
@@ -119,13 +115,16 @@ def test_simulate_takes_pieces_and_samples(tmp_path: Path) -> None:
         ('joints = "good.csv"\narm = "pandaa"\n', "did you mean 'panda'"),
     ],
 )
-def test_bad_motions_are_one_clear_line(tmp_path: Path, capsys, motion: str, words: str) -> None:
-    (tmp_path / "short.csv").write_text("t,x,z,theta\n0,0,0,0\n0.1,0,0,0\n")
+def test_bad_motions_are_one_clear_line(tmp_path, capsys, motion, words) -> None:
     rows = "\n".join(f"{0.01 * k},0,0,0" for k in range(11))
-    (tmp_path / "good.csv").write_text(f"t,x,z,theta\n{rows}\n")
-    (tmp_path / "back.csv").write_text(f"t,x,z,theta\n{rows}\n0.05,0,0,0\n")
-    (tmp_path / "nan.csv").write_text("t,x,z,theta\n0,0,0,0\n0.1,nan,0,0\n")
-    (tmp_path / "columns.csv").write_text("time,x,z,theta\n0,0,0,0\n")
+    for name, text in {
+        "short": "t,x,z,theta\n0,0,0,0\n0.1,0,0,0\n",
+        "good": f"t,x,z,theta\n{rows}\n",
+        "back": f"t,x,z,theta\n{rows}\n0.05,0,0,0\n",
+        "nan": "t,x,z,theta\n0,0,0,0\n0.1,nan,0,0\n",
+        "columns": "time,x,z,theta\n0,0,0,0\n",
+    }.items():
+        (tmp_path / f"{name}.csv").write_text(text)
     status = main(["simulate", str(scene_with(tmp_path, motion))])
     out, err = capsys.readouterr()
     assert status == 2 and out == ""

@@ -10,13 +10,10 @@ from throwplan.models import (
     Contact,
     Ellipsoid,
     Quartic,
-    coulomb,
     ellipsoid,
-    karnopp,
     rotated_ellipsoid,
     slip_size,
     smoothed_sliding_wrench,
-    viscous_smoothed,
 )
 
 CONTACT = Contact(0.7, 0.006, 0.6, 2)
@@ -95,29 +92,3 @@ def test_norms_of_a_twist() -> None:
     assert slip_size(twist, CONTACT, "consistent") == pytest.approx(
         math.hypot(0.05, 2.0 * 0.6 * 0.006)
     )
-
-
-def test_one_dimensional_laws() -> None:
-    assert coulomb(0.0, 2.0, 3.0) == -2.0
-    assert np.isnan(coulomb(0.0, 4.0, 3.0))
-    assert coulomb(-0.1, 9.0, 3.0) == 3.0
-    assert karnopp(1e-9, 2.0, 3.0, 1e-8) == -2.0
-    assert karnopp(1e-9, 4.0, 3.0, 1e-8) == -3.0
-    assert karnopp(-1e-3, 4.0, 3.0, 1e-8) == 3.0
-    assert viscous_smoothed([-1.0, 0.0, 0.005, 1.0], 3.0, 0.01) == pytest.approx(
-        [3.0, 0.0, -1.5, -3.0]
-    )
-
-
-def test_karnopp_block_starts_to_slide_where_the_pull_exceeds_the_limit() -> None:
-    """A pulled block under a falling normal force: onset at mu f_N = pull, then closed form."""
-    mass, pull, mu, full, end = 1.0, 3.0, 0.5, 20.0, 0.1
-    steps = 20000
-    dt, v = end / steps, 0.0
-    for k in range(steps):
-        limit = mu * full * (1 - (k + 0.5) / steps)
-        v += dt * (pull + float(karnopp(v, pull, limit, 1e-8))) / mass
-    onset = end * (1 - pull / (mu * full))
-    free = end - onset
-    # Net force grows linearly from 0 at the onset to the whole pull at the end.
-    assert v == pytest.approx(pull * free / 2 / mass, rel=1e-3)

@@ -13,7 +13,7 @@ from throwplan.models import Path as Motion
 VALUES: dict[str, Any] = {
     name: case
     for name, case in json.loads(
-        (Path(__file__).parent / "data" / "release.json").read_text()
+        (Path(__file__).parent.parent / "data" / "release.json").read_text()
     ).items()
     if isinstance(case, dict) and "detach" in case
 }

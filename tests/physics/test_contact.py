@@ -154,16 +154,6 @@ def test_utilisation_is_one_on_the_limits(mu, radius, force, angle):
 
 
 @relaxed
-@given(wrench=triple, force=positive, scale=st.floats(0.1, 10))
-def test_utilisation_is_a_ratio_of_forces(wrench, force, scale):
-    contact = Contact(0.7, 0.005)
-    use = contact.utilisation_squared(*wrench, force)
-    scaled = [scale * value for value in wrench]
-    assert contact.utilisation_squared(*scaled, scale * force) == pytest.approx(use)
-    assert contact.utilisation_squared(*scaled, force) == pytest.approx(scale**2 * use)
-
-
-@relaxed
 @given(wrench=triple, force=positive)
 def test_two_faces_hold_what_one_holds_at_twice_the_grip(wrench, force):
     one, two = Contact(0.7, 0.005, faces=1), Contact(0.7, 0.005, faces=2)

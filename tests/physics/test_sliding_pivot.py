@@ -2,23 +2,22 @@
 
 import dataclasses
 import functools
-import json
 import math
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
+from release_cases import STILL, VALUES, detached, expected, reference_case
 from scipy.integrate import solve_ivp
 from throwplan.models import (
-    STATES,
     Body,
     Contact,
     FlightState,
     HandMotion,
     SlidingPivot,
+    SlidingPivotRelease,
     pivot_wrench,
     positive,
     relative_widths,
@@ -27,10 +26,10 @@ from throwplan.models import (
     time_to_height,
 )
 
-CASES = json.loads((Path(__file__).parent / "data" / "release.json").read_text())
-STILL = {"theta0": 0.0, "v0": [0.0, 0.0], "omega0": 0.0, "a": [0.0, 0.0], "alpha": 0.0}
 GRAVITY = 9.81
 FORMS = ("continuous", "paper")
+#: Of the relative state: slip x, z and angle, and their rates.
+STATES = 6
 BAR = Body(mass=0.24, inertia=5.35e-4, com_offset=0.1)
 PADS = Contact(friction=1.0, patch_radius=0.0025)
 
@@ -106,7 +105,7 @@ def com_acceleration(law, state, hand, grip):
 
 
 def throws_of_cases():
-    cases = list(CASES.values())
+    cases = list(VALUES.values())
     hands = [STILL if case["hand"] == "drop" else case["hand"] for case in cases]
 
     def column(section, key):
@@ -128,56 +127,31 @@ def throws_of_cases():
 THROWS = throws_of_cases()
 
 
-@functools.cache
-def computed(form):
-    """Detach states (6, N) and onsets of pivoting and sliding (N,) of all cases."""
-    law, steps = THROWS.law(form), 4000
-    path = THROWS.path(law, steps)
-    times = np.linspace(0, 1, steps + 1)[:, None] * THROWS.opening
-    excess = [
-        law.excess(state, THROWS.hand(t), THROWS.grip(t))
-        for state, t in zip(path, times, strict=True)
-    ]
-    beyond = np.array(excess) > 0
-    onset = [np.take_along_axis(times, beyond[:, i].argmax(0)[None], 0)[0] for i in (0, 1)]
-    end = THROWS.detach(law, path[-1])
-    return np.array([end.x, end.z, end.theta, end.v_x, end.v_z, end.omega]), *onset
-
-
-def case_values(form, name):
-    detach, pivot, slide = computed(form)
-    i = list(CASES).index(name)
-    return detach[:, i], pivot[i], slide[i]
-
-
-@pytest.mark.parametrize("name", CASES)
+@pytest.mark.parametrize("name", VALUES)
 @pytest.mark.parametrize("form", FORMS)
 def test_detach_agrees_with_the_independent_implementation(form, name):
-    (x, z, theta, v_x, v_z, omega), pivot, slide = case_values(form, name)
-    expected = CASES[name]["detach"][f"sp_{form}"]
-    for got, wanted in (
-        ((x, z), expected["x"]),
-        (theta, expected["theta"]),
-        ((v_x, v_z), expected["v"]),
-        (omega, expected["omega"]),
-    ):
-        error = np.linalg.norm(np.subtract(got, wanted))
-        assert error < 1e-3 * np.linalg.norm(wanted)
-    # The onsets lie on the time grids of both.
-    assert pivot == pytest.approx(expected["t_pivot"], abs=5e-5)
-    assert slide == pytest.approx(expected["t_slide"], abs=5e-5)
+    release = SlidingPivotRelease(form, steps=200, events=True).release(reference_case(name))
+    found, wanted = detached(release), expected(name, f"sp_{form}")
+    for part in (slice(0, 2), slice(2, 3), slice(3, 5), slice(5, 6)):
+        error = np.linalg.norm(found[part] - wanted[part])
+        assert error < 1e-3 * np.linalg.norm(wanted[part])
+    values = VALUES[name]["detach"][f"sp_{form}"]
+    # The reference's onsets lie on its time grid.
+    assert release.pivot == pytest.approx(values["t_pivot"], abs=5e-5)
+    assert release.slide == pytest.approx(values["t_slide"], abs=5e-5)
 
 
 @pytest.mark.parametrize("form", FORMS)
-def test_published_drops_with_two_faces(form):
-    # The paper: -1.0 rad/s at 10 cm and -0.15 rad/s at 2 cm.
-    assert case_values(form, "drop_h100_faces2")[0][5] == pytest.approx(-1.0, abs=0.05)
-    assert case_values(form, "drop_h020_faces2")[0][5] == pytest.approx(-0.15, abs=0.01)
-
-
-def test_one_face_slips_at_once_in_the_long_drop():
-    assert case_values("continuous", "drop_h100_faces1")[1] == 0.0
-    assert case_values("continuous", "drop_h100_faces2")[1] > 0.02
+def test_published_drops(form):
+    """The paper: -1.0 rad/s at 10 cm and -0.15 rad/s at 2 cm; one face slips at once."""
+    model = SlidingPivotRelease(form, steps=200, events=True)
+    long, short, single = (
+        model.release(reference_case(f"drop_{name}"))
+        for name in ("h100_faces2", "h020_faces2", "h100_faces1")
+    )
+    assert long.detach.omega == pytest.approx(-1.0, abs=0.05)
+    assert short.detach.omega == pytest.approx(-0.15, abs=0.01)
+    assert single.pivot == 0.0 and long.pivot > 0.02
 
 
 # Single instants.
@@ -335,10 +309,6 @@ def test_rates_scale_with_the_units_of_length_and_time(state, hand, grip, length
 # Whole throws.
 
 
-def scaled_by(body, factor):
-    return Body(body.mass * factor, body.inertia * factor, body.com_offset)
-
-
 @pytest.mark.parametrize("form", FORMS)
 def test_mirrored_throws_land_mirrored(form):
     flipped = dataclasses.replace(
@@ -362,7 +332,9 @@ def test_mirrored_throws_land_mirrored(form):
 @pytest.mark.parametrize("factor", [0.01, 7.0])
 def test_heavier_bodies_under_stronger_grips_move_alike(factor, epsilon):
     heavy = dataclasses.replace(
-        THROWS, body=scaled_by(THROWS.body, factor), full=THROWS.full * factor
+        THROWS,
+        body=Body(THROWS.body.mass * factor, THROWS.body.inertia * factor, THROWS.body.com_offset),
+        full=THROWS.full * factor,
     )
     end, other = (t.path(t.law(epsilon=epsilon), 300)[-1] for t in (THROWS, heavy))
     np.testing.assert_allclose(other, end, rtol=1e-7, atol=1e-9)
@@ -460,7 +432,7 @@ def test_runge_kutta_converges_at_order_four_on_the_smoothed_law():
         values = law.rates(y.reshape(STATES, -1), THROWS.hand(t), THROWS.grip(t))
         return (THROWS.opening * np.array(values)).ravel()
 
-    start = np.zeros(STATES * len(CASES))
+    start = np.zeros(STATES * len(VALUES))
     solved = solve_ivp(rates, (0, 1), start, method="DOP853", rtol=1e-13, atol=1e-16)
     exact = solved.y[:, -1].reshape(STATES, -1)
     steps = np.array([80, 160, 320, 640])
@@ -470,7 +442,7 @@ def test_runge_kutta_converges_at_order_four_on_the_smoothed_law():
 
 def test_smoothing_moves_landings_by_its_width_squared():
     def landings(law):
-        end = THROWS.detach(law, THROWS.path(law, 2000)[-1])
+        end = THROWS.detach(law, THROWS.path(law, 1000)[-1])
         rows = np.broadcast_arrays(*dataclasses.astuple(end))
         states = [FlightState(*map(float, row)) for row in zip(*rows, strict=True)]
         lands = [s.after(time_to_height(s, -0.9, GRAVITY), GRAVITY) for s in states]

@@ -20,6 +20,8 @@ from throwplan.models import (
 
 mujoco = pytest.importorskip("mujoco")
 
+SLOW = pytest.mark.slow
+
 FALL = 1.0  # [m] below the hand at the end of the opening
 ROTOR = 1e3  # [kg, kg m^2] of the hand's joints, so that the bar cannot push the hand
 SETTLING = 200  # steps until the pads rest on the bar, before the opening
@@ -147,12 +149,16 @@ def assert_same_landing(case, state, other, millimetres=0.1, degrees=0.03):
     assert abs(dtheta) < degrees
 
 
-@pytest.mark.parametrize("name", VALUES)
+QUICK = ("drop_h100_faces2", "throw_decelerating")
+
+
+@pytest.mark.parametrize("name", [n if n in QUICK else pytest.param(n, marks=SLOW) for n in VALUES])
 def test_mujoco_lands_where_the_stepping_does(name):
     case = reference_case(name)
     assert_same_landing(case, thrown(case), stepped(case))
 
 
+@SLOW
 @pytest.mark.parametrize(
     ("name", "omega"), [("drop_h100_faces2", -1.03), ("drop_h020_faces2", -0.16)]
 )
@@ -161,6 +167,7 @@ def test_drops_with_two_faces_turn_as_published(name, omega):
     assert thrown(reference_case(name)).omega == pytest.approx(omega, abs=0.01)
 
 
+@SLOW
 @pytest.mark.parametrize(("dt", "pad_mass"), [(1e-4, 1e-3), (2e-5, 1e-3), (2e-5, 1e-4)])
 def test_neither_step_nor_pads_decide_the_landing(dt, pad_mass):
     # The slip is fastest here: where friction off its direction shows most.
@@ -168,6 +175,7 @@ def test_neither_step_nor_pads_decide_the_landing(dt, pad_mass):
     assert_same_landing(case, thrown(case, dt, pad_mass), stepped(case), 0.5, 0.1)
 
 
+@SLOW
 @pytest.mark.parametrize("change", [{"friction": 1.05}, {"torsion": 0.63}, {"faces": 1}])
 def test_another_contact_lands_elsewhere(change):
     case = reference_case("throw_decelerating")
@@ -177,6 +185,7 @@ def test_another_contact_lands_elsewhere(change):
     assert abs(dtheta) > 0.5
 
 
+@SLOW
 @pytest.mark.parametrize("seed", range(12))
 def test_mujoco_agrees_on_random_throws(seed):
     draw = np.random.default_rng(seed).uniform
@@ -195,6 +204,7 @@ def test_mujoco_agrees_on_random_throws(seed):
     assert_same_landing(case, thrown(case), stepped(case), 0.2, 0.06)
 
 
+@SLOW
 def test_mujoco_agrees_on_a_swinging_hand_and_a_measured_grip():
     # The hand is thrown back at 360 rad/s^2: the bar slips by 2 cm and turns by 16 degrees.
     times = np.linspace(0.0, 0.06, 25)

@@ -1,0 +1,359 @@
+"""Batches of throws: the single models' answers, extremes, convergence; bad arrays."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from concurrent.futures import ThreadPoolExecutor
+
+import numpy as np
+import pytest
+import throwplan as tp
+from release_cases import VALUES, detached, reference_case
+from scipy.integrate import solve_ivp
+from throwplan.models import (
+    Body,
+    Contact,
+    ImplicitRelease,
+    KarnoppRelease,
+    LinearRelease,
+    LuGreRelease,
+    PatchRelease,
+    Path,
+    ReleaseCase,
+    SlidingPivotRelease,
+    SteppedRelease,
+    disc,
+    land,
+)
+
+DROP = tp.load_scene("drop")
+#: Names of the arrays by section, as `simulate_batch` takes them.
+Values = dict[str, dict[str, np.ndarray]]
+
+
+def throws(count: int, seed: int = 0) -> Values:
+    """Throws of bars of all sizes by a moving hand."""
+    rng = np.random.default_rng(seed)
+    mass = rng.uniform(0.1, 0.4, count)
+    speed, up = rng.uniform(1, 3, count), rng.uniform(0, 1.2, count)
+    spin = rng.uniform(-4, 4, count)
+    return {
+        "object": {
+            "mass": mass,
+            "inertia": mass * rng.uniform(0.03, 0.07, count) ** 2,
+            "com_offset": rng.uniform(0.02, 0.2, count),
+        },
+        "contact": {
+            "friction": rng.uniform(0.3, 1.0, count),
+            "patch_radius": rng.uniform(0.0025, 0.01, count),
+        },
+        "gripper": {"force": np.full(count, 100.0), "opening": rng.uniform(0.03, 0.1, count)},
+        "hand": {
+            "pose": np.column_stack([np.zeros((count, 2)), rng.uniform(-1.5, 1.0, count)]),
+            "twist": np.column_stack([speed * np.cos(up), speed * np.sin(up), spin]),
+            "acceleration": rng.uniform(-1, 1, (count, 3)) * [10, 10, 20],
+        },
+    }
+
+
+def extremes(count: int, seed: int) -> Values:
+    """mu 0.02-3, r_p 0.05-50 mm, h 0-1 m, m 1 g-50 kg, opening 0.5 ms-2 s, f_N 0.1-2000 N,
+    hand accelerations to 500 m/s^2; a fifth with h = 0."""
+    rng = np.random.default_rng(seed)
+
+    def wide(low: float, high: float) -> np.ndarray:
+        return np.exp(rng.uniform(np.log(low), np.log(high), count))
+
+    mass, a, direction = wide(1e-3, 50), wide(1, 500), rng.uniform(-np.pi, np.pi, count)
+    turn = rng.uniform(-500, 500, count)
+    return {
+        "object": {
+            "mass": mass,
+            "inertia": mass * wide(5e-3, 0.3) ** 2,
+            "com_offset": np.where(rng.random(count) < 0.2, 0.0, wide(1e-3, 1)),
+        },
+        "contact": {"friction": wide(0.02, 3), "patch_radius": wide(5e-5, 0.05)},
+        "gripper": {"force": wide(0.1, 2000), "opening": wide(5e-4, 2)},
+        "hand": {
+            "pose": np.column_stack([np.zeros((count, 2)), rng.uniform(-3, 3, count)]),
+            "twist": rng.uniform(-1, 1, (count, 3)) * [3, 3, 10],
+            "acceleration": np.column_stack([a * np.cos(direction), a * np.sin(direction), turn]),
+        },
+    }
+
+
+def single(values: Values, i: int) -> ReleaseCase:
+    body, contact, grip = (values[k] for k in ("object", "contact", "gripper"))
+    return ReleaseCase(
+        Body(*(float(body[k][i]) for k in ("mass", "inertia", "com_offset"))),
+        Contact(float(contact["friction"][i]), float(contact["patch_radius"][i]), 0.6, 2),
+        LinearRelease(float(grip["force"][i]), 0.0, float(grip["opening"][i])),
+        Path.accelerating(*(values["hand"][k][i] for k in ("pose", "twist", "acceleration"))),
+    )
+
+
+def cases_as_arrays() -> Values:
+    """The seven reference cases."""
+    cases = [reference_case(name) for name in VALUES]
+    parts = {"object": ("mass", "inertia", "com_offset"),
+             "contact": ("friction", "patch_radius", "torsion", "faces")}  # fmt: skip
+    values: Values = {
+        section: {
+            key: np.array([getattr(getattr(c, section.replace("object", "body")), key)
+                           for c in cases])
+            for key in keys
+        }
+        for section, keys in parts.items()
+    }  # fmt: skip
+    values["gripper"] = {
+        "force": np.array([c.grip.full for c in cases]),
+        "opening": np.array([c.grip.opening for c in cases]),
+    }
+    values["hand"] = {
+        key: np.array([getattr(c.hand.at(np.zeros(1)), key)[:, 0] for c in cases])
+        for key in ("pose", "twist", "acceleration")
+    }
+    return values
+
+
+def landing(detach: np.ndarray) -> np.ndarray:
+    return land(detach, -0.9, 9.81)
+
+
+@pytest.mark.parametrize(
+    ("model", "exact", "position", "angle"),
+    [
+        ("sp", SlidingPivotRelease(steps=300, events=True), 1e-4, 0.1),
+        ("sp-paper", SlidingPivotRelease("paper", steps=300, events=True), 1e-3, 0.2),
+        ("ls-step", SteppedRelease(8000), 1e-3, 0.5),
+    ],
+)
+def test_a_batch_lands_where_the_single_models_do(model, exact, position, angle) -> None:
+    values = throws(12)
+    batch = landing(tp.simulate_batch(DROP, model, **values).detach)
+    for i in range(12):
+        one = landing(detached(exact.release(single(values, i)))[None])[0]
+        assert batch[i, 0] == pytest.approx(one[0], abs=position)
+        assert batch[i, 1] == pytest.approx(one[1], abs=np.radians(angle))
+
+
+@pytest.mark.parametrize(("model", "name"), [("patch", PatchRelease), ("lugre", LuGreRelease)])
+def test_a_meshed_batch_is_its_cases_one_by_one(model, name) -> None:
+    found = tp.simulate_batch(DROP, model, steps=100, **cases_as_arrays()).detach
+    for row, case in zip(found, VALUES, strict=True):
+        one = detached(name(steps=100).release(reference_case(case)))
+        np.testing.assert_allclose(row, one, rtol=1e-7, atol=1e-8)
+
+
+@pytest.mark.parametrize("model", ["patch", "lugre"])
+def test_meshed_stepping_is_first_order(model) -> None:
+    grids, values = np.array([60, 120, 240, 480]), cases_as_arrays()
+    at = {
+        int(n): tp.simulate_batch(DROP, model, steps=int(n), **values).detach
+        for n in (*grids, 960, 1920)
+    }
+    exact = 2 * at[1920] - at[960]
+    scale = np.array([1.0, 1.0, 0.1, 1.0, 1.0, 0.1])
+    found = [np.linalg.norm((at[int(n)] - exact) * scale, axis=1) for n in grids]
+    slopes = -np.polyfit(np.log(grids), np.log(found), 1)[0]
+    assert np.median(slopes) == pytest.approx(1.0, abs=0.3)
+
+
+def test_the_converged_patch_solves_the_differential_equation() -> None:
+    """Another integrator, another rounding of Coulomb's corner, world axes."""
+    values = cases_as_arrays()
+    fine, coarse = (
+        tp.simulate_batch(DROP, "patch", steps=steps, **values).detach for steps in (1920, 960)
+    )
+    name = "throw_decelerating"
+    found = landing((2 * fine - coarse)[[list(VALUES).index(name)]])[0]
+    exact = landing(by_differential_equation(reference_case(name))[None])[0]
+    assert found[0] == pytest.approx(exact[0], abs=5e-6)
+    assert found[1] == pytest.approx(exact[1], abs=np.radians(2e-3))
+
+
+def by_differential_equation(held: ReleaseCase) -> np.ndarray:
+    """Detach state of the patch by a stiff integrator."""
+    patch = disc("uniform", 64, float(held.contact.torsion_arm))
+    mass, limit = held.body.mass, held.contact.force_limit
+
+    def rates(t: float, state: np.ndarray) -> np.ndarray:
+        hand = held.hand.at(np.array([t]))
+        (x_h, z_h, turn), (v_x, v_z, omega) = hand.pose[:, 0], hand.twist[:, 0]
+        at = np.exp(1j * turn) * (patch.x + 1j * patch.z)
+        lever = at + complex(x_h, z_h) - complex(state[0], state[1])
+        slip = complex(state[3], state[4]) + 1j * state[5] * lever
+        slip -= complex(v_x, v_z) + 1j * omega * at
+        speed = np.sqrt(np.abs(slip) ** 2 + 1e-20)
+        force = -float(limit(held.grip.force(t))) * patch.weights * slip / speed
+        pull, torque = force.sum() / mass, (lever.conj() * force).imag.sum()
+        falling = [pull.real, pull.imag - held.gravity, torque / held.body.inertia]
+        return np.array([*state[3:], *falling])
+
+    end = held.grip.opening
+    options = {"rtol": 1e-8, "atol": 1e-12, "first_step": 1e-7 * end}
+    run = solve_ivp(rates, (0.0, end), held.start(), "Radau", [end], **options)
+    assert run.success, run.message
+    return np.asarray(run.y[:, -1])
+
+
+def test_usual_steps_are_converged_over_many_throws() -> None:
+    values = throws(250, seed=5)
+    for model, steps, position, angle in (("sp", 1000, 1e-4, 0.1), ("ls-step", 1500, 1e-3, 0.5)):
+        usual = landing(tp.simulate_batch(DROP, model, **values).detach)
+        fine = landing(tp.simulate_batch(DROP, model, steps=steps, **values).detach)
+        difference = np.abs(usual - fine)
+        assert np.percentile(difference[:, 0], 99.5) < position
+        assert np.degrees(np.percentile(difference[:, 1], 99.5)) < angle
+
+
+def test_workers_and_chunks_do_not_change_a_digit() -> None:
+    values = throws(5000)
+    alone = tp.simulate_batch(DROP, **values).detach
+    with ThreadPoolExecutor(2) as threads:
+        spread = tp.simulate_batch(DROP, **values, executor=threads).detach
+    assert np.array_equal(spread, alone)
+
+
+def test_numbers_stand_for_the_scene_and_landing_is_given_at_its_height() -> None:
+    scene = DROP.replace(target=tp.Pose(x=0.0, z=-1.0))
+    result = tp.simulate_batch(scene, contact={"friction": np.array([0.4, 0.8, 1.6])})
+    assert result.detach.shape == (3, 6)
+    plain = tp.simulate(scene, "sp")["sp"].to_dict()
+    assert result.detach[1, 5] == pytest.approx(plain["detach"]["omega"], rel=3e-4)
+    assert result.landing[1, 0] == pytest.approx(plain["landing"]["x"], abs=1e-5)
+    # More friction holds the bar longer: it leaves with a smaller rate.
+    assert (np.diff(np.abs(result.detach[:, 5])) < 0).all()
+
+
+def test_sampled_hands_are_the_constant_acceleration_they_sample() -> None:
+    values, t = throws(6), np.linspace(-0.01, 0.12, 60)
+    hand = values["hand"]
+    poses = hand["pose"][:, None] + hand["twist"][:, None] * t[:, None]
+    poses += hand["acceleration"][:, None] * t[:, None] ** 2 / 2
+    plain = tp.simulate_batch(DROP, **values).detach
+    sampled = tp.simulate_batch(DROP, **{**values, "hand": {"times": t, "poses": poses}}).detach
+    assert sampled == pytest.approx(plain, rel=1e-7, abs=1e-9)
+
+
+def test_delays_start_later_on_one_shared_motion() -> None:
+    t = np.linspace(0.0, 0.2, 80)
+    poses = np.column_stack([1.5 * t, 0.8 * t, 0.4 + 3.0 * t])[None]
+    delays = np.array([0.0, 0.02, 0.05])
+    result = tp.simulate_batch(DROP, hand={"times": t, "poses": poses, "delays": delays}).detach
+    assert (np.diff(result[:, 0]) > 0).all()
+    alone = {"pose": [[0.0, 0.0, 0.4 + 3.0 * delays[2]]], "twist": [[1.5, 0.8, 3.0]]}
+    one = tp.simulate_batch(DROP, hand=alone).detach[0]
+    assert result[2, 3:] == pytest.approx(one[3:], rel=1e-6)
+
+
+def test_trouble_is_what_the_single_model_says() -> None:
+    """A heavy bar in a slippery grip slides out of the pads; a light one is held."""
+    values = throws(24, seed=3)
+    values["object"]["mass"][::2] *= 20.0
+    values["object"]["inertia"][::2] *= 20.0
+    values["contact"]["friction"][::4] = 0.02
+    values["gripper"]["opening"][::4] = 0.3
+    result = tp.simulate_batch(DROP, **values)
+    alone = [SlidingPivotRelease().release(single(values, i)).trouble for i in range(24)]
+    assert list(result.trouble) == alone
+    assert 0 < (result.trouble == "").sum() < 24
+    assert (tp.simulate_batch(DROP, "ls-step", **values).trouble == "").all()
+
+
+@pytest.mark.parametrize(("model", "nearer"), [("sp", 50.0), ("ls-step", 8.0), ("patch", 4.0)])
+def test_steps_that_are_asked_for_are_taken(model, nearer) -> None:
+    """16 times the steps are nearer to many."""
+    few, more, many = (
+        tp.simulate_batch(DROP, model, steps=steps, **throws(8, 1)).detach
+        for steps in (20, 320, 2560)
+    )
+    error = [float(np.median(np.abs(one - many).max(axis=1))) for one in (few, more)]
+    assert error[1] < error[0] / nearer
+
+
+# Extremes: finite, or a status that says why not.
+
+
+@pytest.mark.parametrize(("model", "steps"), [("sp", 48), ("ls-step", 30), ("patch", 20)])
+def test_no_nan_in_extreme_throws(model, steps) -> None:
+    for gravity, count in ((9.81, 100 if model == "patch" else 1500), (0.0, 100)):
+        scene = DROP.replace(gravity=gravity)
+        found = tp.simulate_batch(scene, model, steps=steps, **extremes(count, 1))
+        assert np.isfinite(found.detach).all()
+
+
+@pytest.mark.parametrize(
+    ("model", "count"),
+    [
+        (SlidingPivotRelease(), 60),
+        (SlidingPivotRelease("paper"), 60),
+        (KarnoppRelease(), 60),
+        (ImplicitRelease(rtol=1e-5, atol=1e-7), 4),
+    ],
+    ids=["sp", "sp-paper", "ls", "ils"],
+)
+def test_single_models_are_finite_or_say_why(model, count) -> None:
+    values = extremes(count, 2)
+    for i in range(count):
+        release = model.release(single(values, i))
+        assert np.isfinite(release.com_twist).all() or release.trouble
+
+
+def test_a_body_that_slides_out_of_the_pads_is_reported() -> None:
+    case = ReleaseCase(
+        Body(5.0, 0.01, 0.05),
+        Contact(0.05, 0.001, 0.6, 2),
+        LinearRelease(1.0, 0.0, 1.0),
+        Path.accelerating((0.0, 0.0, 0.0)),
+    )
+    release = SlidingPivotRelease().release(case)
+    assert "slid out" in release.trouble
+    # From then on it falls freely.
+    late = release.times > 0.5
+    fall = np.gradient(release.com_twist[1, late], release.times[late])
+    assert fall == pytest.approx(np.full(fall.size, -9.81), rel=1e-3)
+
+
+@pytest.mark.slow
+def test_a_hundred_thousand_throws_stay_under_a_gigabyte() -> None:
+    code = (
+        "import resource, numpy as np, throwplan as tp; n = 100_000; "
+        "r = tp.simulate_batch(tp.load_scene('drop'), "
+        "contact={'friction': np.linspace(0.3, 1.0, n)}); "
+        "assert np.isfinite(r.detach).all(); "
+        "print(resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)"
+    )
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
+    assert int(done.stdout) < 1_000_000
+
+
+FOUR = np.zeros((1, 4, 3))
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        ({"model": "lss"}, "must be one of sp, sp-paper, ls-step, patch, lugre"),
+        ({"contact": {"mu": 1.0}}, "contact: unknown key 'mu'"),
+        ({"contact": {"friction": [0.5, np.nan]}}, "contact.friction: must be finite"),
+        ({"contact": {"friction": [0.5, -1.0]}}, "contact.friction: must be above 0"),
+        ({"object": {"mass": "heavy"}}, "object.mass: must be numbers"),
+        (
+            {"contact": {"friction": [0.5, 0.6]}, "object": {"mass": [0.1, 0.2, 0.3]}},
+            "has 2 entries, other arrays have 3",
+        ),
+        ({"hand": {"poses": FOUR}}, "needs 'times' and 'poses'"),
+        ({"hand": {"times": [0, 0.1, 0.1, 0.2], "poses": FOUR}}, "hand.times: must rise"),
+        ({"hand": {"times": [0, 1, 2, 3, 4], "poses": FOUR}}, "hand.poses: must be (N, 5, 3)"),
+        ({"hand": {"pose": np.zeros((4, 2))}}, "hand.pose: must be an array (N, 3)"),
+        ({"steps": 0}, "steps = 0: must be a whole number, 1 to 100000"),
+        ({"steps": 12.5}, "steps = 12.5: must be a whole number"),
+        ({"steps": True}, "steps = True: must be a whole number"),
+    ],
+)
+def test_bad_arrays_are_one_clear_line(arguments, words) -> None:
+    with pytest.raises(tp.InputError) as caught:
+        tp.simulate_batch(DROP, **arguments)
+    assert words in str(caught.value) and "\n" not in str(caught.value)
