@@ -195,7 +195,7 @@ def test_symmetries(name) -> None:
     flip = np.array([-1.0, 1.0, -1.0])
     hand = case.hand.at(np.zeros(1))
     pose, twist, pull = (flip * p[:, 0] for p in (hand.pose, hand.twist, hand.acceleration))
-    mirror = Path.accelerating(pose + [0.0, 0.0, math.pi], twist, pull)
+    mirror = Path.accelerating(pose + np.array([0.0, 0.0, math.pi]), twist, pull)
     mirrored = detached(model.release(dataclasses.replace(case, hand=mirror)))
     turned = np.concatenate([flip * found[:3] + [0, 0, math.pi], flip * found[3:]])
     np.testing.assert_allclose(mirrored, turned, atol=1e-9)
