@@ -1,12 +1,15 @@
-# Two commands: `make run` throws the bar into the cup, `make test` checks everything.
+# `make run` throws the bar into the cup; `make test` is for every day, `make verify` is the rest.
 PYTHON ?= python3
 BIN := .venv/bin
 PIP := PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/pip install --quiet --disable-pip-version-check
 # Strict: the type checker sees what a wheel would hold, not the whole folder.
 EDITABLE := --config-settings editable_mode=strict --editable
-FILES := pyproject.toml constraints.txt $(wildcard *.py */*.py */*/*.py problems/*/*.toml)
+FILES := pyproject.toml constraints.txt $(wildcard *.py */*.py */*/*.py */*/*/*.py problems/*/*.toml)
 
-.PHONY: run test extras pictures notebooks notebooks-executed clean
+# Two processes; the tests of a file stay together, for the plans that they share.
+PYTEST := $(BIN)/pytest --numprocesses 2 --dist loadfile
+
+.PHONY: run test verify extras pictures notebooks notebooks-executed clean
 
 run: .venv/run
 	$(BIN)/throwplan plan cup --out out/cup
@@ -15,7 +18,12 @@ test: .venv/test
 	$(BIN)/ruff check .
 	$(BIN)/ruff format --check .
 	cd .venv && bin/mypy --config-file ../pyproject.toml -p throwplan
-	$(BIN)/pytest --numprocesses 2 --dist loadfile
+	$(BIN)/lint-imports --no-cache
+	$(PYTEST) -m "not slow"
+
+# What takes longer: notebooks executed, MuJoCo over many cases, sections of the report.
+verify: .venv/test
+	$(PYTEST) -m slow
 
 # The optional extras beside what is there.
 extras: .venv/run
