@@ -183,31 +183,32 @@ def factor_rows(
     measured = landing[b].mean(axis=0) - landing[a].mean(axis=0)
     rows = []
     for model, off in errors.items():
-        predicted = landing + off
-        sides = [np.abs(off[side]) for side in (a, b)]
-        with np.errstate(invalid="ignore"):
-            shift = _mean(predicted[b]) - _mean(predicted[a])
-            mean, std = np.array([_mean(s) for s in sides]), np.array([_std(s) for s in sides])
+        sides = [np.abs(known_rows(off[side])) for side in (a, b)]
+        predicted = [known_rows(landing[side] + off[side]) for side in (a, b)]
+        shift = mean_std(predicted[1])[0] - mean_std(predicted[0])[0]
+        mean, std = np.array([mean_std(side) for side in sides]).swapaxes(0, 1)
         p = np.array([mann_whitney(sides[0][:, i], sides[1][:, i]) for i in range(2)])
         rows.append(FactorRow(comparison, model, measured, shift, mean, std, p))
     return rows
 
 
+def known_rows(values: Array) -> Array:
+    """The rows of finite numbers."""
+    return np.asarray(values[np.isfinite(values).all(axis=1)])
+
+
+def mean_std(values: Array) -> tuple[Array, Array]:
+    """Mean and standard deviation over the first axis; NaN where there is nothing."""
+    if not len(values):
+        nothing = np.full(values.shape[1:], np.nan)
+        return nothing, nothing
+    return values.mean(axis=0), values.std(axis=0)
+
+
 def mann_whitney(first: Array, second: Array) -> float:
-    """p-value of the two-sided Mann-Whitney U test; NaN where a side has no number."""
+    """p-value of the two-sided Mann-Whitney U test; NaN where a side is empty."""
     from scipy.stats import mannwhitneyu
 
-    first, second = first[np.isfinite(first)], second[np.isfinite(second)]
     if not first.size or not second.size:
         return float("nan")
     return float(mannwhitneyu(first, second).pvalue)
-
-
-def _mean(values: Array) -> Array:
-    there = values[np.isfinite(values).all(axis=1)]
-    return there.mean(axis=0) if len(there) else np.full(values.shape[1], np.nan)
-
-
-def _std(values: Array) -> Array:
-    there = values[np.isfinite(values).all(axis=1)]
-    return there.std(axis=0) if len(there) else np.full(values.shape[1], np.nan)

@@ -8,7 +8,9 @@ wrong pulls little.
 
 from __future__ import annotations
 
+import itertools
 import time
+from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -16,20 +18,44 @@ import numpy as np
 import numpy.typing as npt
 
 from ...problems import InputError
-from .fit_belief import UNKNOWNS, Belief, parameters_at
-from .fit_identifiable import check_identifiable
-from .fit_landing import landings_of
-from .fit_problem import BEND, NO_LANDING, Problem, bounds_of, prior_terms, scale_precision
-from .fit_together import landings_together
+from .belief import ASSUMED, Belief, sets_at
 from .measured import Measured
-from .predict import Predictor
+from .predict import BATCHES, Predictor
 
 Array = npt.NDArray[np.float64]
 
-#: Fewest throws from which a scatter beyond the noise is estimated.
-ENOUGH = 6
-#: Refits with estimated sigmas, at most.
-REFITS = 2
+#: Where the unknowns may lie: mu, r_p [m], delay [s], scale.
+RANGES = {
+    "friction": (0.05, 3.0),
+    "patch_radius": (2e-4, 0.05),
+    "delay": (-0.03, 0.03),
+    "grip_scale": (0.3, 3.0),
+}
+#: Steps of central differences: of a logarithm, and of the delay [s].
+STEPS = {"delay": 2e-4}
+LOG_STEP = 0.01
+#: Median and relative deviation of the friction where no prior is given: throws see little
+#: but mu r_p, and a fit would wander along the ridge.
+WEAK_FRICTION = (0.6, 0.7)
+#: Residuals in sigmas from which on they count linearly.
+BEND = 2.0
+#: Residual of a throw without a predicted landing, in sigmas.
+NO_LANDING = 100.0
+#: Most evaluations of one start, and about how many a fit takes in all.
+MOST_EVALUATIONS, USUAL_EVALUATIONS = 40, 12
+#: Fewest throws from which a scatter beyond the noise is estimated, and refits with it.
+ENOUGH, REFITS = 6, 2
+#: Points of which the best are starts: mu, r_p [m], delays [s], or draws of a prior; how far
+#: apart the starts are, and how many there are.
+START_FRICTION, START_RADIUS = np.geomspace(0.2, 1.5, 6), np.geomspace(0.0015, 0.015, 6)
+START_DELAYS, DRAWS = (-0.015, 0.0, 0.015), 128
+APART, STARTS = 0.3, 3
+#: Throws count as alike where their derivatives differ by less than this share: repeated
+#: throws of an arm by 3 to 20 %, throws of different motions by 80 %.
+ALIKE = 0.2
+#: Units in which a standard deviation above 1 says that a combination is not seen.
+UNITS = {"friction": 1.0, "patch_radius": 1.0, "delay": 0.03, "grip_scale": 1.0}
+CURE = "give throws with other motions or objects, or --prior SCENE"
 
 
 @dataclass(frozen=True)
@@ -48,10 +74,34 @@ class Fit:
     cost: float
     missed: int
     at_bound: tuple[str, ...]
-    derivatives: str
     evaluations: int
-    starts: int
     seconds: float
+    derivatives: str = "central differences"
+
+    def summary(self, error: float) -> list[str]:
+        """Lines for people; error [m]: mean scaled error of its landings."""
+        belief, parts = self.posterior, []
+        for name, value in belief.values().items():
+            deviation = belief.deviation(name)
+            if name == "delay":
+                parts.append(f"delay {1e3 * value:.2f} +- {1e3 * deviation:.2f} ms")
+                continue
+            unit, factor = (" mm", 1e3) if name == "patch_radius" else ("", 1.0)
+            parts.append(f"{name} {factor * value:.4g}{unit} +- {100 * deviation:.2g} %")
+        lines = [
+            f"    fit: {', '.join(parts)}",
+            f"    mu r_p {1e3 * belief.product:.4g} mm +- {100 * belief.product_deviation:.2g} %, "
+            f"mean error {100 * error:.3f} cm; {self.derivatives}, {self.evaluations} "
+            f"evaluations, {self.seconds:.1f} s",
+        ]
+        if max(self.scatter) > 1.0:
+            lines.append(
+                f"    residuals are {self.scatter[0]:.1f} (x) and {self.scatter[1]:.1f} (theta) "
+                "times the measurement's noise: the model errs, or the noise is larger"
+            )
+        if self.at_bound:
+            lines.append(f"    {', '.join(self.at_bound)}: at the edge of what is searched")
+        return lines
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON."""
@@ -73,10 +123,9 @@ def fit_to(
     model: str,
     truth: Measured,
     names: tuple[str, ...],
-    starts: Array,
     prior: Belief | None = None,
 ) -> Fit:
-    """The unknowns `names` fitted by `model` from every start (S, P).
+    """The unknowns `names` fitted by `model`.
 
     prior: of the same unknowns. Without one the friction is held weakly near 0.6 (a factor
     of two) and a scale of the grip force near 1 (10 %), because throws see little but
@@ -84,16 +133,10 @@ def fit_to(
     """
     begun = time.perf_counter()
     shared = predictor.data.shared
-    problem = Problem(
-        landings_of(predictor, model, names),
-        truth,
-        names,
-        np.array([shared.position_noise, shared.angle_noise]),
-        *prior_terms(names, prior),
-    )
-    best = min((problem.solved(start) for start in starts), key=lambda found: found[1])
-    point, noise = best[0], problem.sigma
-    if not np.isfinite(problem.landed(point)[0]).all(axis=1).any():
+    noise = np.array([shared.position_noise, shared.angle_noise])
+    problem = _Problem(predictor, model, truth, names, prior, noise)
+    point, cost = min((problem.solved(start) for start in problem.starts()), key=lambda s: s[1])
+    if not np.isfinite(problem.missed_by(point[None])).any():
         height = f"landing_height = {shared.landing_height:g}"
         raise InputError(f"no landing: no throw comes down to {height} by {model}")
     for _ in range(REFITS if len(truth.landing) >= ENOUGH else 0):
@@ -101,48 +144,190 @@ def fit_to(
         if np.allclose(sigma, problem.sigma, rtol=0.02):
             break
         problem.sigma = sigma
-        best = problem.solved(point)
-        point = best[0]
+        point, cost = problem.solved(point)
     if prior is None:
-        check_identifiable(problem.slopes(point), names, scale_precision(names))
+        slopes = problem.jacobian(point)[: -len(names)].reshape(-1, 2, len(names))
+        _check_identifiable(slopes, names)
+    off = problem.missed_by(point[None])[0]
+    low, high = problem.bounds
+    near = np.minimum(point - low, high - point) / (high - low) < 1e-3
     return Fit(
         model,
         Belief(names, point, problem.covariance(point)),
         (float(problem.sigma[0]), float(problem.sigma[1])),
         (float(problem.sigma[0] / noise[0]), float(problem.sigma[1] / noise[1])),
-        best[1],
-        int((~np.isfinite(problem.landed(point)[0]).all(axis=1)).sum()),
-        problem.at_bound(point),
-        problem.landings.derivatives,
+        cost,
+        int((~np.isfinite(off).all(axis=1)).sum()),
+        tuple(name for name, edge in zip(names, near, strict=True) if edge),
         problem.evaluations,
-        len(starts),
         time.perf_counter() - begun,
     )
 
 
-def unknowns(delay: bool, grip_scale: bool) -> tuple[str, ...]:
-    """Names of what is to be fitted."""
-    return tuple(
-        n for n in UNKNOWNS if (n != "delay" or delay) and (n != "grip_scale" or grip_scale)
-    )
+class _Problem:
+    """Residuals, derivatives and loss of one fit; remembers its last evaluation."""
+
+    def __init__(
+        self,
+        predictor: Predictor,
+        model: str,
+        truth: Measured,
+        names: tuple[str, ...],
+        prior: Belief | None,
+        sigma: Array,
+    ) -> None:
+        self.predictor, self.model, self.truth = predictor, model, truth
+        self.names, self.prior, self.sigma, self.evaluations = names, prior, sigma, 0
+        ranges = [
+            RANGES[name] if name == "delay" else np.log(np.array(RANGES[name])) for name in names
+        ]
+        self.bounds = np.array(ranges).T
+        if prior is None:
+            self.mean, precision = np.zeros(len(names)), _scale_precision(names)
+            i = names.index("friction")
+            self.mean[i], precision[i, i] = np.log(WEAK_FRICTION[0]), WEAK_FRICTION[1] ** -2
+        else:
+            self.mean, precision = prior.mean, np.asarray(np.linalg.inv(prior.covariance), float)
+        values, vectors = np.linalg.eigh(precision)
+        self._root = np.sqrt(np.maximum(values, 0.0))[:, None] * vectors.T
+        self._last: tuple[Array, Array] | None = None
+
+    def missed_by(self, points: Array) -> Array:
+        """Predicted less measured x [m], theta [rad] (M, T, 2) at points (M, P)."""
+        self.evaluations += 1
+        landing = self.predictor.landings(self.model, sets_at(self.names, points))
+        return np.asarray(landing.swapaxes(0, 1) - self.truth.landing)
+
+    def rows(self, point: Array) -> Array:
+        """What throws are missed by at a point and either side of it along each unknown."""
+        if self._last is None or not np.array_equal(self._last[0], point):
+            moves = np.diag([STEPS.get(name, LOG_STEP) for name in self.names])
+            points = np.vstack([point, point + moves, point - moves])
+            self._last = point.copy(), self.missed_by(points)
+        return self._last[1]
+
+    def weighed(self, off: Array, points: Array) -> Array:
+        """Residuals (M, 2 T + P) of what throws are missed by at points: throws, then prior."""
+        residuals = off / self.sigma
+        residuals[~np.isfinite(residuals).all(axis=2)] = NO_LANDING
+        prior = (points - self.mean) @ self._root.T
+        return np.hstack([residuals.reshape(len(points), -1), prior])
+
+    def residuals(self, point: Array) -> Array:
+        """(2 T + P,)."""
+        return np.asarray(self.weighed(self.rows(point)[:1], point[None])[0])
+
+    def jacobian(self, point: Array) -> Array:
+        """Derivatives (2 T + P, P) of the residuals; zero where nothing lands."""
+        steps = np.array([STEPS.get(name, LOG_STEP) for name in self.names])
+        ahead, behind = np.split(self.rows(point)[1:] / self.sigma, 2)
+        slopes = (ahead - behind) / (2 * steps[:, None, None])
+        slopes[:, ~np.isfinite(slopes).all(axis=(0, 2))] = 0.0
+        return np.vstack([slopes.reshape(len(steps), -1).T, self._root])
+
+    def loss(self, squares: Array) -> Array:
+        """Soft L1 for the throws, squares for the prior: value and two derivatives."""
+        bent, count = 1.0 + squares / BEND**2, len(self.names)
+        found = np.array([2 * BEND**2 * (bent**0.5 - 1), bent**-0.5, -(bent**-1.5) / (2 * BEND**2)])
+        prior = squares[-count:]
+        found[:, -count:] = [prior, np.ones_like(prior), np.zeros_like(prior)]
+        return found
+
+    def solved(self, start: Array) -> tuple[Array, float]:
+        """Where the fit from one start ends, and its cost."""
+        from scipy.optimize import least_squares
+
+        low, high = self.bounds
+        found = least_squares(
+            self.residuals,
+            np.clip(start, low + 1e-6, high - 1e-6),
+            self.jacobian,
+            (low, high),
+            x_scale=np.array([0.01 if name == "delay" else 1.0 for name in self.names]),
+            loss=self.loss,
+            max_nfev=MOST_EVALUATIONS,
+            xtol=3e-4,
+            ftol=1e-4,
+        )
+        return np.asarray(found.x), float(found.cost)
+
+    def starts(self) -> Array:
+        """Where the fit starts (S, P): the best of some points, apart from each other."""
+        if self.prior is not None and self.model not in BATCHES:
+            return self.prior.mean[None]
+        points = np.clip(list(self._candidates()), *self.bounds)
+        residuals = self.weighed(self.missed_by(points), points)
+        costs = np.array([self.loss(row**2)[0].sum() for row in residuals])
+        order = np.argsort(costs, kind="stable")
+        chosen = [] if self.prior is None else [self.prior.mean]
+        for point in points[order]:
+            if all(np.hypot(*(point - other)[:2]) > APART for other in chosen):
+                chosen.append(point)
+        return np.array(chosen[:STARTS])
+
+    def _candidates(self) -> Iterator[Array]:
+        """The prior's draws, or a grid of friction, radius and delay."""
+        if self.prior is None:
+            delays = START_DELAYS if "delay" in self.names else (0.0,)
+            for mu, radius, late in itertools.product(START_FRICTION, START_RADIUS, delays):
+                known = {"friction": np.log(mu), "patch_radius": np.log(radius), "delay": late}
+                yield np.array([known.get(name, 0.0) for name in self.names])
+            return
+        from scipy.special import ndtri
+        from scipy.stats import qmc
+
+        shares = qmc.Sobol(len(self.names), rng=np.random.default_rng(0)).random(DRAWS)
+        scores = ndtri(np.clip(shares, 1e-3, 1 - 1e-3))
+        yield from self.prior.mean + scores @ np.linalg.cholesky(self.prior.covariance).T
+
+    def scatter(self, point: Array) -> Array:
+        """Robust standard deviation of the residuals (2,): x [m], theta [rad]."""
+        off = np.abs(self.rows(point)[0])
+        free = np.sqrt(len(off) / max(len(off) - len(self.names) / 2, 1.0))
+        return np.asarray(1.4826 * np.nanmedian(off, axis=0) * free)
+
+    def covariance(self, point: Array) -> Array:
+        """(P, P): Gauss-Newton's, with the weights of the loss and the prior."""
+        weights, jacobian = self.loss(self.residuals(point) ** 2)[1], self.jacobian(point)
+        information = jacobian.T @ (weights[:, None] * jacobian)
+        return np.asarray(np.linalg.pinv(information, hermitian=True))
 
 
-def costs_at(
-    predictor: Predictor,
-    model: str,
-    truth: Measured,
-    sigma: tuple[float, float],
-    names: tuple[str, ...],
-    prior: Belief | None,
-    points: Array,
-) -> Array:
-    """A fit's cost (M,) at points (M, P), in one batch of predictions."""
-    inside = np.clip(points, *bounds_of(names))
-    found = landings_together(predictor, model, parameters_at(names, inside))
-    off = (found - truth.landing[:, None]) / np.array(sigma)
-    off[~np.isfinite(off).all(axis=2)] = NO_LANDING
-    bent = 2 * BEND**2 * (np.sqrt(1.0 + (off / BEND) ** 2) - 1.0)
-    mean, precision = prior_terms(names, prior)
-    away = points - mean
-    before = np.einsum("mi,ij,mj->m", away, precision, away)
-    return np.asarray((bent.sum(axis=(0, 2)) + before) / 2)
+def _scale_precision(names: tuple[str, ...]) -> Array:
+    """Precision (P, P) that holds the grip force's scale near 1."""
+    return np.diag([ASSUMED[name] ** -2 if name == "grip_scale" else 0.0 for name in names])
+
+
+def _check_identifiable(slopes: Array, names: tuple[str, ...]) -> None:
+    """InputError where there is one kind of throw only, or a combination that none depends on.
+
+    slopes (T, 2, P): derivatives of the residuals in sigmas. That friction and radius are
+    seen through their product only is no error: their own deviations say so.
+    """
+    count, words = len(slopes), ", ".join(names)
+    if count < 2:
+        raise InputError(
+            f"not identifiable: {count} throw for {words}: an error of the model cannot be told "
+            f"from one of theirs; {CURE}"
+        )
+    spread = np.sqrt(((slopes - slopes.mean(axis=0)) ** 2).sum(axis=(1, 2)).mean())
+    if spread <= ALIKE * np.sqrt((slopes**2).sum(axis=(1, 2)).mean()):
+        raise InputError(
+            f"not identifiable: {words}: all {count} throws are alike (their landings depend on "
+            f"them in the same way within {100 * ALIKE:.0f} %), so that an error of the model "
+            f"looks just like one of theirs; {CURE}"
+        )
+    rows, units = slopes.reshape(-1, len(names)), np.array([UNITS[name] for name in names])
+    information = (rows.T @ rows + _scale_precision(names)) * np.outer(units, units)
+    ridge = np.array([{"friction": 1.0, "patch_radius": -1.0}.get(name, 0.0) for name in names])
+    values, vectors = np.linalg.eigh(information)
+    for value, vector in zip(values, vectors.T, strict=True):
+        alone = abs(vector @ ridge) / np.sqrt(2.0)
+        if value >= 1.0 or (alone > 0.9 and value > 1e-6):
+            continue
+        parts = [name for name, share in zip(names, vector, strict=True) if abs(share) > 0.3]
+        together = " and ".join(parts) + (" in one combination" if len(parts) > 1 else "")
+        raise InputError(
+            f"not identifiable: {together}: these throws hardly depend on it (a change by a "
+            f"factor of e, or by {1e3 * UNITS['delay']:.0f} ms, stays within the noise); {CURE}"
+        )

@@ -3,65 +3,89 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 from concurrent.futures import Executor, as_completed
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from ...problems import ThrowData
-from .measured import Measured, errors, scaled
-from .predict import BATCHES, Parameters, Predictor
+from .measured import Measured
+from .predict import BATCHES, Predictor, Progress, parameter_sets
 
 Array = npt.NDArray[np.float64]
-#: Called with the throws that are done and all of them.
-Progress = Callable[[int, int], None]
+Rows = npt.NDArray[np.int_]
+Axes = tuple[Array, Array]
 
 #: The paper's grid: 0.25 to 1.2, and 2.5 to 12 mm.
-FRICTION = np.linspace(0.25, 1.2, 20)
-PATCH_RADIUS = np.linspace(0.0025, 0.012, 20)
+AXES: Axes = (np.linspace(0.25, 1.2, 20), np.linspace(0.0025, 0.012, 20))
+CELLS = AXES[0].size * AXES[1].size
 #: Scaled error [m] of a throw for which a model predicts no landing.
 MISSED = 10.0
 #: Throws per piece of work of a worker process.
 PIECE = 6
-#: Longest time [s] that a grid may take by a model without a batch.
-PATIENCE = 300.0
-#: What such a model is timed on: so many throws, and so many cells of each.
+#: What a model without batches is timed on: so many throws, and so many cells of each.
 TIMED_THROWS, TIMED_CELLS = 5, 4
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Mean scaled error (F, R) [m] over all throws for `friction` (F,), `patch_radius` (R,).
+    """Scaled errors of T throws for `friction` (F,) and `patch_radius` (R,) [m].
 
-    missed (F, R): throws without a predicted landing, which count as 10 m; seconds: of the
-    work; workers: processes that shared it; delay [s] and grip_scale: held at these.
+    errors (T, F, R) [m], NaN for a throw without a predicted landing; detach (T, F, R, 6):
+    CoM states at the end of the opening; seconds: of the work; workers: processes that shared
+    it; delay [s] and grip_scale: held at these.
     """
 
     model: str
     friction: Array
     patch_radius: Array
-    error: Array
-    missed: npt.NDArray[np.int_]
-    throws: int
+    errors: Array
+    detach: Array
     seconds: float
     workers: int = 1
     delay: float = 0.0
     grip_scale: float = 1.0
 
     @property
-    def best(self) -> tuple[int, int]:
-        """The cell of the lowest mean error."""
-        i, j = np.unravel_index(int(np.argmin(self.error)), self.error.shape)
+    def throws(self) -> int:
+        """T."""
+        return len(self.errors)
+
+    @property
+    def scored(self) -> Array:
+        """errors with 10 m where a throw does not land."""
+        return np.nan_to_num(self.errors, nan=MISSED)
+
+    @property
+    def error(self) -> Array:
+        """Mean scaled error (F, R) [m] over all throws."""
+        return np.asarray(self.scored.mean(axis=0))
+
+    @property
+    def missed(self) -> npt.NDArray[np.int_]:
+        """Throws (F, R) without a predicted landing."""
+        return np.asarray(np.isnan(self.errors).sum(axis=0))
+
+    def best(self, rows: npt.NDArray[Any] | slice = slice(None)) -> tuple[int, int]:
+        """The cell with the lowest mean error over some of the throws."""
+        mean = self.scored[rows].mean(axis=0)
+        i, j = np.unravel_index(int(np.argmin(mean)), mean.shape)
         return int(i), int(j)
+
+    def part(self, rows: Rows) -> Grid:
+        """The same for some of the throws."""
+        return replace(self, errors=self.errors[rows], detach=self.detach[rows])
+
+    def contact(self, cell: tuple[int, int]) -> tuple[float, float]:
+        """friction and patch_radius [m] of a cell."""
+        return float(self.friction[cell[0]]), float(self.patch_radius[cell[1]])
 
     @property
     def optimum(self) -> tuple[float, float]:
         """friction and patch_radius [m] of the best cell."""
-        i, j = self.best
-        return float(self.friction[i]), float(self.patch_radius[j])
+        return self.contact(self.best())
 
     @property
     def product(self) -> float:
@@ -76,25 +100,20 @@ class Grid:
     @property
     def predictions(self) -> int:
         """Throws times cells."""
-        return self.throws * self.error.size
+        return int(self.errors.size)
 
-    def starts(self, count: int) -> Array:
-        """Logarithms (S, 2) of the best cells that lie apart, for a fit to start from."""
-        order = np.argsort(self.error, axis=None)
-        chosen: list[tuple[float, float]] = []
-        for place in order:
-            i, j = np.unravel_index(int(place), self.error.shape)
-            point = (float(np.log(self.friction[i])), float(np.log(self.patch_radius[j])))
-            if all(np.hypot(*np.subtract(point, other)) > 0.3 for other in chosen):
-                chosen.append(point)
-            if len(chosen) == count:
-                break
-        return np.array(chosen)
-
-    def error_near(self, point: Array) -> float:
-        """Error [m] of the cell at logarithms (2,) of friction and patch_radius."""
-        i = int(np.argmin(np.abs(np.log(self.friction) - point[0])))
-        return float(self.error[i, int(np.argmin(np.abs(np.log(self.patch_radius) - point[1])))])
+    def summary(self) -> list[str]:
+        """Lines for people."""
+        mu, radius = self.optimum
+        lost = f", {self.missed.sum()} do not land" if self.missed.any() else ""
+        each = self.workers * self.seconds / self.predictions
+        return [
+            f"    grid: least mean error {100 * self.error.min():.3f} cm (most "
+            f"{100 * self.error.max():.3f}) at friction {mu:.3g}, patch_radius "
+            f"{1e3 * radius:.3g} mm, mu r_p {1e3 * self.product:.3g} mm",
+            f"    {self.predictions:,} predictions in {self.seconds:.1f} s, "
+            f"{1e3 * each:.3g} ms a throw{lost}",
+        ]
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON, without the map itself."""
@@ -117,81 +136,58 @@ def grid_of(
     predictor: Predictor,
     model: str,
     truth: Measured,
-    axes: tuple[Array, Array] = (FRICTION, PATCH_RADIUS),
+    axes: Axes = AXES,
     fixed: tuple[float, float] = (0.0, 1.0),
     executor: Executor | None = None,
     workers: int = 1,
     progress: Progress | None = None,
 ) -> Grid:
     """The error landscape of a model; `fixed`: delay [s] and scale of the grip force."""
-    friction, radius = axes
-    cells = np.meshgrid(friction, radius, indexing="ij")
-    parameters = Parameters(
-        cells[0].ravel(), cells[1].ravel(), np.array([fixed[0]]), np.array([fixed[1]])
-    )
+    shape = (len(predictor.data.throws), len(axes[0]), len(axes[1]))
+    friction, radius = (cells.ravel() for cells in np.meshgrid(*axes, indexing="ij"))
+    sets = parameter_sets(friction, radius, *fixed)
     start = time.perf_counter()
-    count = len(predictor.data.throws)
     if executor is None:
-        landing = predictor.predict(model, parameters, progress).landing
+        detach = predictor.detached(model, sets, progress)
     else:
-        landing = _shared(predictor.data, model, parameters, executor, progress)
-    off = scaled(landing[..., :2] - truth.landing[:, None], truth.arm)
-    lost = ~np.isfinite(off)
-    off[lost] = MISSED
-    shape, seconds = cells[0].shape, time.perf_counter() - start
-    mean, missed = off.mean(axis=0).reshape(shape), lost.sum(axis=0).reshape(shape)
-    return Grid(model, friction, radius, mean, missed, count, seconds, workers, *fixed)
+        detach = _shared(predictor.data, model, sets, executor, progress)
+    off = predictor.landed(detach) - truth.landing[:, None]
+    errors, seconds = truth.scaled(off).reshape(shape), time.perf_counter() - start
+    detach = detach.reshape(*shape, 6)
+    return Grid(model, *axes, errors, detach, seconds, workers, *fixed)
 
 
 def _shared(
-    data: ThrowData,
-    model: str,
-    parameters: Parameters,
-    executor: Executor,
-    progress: Progress | None,
+    data: ThrowData, model: str, sets: Array, executor: Executor, progress: Progress | None
 ) -> Array:
-    """Landings (T, M, 3) by worker processes, some throws at a time."""
+    """Detach states (T, M, 6) by worker processes, some throws at a time."""
     count, done = len(data.throws), 0
-    pieces = [list(range(i, min(i + PIECE, count))) for i in range(0, count, PIECE)]
-    work = {
-        executor.submit(predict_piece, data.picked(piece), model, parameters): piece
-        for piece in pieces
-    }
-    landing = np.full((count, parameters.count, 3), np.nan)
+    pieces = [np.arange(i, min(i + PIECE, count)) for i in range(0, count, PIECE)]
+    work = {executor.submit(_piece, data.picked(piece), model, sets): piece for piece in pieces}
+    detach = np.full((count, len(sets), 6), np.nan)
     for future in as_completed(work):
-        landing[work[future]] = future.result()
+        detach[work[future]] = future.result()
         done += len(work[future])
         if progress is not None:
             progress(done, count)
-    return landing
+    return detach
 
 
-def predict_piece(data: ThrowData, model: str, parameters: Parameters) -> Array:
-    """Landings (T, M, 3) of some throws, in a process of its own."""
-    return Predictor(data).predict(model, parameters).landing
+def _piece(data: ThrowData, model: str, sets: Array) -> Array:
+    """Detach states of some throws, in a process of its own."""
+    return Predictor(data).detached(model, sets)
 
 
-def estimated_seconds(predictor: Predictor, model: str, truth: Measured) -> float | None:
-    """Time [s] of one prediction by a model without a batch, timed on a few throws and cells.
+def estimated_seconds(predictor: Predictor, model: str) -> float | None:
+    """Time [s] of one prediction by a model without batches, timed on a few throws and cells.
 
     None for models that take many parameters at once: those are run in full.
     """
     if model in BATCHES:
         return None
-    throws = np.unique(np.linspace(0, len(predictor.data.throws) - 1, TIMED_THROWS).astype(int))
-    some = Predictor(predictor.data.picked([int(i) for i in throws]))
-    few = np.linspace(0, len(FRICTION) - 1, TIMED_CELLS).astype(int)
-    parameters = Parameters(FRICTION[few], PATCH_RADIUS[few])
+    rows = np.unique(np.linspace(0, len(predictor.data.throws) - 1, TIMED_THROWS).astype(int))
+    few = np.linspace(0, len(AXES[0]) - 1, TIMED_CELLS).astype(int)
+    some = predictor.part(rows)
     start = time.perf_counter()
-    some.predict(model, parameters)
-    return (time.perf_counter() - start) / (len(throws) * TIMED_CELLS)
-
-
-def mean_error(
-    predictor: Predictor, model: str, truth: Measured, parameters: Parameters
-) -> tuple[float, int]:
-    """Mean scaled error [m] at one parameter set, and the throws without a landing."""
-    found = predictor.predict(model, parameters)
-    off = scaled(errors(found, truth), truth.arm)[:, 0]
-    lost = ~np.isfinite(off)
-    return float(np.where(lost, MISSED, off).mean()), int(lost.sum())
+    some.detached(model, parameter_sets(AXES[0][few], AXES[1][few]))
+    return (time.perf_counter() - start) / (len(rows) * TIMED_CELLS)

@@ -8,7 +8,6 @@ import numpy as np
 import numpy.typing as npt
 
 from ...problems import InputError, MeasuredThrow, ThrowData
-from .predict import Predictions
 
 Array = npt.NDArray[np.float64]
 
@@ -28,6 +27,16 @@ class Measured:
     twist: Array
     arm: Array
 
+    def scaled(self, off: Array) -> Array:
+        """Scaled errors (T, ...) [m] of predicted less measured landings (T, ..., 2), (39):
+        |dx| + |dtheta| l / 2."""
+        arm = self.arm.reshape(-1, *[1] * (off.ndim - 2))
+        return np.asarray(np.abs(off[..., 0]) + np.abs(off[..., 1]) * arm)
+
+    def part(self, rows: npt.NDArray[np.int_]) -> Measured:
+        """Of some of the throws."""
+        return Measured(self.landing[rows], self.twist[rows], self.arm[rows])
+
 
 def measured(data: ThrowData) -> Measured:
     """What was measured of a data set's throws; InputError for a track that never lands."""
@@ -35,7 +44,7 @@ def measured(data: ThrowData) -> Measured:
     for throw in data.throws:
         rates = (np.nan, np.nan)
         if throw.track is not None:
-            rates, landed = _from_track(data, throw)
+            rates, landed = _from_track(data, throw, throw.track)
         if throw.landing is not None:
             landed = (throw.landing[0], throw.landing[2])
         landing.append(landed)
@@ -57,11 +66,9 @@ def velocities(track: Array) -> Array:
 
 
 def _from_track(
-    data: ThrowData, throw: MeasuredThrow
+    data: ThrowData, throw: MeasuredThrow, track: Array
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """(v_x, omega) in flight, and (x, theta) where the CoM comes down through the height."""
-    track = throw.track
-    assert track is not None
     start = throw.opening + throw.grip.opening
     flying = track[:, 0] >= start
     if flying.sum() < WINDOW:
@@ -69,34 +76,20 @@ def _from_track(
             f"throw {throw.name}: the track has {int(flying.sum())} samples after the opening, "
             f"must have at least {WINDOW}"
         )
-    times, height = track[flying, 0], data.shared.landing_height
-    below = np.flatnonzero((track[flying, 2][1:] <= height) & (track[flying, 2][:-1] > height))
+    height, gravity = data.shared.landing_height, data.shared.gravity
+    times, x, z, theta = track[flying].T
+    below = np.flatnonzero((z[1:] <= height) & (z[:-1] > height))
     # The parabola through the whole flight: less noise than the two samples around the end.
     last = below[0] + 2 if below.size else int((times <= start + FLIGHT).sum())
-    if not below.size and throw.landing is None:
-        raise InputError(
-            f"throw {throw.name}: no landing: the track never comes down to {height:g} m"
-        )
     t = times[:last] - start
-    x, z, theta = (track[flying, i][:last] for i in (1, 2, 3))
-    along, turning = np.polyfit(t, x, 1), np.polyfit(t, theta, 1)
-    rising = np.polyfit(t, z + data.shared.gravity * t**2 / 2, 1)
-    drop = rising[1] - height
-    root = rising[0] ** 2 + 2 * data.shared.gravity * drop
-    if root < 0 or data.shared.gravity == 0:
+    along, turning = np.polyfit(t, x[:last], 1), np.polyfit(t, theta[:last], 1)
+    rising = np.polyfit(t, z[:last] + gravity * t**2 / 2, 1)
+    root = rising[0] ** 2 + 2 * gravity * (rising[1] - height)
+    lands = root >= 0 and gravity > 0
+    if not lands or (not below.size and throw.landing is None):
         raise InputError(
             f"throw {throw.name}: no landing: the track never comes down to {height:g} m"
         )
-    time = (rising[0] + np.sqrt(root)) / data.shared.gravity
+    time = (rising[0] + np.sqrt(root)) / gravity
     landed = (float(np.polyval(along, time)), float(np.polyval(turning, time)))
     return (float(along[0]), float(turning[0])), landed
-
-
-def errors(found: Predictions, truth: Measured) -> Array:
-    """Predicted less measured landing (T, M, 2): x [m], theta [rad]."""
-    return np.asarray(found.landing[..., :2] - truth.landing[:, None])
-
-
-def scaled(off: Array, arm: Array) -> Array:
-    """Scaled error (T, M) [m], (39): |dx| + |dtheta| l / 2."""
-    return np.asarray(np.abs(off[..., 0]) + np.abs(off[..., 1]) * arm[:, None])

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import difflib
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -17,6 +16,7 @@ from ...models import (
     HandTrack,
     PatchRelease,
     Path,
+    Release,
     ReleaseBatch,
     ReleaseCase,
     land,
@@ -29,50 +29,23 @@ from ..check import MODELS, recorded_joints
 from ..compile import compiled_steps
 
 Array = npt.NDArray[np.float64]
+Rows = npt.NDArray[np.int_]
+#: Called with the throws that are done and all of them.
+Progress = Callable[[int, int], None]
 
+#: What may be fitted, the columns of parameter sets: mu, r_p [m], how much later than command
+#: and dwell say the opening comes [s], the true grip force over the measured one.
+UNKNOWNS = ("friction", "patch_radius", "delay", "grip_scale")
+#: Values of those that are not fitted.
+USUAL = {"delay": 0.0, "grip_scale": 1.0}
 #: Sampling of the hands around the opening [s], and how far a delay may reach [s].
 STEP, REACH = 0.001, 0.05
+#: Most throws times parameter sets of one batch of several throws, each with its own spline.
+MOST = 4096
+#: Shares of the opening at which the falls of two grip forces are compared.
+SHARES = np.linspace(0.0, 1.0, 21)
 
-
-@dataclass(frozen=True)
-class Parameters:
-    """Contact parameters to predict with, each (M,).
-
-    friction mu; patch_radius r_p [m]; delay [s]: the opening comes that much later than
-    command and dwell say; grip_scale: the true grip force over the measured one.
-    """
-
-    friction: Array
-    patch_radius: Array
-    delay: Array = field(default_factory=lambda: np.zeros(1))
-    grip_scale: Array = field(default_factory=lambda: np.ones(1))
-
-    @property
-    def count(self) -> int:
-        """M."""
-        return int(np.broadcast(*self.columns).size)
-
-    @property
-    def columns(self) -> tuple[Array, Array, Array, Array]:
-        """friction, patch_radius, delay, grip_scale."""
-        return self.friction, self.patch_radius, self.delay, self.grip_scale
-
-    def spread(self) -> tuple[Array, Array, Array, Array]:
-        """The columns, each (M,)."""
-        full = np.broadcast_arrays(*(np.atleast_1d(np.asarray(v, float)) for v in self.columns))
-        return full[0].copy(), full[1].copy(), full[2].copy(), full[3].copy()
-
-
-@dataclass(frozen=True)
-class Predictions:
-    """detach (T, M, 6): CoM pose and twist; landing (T, M, 3): x [m], theta [rad], flight
-    time [s] at the data's landing height; NaN where a model gave nothing."""
-
-    detach: Array
-    landing: Array
-
-
-#: Models that take many parameters at once; every other of `simulate.MODELS` one by one.
+#: Models that take many parameters at once; every other of `MODELS` one by one.
 BATCHES: dict[str, Callable[[ReleaseBatch], BatchRelease]] = {
     "sp": lambda batch: throw_sliding_pivot(batch, even=compiled_steps("sp", batch.hands)),
     "sp-paper": lambda batch: throw_sliding_pivot(batch, 100, "paper"),
@@ -80,13 +53,19 @@ BATCHES: dict[str, Callable[[ReleaseBatch], BatchRelease]] = {
     "ls-step": lambda batch: throw_limit_surface(
         batch, even=compiled_steps("ls-step", batch.hands)
     ),
-    "patch": lambda batch: _plain(PatchRelease().batch(batch)),
+    "patch": lambda batch: BatchRelease(PatchRelease().batch(batch), np.zeros(batch.count, bool)),
 }
 
 
-def model_names() -> list[str]:
-    """Models that may be asked for."""
-    return list(MODELS)
+def parameter_sets(
+    friction: npt.ArrayLike,
+    patch_radius: npt.ArrayLike,
+    delay: npt.ArrayLike = 0.0,
+    grip_scale: npt.ArrayLike = 1.0,
+) -> Array:
+    """Parameter sets (M, 4), columns as in UNKNOWNS, of numbers or arrays (M,)."""
+    columns = np.broadcast_arrays(*np.atleast_1d(friction, patch_radius, delay, grip_scale))
+    return np.column_stack([np.asarray(column, float) for column in columns])
 
 
 def check_model(model: str) -> None:
@@ -100,107 +79,137 @@ def check_model(model: str) -> None:
 class Predictor:
     """The throws of a data set, ready to be thrown by any model.
 
-    Raises InputError for a motion that does not fit its arm.
+    hands: each throw's, from the opening's start on, as a spline through samples at 1 kHz
+    that begin at the command at the latest. Raises InputError for a motion that does not fit
+    its arm.
     """
 
     def __init__(self, data: ThrowData) -> None:
         self.data = data
-        self.hands: list[HandTrack] = []
+        self.hands: list[Path] = []
+        self._samples: list[tuple[Array, Array]] = []
         for throw in data.throws:
             try:
-                self.hands.append(_hand(data, throw))
+                times, poses = _sampled(data, throw)
             except ValueError as error:
                 raise InputError(f"{data.name}: throw {throw.name}: {error}") from None
+            self._samples.append((times, poses))
+            self.hands.append(Path.through(times, poses))
 
-    def predict(
-        self,
-        model: str,
-        parameters: Parameters,
-        progress: Callable[[int, int], None] | None = None,
-    ) -> Predictions:
-        """Every throw with every parameter set: (T, M)."""
+    def part(self, rows: Rows) -> Predictor:
+        """The same for some of the throws."""
+        part = Predictor(self.data.picked([]))
+        part.data = self.data.picked(rows)
+        part.hands = [self.hands[i] for i in rows]
+        part._samples = [self._samples[i] for i in rows]
+        return part
+
+    def detached(self, model: str, sets: Array, progress: Progress | None = None) -> Array:
+        """CoM pose and twist (T, M, 6) of every throw at the end of the opening, with every
+        parameter set (M, 4); NaN where the model gives nothing."""
         check_model(model)
-        count, sets = len(self.data.throws), parameters.count
-        detach = np.full((count, sets, 6), np.nan)
-        for number, states in enumerate(self._thrown(model, parameters)):
-            detach[number] = states
-            if progress is not None:
-                progress(number + 1, count)
-        shared = self.data.shared
-        landing = land(detach.reshape(-1, 6), shared.landing_height, shared.gravity)
-        return Predictions(detach, landing.reshape(count, sets, 3))
-
-    def _thrown(self, model: str, parameters: Parameters) -> Iterator[Array]:
-        for throw, hand in zip(self.data.throws, self.hands, strict=True):
+        if np.abs(sets[:, 2]).max() > REACH:
+            raise InputError(f"delay = {np.abs(sets[:, 2]).max():g}: must be at most {REACH:g} s")
+        count, done = len(self.data.throws), 0
+        detach = np.full((count, len(sets), 6), np.nan)
+        for rows in self._groups(len(sets) if model in BATCHES else MOST):
             if model in BATCHES:
-                yield BATCHES[model](self.batch(throw, hand, parameters)).detach
+                found = BATCHES[model](self._batch(rows, sets)).detach
             else:
-                yield self._one_by_one(model, throw, hand, parameters)
+                found = np.array([self._end(model, i, one) for i in rows for one in sets])
+            detach[rows] = found.reshape(len(rows), len(sets), 6)
+            done += len(rows)
+            if progress is not None:
+                progress(done, count)
+        return detach
 
-    def batch(self, throw: MeasuredThrow, hand: HandTrack, parameters: Parameters) -> ReleaseBatch:
-        """One throw with M parameter sets as a batch."""
-        friction, radius, delay, scale = parameters.spread()
-        shared, grip, count = self.data.shared, throw.grip, parameters.count
-        reach = min(REACH, float(np.abs(delay).max()) + 2 * STEP)
-        if np.abs(delay).max() > REACH:
-            raise InputError(f"delay = {np.abs(delay).max():g}: must be at most {REACH:g} s")
-        times = np.arange(-reach, grip.opening + reach + STEP, STEP)
+    def landed(self, detach: Array) -> Array:
+        """x [m], theta [rad] (..., 2) at the landing height of detach states (..., 6)."""
+        shared = self.data.shared
+        found = land(detach.reshape(-1, 6), shared.landing_height, shared.gravity)
+        return found[:, :2].reshape(*detach.shape[:-1], 2)
+
+    def landings(self, model: str, sets: Array) -> Array:
+        """x [m], theta [rad] (T, M, 2) of every throw with every parameter set (M, 4)."""
+        return self.landed(self.detached(model, sets))
+
+    def case(self, row: int, one: Array) -> ReleaseCase:
+        """One throw with one parameter set (4,)."""
+        throw, shared = self.data.throws[row], self.data.shared
+        friction, radius, delay, scale = (float(value) for value in one)
+        contact = Contact(friction * scale, radius, shared.torsion, shared.faces)
+        hand = self.hands[row].later(delay)
+        body = Body(*_body(throw))
+        return ReleaseCase(body, contact, throw.grip, hand, shared.gravity, throw.grasp.angle)
+
+    def released(self, model: str, row: int, one: Array) -> Release:
+        """One throw by a model with one parameter set (4,), all along the opening."""
+        return MODELS[model].release(self.case(row, one))
+
+    def _groups(self, sets: int) -> Iterator[Rows]:
+        """Throws whose grip forces fall alike, as many as make a batch with M sets each.
+
+        Few throws at once keep NumPy busy with arrays of a few entries only.
+        """
+        alike: dict[bytes, list[int]] = {}
+        for i, throw in enumerate(self.data.throws):
+            fall = throw.grip.force(SHARES * throw.grip.opening) / throw.grip.full
+            alike.setdefault(np.round(fall, 9).tobytes(), []).append(i)
+        most = max(MOST // sets, 1)
+        for rows in alike.values():
+            for first in range(0, len(rows), most):
+                yield np.array(rows[first : first + most])
+
+    def _end(self, model: str, row: int, one: Array) -> list[float]:
+        end = self.released(model, row, one).detach
+        return [end.x, end.z, end.theta, end.v_x, end.v_z, end.omega]
+
+    def _batch(self, rows: Rows, sets: Array) -> ReleaseBatch:
+        """Some throws with every parameter set as one batch, throw by throw."""
+        throws, shared = [self.data.throws[i] for i in rows], self.data.shared
+        reach = float(np.abs(sets[:, 2]).max()) + 2 * STEP
+        longest = max(throw.grip.opening for throw in throws)
+        first = max(-reach, *(self._samples[i][0][0] for i in rows))
+        last = min(longest + reach, *(self._samples[i][0][-1] for i in rows))
+        poses = []
+        for i in rows:
+            every, samples = self._samples[i]
+            keep = (every >= first - STEP / 2) & (every <= last + STEP / 2)
+            times = every[keep]
+            poses.append(samples[keep])
+        friction, radius, delay, scale = np.tile(sets, (len(rows), 1)).T
+
+        def spread(values: list[Any]) -> Array:
+            return np.repeat(np.array(values, float), len(sets), axis=0)
+
         return ReleaseBatch(
-            count,
-            Body(*self._body(throw)),
+            friction.size,
+            Body(*spread([_body(throw) for throw in throws]).T),
             Contact(friction, radius, shared.torsion, shared.faces),
-            grip,
-            Path.through(times, hand.at(times).pose.T, delay),
-            np.full(count, grip.opening),
-            grip.full * scale,
+            throws[0].grip,
+            Path.through(times, spread(poses) if len(rows) > 1 else np.array(poses), delay),
+            spread([throw.grip.opening for throw in throws]),
+            spread([throw.grip.full for throw in throws]) * scale,
             shared.gravity,
-            throw.grasp.angle,
+            spread([throw.grasp.angle for throw in throws]),
         )
 
-    def case(self, throw: MeasuredThrow, hand: HandTrack, sets: tuple[float, ...]) -> ReleaseCase:
-        """One throw with one parameter set (friction, patch_radius, delay, grip_scale)."""
-        friction, radius, delay, scale = sets
-        shared = self.data.shared
-        contact = Contact(friction * scale, radius, shared.torsion, shared.faces)
-        late = _Delayed(hand, delay)
-        body = Body(*self._body(throw))
-        return ReleaseCase(body, contact, throw.grip, late, shared.gravity, throw.grasp.angle)
 
-    def _one_by_one(
-        self, model: str, throw: MeasuredThrow, hand: HandTrack, parameters: Parameters
-    ) -> Array:
-        found = []
-        # Splines instead of an arm's kinematics at every call, as in a batch.
-        hand = replace(self.batch(throw, hand, parameters).hands, delays=0.0)
-        for sets in zip(*parameters.spread(), strict=True):
-            end = MODELS[model].release(self.case(throw, hand, sets)).detach
-            found.append([end.x, end.z, end.theta, end.v_x, end.v_z, end.omega])
-        return np.array(found)
-
-    @staticmethod
-    def _body(throw: MeasuredThrow) -> tuple[float, float, float]:
-        thrown = throw.object
-        return thrown.mass, thrown.inertia, thrown.com - throw.grasp.offset
-
-
-@dataclass(frozen=True)
-class _Delayed:
-    """A hand whose opening comes `delay` [s] later than thought."""
-
+def _sampled(data: ThrowData, throw: MeasuredThrow) -> tuple[Array, Array]:
+    """Times (K,) [s] from the opening's start, whole milliseconds, and poses (K, 3)."""
+    times, opening = throw.times - throw.opening, throw.grip.opening
     hand: HandTrack
-    delay: float
-
-    def at(self, times: Array) -> Any:
-        return self.hand.at(np.asarray(times) + self.delay)
-
-
-def _hand(data: ThrowData, throw: MeasuredThrow) -> HandTrack:
-    """The hand of a throw, from the opening's start on."""
     if data.arm is None:
-        return Path.through(throw.times - throw.opening, throw.motion)
-    joints = throw.motion
-    return recorded_joints(data.arm, throw.times, joints, throw.opening, data.shared.cutoff)
+        hand = Path.through(times, throw.motion)
+    else:
+        cutoff = data.shared.cutoff
+        hand = recorded_joints(data.arm, throw.times, throw.motion, throw.opening, cutoff)
+    first = max(float(times[0]), -max(throw.grip.dwell, REACH) - 2 * STEP)
+    last = min(float(times[-1]), opening + REACH + 2 * STEP)
+    even = STEP * np.arange(np.ceil(first / STEP), np.floor(last / STEP) + 1)
+    return even, hand.at(even).pose.T
 
 
-def _plain(detach: Array) -> BatchRelease:
-    return BatchRelease(detach, np.zeros(len(detach), bool))
+def _body(throw: MeasuredThrow) -> tuple[float, float, float]:
+    """Mass, inertia, and distance from the pads to the CoM."""
+    return throw.object.mass, throw.object.inertia, throw.object.com - throw.grasp.offset

@@ -7,56 +7,71 @@ paper; what it predicts with them is then compared with what was measured (Table
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from ...problems import ThrowData
-from ..check import MODELS
-from .best_cell import (
-    FAST,
-    FEW_THROWS,
-    CellErrors,
-    cell_errors,
-    cells_around,
-    spread_rows,
-    whole_grid,
-)
 from .factors import SURFACE, FactorRow, batch_rows, comparisons, conditions, factor_rows
-from .measured import Measured, measured, scaled
-from .predict import BATCHES, Parameters, Predictor, check_model
-from .validation_folds import Crossed, cross_validated
-from .validation_predict import part_of, predicted, quick_predictor
+from .grid import AXES, CELLS, Grid, grid_of
+from .measured import Measured, measured
+from .predict import BATCHES, Predictor, Progress, check_model, parameter_sets
 
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int_]
-Progress = Callable[[int, int], None]
 #: Told what comes next; gives what is told (done, total) of it.
 About = Callable[[str], Progress]
 
 #: Models of the two tables.
 PAPER_MODELS = ("ls", "sp", "sp-paper", "ils", "ls-step")
-#: Where the search of slow models begins.
+#: Models fast enough for the whole grid and all throws. Others are searched around the best
+#: cell of `GUIDE`: cells as multiples of it, on so many throws at most.
+QUICK = ("sp", "sp-paper", "ls", "ls-step")
 GUIDE = "ls-step"
+AROUND, FEW_THROWS = np.array([0.75, 1.0, 1.33]), 8
 #: Throws whose single release is timed.
 TIMED = 20
+#: Parts that the conditions are divided into, and fewest throws that this is done for.
+FOLDS, FEWEST_THROWS = 6, 5
+#: Resampled sets of conditions, and the quantiles that are given.
+RESAMPLED, INTERVAL = 2000, (0.025, 0.975)
+
+
+@dataclass(frozen=True)
+class Crossed:
+    """Parameters fitted to all throws, and to all but the judged condition's fold.
+
+    inside, outside, more (3,): mean scaled errors [m] of the two and of their difference,
+    with the ends of 95 % intervals; folds; throws; parameters (K, 2): mu, r_p [m] of each
+    fold.
+    """
+
+    inside: Array
+    outside: Array
+    more: Array
+    folds: int
+    throws: int
+    parameters: Array
 
 
 @dataclass(frozen=True)
 class ModelCheck:
     """One model on all T throws.
 
-    cells: its errors on the batch; parameters: (mu, r_p [m]) by surface, "" for the
-    batch; surface (T,): which of them was used; landing (T, 2): predicted less measured
-    x [m], theta [rad]; twist (T, 2): the same of v_x [m/s], omega [rad/s]; single (n,):
-    seconds of one release; batched: seconds of one prediction in a batch, None if the
-    model has none.
+    rows (S,) and grid: throws of the batch that the parameters are from, and their errors;
+    whole: whether that is the paper's grid and all of the batch; parameters: (mu, r_p [m])
+    by surface, "" for the batch; surface (T,): which of them was used; landing (T, 2):
+    predicted less measured x [m], theta [rad]; twist (T, 2): the same of v_x [m/s], omega
+    [rad/s]; single (n,): seconds of one release; batched: seconds of one prediction in a
+    batch, None if the model has none.
     """
 
     model: str
-    cells: CellErrors
+    rows: Rows
+    grid: Grid
+    whole: bool
     parameters: dict[str, tuple[float, float]]
     surface: list[str]
     landing: Array
@@ -66,32 +81,17 @@ class ModelCheck:
     crossed: Crossed | None
 
     @property
-    def friction(self) -> float:
-        """mu* of the batch."""
-        return self.parameters[""][0]
-
-    @property
-    def patch_radius(self) -> float:
-        """r_p* of the batch [m]."""
-        return self.parameters[""][1]
-
-    @property
     def at_edge(self) -> list[str]:
         """Surfaces (empty: that of the batch) whose better parameters may lie outside."""
-        known = self.cells.friction, self.cells.patch_radius
-        ends = [(values.min(), values.max()) for values in known]
+        axes = self.grid.friction, self.grid.patch_radius
         # A slow model is searched around another model's best, surface by surface.
-        searched = self.parameters.items() if self.whole else [("", self.parameters[""])]
+        searched = self.parameters if self.whole else [""]
         return [
             surface
-            for surface, pair in searched
-            if any(np.isclose(value, end).any() for value, end in zip(pair, ends, strict=True))
+            for surface in searched
+            for pair in [self.parameters[surface]]
+            if any(value in (axis[0], axis[-1]) for value, axis in zip(pair, axes, strict=True))
         ]
-
-    @property
-    def whole(self) -> bool:
-        """Whether the whole grid was searched."""
-        return self.model in FAST
 
 
 @dataclass(frozen=True)
@@ -115,7 +115,7 @@ class Validation:
 
     def scaled(self, model: str) -> Array:
         """Scaled error (T,) [m] of a model, (39)."""
-        return scaled(self.checks[model].landing[:, None], self.truth.arm)[:, 0]
+        return self.truth.scaled(self.checks[model].landing)
 
     @property
     def tracked(self) -> bool:
@@ -137,13 +137,19 @@ def validate(
     for model in models:
         check_model(model)
     compared, left_out = comparisons(data, factors)
-    work = _Work(quick_predictor(data), measured(data), about or (lambda _: lambda *_: None))
+    work = _Work(Predictor(data), measured(data), about or (lambda _: lambda *_: None))
     checks = {model: work.check(model) for model in dict.fromkeys(models)}
     off = {model: check.landing for model, check in checks.items()}
-    rows = [factor_rows(comparison, work.truth.landing, off) for comparison in compared]
-    spent = time.perf_counter() - start
     return Validation(
-        data, work.predictor, work.truth, work.batch, work.conditions, checks, rows, left_out, spent
+        data,
+        work.predictor,
+        work.truth,
+        work.batch,
+        work.conditions,
+        checks,
+        [factor_rows(comparison, work.truth.landing, off) for comparison in compared],
+        left_out,
+        time.perf_counter() - start,
     )
 
 
@@ -151,97 +157,130 @@ class _Work:
     """What all models of one validation share."""
 
     def __init__(self, predictor: Predictor, truth: Measured, about: About) -> None:
-        self.predictor, self.data = predictor, predictor.data
-        self.truth, self.batch, self.about = truth, batch_rows(self.data), about
-        self.conditions = conditions(self.data)
-        self._grids: dict[str, CellErrors] = {}
-
-    def groups(self) -> dict[str, Rows]:
-        """Throws by the surface whose parameters they need, "" for the batch's."""
-        labels = [throw.factors.get(SURFACE, "") for throw in self.data.throws]
+        data = predictor.data
+        self.predictor, self.truth, self.about = predictor, truth, about
+        self.batch, self.conditions = batch_rows(data), conditions(data)
+        # Throws by the surface whose parameters they need, "" for the batch's.
+        labels = [throw.factors.get(SURFACE, "") for throw in data.throws]
         usual = {labels[i] for i in self.batch}
-        own = [label for label in dict.fromkeys(labels) if label not in usual]
-        keys = [label if label in own else "" for label in labels]
-        return {key: np.array([i for i, k in enumerate(keys) if k == key]) for key in ("", *own)}
-
-    def grid(self, model: str) -> CellErrors:
-        """All throws in the whole grid, once."""
-        if model not in self._grids:
-            rows = np.arange(len(self.data.throws))
-            show = self.about(f"{model}: 400 parameter sets")
-            cells = cell_errors(self.predictor, self.truth, model, rows, whole_grid(), show)
-            self._grids[model] = cells
-        return self._grids[model]
+        self.surface = ["" if label in usual else label for label in labels]
+        self._grids: dict[str, Grid] = {}
 
     def check(self, model: str) -> ModelCheck:
         """One model's parameters and errors."""
-        count = len(self.data.throws)
-        landing, twist = np.full((count, 2), np.nan), np.full((count, 2), np.nan)
-        surface, parameters, of_batch = [""] * count, {}, None
-        for label, rows in self.groups().items():
+        shape = (len(self.surface), 2)
+        landing, twist, parameters, of_batch = np.empty(shape), np.empty(shape), {}, None
+        for label in dict.fromkeys(["", *self.surface]):
+            rows = np.array([i for i, surface in enumerate(self.surface) if surface == label], int)
             fitted = self.batch if label == "" else rows
-            cells = self.cells(model, fitted)
-            best = cells.best()
-            pair = float(cells.friction[best]), float(cells.patch_radius[best])
-            parameters[label] = pair
-            landing[rows], twist[rows] = self.predicted(model, rows, pair)
-            for i in rows:
-                surface[i] = label
-            of_batch = of_batch or cells
-        assert of_batch is not None  # the batch comes first
-        single = self.timed(model, parameters[""])
-        batched = None
-        if model in BATCHES:
-            batched = of_batch.seconds / of_batch.friction.size / self.timed_throws(model)
-        known = [self.conditions[i] for i in of_batch.rows]
-        crossed = cross_validated(of_batch, known)
+            used, grid, seconds = self.searched(model, fitted)
+            of_batch = of_batch or (used, grid, seconds)
+            cell = grid.best()
+            parameters[label] = grid.contact(cell)
+            if model in QUICK:
+                detach = self.whole_grid(model).detach[rows, *cell]
+            else:
+                show = self.about(f"{model}: its best parameters")
+                sets = parameter_sets(*parameters[label])
+                detach = self.predictor.part(rows).detached(model, sets, show)[:, 0]
+            landing[rows] = self.predictor.landed(detach) - self.truth.landing[rows]
+            twist[rows] = detach[:, [3, 5]] - self.truth.twist[rows]
+        assert of_batch is not None
+        used, grid, seconds = of_batch
         return ModelCheck(
-            model, of_batch, parameters, surface, landing, twist, single, batched, crossed
+            model,
+            used,
+            grid,
+            model in QUICK,
+            parameters,
+            self.surface,
+            landing,
+            twist,
+            self.timed(model, parameters[""]),
+            seconds if model in BATCHES else None,
+            cross_validated(grid, [self.conditions[i] for i in used]),
         )
 
-    def timed_throws(self, model: str) -> int:
-        """Throws in the batches that `CellErrors.seconds` is of."""
-        return len(self.data.throws) if model in FAST else min(FEW_THROWS, len(self.batch))
+    def searched(self, model: str, rows: Rows) -> tuple[Rows, Grid, float]:
+        """The throws and the grid that the parameters come from, and seconds of a prediction."""
+        if model in QUICK:
+            whole = self.whole_grid(model)
+            return rows, whole.part(rows), whole.seconds / whole.predictions
+        friction, radius = self.whole_grid(GUIDE).part(rows).optimum
+        axes, some = (friction * AROUND, radius * AROUND), spread_rows(rows, FEW_THROWS)
+        words = f"{model}: {AROUND.size**2} parameter sets around {GUIDE}'s best"
+        grid = self.grid(model, some, axes, words)
+        return some, grid, grid.seconds / grid.predictions
 
-    def cells(self, model: str, rows: Rows) -> CellErrors:
-        """Errors that the parameters come from: a slow model's from some throws and cells."""
-        if model in FAST:
-            return self.grid(model).part(rows)
-        guide = self.grid(GUIDE).part(rows)
-        best = guide.best()
-        cells = cells_around(float(guide.friction[best]), float(guide.patch_radius[best]))
-        some = spread_rows(rows, FEW_THROWS)
-        show = self.about(f"{model}: {cells.count} parameter sets around {GUIDE}'s best")
-        return cell_errors(self.predictor, self.truth, model, some, cells, show)
+    def whole_grid(self, model: str) -> Grid:
+        """All throws in the whole grid, once."""
+        if model not in self._grids:
+            words = f"{model}: {CELLS} parameter sets"
+            rows = np.arange(len(self.surface))
+            self._grids[model] = self.grid(model, rows, AXES, words)
+        return self._grids[model]
 
-    def predicted(self, model: str, rows: Rows, pair: tuple[float, float]) -> tuple[Array, Array]:
-        """Errors (S, 2) of landing and twist with one parameter set."""
-        if model in FAST:
-            grid = self.grid(model)
-            same = (grid.friction == pair[0]) & (grid.patch_radius == pair[1])
-            cell = int(np.flatnonzero(same)[0])
-            landing, detach = grid.found.landing[rows, cell], grid.found.detach[rows, cell]
-        else:
-            predictor = part_of(self.predictor, rows)
-            parameters = Parameters(np.array(pair[:1]), np.array(pair[1:]))
-            show = self.about(f"{model}: its best parameters")
-            found = predicted(predictor, model, parameters, show)
-            landing, detach = found.landing[:, 0], found.detach[:, 0]
-        off = landing[:, :2] - self.truth.landing[rows]
-        return off, detach[:, [3, 5]] - self.truth.twist[rows]
+    def grid(self, model: str, rows: Rows, axes: tuple[Array, Array], words: str) -> Grid:
+        """Some throws in some cells."""
+        # The first prediction of a process loads libraries.
+        self.predictor.part(rows[:1]).detached(model, parameter_sets(axes[0][0], axes[1][0]))
+        part, truth = self.predictor.part(rows), self.truth.part(rows)
+        return grid_of(part, model, truth, axes, progress=self.about(words))
 
     def timed(self, model: str, pair: tuple[float, float]) -> Array:
         """Seconds of single releases of some throws of the batch."""
-        chosen = spread_rows(self.batch, TIMED)
-        predictor = part_of(self.predictor, chosen)
+        chosen, spent = spread_rows(self.batch, TIMED), []
         show = self.about(f"{model}: single releases")
-        spent = []
-        for n, (throw, hand) in enumerate(zip(predictor.data.throws, predictor.hands, strict=True)):
-            case = predictor.case(throw, hand, (*pair, 0.0, 1.0))
-            if n == 0:
-                MODELS[model].release(case)
+        # The first release loads libraries.
+        for done, row in enumerate([chosen[0], *chosen]):
             start = time.perf_counter()
-            MODELS[model].release(case)
+            self.predictor.released(model, int(row), parameter_sets(*pair)[0])
             spent.append(time.perf_counter() - start)
-            show(n + 1, len(chosen))
-        return np.array(spent)
+            show(done, len(chosen))
+        return np.array(spent[1:])
+
+
+def spread_rows(rows: Rows, most: int) -> Rows:
+    """At most `most` of the rows, evenly."""
+    if len(rows) <= most:
+        return rows
+    return np.asarray(rows[np.unique(np.linspace(0, len(rows) - 1, most).round().astype(int))])
+
+
+def fold_of(known: Sequence[Hashable], folds: int = FOLDS, seed: int = 0) -> Array:
+    """The fold (S,) of every throw: all of a condition in the same one, sizes alike."""
+    names = list(dict.fromkeys(known))
+    order = np.random.default_rng(seed).permutation(len(names))
+    fold = {names[i]: k % folds for k, i in enumerate(order)}
+    return np.array([fold[name] for name in known])
+
+
+def cross_validated(grid: Grid, known: Sequence[Hashable]) -> Crossed | None:
+    """Cross-validation over the grid by conditions (S,); None for too few of them."""
+    count = len(set(known))
+    if len(known) < FEWEST_THROWS or count < 2:
+        return None
+    folds, scored = min(FOLDS, count), grid.scored
+    fold = fold_of(known, folds)
+    outside, cells = np.empty(len(known)), [grid.best(fold != k) for k in range(folds)]
+    for k, cell in enumerate(cells):
+        outside[fold == k] = scored[fold == k, *cell]
+    inside = scored[:, *grid.best()]
+    judged = np.column_stack([inside, outside, outside - inside])
+    ends = np.quantile(bootstrap(judged, known), INTERVAL, axis=0)
+    means = np.vstack([judged.mean(axis=0), ends]).T
+    parameters = np.array([grid.contact(cell) for cell in cells])
+    return Crossed(means[0], means[1], means[2], folds, len(known), parameters)
+
+
+def bootstrap(values: Array, known: Sequence[Hashable], seed: int = 0) -> Array:
+    """Means (RESAMPLED, n) of the columns of values (S, n) over conditions drawn anew.
+
+    Conditions, not throws, are drawn: the repeats of one err alike.
+    """
+    names = {name: i for i, name in enumerate(dict.fromkeys(known))}
+    member = np.array([names[name] for name in known])
+    totals = np.array([values[member == i].sum(axis=0) for i in range(len(names))])
+    counts = np.bincount(member)
+    chosen = np.random.default_rng(seed).integers(len(names), size=(RESAMPLED, len(names)))
+    return np.asarray(totals[chosen].sum(axis=1) / counts[chosen].sum(axis=1)[:, None])

@@ -1,0 +1,249 @@
+"""What is believed of the contact, and its way into and out of a scene.
+
+A belief is a normal distribution over the logarithms of its numbers. A scene's [contact] and
+[uncertainty] are a prior; a posterior becomes a scene's [contact] and [uncertainty].
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+import textwrap
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ...problems import Distribution, Scene, Uncertainty, uncertainty_table
+from .predict import UNKNOWNS, USUAL, parameter_sets
+
+Array = npt.NDArray[np.float64]
+
+#: Chi-squared of two degrees of freedom that 95 % stay below.
+CHI2_95 = 5.991
+#: Standard deviations taken where a scene says nothing: relative ones, and the delay's [s].
+ASSUMED = {"friction": 0.4, "patch_radius": 0.4, "delay": 0.01, "grip_scale": 0.1}
+#: Normal distributions stand for those of the logarithms while what that adds to the
+#: product of friction and radius is below this share of its own deviation.
+NARROW = 0.3
+#: Values that stand for a wider one.
+SAMPLES = 99
+#: Correlations closer to one are not written.
+STRONGEST = 0.9999
+
+
+@dataclass(frozen=True)
+class Belief:
+    """Mean (P,) and covariance (P, P) of the unknowns `names`.
+
+    friction, patch_radius [m] and grip_scale by their natural logarithms, delay in seconds.
+    """
+
+    names: tuple[str, ...]
+    mean: Array
+    covariance: Array
+
+    def value(self, name: str) -> float:
+        """The unknown at the mean (the median of a logarithm); the usual one if it is known."""
+        return self.values()[name] if name in self.names else USUAL[name]
+
+    def values(self) -> dict[str, float]:
+        """All unknowns at the mean, SI units."""
+        return {
+            name: float(number if name == "delay" else np.exp(number))
+            for name, number in zip(self.names, self.mean, strict=True)
+        }
+
+    def deviation(self, name: str) -> float:
+        """Standard deviation: of the logarithm (so, relative), of the delay [s]; 0 if known."""
+        return self.along(**{name: 1.0})[1]
+
+    def correlation(self, one: str, other: str) -> float:
+        """Correlation of two unknowns."""
+        both = self.deviation(one) * self.deviation(other)
+        i, j = self.names.index(one), self.names.index(other)
+        return float(self.covariance[i, j]) / both if both else 0.0
+
+    def along(self, **weights: float) -> tuple[float, float]:
+        """Mean and standard deviation of a weighted sum of those unknowns that are fitted."""
+        w = np.array([weights.get(name, 0.0) for name in self.names])
+        return float(w @ self.mean), float(np.sqrt(max(w @ self.covariance @ w, 0.0)))
+
+    @property
+    def product(self) -> float:
+        """mu r_p [m], of the grip force as it was measured: what a release depends on most."""
+        return float(np.exp(self.along(friction=1, patch_radius=1, grip_scale=1)[0]))
+
+    @property
+    def product_deviation(self) -> float:
+        """Standard deviation of its logarithm (relative)."""
+        return self.along(friction=1, patch_radius=1, grip_scale=1)[1]
+
+    @property
+    def effective(self) -> Belief:
+        """The same with the force's scale put into the friction, which acts alike."""
+        if "grip_scale" not in self.names:
+            return self
+        names = tuple(name for name in self.names if name != "grip_scale")
+        fold = np.array([[float(one == other) for other in self.names] for one in names])
+        fold[names.index("friction"), self.names.index("grip_scale")] = 1.0
+        return Belief(names, fold @ self.mean, fold @ self.covariance @ fold.T)
+
+    def ellipse(self, count: int = 121) -> Array:
+        """Outline (count, 2) of friction and patch_radius [m] that hold 95 %."""
+        pair = [self.names.index("friction"), self.names.index("patch_radius")]
+        factor = np.linalg.cholesky(self.covariance[np.ix_(pair, pair)] + 1e-18 * np.eye(2))
+        turn = np.linspace(0.0, 2 * np.pi, count)
+        circle = np.sqrt(CHI2_95) * np.array([np.cos(turn), np.sin(turn)])
+        return np.asarray(np.exp(self.mean[pair][:, None] + factor @ circle).T)
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON, SI units; deviations of all but the delay are relative."""
+        found: dict[str, Any] = {
+            name: {"value": value, "deviation": self.deviation(name)}
+            for name, value in self.values().items()
+        }
+        found["product"] = {"value": self.product, "deviation": self.product_deviation}
+        found["covariance"] = self.covariance.tolist()
+        return found
+
+
+def sets_at(names: tuple[str, ...], points: Array) -> Array:
+    """Parameter sets (M, 4) of points (M, P): logarithms, delays in seconds, as in a belief."""
+    columns: dict[str, Any] = dict(USUAL)
+    for name, column in zip(names, np.atleast_2d(points).T, strict=True):
+        columns[name] = column if name == "delay" else np.exp(column)
+    return parameter_sets(*(columns[name] for name in UNKNOWNS))
+
+
+def prior_of(scene: Scene, names: tuple[str, ...]) -> Belief:
+    """What a scene says of the unknowns: its [contact], and its [uncertainty] if it has one.
+
+    What that does not name is taken 40 % uncertain (friction, patch_radius), 10 ms (delay)
+    and 10 % (the grip force's scale).
+    """
+    section = scene.uncertainty or Uncertainty(delay=Distribution(normal=ASSUMED["delay"]))
+    mean, deviations = [], []
+    for name in names:
+        spread = None if name == "grip_scale" else getattr(section, name)
+        value, deviation = USUAL.get(name) or scene.values.get(name, 0.0), ASSUMED[name]
+        if spread is not None:
+            about = spread.about(scene.values[name])
+            value, deviation = about.expected, about.deviation
+            if name != "delay" and about.samples:
+                logs = np.log(about.samples)
+                value, deviation = math.exp(logs.mean()), float(logs.std())
+            elif name != "delay":
+                deviation /= value
+        mean.append(value if name == "delay" else math.log(value))
+        deviations.append(max(deviation, 1e-6))
+    pairs = [(a, b, number) for a, b, number in section.correlation if {a, b} <= set(names)]
+    matrix = _correlations(names, pairs)
+    return Belief(names, np.array(mean), matrix * np.outer(deviations, deviations))
+
+
+def applied(belief: Belief, scene: Scene) -> Scene:
+    """The scene with the belief as its [contact] and in its [uncertainty].
+
+    A wrong scale of the grip force acts as another friction and is put there. What else
+    the scene leaves uncertain stays.
+    """
+    known = belief.effective
+    contact = dataclasses.replace(
+        scene.contact,
+        friction=known.value("friction"),
+        patch_radius=known.value("patch_radius"),
+    )
+    old = scene.uncertainty
+    spreads = {} if old is None else {name: getattr(old, name) for name in old.names}
+    pairs = [] if old is None else [p for p in old.correlation if not {*p[:2]} & {*known.names}]
+    own = uncertainty_of(belief)
+    spreads |= {name: getattr(own, name) for name in own.names}
+    section = Uncertainty(**spreads, correlation=(*pairs, *own.correlation))
+    return scene.replace(contact=contact, uncertainty=section)
+
+
+def uncertainty_of(belief: Belief) -> Uncertainty:
+    """The belief as a section [uncertainty]; its means are the scene's values to be.
+
+    Normal distributions, or where friction and radius are known much worse than their
+    product samples of the log-normal ones, so that the product keeps its own uncertainty.
+    """
+    known = belief.effective
+    both = known.deviation("friction") * known.deviation("patch_radius")
+    wide = both > NARROW * known.product_deviation
+    spreads: dict[str, Distribution] = {}
+    for name in known.names:
+        value, deviation = known.value(name), max(known.deviation(name), 1e-6)
+        if name == "delay":
+            spreads[name] = Distribution(normal=deviation, mean=value)
+        elif wide:
+            spreads[name] = Distribution(samples=_log_normal(value, deviation))
+        else:
+            spreads[name] = Distribution(normal=value * deviation)
+    pairs = []
+    for i, one in enumerate(known.names):
+        for other in known.names[i + 1 :]:
+            number = float(np.clip(known.correlation(one, other), -STRONGEST, STRONGEST))
+            if abs(number) > 0.01:
+                pairs.append((one, other, round(number, 4)))
+    # Rounded they may be those of no distribution: then they are weakened until they are.
+    weaker, shrink = pairs, 1.0
+    while np.linalg.eigvalsh(_correlations(known.names, weaker)).min() <= 1e-6:
+        shrink *= 0.999
+        weaker = [(one, other, round(shrink * value, 4)) for one, other, value in pairs]
+    return Uncertainty(**spreads, correlation=tuple(weaker))
+
+
+def _correlations(names: tuple[str, ...], pairs: list[tuple[str, str, float]]) -> Array:
+    """Correlation matrix (P, P)."""
+    matrix = np.eye(len(names))
+    for one, other, number in pairs:
+        i, j = names.index(one), names.index(other)
+        matrix[i, j] = matrix[j, i] = number
+    return matrix
+
+
+def _log_normal(value: float, deviation: float) -> tuple[float, ...]:
+    """Values of equal weight of a log-normal distribution, within the range of a scene's."""
+    from scipy.special import ndtri
+
+    scores = ndtri((np.arange(SAMPLES) + 0.5) / SAMPLES)
+    shares = np.clip(np.exp(deviation * scores), 0.02, 50.0)
+    return tuple(float(f"{value * share:.6g}") for share in shares)
+
+
+def contact_text(belief: Belief, torsion: float, faces: int) -> str:
+    """The sections [contact] and [uncertainty] for a scene file."""
+    known = belief.effective
+    lines = [
+        "# In place of the [contact] and [uncertainty] of a scene. The uncertainty is that of the",
+        "# mean by this model: not the scatter from throw to throw, nor the model's own error.",
+        "[contact]",
+        f"friction = {known.value('friction'):.6g}",
+        f"patch_radius = {known.value('patch_radius'):.6g} # m",
+        f"torsion = {torsion:g}",
+        f"faces = {faces}",
+        "",
+        "[uncertainty]",
+    ]
+    for key, value in uncertainty_table(uncertainty_of(belief)).items():
+        if isinstance(value, dict):
+            words = ", ".join(f"{name} = {_plain(number)}" for name, number in value.items())
+            lines.append(f"{key} = {{ {words} }}")
+        else:
+            lines.append(f"{key} = {json.dumps(value)}")
+    return "\n".join(lines) + "\n"
+
+
+def _plain(value: object) -> str:
+    """A number or a list of them as TOML has it."""
+    if isinstance(value, list):
+        words = ", ".join(_plain(number) for number in value)
+        if len(words) < 80:
+            return f"[{words}]"
+        inside = textwrap.fill(words, 98, initial_indent="  ", subsequent_indent="  ")
+        return f"[\n{inside},\n]"
+    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -1,0 +1,182 @@
+"""Identification from measured throws: the grid, the fit, and what comes of them."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable
+from concurrent.futures import Executor
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from ...problems import InputError, Scene, ThrowData, filling
+from ..check import MODELS
+from .belief import Belief, applied, contact_text, prior_of, sets_at
+from .factors import SURFACE
+from .fit import START_FRICTION, START_RADIUS, USUAL_EVALUATIONS, Fit, fit_to
+from .grid import AXES, CELLS, MISSED, Grid, estimated_seconds, grid_of
+from .measured import measured
+from .pictures import fit_picture, grid_picture, save_pictures
+from .predict import BATCHES, UNKNOWNS, Predictor, Progress, check_model
+
+#: Why one model is not fitted.
+NO_FIT = "model = 'ls': only its grid: its landings are no smooth function of the parameters"
+#: Longest time [s] that a grid or a fit may take by a model without a batch.
+PATIENCE = 300.0
+#: What may be left in the folder.
+FILES = (
+    "identify.json",
+    "contact.toml",
+    "fit.png",
+    *(f"grid-{model}.{ending}" for model in MODELS for ending in ("csv", "png")),
+)
+
+
+@dataclass(frozen=True)
+class Identified:
+    """What was found about the contact by one model.
+
+    grid: the error landscape, None if it was not asked for or would take too long; fit:
+    None where that would take too long, and for `ls`; error [m]: mean scaled error at the
+    fit; each [s]: time of one prediction by a slow model, from a subset; whole [s]: what
+    the grid would take with it.
+    """
+
+    model: str
+    data: ThrowData
+    prior: Belief | None
+    grid: Grid | None
+    fit: Fit | None
+    error: float | None
+    each: float | None = None
+    whole: float | None = None
+
+    @property
+    def posterior(self) -> Belief:
+        """What is believed after the throws."""
+        assert self.fit is not None, "this model was too slow for a fit"
+        return self.fit.posterior
+
+    def apply(self, scene: Scene) -> Scene:
+        """The scene with the posterior as its contact and uncertainty."""
+        return applied(self.posterior, scene)
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON: SI units, radians; deviations of logarithms are relative."""
+        subset = {"seconds_per_throw": self.each, "extrapolated_seconds": self.whole}
+        return {
+            "model": self.model,
+            "data": self.data.name,
+            "throws": len(self.data.throws),
+            "truth": self.data.truth or None,
+            "grid": None if self.grid is None else self.grid.to_dict(),
+            "fit": None if self.fit is None else self.fit.to_dict(),
+            "prior": None if self.prior is None else self.prior.to_dict(),
+            "mean_error": self.error,
+            "subset": None if self.each is None else subset,
+        }
+
+    def summary(self) -> str:
+        """The grid and the fit in some lines for people."""
+        lines, grid, fit = [f"  {self.model}:"], self.grid, self.fit
+        if self.each is not None and self.whole is not None:
+            lines.append(
+                f"    {1e3 * self.each:.3g} ms a throw, timed on a subset; the grid of "
+                f"{CELLS * len(self.data.throws):,} predictions would take {self.whole / 60:.3g} "
+                "min (extrapolated)" + ("" if grid is not None else ", not run")
+            )
+        if grid is not None:
+            lines += grid.summary()
+        if fit is not None and self.error is not None:
+            lines += fit.summary(self.error)
+        elif self.model == "ls":
+            lines.append("    no fit: its landings are no smooth function of the parameters")
+        return "\n".join(lines)
+
+    def save(self, folder: str | Path) -> None:
+        """Write identify.json, the grid, the pictures and contact.toml."""
+        save_identified([self], Path(folder))
+
+
+def identify(
+    data: ThrowData,
+    model: str = "ls-step",
+    *,
+    prior: Belief | Scene | None = None,
+    delay: bool = False,
+    grip_scale: bool = False,
+    grid: bool = True,
+    executor: Executor | None = None,
+    workers: int = 1,
+    about: Callable[[str], Progress] | None = None,
+) -> Identified:
+    """Friction and patch radius, and a delay and the grip force's scale if asked for.
+
+    prior: a belief of just these unknowns, or a scene whose [contact] and [uncertainty] say
+    it. executor, workers: who shares the grid. about(words) gives the progress of a part.
+    InputError for an unknown model and where the throws cannot tell the unknowns.
+    """
+    check_model(model)
+    surfaces = data.factors.get(SURFACE, [])
+    if len(surfaces) > 1:
+        raise InputError(
+            f"{SURFACE}: one contact cannot be that of {', '.join(surfaces)}: give throws of one"
+        )
+    if model == "ls" and not grid:
+        raise InputError(NO_FIT)
+    asked = {"delay": delay, "grip_scale": grip_scale}
+    names = tuple(name for name in UNKNOWNS if asked.get(name, True))
+    if isinstance(prior, Scene):
+        prior = prior_of(prior, names)
+    elif prior is not None:
+        names = prior.names
+    show = about or (lambda words: lambda done, total: None)
+    predictor, truth = Predictor(data), measured(data)
+    each = estimated_seconds(predictor, model)
+    count = len(data.throws)
+    whole = None if each is None else each * count * CELLS
+    starts = START_FRICTION.size * START_RADIUS.size
+    calls = count * (starts + USUAL_EVALUATIONS * (1 + 2 * len(names)))
+    fit, error, fixed = None, None, (0.0, 1.0)
+    if model != "ls" and (each is None or each * calls <= PATIENCE):
+        show(f"fit by {model}")
+        fit = fit_to(predictor, model, truth, names, prior)
+        belief = fit.posterior
+        fixed = belief.value("delay"), belief.value("grip_scale")
+        landing = predictor.landings(model, sets_at(names, belief.mean))
+        off = truth.scaled(landing - truth.landing[:, None])
+        error = float(np.nan_to_num(off, nan=MISSED).mean())
+    found = None
+    if grid and (whole is None or whole <= PATIENCE):
+        shared = (executor, workers) if model in BATCHES else (None, 1)
+        line = show(f"grid by {model}")
+        found = grid_of(predictor, model, truth, AXES, fixed, *shared, line)
+    return Identified(model, data, prior, found, fit, error, each, whole)
+
+
+def save_identified(found: list[Identified], folder: Path) -> None:
+    """Write the files of one or more models; contact.toml and fit.png are of the last."""
+    with filling(folder, FILES) as scratch:
+        for one in found:
+            if one.grid is not None:
+                _write_grid(one.grid, scratch / f"grid-{one.model}.csv")
+                save_pictures({f"grid-{one.model}": grid_picture(one)}, scratch)
+        last = next((one for one in reversed(found) if one.fit is not None), None)
+        if last is not None:
+            save_pictures({"fit": fit_picture(last)}, scratch)
+            shared = last.data.shared
+            head = f"# from {len(last.data.throws)} throws of {last.data.name}, by {last.model}\n"
+            text = head + contact_text(last.posterior, shared.torsion, shared.faces)
+            (scratch / "contact.toml").write_text(text, encoding="utf-8")
+        text = json.dumps([one.to_dict() for one in found], indent=2, allow_nan=False)
+        (scratch / "identify.json").write_text(text + "\n", encoding="utf-8")
+
+
+def _write_grid(grid: Grid, path: Path) -> None:
+    """A row a cell: friction, patch_radius [m], mean scaled error [m], throws that missed."""
+    mu, radius = (v.ravel() for v in np.meshgrid(grid.friction, grid.patch_radius, indexing="ij"))
+    rows = np.column_stack([mu, radius, grid.error.ravel(), grid.missed.ravel()])
+    names = "friction,patch_radius_m,mean_error_m,missed"
+    np.savetxt(path, rows, delimiter=",", header=names, comments="", fmt="%.9g")
