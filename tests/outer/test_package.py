@@ -1,10 +1,9 @@
-"""The package: what is public, what a scene does not import, compiled code, the wheel."""
+"""The package: what is public, what a scene does not import, the wheel."""
 
 from __future__ import annotations
 
 import json
 import os
-import shutil
 import subprocess
 import sys
 import types
@@ -52,25 +51,6 @@ def test_listing_scenes_imports_no_solver() -> None:
         "print([m for m in ('ruckig', 'matplotlib', 'scipy') if m in sys.modules])"
     )
     assert python(code).endswith("[]")
-
-
-@pytest.mark.skipif(shutil.which("gcc") is None, reason="no compiler here")
-def test_compiled_code_gives_the_same_throws(tmp_path) -> None:
-    """A planner that waits for its compiled functions, in a process and a cache of its own."""
-    code = (
-        "import json, throwplan as tp; scene = tp.load_scene('hand-box'); "
-        "planner = tp.Planner(scene, compiling='wait'); "
-        "batch = tp.simulate_batch(tp.load_scene('drop'), contact={'friction': [0.6, 0.8]}); "
-        "print(json.dumps([planner.plan().to_dict()['landing'], batch.detach.tolist()]))"
-    )
-    found = []
-    for compiled in ("1", "0"):
-        settings = {"THROWPLAN_COMPILE": compiled, "THROWPLAN_CACHE": str(tmp_path / compiled)}
-        found.append(json.loads(python(code, env=os.environ | settings)))
-    assert list((tmp_path / "1").rglob("*.so")) and not list((tmp_path / "0").rglob("*.so"))
-    assert found[0][0]["exact"] == pytest.approx(found[1][0]["exact"], abs=1e-6)
-    for one, other in zip(found[0][1], found[1][1], strict=True):
-        assert one == pytest.approx(other, abs=1e-6)
 
 
 @pytest.fixture(scope="module")
