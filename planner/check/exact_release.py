@@ -232,7 +232,7 @@ class _SurfaceSteps:
         columns[:, :6], columns[:, 6:12] = hand[:-1], hand[1:]
         columns[:, 12] = self.forces[stride - 1 :: 2 * stride]
         columns[:, 13], columns[:, 14:] = np.diff(times), self.numbers
-        states, friction = _surface_kernel()(self.start, columns)
+        states, friction = surface_kernel()(self.start, columns)
         return states, friction
 
     def stops(self, states: Array, friction: Array) -> Array:
@@ -317,7 +317,7 @@ def pivot_kernel() -> StepKernel:
 
 
 @cache
-def _surface_kernel() -> StepKernel:
+def surface_kernel() -> StepKernel:
     """(state, hand at start and end, grip between, dt, numbers) -> state, friction."""
     p, body, contact, gravity = number_symbols()
     state, u = ca.SX.sym("state", 6), ca.SX.sym("u", 14)

@@ -12,7 +12,7 @@ import casadi as ca
 
 from ...problems import Scene
 from ..compile import Code, Compile, Kernel, MappedKernel, mapped
-from .exact_release import pivot_kernel
+from .exact_release import pivot_kernel, surface_kernel
 from .mover import Mover
 from .violations import outline_kernel
 
@@ -25,7 +25,8 @@ def check_kernels(scene: Scene, mover: Mover) -> list[Kernels]:
     moving: dict[str, Kernel | MappedKernel] = {"hand_kernel": mapped(mover.motion)}
     if scene.workspace is not None:
         moving["outline_kernel"] = outline_kernel(mover.motion, mover.kinematics)
-    return [{"pivot_kernel": pivot_kernel().steps}, moving]
+    releases = {"pivot_kernel": pivot_kernel().steps, "surface_kernel": surface_kernel().steps}
+    return [releases, moving]
 
 
 class KernelCode:

@@ -74,7 +74,7 @@ def run(options: argparse.Namespace) -> int:
     )
     if options.out is not None:
         say(f"{scene.name}: writing {options.out}")
-        plan.save(options.out)
+        plan = plan.save(options.out)
     text = plan.summary() + written(options)
     if plan.solved and len(plan.alternatives) < alternatives:
         text += f"\n  no more of {alternatives} alternatives: other starts lead to the same throws"

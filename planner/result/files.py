@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import time
 from pathlib import Path
@@ -14,6 +15,7 @@ from ...models import PlanarArm
 from ...problems import InputError, filling, read_csv, read_text, scene_from_table, scene_table
 from ..check import TICK, Mover, SampledMotion, SentThrow, limit_surface_throw, make_mover, throw
 from ..ocp import load_curve
+from ..show import draw_throw, draw_throw_moving
 
 if TYPE_CHECKING:
     from .plan import Plan
@@ -29,31 +31,27 @@ FORMAT = 1
 FILES = ("motion.csv", "throw.png", "throw.gif", "plan.json")
 
 
-def save_plan(plan: Plan, folder: Path, draw: Draw) -> None:
+def save_plan(plan: Plan, folder: Path, draw: Draw) -> Plan:
     """Write a plan's files into `folder`, and take away those of an earlier plan.
 
-    draw: "png" for throw.png alone.
+    draw: "png" for throw.png alone. Returns the plan with the time of drawing.
     """
     with filling(folder, FILES) as scratch:
-        _write(plan, scratch, draw)
-
-
-def _write(plan: Plan, folder: Path, draw: Draw) -> None:
-    if plan.solved:
-        write_motion(plan, folder / "motion.csv")
-        if draw:
-            from ..show import draw_throw, draw_throw_moving
-
+        if plan.solved:
+            write_motion(plan, scratch / "motion.csv")
+        if plan.solved and draw:
             start, throw = time.perf_counter(), sent_throw(plan)
             load = None
             if plan.robust:
                 load = load_curve(throw.scene, throw.mover, throw.motion, throw.opening_time)
-            draw_throw(throw, folder / "throw.png", load)
+            draw_throw(throw, scratch / "throw.png", load)
             if draw != "png":
-                draw_throw_moving(throw, folder / "throw.gif")
-            plan.time["draw"] = time.perf_counter() - start
-    text = json.dumps(document(plan), indent=2, allow_nan=False)
-    (folder / "plan.json").write_text(text + "\n", encoding="utf-8")
+                draw_throw_moving(throw, scratch / "throw.gif")
+            seconds = time.perf_counter() - start
+            plan = dataclasses.replace(plan, time=plan.time | {"draw": seconds})
+        text = json.dumps(document(plan), indent=2, allow_nan=False)
+        (scratch / "plan.json").write_text(text + "\n", encoding="utf-8")
+    return plan
 
 
 def write_motion(plan: Plan, path: Path) -> None:

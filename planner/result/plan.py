@@ -5,17 +5,18 @@ from __future__ import annotations
 import json
 import math
 from dataclasses import dataclass, field
-from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
 from ...models import Arm
 from ...problems import InputError, Pose, Scene
-from ..check import Landing, Mover, PlannedMotion, SampledMotion, Thrown, limit_surface_throw
+from ..check import Landing, Mover, PlannedMotion, SampledMotion, Thrown
 from ..ocp import USUAL, Asked, Solution, ThrowNlp
 from .files import Draw, save_plan
 
 Status = Literal["solved", "out_of_reach", "not_converged"]
+#: Times of a release, by their names in the JSON.
+MOMENTS = ("command_time", "opening_time", "detach_time", "landing_time")
 
 
 @dataclass(frozen=True, repr=False)
@@ -24,9 +25,9 @@ class PlannedThrow:
 
     nlp, solution: where it comes from; opening_time [s] on the motion's clock; sent is None
     for a hand scene, whose motion is checked as planned; samples are what motion.csv holds.
-    final: the throw that counts, by the model of the tolerance; aim: how far beside the
-    target (dx [m], dtheta [rad]) the NLP's landing is put, so that this one is at it;
-    asked: what its NLP had beyond the usual constraints.
+    final: the throw that counts, by the model of the tolerance; limit_surface: the same motion
+    by the limit surface; aim: how far from the target (dx [m], dtheta [rad]) the NLP's landing
+    is put, so that this one is at it; asked: what its NLP had beyond the usual constraints.
     """
 
     scene: Scene
@@ -40,15 +41,14 @@ class PlannedThrow:
     exact: Thrown
     sent: Thrown | None
     final: Thrown
+    limit_surface: Thrown
     aim: tuple[float, float]
     asked: Asked = USUAL
 
-    @cached_property
-    def limit_surface(self) -> Thrown:
-        """The motion that counts, thrown by the limit surface; made when first asked for."""
-        motion = self.planned if self.sent is None else self.samples
-        height = self.final.landing.z
-        return limit_surface_throw(self.scene, self.mover, motion, self.opening_time, height)
+    @property
+    def counting(self) -> PlannedMotion | SampledMotion:
+        """The motion that counts: the samples for an arm, the planned one for a hand."""
+        return self.planned if self.sent is None else self.samples
 
     @property
     def landing_time(self) -> float:
@@ -94,30 +94,13 @@ class Plan:
 
     def to_dict(self) -> dict[str, Any]:
         """The plan as JSON: SI units, radians; poses in the base frame for an arm."""
-        throw = self.throw
-        landing: dict[str, Any] = dict.fromkeys(("planned", "exact", "sent", "limit_surface"))
-        error: dict[str, Any] = dict.fromkeys(("planned", "exact", "sent"))
-        release: dict[str, Any] = dict.fromkeys(
-            ("command_time", "opening_time", "detach_time", "landing_time")
-        )
-        if throw is not None:
-            profile = self.scene.gripper.profile()
-            poses = {
-                "planned": throw.planned_landing,
-                "exact": _pose(throw.exact.landing),
-                "sent": None if throw.sent is None else _pose(throw.sent.landing),
-                "limit_surface": _pose(throw.limit_surface.landing),
-            }
-            landing = {k: p and self._json_pose(p) for k, p in poses.items()}
+        landing = dict.fromkeys(("planned", "exact", "sent", "limit_surface"))
+        error, release = dict.fromkeys(("planned", "exact", "sent")), dict.fromkeys(MOMENTS)
+        if self.throw is not None:
+            poses = self._poses(self.throw)
+            landing = {name: pose and self._json_pose(pose) for name, pose in poses.items()}
             error = {name: self._json_error(poses[name]) for name in error}
-            detach = throw.opening_time + profile.opening
-            flight = throw.final.landing.flight_time
-            release = {
-                "command_time": throw.opening_time - profile.dwell - self.scene.mean_delay,
-                "opening_time": throw.opening_time,
-                "detach_time": detach,
-                "landing_time": _number(detach + flight),
-            }
+            release = self._moments(self.throw)
         nearest = self.nearest
         return {
             "scene": self.scene.name,
@@ -141,6 +124,23 @@ class Plan:
             | self.time,
         }
 
+    def _poses(self, throw: PlannedThrow) -> dict[str, tuple[float, float, float] | None]:
+        """Landings (x, z, theta) in the throw's plane, by the names of the JSON."""
+        return {
+            "planned": throw.planned_landing,
+            "exact": _pose(throw.exact.landing),
+            "sent": None if throw.sent is None else _pose(throw.sent.landing),
+            "limit_surface": _pose(throw.limit_surface.landing),
+        }
+
+    def _moments(self, throw: PlannedThrow) -> dict[str, float | None]:
+        """When [s] the command is sent, the force starts to fall, is zero, the object lands."""
+        profile, opening = self.scene.gripper.profile(), throw.opening_time
+        detach = opening + profile.opening
+        command = opening - profile.dwell - self.scene.mean_delay
+        landing = _number(detach + throw.final.landing.flight_time)
+        return dict(zip(MOMENTS, (command, opening, detach, landing), strict=True))
+
     def _more(self) -> dict[str, Any]:
         """What only some plans have: robustness, alternatives."""
         more: dict[str, Any] = {}
@@ -157,14 +157,13 @@ class Plan:
             ]
         return more
 
-    def save(self, folder: str | Path, draw: Draw = True) -> None:
+    def save(self, folder: str | Path, draw: Draw = True) -> Plan:
         """Write plan.json and, for a throw, motion.csv and (draw) throw.png, throw.gif.
 
-        draw: "png" draws throw.png alone, False neither.
-
-        Raises InputError if the folder cannot be written; then nothing is left behind.
+        draw: "png" draws throw.png alone, False neither. Returns the plan with the time of
+        drawing. Raises InputError if the folder cannot be written; then nothing is left behind.
         """
-        save_plan(self, Path(folder), draw)
+        return save_plan(self, Path(folder), draw)
 
     def summary(self) -> str:
         """The plan in some lines for people: status, errors, moments, solver."""

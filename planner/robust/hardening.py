@@ -122,7 +122,7 @@ class Hardening:
 
     def _hardened(self, source: Plan, thrown: PlannedThrow, method: str, solver: str) -> Hardened:
         scene, mover = self.task.scene, self.problems.mover
-        motion = thrown.planned if thrown.sent is None else thrown.samples
+        motion = thrown.counting
         load = peak_load(scene, mover, motion, thrown.opening_time)
         return Hardened(source, thrown, method, solver, load, scatter(thrown, source.target))
 

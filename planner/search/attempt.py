@@ -248,15 +248,16 @@ def _thrown(
     scene, height = task.scene, task.target.z
     planned, samples, at = best.planned, best.samples, best.opening_time
     motion = planned if scene.robot is None else samples
-    counting = best.thrown
     if scene.tolerance.model == "ls-step":
-        counting = throw(scene, mover, motion, at, height)
+        counting, surface = throw(scene, mover, motion, at, height), best.thrown
+    else:
+        counting, surface = best.thrown, limit_surface_throw(scene, mover, motion, at, height)
     exact, sent = counting, None
     if scene.robot is not None:
         exact, sent = throw(scene, mover, planned, at, height), counting
     x, z, theta = np.array(nlp.landing(best.solution.x, best.numbers)).ravel()
     landing = (float(x), float(z), float(theta))
-    models = (landing, exact, sent, best.thrown)
+    models = (landing, exact, sent, best.thrown, surface)
     return PlannedThrow(
         scene, mover, nlp, best.solution, planned, samples, at, *models, best.aim, asked
     )
@@ -284,7 +285,7 @@ def violations(thrown: PlannedThrow, target: Pose) -> list[Violation]:
     if thrown.exact.grip_use > 1.0:
         use = f"grip use {thrown.exact.grip_use:.2f}"
         found.append(Violation(f"slip before the opening ({use})", "carry"))
-    motion = thrown.planned if thrown.sent is None else thrown.samples
+    motion = thrown.counting
     end = float(motion.times[-1])
     return found + scene_violations(scene, mover, motion, end, thrown.opening_time, thrown.final)
 

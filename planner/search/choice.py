@@ -68,7 +68,7 @@ def scatter(thrown: PlannedThrow, target: Pose) -> float:
     height. target: says whether theta counts.
     """
     scene, mover = thrown.scene, thrown.mover
-    motion = thrown.planned if thrown.sent is None else thrown.samples
+    motion = thrown.counting
     base, worst = thrown.final.landing, 0.0
     for delay in window_of(scene).delays:
         at = max(thrown.opening_time + float(delay), 0.0)
