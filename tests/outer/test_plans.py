@@ -322,7 +322,7 @@ def test_one_planner_serves_many_targets_and_starts_warm() -> None:
     again = planner.plan(tp.Pose(x=0.92, z=0.22, theta=-math.pi / 2), warm=first)
     assert first.status == again.status == "solved"
     answer = again.to_dict()
-    assert answer["time"]["build"] == 0.0 and answer["time"]["guess"] == 0.0
+    assert answer["solver"]["iterations"] < first.iterations
     # The cup went along: the plan's own cup is the one that the bar enters.
     assert again.scene.cup.x == pytest.approx(0.92)
     assert answer["landing"]["sent"]["x"] == pytest.approx(0.92, abs=2e-3)
