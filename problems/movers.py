@@ -147,10 +147,7 @@ class Torque(Section):
     """
 
     limits: tuple[float, ...] | None = quantity(
-        "N m, one per throwing joint; the arm's own where left out",
-        above=0,
-        most=1e6,
-        default=None,
+        "N m, one per throwing joint; the arm's own where left out", above=0, most=1e6, default=None
     )
     margin: float = quantity(
         "share of the limits kept back for smoothing and correction",

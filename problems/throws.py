@@ -153,9 +153,7 @@ def load_throws(folder: str | Path) -> ThrowData:
     return ThrowData(folder.name, shared, tuple(throws), arm, truth)
 
 
-def _head(
-    tables: Mapping[str, Any],
-) -> tuple[Shared, dict[str, ThrownObject], dict[str, float]]:
+def _head(tables: Mapping[str, Any]) -> tuple[Shared, dict[str, ThrownObject], dict[str, float]]:
     own = {key: value for key, value in tables.items() if key not in ("objects", "truth")}
     shared: Shared = from_table(Shared, own)
     objects = {}

@@ -117,11 +117,7 @@ def scene_from_table(table: Mapping[str, Any]) -> Scene:
 
 
 def _scene_from(
-    tables: Mapping[str, Any],
-    *,
-    file: str = "",
-    folder: Path | None = None,
-    arm: Arm | None = None,
+    tables: Mapping[str, Any], *, file: str = "", folder: Path | None = None, arm: Arm | None = None
 ) -> Scene:
     """A scene from the tables of its file; `file` for messages, `folder` for files it names.
 

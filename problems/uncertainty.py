@@ -316,8 +316,5 @@ class Robust(Section):
         default=None,
     )
     late: float | None = quantity(
-        "s, window after detach; from [uncertainty] where left out",
-        least=0,
-        most=0.1,
-        default=None,
+        "s, window after detach; from [uncertainty] where left out", least=0, most=0.1, default=None
     )

@@ -1,0 +1,105 @@
+"""Samples of uncertain values: their laws, the copula, repeatable by seed."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from scipy import stats
+from throwplan import InputError, load_scene
+from throwplan.planner.sweep.uncertain import quantile, sampler_of
+from throwplan.problems import USUAL_UNCERTAINTY, Distribution, Uncertainty
+
+
+def test_relative_is_the_same_as_absolute() -> None:
+    scene = load_scene("pose")
+    patch = scene.contact.patch_radius
+    relative = Distribution(uniform=0.2, mean=0.9, relative=True).about(patch)
+    absolute = Distribution(uniform=0.2 * patch, mean=0.9 * patch).about(patch)
+    assert relative.reach == pytest.approx(absolute.reach)
+    measured = Distribution(samples=(0.9, 1.2), relative=True).about(patch)
+    assert measured.reach == pytest.approx((0.9 * patch, 1.2 * patch))
+
+
+def test_a_scene_in_python_is_checked_too() -> None:
+    scene = load_scene("pose")
+    with pytest.raises(InputError, match=r"\[uncertainty\] friction"):
+        scene.replace(uncertainty=Uncertainty(friction=Distribution(uniform=2.0)))
+    with pytest.raises(InputError, match="nothing is uncertain"):
+        Uncertainty()
+
+
+def sampled(section: Uncertainty, count: int, seed: int = 0):
+    scene = load_scene("pose").replace(uncertainty=section)
+    return sampler_of(scene, seed).draw(0, count)
+
+
+def test_samples_follow_their_laws() -> None:
+    section = Uncertainty(
+        delay=Distribution(uniform=0.01, mean=0.002),
+        friction=Distribution(normal=0.1, relative=True),
+        mass=Distribution(samples=(0.2, 0.2, 0.3)),
+    )
+    delay, friction, mass = sampled(section, 4096).T
+    assert stats.kstest(delay, stats.uniform(-0.008, 0.02).cdf).statistic < 0.002
+    assert stats.kstest(friction, stats.norm(1.0, 0.1).cdf).statistic < 0.002
+    assert np.mean(mass == 0.3) == pytest.approx(1 / 3, abs=1e-3)
+    assert set(mass) == {0.2, 0.3}
+
+
+def test_a_wide_normal_is_cut_off_and_keeps_its_shape() -> None:
+    friction = sampled(Uncertainty(friction=Distribution(normal=1.0)), 4096)[:, 0]
+    law = stats.truncnorm(0.01 - 1.0, 100.0 - 1.0, 1.0, 1.0)  # 1 % and 100 times the scene's
+    assert friction.min() > 0.01
+    assert stats.kstest(friction, law.cdf).statistic < 0.002
+
+
+@pytest.mark.parametrize("rho", [-0.7, 0.0, 0.8])
+def test_copula_couples_ranks_and_leaves_the_margins(rho: float) -> None:
+    """Spearman's rank correlation of a Gaussian copula is 6/pi asin(rho/2)."""
+    section = Uncertainty(
+        friction=Distribution(uniform=0.2),
+        patch_radius=Distribution(normal=0.0002),
+        delay=Distribution(uniform=0.01),
+        correlation=(("friction", "patch_radius", rho),),
+    )
+    delay, friction, patch = sampled(section, 8192).T
+    expected = 6 / math.pi * math.asin(rho / 2)
+    assert stats.spearmanr(friction, patch).statistic == pytest.approx(expected, abs=0.01)
+    assert stats.spearmanr(friction, delay).statistic == pytest.approx(0.0, abs=0.01)
+    assert stats.kstest(friction, stats.uniform(0.8, 0.4).cdf).statistic < 0.003
+    assert stats.kstest(patch, stats.norm(0.0025, 0.0002).cdf).statistic < 0.003
+
+
+def test_any_part_of_the_sequence_can_be_drawn_by_itself() -> None:
+    sampler = sampler_of(load_scene("pose").replace(uncertainty=USUAL_UNCERTAINTY), 5)
+    whole = sampler.draw(0, 512)
+    parts = [sampler.draw(first, 128) for first in range(0, 512, 128)]
+    assert np.array_equal(whole, np.vstack(parts))
+    assert np.array_equal(whole[:100], sampler.draw(0, 100))
+
+
+def test_seeds_differ_and_repeat() -> None:
+    draws = [sampled(USUAL_UNCERTAINTY, 256, seed) for seed in (0, 0, 1)]
+    assert np.array_equal(draws[0], draws[1])
+    assert not np.allclose(draws[0], draws[2])
+    # Low discrepancy: each 256th of the range is met once.
+    cells = np.floor((draws[0][:, 0] + 0.01) / 0.02 * 256)
+    assert sorted(cells) == list(range(256))
+
+
+def test_quantiles_of_a_distribution_invert_its_law() -> None:
+    shares = np.array([0.05, 0.5, 0.95])
+    normal = quantile(Distribution(normal=2.0, mean=1.0), shares, (-100.0, 100.0))
+    assert normal == pytest.approx(stats.norm(1.0, 2.0).ppf(shares))
+    uniform = quantile(Distribution(uniform=2.0, mean=1.0), shares, (-100.0, 100.0))
+    assert uniform == pytest.approx(1.0 + 2.0 * (2 * shares - 1))
+    measured = quantile(Distribution(samples=(3.0, 1.0, 2.0)), shares, (-100.0, 100.0))
+    assert list(measured) == [1.0, 2.0, 3.0]
+
+
+def test_the_section_is_frozen() -> None:
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        USUAL_UNCERTAINTY.delay = None  # type: ignore[misc]
