@@ -17,6 +17,7 @@ from ...problems import InputError, Scene, filling
 from ..check import TICK, SentThrow, Thrown, bar_outline
 from ..check import throw as sliding_pivot_throw
 from ..result import Plan, read_plan, sent_throw
+from ..show import BLACK, BLUE, GREEN, ORANGE, RED, draw_cup, new_figure, save
 from .mujoco_throw import (
     FRICTION,
     LEAD,
@@ -32,6 +33,13 @@ Array = npt.NDArray[np.float64]
 
 #: Steps [s] of the release and of the flight, and contact points of a pad.
 RELEASE_STEP, FLIGHT_STEP, POINTS = 1e-5, 1e-4, 12
+#: Between the poses that the picture draws [s], and the landings that it compares.
+EVERY = 0.02
+LANDINGS = (
+    ("sp", "sliding pivot", BLUE),
+    ("limit_surface", "limit surface", BLACK),
+    ("landing", "MuJoCo", RED),
+)
 #: What a replay may leave in its folder.
 FILES = ("replay.json", "replay.csv", "replay.png")
 #: Share of its speed with which the bar leaves what it hits.
@@ -318,24 +326,9 @@ def _rest(scene: Scene, flown: Flown, theta: float) -> Rest | None:
     return Rest(inside, flown.entered, flown.touched_rim, flown.at_rest, (x, y, z, theta))
 
 
-# The picture.
-
-#: Between the poses drawn [s].
-EVERY = 0.02
-OPENING, FLYING, END, CUP = "#f2a33a", "#2a9d6f", "#d1495b", "#5b4a3f"
-#: The landings that are compared: field of `Replay`, words, colour.
-LANDINGS = (
-    ("sp", "sliding pivot", "#4c78a8"),
-    ("limit_surface", "limit surface", "#222222"),
-    ("landing", "MuJoCo", END),
-)
-
-
 def _draw(replay: Replay, path: Path) -> None:
-    """The bar's way at true scale, and the landings about the target."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(10, 6.4), layout="constrained")
+    """The bar's way from the opening to the end, and the landings about the target."""
+    figure = new_figure(10, 6.4)
     way, landings = figure.subplots(1, 2, width_ratios=(1.2, 1))
     _draw_way(replay, way)
     _draw_landings(replay, landings)
@@ -345,49 +338,41 @@ def _draw(replay: Replay, path: Path) -> None:
     if replay.rest is not None:
         title += f", ends {'in' if replay.rest.inside else 'outside'} the cup\n{replay.assumed}"
     figure.suptitle(title, fontsize=11)
-    figure.savefig(path, dpi=110)
+    save(figure, path)
 
 
 def _draw_way(replay: Replay, axes: Any) -> None:
-    """The path of the CoM and the bar along it, from the opening to the end."""
-    scene, com = replay.throw.scene, replay.com
+    """The path of the CoM and the bar along it, at true scale."""
+    scene, throw = replay.throw.scene, replay.throw
     # Wide enough to be seen.
     bar = dataclasses.replace(scene.object, width=max(scene.object.width, 0.008))
-
-    def draw(pose: Array, words: str = "", **style: Any) -> None:
-        outline = bar_outline(bar, pose[:, None])[:, 0]
-        axes.fill(*outline, **{"lw": 0.5, "zorder": 6, "label": words or None, **style})
-
     if scene.cup is not None:
-        left, right = scene.cup.x - scene.cup.radius, scene.cup.x + scene.cup.radius
-        rim, bottom = scene.cup.rim, scene.cup.rim - scene.cup.depth
-        axes.plot([left, left, right, right], [rim, bottom, bottom, rim], color=CUP, lw=3)
-    axes.plot(com[0], com[1], color="#222222", lw=1, zorder=4, label="CoM")
-    opening, seen = replay.throw.detach_time - replay.throw.opening_time, set[str]()
-    for i in range(0, len(replay.times), round(EVERY / TICK)):
-        held = replay.times[i] < replay.times[0] + opening
-        words, colour = ("opening", OPENING) if held else ("after it", FLYING)
-        draw(com[:, i], "" if words in seen else words, fc=colour, alpha=0.45)
-        seen.add(words)
-    draw(com[:, -1], "end", fc=END, alpha=0.9)
+        draw_cup(axes, scene.cup)
+    axes.plot(*replay.com[:2], color=BLACK, lw=1, zorder=4, label="CoM")
+    opening = replay.times < replay.times[0] + throw.detach_time - throw.opening_time
+    drawn = np.arange(len(replay.times)) % round(EVERY / TICK) == 0
+    filled = (("opening", ORANGE, drawn & opening), ("after it", GREEN, drawn & ~opening))
+    for words, colour, some in filled:
+        corners = bar_outline(bar, replay.com[:, some])
+        axes.fill(*corners.transpose(0, 2, 1), fc=colour, alpha=0.45, zorder=6)
+        axes.plot([], [], color=colour, lw=5, label=words)
+    axes.fill(*bar_outline(bar, replay.com[:, -1:])[:, 0], fc=RED, zorder=6, label="end")
     for name, words, colour in LANDINGS[:2]:
-        pose = np.array(getattr(replay, name))
-        if np.isfinite(pose).all():
-            draw(pose, f"landing, {words}", fc="none", ec=colour, lw=1.2, zorder=7)
+        outline = bar_outline(bar, np.array(getattr(replay, name))[:, None])[:, 0]
+        axes.fill(*outline, fc="none", ec=colour, lw=1.2, zorder=7, label=f"landing, {words}")
     axes.set(aspect="equal", xlabel="x [m]", ylabel="z [m]")
 
 
 def _draw_landings(replay: Replay, axes: Any) -> None:
-    """How far everybody's landing is from the target, and the tolerance."""
+    """How far each landing is from the target, and the tolerance."""
     target, tolerance = replay.throw.target, replay.throw.scene.tolerance
     # Where the target leaves the angle open, MuJoCo's is as good as any.
     theta = replay.landing[2] if target.theta is None else target.theta
     for name, words, colour in LANDINGS:
         x, _, angle = getattr(replay, name)
         dx, dtheta = 1e3 * (x - target.plane_x), math.degrees(angle - theta)
-        if math.isfinite(dx) and math.isfinite(dtheta):
-            label = f"{words}: {dx:+.2f} mm, {dtheta:+.2f}°"
-            axes.plot(dx, dtheta, "o", color=colour, ms=9, label=label)
+        label = f"{words}: {dx:+.2f} mm, {dtheta:+.2f}°"
+        axes.plot(dx, dtheta, "o", color=colour, ms=9, label=label)
     axes.plot(0, 0, "k+", ms=14, label="target")
     if target.theta is not None:
         x, angle = 1e3 * tolerance.position, math.degrees(tolerance.angle)
