@@ -13,8 +13,8 @@ from .controllers import (
     write_ros,
 )
 from .export import JointMotion, joint_motion
+from .mujoco_replay import Replay, Rest, replay
 from .mujoco_throw import load_mujoco
-from .replay import Replay, Rest, replay
 
 __all__ = [
     "FRANKA_FILES",
