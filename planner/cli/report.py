@@ -21,7 +21,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         action="extend",
         metavar="SECTION",
         default=[],
-        help="these sections only: models, planner, stability, parts, reach, robust, throws",
+        help=f"these sections only: {', '.join(SECTIONS)}",
     )
     parser.add_argument(
         "--out", metavar="DIR", default="report", help="where to write (default: report)"

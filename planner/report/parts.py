@@ -9,7 +9,7 @@ import pickle
 import subprocess
 import sys
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 from ...problems import (
@@ -90,16 +90,14 @@ def measured(scene: Scene, repeats: int) -> Measured:
 
 
 def make(effort: Effort) -> Section:
-    """The ladder from a bare throw to one with everything; every scene; imports."""
+    """The ladder from a bare throw to one with everything; every scene, with its imports."""
     section = Section("parts", "What a scene leaves out")
     names = [name for name in scene_names() if load_scene(name).motion is None]
     chosen = ["hand-box", "cup"] if effort.quick else names
     rungs = list(ladder(load_scene("hand-box")))
     if effort.quick:
         rungs = [rungs[i] for i in (0, HAND, ARM)]
-    # With everything a plan takes a quarter of a minute to build.
-    forced = [] if effort.quick else chosen
-    total = len(rungs) + 2 * len(chosen) + len(forced)
+    total = len(rungs) + 2 * len(chosen)
     steps = iter(range(1, total + 1))
 
     def next_of(scene: Scene) -> Measured:
@@ -114,11 +112,8 @@ def make(effort: Effort) -> Section:
     every: list[list[Cell]] = []
     for name in chosen:
         own = next_of(load_scene(name))
-        every.append([name, "as it is", *own.row(own), *imports_of(load_scene(name))])
+        every.append([name, *own.row(own), *imports_of(load_scene(name))])
         effort.tell(next(steps), total)
-        if name in forced:
-            full = next_of(with_everything(load_scene(name)))
-            every.append([name, "everything", *full.row(own), None, None, None])
     arm, hand = climbed[2 if effort.quick else ARM][1], climbed[1 if effort.quick else HAND][1]
     section.figures += [
         "`hand-box` is a free hand that holds the bar at its centre of mass and throws it to a "
@@ -131,8 +126,8 @@ def make(effort: Effort) -> Section:
         f"A fresh process that plans imports {_modules(every)}.",
     ]
     table = Table("parts-ladder", "One part more at a time", ("hand-box", *COLUMNS), rows)
-    columns = ("scene", "parts", *COLUMNS, "modules", "large ones", "fresh process [s]")
-    words = "Every scene as it is, with its imports, and with everything"
+    columns = ("scene", *COLUMNS, "modules", "large ones", "fresh process [s]")
+    words = "Every scene, and what a fresh process imports to plan it"
     section.tables += [table, Table("parts-scenes", words, columns, every)]
     words = "Variables and solving time, one part more at a time"
     section.pictures.append(Picture("parts", words, lambda path: draw_ladder(table, path)))
@@ -140,8 +135,8 @@ def make(effort: Effort) -> Section:
 
 
 def _modules(rows: list[list[Cell]]) -> str:
-    """The least and the most modules that scenes import, and the large ones among them."""
-    found = {str(row[-2]): int(row[-3]) for row in rows if row[-3] is not None}
+    """How many modules scenes import, by the large ones among them."""
+    found = {str(row[-2]): row[-3] for row in rows}
     return "; ".join(f"{count} modules ({large})" for large, count in found.items())
 
 
@@ -226,13 +221,3 @@ def with_arm(scene: Scene) -> Scene:
 def with_scenarios(scene: Scene) -> Scene:
     """An opening up to 10 ms early or late, and a plan against that."""
     return scene.replace(uncertainty=scene.uncertainty or DELAY, robust=Robust("scenarios"))
-
-
-def with_everything(scene: Scene) -> Scene:
-    """The same throw with every part that an NLP can have; a free hand becomes a Panda."""
-    changes: tuple[Callable[[Scene], Scene], ...]
-    changes = (with_arm, with_angle, with_cup, with_workspace, with_scenarios)
-    scene = scene.replace(landing=scene.landing or WIDE_LANDING)
-    for change in changes:
-        scene = change(scene)
-    return scene

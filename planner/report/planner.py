@@ -33,7 +33,7 @@ Array = npt.NDArray[np.float64]
 #: Seed of the targets; scenes with their targets: quick, full.
 SEED, TARGETS = 2, {"cup": (2, 14), "hand-flip": (3, 14)}
 #: Scene, seed and number of targets of the other solvers: quick, full.
-RIVALS = ("pose", 1, (3, 50))
+RIVALS = ("pose", 1, (1, 50))
 #: Each setting by itself, the others as they usually are: quick, full.
 CARRY = ((6,), (3, 4, 5, 6, 8, 10, 15))
 OPENING = ((4, 8, 16), (4, 6, 8, 12, 16, 24, 32))

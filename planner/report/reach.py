@@ -7,7 +7,6 @@ under the exact check, was in reach after all.
 from __future__ import annotations
 
 import collections
-import dataclasses
 import itertools
 import math
 from collections.abc import Sequence
@@ -51,11 +50,11 @@ SWING, PERIOD, TICK = (0.06, 0.2), 2.0, 0.01
 
 
 def make(effort: Effort) -> Section:
-    """Targets in reach, far out, on the map, moving; the limit surface made true."""
+    """Targets in reach, far out, on the map, moving."""
     section = Section("reach", "Any target in reach")
     counts = {name: effort.of(*sizes) for name, sizes in TARGETS.items() if effort.of(*sizes)}
     on_map = ("hand-box",) if effort.quick else tuple(TARGETS)
-    total = len(counts) + len(on_map) + 4
+    total = len(counts) + len(on_map) + 3
     steps = iter(range(1, total + 1))
     with executor_of(1 if effort.quick else LANES, None) as executor:
         run = map if executor is None else executor.map
@@ -74,8 +73,6 @@ def make(effort: Effort) -> Section:
     effort.tell(next(steps), total)
     following = [_following(name, effort.of(20, 200)) for name in ("pose", "cup")]
     effort.tell(next(steps), total)
-    truer = _truer(effort.of(4, 60))
-    effort.tell(next(steps), total)
     mapped: list[list[Cell]] = []
     for name in on_map:
         row, plans = _on_map(name, effort)
@@ -85,7 +82,7 @@ def make(effort: Effort) -> Section:
     every = _every_target(inside, far)
     section.figures += _figures(rows, far, following, mapped)
     section.tables += [_inside_table(rows), _lost_table(lost), every]
-    section.tables += [_following_table(following), _map_table(mapped), truer]
+    section.tables += [_following_table(following), _map_table(mapped)]
     words = "Scene pose: targets in reach and far out, and the nearest pose named for these"
     section.pictures.append(Picture("reach", words, lambda path: draw_targets(every, path)))
     return section
@@ -284,27 +281,6 @@ def _following_table(rows: list[list[Cell]]) -> Table:
         *("solve, 95 % [ms]", "plan, median [ms]", "worst error [mm]", "worst error [deg]"),
     )
     return Table("reach-following", "Plans after a moving target", columns, rows)
-
-
-def _truer(count: int) -> Table:
-    """The landing by the limit surface, with either model as the one that counts."""
-    scene, rows = load_scene("pose"), list[list[Cell]]()
-    targets = _targets("pose", count)
-    for model in ("sp", "ls-step"):
-        tolerance = dataclasses.replace(scene.tolerance, model=model)
-        plans = _planned(warmed(scene.replace(tolerance=tolerance), targets, "wait"), targets)
-        throws = [plan.throw.limit_surface.miss(plan.target) for plan in plans if plan.throw]
-        x, theta = np.abs(throws).T
-        times = [float(np.median([_own(plan) for plan in plans]))]
-        solved = sum(plan.solved for plan in plans)
-        off = (*quantiles(1e3 * x, 50, 100), *quantiles(np.degrees(theta), 50, 100))
-        rows.append([model, len(plans), solved, *off, *times])
-    columns = (
-        *("model that counts", "targets", "solved", "x, median [mm]", "x, worst [mm]"),
-        *("theta, median [deg]", "theta, worst [deg]", "plan, median [ms]"),
-    )
-    caption = "Where the limit surface lands what is sent, by `[tolerance] model`"
-    return Table("reach-model", caption, columns, rows)
 
 
 def _every_target(inside: list[Plan], far: list[Plan]) -> Table:

@@ -224,14 +224,6 @@ def test_single_shooting_reaches_what_the_planner_reaches() -> None:
     assert planner.SingleShooting(scene).solve(moved)[0]
 
 
-def test_everything_has_every_section() -> None:
-    scene = parts.with_everything(tp.load_scene("hand-box"))
-    sections = (scene.robot, scene.cup, scene.landing, scene.workspace, scene.uncertainty)
-    assert all(section is not None for section in sections)
-    assert scene.target is not None and scene.target.theta is not None
-    assert scene.robust is not None and scene.robust.method == "scenarios"
-
-
 def test_each_part_adds_its_own_and_is_solved() -> None:
     """A pivot has an angle and a rate at each node of the opening; θ is one row more."""
     found = [
