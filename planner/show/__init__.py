@@ -1,12 +1,23 @@
-"""Pictures, GIF and 3-D view of throws and releases, in one style."""
+"""Pictures, GIF, film and 3-D view of throws and releases, in one style."""
 
-from .moving_picture import draw_throw_moving
-from .picture import MIN_WIDTH, draw_throw
+from .moving import draw_throw_moving, save_film
 from .release_pictures import draw_release_pictures
-from .style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, TEAL, draw_cup, new_figure, save
-from .view_film import save_film
-from .view_poses import space_throw
-from .view_server import open_browser, run_panel, serving
+from .server import open_browser, run_panel, serving
+from .space import space_throw
+from .style import (
+    BLACK,
+    BLUE,
+    GREEN,
+    GREY,
+    ORANGE,
+    PURPLE,
+    RED,
+    TEAL,
+    draw_cup,
+    new_figure,
+    save,
+)
+from .throw_picture import MIN_WIDTH, bar_corners, draw_throw
 
 __all__ = [
     "BLACK",
@@ -15,8 +26,10 @@ __all__ = [
     "GREY",
     "MIN_WIDTH",
     "ORANGE",
+    "PURPLE",
     "RED",
     "TEAL",
+    "bar_corners",
     "draw_cup",
     "draw_release_pictures",
     "draw_throw",

@@ -3,21 +3,20 @@
 from __future__ import annotations
 
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ...models import Tool
-from .style import ARM
-from .style import PHASES as COLOURS
-from .timeline import PHASES
-from .view_poses import SpaceThrow, in_space, link_pieces, normal
-from .view_shapes import cup_wall, quaternion, rgb, ring, rod, turned_shape
+from .space import SpaceThrow, in_space, link_pieces, normal
+from .style import ARM, BLACK, PHASES
+
+if TYPE_CHECKING:
+    from ...problems import Cup
 
 Array = npt.NDArray[np.float64]
 
-LINK, CUP, PAD, GHOST, MARK = "#7c8899", "#b5713c", "#20242b", "#202020", "#202020"
+LINK, CUP, PAD = "#7c8899", "#b5713c", "#20242b"
 #: Links are as thick as this share of the arm's length.
 LINK_RADIUS = 0.032
 #: Drawn only: the hand's width along the pads' motion; how far the pads reach beyond their
@@ -27,8 +26,7 @@ HAND_WIDTH, PAD_AHEAD, PAD_WIDTH, PAD_THICKNESS = 0.16, 0.01, 0.02, 0.012
 PAD_SPEED, PAD_TRAVEL = 0.1, 0.03
 #: The box that stands for a free hand's body (from, to, half width) behind the pads [m].
 FREE_HAND = (0.12, 0.045, 0.03)
-CUP_WALL = 0.004
-LIGHT = 2.0
+RIM, LIGHT = 0.006, 2.0
 #: How far a mark's name is below it [m]: those at the release are near each other.
 LABEL_DROP = {"command": 0.16, "opening": 0.11, "detach": 0.06, "landing": 0.0}
 #: Half the least thickness drawn for a bar [m].
@@ -41,33 +39,34 @@ class View:
     """A throw in a viser server; `show` puts everything where it is at a time."""
 
     def __init__(self, server: Any, throw: SpaceThrow) -> None:
-        self.server, self.throw = server, throw
-        self.scene = server.scene
+        self.server, self.throw, self.scene = server, throw, server.scene
         self.half_thickness = max(throw.scene.object.width / 2, LEAST_HALF)
-        self._light()
+        # Light from all sides, and no environment picture, which viser would download.
+        self.scene.configure_environment_map(None)
+        self.scene.add_light_ambient("/light", intensity=LIGHT)
         self._draw_surroundings()
         self._draw_path()
         self.joints = self._draw_arm()
         self.hand, self.pads = self._draw_hand()
         self.bar = self.scene.add_frame("/bar", show_axes=False)
-        self.box = self._draw_bar("/bar/box", COLOURS["carry"], None)
+        self.box = self._draw_bar("/bar/box", PHASES["carry"], None)
         radius = 0.55 * self.half_thickness + 0.004
         for side in (-1, 1):
             at = (0.0, 0.0, side * self.half_thickness)
-            self.scene.add_icosphere(f"/bar/com{side}", radius, rgb(MARK), position=at)
+            self.scene.add_icosphere(f"/bar/com{side}", radius, rgb(BLACK), position=at)
         self._aim_camera()
         self.show(0.0)
 
     def show(self, time: float) -> int:
         """Moves everything to `time` [s]; returns the instant's index."""
         throw = self.throw
-        i = throw.index(time)
+        i = throw.line.index(time)
         with self.server.atomic():
-            for frame, pose in zip(self.joints, self._joint_poses(i), strict=True):
+            for frame, pose in zip(self.joints, throw.joints[i], strict=True):
                 _put(frame, pose)
             _put(self.hand, throw.hand[i])
             _put(self.bar, throw.bar[i])
-            self.box.color = rgb(COLOURS[throw.phase(i)])
+            self.box.color = rgb(PHASES[throw.line.phase_name(i)])
             since = max(0.0, float(throw.line.times[i]) - throw.throw.detach_time)
             gap = self.half_thickness + min(PAD_TRAVEL, PAD_SPEED * since)
             for side, pad in zip((-1, 1), self.pads, strict=True):
@@ -75,43 +74,43 @@ class View:
                 pad.position = (middle, 0.0, side * (gap + PAD_THICKNESS / 2))
         return i
 
-    def _joint_poses(self, index: int) -> Array:
-        joints = self.throw.joints
-        return np.empty((0, 4, 4)) if joints is None else joints[index]
-
-    def _light(self) -> None:
-        """Light from all sides besides viser's lamps, and no room around: none is fetched."""
-        self.scene.configure_environment_map(None)
-        self.scene.add_light_ambient("/light", intensity=LIGHT)
-
     def _draw_arm(self) -> list[Any]:
         """The arm's links and joints; returns the nodes that move with each joint."""
-        arm = self.throw.scene.arm
+        arm, scene = self.throw.scene.arm, self.scene
         if arm is None:
             return []
         pieces = link_pieces(arm)
-        lengths = [np.linalg.norm(end - begin) for row in pieces for begin, end in row]
-        radius = LINK_RADIUS * float(sum(lengths))
-        nodes = [self.scene.add_frame("/arm/base", show_axes=False)]
+        radius = LINK_RADIUS * sum(float(np.linalg.norm(b - a)) for row in pieces for a, b in row)
+        foot = (0.0, 0.0, 0.3 * radius)
+        nodes = [scene.add_frame("/arm/base", show_axes=False)]
+        scene.add_cylinder("/arm/base/foot", 1.6 * radius, 0.6 * radius, rgb(ARM), position=foot)
         for j in range(1, arm.joints + 1):
-            nodes.append(self.scene.add_frame(f"/arm/joint{j}", show_axes=False))
-            drum = f"/arm/joint{j}/drum"
-            self.scene.add_cylinder(drum, 1.12 * radius, 2.5 * radius, rgb(ARM))
+            nodes.append(scene.add_frame(f"/arm/joint{j}", show_axes=False))
+            scene.add_cylinder(f"/arm/joint{j}/drum", 1.12 * radius, 2.5 * radius, rgb(ARM))
         for node, row in zip(nodes, pieces, strict=True):
             for k, ends in enumerate(row):
-                rod(self.scene, f"{node.name}/link{k}", ends, radius, LINK)
-        self.scene.add_cylinder(
-            "/arm/base/foot", 1.6 * radius, 0.6 * radius, rgb(ARM), position=(0, 0, 0.3 * radius)
-        )
+                self._draw_rod(f"{node.name}/link{k}", ends, radius)
         return nodes[1:]
+
+    def _draw_rod(self, name: str, ends: tuple[Array, Array], radius: float) -> None:
+        """A link between two points of the frame that `name` lies in, round at its end."""
+        begin, end = ends
+        length = float(np.linalg.norm(end - begin))
+        x, y, z = (end - begin) / length
+        # The quaternion that turns the cylinder's z axis to the link, half a turn if it is -z.
+        turn = np.array([1.0 + z, -y, x, 0.0]) if z > -1.0 else np.array([0.0, 1.0, 0.0, 0.0])
+        place: dict[str, Any] = {"wxyz": turn / np.linalg.norm(turn)}
+        place["position"] = (begin + end) / 2
+        self.scene.add_cylinder(f"{name}/rod", radius, length, rgb(LINK), **place)
+        self.scene.add_icosphere(f"{name}/end", radius, rgb(LINK), subdivisions=3, position=end)
 
     def _draw_hand(self) -> tuple[Any, list[Any]]:
         """The hand's body and its two pads; returns the moving node and the pads."""
         arm = self.throw.scene.arm
-        tool: Tool | None = None if arm is None else arm.tool
-        back, front, half = (
-            FREE_HAND if tool is None else (tool.palm_back, tool.palm_front, tool.palm_half_width)
-        )
+        back, front, half = FREE_HAND
+        if arm is not None:
+            back, front = arm.tool.palm_back, arm.tool.palm_front
+            half = arm.tool.palm_half_width
         node = self.scene.add_frame("/hand", show_axes=False)
         size = (back - front, 2 * half, HAND_WIDTH)
         self.scene.add_box("/hand/body", rgb(ARM), size, position=(-(back + front) / 2, 0.0, 0.0))
@@ -123,104 +122,91 @@ class View:
         """A box of the bar's length and width about the CoM's frame."""
         bar = self.throw.scene.object
         size = (bar.length, 2 * self.half_thickness, 2 * self.half_thickness)
-        middle = (bar.length / 2 - bar.com, 0.0, 0.0)
-        return self.scene.add_box(
-            name, rgb(colour), size, position=middle, opacity=opacity, cast_shadow=opacity is None
-        )
+        place: dict[str, Any] = {"position": (bar.length / 2 - bar.com, 0.0, 0.0)}
+        place |= {"opacity": opacity, "cast_shadow": opacity is None}
+        return self.scene.add_box(name, rgb(colour), size, **place)
 
     def _draw_surroundings(self) -> None:
         """Floor, base column, target and cup."""
-        scene, low = self.throw.scene, self.throw.extent()[0]
+        scene = self.throw.scene
         workspace = scene.workspace
-        floor = 0.0 if scene.arm is not None else float(low[1]) - 0.05
+        floor = 0.0 if scene.arm is not None else float(self.throw.extent()[0][1]) - 0.05
         if workspace is not None and workspace.floor is not None:
             floor = workspace.floor
-        self.scene.add_grid(
-            "/floor",
-            6.0,
-            6.0,
-            cell_size=0.1,
-            section_size=0.5,
-            position=(0.0, 0.0, floor),
-            shadow_opacity=0.0,
-        )
+        cells: dict[str, Any] = {"cell_size": 0.1, "section_size": 0.5, "shadow_opacity": 0.0}
+        self.scene.add_grid("/floor", 6.0, 6.0, position=(0.0, 0.0, floor), **cells)
         if workspace is not None and workspace.column_radius is not None:
-            height = workspace.column_height or 0.0
-            self.scene.add_cylinder(
-                "/column",
-                workspace.column_radius,
-                height,
-                rgb("#c9c2b8"),
-                opacity=0.25,
-                position=(0.0, 0.0, height / 2),
-                cast_shadow=False,
-            )
-        ghost = self.scene.add_frame("/target", show_axes=False)
-        _put(ghost, self.throw.target())
-        self.scene.add_icosphere("/target/com", 0.008, rgb(GHOST))
+            radius, height = workspace.column_radius, workspace.column_height or 0.0
+            glass: dict[str, Any] = {"opacity": 0.25, "cast_shadow": False}
+            at = (0.0, 0.0, height / 2)
+            self.scene.add_cylinder("/column", radius, height, rgb("#c9c2b8"), position=at, **glass)
+        _put(self.scene.add_frame("/target", show_axes=False), self.throw.target())
+        self.scene.add_icosphere("/target/com", 0.008, rgb(BLACK))
         if self.throw.throw.target.theta is not None:
-            self._draw_bar("/target/ghost", GHOST, 0.25)
+            self._draw_bar("/target/ghost", BLACK, 0.25)
         if scene.cup is not None:
             self._draw_cup(scene.cup)
 
-    def _draw_cup(self, cup: Any) -> None:
-        """A round cup: wall and bottom to look through, a solid rim."""
+    def _draw_cup(self, cup: Cup) -> None:
+        """A round cup: wall and bottom to look through, a solid rim; profiles turned about z."""
+        from trimesh.creation import revolve
+
         middle = in_space(np.array(cup.x), np.array(cup.rim), self.throw.azimuth)
-        for name, profile, opacity in (
-            ("wall", cup_wall(cup.radius, cup.depth), 0.45),
-            ("rim", ring(cup.radius, 1.5 * CUP_WALL), None),
-        ):
-            vertices, faces = turned_shape(profile)
+        look: dict[str, Any] = {"color": rgb(CUP), "side": "double", "position": middle}
+        look |= {"cast_shadow": False, "receive_shadow": False}
+        wall = np.array([[0.0, -cup.depth], [cup.radius, -cup.depth], [cup.radius, 0.0]])
+        angle = np.linspace(0.0, 2 * np.pi, 13)
+        ring = np.column_stack(
+            [cup.radius + RIM / 2 * (1 + np.cos(angle)), RIM / 2 * np.sin(angle)]
+        )
+        for name, profile, opacity in (("wall", wall, 0.45), ("rim", ring, None)):
+            mesh = revolve(profile, sections=48)
             self.scene.add_mesh_simple(
-                f"/cup/{name}",
-                vertices,
-                faces,
-                color=rgb(CUP),
-                opacity=opacity,
-                side="double",
-                cast_shadow=False,
-                receive_shadow=False,
-                position=middle,
+                f"/cup/{name}", mesh.vertices, mesh.faces, opacity=opacity, **look
             )
 
     def _draw_path(self) -> None:
         """The CoM's path, coloured by phase, and the marks on it."""
         throw, line = self.throw, self.throw.line
         path = in_space(line.com[0], line.com[1], throw.azimuth)
-        colours = np.array([rgb(COLOURS[name]) for name in PHASES], dtype=np.uint8)[line.phase]
-        self.scene.add_line_segments(
-            "/path",
-            np.stack([path[:-1], path[1:]], axis=1),
-            np.repeat(colours[1:, None], 2, axis=1),
-            thickness=0.006,
-        )
+        colours = np.array([rgb(colour) for colour in PHASES.values()], dtype=np.uint8)[line.phase]
+        pieces = np.stack([path[:-1], path[1:]], axis=1)
+        colours = np.repeat(colours[1:, None], 2, axis=1)
+        self.scene.add_line_segments("/path", pieces, colours, thickness=0.006)
         for name, time in line.marks.items():
-            at = path[throw.index(time)]
+            mark, at = f"/marks/{name}", path[line.index(time)]
             down = np.array([0.0, 0.0, -LABEL_DROP[name]])
-            self.scene.add_icosphere(f"/marks/{name}", 0.009, rgb(MARK), position=at)
-            leader = np.array([[[0.0, 0.0, 0.0], down]])
-            self.scene.add_line_segments(
-                f"/marks/{name}/leader", leader, rgb(MARK), thickness=0.002
-            )
-            self.scene.add_label(f"/marks/{name}/text", name, anchor="center-left", position=down)
+            leader = np.array([[np.zeros(3), down]])
+            self.scene.add_icosphere(mark, 0.009, rgb(BLACK), position=at)
+            self.scene.add_line_segments(f"{mark}/leader", leader, rgb(BLACK), thickness=0.002)
+            self.scene.add_label(f"{mark}/text", name, anchor="center-left", position=down)
 
     def _aim_camera(self) -> None:
-        """Looks across the plane, from a little above, so that the whole throw is seen."""
+        """Looks across the plane, from slightly above, so that the whole throw is seen."""
         low, high = self.throw.extent()
-        if self.throw.joints is not None:
-            low, high = np.minimum(low, [-0.1, 0.0]), np.maximum(high, [0.1, 0.0])
         size, middle = high - low, (high + low) / 2
         reach = max(size[1], size[0] / ASPECT) / 2 / math.tan(VIEW_ANGLE / 2)
         azimuth = self.throw.azimuth
         across = normal(azimuth) + in_space(np.array(0.25), np.array(0.3), azimuth)
-        look_at = in_space(middle[0], middle[1], azimuth)
         camera = self.server.initial_camera
-        camera.look_at = look_at
-        camera.position = look_at + 1.3 * reach * across / np.linalg.norm(across)
+        camera.look_at = in_space(middle[0], middle[1], azimuth)
+        camera.position = camera.look_at + 1.3 * reach * across / np.linalg.norm(across)
         camera.up = (0.0, 0.0, 1.0)
         camera.fov = VIEW_ANGLE
 
 
+def rgb(colour: str) -> tuple[int, int, int]:
+    """A colour '#rrggbb' as three numbers to 255."""
+    return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
+
+
+def _quaternion(turn: Array) -> Array:
+    """(w, x, y, z) of a rotation matrix."""
+    from viser.transforms import SO3
+
+    return np.asarray(SO3.from_matrix(turn).wxyz)
+
+
 def _put(node: Any, pose: Array) -> None:
     node.position = pose[:3, 3]
-    node.wxyz = quaternion(pose[:3, :3])
+    node.wxyz = _quaternion(pose[:3, :3])

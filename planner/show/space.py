@@ -7,19 +7,20 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from ...models import Arm, DHRow, PlanarArm, placement
-from ...problems import Scene
-from ..check import SentThrow, bar_outline
-from .timeline import PHASES, Timeline, timeline
+from .timeline import Timeline, timeline
+
+if TYPE_CHECKING:
+    from ...problems import Scene
+    from ..check import SentThrow
 
 Array = npt.NDArray[np.float64]
-#: Start and end point of a straight piece of a link [m].
-Piece = tuple[Array, Array]
 
 
 @dataclass(frozen=True)
@@ -28,14 +29,14 @@ class SpaceThrow:
 
     hand (N, 4, 4): at the pads' centre, x the approach axis, z the plane's normal, which
     the pads press along; bar (N, 4, 4): at the CoM, x along the bar. joints (N, n, 4, 4):
-    the arm's frames after each joint, None for a hand.
+    the arm's frames after each joint, n = 0 for a hand.
     """
 
     throw: SentThrow
     line: Timeline
     hand: Array
     bar: Array
-    joints: Array | None
+    joints: Array
 
     @property
     def scene(self) -> Scene:
@@ -47,14 +48,6 @@ class SpaceThrow:
         """How far the plane is turned about the base's z axis [rad]."""
         return self.throw.target.azimuth
 
-    def index(self, time: float) -> int:
-        """Index of the instant nearest to `time` [s]."""
-        return int(np.abs(self.line.times - time).argmin())
-
-    def phase(self, index: int) -> str:
-        """Name of the phase at an instant."""
-        return PHASES[self.line.phase[index]]
-
     def phases(self) -> dict[str, float]:
         """When each phase that occurs begins, and the landing [s]."""
         release, opening = self.throw.final.release, self.throw.opening_time
@@ -65,34 +58,32 @@ class SpaceThrow:
         return found | {"flight": self.throw.detach_time, "landing": self.throw.landing_time}
 
     def target(self) -> Array:
-        """4x4: the target pose; the angle it lands with where any will do."""
+        """4x4: the target pose; at the angle of the landing where the target has none."""
         target = self.throw.target
         theta = float(self.line.com[2, -1]) if target.theta is None else target.theta
         poses = placed(np.array([[target.plane_x], [target.z], [theta]]), self.azimuth)
         return np.asarray(poses[0])
 
     def extent(self) -> tuple[Array, Array]:
-        """Least and largest (x, z) in the plane of what moves, the cup and the base."""
-        points = [bar_outline(self.scene.object, self.line.com).reshape(2, -1), self.line.hand[:2]]
-        if self.line.arm is not None:
-            points.append(self.line.arm.transpose(1, 0, 2).reshape(2, -1))
+        """Least and largest (x, z) in the plane of what moves, the cup and an arm's base."""
+        low, high = self.line.extent(self.scene)
         if self.scene.cup is not None:
             cup = self.scene.cup
-            sides = [cup.x - cup.radius, cup.x + cup.radius]
-            points.append(np.array([sides, [cup.rim - cup.depth, cup.rim]]))
-        everything = np.hstack(points)
-        return everything.min(axis=1), everything.max(axis=1)
+            low = np.minimum(low, [cup.x - cup.radius, cup.rim - cup.depth])
+            high = np.maximum(high, [cup.x + cup.radius, cup.rim])
+        if self.scene.arm is not None:
+            low, high = np.minimum(low, [-0.1, 0.0]), np.maximum(high, [0.1, 0.0])
+        return low, high
 
 
 def space_throw(throw: SentThrow) -> SpaceThrow:
     """The throw in space every millisecond."""
-    line = timeline(throw)
-    azimuth = throw.target.azimuth
-    bar, hand = placed(line.com, azimuth), placed(line.hand, azimuth)
-    if not isinstance(throw.mover.kinematics, PlanarArm):
-        return SpaceThrow(throw, line, hand, bar, None)
-    frames = _arm_frames(throw, throw.mover.kinematics, line.times)
-    return SpaceThrow(throw, line, _hand_of(frames[:, -1], azimuth), bar, frames[:, :-2])
+    line, azimuth = timeline(throw), throw.target.azimuth
+    hand, joints = placed(line.hand, azimuth), np.empty((len(line.times), 0, 4, 4))
+    if isinstance(throw.mover.kinematics, PlanarArm):
+        frames = _arm_frames(throw, throw.mover.kinematics, line.times)
+        hand, joints = _hand_of(frames[:, -1], azimuth), frames[:, :-2]
+    return SpaceThrow(throw, line, hand, placed(line.com, azimuth), joints)
 
 
 def in_space(x: Array, z: Array, azimuth: float) -> Array:
@@ -117,12 +108,12 @@ def placed(pose: Array, azimuth: float) -> Array:
     return poses
 
 
-def link_pieces(arm: Arm) -> list[list[Piece]]:
-    """Straight pieces that show the links: those fixed to the base, then to each joint.
+def link_pieces(arm: Arm) -> list[list[tuple[Array, Array]]]:
+    """Straight pieces (begin, end) [m] that show the links: of the base, then of each joint.
 
     Each in the frame that carries it. A Denavit-Hartenberg row goes along its a, then its d.
     """
-    found: list[list[Piece]] = []
+    found: list[list[tuple[Array, Array]]] = []
     zero = np.zeros(3)
     for joint in arm.chain:
         end = _number(joint.placed())[:3, 3]

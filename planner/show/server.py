@@ -1,16 +1,88 @@
-"""The 3-D view's panel: time, play, speed, phase; and the clock behind it."""
+"""The page of the 3-D view, on this machine only: viser's server, panel and clock."""
 
 from __future__ import annotations
 
+import contextlib
+import io
+import os
+import socket
+import sys
 import threading
+import time
+import webbrowser
+from collections.abc import Iterator
 from typing import Any
 
-from .style import PHASES as COLOURS
+from ...problems import InputError
+from .space import SpaceThrow
+from .style import PHASES
 from .view import View
 
+HOST = "127.0.0.1"
+#: Steps of playing a second.
+RATE = 50.0
 #: Playback speeds against real time.
 SPEEDS = {"1": 1.0, "1/5": 0.2, "1/20": 0.05}
 FIRST_SPEED = "1/5"
+
+
+@contextlib.contextmanager
+def serving(throw: SpaceThrow, port: int) -> Iterator[tuple[str, Any]]:
+    """Address and panel of the throw's view while it is served.
+
+    InputError where viser is missing or the port cannot be had.
+    """
+    try:
+        import viser
+    except ImportError:
+        raise InputError("view needs viser: pip install 'throwplan[view]'") from None
+    _check_port(port)
+    # It says on stdout that it starts and stops, which is for the command to say.
+    with contextlib.redirect_stdout(io.StringIO()):
+        server = viser.ViserServer(host=HOST, port=port, label=throw.scene.name, verbose=False)
+    try:
+        if server.get_port() != port:
+            raise InputError(f"--port {port}: is taken; choose another with --port")
+        # The share button would let other machines in.
+        server.gui.configure_theme(show_logo=False, show_share_button=False)
+        server.gui.main_panel.dock_right()
+        yield f"http://{HOST}:{port}", Panel(server, View(server, throw))
+    finally:
+        with contextlib.redirect_stdout(io.StringIO()):
+            server.stop()
+
+
+def _check_port(port: int) -> None:
+    """InputError for a port that cannot be had; viser would take another."""
+    with socket.socket() as probe:
+        if os.name == "posix":
+            probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            probe.bind((HOST, port))
+        except OSError as error:
+            reason = (error.strerror or str(error)).lower()
+            raise InputError(f"--port {port}: {reason}; choose another with --port") from None
+
+
+def run_panel(panel: Any, hold: float | None) -> None:
+    """Plays what the panel asks for, for `hold` seconds or until interrupted."""
+    start = last = time.perf_counter()
+    while hold is None or last - start < hold:
+        time.sleep(1 / RATE)
+        now = time.perf_counter()
+        panel.advance(now - last)
+        last = now
+
+
+def open_browser(address: str) -> bool:
+    """Opens the default browser; False where there is none."""
+    displays = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
+    if sys.platform.startswith("linux") and not any(os.environ.get(name) for name in displays):
+        return False
+    try:
+        return webbrowser.open(address)
+    except (webbrowser.Error, OSError):
+        return False
 
 
 class Panel:
@@ -49,7 +121,7 @@ class Panel:
             self.slider.value = round(1e3 * self.time)
             since = 1e3 * (self.time - self.throw.throw.opening_time)
             self.words.content = (
-                f"**{self.throw.phase(index)}**, {1e3 * self.time:.0f} ms "
+                f"**{self.throw.line.phase_name(index)}**, {1e3 * self.time:.0f} ms "
                 f"(opening {'−' if since < 0 else '+'} {abs(since):.0f} ms)"
             )
 
@@ -81,9 +153,9 @@ def _legend(phases: dict[str, float]) -> str:
     """The phases' colours and when they begin."""
     square = '<span style="color:{}">&#9632;</span>'
     rows = [
-        f"{square.format(COLOURS[name])} {name} from {1e3 * start:.0f} ms"
+        f"{square.format(PHASES[name])} {name} from {1e3 * start:.0f} ms"
         for name, start in phases.items()
-        if name in COLOURS
+        if name in PHASES
     ]
     rows.append(f"landing at {1e3 * phases['landing']:.0f} ms")
     body = "<br>".join(rows)

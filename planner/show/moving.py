@@ -1,0 +1,166 @@
+"""The throw as a moving picture: throw.gif, and the same frames as a film."""
+
+from __future__ import annotations
+
+import contextlib
+import itertools
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ...problems import InputError
+from .style import ARM, BLACK, PHASES, new_figure
+from .throw_picture import bar_corners, draw_surroundings, frame_stage, hand_corners
+from .timeline import Timeline, timeline
+
+if TYPE_CHECKING:
+    from PIL import Image
+
+    from ..check import SentThrow
+
+Pixels = npt.NDArray[np.uint8]
+
+#: Playback speed against real time; frames of throw.gif, its last one held for HELD frames;
+#: frames per second of throw.gif at most, and of a film.
+SLOW, FRAMES, HELD, GIF_FPS, FILM_FPS = 0.2, 90, 12, 20, 25
+#: Width of the cells that throw.gif's palette takes one colour of, of 256.
+CELL = 16
+#: Artists from this height on are drawn for every frame, the others once.
+FRONT = 3
+
+
+def draw_throw_moving(throw: SentThrow, path: Path) -> None:
+    """The throw as a GIF at a fifth of its speed, which ends shortly after landing."""
+    from PIL import Image
+
+    line = timeline(throw)
+    last = len(line.times) - 1
+    shown = np.unique(np.linspace(0, last, FRAMES).astype(int))
+    shown = np.append(shown, np.full(HELD, last))
+    fps = max(5.0, min(GIF_FPS, len(shown) * SLOW / line.times[-1]))
+    # The first instant of each phase and the last one hold all colours.
+    typical = np.append(np.unique(line.phase, return_index=True)[1], last)
+    palette = _palette(np.vstack(list(frames(throw, line, typical))))
+    images = (
+        Image.fromarray(pixels).convert("RGB").quantize(palette=palette, dither=Image.Dither.NONE)
+        for pixels in frames(throw, line, shown)
+    )
+    duration = 1000 // round(fps)
+    first = next(images)
+    first.save(path, save_all=True, append_images=images, duration=duration, loop=0, optimize=False)
+
+
+def _palette(pixels: Pixels) -> Image.Image:
+    """At most 256 colours, the most frequent of each cell: white and the phases stay exact."""
+    from PIL import Image
+
+    counts: Any = Image.fromarray(pixels).convert("RGB").getcolors(pixels.size)
+    cells: dict[tuple[int, ...], tuple[int, ...]] = {}
+    for _, colour in sorted(counts, reverse=True):
+        cells.setdefault(tuple(value // CELL for value in colour), colour)
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(list(itertools.chain.from_iterable(cells.values()))[: 3 * 256])
+    return palette
+
+
+def save_film(throw: SentThrow, path: Path) -> None:
+    """An MP4 at a fifth of the throw's speed, whole or not at all; the end stays half a second.
+
+    InputError where ffmpeg or a place to write is missing.
+    """
+    if path.suffix != ".mp4":
+        raise InputError(f"--mp4 {path}: must end in .mp4")
+    if shutil.which("ffmpeg") is None:
+        raise InputError("--mp4: needs ffmpeg, which is not installed")
+    line = timeline(throw)
+    shown = np.searchsorted(line.times, np.arange(0.0, line.times[-1], SLOW / FILM_FPS) - 1e-9)
+    shown = np.append(shown, np.full(FILM_FPS // 2, len(line.times) - 1))
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=path.parent) as scratch:
+            whole = Path(scratch) / path.name
+            _encode(frames(throw, line, shown), whole)
+            os.replace(whole, path)
+    except OSError as error:
+        raise InputError(f"--mp4 {path}: {error.strerror or error}") from None
+    except subprocess.CalledProcessError as error:
+        raise InputError(f"--mp4 {path}: ffmpeg failed with status {error.returncode}") from None
+
+
+def _encode(pictures: Iterable[Pixels], path: Path) -> None:
+    """Pictures (H, W, 4) of one even size as H.264 in the pixel format that all players know."""
+    pictures = iter(pictures)
+    first = next(pictures)
+    high, wide = first.shape[:2]
+    command = [
+        *("ffmpeg", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgba"),
+        *("-s", f"{wide}x{high}", "-framerate", str(FILM_FPS), "-i", "pipe:"),
+        *("-vcodec", "h264", "-pix_fmt", "yuv420p", "-y", str(path)),
+    ]
+    quiet = subprocess.DEVNULL
+    # If ffmpeg ends early, its status says so.
+    with (
+        contextlib.suppress(BrokenPipeError),
+        subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet) as process,
+    ):
+        assert process.stdin is not None
+        for picture in itertools.chain([first], pictures):
+            process.stdin.write(picture.tobytes())
+    if process.returncode:
+        raise subprocess.CalledProcessError(process.returncode, command)
+
+
+def frames(throw: SentThrow, line: Timeline, shown: npt.NDArray[np.int_]) -> Iterator[Pixels]:
+    """The instants `shown` of the throw as pixels (H, W, 4), RGBA, one after another.
+
+    What lies behind everything that moves is drawn once and kept.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.patches import Polygon
+
+    figure = new_figure(7.2, 5.4)
+    figure.set_dpi(80)
+    canvas: Any = FigureCanvasAgg(figure)
+    stage, scene = figure.subplots(), throw.scene
+    draw_surroundings(stage, scene, throw.target)
+    frame_stage(stage, scene, line)
+    bar = Polygon(np.zeros((4, 2)), closed=True, zorder=6)
+    trail = stage.plot([], [], color=BLACK, lw=0.8, zorder=3)[0]
+    arm = stage.plot([], [], "-o", color=ARM, lw=5, ms=5, solid_capstyle="round", zorder=4)[0]
+    hand = Polygon(np.zeros((4, 2)), closed=True, color=ARM, zorder=4)
+    stage.add_patch(bar)
+    stage.add_patch(hand)
+    label = stage.text(0.02, 0.97, "", transform=stage.transAxes, va="top", fontsize=10)
+
+    def show(i: int) -> None:
+        phase = line.phase_name(i)
+        bar.set(xy=bar_corners(scene.object, line.com[:, i]), color=PHASES[phase])
+        trail.set_data(line.com[0, : i + 1], line.com[1, : i + 1])
+        if line.arm is not None:
+            arm.set_data(*line.arm[i])
+        hand.set_xy(hand_corners(scene, line.hand[:, i]))
+        label.set_text(f"t = {1e3 * line.times[i]:.0f} ms   {phase}")
+
+    show(0)
+    # The layout is found once, not for every frame.
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    children = sorted(stage.get_children(), key=lambda artist: artist.get_zorder())
+    front = [artist for artist in children if artist.get_zorder() >= FRONT]
+    for artist in front:
+        artist.set_animated(True)
+    canvas.draw()
+    behind = canvas.copy_from_bbox(figure.bbox)
+    for i in shown:
+        show(int(i))
+        canvas.restore_region(behind)
+        for artist in front:
+            stage.draw_artist(artist)
+        yield np.array(canvas.buffer_rgba())

@@ -1,0 +1,167 @@
+"""throw.png, and what it shares with throw.gif."""
+
+from __future__ import annotations
+
+import dataclasses
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ..check import bar_outline, palm_corners
+from .style import ARM, BLACK, GREEN, ORANGE, PHASES, RED, draw_cup, new_figure, save
+from .timeline import Timeline, timeline
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from ...problems import Pose, Scene, ThrownObject
+    from ..check import SentThrow
+
+Array = npt.NDArray[np.float64]
+
+#: The plots over time start this long before the command [ms].
+LEAD_MS = 120.0
+#: Least width drawn for a bar [m], and how many of its poses are drawn.
+MIN_WIDTH, BARS = 0.008, 22
+
+
+def draw_throw(throw: SentThrow, path: Path, load: tuple[Array, Array] | None = None) -> None:
+    """The throw as one picture: arm and bar in the plane, and three plots over time.
+
+    load: times [s] and load of a robust plan's window, as `load_curve` gives them.
+    """
+    line, scene = timeline(throw), throw.scene
+    figure = new_figure(12.5, 6.6)
+    grid = figure.add_gridspec(3, 2, width_ratios=(2.1, 1))
+    stage = figure.add_subplot(grid[:, 0])
+    draw_surroundings(stage, scene, throw.target)
+    _draw_arms(stage, scene, line)
+    _draw_bars(stage, scene.object, line)
+    frame_stage(stage, scene, line)
+    dx, dtheta = throw.final.miss(throw.target)
+    kind = "exact" if scene.robot is None else "sent"
+    angle = "" if throw.target.theta is None else f", {np.degrees(abs(dtheta)):.3f} deg"
+    title = f"{scene.name}: {kind} landing {1e3 * abs(dx):.3f} mm{angle} from the target"
+    stage.set_title(title, loc="left", fontsize=10)
+    plots = [figure.add_subplot(grid[i, 1]) for i in range(3)]
+    _draw_plots(plots, line)
+    if load is not None:
+        _draw_window(plots[-1], *load)
+    save(figure, path)
+
+
+def bar_corners(bar: ThrownObject, com: Array) -> Array:
+    """Corners (4, 2) of the bar, widened to be seen."""
+    wide = dataclasses.replace(bar, width=max(bar.width, MIN_WIDTH))
+    return np.asarray(bar_outline(wide, com[:, None])[:, 0].T)
+
+
+def hand_corners(scene: Scene, pose: Array) -> Array:
+    """Corners (N, 2) of the palm, or of a small pad for a free hand."""
+    if scene.arm is not None:
+        return np.asarray(palm_corners(scene.arm.tool, pose[:, None])[:, 0].T)
+    cos, sin = np.cos(pose[2]), np.sin(pose[2])
+    corners = 0.02 * np.array([[-1, -0.7], [1, -0.7], [1, 0.7], [-1, 0.7]])
+    return np.asarray(pose[:2] + corners @ np.array([[cos, sin], [-sin, cos]]))
+
+
+def draw_surroundings(stage: Axes, scene: Scene, target: Pose) -> None:
+    """Target, cup, floor and base column."""
+    from matplotlib.patches import Polygon, Rectangle
+
+    if scene.cup is not None:
+        draw_cup(stage, scene.cup)
+    workspace = scene.workspace
+    if workspace is not None and workspace.floor is not None:
+        stage.axhline(workspace.floor, color="#b0a99f", lw=1, ls="--", zorder=1)
+    if workspace is not None and workspace.column_radius and workspace.column_height:
+        radius, height = workspace.column_radius, workspace.column_height
+        stage.add_patch(Rectangle((-radius, 0), 2 * radius, height, color="#e4e1dc", zorder=0))
+    x = target.plane_x
+    if target.theta is not None:
+        corners = bar_corners(scene.object, np.array([x, target.z, target.theta]))
+        stage.add_patch(Polygon(corners, closed=True, fill=False, ls="--", color="k", zorder=7))
+    stage.plot([x], [target.z], "k+", ms=11, zorder=8, label="target")
+
+
+def frame_stage(stage: Axes, scene: Scene, line: Timeline) -> None:
+    """Equal axes around everything that moves, and the legend."""
+    low, high = line.extent(scene)
+    low, high = low - 0.08, high + 0.08
+    if scene.cup is not None:
+        low[1] = min(low[1], scene.cup.rim - scene.cup.depth - 0.04)
+        high[0] = max(high[0], scene.cup.x + scene.cup.radius + 0.05)
+    stage.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x [m]", ylabel="z [m]")
+    stage.set_aspect("equal")
+    stage.grid(alpha=0.25)
+    if len(stage.get_legend_handles_labels()[0]) > 1:
+        stage.legend(loc="best", fontsize=8, framealpha=0.9, ncols=2)
+
+
+def _draw_arms(stage: Axes, scene: Scene, line: Timeline) -> None:
+    """The arm (or hand) at rest, as the opening starts and at detach."""
+    from matplotlib.patches import Polygon
+
+    kind = "hand" if line.arm is None else "arm"
+    moments = {"at rest": 0.0} | {name: line.marks[name] for name in ("opening", "detach")}
+    for (name, moment), alpha in zip(moments.items(), (0.25, 0.5, 0.9), strict=True):
+        i = line.index(moment)
+        if line.arm is not None:
+            stage.plot(
+                *line.arm[i], "-o", color=ARM, alpha=alpha, lw=5, ms=5, solid_capstyle="round"
+            )
+        outline = hand_corners(scene, line.hand[:, i])
+        stage.add_patch(Polygon(outline, closed=True, color=ARM, alpha=alpha, zorder=2))
+        stage.plot([], [], color=ARM, alpha=alpha, lw=5, label=f"{kind}, {name}")
+
+
+def _draw_bars(stage: Axes, bar: ThrownObject, line: Timeline) -> None:
+    """The bar along its way, coloured by phase, and the CoM's path."""
+    from matplotlib.patches import Polygon
+
+    stage.plot(line.com[0], line.com[1], color=BLACK, lw=0.9, zorder=3)
+    shown = np.linspace(0, len(line.times) - 1, BARS).astype(int)
+    changes = np.flatnonzero(np.diff(line.phase)) + 1
+    for i in np.union1d(shown, changes):
+        colour, corners = PHASES[line.phase_name(i)], bar_corners(bar, line.com[:, i])
+        patch = Polygon(corners, closed=True, color=colour, alpha=0.75, lw=0.5, zorder=5)
+        stage.add_patch(patch)
+    for i in np.unique(line.phase, return_index=True)[1]:
+        name = line.phase_name(i)
+        stage.plot([], [], color=PHASES[name], lw=5, label=f"bar, {name}")
+
+
+def _draw_plots(axes: list[Axes], line: Timeline) -> None:
+    """Grip force, turning rates and friction use from shortly before the command."""
+    grip, rate, use = axes
+    t = 1e3 * line.times
+    grip.plot(t, np.where(line.times <= line.marks["detach"], line.grip, 0.0), color=ARM)
+    grip.set_ylabel("f_N [N]")
+    rate.plot(t, line.hand_rate, color=ARM, label="hand")
+    rate.plot(t, line.object_rate, color=GREEN, label="object")
+    rate.set_ylabel("ω [rad/s]")
+    use.plot(t, np.minimum(line.force_use, 3.0), color=RED, label="force")
+    use.plot(t, np.minimum(line.torque_use, 3.0), color=ORANGE, label="torque")
+    use.axhline(1.0, color="k", lw=0.8)
+    use.set(ylabel="friction use", xlabel="t [ms]", ylim=(0, 1.6))
+    for axis in (rate, use):
+        axis.legend(fontsize=8)
+    for axis in axes:
+        axis.grid(alpha=0.25)
+        axis.set_xlim(max(0.0, 1e3 * line.marks["command"] - LEAD_MS), t[-1])
+        for moment in line.marks.values():
+            axis.axvline(1e3 * moment, color="#999999", lw=0.8, ls=":")
+    words: dict[str, Any] = {"fontsize": 7, "rotation": 90, "va": "top", "ha": "right"}
+    for name in ("command", "opening", "detach"):
+        place = 1e3 * line.marks[name], 1.0
+        grip.annotate(name, place, xycoords=("data", "axes fraction"), **words)
+
+
+def _draw_window(axis: Axes, times: Array, load: Array) -> None:
+    """When the pads may open, and the load they would transmit then under full grip."""
+    axis.axvspan(1e3 * times[0], 1e3 * times[-1], color=GREEN, alpha=0.12, lw=0)
+    label = f"load while they may open,\nat most {100 * load.max():.1f} %"
+    axis.plot(1e3 * times, load, color=GREEN, lw=2, label=label)
+    axis.legend(fontsize=8)

@@ -1,0 +1,77 @@
+"""Pictures of a throw: files, colours, what moves where, and a user's Matplotlib left alone."""
+
+from __future__ import annotations
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+import throwplan as tp
+from matplotlib.colors import to_rgb
+from PIL import Image, ImageSequence
+from throwplan.planner.show import GREEN, GREY, ORANGE, draw_throw_moving
+
+
+@pytest.fixture(scope="module")
+def plan() -> tp.Plan:
+    return tp.plan("hand-flip")
+
+
+@pytest.fixture(scope="module")
+def folder(plan: tp.Plan, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    place = tmp_path_factory.mktemp("plan")
+    plan.save(place, draw=False)
+    return place
+
+
+DRAW = """
+import json, sys, matplotlib
+matplotlib.use("svg")
+import throwplan as tp
+
+tp.plan("hand-box").save("plan")
+tp.reach_map("hand-box", samples=2000).save("map")
+pyplot = sorted(name for name in sys.modules if name.startswith("matplotlib.pyplot"))
+print(json.dumps([matplotlib.get_backend(auto_select=False), pyplot]))
+"""
+
+
+def test_drawing_neither_changes_the_backend_nor_imports_pyplot(tmp_path: Path) -> None:
+    command = [sys.executable, "-c", DRAW]
+    done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
+    assert json.loads(done.stdout) == ["svg", []]
+    for name in ("plan/throw.png", "plan/throw.gif", "map/map.png"):
+        assert (tmp_path / name).exists(), name
+
+
+def test_only_the_pictures_asked_for_are_drawn(plan: tp.Plan, tmp_path: Path) -> None:
+    (tmp_path / "throw.gif").write_text("of an earlier plan")
+    for draw, pictures in (("png", {"throw.png"}), (False, set())):
+        plan.save(tmp_path, draw=draw)
+        assert set(os.listdir(tmp_path)) == {"plan.json", "motion.csv"} | pictures
+
+
+def share_of(picture: np.ndarray, colour: str) -> float:
+    """Share of the pixels (H, W, 3) that have a colour, to 6 of 255."""
+    return float((np.abs(picture - 255 * np.array(to_rgb(colour))).max(axis=2) < 6).mean())
+
+
+def test_the_gif_shows_every_phase_in_its_colour_on_white(folder: Path, tmp_path: Path) -> None:
+    throw = tp.read_plan(folder)
+    draw_throw_moving(throw, tmp_path / "throw.gif")
+    with Image.open(tmp_path / "throw.gif") as moving:
+        seconds, frames = 0.0, []
+        for frame in ImageSequence.Iterator(moving):
+            seconds += frame.info["duration"] / 1000
+            frames.append(np.asarray(frame.convert("RGB"), int))
+    # A fifth of the speed, and the last frame for a moment.
+    assert seconds == pytest.approx(5 * throw.landing_time, rel=0.3)
+    assert all((frame[:2] == 255).all() for frame in frames)
+    for colour in (GREY, ORANGE, GREEN):
+        assert max(share_of(frame, colour) for frame in frames) > 3e-4
+    assert share_of(frames[0], GREY) > 3e-4 > share_of(frames[0], GREEN)
+    assert share_of(frames[-6], GREEN) > 3e-4

@@ -1,0 +1,129 @@
+"""The 3-D view: where arm, hand and bar are, what is drawn of them, and the panel."""
+
+from __future__ import annotations
+
+import socket
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+import throwplan as tp
+from throwplan.planner.show import serving, space_throw
+
+AZIMUTH = 0.5
+
+
+@pytest.fixture(scope="module")
+def space(tmp_path_factory) -> Any:
+    """A throw into the cup, out of the plane y = 0."""
+    x, y = 0.92 * np.cos(AZIMUTH), 0.92 * np.sin(AZIMUTH)
+    plan = tp.plan("cup", tp.Pose(x=x, y=y, z=0.22, theta=-np.pi / 2))
+    plan.save(folder := tmp_path_factory.mktemp("cup"), draw=False)
+    return space_throw(tp.read_plan(folder))
+
+
+@pytest.fixture(scope="module")
+def panel(space: Any):
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    with serving(space, port) as (_, panel):
+        yield panel
+
+
+def test_the_arm_of_all_joints_holds_the_hand_of_the_planar_chain(space: Any) -> None:
+    x, z, theta = space.line.hand
+    across = np.array([np.cos(AZIMUTH), np.sin(AZIMUTH)])
+    place = np.column_stack([np.outer(x, across), z])
+    np.testing.assert_allclose(space.hand[:, :3, 3], place, atol=1e-9)
+    approach = np.column_stack([np.outer(np.cos(theta), across), np.sin(theta)])
+    np.testing.assert_allclose(space.hand[:, :3, 0], approach, atol=1e-9)
+    # Joints are rigidly linked, and the last one carries the pads' centre.
+    joints = space.joints[:, :, :3, 3]
+    for one, other in zip(range(joints.shape[1] - 1), range(1, joints.shape[1]), strict=True):
+        assert np.ptp(np.linalg.norm(joints[:, one] - joints[:, other], axis=1)) < 1e-9
+    assert np.ptp(np.linalg.norm(joints[:, -1] - space.hand[:, :3, 3], axis=1)) < 1e-9
+
+
+def test_the_bar_is_held_and_lands_at_the_target(space: Any) -> None:
+    held = space.bar[0, :3, 3] - space.hand[0, :3, 3]
+    assert np.linalg.norm(held) == pytest.approx(space.scene.com_offset, abs=1e-12)
+    target, times = space.throw.target, space.line.times
+    late = space.throw.landing_time - times[-1]
+    rate = (space.bar[-1, :3, 3] - space.bar[-2, :3, 3]) / (times[-1] - times[-2])
+    place = np.array([target.x, target.y, target.z])
+    assert np.linalg.norm(space.bar[-1, :3, 3] + late * rate - place) < 1e-4
+    np.testing.assert_allclose(space.target()[:3, 3], place, atol=1e-12)
+    np.testing.assert_allclose(space.target()[:3, 0], [0, 0, -1], atol=1e-12)
+    np.testing.assert_allclose(space.bar[-1, :3, 0], [0, 0, -1], atol=0.02)
+
+
+def test_a_hand_scene_has_no_joints(tmp_path: Path) -> None:
+    tp.plan("hand-box").save(tmp_path, draw=False)
+    space = space_throw(tp.read_plan(tmp_path))
+    assert space.joints.shape == (len(space.line.times), 0, 4, 4)
+    np.testing.assert_allclose(space.hand[:, [0, 2], 3], space.line.hand[:2].T, atol=1e-12)
+
+
+def test_the_pads_hold_until_detach_and_then_open(space: Any, panel: Any) -> None:
+    view = panel.view
+    for moment, opens in ((space.throw.opening_time, False), (space.throw.landing_time, True)):
+        i = view.show(moment)
+        np.testing.assert_allclose(view.hand.position, space.hand[i, :3, 3], atol=1e-12)
+        pad = view.pads[0]
+        gap = abs(pad.position[2]) - pad.dimensions[2] / 2 - space.scene.object.width / 2
+        assert (gap > 0.01) if opens else (abs(gap) < 1e-12)
+
+
+def test_the_camera_sees_the_whole_throw(space: Any, panel: Any) -> None:
+    camera = panel.view.server.initial_camera
+    position = np.asarray(camera.position)
+    forward = np.asarray(camera.look_at) - position
+    forward = forward / np.linalg.norm(forward)
+    right = np.cross(forward, camera.up)
+    right /= np.linalg.norm(right)
+    points = np.vstack([space.bar[:, :3, 3], space.joints.reshape(-1, 4, 4)[:, :3, 3]])
+    away = points - position
+    depth, half = away @ forward, np.tan(camera.fov / 2)
+    assert depth.min() > 0.1
+    assert np.abs(away @ np.cross(right, forward) / depth).max() < half
+    assert np.abs(away @ right / depth).max() < 1.15 * half
+
+
+def test_the_slider_moves_and_colours_the_bar(space: Any, panel: Any) -> None:
+    for name, colour in (("command", (138, 143, 152)), ("landing", (42, 157, 111))):
+        moment = space.line.marks[name]
+        panel.slider.value = round(1e3 * moment)
+        pose = space.bar[space.line.index(moment)]
+        np.testing.assert_allclose(panel.view.bar.position, pose[:3, 3], atol=1e-12)
+        assert tuple(panel.view.box.color) == colour
+        assert f"{1e3 * moment:.0f} ms" in panel.words.content
+
+
+def test_playing_takes_real_time_times_the_speed(panel: Any) -> None:
+    panel.go(0.0)
+    panel.play(True)
+    for speed, factor in (("1", 1.0), ("1/5", 0.2), ("1/20", 0.05)):
+        panel.speed.value = speed
+        before = panel.time
+        for _ in range(10):
+            panel.advance(0.013)
+        assert panel.time - before == pytest.approx(0.13 * factor, abs=1e-12)
+    panel.play(False)
+    panel.advance(1.0)
+    assert panel.time == pytest.approx(0.13 * 1.25)
+    panel.play(True)
+    panel.speed.value = "1"
+    panel.advance(100.0)
+    assert panel.time == panel.end and not panel.playing
+    panel.play(True)
+    assert panel.time == 0.0
+    panel.play(False)
+
+
+def test_the_button_goes_to_the_release(panel: Any) -> None:
+    panel.go(0.0)
+    panel.release.value = True
+    assert panel.time == panel.throw.throw.opening_time
+    assert "**stick**" in panel.words.content
