@@ -34,7 +34,7 @@ def toml_tables(text: str, place: str) -> dict[str, Any]:
     try:
         return tomllib.loads(text)
     except (ValueError, RecursionError) as error:
-        # Beside broken syntax: numbers too long to read, tables nested too deep.
+        # Broken syntax, numbers too long to read, tables nested too deep.
         raise InputError(f"{place}: broken TOML: {error}") from None
 
 

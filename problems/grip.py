@@ -202,8 +202,8 @@ def monotone_grip(times: Array, forces: Array) -> TableRelease:
 def grip_samples(grip: TableRelease) -> Array:
     """t [s] from the opening command on and force of one pad [N] (K, 2), every millisecond.
 
-    A table of these has the same dwell and opening: no sample beside both ends is at the
-    full force, or at zero.
+    A table of these has the same dwell and opening: only its two ends are at the full force
+    and at zero.
     """
     held = np.arange(0.0, grip.dwell - STEP / 1000, STEP)
     falling = np.arange(STEP, grip.opening - STEP / 1000, STEP)

@@ -114,7 +114,7 @@ class Scene(Section):
             )
 
     def _check_cup(self, cup: Cup) -> None:
-        # The bar is as thick as it is wide: a round cup is narrower beside its middle.
+        # The bar is as thick as it is wide, and a round cup is narrower off its middle.
         half = self.object.width / 2
         need = math.hypot(half + cup.clearance + 0.001, half)
         if cup.radius <= need:

@@ -149,9 +149,9 @@ def _section(key: str, value: Any, folder: Path | None) -> Any:
         raise InputError(f"{key} = {value!r}: must be a section [{key}]")
     try:
         if key == "gripper" and isinstance(value.get("table"), str):
-            beside = [k for k in value if k not in ("table", "raw")]
-            if beside:
-                raise InputError(f"{beside[0]}: not beside 'table', which says it all")
+            other = [k for k in value if k not in ("table", "raw")]
+            if other:
+                raise InputError(f"{other[0]}: not beside 'table', which says it all")
             value = value | _read_grip_table(value["table"], folder, value.get("raw") is True)
         if key == "motion":
             value = value | _read_motion_samples(value, folder)

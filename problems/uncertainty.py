@@ -299,7 +299,7 @@ class Robust(Section):
     method: 'quiet' (while the pads may open they transmit as little as can be), 'scenarios'
     (several openings share the hand's motion and all land near the target), 'stationary'
     (constant acceleration, the landing stationary in the delay), 'auto' (quiet, and
-    scenarios if a sweep finds that not enough); for comparison 'quiet-exactly' (as a
+    scenarios if a sweep finds that not sufficient); for comparison 'quiet-exactly' (as a
     constraint), 'hand-velocity' and 'joint-velocity' (constant over the window).
     """
 

@@ -1,4 +1,4 @@
-"""A plan for robot controllers: read back, looked at once more, and written out."""
+"""What is sent to a robot: a saved plan's joint motion, read back and checked again."""
 
 from __future__ import annotations
 

@@ -216,8 +216,8 @@ def lowest(scene: Scene, com: Array, axis: Array) -> Array:
     """Height [m] (N,) of the bar's lowest point, for CoM and axis (N, 3)."""
     bar = scene.object
     ends = com[:, 2] + axis[:, 2] * np.array([[-bar.com], [bar.length - bar.com]])
-    beside = bar.width / 2 * np.hypot(axis[:, 0], axis[:, 1])
-    return np.asarray(ends.min(axis=0) - beside)
+    corner = bar.width / 2 * np.hypot(axis[:, 0], axis[:, 1])
+    return np.asarray(ends.min(axis=0) - corner)
 
 
 def is_in(scene: Scene, cup: Cup, com: Array, axis: Array) -> bool:
