@@ -13,8 +13,7 @@ import throwplan as tp
 from throwplan.planner.check.check import broken_limits
 from throwplan.planner.check.motion import SampledMotion
 from throwplan.planner.check.mover import make_mover
-from throwplan.planner.ocp.nlp import ThrowNlp, build_nlp
-from throwplan.planner.ocp.numbers import structure_of
+from throwplan.planner.ocp import Request, ThrowNlp, build_nlp
 
 
 def fr3_velocity(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -133,7 +132,7 @@ def test_releases_keep_the_limits_at_both_ends_of_the_opening(fr3_planner, fr3):
 
 def nlp_of(scene: tp.Scene) -> ThrowNlp:
     mover = make_mover(scene)
-    return build_nlp(structure_of(scene, mover, True), mover)
+    return build_nlp(Request(scene, mover, scene.target))
 
 
 def operations(nlp: ThrowNlp) -> int:

@@ -11,8 +11,6 @@ import pytest
 import throwplan as tp
 from throwplan.models import Path, land, sliding_pivot_batch
 from throwplan.planner.check.check import throw
-from throwplan.planner.check.cup_entries import cup_entries
-from throwplan.planner.check.geometry import cup_entry
 from throwplan.planner.cli import common, main
 from throwplan.planner.sweep.carry_hold import CarryHold
 from throwplan.planner.sweep.sweep_run import CHUNKS, run_sweep
@@ -201,33 +199,6 @@ def test_a_weak_grip_is_no_success(posed) -> None:
     slipped = friction[~found.landings.held]
     assert (found.landings.held == (friction > slipped.max())).all()
     assert slipped.max() == pytest.approx(posed.throw.final.grip_use, abs=0.02)
-
-
-def test_cup_entries_are_those_of_single_flights() -> None:
-    scene = tp.load_scene("cup")
-    rng = np.random.default_rng(4)
-    count = 300
-    time = rng.uniform(0.25, 0.5, count)
-    v_x, v_z = rng.uniform(0.2, 1.5, count), rng.uniform(-1, 1, count)
-    omega = rng.uniform(-6, 6, count)
-    x = 0.9 + rng.normal(0, 0.03, count) - v_x * time
-    z = 0.22 - v_z * time + G / 2 * time**2
-    theta = -math.pi / 2 + rng.normal(0, 0.15, count) - omega * time
-    detach = np.column_stack([x, z, theta, v_x, v_z, omega])
-    states = np.column_stack([detach, np.full(count, G)])
-    found = cup_entries(scene.object, np.full(count, scene.object.com), scene.cup, states, time)
-    inside = 0
-    for i in range(count):
-        t = np.linspace(0.0, time[i] + 0.3, 4000)
-        flown = [x[i] + v_x[i] * t, z[i] + v_z[i] * t - G / 2 * t * t, theta[i] + omega[i] * t]
-        entry = cup_entry(scene, scene.cup, np.array(flown))
-        goes_in = entry.entered >= scene.cup.insertion - 1e-4 and entry.clearance > 0
-        inside += goes_in
-        if abs(entry.clearance) > 3e-4:
-            assert (found[i] > 0) == goes_in
-        if goes_in:
-            assert found[i] == pytest.approx(entry.clearance, abs=3e-4)
-    assert 50 < inside < 250
 
 
 # What is reported.

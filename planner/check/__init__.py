@@ -4,7 +4,7 @@ The promise behind `solved` is kept here: nothing in this room knows how a throw
 """
 
 from .check import Thrown, broken_limits, limit_surface_throw, throw
-from .cup_entries import cup_entries, enters_cup_at_landing
+from .cup_entries import cup_entries, cup_entry, enters_cup_at_landing
 from .exact_release import relative_states
 from .geometry import (
     bar_outline,
@@ -26,25 +26,27 @@ from .simulate import MODELS, simulate
 from .simulate_batch import BATCH_MODELS, STEPS, simulate_batch
 from .smooth import SmoothingError, send
 from .violations import (
-    PALM_TIMES,
+    CheckedThrow,
     Guard,
-    Tight,
+    Margin,
     Violation,
     flight_poses,
     outline_kernel,
-    scene_violations,
+    throw_violations,
+    torque_use,
 )
 
 __all__ = [
     "BATCH_MODELS",
     "MODELS",
-    "PALM_TIMES",
     "STEPS",
     "TICK",
+    "CheckedThrow",
     "Guard",
     "KernelCode",
     "Landing",
     "Limits",
+    "Margin",
     "Motion",
     "Mover",
     "MoverTrack",
@@ -53,7 +55,6 @@ __all__ = [
     "SentThrow",
     "SmoothingError",
     "Thrown",
-    "Tight",
     "Violation",
     "bar_outline",
     "broken_limits",
@@ -62,6 +63,7 @@ __all__ = [
     "column_of",
     "column_room",
     "cup_entries",
+    "cup_entry",
     "enters_cup_at_landing",
     "flight_poses",
     "friction_use",
@@ -77,10 +79,11 @@ __all__ = [
     "reach_of_bar",
     "recorded_joints",
     "relative_states",
-    "scene_violations",
     "send",
     "simulate",
     "simulate_batch",
     "slip_while_carrying",
     "throw",
+    "throw_violations",
+    "torque_use",
 ]

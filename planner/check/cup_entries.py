@@ -1,4 +1,4 @@
-"""Which of many throws go into the cup: `geometry.cup_entry` for arrays of flights."""
+"""Which throws go into the cup, and how clear of wall and rim: arrays of flights at once."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...problems import Cup, Scene, ThrownObject
+from .check import Thrown
 
 Array = npt.NDArray[np.float64]
 
@@ -40,7 +41,8 @@ def cup_entries(bar: ThrownObject, com: Array, cup: Cup, detach: Array, flight: 
     com (N,): the CoM's distance from the end nearer the grasp; detach (N, 7): CoM pose and
     twist, and gravity; flight (N,): seconds until the landing height. The way in is from
     the lower end's passing the rim plane until it is `insertion` below; the clearance is
-    that of outline and wall or rim, as in `geometry.cup_entry`.
+    the least distance of outline and wall or rim, negative outside. The bar is taken as thick as
+    it is wide, so in a round cup the walls are nearer than `radius` off the middle.
     """
     bars = Bars(com, bar.length, bar.width)
     clearance = np.full(len(detach), -np.inf)
@@ -77,6 +79,16 @@ def cup_entries(bar: ThrownObject, com: Array, cup: Cup, detach: Array, flight: 
     return clearance
 
 
+def cup_entry(scene: Scene, thrown: Thrown) -> float:
+    """The same for the one throw of a scene."""
+    assert scene.cup is not None
+    state = np.array([[*vars(thrown.release.detach).values(), scene.gravity]])
+    flight = np.array([thrown.landing.flight_time])
+    return float(
+        cup_entries(scene.object, np.array([scene.object.com]), scene.cup, state, flight)[0]
+    )
+
+
 def enters_cup_at_landing(
     scene: Scene, detach: Array, x: Array, time: Array, more: float = 0.0
 ) -> npt.NDArray[np.bool_]:
@@ -91,8 +103,8 @@ def enters_cup_at_landing(
     shifted = np.column_stack([detach, np.full(len(x), scene.gravity)])
     shifted[:, 0] += scene.target.plane_x - x
     com = np.full(len(x), scene.object.com)
-    room = cup_entries(scene.object, com, scene.cup, shifted, time)
-    return np.asarray(room >= scene.cup.clearance + more)
+    clearance = cup_entries(scene.object, com, scene.cup, shifted, time)
+    return np.asarray(clearance >= scene.cup.clearance + more)
 
 
 def _some(bars: Bars, which: npt.NDArray[np.intp]) -> Bars:
@@ -123,11 +135,11 @@ def _clearance(bars: Bars, cup: Cup, x: Array, z: Array, theta: Array) -> Array:
     for along in (-com, bars.length - com):
         for across in (-bars.width / 2, bars.width / 2):
             corner_x, corner_z = x + cos * along - sin * across, z + sin * along + cos * across
-            room = half - np.abs(corner_x - cup.x)
-            least = np.minimum(least, np.where(corner_z <= cup.rim, room, np.inf))
+            free = half - np.abs(corner_x - cup.x)
+            least = np.minimum(least, np.where(corner_z <= cup.rim, free, np.inf))
     for rim in (cup.x - half, cup.x + half):
         along, across = cos * (rim - x) + sin * (cup.rim - z), cos * (cup.rim - z) - sin * (rim - x)
         over = np.maximum(np.maximum(-com - along, along - (bars.length - com)), 0.0)
-        beside = np.maximum(np.abs(across) - bars.width / 2, 0.0)
-        least = np.minimum(least, np.hypot(over, beside))
+        aside = np.maximum(np.abs(across) - bars.width / 2, 0.0)
+        least = np.minimum(least, np.hypot(over, aside))
     return least

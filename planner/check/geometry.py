@@ -1,15 +1,14 @@
-"""Outlines in the throw's plane, and what the scene's cup and workspace ask of them."""
+"""Outlines of bar, hand and base column in the throw's plane, and distances between them."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
 from ...models import Tool
-from ...problems import Cup, Scene, ThrownObject
+from ...problems import Scene, ThrownObject
 
 Array = npt.NDArray[np.float64]
 
@@ -66,31 +65,31 @@ def distance_to_bar(bar: ThrownObject, com: Array, points: Array) -> Array:
     """Distance [m] (N, k) of points (2, N, k) from the bar, 0 inside it."""
     along, across = seen_from(com, points)
     over = np.maximum(np.maximum(-bar.com - along, along - (bar.length - bar.com)), 0.0)
-    beside = np.maximum(np.abs(across) - bar.width / 2, 0.0)
-    return np.asarray(np.hypot(over, beside))
+    aside = np.maximum(np.abs(across) - bar.width / 2, 0.0)
+    return np.asarray(np.hypot(over, aside))
 
 
 def palm_distance(bar: ThrownObject, tool: Tool, com: Array, hand: Array) -> Array:
     """Distance [m] (N,) between bar and hand body; 0 where they overlap."""
     along, across = seen_from(hand, bar_outline(bar, com, EDGE_POINTS))
     over = np.maximum(np.maximum(-tool.palm_back - along, along + tool.palm_front), 0.0)
-    beside = np.maximum(np.abs(across) - tool.palm_half_width, 0.0)
-    from_bar = np.hypot(over, beside).min(axis=1)
+    aside = np.maximum(np.abs(across) - tool.palm_half_width, 0.0)
+    from_bar = np.hypot(over, aside).min(axis=1)
     from_palm = distance_to_bar(bar, com, palm_corners(tool, hand)).min(axis=1)
     return np.asarray(np.minimum(from_bar, from_palm))
 
 
 def column_room(bar: ThrownObject, com: Array, radius: float, height: float) -> Array:
-    """Signed room [m] (N,) of the bar beside or above the base column; negative inside.
+    """Signed distance [m] (N,) of the bar from the base column, aside or above; negative inside.
 
     Infinite where the column is out of the bar's reach.
     """
     away = np.maximum(np.abs(com[0]) - radius, com[1] - height)
     near = np.flatnonzero(away < reach_of_bar(bar))
     x, z = bar_outline(bar, com[:, near], EDGE_POINTS)
-    room = np.full(com.shape[1], np.inf)
-    room[near] = np.maximum(np.abs(x) - radius, z - height).min(axis=1)
-    return room
+    distance = np.full(com.shape[1], np.inf)
+    distance[near] = np.maximum(np.abs(x) - radius, z - height).min(axis=1)
+    return distance
 
 
 def column_of(scene: Scene) -> tuple[float, float] | None:
@@ -105,50 +104,3 @@ def held_bar(scene: Scene, hand: Array) -> Array:
     """CoM poses (3, N) of the held bar for hand poses (3, N)."""
     theta, h = hand[2] + scene.grasp.angle, scene.com_offset
     return np.array([hand[0] + h * np.cos(theta), hand[1] + h * np.sin(theta), theta])
-
-
-@dataclass(frozen=True)
-class CupEntry:
-    """The bar's way into the cup. clearance [m]: least distance of outline and wall or rim,
-    negative outside; entered [m]: depth of the lower end below the rim that was reached.
-    """
-
-    clearance: float
-    entered: float
-
-
-def cup_entry(scene: Scene, cup: Cup, com: Array) -> CupEntry:
-    """Least clearance while the lower end goes from the rim plane to the asked depth.
-
-    `com`: poses (3, N), dense in time. The bar is taken as thick as it is wide, so in a
-    round cup the walls are nearer than `radius` beside the middle.
-    """
-    half_chord = math.sqrt(cup.radius**2 - (scene.object.width / 2) ** 2)
-    depth = cup.rim - lowest_of_bar(scene.object, com)
-    inside = (depth >= 0.0) & (depth <= cup.insertion)
-    entered = float(np.clip(depth.max(), 0.0, cup.insertion))
-    if not inside.any():
-        return CupEntry(-np.inf if entered == 0.0 else 0.0, entered)
-    entering = com[:, inside]
-    beside = half_chord - _farthest_below(bar_outline(scene.object, entering), cup)
-    rim = np.array([[cup.x - half_chord, cup.x + half_chord], [cup.rim, cup.rim]])
-    rims = np.broadcast_to(rim[:, None, :], (2, entering.shape[1], 2))
-    to_rim = distance_to_bar(scene.object, entering, rims)
-    return CupEntry(min(beside, float(to_rim.min())), entered)
-
-
-def _farthest_below(corners: Array, cup: Cup) -> float:
-    """Largest distance [m] from the cup's middle of what is below the rim.
-
-    corners (2, N, 4) as of `bar_outline`. What is below the rim of a long edge is again a
-    straight piece, and farthest out at one of its ends.
-    """
-    away, z = corners[0] - cup.x, corners[1] - cup.rim
-    farthest = np.where(z <= 0.0, np.abs(away), 0.0).max()
-    for one, other in ((0, 1), (3, 2)):
-        crosses = (z[:, one] <= 0.0) != (z[:, other] <= 0.0)
-        low, high = z[crosses, one], z[crosses, other]
-        begin, end = away[crosses, one], away[crosses, other]
-        at_rim = begin + (end - begin) * low / (low - high)
-        farthest = max(farthest, np.abs(at_rim).max(initial=0.0))
-    return float(farthest)

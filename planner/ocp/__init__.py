@@ -1,44 +1,37 @@
 """The throw as a nonlinear program: stages, constraints, derivatives and solvers.
 
-A scene section that is absent adds no variable, constraint or parameter.
+A scene section that is absent adds no variable, constraint or parameter: each optional part of a
+scene is a term of its own, see `terms`.
 """
 
-from .asked import HEAVY, USUAL, Asked, Margins
-from .context import JERK_UNIT
-from .derivatives import nlp_functions, nlp_key
-from .nlp import ThrowNlp, build_nlp
-from .numbers import (
-    BRAKE_SHARE,
-    CUP_ROOM,
-    FLIGHT_MAX,
-    PASSING_ROOM,
-    bounds,
-    lower_end,
-    opening_nodes,
-    parameter_values,
-    structure_of,
-    with_accelerations,
-)
-from .quietness import load_curve, peak_load
-from .solution import opening_start, planned_motion, stage_times
-from .solver import Solution, Solver
-from .window import Window, window_of
+from .asked import USUAL, Asked, Margins, Request
+from .assembly import nlp_functions, nlp_key
+from .layout import FLIGHT_MAX, JERK_UNIT, Block
+from .motions import binding_limits, opening_start, planned_motion, stage_times, with_accelerations
+from .nlp import BRAKE_SHARE, ThrowNlp, build_nlp
+from .solver import GivenUpError, Solution, Solver, watched
+from .terms import CUP_MARGIN, PALM_TIMES, PASSING_MARGIN, broken, lower_end
+from .window import Window, load_curve, opening_nodes, peak_load, window_of
 
 __all__ = [
     "BRAKE_SHARE",
-    "CUP_ROOM",
+    "CUP_MARGIN",
     "FLIGHT_MAX",
-    "HEAVY",
     "JERK_UNIT",
-    "PASSING_ROOM",
+    "PALM_TIMES",
+    "PASSING_MARGIN",
     "USUAL",
     "Asked",
+    "Block",
+    "GivenUpError",
     "Margins",
+    "Request",
     "Solution",
     "Solver",
     "ThrowNlp",
     "Window",
-    "bounds",
+    "binding_limits",
+    "broken",
     "build_nlp",
     "load_curve",
     "lower_end",
@@ -46,11 +39,10 @@ __all__ = [
     "nlp_key",
     "opening_nodes",
     "opening_start",
-    "parameter_values",
     "peak_load",
     "planned_motion",
     "stage_times",
-    "structure_of",
+    "watched",
     "window_of",
     "with_accelerations",
 ]

@@ -1,4 +1,4 @@
-"""What an NLP is asked beyond its usual constraints, learned from what a check found broken.
+"""What an NLP is asked: its request, and what a check found to be needed beyond the usual.
 
 Constraints that seldom bind are left out at first. A throw that breaks one names it in its
 `Violation`; the next NLP has it (`guards`), or keeps a larger margin (`margins`).
@@ -7,37 +7,40 @@ Constraints that seldom bind are left out at first. A throw that breaks one name
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
+from functools import cached_property
 
-from ..check import Guard, Tight, Violation
+from ...problems import Pose, Scene
+from ..check import Guard, Margin, Mover, Violation
+from .window import Window, window_of
 
 #: Guards with many rows in all stages. FATROP spends too long on them, so IPOPT solves these NLPs,
 #: and starts that do without are tried first.
 HEAVY: frozenset[Guard] = frozenset({"carry", "return"})
-#: Margin [m; share] added beyond what a check found missing, and the largest that is tried.
-MORE: dict[Tight, tuple[float, float]] = {
-    "held": (0.002, 0.05),
-    "cup": (2e-4, 0.005),
-    "torque": (0.01, 0.3),
-    "passing": (0.002, 0.03),
-}
 #: Where the held bar dips less than this [m] into an obstacle, between nodes that are clear of
 #: it, a larger margin is tried before more nodes.
 SHALLOW = 0.015
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, init=False)
 class Margins:
-    """Margins [m] beyond the usual ones.
+    """Margins [m; share] beyond the usual ones, by name; those that are not given are 0.
 
-    held: between obstacles and what is carried; cup: between bar and cup; torque: as a share of
-    the joints' limits; passing: between base column and flying bar.
+    The terms have them: "held" between obstacles and what is carried, "cup", "torque", "passing".
     """
 
-    held: float = 0.0
-    cup: float = 0.0
-    torque: float = 0.0
-    passing: float = 0.0
+    values: tuple[tuple[str, float], ...]
+
+    def __init__(self, **values: float) -> None:
+        given = tuple(sorted((name, value) for name, value in values.items() if value != 0.0))
+        object.__setattr__(self, "values", given)
+
+    def __getitem__(self, name: str) -> float:
+        return dict(self.values).get(name, 0.0)
+
+    def replace(self, **values: float) -> Margins:
+        """These with others instead."""
+        return Margins(**dict(self.values) | values)
 
 
 @dataclass(frozen=True)
@@ -55,24 +58,48 @@ class Asked:
     def with_(self, broken: Sequence[Violation]) -> Asked:
         """This and what is against the violations; the same if nothing more can be asked."""
         wanted: set[Guard] = set()
-        missing: dict[Tight, float] = {}
+        missing: dict[Margin, float] = {}
         for violation in broken:
-            guard, tight, depth = violation.guard, violation.tight, violation.depth
-            shallow = violation.between and self.margins.held + depth < SHALLOW
-            if tight and (not guard or guard in self.guards or shallow):
-                missing[tight] = max(missing.get(tight, 0.0), depth)
+            guard, margin, depth = violation.guard, violation.margin, violation.depth
+            shallow = violation.between and margin and self.margins[margin.name] + depth < SHALLOW
+            if margin and (not guard or guard in self.guards or shallow):
+                missing[margin] = max(missing.get(margin, 0.0), depth)
             elif guard:
                 wanted.add(guard)
-        margins = self.margins
-        for tight, depth in missing.items():
-            more, most = MORE[tight]
-            larger = min(getattr(margins, tight) + depth + more, most)
-            margins = replace(margins, **{tight: larger})
-        if "flight" in wanted and wanted <= self.guards:
-            # The contact is between the bar's ends, or later than the guarded instants.
-            wanted = {"return"}
-        return Asked(self.guards | wanted, margins)
+        larger = {
+            margin.name: min(self.margins[margin.name] + depth + margin.more, margin.most)
+            for margin, depth in missing.items()
+        }
+        if wanted <= self.guards:
+            wanted = {violation.then for violation in broken if violation.then}
+        return Asked(self.guards | wanted, self.margins.replace(**larger))
 
 
 #: What an NLP is asked at first.
 USUAL = Asked()
+
+
+@dataclass(frozen=True)
+class Request:
+    """What an NLP is for: a scene's throw to a target (None: not known, for the check).
+
+    robust: the method that makes the release bear an uncertain opening, empty for none.
+    elastic: the landing may miss, at a price.
+    """
+
+    scene: Scene
+    mover: Mover
+    target: Pose | None = None
+    asked: Asked = USUAL
+    robust: str = ""
+    elastic: bool = False
+
+    @property
+    def angle(self) -> bool:
+        """Whether the target fixes theta."""
+        return self.target is not None and self.target.theta is not None
+
+    @cached_property
+    def window(self) -> Window | None:
+        """The window of a robust request."""
+        return window_of(self.scene) if self.robust else None

@@ -1,18 +1,18 @@
-"""Parts of a staged NLP: parameters, kinds of stages, and their assembly in FATROP's order.
+"""Stages put together in FATROP's order: the NLP, its layout and its derivatives.
 
     x = [X_0, U_0, X_1, U_1, ..., X_N, U_N]
     g = [gap_0, rows_0, gap_1, rows_1, ..., rows_N],  gap_k = X_{k+1} - F_k(X_k, U_k)
 
 FATROP needs the coefficient +1 on X_{k+1} and rows of stage k that depend on X_k and
 U_k only; the last stage may have controls too. Stages of one kind share their symbols,
-functions and compiled code.
+functions and compiled code; the non-zeros of their derivatives are laid out here in the
+sparse Jacobian and Hessian of the whole.
 """
 
 from __future__ import annotations
 
-import dataclasses
-from collections.abc import Callable
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -20,139 +20,12 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from .lifting import Derivatives, differentiate, values
+from ..compile import digest, source_of
+from .layout import Block
+from .stages import Parameters, Stage, StageFunctions, differentiate, inserted
 
 Array = npt.NDArray[np.float64]
-
-
-@dataclass
-class Parameters:
-    """Named blocks of the NLP's parameter vector, in the order they are asked for."""
-
-    blocks: dict[str, ca.SX] = field(default_factory=dict)
-
-    def __call__(self, name: str, size: int = 1) -> ca.SX:
-        """The block's symbol (size, 1); added when first asked for."""
-        if name not in self.blocks:
-            self.blocks[name] = ca.SX.sym(name, size)
-        return self.blocks[name]
-
-    @property
-    def symbol(self) -> ca.SX:
-        """The whole vector."""
-        return ca.vertcat(*self.blocks.values())
-
-    def vector(self, values: dict[str, Any]) -> Array:
-        """Numbers for all blocks, in order."""
-        return np.concatenate([np.atleast_1d(values[name]) for name in self.blocks])
-
-    def where(self, name: str) -> slice:
-        """The block's place in the vector."""
-        sizes = [symbol.numel() for symbol in self.blocks.values()]
-        at = sum(sizes[: list(self.blocks).index(name)])
-        return slice(at, at + self.blocks[name].numel())
-
-
-@dataclass
-class Stage:
-    """One kind of stage: named state and control symbols, intermediates, rows and cost.
-
-    data: symbols that have other numbers at each stage of the kind, by the name of their
-    parameter block, which holds them stage after stage, from the stage given with it on.
-    following: the states at the next stage, F_k; empty at the last.
-    """
-
-    states: dict[str, ca.SX]
-    controls: dict[str, ca.SX]
-    data: dict[str, tuple[ca.SX, int]] = field(default_factory=dict)
-    lifted: list[tuple[ca.SX, ca.SX]] = field(default_factory=list)
-    rows: list[tuple[str, ca.SX, float, float]] = field(default_factory=list)
-    following: dict[str, ca.SX] = field(default_factory=dict)
-    cost: ca.SX = dataclasses.field(default_factory=lambda: ca.SX(0))
-
-    def control(self, name: str, size: int = 1) -> ca.SX:
-        """A new control."""
-        self.controls[name] = ca.SX.sym(name, size)
-        return self.controls[name]
-
-    def row(self, name: str, value: ca.SX, low: float, high: float) -> None:
-        """Add the constraint low <= value <= high, for each component."""
-        self.rows.append((name, value, low, high))
-
-    def lift(self, *values: ca.SX) -> list[ca.SX]:
-        """Scalar symbols that stand for `values` until derivatives have been taken."""
-        definition = ca.vertcat(*values)
-        symbol = ca.SX.sym(f"y{len(self.lifted)}", definition.numel())
-        self.lifted.append((symbol, definition))
-        return list(ca.vertsplit(symbol))
-
-    @property
-    def variables(self) -> ca.SX:
-        """States, then controls."""
-        return ca.vertcat(*self.states.values(), *self.controls.values())
-
-    @property
-    def outputs(self) -> ca.SX:
-        """F_k, then the rows."""
-        return ca.vertcat(*self.following.values(), *[value for _, value, _, _ in self.rows])
-
-    @property
-    def sizes(self) -> tuple[int, int, int]:
-        """Numbers of states, controls and rows."""
-        states = sum(symbol.numel() for symbol in self.states.values())
-        rows = sum(value.numel() for _, value, _, _ in self.rows)
-        return states, self.variables.numel() - states, rows
-
-
-class StageFunctions:
-    """CasADi functions of (v, d, p): a kind's variables, its stage's data, all parameters."""
-
-    def __init__(self, stage: Stage, parameters: ca.SX, name: str) -> None:
-        self._stage, self._name = stage, name
-        data = ca.vertcat(*[symbol for symbol, _ in stage.data.values()])
-        self._inputs = [stage.variables, data, parameters]
-        found = values([stage.outputs, stage.cost], stage.lifted)
-        self.value = ca.Function(f"{name}_value", self._inputs, found, {"cse": True})
-
-    @cached_property
-    def _derivatives(self) -> tuple[Derivatives, ca.SX, ca.SX]:
-        multipliers, sigma = ca.SX.sym("l", self._stage.outputs.numel()), ca.SX.sym("sigma")
-        stage = self._stage
-        found = differentiate(
-            stage.variables, stage.lifted, stage.outputs, stage.cost, multipliers, sigma
-        )
-        return found, multipliers, sigma
-
-    @cached_property
-    def jacobian(self) -> ca.Function:
-        """(v, d, p) -> outputs, their Jacobian."""
-        found = self._derivatives[0]
-        outputs = values([self._stage.outputs], self._stage.lifted)
-        name = f"{self._name}_jacobian"
-        return ca.Function(name, self._inputs, [*outputs, found.jacobian], {"cse": True})
-
-    @cached_property
-    def cost_gradient(self) -> ca.Function:
-        """(v, d, p) -> gradient of the cost, dense."""
-        found = self._derivatives[0]
-        gradient = ca.densify(found.cost_gradient)
-        return ca.Function(f"{self._name}_cost", self._inputs, [gradient], {"cse": True})
-
-    @cached_property
-    def gradient(self) -> ca.Function:
-        """(v, d, p, multipliers, sigma) -> gradient of the Lagrangian, dense."""
-        found, multipliers, sigma = self._derivatives
-        inputs = [*self._inputs, multipliers, sigma]
-        gradient = ca.densify(found.gradient)
-        return ca.Function(f"{self._name}_gradient", inputs, [gradient], {"cse": True})
-
-    @cached_property
-    def hessian(self) -> ca.Function:
-        """(v, d, p, multipliers, sigma) -> gradient (dense) and Hessian of the Lagrangian."""
-        found, multipliers, sigma = self._derivatives
-        inputs = [*self._inputs, multipliers, sigma]
-        outputs = [ca.densify(found.gradient), found.hessian]
-        return ca.Function(f"{self._name}_hessian", inputs, outputs, {"cse": True})
+Indices = npt.NDArray[np.int_]
 
 
 @dataclass(frozen=True)
@@ -177,42 +50,52 @@ class Nlp:
     """An assembled NLP.
 
     problem: x, p, f, g (MX) for `casadi.nlpsol`; layout: (block, stage, slice of x);
-    row_names, lbg, ubg: one entry per row of g; nx, nu, ng: sizes per stage;
-    landing: function (x, p) -> landing pose (x, z, theta).
+    row_names, lbg, ubg: one entry per row of g; landing: function (x, p) -> landing pose
+    (x, z, theta).
     """
 
     problem: dict[str, ca.MX]
     parameters: Parameters
     links: list[Link]
-    layout: list[tuple[str, int, slice]]
+    layout: list[tuple[Block, int, slice]]
     row_names: list[str]
     lbg: Array
     ubg: Array
-    nx: list[int]
-    nu: list[int]
-    ng: list[int]
     landing: ca.Function
 
+    @property
+    def sizes(self) -> tuple[list[int], list[int], list[int]]:
+        """Numbers of states, controls and rows of each stage."""
+        states, controls, rows = zip(*(link.stage.sizes for link in self.links), strict=True)
+        return list(states), list(controls), list(rows)
+
     @cached_property
-    def places(self) -> dict[tuple[str, int], slice]:
-        """Slice of x of each (block, stage)."""
-        return {(name, k): where for name, k, where in self.layout}
+    def _places(self) -> dict[tuple[str, int, int], slice]:
+        return {(block.name, block.index, k): where for block, k, where in self.layout}
 
     @property
     def size(self) -> tuple[int, int]:
         """(variables, constraints)."""
         return self.problem["x"].numel(), self.problem["g"].numel()
 
-    def fill(self, value: Callable[[str, int], Any]) -> Array:
+    def count(self, name: str) -> int:
+        """How many blocks of a name there are, by their indices."""
+        return len({block.index for block, _, _ in self.layout if block.name == name})
+
+    def fill(self, value: Callable[[Block, int], Any]) -> Array:
         """Decision vector from `value(block, stage)`, an array or number for each block."""
         x = np.zeros(self.size[0])
-        for name, stage, where in self.layout:
-            x[where] = value(name, stage)
+        for block, stage, where in self.layout:
+            x[where] = value(block, stage)
         return x
 
-    def block(self, x: Array, name: str, stage: int) -> Array | None:
-        """Values of block `name` at `stage`, None where it is no variable."""
-        where = self.places.get((name, stage))
+    def place(self, name: str, stage: int, index: int = 0) -> slice | None:
+        """Where a block is in x, None where it is no variable."""
+        return self._places.get((name, index, stage))
+
+    def block(self, x: Array, name: str, stage: int, index: int = 0) -> Array | None:
+        """Values of a block at `stage`, None where it is no variable."""
+        where = self.place(name, stage, index)
         return None if where is None else x[where]
 
 
@@ -231,68 +114,180 @@ def assemble(stages: list[Stage], parameters: Parameters, landing: ca.SX, at: in
     p = ca.MX.sym("p", symbol.numel())
     g: list[ca.MX] = []
     cost: list[ca.MX] = []
-    for link in links:
+    names: list[str] = []
+    low, high = [], []
+    for k, link in enumerate(links):
         outputs, price = link.functions.value(x[link.v], p[link.data], p)
-        ahead = link.gap.stop - link.gap.start
-        g += [x[link.ahead] - outputs[:ahead], outputs[ahead:]]
+        gap = _length(link.gap)
+        g += [x[link.ahead] - outputs[:gap], outputs[gap:]]
         cost.append(price)
+        rows = [(row.name, row.value.numel(), row.low, row.high) for row in link.stage.rows]
+        for name, size, least, most in [(f"gap {k}", gap, 0.0, 0.0), *rows]:
+            names += [name] * size
+            low += [least] * size
+            high += [most] * size
     stage = stages[at]
-    pose = ca.Function("pose", [stage.variables, symbol], values([landing], stage.lifted))
-    every = [(name, value.numel(), low, high) for name, value, low, high in _rows(stages)]
-    sizes = [size for _, size, _, _ in every]
+    pose = ca.Function("pose", [stage.variables, symbol], inserted([landing], stage.lifted))
     return Nlp(
         {"x": x, "p": p, "f": sum(cost[1:], cost[0]), "g": ca.vertcat(*g)},
         parameters,
         links,
         layout,
-        [name for name, size, _, _ in every for _ in range(size)],
-        np.repeat([low for *_, low, _ in every], sizes),
-        np.repeat([high for *_, high in every], sizes),
-        [stage.sizes[0] for stage in stages],
-        [stage.sizes[1] for stage in stages],
-        [stage.sizes[2] for stage in stages],
+        names,
+        np.array(low),
+        np.array(high),
         ca.Function("landing", [x, p], [pose(x[links[at].v], p)]),
     )
 
 
+def _length(part: slice) -> int:
+    return int(part.stop - part.start)
+
+
 def _chain(
     stages: list[Stage], kinds: dict[int, StageFunctions], parameters: Parameters
-) -> tuple[list[Link], list[tuple[str, int, slice]]]:
+) -> tuple[list[Link], list[tuple[Block, int, slice]]]:
     """Places of all stages in x, g and p, and the layout of x."""
     links: list[Link] = []
-    layout: list[tuple[str, int, slice]] = []
+    layout: list[tuple[Block, int, slice]] = []
     at = row = 0
     for k, stage in enumerate(stages):
         first = at
-        for name, symbol in [*stage.states.items(), *stage.controls.items()]:
-            layout.append((name, k, slice(at, at + symbol.numel())))
+        for block, symbol in [*stage.states.items(), *stage.controls.items()]:
+            layout.append((block, k, slice(at, at + symbol.numel())))
             at += symbol.numel()
-        gap = sum(symbol.numel() for symbol in stage.following.values())
-        rows = stage.sizes[2]
+        gap = row + sum(symbol.numel() for symbol in stage.following.values())
+        rows = gap + stage.sizes[2]
         data: list[int] = []
         for name, (symbol, begin) in stage.data.items():
-            start = parameters.where(name).start + (k - begin) * symbol.numel()
+            start = parameters.start(name) + (k - begin) * symbol.numel()
             data += range(start, start + symbol.numel())
-        links.append(
-            Link(
-                kinds[id(stage)],
-                stage,
-                slice(first, at),
-                slice(row, row + gap),
-                slice(row + gap, row + gap + rows),
-                slice(at, at + gap),
-                data,
-            )
-        )
-        row += gap + rows
+        parts = slice(first, at), slice(row, gap), slice(gap, rows), slice(at, at + gap - row)
+        links.append(Link(kinds[id(stage)], stage, *parts, data))
+        row = rows
     return links, layout
 
 
-def _rows(stages: list[Stage]) -> list[tuple[str, ca.SX, float, float]]:
-    """All rows of g in order: name, expression, bounds."""
-    rows: list[tuple[str, ca.SX, float, float]] = []
-    for k, stage in enumerate(stages):
-        if stage.following:
-            rows.append((f"gap {k}", ca.vertcat(*stage.following.values()), 0.0, 0.0))
-        rows += stage.rows
-    return rows
+def nlp_key(nlp: Nlp, solver: str) -> str:
+    """What `nlp_functions` depends on, as a text."""
+    kinds = {link.functions: link.functions.value.serialize() for link in nlp.links}
+    chain = [(link.v, link.gap, link.rows, link.ahead, link.data) for link in nlp.links]
+    made_by = digest(source_of(differentiate, nlp_functions))
+    order = [list(kinds).index(link.functions) for link in nlp.links]
+    return repr((solver, made_by, list(kinds.values()), order, chain))
+
+
+def nlp_functions(nlp: Nlp, solver: str) -> dict[str, ca.Function]:
+    """The functions that the solver plug-in would derive itself, by its names for them."""
+    x, p, f, g = (nlp.problem[key] for key in ("x", "p", "f", "g"))
+    gradient = ca.densify(
+        ca.vertcat(*[link.functions.cost_gradient(*called) for link, called in _calls(nlp)])
+    )
+    with_cost = solver == "ipopt"
+    return {
+        "nlp_f": ca.Function("nlp_f", [x, p], [f], ["x", "p"], ["f"]),
+        "nlp_g": ca.Function("nlp_g", [x, p], [g], ["x", "p"], ["g"]),
+        "nlp_jac_g": _jacobian(nlp),
+        "nlp_hess_l": _hessian(nlp, solver),
+        "nlp_grad": _lagrangian_gradient(nlp),
+        "nlp_grad_f": ca.Function(
+            "nlp_grad_f",
+            [x, p],
+            [f, gradient] if with_cost else [gradient],
+            ["x", "p"],
+            ["f", "grad_f_x"] if with_cost else ["grad_f_x"],
+        ),
+    }
+
+
+def _calls(nlp: Nlp) -> Iterator[tuple[Link, list[ca.MX]]]:
+    """Each stage with the arguments (v, d, p) of its functions."""
+    x, p = nlp.problem["x"], nlp.problem["p"]
+    for link in nlp.links:
+        yield link, [x[link.v], p[link.data], p]
+
+
+def _lagrangian(
+    nlp: Nlp, function: Callable[[StageFunctions], ca.Function], lam_f: ca.MX, lam_g: ca.MX
+) -> tuple[ca.MX, list[ca.MX]]:
+    """The Lagrangian's gradient (dense), and what each stage's function gives beyond its own."""
+    gradients: list[ca.MX] = []
+    more: list[ca.MX] = []
+    before = None
+    for link, called in _calls(nlp):
+        # The gap has -F.
+        multipliers = ca.vertcat(-lam_g[link.gap], lam_g[link.rows])
+        gradient, *rest = function(link.functions).call([*called, multipliers, lam_f])
+        if before is not None:
+            # The +1 of the gap before.
+            states = _length(before)
+            gradient = ca.vertcat(gradient[:states] + lam_g[before], gradient[states:])
+        gradients.append(gradient)
+        more += rest
+        before = link.gap
+    return ca.densify(ca.vertcat(*gradients)), more
+
+
+def _lagrangian_gradient(nlp: Nlp) -> ca.Function:
+    """(x, p, lam_f, lam_g) -> f, g, and the Lagrangian's gradient in x (0 in p: not used)."""
+    x, p, f, g = (nlp.problem[key] for key in ("x", "p", "f", "g"))
+    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", nlp.size[1])
+    gradient, _ = _lagrangian(nlp, lambda functions: functions.gradient, lam_f, lam_g)
+    return ca.Function(
+        "nlp_grad",
+        [x, p, lam_f, lam_g],
+        [f, g, gradient, ca.MX.zeros(p.numel())],
+        ["x", "p", "lam_f", "lam_g"],
+        ["f", "g", "grad_gamma_x", "grad_gamma_p"],
+    )
+
+
+def _jacobian(nlp: Nlp) -> ca.Function:
+    """(x, p) -> g and its Jacobian: in each gap -dF at its own stage and +1 at the next."""
+    x, p = nlp.problem["x"], nlp.problem["p"]
+    g: list[ca.MX] = []
+    parts = []
+    for link, called in _calls(nlp):
+        outputs, slope = link.functions.jacobian(*called)
+        gap = _length(link.gap)
+        g += [x[link.ahead] - outputs[:gap], outputs[gap:]]
+        rows, columns = _places(slope)
+        sign = ca.DM(np.where(rows < gap, -1.0, 1.0))
+        parts.append((sign * slope.nz[:], link.gap.start + rows, link.v.start + columns))
+        step = np.arange(gap)
+        parts.append((ca.MX(ca.DM.ones(gap)), link.gap.start + step, link.ahead.start + step))
+    matrix = _scattered(nlp.size[1], nlp.size[0], parts)
+    return ca.Function("nlp_jac_g", [x, p], [ca.vertcat(*g), matrix], ["x", "p"], ["g", "jac_g_x"])
+
+
+def _hessian(nlp: Nlp, solver: str) -> ca.Function:
+    """(x, p, lam_f, lam_g) -> Hessian of the Lagrangian; FATROP wants its gradient too."""
+    x, p = nlp.problem["x"], nlp.problem["p"]
+    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", nlp.size[1])
+    gradient, curvatures = _lagrangian(nlp, lambda functions: functions.hessian, lam_f, lam_g)
+    parts = []
+    for link, whole in zip(nlp.links, curvatures, strict=True):
+        curvature = ca.triu(whole) if solver == "ipopt" else whole
+        rows, columns = _places(curvature)
+        parts.append((curvature.nz[:], link.v.start + rows, link.v.start + columns))
+    matrix = _scattered(nlp.size[0], nlp.size[0], parts)
+    inputs, names = [x, p, lam_f, lam_g], ["x", "p", "lam_f", "lam_g"]
+    if solver == "ipopt":
+        return ca.Function("nlp_hess_l", inputs, [matrix], names, ["triu_hess_gamma_x_x"])
+    outputs = ["grad_gamma_x", "hess_gamma_x_x"]
+    return ca.Function("nlp_hess_l", inputs, [gradient, matrix], names, outputs)
+
+
+def _places(matrix: ca.MX) -> tuple[Indices, Indices]:
+    """Rows and columns (nnz,) of the non-zeros, column by column."""
+    rows, columns = matrix.sparsity().get_triplet()
+    return np.array(rows, int), np.array(columns, int)
+
+
+def _scattered(height: int, width: int, parts: list[tuple[ca.MX, Indices, Indices]]) -> ca.MX:
+    """Sparse matrix of (entries, rows, columns); a place occurs once."""
+    entries, of_rows, of_columns = zip(*parts, strict=True)
+    rows, columns = np.concatenate(of_rows), np.concatenate(of_columns)
+    order = np.lexsort((rows, columns))
+    pattern = ca.Sparsity.triplet(height, width, rows.tolist(), columns.tolist())
+    return ca.MX(pattern, ca.vertcat(*entries)[order.tolist()])

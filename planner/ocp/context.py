@@ -1,74 +1,64 @@
-"""What all parts of the throw's NLP share: its structure, parameters, models, coordinates."""
+"""What all parts of the throw's NLP share: structure, terms, parameters, models, coordinates.
+
+The NLP has a core that every throw needs (`phases`), and a `Term` for each optional part of the
+scene (`terms`): what a scene does not have adds no variable, constraint or parameter.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
+from typing import Any, ClassVar, Literal, Self
 
 import casadi as ca
-import numpy as np
 
 from ...models import (
     Body,
     Contact,
+    FlightState,
     HandMotion,
     PlanarArm,
-    PlanarDynamics,
     SlidingPivot,
+    pivot_wrench,
     relative_widths,
 )
-from ..check import Mover
-from .assembly import Parameters, Stage
+from ..check import CheckedThrow, Mover, Violation
+from .asked import Request
+from .layout import ACCELERATION, DDQ, DQ, JERK, JERK_UNIT, REL, Block, Q, T
+from .stages import Parameters, Stage
 
-#: Unit of the jerk control [rad/s^3], so that the variables are of order one.
-JERK_UNIT = 1000.0
+#: What holds the object: the full grip, pads that open (all of it or nothing), nothing.
+Grip = Literal["full", "opening", "none"]
+Load = tuple[ca.SX, ca.SX, ca.SX]
+#: Pose (x, z, theta) and twist of the hand, and its motion as the release model needs it.
+Hand = tuple[list[ca.SX], list[ca.SX], HandMotion]
 
 
 @dataclass(frozen=True)
 class Structure:
-    """What a scene's NLP consists of; two scenes with the same one share a build.
+    """What an NLP consists of; two tasks with the same one share a build.
 
-    pivot: whether the object's rotation against the hand matters (it does not for a
-    CoM grasp with the landing angle open). cup: number of depths with a clearance
-    condition; instants: parts of a carry interval at whose ends the grip and the held bar
-    are looked at; hand: whether the hand has a body.
-    arm: whether there it is looked at too;
-    palm: number of instants of the flight with a condition against the hand's body; later:
-    of the rest of the flight with one;
-    passing: with one against the base column.
-    elastic: the landing may miss, at a price.
-    early, late: intervals of the window before and after the opening in which a delayed or
-    hurried opening would fall; robust: what is asked of the hand over that window;
-    scenarios: number of other openings that share the hand's motion.
-    slowing: velocity limits fall towards the ends of the joints' ranges.
-    torque: the joints' torques are limited.
+    carry, opening: numbers of intervals; early, late: of those of fixed length before and after
+    the opening. instants: parts of a carry interval at whose ends grip and held bar are
+    constrained. pivot: whether the object's rotation against the hand matters (it does not for
+    a CoM grasp with the landing angle open).
     """
 
     carry: int
     opening: int
+    early: int
+    late: int
     integrator: str
     substeps: int
+    instants: int
     jerk_control: bool
     free_start: bool
     angle: bool
     pivot: bool
-    cup: int = 0
-    landing: tuple[str, ...] = ()
-    floor: bool = False
-    column: bool = False
-    hand: bool = False
-    instants: int = 2
-    arm: bool = False
-    palm: int = 0
-    later: int = 0
-    passing: int = 0
-    elastic: bool = False
-    early: int = 0
-    late: int = 0
-    robust: str = ""
-    scenarios: int = 0
-    slowing: bool = False
-    torque: bool = False
+    elastic: bool
+    robust: str
+    terms: tuple[Term, ...]
 
     @property
     def opens(self) -> int:
@@ -86,15 +76,59 @@ class Structure:
         return self.detach + self.late
 
 
+class Term:
+    """One optional part of a scene, whole.
+
+    A subclass is a frozen dataclass whose fields say which of the part's rows the NLP has. It
+    overrides `of` and those of the other methods where it has something to add or to say.
+    """
+
+    #: Whether the object's rotation matters with it even where the landing angle is open.
+    turns: ClassVar[bool] = False
+
+    @classmethod
+    def of(cls, request: Request) -> Self | None:
+        """The term of a request, None where its scene has none."""
+        raise NotImplementedError
+
+    def numbers(self, request: Request) -> dict[str, Any]:
+        """Values of the parameters that its rows ask for."""
+        return {}
+
+    def states(self, context: Context, k: int) -> dict[Block, int]:
+        """Blocks that stage k has as states because of it, and their sizes."""
+        return {}
+
+    def at_instant(self, at: Instant) -> None:
+        """Adds rows for an instant of the carry, a node of the opening or of the brake after it."""
+
+    def at_rate(self, context: Context, stage: Stage, q: ca.SX, dq: ca.SX) -> None:
+        """Adds rows for rates dq at coordinates q."""
+
+    def in_window(self, context: Context, k: int, stage: Stage, following: Stage) -> None:
+        """Adds to the interval after stage k of a robust request's window."""
+
+    def in_flight(
+        self, context: Context, stage: Stage, flight: FlightState, end: FlightState, time: ca.SX
+    ) -> None:
+        """Adds rows for the flight from detach to its end, the landing, after `time`."""
+
+    def at_last(self, context: Context, stage: Stage, brake: Brake) -> None:
+        """Adds rows for the last stage, from where the coordinates brake to rest."""
+
+    def broken(self, throw: CheckedThrow) -> list[Violation]:
+        """How a thrown motion breaks it: all of the motion by exact models, not the NLP's nodes."""
+        return []
+
+
 class Context:
-    """What all parts of the NLP share: structure, parameters, models, coordinates."""
+    """Structure, parameters, models and coordinates of the NLP that is being built."""
 
     def __init__(self, structure: Structure, mover: Mover) -> None:
         self.structure = structure
         self.n = mover.size
         self.names = mover.joints
-        self._kinematics = mover.kinematics
-        self._dynamics = _dynamics_of(mover) if structure.torque else None
+        self.kinematics = mover.kinematics
         p = self.parameters = Parameters()
         self.body = Body(p("mass"), p("inertia"), p("com_offset"))
         self.contact = Contact(p("friction"), p("patch_radius"), p("torsion"), p("faces"))
@@ -102,32 +136,37 @@ class Context:
         self.grasp_angle = p("grasp_angle")
         widths = relative_widths(p("epsilon"), self.body, self.contact, self.gravity)
         self.release = SlidingPivot(self.body, self.contact, self.gravity, widths=widths)
+        self.control = JERK if structure.jerk_control else ACCELERATION
 
     def each(self, name: str) -> ca.SX:
         """The parameter `name` with one value per coordinate."""
         return self.parameters(name, self.n)
 
-    def stage(self, k: int) -> Stage:
-        """Symbols of stage k, as the table of nlp.py says."""
-        n, s = self.n, self.structure
-        states: dict[str, ca.SX] = {}
-        if k > 0 or s.free_start:
-            states["q"] = ca.SX.sym("q", n)
-        if k > 0:
-            states["dq"] = ca.SX.sym("dq", n)
-            if s.jerk_control:
-                states["ddq"] = ca.SX.sym("ddq", n)
-        if k < s.carry:
-            states["T"] = ca.SX.sym("T")
-        if s.opens < k <= s.detach:
-            states["rel"] = ca.SX.sym("rel", 6 if s.pivot else 4)
-        for number in range(s.scenarios if k > s.carry else 0):
-            states[f"rel_{number}"] = ca.SX.sym(f"rel_{number}", 6 if s.pivot else 4)
-        return Stage(states, {"c": ca.SX.sym("c", n)} if k < s.last else {})
+    @property
+    def rel_size(self) -> int:
+        """Number of relative states of the sliding pivot."""
+        return 6 if self.structure.pivot else 4
 
-    def window_step(self) -> ca.SX:
-        """Length [s] of the intervals before and after the opening."""
-        return self.parameters("window_step")
+    def stage(self, k: int) -> Stage:
+        """Symbols of stage k, as the table of `layout` says."""
+        n, s = self.n, self.structure
+        sizes: dict[Block, int] = {}
+        if k > 0 or s.free_start:
+            sizes[Q] = n
+        if k > 0:
+            sizes[DQ] = n
+            if s.jerk_control:
+                sizes[DDQ] = n
+        if k < s.carry:
+            sizes[T] = 1
+        if s.opens < k <= s.detach:
+            sizes[REL] = self.rel_size
+        for term in s.terms:
+            sizes |= term.states(self, k)
+        stage = Stage({block: ca.SX.sym(block.name, size) for block, size in sizes.items()}, {})
+        if k < s.last:
+            stage.control(self.control, n)
+        return stage
 
     def datum(self, stage: Stage, name: str, size: int = 1, *, window: bool = False) -> ca.SX:
         """A symbol (size, 1) with other numbers in each interval of opening or window."""
@@ -138,16 +177,23 @@ class Context:
             stage.data[name] = (ca.SX.sym(name, size), first)
         return stage.data[name][0]
 
+    def length(self, k: int, stage: Stage) -> ca.SX:
+        """Length [s] of the interval after stage k, in opening or window."""
+        s = self.structure
+        if s.opens <= k < s.detach:
+            return self.datum(stage, "interval")
+        return self.parameters("window_step")
+
     def node(self, stage: Stage) -> tuple[ca.SX, ca.SX, ca.SX]:
         """q, dq and (jerk control) ddq at the stage's node, rest included."""
         zero = ca.SX.zeros(self.n)
-        q = stage.states["q"] if "q" in stage.states else self.each("start")
-        return q, stage.states.get("dq", zero), stage.states.get("ddq", zero)
+        q = stage.states[Q] if Q in stage.states else self.each("start")
+        return q, stage.states.get(DQ, zero), stage.states.get(DDQ, zero)
 
     def inside(self, stage: Stage, t: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
         """q, dq, ddq at time t into the stage's interval: closed forms."""
         q, dq, ddq = self.node(stage)
-        c = stage.controls["c"]
+        c = stage.controls[self.control]
         if self.structure.jerk_control:
             jerk = JERK_UNIT * c
             return (
@@ -157,11 +203,9 @@ class Context:
             )
         return q + t * (dq + t * c / 2), dq + t * c, c
 
-    def hand(
-        self, stage: Stage, q: ca.SX, dq: ca.SX, ddq: ca.SX
-    ) -> tuple[list[ca.SX], list[ca.SX], HandMotion]:
+    def hand(self, stage: Stage, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> Hand:
         """Hand pose, twist, and what the release model needs of its motion; lifted."""
-        n, kinematics = self.n, self._kinematics
+        n, kinematics = self.n, self.kinematics
         links = stage.lift(*(v for values in (q, dq, ddq) for v in kinematics.turned(values)))
         pose, twist, acceleration = kinematics.motion_of(
             links[:n], links[n : 2 * n], links[2 * n :]
@@ -169,63 +213,95 @@ class Context:
         x, z, *motion = stage.lift(*pose, twist[2], *acceleration)
         return [x, z, motion[0]], [*twist[:2], motion[1]], HandMotion(*motion)
 
-    def heights(self, q: ca.SX) -> list[ca.SX]:
-        """Heights [m] of the arm's joint frames; none of a hand that moves by itself."""
-        kinematics = self._kinematics
-        if isinstance(kinematics, PlanarArm):
-            return kinematics.heights(kinematics.turned(q))
-        return []
+    def instant(self, stage: Stage, t: ca.SX, grip: Grip, *, given: bool = False) -> Instant:
+        """The hand at time t into the stage's interval."""
+        return Instant(self, stage, *self.inside(stage, t), grip, given)
 
-    def close(self, stage: Stage, following: Stage, dt: ca.SX, more: dict[str, Any]) -> None:
+    def close(self, stage: Stage, following: Stage, dt: ca.SX, more: dict[Block, Any]) -> None:
         """The next stage's states: coordinates by their closed form, others by `more`."""
-        end = dict(zip(("q", "dq", "ddq"), self.inside(stage, dt), strict=True)) | more
-        known = [name for name in following.states if name in end]
-        stage.following = stage.following | {name: end[name] for name in known}
+        ends = stage.following | more
+        if not stage.following:
+            ends |= dict(zip((Q, DQ, DDQ), self.inside(stage, dt), strict=True))
+        # In the order of the next stage's states, as FATROP's gaps want it.
+        stage.following = {block: ends[block] for block in following.states if block in ends}
 
     def limit(self, stage: Stage, kind: str, share: ca.SX) -> None:
         """-1 <= share <= 1 per coordinate, under the coordinate's name."""
         for i, name in enumerate(self.names):
             stage.row(f"{name} {kind}", share[i], -1.0, 1.0)
 
-    def limit_slowing(self, stage: Stage, q: ca.SX, dq: ca.SX) -> None:
-        """dq under the velocity limits that fall towards the ends of the range, if any.
-
-        dq + offset <= sqrt(2 a (upper - q)), squared with the sign kept: no root of what
-        may be negative on the way, and on the safe side by 5e-5 (rad/s)^2 at most.
-        """
-        if not self.structure.slowing:
-            return
-        offset, twice = self.each("slowing_offset"), 2 * self.each("slowing")
-        unit = self.each("dq_max") ** 2
-        for side, end in ((1, "slowing_upper"), (-1, "slowing_lower")):
-            speed, room = side * dq + offset, side * (self.each(end) - q)
-            over = (speed * ca.sqrt(speed**2 + 1e-4) - twice * room) / unit
-            for i, name in enumerate(self.names):
-                stage.row(f"{name} velocity", over[i], -np.inf, 0.0)
-
-    def limit_torque(
-        self,
-        stage: Stage,
-        q: ca.SX,
-        dq: ca.SX,
-        ddq: ca.SX,
-        load: tuple[ca.SX, ca.SX, ca.SX] | None = None,
-    ) -> None:
-        """The joints' torques inside their limits, if the scene asks for it.
-
-        load: force and torque that the hand gives to the object; None for an empty hand.
-        """
-        if self._dynamics is None:
-            return
-        angles, rates, turns = map(self._kinematics.turned, (q, dq, ddq))
-        torques = self._dynamics.torques(angles, rates, turns, self.gravity, load)
-        self.limit(stage, "torque", ca.vertcat(*torques) / self.each("torque_max"))
-
     def inside_positions(self, stage: Stage, kind: str, q: ca.SX) -> None:
         """q within the position limits."""
         self.limit(stage, kind, (q - self.each("q_mid")) / self.each("q_half"))
 
+    def heights(self, q: ca.SX) -> list[ca.SX]:
+        """Heights [m] of the arm's joint frames; none of a hand that moves by itself."""
+        if isinstance(self.kinematics, PlanarArm):
+            return self.kinematics.heights(self.kinematics.turned(q))
+        return []
 
-def _dynamics_of(mover: Mover) -> PlanarDynamics:
-    assert isinstance(mover.kinematics, PlanarArm)
-    return PlanarDynamics(mover.kinematics)
+    def along_bar(self) -> Sequence[ca.SX]:
+        """Points of the bar's axis [m] from the CoM: its ends, and between them."""
+        ahead, behind = self.parameters("ahead"), self.parameters("behind")
+        return [ahead, ahead / 2, ca.SX(0), -behind / 2, -behind]
+
+
+@dataclass(frozen=True, eq=False)
+class Instant:
+    """The hand at one instant of a stage's interval, as terms constrain it.
+
+    q, dq, ddq (n,): the coordinates. given: whether the scene prescribes the pose, so that no
+    more than the usual margin can be asked there.
+    """
+
+    context: Context
+    stage: Stage
+    q: ca.SX
+    dq: ca.SX
+    ddq: ca.SX
+    grip: Grip
+    given: bool
+
+    @cached_property
+    def hand(self) -> tuple[list[ca.SX], HandMotion]:
+        """The hand's pose (x, z, theta) and motion."""
+        pose, _, motion = self.context.hand(self.stage, self.q, self.dq, self.ddq)
+        return pose, motion
+
+    @cached_property
+    def load(self) -> Load:
+        """Force and torque at the pads that keep the object in the hand."""
+        pose, motion = self.hand
+        theta, h = pose[2] + self.context.grasp_angle, self.context.body.com_offset
+        x, z = h * ca.cos(theta), h * ca.sin(theta)
+        body, gravity = self.context.body, self.context.gravity
+        return pivot_wrench(body, gravity, motion, motion.omega, x, z)
+
+    @cached_property
+    def bar_end(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
+        """x, z [m] of the middle of the held bar's far end; cos and sin of the bar's angle."""
+        context, (pose, _) = self.context, self.hand
+        theta = pose[2] + context.grasp_angle
+        reach = context.body.com_offset + context.parameters("ahead")
+        cos, sin = ca.cos(theta), ca.sin(theta)
+        return pose[0] + reach * cos, pose[1] + reach * sin, cos, sin
+
+    @property
+    def held_margin(self) -> ca.SX:
+        """Margin [m] between obstacles and what is carried, beyond the usual one."""
+        return ca.SX(0) if self.given else self.context.parameters("held_margin")
+
+
+@dataclass(frozen=True)
+class Brake:
+    """The coordinates as they start to brake to rest.
+
+    q, dq, ddq (n,): at the last node; place, rate (n,): where the jerk limit has turned the
+    acceleration into full braking.
+    """
+
+    q: ca.SX
+    dq: ca.SX
+    ddq: ca.SX
+    place: ca.SX
+    rate: ca.SX

@@ -1,24 +1,5 @@
 """The throw as a multiple-shooting NLP, composed of what the scene has.
 
-Decision vector, stage by stage (n coordinates; C carry, O opening intervals):
-
-    stage          states                                    controls
-    k = 0          q (n, unless the start is given), T        c (n)
-    0 < k < C      q (n), dq (n), ddq (n, jerk control), T    c (n)
-    k = C          q (n), dq (n), ddq (n, jerk control)       c (n)
-    C < k < C + O  the same and rel (6; 4 without the pivot)  c (n)
-    k = C + O      the same                                   t_f, cup entry times
-
-A robust plan has intervals of fixed length before the opening, stages like k = C, and
-after it, without rel; the stage of detach then has c too.
-
-T [s] is the carry's duration: the release timing. c is the control: jerk
-[1000 rad/s^3] or acceleration [rad/s^2; m/s^2], constant in an interval, so that
-the coordinates inside it are closed forms. rel is the relative state of the sliding
-pivot (slip [m], angle [rad] and rates). t_f [s] is the flight time. At rest dq and
-ddq are zero and no variables, rel is so at the opening's start, and a given start
-pose is no variable either.
-
 Every number of the scene is in the parameter vector, so one build serves all
 targets, masses, frictions, limits and grip profiles of its structure.
 """
@@ -26,16 +7,29 @@ targets, masses, frictions, limits and grip profiles of its structure.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
-import casadi as ca
+import numpy as np
+import numpy.typing as npt
 
-from ..check import Mover
-from .assembly import Nlp, Stage, assemble
+from .asked import Request
+from .assembly import Nlp, assemble
 from .context import Context, Structure
-from .ending import at_rest, detached
-from .phases import carry_interval, leaving_interval, opening_interval, waiting_interval
-from .scenarios import scattered, scenario_interval
-from .window_rows import ROBUST, interval_length
+from .phases import add_brake, add_flight, add_interval, grip_force, grip_instants
+from .stages import Stage
+from .terms import terms_of
+from .window import opening_nodes
+
+Array = npt.NDArray[np.float64]
+
+#: Cost weights: relative acceleration squared, relative jerk squared, carry time [1/s].
+WEIGHTS = (10.0, 1.0, 2.0)
+#: Share of the acceleration limit counted on for braking.
+BRAKE_SHARE = 0.95
+#: Parts of a carry interval at whose ends the grip holds: at first, and with the guard "carry".
+INSTANTS = (2, 8)
+#: Price of a landing that misses [1/m].
+MISS_PRICE = 100.0
 
 
 @dataclass(frozen=True)
@@ -44,11 +38,46 @@ class ThrowNlp(Nlp):
 
     structure: Structure
 
+    def numbers(self, request: Request) -> Array:
+        """The parameter vector of a request with this structure."""
+        values = _core_numbers(request)
+        for term in self.structure.terms:
+            values |= term.numbers(request)
+        return self.parameters.vector(values)
 
-def build_nlp(structure: Structure, mover: Mover) -> ThrowNlp:
-    """The NLP of a structure; its numbers come later, through the parameters."""
-    context = Context(structure, mover)
-    s = structure
+    def bounds(self, request: Request) -> tuple[Array, Array]:
+        """Lower and upper bounds of the decision vector."""
+        return (
+            self.fill(lambda block, _: block.bounds(request)[0]),
+            self.fill(lambda block, _: block.bounds(request)[1]),
+        )
+
+
+def structure_of(request: Request) -> Structure:
+    """What the NLP of a request consists of."""
+    scene, mover, window, terms = request.scene, request.mover, request.window, terms_of(request)
+    return Structure(
+        carry=scene.mesh.carry,
+        opening=scene.mesh.opening,
+        early=0 if window is None else window.early,
+        late=0 if window is None else window.late,
+        integrator=scene.mesh.integrator,
+        substeps=scene.mesh.substeps if scene.mesh.integrator == "rk4" else 1,
+        instants=INSTANTS["carry" in request.asked.guards],
+        jerk_control=mover.jerk_control,
+        free_start=mover.start is None,
+        angle=request.angle,
+        pivot=request.angle or scene.com_offset > 0 or any(term.turns for term in terms),
+        elastic=request.elastic,
+        robust=request.robust,
+        terms=terms,
+    )
+
+
+def build_nlp(request: Request) -> ThrowNlp:
+    """The NLP of a request and others of its structure; numbers come later, as parameters."""
+    s = structure_of(request)
+    context = Context(s, request.mover)
     made: dict[tuple[bool, ...], Stage] = {}
     stages = []
     # Stages share a kind unless states come or go there, or something is asked only there.
@@ -62,27 +91,48 @@ def build_nlp(structure: Structure, mover: Mover) -> ThrowNlp:
     for k, stage in enumerate(stages[:-1]):
         if id(stage) not in closed:
             closed.add(id(stage))
-            _interval(context, k, stage, stages[k + 1])
-    landing = detached(context, stages[s.detach])
-    if s.scenarios:
-        scattered(context, stages[-1])
-    at_rest(context, stages[-1])
-    nlp = assemble(stages, context.parameters, ca.vertcat(*landing), s.detach)
-    return ThrowNlp(**vars(nlp), structure=structure)
+            add_interval(context, k, stage, stages[k + 1])
+    landing = add_flight(context, stages[s.detach])
+    add_brake(context, stages[-1])
+    nlp = assemble(stages, context.parameters, landing, s.detach)
+    return ThrowNlp(**vars(nlp), structure=s)
 
 
-def _interval(context: Context, k: int, stage: Stage, following: Stage) -> None:
-    """What holds in the interval after stage k."""
-    s = context.structure
-    if k < s.carry:
-        carry_interval(context, k == 0, stage, following)
-    elif k < s.opens:
-        waiting_interval(context, k == s.carry, stage, following)
-    elif k < s.detach:
-        opening_interval(context, k == s.opens, stage, following)
-    else:
-        leaving_interval(context, stage, following)
-    if s.robust and k >= s.carry:
-        ROBUST[s.robust](context, k, stage)
-    for number in range(s.scenarios if k >= s.carry else 0):
-        scenario_interval(context, number, stage, following, interval_length(context, k, stage))
+def _core_numbers(request: Request) -> dict[str, Any]:
+    """Values of the parameters that are no term's."""
+    scene, limits, target = request.scene, request.mover.planning, request.target
+    assert target is not None
+    body, contact, profile = scene.body, scene.patch, scene.gripper.profile()
+    nodes = opening_nodes(scene.mesh, profile.opening)
+    return {
+        "mass": body.mass,
+        "inertia": body.inertia,
+        "com_offset": body.com_offset,
+        "friction": contact.friction,
+        "patch_radius": contact.patch_radius,
+        "torsion": contact.torsion,
+        "faces": contact.faces,
+        "gravity": scene.gravity,
+        "grasp_angle": scene.grasp.angle,
+        "full_grip": profile.full,
+        "sticking_limit": 1.0 - scene.mesh.sticking_margin,
+        "interval": np.diff(nodes),
+        grip_force(0): profile.force(grip_instants(scene.mesh, nodes).ravel()),
+        "epsilon": scene.mesh.epsilon,
+        "start": request.mover.start,
+        "dq_max": limits.dq,
+        "ddq_max": limits.ddq,
+        "jerk_max": limits.jerk,
+        "q_mid": (limits.q_min + limits.q_max) / 2,
+        "q_half": (limits.q_max - limits.q_min) / 2,
+        "weights": WEIGHTS,
+        "braking": BRAKE_SHARE * limits.ddq,
+        "ahead": scene.object.length - scene.object.com,
+        "behind": scene.object.com,
+        "half_width": scene.object.width / 2,
+        "target_x": target.plane_x,
+        "target_z": target.z,
+        "target_theta": 0.0 if target.theta is None else target.theta,
+        "price_x": MISS_PRICE,
+        "price_theta": MISS_PRICE * scene.object.length / 2,
+    }

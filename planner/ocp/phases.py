@@ -1,103 +1,134 @@
-"""The two phases in the hand: carry (the object sticks) and opening (sliding pivot)."""
+"""The phases that every throw has: carry, opening, detach and flight, and the brake to rest.
+
+While carrying the object sticks. In the opening the smoothed law of the sliding pivot moves it,
+by collocation or by Runge-Kutta steps: two-point Gauss collocation (order 4, A-stable) takes the
+accelerations at its points as unknowns: two evaluations of the friction law an interval, each a
+row of its own, and a next state that is linear in the unknowns. Classical Runge-Kutta needs
+eight for the same accuracy, nested in one another, and has a stability limit in step / epsilon.
+"""
 
 from __future__ import annotations
 
+import math
+
 import casadi as ca
 import numpy as np
+import numpy.typing as npt
 
-from ...models import HandMotion, pivot_wrench
-from .assembly import Stage
-from .clearance import held_clear
-from .context import JERK_UNIT, Context
-from .integration import gauss_interval, runge_kutta_interval
+from ...models import FlightState, HandMotion, rk4_step
+from ...problems import Mesh
+from .context import Brake, Context, Hand, Instant
+from .layout import ACC, DQ, FAR, JERK_UNIT, REL, SHORT, T_F, T
+from .stages import Stage
+
+Array = npt.NDArray[np.float64]
+
+#: Two-point Gauss method: nodes, coefficients, weights; its coefficients applied twice
+#: integrate accelerations to positions.
+NODES = (0.5 - math.sqrt(3) / 6, 0.5 + math.sqrt(3) / 6)
+_RATE = ((0.25, 0.25 - math.sqrt(3) / 6), (0.25 + math.sqrt(3) / 6, 0.25))
+_PLACE = tuple(
+    tuple(sum(_RATE[i][k] * _RATE[k][j] for k in range(2)) for j in range(2)) for i in range(2)
+)
+_END = tuple(sum(0.5 * _RATE[k][j] for k in range(2)) for j in range(2))
+#: Units of the unknown accelerations: slip [m/s^2], rotation [rad/s^2].
+SLIP_UNIT, TURN_UNIT = 10.0, 100.0
 
 
-def carry_interval(context: Context, first: bool, stage: Stage, following: Stage) -> None:
-    """A carry interval: hand states only; the full grip holds the object all along."""
+def add_interval(context: Context, k: int, stage: Stage, following: Stage) -> None:
+    """Adds what holds in the interval after stage k.
+
+    While carrying and waiting for the opening there are hand states only: the full grip holds the
+    object all along. In the opening the relative states come in; after detach the hand is empty.
+    """
     s = context.structure
-    duration = stage.states["T"]
-    dt = duration / s.carry
-    context.close(stage, following, dt, {"T": duration})
-    stage.cost = _effort(context, stage, dt)
-    if first:
-        stage.cost += context.parameters("weights", 3)[2] * duration
-    _velocity_between_nodes(context, stage, dt)
-    _position_between_nodes(context, stage, dt)
-    # With continuous acceleration an interval's start is the last one's end.
-    for i in range(s.jerk_control and not first, s.instants + 1):
-        _held(context, stage, i / s.instants * dt, given=first and i == 0 and not s.free_start)
+    carrying, opening = k < s.carry, s.opens <= k < s.detach
+    dt = stage.states[T] / s.carry if carrying else context.length(k, stage)
+    ends = {T: stage.states[T]} if carrying else {}
+    if opening:
+        ends[REL] = _open(context, k, stage, dt)
+    context.close(stage, following, dt, ends)
+    _add_effort(context, stage, dt)
+    if k == 0:
+        stage.cost += context.parameters("weights", 3)[2] * stage.states[T]
+    _limit_velocity(context, stage, dt)
+    if not (opening and s.jerk_control):
+        _limit_position(context, stage, dt)
+    if k < s.opens:
+        _hold(context, k, stage, dt)
+    elif not opening:
+        _constrain(context.instant(stage, ca.SX(0), "none"))
+    if k >= s.carry:
+        for term in s.terms:
+            term.in_window(context, k, stage, following)
 
 
-def waiting_interval(context: Context, first: bool, stage: Stage, following: Stage) -> None:
-    """An interval of fixed length before the opening: hand only, held, like a carry's."""
-    dt = context.window_step()
-    context.close(stage, following, dt, {})
-    stage.cost = _effort(context, stage, dt)
-    _velocity_between_nodes(context, stage, dt)
-    _position_between_nodes(context, stage, dt)
-    for fraction in [0.0, 1.0] if first else [1.0]:
-        _held(context, stage, fraction * dt)
-
-
-def leaving_interval(context: Context, stage: Stage, following: Stage) -> None:
-    """An interval of fixed length after detach: hand only, empty."""
-    dt = context.window_step()
-    context.close(stage, following, dt, {})
-    stage.cost = _effort(context, stage, dt)
-    context.limit_torque(stage, *context.node(stage))
-    _velocity_between_nodes(context, stage, dt)
-    _position_between_nodes(context, stage, dt)
-
-
-def opening_interval(context: Context, first: bool, stage: Stage, following: Stage) -> None:
-    """An opening interval: the hand, and the relative states by the smoothed law."""
+def _open(context: Context, k: int, stage: Stage, dt: ca.SX) -> ca.SX:
+    """The relative states at the end of an opening interval, by the smoothed law."""
     s = context.structure
-    dt = context.datum(stage, "interval")
-    if first and not s.jerk_control:
+    start = context.instant(stage, ca.SX(0), "opening")
+    if k == s.opens and not s.jerk_control:
         # The acceleration may step here: the full grip must bear the new one too.
-        _held(context, stage, ca.SX(0))
-    elif s.floor or s.column:
-        q, dq, ddq = context.node(stage)
-        pose, _, _ = context.hand(stage, q, dq, ddq)
-        held_clear(context, stage, q, pose)
-    _opening_torque(context, stage)
-    integrate = gauss_interval if s.integrator == "gauss" else runge_kutta_interval
-    end = integrate(context, stage, dt)
-    context.close(stage, following, dt, {"rel": end})
-    stage.cost = _effort(context, stage, dt)
-    _velocity_between_nodes(context, stage, dt)
-    if not s.jerk_control:
-        _position_between_nodes(context, stage, dt)
+        _stick(start)
+    _constrain(start)
+    integrate = gauss_interval if s.integrator == "gauss" else _runge_kutta_interval
+    return integrate(context, stage, dt)
 
 
-def _effort(context: Context, stage: Stage, dt: ca.SX) -> ca.SX:
-    """Integral of the squared relative acceleration, and of a little jerk."""
+def _hold(context: Context, k: int, stage: Stage, dt: ca.SX) -> None:
+    """At instants of the interval the full grip holds the object without slip."""
+    s = context.structure
+    parts = s.instants if k < s.carry else 1
+    # With continuous acceleration an interval's start is the last one's end.
+    known = k not in (0, s.carry) and (s.jerk_control or k > s.carry)
+    for i in range(known, parts + 1):
+        given = k == 0 and i == 0 and not s.free_start
+        at = context.instant(stage, i / parts * dt, "full", given=given)
+        _stick(at)
+        _constrain(at)
+
+
+def _constrain(at: Instant) -> None:
+    for term in at.context.structure.terms:
+        term.at_instant(at)
+
+
+def _stick(at: Instant) -> None:
+    """The full grip bears the load."""
+    p = at.context.parameters
+    use = at.context.contact.utilisation_squared(*at.load, p("full_grip"))
+    at.stage.row("grip while carrying", use / p("sticking_limit") ** 2, -np.inf, 1.0)
+
+
+def _add_effort(context: Context, stage: Stage, dt: ca.SX) -> None:
+    """Integral of the squared relative acceleration, and of a small share of jerk."""
     weights, most = context.parameters("weights", 3), context.each("ddq_max")
     first = context.inside(stage, ca.SX(0))[2] / most
     last = context.inside(stage, dt)[2] / most
     # Exact for an acceleration that is linear in time.
     cost = weights[0] * ca.sum1(first**2 + first * last + last**2) / 3
     if context.structure.jerk_control:
-        jerk = JERK_UNIT * stage.controls["c"] / context.each("jerk_max")
+        jerk = JERK_UNIT * stage.controls[context.control] / context.each("jerk_max")
         cost += weights[1] * ca.sumsqr(jerk)
-    return dt * cost
+    stage.cost += dt * cost
 
 
-def _velocity_between_nodes(context: Context, stage: Stage, dt: ca.SX) -> None:
+def _limit_velocity(context: Context, stage: Stage, dt: ca.SX) -> None:
     """Velocity inside its limits all along an interval of constant jerk.
 
     The middle control point of the parabola's Bezier form bounds it; the end points
     are nodes. For constant acceleration the nodes are enough. Limits that depend on the
-    position are looked at at the nodes; the velocity margin covers what lies between.
+    position hold at the nodes; the velocity margin covers what lies between.
     """
     q, dq, ddq = context.node(stage)
-    if "dq" in stage.states:
-        context.limit_slowing(stage, q, dq)
+    if DQ in stage.states:
+        for term in context.structure.terms:
+            term.at_rate(context, stage, q, dq)
     if context.structure.jerk_control:
         context.limit(stage, "velocity", (dq + ddq * dt / 2) / context.each("dq_max"))
 
 
-def _position_between_nodes(context: Context, stage: Stage, dt: ca.SX) -> None:
+def _limit_position(context: Context, stage: Stage, dt: ca.SX) -> None:
     """Position inside its limits all along an interval: inner Bezier control points.
 
     In an arm's opening intervals, some ms long, the position margin covers the difference.
@@ -110,34 +141,161 @@ def _position_between_nodes(context: Context, stage: Stage, dt: ca.SX) -> None:
         context.inside_positions(stage, "position", end - rate * dt / 3)
 
 
-def _opening_torque(context: Context, stage: Stage) -> None:
-    """While the pads open the hand may bear all of the object or nothing."""
-    if not context.structure.torque:
-        return
-    coordinates = context.node(stage)
-    pose, _, motion = context.hand(stage, *coordinates)
-    context.limit_torque(stage, *coordinates, _held_wrench(context, pose, motion))
-    context.limit_torque(stage, *coordinates)
+def gauss_interval(context: Context, stage: Stage, dt: ca.SX, opening: int = 0) -> ca.SX:
+    """The relative states at the interval's end by collocation at two points.
 
-
-def _held_wrench(
-    context: Context, pose: list[ca.SX], motion: HandMotion
-) -> tuple[ca.SX, ca.SX, ca.SX]:
-    """Force and torque at the pads that keep the object in the hand."""
-    theta, h = pose[2] + context.grasp_angle, context.body.com_offset
-    x, z = h * ca.cos(theta), h * ca.sin(theta)
-    return pivot_wrench(context.body, context.gravity, motion, motion.omega, x, z)
-
-
-def _held(context: Context, stage: Stage, t: ca.SX, *, given: bool = False) -> None:
-    """At time t of the interval the full grip holds the object, clear of obstacles.
-
-    given: the pose is given by the scene.
+    opening: 0 is the planned one, others are those of scenarios.
     """
-    q, dq, ddq = context.inside(stage, t)
-    pose, _, motion = context.hand(stage, q, dq, ddq)
-    wrench, p = _held_wrench(context, pose, motion), context.parameters
-    context.limit_torque(stage, q, dq, ddq, wrench)
-    use = context.contact.utilisation_squared(*wrench, p("full_grip"))
-    stage.row("grip while carrying", use / p("sticking_limit") ** 2, -np.inf, 1.0)
-    held_clear(context, stage, q, pose, given=given)
+    grips = context.datum(stage, grip_force(opening), 2, window=opening > 0)
+    state = relative_state(context, stage, opening)
+    place, rate = state[: len(state) // 2], state[len(state) // 2 :]
+    units = [SLIP_UNIT, SLIP_UNIT, TURN_UNIT][: len(place)]
+    unknown = stage.control(ACC.number(opening), 2 * len(place))
+    points = [unknown[: len(place)], unknown[len(place) :]]
+    accelerations = [[u * a for u, a in zip(units, ca.vertsplit(p), strict=True)] for p in points]
+
+    def moved(i: int, share: float, row: tuple[float, ...]) -> ca.SX:
+        return share * dt * rate[i] + dt**2 * sum(
+            weight * a[i] for weight, a in zip(row, accelerations, strict=True)
+        )
+
+    def hastened(i: int, row: tuple[float, ...]) -> ca.SX:
+        return dt * sum(weight * a[i] for weight, a in zip(row, accelerations, strict=True))
+
+    for k, node in enumerate(NODES):
+        at = [p + moved(i, node, _PLACE[k]) for i, p in enumerate(place)]
+        speed = [r + hastened(i, _RATE[k]) for i, r in enumerate(rate)]
+        _, _, hand = context.hand(stage, *context.inside(stage, node * dt))
+        law = _accelerations(context, stage, [*at, *speed], hand, grips[k])
+        for unit, variable, value in zip(units, ca.vertsplit(points[k]), law, strict=True):
+            stage.row("sliding pivot", variable - value / unit, 0.0, 0.0)
+    end = [p + moved(i, 1.0, _END) for i, p in enumerate(place)]
+    return ca.vertcat(*end, *[r + hastened(i, (0.5, 0.5)) for i, r in enumerate(rate)])
+
+
+def grip_force(opening: int) -> str:
+    """Name of the parameter with the grip force of an opening."""
+    return f"grip_force {opening}"
+
+
+def grip_instants(mesh: Mesh, nodes: Array) -> Array:
+    """Times (intervals, k) at which the integrator needs the grip force."""
+    shares = np.array(NODES)
+    if mesh.integrator == "rk4":
+        shares = np.linspace(0.0, 1.0, 2 * mesh.substeps + 1)
+    return np.asarray(nodes[:-1, None] + np.diff(nodes)[:, None] * shares)
+
+
+def _runge_kutta_interval(context: Context, stage: Stage, dt: ca.SX) -> ca.SX:
+    """The same by `substeps` classical Runge-Kutta steps.
+
+    The hand is needed at 2 * substeps + 1 instants only, which the stages share.
+    """
+    substeps = context.structure.substeps
+    grips = ca.vertsplit(context.datum(stage, grip_force(0), 2 * substeps + 1))
+    hands = [
+        context.hand(stage, *context.inside(stage, dt * i / (2 * substeps)))[2]
+        for i in range(2 * substeps + 1)
+    ]
+
+    def rates(state: list[ca.SX], hand: HandMotion, grip: ca.SX) -> list[ca.SX]:
+        half = len(state) // 2
+        return [*state[half:], *stage.lift(*_accelerations(context, stage, state, hand, grip))]
+
+    state = relative_state(context, stage)
+    for i in range(0, 2 * substeps, 2):
+        state = rk4_step(rates, state, hands[i : i + 3], grips[i : i + 3], dt / substeps)
+    return ca.vertcat(*state)
+
+
+def _accelerations(
+    context: Context, stage: Stage, state: list[ca.SX], hand: HandMotion, grip: ca.SX
+) -> list[ca.SX]:
+    """Relative accelerations: slip, and rotation where the scene has it.
+
+    The law depends on seven numbers: the slip, the body's angle and rate, and the
+    hand's acceleration. They are lifted.
+    """
+    x, z, turn, _, _, spin = _full_state(context, state)
+    x, z, theta, omega, *acceleration = stage.lift(
+        x, z, hand.theta + turn, hand.omega + spin, hand.a_x, hand.a_z, hand.alpha
+    )
+    zero = ca.SX(0)
+    motion = HandMotion(theta, omega, *acceleration)
+    found = context.release.rates([x, z, zero, zero, zero, zero], motion, grip)[3:]
+    return found if context.structure.pivot else found[:2]
+
+
+def relative_state(context: Context, stage: Stage, opening: int = 0) -> list[ca.SX]:
+    """The relative states at the stage's node; sticking at the opening's start."""
+    block = REL.number(opening)
+    if block in stage.states:
+        return list(ca.vertsplit(stage.states[block]))
+    zero = ca.SX(0)
+    if context.structure.pivot:
+        return [zero, zero, context.grasp_angle, zero, zero, zero]
+    return [zero] * 4
+
+
+def _full_state(context: Context, state: list[ca.SX]) -> list[ca.SX]:
+    """All six relative states: without the pivot the object keeps its grasp angle."""
+    if context.structure.pivot:
+        return state
+    return [state[0], state[1], context.grasp_angle, state[2], state[3], ca.SX(0)]
+
+
+def let_go(context: Context, stage: Stage, hand: Hand, opening: int = 0) -> FlightState:
+    """CoM pose and twist in the world at the stage's node, nothing held any more."""
+    pose, twist, motion = hand
+    state = _full_state(context, relative_state(context, stage, opening))
+    return FlightState(*stage.lift(*context.release.com_state(state, pose, twist, motion)))
+
+
+def land(context: Context, stage: Stage, flight: FlightState, opening: int = 0) -> FlightState:
+    """The flight's end after an unknown time: down through the target's height."""
+    end = flight.after(stage.control(T_F.number(opening)), context.gravity)
+    stage.row("landing z", end.z - context.parameters("target_z"), 0.0, 0.0)
+    stage.row("coming down", end.v_z, -np.inf, 0.0)
+    return end
+
+
+def add_flight(context: Context, stage: Stage) -> ca.SX:
+    """Adds the flight from the stage of detach; returns the landing (x, z, theta).
+
+    The CoM lands at the target's x, with its theta if that is fixed.
+    """
+    s, p = context.structure, context.parameters
+    flight = let_go(context, stage, context.hand(stage, *context.node(stage)))
+    end = land(context, stage, flight)
+    for i, name in enumerate(("x", "theta") if s.angle else ("x",)):
+        miss = getattr(end, name) - p(f"target_{name}")
+        if s.elastic:
+            short, far = stage.control(SHORT.number(i)), stage.control(FAR.number(i))
+            stage.cost += p(f"price_{name}") * (short + far)
+            miss = miss + short - far
+        stage.row(f"landing {name}", miss, 0.0, 0.0)
+    for term in s.terms:
+        term.in_flight(context, stage, flight, end, stage.controls[T_F])
+    return ca.SX(ca.vertcat(end.x, end.z, end.theta))
+
+
+def add_brake(context: Context, stage: Stage) -> None:
+    """Adds to the last stage: rest within the position limits, no velocity overshoot before."""
+    s, (q, dq, ddq) = context.structure, context.node(stage)
+    braking = context.each("braking")
+    place, rate, peak = q, dq, dq
+    if s.jerk_control:
+        # First the jerk limit turns the acceleration into full braking, against the rate.
+        jerk, ahead = context.each("jerk_max"), dq / ca.sqrt(dq**2 + 1e-2)
+        turning = (braking + ahead * ddq) / jerk
+        place = q + turning * (dq + turning * (ddq / 2 - turning * ahead * jerk / 6))
+        rate = dq + turning * (ddq - turning * ahead * jerk / 2)
+        # Meanwhile the rate goes on growing.
+        peak = dq + ddq * ca.sqrt(ddq**2 + 1e-2) / (2 * jerk)
+    stop = place + rate * ca.sqrt(rate**2 + 1e-4) / (2 * braking)
+    context.inside_positions(stage, "room to brake", stop)
+    if s.jerk_control:
+        context.limit(stage, "velocity", peak / context.each("dq_max"))
+    for term in s.terms:
+        term.at_rate(context, stage, place, peak)
+        term.at_last(context, stage, Brake(q, dq, ddq, place, rate))

@@ -1,19 +1,27 @@
-"""FATROP and IPOPT on one NLP."""
+"""FATROP and IPOPT on one NLP.
+
+FATROP 1.1 raises its regularisation until a factorisation succeeds, without an end: at rare
+points, with nothing unusual about them, none does. Nothing ends a call inside a library, so it is
+made in a thread that need not come back.
+"""
 
 from __future__ import annotations
 
+import contextlib
+import os
+import threading
 import time
+from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
+from queue import Empty, SimpleQueue
+from typing import Any, TypeVar
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from ..compile import Code, Compile
-from .assembly import Nlp
-from .derivatives import nlp_functions, nlp_key
-from .watched import GivenUpError, watched
+from .assembly import Nlp, nlp_functions, nlp_key
 
 Array = npt.NDArray[np.float64]
 
@@ -22,16 +30,52 @@ FEASIBLE = 1e-6
 MAX_ITERATIONS = {"fatrop": 150, "ipopt": 500}
 #: Barrier parameter at the start: small, for the starting points are good ones.
 MU_INIT = 0.01
-#: The same when a solution with its multipliers is handed over, and the most iterations from
-#: there: for a target beside its own (3 usual), and after that, or for one some centimetres off
-#: (6 usual). FATROP moves such a point by as much away from the bounds it lies at.
+#: The same for a warm start, a solution with its multipliers, and the most iterations from there:
+#: for almost the same target (3 usual), and after that, or for one some centimetres off (6
+#: usual). FATROP moves such a point by as much away from its active bounds.
 WARM = {"fatrop": ((1e-8, 12), (1e-6, 60)), "ipopt": ((1e-5, 500),)}
 #: FATROP 1.1 may repeat one factorisation for ever where constraints are this steep at the
 #: start (seen from 3e6 on; usual starts are below 500), so it is not given such a start.
 STEEPEST = 1e5
-#: FATROP is given up after this processor time [s] and that of so many evaluations of the
-#: constraints' derivatives, 150 iterations taking that of a thousand; at the latest [s].
-LONGEST, EVALUATIONS, LATEST = 1.0, 3000, 60.0
+#: FATROP is given up after this time [s] and that of so many evaluations of the constraints'
+#: derivatives, 150 iterations taking that of a thousand; at the latest [s].
+LONGEST, EVALUATIONS, LATEST = 2.0, 3000, 60.0
+
+Answer = TypeVar("Answer")
+
+
+class GivenUpError(Exception):
+    """The call took longer than it may."""
+
+
+def watched(made: Callable[[], Answer], limit: float) -> Answer:
+    """made(), in another thread; GivenUpError after `limit` [s].
+
+    Whatever the call raises is raised here. A thread that is given up, or left by Ctrl-C, keeps
+    its memory until the process ends; on Linux it only gets processor time that is left over.
+    """
+    answers: SimpleQueue[tuple[Any, BaseException | None]] = SimpleQueue()
+
+    def work() -> None:
+        try:
+            answers.put((made(), None))
+        except BaseException as error:
+            answers.put((None, error))
+
+    thread = threading.Thread(target=work, name="throwplan-solver", daemon=True)
+    thread.start()
+    try:
+        answer, error = answers.get(timeout=limit)
+    except BaseException as gone:
+        if hasattr(os, "SCHED_IDLE") and thread.native_id is not None:
+            with contextlib.suppress(OSError):
+                os.sched_setscheduler(thread.native_id, os.SCHED_IDLE, os.sched_param(0))
+        if isinstance(gone, Empty):
+            raise GivenUpError(f"no end after {limit:.0f} s") from None
+        raise
+    if error is not None:
+        raise error
+    return answer  # type: ignore[no-any-return]
 
 
 @dataclass(frozen=True)
@@ -96,10 +140,8 @@ class Solver:
                 common |= {"bound_push": mu_init, "bound_frac": mu_init}
             options |= {
                 "structure_detection": "manual",
-                "N": len(nlp.nx) - 1,
-                "nx": nlp.nx,
-                "nu": nlp.nu,
-                "ng": nlp.ng,
+                "N": len(nlp.links) - 1,
+                **dict(zip(("nx", "nu", "ng"), nlp.sizes, strict=True)),
                 "fatrop": common,
             }
         else:

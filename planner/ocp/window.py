@@ -1,4 +1,4 @@
-"""The window around the opening in which an uncertain gripper may open."""
+"""The opening's nodes, and the window around it in which an uncertain gripper may open."""
 
 from __future__ import annotations
 
@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ...problems import USUAL_UNCERTAINTY, Scene
+from ...problems import USUAL_UNCERTAINTY, Mesh, Scene
+from ..check import Motion, Mover, friction_use, hand_samples
 
 Array = npt.NDArray[np.float64]
 
@@ -18,6 +19,8 @@ STEP = 0.005
 DEVIATIONS = 2.0
 #: An opening is always taken to last up to this share longer: the brake waits for it.
 SLOWER = 0.2
+#: Instants of the window at which the load is measured.
+SAMPLES = 141
 #: Openings that the scenarios share the hand's motion among, as shares of the window.
 SHARES = (-1.0, -0.5, 0.5, 1.0)
 
@@ -67,3 +70,39 @@ def _reach(scene: Scene) -> tuple[float, float]:
         width = DEVIATIONS * spread.deviation if opening.normal is not None else 0.0
         after += max(max(spread.reach[1], spread.expected + width) - (1 + SLOWER) * nominal, 0.0)
     return before, after
+
+
+def opening_nodes(mesh: Mesh, opening: float) -> Array:
+    """Times (opening + 1,) [s] of the shooting nodes, from the start of the force's fall."""
+    shares = np.linspace(0.0, 1.0, mesh.opening + 1)
+    return np.asarray(opening * (1.0 - (1.0 - shares) ** mesh.grading))
+
+
+def window_nodes(scene: Scene, window: Window) -> Array:
+    """Times (early + opening + late + 1,) [s] of a window's nodes, from the same instant."""
+    nodes = opening_nodes(scene.mesh, scene.gripper.profile().opening)
+    before = window.step * np.arange(-window.early, 0)
+    after = nodes[-1] + window.step * np.arange(1, window.late + 1)
+    return np.concatenate([before, nodes, after])
+
+
+def load_curve(
+    scene: Scene, mover: Mover, motion: Motion, opening_time: float
+) -> tuple[Array, Array]:
+    """Times (K,) [s] over the window and the load there (K,).
+
+    The load is the wrench that would keep the object moving with the hand, as a share of
+    the full grip's friction limit: 1 is what the grip can hold, 0 is the object's own free
+    flight.
+    """
+    window = window_of(scene)
+    begin = opening_time - window.early * window.step
+    end = opening_time + scene.gripper.profile().opening + window.late * window.step
+    times = np.linspace(max(begin, 0.0), end, SAMPLES)
+    force, torque = friction_use(scene, hand_samples(mover, motion, times))
+    return times, np.asarray(np.hypot(force, torque))
+
+
+def peak_load(scene: Scene, mover: Mover, motion: Motion, opening_time: float) -> float:
+    """The largest load over the window."""
+    return float(load_curve(scene, mover, motion, opening_time)[1].max())

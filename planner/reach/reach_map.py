@@ -20,7 +20,7 @@ import numpy.typing as npt
 from ...models import land
 from ...problems import InputError, Scene, as_scene, filling
 from ..check import enters_cup_at_landing, make_mover
-from ..ocp import CUP_ROOM, FLIGHT_MAX
+from ..ocp import CUP_MARGIN, FLIGHT_MAX
 from ..search import check_start, highest, joined
 from .bins import WIDTHS, edges_of, place, places
 from .picture import draw_map
@@ -208,7 +208,7 @@ def reach_map(
                 rise = max(rise, (-math.inf if pose is None else pose.z, words))
         thrown, x, theta, time = thrown.picked(landed), x[landed], theta[landed], time[landed]
         good = allowed(scene, mover, thrown, time)
-        good &= enters_cup_at_landing(aimed, thrown.detach, x, time, CUP_ROOM)
+        good &= enters_cup_at_landing(aimed, thrown.detach, x, time, CUP_MARGIN)
         thrown = thrown.picked(good)
         parts.append((x[good], theta[good], margins(scene, mover, thrown), cells_of(mover, thrown)))
         done += count

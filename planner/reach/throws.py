@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from ...problems import Scene
 from ..check import Limits, Mover, held_bar, lowest_of_bar, outline_kernel, palm_corners
-from ..ocp import BRAKE_SHARE, PASSING_ROOM
+from ..ocp import BRAKE_SHARE, PASSING_MARGIN
 from ..search import Releases, ReleaseSampler, flies_past_column, run_up
 
 Array = npt.NDArray[np.float64]
@@ -83,7 +83,7 @@ def _start(throws: Releases) -> Array:
 def allowed(scene: Scene, mover: Mover, throws: Releases, time: Array) -> Flags:
     """Whether the throws (N,) can be wound up for and break nothing; time (N,): of flight [s]."""
     good = throws.clear & _wound_up(scene, mover, throws) & _off_floor(scene, mover, throws)
-    good &= flies_past_column(scene, throws.detach, time, PASSING_ROOM)
+    good &= flies_past_column(scene, throws.detach, time, PASSING_MARGIN)
     return good & _bounded(scene, throws, time)
 
 

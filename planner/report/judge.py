@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from ...models import FlightState, HandSamples, SlidingPivotRelease
 from ...problems import Pose, Scene
-from ..check import Motion, Mover, broken_limits, case_of, scene_violations, throw
+from ..check import CheckedThrow, Motion, Mover, broken_limits, case_of, throw
+from ..ocp import broken
 from ..result import PlannedThrow
 
 Array = npt.NDArray[np.float64]
@@ -60,7 +61,7 @@ def judged(thrown: PlannedThrow, target: Pose, steps: int = STEPS) -> Verdict:
     dx, dtheta = again.miss(target)
     wrong = [] if _inside(scene, dx, dtheta) else [f"thrown again {_off(dx, dtheta)}"]
     end = float(motion.times[-1])
-    wrong += [v.words for v in scene_violations(scene, mover, motion, end, at, again)]
+    wrong += [v.words for v in broken(CheckedThrow(scene, mover, motion, end, at, again))]
     names = broken_limits(mover.hard, mover.joints, thrown.samples)
     wrong += [f"limit of {name} broken" for name in names]
     track = PlainTrack(mover, motion, at)

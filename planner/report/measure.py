@@ -18,17 +18,18 @@ import numpy.typing as npt
 
 from ...problems import Pose, Scene
 from ..check import (
+    CheckedThrow,
     Limits,
     Mover,
     PlannedMotion,
     SmoothingError,
     broken_limits,
     make_mover,
-    scene_violations,
     send,
     throw,
 )
 from ..compile import Compile
+from ..ocp import broken
 from ..plan import Planner, SolverName
 from ..search import polynomial, run_up
 
@@ -206,4 +207,4 @@ def _thrown(
     pose = target.in_plane(thrown.landing.x, theta)
     end = motion.times[-1] if scene.robot is None else samples.times[-1]
     aimed = scene.aimed_at(pose)
-    return None if scene_violations(aimed, mover, sent, float(end), at, thrown) else pose
+    return None if broken(CheckedThrow(aimed, mover, sent, float(end), at, thrown)) else pose

@@ -21,7 +21,7 @@ import numpy.typing as npt
 
 from ...problems import Pose, Scene, load_scene
 from ..compile import Compile
-from ..ocp import bounds, parameter_values
+from ..ocp import Request
 from ..plan import Planner, SolverName
 from ..result import Plan
 from .drawing import draw_settings
@@ -314,11 +314,12 @@ class SingleShooting:
         assert plan.throw is not None
         self._mover, self._nlp, nlp = plan.mover, plan.throw.nlp, plan.throw.nlp
         p = nlp.problem["p"]
-        free, places = [ca.MX.sym("x0", nlp.nx[0])], list(range(nlp.nx[0]))
+        states, controls, _ = nlp.sizes
+        free, places = [ca.MX.sym("x0", states[0])], list(range(states[0]))
         state, pieces, rows = free[0], list[ca.MX](), list[int]()
         for k, link in enumerate(nlp.links):
-            free.append(ca.MX.sym(f"u{k}", nlp.nu[k]))
-            places += range(link.v.start + nlp.nx[k], link.v.stop)
+            free.append(ca.MX.sym(f"u{k}", controls[k]))
+            places += range(link.v.start + states[k], link.v.stop)
             pieces.append(ca.vertcat(state, free[-1]))
             outputs, _ = link.functions.value(pieces[-1], p[link.data], p)
             state = outputs[: link.gap.stop - link.gap.start]
@@ -335,8 +336,8 @@ class SingleShooting:
         from scipy.optimize import minimize
 
         nlp, scene = self._nlp, self._scene.aimed_at(target)
-        p = nlp.parameters.vector(parameter_values(scene, self._mover, target))
-        low, high = bounds(nlp, scene, self._mover)
+        request = Request(scene, self._mover, target)
+        p, (low, high) = nlp.numbers(request), nlp.bounds(request)
         lower = np.concatenate([low, nlp.lbg[self._rows]])
         upper = np.concatenate([high, nlp.ubg[self._rows]])
         same = lower == upper

@@ -7,22 +7,13 @@ import dataclasses
 import functools
 import math
 from collections.abc import Callable, Iterator
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from ...problems import Scene, load_scene, scene_names
 from ..check import Mover, make_mover, simulate
-from ..ocp import (
-    ThrowNlp,
-    bounds,
-    build_nlp,
-    nlp_functions,
-    parameter_values,
-    structure_of,
-    window_of,
-)
+from ..ocp import Request, ThrowNlp, build_nlp, nlp_functions
 from ..plan import Planner
 from ..result import Plan
 from ..search import Task, attempts, release_start, starts
@@ -142,24 +133,19 @@ def _most(rows: list[list[Cell]], place: int) -> float:
     return max((abs(cell) for cell in cells if isinstance(cell, float)), default=math.nan)
 
 
-def structures(scene: Scene, mover: Mover) -> Iterator[tuple[str, ThrowNlp, Array, Any]]:
-    """(what, NLP, parameters, window) of a scene: as it is, quiet, with scenarios."""
-    target = scene.target
-    assert target is not None
+def structures(scene: Scene, mover: Mover) -> Iterator[tuple[str, ThrowNlp, Request]]:
+    """(what, NLP, request) of a scene: as it is, quiet, with scenarios."""
     for robust in ("", "quiet", "scenarios"):
-        window = window_of(scene) if robust else None
-        angle = target.theta is not None
-        nlp = build_nlp(structure_of(scene, mover, angle, robust=robust, window=window), mover)
-        numbers = nlp.parameters.vector(parameter_values(scene, mover, target, window))
-        yield robust or "usual", nlp, numbers, window
+        request = Request(scene, mover, scene.target, robust=robust)
+        yield robust or "usual", build_nlp(request), request
 
 
 def derivative_rows(name: str, effort: Effort) -> list[list[Cell]]:
     """Errors of a scene's derivatives, a row for each NLP."""
     scene, rows = load_scene(name), list[list[Cell]]()
     mover = make_mover(scene)
-    for words, nlp, numbers, window in structures(scene, mover):
-        limits = bounds(nlp, scene, mover, window)
+    for words, nlp, request in structures(scene, mover):
+        numbers, limits = nlp.numbers(request), nlp.bounds(request)
         rows.append(
             [name, words, *nlp.size, *derivative_errors(nlp, numbers, limits, effort.of(2, 5))]
         )

@@ -12,7 +12,8 @@ import numpy.typing as npt
 
 from ...models import Arm, PlanarArm
 from ...problems import InputError
-from ..check import TICK, SentThrow, broken_limits, scene_violations
+from ..check import TICK, CheckedThrow, SentThrow, broken_limits
+from ..ocp import broken as broken_terms
 from ..result import joint_samples, read_plan
 
 Array = npt.NDArray[np.float64]
@@ -127,10 +128,10 @@ def _wrong(motion: JointMotion) -> list[str]:
     if not max(abs(dx) / tolerance.position, abs(dtheta) / tolerance.angle) <= 1 + 1e-6:
         off = f"{1e3 * abs(dx):.2f} mm and {math.degrees(abs(dtheta)):.2f} deg off"
         found.append(f"the motion lands {off}")
-    violations = scene_violations(
+    checked = CheckedThrow(
         throw.scene, throw.mover, throw.motion, throw.until, throw.opening_time, throw.final
     )
-    return found + [violation.words for violation in violations]
+    return found + [violation.words for violation in broken_terms(checked)]
 
 
 def _uneven(motion: JointMotion) -> list[str]:

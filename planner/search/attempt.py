@@ -17,6 +17,7 @@ import numpy.typing as npt
 
 from ...problems import Pose
 from ..check import (
+    CheckedThrow,
     Mover,
     PlannedMotion,
     SampledMotion,
@@ -25,18 +26,18 @@ from ..check import (
     Violation,
     broken_limits,
     limit_surface_throw,
-    scene_violations,
     send,
     throw,
 )
 from ..ocp import (
     USUAL,
     Asked,
+    Request,
     Solution,
     ThrowNlp,
+    broken,
     opening_nodes,
     opening_start,
-    parameter_values,
     planned_motion,
 )
 from ..result import PlannedThrow
@@ -211,10 +212,10 @@ class _Solving:
         self, goal: Pose, guess: Array, warm: Solution | None, near: bool
     ) -> tuple[Solution, Array]:
         """The NLP's solution for `goal`: from `warm` if that works, else afresh from its point."""
-        problem, margins = self.problem, self.asked.margins
+        problem, scene = self.problem, self.task.scene
+        request = Request(scene, self.mover, goal, self.asked, self.start.robust)
         with self.task.clock("solve"):
-            values = parameter_values(self.task.scene, self.mover, goal, problem.window, margins)
-            numbers = problem.nlp.parameters.vector(values)
+            numbers = problem.nlp.numbers(request)
             solution = problem.solver.solve(guess, numbers, problem.limits, warm, near=near)
             if not solution.success and warm is not None:
                 self.iterations += solution.iterations
@@ -287,7 +288,8 @@ def violations(thrown: PlannedThrow, target: Pose) -> list[Violation]:
         found.append(Violation(f"slip before the opening ({use})", "carry"))
     motion = thrown.counting
     end = float(motion.times[-1])
-    return found + scene_violations(scene, mover, motion, end, thrown.opening_time, thrown.final)
+    sent = CheckedThrow(scene, mover, motion, end, thrown.opening_time, thrown.final)
+    return found + broken(sent)
 
 
 def scaled(dx: float, dtheta: float, scale: tuple[float, float]) -> float:

@@ -7,7 +7,15 @@ import numpy.typing as npt
 
 from ...problems import Scene
 from ..check import Mover, MoverTrack, PlannedMotion, case_of, relative_states
-from ..ocp import JERK_UNIT, ThrowNlp, lower_end, opening_nodes, stage_times, with_accelerations
+from ..ocp import (
+    JERK_UNIT,
+    Block,
+    ThrowNlp,
+    lower_end,
+    opening_nodes,
+    stage_times,
+    with_accelerations,
+)
 from ..result import PlannedThrow
 from .release_table import Releases
 from .run_up import polynomial, run_up
@@ -45,19 +53,18 @@ def guess_from(
     change = np.diff(coordinates["ddq" if s.jerk_control else "dq"], axis=1) / steps
     control = change / JERK_UNIT if s.jerk_control else change
 
-    entries = _cup_times(scene, releases.detach[index], flight, s.cup) if s.cup else None
+    entries = _cup_times(scene, releases.detach[index], flight, nlp.count("t_cup"))
 
-    def value(name: str, k: int) -> Array | float:
+    def value(block: Block, k: int) -> Array | float:
+        name = block.name
         if name in coordinates:
             return np.asarray(coordinates[name][:, k])
         if name == "c":
             return np.asarray(control[:, k])
         if name == "rel":
             return np.asarray(relative[:, k - s.opens])
-        if entries is not None and name.startswith("t_cup"):
-            return float(entries[1 + int(name[5:])])
-        if entries is not None and name == "t_rim":
-            return float(entries[0])
+        if name in ("t_rim", "t_cup"):
+            return float(entries[block.index + (name == "t_cup")])
         return {"T": duration, "t_f": flight}.get(name, 0.0)
 
     return with_accelerations(nlp, nlp.fill(value), np.diff(nodes))
@@ -65,12 +72,13 @@ def guess_from(
 
 def _cup_times(scene: Scene, detach: Array, flight: float, depths: int) -> Array:
     """When (1 + depths,) [s] after detach the bar's lowest corner is at the rim, and the middle
-    of its lower end at each depth below.
+    of its lower end at each depth below; none without a cup.
 
     detach (6,): CoM pose and twist. The landing height may well be above the rim.
     """
     cup, target = scene.cup, scene.target
-    assert cup is not None and target is not None
+    if cup is None or target is None:
+        return np.zeros(0)
     times = flight + np.linspace(-CUP_SPAN[0], CUP_SPAN[1], CUP_INSTANTS)
     z = detach[1] + (detach[4] - scene.gravity / 2 * times) * times
     theta = detach[2] + detach[5] * times
@@ -103,14 +111,12 @@ def refit(nlp: ThrowNlp, throw: PlannedThrow, nodes: Array, step: float, delays:
     def relative_at(since: float) -> Array:
         return np.array([np.interp(since, before, track[:, i]) for i in range(size)])
 
-    entered = [source.block(x, f"t_cup{i}", old.detach) for i in range(old.cup)]
+    depths, old_depths = nlp.count("t_cup"), source.count("t_cup")
+    entered = [source.block(x, "t_cup", old.detach, i) for i in range(old_depths)]
     entries = [float(time[0]) for time in entered if time is not None]
-    depths = np.linspace(0.0, 1.0, len(entries))
 
-    def scenario(name: str, k: int) -> Array:
-        return relative_at(times[k] - throw.opening_time - delays[int(name.rsplit("_", 1)[1])])
-
-    def value(name: str, k: int) -> Array | float:
+    def value(block: Block, k: int) -> Array | float:
+        name, number = block.name, block.index
         if name in coordinates:
             return np.asarray(coordinates[name][:, k])
         if name == "c":
@@ -120,16 +126,17 @@ def refit(nlp: ThrowNlp, throw: PlannedThrow, nodes: Array, step: float, delays:
             return np.asarray(slope / JERK_UNIT if s.jerk_control else slope)
         if name == "T":
             return throw.opening_time - s.early * step
-        if name == "rel":
+        if name == "rel" and number == 0:
             return relative_at(float(nodes[k - s.opens]))
-        if name.startswith("rel_"):
-            return scenario(name, k)
-        if name.startswith("t_cup"):
-            return float(np.interp(int(name[5:]) / max(s.cup - 1, 1), depths, entries))
+        if name == "rel":
+            return relative_at(times[k] - throw.opening_time - delays[number - 1])
+        if name == "t_cup":
+            share = number / max(depths - 1, 1)
+            return float(np.interp(share, np.linspace(0.0, 1.0, old_depths), entries))
         if name == "t_rim":
             return np.asarray(source.block(x, name, old.detach))
-        if name.startswith("t_f_"):
-            return flight - s.late * step
-        return flight if name == "t_f" else 0.0
+        if name == "t_f":
+            return flight if number == 0 else flight - s.late * step
+        return 0.0
 
     return with_accelerations(nlp, nlp.fill(value), np.diff(nodes))

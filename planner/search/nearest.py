@@ -19,19 +19,19 @@ from ...problems import Pose, Scene
 from ..check import Guard, Mover, column_of, column_room, enters_cup_at_landing, throw
 from ..compile import Compile
 from ..ocp import (
-    CUP_ROOM,
+    CUP_MARGIN,
     Asked,
+    Block,
     Margins,
+    Request,
     Solution,
     Solver,
     ThrowNlp,
-    bounds,
+    binding_limits,
     build_nlp,
     opening_nodes,
     opening_start,
-    parameter_values,
     planned_motion,
-    structure_of,
 )
 from .attempt import Start
 from .guess import guess_from
@@ -50,7 +50,7 @@ WORSE = 1.1
 #: A height this far [m] above every sampled apex is out of reach.
 HEIGHT_ROOM = 0.25
 #: The cup's own clearance and no more: less than that only is out of reach.
-BARE = Margins(cup=-CUP_ROOM)
+BARE = Margins(cup=-CUP_MARGIN)
 #: NLPs tried from the elastic point for each aim.
 TRIES = 3
 #: How much farther than the elastic point to aim, which lies at the very edge.
@@ -61,10 +61,6 @@ INSIDE = 0.98
 LEAST = 2e-4
 #: Angles at which a bar that may land at any angle is compared with the column.
 HALF_TURN = 181
-#: A multiplier counts as binding above this share of the largest.
-BINDING_SHARE = 0.02
-
-_KINDS = {"q": "position", "dq": "velocity", "ddq": "acceleration", "T": "carry time"}
 
 
 @dataclass(frozen=True)
@@ -95,13 +91,12 @@ class Binding:
         """The elastic point as a start of the real problem `nlp`."""
         elastic, solution = self.nlp, self.solution
         assert elastic is not None and solution is not None
-        last = len(nlp.nx) - 1
-        flight = elastic.block(solution.x, "t_f", last)
+        flight = elastic.block(solution.x, "t_f", elastic.structure.detach)
 
-        def value(name: str, k: int) -> Array | float:
-            block = elastic.block(solution.x, name, k)
-            if block is not None:
-                return block
+        def value(block: Block, k: int) -> Array | float:
+            known = elastic.block(solution.x, block.name, k, block.index)
+            if known is not None:
+                return known
             # The times of more cup depths than the elastic problem has.
             return 0.0 if flight is None else float(flight[0])
 
@@ -116,12 +111,11 @@ class Reach:
         self._compiling = compiling
         self._solvers: dict[tuple[bool, frozenset[Guard]], Solver] = {}
 
-    def _solver(self, angle: bool, guards: frozenset[Guard]) -> tuple[ThrowNlp, Solver]:
-        key = (angle, guards)
+    def _solver(self, request: Request) -> tuple[ThrowNlp, Solver]:
+        guards = request.asked.guards
+        key = (request.angle, guards)
         if key not in self._solvers:
-            scene, mover = self._scene, self._mover
-            structure = structure_of(scene, mover, angle, guards=guards, elastic=True)
-            nlp = build_nlp(structure, mover)
+            nlp = build_nlp(request)
             compiling = patient(self._compiling, guards)
             self._solvers[key] = Solver(nlp, "ipopt", ITERATIONS, compiling)
         solver = self._solvers[key]
@@ -136,9 +130,9 @@ class Reach:
         scene: this one, aimed at the target; guards: rows that the check has shown to be needed.
         """
         mover = self._mover
-        nlp, solver = self._solver(target.theta is not None, guards)
-        numbers = nlp.parameters.vector(parameter_values(scene, mover, target, None, BARE))
-        limits = bounds(nlp, scene, mover)
+        request = Request(scene, mover, target, Asked(guards, BARE), elastic=True)
+        nlp, solver = self._solver(request)
+        numbers, limits = nlp.numbers(request), nlp.bounds(request)
         entering = _into_the_cup(scene, releases, target)
         if "passing" in guards:
             entering = past_column(entering, scene, target.z)
@@ -172,7 +166,7 @@ class Reach:
         dtheta = 0.0 if target.theta is None else float(end[2] - target.theta)
         most = scene.tolerance
         inside = abs(dx) <= most.position and abs(dtheta) <= most.angle
-        names = () if inside else _binding(nlp, mover, best, limits)
+        names = () if inside else binding_limits(nlp, mover.joints, best, limits)
         pose = target.in_plane(landing.x, angle)
         return Binding(target, pose, inside, names, iterations, best, nlp, (dx, dtheta), missed)
 
@@ -192,7 +186,7 @@ def elastic_starts(answer: Binding, task: Task, asked: Asked) -> Iterator[Start]
     )
     variants = [asked]
     if task.scene.cup is not None:
-        margins = dataclasses.replace(asked.margins, cup=LEAST - CUP_ROOM)
+        margins = asked.margins.replace(cup=LEAST - CUP_MARGIN)
         variants.append(Asked(asked.guards | {"flight"}, margins))
     for variant in variants:
         for aim in ((0.0, 0.0), (dx, dtheta)):
@@ -248,32 +242,3 @@ def highest(releases: Releases, target: Pose, gravity: float) -> tuple[bool, Pos
         return far, pose, f"{kind}: no sampled release comes down through z {target.z:g} m"
     most = f"at most about {apex[i]:.2f} m"
     return far, pose, f"{kind}: no sampled release rises to z {target.z:g} m, {most}"
-
-
-def _binding(
-    nlp: ThrowNlp, mover: Mover, solution: Solution, limits: tuple[Array, Array]
-) -> tuple[str, ...]:
-    """Names of the limits with the largest multipliers, strongest first."""
-    strength: dict[str, float] = {}
-    for name, multiplier in zip(nlp.row_names, solution.lam_g, strict=True):
-        if name.startswith(("gap", "landing x", "landing z", "landing theta")):
-            continue
-        strength[name] = max(strength.get(name, 0.0), abs(multiplier))
-    for block, _, where in nlp.layout:
-        for i, multiplier in enumerate(solution.lam_x[where]):
-            at = where.start + i
-            close = min(solution.x[at] - limits[0][at], limits[1][at] - solution.x[at])
-            if block.endswith(("_short", "_far")) or not close < 1e-4:
-                continue
-            name = _variable_name(block, i, mover)
-            strength[name] = max(strength.get(name, 0.0), abs(multiplier))
-    largest = max(strength.values(), default=0.0)
-    ordered = sorted(strength, key=lambda name: -strength[name])
-    return tuple(n for n in ordered if strength[n] > max(BINDING_SHARE * largest, 1e-6))
-
-
-def _variable_name(block: str, i: int, mover: Mover) -> str:
-    if block == "c":
-        return f"{mover.joints[i]} {'jerk' if mover.jerk_control else 'acceleration'}"
-    kind = _KINDS.get(block, block)
-    return kind if block in ("T", "t_f") else f"{mover.joints[i]} {kind}"

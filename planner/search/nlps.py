@@ -16,7 +16,7 @@ from ...models import HandSamples
 from ...problems import InputError, Pose, Scene
 from ..check import Guard, Mover, friction_use
 from ..compile import Compile
-from ..ocp import Asked, Solver, ThrowNlp, Window, bounds, build_nlp, structure_of, window_of
+from ..ocp import Asked, Request, Solver, ThrowNlp, Window, build_nlp
 
 Array = npt.NDArray[np.float64]
 
@@ -105,16 +105,8 @@ class Problems:
         kind = _Kind(target.theta is not None, asked.guards, robust)
         if kind not in self._nlps:
             with clock("build"):
-                window = window_of(self.scene) if robust else None
-                structure = structure_of(
-                    self.scene,
-                    self.mover,
-                    kind.angle,
-                    guards=kind.guards,
-                    robust=robust,
-                    window=window,
-                )
-                self._nlps[kind] = build_nlp(structure, self.mover)
+                request = Request(self.scene, self.mover, target, asked, robust)
+                self._nlps[kind] = build_nlp(request)
         return self._nlps[kind]
 
     def problem(
@@ -126,10 +118,9 @@ class Problems:
         if (kind, name) not in self._problems:
             nlp = self.nlp(target, asked, clock, robust)
             with clock("build"):
-                window = window_of(self.scene) if robust else None
                 made = Solver(nlp, name, compiling=patient(self._compiling, kind.guards))
-                limits = bounds(nlp, self.scene, self.mover, window)
-                self._problems[kind, name] = Problem(nlp, made, limits, window)
+                request = Request(self.scene, self.mover, target, asked, robust)
+                self._problems[kind, name] = Problem(nlp, made, nlp.bounds(request), request.window)
         return self._problems[kind, name]
 
 

@@ -13,9 +13,9 @@ import numpy.typing as npt
 
 from ...models import FlightState
 from ...problems import Scene
-from ..check import PALM_TIMES, Mover, column_of, column_room, held_bar, palm_distance
+from ..check import Mover, column_of, column_room, held_bar, palm_distance
 from ..compile import mapped
-from ..ocp import BRAKE_SHARE
+from ..ocp import BRAKE_SHARE, PALM_TIMES
 
 Array = npt.NDArray[np.float64]
 

@@ -17,7 +17,7 @@ from ...models import HandMotion, HandSamples, SlidingPivot, rk4_step
 from ...problems import Pose, Scene
 from ..check import Mover, column_room, friction_use
 from ..compile import DAMAGED, cache_folder, digest, publish, source_of
-from ..ocp import BRAKE_SHARE, parameter_values
+from ..ocp import BRAKE_SHARE, build_nlp
 from .release_table import ARRAYS, Releases, distances, joined
 from .run_up import clears_column, clears_palm, run_up
 
@@ -248,7 +248,7 @@ def _miss(some: Releases, scene: Scene, x: float, height: float, theta: float | 
 
 
 #: What decides which releases are drawn for a scene, and where they go.
-MAKERS = (ReleaseSampler, sparse_parents, run_up, clears_column, column_room, parameter_values)
+MAKERS = (ReleaseSampler, sparse_parents, run_up, clears_column, column_room, build_nlp)
 LAWS = (SlidingPivot, rk4_step)
 
 

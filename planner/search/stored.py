@@ -9,17 +9,17 @@ whatever is solved from one is checked like any other throw.
 from __future__ import annotations
 
 import dataclasses
+import json
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
 from ...problems import Pose, Scene
-from ..check import Guard
 from ..compile import DAMAGED, cache_folder, digest, publish, source_of
 from ..ocp import Asked, Margins, Solution
 from ..result import PlannedThrow
@@ -104,7 +104,9 @@ class SolvedThrows:
                 [(t.target.plane_x, t.target.z, t.target.theta) for t in throws], float
             ),
             "guards": np.array([" ".join(sorted(throw.asked.guards)) for throw in throws], str),
-            "margins": np.array([dataclasses.astuple(throw.asked.margins) for throw in throws]),
+            "margins": np.array(
+                [json.dumps(dict(throw.asked.margins.values)) for throw in throws], str
+            ),
             "aim": np.array([throw.aim for throw in throws]),
             "sizes": np.array([[getattr(throw, name).size for name in PARTS] for throw in throws]),
         }
@@ -160,7 +162,7 @@ def _read(path: Path) -> list[SolvedThrow] | None:
             ends = np.cumsum(arrays["sizes"], axis=0)
             if not all(len(arrays[name]) == end for name, end in zip(PARTS, ends[-1], strict=True)):
                 return None
-            if not all(np.isfinite(arrays[name]).all() for name in ("margins", "aim", *PARTS)):
+            if not all(np.isfinite(arrays[name]).all() for name in ("aim", *PARTS)):
                 return None
             parts = [np.split(arrays[name], ends[:-1, k]) for k, name in enumerate(PARTS)]
             columns = [arrays[name] for name in ("pose", "guards", "margins", "aim")]
@@ -170,14 +172,13 @@ def _read(path: Path) -> list[SolvedThrow] | None:
 
 
 def _throw(
-    pose: Array, guards: str, margins: Array, aim: Array, x: Array, lam_g: Array, lam_x: Array
+    pose: Array, guards: str, margins: str, aim: Array, x: Array, lam_g: Array, lam_x: Array
 ) -> SolvedThrow:
     """One of a file's rows."""
     plane_x, z, theta = (float(number) for number in pose)
-    known: set[Guard] = {name for name in get_args(Guard) if name in guards.split()}
     return SolvedThrow(
         Pose(plane_x, z=z, theta=None if math.isnan(theta) else theta),
-        Asked(frozenset(known), Margins(*margins.tolist())),
+        Asked(frozenset(guards.split()), Margins(**json.loads(margins))),
         x,
         lam_g,
         lam_x,

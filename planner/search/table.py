@@ -171,7 +171,7 @@ class Search:
             self._led_nowhere.add((current.solver, *release, start.asked))
         if "carry" not in after.guards:
             # Where one throw's corners needed a margin another's may not.
-            margins = dataclasses.replace(after.margins, held=start.asked.margins.held)
+            margins = after.margins.replace(held=start.asked.margins["held"])
             after = dataclasses.replace(after, margins=margins)
         self._asked = after
 

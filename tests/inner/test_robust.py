@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from throwplan.planner.check import friction_use, hand_samples, make_mover
-from throwplan.planner.ocp import build_nlp, opening_nodes, structure_of, window_of
+from throwplan.planner.ocp import Request, build_nlp, opening_nodes, window_of
 from throwplan.planner.plan import QUIET_MESH
 from throwplan.planner.search import refit
 from throwplan.problems import Robust
@@ -93,12 +93,12 @@ def test_quiet_forgives_friction_and_opening_time_too(planner: tp.Planner) -> No
 def test_window_and_scenarios_cost_nothing_when_not_asked_for() -> None:
     scene = tp.load_scene("delay")
     mover = make_mover(scene)
-    plain = build_nlp(structure_of(scene, mover, True), mover)
+    plain = build_nlp(Request(scene, mover, scene.target))
     without = scene.replace(uncertainty=None)
-    assert build_nlp(structure_of(without, mover, True), mover).size == plain.size
+    assert build_nlp(Request(without, mover, scene.target)).size == plain.size
     assert not [n for n in plain.parameters.blocks if n.startswith(("window", "quiet"))]
     window = window_of(scene)
-    quiet = build_nlp(structure_of(scene, mover, True, robust="quiet", window=window), mover)
+    quiet = build_nlp(Request(scene, mover, scene.target, robust="quiet"))
     extra = window.early + window.late
     # q, dq, ddq and the jerk of each interval of the window; no relative states.
     assert quiet.size[0] - plain.size[0] == extra * 4 * mover.size
@@ -139,16 +139,14 @@ def test_a_throw_of_another_mesh_is_a_start_of_the_scenarios(nominal: tp.Plan) -
     scene = nominal.scene.replace(mesh=QUIET_MESH)
     assert scene.mesh.opening != throw.nlp.structure.opening
     window = window_of(scene)
-    structure = structure_of(scene, nominal.mover, True, robust="scenarios", window=window)
-    nlp = build_nlp(structure, nominal.mover)
+    nlp = build_nlp(Request(scene, nominal.mover, nominal.target, robust="scenarios"))
     nodes = opening_nodes(scene.mesh, scene.gripper.profile().opening)
     x = refit(nlp, throw, nodes, window.step, window.delays)
     assert np.isfinite(x).all()
-    source = throw.nlp.structure
+    detach = nlp.structure.detach
     for name in ("rel", "t_f"):
-        old = throw.nlp.block(throw.solution.x, name, source.detach)
-        assert nlp.block(x, name, structure.detach) == pytest.approx(old)
+        old = throw.nlp.block(throw.solution.x, name, throw.nlp.structure.detach)
+        assert nlp.block(x, name, detach) == pytest.approx(old)
     # An opening that is late has hardly moved when the planned one is over, an early one is on.
-    late = nlp.block(x, f"rel_{len(window.delays) - 1}", structure.detach)
-    early = nlp.block(x, "rel_0", structure.detach)
+    early, late = (nlp.block(x, "rel", detach, i) for i in (1, len(window.delays)))
     assert np.abs(late).max() < np.abs(early).max()

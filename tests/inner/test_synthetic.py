@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from throwplan.planner.check import broken_limits, make_mover, scene_violations, throw
+from throwplan.planner.check import CheckedThrow, broken_limits, make_mover, throw
 from throwplan.planner.identify import (
     Flown,
     Law,
@@ -22,6 +22,7 @@ from throwplan.planner.identify import (
     scene_with,
     thrown,
 )
+from throwplan.planner.ocp import broken
 from throwplan.problems import ThrowData, load_throws, monotone_grip, write_throws
 
 Made = tuple[ThrowData, list[Flown]]
@@ -50,7 +51,7 @@ def test_the_design_keeps_limits_grip_and_workspace(pitch: str) -> None:
             assert grip_use(mover, motion, scene) <= 0.8
             found = throw(scene, mover, samples, at, height)
             end = float(samples.times[-1])
-            assert not scene_violations(scene, mover, samples, end, at, found)
+            assert not broken(CheckedThrow(scene, mover, samples, end, at, found))
 
 
 def test_releases_are_constant_accelerations_from_one_state_per_pitch(exact: Made) -> None:

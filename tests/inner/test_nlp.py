@@ -9,10 +9,8 @@ import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner.check.mover import make_mover
-from throwplan.planner.ocp.derivatives import nlp_functions
-from throwplan.planner.ocp.nlp import ThrowNlp, build_nlp
-from throwplan.planner.ocp.numbers import bounds, parameter_values, structure_of
+from throwplan.planner.check import make_mover
+from throwplan.planner.ocp import Request, ThrowNlp, build_nlp, nlp_functions
 from throwplan.planner.search import ReleaseSampler, guess_from, starts
 
 #: (variables, constraints) of the built-in scenes: what a scene does not need is not there.
@@ -26,10 +24,12 @@ SIZES = {
 }
 
 
+def request_of(scene: tp.Scene) -> Request:
+    return Request(scene, make_mover(scene), scene.target)
+
+
 def nlp_of(scene: tp.Scene) -> ThrowNlp:
-    mover = make_mover(scene)
-    assert scene.target is not None
-    return build_nlp(structure_of(scene, mover, scene.target.theta is not None), mover)
+    return build_nlp(request_of(scene))
 
 
 def point_of(scene: tp.Scene, nlp: ThrowNlp) -> tuple[np.ndarray, np.ndarray]:
@@ -41,37 +41,12 @@ def point_of(scene: tp.Scene, nlp: ThrowNlp) -> tuple[np.ndarray, np.ndarray]:
     index = starts(releases, scene, target, "exact", 1)[0][0]
     flight = releases.flight_time(index, target.z, scene.gravity)
     x = guess_from(nlp, scene, mover, releases, int(index), flight)
-    return x, nlp.parameters.vector(parameter_values(scene, mover, target))
+    return x, nlp.numbers(request_of(scene))
 
 
 @pytest.mark.parametrize("name", SIZES)
 def test_sizes(name: str) -> None:
     assert nlp_of(tp.load_scene(name)).size == SIZES[name]
-
-
-def test_what_each_section_costs() -> None:
-    """Leaving a section out takes its variables, constraints and parameters away."""
-    cup = tp.load_scene("cup")
-    full = nlp_of(cup)
-    no_cup = nlp_of(cup.replace(cup=None))
-    # Four depths, and the rim: a time and its equation each, four walls, one for the corner.
-    assert full.size[0] - no_cup.size[0] == 4 + 1
-    assert full.size[1] - no_cup.size[1] == 4 * 5 + 2
-    assert {"cup_x", "cup_rim", "lower_end"} <= set(full.parameters.blocks)
-    assert not [name for name in no_cup.parameters.blocks if name.startswith("cup")]
-    bare = nlp_of(cup.replace(cup=None, workspace=None))
-    assert not {"floor", "column_radius", "ahead"} & set(bare.parameters.blocks)
-    assert bare.size[0] == no_cup.size[0] and bare.size[1] < no_cup.size[1]
-    free = nlp_of(cup.replace(cup=None, target=tp.Pose(x=0.9, z=0.2)))
-    assert no_cup.size[1] - free.size[1] == 1
-    assert not [name for name in full.parameters.blocks if name.startswith("palm")]
-
-
-def test_com_grasp_with_open_angle_has_no_pivot_states() -> None:
-    scene = tp.load_scene("hand-box")
-    held_off_centre = scene.replace(grasp=dataclasses.replace(scene.grasp, offset=0.05))
-    opening = scene.mesh.opening
-    assert nlp_of(held_off_centre).size[0] - nlp_of(scene).size[0] == (2 + 2) * opening
 
 
 @pytest.mark.parametrize("integrator", ["gauss", "rk4"])
@@ -136,16 +111,17 @@ def test_block_form_that_fatrop_relies_on(name: str) -> None:
     """Gap rows are X_{k+1} - F(X_k, U_k); rows of a stage see that stage only; the
     Lagrangian's Hessian has no entry across stages."""
     nlp = nlp_of(tp.load_scene(name))
-    stage_of = np.repeat(np.arange(len(nlp.nx)), np.array(nlp.nx) + np.array(nlp.nu))
+    states, controls, rows_of = nlp.sizes
+    stage_of = np.repeat(np.arange(len(states)), np.add(states, controls))
     found = nlp_functions(nlp, "fatrop")
     x, p = 0.1 * np.ones(nlp.size[0]), np.ones(nlp.problem["p"].numel())
     jacobian = found["nlp_jac_g"](x, p)[1]
     rows, cols = (np.array(v) for v in jacobian.sparsity().get_triplet())
     numbers = jacobian.full()
     at, offset = 0, 0
-    for k, (nx, nu, ng) in enumerate(zip(nlp.nx, nlp.nu, nlp.ng, strict=True)):
+    for k, (nx, nu, ng) in enumerate(zip(states, controls, rows_of, strict=True)):
         offset += nx + nu
-        gaps = nlp.nx[k + 1] if k + 1 < len(nlp.nx) else 0
+        gaps = states[k + 1] if k + 1 < len(states) else 0
         for i in range(gaps):
             columns = cols[rows == at + i]
             assert set(stage_of[columns]) <= {k, k + 1}
@@ -192,18 +168,15 @@ def test_collocation_lands_where_runge_kutta_does(name: str) -> None:
         variant = scene.replace(mesh=mesh)
         nlp = nlp_of(variant)
         x, p = point_of(variant, nlp)
-        free = [w for (b, k), w in nlp.places.items() if b in ("rel", "acc")]
+        free = [where for block, _, where in nlp.layout if block.name in ("rel", "acc")]
         slopes = ca.Function(
             "slopes",
             [nlp.problem["x"], nlp.problem["p"]],
             [nlp.problem["g"], ca.jacobian(nlp.problem["g"], nlp.problem["x"])],
         )
         rows = [i for i, row in enumerate(nlp.row_names) if row == "sliding pivot"]
-        rows += [
-            i
-            for i, row in enumerate(nlp.row_names)
-            if row.startswith("gap") and int(row[4:]) >= scene.mesh.carry
-        ]
+        for link in nlp.links[scene.mesh.carry :]:
+            rows += range(link.gap.start, link.gap.stop)
         columns = np.concatenate([np.arange(w.start, w.stop) for w in free])
         for _ in range(40):
             # Newton on the opening's own equations, the hand's motion kept.
@@ -221,8 +194,8 @@ def test_collocation_lands_where_runge_kutta_does(name: str) -> None:
 
 def test_bounds_come_from_the_limits_less_the_margins() -> None:
     scene = tp.load_scene("pose")
-    mover, nlp = make_mover(scene), nlp_of(scene)
-    low, high = bounds(nlp, scene, mover)
+    nlp = nlp_of(scene)
+    low, high = nlp.bounds(request_of(scene))
     dq = nlp.block(high, "dq", 3)
     assert dq == pytest.approx(0.99 * np.array([2.175, 2.175, 2.61]))
     assert nlp.block(low, "q", 0) == pytest.approx(np.array([-1.7628, -3.0718, -0.0175]) + 0.01)
@@ -250,11 +223,10 @@ def test_guess_lands_near_its_own_release() -> None:
     scene = tp.load_scene("pose")
     nlp = nlp_of(scene)
     x, p = point_of(scene, nlp)
-    names = np.array(nlp.row_names)
     function = ca.Function("g", [nlp.problem["x"], nlp.problem["p"]], [nlp.problem["g"]])
     g = np.array(function(x, p)).ravel()
-    opening_gaps = [f"gap {k}" for k in range(scene.mesh.carry + 1, len(nlp.nx) - 1)]
-    assert np.abs(g[np.isin(names, opening_gaps)]).max() < 0.05
+    opening = nlp.links[scene.mesh.carry + 1 : -1]
+    assert max(np.abs(g[link.gap]).max() for link in opening) < 0.05
     landed = np.array(nlp.landing(x, p)).ravel()
     assert landed[1] == pytest.approx(scene.target.z, abs=0.01)
     assert landed[0] == pytest.approx(scene.target.x, abs=0.1)

@@ -1,0 +1,258 @@
+"""Terms: what each adds to the NLP, and how the check sees a throw that breaks it."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import casadi as ca
+import numpy as np
+import pytest
+import throwplan as tp
+from throwplan.models import FlightState, PlanarHand, hand_motion
+from throwplan.planner.check import (
+    CheckedThrow,
+    Mover,
+    PlannedMotion,
+    bar_outline,
+    column_room,
+    cup_entries,
+    lowest_of_bar,
+    make_mover,
+    palm_distance,
+    reach_of_bar,
+    throw,
+    torque_use,
+)
+from throwplan.planner.ocp import Request, ThrowNlp, broken, build_nlp
+from throwplan.problems import Landing, Torque
+
+G = 9.81
+#: Under half of the Panda's torques [N m].
+WEAK = (45.0, 30.0, 6.0)
+
+
+@pytest.fixture(scope="module")
+def cup_plan() -> tp.Plan:
+    return tp.plan("cup")
+
+
+def nlp_of(scene: tp.Scene) -> ThrowNlp:
+    return build_nlp(Request(scene, make_mover(scene), scene.target))
+
+
+def checked(plan: tp.Plan, **changes: object) -> CheckedThrow:
+    """What a plan sends, in its scene with changes."""
+    found = plan.throw
+    assert found is not None and found.sent is not None
+    samples, scene = found.samples, plan.scene.replace(**changes)
+    until = float(samples.times[-1])
+    return CheckedThrow(scene, plan.mover, samples, until, found.opening_time, found.sent)
+
+
+# What a section costs.
+
+
+def test_what_each_section_costs() -> None:
+    """Leaving a section out takes its variables, constraints and parameters away."""
+    cup = tp.load_scene("cup")
+    full = nlp_of(cup)
+    no_cup = nlp_of(cup.replace(cup=None))
+    # Four depths, and the rim: a time and its equation each, four walls, one for the corner.
+    assert full.size[0] - no_cup.size[0] == 4 + 1
+    assert full.size[1] - no_cup.size[1] == 4 * 5 + 2
+    assert {"cup_x", "cup_rim", "lower_end"} <= set(full.parameters.blocks)
+    assert not [name for name in no_cup.parameters.blocks if name.startswith("cup")]
+    bare = nlp_of(cup.replace(cup=None, workspace=None))
+    assert not {"floor", "column_radius", "ahead"} & set(bare.parameters.blocks)
+    assert bare.size[0] == no_cup.size[0] and bare.size[1] < no_cup.size[1]
+    free = nlp_of(cup.replace(cup=None, target=tp.Pose(x=0.9, z=0.2)))
+    assert no_cup.size[1] - free.size[1] == 1
+    assert not [name for name in full.parameters.blocks if name.startswith("palm")]
+
+
+def test_com_grasp_with_open_angle_has_no_pivot_states() -> None:
+    scene = tp.load_scene("hand-box")
+    held_off_centre = scene.replace(grasp=dataclasses.replace(scene.grasp, offset=0.05))
+    opening = scene.mesh.opening
+    assert nlp_of(held_off_centre).size[0] - nlp_of(scene).size[0] == (2 + 2) * opening
+
+
+def test_torque_adds_rows_only() -> None:
+    scene = tp.load_scene("flip")
+    without, limited = nlp_of(scene), nlp_of(scene.replace(torque=Torque()))
+    assert limited.size[0] == without.size[0] and limited.size[1] > without.size[1]
+
+
+# Throws that break something.
+
+
+def test_a_solved_plan_breaks_nothing_and_harder_scenes_are_broken(cup_plan: tp.Plan) -> None:
+    cup, workspace = cup_plan.scene.cup, cup_plan.scene.workspace
+    assert cup is not None and workspace is not None
+    assert cup_plan.solved and broken(checked(cup_plan)) == []
+    changes = {
+        "cup: the bar does not reach": {"cup": dataclasses.replace(cup, rim=cup.rim - 2.0)},
+        "cup clearance": {"cup": dataclasses.replace(cup, clearance=0.0481)},
+        "floor": {"workspace": dataclasses.replace(workspace, floor=0.4)},
+        "base column": {"workspace": dataclasses.replace(workspace, column_radius=0.5)},
+        "palm": {"workspace": dataclasses.replace(workspace, palm_clearance=0.2)},
+        "landing speed": {"landing": Landing(speed_min=50.0)},
+        "landing rate": {"landing": Landing(rate_max=1e-3)},
+        "torque of joint": {"torque": Torque(limits=(1.0, 1.0, 1.0))},
+    }
+    for words, change in changes.items():
+        assert words in "; ".join(found.words for found in broken(checked(cup_plan, **change)))
+
+
+def test_slip_before_the_opening_is_a_failure() -> None:
+    scene = tp.load_scene("hand-flip")
+    hand = hand_motion(PlanarHand(True))
+    mover: Mover = dataclasses.replace(make_mover(scene), motion=hand, start=None)
+    # A level hand at rest that then accelerates upwards.
+    zero, lift = np.zeros((1, 3)), np.array([[0.0, 8.0, 0.0]])
+    motion = PlannedMotion(np.array([0.0, 0.2]), zero, zero, lift, zero)
+    thrown = throw(scene, mover, motion, 0.1, -5.0)
+    assert thrown.grip_use > 1
+    found = broken(CheckedThrow(scene, mover, motion, 0.2, 0.1, thrown))
+    assert any("slip" in violation.words for violation in found)
+
+
+def test_planner_takes_no_throw_that_breaks_the_workspace() -> None:
+    """The NLP knows nothing of the palm: the check alone must keep such throws out."""
+    scene = tp.load_scene("pose")
+    near = scene.replace(workspace=dataclasses.replace(scene.workspace, palm_clearance=2.0))
+    plan = tp.plan(near)
+    assert plan.status == "not_converged" and "palm" in plan.message
+
+
+def test_palm_enters_the_nlp_when_it_decides_and_goes_into_a_warm_start() -> None:
+    """Thrown backwards over the base, the bar would hit the hand: solved all the same."""
+    planner = tp.Planner(tp.load_scene("pose"))
+    first = planner.plan(tp.Pose(x=-0.9, z=0.1, theta=0.0))
+    assert first.solved and broken(checked(first)) == []
+    assert first.constraints > nlp_of(planner.scene).size[1]
+    again = planner.plan(tp.Pose(x=-0.905, z=0.1, theta=0.0), warm=first)
+    assert again.solved and again.constraints == first.constraints
+
+
+# Shapes.
+
+
+def test_distances_of_bar_palm_and_column() -> None:
+    scene = tp.load_scene("cup")
+    bar, tool = scene.object, scene.arm.tool
+    level = np.array([[1.0], [0.5], [0.0]])
+    corners = bar_outline(bar, level)[:, 0]
+    assert corners[0].min() == pytest.approx(0.9) and corners[0].max() == pytest.approx(1.16)
+    assert corners[1].max() - corners[1].min() == pytest.approx(bar.width)
+    # Held along the approach axis the bar's end is palm_front in front of the palm.
+    hand = np.array([[0.9], [0.5], [0.0]])
+    assert palm_distance(bar, tool, level, hand)[0] == pytest.approx(tool.palm_front)
+    folded = np.array([[0.8], [0.5], [math.pi]])
+    assert palm_distance(bar, tool, folded, hand)[0] == 0.0
+    # Aside, inside, above, and out of reach.
+    places = np.array([[0.25, 0.1, 0.0, 1.0], [0.2, 0.2, 0.5, 0.5], [0.0, 0.0, 0.0, 0.0]])
+    found = column_room(bar, places, 0.12, 0.45)
+    assert found[[0, 2]] == pytest.approx([0.03, 0.05 - bar.width / 2])
+    assert found[1] < 0.0 and found[3] == np.inf
+
+
+def test_lowest_corner_and_reach_of_a_bar() -> None:
+    bar = tp.load_scene("cup").object
+    com = np.random.default_rng(0).uniform(-3, 3, (3, 200))
+    corners = bar_outline(bar, com)
+    assert lowest_of_bar(bar, com) == pytest.approx(corners[1].min(axis=1), abs=1e-14)
+    away = np.hypot(*(corners - com[:2, :, None])).max()
+    assert reach_of_bar(bar) == pytest.approx(away, rel=1e-12)
+
+
+def entry(scene: tp.Scene, state: FlightState, flight: float) -> float:
+    """Least clearance of one flight's way into the scene's cup."""
+    states = np.array([[*vars(state).values(), G]])
+    com = np.array([scene.object.com])
+    return float(cup_entries(scene.object, com, scene.cup, states, np.array([flight]))[0])
+
+
+def test_cup_clearance_of_a_bar_that_falls_straight_in() -> None:
+    scene = tp.load_scene("cup")
+    chord, upright = math.sqrt(0.06**2 - 0.01**2), -math.pi / 2
+
+    def falls(x: float, theta: float = upright) -> float:
+        return entry(scene, FlightState(x, 0.6, theta, 0.0, 0.0, 0.0), 0.3)
+
+    assert falls(0.90) == pytest.approx(chord - 0.01, abs=1e-6)
+    assert falls(0.92) == pytest.approx(chord - 0.03, abs=1e-6)
+    assert falls(0.96) < 0
+    # Tilted it has less room.
+    assert falls(0.90, upright + 0.2) < falls(0.90) - 0.01
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_cup_entry_is_that_of_a_finely_drawn_outline(seed: int) -> None:
+    scene, rng = tp.load_scene("cup"), np.random.default_rng(seed)
+    cup, flight = scene.cup, 0.35
+    theta, omega = rng.uniform(-1.9, -1.2), rng.uniform(-2, 2)
+    v_x, z = rng.uniform(-0.2, 0.2), 0.2 + G * flight**2 / 2
+    x = 0.90 + rng.uniform(-0.02, 0.02) - v_x * flight
+    state = FlightState(x, z, theta - omega * flight, v_x, 0.0, omega)
+    at = state.after(np.linspace(0.0, flight + 0.3, 6000), G)
+    outline = bar_outline(scene.object, np.array([at.x, at.z, at.theta]), 300)
+    depth = cup.rim - outline[1].min(axis=1)
+    inside = (depth >= 0) & (depth <= cup.insertion)
+    chord = math.sqrt(cup.radius**2 - (scene.object.width / 2) ** 2)
+    across, over = outline[0, inside] - cup.x, outline[1, inside] - cup.rim
+    wall = np.where(over <= 0, chord - np.abs(across), np.inf).min()
+    rim = min(np.hypot(across - side * chord, over).min() for side in (-1, 1))
+    # An outline that crosses the rim has none left.
+    least = min(wall, rim) if wall > 0 else wall
+    assert entry(scene, state, flight) == pytest.approx(least, abs=4e-4)
+
+
+# Torques.
+
+
+@pytest.mark.parametrize("name", ["flip", "pose", "box"])
+def test_weak_limits_are_kept(name: str) -> None:
+    """The NLP looks at some instants of the brake; the check looks at every sample."""
+    plan = tp.plan(tp.load_scene(name).replace(torque=Torque(limits=WEAK)))
+    assert plan.solved
+    assert torque_use(checked(plan))[1].max() <= 1.0
+
+
+def test_limits_that_bind_change_the_throw(cup_plan: tp.Plan) -> None:
+    most = torque_use(checked(cup_plan, torque=Torque(limits=WEAK)))[1].max(axis=0)
+    section = Torque(limits=tuple(float(v) for v in 0.97 * most * np.array(WEAK)))
+    tight = tp.plan(cup_plan.scene.replace(torque=section))
+    assert tight.solved
+    assert torque_use(checked(cup_plan, torque=section))[1].max() > 1.0
+    assert torque_use(checked(tight))[1].max() <= 1.0
+
+
+def test_at_rest_the_torque_is_the_weight_s_moment(cup_plan: tp.Plan) -> None:
+    """The first sample: the arm stands still with the bar, so statics alone decide."""
+    plan, scene, arm = cup_plan, cup_plan.scene, cup_plan.scene.arm
+    assert plan.throw is not None and arm is not None
+    _, shares = torque_use(checked(plan, torque=Torque(limits=(1.0, 1.0, 1.0))))
+    q = plan.throw.samples.q[0]
+    step = 1e-6
+
+    def height_energy(q: np.ndarray) -> float:
+        """Potential energy [J] of arm and bar from the full kinematics."""
+        kinematics = plan.mover.kinematics
+        frames = [np.array(ca.evalf(f)) for f in arm.frames(kinematics.full(ca.SX(q)))]
+        hand = frames[-1].copy()
+        hand[:3, 3] = frames[-2][:3, 3]
+        energy = 0.0
+        for link, frame in zip(arm.links, [*frames[: arm.joints], hand], strict=True):
+            energy += link.mass * G * (frame @ [*link.com, 1.0])[2]
+        tcp = frames[-1]
+        along = tcp[:3, 2] * scene.com_offset
+        return energy + scene.object.mass * G * float((tcp[:3, 3] + along)[2])
+
+    for joint in range(3):
+        up, down = q.copy(), q.copy()
+        up[joint] += step
+        down[joint] -= step
+        slope = (height_energy(up) - height_energy(down)) / (2 * step)
+        assert shares[0, joint] == pytest.approx(abs(slope), abs=1e-5)
