@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ..sweep import BLACK, BLUE, GREEN, GREY, RED
+from ..show import BLACK, BLUE, GREEN, GREY, ORANGE, RED, TEAL, new_figure, save
 from .page import Cell, Table
 
 if TYPE_CHECKING:
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
-ORANGE, PURPLE, CYAN = "#f2a33a", "#9467bd", "#17becf"
 #: Colour, marker and line of a release method; only settings that refine each other have a line.
 METHODS = {
     "sp, Euler": (BLUE, "v", ":"),
@@ -42,7 +41,7 @@ SETTINGS = {
     "opening": GREEN,
     "grading": ORANGE,
     "epsilon": RED,
-    "integrator": PURPLE,
+    "integrator": TEAL,
 }
 #: Errors [mm] below these are drawn on them: converged answers are not known better.
 OWN_FLOOR, MODEL_FLOOR, PLAN_FLOOR = 1e-7, 1e-4, 1e-7
@@ -229,9 +228,7 @@ def _figure(
     width: float, height: float, lines: int = 1, columns: int = 1, **share: Any
 ) -> tuple[Figure, Any]:
     """A figure of so many inches, and its axes in lines and columns."""
-    from matplotlib.figure import Figure
-
-    figure = Figure(figsize=(width, height), layout="constrained")
+    figure = new_figure(width, height)
     return figure, figure.subplots(lines, columns, squeeze=False, **share)
 
 
@@ -246,4 +243,4 @@ def _save(figure: Figure, path: Path) -> None:
                 axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
                 for formatter in (axis.set_minor_formatter, axis.set_major_formatter):
                     formatter(StrMethodFormatter("{x:g}"))
-    figure.savefig(path, dpi=110)
+    save(figure, path)
