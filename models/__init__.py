@@ -3,107 +3,150 @@
 Release models are in the registry `MODELS`; scenes, files and solvers are not known here.
 """
 
-from .arm import Arm, DHRow, JointFrame, JointLimits, LinkInertia, Slowing, Tool, placement
-from .backend import Value
-from .batch import (
-    GRADING,
-    PIVOT_STEPS,
-    SURFACE_STEPS,
-    BatchRelease,
-    EvenSteps,
-    ReleaseBatch,
-    by_chunks,
-    graded,
-    sliding_pivot_batch,
-    stepped_batch,
-    throw_limit_surface,
-    throw_sliding_pivot,
-)
-from .contact import (
+from .body import (
     Body,
     Contact,
+    FlightState,
+    Hand,
     HandMotion,
+    HandSamples,
+    HandTrack,
+    Value,
     com_twist,
     com_wrench,
     contact_acceleration,
     contact_twist,
+    land,
     pivot_wrench,
+    sticking_state,
+    time_to_height,
 )
 from .dynamics import PlanarDynamics
-from .flight import FlightState, land, time_to_height
-from .friction import coulomb, karnopp, viscous_smoothed
-from .grip_force import FALL_SHARE, GripProfile, LinearRelease, TableRelease
-from .hand import PlanarArm, PlanarHand, hand_motion
-from .impulse import ITERATIONS, ImpulseProblem, Iterate
-from .integrate import euler_step, rk4_step
-from .karnopp_batch import throw_karnopp
+from .kinematics import (
+    Arm,
+    DHRow,
+    JointFrame,
+    JointLimits,
+    LinkInertia,
+    PlanarArm,
+    PlanarHand,
+    Slowing,
+    Tool,
+    hand_motion,
+    placement,
+)
 from .limit_surface import (
     Ellipsoid,
     LimitSurface,
     Quartic,
     ellipsoid,
+    held_wrench,
     rotated_ellipsoid,
+    slip_onset,
     slip_size,
     smoothed_sliding_wrench,
+    surface_gauge,
 )
 from .limit_surface_release import ImplicitRelease, KarnoppRelease
-from .lugre_release import LuGreRelease, critical_damping
 from .overhang import OverhangingBeam
-from .patch import RADIUS_PER_ARM, Patch, PointSolver, SlipProblem, disc, scaled_patch
-from .patch_gauge import patch_gauge
+from .patch import RADIUS_PER_ARM, Patch, PointSolver, SlipProblem, disc, patch_gauge, scaled_patch
 from .patch_release import (
     CREEP,
     PATCH_CHUNK,
+    LuGreRelease,
     PatchRelease,
     PatchThrows,
+    critical_damping,
     march_patch,
-    patch_batch,
     single_release,
 )
 from .path import MovedHand, Path, Throws, low_pass
-from .release import (
-    LOST,
-    UNSOLVED,
-    HandSamples,
-    HandTrack,
-    Release,
-    ReleaseCase,
+from .registry import (
+    BATCH_MODELS,
+    DECIDING,
+    IDENTIFIED,
+    MODELS,
+    SLIDING_PIVOT,
+    STEPPED_SURFACE,
+    VALIDATED,
+    VARIANTS,
     ReleaseModel,
-    onset,
-    sticking_state,
 )
-from .sliding_pivot import LOST_SLIP, STATES, SlidingPivot
-from .sliding_pivot_release import SlidingPivotRelease, number_symbols, numbers, world_release
-from .slip_onset import held_wrench, slip_onset, surface_gauge
-from .smoothing import positive, relative_widths, soft_positive
-from .time_stepping import HandState, LimitSurfaceStepping
-from .time_stepping_release import SteppedRelease
+from .release import (
+    BLEW_UP,
+    FALL_SHARE,
+    LOST,
+    LOST_SLIP,
+    UNSOLVED,
+    BatchRelease,
+    CaseModel,
+    GripProfile,
+    LinearRelease,
+    Release,
+    ReleaseBatch,
+    ReleaseCase,
+    TableRelease,
+    by_chunks,
+    onset,
+)
+from .sliding_pivot import (
+    PivotSteps,
+    SlidingPivot,
+    SlidingPivotRelease,
+    pivot_law,
+    positive,
+    relative_widths,
+    soft_positive,
+    world_release,
+)
+from .stepping import (
+    GRADING,
+    EvenSteps,
+    euler_step,
+    graded,
+    march,
+    number_symbols,
+    numbers,
+    rk4_step,
+    step_batch,
+    step_columns,
+    step_symbols,
+    with_middles,
+)
+from .time_stepping import ITERATIONS, ImpulseProblem, Iterate, LimitSurfaceStepping, SteppedRelease
 
 __all__ = [
+    "BATCH_MODELS",
+    "BLEW_UP",
     "CREEP",
+    "DECIDING",
     "FALL_SHARE",
     "GRADING",
+    "IDENTIFIED",
     "ITERATIONS",
     "LOST",
     "LOST_SLIP",
+    "MODELS",
     "PATCH_CHUNK",
-    "PIVOT_STEPS",
     "RADIUS_PER_ARM",
-    "STATES",
-    "SURFACE_STEPS",
+    "SLIDING_PIVOT",
+    "STEPPED_SURFACE",
     "UNSOLVED",
+    "VALIDATED",
+    "VARIANTS",
     "Arm",
     "BatchRelease",
     "Body",
+    "CaseModel",
     "Contact",
     "DHRow",
     "Ellipsoid",
     "EvenSteps",
     "FlightState",
     "GripProfile",
+    "Hand",
     "HandMotion",
     "HandSamples",
-    "HandState",
     "HandTrack",
     "ImplicitRelease",
     "ImpulseProblem",
@@ -122,6 +165,7 @@ __all__ = [
     "PatchRelease",
     "PatchThrows",
     "Path",
+    "PivotSteps",
     "PlanarArm",
     "PlanarDynamics",
     "PlanarHand",
@@ -145,7 +189,6 @@ __all__ = [
     "com_wrench",
     "contact_acceleration",
     "contact_twist",
-    "coulomb",
     "critical_damping",
     "disc",
     "ellipsoid",
@@ -153,15 +196,15 @@ __all__ = [
     "graded",
     "hand_motion",
     "held_wrench",
-    "karnopp",
     "land",
     "low_pass",
+    "march",
     "march_patch",
     "number_symbols",
     "numbers",
     "onset",
-    "patch_batch",
     "patch_gauge",
+    "pivot_law",
     "pivot_wrench",
     "placement",
     "positive",
@@ -170,18 +213,16 @@ __all__ = [
     "rotated_ellipsoid",
     "scaled_patch",
     "single_release",
-    "sliding_pivot_batch",
     "slip_onset",
     "slip_size",
     "smoothed_sliding_wrench",
     "soft_positive",
-    "stepped_batch",
+    "step_batch",
+    "step_columns",
+    "step_symbols",
     "sticking_state",
     "surface_gauge",
-    "throw_karnopp",
-    "throw_limit_surface",
-    "throw_sliding_pivot",
     "time_to_height",
-    "viscous_smoothed",
+    "with_middles",
     "world_release",
 ]

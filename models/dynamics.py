@@ -11,12 +11,9 @@ from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
-from .arm import LinkInertia
-from .hand import PlanarArm
-
-Array = npt.NDArray[np.float64]
+from .body import Array
+from .kinematics import LinkInertia, PlanarArm
 
 
 @dataclass(frozen=True)

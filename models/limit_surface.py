@@ -4,21 +4,37 @@ A surface is described by its gauge: the normal force [N] (all faces together) a
 a wrench (f_x, f_z, torque) is just at the limit, sqrt(H(f)) for the ellipsoid of (19).
 The gauge is homogeneous of degree one. Sliding with contact twist v, friction is the
 wrench on the surface whose normal is along -v: Gamma(v) per newton of normal force.
+
+As long as a body sticks, the wrench that it needs is known along the hand's motion, (28)
+and (31). Slip begins where that wrench first reaches the surface of the falling grip
+force. From there the contact moves along the surface's normal, so turning and sliding
+begin at one instant; a motion that the normal does not have, such as turning where no
+torque is carried, has not begun.
 """
 
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Literal, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from .contact import Contact
+from .body import Array, Contact, pivot_wrench
+from .release import ReleaseCase
 
-Array = npt.NDArray[np.float64]
 Norm = Literal["paper", "consistent"]
+#: Normal force [N], all faces, at which wrenches (3, K) slip on a hand at angles (K,).
+Gauge = Callable[[Array, Array], Array]
+
+#: Even intervals of the opening that are searched for the first slip.
+INTERVALS = 200
+#: Share of the surface's normal below which a motion does not begin.
+SMALL = 1e-6
+#: Share of the full grip that is nothing: a wrench of rounding errors does not slip.
+NOTHING = 1e-11
 
 
 class LimitSurface(Protocol):
@@ -146,3 +162,146 @@ def smoothed_sliding_wrench(
     if size == 0.0:
         return np.zeros(3)
     return surface.sliding_wrench(twist) * min(size / half_band, 1.0)
+
+
+# The impulse of a step on a quartic surface.
+
+
+def quartic_impulse(surface: Quartic, k: Array, rhs: Array, radius: float) -> Array:
+    """Impulse y (3,) of maximum dissipation, in half axes of the surface.
+
+    The minimiser of y.K y / 2 - rhs.y on or inside the surface of size `radius`.
+    """
+    y: Array = np.asarray(np.linalg.solve(k, rhs), float)
+    size = surface.gauge(surface.scale * y)
+    if size <= radius:
+        return np.asarray(y)
+    if radius <= 0.0:
+        return np.zeros(3)
+    # In units of the radius, where the surface is H(y) = 1.
+    k, y = k * radius, y / size
+    found = _on_surface(surface, k, rhs, y)
+    if found is None:
+        found = _by_bisection(surface, k, rhs, y)
+    return np.asarray(radius * found / max(surface.gauge(surface.scale * found), 1.0))
+
+
+def _on_surface(surface: Quartic, k: Array, rhs: Array, y: Array) -> Array | None:
+    """K y + w grad H / 4 = rhs with H = 1 by Newton's method; None if it does not get there."""
+    weight = float((rhs - k @ y) @ y)
+    matrix, residual = np.zeros((4, 4)), np.zeros(4)
+    for _ in range(25):
+        gradient = surface.gradient(y) / 4
+        residual[:3] = k @ y - rhs + weight * gradient
+        residual[3] = (float(gradient @ y) - 1.0) / 4
+        if np.abs(residual[:3]).max() < 1e-11 * np.abs(rhs).max() and abs(residual[3]) < 1e-12:
+            return y if weight >= 0 else None
+        matrix[:3, :3] = k + weight * surface.hessian(y) / 4
+        matrix[:3, 3] = matrix[3, :3] = gradient
+        try:
+            step = np.linalg.solve(matrix, residual)
+        except np.linalg.LinAlgError:
+            return None
+        share = min(1.0, 0.5 / max(float(np.abs(step[:3]).max()), 1e-300))
+        y, weight = y - share * step[:3], weight - share * float(step[3])
+    return None
+
+
+def _by_bisection(surface: Quartic, k: Array, rhs: Array, y: Array) -> Array:
+    """The same, slowly and surely: bisection on the logarithm of the multiplier."""
+    scale = surface.scale
+    low, high = -40.0, float(np.log(np.linalg.norm(rhs) + np.abs(k).max())) + 3.0
+    for _ in range(60):
+        middle = (low + high) / 2
+        y = _penalised(surface, k, rhs, float(np.exp(middle)), y)
+        if surface.gauge(scale * y) > 1.0:
+            low = middle
+        else:
+            high = middle
+        if high - low < 1e-12:
+            break
+    return y
+
+
+def _penalised(surface: Quartic, k: Array, rhs: Array, weight: float, y: Array) -> Array:
+    """Minimiser of y.K y / 2 - rhs.y + weight H(y) / 4, by damped Newton steps."""
+
+    def merit(value: Array) -> float:
+        quartic = surface.gauge(surface.scale * value) ** 4
+        return float(value @ k @ value / 2 - rhs @ value + weight * quartic / 4)
+
+    for _ in range(40):
+        residual = k @ y - rhs + weight * surface.gradient(y) / 4
+        step = np.linalg.solve(k + weight * surface.hessian(y) / 4, residual)
+        share, before = 1.0, merit(y)
+        while share > 1e-8 and merit(y - share * step) > before:
+            share /= 2
+        y = y - share * step
+        if np.abs(step).max() < 1e-13 * (1 + np.abs(y).max()):
+            break
+    return y
+
+
+# When slip begins.
+
+
+def surface_gauge(surface: LimitSurface) -> Gauge:
+    """The gauge of a limit surface that does not turn with the hand."""
+
+    def gauge(wrench: Array, _: Array) -> Array:
+        return np.array([surface.gauge(column) for column in wrench.T])
+
+    return gauge
+
+
+def slip_onset(
+    case: ReleaseCase, gauge: Gauge, intervals: int = INTERVALS
+) -> tuple[float | None, float | None]:
+    """Times [s] at which pivot and slide begin, None for what does not.
+
+    To 1e-12 of the opening; 0 for a body that the full grip does not hold.
+    """
+    from scipy.optimize import brentq
+
+    opening = case.grip.opening
+
+    def excess(times: Array) -> Array:
+        """Normal force [N] that the body lacks."""
+        wrench, angle = held_wrench(case, times)
+        force = case.grip.force(times) + NOTHING * case.grip.full
+        return np.asarray(gauge(wrench, angle) - case.contact.faces * force)
+
+    times = np.linspace(0.0, opening, intervals + 1)
+    above = np.flatnonzero(excess(times) > 0)
+    if above.size == 0:
+        return None, None
+    i = int(above[0])
+    onset = float(times[i])
+    if i > 0:
+        onset = float(
+            brentq(lambda t: float(excess(np.array([t]))[0]), times[i - 1], onset, xtol=1e-12)
+        )
+    pivots, slides = _moves(case, gauge, onset)
+    return onset if pivots else None, onset if slides else None
+
+
+def held_wrench(case: ReleaseCase, times: Array) -> tuple[Array, Array]:
+    """Contact wrench (3, K) that a sticking body needs, world axes, and the hand's angle (K,)."""
+    hand = case.hand.at(times)
+    theta, h = hand.pose[2] + case.grasp_angle, case.body.com_offset
+    lever = h * np.cos(theta), h * np.sin(theta)
+    wrench = pivot_wrench(case.body, case.gravity, hand.motion, hand.twist[2], *lever)
+    return np.array(np.broadcast_arrays(*wrench)), hand.pose[2]
+
+
+def _moves(case: ReleaseCase, gauge: Gauge, time: float) -> tuple[bool, bool]:
+    """Whether the surface's normal at the held wrench turns, and whether it slides."""
+    wrench, angle = held_wrench(case, np.array([time]))
+    # In newtons: a torque counts by the patch's torsion arm.
+    scale = np.array([1.0, 1.0, case.contact.torsion_arm])
+    step = 1e-4 * np.linalg.norm(wrench[:, 0] / scale)
+    sides = np.concatenate([step * np.diag(scale), -step * np.diag(scale)], axis=1)
+    values = gauge(wrench + sides, np.repeat(angle, 6))
+    normal = np.abs(values[:3] - values[3:])
+    total = float(normal.max())
+    return bool(normal[2] > SMALL * total), bool(normal[:2].max() > SMALL * total)

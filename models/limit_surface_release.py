@@ -14,20 +14,37 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from .contact import Contact, contact_twist, pivot_wrench
-from .limit_surface import LimitSurface, Norm, ellipsoid, slip_size, smoothed_sliding_wrench
-from .release import HandSamples, Release, ReleaseCase, failed
-from .slip_onset import slip_onset, surface_gauge
+from .body import (
+    Array,
+    Contact,
+    HandMotion,
+    HandSamples,
+    com_wrench,
+    contact_twist,
+    pivot_wrench,
+    sticking_state,
+)
+from .limit_surface import (
+    LimitSurface,
+    Norm,
+    ellipsoid,
+    slip_onset,
+    slip_size,
+    smoothed_sliding_wrench,
+    surface_gauge,
+)
+from .release import BatchRelease, Release, ReleaseBatch, ReleaseCase, by_chunks, failed
+from .stepping import EvenSteps
 
-Array = npt.NDArray[np.float64]
 Shape = Callable[[Contact], LimitSurface]
 
 #: Friction that turns round in one step more often than this is chatter.
 CHATTER = 10
 #: A speed [m/s] that no release reaches: beyond it an explicit method has blown up.
 RUNAWAY = 1e4
+#: Steps per second of opening of a batch, the paper's 0.1 ms, and the most steps.
+RATE, MOST_STEPS = 10_000.0, 20_000
 
 
 @dataclass(frozen=True)
@@ -66,6 +83,48 @@ class KarnoppRelease:
             words = f"explicit steps chatter: friction turned round {turns} times"
             return replace(release, trouble=words)
         return release
+
+    def throw(self, batch: ReleaseBatch, steps: int, even: EvenSteps | None = None) -> BatchRelease:
+        """N releases on the contact's own ellipsoid, in steps of 0.1 ms if `steps` is 0."""
+        if steps == 0:
+            longest = float(np.max(batch.opening))
+            steps = int(np.clip(np.ceil(longest * RATE - 1e-9), 1, MOST_STEPS))
+        return by_chunks(batch, lambda part: self._chunk(part, steps))
+
+    def _chunk(self, part: ReleaseBatch, steps: int) -> BatchRelease:
+        body, contact, gravity = part.body, part.contact, part.gravity
+        shares = np.linspace(0.0, 1.0, steps + 1)
+        forces, dt = part.forces(shares), part.opening / steps
+        arm = contact.torsion_arm
+        zone = 1.0 if self.norm == "paper" else arm
+        pose, twist, acceleration = part.hands.at(np.zeros_like(part.opening))
+        state = np.array(sticking_state(pose, twist, part.grasp_angle, body.com_offset), float)
+        for k in range(steps):
+            omega = state[5]
+            x_r, z_r = state[0] - pose[0], state[1] - pose[1]
+            moved = contact_twist(state[3], state[4], omega, x_r, z_r)
+            slip_x, slip_z, slip = np.array(moved) - twist
+            limit = contact.force_limit(forces[k])
+            # Sliding: on the ellipsoid, its normal along -v.
+            turning = arm * slip
+            size = np.sqrt(slip_x**2 + slip_z**2 + turning**2)
+            scale = limit / np.maximum(size, 1e-300)
+            # Sticking: the wrench that keeps the body with the hand, cut off at the surface.
+            motion = HandMotion(pose[2], twist[2], *acceleration)
+            h_x, h_z, h_t = pivot_wrench(body, gravity, motion, omega, x_r, z_r)
+            needed = np.sqrt(h_x**2 + h_z**2 + (h_t / arm) ** 2)
+            share = np.minimum(limit / np.maximum(needed, 1e-300), 1.0)
+            slides = np.sqrt(slip_x**2 + slip_z**2 + (zone * slip) ** 2) > self.dead_zone
+            f_x = np.where(slides, -scale * slip_x, share * h_x)
+            f_z = np.where(slides, -scale * slip_z, share * h_z)
+            torque = np.where(slides, -scale * arm * turning, share * h_t)
+            turned = com_wrench(f_x, f_z, torque, x_r, z_r)[2]
+            rates = [*state[3:], f_x / body.mass, f_z / body.mass - gravity, turned / body.inertia]
+            state = state + dt * np.array(rates)
+            pose, twist, acceleration = part.hands.at(shares[k + 1] * part.opening)
+        detach = state.T
+        detach[~np.isfinite(detach).all(axis=1)] = np.nan
+        return BatchRelease(detach, np.zeros(part.count, bool))
 
     def _friction(
         self,
@@ -167,7 +226,7 @@ def _reversals(wrenches: Array, surface: LimitSurface, forces: Array) -> int:
 def _rates(case: ReleaseCase, state: Array, wrench: Array, hand: Array) -> Array:
     """Rates of the CoM state (6,) under a contact wrench (3,), (25)."""
     x_r, z_r = state[0] - hand[0], state[1] - hand[1]
-    torque = wrench[2] + wrench[0] * z_r - wrench[1] * x_r
+    torque = com_wrench(wrench[0], wrench[1], wrench[2], x_r, z_r)[2]
     mass, inertia = case.body.mass, case.body.inertia
     a_x, a_z = wrench[0] / mass, wrench[1] / mass - case.gravity
     return np.array([state[3], state[4], state[5], a_x, a_z, torque / inertia])

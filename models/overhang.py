@@ -17,9 +17,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from .contact import Body, Contact
-
-Array = npt.NDArray[np.float64]
+from .body import Array, Body, Contact
 
 
 @dataclass(frozen=True)

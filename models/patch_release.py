@@ -11,6 +11,16 @@ takes the shares y_i = u_i / |u_i| of Coulomb's limit as unknowns of their own (
 Golub and Mulet do for total variation), which makes it converge from afar in two or
 three iterations. A bristle of the LuGre law is one more term in the same equations:
 with the bristle's share y_i of the last step they read y (creep + |u|) = u + creep y_i.
+
+LuGre bristles are a band for compliant pads, not the truth. Each point has a bristle z in
+the plane (Canudas de Wit et al. 1995, without Stribeck's effect, g(v) = mu, which makes
+the law passive for any damping):
+
+    z' = v - sigma_0 |v| z / mu,   f = -(sigma_0 z + sigma_1 z' + sigma_2 v) N(t).
+
+The stiffness falls with the normal force N: with a fixed one the bristles of a resting
+bar would never relax. Backward Euler eliminates them: y = sigma_0 z / mu obeys
+y (c + |u|) = u + c y_old with c = mu / (sigma_0 dt), a rigid patch with a memory.
 """
 
 from __future__ import annotations
@@ -20,16 +30,20 @@ from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from .batch import ReleaseBatch
-from .contact import Body, Contact
-from .patch import PointSolver, Pressure, SlipProblem, scaled_patch
-from .patch_gauge import patch_gauge
-from .release import UNSOLVED, HandSamples, Release, ReleaseCase, failed, sticking_state
-from .slip_onset import slip_onset
-
-Array = npt.NDArray[np.float64]
+from .body import Array, Body, Contact, HandSamples, sticking_state
+from .limit_surface import slip_onset
+from .patch import PointSolver, Pressure, SlipProblem, patch_gauge, scaled_patch
+from .release import (
+    UNSOLVED,
+    BatchRelease,
+    Release,
+    ReleaseBatch,
+    ReleaseCase,
+    by_chunks,
+    failed,
+)
+from .stepping import EvenSteps
 
 #: Speed [m/s] over which a rigid point's friction builds up: half of it at CREEP, 99 % only
 #: at 99 CREEP. What is missing at slow points moves landings by up to 0.03 mm at 1e-9 and
@@ -98,36 +112,80 @@ class PatchRelease:
 
     def release(self, case: ReleaseCase) -> Release:
         """The release of one case; `trouble` says so if a step was not solved."""
-        release = single_release(
-            march_patch(PatchThrows.of(case, self.steps), self.points, self.pressure)
-        )
+        throws = PatchThrows.of(case, self.steps)
+        release = single_release(march_patch(throws, self.points, self.pressure))
         pivot, slide = slip_onset(case, patch_gauge(case.contact, self.pressure, self.points))
         return replace(release, pivot=pivot, slide=slide)
 
-    def batch(self, batch: ReleaseBatch) -> Array:
-        """Detach states (N, 6) of a batch; NaN for a throw with a step that was not solved."""
-        return patch_batch(batch, self.steps, self.points, self.pressure)
+    def throw(self, batch: ReleaseBatch, steps: int, even: EvenSteps | None = None) -> BatchRelease:
+        """N releases; NaN for a throw with a step that was not solved."""
+        return _by_chunks(
+            batch,
+            lambda part: march_patch(PatchThrows.of_batch(part, steps), self.points, self.pressure),
+        )
 
 
-def patch_batch(
-    batch: ReleaseBatch,
-    steps: int = 500,
-    points: int = 64,
-    pressure: Pressure = "uniform",
-    bristles: Callable[[PatchThrows], Bristles] | None = None,
-) -> Array:
-    """Detach states (N, 6) of N different releases, all throws of a chunk in one step.
+@dataclass(frozen=True)
+class LuGreRelease:
+    """LuGre bristles on about `points` points, loaded at time 0 so that the body rests.
 
-    Columns: x, z, theta, v_x, v_z, omega of the CoM. bristles: LuGre's law for the throws
-    of a chunk, in place of Coulomb's. NaN for a throw with a step that was not solved.
+    stiffness sigma_0 [1/m]: mu / sigma_0 is the travel to full friction; damping_ratio of
+    the body on the bristles at full grip, above 0; viscous sigma_2 [s/m]; steps over the
+    opening, first order. Raises ValueError for settings out of range.
     """
-    detach = np.empty((batch.count, 6))
-    for first in range(0, batch.count, PATCH_CHUNK):
-        part = np.arange(first, min(first + PATCH_CHUNK, batch.count))
-        throws = PatchThrows.of_batch(batch.part(part), steps)
-        end = march_patch(throws, points, pressure, bristles(throws) if bristles else None).detach
-        detach[part] = np.array([end.x, end.z, end.theta, end.v_x, end.v_z, end.omega]).T
-    return detach
+
+    points: int = 64
+    pressure: Pressure = "uniform"
+    stiffness: float = 1e7
+    damping_ratio: float = 1.0
+    viscous: float = 0.0
+    steps: int = 500
+
+    def __post_init__(self) -> None:
+        for name in ("stiffness", "damping_ratio"):
+            value = getattr(self, name)
+            if not 0 < value < np.inf:
+                raise ValueError(f"{name}: must be above 0 and finite, got {value:g}")
+        if not 0 <= self.viscous < np.inf:
+            raise ValueError(f"viscous: must not be negative, got {self.viscous:g}")
+
+    def release(self, case: ReleaseCase) -> Release:
+        """The release of one case; `trouble` says so if a step was not solved."""
+        return single_release(self.march(PatchThrows.of(case, self.steps)))
+
+    def throw(self, batch: ReleaseBatch, steps: int, even: EvenSteps | None = None) -> BatchRelease:
+        """N releases; NaN for a throw with a step that was not solved."""
+        return _by_chunks(batch, lambda part: self.march(PatchThrows.of_batch(part, steps)))
+
+    def march(self, throws: PatchThrows) -> Release:
+        """N releases side by side, see `march_patch`."""
+        return march_patch(throws, self.points, self.pressure, self.bristles(throws))
+
+    def bristles(self, throws: PatchThrows) -> Bristles:
+        """The bristles, damped as the full grip (that of the first step) asks for."""
+        grip = throws.contact.faces * throws.forces[0]
+        damping = self.damping_ratio * critical_damping(throws.body.mass, grip, self.stiffness)
+        return Bristles(self.stiffness, damping, self.viscous)
+
+
+def critical_damping(mass: Array | float, normal_force: Array | float, stiffness: float) -> Array:
+    """sigma_1 [s/m] that just stops a mass [kg] swinging on bristles under a force [N].
+
+    m s'' + N sigma_1 s' + N sigma_0 s = 0 with damping ratio 1.
+    """
+    held = np.maximum(np.asarray(normal_force, float), 1e-9)
+    return np.asarray(2.0 * np.sqrt(stiffness * np.asarray(mass) / held))
+
+
+def _by_chunks(batch: ReleaseBatch, march: Callable[[ReleaseBatch], Release]) -> BatchRelease:
+    """Detach states of a batch, all throws of a chunk in one step."""
+
+    def chunk(part: ReleaseBatch) -> BatchRelease:
+        release = march(part)
+        detach = np.concatenate([release.com[:, -1], release.com_twist[:, -1]]).T
+        return BatchRelease(detach, np.zeros(part.count, bool), UNSOLVED)
+
+    return by_chunks(batch, chunk, PATCH_CHUNK)
 
 
 def single_release(batch: Release) -> Release:

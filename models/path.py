@@ -15,9 +15,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from .release import HandSamples
+from .body import Array, HandSamples
 
-Array = npt.NDArray[np.float64]
 #: Numbers of some of the throws.
 Throws = npt.NDArray[np.int_]
 

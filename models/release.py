@@ -1,55 +1,98 @@
-"""One interface for all release models: what goes in, and what comes out."""
+"""What a release model is given, and what it gives back: one release, or N at once."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
-from dataclasses import dataclass
-from typing import Protocol
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any, Protocol
 
 import numpy as np
 import numpy.typing as npt
 
-from .backend import Value, backend, components
-from .contact import Body, Contact, HandMotion, com_twist
-from .flight import FlightState
-from .grip_force import GripProfile
-
-Array = npt.NDArray[np.float64]
+from .body import Array, Body, Contact, FlightState, HandTrack, sticking_state
+from .path import Path, Throws
 
 #: Why a release is not to be trusted.
 LOST = "the body slid out of the pads before they let go"
 BLEW_UP = "the steps blew up: needs more steps"
 UNSOLVED = "a step of the patch was not solved"
+#: Slip beyond h by which the body has left the pads [m]. The published law lets a body
+#: that slides on under a turning hand run away; from here on it flies freely.
+LOST_SLIP = 0.1
+#: A table's fall starts where its force leaves the first value by this share.
+FALL_SHARE = 0.01
+#: Throws per chunk: some thirty arrays of this many doubles stay in the processor's cache.
+CHUNK = 2048
 
 
 @dataclass(frozen=True)
-class HandSamples:
-    """Hand pose, twist and acceleration, each (3, K), at `times` (K,) [s].
+class LinearRelease:
+    """Grip force of one pad: full [N] for `dwell` [s] after the opening command, then linear
+    to zero in `opening` [s]."""
 
-    Rows: x, z [m], theta [rad] and their first and second derivatives. For a batch of N
-    throws each is (3, K, N).
+    full: float
+    dwell: float
+    opening: float
+
+    def force(self, time: npt.ArrayLike) -> Array:
+        """f_N [N] at `time` [s] after the start of the fall."""
+        return self.full * np.clip(1.0 - np.asarray(time, float) / self.opening, 0.0, 1.0)
+
+
+class TableRelease:
+    """A measured grip force: times [s] from the opening command, forces [N] of one pad.
+
+    Interpolated by monotone cubics (PCHIP): no overshoot, continuous slope. The last
+    force must be zero within 1 % of the largest, and the force may not rise again by
+    more than 5 % of the largest. Raises ValueError saying what is wrong.
     """
 
-    times: Array
-    pose: Array
-    twist: Array
-    acceleration: Array
+    def __init__(self, times: Sequence[float], forces: Sequence[float]) -> None:
+        t, f = np.array(times, float), np.array(forces, float)
+        _check_table(t, f)
+        peak = f.max()
+        f[-1] = 0.0
+        self.full = float(f[0])
+        falling = np.flatnonzero(f < (1.0 - FALL_SHARE) * f[0])
+        start = max(int(falling[0]) - 1, 0)
+        ended = int(np.flatnonzero(f > 1e-9 * peak)[-1]) + 1
+        self.dwell = float(t[start])
+        self.opening = float(t[ended] - t[start])
+        self._times, self._forces = t[start : ended + 1] - t[start], f[start : ended + 1]
 
-    def __iter__(self) -> Iterator[Array]:
-        """pose, twist, acceleration."""
-        return iter((self.pose, self.twist, self.acceleration))
+    @cached_property
+    def _curve(self) -> Any:
+        from scipy.interpolate import PchipInterpolator
 
-    @property
-    def motion(self) -> HandMotion:
-        """What the contact equations need, as arrays."""
-        return HandMotion(self.pose[2], self.twist[2], *self.acceleration)
+        return PchipInterpolator(self._times, self._forces)
+
+    def force(self, time: npt.ArrayLike) -> Array:
+        """f_N [N] at `time` [s] after the start of the fall."""
+        force = self._curve(np.clip(np.asarray(time, float), 0.0, self.opening))
+        return np.asarray(np.maximum(force, 0.0))
 
 
-class HandTrack(Protocol):
-    """A hand motion over time, counted from the start of the opening."""
+def _check_table(t: Array, f: Array) -> None:
+    if t.size < 2 or t.shape != f.shape:
+        raise ValueError("needs at least two rows of t, f_N")
+    if not (np.isfinite(t).all() and np.isfinite(f).all()):
+        raise ValueError("has a value that is not a finite number")
+    if t[0] < 0 or (np.diff(t) <= 0).any():
+        raise ValueError("t must start at 0 or later and rise from row to row")
+    peak = f.max()
+    if peak <= 0 or (f < 0).any():
+        raise ValueError("f_N must not be negative and must start above 0")
+    if f[-1] > 0.01 * peak:
+        raise ValueError(f"f_N must end at 0, but the last row has {f[-1]:g} N")
+    if f[0] < 0.5 * peak:
+        raise ValueError("f_N must start at the full grip and fall from there")
+    if (f - np.minimum.accumulate(f)).max() > 0.05 * peak:
+        raise ValueError("f_N must fall: it rises by more than 5 % of its largest value")
 
-    def at(self, times: Array) -> HandSamples:
-        """The hand at `times` (K,) [s]."""
+
+#: Grip force over time: full, dwell, opening and force(time).
+GripProfile = LinearRelease | TableRelease
 
 
 @dataclass(frozen=True)
@@ -71,16 +114,6 @@ class ReleaseCase:
         hand = self.hand.at(np.zeros(1))
         pose, twist = hand.pose[:, 0], hand.twist[:, 0]
         return np.array(sticking_state(pose, twist, self.grasp_angle, self.body.com_offset))
-
-
-def sticking_state(pose: Value, twist: Value, grasp_angle: Value, com_offset: Value) -> list[Value]:
-    """CoM pose and twist (6 values) of a body that sticks to a hand of this pose and twist."""
-    x, z, theta = components(pose)
-    v_x, v_z, omega = components(twist)
-    angle = theta + grasp_angle
-    xp = backend(angle)
-    x_r, z_r = com_offset * xp.cos(angle), com_offset * xp.sin(angle)
-    return [x + x_r, z + z_r, angle, *com_twist(v_x, v_z, omega, x_r, z_r)]
 
 
 @dataclass(frozen=True)
@@ -108,8 +141,8 @@ class Release:
         return FlightState(*self.com[:, -1], *self.com_twist[:, -1])
 
 
-class ReleaseModel(Protocol):
-    """How a body leaves the hand."""
+class CaseModel(Protocol):
+    """How one body leaves the hand."""
 
     def release(self, case: ReleaseCase) -> Release:
         """The release of one case, from sticking to the end of the opening."""
@@ -131,3 +164,96 @@ def onset(times: Array, excess: Array) -> float | None:
         return float(times[0])
     low, high = excess[i - 1], excess[i]
     return float(times[i - 1] + (times[i] - times[i - 1]) * -low / (high - low))
+
+
+# N releases at once.
+
+
+@dataclass(frozen=True)
+class ReleaseBatch:
+    """N releases. Body and contact values, gravity, grasp_angle: numbers or arrays (N,).
+
+    grip: the falling force, shared; opening (N,) [s] and force (N,) [N] stretch it to
+    each throw's own duration and full grip.
+    """
+
+    count: int
+    body: Body
+    contact: Contact
+    grip: GripProfile
+    hands: Path
+    opening: Array
+    force: Array
+    gravity: Any = 9.81
+    grasp_angle: Any = 0.0
+
+    def part(self, throws: Throws) -> ReleaseBatch:
+        """The given throws as a batch of their own; numbers stay numbers."""
+
+        def cut(value: Any) -> Any:
+            return value[throws] if isinstance(value, np.ndarray) and value.ndim else value
+
+        return replace(
+            self,
+            count=len(throws),
+            body=Body(*(cut(getattr(self.body, f.name)) for f in fields(Body))),
+            contact=Contact(*(cut(getattr(self.contact, f.name)) for f in fields(Contact))),
+            hands=self.hands.part(throws),
+            opening=self.opening[throws],
+            force=self.force[throws],
+            gravity=cut(self.gravity),
+            grasp_angle=cut(self.grasp_angle),
+        )
+
+    def forces(self, shares: Array) -> list[Array]:
+        """Grip force (N,) [N] of one pad at each of `shares` (K,) of the openings."""
+        shape = self.grip.force(shares * self.grip.opening) / self.grip.full
+        return [self.force * value for value in shape]
+
+    def forces_at(self, times: Array) -> Array:
+        """Grip force [N] of one pad at `times` (..., N) [s] after each opening's start."""
+        stretched = times / self.opening * self.grip.opening
+        return np.asarray(self.force * self.grip.force(stretched) / self.grip.full)
+
+
+@dataclass(frozen=True)
+class BatchRelease:
+    """What N releases come to.
+
+    detach (N, 6): CoM pose and twist at the end of the opening, NaN where it could not be
+    computed, which `why_not` explains; lost (N,): whether the body slid out of the pads
+    before.
+    """
+
+    detach: Array
+    lost: npt.NDArray[np.bool_]
+    why_not: str = BLEW_UP
+
+    @property
+    def trouble(self) -> npt.NDArray[np.object_]:
+        """Why each throw (N,) is not to be trusted, as in `Release`; empty if it is."""
+        words = np.full(len(self.detach), "", object)
+        words[self.lost] = LOST
+        words[~np.isfinite(self.detach).all(axis=1)] = self.why_not
+        return words
+
+    @staticmethod
+    def joined(parts: Sequence[BatchRelease]) -> BatchRelease:
+        """All of several, one after the other."""
+        detach = np.concatenate([part.detach for part in parts])
+        return BatchRelease(detach, np.concatenate([part.lost for part in parts]), parts[0].why_not)
+
+
+def chunks(count: int, size: int = CHUNK) -> Iterator[Throws]:
+    """The numbers of `count` throws, `size` at a time."""
+    for first in range(0, count, size):
+        yield np.arange(first, min(first + size, count))
+
+
+def by_chunks(
+    batch: ReleaseBatch, run: Callable[[ReleaseBatch], BatchRelease], size: int = CHUNK
+) -> BatchRelease:
+    """`run` on one chunk of throws after the other: memory does not grow with their number."""
+    if batch.count <= size:
+        return run(batch)
+    return BatchRelease.joined([run(batch.part(throws)) for throws in chunks(batch.count, size)])

@@ -12,21 +12,89 @@ The CoM seen from the hand is r = s + h (cos theta, sin theta).
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache, partial
 from typing import Literal
 
-from .backend import Value, backend, components
-from .contact import Body, Contact, HandMotion, pivot_wrench
-from .smoothing import Widths, positive, soft_positive
+import casadi as ca
+import numpy as np
 
-#: Slip beyond h by which the body has left the pads [m]. The published law lets a body
-#: that slides on under a turning hand run away; from here on it flies freely.
-LOST_SLIP = 0.1
+from .body import (
+    Array,
+    Body,
+    Contact,
+    Hand,
+    HandMotion,
+    HandSamples,
+    Value,
+    backend,
+    components,
+    pivot_wrench,
+)
+from .release import (
+    BLEW_UP,
+    LOST,
+    LOST_SLIP,
+    BatchRelease,
+    Release,
+    ReleaseBatch,
+    ReleaseCase,
+    onset,
+)
+from .stepping import (
+    EvenSteps,
+    Triple,
+    by_levels,
+    euler_step,
+    graded,
+    located_steps,
+    number_symbols,
+    numbers,
+    rk4_step,
+    run_steps,
+    step_batch,
+    step_columns,
+    step_function,
+    with_middles,
+)
 
-#: Number of relative states: slip_x, slip_z, theta_r and their rates.
-STATES = 6
+#: Acceleration [m/s^2] that keeps the widths above zero in zero gravity.
+ACCELERATION_FLOOR = 1.0
 
 Form = Literal["continuous", "paper"]
+Integrator = Literal["rk4", "euler"]
+
+
+def soft_positive(value: Value, width: Value) -> Value:
+    """max(value, 0) rounded over `width` (same unit): (v + sqrt(v^2 + w^2)) / 2."""
+    return 0.5 * (value + backend(value, width).sqrt(value * value + width * width))
+
+
+def positive(value: Value) -> Value:
+    """max(value, 0)."""
+    return backend(value).maximum(value, 0.0)
+
+
+@dataclass(frozen=True)
+class Widths:
+    """Rounding widths of max and |.|: force [N] and torque [N m]."""
+
+    force: Value
+    torque: Value
+
+
+def relative_widths(epsilon: Value, body: Body, contact: Contact, gravity: Value) -> Widths:
+    """Widths of `epsilon` times the body's weight and its weight's torque about the grasp.
+
+    Both stay above zero at g = 0 and h = 0 (an acceleration of 1 m/s^2 and the
+    patch radius stand in), because a release that transmits nothing has a zero
+    wrench and a zero limit at once, where derivatives must stay finite.
+    """
+    xp = backend(gravity, body.com_offset, contact.patch_radius)
+    force = epsilon * body.mass * xp.sqrt(gravity * gravity + ACCELERATION_FLOOR**2)
+    arm = xp.sqrt(body.com_offset**2 + contact.patch_radius**2)
+    return Widths(force, force * arm)
 
 
 @dataclass(frozen=True)
@@ -149,3 +217,107 @@ class SlidingPivot:
         force_norm = xp.sqrt(f_x * f_x + f_z * f_z + force_width * force_width)
         torque_size = xp.sqrt(torque * torque + torque_width * torque_width)
         return (f_x, f_z), torque, force_norm, torque_size, self.contact.force_limit(normal_force)
+
+
+@dataclass(frozen=True)
+class PivotSteps:
+    """The sliding pivot by steps of Runge-Kutta, or of the paper's explicit Euler."""
+
+    law: SlidingPivot
+    integrator: Integrator = "rk4"
+
+    @property
+    def uses_middle(self) -> bool:
+        """Runge-Kutta does."""
+        return self.integrator == "rk4"
+
+    def start(self, hand: Hand, grasp_angle: Value) -> list[Value]:
+        """Sticking: only the angle against the hand is not zero."""
+        zero = 0.0 * hand.pose[2]
+        return [zero, zero, zero + grasp_angle, zero, zero, zero]
+
+    def advance(
+        self, state: Value, hands: Sequence[Hand], forces: Triple, dt: Value
+    ) -> list[Value]:
+        """State `dt` [s] later."""
+        step = rk4_step if self.integrator == "rk4" else euler_step
+        return step(self.law.rates, state, [hand.motion for hand in hands], forces, dt)
+
+    def excess(self, state: Value, hand: HandMotion, normal_force: Value) -> tuple[Value, Value]:
+        """Event functions, see `SlidingPivot.excess`."""
+        return self.law.excess(state, hand, normal_force)
+
+    def lost(self, state: Value) -> Value:
+        """Whether the body has slid out of the pads."""
+        return self.law.lost(state)
+
+    def com(self, state: Value, hand: Hand) -> Sequence[Value]:
+        """CoM pose and twist in the world."""
+        return self.law.com_state(state, hand.pose, hand.twist, hand.motion)
+
+
+@dataclass(frozen=True)
+class SlidingPivotRelease:
+    """Releases by the sliding pivot in one of its forms.
+
+    steps over the opening; integrator: 'rk4' or the paper's 'euler'; events: cut the
+    steps where pivot or slide begins or ends, so that the integrator keeps its order.
+    """
+
+    form: Form = "continuous"
+    steps: int = 1000
+    integrator: Integrator = "rk4"
+    events: bool = False
+
+    def release(self, case: ReleaseCase) -> Release:
+        """The release of one case."""
+        law = SlidingPivot(case.body, case.contact, case.gravity, self.form)
+        if self.events:
+            steps = PivotSteps(law, self.integrator)
+            times, states, onsets = located_steps(steps, case, self.steps)
+            release = world_release(law, case.hand.at(times), states.T, case.grip.force(times))
+            return replace(release, pivot=onsets[0], slide=onsets[1])
+        hand = case.hand.at(np.linspace(0.0, case.grip.opening, 2 * self.steps + 1))
+        forces, start = case.grip.force(hand.times), np.zeros(6)
+        start[2] = case.grasp_angle
+        states = run_steps(_compiled(self), start, step_columns(hand, forces), numbers(case))
+        return world_release(law, hand.every(0, 2), states, forces[::2])
+
+    def throw(self, batch: ReleaseBatch, steps: int, even: EvenSteps | None = None) -> BatchRelease:
+        """N releases by the non-smooth law in `steps` graded Runge-Kutta steps.
+
+        Doubled, once or more, for throws that swing fast. even: another program for the
+        steps than NumPy's, a compiled one.
+        """
+        law = even or partial(pivot_steps, form=self.form)
+        return by_levels(batch, lambda part, factor: law(part, steps * factor))
+
+
+def pivot_law(batch: ReleaseBatch, form: Form = "continuous") -> PivotSteps:
+    """The non-smooth law of N throws, for `step_batch`."""
+    return PivotSteps(SlidingPivot(batch.body, batch.contact, batch.gravity, form))
+
+
+def pivot_steps(batch: ReleaseBatch, steps: int, form: Form = "continuous") -> BatchRelease:
+    """The sliding pivot in `steps` graded steps for all throws, by NumPy."""
+    return step_batch(batch, partial(pivot_law, form=form), with_middles(graded(steps)))
+
+
+def world_release(law: SlidingPivot, hand: HandSamples, states: Array, forces: Array) -> Release:
+    """World poses, twists and friction of relative states (6, K) along the hand."""
+    motion = hand.motion
+    state = np.vstack(law.com_state(states, hand.pose, hand.twist, motion))
+    torque, force = law.excess(states, motion, forces)
+    pivot, slide = onset(hand.times, torque), onset(hand.times, force)
+    wrench = np.vstack(law.friction(states, motion, forces))
+    trouble = LOST if law.lost(states).any() else ""
+    if not np.isfinite(state).all():
+        trouble = BLEW_UP
+    return Release(hand.times, state[:3], state[3:], pivot, slide, wrench, trouble)
+
+
+@cache
+def _compiled(model: SlidingPivotRelease) -> ca.Function:
+    p, body, contact, gravity = number_symbols()
+    law = PivotSteps(SlidingPivot(body, contact, gravity, model.form), model.integrator)
+    return step_function(law, p, model.steps)

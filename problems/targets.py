@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 
+from ..models import DECIDING
 from .section import InputError, Section, quantity
 
 
@@ -75,7 +76,7 @@ class Tolerance(Section):
     model: str = quantity(
         "release model that the landing must be true for: the sliding pivot or the "
         "time-stepping limit surface",
-        choices=("sp", "ls-step"),
+        choices=DECIDING,
         default="sp",
     )
 

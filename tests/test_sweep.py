@@ -9,11 +9,11 @@ import math
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.models import Path, land, sliding_pivot_batch
+from throwplan.models import MODELS, Path, land
 from throwplan.planner.check.check import throw
 from throwplan.planner.cli import common, main
 from throwplan.planner.sweep.carry_hold import CarryHold
-from throwplan.planner.sweep.sweep_run import CHUNKS, run_sweep
+from throwplan.planner.sweep.sweep_run import run_sweep
 from throwplan.planner.sweep.sweep_sensitivity import derivatives, scan_delays
 from throwplan.planner.sweep.sweep_throws import Thrower
 from throwplan.planner.sweep.uncertain import sampler_of
@@ -94,7 +94,7 @@ def test_disturbed_hands_are_the_hands_that_they_stand_for() -> None:
     )
     batch = thrower._batch(thrower._columns(values))
     plain = dataclasses.replace(batch, hands=hands, grasp_angle=columns["grasp_angle"])
-    expected = land(sliding_pivot_batch(plain, 400), thrower.target.z, G)
+    expected = land(MODELS["sp"].throw(plain, 400).detach, thrower.target.z, G)
     assert thrower.throw(values).pose == pytest.approx(expected, abs=1e-9)
 
 
@@ -208,22 +208,22 @@ def test_a_weak_grip_is_no_success(posed) -> None:
 
 
 def test_what_was_done_is_kept_when_stopped(posed, monkeypatch) -> None:
-    monkeypatch.setitem(CHUNKS, "sp", 256)
-    whole = tp.sweep(posed, samples=3 * CHUNKS["sp"])
+    monkeypatch.setitem(MODELS, "sp", dataclasses.replace(MODELS["sp"], chunk=256))
+    whole = tp.sweep(posed, samples=3 * 256)
 
     def stop(done: int, total: int) -> None:
-        if done >= 2 * CHUNKS["sp"]:
+        if done >= 2 * 256:
             raise KeyboardInterrupt
 
-    thrown, interrupted = run_sweep(whole.thrower, whole.sampler, 3 * CHUNKS["sp"], None, stop)
+    thrown, interrupted = run_sweep(whole.thrower, whole.sampler, 3 * 256, None, stop)
     assert interrupted
-    count = 2 * CHUNKS["sp"]
+    count = 2 * 256
     assert np.array_equal(thrown.values, whole.values[:count])
     assert np.array_equal(thrown.landings.pose, whole.landings.pose[:count])
 
 
 def test_a_stopped_command_says_how_much_is_done(tmp_path, capsys, monkeypatch) -> None:
-    monkeypatch.setitem(CHUNKS, "sp", 256)
+    monkeypatch.setitem(MODELS, "sp", dataclasses.replace(MODELS["sp"], chunk=256))
 
     def stop(self, done: int, total: int) -> None:
         raise KeyboardInterrupt

@@ -22,8 +22,7 @@ from .motion import TICK, Motion, PlannedMotion, SampledMotion
 from .mover import Limits, Mover, make_mover
 from .rollout import Landing, MoverTrack, case_of, friction_use, hand_samples, slip_while_carrying
 from .sent import SentThrow
-from .simulate import MODELS, simulate
-from .simulate_batch import BATCH_MODELS, STEPS, simulate_batch
+from .simulation import named_model, simulate, simulate_batch
 from .smooth import SmoothingError, send
 from .violations import (
     CheckedThrow,
@@ -37,9 +36,6 @@ from .violations import (
 )
 
 __all__ = [
-    "BATCH_MODELS",
-    "MODELS",
-    "STEPS",
     "TICK",
     "CheckedThrow",
     "Guard",
@@ -73,6 +69,7 @@ __all__ = [
     "limit_surface_throw",
     "lowest_of_bar",
     "make_mover",
+    "named_model",
     "outline_kernel",
     "palm_corners",
     "palm_distance",

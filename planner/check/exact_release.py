@@ -22,22 +22,24 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import (
+    BLEW_UP,
+    LOST,
     LOST_SLIP,
-    HandMotion,
+    Hand,
     HandSamples,
-    HandState,
     LimitSurfaceStepping,
+    PivotSteps,
     Release,
     ReleaseCase,
     SlidingPivot,
     number_symbols,
     numbers,
     onset,
-    rk4_step,
+    step_symbols,
+    sticking_state,
 )
 from ..compile import STEPS, StepKernel
 from .motion import INSIDE
-from .opening_grid import graded_shares, halved, instants
 
 Array = npt.NDArray[np.float64]
 
@@ -60,6 +62,10 @@ SAME = 1e-3
 TURNED = 0.99
 #: Newton iterations of an impulse: on planned throws four are exact to rounding.
 ITERATIONS = 6
+#: Steps shrink towards the end as its distance to the power 1 - 1 / POWER.
+POWER = 1.5
+#: Kinks nearer than this share of the opening to each other or to its ends are one.
+APART = 1e-9
 #: Flight [s] over which a velocity error, and lever [m] by which an angle error, counts.
 FLIGHT, LEVER = 0.5, 0.1
 
@@ -170,9 +176,9 @@ class _PivotRun:
         at_nodes = np.vstack([self.excess[:1, 0], self.excess[:, 1]])
         trouble = ""
         if (self._slip() > self.lost).any():
-            trouble = "the body slid out of the pads before they let go"
+            trouble = LOST
         if not np.isfinite(state).all():
-            trouble = "the steps blew up: needs more steps"
+            trouble = BLEW_UP
         pivot, slide = (onset(hand.times, values) for values in at_nodes.T)
         return Release(hand.times, state[:3], state[3:], pivot, slide, trouble=trouble)
 
@@ -187,12 +193,12 @@ def _pivot_run(case: ReleaseCase, nodes: Array) -> _PivotRun:
     times[::3], times[2::3] = nodes[:-1] + INSIDE, nodes[1:] - INSIDE
     times[1::3] = (nodes[:-1] + nodes[1:]) / 2
     hand = case.hand.at(times)
-    table = np.empty((3 * steps, 6))
-    table[:, 0], table[:, 1], table[:, 2:5] = hand.pose[2], hand.twist[2], hand.acceleration.T
-    table[:, 5] = case.grip.force(times)
-    columns = np.empty((steps, 27))
-    columns[:, :18], columns[:, 18] = table.reshape(-1, 18), np.diff(nodes)
-    columns[:, 19:] = numbers(case).T
+    table = np.empty((3 * steps, 10))
+    table[:, :3], table[:, 3:6], table[:, 6:9] = hand.pose.T, hand.twist.T, hand.acceleration.T
+    table[:, 9] = case.grip.force(times)
+    columns = np.empty((steps, 39))
+    columns[:, :30], columns[:, 30] = table.reshape(-1, 30), np.diff(nodes)
+    columns[:, 31:] = numbers(case).T
     states = np.empty((steps + 1, 6))
     states[0] = 0.0, 0.0, case.grasp_angle, 0.0, 0.0, 0.0
     states[1:], excess = pivot_kernel()(states[0], columns)
@@ -228,10 +234,11 @@ class _SurfaceSteps:
         Friction is in half axes of the limit surface: 1 long where the body slips.
         """
         times, hand = self.times[::stride], self.hand[::stride]
-        columns = np.empty((times.size - 1, 22))
-        columns[:, :6], columns[:, 6:12] = hand[:-1], hand[1:]
-        columns[:, 12] = self.forces[stride - 1 :: 2 * stride]
-        columns[:, 13], columns[:, 14:] = np.diff(times), self.numbers
+        # The law reads no hand in the middle, and no other force.
+        columns = np.zeros((times.size - 1, 39))
+        columns[:, :6], columns[:, 20:26] = hand[:-1], hand[1:]
+        columns[:, 19] = self.forces[stride - 1 :: 2 * stride]
+        columns[:, 30], columns[:, 31:] = np.diff(times), self.numbers
         states, friction = surface_kernel()(self.start, columns)
         return states, friction
 
@@ -273,12 +280,11 @@ class _SurfaceSteps:
         In half axes of the limit surface.
         """
         state = states[k - 1] if k else self.start
-        start, end = HandState(*self.hand[k]), HandState(*self.hand[k + 1])
+        start, end = (Hand(row[:3], row[3:], row[:0]) for row in self.hand[k : k + 2])
         dt = self.times[k + 1] - self.times[k]
         lever = self.law.lever(state, start, end, dt)
         problem = self.law.problem(state, end, lever, self.forces[2 * k], dt)
-        k_xx, k_zz, k_tt, k_xz, k_xt, k_zt = problem.matrix
-        inverse_mass = np.array([[k_xx, k_xz, k_xt], [k_xz, k_zz, k_zt], [k_xt, k_zt, k_tt]])
+        inverse_mass = problem.inverse_mass
         slip = inverse_mass @ (problem.radius * friction[k]) - np.array(problem.rhs)
         return inverse_mass, slip, float(problem.radius)
 
@@ -289,13 +295,13 @@ def _surface_steps(case: ReleaseCase, shares: Array) -> _SurfaceSteps:
     times = instants(shares, opening)
     hand = case.hand.at(times)
     between = instants(halved(shares), opening)[1:-1]
-    law = SlidingPivot(case.body, case.contact, case.gravity)
-    held = np.array([0.0, 0.0, case.grasp_angle, 0.0, 0.0, 0.0])
-    motion = HandMotion(hand.pose[2, 0], hand.twist[2, 0], *hand.acceleration[:, 0])
+    start = sticking_state(
+        hand.pose[:, 0], hand.twist[:, 0], case.grasp_angle, case.body.com_offset
+    )
     return _SurfaceSteps(
         LimitSurfaceStepping(case.body, case.contact, case.gravity),
         times,
-        np.array(law.com_state(held, hand.pose[:, 0], hand.twist[:, 0], motion)),
+        np.array(start),
         np.hstack([hand.pose.T, hand.twist.T]),
         case.grip.force(between),
         numbers(case)[:, 0],
@@ -306,13 +312,11 @@ def _surface_steps(case: ReleaseCase, shares: Array) -> _SurfaceSteps:
 def pivot_kernel() -> StepKernel:
     """(state, hand and grip at start, middle, end, dt, numbers) -> state, excesses."""
     p, body, contact, gravity = number_symbols()
-    state, u = ca.SX.sym("state", 6), ca.SX.sym("u", 19)
-    law = SlidingPivot(body, contact, gravity)
-    parts = [ca.vertsplit(u[6 * i : 6 * i + 6]) for i in range(3)]
-    hands, forces = [HandMotion(*part[:5]) for part in parts], [part[5] for part in parts]
-    new = rk4_step(law.rates, state, hands, forces, u[18])
-    begin = law.excess(ca.vertsplit(state), hands[0], forces[0])
-    end = law.excess(new, hands[2], forces[2])
+    state, (u, hands, forces, dt) = ca.SX.sym("state", 6), step_symbols()
+    law = PivotSteps(SlidingPivot(body, contact, gravity))
+    new = law.advance(state, hands, forces, dt)
+    begin = law.excess(ca.vertsplit(state), hands[0].motion, forces[0])
+    end = law.excess(new, hands[2].motion, forces[2])
     return StepKernel([state, ca.vertcat(u, p)], [ca.vertcat(*new), ca.vertcat(*begin, *end)])
 
 
@@ -320,13 +324,45 @@ def pivot_kernel() -> StepKernel:
 def surface_kernel() -> StepKernel:
     """(state, hand at start and end, grip between, dt, numbers) -> state, friction."""
     p, body, contact, gravity = number_symbols()
-    state, u = ca.SX.sym("state", 6), ca.SX.sym("u", 14)
-    parts = ca.vertsplit(u)
+    state, (u, (start, _, end), forces, dt) = ca.SX.sym("state", 6), step_symbols()
     law = LimitSurfaceStepping(body, contact, gravity, iterations=ITERATIONS)
-    start, end, force, dt = HandState(*parts[:6]), HandState(*parts[6:12]), parts[12], parts[13]
     lever = law.lever(state, start, end, dt)
-    problem = law.problem(state, end, lever, force, dt)
+    problem = law.problem(state, end, lever, forces[1], dt)
     y = problem.solve(ITERATIONS)
     new = law.after(state, start, end, lever, y, dt)
     friction = ca.SX(ca.vertcat(*y)) / ca.fmax(problem.radius, 1e-300)
     return StepKernel([state, ca.vertcat(u, p)], [ca.vertcat(*new), friction])
+
+
+# Instants of the opening at which steps are taken: denser towards the end, where the grip
+# vanishes and the body slides, with a node wherever the hand's motion or the release itself
+# has a kink: a step over a kink loses its order.
+
+
+def graded_shares(kinks: Array, steps: int) -> Array:
+    """Stretched shares (steps + 1,) of the opening, 0 to 1, with nodes at `kinks`.
+
+    kinks: shares of the opening. Steps are even in the stretched share, as far as the
+    kinks let them. More kinks than steps are left out.
+    """
+    inner = np.sort(kinks)
+    inner = inner[(inner > APART) & (inner < 1.0 - APART)]
+    inner = inner[np.diff(inner, prepend=0.0) > APART]
+    if inner.size >= steps:
+        return np.linspace(0.0, 1.0, steps + 1)
+    ends = np.concatenate([[0.0], 1.0 - (1.0 - inner) ** (1.0 / POWER), [1.0]])
+    # Cumulated steps: as the stretched shares ask, but one at least between two kinks.
+    cumulated = np.maximum.accumulate(np.rint(ends * steps) - np.arange(ends.size))
+    cumulated = np.minimum(cumulated + np.arange(ends.size), steps - np.arange(ends.size)[::-1])
+    return np.asarray(np.interp(np.arange(steps + 1), cumulated, ends))
+
+
+def halved(shares: Array) -> Array:
+    """The same with twice as many steps."""
+    even = np.interp(np.arange(2 * shares.size - 1), 2 * np.arange(shares.size), shares)
+    return np.asarray(even)
+
+
+def instants(shares: Array, duration: float) -> Array:
+    """Times [s] of stretched shares of an opening of `duration` [s]."""
+    return np.asarray(duration * (1.0 - (1.0 - shares) ** POWER))

@@ -6,6 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from ...models import IDENTIFIED, MODELS, STEPPED_SURFACE
 from ...problems import InputError, ThrowData, load_scene, load_throws, prepare_folder
 from ..identify import (
     IDENTIFY_FILES,
@@ -21,8 +22,6 @@ from ..sweep import executor_of
 from .common import DONE, Progress, add_out, answer, whole
 
 EXAMPLE = "throwplan identify out/throws --model ls-step --out out/fit"
-#: What `--model all` stands for.
-ALL = ("ls", "sp", "ls-step")
 MOST_THROWS, MOST_WORKERS = 1_000_000, 256
 
 
@@ -31,9 +30,9 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     parser.add_argument("data", metavar="DATA", help="a folder with dataset.toml and throws.csv")
     parser.add_argument(
         "--model",
-        default="ls-step",
+        default=STEPPED_SURFACE,
         metavar="NAME",
-        help=f"release model (default: ls-step), or all: {', '.join(ALL)}",
+        help=f"release model (default: ls-step), or all: {', '.join(IDENTIFIED)}",
     )
     parser.add_argument("--no-grid", action="store_true", help="only the fit, not the 20 x 20 grid")
     parser.add_argument("--delay", action="store_true", help="fit a delay of the opening, too")
@@ -54,9 +53,10 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Fits each model, writes and prints."""
-    models: tuple[str, ...] = ALL if options.model == "all" else (options.model,)
+    models: tuple[str, ...] = IDENTIFIED if options.model == "all" else (options.model,)
     if options.no_grid and len(models) > 1:
-        models = tuple(model for model in models if model != "ls")  # it has a grid only
+        # One that chatters has a grid only.
+        models = tuple(model for model in models if not MODELS[model].chatters)
     for model in models:
         check_model(model)
     workers = whole("--workers", options.workers, 1, MOST_WORKERS)
@@ -82,7 +82,7 @@ def run(options: argparse.Namespace) -> int:
     if options.out is not None:
         save_identified(found, Path(options.out))
     answer(options, [one.to_dict() for one in found], _text(found, options.out))
-    if all(one.fit is None and one.model != "ls" for one in found):
+    if all(one.fit is None and not MODELS[one.model].chatters for one in found):
         print("throwplan: no fit: too slow, see above; give fewer --throws", file=sys.stderr)
     return DONE
 

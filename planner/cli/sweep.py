@@ -6,6 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from ...models import SLIDING_PIVOT
 from ...problems import ROBUST_METHODS, InputError, Pose, Scene, load_scene, prepare_folder
 from ..plan import Planner
 from ..result import Plan
@@ -32,7 +33,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add_scene(parser)
     add_target(parser)
     parser.add_argument("--robust", choices=ROBUST_METHODS, help="plan against the uncertainty")
-    parser.add_argument("--model", default="sp", metavar="NAME", help="release model (default: sp)")
+    parser.add_argument(
+        "--model",
+        default=SLIDING_PIVOT,
+        metavar="NAME",
+        help="release model (default: %(default)s)",
+    )
     numbers = (
         ("--samples", "1000", "throws (default: 1000)"),
         ("--seed", "0", "of the samples (default: 0)"),

@@ -6,8 +6,7 @@ import casadi as ca
 
 from ...models import (
     ITERATIONS,
-    HandMotion,
-    HandState,
+    Hand,
     ImpulseProblem,
     Iterate,
     LimitSurfaceStepping,
@@ -32,11 +31,10 @@ def source() -> str:
     return head + BLOCKS + pivot + SLIDING_PIVOT + surface + LIMIT_SURFACE
 
 
-def _hand(name: str) -> tuple[ca.SX, HandMotion, HandState]:
-    """Pose, twist and acceleration (9,) of a hand, and what the two laws take of them."""
+def _hand(name: str) -> tuple[ca.SX, Hand]:
+    """Pose, twist and acceleration (9,) of a hand, and these as the laws take them."""
     symbols = ca.SX.sym(name, 9)
-    rows = ca.vertsplit(symbols)
-    return symbols, HandMotion(rows[2], rows[5], *rows[6:]), HandState(*rows[:6])
+    return symbols, Hand(symbols[:3], symbols[3:6], symbols[6:])
 
 
 def _function(name: str, inputs: dict[str, Value], outputs: dict[str, Value]) -> ca.Function:
@@ -49,10 +47,11 @@ def _pivot_functions() -> list[ca.Function]:
     law = SlidingPivot(body, contact, gravity)
     state, force, dt = ca.SX.sym("state", 6), ca.SX.sym("force", 3), ca.SX.sym("dt")
     hands = [_hand(name) for name in ("start", "middle", "end")]
-    (start, _, _), (middle, _, _), (end, motion, _) = hands
-    step = rk4_step(law.rates, state, [hand[1] for hand in hands], ca.vertsplit(force), dt)
+    (start, _), (middle, _), (end, last) = hands
+    motions = [hand.motion for _, hand in hands]
+    step = rk4_step(law.rates, state, motions, ca.vertsplit(force), dt)
     moved = {"state": state, "start": start, "middle": middle, "end": end}
-    com = law.com_state(state, end[:3], end[3:6], motion)
+    com = law.com_state(state, end[:3], end[3:6], last.motion)
     return [
         _function(
             "pivot_step",
@@ -69,7 +68,7 @@ def _surface_functions() -> list[ca.Function]:
     law = LimitSurfaceStepping(body, contact, gravity)
     state, grasp = ca.SX.sym("state", 6), ca.SX.sym("grasp")
     force, dt, held = ca.SX.sym("force"), ca.SX.sym("dt"), ca.SX.sym("held")
-    (start, _, first), (end, _, last) = _hand("start"), _hand("end")
+    (start, first), (end, last) = _hand("start"), _hand("end")
     begun = sticking_state(start[:3], start[3:6], grasp, body.com_offset)
     lever = law.lever(state, first, last, dt)
     posed = law.problem(state, last, lever, force, dt)

@@ -16,7 +16,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models import GRADING, BatchRelease, EvenSteps, Path, ReleaseBatch, graded
+from ...models import (
+    SLIDING_PIVOT,
+    STEPPED_SURFACE,
+    BatchRelease,
+    EvenSteps,
+    Path,
+    ReleaseBatch,
+    graded,
+    with_middles,
+)
 from .batch_functions import source
 from .compiler import shared_library
 from .lane_code import FLAGS
@@ -50,9 +59,7 @@ def compiled_steps(model: str, hands: Path) -> EvenSteps | None:
 
 
 def _pivot_steps(library: ctypes.CDLL, batch: ReleaseBatch, steps: int) -> BatchRelease:
-    nodes = graded(steps, GRADING)
-    instants = np.empty(2 * steps + 1)
-    instants[::2], instants[1::2] = nodes, (nodes[:-1] + nodes[1:]) / 2
+    instants = with_middles(graded(steps))
     return _throw(library.sliding_pivot, batch, steps, instants, instants)
 
 
@@ -62,7 +69,7 @@ def _surface_steps(library: ctypes.CDLL, batch: ReleaseBatch, steps: int) -> Bat
     return _throw(library.limit_surface, batch, steps, instants, middles)
 
 
-_RUNS = {"sp": _pivot_steps, "ls-step": _surface_steps}
+_RUNS = {SLIDING_PIVOT: _pivot_steps, STEPPED_SURFACE: _surface_steps}
 
 
 def _throw(

@@ -17,10 +17,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ...models import MODELS
 from ...problems import InputError
 from .belief import ASSUMED, Belief, sets_at
 from .measured import Measured
-from .predict import BATCHES, Predictor
+from .predict import Predictor
 
 Array = npt.NDArray[np.float64]
 
@@ -253,7 +254,7 @@ class _Problem:
 
     def starts(self) -> Array:
         """Where the fit starts (S, P): the best of some points, apart from each other."""
-        if self.prior is not None and self.model not in BATCHES:
+        if self.prior is not None and MODELS[self.model].batch is None:
             return self.prior.mean[None]
         points = np.clip(list(self._candidates()), *self.bounds)
         residuals = self.weighed(self.missed_by(points), points)

@@ -10,9 +10,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ...models import MODELS
 from ...problems import ThrowData
 from .measured import Measured
-from .predict import BATCHES, Predictor, Progress, parameter_sets
+from .predict import Predictor, Progress, parameter_sets
 
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int_]
@@ -183,7 +184,7 @@ def estimated_seconds(predictor: Predictor, model: str) -> float | None:
 
     None for models that take many parameters at once: those are run in full.
     """
-    if model in BATCHES:
+    if MODELS[model].batch is not None:
         return None
     rows = np.unique(np.linspace(0, len(predictor.data.throws) - 1, TIMED_THROWS).astype(int))
     few = np.linspace(0, len(AXES[0]) - 1, TIMED_CELLS).astype(int)

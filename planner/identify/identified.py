@@ -11,15 +11,15 @@ from typing import Any
 
 import numpy as np
 
+from ...models import MODELS, STEPPED_SURFACE
 from ...problems import InputError, Scene, ThrowData, filling
-from ..check import MODELS
 from .belief import Belief, applied, contact_text, prior_of, sets_at
 from .factors import SURFACE
 from .fit import START_FRICTION, START_RADIUS, USUAL_EVALUATIONS, Fit, fit_to
 from .grid import AXES, CELLS, MISSED, Grid, estimated_seconds, grid_of
 from .measured import measured
 from .pictures import fit_picture, grid_picture, save_pictures
-from .predict import BATCHES, UNKNOWNS, Predictor, Progress, check_model
+from .predict import UNKNOWNS, Predictor, Progress, check_model
 
 #: Why one model is not fitted.
 NO_FIT = "model = 'ls': only its grid: its landings are no smooth function of the parameters"
@@ -91,7 +91,7 @@ class Identified:
             lines += grid.summary()
         if fit is not None and self.error is not None:
             lines += fit.summary(self.error)
-        elif self.model == "ls":
+        elif MODELS[self.model].chatters:
             lines.append("    no fit: its landings are no smooth function of the parameters")
         return "\n".join(lines)
 
@@ -102,7 +102,7 @@ class Identified:
 
 def identify(
     data: ThrowData,
-    model: str = "ls-step",
+    model: str = STEPPED_SURFACE,
     *,
     prior: Belief | Scene | None = None,
     delay: bool = False,
@@ -124,7 +124,7 @@ def identify(
         raise InputError(
             f"{SURFACE}: one contact cannot be that of {', '.join(surfaces)}: give throws of one"
         )
-    if model == "ls" and not grid:
+    if MODELS[model].chatters and not grid:
         raise InputError(NO_FIT)
     asked = {"delay": delay, "grip_scale": grip_scale}
     names = tuple(name for name in UNKNOWNS if asked.get(name, True))
@@ -140,7 +140,7 @@ def identify(
     starts = START_FRICTION.size * START_RADIUS.size
     calls = count * (starts + USUAL_EVALUATIONS * (1 + 2 * len(names)))
     fit, error, fixed = None, None, (0.0, 1.0)
-    if model != "ls" and (each is None or each * calls <= PATIENCE):
+    if not MODELS[model].chatters and (each is None or each * calls <= PATIENCE):
         show(f"fit by {model}")
         fit = fit_to(predictor, model, truth, names, prior)
         belief = fit.posterior
@@ -150,7 +150,7 @@ def identify(
         error = float(np.nan_to_num(off, nan=MISSED).mean())
     found = None
     if grid and (whole is None or whole <= PATIENCE):
-        shared = (executor, workers) if model in BATCHES else (None, 1)
+        shared = (executor, workers) if MODELS[model].batch is not None else (None, 1)
         line = show(f"grid by {model}")
         found = grid_of(predictor, model, truth, AXES, fixed, *shared, line)
     return Identified(model, data, prior, found, fit, error, each, whole)

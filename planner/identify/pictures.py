@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models import land, sticking_state
+from ...models import MODELS, SLIDING_PIVOT, STEPPED_SURFACE, land, sticking_state
 from ..show import BLACK, BLUE, GREEN, GREY, RED, new_figure, save
 from .factors import SIGNIFICANT, FactorRow, ordered_labels
 from .grid import MISSED
@@ -38,15 +38,6 @@ PICTURES = {
     "violins": "Signed errors: density, quartiles, median.",
     "factors": "What a factor does: landings measured and predicted, errors in both conditions.",
 }
-#: A colour per model, in this order for those that have none of their own.
-COLOURS = {
-    "ls": "#d1495b",
-    "sp": "#e0912f",
-    "sp-paper": "#8c6bb1",
-    "ils": "#2a9d6f",
-    "ls-step": "#4c78a8",
-}
-OTHERS = ("#6b705c", "#b5838d", "#118ab2", "#8a8f98")
 MARKERS = ("o", "^", "s", "D", "v", "P", "X", "*")
 #: Products mu r_p [m] whose lines are drawn.
 PRODUCTS = np.array([1.25, 2.5, 5.0, 10.0]) * 1e-3
@@ -58,14 +49,12 @@ DEGREES = np.array([1.0, math.degrees(1.0)])
 #: The case's zoom lasts so long from the command on [s]; samples of its flight; sampling
 #: before the opening [s]; instants at which the bar is drawn.
 ZOOM, FLIGHT, STEP, BARS = 0.15, 120, 0.002, 8
-#: Models whose twist jumps from step to step are drawn thin and behind the others.
-JITTERING = ("ls", "ls-smooth")
 DASHES = ("-", (0, (5, 2)), (0, (2, 1.5)), (0, (6, 2, 1.5, 2)))
 TRACK: Style = {"color": BLACK, "lw": 4.5, "alpha": 0.35, "zorder": 2}
 #: Conditions A and B of a factor: marker, colour of measured landings, lightness of the model's.
 CONDITIONS = (("o", "#9ecae1", 0.45), ("s", "#2166ac", 1.0))
 #: Models whose landings are drawn against the measured ones, the first that is there.
-DRAWN = ("sp", "ls-step", "sp-paper", "ils", "ls")
+DRAWN = (SLIDING_PIVOT, STEPPED_SURFACE, *MODELS)
 
 
 def save_pictures(figures: Mapping[str, Figure], folder: Path) -> None:
@@ -184,8 +173,7 @@ def validation_pictures(found: Validation) -> dict[str, Figure]:
 
 def colours(models: Sequence[str]) -> dict[str, str]:
     """A colour for every model."""
-    free = iter(OTHERS * len(models))
-    return {model: COLOURS.get(model) or next(free) for model in models}
+    return {model: MODELS[model].colour for model in models}
 
 
 def _title(figure: Figure, found: Validation, words: str) -> None:
@@ -443,9 +431,9 @@ def _draw_flight(
 
 def _line_style(model: str, shades: dict[str, str]) -> Style:
     """A model's line: dashes of its own, for curves that lie on each other."""
-    if model in JITTERING:
+    if MODELS[model].chatters:  # its twist jumps from step to step: thin, behind the others
         return {"color": shades[model], "lw": 0.6, "zorder": 1.8}
-    smooth = [name for name in shades if name not in JITTERING]
+    smooth = [name for name in shades if not MODELS[name].chatters]
     dashes = DASHES[smooth.index(model) % len(DASHES)]
     return {"color": shades[model], "lw": 1.6, "ls": dashes, "zorder": 2.2}
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -10,22 +9,18 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import (
-    BatchRelease,
+    MODELS,
     Body,
     Contact,
     HandTrack,
-    PatchRelease,
     Path,
     Release,
     ReleaseBatch,
     ReleaseCase,
     land,
-    throw_karnopp,
-    throw_limit_surface,
-    throw_sliding_pivot,
 )
 from ...problems import InputError, MeasuredThrow, ThrowData
-from ..check import MODELS, recorded_joints
+from ..check import named_model, recorded_joints
 from ..compile import compiled_steps
 
 Array = npt.NDArray[np.float64]
@@ -45,17 +40,6 @@ MOST = 4096
 #: Shares of the opening at which the falls of two grip forces are compared.
 SHARES = np.linspace(0.0, 1.0, 21)
 
-#: Models that take many parameters at once; every other of `MODELS` one by one.
-BATCHES: dict[str, Callable[[ReleaseBatch], BatchRelease]] = {
-    "sp": lambda batch: throw_sliding_pivot(batch, even=compiled_steps("sp", batch.hands)),
-    "sp-paper": lambda batch: throw_sliding_pivot(batch, 100, "paper"),
-    "ls": throw_karnopp,
-    "ls-step": lambda batch: throw_limit_surface(
-        batch, even=compiled_steps("ls-step", batch.hands)
-    ),
-    "patch": lambda batch: BatchRelease(PatchRelease().batch(batch), np.zeros(batch.count, bool)),
-}
-
 
 def parameter_sets(
     friction: npt.ArrayLike,
@@ -70,10 +54,7 @@ def parameter_sets(
 
 def check_model(model: str) -> None:
     """InputError for a model that is not there."""
-    if model not in MODELS:
-        near = difflib.get_close_matches(model, MODELS, 1, 0.4)
-        hint = f", did you mean '{near[0]}'?" if near else ""
-        raise InputError(f"model = {model!r}: must be one of {', '.join(MODELS)}{hint}")
+    named_model(model, MODELS)
 
 
 class Predictor:
@@ -112,9 +93,12 @@ class Predictor:
             raise InputError(f"delay = {np.abs(sets[:, 2]).max():g}: must be at most {REACH:g} s")
         count, done = len(self.data.throws), 0
         detach = np.full((count, len(sets), 6), np.nan)
-        for rows in self._groups(len(sets) if model in BATCHES else MOST):
-            if model in BATCHES:
-                found = BATCHES[model](self._batch(rows, sets)).detach
+        known = MODELS[model]
+        for rows in self._groups(len(sets) if known.batch is not None else MOST):
+            if known.batch is not None:
+                batch = self._batch(rows, sets)
+                even = compiled_steps(model, batch.hands)
+                found = known.throw(batch, known.fit_steps, even).detach
             else:
                 found = np.array([self._end(model, i, one) for i in rows for one in sets])
             detach[rows] = found.reshape(len(rows), len(sets), 6)

@@ -13,11 +13,12 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ...models import MODELS, STEPPED_SURFACE, VALIDATED
 from ...problems import ThrowData
 from .factors import SURFACE, FactorRow, batch_rows, comparisons, conditions, factor_rows
 from .grid import AXES, CELLS, Grid, grid_of
 from .measured import Measured, measured
-from .predict import BATCHES, Predictor, Progress, check_model, parameter_sets
+from .predict import Predictor, Progress, check_model, parameter_sets
 
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int_]
@@ -25,11 +26,10 @@ Rows = npt.NDArray[np.int_]
 About = Callable[[str], Progress]
 
 #: Models of the two tables.
-PAPER_MODELS = ("ls", "sp", "sp-paper", "ils", "ls-step")
-#: Models fast enough for the whole grid and all throws. Others are searched around the best
-#: cell of `GUIDE`: cells as multiples of it, on so many throws at most.
-QUICK = ("sp", "sp-paper", "ls", "ls-step")
-GUIDE = "ls-step"
+PAPER_MODELS = VALIDATED
+#: Models that are not quick are searched around the best cell of `GUIDE`: cells as multiples
+#: of it, on so many throws at most.
+GUIDE = STEPPED_SURFACE
 AROUND, FEW_THROWS = np.array([0.75, 1.0, 1.33]), 8
 #: Throws whose single release is timed.
 TIMED = 20
@@ -177,7 +177,7 @@ class _Work:
             of_batch = of_batch or (used, grid, seconds)
             cell = grid.best()
             parameters[label] = grid.contact(cell)
-            if model in QUICK:
+            if MODELS[model].quick:
                 detach = self.whole_grid(model).detach[rows, *cell]
             else:
                 show = self.about(f"{model}: its best parameters")
@@ -191,19 +191,19 @@ class _Work:
             model,
             used,
             grid,
-            model in QUICK,
+            MODELS[model].quick,
             parameters,
             self.surface,
             landing,
             twist,
             self.timed(model, parameters[""]),
-            seconds if model in BATCHES else None,
+            seconds if MODELS[model].batch is not None else None,
             cross_validated(grid, [self.conditions[i] for i in used]),
         )
 
     def searched(self, model: str, rows: Rows) -> tuple[Rows, Grid, float]:
         """The throws and the grid that the parameters come from, and seconds of a prediction."""
-        if model in QUICK:
+        if MODELS[model].quick:
             whole = self.whole_grid(model)
             return rows, whole.part(rows), whole.seconds / whole.predictions
         friction, radius = self.whole_grid(GUIDE).part(rows).optimum

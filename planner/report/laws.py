@@ -18,6 +18,7 @@ import numpy.typing as npt
 from ...models import (
     Body,
     Contact,
+    Hand,
     HandMotion,
     ImplicitRelease,
     KarnoppRelease,
@@ -25,13 +26,14 @@ from ...models import (
     LuGreRelease,
     PatchRelease,
     Path,
+    PivotSteps,
     Release,
     ReleaseCase,
     SlidingPivot,
     SlidingPivotRelease,
     SteppedRelease,
-    euler_step,
     land,
+    march,
     pivot_wrench,
     scaled_patch,
 )
@@ -259,16 +261,16 @@ def extrapolated(
 
 def python_loop(steps: int, case: ReleaseCase) -> Release:
     """The paper's way: explicit Euler steps of the sliding pivot, one by one in Python."""
-    law = SlidingPivot(case.body, case.contact, case.gravity)
-    times = np.linspace(0.0, case.grip.opening, steps + 1)
-    state = np.array([0, 0, case.grasp_angle, 0, 0, 0], float).tolist()
-    for k, t in enumerate(times):
-        pose, twist, motion = _hand(case, float(t))
-        if k < steps:
-            force = float(case.grip.force(t))
-            state = euler_step(law.rates, state, [motion], [force], float(times[1]))
-    end = np.array(law.com_state(state, pose, twist, motion), float)[:, None]
-    return Release(times[-1:], end[:3], end[3:])
+    law = PivotSteps(SlidingPivot(case.body, case.contact, case.gravity), "euler")
+    opening, shares = case.grip.opening, np.linspace(0.0, 1.0, 2 * steps + 1)
+
+    def hand(time: float) -> Hand:
+        return Hand(*(rows[:, 0].tolist() for rows in case.hand.at(np.array([time]))))
+
+    forces = case.grip.force(shares * opening).tolist()
+    state, _ = march(law, shares.tolist(), opening, hand, forces, case.grasp_angle)
+    end = np.array(state, float)[:, None]
+    return Release(np.array([opening]), end[:3], end[3:])
 
 
 def _hand(case: ReleaseCase, t: float) -> tuple[Array, Array, HandMotion]:

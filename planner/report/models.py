@@ -16,9 +16,16 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from ...models import PatchRelease, Release, ReleaseCase, SlidingPivotRelease, SteppedRelease
+from ...models import (
+    MODELS,
+    PatchRelease,
+    Release,
+    ReleaseCase,
+    SlidingPivotRelease,
+    SteppedRelease,
+)
 from ...problems import load_scene
-from ..check import STEPS, simulate_batch
+from ..check import simulate_batch
 from ..sweep import executor_of
 from .drawing import draw_work_precision
 from .laws import (
@@ -302,7 +309,7 @@ def _ways(
     for model, numbers in meshes.items():
         for steps in numbers:
             words = f"{model}, batch, {steps} steps"
-            words += " (usual)" if steps == STEPS[model] else ""
+            words += " (usual)" if steps == MODELS[model].steps else ""
             yield words, model.split("-")[0], count, partial(batch, model, throws, steps)
     steps = effort.of(200, 1000)
     yield f"patch, batch, {steps} steps", "patch", few, partial(batch, "patch", first, steps)

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from ...models import PlanarArm
+from ...models import STEPPED_SURFACE, PlanarArm
 from ...problems import InputError, filling, read_csv, read_text, scene_from_table, scene_table
 from ..check import TICK, Mover, SampledMotion, SentThrow, limit_surface_throw, make_mover, throw
 from ..ocp import load_curve
@@ -143,7 +143,7 @@ def read_plan(path: str | Path) -> SentThrow:
     if not 0.0 <= opening_time <= end:
         raise InputError(f"{path}: opening_time = {opening_time:g}: must be within motion.csv")
     assert scene.target is not None
-    model = limit_surface_throw if scene.tolerance.model == "ls-step" else throw
+    model = limit_surface_throw if scene.tolerance.model == STEPPED_SURFACE else throw
     final = model(scene, mover, samples, opening_time, scene.target.z)
     return SentThrow(scene, mover, samples, end, samples, opening_time, final)
 

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ...models import SLIDING_PIVOT
 from ...problems import InputError, Scene, filling
 from ..check import TICK, SentThrow, Thrown, bar_outline
 from ..check import throw as sliding_pivot_throw
@@ -285,7 +286,7 @@ def replay(
 
 def _sliding_pivot(throw: SentThrow) -> Thrown:
     """The throw by the sliding pivot, whatever the tolerance's model."""
-    if throw.scene.tolerance.model == "sp":
+    if throw.scene.tolerance.model == SLIDING_PIVOT:
         return throw.final
     motion, opening = throw.motion, throw.opening_time
     return sliding_pivot_throw(throw.scene, throw.mover, motion, opening, throw.target.z)

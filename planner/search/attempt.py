@@ -15,6 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ...models import STEPPED_SURFACE
 from ...problems import Pose
 from ..check import (
     CheckedThrow,
@@ -235,7 +236,7 @@ class _Solving:
             samples = send(self.mover, planned)
         motion = planned if scene.robot is None else samples
         with self.task.clock("check"):
-            model = limit_surface_throw if scene.tolerance.model == "ls-step" else throw
+            model = limit_surface_throw if scene.tolerance.model == STEPPED_SURFACE else throw
             thrown = model(scene, self.mover, motion, opening_time, target.z)
         turn = 0.0 if goal.theta is None or target.theta is None else goal.theta - target.theta
         aim = (goal.plane_x - target.plane_x, turn)
@@ -249,7 +250,7 @@ def _thrown(
     scene, height = task.scene, task.target.z
     planned, samples, at = best.planned, best.samples, best.opening_time
     motion = planned if scene.robot is None else samples
-    if scene.tolerance.model == "ls-step":
+    if scene.tolerance.model == STEPPED_SURFACE:
         counting, surface = throw(scene, mover, motion, at, height), best.thrown
     else:
         counting, surface = best.thrown, limit_surface_throw(scene, mover, motion, at, height)
@@ -271,7 +272,7 @@ def violations(thrown: PlannedThrow, target: Pose) -> list[Violation]:
     throws = {"planned": thrown.exact}
     if thrown.sent is not None:
         throws["sent"] = thrown.sent
-    if tolerance.model == "ls-step":
+    if tolerance.model == STEPPED_SURFACE:
         throws = {"sent": thrown.final}
     found = []
     for label, result in throws.items():

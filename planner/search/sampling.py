@@ -8,12 +8,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import numpy.typing as npt
 
-from ...models import HandMotion, HandSamples, SlidingPivot, rk4_step
+from ...models import Hand, HandSamples, PivotSteps, SlidingPivot, march, rk4_step
 from ...problems import Pose, Scene
 from ..check import Mover, column_room, friction_use
 from ..compile import DAMAGED, cache_folder, digest, publish, source_of
@@ -47,7 +48,7 @@ class ReleaseSampler:
         self.scene = scene
         self.mover = mover
         self.profile = scene.gripper.profile()
-        self.release = SlidingPivot(scene.body, scene.patch, scene.gravity)
+        self.release = PivotSteps(SlidingPivot(scene.body, scene.patch, scene.gravity))
 
     def draw(self, count: int, seed: int = 0) -> Releases:
         """Releases from `count` tried states; fewer come back.
@@ -145,11 +146,10 @@ class ReleaseSampler:
             inside &= gap <= 0.15 * limits.ddq * duration[:, None] ** 2
         return np.asarray(inside.all(axis=1))
 
-    def _hand(self, q: Array, dq: Array, ddq: Array, t: float) -> tuple[Array, Array, HandMotion]:
-        """Hand pose (3, N), twist (3, N) and motion at time t."""
+    def _hand(self, q: Array, dq: Array, ddq: Array, t: float) -> Hand:
+        """The hands (N,) at time t."""
         outputs = self.mover.motion((q + dq * t + ddq * t * t / 2).T, (dq + ddq * t).T, ddq.T)
-        pose, twist, acceleration = (np.array(o) for o in outputs)
-        return pose, twist, HandMotion(pose[2], twist[2], *acceleration)
+        return Hand(*(np.array(o) for o in outputs))
 
     def grip_use(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Friction use (N,) of the held bar under full grip; 1 slips."""
@@ -160,8 +160,8 @@ class ReleaseSampler:
     def held(self, q: Array, dq: Array, ddq: Array) -> npt.NDArray[np.bool_]:
         """Whether the full grip holds the bar at the opening's start, and it is off the floor."""
         keep = self.grip_use(q, dq, ddq) <= 1 - self.scene.mesh.sticking_margin
-        pose, _, hand = self._hand(q, dq, ddq, 0.0)
-        theta = hand.theta + self.scene.grasp.angle
+        pose = self._hand(q, dq, ddq, 0.0).pose
+        theta = pose[2] + self.scene.grasp.angle
         workspace = self.scene.workspace
         if workspace is not None and workspace.floor is not None:
             reach = self.scene.object.length - self.scene.grasp.offset
@@ -170,24 +170,13 @@ class ReleaseSampler:
 
     def throw(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Detach states (N, 6) by the exact sliding pivot."""
-        opening, steps = self.profile.opening, TABLE_STEPS
-        times = np.linspace(0.0, opening, 2 * steps + 1)
-        forces = self.profile.force(times)
-        state = [np.zeros(len(q)) for _ in range(6)]
-        state[2] = np.full(len(q), self.scene.grasp.angle)
-        hand = self._hand(q, dq, ddq, 0.0)[2]
-        for i in range(steps):
-            middle = self._hand(q, dq, ddq, times[2 * i + 1])[2]
-            pose, twist, end = self._hand(q, dq, ddq, times[2 * i + 2])
-            state = rk4_step(
-                self.release.rates,
-                state,
-                [hand, middle, end],
-                list(forces[2 * i : 2 * i + 3]),
-                opening / steps,
-            )
-            hand = end
-        return np.array(self.release.com_state(state, pose, twist, hand)).T
+        shares = np.linspace(0.0, 1.0, 2 * TABLE_STEPS + 1)
+        opening, angle = self.profile.opening, np.full(len(q), self.scene.grasp.angle)
+        forces = self.profile.force(shares * opening)
+        states, _ = march(
+            self.release, shares, opening, partial(self._hand, q, dq, ddq), forces, angle
+        )
+        return np.array(states).T
 
 
 def sparse_parents(
@@ -249,7 +238,7 @@ def _miss(some: Releases, scene: Scene, x: float, height: float, theta: float | 
 
 #: What decides which releases are drawn for a scene, and where they go.
 MAKERS = (ReleaseSampler, sparse_parents, run_up, clears_column, column_room, build_nlp)
-LAWS = (SlidingPivot, rk4_step)
+LAWS = (SlidingPivot, PivotSteps, march, rk4_step)
 
 
 def stored_releases(

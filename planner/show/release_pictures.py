@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import (
+    CaseModel,
     Contact,
     ImplicitRelease,
     KarnoppRelease,
@@ -23,7 +24,6 @@ from ...models import (
     Quartic,
     Release,
     ReleaseCase,
-    ReleaseModel,
     SlidingPivotRelease,
     SteppedRelease,
     ellipsoid,
@@ -61,7 +61,7 @@ class Curve:
     """One model in a picture over time: its label and line style."""
 
     label: str
-    model: ReleaseModel
+    model: CaseModel
     style: dict[str, Any]
 
 

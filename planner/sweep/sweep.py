@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import math
 import time
 from concurrent.futures import Executor
@@ -13,8 +12,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ...models import BATCH_MODELS, SLIDING_PIVOT
 from ...problems import USUAL_UNCERTAINTY, InputError
-from ..check import BATCH_MODELS
+from ..check import named_model
 from ..result import Plan
 from .summary import summary
 from .sweep_run import Progress, Thrown, run_sweep
@@ -155,7 +155,7 @@ def sweep(
     plan: Plan,
     samples: int = 1000,
     seed: int = 0,
-    model: str = "sp",
+    model: str = SLIDING_PIVOT,
     executor: Executor | None = None,
 ) -> Sweep:
     """Throw a solved plan's sent motion under its scene's [uncertainty].
@@ -174,7 +174,7 @@ def sweep_until_stopped(
     plan: Plan,
     samples: int = 1000,
     seed: int = 0,
-    model: str = "sp",
+    model: str = SLIDING_PIVOT,
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Sweep | None:
@@ -189,12 +189,7 @@ def sweep_until_stopped(
 
 def check_sweep(samples: int, seed: int, model: str, prefix: str = "") -> None:
     """InputError for numbers out of range and unknown models; `prefix` as on the command line."""
-    if model not in BATCH_MODELS:
-        near = difflib.get_close_matches(str(model), BATCH_MODELS, 1, 0.4)
-        hint = f", did you mean '{near[0]}'?" if near else ""
-        raise InputError(
-            f"{prefix}model = {model!r}: must be one of {', '.join(BATCH_MODELS)}{hint}"
-        )
+    named_model(model, BATCH_MODELS, prefix=prefix)
     for name, value, low, high in (("samples", samples, 1, MOST), ("seed", seed, 0, 2**32 - 1)):
         whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
         if not whole or not low <= value <= high:

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from ...models import MODELS
 from .sweep import Sweep
 from .sweep_landings_picture import LEAST, draw_landings, widen
-from .sweep_run import CHUNKS
 from .sweep_sensitivity import OUTER, delay_band, swings
 from .sweep_statistics import quantiles, scaled_error
 from .sweep_units import unit_of
@@ -47,7 +47,7 @@ def draw_delay(sweep: Sweep, path: Path) -> None:
 
     scene, target = sweep.plan.scene, sweep.plan.target
     limits = _delay_limits(sweep)
-    slow = CHUNKS[sweep.thrower.model] <= SLOW_CHUNK
+    slow = MODELS[sweep.thrower.model].chunk <= SLOW_CHUNK
     delays, pose = delay_band(sweep.thrower, sweep.sampler, limits, slow)
     off = pose[:, :, :2] - sweep.nominal.pose[0, :2]
     theta_counts = target.theta is not None

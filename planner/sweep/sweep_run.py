@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ...models import MODELS
 from .sweep_throws import Landings, Thrower
 from .uncertain import Sampler
 
@@ -17,9 +18,6 @@ Array = npt.NDArray[np.float64]
 #: Told how many samples are done, of how many.
 Progress = Callable[[int, int], None]
 
-#: Samples per chunk: some tenths of a second of work, whatever the number of workers. A
-#: power of two, as the sequence likes it.
-CHUNKS = {"sp": 8192, "sp-paper": 2048, "ls-step": 8192, "patch": 64, "lugre": 64}
 #: Chunks handed out at once.
 WINDOW = 64
 
@@ -61,7 +59,8 @@ def run_sweep(
     The chunks, and so the result to the last bit, do not depend on the executor. After
     Ctrl-C chunks in work are finished, the others dropped; None if there is nothing.
     """
-    size = CHUNKS[thrower.model]
+    # The same whatever the number of workers; a power of two, as the sequence likes it.
+    size = MODELS[thrower.model].chunk
     chunks = [
         Chunk(thrower, sampler, first, min(size, samples - first))
         for first in range(0, samples, size)

@@ -9,17 +9,9 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from ...models import (
-    Body,
-    Contact,
-    Path,
-    ReleaseBatch,
-    land,
-    throw_limit_surface,
-    throw_sliding_pivot,
-)
+from ...models import MODELS, SLIDING_PIVOT, Body, Contact, Path, ReleaseBatch, land
 from ...problems import InputError, Pose, Scene
-from ..check import BATCH_MODELS, cup_entries
+from ..check import cup_entries
 from ..compile import PAYS_FROM, compiled_steps
 from ..result import Plan
 from .carry_hold import CarryHold, carry_hold
@@ -32,9 +24,8 @@ Flags = npt.NDArray[np.bool_]
 
 #: Delays tried for the largest one that still lands inside [s], and for the pictures.
 FURTHEST = 0.05
-#: Steps over the opening, coarse to fine: the first is taken that leaves 95 % of `PROBES`
-#: throws within `SHARE` of the tolerance of the next. The other models keep their own number.
-STEPS = {"sp": (64, 128, 256), "ls-step": (120, 240, 480)}
+#: Of a model's `sweep_steps` the first is taken that leaves 95 % of `PROBES` throws within
+#: `SHARE` of the tolerance of the next.
 PROBES, SHARE = 64, 0.1
 
 
@@ -66,7 +57,7 @@ class Thrower:
     """Throws a plan's motion with other values of the parameters `names`, by `model`.
 
     Light enough to be sent to other processes. mean_delay [s]: what the plan's opening
-    command is early by. steps: over the opening, for the models in `STEPS`; compiled:
+    command is early by. steps: over the opening, 0 for the model's own; compiled:
     whether those run in compiled code, where that is to be had.
     """
 
@@ -137,14 +128,9 @@ class Thrower:
         body = replace(batch.body, com_offset=np.abs(batch.body.com_offset))
         batch = replace(batch, body=body, grasp_angle=batch.grasp_angle + turn)
         even = compiled_steps(self.model, batch.hands) if self.compiled else None
-        if self.model == "sp" and self.hands.kinks.size:
+        if self.model == SLIDING_PIVOT and self.hands.kinks.size:
             even = partial(kinked_steps, kinks=self._kinks)
-        if self.model == "sp":
-            detach = throw_sliding_pivot(batch, self.steps, even=even).detach
-        elif self.model == "ls-step":
-            detach = throw_limit_surface(batch, self.steps, even=even).detach
-        else:
-            detach = BATCH_MODELS[self.model](batch)
+        detach = MODELS[self.model].throw(batch, self.steps, even).detach
         detach[:, 2] -= turn
         return detach
 
@@ -210,7 +196,7 @@ def thrower_of(plan: Plan, model: str, sampler: Sampler, samples: int) -> Throwe
     )
     thrower = _settled(thrower, sampler)
     # Decided, and compiled, once: workers' results must not differ by a digit.
-    kinked = model == "sp" and thrower.hands.kinks.size > 0
+    kinked = model == SLIDING_PIVOT and thrower.hands.kinks.size > 0
     pays = samples >= PAYS_FROM and "hand_omega" not in sampler.names and not kinked
     return replace(thrower, compiled=pays and compiled_steps(model, thrower.hands) is not None)
 
@@ -220,7 +206,7 @@ def _settled(thrower: Thrower, sampler: Sampler) -> Thrower:
     tolerance = thrower.scene.tolerance
     probes = np.vstack([thrower.nominal(), sampler.draw(0, PROBES - 1)])
     coarse, poses = thrower, None
-    for steps in STEPS.get(thrower.model, ()):
+    for steps in MODELS[thrower.model].sweep_steps:
         fine = replace(thrower, steps=steps)
         found = fine.throw(probes).pose[:, :2]
         if poses is not None:

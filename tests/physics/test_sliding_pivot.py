@@ -67,7 +67,7 @@ class Throws:
     def path(self, law, steps):
         """States (steps + 1, 6, N) by Runge-Kutta steps over each throw's opening."""
         dt = self.opening / steps
-        states = [np.zeros((STATES, self.full.size))]
+        states = [np.zeros((6, self.full.size))]
         for i in range(steps):
             times = [(i + k / 2) * dt for k in range(3)]
             hands, grips = [self.hand(t) for t in times], [self.grip(t) for t in times]
@@ -185,7 +185,7 @@ def wrench_of(law, state, hand):
 def test_a_strong_grip_carries_the_body_rigidly(form, state, hand):
     law = SlidingPivot(BAR, PADS, form=form)
     state = (*state[:5], 0.0)
-    np.testing.assert_array_equal(law.rates(state, hand, 1e6), np.zeros(STATES))
+    np.testing.assert_array_equal(law.rates(state, hand, 1e6), np.zeros(6))
 
 
 @relaxed
@@ -429,12 +429,12 @@ def test_runge_kutta_converges_at_order_four_on_the_smoothed_law():
 
     def rates(share, y):
         t = share * THROWS.opening
-        values = law.rates(y.reshape(STATES, -1), THROWS.hand(t), THROWS.grip(t))
+        values = law.rates(y.reshape(6, -1), THROWS.hand(t), THROWS.grip(t))
         return (THROWS.opening * np.array(values)).ravel()
 
     start = np.zeros(STATES * len(VALUES))
     solved = solve_ivp(rates, (0, 1), start, method="DOP853", rtol=1e-13, atol=1e-16)
-    exact = solved.y[:, -1].reshape(STATES, -1)
+    exact = solved.y[:, -1].reshape(6, -1)
     steps = np.array([80, 160, 320, 640])
     errors = [np.linalg.norm(THROWS.path(law, n)[-1] - exact, axis=0) for n in steps]
     np.testing.assert_allclose(slope(1 / steps, np.array(errors)), 4.0, atol=0.3)
@@ -461,7 +461,7 @@ def test_smoothing_moves_landings_by_its_width_squared():
 @functools.cache
 def symbolic(form, epsilon):
     """Rates and their Jacobian: (z, p) with z = state, hand, grip and p = m, I, h, mu, r_p, g."""
-    z, p = ca.SX.sym("z", STATES + 6), ca.SX.sym("p", 6)
+    z, p = ca.SX.sym("z", 6 + 6), ca.SX.sym("p", 6)
     body, contact = Body(p[0], p[1], p[2]), Contact(p[3], p[4])
     widths = None if epsilon is None else relative_widths(epsilon, body, contact, p[5])
     law = SlidingPivot(body, contact, p[5], form, widths)
@@ -530,4 +530,4 @@ def test_rates_are_finite_without_smoothing(case, form):
     acceleration, grip, h, gravity = QUIET[case]
     law = SlidingPivot(dataclasses.replace(BAR, com_offset=h), PADS, gravity, form)
     hand = HandMotion(0.2, 0.0, *acceleration, 0.0)
-    assert np.isfinite(law.rates(np.zeros(STATES), hand, grip)).all()
+    assert np.isfinite(law.rates(np.zeros(6), hand, grip)).all()

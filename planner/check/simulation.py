@@ -1,9 +1,12 @@
-"""Arrays of throws through a release model: in, and detach and landing out."""
+"""Given motions through release models: a scene's own by one model or all, or arrays of N."""
 
 from __future__ import annotations
 
 import difflib
-from collections.abc import Callable, Mapping
+import math
+import pathlib
+import time
+from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
 from typing import Any
@@ -12,55 +15,29 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import (
-    PIVOT_STEPS,
-    SURFACE_STEPS,
-    UNSOLVED,
+    BATCH_MODELS,
+    MODELS,
+    SLIDING_PIVOT,
+    VARIANTS,
     BatchRelease,
     Body,
     Contact,
-    LuGreRelease,
-    PatchRelease,
     Path,
+    Release,
     ReleaseBatch,
+    ReleaseCase,
+    ReleaseModel,
     land,
-    sliding_pivot_batch,
-    stepped_batch,
-    throw_limit_surface,
-    throw_sliding_pivot,
 )
-from ...problems import InputError, Scene
+from ...problems import InputError, Scene, as_scene
 from ..compile import PAYS_FROM, compiled_steps
 from .given_motion import given_hand
+from .rollout import Landing, case_of, landing
 
 Array = npt.NDArray[np.float64]
 
-#: Steps of the paper's form: it jumps, so it needs more of them.
-PAPER_STEPS = 400
-
-
-def _paper_form(batch: ReleaseBatch) -> Array:
-    return sliding_pivot_batch(batch, PAPER_STEPS, "paper")
-
-
-#: Release models that take batches, and their detach states (N, 6).
-BATCH_MODELS: dict[str, Callable[[ReleaseBatch], Array]] = {
-    "sp": sliding_pivot_batch,
-    "sp-paper": _paper_form,
-    "ls-step": stepped_batch,
-    "patch": PatchRelease().batch,
-    "lugre": LuGreRelease().batch,
-}
-
-#: Usual steps of an opening, and the most.
-STEPS = {
-    "sp": PIVOT_STEPS,
-    "sp-paper": PAPER_STEPS,
-    "ls-step": SURFACE_STEPS,
-    "patch": PatchRelease.steps,
-    "lugre": LuGreRelease.steps,
-}
+#: Most steps of an opening that may be asked for.
 MOST_STEPS = 100_000
-
 #: Samples of a scene's own motion over the opening.
 GIVEN_SAMPLES = 1001
 
@@ -69,6 +46,76 @@ _CONTACT = ("friction", "patch_radius", "torsion", "faces")
 _GRIPPER = ("force", "opening")
 _HAND = ("pose", "twist", "acceleration")
 _SAMPLED = ("times", "poses", "delays")
+
+
+def named_model(
+    name: str, known: Mapping[str, ReleaseModel], allowed: str = "", prefix: str = ""
+) -> ReleaseModel:
+    """The model of that name.
+
+    InputError for a name that is not `known`, with what is `allowed`; `prefix` as on the
+    command line.
+    """
+    if name not in known:
+        near = difflib.get_close_matches(str(name), known, 1, 0.4)
+        hint = f", did you mean '{near[0]}'?" if near else ""
+        allowed = allowed or f"one of {', '.join(known)}"
+        raise InputError(f"{prefix}model = {name!r}: must be {allowed}{hint}")
+    return known[name]
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """One release by one model; landing is None where the scene gives no height."""
+
+    model: str
+    release: Release
+    landing: Landing | None
+    seconds: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """SI units, radians; events in s from the start of the opening."""
+        end = self.release.detach
+        detach = {"x": end.x, "z": end.z, "theta": end.theta}
+        detach |= {"vx": end.v_x, "vz": end.v_z, "omega": end.omega}
+        land = self.landing
+        pose = None if land is None else {"x": land.x, "z": land.z, "theta": land.theta}
+        return {
+            "status": self.release.trouble or "ok",
+            "detach": {k: _number(v) for k, v in detach.items()},
+            "landing": pose and {k: _number(v) for k, v in pose.items()},
+            "events": {"pivot": self.release.pivot, "slide": self.release.slide},
+            "time": self.seconds,
+        }
+
+
+def simulate(scene: Scene | str | pathlib.Path, model: str = "all") -> dict[str, Simulation]:
+    """The [motion] of a scene, built-in name or TOML file through a release model.
+
+    model: a name of MODELS or VARIANTS, or 'all' for all of MODELS.
+    Raises InputError for a scene without a motion and for an unknown model.
+    """
+    scene = as_scene(scene)
+    case = case_of(scene, given_hand(scene))
+    if model == "all":
+        return {name: _simulated(scene, known, case) for name, known in MODELS.items()}
+    names = f"all or one of {', '.join(MODELS)}, or a variant: {', '.join(VARIANTS)}"
+    return {model: _simulated(scene, named_model(model, MODELS | VARIANTS, names), case)}
+
+
+def _simulated(scene: Scene, model: ReleaseModel, case: ReleaseCase) -> Simulation:
+    start = time.perf_counter()
+    release = model.pressed(scene.contact.pressure).release(case)
+    height = None if scene.target is None else scene.target.z
+    land = None if height is None else landing(release, height, scene.gravity)
+    return Simulation(model.name, release, land, time.perf_counter() - start)
+
+
+def _number(value: float) -> float | None:
+    return float(value) if math.isfinite(value) else None
+
+
+# Arrays of throws.
 
 
 @dataclass(frozen=True)
@@ -88,7 +135,7 @@ class BatchResult:
 
 def simulate_batch(
     scene: Scene,
-    model: str = "sp",
+    model: str = SLIDING_PIVOT,
     *,
     hand: Mapping[str, Any] | None = None,
     contact: Mapping[str, Any] | None = None,
@@ -110,54 +157,41 @@ def simulate_batch(
     `sp` and `ls-step` of many throws run in compiled code where a C compiler is there.
     Raises InputError for unknown names, unequal lengths, NaN, times that do not rise.
     """
-    if model not in BATCH_MODELS:
-        near = difflib.get_close_matches(str(model), BATCH_MODELS, 1, 0.4)
-        hint = f", did you mean '{near[0]}'?" if near else ""
-        raise InputError(f"model = {model!r}: must be one of {', '.join(BATCH_MODELS)}{hint}")
+    chosen = named_model(model, BATCH_MODELS).pressed(scene.contact.pressure)
     whole = isinstance(steps, int) and not isinstance(steps, bool)
     if steps is not None and not (whole and 1 <= steps <= MOST_STEPS):
         raise InputError(f"steps = {steps!r}: must be a whole number, 1 to {MOST_STEPS}")
     batch = _batch(scene, hand or {}, contact or {}, object or {}, gripper or {})
-    release = _run(model, batch, steps or STEPS[model], executor)
+    release = _thrown(chosen, batch, steps or 0, executor)
     height = None if scene.target is None else scene.target.z
     landing = None if height is None else land(release.detach, height, scene.gravity)
     return BatchResult(release.detach, landing, release.trouble)
 
 
-def _run(model: str, batch: ReleaseBatch, steps: int, executor: Executor | None) -> BatchRelease:
+def _thrown(
+    model: ReleaseModel, batch: ReleaseBatch, steps: int, executor: Executor | None
+) -> BatchRelease:
     # Decided, and compiled, once for all shares: they must not differ by a digit.
-    compiled = batch.count >= PAYS_FROM and compiled_steps(model, batch.hands) is not None
+    compiled = batch.count >= PAYS_FROM and compiled_steps(model.name, batch.hands) is not None
     if executor is None:
         return _Share(model, batch, steps, compiled).run()
     numbers = np.array_split(np.arange(batch.count), max(batch.count // 4096, 1))
     shares = [_Share(model, batch.part(throws), steps, compiled) for throws in numbers]
-    done = list(executor.map(_Share.run, shares))
-    detach, lost = (
-        np.concatenate(part) for part in zip(*((d.detach, d.lost) for d in done), strict=True)
-    )
-    return BatchRelease(detach, lost, done[0].why_not)
+    return BatchRelease.joined(list(executor.map(_Share.run, shares)))
 
 
 @dataclass(frozen=True)
 class _Share:
     """A run of throws for one worker."""
 
-    model: str
+    model: ReleaseModel
     batch: ReleaseBatch
     steps: int
     compiled: bool
 
     def run(self) -> BatchRelease:
-        even = compiled_steps(self.model, self.batch.hands) if self.compiled else None
-        if self.model == "sp":
-            return throw_sliding_pivot(self.batch, self.steps, even=even)
-        if self.model == "sp-paper":
-            return throw_sliding_pivot(self.batch, self.steps, "paper")
-        if self.model == "ls-step":
-            return throw_limit_surface(self.batch, self.steps, even)
-        meshed = PatchRelease if self.model == "patch" else LuGreRelease
-        detach = meshed(steps=self.steps).batch(self.batch)
-        return BatchRelease(detach, np.zeros(len(detach), bool), UNSOLVED)
+        even = compiled_steps(self.model.name, self.batch.hands) if self.compiled else None
+        return self.model.throw(self.batch, self.steps, even)
 
 
 def _batch(

@@ -1,0 +1,307 @@
+"""The engine that steps every release law: one case or N at once, in NumPy or compiled.
+
+A law (`SteppedLaw`) knows one step. Where the steps lie, who evaluates the hand and the
+grip force, and what happens at events is decided here.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import partial
+from typing import Protocol
+
+import casadi as ca
+import numpy as np
+
+from .body import Array, Body, Contact, Hand, HandMotion, HandSamples, Value, components
+from .release import LOST_SLIP, BatchRelease, ReleaseBatch, ReleaseCase, by_chunks, chunks
+
+Rates = Callable[[Value, HandMotion, Value], list[Value]]
+#: A release law in so many steps, the same number for all throws of the batch.
+EvenSteps = Callable[[ReleaseBatch, int], BatchRelease]
+#: Values at the start, middle and end of a step.
+Triple = Sequence[Value] | Array
+
+#: Throws of a batch whose steps are counted together.
+PIECE = 8192
+#: Grading of the sliding pivot's steps towards the end of the opening.
+GRADING = 2.0
+
+
+class SteppedLaw(Protocol):
+    """A release law that is taken step by step; a state is a list of values or arrays (N,)."""
+
+    @property
+    def uses_middle(self) -> bool:
+        """Whether a step asks for the hand in its middle."""
+
+    def start(self, hand: Hand, grasp_angle: Value) -> list[Value]:
+        """State of a body that sticks to the hand."""
+
+    def advance(
+        self, state: Value, hands: Sequence[Hand], forces: Triple, dt: Value
+    ) -> list[Value]:
+        """State `dt` [s] later; hands and grip force [N] at the step's start, middle, end."""
+
+    def lost(self, state: Value) -> Value:
+        """Whether the body has left the pads."""
+
+    def com(self, state: Value, hand: Hand) -> Sequence[Value]:
+        """CoM pose and twist in the world."""
+
+
+def rk4_step(
+    rates: Rates, state: Value, hand: Sequence[HandMotion], normal_force: Triple, dt: Value
+) -> list[Value]:
+    """One classical Runge-Kutta step of `dt` seconds.
+
+    `hand` and `normal_force` hold the values at the start, middle and end of the
+    step: three instants serve the four stages.
+    """
+    start = components(state)
+    k1 = rates(start, hand[0], normal_force[0])
+    k2 = rates(_moved(start, k1, 0.5 * dt), hand[1], normal_force[1])
+    k3 = rates(_moved(start, k2, 0.5 * dt), hand[1], normal_force[1])
+    k4 = rates(_moved(start, k3, dt), hand[2], normal_force[2])
+    return [
+        x + dt / 6.0 * (a + 2.0 * b + 2.0 * c + d)
+        for x, a, b, c, d in zip(start, k1, k2, k3, k4, strict=True)
+    ]
+
+
+def euler_step(
+    rates: Rates, state: Value, hand: Sequence[HandMotion], normal_force: Triple, dt: Value
+) -> list[Value]:
+    """One explicit Euler step of `dt` seconds; only the start's values are used."""
+    start = components(state)
+    return _moved(start, rates(start, hand[0], normal_force[0]), dt)
+
+
+def _moved(state: Sequence[Value], rates: Sequence[Value], dt: Value) -> list[Value]:
+    return [x + dt * rate for x, rate in zip(state, rates, strict=True)]
+
+
+# Numbers and arrays.
+
+
+def march(
+    law: SteppedLaw,
+    shares: Sequence[Value] | Array,
+    opening: Value,
+    hands: Callable[[Value], Hand],
+    forces: Sequence[Value] | Array,
+    grasp_angle: Value,
+    gap: float = 0.0,
+) -> tuple[list[Value], Value]:
+    """CoM state at detach (6 values), and whether the body was lost before.
+
+    shares: of the opening [s], at the 2 K + 1 nodes and middles of K steps, each a number
+    or an array (N,); forces [N]: there; hands: the hand at a time [s]. gap [s]: the hand
+    is evaluated this far inside a step's ends, for motions whose acceleration jumps there.
+    """
+    end = hands(shares[0] * opening)
+    state, lost = law.start(end, grasp_angle), np.asarray(False)
+    for k in range(0, len(shares) - 2, 2):
+        start = end
+        begin, finish = shares[k] * opening, shares[k + 2] * opening
+        dt = finish - begin
+        if gap:
+            inside = np.minimum(gap, dt / 4)
+            start, finish = hands(begin + inside), finish - inside
+        middle = hands(shares[k + 1] * opening) if law.uses_middle else start
+        end = hands(finish)
+        state = law.advance(state, (start, middle, end), forces[k : k + 3], dt)
+        lost = lost | law.lost(state)
+    return list(law.com(state, end)), lost
+
+
+def step_batch(
+    batch: ReleaseBatch,
+    law: Callable[[ReleaseBatch], SteppedLaw],
+    shares: Array | Callable[[ReleaseBatch], Array],
+    gap: float = 0.0,
+) -> BatchRelease:
+    """All throws of a batch by NumPy, chunk by chunk.
+
+    shares: as for `march`, (2 K + 1,), or for a chunk of throws (2 K + 1, N).
+    """
+
+    def chunk(part: ReleaseBatch) -> BatchRelease:
+        at = shares(part) if callable(shares) else shares
+        forces = part.forces(at) if at.ndim == 1 else part.forces_at(at * part.opening)
+
+        def hands(times: Value) -> Hand:
+            return Hand(*part.hands.at(times))
+
+        made = law(part)
+        state, lost = march(made, at, part.opening, hands, forces, part.grasp_angle, gap)
+        return BatchRelease(np.array(state).T, np.broadcast_to(lost, part.count).copy())
+
+    return by_chunks(batch, chunk)
+
+
+def graded(steps: int, power: float = GRADING) -> Array:
+    """Shares of the opening (steps + 1,), denser towards its end.
+
+    The body slides in the last few per cent, where the grip vanishes: with power 2 the
+    landing error is a tenth of that of even steps.
+    """
+    return np.asarray(1.0 - (1.0 - np.linspace(0.0, 1.0, steps + 1)) ** power)
+
+
+def with_middles(nodes: Array) -> Array:
+    """Nodes (K + 1, ...) and what is halfway between them (2 K + 1, ...)."""
+    both = np.empty((2 * len(nodes) - 1, *nodes.shape[1:]))
+    both[::2], both[1::2] = nodes, (nodes[:-1] + nodes[1:]) / 2
+    return both
+
+
+def by_levels(
+    batch: ReleaseBatch, run: Callable[[ReleaseBatch, int], BatchRelease]
+) -> BatchRelease:
+    """`run(throws, factor)`, the factor 1, 2, 4, ... by each throw's own swings."""
+    detach, lost = np.empty((batch.count, 6)), np.empty(batch.count, bool)
+    # Piece by piece, so that no array of all hands' splines is ever made.
+    for piece in chunks(batch.count, PIECE):
+        part = batch.part(piece)
+        levels = _levels(part)
+        for level in np.unique(levels):
+            throws = np.flatnonzero(levels == level)
+            some = run(part if len(throws) == len(piece) else part.part(throws), 2 ** int(level))
+            detach[piece[throws]], lost[piece[throws]] = some.detach, some.lost
+    return BatchRelease(detach, lost)
+
+
+def _levels(batch: ReleaseBatch) -> Array:
+    """How often the steps of each throw (N,) are doubled: by its own swings alone.
+
+    A body on a shaken hand swings at most at about sqrt(m h a / J); fast swings over a
+    long opening need more steps. That the number depends on the throw alone keeps its
+    result independent of its neighbours.
+    """
+    _, twist, acceleration = batch.hands.at(np.zeros(batch.count))
+    body = batch.body
+    pull = np.hypot(acceleration[0], acceleration[1]) + batch.gravity
+    arm = body.mass * (body.com_offset + LOST_SLIP * 0.1)
+    swing = np.sqrt(arm * pull / body.grasp_inertia) + np.abs(twist[2])
+    turning = np.abs(acceleration[2]) * batch.opening
+    cycles = batch.opening * (swing + turning)
+    doublings = np.ceil(np.log2(np.maximum(cycles / 8.0, 1.0)))
+    return np.asarray(np.clip(doublings, 0, 6).astype(int))
+
+
+# CasADi: one step as a function of numbers, many of them in one call.
+
+
+def step_symbols() -> tuple[ca.SX, list[Hand], list[ca.SX], ca.SX]:
+    """Numbers of one step (31,): hand (9) and grip at start, middle, end, and dt; its parts."""
+    u = ca.SX.sym("u", 31)
+    rows = [u[10 * i : 10 * i + 10] for i in range(3)]
+    hands = [Hand(row[:3], row[3:6], row[6:9]) for row in rows]
+    return u, hands, [row[9] for row in rows], u[30]
+
+
+def step_columns(hand: HandSamples, forces: Array) -> Array:
+    """Those numbers (31, K) for K steps: hand and forces at their 2 K + 1 nodes and middles."""
+    rows = np.vstack([hand.pose, hand.twist, hand.acceleration, forces])
+    dt = np.diff(hand.times[::2])
+    return np.vstack([rows[:, :-2:2], rows[:, 1::2], rows[:, 2::2], dt])
+
+
+def number_symbols() -> tuple[ca.SX, Body, Contact, ca.SX]:
+    """Symbols of `numbers`: the column, and the body, contact and gravity it describes."""
+    p = ca.SX.sym("p", 8)
+    return p, Body(p[0], p[1], p[2]), Contact(p[3], p[4], p[5], p[6]), p[7]
+
+
+def numbers(case: ReleaseCase) -> Array:
+    """Parameter column (8, 1) of the compiled steps."""
+    body, contact = case.body, case.contact
+    values = [body.mass, body.inertia, body.com_offset, contact.friction, contact.patch_radius]
+    return np.array([*values, contact.torsion, contact.faces, case.gravity], float)[:, None]
+
+
+def step_function(law: SteppedLaw, parameters: ca.SX, steps: int) -> ca.Function:
+    """`steps` steps as one function: (state (6,), columns, parameters) -> states (6, steps).
+
+    law: of the symbols `parameters`, which are given for each step too.
+    """
+    state, (u, hands, forces, dt) = ca.SX.sym("state", 6), step_symbols()
+    new = law.advance(state, hands, forces, dt)
+    step = ca.Function("step", [state, u, parameters], [ca.cse(ca.vertcat(*new))])
+    return step.mapaccum("steps", steps)
+
+
+def run_steps(function: ca.Function, start: Array, columns: Array, parameters: Array) -> Array:
+    """States (6, K + 1) from `start` on by a `step_function`; parameters (n, 1)."""
+    repeated = np.repeat(parameters, columns.shape[1], axis=1)
+    return np.column_stack([start, np.array(function(start, columns, repeated))])
+
+
+# Steps cut at the events of a law that has modes.
+
+
+class EventLaw(SteppedLaw, Protocol):
+    """A law with modes: it sticks, pivots, slides."""
+
+    def excess(self, state: Value, hand: HandMotion, normal_force: Value) -> Sequence[Value]:
+        """Event functions: above zero the body pivots, slides."""
+
+
+def located_steps(
+    law: EventLaw, case: ReleaseCase, steps: int
+) -> tuple[Array, Array, list[float | None]]:
+    """Even steps of one case, each cut at the first change of mode inside it.
+
+    Times (K,) and states (K, 6), and when each event function first rises above zero [s].
+    """
+    opening = case.grip.opening
+    dt = opening / steps
+
+    def hands(*times: float) -> list[Hand]:
+        hand = case.hand.at(np.array(times))
+        rows = (hand.pose, hand.twist, hand.acceleration)
+        return [Hand(*(part[:, i] for part in rows)) for i in range(len(times))]
+
+    def advance(t: float, state: Array, h: float) -> Array:
+        times = (t, t + h / 2, t + h)
+        forces = [float(f) for f in case.grip.force(np.array(times))]
+        return np.array(law.advance(state, hands(*times), forces, h))
+
+    def excess(t: float, state: Array) -> Array:
+        return np.array(law.excess(state, hands(t)[0].motion, float(case.grip.force(t))))
+
+    def excess_after(u: float, i: int, t: float, state: Array) -> float:
+        return float(excess(t + u, advance(t, state, u))[i])
+
+    t, state = 0.0, np.array(law.start(hands(0.0)[0], case.grasp_angle), float)
+    times, states = [t], [state]
+    before = excess(t, state)
+    onsets: list[float | None] = [0.0 if value > 0 else None for value in before]
+    while t < opening * (1 - 1e-12):
+        h = min(dt, opening - t)
+        after = excess(t + h, advance(t, state, h))
+        changed = np.flatnonzero((before > 0) != (after > 0))
+        if changed.size:
+            root = min(_root(partial(excess_after, i=int(i), t=t, state=state), h) for i in changed)
+            # Up to just before the root in the old mode, then over it in a tiny step.
+            over = 1e-9 * dt
+            h = max(root - over, 0.0)
+            state, t = advance(t, state, h), t + h
+            h = min(2 * over, opening - t)
+        state, t = advance(t, state, h), t + h
+        before = excess(t, state)
+        for i in np.flatnonzero(before > 0):
+            onsets[i] = t if onsets[i] is None else onsets[i]
+        times.append(t)
+        states.append(state)
+    return np.array(times), np.array(states), onsets
+
+
+def _root(function: Callable[[float], float], end: float) -> float:
+    """Where `function` changes sign in (0, end], to rounding."""
+    from scipy.optimize import brentq
+
+    if (function(1e-12 * end) > 0) == (function(end) > 0):
+        return end
+    return float(brentq(function, 1e-12 * end, end, xtol=1e-13, rtol=1e-12))
