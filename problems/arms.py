@@ -127,14 +127,17 @@ def _values(kind: type[Any], table: Mapping[str, Any]) -> dict[str, Any]:
         if key in LISTS:
             values["links" if key == "links" else "chain"] = _rows(key, value)
             continue
-        part = key in TABLES and isinstance(value, Mapping)
-        made = _part(key, TABLES[key], value) if part else value
-        values[key] = checked(key, made, hints[key], about[key])
+        if key in TABLES:
+            values[key] = _part(key, TABLES[key], value)
+        else:
+            values[key] = checked(key, value, hints[key], about[key])
     return values
 
 
-def _part(place: str, kind: type[Any], table: Mapping[str, Any]) -> Any:
+def _part(place: str, kind: type[Any], table: Any) -> Any:
     """A part of an arm from its table; `place` for messages."""
+    if not isinstance(table, Mapping):
+        raise InputError(f"{place} = {table!r}: must be a table")
     try:
         values = _values(kind, table)
         check_complete(kind, values)
@@ -147,9 +150,6 @@ def _rows(key: str, value: Any) -> tuple[Any, ...]:
     """The parts in a list of tables."""
     if not isinstance(value, list) or not value:
         raise InputError(f"{key} = {value!r}: must be a list of tables, one per joint")
-    for number, row in enumerate(value, start=1):
-        if not isinstance(row, Mapping):
-            raise InputError(f"{key} {number} = {row!r}: must be a table")
     return tuple(_part(f"{key} {i}", LISTS[key], row) for i, row in enumerate(value, start=1))
 
 

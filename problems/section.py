@@ -31,13 +31,10 @@ class InputError(ThrowplanError, ValueError):
 def rules(
     meaning: str,
     *,
-    above: float | None = None,
-    least: float | None = None,
-    most: float | None = None,
-    below: float | None = None,
     degrees: bool = False,
     unit: str = "",
     choices: tuple[str, ...] = (),
+    **limits: float,
 ) -> dict[str, Any]:
     """What is to be known of a field.
 
@@ -45,10 +42,9 @@ def rules(
     degrees: files give the value in degrees, under the field's name with `_deg` behind it; in
     the dataclass it is in radians, and so are the limits here. unit: said where a limit
     refuses a value, for those that are easily given in another unit. choices: of a text.
+    limits: `above`, `least`, `most`, `below`.
     """
-    limits = {"above": above, "least": least, "most": most, "below": below}
-    given = {name: limit for name, limit in limits.items() if limit is not None}
-    return {"meaning": meaning, "degrees": degrees, "unit": unit, "choices": choices} | given
+    return {"meaning": meaning, "degrees": degrees, "unit": unit, "choices": choices} | limits
 
 
 def quantity(meaning: str, *, default: Any = dataclasses.MISSING, **limits: Any) -> Any:
@@ -207,10 +203,11 @@ def _coerced(value: Any, hint: Any) -> Any:
         return value if isinstance(value, hint) else _WRONG
     if isinstance(value, bool) or not isinstance(value, int | float):
         return _WRONG
+    if isinstance(value, int) and abs(value) >= _HUGE:
+        return math.inf  # Which the limits refuse.
     if hint is int:
         return value if isinstance(value, int) else _WRONG
-    # A whole number that is too large for a float becomes inf, which the limits refuse.
-    return float(value) if isinstance(value, float) or abs(value) < _HUGE else math.inf
+    return float(value)
 
 
 def _coerced_tuple(value: Any, hints: tuple[Any, ...]) -> Any:

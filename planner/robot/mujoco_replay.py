@@ -22,7 +22,7 @@ from ..show import BLACK, BLUE, GREEN, ORANGE, RED, draw_cup, new_figure, save
 from .mujoco_throw import (
     FRICTION,
     LEAD,
-    Flown,
+    MujocoFlight,
     free_flight,
     is_in,
     load_mujoco,
@@ -296,14 +296,14 @@ def _landing_of(thrown: Thrown) -> tuple[float, float, float]:
     return thrown.landing.x, thrown.landing.z, thrown.landing.theta
 
 
-def _angles(flown: Flown, theta: float) -> Array:
+def _angles(flown: MujocoFlight, theta: float) -> Array:
     """theta (N,) of the axis in the throw's plane, turns counted on from `theta` at first."""
     angles = np.unwrap(np.arctan2(flown.axis[:, 2], flown.axis[:, 0]))
     return np.asarray(angles + 2 * np.pi * round((theta - angles[0]) / (2 * np.pi)))
 
 
 def _coming_down(
-    free: Flown, height: float, theta: float
+    free: MujocoFlight, height: float, theta: float
 ) -> tuple[tuple[float, float, float], float]:
     """x, z, theta and time where the CoM comes down through `height`; NaN if it does not."""
     z = free.com[:, 2]
@@ -317,7 +317,7 @@ def _coming_down(
     return (float(x), height, float(angle)), float(instant)
 
 
-def _rest(scene: Scene, flown: Flown, theta: float) -> Rest | None:
+def _rest(scene: Scene, flown: MujocoFlight, theta: float) -> Rest | None:
     """How it ended, for a scene with a cup."""
     if scene.cup is None:
         return None

@@ -175,6 +175,7 @@ NUMBERS = [
     edited("NaN degrees", TURNING, {"target.theta_deg": "nan"}, "theta_deg = nan", "finite"),
     edited("inf target", HAND, {"target.x": "-inf"}, "[target]", "x = -inf", "finite"),
     edited("integer beyond floats", HAND, {"object.mass": "9" * 400}, "[object]", "mass", "number"),
+    edited("so many faces", HAND, {"contact.faces": "9" * 400}, "[contact]", "faces", "number"),
     edited("such degrees", TURNING, {"target.theta_deg": "9" * 400}, "theta_deg", "number"),
     edited("negative mass", HAND, {"object.mass": "-0.2"}, "mass = -0.2", "above 0"),
     edited("zero mass", HAND, {"object.mass": "0"}, "mass = 0", "above 0"),
