@@ -1,4 +1,4 @@
-"""Pictures of what a pad's patch can hold: its limit surface, flat (Fig. 5) and in space."""
+"""What the pads can hold: limit surface (Fig. 5), its shapes in space (Fig. 8), beam (Fig. 9)."""
 
 from __future__ import annotations
 
@@ -9,56 +9,36 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import (
-    Contact,
     KarnoppRelease,
-    LimitSurface,
-    Release,
-    ReleaseCase,
+    OverhangingBeam,
     SteppedRelease,
     contact_twist,
     ellipsoid,
-    onset,
-    pivot_wrench,
+    held_wrench,
+    slip_onset,
+    surface_gauge,
 )
-from ...problems import Scene
-from ..check import case_of, given_hand
+from .style import BLACK, BLUE, GREEN, PHASES, RED, new_figure, save
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
-    from matplotlib.figure import Figure
+
+    from ...models import Contact, LimitSurface, Release, ReleaseCase
 
 Array = npt.NDArray[np.float64]
 
-#: Areas of stick, pivot and slide.
-AREAS = {"stick": "#8a8f98", "pivot": "#f2a33a", "slide": "#d1495b"}
-BLUE, GREEN, RED, PURPLE, BLACK = "#4c78a8", "#2a9d6f", "#d1495b", "#7b4fa3", "#222222"
-#: Isolines, as shares of the grip force at which sliding begins; the pairs are drawn on CUT.
+#: Isolines, as shares of the grip force at which sliding begins; the load is cut off on CUT.
 ISOLINES, CUT = (1.5, 1.25, 1.0, 0.75, 0.5, 0.25), 0.75
 #: Height over width of the picture's frame.
 FLAT = 0.66
-#: Explicit steps of sliding whose wrenches are drawn as dots.
-DOTS = 60
-
-
-def given_case(scene: Scene) -> ReleaseCase:
-    """The scene's release along its [motion]; InputError if it has none."""
-    return case_of(scene, given_hand(scene))
-
-
-def held_wrench(case: ReleaseCase, times: Array) -> Array:
-    """Friction wrench (3, K) that keeps the body fixed in the hand: f_x, f_z, torque."""
-    hand, h = case.hand.at(times), case.body.com_offset
-    angle = hand.pose[2] + case.grasp_angle
-    lever = h * np.cos(angle), h * np.sin(angle)
-    wrench = pivot_wrench(case.body, case.gravity, hand.motion, hand.twist[2], *lever)
-    return np.array(np.broadcast_arrays(*wrench))
+#: Explicit steps of sliding whose wrenches are drawn as crosses.
+STEPS_DRAWN = 60
 
 
 def slide_onset(case: ReleaseCase, surface: LimitSurface) -> float | None:
     """Time [s] at which the limit surface no longer holds the body; None if it always does."""
-    times = np.linspace(0.0, case.grip.opening, 2001)[:-1]
-    needed = np.array([surface.gauge(wrench) for wrench in held_wrench(case, times).T])
-    return onset(times, needed - case.contact.faces * case.grip.force(times))
+    pivot, slide = slip_onset(case, surface_gauge(surface))
+    return slide if pivot is None else pivot
 
 
 def first_slip(case: ReleaseCase, run: Release, dead_zone: float) -> int | None:
@@ -70,57 +50,58 @@ def first_slip(case: ReleaseCase, run: Release, dead_zone: float) -> int | None:
     return int(moving[0]) if moving.size else None
 
 
-def save(figure: Figure, path: Path) -> None:
-    """Write the figure."""
-    figure.savefig(path, dpi=100)
-
-
-# The limit surface.
-
-
-def draw_limit_surface(scene: Scene, path: Path) -> None:
-    """Shrinking isolines, the load, its Karnopp cut-off, and the wrench of the first slip.
+def draw_limit_surface(name: str, case: ReleaseCase, path: Path) -> None:
+    """Isolines of the falling grip, the load, what is left of it, and friction of two models.
 
     The plane is that of the load's force (f_z for a hand at rest) and torque. Wrenches
     are those on the pads, as the signs of (20): load f_ext, friction -f_s.
     """
-    from matplotlib.figure import Figure
-
-    case, surface = given_case(scene), ellipsoid(scene.patch)
+    surface = ellipsoid(case.contact)
     start = slide_onset(case, surface)
-    moment = 0.0 if start is None else start
-    load = -held_wrench(case, np.array([moment]))[:, 0]
-    along = _force_axis(load)
+    moment = start or 0.0
+    load = -held_wrench(case, np.array([moment]))[0][:, 0]
+    along, arm = _force_axis(load), 1e3 * float(case.contact.torsion_arm)
+
+    def in_plane(wrench: Array) -> tuple[Array, Array]:
+        """Force along the axis [N] and torque [N mm] of wrenches (3, ...)."""
+        return along[0] * wrench[0] + along[1] * wrench[1], 1e3 * wrench[2]
+
     grip = float(case.grip.force(moment))
+    figure = new_figure(9.1, 6.9)
+    axes = figure.subplots()
     shares = [share for share in ISOLINES if share * grip <= case.grip.full * (1 + 1e-9)]
-    figure = Figure(figsize=(10, 7.6), layout="constrained")
-    axis = figure.subplots()
     for share in shares:
-        _isoline(axis, case, surface, along, grip, share)
+        wrenches = _at_limit(surface, along, arm, case.contact.faces * share * grip)
+        _isoline(axes, *in_plane(wrenches), share, share * grip)
+    force, torque = in_plane(load)
     reach = shares[0] * grip * float(case.contact.force_limit(1.0))
-    force, torque = _in_plane(load, along)
-    reach = 1.12 * max(reach, abs(float(force)), abs(float(torque)) / _arm_mm(case))
-    axis.set(xlim=(-reach, reach), ylim=(-reach * _arm_mm(case), reach * _arm_mm(case)))
-    axis.set_box_aspect(FLAT)
-    _tracks(axis, case, along, moment)
+    reach = 1.12 * max(reach, abs(float(force)), abs(float(torque)) / arm)
+    axes.set(xlim=(-reach, reach), ylim=(-reach * arm, reach * arm))
+    axes.set_box_aspect(FLAT)
+
+    explicit, stepped = KarnoppRelease(), SteppedRelease().release(case)
+    run = explicit.release(case)
+    first = first_slip(case, run, explicit.dead_zone)
+    if run.wrench is not None and first is not None:
+        crosses = in_plane(-run.wrench[:, first + 1 : first + 1 + STEPS_DRAWN])
+        words = f"−f_s of the first {STEPS_DRAWN} explicit steps that slide"
+        axes.plot(*crosses, "x", color=RED, ms=5, alpha=0.7, label=words)
+    assert stepped.wrench is not None
+    track = in_plane(-stepped.wrench[:, stepped.times >= moment])
+    axes.plot(*track, color=GREEN, lw=6, alpha=0.5, label="−f_s by time stepping, from then on")
     if surface.gauge(load) > 0:
-        words = "load f_ext as the grip ceases to hold it"
-        _arrow(axis, _in_plane(load, along), BLACK, "f_ext", words)
         cut = load * (CUT * grip * case.contact.faces / surface.gauge(load))
-        words = f"at the onset: −f_s1, the load cut off to what f_N = {CUT * grip:.3g} N holds"
-        _arrow(axis, _in_plane(cut, along), BLUE, "−f_s1", words)
-        _sliding_pair(axis, case, surface, load, CUT * grip)
-    axis.axhline(0.0, color="#bbbbbb", lw=0.8, zorder=0)
-    axis.axvline(0.0, color="#bbbbbb", lw=0.8, zorder=0)
-    upright = abs(along[1]) > 0.999
-    where = "f_z" if upright else f"force along {np.degrees(np.arctan2(*along[::-1])):.0f}°"
-    axis.set(xlabel=f"{where} on the pads [N]", ylabel="torque on the pads [N mm]")
-    axis.set_title(
-        f"{scene.name}: limit surface while the grip force of a pad falls"
-        + (f" (sliding begins at {1e3 * moment:.1f} ms)" if start is not None else " (holds)"),
-        loc="left",
-        fontsize=11,
-    )
+        words = f"−f_s1: what f_N = {CUT * grip:.3g} N holds of it"
+        _arrow(axes, in_plane(load), BLACK, "f_ext", "f_ext: load as the grip ceases to hold it")
+        _arrow(axes, in_plane(cut), BLUE, "−f_s1", words)
+    axes.axhline(0.0, color="#bbbbbb", lw=0.8, zorder=0)
+    axes.axvline(0.0, color="#bbbbbb", lw=0.8, zorder=0)
+    angle = np.degrees(np.arctan2(*along[::-1]))
+    where = "f_z" if abs(along[1]) > 0.999 else f"force along {angle:.0f}°"
+    axes.set(xlabel=f"{where} on the pads [N]", ylabel="torque on the pads [N mm]")
+    begins = "holds" if start is None else f"sliding begins at {1e3 * start:.1f} ms"
+    title = f"{name}: limit surface while the grip force of a pad falls ({begins})"
+    axes.set_title(title, loc="left", fontsize=11)
     figure.legend(loc="outside lower center", ncols=2, fontsize=9)
     save(figure, path)
 
@@ -134,121 +115,134 @@ def _force_axis(load: Array) -> Array:
     return np.asarray(along if (along[1], along[0]) > (0.0, 0.0) else -along)
 
 
-def _arm_mm(case: ReleaseCase) -> float:
-    return 1e3 * float(case.contact.torsion_arm)
+def _at_limit(surface: LimitSurface, along: Array, arm: float, normal: float) -> Array:
+    """Wrenches (3, K) at the limit under a normal force [N], around the plane; arm in mm."""
+    angle = np.linspace(0.0, 2 * np.pi, 181)
+    ways = np.array([*(along[:, None] * np.cos(angle)), 1e-3 * arm * np.sin(angle)])
+    return np.asarray(ways * normal / np.array([surface.gauge(way) for way in ways.T]))
 
 
-def _in_plane(wrench: Array, along: Array) -> tuple[Array, Array]:
-    """Force along the axis [N] and torque [N mm] of wrenches (3, ...)."""
-    return along[0] * wrench[0] + along[1] * wrench[1], 1e3 * wrench[2]
-
-
-def _isoline(
-    axis: Axes, case: ReleaseCase, surface: LimitSurface, along: Array, grip: float, share: float
-) -> None:
-    """All wrenches in the plane that are at the limit under `share` of `grip` per pad."""
+def _isoline(axes: Axes, force: Array, torque: Array, share: float, grip: float) -> None:
     from matplotlib import colormaps
 
-    angle = np.linspace(0.0, 2 * np.pi, 181)
-    arm = float(case.contact.torsion_arm)
-    ways = np.array([*(along[:, None] * np.cos(angle)), arm * np.sin(angle)])
-    size = case.contact.faces * share * grip / np.array([surface.gauge(way) for way in ways.T])
-    force, torque = _in_plane(ways * size, along)
     shade = colormaps["viridis"](0.85 - 0.85 * share / max(ISOLINES))
-    axis.plot(force, torque, color=shade, lw=2.6 if share == 1.0 else 1.4)
-    words = f"f_N = {share * grip:.3g} N" + (", onset" if share == 1.0 else "")
+    axes.plot(force, torque, color=shade, lw=2.6 if share == 1.0 else 1.4)
+    words = f"f_N = {grip:.3g} N" + (", onset" if share == 1.0 else "")
     box = {"facecolor": "white", "edgecolor": "none", "pad": 0.8}
-    axis.text(
-        *(force[22], torque[22]), words, color=shade, fontsize=9, ha="center", va="center", bbox=box
-    )
+    place: dict[str, Any] = {"ha": "center", "va": "center", "bbox": box}
+    axes.text(force[22], torque[22], words, color=shade, fontsize=9, **place)
 
 
-def _tracks(axis: Axes, case: ReleaseCase, along: Array, moment: float) -> None:
-    """-f_s of explicit Euler for its first steps of sliding, and of the stepping."""
-    model, stepped = KarnoppRelease(), SteppedRelease().release(case)
-    explicit = model.release(case)
-    first = first_slip(case, explicit, model.dead_zone)
-    if explicit.wrench is not None and first is not None:
-        force, torque = _in_plane(-explicit.wrench[:, first + 1 : first + 1 + DOTS], along)
-        label = f"−f_s of the first {DOTS} explicit steps that slide"
-        axis.plot(force, torque, "x", color=RED, ms=5, mew=1, alpha=0.7, label=label)
-    assert stepped.wrench is not None
-    force, torque = _in_plane(-stepped.wrench[:, stepped.times >= moment], along)
-    label = "−f_s by time stepping, from the onset on"
-    axis.plot(force, torque, color=GREEN, lw=6, alpha=0.5, label=label)
-
-
-def _arrow(axis: Axes, tip: tuple[Array, Array], colour: str, name: str, label: str) -> None:
-    """An arrow from the origin, with its name beside and an entry in the legend."""
-    style = {"arrowstyle": "-|>", "color": colour, "lw": 2.2, "shrinkA": 0, "shrinkB": 0}
+def _arrow(axes: Axes, tip: tuple[Array, Array], colour: str, name: str, label: str) -> None:
+    """An arrow from the origin, its name at the tip, and an entry in the legend."""
     point = (float(tip[0]), float(tip[1]))
-    axis.annotate("", point, (0, 0), arrowprops=style, zorder=5)
-    axis.plot(*point, "o", color=colour, ms=6, label=label, zorder=6)
-    away: dict[str, Any] = {
-        "textcoords": "offset points",
-        "color": colour,
-        "fontsize": 11,
-        "va": "top",
-    }
-    axis.annotate(name, point, (8, -6), **away)
+    style = {"arrowstyle": "-|>", "color": colour, "lw": 2.2, "shrinkA": 0, "shrinkB": 0}
+    axes.annotate("", point, (0, 0), arrowprops=style, zorder=5)
+    axes.plot(*point, "o", color=colour, ms=6, label=label, zorder=6)
+    axes.annotate(name, point, (8, -6), textcoords="offset points", color=colour, va="top")
 
 
-def _sliding_pair(
-    axis: Axes, case: ReleaseCase, surface: LimitSurface, load: Array, grip: float
-) -> None:
-    """(v, -f_s2): the slip that follows the cut-off, and the friction that it has at once.
-
-    The cut-off leaves a share of the load, which moves the contact along G M^-1 G^T f_ext.
-    """
-    along = _force_axis(load)
-    hand, h = case.hand.at(np.zeros(1)), case.body.com_offset
-    angle = float(hand.pose[2, 0]) + case.grasp_angle
-    g = np.array([[1, 0, h * np.sin(angle)], [0, 1, -h * np.cos(angle)], [0, 0, 1]])
-    mass = np.array([case.body.mass, case.body.mass, case.body.inertia], float)
-    v_x, v_z, omega = (g / mass) @ g.T @ load
-    speed = float(along @ (v_x, v_z))
-    wrench = -surface.sliding_wrench(np.array([*(speed * along), omega]))
-    tip = _in_plane(wrench * case.contact.faces * grip, along)
-    words = "one step later: −f_s2, where the surface's normal is along the first slip v"
-    _arrow(axis, tip, PURPLE, "−f_s2", words)
-    # v along the normal of the isoline, as it appears in the picture.
-    way = np.array([speed, omega * float(case.contact.torsion_arm) / FLAT**2])
-    way = 0.1 * axis.get_xlim()[1] * way / np.linalg.norm(way)
-    end = (float(tip[0]) + way[0], float(tip[1]) + way[1] * _arm_mm(case))
-    style = {"arrowstyle": "-|>", "color": PURPLE, "lw": 1.4, "ls": "--", "shrinkA": 0}
-    axis.annotate("", end, (float(tip[0]), float(tip[1])), arrowprops=style, zorder=5)
-    axis.annotate("v", end, (0, 8), textcoords="offset points", color=PURPLE, fontsize=12)
-
-
-# The surface in space.
-
-
-def draw_surface(axis: Any, contact: Contact, surface: LimitSurface, name: str) -> None:
+def draw_surface(axes: Any, contact: Contact, surface: LimitSurface) -> None:
     """A limit surface per newton in 3-D: f_x, f_z [N/N], torque [mm]; ring: the ellipsoid."""
     mu, arm = float(contact.friction), float(contact.torsion_arm)
 
     def points(shape: LimitSurface, angle: Array, height: Array) -> Array:
         ring = np.cos(height)
         ways = np.array([ring * np.cos(angle), ring * np.sin(angle), arm * np.sin(height)])
-        flat = ways.reshape(3, -1)
-        on = flat / np.array([shape.gauge(way) for way in flat.T])
-        return np.asarray(on.reshape(ways.shape) * np.array([1, 1, 1e3])[:, None, None])
+        gauges = np.array([shape.gauge(way) for way in ways.reshape(3, -1).T])
+        scaled = ways.reshape(3, -1) / gauges * np.array([[1.0], [1.0], [1e3]])
+        return np.asarray(scaled.reshape(ways.shape))
 
-    angle, height = np.meshgrid(
-        np.linspace(0, 2 * np.pi, 41), np.linspace(-np.pi / 2, np.pi / 2, 25)
-    )
-    axis.plot_surface(
-        *points(surface, angle, height), cmap="viridis", alpha=0.8, lw=0, rstride=1, cstride=1
-    )
-    around = np.linspace(0, 2 * np.pi, 121)[None, :]
-    ring = points(ellipsoid(contact), np.full_like(around, np.pi / 2), around)[:, 0]
-    axis.plot(*ring, color=BLACK, ls="--", lw=1.4, zorder=10)
-    most = mu * arm * 1e3
+    around = np.linspace(0, 2 * np.pi, 41), np.linspace(-np.pi / 2, np.pi / 2, 25)
+    sphere = points(surface, *np.meshgrid(*around))
+    axes.plot_surface(*sphere, cmap="viridis", alpha=0.8, lw=0, rstride=1, cstride=1)
+    height = np.linspace(0, 2 * np.pi, 121)
+    ring = points(ellipsoid(contact), np.full_like(height, np.pi / 2), height)
+    axes.plot(*ring, color=BLACK, ls="--", lw=1.4, zorder=10)
     ticks = np.array([-1.0, 0.0, 1.0])
-    axis.set(xticks=ticks * mu, yticks=ticks * mu, zticks=ticks * most)
-    axis.set(xlabel="f_x", ylabel="f_z")
-    axis.xaxis.labelpad = axis.yaxis.labelpad = -4
-    axis.tick_params(labelsize=8, pad=0)
-    axis.view_init(elev=15, azim=-20)
-    axis.set_box_aspect((1, 1, 0.8), zoom=1.2)
-    axis.set_title(name, fontsize=10, y=0.98)
+    axes.set(xticks=ticks * mu, yticks=ticks * mu, zticks=ticks * mu * arm * 1e3)
+    axes.set(xlabel="f_x", ylabel="f_z")
+    axes.xaxis.labelpad = axes.yaxis.labelpad = -4
+    axes.tick_params(labelsize=8, pad=0)
+    axes.view_init(elev=15, azim=-20)
+    axes.set_box_aspect((1, 1, 0.8), zoom=1.2)
+
+
+def draw_overhang(name: str, case: ReleaseCase, path: Path) -> None:
+    """Two contact points under a falling grip: their forces, and when the hinge forms.
+
+    The scene's bar, level and with its hand at rest; the points are at +-c r_p, where
+    they hold the same torque as the patch.
+    """
+    arm = float(case.contact.torsion_arm)
+    beam = OverhangingBeam(case.body, case.contact, arm, case.gravity)
+    figure = new_figure(9.1, 6.9)
+    sketch, axes = figure.subplots(2, 1, height_ratios=(1, 3.2))
+    _sketch(sketch, beam)
+    hinge, slide = _beam_forces(axes, case, beam)
+    if hinge is None:
+        life = "never forms: the points hold until the grip is gone"
+    elif slide is not None and slide > 0.99 * hinge:
+        life = f"does not form: both points slide from f_N = {slide:.3g} N on"
+    else:
+        life = f"from f_N = {hinge:.3g} N" + ("" if slide is None else f" down to {slide:.3g} N")
+    h, r = 1e3 * float(case.body.com_offset), 1e3 * beam.half_span
+    title = f"{name}: bar held level by two points at ±{r:.3g} mm, CoM at {h:.3g} mm, hand at rest"
+    figure.suptitle(f"{title}\nhinge at C1 {life}", fontsize=11)
+    figure.legend(loc="outside lower center", ncols=4, fontsize=9)
+    save(figure, path)
+
+
+def _beam_forces(
+    axes: Axes, case: ReleaseCase, beam: OverhangingBeam
+) -> tuple[float | None, float | None]:
+    """Forces at C1 and C2 over the falling grip; f_N [N] where the hinge begins and ends."""
+    times = np.linspace(0.0, case.grip.opening, 4001)
+    grip = np.asarray(case.grip.force(times), float)
+    limit, (still_1, still_2) = beam.point_limit(grip), beam.sticking_forces()
+    hinged = limit < still_2[1]
+    alpha = np.where(hinged, beam.pivot_acceleration(grip), 0.0)
+    omega = np.cumsum(alpha * np.diff(times, prepend=0.0))
+    turning = beam.hinge_force(grip, omega)
+    f_1 = np.where(hinged, turning[1], still_1[1])
+    f_1x = np.where(hinged, turning[0], 0.0)
+    f_2 = np.where(hinged, limit, still_2[1])
+    sliding = np.cumsum(hinged & (np.hypot(f_1, f_1x) > limit)) > 0
+    starts = [float(grip[np.argmax(flag)]) if flag.any() else 0.0 for flag in (hinged, sliding)]
+    hinge, slide = (start if start > 0 else None for start in starts)
+    edges = [case.grip.full, *(edge for edge in (hinge, slide) if edge is not None), 0.0]
+    modes = ("stick", "pivot", "slide")
+    for mode, left, right in zip(modes, edges[:-1], edges[1:], strict=False):
+        axes.axvspan(left, right, color=PHASES[mode], alpha=0.16, lw=0, label=mode)
+    axes.plot(grip, limit, "--", color=BLACK, lw=1.2, label="±f_max of a point")
+    axes.plot(grip, -limit, "--", color=BLACK, lw=1.2)
+    curves = (("f_2z", f_2, RED, "-"), ("f_1z", f_1, BLUE, "-"), ("f_1x", f_1x, BLUE, ":"))
+    for label, force, colour, style in curves:
+        axes.plot(grip[~sliding], force[~sliding], style, color=colour, lw=2, label=label)
+    for edge in edges[1:-1]:
+        axes.axvline(edge, color=BLACK, lw=1.0, ls=":")
+    widest = case.grip.full if hinge is None else min(case.grip.full, 1.7 * hinge)
+    tallest = 1.5 * max(float(still_2[1]), 0.05 * float(beam.point_limit(widest)))
+    axes.set(xlim=(widest, 0.0), ylim=(-tallest, tallest))
+    axes.set(xlabel="grip force f_N of a pad [N], falling", ylabel="force on the bar [N]")
+    axes.grid(alpha=0.25)
+    return hinge, slide
+
+
+def _sketch(axes: Axes, beam: OverhangingBeam) -> None:
+    """The bar, its points and the forces on it while it sticks; distances not to scale."""
+    f_1, f_2 = (float(force[1]) for force in beam.sticking_forces())
+    weight = float(beam.body.mass) * beam.gravity
+    span = max(abs(f_1), abs(f_2), weight, 1e-12)
+    centre = 5.0 if beam.body.com_offset > beam.half_span else 0.4
+    axes.fill_between([-1.6, 5.6], -0.16, 0.16, color="#cfd4da", lw=0)
+    forces = ((-1.0, "C1", f_1, BLUE), (1.0, "C2", f_2, RED), (centre, "CoM", -weight, BLACK))
+    for x, name, force, colour in forces:
+        tip = np.sign(force) * (0.5 + 0.9 * abs(force) / span)
+        style = {"arrowstyle": "-|>", "color": colour, "lw": 2.2, "shrinkA": 4, "shrinkB": 0}
+        axes.plot([x], [0], "o", color=colour, ms=7)
+        axes.annotate("", (x, tip), (x, 0), arrowprops=style)
+        axes.text(x + 0.1, tip, f"{name}: {force + 0.0:.3g} N", color=colour, va="center")
+    axes.set(xlim=(-2.2, 7.0), ylim=(-1.7, 1.7))
+    axes.set_title("forces while it sticks (not to scale)", loc="left", fontsize=9)
+    axes.axis("off")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import os
 import subprocess
@@ -13,7 +14,16 @@ import pytest
 import throwplan as tp
 from matplotlib.colors import to_rgb
 from PIL import Image, ImageSequence
-from throwplan.planner.show import GREEN, GREY, ORANGE, draw_throw_moving
+from throwplan.planner.show import (
+    GREEN,
+    GREY,
+    ORANGE,
+    draw_release_pictures,
+    draw_throw_moving,
+)
+from throwplan.problems import Motion
+
+PICTURES = ("limit-surface.png", "chatter.png", "shapes.png", "overhang.png", "comparison.png")
 
 
 @pytest.fixture(scope="module")
@@ -75,3 +85,34 @@ def test_the_gif_shows_every_phase_in_its_colour_on_white(folder: Path, tmp_path
         assert max(share_of(frame, colour) for frame in frames) > 3e-4
     assert share_of(frames[0], GREY) > 3e-4 > share_of(frames[0], GREEN)
     assert share_of(frames[-6], GREEN) > 3e-4
+
+
+def given_motions() -> dict[str, tp.Scene]:
+    """The drop, with the hand moving, without gravity, too weak a grip, held at its CoM."""
+    drop = tp.load_scene("drop")
+    motion = Motion((0.0, 1.0), -1.0, (1.5, 1.0), 4.0, (5.0, 8.0), 20.0)
+    return {
+        "drop": drop,
+        "moving": drop.replace(name="moving", motion=motion),
+        "weightless": drop.replace(gravity=0.0),
+        "weak": drop.replace(gripper=dataclasses.replace(drop.gripper, force=15.0)),
+        "centred": drop.replace(grasp=dataclasses.replace(drop.grasp, offset=drop.object.com)),
+    }
+
+
+@pytest.mark.parametrize("kind", ["drop", "moving", "weightless", "weak", "centred"])
+def test_release_pictures_are_written(kind: str, tmp_path: Path) -> None:
+    names = draw_release_pictures(given_motions()[kind], tmp_path / "new" / "folder")
+    files = {path.name: path for path in (tmp_path / "new" / "folder").iterdir()}
+    assert sorted(files) == sorted(names) == sorted(PICTURES)
+    for path in files.values():
+        with Image.open(path) as picture:
+            assert 900 <= picture.width <= 1200 and 600 <= picture.height <= 1100
+            # Not an empty sheet: some ink, mostly background.
+            assert 0.005 < (np.asarray(picture.convert("L")) < 128).mean() < 0.5
+
+
+def test_a_scene_without_motion_is_refused_before_anything_is_written(tmp_path: Path) -> None:
+    with pytest.raises(tp.InputError, match=r"no section \[motion\]"):
+        draw_release_pictures(tp.load_scene("hand-flip"), tmp_path / "none")
+    assert not (tmp_path / "none").exists()

@@ -1,0 +1,96 @@
+"""Explicit steps of a limit surface chatter; implicit and time-stepping ones do not (Fig. 6)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+import throwplan as tp
+from throwplan.models import (
+    ImplicitRelease,
+    KarnoppRelease,
+    Quartic,
+    Release,
+    ReleaseCase,
+    SlidingPivotRelease,
+    SteppedRelease,
+    ellipsoid,
+    rotated_ellipsoid,
+    slip_onset,
+    surface_gauge,
+)
+from throwplan.planner.check import case_of, given_hand
+
+SHAPES = {"ellipsoid": ellipsoid, "rotated": rotated_ellipsoid, "quartic": Quartic}
+
+
+@pytest.fixture(scope="module")
+def case() -> ReleaseCase:
+    drop = tp.load_scene("drop")
+    return case_of(drop, given_hand(drop))
+
+
+def onset(case: ReleaseCase, shape: str) -> float:
+    pivot, _ = slip_onset(case, surface_gauge(SHAPES[shape](case.contact)))
+    assert pivot is not None
+    return pivot
+
+
+def sign_changes(release: Release, start: float) -> int:
+    """Changes of the sign of f_z from one instant to the next, from `start` [s] on."""
+    f_z = release.wrench[1, release.times > start]
+    return int((np.sign(f_z[1:]) * np.sign(f_z[:-1]) < 0).sum())
+
+
+def test_onset_is_where_the_falling_grip_meets_the_load(case: ReleaseCase) -> None:
+    # (19) by hand: both faces hold mu f_N of force and c r_p mu f_N of torque.
+    weight, arm = case.body.mass * case.gravity, case.body.com_offset / (0.6 * 0.0075)
+    grip = weight * np.sqrt(1 + arm**2) / (2 * 0.8)
+    expected = case.grip.opening * (1 - grip / case.grip.full)
+    assert onset(case, "ellipsoid") == pytest.approx(expected, rel=1e-6)
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_explicit_steps_chatter_from_the_onset_on(case: ReleaseCase, shape: str) -> None:
+    start = onset(case, shape)
+    run = KarnoppRelease(shape=SHAPES[shape]).release(case)
+    # Nearly every step of those that are left turns the friction round, none before.
+    assert sign_changes(run, start) > 0.7 * (run.times > start).sum()
+    assert sign_changes(run, 0.0) == sign_changes(run, start)
+    # And with the whole limit: friction is not between, but at plus and minus mu f_N.
+    late = (run.times > start + 0.001) & (run.times < start + 0.004)
+    limit = 2 * 0.8 * case.grip.force(run.times[late])
+    assert np.abs(run.wrench[1, late]).min() > 0.8 * limit.min()
+
+
+@pytest.mark.parametrize("half_band", [None, 0.01])
+def test_finer_explicit_steps_chatter_too(case: ReleaseCase, half_band: float | None) -> None:
+    # The paper: the oscillations persist with smaller steps.
+    start = onset(case, "ellipsoid")
+    counts = [
+        sign_changes(KarnoppRelease(steps, half_band=half_band).release(case), start)
+        for steps in (500, 1000, 2000)
+    ]
+    assert 150 < counts[0] < counts[1] < counts[2]
+
+
+@pytest.mark.parametrize("shape", SHAPES)
+def test_stepped_and_implicit_friction_keeps_its_sign(case: ReleaseCase, shape: str) -> None:
+    start, surface = onset(case, shape), SHAPES[shape]
+    for model in (SteppedRelease(500, surface), ImplicitRelease(shape=surface)):
+        run = model.release(case)
+        assert sign_changes(run, start) == 0
+        # Upwards, and never more than the weight that it no longer holds.
+        f_z = run.wrench[1, (run.times > start) & (run.times < 0.98 * case.grip.opening)]
+        assert f_z.min() > 0.0
+        assert f_z.max() < case.body.mass * case.gravity * (1 + 1e-6)
+
+
+def test_explicit_steps_detach_elsewhere_than_all_others(case: ReleaseCase) -> None:
+    # Fig. 6: not the mean of the oscillations but another motion.
+    explicit = [KarnoppRelease(half_band=d).release(case).detach.omega for d in (None, 0.01)]
+    others = [
+        model.release(case).detach.omega
+        for model in (ImplicitRelease(), SteppedRelease(), SlidingPivotRelease(events=True))
+    ]
+    assert max(explicit) < 1.5 * min(others)
+    assert max(others) - min(others) < 0.05
