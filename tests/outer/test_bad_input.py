@@ -468,7 +468,7 @@ def test_wrong_arguments_leave_no_output(line, refused, untouched):
     refused(f"{line} --out new")
 
 
-@pytest.mark.parametrize("command", ["plan hand-box", "simulate drop"])
+@pytest.mark.parametrize("command", ["plan hand-box", "simulate drop --model sp"])
 @pytest.mark.parametrize("out", ["taken", "taken/out", "taken/out/deep"])
 def test_unwritable_output(command, out, folder, refused, untouched):
     """A file in the way of the folder, or of one above it."""

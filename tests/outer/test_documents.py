@@ -98,8 +98,8 @@ def test_python_of_the_readme_runs(tmp_path, monkeypatch) -> None:
 
 def source_texts() -> list[str]:
     """All texts of the package's source, with … for what is filled in."""
-    texts = []
-    for path in sorted(Path(tp.__file__).parent.rglob("*.py")):
+    texts, layers = [], ("models", "problems", "planner")
+    for path in sorted(path for name in layers for path in (ROOT / name).rglob("*.py")):
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
             if isinstance(node, ast.JoinedStr):
                 parts = [v.value if isinstance(v, ast.Constant) else "…" for v in node.values]

@@ -15,7 +15,7 @@ KEYS = {"scene", "z", "reachable", "x", "theta", "file"}
 
 @pytest.fixture(scope="module")
 def pose() -> tp.ReachMap:
-    return tp.reach_map("pose", samples=40_000)
+    return tp.reach_map("pose", samples=15_000)
 
 
 @pytest.fixture(scope="module")
@@ -115,8 +115,8 @@ def test_a_start_to_wind_up_from_takes_nothing_but_time() -> None:
 def test_with_a_cup_only_poses_that_go_into_one_are_in_reach() -> None:
     """The cup comes along with the landing; a bar that lies flat enters none."""
     scene = tp.load_scene("cup")
-    found = tp.reach_map(scene, samples=20_000)
-    without = tp.reach_map(scene.replace(cup=None), samples=20_000)
+    found = tp.reach_map(scene, samples=8000)
+    without = tp.reach_map(scene.replace(cup=None), samples=8000)
     assert 0 < found.x.size < 0.3 * without.x.size
     assert np.abs(np.cos(found.theta)).max() < 0.85
     assert np.abs(np.cos(without.theta)).max() > 0.99
@@ -233,6 +233,7 @@ def test_prepared_throws_are_made_once(prepared) -> None:
     assert len(heard) == 6
 
 
+@pytest.mark.slow
 def test_a_damaged_file_of_prepared_throws_is_made_again(tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
     scene = tp.load_scene("hand-box")

@@ -69,6 +69,7 @@ def wheel(tmp_path_factory) -> Path:
     return next(folder.glob("*.whl"))
 
 
+@pytest.mark.slow
 def test_wheel_holds_the_package_and_its_data(wheel) -> None:
     names = set(zipfile.ZipFile(wheel).namelist())
     for name in ("py.typed", "__main__.py", "problems/scenes/cup.toml", "problems/arms/panda.toml"):
@@ -80,6 +81,7 @@ def test_wheel_holds_the_package_and_its_data(wheel) -> None:
             assert f"throwplan/{path.relative_to(ROOT)}" in names
 
 
+@pytest.mark.slow
 def test_wheel_works_when_installed_elsewhere(wheel, tmp_path) -> None:
     site = tmp_path / "site"
     command = [sys.executable, "-m", "pip", "install", "--quiet", "--no-deps"]

@@ -424,6 +424,7 @@ def test_letting_go_at_rest_is_never_out_of_reach(name, hand, opening, target) -
     assert tp.plan(scene.replace(hand=hand, gripper=gripper), target).status != "out_of_reach"
 
 
+@pytest.mark.slow
 def test_a_target_at_the_apex_gets_an_answer(hand_box) -> None:
     plan = hand_box.plan(tp.Pose(x=-0.2, z=1.33))
     assert plan.status in ("solved", "not_converged", "out_of_reach") and plan.message
@@ -434,7 +435,9 @@ def delay() -> tp.Planner:
     return tp.Planner(tp.load_scene("delay"))
 
 
-@pytest.mark.parametrize("method", ["quiet", "scenarios", "auto"])
+@pytest.mark.parametrize(
+    "method", ["quiet", "auto", pytest.param("scenarios", marks=pytest.mark.slow)]
+)
 def test_a_robust_plan_scatters_a_twentieth(method, delay, plan_of) -> None:
     plan = delay.plan(robust=method)
     answer = plan.to_dict()

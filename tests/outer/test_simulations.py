@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import io
 import json
+from contextlib import redirect_stdout
 
 import numpy as np
 import pytest
 import throwplan as tp
+from throwplan.planner.cli import main
 
 #: What `all` runs, in this order; interface.md names all but ls-smooth.
 NAMES = ("sp", "sp-paper", "ls", "ls-smooth", "ils", "ls-step", "patch", "lugre")
@@ -19,11 +22,17 @@ VARIANTS = (
 
 
 @pytest.fixture(scope="module")
-def drop() -> dict[str, dict]:
-    """The JSON of the drop by every model and variant."""
-    scene = tp.load_scene("drop")
-    found = {name: tp.simulate(scene, name)[name] for name in (*NAMES, *VARIANTS)}
-    return {name: one.to_dict() for name, one in found.items()}
+def drop(tmp_path_factory) -> dict[str, dict]:
+    """The JSON of the drop by every model, as a file, and by every variant."""
+    folder, scene = tmp_path_factory.mktemp("drop"), tp.load_scene("drop")
+    with redirect_stdout(io.StringIO()) as printed:
+        assert main(["simulate", "drop", "--json", "--out", str(folder)]) == 0
+    found = json.loads(printed.getvalue())
+    assert found == json.loads((folder / "simulation.json").read_text())
+    assert found["scene"] == "drop" and tuple(found["models"]) == NAMES
+    pictures = [path for path in folder.iterdir() if path.suffix == ".png"]
+    assert pictures and all(path.stat().st_size > 10_000 for path in pictures)
+    return found["models"] | {n: tp.simulate(scene, n)[n].to_dict() for n in VARIANTS}
 
 
 @pytest.fixture(scope="module")
@@ -32,20 +41,14 @@ def omega(drop) -> dict[str, float]:
     return {name: one["detach"]["omega"] for name, one in drop.items()}
 
 
-def test_all_models_as_json_and_as_a_file(tmp_path, run) -> None:
-    said = run("simulate drop-2cm --json --out", tmp_path / "out")
-    assert (said.status, said.err) == (0, "")
-    answer = said.json
-    assert answer["scene"] == "drop-2cm" and tuple(answer["models"]) == NAMES
-    for name, model in answer["models"].items():
+def test_every_model_has_the_interface_s_keys(drop) -> None:
+    for name in NAMES:
+        model = drop[name]
         assert set(model) == {"status", "detach", "landing", "events", "time"}
         assert set(model["detach"]) == {"x", "z", "theta", "vx", "vz", "omega"}
         assert set(model["events"]) == {"pivot", "slide"}
         assert model["landing"] is None  # the scene gives no height
         assert (model["status"] == "ok") == (not name.startswith("ls") or name == "ls-step")
-    assert answer == json.loads((tmp_path / "out" / "simulation.json").read_text())
-    pictures = [path for path in (tmp_path / "out").iterdir() if path.suffix == ".png"]
-    assert pictures and all(path.stat().st_size > 10_000 for path in pictures)
 
 
 def test_the_drop_is_the_paper_s_by_every_model(drop, omega) -> None:
@@ -82,6 +85,7 @@ def test_softer_bristles_let_the_bar_turn_further(omega) -> None:
     assert omega["lugre-1e5"] < omega["lugre-1e6"] < omega["lugre"] < omega["patch"]
 
 
+@pytest.mark.slow
 def test_a_model_that_fails_is_shown_and_the_others_go_on(tmp_path, run) -> None:
     text = tp.scene_text("drop")
     text = text.replace("opening = 0.05", "opening = 2.0").replace("force = 50.0", "force = 2000.0")
