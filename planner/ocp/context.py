@@ -113,8 +113,11 @@ class Term:
     ) -> None:
         """Adds rows for the flight from detach to its end, the landing, after `time`."""
 
-    def at_last(self, context: Context, stage: Stage, brake: Brake) -> None:
-        """Adds rows for the last stage, from where the coordinates brake to rest."""
+    def at_last(self, context: Context, stage: Stage, place: ca.SX, rate: ca.SX) -> None:
+        """Adds rows for the last stage, from where the coordinates brake to rest.
+
+        place, rate (n,): where the jerk limit has turned the acceleration into full braking.
+        """
 
     def broken(self, throw: CheckedThrow) -> list[Violation]:
         """How a thrown motion breaks it: all of the motion by exact models, not the NLP's nodes."""
@@ -290,18 +293,3 @@ class Instant:
     def held_margin(self) -> ca.SX:
         """Margin [m] between obstacles and what is carried, beyond the usual one."""
         return ca.SX(0) if self.given else self.context.parameters("held_margin")
-
-
-@dataclass(frozen=True)
-class Brake:
-    """The coordinates as they start to brake to rest.
-
-    q, dq, ddq (n,): at the last node; place, rate (n,): where the jerk limit has turned the
-    acceleration into full braking.
-    """
-
-    q: ca.SX
-    dq: ca.SX
-    ddq: ca.SX
-    place: ca.SX
-    rate: ca.SX

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from ...models import FlightState, HandMotion, rk4_step
 from ...problems import Mesh
-from .context import Brake, Context, Hand, Instant
+from .context import Context, Hand, Instant
 from .layout import ACC, DQ, FAR, JERK_UNIT, REL, SHORT, T_F, T
 from .stages import Stage
 
@@ -298,4 +298,4 @@ def add_brake(context: Context, stage: Stage) -> None:
         context.limit(stage, "velocity", peak / context.each("dq_max"))
     for term in s.terms:
         term.at_rate(context, stage, place, peak)
-        term.at_last(context, stage, Brake(q, dq, ddq, place, rate))
+        term.at_last(context, stage, place, rate)

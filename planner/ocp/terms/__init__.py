@@ -1,34 +1,20 @@
-"""Optional parts of a scene, one file each: their rows in the NLP, their numbers, their check.
+"""Optional parts of a scene, each whole: its rows in the NLP, its numbers, its check.
 
-A new term is a file here and an entry of `TERMS`; rows come in this order.
+A new term is a class in a file here and an entry of `TERMS`; rows come in this order.
 """
 
 from ...check import CheckedThrow, Violation, throw_violations
 from ..asked import Request
 from ..context import Term
-from .column import PASSING_MARGIN, Column
 from .cup import CUP_MARGIN, Cup, lower_end
-from .floor import Floor
+from .joint_limits import Slowing, Torque
 from .landing import Landing
-from .palm import PALM_TIMES, Palm
-from .quiet import Quiet
-from .scenarios import Scenarios
-from .slowing import Slowing
-from .torque import Torque
+from .robust import Quiet, Scenarios
+from .workspace import PALM_TIMES, PASSING_MARGIN, Column, Floor, Palm
 
 __all__ = ["CUP_MARGIN", "PALM_TIMES", "PASSING_MARGIN", "broken", "lower_end", "terms_of"]
 
-TERMS: tuple[type[Term], ...] = (
-    Slowing,
-    Torque,
-    Floor,
-    Cup,
-    Palm,
-    Column,
-    Landing,
-    Quiet,
-    Scenarios,
-)
+TERMS: list[type[Term]] = [Slowing, Torque, Floor, Cup, Palm, Column, Landing, Quiet, Scenarios]
 
 
 def terms_of(request: Request) -> tuple[Term, ...]:

@@ -1,4 +1,4 @@
-"""[torque]: the throwing joints' torques stay within their limits."""
+"""Joint limits beyond those that every throw keeps: [torque], and an arm's slowing velocity."""
 
 from __future__ import annotations
 
@@ -11,13 +11,44 @@ import numpy as np
 from ....models import PlanarArm, PlanarDynamics
 from ...check import CheckedThrow, Margin, Violation, torque_use
 from ..asked import Request
-from ..context import Brake, Context, Instant, Load, Term
+from ..context import Context, Instant, Load, Term
 from ..stages import Stage
 
+#: Parameters: as in `models.Slowing`.
+NAMES = ("slowing", "slowing_offset", "slowing_upper", "slowing_lower")
 #: How the share of the limits that is kept free grows.
 MARGIN = Margin("torque", more=0.01, most=0.3)
 #: A joint counts as braking until about this time [s] after its stop.
 STILL = 0.01
+
+
+@dataclass(frozen=True)
+class Slowing(Term):
+    """For arms like the FR3. The check looks at it with the other limits of the samples."""
+
+    @classmethod
+    def of(cls, request: Request) -> Self | None:
+        """For an arm that has such limits."""
+        return None if request.mover.planning.slowing is None else cls()
+
+    def numbers(self, request: Request) -> dict[str, Any]:
+        """The limits' curves."""
+        assert request.mover.planning.slowing is not None
+        return dict(zip(NAMES, request.mover.planning.slowing, strict=True))
+
+    def at_rate(self, context: Context, stage: Stage, q: ca.SX, dq: ca.SX) -> None:
+        """dq + offset <= sqrt(2 a (upper - q)), squared with the sign kept.
+
+        So there is no root of what may be negative on the way, and the error is on the safe side
+        by 5e-5 (rad/s)^2 at most.
+        """
+        twice, offset, upper, lower = (context.each(name) for name in NAMES)
+        unit = context.each("dq_max") ** 2
+        for side, end in ((1, upper), (-1, lower)):
+            speed = side * dq + offset
+            over = (speed * ca.sqrt(speed**2 + 1e-4) - 2 * twice * (side * (end - q))) / unit
+            for i, name in enumerate(context.names):
+                stage.row(f"{name} velocity", over[i], -np.inf, 0.0)
 
 
 @dataclass(frozen=True)
@@ -43,22 +74,22 @@ class Torque(Term):
         if at.grip != "full":
             _limit(at.context, at.stage, at.q, at.dq, at.ddq)
 
-    def at_last(self, context: Context, stage: Stage, brake: Brake) -> None:
+    def at_last(self, context: Context, stage: Stage, place: ca.SX, rate: ca.SX) -> None:
         """The brake with an empty hand: as it begins, and as each joint comes to rest.
 
         Every joint brakes by itself; those that have stopped no longer do.
         """
-        _limit(context, stage, brake.q, brake.dq, brake.ddq)
-        q, dq, braking = brake.place, brake.rate, context.each("braking")
-        against = -braking * dq / ca.sqrt(dq**2 + 1e-4)
-        _limit(context, stage, q, dq, against)
-        stops = ca.sqrt(dq**2 + 1e-6) / braking
+        braking = context.each("braking")
+        against = -braking * rate / ca.sqrt(rate**2 + 1e-4)
+        _limit(context, stage, *context.node(stage))
+        _limit(context, stage, place, rate, against)
+        stops = ca.sqrt(rate**2 + 1e-6) / braking
         for i in range(context.n):
             left = stops - stops[i]
             going = (1 + (left + STILL) / ca.sqrt((left + STILL) ** 2 + STILL**2 / 4)) / 2
             share = ca.fmin(stops[i] / stops, 1.0)
-            there = q + dq * stops * (share - share**2 / 2)
-            _limit(context, stage, there, dq * (1 - share), going * against)
+            there = place + rate * stops * (share - share**2 / 2)
+            _limit(context, stage, there, rate * (1 - share), going * against)
 
     def broken(self, throw: CheckedThrow) -> list[Violation]:
         """Joints whose torque is above its limit at any sample."""
