@@ -207,32 +207,30 @@ def _calls(nlp: Nlp) -> Iterator[tuple[Link, list[ca.MX]]]:
         yield link, [x[link.v], p[link.data], p]
 
 
-def _lagrangian(
-    nlp: Nlp, function: Callable[[StageFunctions], ca.Function], lam_f: ca.MX, lam_g: ca.MX
-) -> tuple[ca.MX, list[ca.MX]]:
-    """The Lagrangian's gradient (dense), and what each stage's function gives beyond its own."""
+def _lagrangian(nlp: Nlp, lam_f: ca.MX, lam_g: ca.MX) -> tuple[ca.MX, list[ca.MX]]:
+    """The Lagrangian's gradient (dense), and each stage's Hessian."""
     gradients: list[ca.MX] = []
-    more: list[ca.MX] = []
+    hessians: list[ca.MX] = []
     before = None
     for link, called in _calls(nlp):
         # The gap has -F.
         multipliers = ca.vertcat(-lam_g[link.gap], lam_g[link.rows])
-        gradient, *rest = function(link.functions).call([*called, multipliers, lam_f])
+        gradient, hessian = link.functions.hessian(*called, multipliers, lam_f)
         if before is not None:
             # The +1 of the gap before.
             states = _length(before)
             gradient = ca.vertcat(gradient[:states] + lam_g[before], gradient[states:])
         gradients.append(gradient)
-        more += rest
+        hessians.append(hessian)
         before = link.gap
-    return ca.densify(ca.vertcat(*gradients)), more
+    return ca.densify(ca.vertcat(*gradients)), hessians
 
 
 def _lagrangian_gradient(nlp: Nlp) -> ca.Function:
     """(x, p, lam_f, lam_g) -> f, g, and the Lagrangian's gradient in x (0 in p: not used)."""
     x, p, f, g = (nlp.problem[key] for key in ("x", "p", "f", "g"))
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", nlp.size[1])
-    gradient, _ = _lagrangian(nlp, lambda functions: functions.gradient, lam_f, lam_g)
+    gradient, _ = _lagrangian(nlp, lam_f, lam_g)
     return ca.Function(
         "nlp_grad",
         [x, p, lam_f, lam_g],
@@ -264,7 +262,7 @@ def _hessian(nlp: Nlp, solver: str) -> ca.Function:
     """(x, p, lam_f, lam_g) -> Hessian of the Lagrangian; FATROP wants its gradient too."""
     x, p = nlp.problem["x"], nlp.problem["p"]
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", nlp.size[1])
-    gradient, curvatures = _lagrangian(nlp, lambda functions: functions.hessian, lam_f, lam_g)
+    gradient, curvatures = _lagrangian(nlp, lam_f, lam_g)
     parts = []
     for link, whole in zip(nlp.links, curvatures, strict=True):
         curvature = ca.triu(whole) if solver == "ipopt" else whole

@@ -25,8 +25,6 @@ from .assembly import Nlp, nlp_functions, nlp_key
 
 Array = npt.NDArray[np.float64]
 
-#: A point is feasible for us when no constraint is broken by more than this.
-FEASIBLE = 1e-6
 MAX_ITERATIONS = {"fatrop": 150, "ipopt": 500}
 #: Barrier parameter at the start: small, for the starting points are good ones.
 MU_INIT = 0.01
@@ -80,17 +78,21 @@ def watched(made: Callable[[], Answer], limit: float) -> Answer:
 
 @dataclass(frozen=True)
 class Solution:
-    """Point, multipliers and how the solver ended. violation: largest constraint breach."""
+    """Point, multipliers and how the solver ended."""
 
     x: Array
     lam_g: Array
     lam_x: Array
     cost: float
     success: bool
-    violation: float
     iterations: int
-    seconds: float
     message: str
+
+    @classmethod
+    def none(cls, guess: Array, message: str) -> Solution:
+        """No solution."""
+        empty = np.zeros(0)
+        return cls(guess, empty, empty, np.inf, False, 0, message)
 
     @property
     def answered(self) -> bool:
@@ -162,52 +164,36 @@ class Solver:
 
         near: whether that is of almost the same target.
         """
-        arguments: dict[str, Any] = {
-            "x0": guess,
-            "p": parameters,
-            "lbx": bounds[0],
-            "ubx": bounds[1],
-            "lbg": self.nlp.lbg,
-            "ubg": self.nlp.ubg,
-        }
+        nlp = self.nlp
+        sides = {"lbx": bounds[0], "ubx": bounds[1], "lbg": nlp.lbg, "ubg": nlp.ubg}
+        arguments: dict[str, Any] = {"x0": guess, "p": parameters, **sides}
         if warm is not None:
             arguments |= {"x0": warm.x, "lam_g0": warm.lam_g, "lam_x0": warm.lam_x}
         self._take_compiled()
         steep = self.name == "fatrop" and warm is None and self._slope(guess, parameters)
         if not steep <= STEEPEST:
-            message = f"not tried from a start with a slope of {steep:.0e}"
-            return self._none(guess, message, 0.0)
-        start, iterations = time.perf_counter(), 0
-        steps = [mu_init for mu_init, _ in WARM[self.name]] if warm else [MU_INIT]
-        for mu_init in steps if near else steps[-1:]:
+            return Solution.none(guess, f"not tried from a start with a slope of {steep:.0e}")
+        iterations, steps = 0, [MU_INIT]
+        if warm is not None:
+            steps = [mu_init for mu_init, _ in WARM[self.name]][0 if near else -1 :]
+        for mu_init in steps:
             solver = self._solver(mu_init)
             try:
                 result = self._called(solver, arguments)
-            except GivenUpError as error:
-                self._solvers.clear()
-                return self._none(guess, f"given up: {error}", time.perf_counter() - start)
-            except BaseException:
+            except BaseException as error:
                 # The plug-in's memory is the lost thread's.
                 self._solvers.clear()
-                raise
+                if not isinstance(error, GivenUpError):
+                    raise
+                return Solution.none(guess, f"given up: {error}")
             stats = solver.stats()
             iterations += int(stats.get("iter_count", 0))
             if stats["success"]:
                 break
-        seconds = time.perf_counter() - start
-        x = np.array(result["x"]).ravel()
-        finite = bool(np.isfinite(x).all())
-        return Solution(
-            x=x,
-            lam_g=np.array(result["lam_g"]).ravel(),
-            lam_x=np.array(result["lam_x"]).ravel(),
-            cost=float(result["f"]),
-            success=bool(stats["success"]) and finite,
-            violation=self.violation(x, parameters, bounds) if finite else np.inf,
-            iterations=iterations,
-            seconds=seconds,
-            message=str(stats.get("return_status", "")),
-        )
+        x, lam_g, lam_x = (np.array(result[name]).ravel() for name in ("x", "lam_g", "lam_x"))
+        success = bool(stats["success"]) and bool(np.isfinite(x).all())
+        message = str(stats.get("return_status", ""))
+        return Solution(x, lam_g, lam_x, float(result["f"]), success, iterations, message)
 
     def _called(self, solver: ca.Function, arguments: dict[str, Any]) -> dict[str, ca.DM]:
         """The plug-in's answer; GivenUpError where it has none in time."""
@@ -217,12 +203,6 @@ class Solver:
             self._slope(arguments["x0"], arguments["p"])
         limit = min(LONGEST + EVALUATIONS * self._evaluation, LATEST)
         return watched(lambda: solver(**arguments), limit)
-
-    @staticmethod
-    def _none(guess: Array, message: str, seconds: float) -> Solution:
-        """No solution."""
-        none = np.zeros(0)
-        return Solution(guess, none, none, np.inf, False, np.inf, 0, seconds, message)
 
     @property
     def awaited(self) -> bool:
@@ -242,9 +222,3 @@ class Solver:
         if found is not None:
             self._functions, self.compiled = found, True
             self._solvers.clear()
-
-    def violation(self, x: Array, parameters: Array, bounds: tuple[Array, Array]) -> float:
-        """Largest breach of any constraint or bound at x."""
-        g = np.array(self._functions["nlp_g"](x, parameters)).ravel()
-        breaches = (self.nlp.lbg - g, g - self.nlp.ubg, bounds[0] - x, x - bounds[1])
-        return float(max(np.max(breach) for breach in breaches))

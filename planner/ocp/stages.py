@@ -153,12 +153,6 @@ class StageFunctions:
         return self._function("cost", [], [ca.densify(self._derivatives.cost_gradient)])
 
     @cached_property
-    def gradient(self) -> ca.Function:
-        """(v, d, p, multipliers, sigma) -> gradient of the Lagrangian, dense."""
-        gradient = ca.densify(self._derivatives.gradient)
-        return self._function("gradient", self._lagrangian, [gradient])
-
-    @cached_property
     def hessian(self) -> ca.Function:
         """(v, d, p, multipliers, sigma) -> gradient (dense) and Hessian of the Lagrangian."""
         outputs = [ca.densify(self._derivatives.gradient), self._derivatives.hessian]

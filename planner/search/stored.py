@@ -68,7 +68,7 @@ class SolvedThrow:
     @property
     def solution(self) -> Solution:
         """To start from."""
-        return Solution(self.x, self.lam_g, self.lam_x, math.nan, True, 0.0, 0, 0.0, "kept")
+        return Solution(self.x, self.lam_g, self.lam_x, math.nan, True, 0, "kept")
 
 
 class SolvedThrows:
