@@ -158,6 +158,18 @@ class Path:
         splines = CubicSpline(self.breaks, self.given, axis=1).c
         return np.ascontiguousarray(splines.transpose(0, 3, 1, 2))
 
+    @cached_property
+    def _spline(self) -> Any:
+        """A single path's splines and their derivatives (K, 3 n): one call where models step
+        one release and ask for an instant thousands of times."""
+        from scipy.interpolate import PPoly
+
+        c = self.coefficients[..., 0].transpose(0, 2, 1)
+        zero = np.zeros_like(c[:1])
+        rates = np.concatenate([zero, [[[3.0]], [[2.0]], [[1.0]]] * c[:3]])
+        accelerations = np.concatenate([zero, zero, [[[6.0]], [[2.0]]] * c[:2]])
+        return PPoly(np.concatenate([c, rates, accelerations], axis=2), self.breaks)
+
     @property
     def rows(self) -> int:
         """R."""
@@ -204,6 +216,9 @@ class Path:
     def _at(self, clock: Array) -> tuple[Array, Array, Array]:
         if self.held:
             clock = np.minimum(np.maximum(clock, self.breaks[0]), self.breaks[-1])
+        if self.given.ndim == 3 and self.rows == 1:
+            rows, n = self._spline(clock).T, self.given.shape[-1]
+            return rows[:n], rows[n : 2 * n], rows[2 * n :]
         c = self.coefficients
         if c.shape[2] == 1:
             powers, u = list(c[:, :, 0]), clock - self.breaks[0]

@@ -24,6 +24,8 @@ from ..identify import Flown, Law, Making, Noise, make_throws, object_names
 from .common import DONE, Progress, add_out, answer, number, whole
 
 EXAMPLE = "throwplan make-throws --out out/throws"
+#: Stiffness of the bristles unless told otherwise [1/m].
+SOFT = 1e6
 #: Options with a number: what is allowed, and what they say.
 NUMBERS = {
     "stiffness": (1e3, 1e9, "of LuGre's bristles, 1/m (default: 1e6)"),
@@ -88,7 +90,7 @@ def _making(options: argparse.Namespace) -> Making:
     stiffness = given.pop("stiffness", None)
     if stiffness is not None and options.truth != "lugre":
         raise InputError("--stiffness: only with --truth lugre")
-    law = Law(options.truth) if stiffness is None else Law(options.truth, stiffness)
+    law = Law(stiffness or SOFT) if options.truth == "lugre" else Law()
     return Making(
         law=law,
         repeats=whole("--repeats", options.repeats, 1, 100),

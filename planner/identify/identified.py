@@ -13,16 +13,17 @@ import numpy as np
 
 from ...models import MODELS, STEPPED_SURFACE
 from ...problems import InputError, Scene, ThrowData, filling
+from ..show import save
 from .belief import Belief, applied, contact_text, prior_of, sets_at
 from .factors import SURFACE
 from .fit import START_FRICTION, START_RADIUS, USUAL_EVALUATIONS, Fit, fit_to
 from .grid import AXES, CELLS, MISSED, Grid, estimated_seconds, grid_of
+from .landscape import fit_picture, grid_picture
 from .measured import measured
-from .pictures import fit_picture, grid_picture, save_pictures
 from .predict import UNKNOWNS, Predictor, Progress, check_model
 
-#: Why one model is not fitted.
-NO_FIT = "model = 'ls': only its grid: its landings are no smooth function of the parameters"
+#: Why a model that chatters is not fitted.
+NO_FIT = "its landings are no smooth function of the parameters"
 #: Longest time [s] that a grid or a fit may take by a model without a batch.
 PATIENCE = 300.0
 #: What may be left in the folder.
@@ -39,9 +40,9 @@ class Identified:
     """What was found about the contact by one model.
 
     grid: the error landscape, None if it was not asked for or would take too long; fit:
-    None where that would take too long, and for `ls`; error [m]: mean scaled error at the
-    fit; each [s]: time of one prediction by a slow model, from a subset; whole [s]: what
-    the grid would take with it.
+    None where that would take too long, and for a model that chatters; error [m]: mean
+    scaled error at the fit; each [s]: time of one prediction by a slow model, from a
+    subset; whole [s]: what the grid would take with it.
     """
 
     model: str
@@ -92,7 +93,7 @@ class Identified:
         if fit is not None and self.error is not None:
             lines += fit.summary(self.error)
         elif MODELS[self.model].chatters:
-            lines.append("    no fit: its landings are no smooth function of the parameters")
+            lines.append(f"    no fit: {NO_FIT}")
         return "\n".join(lines)
 
     def save(self, folder: str | Path) -> None:
@@ -125,7 +126,7 @@ def identify(
             f"{SURFACE}: one contact cannot be that of {', '.join(surfaces)}: give throws of one"
         )
     if MODELS[model].chatters and not grid:
-        raise InputError(NO_FIT)
+        raise InputError(f"model = {model!r}: only its grid: {NO_FIT}")
     asked = {"delay": delay, "grip_scale": grip_scale}
     names = tuple(name for name in UNKNOWNS if asked.get(name, True))
     if isinstance(prior, Scene):
@@ -162,10 +163,10 @@ def save_identified(found: list[Identified], folder: Path) -> None:
         for one in found:
             if one.grid is not None:
                 _write_grid(one.grid, scratch / f"grid-{one.model}.csv")
-                save_pictures({f"grid-{one.model}": grid_picture(one)}, scratch)
+                save(grid_picture(one), scratch / f"grid-{one.model}.png")
         last = next((one for one in reversed(found) if one.fit is not None), None)
         if last is not None:
-            save_pictures({"fit": fit_picture(last)}, scratch)
+            save(fit_picture(last), scratch / "fit.png")
             shared = last.data.shared
             head = f"# from {len(last.data.throws)} throws of {last.data.name}, by {last.model}\n"
             text = head + contact_text(last.posterior, shared.torsion, shared.faces)

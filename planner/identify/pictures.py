@@ -1,18 +1,18 @@
-"""Pictures of identification (Fig. 15) and of validation (Figs. 14 and 16 to 20)."""
+"""Pictures of a validation: landings, errors, one throw, factors (Figs. 14 and 16 to 20)."""
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
 from ...models import MODELS, SLIDING_PIVOT, STEPPED_SURFACE, land, sticking_state
-from ..show import BLACK, BLUE, GREEN, GREY, RED, new_figure, save
+from ..show import BLACK, GREY, new_figure
 from .factors import SIGNIFICANT, FactorRow, ordered_labels
 from .grid import MISSED
 from .measured import velocities
@@ -22,8 +22,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-    from .belief import Belief
-    from .identified import Identified
     from .validation import Validation
 
 Array = npt.NDArray[np.float64]
@@ -39,8 +37,6 @@ PICTURES = {
     "factors": "What a factor does: landings measured and predicted, errors in both conditions.",
 }
 MARKERS = ("o", "^", "s", "D", "v", "P", "X", "*")
-#: Products mu r_p [m] whose lines are drawn.
-PRODUCTS = np.array([1.25, 2.5, 5.0, 10.0]) * 1e-3
 #: Models whose median error is above so many times the least are cut off or have own axes.
 FAR = 6.0
 #: Errors and their units.
@@ -57,117 +53,17 @@ CONDITIONS = (("o", "#9ecae1", 0.45), ("s", "#2166ac", 1.0))
 DRAWN = (SLIDING_PIVOT, STEPPED_SURFACE, *MODELS)
 
 
-def save_pictures(figures: Mapping[str, Figure], folder: Path) -> None:
-    """Write the PNG files."""
-    for name, figure in figures.items():
-        save(figure, folder / f"{name}.png")
-
-
-# Identification.
-
-
-def grid_picture(found: Identified) -> Figure:
-    """Mean scaled error over mu and r_p, the lowest 10 % hatched, with the fit."""
-    from matplotlib.patches import Rectangle
-
-    grid = found.grid
-    assert grid is not None
-    figure = new_figure(7.6, 6.0)
-    axis = figure.add_subplot()
-    mu, radius = grid.friction, 1e3 * grid.patch_radius
-    shown = 100 * grid.error.T
-    top = float(np.quantile(shown, 0.98))
-    mesh = axis.pcolormesh(mu, radius, shown, cmap="inferno", vmax=top, shading="nearest")
-    size = float(np.diff(mu)[0]), float(np.diff(radius)[0])
-    hatched: Style = {"fill": False, "hatch": "////", "edgecolor": "white", "lw": 0}
-    for i, j in np.argwhere(grid.lowest):
-        corner = mu[i] - size[0] / 2, radius[j] - size[1] / 2
-        axis.add_patch(Rectangle(corner, *size, **hatched))
-    limits = axis.get_xlim(), axis.get_ylim()
-    x = np.linspace(mu[0], mu[-1], 200)
-    axis.plot(x, 1e3 * PRODUCTS / x[:, None], color="white", lw=0.9, ls=":", alpha=0.8)
-    axis.plot([], [], color=GREY, lw=0.9, ls=":", label="μ r_p = 1.25, 2.5, 5, 10 mm")
-    style: Style = {"ms": 11, "mec": "white", "mew": 1.2, "ls": "none", "zorder": 5}
-    best = grid.optimum
-    axis.plot(best[0], 1e3 * best[1], "X", color=RED, label="lowest mean error", **style)
-    if found.fit is not None:
-        _belief(axis, found.posterior, "fit, 95 % region", GREEN)
-    _true_contact(axis, found)
-    axis.set(xlim=limits[0], ylim=limits[1], xlabel="friction μ", ylabel="patch radius r_p [mm]")
-    figure.colorbar(mesh, label="mean scaled error [cm]", extend="max")
-    entries = axis.get_legend_handles_labels()
-    figure.legend(*entries, loc="outside lower center", ncols=4, fontsize=9)
-    words = f"{found.model}, {grid.throws} throws: least {100 * grid.error.min():.2f} cm at "
-    words += f"μ {best[0]:.2f}, r_p {1e3 * best[1]:.1f} mm, μ r_p {1e3 * grid.product:.2f} mm"
-    if grid.delay or grid.grip_scale != 1.0:
-        words += f"\nopening {1e3 * grid.delay:+.1f} ms late, grip force x {grid.grip_scale:.3f}"
-    words += "; hatched: lowest 10 %"
-    lost = int(grid.missed.sum())
-    if lost:
-        words += f"\n{lost} of {grid.predictions} predictions do not land (count as {MISSED:g} m)"
-    axis.set_title(words, loc="left", fontsize=10)
-    return figure
-
-
-def fit_picture(found: Identified) -> Figure:
-    """The fit's confidence region and the prior's, on the ridge of equal mu r_p."""
-    figure, belief = new_figure(7.0, 5.2), found.posterior
-    axis = figure.add_subplot()
-    _belief(axis, belief, "fit and 95 % region", GREEN)
-    if found.prior is not None:
-        _belief(axis, found.prior, "prior and 95 % region", GREY)
-    _true_contact(axis, found)
-    limits = axis.get_xlim(), axis.get_ylim()
-    low = max(limits[0][0], 1e-3)
-    x = np.geomspace(low, max(limits[0][1], 1.1 * low), 200)
-    axis.plot(x, 1e3 * belief.product / x, color=BLACK, ls=":", lw=1, label="same μ r_p")
-    axis.set(xlim=limits[0], ylim=limits[1], xlabel="friction μ", ylabel="patch radius r_p [mm]")
-    parts = [f"{found.model}, {len(found.data.throws)} throws\n"]
-    for name, label, unit, scale in (
-        ("friction", "μ", "", 1.0),
-        ("patch_radius", "r_p", " mm", 1e3),
-    ):
-        value, deviation = scale * belief.value(name), 100 * belief.deviation(name)
-        parts.append(f"{label} {value:.3g}{unit} ± {deviation:.1f} %, ")
-    parts.append(f"μ r_p {1e3 * belief.product:.3f} mm ± {100 * belief.product_deviation:.1f} %")
-    axis.set_title("".join(parts), loc="left", fontsize=10)
-    axis.legend(loc="best", fontsize=9)
-    axis.grid(alpha=0.25)
-    return figure
-
-
-def _belief(axis: Axes, belief: Belief, label: str, colour: str) -> None:
-    """A belief's mean and 95 % region."""
-    known = belief.effective
-    outline = known.ellipse()
-    axis.plot(outline[:, 0], 1e3 * outline[:, 1], color=colour, lw=1.8, zorder=4)
-    place = known.value("friction"), 1e3 * known.value("patch_radius")
-    axis.plot(*place, "o-", color=colour, ms=7, mec="white", label=label, zorder=5)
-
-
-def _true_contact(axis: Axes, found: Identified) -> None:
-    """The truth of synthetic throws."""
-    truth = found.data.truth
-    if {"friction", "patch_radius"} <= set(truth):
-        mu = truth["friction"] * truth.get("grip_scale", 1.0)
-        style: Style = {"color": BLUE, "ms": 14, "mec": "white", "ls": "none", "label": "truth"}
-        axis.plot(mu, 1e3 * truth["patch_radius"], "*", **style)
-
-
-# Validation.
-
-
 def validation_pictures(found: Validation) -> dict[str, Figure]:
     """The pictures that the data allow, by name."""
-    figures = {"landings": landings_picture(found)}
+    figures = {"landings": _landings(found)}
     row = median_throw(found)
     if row is not None:
-        figures["case"] = case_picture(found, row)
-    figures["errors"] = errors_picture(found)
-    figures["boxes"] = spread_picture(found, signed=False)
-    figures["violins"] = spread_picture(found, signed=True)
+        figures["case"] = _case(found, row)
+    figures["errors"] = _errors(found)
+    figures["boxes"] = _spread(found, signed=False)
+    figures["violins"] = _spread(found, signed=True)
     if found.factors:
-        figures["factors"] = factors_picture(found)
+        figures["factors"] = _factors(found)
     return figures
 
 
@@ -182,15 +78,14 @@ def _title(figure: Figure, found: Validation, words: str) -> None:
     figure.suptitle(f"{found.data.name}: {words}{more}", x=0.01, ha="left", fontsize=11)
 
 
-def far_off(found: Validation) -> list[str]:
+def _far_off(found: Validation) -> list[str]:
     """Models that err many times more than the best one: on their scale no other shows."""
     errors = {m: np.nan_to_num(found.scaled(m)[found.batch], nan=MISSED) for m in found.checks}
     typical = {model: float(np.median(values)) for model, values in errors.items()}
-    least = min(typical.values())
-    return [model for model, value in typical.items() if value > FAR * least]
+    return [model for model, value in typical.items() if value > FAR * min(typical.values())]
 
 
-def signed_errors(found: Validation) -> dict[str, list[Array]]:
+def _signed_errors(found: Validation) -> dict[str, list[Array]]:
     """Predicted less measured v_x, omega, x, theta of the batch, in QUANTITIES' units."""
     out = {}
     for model, check in found.checks.items():
@@ -199,53 +94,42 @@ def signed_errors(found: Validation) -> dict[str, list[Array]]:
     return out
 
 
-def landings_picture(found: Validation) -> Figure:
+def _landings(found: Validation) -> Figure:
     """Measured landing poses: marker by CoM, colour by release motion (Fig. 14)."""
     from matplotlib import colormaps
 
-    figure = new_figure(8.5, 5.6)
-    axis, batch = figure.add_subplot(), found.data.picked(found.batch)
-    landing = found.truth.landing[found.batch] * DEGREES
-    coms = ordered_labels(batch, "com") or [""]
-    releases = ordered_labels(batch, "release") or [""]
+    figure, batch = new_figure(8.5, 5.6), found.data.picked(found.batch)
+    axis, landing = figure.add_subplot(), found.truth.landing[found.batch] * DEGREES
+    labels = [(t.factors.get("com", ""), t.factors.get("release", "")) for t in batch.throws]
+    coms, releases = (ordered_labels(batch, name) or [""] for name in ("com", "release"))
     shades = colormaps["viridis"](np.linspace(0, 0.95, len(releases)))
-    for com, marker in zip(coms, MARKERS * len(coms), strict=False):
-        for release, shade in zip(releases, shades, strict=True):
-            known = {"com": com, "release": release}
-            mine = [
-                i
-                for i, throw in enumerate(batch.throws)
-                if all(throw.factors.get(name, "") == label for name, label in known.items())
-            ]
-            style: Style = {"color": shade, "marker": marker, "ec": BLACK, "lw": 0.3, "alpha": 0.9}
-            x, theta = landing[mine].T
-            axis.scatter(x, theta, s=36, **style)
-        if com:
-            axis.plot([], [], marker, mfc="none", mec=BLACK, label=f"CoM {com}")
-    for release, shade in zip(releases, shades, strict=True):
-        if release:
-            axis.plot([], [], "s", color=shade, label=f"release {release}")
-    if len(coms) * len(releases) > 1:
-        axis.legend(loc="best", fontsize=9)
+    pairs = itertools.product(enumerate(coms), zip(releases, shades, strict=True))
+    for (number, com), (release, shade) in pairs:
+        mine = [i for i, pair in enumerate(labels) if pair == (com, release)]
+        named = f"CoM {com}, release {release}" if com or release else None
+        style: Style = {"marker": MARKERS[number % len(MARKERS)], "ec": BLACK, "lw": 0.3, "s": 36}
+        axis.scatter(landing[mine, 0], landing[mine, 1], color=shade, label=named, **style)
+    if any(map(any, labels)):
+        axis.legend(loc="best", fontsize=8, ncols=len(coms))
     axis.set(xlabel="landing x [m]", ylabel="landing θ [deg]")
     axis.grid(alpha=0.25)
     _title(figure, found, f"measured landings of {len(batch.throws)} throws")
     return figure
 
 
-def errors_picture(found: Validation) -> Figure:
+def _errors(found: Validation) -> Figure:
     """Predicted less measured landing, a panel per model on common axes (Fig. 17).
 
     Models that are far off have wider axes.
     """
-    models, far = list(found.checks), far_off(found)
+    models, far = list(found.checks), _far_off(found)
     columns = min(3, len(models))
     lines = math.ceil(len(models) / columns)
     figure = new_figure(0.6 + 3.7 * columns, 0.7 + 3.3 * lines)
-    axes = figure.subplots(lines, columns, squeeze=False).ravel()
-    shades, errors = colours(models), signed_errors(found)
+    shades, errors = colours(models), _signed_errors(found)
     off = {model: np.column_stack(errors[model][2:]) for model in models}
-    for axis, model in zip(axes, models, strict=False):
+    for number, model in enumerate(models):
+        axis = figure.add_subplot(lines, columns, number + 1)
         alike = [off[name] for name in models if (name in far) == (model in far)]
         reach = 1.1 * np.abs(np.vstack([*alike, [[1e-6, 1e-6]]])).max(axis=0)
         axis.set(xlim=(-reach[0], reach[0]), ylim=(-reach[1], reach[1]))
@@ -261,29 +145,25 @@ def errors_picture(found: Validation) -> Figure:
         axis.set(xlabel="x predicted − measured [m]", ylabel="θ predicted − measured [deg]")
         axis.locator_params(axis="x", nbins=5)
         axis.grid(alpha=0.25)
-    for axis in axes[len(models) :]:
-        axis.set_axis_off()
     more = f"; wider axes for {', '.join(far)}" if far else ""
     _title(figure, found, f"landing errors, + the mean{more}")
     return figure
 
 
-def spread_picture(found: Validation, signed: bool) -> Figure:
+def _spread(found: Validation, signed: bool) -> Figure:
     """Errors by quantity and model: signed as densities (Fig. 19), or absolute as boxes of
     quartiles with whiskers of 1.5 IQR and outliers (Fig. 18). Models far off are cut off."""
-    models, far, errors = list(found.checks), far_off(found), signed_errors(found)
+    models, far, errors = list(found.checks), _far_off(found), _signed_errors(found)
     quantities = [0, 1, 2, 3] if found.tracked else [2, 3]
     figure = new_figure(0.5 + max(3.1, 0.8 + 0.5 * len(models)) * len(quantities), 4.2)
-    shades = colours(models)
+    shades, draw = colours(models), _violin if signed else _box
     for quantity, axis in zip(quantities, figure.subplots(1, len(quantities)), strict=True):
         name, unit = QUANTITIES[quantity]
         near = [np.abs(errors[m][quantity]).max(initial=0.0) for m in models if m not in far]
         top = 1.08 * max(near, default=0.0) or 1.0
         for place, model in enumerate(models):
-            values = errors[model][quantity]
-            _violin(axis, place, values, shades[model]) if signed else _box(
-                axis, place, np.abs(values), shades[model]
-            )
+            if errors[model][quantity].size:
+                draw(axis, place, errors[model][quantity], shades[model])
         axis.set_xticks(range(len(models)), models, rotation=35, ha="right")
         axis.set_ylim(-top if signed else 0.0, top)
         axis.set_ylabel(f"{name} error [{unit}]" if signed else f"|{name} error| [{unit}]")
@@ -291,30 +171,21 @@ def spread_picture(found: Validation, signed: bool) -> Figure:
         axis.grid(alpha=0.25, axis="y")
         axis.set_axisbelow(True)
     what = "errors, predicted − measured, density" if signed else "absolute errors, quartiles"
-    more = f"; {', '.join(far)} cut off" if far else ""
-    _title(figure, found, what + more)
+    _title(figure, found, what + (f"; {', '.join(far)} cut off" if far else ""))
     return figure
 
 
 def _box(axis: Axes, place: int, values: Array, colour: str) -> None:
-    """Quartiles, whiskers and outliers."""
-    drawn = axis.boxplot(
-        [values],
-        positions=[place],
-        widths=0.6,
-        patch_artist=True,
-        manage_ticks=False,
-        medianprops={"color": BLACK, "lw": 1.6},
-        flierprops={"marker": "o", "ms": 3, "mec": GREY, "alpha": 0.7},
-    )
-    for box in drawn["boxes"]:
-        box.set(facecolor=colour, alpha=0.75)
+    """Quartiles of absolute values, whiskers and outliers."""
+    known: Style = {"widths": 0.6, "patch_artist": True, "manage_ticks": False}
+    known["medianprops"] = {"color": BLACK, "lw": 1.6}
+    known["flierprops"] = {"marker": "o", "ms": 3, "mec": GREY, "alpha": 0.7}
+    known["boxprops"] = {"facecolor": colour, "alpha": 0.75}
+    axis.boxplot([np.abs(values)], positions=[place], **known)
 
 
 def _violin(axis: Axes, place: int, values: Array, colour: str) -> None:
     """One density with median and quartiles; a density needs values that differ."""
-    if values.size == 0:
-        return
     if values.size > 2 and np.ptp(values) > 1e-9:
         drawn = axis.violinplot([values], positions=[place], widths=0.8, showextrema=False)
         for body in drawn["bodies"]:  # type: ignore[attr-defined]
@@ -345,7 +216,7 @@ def median_throw(found: Validation) -> int | None:
     return rows[int(np.argsort(mean, kind="stable")[len(rows) // 2])]
 
 
-def measured_course(found: Validation, row: int) -> Course:
+def _measured_course(found: Validation, row: int) -> Course:
     """The track with its rates, from the command on."""
     throw = found.data.throws[row]
     assert throw.track is not None
@@ -355,7 +226,7 @@ def measured_course(found: Validation, row: int) -> Course:
     return Course(times[keep], states[:, keep])
 
 
-def predicted_course(found: Validation, model: str, row: int) -> Course:
+def _predicted_course(found: Validation, model: str, row: int) -> Course:
     """Held in the hand, released by the model, flying until it lands."""
     check, shared, throw = found.checks[model], found.data.shared, found.data.throws[row]
     pair = check.parameters[check.surface[row]]
@@ -385,11 +256,11 @@ PANELS = (
 )
 
 
-def case_picture(found: Validation, row: int) -> Figure:
+def _case(found: Validation, row: int) -> Figure:
     """The release: x and z, theta, v_x and omega over time; beside it the whole throw (Fig. 16)."""
     shades, throw = colours(list(found.checks)), found.data.throws[row]
-    drawn = [(predicted_course(found, m, row), _line_style(m, shades)) for m in found.checks]
-    drawn.append((measured_course(found, row), TRACK))
+    drawn = [(_predicted_course(found, m, row), _line_style(m, shades)) for m in found.checks]
+    drawn.append((_measured_course(found, row), TRACK))
     figure = new_figure(14, 9)
     grid = figure.add_gridspec(len(PANELS), 2, width_ratios=(1, 1.3))
     for line, (rows, factor, label) in enumerate(PANELS):
@@ -441,9 +312,9 @@ def _line_style(model: str, shades: dict[str, str]) -> Style:
 # Factors.
 
 
-def factors_picture(found: Validation) -> Figure:
-    """Per factor measured and predicted landings, and bars of MAE and STD (Fig. 20)."""
-    groups, far = found.factors, far_off(found)
+def _factors(found: Validation) -> Figure:
+    """Per factor measured and predicted landings, and MAE and STD of all models (Fig. 20)."""
+    groups = found.factors
     model = next((name for name in DRAWN if name in found.checks), next(iter(found.checks)))
     columns = min(3, len(groups))
     lines = math.ceil(len(groups) / columns)
@@ -452,13 +323,12 @@ def factors_picture(found: Validation) -> Figure:
     for part, group in zip(parts, groups, strict=False):
         cells = part.subplot_mosaic([["pairs", "pairs"], ["x", "theta"]], height_ratios=(1.5, 1))
         _pairs(cells["pairs"], found, model, group[0])
-        _bars(cells["x"], group, 0, far)
-        _bars(cells["theta"], group, 1, far)
+        _condition_errors(cells["x"], group, 0)
+        _condition_errors(cells["theta"], group, 1)
         a, b = group[0].comparison.labels
         part.suptitle(f"{group[0].comparison.name}: {a} → {b}", fontsize=11)
-    words = f"landings measured and by {model}; bars: MAE and STD in A (light) and B"
-    more = f", cut off for {', '.join(far)}" if far else ""
-    _title(figure, found, f"{words}{more}; * p < {SIGNIFICANT}")
+    words = f"landings measured and by {model}; below MAE and STD in A (light) and B"
+    _title(figure, found, f"{words}; * p < {SIGNIFICANT}")
     return figure
 
 
@@ -478,35 +348,18 @@ def _pairs(axis: Axes, found: Validation, model: str, row: FactorRow) -> None:
     axis.grid(alpha=0.25)
 
 
-def _bars(axis: Axes, group: Sequence[FactorRow], quantity: int, far: Sequence[str]) -> None:
-    """MAE with STD in A (light) and B of every model; a star where they differ.
-
-    The bars of models that are far off are cut off, with their heights written in.
-    """
+def _condition_errors(axis: Axes, group: Sequence[FactorRow], quantity: int) -> None:
+    """MAE with STD in A (light) and B of every model; a star where they differ."""
     factor, shades = DEGREES[quantity], colours([row.model for row in group])
-    tops = {
-        row.model: float(np.nan_to_num(factor * (row.mean + row.std)[:, quantity]).max())
-        for row in group
-    }
-    top = 1.3 * max([tops[m] for m in tops if m not in far] or tops.values()) or 1.0
     for place, row in enumerate(group):
-        for side in range(2):
+        for side, (marker, _, alpha) in enumerate(CONDITIONS):
             height, spread = factor * row.mean[side, quantity], factor * row.std[side, quantity]
-            if not np.isfinite(height):
-                continue
-            at, shade, alpha = place + (side - 0.5) * 0.38, shades[row.model], CONDITIONS[side][2]
-            axis.bar(at, min(height, top), 0.36, color=shade, alpha=alpha, ec=BLACK, lw=0.5)
-            if height + spread > top:
-                words = f"{height:.3g}"
-                axis.text(at, 0.06 * top, words, rotation=90, ha="center", fontsize=8)
-                continue
-            # A standard deviation below zero says nothing of an absolute error.
-            down = [[min(spread, height)], [spread]]
-            axis.errorbar(at, height, down, color=BLACK, capsize=2, lw=0.9)
+            style: Style = {"fmt": marker, "color": shades[row.model], "alpha": alpha, "capsize": 2}
+            axis.errorbar(place + 0.3 * (side - 0.5), height, spread, ms=6, **style)
         if row.p[quantity] < SIGNIFICANT:
-            axis.text(place, min(tops[row.model], 0.9 * top), "*", ha="center", fontsize=14)
-    axis.set_ylim(0, top)
-    axis.set_xticks(range(len(group)), tops, rotation=40, ha="right", fontsize=8)
+            axis.text(place, factor * row.mean[:, quantity].max(), "*", ha="center", fontsize=14)
+    # Errors of models differ by orders of magnitude.
+    axis.set_yscale("log", nonpositive="clip")
+    axis.set_xticks(range(len(group)), list(shades), rotation=40, ha="right", fontsize=8)
     axis.set_ylabel("|x error| [m]" if quantity == 0 else "|θ error| [deg]")
     axis.grid(alpha=0.25, axis="y")
-    axis.set_axisbelow(True)

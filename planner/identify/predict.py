@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
 import numpy as np
@@ -122,7 +122,7 @@ class Predictor:
         throw, shared = self.data.throws[row], self.data.shared
         friction, radius, delay, scale = (float(value) for value in one)
         contact = Contact(friction * scale, radius, shared.torsion, shared.faces)
-        hand = self.hands[row].later(delay)
+        hand = self.hands[row].later(delay) if delay else self.hands[row]
         body = Body(*_body(throw))
         return ReleaseCase(body, contact, throw.grip, hand, shared.gravity, throw.grasp.angle)
 
@@ -197,3 +197,9 @@ def _sampled(data: ThrowData, throw: MeasuredThrow) -> tuple[Array, Array]:
 def _body(throw: MeasuredThrow) -> tuple[float, float, float]:
     """Mass, inertia, and distance from the pads to the CoM."""
     return throw.object.mass, throw.object.inertia, throw.object.com - throw.grasp.offset
+
+
+def thrown(data: ThrowData, model: str, contact: Mapping[str, float]) -> Array:
+    """Landings (T, 2), x [m] and theta [rad], of the throws with this contact: a stand-in
+    for reality. contact: friction, patch_radius, and delay [s], grip_scale if they differ."""
+    return Predictor(data).landings(model, parameter_sets(**contact))[:, 0]

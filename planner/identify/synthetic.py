@@ -10,7 +10,6 @@ import dataclasses
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -68,20 +67,19 @@ CUT = 3.0
 
 @dataclass(frozen=True)
 class Law:
-    """The true release law: a rigid meshed patch, or LuGre bristles of a stiffness [1/m].
+    """The true release law: a meshed patch, rigid or of LuGre bristles of a stiffness [1/m].
 
     steps over the opening, first order: 8 times as many move the design's landings by up to
     0.03 mm and 0.03 deg.
     """
 
-    kind: Literal["patch", "lugre"] = "patch"
-    stiffness: float = 1e6
+    stiffness: float | None = None
     steps: int = 1000
 
     @property
     def words(self) -> str:
         """The law in words."""
-        if self.kind == "patch":
+        if self.stiffness is None:
             return "meshed patch, rigid"
         return f"meshed patch, LuGre bristles of stiffness {self.stiffness:g} 1/m"
 
@@ -212,7 +210,7 @@ def _truth(making: Making) -> dict[str, float]:
     if making.factors:
         papertape = contact_of("papertape", making.friction, making.patch_radius)
         found["papertape_friction"], found["papertape_patch_radius"] = papertape
-    if making.law.kind == "lugre":
+    if making.law.stiffness is not None:
         found["stiffness"] = making.law.stiffness
     noise = {f"noise_{key}": value for key, value in dataclasses.asdict(making.noise).items()}
     everything = found | {"seed": float(making.seed)} | noise
@@ -259,7 +257,7 @@ def _thrown(
         part = events[first : first + PATCH_CHUNK]
         throws = _side_by_side(mover, part, law.steps, gravity)
         bristles = None
-        if law.kind == "lugre":
+        if law.stiffness is not None:
             bristles = LuGreRelease(stiffness=law.stiffness).bristles(throws)
         release = march_patch(throws, bristles=bristles)
         detach = np.vstack([release.com[:, -1], release.com_twist[:, -1]])

@@ -13,9 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ...problems import filling
+from ..show import save
 from .factors import SIGNIFICANT, FactorRow, known_rows, mean_std
 from .grid import MISSED
-from .pictures import PICTURES, save_pictures, validation_pictures
+from .pictures import PICTURES, validation_pictures
 from .validation import GUIDE, ModelCheck, Validation
 
 Array = npt.NDArray[np.float64]
@@ -319,7 +320,8 @@ def save_validation(found: Validation, folder: Path) -> None:
         lines += ["", f"![{PICTURES[name]}]({name}.png)", "", f"*{PICTURES[name]}*"]
     lines += ["", "Errors of every throw: [errors_by_throw.csv](errors_by_throw.csv).", ""]
     with filling(folder, FILES) as scratch:
-        save_pictures(drawn, scratch)
+        for name, figure in drawn.items():
+            save(figure, scratch / f"{name}.png")
         for table in tables(found):
             table.write(scratch)
         write_csv(scratch / "errors_by_throw.csv", errors_by_throw(found))

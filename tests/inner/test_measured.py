@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 from throwplan.models import TableRelease
-from throwplan.planner.identify.measured import measured, velocities
+from throwplan.planner.identify import measured, velocities
 from throwplan.problems import Grasp, InputError, MeasuredThrow, Shared, ThrowData, ThrownObject
 
 G, HEIGHT, OPENED = 9.81, -0.7, 0.6
