@@ -58,12 +58,11 @@ class Section:
 
     def __init_subclass__(cls) -> None:
         """Say in the docstring what the fields mean: in Python angles are in radians."""
-        fields = {k: f for k, f in vars(cls).items() if isinstance(f, dataclasses.Field)}
-        words = [
-            f"{name}: {re.sub('^degrees', 'radians', field.metadata.get('meaning', ''))}"
-            for name, field in fields.items()
-        ]
-        cls.__doc__ = "\n    ".join([f"{cls.__doc__}\n", *words])
+        words = [(cls.__doc__ or "").rstrip(), ""]
+        for name, field in vars(cls).items():
+            if isinstance(field, dataclasses.Field) and "meaning" in field.metadata:
+                words.append(f"{name}: {re.sub('^degrees', 'radians', field.metadata['meaning'])}")
+        cls.__doc__ = "\n    ".join(words)
 
     def __post_init__(self) -> None:
         hints = hints_of(type(self))
