@@ -39,15 +39,14 @@ def add_out(parser: argparse.ArgumentParser, what: str) -> None:
 
 def add_target(parser: argparse.ArgumentParser) -> None:
     """The options --target and --azimuth, for `target_of`."""
-    parser.add_argument(
+    add = parser.add_argument
+    add(
         "--target",
         nargs=3,
         metavar=("X", "Z", "THETA_DEG"),
         help="landing pose instead of the scene's; THETA_DEG may be 'free'",
     )
-    parser.add_argument(
-        "--azimuth", metavar="DEG", help="turn the throw's plane about the arm's base axis"
-    )
+    add("--azimuth", metavar="DEG", help="turn the throw's plane about the arm's base axis")
 
 
 def target_of(scene: Scene, options: argparse.Namespace) -> Pose | None:

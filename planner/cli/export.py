@@ -24,17 +24,12 @@ EXAMPLE = "throwplan export out/cup/plan.json --franka out/franka"
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The command's options."""
-    parser.add_argument("plan", metavar="PLAN", help="a plan.json, or the folder that it is in")
-    parser.add_argument(
-        "--franka", metavar="DIR", help="write CSV files at 1 kHz for libfranka there"
-    )
-    parser.add_argument(
-        "--ros", metavar="DIR", help="write a rosbag2 (MCAP) there: trajectory, gripper command"
-    )
-    parser.add_argument(
-        "--joint-names", nargs="+", metavar="NAME", help="the joints' names in ROS, all of them"
-    )
-    parser.add_argument(
+    add = parser.add_argument
+    add("plan", metavar="PLAN", help="a plan.json, or the folder that it is in")
+    add("--franka", metavar="DIR", help="write CSV files at 1 kHz for libfranka there")
+    add("--ros", metavar="DIR", help="write a rosbag2 (MCAP) there: trajectory, gripper command")
+    add("--joint-names", nargs="+", metavar="NAME", help="the joints' names in ROS, all of them")
+    add(
         "--open-width",
         metavar="M",
         help="gap of the opened gripper in its ROS command (default: 0.08)",

@@ -27,19 +27,20 @@ MOST_THROWS, MOST_WORKERS = 1_000_000, 256
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The command's options."""
-    parser.add_argument("data", metavar="DATA", help="a folder with dataset.toml and throws.csv")
-    parser.add_argument(
+    add = parser.add_argument
+    add("data", metavar="DATA", help="a folder with dataset.toml and throws.csv")
+    add(
         "--model",
         default=STEPPED_SURFACE,
         metavar="NAME",
         help=f"release model (default: ls-step), or all: {', '.join(IDENTIFIED)}",
     )
-    parser.add_argument("--no-grid", action="store_true", help="only the fit, not the 20 x 20 grid")
-    parser.add_argument("--delay", action="store_true", help="fit a delay of the opening, too")
-    parser.add_argument("--grip-scale", action="store_true", help="and the grip force's scale")
-    parser.add_argument("--prior", metavar="SCENE", help="its [contact] and [uncertainty]")
-    parser.add_argument("--throws", metavar="N", help="only the first N throws")
-    parser.add_argument(
+    add("--no-grid", action="store_true", help="only the fit, not the 20 x 20 grid")
+    add("--delay", action="store_true", help="fit a delay of the opening, too")
+    add("--grip-scale", action="store_true", help="and the grip force's scale")
+    add("--prior", metavar="SCENE", help="its [contact] and [uncertainty]")
+    add("--throws", metavar="N", help="only the first N throws")
+    add(
         "--only",
         metavar="FACTOR=LABEL",
         nargs="+",
@@ -47,7 +48,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="only throws with this label",
     )
-    parser.add_argument("--workers", metavar="N", default="1", help="processes (default: 1)")
+    add("--workers", metavar="N", default="1", help="processes (default: 1)")
     add_out(parser, "identify.json, contact.toml, the grids and pictures")
 
 

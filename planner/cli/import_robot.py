@@ -35,27 +35,26 @@ LIMIT_UNITS = {"velocity": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3"
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The command's options."""
-    parser.add_argument("urdf", metavar="FILE.urdf", help="the robot")
-    parser.add_argument(
-        "--joints", nargs="+", required=True, metavar="J", help="the arm's joints, base first"
-    )
-    parser.add_argument("--out", required=True, metavar="FILE.toml", help="the arm data file")
-    parser.add_argument("--name", help="the arm's name (default: the URDF's)")
-    parser.add_argument("--base", metavar="LINK", help="link of the base frame (default: the root)")
-    parser.add_argument("--tool", metavar="LINK", help="link of the hand (default: the last)")
-    parser.add_argument(
+    add = parser.add_argument
+    add("urdf", metavar="FILE.urdf", help="the robot")
+    add("--joints", nargs="+", required=True, metavar="J", help="the arm's joints, base first")
+    add("--out", required=True, metavar="FILE.toml", help="the arm data file")
+    add("--name", help="the arm's name (default: the URDF's)")
+    add("--base", metavar="LINK", help="link of the base frame (default: the root)")
+    add("--tool", metavar="LINK", help="link of the hand (default: the last)")
+    add(
         "--approach",
         default="z",
         choices=list(AXES),
         help="axis of the tool link that points out of the hand; write --approach=-z (default: z)",
     )
-    parser.add_argument(
+    add(
         "--closing",
         choices=["x", "y", "z"],
         help="axis of the tool link along which the pads close (default: y, or z)",
     )
-    parser.add_argument("--tcp", metavar="M", help="from the tool link on to the pads' centre (0)")
-    parser.add_argument(
+    add("--tcp", metavar="M", help="from the tool link on to the pads' centre (0)")
+    add(
         "--palm",
         nargs=3,
         metavar=("BACK", "FRONT", "HALF_WIDTH"),
@@ -66,21 +65,22 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def _motion_arguments(parser: argparse.ArgumentParser) -> None:
     """The options on joints: what they do in a throw, and their limits."""
-    parser.add_argument("--azimuth", metavar="J", help="joint that turns the plane (the first)")
-    parser.add_argument(
+    add = parser.add_argument
+    add("--azimuth", metavar="J", help="joint that turns the plane (the first)")
+    add(
         "--throwing",
         nargs="+",
         metavar="J",
         help="joints that throw (default: those that turn in the plane y = 0)",
     )
-    parser.add_argument(
+    add(
         "--posture-deg",
         nargs="+",
         metavar="DEG",
         help="what the other joints keep, per joint (default: 0 where allowed, pads across)",
     )
     for name, option in LIMIT_OPTIONS.items():
-        parser.add_argument(
+        add(
             option,
             nargs="+",
             metavar="VALUE",

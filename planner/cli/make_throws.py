@@ -36,18 +36,15 @@ NUMBERS = {
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The command's options."""
-    parser.add_argument("--seed", metavar="N", default="1", help="of the noise (default: 1)")
+    add = parser.add_argument
+    add("--seed", metavar="N", default="1", help="of the noise (default: 1)")
     laws = "what lets go of the bar: a rigid meshed patch (default) or LuGre bristles"
-    parser.add_argument("--truth", choices=("patch", "lugre"), default="patch", help=laws)
+    add("--truth", choices=("patch", "lugre"), default="patch", help=laws)
     for option, (_, _, what) in NUMBERS.items():
-        parser.add_argument(f"--{option}", metavar="NUMBER", help=what)
-    parser.add_argument(
-        "--repeats", metavar="N", default="5", help="throws per condition (default: 5)"
-    )
-    parser.add_argument("--no-noise", action="store_true", help="all repeats alike, exact")
-    parser.add_argument(
-        "--factors", action="store_true", help="and throws that vary surface, payload, inertia"
-    )
+        add(f"--{option}", metavar="NUMBER", help=what)
+    add("--repeats", metavar="N", default="5", help="throws per condition (default: 5)")
+    add("--no-noise", action="store_true", help="all repeats alike, exact")
+    add("--factors", action="store_true", help="and throws that vary surface, payload, inertia")
     add_out(parser, "dataset.toml, throws.csv and the recordings (needed)")
 
 

@@ -28,11 +28,10 @@ EXAMPLE = "throwplan map pose --out out/map"
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The command's options."""
+    add = parser.add_argument
     add_scene(parser)
-    parser.add_argument("--z", metavar="Z", help="height of the landing (default: the target's)")
-    parser.add_argument(
-        "--samples", metavar="N", default="200000", help="sampled states (default: 200000)"
-    )
+    add("--z", metavar="Z", help="height of the landing (default: the target's)")
+    add("--samples", metavar="N", default="200000", help="sampled states (default: 200000)")
     add_out(parser, "map.png and map.npz")
 
 

@@ -26,26 +26,27 @@ EXAMPLE = "throwplan plan cup --target 0.92 0.22 -90 --out out/cup"
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The command's options."""
+    add = parser.add_argument
     add_scene(parser)
     add_target(parser)
-    parser.add_argument(
+    add(
         "--turns",
         choices=("exact", "any"),
         default="exact",
         help="whether full turns of the object count (default: exact)",
     )
-    parser.add_argument(
+    add(
         "--solver",
         choices=("auto", "fatrop", "ipopt"),
         default="auto",
         help="auto: FATROP, with IPOPT as fallback (default)",
     )
-    parser.add_argument(
+    add(
         "--robust",
         choices=ROBUST_METHODS,
         help="bear the scene's [uncertainty] (an opening 10 ms early or late without one)",
     )
-    parser.add_argument(
+    add(
         "--alternatives",
         metavar="N",
         default="0",

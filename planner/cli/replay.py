@@ -15,9 +15,10 @@ EXAMPLE = "throwplan replay out/cup/plan.json"
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The command's options."""
-    parser.add_argument("plan", metavar="PLAN", help="a plan.json, or the folder it is in")
+    add = parser.add_argument
+    add("plan", metavar="PLAN", help="a plan.json, or the folder it is in")
     words = "share of its speed with which the bar leaves what it hits, 0 to 0.99 (default: 0.1)"
-    parser.add_argument("--restitution", metavar="E", default="0.1", help=words)
+    add("--restitution", metavar="E", default="0.1", help=words)
     add_out(parser, "replay.json, replay.csv and replay.png")
 
 

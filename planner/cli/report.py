@@ -14,8 +14,9 @@ EXAMPLE = "throwplan report --quick --out report"
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The command's options."""
-    parser.add_argument("--quick", action="store_true", help="few samples: under 3 minutes")
-    parser.add_argument(
+    add = parser.add_argument
+    add("--quick", action="store_true", help="few samples: under 3 minutes")
+    add(
         "--only",
         nargs="+",
         action="extend",
@@ -23,9 +24,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help=f"these sections only: {', '.join(SECTIONS)}",
     )
-    parser.add_argument(
-        "--out", metavar="DIR", default="report", help="where to write (default: report)"
-    )
+    add("--out", metavar="DIR", default="report", help="where to write (default: report)")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -14,10 +14,9 @@ EXAMPLE = "throwplan scenes --write cup"
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The command's options."""
-    parser.add_argument("--write", metavar="NAME", help="copy that scene's file to NAME.toml here")
-    parser.add_argument(
-        "--reference", action="store_true", help="print all keys of a scene file as Markdown"
-    )
+    add = parser.add_argument
+    add("--write", metavar="NAME", help="copy that scene's file to NAME.toml here")
+    add("--reference", action="store_true", help="print all keys of a scene file as Markdown")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -30,10 +30,11 @@ EXAMPLE = "throwplan sweep delay --samples 10000 --out out/sweep"
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The command's options."""
+    add = parser.add_argument
     add_scene(parser)
     add_target(parser)
-    parser.add_argument("--robust", choices=ROBUST_METHODS, help="plan against the uncertainty")
-    parser.add_argument(
+    add("--robust", choices=ROBUST_METHODS, help="plan against the uncertainty")
+    add(
         "--model",
         default=SLIDING_PIVOT,
         metavar="NAME",
@@ -45,8 +46,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         ("--workers", None, "processes on this machine (default: 1); the result is the same"),
     )
     for option, default, what in numbers:
-        parser.add_argument(option, metavar="N", default=default, help=what)
-    parser.add_argument("--scheduler", metavar="ADDRESS", help="a Dask scheduler that spreads them")
+        add(option, metavar="N", default=default, help=what)
+    add("--scheduler", metavar="ADDRESS", help="a Dask scheduler that spreads them")
     add_out(parser, "sweep.json, sweep.csv and four pictures")
 
 

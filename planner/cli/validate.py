@@ -22,13 +22,14 @@ EXAMPLE = "throwplan validate out/throws --out out/validation"
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The command's options."""
-    parser.add_argument("data", metavar="DATA", help="a folder with dataset.toml and throws.csv")
-    parser.add_argument(
+    add = parser.add_argument
+    add("data", metavar="DATA", help="a folder with dataset.toml and throws.csv")
+    add(
         "--models",
         metavar="A,B,C",
         help=f"release models, with commas (default: {','.join(PAPER_MODELS)})",
     )
-    parser.add_argument(
+    add(
         "--factor",
         nargs="+",
         metavar="NAME",

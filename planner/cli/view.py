@@ -18,17 +18,12 @@ EXAMPLE = "throwplan view out/cup/plan.json"
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The command's options."""
-    parser.add_argument("plan", metavar="PLAN", help="a plan.json or its folder")
-    parser.add_argument(
-        "--port", metavar="N", default="8080", help="of the page, on this machine (default: 8080)"
-    )
-    parser.add_argument("--no-browser", action="store_true", help="open no browser")
-    parser.add_argument(
-        "--hold", metavar="SECONDS", help="end after that time (default: when interrupted)"
-    )
-    parser.add_argument(
-        "--mp4", metavar="FILE", help="write throw.gif's picture as a film instead (needs ffmpeg)"
-    )
+    add = parser.add_argument
+    add("plan", metavar="PLAN", help="a plan.json or its folder")
+    add("--port", metavar="N", default="8080", help="of the page, on this machine (default: 8080)")
+    add("--no-browser", action="store_true", help="open no browser")
+    add("--hold", metavar="SECONDS", help="end after that time (default: when interrupted)")
+    add("--mp4", metavar="FILE", help="write throw.gif's picture as a film instead (needs ffmpeg)")
 
 
 def run(options: argparse.Namespace) -> int:

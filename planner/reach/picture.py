@@ -15,7 +15,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.patheffects import AbstractPathEffect
 
-    from .reach_map import ReachMap
+    from .maps import ReachMap
 
 Array = npt.NDArray[np.float64]
 

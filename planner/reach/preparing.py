@@ -15,7 +15,7 @@ from ..search import (
     spread_targets,
     starts,
 )
-from .reach_map import reach_map
+from .maps import reach_map
 
 #: Sampled states whose landings are the targets, and starts tried of each target.
 SAMPLES, STARTS = 60_000, 3

@@ -79,11 +79,11 @@ class SpaceThrow:
 def space_throw(throw: SentThrow) -> SpaceThrow:
     """The throw in space every millisecond."""
     line, azimuth = timeline(throw), throw.target.azimuth
-    hand, joints = placed(line.hand, azimuth), np.empty((len(line.times), 0, 4, 4))
+    hand, bar = placed(line.hand, azimuth), placed(line.com, azimuth)
+    joints = np.empty((len(line.times), 0, 4, 4))
     if isinstance(throw.mover.kinematics, PlanarArm):
-        frames = _arm_frames(throw, throw.mover.kinematics, line.times)
-        hand, joints = _hand_of(frames[:, -1], azimuth), frames[:, :-2]
-    return SpaceThrow(throw, line, hand, placed(line.com, azimuth), joints)
+        joints = _joint_frames(throw, throw.mover.kinematics, line.times)
+    return SpaceThrow(throw, line, hand, bar, joints)
 
 
 def in_space(x: Array, z: Array, azimuth: float) -> Array:
@@ -125,27 +125,17 @@ def link_pieces(arm: Arm) -> list[list[tuple[Array, Array]]]:
     return [[p for p in pieces if np.linalg.norm(p[1] - p[0]) > 1e-6] for pieces in found]
 
 
-def _arm_frames(throw: SentThrow, kinematics: PlanarArm, times: Array) -> Array:
-    """The arm's frames (N, n + 2, 4, 4): after each joint, of the flange and the TCP."""
+def _joint_frames(throw: SentThrow, kinematics: PlanarArm, times: Array) -> Array:
+    """The arm's frames (N, n, 4, 4) after each joint."""
     arm = kinematics.arm
     moving = throw.samples.at(np.minimum(times, throw.samples.times[-1]))[0]
     joints = np.tile(np.array(arm.posture)[:, None], (1, len(times)))
     joints[arm.azimuth_joint - 1] = throw.target.azimuth
     joints[[j - 1 for j in kinematics.throwing_joints]] = moving
     q = ca.SX.sym("q", arm.joints)
-    function = ca.Function("frames", [q], [ca.horzcat(*arm.frames(q))])
+    function = ca.Function("frames", [q], [ca.horzcat(*arm.frames(q)[: arm.joints])])
     values = np.array(function.map(len(times))(joints))
-    return values.reshape(4, len(times), arm.joints + 2, 4).transpose(1, 2, 0, 3)
-
-
-def _hand_of(tcp: Array, azimuth: float) -> Array:
-    """The hand's poses (N, 4, 4) from the arm's TCP frames, whose z is the approach axis."""
-    hand = np.zeros_like(tcp)
-    hand[:, :, 3] = tcp[:, :, 3]
-    hand[:, :3, 0] = tcp[:, :3, 2]
-    hand[:, :3, 2] = normal(azimuth)
-    hand[:, :3, 1] = np.cross(hand[:, :3, 2], hand[:, :3, 0])
-    return hand
+    return values.reshape(4, len(times), arm.joints, 4).transpose(1, 2, 0, 3)
 
 
 def _number(matrix: ca.SX) -> Array:
