@@ -27,13 +27,12 @@ from ..problems import (
 )
 from .check import KernelCode, check_kernels, make_mover
 from .compile import Compile
-from .ocp import USUAL, Solution, nlp_key
+from .ocp import USUAL, Solution, ThrowNlp, nlp_key
 from .reach import solved
-from .result import Plan, PlannedThrow, Status, checked_target
+from .result import Plan, PlannedThrow, checked_target
 from .robust import Hardening
 from .search import (
     Attempt,
-    Binding,
     Clock,
     Problems,
     Reach,
@@ -73,8 +72,6 @@ SAMPLES = 20_000
 PATIENCE = 20.0
 #: Throws that `prepare` tries to solve, and the most it may be asked for.
 PREPARED, MOST_PREPARED = 1000, 10_000
-#: A target of more full turns than this may have been given in degrees.
-MANY_TURNS = 3
 
 
 class Planner:
@@ -326,48 +323,58 @@ class Planner:
     ) -> Plan:
         """The plan of a throw that was found; iterations: of solves beside the attempts."""
         assert found.throw is not None
-        goal, words = found.start.goal, _lands(found.throw, found.start.goal)
-        plan = self._plan(task, goal, "solved", words, tried, iterations, found.throw)
-        return dataclasses.replace(plan, solver=found.solver)
+        goal = found.start.goal
+        plan = self._plan(task, goal, tried, iterations, found.throw.nlp)
+        return dataclasses.replace(
+            plan,
+            status="solved",
+            message=_lands(found.throw, goal),
+            throw=found.throw,
+            solver=found.solver,
+        )
 
     def _failed(self, search: Search, tried: Sequence[Attempt], task: Task) -> Plan:
         """No throw found: out of reach with the nearest possible, or not converged."""
         answer, late, target = search.answer, task.clock.late, task.target
-        plan = functools.partial(self._plan, task, target, tried=tried, more=search.iterations)
+        nlp = self.problems.nlp(target, USUAL, task.clock)
+        plan = self._plan(task, target, tried, search.iterations, nlp)
         if answer is None and not late:
             far, pose, words = highest(search.releases, target, task.scene.gravity)
-            found = plan("out_of_reach" if far else "not_converged", words)
-            return dataclasses.replace(found, nearest=pose, binding=("landing height",))
+            return dataclasses.replace(
+                plan,
+                status="out_of_reach" if far else "not_converged",
+                message=words,
+                nearest=pose,
+                binding=("landing height",),
+            )
         if answer is not None and answer.outside:
-            found = plan("out_of_reach", _out_of_reach(answer, target))
-            return dataclasses.replace(found, nearest=answer.pose, binding=answer.names)
+            return dataclasses.replace(
+                plan,
+                status="out_of_reach",
+                message=answer.words(target),
+                nearest=answer.pose,
+                binding=answer.names,
+            )
         broken = [attempt for attempt in tried if attempt.throw is not None]
-        thrown = broken[0].throw if broken else None
         reasons = [attempt.reason for attempt in broken[:1] or tried[-1:]]
         message = f"no throw found: {(reasons or [''])[0] or 'no feasible release to start from'}"
         if late:
             message += "; given up after the longest time, more may help (Planner.plan(patience=…))"
-        return plan("not_converged", message, throw=thrown)
+        throw = broken[0].throw if broken else None
+        return dataclasses.replace(plan, message=message, throw=throw)
 
     def _plan(
-        self,
-        task: Task,
-        target: Pose,
-        status: Status,
-        message: str,
-        tried: Sequence[Attempt],
-        more: int,
-        throw: PlannedThrow | None = None,
+        self, task: Task, target: Pose, tried: Sequence[Attempt], more: int, nlp: ThrowNlp
     ) -> Plan:
-        nlp = self.problems.nlp(target, USUAL, task.clock) if throw is None else throw.nlp
+        """A plan without a throw; more: iterations of solves beside the attempts."""
         variables, constraints = nlp.size
         return Plan(
             task.scene,
             self.mover,
             target,
-            status,
-            message,
-            throw,
+            "not_converged",
+            "",
+            None,
             solver=task.solvers[-1],
             iterations=more + sum(attempt.iterations for attempt in tried),
             attempts=sum(attempt.solves for attempt in tried),
@@ -402,16 +409,3 @@ def _lands(thrown: PlannedThrow, goal: Pose) -> str:
     dx, dtheta = thrown.final.miss(goal)
     turn = "" if goal.theta is None else f" and {math.degrees(abs(dtheta)):.3f} deg"
     return f"lands {1e3 * abs(dx):.3f} mm{turn} from the target"
-
-
-def _out_of_reach(answer: Binding, target: Pose) -> str:
-    """The nearest possible landing in words; a hint for an angle that may have been degrees."""
-    pose = answer.pose
-    assert pose is not None
-    angle = "" if pose.theta is None else f", theta {math.degrees(pose.theta):.1f} deg"
-    limits = f" (limited by {', '.join(answer.names[:4])})" if answer.names else ""
-    words = f"out of reach: nearest possible x {pose.plane_x:.3f} m{angle}{limits}"
-    if target.theta is None or abs(target.theta) < MANY_TURNS * 2 * math.pi:
-        return words
-    turns = target.theta / (2 * math.pi)
-    return f"{words}; theta {target.theta:g} rad is {turns:.1f} turns: Pose takes radians"

@@ -6,10 +6,10 @@ Also answers which landing is the nearest possible, and which limits bind there.
 from .attempt import Attempt, Start, attempts, violations
 from .choice import distinct, ordered, scatter
 from .guess import guess_from, refit
+from .launch import flies_past_column, polynomial, run_up
 from .nearest import Binding, Reach, highest
 from .nlps import Clock, Problem, Problems, Task, check_start
 from .release_table import Releases, Turns, goals_of, joined, starts
-from .run_up import flies_past_column, polynomial, run_up
 from .sampling import ReleaseSampler, stored_releases
 from .stored import SolvedThrow, SolvedThrows, spread_targets, stored_throws
 from .table import Search, Sources, release_start

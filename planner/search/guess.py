@@ -17,8 +17,8 @@ from ..ocp import (
     with_accelerations,
 )
 from ..result import PlannedThrow
+from .launch import polynomial, run_up
 from .release_table import Releases
-from .run_up import polynomial, run_up
 
 Array = npt.NDArray[np.float64]
 

@@ -40,6 +40,8 @@ from .release_table import Releases, nearest, past_column
 
 Array = npt.NDArray[np.float64]
 
+#: A target of more full turns than this may have been given in degrees.
+MANY_TURNS = 3
 #: Iterations that an elastic solve may take.
 ITERATIONS = 300
 #: Starts of the elastic solve, and how many more where it ends farther from the target than
@@ -86,6 +88,18 @@ class Binding:
     def outside(self) -> bool:
         """Whether something is possible, but not the goal."""
         return self.pose is not None and not self.inside_tolerance
+
+    def words(self, target: Pose) -> str:
+        """The nearest landing for people, and a hint where the target may be in degrees."""
+        pose = self.pose
+        assert pose is not None
+        angle = "" if pose.theta is None else f", theta {math.degrees(pose.theta):.1f} deg"
+        limits = f" (limited by {', '.join(self.names[:4])})" if self.names else ""
+        words = f"out of reach: nearest possible x {pose.plane_x:.3f} m{angle}{limits}"
+        if target.theta is None or abs(target.theta) < MANY_TURNS * 2 * math.pi:
+            return words
+        turns = target.theta / (2 * math.pi)
+        return f"{words}; theta {target.theta:g} rad is {turns:.1f} turns: Pose takes radians"
 
     def guess_for(self, nlp: ThrowNlp) -> Array:
         """The elastic point as a start of the real problem `nlp`."""

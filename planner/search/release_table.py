@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from ...models import land
 from ...problems import Pose, Scene
-from .run_up import flies_past_column
+from .launch import flies_past_column
 
 Array = npt.NDArray[np.float64]
 Turns = Literal["exact", "any"]

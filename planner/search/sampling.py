@@ -19,8 +19,8 @@ from ...problems import Pose, Scene
 from ..check import Mover, column_room, friction_use
 from ..compile import DAMAGED, cache_folder, digest, publish, source_of
 from ..ocp import BRAKE_SHARE, build_nlp
+from .launch import clears_column, clears_palm, run_up
 from .release_table import ARRAYS, Releases, distances, joined
-from .run_up import clears_column, clears_palm, run_up
 
 Array = npt.NDArray[np.float64]
 
