@@ -108,35 +108,22 @@ class HandMotion:
 
 
 @dataclass(frozen=True)
-class Hand:
-    """The hand at one instant: rows x, z [m], theta [rad] of its pose, twist, acceleration."""
-
-    pose: Value
-    twist: Value
-    acceleration: Value
-
-    @property
-    def motion(self) -> HandMotion:
-        """What the contact equations need."""
-        return HandMotion(self.pose[2], self.twist[2], *components(self.acceleration))
-
-
-@dataclass(frozen=True)
 class HandSamples:
     """Hand pose, twist and acceleration, each (3, K), at `times` (K,) [s].
 
-    Rows as in `Hand`. For a batch of N throws each is (3, K, N).
+    Rows: x, z [m], theta [rad] and their first and second derivatives. For a batch of N
+    throws each is (3, K, N); at one instant (3,), or (3, N).
     """
 
-    times: Array
+    times: Value
     pose: Array
     twist: Array
     acceleration: Array
 
     @property
     def motion(self) -> HandMotion:
-        """What the contact equations need, as arrays."""
-        return HandMotion(self.pose[2], self.twist[2], *self.acceleration)
+        """What the contact equations need."""
+        return HandMotion(self.pose[2], self.twist[2], *components(self.acceleration))
 
     def __iter__(self) -> Iterator[Array]:
         """pose, twist, acceleration."""
@@ -146,6 +133,11 @@ class HandSamples:
         """Every `stride`-th sample from `first` on."""
         part = slice(first, None, stride)
         return HandSamples(self.times[part], *(rows[:, part] for rows in self))
+
+
+def hand_of(numbers: Value) -> HandSamples:
+    """The hand at one instant from its nine numbers: pose, twist, acceleration."""
+    return HandSamples(0.0, numbers[:3], numbers[3:6], numbers[6:9])
 
 
 class HandTrack(Protocol):

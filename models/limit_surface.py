@@ -123,26 +123,16 @@ class Quartic:
         return matrix
 
     def sliding_wrench(self, twist: Array) -> Array:
-        """Gamma(v): on the surface, its normal along -v; damped Newton on direction and scale."""
+        """Gamma(v): on the surface, its normal along -v."""
         w = -self.scale * twist
         w = w / np.linalg.norm(w)
-        # Minimise H(y)/4 - w.y: the minimiser has gradient w; then scale onto H = 1.
-        y = w.copy()
-        for _ in range(60):
-            residual = self.gradient(y) / 4 - w
-            size = float(np.linalg.norm(residual))
-            if size < 1e-13:
-                break
-            step = np.linalg.solve(self.hessian(y) / 4 + 1e-12 * np.eye(3), residual)
-            share = 1.0
-            while share > 1e-6 and self._merit(y - share * step, w) > self._merit(y, w):
-                share /= 2
-            y = y - share * step
-        scaled = self.scale * y
-        return np.asarray(scaled / self.gauge(scaled))
+        return np.asarray(self.scale * self.farthest(np.zeros((3, 3)), w, w))
 
-    def _merit(self, y: Array, w: Array) -> float:
-        return self.gauge(self.scale * y) ** 4 / 4 - float(w @ y)
+    def farthest(self, k: Array, rhs: Array, near: Array) -> Array:
+        """Scaled y (3,) on the surface that minimises y.K y / 2 - rhs.y; begins at `near`."""
+        y = near / self.gauge(self.scale * near)
+        y = _on_surface(self, k, rhs, y)
+        return np.asarray(y / self.gauge(self.scale * y))
 
 
 def slip_size(twist: Array, contact: Contact, norm: Norm) -> float:
@@ -179,67 +169,51 @@ def quartic_impulse(surface: Quartic, k: Array, rhs: Array, radius: float) -> Ar
     if radius <= 0.0:
         return np.zeros(3)
     # In units of the radius, where the surface is H(y) = 1.
-    k, y = k * radius, y / size
-    found = _on_surface(surface, k, rhs, y)
-    if found is None:
-        found = _by_bisection(surface, k, rhs, y)
-    return np.asarray(radius * found / max(surface.gauge(surface.scale * found), 1.0))
+    return np.asarray(radius * surface.farthest(k * radius, rhs, y))
 
 
-def _on_surface(surface: Quartic, k: Array, rhs: Array, y: Array) -> Array | None:
-    """K y + w grad H / 4 = rhs with H = 1 by Newton's method; None if it does not get there."""
-    weight = float((rhs - k @ y) @ y)
+def _on_surface(surface: Quartic, k: Array, rhs: Array, y: Array) -> Array:
+    """K y + w grad H / 4 = rhs with H = 1 and w >= 0 by Newton's method, from y on."""
+    first, weight = y, float((rhs - k @ y) @ y)
     matrix, residual = np.zeros((4, 4)), np.zeros(4)
     for _ in range(25):
         gradient = surface.gradient(y) / 4
         residual[:3] = k @ y - rhs + weight * gradient
         residual[3] = (float(gradient @ y) - 1.0) / 4
         if np.abs(residual[:3]).max() < 1e-11 * np.abs(rhs).max() and abs(residual[3]) < 1e-12:
-            return y if weight >= 0 else None
+            break
         matrix[:3, :3] = k + weight * surface.hessian(y) / 4
         matrix[:3, 3] = matrix[3, :3] = gradient
         try:
             step = np.linalg.solve(matrix, residual)
         except np.linalg.LinAlgError:
-            return None
+            return _by_optimiser(surface, k, rhs, first)
         share = min(1.0, 0.5 / max(float(np.abs(step[:3]).max()), 1e-300))
         y, weight = y - share * step[:3], weight - share * float(step[3])
-    return None
+    else:
+        return _by_optimiser(surface, k, rhs, first)
+    return y if weight >= 0 else _by_optimiser(surface, k, rhs, first)
 
 
-def _by_bisection(surface: Quartic, k: Array, rhs: Array, y: Array) -> Array:
-    """The same, slowly and surely: bisection on the logarithm of the multiplier."""
-    scale = surface.scale
-    low, high = -40.0, float(np.log(np.linalg.norm(rhs) + np.abs(k).max())) + 3.0
-    for _ in range(60):
-        middle = (low + high) / 2
-        y = _penalised(surface, k, rhs, float(np.exp(middle)), y)
-        if surface.gauge(scale * y) > 1.0:
-            low = middle
-        else:
-            high = middle
-        if high - low < 1e-12:
-            break
-    return y
+def _by_optimiser(surface: Quartic, k: Array, rhs: Array, y: Array) -> Array:
+    """The same where Newton's method does not get there: a convex problem, so to 1e-8 or so."""
+    from scipy.optimize import minimize
 
-
-def _penalised(surface: Quartic, k: Array, rhs: Array, weight: float, y: Array) -> Array:
-    """Minimiser of y.K y / 2 - rhs.y + weight H(y) / 4, by damped Newton steps."""
-
-    def merit(value: Array) -> float:
-        quartic = surface.gauge(surface.scale * value) ** 4
-        return float(value @ k @ value / 2 - rhs @ value + weight * quartic / 4)
-
-    for _ in range(40):
-        residual = k @ y - rhs + weight * surface.gradient(y) / 4
-        step = np.linalg.solve(k + weight * surface.hessian(y) / 4, residual)
-        share, before = 1.0, merit(y)
-        while share > 1e-8 and merit(y - share * step) > before:
-            share /= 2
-        y = y - share * step
-        if np.abs(step).max() < 1e-13 * (1 + np.abs(y).max()):
-            break
-    return y
+    limit = {
+        "type": "ineq",
+        "fun": lambda y: 1.0 - surface.gauge(surface.scale * y) ** 4,
+        "jac": lambda y: -surface.gradient(y),
+    }
+    size = np.abs(rhs).max()
+    found = minimize(
+        lambda y: (y @ k @ y / 2 - rhs @ y) / size,
+        y,
+        jac=lambda y: (k @ y - rhs) / size,
+        method="SLSQP",
+        constraints=limit,
+        options={"ftol": 1e-14, "maxiter": 200},
+    )
+    return np.asarray(found.x)
 
 
 # When slip begins.

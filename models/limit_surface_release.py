@@ -69,7 +69,8 @@ class KarnoppRelease:
         state = case.start()
         states, wrenches = [state], [np.zeros(3)]
         for k in range(self.steps):
-            wrench = self._friction(case, surface, state, hand, k, forces[k])
+            now = HandSamples(times[k], *(rows[:, k] for rows in hand))
+            wrench = self._friction(case, surface, state, now, forces[k])
             rates = _rates(case, state, wrench, hand.pose[:2, k])
             state = state + dt * rates
             if not np.abs(state).max() < RUNAWAY:
@@ -132,18 +133,16 @@ class KarnoppRelease:
         surface: LimitSurface,
         state: Array,
         hand: HandSamples,
-        k: int,
         force: float,
     ) -> Array:
-        x_r, z_r = state[0] - hand.pose[0, k], state[1] - hand.pose[1, k]
-        slip = np.array(contact_twist(state[3], state[4], state[5], x_r, z_r)) - hand.twist[:, k]
+        x_r, z_r = state[0] - hand.pose[0], state[1] - hand.pose[1]
+        slip = np.array(contact_twist(state[3], state[4], state[5], x_r, z_r)) - hand.twist
         size = slip_size(slip, case.contact, self.norm)
         if size > self.dead_zone:
             band = self.half_band or 0.0
             share = 1.0 if size >= band else size / band
             return np.asarray(force * share * surface.sliding_wrench(slip))
-        motion = HandSamples(hand.times, hand.pose, hand.twist, hand.acceleration[:, k]).motion
-        held = np.array(pivot_wrench(case.body, case.gravity, motion, state[5], x_r, z_r))
+        held = np.array(pivot_wrench(case.body, case.gravity, hand.motion, state[5], x_r, z_r))
         gauge = surface.gauge(held)
         return held if gauge <= force else held * (force / gauge)
 

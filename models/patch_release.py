@@ -220,7 +220,7 @@ def march_patch(
     creep, none = np.full(count, CREEP), share
     states, wrenches, unsolved = [state], [], np.zeros(count, bool)
     for k in range(len(dt)):
-        frame = _Frame.of(throws, state, middle[:, k], hand.twist[:, k + 1], arm, dt[k])
+        frame = _Frame.of(throws, state, (middle[:, k], hand.twist[:, k + 1]), arm, dt[k])
         problem = SlipProblem(frame.mass, frame.free, limits[k], creep, none)
         if bristles and k == 0:
             # What a rigid patch gives in the first step is the load at rest.
@@ -279,9 +279,10 @@ class _Frame:
 
     @classmethod
     def of(
-        cls, throws: PatchThrows, state: Array, middle: Array, twist: Array, arm: Array, dt: Array
+        cls, throws: PatchThrows, state: Array, hand: tuple[Array, Array], arm: Array, dt: Array
     ) -> _Frame:
-        body = throws.body
+        """hand: its pose in the middle of the step, its twist at the end."""
+        body, (middle, twist) = throws.body, hand
         cos, sin = np.cos(middle[2]), np.sin(middle[2])
         x_r, z_r = state[:2] + dt / 2 * state[3:5] - middle[:2]
         b_x = state[3] + state[5] * z_r - twist[0]

@@ -24,7 +24,6 @@ from .body import (
     Array,
     Body,
     Contact,
-    Hand,
     HandMotion,
     HandSamples,
     Value,
@@ -231,13 +230,13 @@ class PivotSteps:
         """Runge-Kutta does."""
         return self.integrator == "rk4"
 
-    def start(self, hand: Hand, grasp_angle: Value) -> list[Value]:
+    def start(self, hand: HandSamples, grasp_angle: Value) -> list[Value]:
         """Sticking: only the angle against the hand is not zero."""
         zero = 0.0 * hand.pose[2]
         return [zero, zero, zero + grasp_angle, zero, zero, zero]
 
     def advance(
-        self, state: Value, hands: Sequence[Hand], forces: Triple, dt: Value
+        self, state: Value, hands: Sequence[HandSamples], forces: Triple, dt: Value
     ) -> list[Value]:
         """State `dt` [s] later."""
         step = rk4_step if self.integrator == "rk4" else euler_step
@@ -251,7 +250,7 @@ class PivotSteps:
         """Whether the body has slid out of the pads."""
         return self.law.lost(state)
 
-    def com(self, state: Value, hand: Hand) -> Sequence[Value]:
+    def com(self, state: Value, hand: HandSamples) -> Sequence[Value]:
         """CoM pose and twist in the world."""
         return self.law.com_state(state, hand.pose, hand.twist, hand.motion)
 

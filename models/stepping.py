@@ -7,13 +7,14 @@ grip force, and what happens at events is decided here.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
 
 import casadi as ca
 import numpy as np
 
-from .body import Array, Body, Contact, Hand, HandMotion, HandSamples, Value, components
+from .body import Array, Body, Contact, HandMotion, HandSamples, Value, components, hand_of
 from .release import LOST_SLIP, BatchRelease, ReleaseBatch, ReleaseCase, by_chunks, chunks
 
 Rates = Callable[[Value, HandMotion, Value], list[Value]]
@@ -35,18 +36,18 @@ class SteppedLaw(Protocol):
     def uses_middle(self) -> bool:
         """Whether a step asks for the hand in its middle."""
 
-    def start(self, hand: Hand, grasp_angle: Value) -> list[Value]:
+    def start(self, hand: HandSamples, grasp_angle: Value) -> list[Value]:
         """State of a body that sticks to the hand."""
 
     def advance(
-        self, state: Value, hands: Sequence[Hand], forces: Triple, dt: Value
+        self, state: Value, hands: Sequence[HandSamples], forces: Triple, dt: Value
     ) -> list[Value]:
         """State `dt` [s] later; hands and grip force [N] at the step's start, middle, end."""
 
     def lost(self, state: Value) -> Value:
         """Whether the body has left the pads."""
 
-    def com(self, state: Value, hand: Hand) -> Sequence[Value]:
+    def com(self, state: Value, hand: HandSamples) -> Sequence[Value]:
         """CoM pose and twist in the world."""
 
 
@@ -84,33 +85,37 @@ def _moved(state: Sequence[Value], rates: Sequence[Value], dt: Value) -> list[Va
 # Numbers and arrays.
 
 
-def march(
-    law: SteppedLaw,
-    shares: Sequence[Value] | Array,
-    opening: Value,
-    hands: Callable[[Value], Hand],
-    forces: Sequence[Value] | Array,
-    grasp_angle: Value,
-    gap: float = 0.0,
-) -> tuple[list[Value], Value]:
-    """CoM state at detach (6 values), and whether the body was lost before.
+@dataclass(frozen=True)
+class Opening:
+    """Where the steps of one opening, or of N, lie, and hand and grip force there.
 
-    shares: of the opening [s], at the 2 K + 1 nodes and middles of K steps, each a number
-    or an array (N,); forces [N]: there; hands: the hand at a time [s]. gap [s]: the hand
-    is evaluated this far inside a step's ends, for motions whose acceleration jumps there.
+    shares: of the duration [s], at the 2 K + 1 nodes and middles of K steps, each a number
+    or an array (N,); hands: the hand at a time [s]; forces [N]: at the shares. gap [s]: the
+    hand is evaluated this far inside a step's ends, where its acceleration may jump.
     """
-    end = hands(shares[0] * opening)
+
+    shares: Sequence[Value] | Array
+    duration: Value
+    hands: Callable[[Value], HandSamples]
+    forces: Sequence[Value] | Array
+    gap: float = 0.0
+
+
+def march(law: SteppedLaw, opening: Opening, grasp_angle: Value) -> tuple[list[Value], Value]:
+    """CoM state at detach (6 values), and whether the body was lost before."""
+    shares, hands = opening.shares, opening.hands
+    end = hands(shares[0] * opening.duration)
     state, lost = law.start(end, grasp_angle), np.asarray(False)
     for k in range(0, len(shares) - 2, 2):
         start = end
-        begin, finish = shares[k] * opening, shares[k + 2] * opening
+        begin, finish = shares[k] * opening.duration, shares[k + 2] * opening.duration
         dt = finish - begin
-        if gap:
-            inside = np.minimum(gap, dt / 4)
+        if opening.gap:
+            inside = np.minimum(opening.gap, dt / 4)
             start, finish = hands(begin + inside), finish - inside
-        middle = hands(shares[k + 1] * opening) if law.uses_middle else start
+        middle = hands(shares[k + 1] * opening.duration) if law.uses_middle else start
         end = hands(finish)
-        state = law.advance(state, (start, middle, end), forces[k : k + 3], dt)
+        state = law.advance(state, (start, middle, end), opening.forces[k : k + 3], dt)
         lost = lost | law.lost(state)
     return list(law.com(state, end)), lost
 
@@ -123,18 +128,14 @@ def step_batch(
 ) -> BatchRelease:
     """All throws of a batch by NumPy, chunk by chunk.
 
-    shares: as for `march`, (2 K + 1,), or for a chunk of throws (2 K + 1, N).
+    shares, gap: as in `Opening`; shares (2 K + 1,), or (2 K + 1, N) for a chunk of throws.
     """
 
     def chunk(part: ReleaseBatch) -> BatchRelease:
         at = shares(part) if callable(shares) else shares
         forces = part.forces(at) if at.ndim == 1 else part.forces_at(at * part.opening)
-
-        def hands(times: Value) -> Hand:
-            return Hand(*part.hands.at(times))
-
-        made = law(part)
-        state, lost = march(made, at, part.opening, hands, forces, part.grasp_angle, gap)
+        opening = Opening(at, part.opening, part.hands.at, forces, gap)
+        state, lost = march(law(part), opening, part.grasp_angle)
         return BatchRelease(np.array(state).T, np.broadcast_to(lost, part.count).copy())
 
     return by_chunks(batch, chunk)
@@ -193,11 +194,11 @@ def _levels(batch: ReleaseBatch) -> Array:
 # CasADi: one step as a function of numbers, many of them in one call.
 
 
-def step_symbols() -> tuple[ca.SX, list[Hand], list[ca.SX], ca.SX]:
+def step_symbols() -> tuple[ca.SX, list[HandSamples], list[ca.SX], ca.SX]:
     """Numbers of one step (31,): hand (9) and grip at start, middle, end, and dt; its parts."""
     u = ca.SX.sym("u", 31)
     rows = [u[10 * i : 10 * i + 10] for i in range(3)]
-    hands = [Hand(row[:3], row[3:6], row[6:9]) for row in rows]
+    hands = [hand_of(row) for row in rows]
     return u, hands, [row[9] for row in rows], u[30]
 
 
@@ -258,10 +259,9 @@ def located_steps(
     opening = case.grip.opening
     dt = opening / steps
 
-    def hands(*times: float) -> list[Hand]:
+    def hands(*times: float) -> list[HandSamples]:
         hand = case.hand.at(np.array(times))
-        rows = (hand.pose, hand.twist, hand.acceleration)
-        return [Hand(*(part[:, i] for part in rows)) for i in range(len(times))]
+        return [HandSamples(t, *(rows[:, i] for rows in hand)) for i, t in enumerate(times)]
 
     def advance(t: float, state: Array, h: float) -> Array:
         times = (t, t + h / 2, t + h)

@@ -25,12 +25,13 @@ from .body import (
     Array,
     Body,
     Contact,
-    Hand,
+    HandSamples,
     Value,
     backend,
     com_wrench,
     components,
     contact_twist,
+    hand_of,
     sticking_state,
 )
 from .limit_surface import (
@@ -63,6 +64,8 @@ TOLERANCE = 1e-10
 
 #: Columns of S with S S^T = A^-1: the surface's half axes per newton of normal force.
 Factor = tuple[tuple[Value, ...], ...]
+#: CoM seen from the hand: x_r, z_r [m].
+Lever = tuple[Value, Value]
 
 
 @dataclass(frozen=True)
@@ -178,12 +181,12 @@ class LimitSurfaceStepping:
     impulse: Callable[[ImpulseProblem], Value] | None = None
     uses_middle = False
 
-    def start(self, hand: Hand, grasp_angle: Value) -> list[Value]:
+    def start(self, hand: HandSamples, grasp_angle: Value) -> list[Value]:
         """State of a body that sticks to the hand."""
         return sticking_state(hand.pose, hand.twist, grasp_angle, self.body.com_offset)
 
     def advance(
-        self, state: Value, hands: Sequence[Hand], forces: Triple, dt: Value
+        self, state: Value, hands: Sequence[HandSamples], forces: Triple, dt: Value
     ) -> list[Value]:
         """State `dt` [s] later, under the grip force in the middle of the step.
 
@@ -191,23 +194,23 @@ class LimitSurfaceStepping:
         is. The lever is taken at its middle, which keeps a sticking body on a turning
         hand to second order.
         """
-        start, end = hands[0], hands[-1]
-        lever = self.lever(state, start, end, dt)
-        problem = self.problem(state, end, lever, forces[1], dt)
+        lever = self.lever(state, hands, dt)
+        problem = self.problem(state, hands[-1], lever, forces[1], dt)
         y = self.impulse(problem) if self.impulse else problem.solve(self.iterations, self.settle)
-        return self.after(state, start, end, lever, y, dt)
+        return self.after(state, hands, lever, y, dt)
 
     def lost(self, state: Value) -> Value:
         """Never: the body slides on under the pads."""
         return False
 
-    def com(self, state: Value, hand: Hand) -> Sequence[Value]:
+    def com(self, state: Value, hand: HandSamples) -> Sequence[Value]:
         """The state itself."""
         return components(state)
 
-    def lever(self, state: Value, start: Hand, end: Hand, dt: Value) -> tuple[Value, Value]:
+    def lever(self, state: Value, hands: Sequence[HandSamples], dt: Value) -> Lever:
         """CoM seen from the hand in the middle of the step, x_r and z_r [m]."""
         x, z, _, v_x, v_z, _ = components(state)
+        start, end = hands[0], hands[-1]
         half = 0.5 * dt
         return (
             x + half * v_x - 0.5 * (start.pose[0] + end.pose[0]),
@@ -215,7 +218,12 @@ class LimitSurfaceStepping:
         )
 
     def problem(
-        self, state: Value, end: Hand, lever: tuple[Value, Value], normal_force: Value, dt: Value
+        self,
+        state: Value,
+        end: HandSamples,
+        lever: Lever,
+        normal_force: Value,
+        dt: Value,
     ) -> ImpulseProblem:
         """What the contact impulse of one step has to solve."""
         _, _, _, v_x, v_z, omega = components(state)
@@ -240,15 +248,15 @@ class LimitSurfaceStepping:
     def after(
         self,
         state: Value,
-        start: Hand,
-        end: Hand,
-        lever: tuple[Value, Value],
+        hands: Sequence[HandSamples],
+        lever: Lever,
         y: Sequence[Value],
         dt: Value,
     ) -> list[Value]:
         """State after a step whose impulse is S y."""
         x, z, theta, v_x, v_z, omega = components(state)
-        begun, ended, rates = components(start.pose), components(end.pose), components(end.twist)
+        begun, ended = components(hands[0].pose), components(hands[-1].pose)
+        rates = components(hands[-1].twist)
         factor = self.factor or axis_factor(self.contact)
         p_x, p_z, p_t = (sum(factor[j][i] * y[j] for j in range(3)) for i in range(3))
         v_x = v_x + p_x / self.body.mass
@@ -352,6 +360,6 @@ def _quartic_states(case: ReleaseCase, surface: Quartic, columns: Array) -> Arra
     law = LimitSurfaceStepping(case.body, case.contact, case.gravity, impulse=impulse)
     states = [case.start()]
     for u in columns.T:
-        hands = [Hand(row[:3], row[3:6], row[6:9]) for row in u[:30].reshape(3, 10)]
+        hands = [hand_of(row) for row in u[:30].reshape(3, 10)]
         states.append(np.array(law.advance(states[-1], hands, u[9:30:10], u[30])))
     return np.array(states).T

@@ -25,13 +25,13 @@ from ...models import (
     BLEW_UP,
     LOST,
     LOST_SLIP,
-    Hand,
     HandSamples,
     LimitSurfaceStepping,
     PivotSteps,
     Release,
     ReleaseCase,
     SlidingPivot,
+    hand_of,
     number_symbols,
     numbers,
     onset,
@@ -280,10 +280,10 @@ class _SurfaceSteps:
         In half axes of the limit surface.
         """
         state = states[k - 1] if k else self.start
-        start, end = (Hand(row[:3], row[3:], row[:0]) for row in self.hand[k : k + 2])
+        hands = [hand_of(row) for row in self.hand[k : k + 2]]
         dt = self.times[k + 1] - self.times[k]
-        lever = self.law.lever(state, start, end, dt)
-        problem = self.law.problem(state, end, lever, self.forces[2 * k], dt)
+        lever = self.law.lever(state, hands, dt)
+        problem = self.law.problem(state, hands[1], lever, self.forces[2 * k], dt)
         inverse_mass = problem.inverse_mass
         slip = inverse_mass @ (problem.radius * friction[k]) - np.array(problem.rhs)
         return inverse_mass, slip, float(problem.radius)
@@ -324,12 +324,12 @@ def pivot_kernel() -> StepKernel:
 def surface_kernel() -> StepKernel:
     """(state, hand at start and end, grip between, dt, numbers) -> state, friction."""
     p, body, contact, gravity = number_symbols()
-    state, (u, (start, _, end), forces, dt) = ca.SX.sym("state", 6), step_symbols()
+    state, (u, hands, forces, dt) = ca.SX.sym("state", 6), step_symbols()
     law = LimitSurfaceStepping(body, contact, gravity, iterations=ITERATIONS)
-    lever = law.lever(state, start, end, dt)
-    problem = law.problem(state, end, lever, forces[1], dt)
+    lever = law.lever(state, hands, dt)
+    problem = law.problem(state, hands[-1], lever, forces[1], dt)
     y = problem.solve(ITERATIONS)
-    new = law.after(state, start, end, lever, y, dt)
+    new = law.after(state, hands, lever, y, dt)
     friction = ca.SX(ca.vertcat(*y)) / ca.fmax(problem.radius, 1e-300)
     return StepKernel([state, ca.vertcat(u, p)], [ca.vertcat(*new), friction])
 

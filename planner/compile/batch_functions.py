@@ -6,12 +6,13 @@ import casadi as ca
 
 from ...models import (
     ITERATIONS,
-    Hand,
+    HandSamples,
     ImpulseProblem,
     Iterate,
     LimitSurfaceStepping,
     SlidingPivot,
     Value,
+    hand_of,
     number_symbols,
     rk4_step,
     sticking_state,
@@ -31,10 +32,10 @@ def source() -> str:
     return head + BLOCKS + pivot + SLIDING_PIVOT + surface + LIMIT_SURFACE
 
 
-def _hand(name: str) -> tuple[ca.SX, Hand]:
+def _hand(name: str) -> tuple[ca.SX, HandSamples]:
     """Pose, twist and acceleration (9,) of a hand, and these as the laws take them."""
     symbols = ca.SX.sym(name, 9)
-    return symbols, Hand(symbols[:3], symbols[3:6], symbols[6:])
+    return symbols, hand_of(symbols)
 
 
 def _function(name: str, inputs: dict[str, Value], outputs: dict[str, Value]) -> ca.Function:
@@ -70,7 +71,7 @@ def _surface_functions() -> list[ca.Function]:
     force, dt, held = ca.SX.sym("force"), ca.SX.sym("dt"), ca.SX.sym("held")
     (start, first), (end, last) = _hand("start"), _hand("end")
     begun = sticking_state(start[:3], start[3:6], grasp, body.com_offset)
-    lever = law.lever(state, first, last, dt)
+    lever = law.lever(state, (first, last), dt)
     posed = law.problem(state, last, lever, force, dt)
     problem, found = ca.SX.sym("problem", 10), ca.SX.sym("found", 5)
     rows = ca.vertsplit(problem)
@@ -79,7 +80,7 @@ def _surface_functions() -> list[ca.Function]:
     sticking, moving = given.sticking(), ca.SX.sym("moving")
     newton = {"problem": problem, "found": found, "held": held}
     moved = {"state": state, "start": start, "end": end}
-    after = law.after(state, first, last, lever, given.trimmed(iterate, held), dt)
+    after = law.after(state, (first, last), lever, given.trimmed(iterate, held), dt)
     return [
         _function(
             "surface_start",

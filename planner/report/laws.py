@@ -18,12 +18,13 @@ import numpy.typing as npt
 from ...models import (
     Body,
     Contact,
-    Hand,
     HandMotion,
+    HandSamples,
     ImplicitRelease,
     KarnoppRelease,
     LinearRelease,
     LuGreRelease,
+    Opening,
     PatchRelease,
     Path,
     PivotSteps,
@@ -262,15 +263,16 @@ def extrapolated(
 def python_loop(steps: int, case: ReleaseCase) -> Release:
     """The paper's way: explicit Euler steps of the sliding pivot, one by one in Python."""
     law = PivotSteps(SlidingPivot(case.body, case.contact, case.gravity), "euler")
-    opening, shares = case.grip.opening, np.linspace(0.0, 1.0, 2 * steps + 1)
+    duration, shares = case.grip.opening, np.linspace(0.0, 1.0, 2 * steps + 1)
 
-    def hand(time: float) -> Hand:
-        return Hand(*(rows[:, 0].tolist() for rows in case.hand.at(np.array([time]))))
+    def hand(time: float) -> HandSamples:
+        return HandSamples(time, *(rows[:, 0].tolist() for rows in case.hand.at(np.array([time]))))
 
-    forces = case.grip.force(shares * opening).tolist()
-    state, _ = march(law, shares.tolist(), opening, hand, forces, case.grasp_angle)
+    forces = case.grip.force(shares * duration).tolist()
+    opening = Opening(shares.tolist(), duration, hand, forces)
+    state, _ = march(law, opening, case.grasp_angle)
     end = np.array(state, float)[:, None]
-    return Release(np.array([opening]), end[:3], end[3:])
+    return Release(np.array([duration]), end[:3], end[3:])
 
 
 def _hand(case: ReleaseCase, t: float) -> tuple[Array, Array, HandMotion]:

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from ...models import Hand, HandSamples, PivotSteps, SlidingPivot, march, rk4_step
+from ...models import HandSamples, Opening, PivotSteps, SlidingPivot, march, rk4_step
 from ...problems import Pose, Scene
 from ..check import Mover, column_room, friction_use
 from ..compile import DAMAGED, cache_folder, digest, publish, source_of
@@ -146,10 +146,10 @@ class ReleaseSampler:
             inside &= gap <= 0.15 * limits.ddq * duration[:, None] ** 2
         return np.asarray(inside.all(axis=1))
 
-    def _hand(self, q: Array, dq: Array, ddq: Array, t: float) -> Hand:
+    def _hand(self, q: Array, dq: Array, ddq: Array, t: float) -> HandSamples:
         """The hands (N,) at time t."""
         outputs = self.mover.motion((q + dq * t + ddq * t * t / 2).T, (dq + ddq * t).T, ddq.T)
-        return Hand(*(np.array(o) for o in outputs))
+        return HandSamples(t, *(np.array(o) for o in outputs))
 
     def grip_use(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Friction use (N,) of the held bar under full grip; 1 slips."""
@@ -170,12 +170,10 @@ class ReleaseSampler:
 
     def throw(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Detach states (N, 6) by the exact sliding pivot."""
-        shares = np.linspace(0.0, 1.0, 2 * TABLE_STEPS + 1)
-        opening, angle = self.profile.opening, np.full(len(q), self.scene.grasp.angle)
-        forces = self.profile.force(shares * opening)
-        states, _ = march(
-            self.release, shares, opening, partial(self._hand, q, dq, ddq), forces, angle
-        )
+        shares, duration = np.linspace(0.0, 1.0, 2 * TABLE_STEPS + 1), self.profile.opening
+        forces = self.profile.force(shares * duration)
+        opening = Opening(shares, duration, partial(self._hand, q, dq, ddq), forces)
+        states, _ = march(self.release, opening, np.full(len(q), self.scene.grasp.angle))
         return np.array(states).T
 
 
