@@ -20,7 +20,6 @@ import numpy.typing as npt
 from ...models import MODELS
 from ...problems import InputError
 from .belief import ASSUMED, Belief, sets_at
-from .measured import Measured
 from .predict import Predictor
 
 Array = npt.NDArray[np.float64]
@@ -122,7 +121,6 @@ class Fit:
 def fit_to(
     predictor: Predictor,
     model: str,
-    truth: Measured,
     names: tuple[str, ...],
     prior: Belief | None = None,
 ) -> Fit:
@@ -135,12 +133,12 @@ def fit_to(
     begun = time.perf_counter()
     shared = predictor.data.shared
     noise = np.array([shared.position_noise, shared.angle_noise])
-    problem = _Problem(predictor, model, truth, names, prior, noise)
+    problem = _Problem(predictor, model, names, prior, noise)
     point, cost = min((problem.solved(start) for start in problem.starts()), key=lambda s: s[1])
     if not np.isfinite(problem.missed_by(point[None])).any():
         height = f"landing_height = {shared.landing_height:g}"
         raise InputError(f"no landing: no throw comes down to {height} by {model}")
-    for _ in range(REFITS if len(truth.landing) >= ENOUGH else 0):
+    for _ in range(REFITS if len(predictor.data.throws) >= ENOUGH else 0):
         sigma = np.maximum(noise, problem.scatter(point))
         if np.allclose(sigma, problem.sigma, rtol=0.02):
             break
@@ -172,12 +170,11 @@ class _Problem:
         self,
         predictor: Predictor,
         model: str,
-        truth: Measured,
         names: tuple[str, ...],
         prior: Belief | None,
         sigma: Array,
     ) -> None:
-        self.predictor, self.model, self.truth = predictor, model, truth
+        self.predictor, self.model = predictor, model
         self.names, self.prior, self.sigma, self.evaluations = names, prior, sigma, 0
         ranges = [
             RANGES[name] if name == "delay" else np.log(np.array(RANGES[name])) for name in names
@@ -197,7 +194,7 @@ class _Problem:
         """Predicted less measured x [m], theta [rad] (M, T, 2) at points (M, P)."""
         self.evaluations += 1
         landing = self.predictor.landings(self.model, sets_at(self.names, points))
-        return np.asarray(landing.swapaxes(0, 1) - self.truth.landing)
+        return np.asarray(landing.swapaxes(0, 1) - self.predictor.truth.landing)
 
     def rows(self, point: Array) -> Array:
         """What throws are missed by at a point and either side of it along each unknown."""

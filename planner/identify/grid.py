@@ -12,7 +12,6 @@ import numpy.typing as npt
 
 from ...models import MODELS
 from ...problems import ThrowData
-from .measured import Measured
 from .predict import Predictor, Progress, parameter_sets
 
 Array = npt.NDArray[np.float64]
@@ -136,25 +135,27 @@ class Grid:
 def grid_of(
     predictor: Predictor,
     model: str,
-    truth: Measured,
     axes: Axes = AXES,
     fixed: tuple[float, float] = (0.0, 1.0),
-    executor: Executor | None = None,
-    workers: int = 1,
+    shared: tuple[Executor, int] | None = None,
     progress: Progress | None = None,
 ) -> Grid:
-    """The error landscape of a model; `fixed`: delay [s] and scale of the grip force."""
+    """The error landscape of a model.
+
+    fixed: delay [s] and scale of the grip force; shared: whose processes throw, and how many.
+    """
     shape = (len(predictor.data.throws), len(axes[0]), len(axes[1]))
     friction, radius = (cells.ravel() for cells in np.meshgrid(*axes, indexing="ij"))
     sets = parameter_sets(friction, radius, *fixed)
     start = time.perf_counter()
-    if executor is None:
+    if shared is None:
         detach = predictor.detached(model, sets, progress)
     else:
-        detach = _shared(predictor.data, model, sets, executor, progress)
-    off = predictor.landed(detach) - truth.landing[:, None]
-    errors, seconds = truth.scaled(off).reshape(shape), time.perf_counter() - start
+        detach = _shared(predictor.data, model, sets, shared[0], progress)
+    off = predictor.landed(detach) - predictor.truth.landing[:, None]
+    errors, seconds = predictor.truth.scaled(off).reshape(shape), time.perf_counter() - start
     detach = detach.reshape(*shape, 6)
+    workers = 1 if shared is None else shared[1]
     return Grid(model, *axes, errors, detach, seconds, workers, *fixed)
 
 
@@ -176,7 +177,7 @@ def _shared(
 
 def _piece(data: ThrowData, model: str, sets: Array) -> Array:
     """Detach states of some throws, in a process of its own."""
-    return Predictor(data).detached(model, sets)
+    return Predictor.of(data).detached(model, sets)
 
 
 def estimated_seconds(predictor: Predictor, model: str) -> float | None:

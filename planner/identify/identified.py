@@ -19,7 +19,6 @@ from .factors import SURFACE
 from .fit import START_FRICTION, START_RADIUS, USUAL_EVALUATIONS, Fit, fit_to
 from .grid import AXES, CELLS, MISSED, Grid, estimated_seconds, grid_of
 from .landscape import fit_picture, grid_picture
-from .measured import measured
 from .predict import UNKNOWNS, Predictor, Progress, check_model
 
 #: Why a model that chatters is not fitted.
@@ -134,7 +133,7 @@ def identify(
     elif prior is not None:
         names = prior.names
     show = about or (lambda words: lambda done, total: None)
-    predictor, truth = Predictor(data), measured(data)
+    predictor = Predictor.of(data)
     each = estimated_seconds(predictor, model)
     count = len(data.throws)
     whole = None if each is None else each * count * CELLS
@@ -143,17 +142,19 @@ def identify(
     fit, error, fixed = None, None, (0.0, 1.0)
     if not MODELS[model].chatters and (each is None or each * calls <= PATIENCE):
         show(f"fit by {model}")
-        fit = fit_to(predictor, model, truth, names, prior)
+        fit = fit_to(predictor, model, names, prior)
         belief = fit.posterior
         fixed = belief.value("delay"), belief.value("grip_scale")
         landing = predictor.landings(model, sets_at(names, belief.mean))
-        off = truth.scaled(landing - truth.landing[:, None])
-        error = float(np.nan_to_num(off, nan=MISSED).mean())
+        off = landing - predictor.truth.landing[:, None]
+        error = float(np.nan_to_num(predictor.truth.scaled(off), nan=MISSED).mean())
     found = None
     if grid and (whole is None or whole <= PATIENCE):
-        shared = (executor, workers) if MODELS[model].batch is not None else (None, 1)
+        shared = None
+        if executor is not None and MODELS[model].batch is not None:
+            shared = executor, workers
         line = show(f"grid by {model}")
-        found = grid_of(predictor, model, truth, AXES, fixed, *shared, line)
+        found = grid_of(predictor, model, AXES, fixed, shared, line)
     return Identified(model, data, prior, found, fit, error, each, whole)
 
 

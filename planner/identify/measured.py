@@ -25,7 +25,7 @@ BEFORE, AFTER, TICK = 0.05, 0.06, 0.001
 
 
 @dataclass(frozen=True)
-class Measured:
+class Landings:
     """landing (T, 2): x [m], theta [rad] at the landing height; twist (T, 2): v_x [m/s] and
     omega [rad/s] in flight, NaN where no track was measured; arm (T,): half the bar's
     length [m], which makes an angle an error in metres, (39)."""
@@ -40,12 +40,8 @@ class Measured:
         arm = self.arm.reshape(-1, *[1] * (off.ndim - 2))
         return np.asarray(np.abs(off[..., 0]) + np.abs(off[..., 1]) * arm)
 
-    def part(self, rows: npt.NDArray[np.int_]) -> Measured:
-        """Of some of the throws."""
-        return Measured(self.landing[rows], self.twist[rows], self.arm[rows])
 
-
-def measured(data: ThrowData) -> Measured:
+def measured(data: ThrowData) -> Landings:
     """What was measured of a data set's throws; InputError for a track that never lands."""
     landing, twist = [], []
     for throw in data.throws:
@@ -57,7 +53,7 @@ def measured(data: ThrowData) -> Measured:
         landing.append(landed)
         twist.append(rates)
     arm = np.array([throw.object.length / 2 for throw in data.throws])
-    return Measured(np.array(landing), np.array(twist), arm)
+    return Landings(np.array(landing), np.array(twist), arm)
 
 
 def velocities(track: Array) -> Array:

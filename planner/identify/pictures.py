@@ -99,7 +99,7 @@ def _landings(found: Validation) -> Figure:
     from matplotlib import colormaps
 
     figure, batch = new_figure(8.5, 5.6), found.data.picked(found.batch)
-    axis, landing = figure.add_subplot(), found.truth.landing[found.batch] * DEGREES
+    axis, landing = figure.add_subplot(), found.predictor.truth.landing[found.batch] * DEGREES
     labels = [(t.factors.get("com", ""), t.factors.get("release", "")) for t in batch.throws]
     coms, releases = (ordered_labels(batch, name) or [""] for name in ("com", "release"))
     shades = colormaps["viridis"](np.linspace(0, 0.95, len(releases)))
@@ -337,7 +337,7 @@ def _pairs(axis: Axes, found: Validation, model: str, row: FactorRow) -> None:
     compared, shade = row.comparison, colours(list(found.checks))[model]
     sides = zip((compared.first, compared.second), compared.labels, CONDITIONS, strict=True)
     for rows, label, (marker, blue, alpha) in sides:
-        real = found.truth.landing[rows] * DEGREES
+        real = found.predictor.truth.landing[rows] * DEGREES
         guess = real + found.checks[model].landing[rows] * DEGREES
         axis.plot(*np.stack([real, guess]).transpose(2, 0, 1), color=GREY, lw=0.6, zorder=1)
         style: Style = {"s": 20, "lw": 0.4, "zorder": 2, "marker": marker, "ec": BLACK}

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -22,6 +24,7 @@ from ...models import (
 from ...problems import InputError, MeasuredThrow, ThrowData
 from ..check import named_model, recorded_joints
 from ..compile import compiled_steps
+from .measured import Landings, measured
 
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int_]
@@ -57,33 +60,36 @@ def check_model(model: str) -> None:
     named_model(model, MODELS)
 
 
+@dataclass(frozen=True, eq=False)
 class Predictor:
-    """The throws of a data set, ready to be thrown by any model.
+    """The throws of a data set, ready to be thrown by any model and compared.
 
     hands: each throw's, from the opening's start on, as a spline through samples at 1 kHz
-    that begin at the command at the latest. Raises InputError for a motion that does not fit
-    its arm.
+    that begin at the command at the latest.
     """
 
-    def __init__(self, data: ThrowData) -> None:
-        self.data = data
-        self.hands: list[Path] = []
-        self._samples: list[tuple[Array, Array]] = []
+    data: ThrowData
+    hands: tuple[Path, ...]
+
+    @classmethod
+    def of(cls, data: ThrowData) -> Predictor:
+        """The throws of a data set; InputError for a motion that does not fit its arm."""
+        hands = []
         for throw in data.throws:
             try:
-                times, poses = _sampled(data, throw)
+                hands.append(_sampled(data, throw))
             except ValueError as error:
                 raise InputError(f"{data.name}: throw {throw.name}: {error}") from None
-            self._samples.append((times, poses))
-            self.hands.append(Path.through(times, poses))
+        return cls(data, tuple(hands))
+
+    @cached_property
+    def truth(self) -> Landings:
+        """What was measured; InputError for a track that never lands."""
+        return measured(self.data)
 
     def part(self, rows: Rows) -> Predictor:
         """The same for some of the throws."""
-        part = Predictor(self.data.picked([]))
-        part.data = self.data.picked(rows)
-        part.hands = [self.hands[i] for i in rows]
-        part._samples = [self._samples[i] for i in rows]
-        return part
+        return Predictor(self.data.picked(rows), tuple(self.hands[i] for i in rows))
 
     def detached(self, model: str, sets: Array, progress: Progress | None = None) -> Array:
         """CoM pose and twist (T, M, 6) of every throw at the end of the opening, with every
@@ -153,25 +159,24 @@ class Predictor:
         throws, shared = [self.data.throws[i] for i in rows], self.data.shared
         reach = float(np.abs(sets[:, 2]).max()) + 2 * STEP
         longest = max(throw.grip.opening for throw in throws)
-        first = max(-reach, *(self._samples[i][0][0] for i in rows))
-        last = min(longest + reach, *(self._samples[i][0][-1] for i in rows))
-        poses = []
-        for i in rows:
-            every, samples = self._samples[i]
-            keep = (every >= first - STEP / 2) & (every <= last + STEP / 2)
-            times = every[keep]
-            poses.append(samples[keep])
+        hands = [self.hands[i] for i in rows]
+        first = max(-reach, *(hand.breaks[0] for hand in hands)) - STEP / 2
+        last = min(longest + reach, *(hand.breaks[-1] for hand in hands)) + STEP / 2
+        kept = [(hand.breaks >= first) & (hand.breaks <= last) for hand in hands]
+        poses = [hand.given[0][keep] for hand, keep in zip(hands, kept, strict=True)]
         friction, radius, delay, scale = np.tile(sets, (len(rows), 1)).T
 
         def spread(values: list[Any]) -> Array:
             return np.repeat(np.array(values, float), len(sets), axis=0)
 
+        # One throw's motion is shared by all sets.
+        several = spread(poses) if len(rows) > 1 else poses[0]
         return ReleaseBatch(
             friction.size,
             Body(*spread([_body(throw) for throw in throws]).T),
             Contact(friction, radius, shared.torsion, shared.faces),
             throws[0].grip,
-            Path.through(times, spread(poses) if len(rows) > 1 else np.array(poses), delay),
+            Path.through(hands[0].breaks[kept[0]], several, delay),
             spread([throw.grip.opening for throw in throws]),
             spread([throw.grip.full for throw in throws]) * scale,
             shared.gravity,
@@ -179,8 +184,8 @@ class Predictor:
         )
 
 
-def _sampled(data: ThrowData, throw: MeasuredThrow) -> tuple[Array, Array]:
-    """Times (K,) [s] from the opening's start, whole milliseconds, and poses (K, 3)."""
+def _sampled(data: ThrowData, throw: MeasuredThrow) -> Path:
+    """The hand from the opening's start on, through its poses at whole milliseconds."""
     times, opening = throw.times - throw.opening, throw.grip.opening
     hand: HandTrack
     if data.arm is None:
@@ -191,7 +196,7 @@ def _sampled(data: ThrowData, throw: MeasuredThrow) -> tuple[Array, Array]:
     first = max(float(times[0]), -max(throw.grip.dwell, REACH) - 2 * STEP)
     last = min(float(times[-1]), opening + REACH + 2 * STEP)
     even = STEP * np.arange(np.ceil(first / STEP), np.floor(last / STEP) + 1)
-    return even, hand.at(even).pose.T
+    return Path.through(even, hand.at(even).pose.T)
 
 
 def _body(throw: MeasuredThrow) -> tuple[float, float, float]:
@@ -202,4 +207,4 @@ def _body(throw: MeasuredThrow) -> tuple[float, float, float]:
 def thrown(data: ThrowData, model: str, contact: Mapping[str, float]) -> Array:
     """Landings (T, 2), x [m] and theta [rad], of the throws with this contact: a stand-in
     for reality. contact: friction, patch_radius, and delay [s], grip_scale if they differ."""
-    return Predictor(data).landings(model, parameter_sets(**contact))[:, 0]
+    return Predictor.of(data).landings(model, parameter_sets(**contact))[:, 0]

@@ -17,7 +17,6 @@ from ...models import MODELS, STEPPED_SURFACE, VALIDATED
 from ...problems import ThrowData
 from .factors import SURFACE, FactorRow, batch_rows, comparisons, conditions, factor_rows
 from .grid import AXES, CELLS, Grid, grid_of
-from .measured import Measured, measured
 from .predict import Predictor, Progress, check_model, parameter_sets
 
 Array = npt.NDArray[np.float64]
@@ -105,7 +104,6 @@ class Validation:
 
     data: ThrowData
     predictor: Predictor
-    truth: Measured
     batch: Rows
     conditions: list[tuple[str, ...]]
     checks: dict[str, ModelCheck]
@@ -115,12 +113,12 @@ class Validation:
 
     def scaled(self, model: str) -> Array:
         """Scaled error (T,) [m] of a model, (39)."""
-        return self.truth.scaled(self.checks[model].landing)
+        return self.predictor.truth.scaled(self.checks[model].landing)
 
     @property
     def tracked(self) -> bool:
         """Whether twists in flight are known of any throw of the batch."""
-        return bool(np.isfinite(self.truth.twist[self.batch]).any())
+        return bool(np.isfinite(self.predictor.truth.twist[self.batch]).any())
 
 
 def validate(
@@ -137,17 +135,16 @@ def validate(
     for model in models:
         check_model(model)
     compared, left_out = comparisons(data, factors)
-    work = _Work(Predictor(data), measured(data), about or (lambda _: lambda *_: None))
+    work = _Work(Predictor.of(data), about or (lambda _: lambda *_: None))
     checks = {model: work.check(model) for model in dict.fromkeys(models)}
     off = {model: check.landing for model, check in checks.items()}
     return Validation(
         data,
         work.predictor,
-        work.truth,
         work.batch,
         work.conditions,
         checks,
-        [factor_rows(comparison, work.truth.landing, off) for comparison in compared],
+        [factor_rows(comparison, work.predictor.truth.landing, off) for comparison in compared],
         left_out,
         time.perf_counter() - start,
     )
@@ -156,9 +153,9 @@ def validate(
 class _Work:
     """What all models of one validation share."""
 
-    def __init__(self, predictor: Predictor, truth: Measured, about: About) -> None:
+    def __init__(self, predictor: Predictor, about: About) -> None:
         data = predictor.data
-        self.predictor, self.truth, self.about = predictor, truth, about
+        self.predictor, self.about = predictor, about
         self.batch, self.conditions = batch_rows(data), conditions(data)
         # Throws by the surface whose parameters they need, "" for the batch's.
         labels = [throw.factors.get(SURFACE, "") for throw in data.throws]
@@ -183,8 +180,9 @@ class _Work:
                 show = self.about(f"{model}: its best parameters")
                 sets = parameter_sets(*parameters[label])
                 detach = self.predictor.part(rows).detached(model, sets, show)[:, 0]
-            landing[rows] = self.predictor.landed(detach) - self.truth.landing[rows]
-            twist[rows] = detach[:, [3, 5]] - self.truth.twist[rows]
+            truth = self.predictor.truth
+            landing[rows] = self.predictor.landed(detach) - truth.landing[rows]
+            twist[rows] = detach[:, [3, 5]] - truth.twist[rows]
         assert of_batch is not None
         used, grid, seconds = of_batch
         return ModelCheck(
@@ -224,8 +222,8 @@ class _Work:
         """Some throws in some cells."""
         # The first prediction of a process loads libraries.
         self.predictor.part(rows[:1]).detached(model, parameter_sets(axes[0][0], axes[1][0]))
-        part, truth = self.predictor.part(rows), self.truth.part(rows)
-        return grid_of(part, model, truth, axes, progress=self.about(words))
+        part = self.predictor.part(rows)
+        return grid_of(part, model, axes, progress=self.about(words))
 
     def timed(self, model: str, pair: tuple[float, float]) -> Array:
         """Seconds of single releases of some throws of the batch."""

@@ -105,12 +105,12 @@ def test_truth_is_recovered_within_five_per_cent(patched: ThrowData, model: str)
 
 def test_throws_are_predicted_the_same_alone_and_together() -> None:
     data, sets = made(3), parameter_sets([0.4, 0.8], [RADIUS], [0.0, 0.004], [1.0, 1.1])
-    together = Predictor(data).landings("sp", sets)
+    together = Predictor.of(data).landings("sp", sets)
     for i in range(3):
-        alone = Predictor(data.picked([i])).landings("sp", sets[1:])
+        alone = Predictor.of(data.picked([i])).landings("sp", sets[1:])
         assert together[i, 1] == pytest.approx(alone[0, 0], abs=1e-6)
     # Only the product of friction and force is seen.
-    same = Predictor(data).landings("sp", parameter_sets(0.88, RADIUS, 0.004))
+    same = Predictor.of(data).landings("sp", parameter_sets(0.88, RADIUS, 0.004))
     assert together[:, 1] == pytest.approx(same[:, 0], abs=1e-9)
     assert np.abs(np.diff(together[..., 1], axis=1)).min() > 1e-4
 
@@ -118,11 +118,10 @@ def test_throws_are_predicted_the_same_alone_and_together() -> None:
 def test_the_grid_counts_what_does_not_land() -> None:
     data = made(3)
     gone = dataclasses.replace(data, shared=dataclasses.replace(data.shared, landing_height=5.0))
-    truth = measured(data)
     axes = (np.array([0.6, 0.8, 1.0]), np.array([0.003, 0.004]))
-    grid = grid_of(Predictor(data), "sp", truth, axes)
+    grid = grid_of(Predictor.of(data), "sp", axes)
     assert grid.optimum == (0.8, 0.004) and not grid.missed.any()
-    nowhere = grid_of(Predictor(gone), "sp", truth, axes)
+    nowhere = grid_of(Predictor.of(gone), "sp", axes)
     assert (nowhere.missed == 3).all() and (nowhere.error == 10.0).all()
 
 

@@ -81,7 +81,7 @@ def make_data(
     data, done = ThrowData("toy", shared, tuple(throws)), []
     for i, throw in enumerate(throws):
         sets = parameter_sets(*TRUTH[throw.factors["surface"]])
-        state = Predictor(data.picked([i])).detached("ls-step", sets)[0, 0]
+        state = Predictor.of(data.picked([i])).detached("ls-step", sets)[0, 0]
         done.append(landed(throw, state, rng))
     return dataclasses.replace(data, throws=tuple(done))
 
@@ -102,7 +102,7 @@ def found(data):
 def test_errors_agree_with_releases_one_by_one(data, found):
     """Landings of some of the batch at the best cell, by single releases and by hand."""
     assert found.batch.tolist() == list(range(24))
-    predictor = Predictor(data)
+    predictor = Predictor.of(data)
     # The single time stepping is of first order, the batch's is extrapolated.
     for model, close in (("sp", 3e-4), ("ls-step", 4e-3)):
         check = found.checks[model]
@@ -110,7 +110,7 @@ def test_errors_agree_with_releases_one_by_one(data, found):
             end = predictor.released(model, i, parameter_sets(*check.parameters[""])[0]).detach
             time = (end.v_z + math.sqrt(end.v_z**2 + 2 * 9.81 * (end.z - 0.1))) / 9.81
             place = np.array([end.x + end.v_x * time, end.theta + end.omega * time])
-            assert np.abs(place - found.truth.landing[i] - check.landing[i]).max() < close
+            assert np.abs(place - found.predictor.truth.landing[i] - check.landing[i]).max() < close
         off = np.abs(check.landing[:24])
         mean = (off[:, 0] + off[:, 1] * 0.13).mean()
         assert check.grid.error.min() == pytest.approx(mean)
@@ -250,7 +250,7 @@ def test_a_model_that_never_lands(found, tmp_path: Path):
     check = found.checks["sp"]
     lost = dataclasses.replace(check, landing=np.nan * check.landing, twist=np.nan * check.twist)
     rows = [
-        factor_rows(g[0].comparison, found.truth.landing, {"sp": lost.landing})
+        factor_rows(g[0].comparison, found.predictor.truth.landing, {"sp": lost.landing})
         for g in found.factors
     ]
     mine = dataclasses.replace(found, checks=found.checks | {"sp": lost}, factors=rows)
