@@ -7,7 +7,8 @@ print(plan.status, plan.to_dict()["error"])
 
 from importlib.metadata import PackageNotFoundError, version
 
-from .planner.check import SentThrow, simulate, simulate_batch
+from .planner.check import Throw as SentThrow
+from .planner.check import simulate, simulate_batch
 from .planner.identify import Identified, identify, throw_data, thrown
 from .planner.plan import Planner, plan
 from .planner.reach import ReachMap, reach_map

@@ -59,7 +59,7 @@ from .patch_release import (
     critical_damping,
     march_patch,
 )
-from .path import MovedHand, Path, low_pass
+from .path import INSIDE, MovedHand, Path, low_pass
 from .registry import (
     BATCH_MODELS,
     DECIDING,
@@ -117,6 +117,7 @@ __all__ = [
     "DECIDING",
     "FALL_SHARE",
     "IDENTIFIED",
+    "INSIDE",
     "ITERATIONS",
     "LOST",
     "LOST_SLIP",

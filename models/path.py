@@ -148,6 +148,20 @@ class Path:
         kinks = np.asarray(np.unique(h * np.concatenate([corners, inside])), dtype=np.float64)
         return cls(h * np.arange(len(q), dtype=np.float64), given[..., None], kinks, held=True)
 
+    @classmethod
+    def joined(cls, parts: Sequence[Path]) -> Path:
+        """Single paths, each from where the one before ends; held at the end as the last is.
+
+        Kinks are those of the first.
+        """
+        most = max(len(part.coefficients) for part in parts)
+        padded = [
+            np.pad(part.coefficients, ((most - len(part.coefficients), 0), (0, 0), (0, 0), (0, 0)))
+            for part in parts
+        ]
+        breaks = np.concatenate([part.breaks[:-1] for part in parts] + [parts[-1].breaks[-1:]])
+        return cls(breaks, np.concatenate(padded, axis=2), parts[0].kinks, held=parts[-1].held)
+
     @cached_property
     def coefficients(self) -> Array:
         """Highest power first: (D + 1, n, P, R)."""
@@ -196,6 +210,11 @@ class Path:
             delays=delays[throws] if isinstance(delays, np.ndarray) else delays,
             drift=None if drift is None else drift[:, throws],
         )
+
+    def beginning(self, piece: int) -> Path:
+        """The same from a piece on."""
+        given = self.coefficients[:, :, piece:]
+        return replace(self, breaks=self.breaks[piece:], given=given)
 
     def later(self, delays: Array | float) -> Path:
         """Each throw's clock starts that much later [s] on the motion: one value, or (N,)."""

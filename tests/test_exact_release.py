@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -10,6 +11,7 @@ import pytest
 import throwplan as tp
 from scipy.integrate import solve_ivp
 from throwplan.models import (
+    INSIDE,
     Body,
     Contact,
     HandMotion,
@@ -31,8 +33,7 @@ from throwplan.planner.check.exact_release import (
     relative_states,
     sliding_pivot_release,
 )
-from throwplan.planner.check.motion import INSIDE
-from throwplan.planner.check.rollout import MoverTrack, case_of, kinks_of, landing
+from throwplan.planner.check.throw import case_of, landing
 
 SCENES = ("pose", "cup", "box", "flip", "hand-box", "hand-flip")
 #: What is thrown: every scene's plan, and an arm's motion as it is sent.
@@ -49,12 +50,11 @@ def plan_of(name: str) -> tp.Plan:
 
 def thrown(name: str, kind: str) -> tuple[ReleaseCase, np.ndarray]:
     """The release of a scene's plan, and the kinks of its motion."""
-    plan = plan_of(name)
-    throw = plan.throw
-    assert throw is not None
-    motion = getattr(throw, kind)
-    case = case_of(plan.scene, MoverTrack(plan.mover, motion, throw.opening_time))
-    return case, kinks_of(motion, throw.opening_time, case.grip.opening)
+    found = plan_of(name).throw
+    assert found is not None
+    path = found.planned if kind == "planned" else found.samples.path
+    throw = replace(found.final, path=path)
+    return throw.case, throw.kinks
 
 
 def landed(name: str, release: Release) -> np.ndarray:

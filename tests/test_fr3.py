@@ -10,8 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner.check.check import broken_limits
-from throwplan.planner.check.motion import SampledMotion
+from throwplan.planner.check import Samples, broken_limits
 from throwplan.planner.check.mover import make_mover
 from throwplan.planner.ocp import Request, ThrowNlp, build_nlp
 
@@ -80,7 +79,7 @@ def test_the_limits_bind_near_a_joints_end(fr3, fr3_planner):
     dq = free.throw.samples.dq
     assert max((dq - high).max(), (low - dq).max()) > 0.01
     mover = make_mover(fr3)
-    broken = broken_limits(mover.hard, mover.joints, free.throw.samples)
+    broken = broken_limits(mover, free.throw.samples)
     assert broken and all(words.endswith("velocity") for words in broken)
 
     samples = fr3_planner.plan(NEAR_THE_END).throw.samples
@@ -98,7 +97,7 @@ def test_a_sample_over_the_curve_is_named(fr3, slowing):
     ticks = np.arange(300)[:, None]
     q = np.array([0.0, -0.9, 2.0]) + 0.001 * ticks * np.array([0.0, 2.0, 0.0])
     dq = np.tile([0.0, 2.0, 0.0], (300, 1))
-    broken = broken_limits(mover.hard, mover.joints, SampledMotion(q, dq, 0.0 * q))
+    broken = broken_limits(mover, Samples(q, dq, 0.0 * q))
     assert broken == (["joint 4 velocity"] if slowing else [])
 
 

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 import throwplan as tp
 from throwplan.models import MODELS, Path, land
-from throwplan.planner.check.check import throw
 from throwplan.planner.cli import common, main
 from throwplan.planner.sweep.carry_hold import CarryHold
 from throwplan.planner.sweep.sweep_run import run_sweep
@@ -158,7 +157,8 @@ def test_samples_land_where_the_exact_model_throws_them(posed) -> None:
         )
         # The command went out earlier by the mean delay.
         opened = posed.throw.opening_time + given["delay"] - 0.002
-        exact = throw(other, posed.mover, posed.throw.samples, opened, posed.target.z).landing
+        thrown = dataclasses.replace(posed.throw.final, scene=other, opening_time=opened)
+        exact = thrown.sliding_pivot.landing
         assert pose[0] == pytest.approx(exact.x, abs=2e-4)
         assert pose[1] == pytest.approx(exact.theta, abs=2e-3)
 
@@ -169,8 +169,8 @@ def test_the_largest_delays_are_where_success_ends(posed) -> None:
         assert edge is not None and edge != 0.0
         for delay, inside in ((edge * 0.98, True), (edge * 1.02, False)):
             opened = posed.throw.opening_time + delay
-            thrown = throw(posed.scene, posed.mover, posed.throw.samples, opened, posed.target.z)
-            dx, dtheta = thrown.miss(posed.target)
+            thrown = dataclasses.replace(posed.throw.final, opening_time=opened)
+            dx, dtheta = thrown.sliding_pivot.miss(posed.target)
             tolerance = posed.scene.tolerance
             met = abs(dx) <= tolerance.position and abs(dtheta) <= tolerance.angle
             assert met == inside

@@ -3,7 +3,6 @@
 The promise behind `solved` is kept here: nothing in this room knows how a throw was found.
 """
 
-from .check import Thrown, broken_limits, limit_surface_throw, throw
 from .cup_entries import cup_entries, cup_entry, enters_cup_at_landing
 from .exact_release import relative_states
 from .geometry import (
@@ -18,39 +17,29 @@ from .geometry import (
 )
 from .given_motion import given_hand, recorded_joints
 from .kernel_code import KernelCode, check_kernels
-from .motion import TICK, Motion, PlannedMotion, SampledMotion
-from .mover import Limits, Mover, make_mover
-from .rollout import Landing, MoverTrack, case_of, friction_use, hand_samples, slip_while_carrying
-from .sent import SentThrow
+from .mover import Limits, Mover, make_mover, outline_kernel
+from .sending import TICK, Samples, SmoothingError, broken_limits, send
 from .simulation import named_model, simulate, simulate_batch
-from .smooth import SmoothingError, send
+from .throw import Landing, Throw, case_of, friction_use
 from .violations import (
-    CheckedThrow,
     Guard,
     Margin,
     Violation,
-    flight_poses,
-    outline_kernel,
     throw_violations,
     torque_use,
 )
 
 __all__ = [
     "TICK",
-    "CheckedThrow",
     "Guard",
     "KernelCode",
     "Landing",
     "Limits",
     "Margin",
-    "Motion",
     "Mover",
-    "MoverTrack",
-    "PlannedMotion",
-    "SampledMotion",
-    "SentThrow",
+    "Samples",
     "SmoothingError",
-    "Thrown",
+    "Throw",
     "Violation",
     "bar_outline",
     "broken_limits",
@@ -61,12 +50,9 @@ __all__ = [
     "cup_entries",
     "cup_entry",
     "enters_cup_at_landing",
-    "flight_poses",
     "friction_use",
     "given_hand",
-    "hand_samples",
     "held_bar",
-    "limit_surface_throw",
     "lowest_of_bar",
     "make_mover",
     "named_model",
@@ -79,8 +65,6 @@ __all__ = [
     "send",
     "simulate",
     "simulate_batch",
-    "slip_while_carrying",
-    "throw",
     "throw_violations",
     "torque_use",
 ]

@@ -8,7 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...problems import Cup, Scene, ThrownObject
-from .check import Thrown
+from .throw import Throw
 
 Array = npt.NDArray[np.float64]
 
@@ -79,7 +79,7 @@ def cup_entries(bar: ThrownObject, com: Array, cup: Cup, detach: Array, flight: 
     return clearance
 
 
-def cup_entry(scene: Scene, thrown: Thrown) -> float:
+def cup_entry(scene: Scene, thrown: Throw) -> float:
     """The same for the one throw of a scene."""
     assert scene.cup is not None
     state = np.array([[*vars(thrown.release.detach).values(), scene.gravity]])

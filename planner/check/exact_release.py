@@ -23,6 +23,7 @@ import numpy.typing as npt
 
 from ...models import (
     BLEW_UP,
+    INSIDE,
     LOST,
     LOST_SLIP,
     HandSamples,
@@ -39,7 +40,6 @@ from ...models import (
     sticking_state,
 )
 from ..compile import STEPS, StepKernel
-from .motion import INSIDE
 
 Array = npt.NDArray[np.float64]
 

@@ -13,8 +13,7 @@ import casadi as ca
 from ...problems import Scene
 from ..compile import Code, Compile, Kernel, MappedKernel, mapped
 from .exact_release import pivot_kernel, surface_kernel
-from .mover import Mover
-from .violations import outline_kernel
+from .mover import Mover, outline_kernel
 
 Kernels = Mapping[str, Kernel | MappedKernel]
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from ...models import PlanarArm, PlanarHand, Slowing, hand_motion
+from ...models import MovedHand, Path, PlanarArm, PlanarHand, Slowing, hand_motion
 from ...problems import Hand, InputError, Scene
+from ..compile import MappedKernel, mapped
 
 Array = npt.NDArray[np.float64]
 
@@ -56,6 +58,13 @@ class Mover:
     hard: Limits
     start: Array | None
     jerk_control: bool
+
+    def hand(self, path: Path) -> MovedHand:
+        """The hand that a path of the coordinates moves."""
+        return MovedHand(path, self._moved)
+
+    def _moved(self, *coordinates: Array) -> list[Array]:
+        return [rows.T for rows in mapped(self.motion)(*(rows.T for rows in coordinates))]
 
     @property
     def size(self) -> int:
@@ -154,3 +163,13 @@ def _slowing(slowing: Slowing | None, index: list[int]) -> Array | None:
 def _slower(slowing: Array | None, share: float) -> Array | None:
     """The curves whose velocity is `share` of the given ones' everywhere."""
     return None if slowing is None else slowing * np.array([[share**2], [share], [1.0], [1.0]])
+
+
+@lru_cache(maxsize=16)
+def outline_kernel(motion: ca.Function, kinematics: PlanarArm | PlanarHand) -> MappedKernel:
+    """q -> hand pose (3,) and the height of the lowest joint beyond the shoulder."""
+    q = ca.SX.sym("q", kinematics.coordinates)
+    zero = ca.SX.zeros(kinematics.coordinates)
+    pose = motion(q, zero, zero)[0]
+    joints = kinematics.points(q)[1, 2:] if isinstance(kinematics, PlanarArm) else pose[1]
+    return MappedKernel(ca.Function("outline", [q], [pose, ca.mmin(joints)]))

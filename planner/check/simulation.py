@@ -32,7 +32,7 @@ from ...models import (
 from ...problems import InputError, Scene, as_scene
 from ..compile import PAYS_FROM, compiled_steps
 from .given_motion import given_hand
-from .rollout import Landing, case_of, landing
+from .throw import Landing, case_of, landing
 
 Array = npt.NDArray[np.float64]
 

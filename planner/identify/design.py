@@ -16,15 +16,15 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
+from ...models import Path
 from ...problems import Gripper, PadContact, Scene, ThrownObject, Workspace, load_scene
 from ..check import (
     TICK,
     Mover,
-    PlannedMotion,
-    SampledMotion,
+    Samples,
+    Throw,
     make_mover,
     send,
-    slip_while_carrying,
 )
 
 Array = npt.NDArray[np.float64]
@@ -96,7 +96,7 @@ class Condition:
 class Throwing:
     """A motion of the design: samples at 1 kHz; opening_time [s]: nominal start of the fall."""
 
-    samples: SampledMotion
+    samples: Samples
     opening_time: float
 
 
@@ -153,7 +153,7 @@ def design() -> dict[str, list[Throwing]]:
     return found
 
 
-def _planned(q: Array, dq: Array, ddq: Array, duration: float) -> PlannedMotion:
+def _planned(q: Array, dq: Array, ddq: Array, duration: float) -> Path:
     """Rest to (q, dq, ddq) in `duration`, then constant acceleration; a piece a tick.
 
     The launch's rates are a t^2 + b t^3.
@@ -169,9 +169,10 @@ def _planned(q: Array, dq: Array, ddq: Array, duration: float) -> PlannedMotion:
     place[1:] = np.cumsum(
         TICK * (rate[:-1] + TICK * (2 * acceleration[:-1] + acceleration[1:]) / 6), axis=0
     )
-    return PlannedMotion(times, place + q - place[-1], rate, acceleration, jerk)
+    return Path.cubics(times, place + q - place[-1], rate, acceleration, jerk)
 
 
 def grip_use(mover: Mover, motion: Throwing, scene: Scene) -> float:
     """Largest friction use while the bar is carried, 1 is the limit."""
-    return slip_while_carrying(scene, mover, motion.samples, motion.opening_time + LONGER / 2)
+    late = motion.opening_time + LONGER / 2
+    return Throw(scene, mover, motion.samples.path, late).grip_use

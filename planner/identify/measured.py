@@ -10,7 +10,6 @@ import numpy.typing as npt
 
 from ...models import LinearRelease, TableRelease
 from ...problems import InputError, MeasuredThrow, Scene, Shared, ThrowData
-from ..check import hand_samples
 from ..result import Plan, sent_throw
 
 Array = npt.NDArray[np.float64]
@@ -143,7 +142,7 @@ def _recorded(name: str, plan: Plan, landing: tuple[float, float] | None) -> Mea
         object=sent.scene.object,
         grasp=sent.scene.grasp,
         times=times,
-        motion=hand_samples(sent.mover, sent.motion, times).pose.T,
+        motion=sent.hand(times).pose.T,
         command=command,
         grip=_recorded_grip(sent.scene),
         landing=None if landing is None else (landing[0], sent.target.z, landing[1]),

@@ -37,7 +37,7 @@ from ...problems import (
     ThrownObject,
     monotone_grip,
 )
-from ..check import Mover, hand_samples, make_mover
+from ..check import Mover, make_mover
 from .design import (
     BARS,
     DWELL,
@@ -158,7 +158,7 @@ class Flown:
     def poses(self, mover: Mover, times: Array) -> Array:
         """CoM poses (K, 3) at times [s] of the motion's clock: held, let go, flying."""
         since = times - self.event.opening
-        held = hand_samples(mover, self.event.motion.samples, times).pose
+        held = mover.hand(self.event.motion.samples.path).at(times).pose
         x, z, theta = sticking_state(held, 0 * held, 0.0, self.event.bar.com)[:3]
         going = [np.interp(since, self.times, values) for values in self.com]
         flying = self.detach.after(since - self.times[-1], scene_with("com1").gravity)
@@ -277,7 +277,7 @@ def _side_by_side(mover: Mover, events: Sequence[Event], steps: int, gravity: fl
     times, hands, forces = [], [], []
     for event in events:
         t = np.linspace(0.0, event.grip.opening, steps + 1)
-        hand = hand_samples(mover, event.motion.samples, event.opening + t)
+        hand = mover.hand(event.motion.samples.path).at(event.opening + t)
         times.append(t)
         hands.append((hand.pose, hand.twist, hand.acceleration))
         forces.append(event.grip.force((t[1:] + t[:-1]) / 2))
@@ -298,7 +298,7 @@ def _measured(mover: Mover, throw: Flown, noise: Noise, rng: np.random.Generator
     assert arm is not None
     times = JOINTS * np.arange(math.floor(samples.times[-1] / JOINTS + 1e-9) + 1)
     joints = np.tile(arm.posture, (times.size, 1))
-    joints[:, [j - 1 for j in arm.throwing_joints]] = samples.at(times)[0].T
+    joints[:, [j - 1 for j in arm.throwing_joints]] = samples.path.at(times).pose.T
     joints += noise.joints * rng.standard_normal(joints.shape)
     landed = event.opening + throw.times[-1] + throw.landing[2]
     first = math.ceil((event.command - BEFORE) / TRACK)

@@ -23,7 +23,7 @@ from ...models import (
     pivot_wrench,
     relative_widths,
 )
-from ..check import CheckedThrow, Mover, Violation
+from ..check import Mover, Throw, Violation
 from .asked import Request
 from .layout import ACCELERATION, DDQ, DQ, JERK, JERK_UNIT, REL, Block, Q, T
 from .stages import Parameters, Stage
@@ -119,7 +119,7 @@ class Term:
         place, rate (n,): where the jerk limit has turned the acceleration into full braking.
         """
 
-    def broken(self, throw: CheckedThrow) -> list[Violation]:
+    def broken(self, throw: Throw) -> list[Violation]:
         """How a thrown motion breaks it: all of the motion by exact models, not the NLP's nodes."""
         return []
 

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from ..check import Mover, PlannedMotion
+from ...models import Path
+from ..check import Mover
 from .context import Structure
 from .layout import JERK_UNIT
 from .nlp import ThrowNlp
@@ -41,9 +42,7 @@ def opening_start(nlp: ThrowNlp, x: Array, step: float = 0.0) -> float:
     return float(duration[0]) + nlp.structure.early * step
 
 
-def planned_motion(
-    nlp: ThrowNlp, mover: Mover, x: Array, nodes: Array, step: float = 0.0
-) -> PlannedMotion:
+def planned_motion(nlp: ThrowNlp, mover: Mover, x: Array, nodes: Array, step: float = 0.0) -> Path:
     """The motion in decision vector `x`, from rest to detach, or to the window's end.
 
     nodes (opening + 1,) [s]: the opening's, from its start; step [s]: of a robust plan's
@@ -63,7 +62,7 @@ def planned_motion(
         ddq, jerk = blocks("ddq", zero), JERK_UNIT * control
     else:
         ddq, jerk = control, 0 * control
-    return PlannedMotion(times, blocks("q", start), blocks("dq", zero), ddq, jerk)
+    return Path.cubics(times, blocks("q", start), blocks("dq", zero), ddq, jerk)
 
 
 def with_accelerations(nlp: ThrowNlp, x: Array, intervals: Array) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...problems import USUAL_UNCERTAINTY, Mesh, Scene
-from ..check import Motion, Mover, friction_use, hand_samples
+from ..check import Throw, friction_use
 
 Array = npt.NDArray[np.float64]
 
@@ -86,23 +86,22 @@ def window_nodes(scene: Scene, window: Window) -> Array:
     return np.concatenate([before, nodes, after])
 
 
-def load_curve(
-    scene: Scene, mover: Mover, motion: Motion, opening_time: float
-) -> tuple[Array, Array]:
+def load_curve(throw: Throw) -> tuple[Array, Array]:
     """Times (K,) [s] over the window and the load there (K,).
 
     The load is the wrench that would keep the object moving with the hand, as a share of
     the full grip's friction limit: 1 is what the grip can hold, 0 is the object's own free
     flight.
     """
+    scene, opening_time = throw.scene, throw.opening_time
     window = window_of(scene)
     begin = opening_time - window.early * window.step
     end = opening_time + scene.gripper.profile().opening + window.late * window.step
     times = np.linspace(max(begin, 0.0), end, SAMPLES)
-    force, torque = friction_use(scene, hand_samples(mover, motion, times))
+    force, torque = friction_use(scene, throw.hand(times))
     return times, np.asarray(np.hypot(force, torque))
 
 
-def peak_load(scene: Scene, mover: Mover, motion: Motion, opening_time: float) -> float:
+def peak_load(throw: Throw) -> float:
     """The largest load over the window."""
-    return float(load_curve(scene, mover, motion, opening_time)[1].max())
+    return float(load_curve(throw)[1].max())

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from ...models import FlightState, HandSamples, SlidingPivotRelease
+from ...models import SLIDING_PIVOT, FlightState, HandSamples, Path, SlidingPivotRelease
 from ...problems import Pose, Scene
-from ..check import CheckedThrow, Motion, Mover, broken_limits, case_of, throw
+from ..check import Mover, broken_limits, case_of
 from ..ocp import broken
 from ..result import PlannedThrow
 
@@ -44,7 +43,7 @@ class PlainTrack:
     """The hand of a motion by CasADi's usual call, without the planner's compiled kernels."""
 
     mover: Mover
-    motion: Motion
+    motion: Path
     opening_time: float
 
     def at(self, times: Array) -> HandSamples:
@@ -56,13 +55,12 @@ class PlainTrack:
 def judged(thrown: PlannedThrow, target: Pose, steps: int = STEPS) -> Verdict:
     """Throws the sent motion again, by the planner's check and by other code."""
     scene, mover, at = thrown.scene, thrown.mover, thrown.opening_time
-    motion: Any = thrown.planned if thrown.sent is None else thrown.samples
-    again = throw(scene, mover, motion, at, target.z)
+    motion = thrown.final.path
+    again = replace(thrown.final, model=SLIDING_PIVOT)
     dx, dtheta = again.miss(target)
     wrong = [] if _inside(scene, dx, dtheta) else [f"thrown again {_off(dx, dtheta)}"]
-    end = float(motion.times[-1])
-    wrong += [v.words for v in broken(CheckedThrow(scene, mover, motion, end, at, again))]
-    names = broken_limits(mover.hard, mover.joints, thrown.samples)
+    wrong += [v.words for v in broken(again)]
+    names = broken_limits(mover, thrown.samples)
     wrong += [f"limit of {name} broken" for name in names]
     track = PlainTrack(mover, motion, at)
     other, doubt, steps = _settled(scene, track, target, steps)
@@ -109,7 +107,7 @@ def time_down(state: FlightState, height: float, gravity: float) -> float:
     return found if found >= 0 else math.nan
 
 
-def grip_by_differences(scene: Scene, mover: Mover, motion: Motion, opening: float) -> float:
+def grip_by_differences(scene: Scene, mover: Mover, motion: Path, opening: float) -> float:
     """Largest share of the full grip's friction that holds the bar before the opening.
 
     By Newton's law from second differences of the bar's pose: no velocity, acceleration or
@@ -118,7 +116,7 @@ def grip_by_differences(scene: Scene, mover: Mover, motion: Motion, opening: flo
     times = np.arange(DIFFERENCE, opening - DIFFERENCE, GRIP_STEP)
     poses = []
     for shift in (-DIFFERENCE, 0.0, DIFFERENCE):
-        q = motion.at(times + shift)[0]
+        q = motion.at(times + shift).pose
         zero = np.zeros_like(q)
         x, z, theta = np.array(mover.motion(q, zero, zero)[0])
         angle, h = theta + scene.grasp.angle, scene.com_offset

@@ -11,22 +11,22 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
 from typing import TypeVar
 
 import numpy as np
 import numpy.typing as npt
 
+from ...models import Path
 from ...problems import Pose, Scene
 from ..check import (
-    CheckedThrow,
     Limits,
     Mover,
-    PlannedMotion,
     SmoothingError,
+    Throw,
     broken_limits,
     make_mover,
     send,
-    throw,
 )
 from ..compile import Compile
 from ..ocp import broken
@@ -130,7 +130,7 @@ def reachable_targets(scene: Scene, seed: int) -> Iterator[Pose]:
 
 def _motions(
     scene: Scene, mover: Mover, opening: float, rng: np.random.Generator
-) -> Iterator[tuple[PlannedMotion, float]]:
+) -> Iterator[tuple[Path, float]]:
     """Random motions within the limits, and when their opening starts [s]."""
     limits, n = mover.planning, mover.size
     q = rng.uniform(limits.q_min, limits.q_max, (BATCH, n))
@@ -152,7 +152,7 @@ def _motions(
 
 def _motion(
     mover: Mover, q: Array, dq: Array, ddq: Array, duration: float, opening: float
-) -> PlannedMotion | None:
+) -> Path | None:
     """Rest to (q, dq, ddq) in `duration`, then constant acceleration over the opening."""
     times = np.append(np.linspace(0.0, duration, PIECES + 1), duration + opening)
     t = times[:-1, None]
@@ -166,18 +166,17 @@ def _motion(
         place[k + 1] = place[k] + dt * (rate[k] + dt * (acceleration[k] / 2 + dt * jerk[k] / 6))
         rate[k + 1] = rate[k] + dt * (acceleration[k] + dt * jerk[k] / 2)
         acceleration[k + 1] = acceleration[k] + dt * jerk[k]
-    return PlannedMotion(times, place, rate, acceleration, jerk)
+    return Path.cubics(times, place, rate, acceleration, jerk)
 
 
-def _inside(limits: Limits, motion: PlannedMotion) -> bool:
+def _inside(limits: Limits, motion: Path) -> bool:
     """Whether the motion keeps all limits, looked at at its nodes."""
-    if (motion.q < limits.q_min).any() or (motion.q > limits.q_max).any():
+    q, dq, ddq, jerk = (motion.starts(k) for k in range(4))
+    if (q < limits.q_min).any() or (q > limits.q_max).any() or _too_fast(limits, q, dq):
         return False
-    if _too_fast(limits, motion.q, motion.dq):
+    if (np.abs(ddq) > MOST * limits.ddq).any():
         return False
-    if (np.abs(motion.ddq) > MOST * limits.ddq).any():
-        return False
-    return limits.jerk is None or not (np.abs(motion.jerk) > MOST * limits.jerk).any()
+    return limits.jerk is None or not (np.abs(jerk) > MOST * limits.jerk).any()
 
 
 def _too_fast(limits: Limits, q: Array, dq: Array) -> bool:
@@ -186,25 +185,20 @@ def _too_fast(limits: Limits, q: Array, dq: Array) -> bool:
     return bool(((dq < MOST * low) | (dq > MOST * high)).any())
 
 
-def _thrown(
-    scene: Scene, mover: Mover, motion: PlannedMotion, at: float, target: Pose
-) -> Pose | None:
+def _thrown(scene: Scene, mover: Mover, motion: Path, at: float, target: Pose) -> Pose | None:
     """The landing pose of a motion that breaks nothing."""
     try:
         samples = send(mover, motion)
     except SmoothingError:
         return None
-    if broken_limits(mover.hard, mover.joints, samples):
+    if broken_limits(mover, samples):
         return None
     stop = samples.q[-1]
     if ((stop < mover.planning.q_min) | (stop > mover.planning.q_max)).any():
         return None
-    sent = motion if scene.robot is None else samples
-    thrown = throw(scene, mover, sent, at, target.z)
+    thrown = Throw.sent(scene.aimed_at(target), mover, motion, samples, at).sliding_pivot
     if thrown.grip_use > GRIP or not np.isfinite(thrown.landing.flight_time):
         return None
     theta = None if target.theta is None else thrown.landing.theta
     pose = target.in_plane(thrown.landing.x, theta)
-    end = motion.times[-1] if scene.robot is None else samples.times[-1]
-    aimed = scene.aimed_at(pose)
-    return None if broken(CheckedThrow(aimed, mover, sent, float(end), at, thrown)) else pose
+    return None if broken(replace(thrown, scene=scene.aimed_at(pose))) else pose

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from ...models import STEPPED_SURFACE, PlanarArm
+from ...models import PlanarArm
 from ...problems import InputError, filling, read_csv, read_text, scene_from_table, scene_table
-from ..check import TICK, Mover, SampledMotion, SentThrow, limit_surface_throw, make_mover, throw
+from ..check import TICK, Mover, Samples, Throw, make_mover
 from ..ocp import load_curve
 from ..show import draw_throw, draw_throw_moving
 
@@ -43,7 +43,7 @@ def save_plan(plan: Plan, folder: Path, draw: Draw) -> Plan:
             start, throw = time.perf_counter(), sent_throw(plan)
             load = None
             if plan.robust:
-                load = load_curve(throw.scene, throw.mover, throw.motion, throw.opening_time)
+                load = load_curve(throw)
             draw_throw(throw, scratch / "throw.png", load)
             if draw != "png":
                 draw_throw_moving(throw, scratch / "throw.gif")
@@ -68,7 +68,7 @@ def write_motion(plan: Plan, path: Path) -> None:
 
 
 def joint_samples(
-    kinematics: PlanarArm, azimuth: float, samples: SampledMotion
+    kinematics: PlanarArm, azimuth: float, samples: Samples
 ) -> tuple[Array, Array, Array]:
     """q, dq, ddq of all joints of the arm, each (N, joints): posture and azimuth [rad] held."""
     arm = kinematics.arm
@@ -89,29 +89,19 @@ def write_table(path: Path, columns: dict[str, Array]) -> None:
     np.savetxt(path, table, delimiter=",", header=",".join(names), comments="", fmt="%.12g")
 
 
-def _hand_columns(plan: Plan, samples: SampledMotion) -> dict[str, Array]:
+def _hand_columns(plan: Plan, samples: Samples) -> dict[str, Array]:
     outputs = plan.mover.motion(samples.q.T, samples.dq.T, samples.ddq.T)
     values = np.vstack([np.array(o) for o in outputs])
     names = ("x", "z", "theta", "vx", "vz", "omega", "ax", "az", "alpha")
     return dict(zip(names, values, strict=True))
 
 
-def sent_throw(plan: Plan) -> SentThrow:
+def sent_throw(plan: Plan) -> Throw:
     """The throw of a solved plan; InputError for a plan without one."""
     if plan.throw is None or not plan.solved:
         raise InputError(f"the plan is {plan.status}: it holds no throw")
-    throw = plan.throw
-    scene = plan.scene.aimed_at(plan.target)
-    planned = throw.sent is None
-    return SentThrow(
-        scene,
-        plan.mover,
-        throw.planned if planned else throw.samples,
-        float(throw.planned.times[-1] if planned else throw.samples.times[-1]),
-        throw.samples,
-        throw.opening_time,
-        throw.final,
-    )
+    throw, scene = plan.throw.final, plan.scene.aimed_at(plan.target)
+    return throw if throw.scene == scene else dataclasses.replace(throw, scene=scene)
 
 
 def document(plan: Plan) -> dict[str, Any]:
@@ -120,7 +110,7 @@ def document(plan: Plan) -> dict[str, Any]:
     return {"format": FORMAT, **plan.to_dict(), "definition": scene_table(scene)}
 
 
-def read_plan(path: str | Path) -> SentThrow:
+def read_plan(path: str | Path) -> Throw:
     """The throw of a plan.json with the motion.csv beside it, thrown again.
 
     InputError for a file that is not there, is no plan, is of another version or holds no
@@ -142,10 +132,7 @@ def read_plan(path: str | Path) -> SentThrow:
     end = float(samples.times[-1])
     if not 0.0 <= opening_time <= end:
         raise InputError(f"{path}: opening_time = {opening_time:g}: must be within motion.csv")
-    assert scene.target is not None
-    model = limit_surface_throw if scene.tolerance.model == STEPPED_SURFACE else throw
-    final = model(scene, mover, samples, opening_time, scene.target.z)
-    return SentThrow(scene, mover, samples, end, samples, opening_time, final)
+    return Throw(scene, mover, samples.path, opening_time, samples)
 
 
 def _plan_object(path: Path) -> dict[str, Any]:
@@ -166,7 +153,7 @@ def _plan_object(path: Path) -> dict[str, Any]:
     return plan
 
 
-def _samples(path: Path, mover: Mover) -> SampledMotion:
+def _samples(path: Path, mover: Mover) -> Samples:
     """The planned coordinates in motion.csv."""
     kinematics = mover.kinematics
     if isinstance(kinematics, PlanarArm):
@@ -178,4 +165,4 @@ def _samples(path: Path, mover: Mover) -> SampledMotion:
     rows = np.array(read_csv("motion", str(path), None, ("t", *names)))
     if len(rows) < 2 or np.abs(rows[:, 0] - TICK * np.arange(len(rows))).max() > 1e-6:
         raise InputError(f"{path}: t must go from 0 in steps of {TICK:g}")
-    return SampledMotion(*np.split(rows[:, 1:], 3, axis=1))
+    return Samples(*np.split(rows[:, 1:], 3, axis=1))

@@ -9,8 +9,9 @@ from pathlib import Path
 from typing import Any, Literal
 
 from ...models import Arm
+from ...models import Path as Motion
 from ...problems import InputError, Pose, Scene
-from ..check import Landing, Mover, PlannedMotion, SampledMotion, Thrown
+from ..check import Mover, Samples, Throw
 from ..ocp import USUAL, Asked, Solution, ThrowNlp
 from .files import Draw, save_plan
 
@@ -21,40 +22,58 @@ MOMENTS = ("command_time", "opening_time", "detach_time", "landing_time")
 
 @dataclass(frozen=True, repr=False)
 class PlannedThrow:
-    """The throw behind a plan: its motion and what the models make of it.
+    """The throw behind a plan: where it comes from and what the models make of it.
 
-    nlp, solution: where it comes from; opening_time [s] on the motion's clock; sent is None
-    for a hand scene, whose motion is checked as planned; samples are what motion.csv holds.
-    final: the throw that counts, by the model of the tolerance; limit_surface: the same motion
-    by the limit surface; aim: how far from the target (dx [m], dtheta [rad]) the NLP's landing
-    is put, so that this one is at it; asked: what its NLP had beyond the usual constraints.
+    nlp, solution: where it comes from; planned: the solution's motion, and its own landing x,
+    z [m], theta [rad]; exact: that motion by the sliding pivot; final: what is sent, by the
+    model of the tolerance; aim: how far from the target (dx [m], dtheta [rad]) the NLP's
+    landing is put, so that this one is at it; asked: what its NLP had beyond the usual
+    constraints.
     """
 
-    scene: Scene
-    mover: Mover
     nlp: ThrowNlp
     solution: Solution
-    planned: PlannedMotion
-    samples: SampledMotion
-    opening_time: float
+    planned: Motion
     planned_landing: tuple[float, float, float]
-    exact: Thrown
-    sent: Thrown | None
-    final: Thrown
-    limit_surface: Thrown
+    exact: Throw
+    final: Throw
     aim: tuple[float, float]
     asked: Asked = USUAL
 
     @property
-    def counting(self) -> PlannedMotion | SampledMotion:
-        """The motion that counts: the samples for an arm, the planned one for a hand."""
-        return self.planned if self.sent is None else self.samples
+    def scene(self) -> Scene:
+        """Aimed at the target."""
+        return self.final.scene
+
+    @property
+    def mover(self) -> Mover:
+        """What moves the hand."""
+        return self.final.mover
+
+    @property
+    def opening_time(self) -> float:
+        """When the grip force starts to fall [s] on the motion's clock."""
+        return self.final.opening_time
+
+    @property
+    def samples(self) -> Samples:
+        """What motion.csv holds."""
+        return self.final.samples
+
+    @property
+    def sent(self) -> Throw | None:
+        """What is sent by the sliding pivot; None for a hand, checked as planned."""
+        return None if self.scene.robot is None else self.final.sliding_pivot
+
+    @property
+    def limit_surface(self) -> Throw:
+        """What is sent by the limit surface."""
+        return self.final.limit_surface
 
     @property
     def landing_time(self) -> float:
         """When the object lands [s] on the motion's clock."""
-        flown = self.final.landing.flight_time
-        return float(self.opening_time + self.final.release.times[-1] + flown)
+        return self.final.landing_time
 
 
 @dataclass(frozen=True, repr=False)
@@ -128,9 +147,9 @@ class Plan:
         """Landings (x, z, theta) in the throw's plane, by the names of the JSON."""
         return {
             "planned": throw.planned_landing,
-            "exact": _pose(throw.exact.landing),
-            "sent": None if throw.sent is None else _pose(throw.sent.landing),
-            "limit_surface": _pose(throw.limit_surface.landing),
+            "exact": throw.exact.landing.pose,
+            "sent": None if throw.sent is None else throw.sent.landing.pose,
+            "limit_surface": throw.limit_surface.landing.pose,
         }
 
     def _moments(self, throw: PlannedThrow) -> dict[str, float | None]:
@@ -173,7 +192,7 @@ class Plan:
         lines.append(f"  {_target_words(self.target)}")
         landing = None if self.throw is None else self.throw.limit_surface.landing
         if landing is not None and math.isfinite(landing.x):
-            error["limit surface"] = self._json_error(_pose(landing))
+            error["limit surface"] = self._json_error(landing.pose)
         for name, off in error.items():
             if off is not None and off["position"] is not None:
                 note = " (for comparison)" if name == "limit surface" else ""
@@ -216,7 +235,7 @@ class Plan:
         """(position [m], angle [rad]) error of the landing that counts; NaN without a throw."""
         if self.throw is None:
             return math.nan, math.nan
-        error = self._json_error(_pose(self.throw.final.landing))
+        error = self._json_error(self.throw.final.landing.pose)
         return error["position"], error["angle"]
 
     def _json_pose(self, pose: tuple[float, float, float]) -> dict[str, Any]:
@@ -286,10 +305,6 @@ def _moments(release: dict[str, float | None]) -> str:
         for name, value in release.items()
         if value is not None
     )
-
-
-def _pose(landing: Landing) -> tuple[float, float, float]:
-    return landing.x, landing.z, landing.theta
 
 
 def _pose_dict(pose: Pose) -> dict[str, Any]:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from ...models import Arm, PlanarArm
 from ...problems import InputError
-from ..check import TICK, CheckedThrow, SentThrow, broken_limits
+from ..check import TICK, Throw, broken_limits
 from ..ocp import broken as broken_terms
 from ..result import joint_samples, read_plan
 
@@ -32,7 +32,7 @@ class JointMotion:
     """
 
     arm: Arm
-    throw: SentThrow
+    throw: Throw
     q: Array
     dq: Array
     ddq: Array
@@ -115,7 +115,7 @@ def _wrong(motion: JointMotion) -> list[str]:
             rate, acceleration = abs(motion.dq[sample, j]), abs(motion.ddq[sample, j])
             if not (rate <= REST[0] and acceleration <= REST[1]):
                 found.append(f"the motion does not {where} at rest: joint {j + 1}")
-    broken = broken_limits(throw.mover.hard, throw.mover.joints, throw.samples)
+    broken = broken_limits(throw.mover, throw.samples)
     found += [f"limit of {name} broken" for name in broken]
     low, high = np.array(arm.limits.position_min), np.array(arm.limits.position_max)
     outside = (motion.q[0] < low) | (motion.q[0] > high)
@@ -123,15 +123,12 @@ def _wrong(motion: JointMotion) -> list[str]:
     found += _uneven(motion)
     if throw.command_time < -ON_TICK * TICK:
         found.append(f"the opening command would come {-1e3 * throw.command_time:.1f} ms too early")
-    tolerance, (dx, dtheta) = throw.scene.tolerance, throw.final.miss(throw.target)
+    tolerance, (dx, dtheta) = throw.scene.tolerance, throw.miss()
     # NaN where it does not come down at all.
     if not max(abs(dx) / tolerance.position, abs(dtheta) / tolerance.angle) <= 1 + 1e-6:
         off = f"{1e3 * abs(dx):.2f} mm and {math.degrees(abs(dtheta)):.2f} deg off"
         found.append(f"the motion lands {off}")
-    checked = CheckedThrow(
-        throw.scene, throw.mover, throw.motion, throw.until, throw.opening_time, throw.final
-    )
-    return found + [violation.words for violation in broken_terms(checked)]
+    return found + [violation.words for violation in broken_terms(throw)]
 
 
 def _uneven(motion: JointMotion) -> list[str]:

@@ -13,10 +13,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models import SLIDING_PIVOT
 from ...problems import InputError, Scene, filling
-from ..check import TICK, SentThrow, Thrown, bar_outline
-from ..check import throw as sliding_pivot_throw
+from ..check import TICK, Throw, bar_outline
 from ..result import Plan, read_plan, sent_throw
 from ..show import BLACK, BLUE, GREEN, ORANGE, RED, draw_cup, new_figure, save
 from .mujoco_throw import (
@@ -93,7 +91,7 @@ class Replay:
     of what it meets; simulated, run [s]: time in MuJoCo from the hold to the end, and here.
     """
 
-    throw: SentThrow
+    throw: Throw
     landing: tuple[float, float, float]
     sp: tuple[float, float, float]
     limit_surface: tuple[float, float, float]
@@ -230,7 +228,7 @@ def _size(value: float) -> float | None:
 
 
 def replay(
-    throw: Plan | SentThrow | str | Path,
+    throw: Plan | Throw | str | Path,
     step: float = RELEASE_STEP,
     flight_step: float = FLIGHT_STEP,
     points: int = POINTS,
@@ -253,7 +251,7 @@ def replay(
     load_mujoco()
     if isinstance(throw, Plan):
         throw = sent_throw(throw)
-    throw = throw if isinstance(throw, SentThrow) else read_plan(throw)
+    throw = throw if isinstance(throw, Throw) else read_plan(throw)
     began = time.perf_counter()
     scene, height = throw.scene, throw.target.z
     opening, states = release_run(throw, step, points)
@@ -272,8 +270,8 @@ def replay(
     return Replay(
         throw,
         landing,
-        _landing_of(_sliding_pivot(throw)),
-        _landing_of(throw.limit_surface),
+        throw.sliding_pivot.landing.pose,
+        throw.limit_surface.landing.pose,
         times,
         com,
         flown.touched,
@@ -282,18 +280,6 @@ def replay(
         simulated=float(known[-1] - throw.opening_time) + min(LEAD, throw.opening_time),
         run=time.perf_counter() - began,
     )
-
-
-def _sliding_pivot(throw: SentThrow) -> Thrown:
-    """The throw by the sliding pivot, whatever the tolerance's model."""
-    if throw.scene.tolerance.model == SLIDING_PIVOT:
-        return throw.final
-    motion, opening = throw.motion, throw.opening_time
-    return sliding_pivot_throw(throw.scene, throw.mover, motion, opening, throw.target.z)
-
-
-def _landing_of(thrown: Thrown) -> tuple[float, float, float]:
-    return thrown.landing.x, thrown.landing.z, thrown.landing.theta
 
 
 def _angles(flown: MujocoFlight, theta: float) -> Array:

@@ -12,7 +12,7 @@ import numpy.typing as npt
 
 from ...models import sticking_state
 from ...problems import Cup, InputError, Scene
-from ..check import SentThrow, hand_samples, reach_of_bar
+from ..check import Throw, reach_of_bar
 
 Array = npt.NDArray[np.float64]
 
@@ -122,7 +122,7 @@ def load_mujoco() -> Any:
         raise InputError("replay: needs MuJoCo: pip install 'throwplan[mujoco]'") from None
 
 
-def release_run(throw: SentThrow, step: float, points: int) -> tuple[Array, Array]:
+def release_run(throw: Throw, step: float, points: int) -> tuple[Array, Array]:
     """Times (N,) [s] from the opening to its end, and the bar's pose and twist (N, 6).
 
     The hand follows the sent motion as driven joints do; the bar starts in its grip `LEAD`
@@ -134,7 +134,7 @@ def release_run(throw: SentThrow, step: float, points: int) -> tuple[Array, Arra
     step = profile.opening / steps
     lead = min(round(min(LEAD, throw.opening_time) / step), LEAD_STEPS)
     times = throw.opening_time + step * np.arange(-lead, steps + 1.0)
-    hand = hand_samples(throw.mover, throw.motion, times)
+    hand = throw.hand(times)
     pose, twist = hand.pose.T, hand.twist.T
     drive = hand_inertia(scene) * np.diff(twist, axis=0) / step
     share = scene.patch.faces / pads_of(scene) / points
@@ -178,7 +178,7 @@ def free_flight(
 
 
 def run_to_rest(
-    throw: SentThrow, detach: Array, start: float, landing: float, step: float, restitution: float
+    throw: Throw, detach: Array, start: float, landing: float, step: float, restitution: float
 ) -> MujocoFlight:
     """The flight among what the scene has, until `landing` [s], with a cup until it rests."""
     mujoco = load_mujoco()
@@ -187,7 +187,7 @@ def run_to_rest(
     end = landing if cup is None else landing + PATIENCE
     count = max(math.ceil((end - start) / step), 1)
     times = start + step * np.arange(count + 1.0)
-    hand = hand_samples(throw.mover, throw.samples, times).pose.T if has_hand(scene) else None
+    hand = throw.mover.hand(throw.to_rest).at(times).pose.T if has_hand(scene) else None
     names = [model.geom(i).name for i in range(model.ngeom)]
     names = ["cup wall" if name.startswith("wall") else name for name in names]
     rows, touched = np.empty((count + 1, 6)), dict[str, None]()

@@ -121,9 +121,7 @@ class Hardening:
         return None
 
     def _hardened(self, source: Plan, thrown: PlannedThrow, method: str, solver: str) -> Hardened:
-        scene, mover = self.task.scene, self.problems.mover
-        motion = thrown.counting
-        load = peak_load(scene, mover, motion, thrown.opening_time)
+        load = peak_load(thrown.final)
         return Hardened(source, thrown, method, solver, load, scatter(thrown, source.target))
 
 

@@ -10,25 +10,20 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
 
-from ...models import STEPPED_SURFACE
+from ...models import SLIDING_PIVOT, STEPPED_SURFACE, Path
 from ...problems import Pose
 from ..check import (
-    CheckedThrow,
     Mover,
-    PlannedMotion,
-    SampledMotion,
     SmoothingError,
-    Thrown,
+    Throw,
     Violation,
     broken_limits,
-    limit_surface_throw,
     send,
-    throw,
 )
 from ..ocp import (
     USUAL,
@@ -131,14 +126,12 @@ def _from_broken(nlp: ThrowNlp, broken: PlannedThrow, task: Task) -> Array:
 
 @dataclass(frozen=True)
 class _Candidate:
-    """A solution, its motion as planned and as sent, and where that lands."""
+    """A solution, its motion, and the throw that is sent."""
 
     solution: Solution
     numbers: Array
-    planned: PlannedMotion
-    samples: SampledMotion
-    opening_time: float
-    thrown: Thrown
+    planned: Path
+    thrown: Throw
     aim: tuple[float, float]
 
 
@@ -151,7 +144,7 @@ def _attempt(
     thrown, broken = None, []
     if best is not None:
         with task.clock("check"):
-            thrown = _thrown(problem.nlp, mover, best, asked, task)
+            thrown = _thrown(problem.nlp, best, asked)
             broken = violations(thrown, start.goal)
         reason = "; ".join(violation.words for violation in broken)
     return Attempt(
@@ -234,41 +227,29 @@ class _Solving:
         planned = planned_motion(problem.nlp, self.mover, solution.x, nodes, step)
         with self.task.clock("smooth"):
             samples = send(self.mover, planned)
-        motion = planned if scene.robot is None else samples
+        thrown = Throw.sent(scene, self.mover, planned, samples, opening_time)
         with self.task.clock("check"):
-            model = limit_surface_throw if scene.tolerance.model == STEPPED_SURFACE else throw
-            thrown = model(scene, self.mover, motion, opening_time, target.z)
+            thrown.throw()
         turn = 0.0 if goal.theta is None or target.theta is None else goal.theta - target.theta
         aim = (goal.plane_x - target.plane_x, turn)
-        return _Candidate(solution, numbers, planned, samples, opening_time, thrown, aim)
+        return _Candidate(solution, numbers, planned, thrown, aim)
 
 
-def _thrown(
-    nlp: ThrowNlp, mover: Mover, best: _Candidate, asked: Asked, task: Task
-) -> PlannedThrow:
-    """The candidate thrown by the models that count."""
-    scene, height = task.scene, task.target.z
-    planned, samples, at = best.planned, best.samples, best.opening_time
-    motion = planned if scene.robot is None else samples
-    if scene.tolerance.model == STEPPED_SURFACE:
-        counting, surface = throw(scene, mover, motion, at, height), best.thrown
-    else:
-        counting, surface = best.thrown, limit_surface_throw(scene, mover, motion, at, height)
-    exact, sent = counting, None
-    if scene.robot is not None:
-        exact, sent = throw(scene, mover, planned, at, height), counting
-    x, z, theta = np.array(nlp.landing(best.solution.x, best.numbers)).ravel()
-    landing = (float(x), float(z), float(theta))
-    models = (landing, exact, sent, best.thrown, surface)
-    return PlannedThrow(
-        scene, mover, nlp, best.solution, planned, samples, at, *models, best.aim, asked
-    )
+def _thrown(nlp: ThrowNlp, best: _Candidate, asked: Asked) -> PlannedThrow:
+    """The candidate thrown by all models."""
+    sent, planned = best.thrown, best.planned
+    pivot, _ = sent.sliding_pivot.throw(), sent.limit_surface.throw()
+    exact = pivot
+    if sent.scene.robot is not None:
+        exact = replace(sent, path=planned, model=SLIDING_PIVOT).throw()
+    x, z, theta = (float(v) for v in np.array(nlp.landing(best.solution.x, best.numbers)).ravel())
+    landing = (x, z, theta)
+    return PlannedThrow(nlp, best.solution, planned, landing, exact, sent, best.aim, asked)
 
 
 def violations(thrown: PlannedThrow, target: Pose) -> list[Violation]:
     """Everything that a solved throw must not break."""
-    scene, mover = thrown.scene, thrown.mover
-    tolerance = scene.tolerance
+    tolerance = thrown.scene.tolerance
     throws = {"planned": thrown.exact}
     if thrown.sent is not None:
         throws["sent"] = thrown.sent
@@ -281,16 +262,12 @@ def violations(thrown: PlannedThrow, target: Pose) -> list[Violation]:
             off = f"{1e3 * abs(dx):.2f} mm and {math.degrees(abs(dtheta)):.2f} deg off"
             found.append(Violation(f"{label} motion lands {off}"))
     found += [
-        Violation(f"limit of {name} broken")
-        for name in broken_limits(mover.hard, mover.joints, thrown.samples)
+        Violation(f"limit of {name} broken") for name in broken_limits(thrown.mover, thrown.samples)
     ]
     if thrown.exact.grip_use > 1.0:
         use = f"grip use {thrown.exact.grip_use:.2f}"
         found.append(Violation(f"slip before the opening ({use})", "carry"))
-    motion = thrown.counting
-    end = float(motion.times[-1])
-    sent = CheckedThrow(scene, mover, motion, end, thrown.opening_time, thrown.final)
-    return found + broken(sent)
+    return found + broken(thrown.final)
 
 
 def scaled(dx: float, dtheta: float, scale: tuple[float, float]) -> float:

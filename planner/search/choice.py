@@ -8,7 +8,6 @@ from collections.abc import Callable
 import numpy as np
 
 from ...problems import Pose
-from ..check import throw
 from ..ocp import window_of
 from ..result import PlannedThrow
 from .attempt import Attempt
@@ -67,12 +66,10 @@ def scatter(thrown: PlannedThrow, target: Pose) -> float:
     Exact throws of the motion that counts; infinite if one never comes down to the target's
     height. target: says whether theta counts.
     """
-    scene, mover = thrown.scene, thrown.mover
-    motion = thrown.counting
+    scene = thrown.scene
     base, worst = thrown.final.landing, 0.0
     for delay in window_of(scene).delays:
-        at = max(thrown.opening_time + float(delay), 0.0)
-        found = throw(scene, mover, motion, at, target.z).landing
+        found = thrown.final.sliding_pivot.delayed(float(delay)).landing
         turn = 0.0 if target.theta is None else found.theta - base.theta
         error = abs(found.x - base.x) + abs(turn) * scene.object.length / 2
         worst = max(worst, error if math.isfinite(error) else math.inf)

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from ...models import Path
 from ...problems import Scene
-from ..check import Mover, MoverTrack, PlannedMotion, case_of, relative_states
+from ..check import Mover, case_of, relative_states
 from ..ocp import (
     JERK_UNIT,
     Block,
@@ -39,7 +40,7 @@ def guess_from(
     launch = run_up(mover.start, q, dq, ddq, duration)
     launched = times[: s.opens + 1, None]
     before = [polynomial(launch, launched, k).T for k in range(3)]
-    opening = PlannedMotion(nodes[[0, -1]], q[None], dq[None], ddq[None], 0 * q[None])
+    opening = Path.cubics(nodes[[0, -1]], q[None], dq[None], ddq[None], 0 * q[None])
     during = opening.at(nodes[1:])
     coordinates = {
         name: np.hstack(pair)
@@ -47,7 +48,7 @@ def guess_from(
     }
     # A step in the middle of each interval too: one alone is rough.
     fine = np.sort(np.concatenate([nodes, (nodes[:-1] + nodes[1:]) / 2]))
-    track = relative_states(case_of(scene, MoverTrack(mover, opening, 0.0)), fine)[::2].T
+    track = relative_states(case_of(scene, mover.hand(opening)), fine)[::2].T
     relative = track if s.pivot else track[[0, 1, 3, 4]]
     steps = np.diff(times)
     change = np.diff(coordinates["ddq" if s.jerk_control else "dq"], axis=1) / steps

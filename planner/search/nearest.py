@@ -15,8 +15,16 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from ...models import SLIDING_PIVOT
 from ...problems import Pose, Scene
-from ..check import Guard, Mover, column_of, column_room, enters_cup_at_landing, throw
+from ..check import (
+    Guard,
+    Mover,
+    Throw,
+    column_of,
+    column_room,
+    enters_cup_at_landing,
+)
 from ..compile import Compile
 from ..ocp import (
     CUP_MARGIN,
@@ -171,7 +179,8 @@ class Reach:
             return Binding(target, None, False, (), iterations, None, None)
         # Where that motion lands by the non-smooth model: the pose is one that can be thrown.
         motion = planned_motion(nlp, mover, best.x, nodes)
-        landing = throw(scene, mover, motion, opening_start(nlp, best.x), target.z).landing
+        opening = opening_start(nlp, best.x)
+        landing = Throw(scene, mover, motion, opening, model=SLIDING_PIVOT).landing
         if not math.isfinite(landing.flight_time):
             return Binding(target, None, False, (), iterations, None, None)
         angle = None if target.theta is None else landing.theta

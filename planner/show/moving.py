@@ -23,7 +23,7 @@ from .timeline import Timeline, timeline
 if TYPE_CHECKING:
     from PIL import Image
 
-    from ..check import SentThrow
+    from ..check import Throw
 
 Pixels = npt.NDArray[np.uint8]
 
@@ -36,7 +36,7 @@ CELL = 16
 FRONT = 3
 
 
-def draw_throw_moving(throw: SentThrow, path: Path) -> None:
+def draw_throw_moving(throw: Throw, path: Path) -> None:
     """The throw as a GIF at a fifth of its speed, which ends shortly after landing."""
     from PIL import Image
 
@@ -70,7 +70,7 @@ def _palette(pixels: Pixels) -> Image.Image:
     return palette
 
 
-def save_film(throw: SentThrow, path: Path) -> None:
+def save_film(throw: Throw, path: Path) -> None:
     """An MP4 at a fifth of the throw's speed, whole or not at all; the end stays half a second.
 
     InputError where ffmpeg or a place to write is missing.
@@ -117,7 +117,7 @@ def _encode(pictures: Iterable[Pixels], path: Path) -> None:
         raise subprocess.CalledProcessError(process.returncode, command)
 
 
-def frames(throw: SentThrow, line: Timeline, shown: npt.NDArray[np.int_]) -> Iterator[Pixels]:
+def frames(throw: Throw, line: Timeline, shown: npt.NDArray[np.int_]) -> Iterator[Pixels]:
     """The instants `shown` of the throw as pixels (H, W, 4), RGBA, one after another.
 
     What lies behind everything that moves is drawn once and kept.

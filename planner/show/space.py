@@ -18,7 +18,7 @@ from .timeline import Timeline, timeline
 
 if TYPE_CHECKING:
     from ...problems import Scene
-    from ..check import SentThrow
+    from ..check import Throw
 
 Array = npt.NDArray[np.float64]
 
@@ -32,7 +32,7 @@ class SpaceThrow:
     the arm's frames after each joint, n = 0 for a hand.
     """
 
-    throw: SentThrow
+    throw: Throw
     line: Timeline
     hand: Array
     bar: Array
@@ -76,7 +76,7 @@ class SpaceThrow:
         return low, high
 
 
-def space_throw(throw: SentThrow) -> SpaceThrow:
+def space_throw(throw: Throw) -> SpaceThrow:
     """The throw in space every millisecond."""
     line, azimuth = timeline(throw), throw.target.azimuth
     hand, bar = placed(line.hand, azimuth), placed(line.com, azimuth)
@@ -125,10 +125,10 @@ def link_pieces(arm: Arm) -> list[list[tuple[Array, Array]]]:
     return [[p for p in pieces if np.linalg.norm(p[1] - p[0]) > 1e-6] for pieces in found]
 
 
-def _joint_frames(throw: SentThrow, kinematics: PlanarArm, times: Array) -> Array:
+def _joint_frames(throw: Throw, kinematics: PlanarArm, times: Array) -> Array:
     """The arm's frames (N, n, 4, 4) after each joint."""
     arm = kinematics.arm
-    moving = throw.samples.at(np.minimum(times, throw.samples.times[-1]))[0]
+    moving = throw.path.at(times).pose
     joints = np.tile(np.array(arm.posture)[:, None], (1, len(times)))
     joints[arm.azimuth_joint - 1] = throw.target.azimuth
     joints[[j - 1 for j in kinematics.throwing_joints]] = moving

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
     from ...problems import Pose, Scene, ThrownObject
-    from ..check import SentThrow
+    from ..check import Throw
 
 Array = npt.NDArray[np.float64]
 
@@ -27,7 +27,7 @@ LEAD_MS = 120.0
 MIN_WIDTH, BARS = 0.008, 22
 
 
-def draw_throw(throw: SentThrow, path: Path, load: tuple[Array, Array] | None = None) -> None:
+def draw_throw(throw: Throw, path: Path, load: tuple[Array, Array] | None = None) -> None:
     """The throw as one picture: arm and bar in the plane, and three plots over time.
 
     load: times [s] and load of a robust plan's window, as `load_curve` gives them.

@@ -10,12 +10,12 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import HandMotion, PlanarArm, pivot_wrench
-from ..check import bar_outline, flight_poses, hand_samples
+from ..check import bar_outline
 from .style import PHASES
 
 if TYPE_CHECKING:
     from ...problems import Scene
-    from ..check import SentThrow
+    from ..check import Throw
 
 Array = npt.NDArray[np.float64]
 Indices = npt.NDArray[np.int_]
@@ -59,20 +59,12 @@ class Timeline:
         return everything.min(axis=1), everything.max(axis=1)
 
 
-def timeline(throw: SentThrow, step: float = 0.001) -> Timeline:
+def timeline(throw: Throw, step: float = 0.001) -> Timeline:
     """The throw every `step` seconds from rest to landing."""
-    scene, mover = throw.scene, throw.mover
+    scene = throw.scene
     opening, detach, landing = throw.opening_time, throw.detach_time, throw.landing_time
     times = np.arange(0.0, landing + step / 2, step)
-    moving = np.minimum(times, throw.samples.times[-1])
-    # The planned motion has no brake: after its end the samples count.
-    braking = times > throw.until
-    hand = hand_samples(mover, throw.motion, np.where(braking, 0.0, moving))
-    brake = hand_samples(mover, throw.samples, moving)
-    pose = np.where(braking, brake.pose, hand.pose)
-    twist = np.where(braking, brake.twist, hand.twist)
-    acceleration = np.where(braking, brake.acceleration, hand.acceleration)
-
+    pose, twist, acceleration = throw.mover.hand(throw.to_rest).at(times)
     com, rate, phase = _object(throw, times, pose, twist)
     profile = scene.gripper.profile()
     grip = np.where(times < opening, profile.full, profile.force(times - opening))
@@ -95,14 +87,12 @@ def timeline(throw: SentThrow, step: float = 0.001) -> Timeline:
         force_use=force_use,
         torque_use=torque_use,
         phase=phase,
-        arm=_arm_points(throw, moving),
+        arm=_arm_points(throw, times),
         marks=marks,
     )
 
 
-def _object(
-    throw: SentThrow, times: Array, hand: Array, twist: Array
-) -> tuple[Array, Array, Indices]:
+def _object(throw: Throw, times: Array, hand: Array, twist: Array) -> tuple[Array, Array, Indices]:
     """CoM poses (3, N), turning rate (N,) and phase (N,) over time."""
     scene, release = throw.scene, throw.final.release
     opening, detach = throw.opening_time, throw.detach_time
@@ -111,7 +101,7 @@ def _object(
     inside = np.clip(times - opening, 0.0, release.times[-1])
     opened = np.array([np.interp(inside, release.times, row) for row in release.com])
     opened_rate = np.interp(inside, release.times, release.com_twist[2])
-    flying = flight_poses(scene, throw.final, np.maximum(times - detach, 0.0))
+    flying = throw.flight(np.maximum(times - detach, 0.0))
     states = [times < opening, times < detach]
     com = np.where(states[0], carried, np.where(states[1], opened, flying))
     rate = np.select(states, [twist[2], opened_rate], release.com_twist[2, -1])
@@ -123,7 +113,7 @@ def _object(
     return com, rate, phase
 
 
-def _arm_points(throw: SentThrow, times: Array) -> Array | None:
+def _arm_points(throw: Throw, times: Array) -> Array | None:
     """Base, joints and TCP (N, 2, points) in the throw's plane, None for a hand."""
     kinematics = throw.mover.kinematics
     if not isinstance(kinematics, PlanarArm):
@@ -131,6 +121,6 @@ def _arm_points(throw: SentThrow, times: Array) -> Array | None:
     q = ca.SX.sym("q", throw.mover.size)
     points = ca.horzcat(ca.DM.zeros(2, 1), kinematics.points(q))
     values = np.array(
-        ca.Function("points", [q], [points]).map(len(times))(throw.samples.at(times)[0])
+        ca.Function("points", [q], [points]).map(len(times))(throw.path.at(times).pose)
     )
     return values.reshape(2, len(times), -1).transpose(1, 0, 2)

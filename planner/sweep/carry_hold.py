@@ -8,8 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import Body, Contact, HandMotion, pivot_wrench
-from ...problems import Scene
-from ..check import TICK, Motion, Mover, friction_use, hand_samples
+from ..check import TICK, Throw, friction_use
 
 Array = npt.NDArray[np.float64]
 
@@ -45,12 +44,11 @@ class CarryHold:
         return np.asarray(worst <= 1.0)
 
 
-def carry_hold(
-    scene: Scene, mover: Mover, motion: Motion, opening_time: float, latest: float
-) -> CarryHold:
-    """The demanding instants of `motion` from rest to `latest` [s] after the planned opening."""
+def carry_hold(throw: Throw, latest: float) -> CarryHold:
+    """The demanding instants of a throw from rest to `latest` [s] after its opening."""
+    scene, opening_time = throw.scene, throw.opening_time
     times = np.arange(0.0, max(opening_time + latest, 0.0) + TICK / 2, TICK)
-    hand = hand_samples(mover, motion, times)
+    hand = throw.mover.hand(throw.to_rest).at(times)
     force, torque = friction_use(scene, hand)
     use = np.hypot(force, torque)
     kept = np.flatnonzero(use >= SHARE * use.max())

@@ -15,7 +15,7 @@ from ..check import cup_entries
 from ..compile import PAYS_FROM, compiled_steps
 from ..result import Plan
 from .carry_hold import CarryHold, carry_hold
-from .disturbed_hands import SentMotion, tabulate
+from .disturbed_hands import tabulate
 from .kinked_batch import kinked_steps
 from .uncertain import Sampler
 
@@ -170,7 +170,7 @@ def thrower_of(plan: Plan, model: str, sampler: Sampler, samples: int) -> Throwe
     if plan.throw is None or not plan.solved:
         raise InputError(f"plan: status {plan.status}: there is no throw to sweep")
     scene, mean = plan.scene, plan.scene.mean_delay
-    opening_time, motion = plan.throw.opening_time, SentMotion(plan.throw)
+    throw = replace(plan.throw.final, scene=scene)
     spreads = dict(zip(sampler.names, sampler.spreads, strict=True))
     low, high = -FURTHEST, FURTHEST
     if "delay" in spreads:
@@ -184,14 +184,15 @@ def thrower_of(plan: Plan, model: str, sampler: Sampler, samples: int) -> Throwe
     if span is not None:
         room = 0.0 if span.normal is None else 9.0 * span.normal
         longest = max(longest, span.reach[1] + room)
-    covered = (max(opening_time + low, 0.0), min(opening_time + high + longest, motion.end))
+    opening_time, rest = throw.opening_time, throw.to_rest.end
+    covered = (max(opening_time + low, 0.0), min(opening_time + high + longest, rest))
     thrower = Thrower(
         scene,
         plan.target,
         model,
         sampler.names,
-        tabulate(plan.mover, motion, opening_time, covered),
-        carry_hold(scene, plan.mover, motion, opening_time, min(high, motion.end - opening_time)),
+        tabulate(throw, covered),
+        carry_hold(throw, min(high, rest - opening_time)),
         mean,
     )
     thrower = _settled(thrower, sampler)

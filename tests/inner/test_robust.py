@@ -8,7 +8,7 @@ import math
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner.check import friction_use, hand_samples, make_mover
+from throwplan.planner.check import friction_use, make_mover
 from throwplan.planner.ocp import Request, build_nlp, opening_nodes, window_of
 from throwplan.planner.plan import QUIET_MESH
 from throwplan.planner.search import refit
@@ -67,7 +67,7 @@ def test_a_free_hand_is_quiet_all_the_way() -> None:
     window, profile = window_of(scene), scene.gripper.profile()
     begin = throw.opening_time - window.early * window.step
     end = throw.opening_time + profile.opening + window.late * window.step
-    hand = hand_samples(plan.mover, throw.planned, np.linspace(begin, end, 200))
+    hand = plan.mover.hand(throw.planned).at(np.linspace(begin, end, 200))
     assert np.hypot(*friction_use(scene, hand)).max() == pytest.approx(plan.peak_load, rel=0.1)
     assert scaled_spread(plan) < scaled_spread(tp.plan(scene)) / 50
 

@@ -11,15 +11,13 @@ import numpy as np
 import pytest
 import throwplan as tp
 from scipy.interpolate import BPoly
+from throwplan.models import Path as Motion
 from throwplan.models import SlidingPivotRelease
 from throwplan.planner.check import (
     Margin,
-    MoverTrack,
-    PlannedMotion,
     Violation,
     case_of,
     column_room,
-    flight_poses,
     make_mover,
 )
 from throwplan.planner.ocp import Asked
@@ -65,10 +63,8 @@ def test_sampled_releases_are_feasible_and_thrown_as_the_exact_model_throws(name
     x, theta, time = table.landings(scene.target.z, scene.gravity)
     ends = np.array([0.0, 1.0])
     for i in np.flatnonzero(np.isfinite(time))[::400]:
-        path = PlannedMotion(ends, table.q[[i]], table.dq[[i]], table.ddq[[i]], 0 * table.q[[i]])
-        release = SlidingPivotRelease(steps=400).release(
-            case_of(scene, MoverTrack(mover, path, 0.0))
-        )
+        path = Motion.cubics(ends, table.q[[i]], table.dq[[i]], table.ddq[[i]], 0 * table.q[[i]])
+        release = SlidingPivotRelease(steps=400).release(case_of(scene, mover.hand(path)))
         if not release.trouble:
             end = release.detach.after(time[i], scene.gravity)
             assert x[i] == pytest.approx(end.x, abs=6e-3)
@@ -196,7 +192,8 @@ def test_alternatives_differ_and_all_land(pose: tp.Planner) -> None:
     assert len(throws) == 2 and all(other.solved for other in throws)
     costs = [other.throw.solution.cost for other in throws]
     assert costs == sorted(costs)
-    states = [other.throw.planned.at(np.array([other.throw.opening_time])) for other in throws]
+    opened = [np.array([other.throw.opening_time]) for other in throws]
+    states = [list(o.throw.planned.at(t)) for o, t in zip(throws, opened, strict=True)]
     for one, other in itertools.combinations(states, 2):
         assert max(np.abs(a - b).max() for a, b in zip(one[:2], other[:2], strict=True)) > 0.05
 
@@ -254,7 +251,7 @@ def test_a_millimetre_from_the_base_column(pose: tp.Planner) -> None:
     assert plan.solved, plan.message
     thrown = plan.throw.final
     times = np.linspace(0.0, thrown.landing.flight_time, 3000)
-    clearance = column_room(pose.scene.object, flight_poses(pose.scene, thrown, times), 0.12, 0.45)
+    clearance = column_room(pose.scene.object, thrown.flight(times), 0.12, 0.45)
     assert -1e-5 < clearance.min() < 2e-3
 
 

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from throwplan.planner.check import CheckedThrow, broken_limits, make_mover, throw
+from throwplan.planner.check import Throw, broken_limits, make_mover
 from throwplan.planner.identify import (
     Flown,
     Law,
@@ -23,7 +23,7 @@ from throwplan.planner.identify import (
     thrown,
 )
 from throwplan.planner.ocp import broken
-from throwplan.problems import ThrowData, load_throws, monotone_grip, write_throws
+from throwplan.problems import Pose, ThrowData, load_throws, monotone_grip, write_throws
 
 Made = tuple[ThrowData, list[Flown]]
 
@@ -44,14 +44,13 @@ def test_the_design_keeps_limits_grip_and_workspace(pitch: str) -> None:
     held = dict.fromkeys((c.bar, c.surface) for c in conditions(True) if c.pitch == pitch)
     for motion in design()[pitch]:
         samples, at = motion.samples, motion.opening_time
-        assert not broken_limits(mover.hard, mover.joints, samples)
+        assert not broken_limits(mover, samples)
         assert np.abs(samples.q[0] - samples.q[1]).max() < 2e-4
         for bar, surface in held:
             scene = scene_with(bar, surface)
             assert grip_use(mover, motion, scene) <= 0.8
-            found = throw(scene, mover, samples, at, height)
-            end = float(samples.times[-1])
-            assert not broken(CheckedThrow(scene, mover, samples, end, at, found))
+            aimed = scene.aimed_at(Pose(x=0.0, z=height))
+            assert not broken(Throw(aimed, mover, samples.path, at).sliding_pivot)
 
 
 def test_releases_are_constant_accelerations_from_one_state_per_pitch(exact: Made) -> None:

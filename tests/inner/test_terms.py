@@ -9,11 +9,10 @@ import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.models import FlightState, PlanarHand, hand_motion
+from throwplan.models import FlightState, Path, PlanarHand, hand_motion
 from throwplan.planner.check import (
-    CheckedThrow,
     Mover,
-    PlannedMotion,
+    Throw,
     bar_outline,
     column_room,
     cup_entries,
@@ -21,7 +20,6 @@ from throwplan.planner.check import (
     make_mover,
     palm_distance,
     reach_of_bar,
-    throw,
     torque_use,
 )
 from throwplan.planner.ocp import Request, ThrowNlp, broken, build_nlp
@@ -41,13 +39,11 @@ def nlp_of(scene: tp.Scene) -> ThrowNlp:
     return build_nlp(Request(scene, make_mover(scene), scene.target))
 
 
-def checked(plan: tp.Plan, **changes: object) -> CheckedThrow:
+def checked(plan: tp.Plan, **changes: object) -> Throw:
     """What a plan sends, in its scene with changes."""
     found = plan.throw
     assert found is not None and found.sent is not None
-    samples, scene = found.samples, plan.scene.replace(**changes)
-    until = float(samples.times[-1])
-    return CheckedThrow(scene, plan.mover, samples, until, found.opening_time, found.sent)
+    return dataclasses.replace(found.sent, scene=plan.scene.replace(**changes))
 
 
 # What a section costs.
@@ -111,11 +107,10 @@ def test_slip_before_the_opening_is_a_failure() -> None:
     mover: Mover = dataclasses.replace(make_mover(scene), motion=hand, start=None)
     # A level hand at rest that then accelerates upwards.
     zero, lift = np.zeros((1, 3)), np.array([[0.0, 8.0, 0.0]])
-    motion = PlannedMotion(np.array([0.0, 0.2]), zero, zero, lift, zero)
-    thrown = throw(scene, mover, motion, 0.1, -5.0)
+    motion = Path.cubics(np.array([0.0, 0.2]), zero, zero, lift, zero)
+    thrown = Throw(scene.aimed_at(tp.Pose(x=0.0, z=-5.0)), mover, motion, 0.1)
     assert thrown.grip_use > 1
-    found = broken(CheckedThrow(scene, mover, motion, 0.2, 0.1, thrown))
-    assert any("slip" in violation.words for violation in found)
+    assert any("slip" in violation.words for violation in broken(thrown))
 
 
 def test_planner_takes_no_throw_that_breaks_the_workspace() -> None:

@@ -3,7 +3,7 @@
 A new term is a class in a file here and an entry of `TERMS`; rows come in this order.
 """
 
-from ...check import CheckedThrow, Violation, throw_violations
+from ...check import Throw, Violation, throw_violations
 from ..asked import Request
 from ..context import Term
 from .cup import CUP_MARGIN, Cup, lower_end
@@ -23,7 +23,7 @@ def terms_of(request: Request) -> tuple[Term, ...]:
     return tuple(term for term in found if term is not None)
 
 
-def broken(throw: CheckedThrow) -> list[Violation]:
+def broken(throw: Throw) -> list[Violation]:
     """What a throw breaks of the grip and of its scene's terms; empty if nothing."""
     found = throw_violations(throw)
     if throw.lands:

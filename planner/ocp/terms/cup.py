@@ -11,7 +11,7 @@ import numpy as np
 
 from ....models import FlightState
 from ....problems import Pose, Scene
-from ...check import CheckedThrow, Margin, Violation, cup_entry
+from ...check import Margin, Throw, Violation, cup_entry
 from ..asked import Request
 from ..context import Context, Term
 from ..layout import Block
@@ -89,7 +89,7 @@ class Cup(Term):
             stage.row("cup clearance", (offset - free) / radius, -np.inf, 0.0)
             stage.row("cup clearance", (offset + free) / radius, 0.0, np.inf)
 
-    def broken(self, throw: CheckedThrow) -> list[Violation]:
+    def broken(self, throw: Throw) -> list[Violation]:
         """A bar that does not get deep, or too near to wall or rim on its way."""
         cup = throw.scene.cup
         assert cup is not None

@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 
 from ....models import PlanarArm, PlanarDynamics
-from ...check import CheckedThrow, Margin, Violation, torque_use
+from ...check import Margin, Throw, Violation, torque_use
 from ..asked import Request
 from ..context import Context, Instant, Load, Term
 from ..stages import Stage
@@ -91,7 +91,7 @@ class Torque(Term):
             there = place + rate * stops * (share - share**2 / 2)
             _limit(context, stage, there, rate * (1 - share), going * against)
 
-    def broken(self, throw: CheckedThrow) -> list[Violation]:
+    def broken(self, throw: Throw) -> list[Violation]:
         """Joints whose torque is above its limit at any sample."""
         times, use = torque_use(throw)
         found = []

@@ -10,7 +10,7 @@ import casadi as ca
 import numpy as np
 
 from ....models import FlightState
-from ...check import CheckedThrow, Violation
+from ...check import Throw, Violation
 from ..asked import Request
 from ..context import Context, Term
 from ..stages import Stage
@@ -57,9 +57,9 @@ class Landing(Term):
         if self.rate_max:
             stage.row("landing rate", end.omega / p("rate_max"), -1.0, 1.0)
 
-    def broken(self, throw: CheckedThrow) -> list[Violation]:
+    def broken(self, throw: Throw) -> list[Violation]:
         """Bounds that the exact landing breaks."""
-        bounds, state = throw.scene.landing, throw.final.landing.state
+        bounds, state = throw.scene.landing, throw.landing.state
         assert bounds is not None
         speed, rate, found = math.hypot(state.v_x, state.v_z), abs(state.omega), []
         if speed < bounds.speed_min:

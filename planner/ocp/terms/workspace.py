@@ -11,8 +11,8 @@ import numpy as np
 
 from ....models import FlightState
 from ...check import (
-    CheckedThrow,
     Margin,
+    Throw,
     Violation,
     column_of,
     column_room,
@@ -96,7 +96,7 @@ class Floor(Term):
         for height in [*heights, pose[1]]:
             at.stage.row("floor", height - (p("floor") + margin), 0.0, np.inf)
 
-    def broken(self, throw: CheckedThrow) -> list[Violation]:
+    def broken(self, throw: Throw) -> list[Violation]:
         """Bar, arm or hand below the floor at any sample before detach, or the arm after it."""
         workspace = throw.scene.workspace
         assert workspace is not None and workspace.floor is not None
@@ -155,7 +155,7 @@ class Column(Term):
                 clear = _distance(context, at.x + along * cos, at.z + along * sin, cos, sin)
                 stage.row("base column", clear - margin, 0.0, np.inf)
 
-    def broken(self, throw: CheckedThrow) -> list[Violation]:
+    def broken(self, throw: Throw) -> list[Violation]:
         """The bar inside the column, held or in flight."""
         column, bar = column_of(throw.scene), throw.scene.object
         assert column is not None
@@ -225,7 +225,7 @@ class Palm(Term):
             at = first + share * (time - first)
             _keep_off(context, stage, flight, at, context.along_bar())
 
-    def broken(self, throw: CheckedThrow) -> list[Violation]:
+    def broken(self, throw: Throw) -> list[Violation]:
         """The bar nearer to the hand than the clearance, at any sample of the flight."""
         scene, flying = throw.scene, throw.flying
         assert scene.arm is not None and scene.workspace is not None

@@ -11,37 +11,95 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from .motion import TICK, PlannedMotion, SampledMotion
+from ...models import Path
 from .mover import Limits, Mover
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
+#: Sampling interval [s] of everything that is sent: 1 kHz.
+TICK = 0.001
 #: Ruckig's limits as a share of the real ones: differences of rounded samples stay inside.
 SHARE = 0.999
 #: Ruckig is on a sample when position, rate and acceleration are this near to it.
 ON_SAMPLE = (1e-9, 1e-8, 1e-6)
 #: Times [s] of a tick and of a piece's end that differ by less are the same.
 SAME = 1e-9
-#: Most jerk, acceleration and rate of a motion of one tick that makes good a gap of one in
+#: Most jerk, acceleration and rate of a motion of one tick that closes a gap of one in
 #: position, rate and acceleration, in ticks. By the quintic that is at rest at first.
-MENDING = np.array([[60.0, 96.0, 75.0], [5.8, 9.8, 9.0], [1.9, 3.9, 3.0]])
+CLOSING = np.array([[60.0, 96.0, 75.0], [5.8, 9.8, 9.0], [1.9, 3.9, 3.0]])
 
 
-def send(mover: Mover, planned: PlannedMotion) -> SampledMotion:
-    """Samples of the launch and release, then of the brake to rest."""
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Coordinates every millisecond from t = 0: q, dq, ddq, each (N, n)."""
+
+    q: Array
+    dq: Array
+    ddq: Array
+
+    @property
+    def times(self) -> Array:
+        """Sample times (N,) [s]."""
+        return np.asarray(TICK * np.arange(len(self.q)))
+
+    @cached_property
+    def path(self) -> Path:
+        """The motion between them: the quintics that meet all three at both samples."""
+        return Path.quintics(TICK, self.q, self.dq, self.ddq)
+
+
+#: Nothing is sent.
+NO_SAMPLES = Samples(*(np.empty((0, 0)) for _ in range(3)))
+
+
+class SmoothingError(Exception):
+    """The planned motion cannot be sent within the limits."""
+
+
+def send(mover: Mover, planned: Path) -> Samples:
+    """Samples of the launch and release, then of the brake to rest.
+
+    Raises SmoothingError where Ruckig finds no motion within the limits.
+    """
     jerk = mover.hard.jerk
     if jerk is None:
-        return SampledMotion(*_braked_hand(mover.hard, planned))
+        return Samples(*_braked_hand(mover.hard, planned))
     limits = _Limits(*(SHARE * most for most in (mover.hard.dq, mover.hard.ddq, jerk)))
     moved = _follow(limits, planned)
     brake = _jerk_limited_brake(limits, *(values[-1] for values in moved))
-    return SampledMotion(*(np.vstack(pair) for pair in zip(moved, brake, strict=True)))
+    return Samples(*(np.vstack(pair) for pair in zip(moved, brake, strict=True)))
+
+
+def broken_limits(mover: Mover, sent: Samples) -> list[str]:
+    """Real limits that any sample, or any difference of samples, breaks, in words."""
+    limits, names, broken = mover.hard, mover.joints, []
+    rate, acceleration = np.diff(sent.q, axis=0) / TICK, np.diff(sent.dq, axis=0) / TICK
+    checks = [
+        ("position", np.maximum(limits.q_min - sent.q, sent.q - limits.q_max), 0 * limits.dq),
+        ("velocity", np.abs(sent.dq), limits.dq),
+        ("velocity", np.abs(rate), limits.dq),
+        ("acceleration", np.abs(sent.ddq), limits.ddq),
+        ("acceleration", np.abs(acceleration), limits.ddq),
+    ]
+    if limits.slowing is not None:
+        middle = (sent.q[1:] + sent.q[:-1]) / 2
+        for q, dq in ((sent.q, sent.dq), (middle, rate)):
+            low, high = limits.velocity(q)
+            checks.append(("velocity", np.maximum(dq - high, low - dq), 0 * limits.dq))
+    if limits.jerk is not None:
+        checks.append(("jerk", np.abs(np.diff(sent.ddq, axis=0) / TICK), limits.jerk))
+    for kind, values, limit in checks:
+        # Rounding in the last digits breaks nothing.
+        for i in np.flatnonzero((values > limit + 1e-7 * np.maximum(limit, 1.0)).any(axis=0)):
+            broken.append(f"{names[i]} {kind}")
+    return list(dict.fromkeys(broken))
 
 
 @dataclass(frozen=True)
@@ -61,9 +119,9 @@ class _Limits:
         return order
 
 
-def _follow(limits: _Limits, planned: PlannedMotion) -> list[Array]:
+def _follow(limits: _Limits, planned: Path) -> list[Array]:
     """Ruckig chases the planned samples: each tick heads for the next, from where it got to."""
-    times = TICK * np.arange(math.ceil(planned.times[-1] / TICK - 1e-9) + 1)
+    times = TICK * np.arange(math.ceil(planned.end / TICK - 1e-9) + 1)
     wanted = [values.T for values in planned.at(times)]
     kept = _kept_ticks(limits, planned, times[-1])
     sent = [values.copy() for values in wanted]
@@ -115,16 +173,16 @@ def _on_sample(state: tuple[list[float], ...], sample: tuple[list[float], ...]) 
     return True
 
 
-def _kept_ticks(limits: _Limits, planned: PlannedMotion, until: float) -> Mask:
+def _kept_ticks(limits: _Limits, planned: Path, until: float) -> Mask:
     """Whether the planned motion keeps the limits all along each tick up to `until` [s].
 
     Then a motion of just one tick leads from sample to sample within the limits, and
     Ruckig, told to take a tick at least, arrives there as well.
     """
-    ends = np.append(planned.times[1:-1], until)
-    dt = (ends - planned.times[:-1])[:, None]
-    start = (planned.q, planned.dq, planned.ddq)
-    q, dq, ddq, jerk = *start, planned.jerk
+    begins = planned.breaks[:-1]
+    ends = np.append(begins[1:], until)
+    dt = (ends - begins)[:, None]
+    q, dq, ddq, jerk = (planned.starts(k) for k in range(4))
     end = (
         q + dt * (dq + dt * (ddq / 2 + dt * jerk / 6)),
         dq + dt * (ddq + dt * jerk / 2),
@@ -137,15 +195,15 @@ def _kept_ticks(limits: _Limits, planned: PlannedMotion, until: float) -> Mask:
     used = np.array([np.abs(jerk), np.abs([ddq, end[2]]).max(axis=0), rate])
     most = np.array([limits.jerk, limits.ddq, limits.dq])[:, None]
     # What the solver left open between two pieces takes some motion of its own.
-    gaps = np.abs([b[1:] - a[:-1] for a, b in zip(end, start, strict=True)])
+    gaps = np.abs([b[1:] - a[:-1] for a, b in zip(end, (q, dq, ddq), strict=True)])
     in_ticks = gaps / TICK ** np.array([3, 2, 1])[:, None, None]
-    mending = np.einsum("ij,jkn->ikn", MENDING, in_ticks) * TICK ** np.arange(3)[:, None, None]
-    closes = np.maximum(used[:, 1:], used[:, :-1]) + mending <= most
+    closing = np.einsum("ij,jkn->ikn", CLOSING, in_ticks) * TICK ** np.arange(3)[:, None, None]
+    closes = np.maximum(used[:, 1:], used[:, :-1]) + closing <= most
 
     kept = np.ones(round(until / TICK), dtype=bool)
-    meet = planned.times[1:-1]
+    meet = begins[1:]
     for piece in np.flatnonzero((used > most).any(axis=(0, 2))):
-        kept[_ticks(planned.times[piece], ends[piece])] = False
+        kept[_ticks(begins[piece], ends[piece])] = False
     crowded = np.diff(meet, prepend=-1.0, append=until + 1.0) < TICK
     for i in np.flatnonzero(~closes.all(axis=(0, 2)) | crowded[1:] | crowded[:-1]):
         kept[_ticks(meet[i], meet[i])] = False
@@ -177,15 +235,15 @@ def _jerk_limited_brake(limits: _Limits, q: Array, dq: Array, ddq: Array) -> Arr
     return np.array(states).transpose(1, 0, 2)
 
 
-def _braked_hand(limits: Limits, planned: PlannedMotion) -> list[Array]:
+def _braked_hand(limits: Limits, planned: Path) -> list[Array]:
     """Samples of a hand's planned motion, then of its brake from detach on.
 
     Each axis brakes by itself, at nearly its acceleration limit.
     """
-    detach = float(planned.times[-1])
+    detach = planned.end
     ticks = math.floor(detach / TICK + 1e-9)
     moved = [values.T for values in planned.at(np.asarray(TICK * np.arange(ticks + 1)))]
-    q, dq, _ = (values[:, 0] for values in planned.at(planned.times[-1:]))
+    q, dq, _ = (values[:, 0] for values in planned.at(np.array([detach])))
     braking = -np.sign(dq) * SHARE * limits.ddq
     stop = np.abs(dq) / (SHARE * limits.ddq)
     count = math.ceil((detach + float(stop.max())) / TICK) - ticks + 1
@@ -197,7 +255,3 @@ def _braked_hand(limits: Limits, planned: PlannedMotion) -> list[Array]:
         np.where(since < stop, braking, 0.0),
     ]
     return [np.vstack(pair) for pair in zip(moved, braked, strict=True)]
-
-
-class SmoothingError(Exception):
-    """The planned motion cannot be sent within the limits."""

@@ -1,0 +1,150 @@
+"""What is sent is what Ruckig gives when it follows every tick."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from functools import cache
+
+import numpy as np
+import pytest
+import ruckig
+import throwplan as tp
+from throwplan.models import Path
+from throwplan.planner.check import TICK, Mover, Samples, broken_limits, make_mover, send
+
+SHARE = 0.999
+
+
+@cache
+def plan_of(name: str) -> tp.Plan:
+    return tp.plan(name)
+
+
+@cache
+def panda() -> Mover:
+    return make_mover(tp.load_scene("pose"))
+
+
+def follow(mover: Mover, planned: Path) -> list[np.ndarray]:
+    """q, dq, ddq, each (N, n), by Ruckig from tick to tick, all the way to detach."""
+    hard = mover.hard
+    otg, trajectory = ruckig.Ruckig(mover.size), ruckig.Trajectory(mover.size)
+    order = ruckig.InputParameter(mover.size)
+    order.max_velocity = (SHARE * hard.dq).tolist()
+    order.max_acceleration = (SHARE * hard.ddq).tolist()
+    order.max_jerk = (SHARE * hard.jerk).tolist()
+    order.minimum_duration = TICK
+    ticks = math.ceil(planned.end / TICK - 1e-9)
+    q, dq, ddq = (rows.T for rows in planned.at(TICK * np.arange(ticks + 1)))
+    dq, ddq = (np.clip(v, -SHARE * m, SHARE * m) for v, m in ((dq, hard.dq), (ddq, hard.ddq)))
+    states = [(q[0].tolist(), [0.0] * mover.size, [0.0] * mover.size)]
+    for goal in zip(q[1:].tolist(), dq[1:].tolist(), ddq[1:].tolist(), strict=True):
+        order.current_position, order.current_velocity, order.current_acceleration = states[-1]
+        order.target_position, order.target_velocity, order.target_acceleration = goal
+        otg.calculate(order, trajectory)
+        states.append(trajectory.at_time(TICK))
+    return [np.array(rows) for rows in zip(*states, strict=True)]
+
+
+def assert_followed(mover: Mover, planned: Path) -> Samples:
+    """As Ruckig follows, as far as its results go: it takes 1e-8 for a position met."""
+    sent, (q, dq, ddq) = send(mover, planned), follow(mover, planned)
+    n = len(q)
+    assert np.median(np.abs(sent.q[:n] - q).max(axis=1)) < 1e-12
+    assert np.abs(sent.q[:n] - q).max() < 1e-8
+    assert np.abs(sent.dq[:n] - dq).max() < 2e-8
+    assert np.abs(sent.ddq[:n] - ddq).max() < 2e-5
+    assert np.abs([sent.dq[-1], sent.ddq[-1]]).max() < 1e-12
+    assert broken_limits(mover, sent) == []
+    return sent
+
+
+def pieces(seed: int, share: float, jerk: float) -> Path:
+    """Random pieces of 20 to 60 ms: accelerations within `share` of their limits, steps
+    between them, and jerks within `jerk` of theirs."""
+    hard, rng = panda().hard, np.random.default_rng(seed)
+    dt = rng.uniform(0.02, 0.06, 12)
+    ddq = rng.uniform(-1, 1, (12, 3)) * share * hard.ddq
+    return joined(np.append(0.0, np.cumsum(dt)), ddq, rng.uniform(-1, 1, (12, 3)) * jerk)
+
+
+def even(jerk: float) -> Path:
+    """From rest with continuous acceleration: jerk up, down, down, up at `jerk` of the limit."""
+    h, jerks = 0.0015, jerk * np.array([1.0, -1.0, -1.0, 1.0])[:, None] * np.ones(3)
+    ddq = np.cumsum(np.vstack([np.zeros(3), h * jerks[:-1] * panda().hard.jerk]), axis=0)
+    return joined(h * np.arange(5.0), ddq, jerks)
+
+
+def joined(times: np.ndarray, ddq: np.ndarray, jerk: np.ndarray) -> Path:
+    """Pieces of these accelerations at their begin and jerks, shares of the limit."""
+    hard, jerk = panda().hard, jerk * panda().hard.jerk
+    q, dq = np.zeros_like(ddq), np.zeros_like(ddq)
+    q[0] = (hard.q_min + hard.q_max) / 2
+    for k, h in enumerate(np.diff(times)[:-1]):
+        q[k + 1] = q[k] + h * (dq[k] + h * (ddq[k] / 2 + h * jerk[k] / 6))
+        dq[k + 1] = dq[k] + h * (ddq[k] + h * jerk[k] / 2)
+    return Path.cubics(times, q, dq, ddq, jerk)
+
+
+@pytest.mark.parametrize("name", ["pose", "cup", "flip"])
+def test_a_plan_is_sent_as_ruckig_follows_it(name: str) -> None:
+    plan = plan_of(name)
+    assert_followed(plan.mover, plan.throw.planned)
+
+
+@pytest.mark.parametrize("seed", range(3))
+@pytest.mark.parametrize(("share", "jerk"), [(0.2, 0.0), (0.6, 0.0), (0.5, 0.02)])
+def test_steps_of_the_acceleration_are_followed_the_same(seed, share, jerk) -> None:
+    sent = assert_followed(panda(), pieces(seed, share, jerk))
+    # At rest at first even where the plan starts with a step.
+    assert not sent.dq[0].any() and not sent.ddq[0].any()
+
+
+@pytest.mark.parametrize("jerk", [0.5, 0.95, 0.998])
+def test_a_motion_within_the_limits_is_sent_as_planned(jerk: float) -> None:
+    planned = even(jerk)
+    sent = assert_followed(panda(), planned)
+    assert sent.q[:7] == pytest.approx(planned.at(TICK * np.arange(7)).pose.T, abs=0)
+
+
+def test_what_breaks_a_limit_is_left_to_ruckig() -> None:
+    planned = even(0.9)
+    # Jerk beyond the limit in the third piece, 3 to 4.5 ms.
+    given = planned.given.copy()
+    given[0, 1, 2] *= 1.2
+    broken = dataclasses.replace(planned, given=given)
+    sent = assert_followed(panda(), broken)
+    assert sent.q[:3] == pytest.approx(broken.at(TICK * np.arange(3)).pose.T, abs=0)
+
+
+@pytest.mark.parametrize("size", [1e-10, 1e-7])
+def test_gaps_that_a_solver_leaves_change_nothing(size: float) -> None:
+    planned, rng = plan_of("cup").throw.planned, np.random.default_rng(0)
+    given = planned.given.copy()
+    given[-2:, :, 1:] += size * rng.uniform(-1, 1, given[-2:, :, 1:].shape)
+    assert_followed(plan_of("cup").mover, dataclasses.replace(planned, given=given))
+
+
+def test_broken_limits_are_named() -> None:
+    q = np.tile([0.0, -1.5, 1.5], (50, 1))
+    assert broken_limits(panda(), Samples(q, 0 * q, 0 * q)) == []
+    jump, jerk, out = q.copy(), 0 * q, q.copy()
+    jump[20:, 1] += 0.01
+    assert "joint 4 velocity" in broken_limits(panda(), Samples(jump, 0 * q, 0 * q))
+    jerk[20, 2] = 15.0
+    assert broken_limits(panda(), Samples(q, 0 * q, jerk)) == ["joint 6 jerk"]
+    out[:, 0] = 1.9
+    assert broken_limits(panda(), Samples(out, 0 * q, 0 * q)) == ["joint 2 position"]
+
+
+@pytest.mark.parametrize("name", ["hand-flip", "pose"])
+def test_the_motion_to_rest_is_what_is_sent(name: str) -> None:
+    """Of a free hand the planned pieces, then its brake; of an arm the samples' quintics."""
+    throw = plan_of(name).throw.final
+    whole, samples = throw.to_rest, throw.samples
+    for wanted, found in zip((samples.q, samples.dq), whole.at(samples.times), strict=False):
+        assert pytest.approx(wanted, abs=1e-9) == found.T
+    beyond = whole.at(np.array([whole.end + 0.1]))
+    assert np.abs(beyond.twist).max() < 1e-9
+    assert whole.end == pytest.approx(samples.times[-1])
