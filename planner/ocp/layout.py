@@ -25,6 +25,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+from ..check import Limits
 from .asked import Request
 
 #: Unit of the jerk control [rad/s^3], so that the variables are of order one.
@@ -61,6 +62,10 @@ class Block:
         return dataclasses.replace(self, index=index)
 
 
+def _of_limits(pick: Callable[[Limits], Bounds]) -> Callable[[Request], Bounds]:
+    return lambda request: pick(request.mover.planning)
+
+
 def _carry(request: Request) -> Bounds:
     """The opening command comes the dwell and the mean delay before the opening, not earlier
     than the start."""
@@ -69,32 +74,22 @@ def _carry(request: Request) -> Bounds:
     return max(earliest, CARRY_MIN), request.scene.mesh.carry_max
 
 
-def _control(request: Request) -> Bounds:
-    limits = request.mover.planning
-    most = limits.ddq
-    if request.mover.jerk_control:
-        assert limits.jerk is not None
-        most = limits.jerk / JERK_UNIT
-    return -most, most
+def _jerk(limits: Limits) -> Bounds:
+    assert limits.jerk is not None
+    return -limits.jerk / JERK_UNIT, limits.jerk / JERK_UNIT
 
+
+_POSITION = _of_limits(lambda limits: (limits.q_min, limits.q_max))
+_VELOCITY = _of_limits(lambda limits: (-limits.dq, limits.dq))
+_ACCELERATION = _of_limits(lambda limits: (-limits.ddq, limits.ddq))
 
 #: Coordinates, their rates and accelerations; the control, constant in an interval, so that
 #: the coordinates inside it are closed forms: their jerk, or their acceleration.
-Q = Block(
-    "q", "rad; m", "position", lambda t: (t.mover.planning.q_min, t.mover.planning.q_max), each=True
-)
-DQ = Block(
-    "dq", "rad/s; m/s", "velocity", lambda t: (-t.mover.planning.dq, t.mover.planning.dq), each=True
-)
-DDQ = Block(
-    "ddq",
-    "rad/s^2",
-    "acceleration",
-    lambda t: (-t.mover.planning.ddq, t.mover.planning.ddq),
-    each=True,
-)
-JERK = Block("c", "1000 rad/s^3", "jerk", _control, each=True)
-ACCELERATION = Block("c", "rad/s^2; m/s^2", "acceleration", _control, each=True)
+Q = Block("q", "rad; m", "position", _POSITION, each=True)
+DQ = Block("dq", "rad/s; m/s", "velocity", _VELOCITY, each=True)
+DDQ = Block("ddq", "rad/s^2", "acceleration", _ACCELERATION, each=True)
+JERK = Block("c", "1000 rad/s^3", "jerk", _of_limits(_jerk), each=True)
+ACCELERATION = Block("c", "rad/s^2; m/s^2", "acceleration", _ACCELERATION, each=True)
 #: The carry's duration: the release timing.
 T = Block("T", "s", "carry time", _carry)
 #: Relative state of the sliding pivot: slip, angle, and their rates; and the unknown relative

@@ -102,16 +102,11 @@ def _core_numbers(request: Request) -> dict[str, Any]:
     """Values of the parameters that are no term's."""
     scene, limits, target = request.scene, request.mover.planning, request.target
     assert target is not None
-    body, contact, profile = scene.body, scene.patch, scene.gripper.profile()
+    profile = scene.gripper.profile()
     nodes = opening_nodes(scene.mesh, profile.opening)
     return {
-        "mass": body.mass,
-        "inertia": body.inertia,
-        "com_offset": body.com_offset,
-        "friction": contact.friction,
-        "patch_radius": contact.patch_radius,
-        "torsion": contact.torsion,
-        "faces": contact.faces,
+        **vars(scene.body),
+        **vars(scene.patch),
         "gravity": scene.gravity,
         "grasp_angle": scene.grasp.angle,
         "full_grip": profile.full,

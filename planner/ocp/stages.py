@@ -138,39 +138,25 @@ class StageFunctions:
         return ca.Function(f"{self._name}_{name}", inputs, outputs, {"cse": True})
 
     @cached_property
-    def _derivatives(self) -> Derivatives:
+    def _derivatives(self) -> list[ca.SX]:
         return differentiate(self._stage, *self._lagrangian)
 
     @cached_property
     def jacobian(self) -> ca.Function:
         """(v, d, p) -> outputs, their Jacobian."""
         outputs = self._inserted([self._stage.outputs])
-        return self._function("jacobian", [], [*outputs, self._derivatives.jacobian])
+        return self._function("jacobian", [], [*outputs, self._derivatives[0]])
 
     @cached_property
     def cost_gradient(self) -> ca.Function:
         """(v, d, p) -> gradient of the cost, dense."""
-        return self._function("cost", [], [ca.densify(self._derivatives.cost_gradient)])
+        return self._function("cost", [], [ca.densify(self._derivatives[1])])
 
     @cached_property
     def hessian(self) -> ca.Function:
         """(v, d, p, multipliers, sigma) -> gradient (dense) and Hessian of the Lagrangian."""
-        outputs = [ca.densify(self._derivatives.gradient), self._derivatives.hessian]
-        return self._function("hessian", self._lagrangian, outputs)
-
-
-@dataclass(frozen=True)
-class Derivatives:
-    """Of outputs (m,) and cost in the variables (n,), as expressions of variables only.
-
-    jacobian (m, n) of the outputs; cost_gradient (n,); gradient (n,) and hessian (n, n),
-    both triangles, of `sigma * cost + multipliers' outputs`.
-    """
-
-    jacobian: ca.SX
-    cost_gradient: ca.SX
-    gradient: ca.SX
-    hessian: ca.SX
+        _, _, gradient, hessian = self._derivatives
+        return self._function("hessian", self._lagrangian, [ca.densify(gradient), hessian])
 
 
 def inserted(expressions: list[ca.SX], lifted: Lifted) -> list[ca.SX]:
@@ -181,8 +167,12 @@ def inserted(expressions: list[ca.SX], lifted: Lifted) -> list[ca.SX]:
     return list(ca.substitute_inplace(list(symbols), list(definitions), expressions)[1])
 
 
-def differentiate(stage: Stage, multipliers: ca.SX, sigma: ca.SX) -> Derivatives:
-    """Derivatives of a stage through its intermediates."""
+def differentiate(stage: Stage, multipliers: ca.SX, sigma: ca.SX) -> list[ca.SX]:
+    """Derivatives of a stage through its intermediates, as expressions of its variables (n,).
+
+    Jacobian (m, n) of the outputs; gradient (n,) of the cost; gradient (n,) and Hessian (n, n),
+    both triangles, of `sigma * cost + multipliers' outputs`.
+    """
     outputs, cost, lifted = stage.outputs, stage.cost, stage.lifted
     everything = ca.vertcat(stage.variables, *[symbol for symbol, _ in lifted])
     total = sigma * cost + ca.dot(multipliers, outputs)
@@ -205,4 +195,4 @@ def differentiate(stage: Stage, multipliers: ca.SX, sigma: ca.SX) -> Derivatives
         of_cost = of_cost[:start] + slope.T @ of_cost[start:]
         jacobian = jacobian[:, :start] + jacobian[:, start:] @ slope
     found = inserted([jacobian, of_cost, gradient, hessian], lifted + adjoints)
-    return Derivatives(*(ca.sparsify(entry) for entry in found))
+    return [ca.sparsify(entry) for entry in found]
