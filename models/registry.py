@@ -73,6 +73,10 @@ class ReleaseModel:
             raise TypeError(f"{self.name} throws no batches")
         return self.batch.throw(batch, steps or self.steps, even)
 
+    def summary(self) -> str:
+        """What it is, in a line."""
+        return f"{self.title}: {self.law}; {self.method}"
+
     @property
     def quick(self) -> bool:
         """Whether whole grids of contact parameters can be thrown by it."""
@@ -89,14 +93,14 @@ class ReleaseModel:
 #: Models that are named in code: what the NLP plans by, and what throws as pads do.
 SLIDING_PIVOT, STEPPED_SURFACE = "sp", "ls-step"
 
-_PIVOT = "sliding pivot (Liu and Billard): the bar sticks, pivots about the pads, slides"
-_JUMPS = "the same with the paper's jump of the rates as sliding begins"
-_SURFACE = "limit surface: an ellipsoid of force and torque"
-_SMOOTHED = "limit surface smoothed over the slip speed d [m/s]"
-_POINTS = "pads meshed into 64 points with Coulomb friction: the measure of model errors"
-_BRISTLES = "bristles of the stiffness σ₀ [1/m] at those points"
-_CUT = "Runge-Kutta, steps cut where pivoting and sliding begin or end"
-_KARNOPP = "explicit Euler, sticking by Karnopp's threshold"
+_PIVOT = "the bar sticks, pivots about the pads, slides (Liu and Billard)"
+_JUMPS = "the same, with the paper's jump of the rates as sliding begins"
+_SURFACE = "an ellipsoid of force and torque"
+_SMOOTHED = "an ellipsoid of force and torque, smoothed over the slip speed"
+_POINTS = "64 points with Coulomb friction: the measure of model errors"
+_BRISTLES = "64 points with bristles"
+_CUT = "Runge-Kutta, steps cut at events"
+_KARNOPP = "explicit Euler, Karnopp's dead zone"
 
 
 def _by_name(models: Iterable[ReleaseModel]) -> dict[str, ReleaseModel]:
@@ -156,7 +160,7 @@ MODELS = _by_name(
             "ils",
             "smoothed limit surface, implicit",
             _SMOOTHED,
-            "implicit integrator (LSODA)",
+            "LSODA",
             "#2a9d6f",
             ImplicitRelease(),
         ),
@@ -164,7 +168,7 @@ MODELS = _by_name(
             STEPPED_SURFACE,
             "limit surface, time stepping",
             _SURFACE,
-            "time steps with an implicit friction impulse",
+            "Moreau-Jean steps",
             "#4c78a8",
             SteppedRelease(),
             SteppedRelease(),
@@ -177,7 +181,7 @@ MODELS = _by_name(
             "patch",
             "meshed patch",
             _POINTS,
-            "implicit time steps",
+            "backward Euler",
             "#6b705c",
             PatchRelease(),
             PatchRelease(),
@@ -187,7 +191,7 @@ MODELS = _by_name(
             "lugre",
             "meshed patch of bristles (LuGre)",
             _BRISTLES,
-            "implicit time steps",
+            "backward Euler",
             "#118ab2",
             LuGreRelease(),
             LuGreRelease(),
@@ -197,43 +201,33 @@ MODELS = _by_name(
 )
 
 
-def _variant(of: str, suffix: str, title: str, single: CaseModel) -> ReleaseModel:
-    model = MODELS[of]
-    return replace(
-        model, name=f"{of}-{suffix}", title=f"{model.title}, {title}", single=single, batch=None
-    )
+def _variant(name: str, single: CaseModel) -> ReleaseModel:
+    """A model of another setting, which its title names; its name begins with the model's."""
+    of = MODELS[max((known for known in MODELS if name.startswith(f"{known}-")), key=len)]
+    title = f"{of.title}, {name.removeprefix(of.name + '-')}"
+    return replace(of, name=name, title=title, single=single, batch=None)
 
 
+_OTHERS: dict[str, CaseModel] = {
+    "sp-euler": SlidingPivotRelease(steps=500, integrator="euler"),
+    "sp-paper-euler": SlidingPivotRelease("paper", steps=500, integrator="euler"),
+    "ls-rotated": KarnoppRelease(shape=rotated_ellipsoid),
+    "ls-quartic": KarnoppRelease(shape=Quartic),
+    "ils-rotated": ImplicitRelease(shape=rotated_ellipsoid),
+    "ils-quartic": ImplicitRelease(shape=Quartic),
+    "ils-radau": ImplicitRelease(method="Radau"),
+    "ils-bdf": ImplicitRelease(method="BDF"),
+    # The consistent norm: its half-band is smaller by about c r_p.
+    "ils-consistent": ImplicitRelease(5e-5, norm="consistent"),
+    "ls-step-rotated": SteppedRelease(shape=rotated_ellipsoid),
+    "ls-step-quartic": SteppedRelease(shape=Quartic),
+    "patch-hertz": PatchRelease(pressure="hertz"),
+    # Softer bristles [1/m].
+    "lugre-1e6": LuGreRelease(stiffness=1e6),
+    "lugre-1e5": LuGreRelease(stiffness=1e5),
+}
 #: Variants of them: asked for by name only, not part of all.
-VARIANTS = _by_name(
-    [
-        _variant("sp", "euler", "Euler", SlidingPivotRelease(steps=500, integrator="euler")),
-        _variant(
-            "sp-paper",
-            "euler",
-            "Euler",
-            SlidingPivotRelease("paper", steps=500, integrator="euler"),
-        ),
-        _variant("ls", "rotated", "rotated ellipsoid", KarnoppRelease(shape=rotated_ellipsoid)),
-        _variant("ls", "quartic", "quartic", KarnoppRelease(shape=Quartic)),
-        _variant("ils", "rotated", "rotated ellipsoid", ImplicitRelease(shape=rotated_ellipsoid)),
-        _variant("ils", "quartic", "quartic", ImplicitRelease(shape=Quartic)),
-        _variant("ils", "radau", "Radau", ImplicitRelease(method="Radau")),
-        _variant("ils", "bdf", "BDF", ImplicitRelease(method="BDF")),
-        # Its half-band is smaller by about c r_p.
-        _variant("ils", "consistent", "consistent norm", ImplicitRelease(5e-5, norm="consistent")),
-        _variant(
-            STEPPED_SURFACE,
-            "rotated",
-            "rotated ellipsoid",
-            SteppedRelease(shape=rotated_ellipsoid),
-        ),
-        _variant(STEPPED_SURFACE, "quartic", "quartic", SteppedRelease(shape=Quartic)),
-        _variant("patch", "hertz", "Hertz's pressure", PatchRelease(pressure="hertz")),
-        _variant("lugre", "1e6", "σ₀ = 10⁶ 1/m", LuGreRelease(stiffness=1e6)),
-        _variant("lugre", "1e5", "σ₀ = 10⁵ 1/m", LuGreRelease(stiffness=1e5)),
-    ]
-)
+VARIANTS = _by_name(_variant(name, single) for name, single in _OTHERS.items())
 
 #: Models that sweeps and `simulate_batch` take, and that decide whether a plan is solved.
 BATCH_MODELS = {n: m for n, m in MODELS.items() if m.batch is not None and not m.chatters}

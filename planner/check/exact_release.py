@@ -90,7 +90,7 @@ def sliding_pivot_release(case: ReleaseCase, kinks: Array) -> Release:
         if (settled and not far.any()) or steps == MOST:
             return run.release(SlidingPivot(case.body, case.contact, case.gravity))
         # Where an event was not foreseen well the next run has nodes on both sides of it;
-        # as many steps do for that once, but not for ever.
+        # the same number of steps serves for that once.
         around = (events[far] + 2 * astray[far] * [[-1.0], [1.0]]).ravel()
         finer = not finer or not settled
 

@@ -7,6 +7,7 @@ import json
 from pathlib import Path
 from typing import Any
 
+from ...models import MODELS, VARIANTS
 from ...problems import load_scene, save_text
 from ..check import simulate
 from ..show import draw_release_pictures
@@ -19,8 +20,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """The command's options."""
     add_scene(parser)
     names = (
-        "a model's name, or all; also variants that are not part of all: ls-step-quartic, "
-        "ils-radau, ... (an unknown name lists them)"
+        f"all, one of {', '.join(MODELS)}, or a variant, which is not part of all: "
+        f"{', '.join(VARIANTS)}"
     )
     parser.add_argument("--model", default="all", metavar="NAME", help=names)
     add_out(parser, "simulation.json and five pictures")
@@ -57,6 +58,9 @@ def _table(name: str, models: dict[str, Any]) -> str:
         if landing is not None:
             x, theta = (_cell(landing[key], 10, 4) for key in ("x", "theta"))
             lines.append(f"  {model:{wide}} lands at x{x} m, theta{theta} rad")
+    for model in models:
+        words = VARIANTS[model].title if model in VARIANTS else MODELS[model].summary()
+        lines.append(f"  {model:{wide}} {words}")
     for model, found in models.items():
         if found["status"] != "ok":
             lines.append(f"  {model}: not to be trusted: {found['status']}")

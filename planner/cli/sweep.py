@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from ...models import SLIDING_PIVOT
+from ...models import BATCH_MODELS, SLIDING_PIVOT
 from ...problems import ROBUST_METHODS, InputError, Pose, Scene, load_scene, prepare_folder
 from ..plan import Planner
 from ..result import Plan
@@ -34,12 +34,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add_scene(parser)
     add_target(parser)
     add("--robust", choices=ROBUST_METHODS, help="plan against the uncertainty")
-    add(
-        "--model",
-        default=SLIDING_PIVOT,
-        metavar="NAME",
-        help="release model (default: %(default)s)",
-    )
+    names = f"release model: {', '.join(BATCH_MODELS)} (default: %(default)s)"
+    add("--model", default=SLIDING_PIVOT, metavar="NAME", help=names)
     numbers = (
         ("--samples", "1000", "throws (default: 1000)"),
         ("--seed", "0", "of the samples (default: 0)"),

@@ -16,6 +16,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import (
+    MODELS,
+    STEPPED_SURFACE,
     Contact,
     ImplicitRelease,
     KarnoppRelease,
@@ -73,7 +75,8 @@ EXPLICIT = (
         {"color": BLUE, "lw": 0.8, "alpha": 0.8, "ls": "--"},
     ),
 )
-STEPPED = Curve("limit surface, time stepping", SteppedRelease(), {"color": GREEN, "lw": 1.6})
+_STEPPED = MODELS[STEPPED_SURFACE]
+STEPPED = Curve(_STEPPED.title, _STEPPED.single, {"color": GREEN, "lw": 1.6})
 SMOOTHED = Curve("smoothed (d = 0.01 m/s), LSODA", ImplicitRelease(), {"color": PURPLE, "lw": 3})
 #: The sliding pivot whose modes are shown is the last.
 COMPARED = (
