@@ -108,7 +108,7 @@ def written(options: argparse.Namespace) -> str:
 
 
 def say(words: str) -> None:
-    """A step of the work, where somebody watches."""
+    """A step of the work, on a terminal's stderr."""
     if sys.stderr.isatty():
         print(words, file=sys.stderr)
 

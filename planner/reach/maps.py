@@ -31,7 +31,7 @@ Counts = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 Progress = Callable[[int, int], None]
 
-#: Most sampled states that may be asked for; usual number.
+#: Most sampled states, and how many are drawn by default.
 MOST, SAMPLES = 10_000_000, 200_000
 #: Height [m] and distance [m] a target may have.
 FARTHEST = 1e4
@@ -48,8 +48,8 @@ class ReachMap:
     landings, how many throws landed there; solutions, how many different throws (occupied
     cells of a grid over coordinates and rates, 0.15 of each range wide, so neighbours
     across a cell's border count as two); margin, the best 1 - (largest use of velocity,
-    acceleration, position room and grip), NaN where nothing landed. x, theta (N,): the
-    landings themselves. message: why nothing is in reach, empty if something is.
+    acceleration, position range and grip), NaN without a landing. x, theta (N,): the
+    landings. message: why no pose is in reach, empty if one is.
     """
 
     scene: Scene

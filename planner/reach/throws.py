@@ -1,8 +1,8 @@
-"""The sampled throws of a map: drawn, those that break something left out, and their margins.
+"""The sampled throws of a map: how they are drawn, which are allowed, and their margins.
 
-The states are those of `ReleaseSampler` from a free start: a scene with a given start is
-wound up first, from rest there to rest at the run-up's start, in what the longest carry
-leaves. Kept are the throws that keep floor, base column, palm and the bounds of [landing].
+`ReleaseSampler` draws the states as if the start were free. From a given start the carry
+first goes to the start of the run-up, at rest there, and the longest carry bounds the time
+of both. Allowed are throws that keep floor, base column, palm and the bounds of [landing].
 """
 
 from __future__ import annotations
@@ -23,18 +23,19 @@ Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
 Flags = npt.NDArray[np.bool_]
 
-#: Sampled states at a time.
+#: States that are sampled at a time.
 CHUNK = 20_000
-#: Two throws are different when they lie in different cells of this share of the range of a
-#: coordinate or rate.
+#: Two throws count as different if they lie in different cells, of this share of the range of
+#: each coordinate and rate.
 CELL = 0.15
 
 
 def margins(scene: Scene, mover: Mover, throws: Releases) -> Array:
-    """1 - largest use of a limit (N,) at the opening's start and end, and where it stops.
+    """1 - largest use of a limit (N,) at the opening's start and end, and after braking.
 
-    Uses are shares of the planner's limits: rates, accelerations, the way from the middle of
-    a coordinate's range to its end, and friction (root of the ellipsoid) at full grip.
+    Uses are shares of the planner's limits: rates, accelerations, the distance from the middle
+    of a coordinate's range over half the range, and friction (root of the ellipsoid) at full
+    grip.
     """
     limits, q, dq, ddq = mover.planning, throws.q, throws.dq, throws.ddq
     end, stop, rate = _ahead(scene, mover, throws)
@@ -58,19 +59,19 @@ def _ahead(scene: Scene, mover: Mover, throws: Releases) -> tuple[Array, Array, 
     opening = scene.gripper.profile().opening
     end = throws.q + throws.dq * opening + throws.ddq * opening**2 / 2
     rate = throws.dq + throws.ddq * opening
-    way = rate * np.abs(rate) / (2 * BRAKE_SHARE * mover.planning.ddq)
-    return end, end + way, rate
+    braking = rate * np.abs(rate) / (2 * BRAKE_SHARE * mover.planning.ddq)
+    return end, end + braking, rate
 
 
 def chunks(scene: Scene, mover: Mover, samples: int) -> Iterator[tuple[int, list[Releases]]]:
-    """(states drawn, releases that can be thrown from a free start) of each chunk."""
-    # A start that is given says where the wind-up begins, not where the run-up does.
+    """Of each chunk the number of states drawn, and the releases among them."""
+    # A given start is where the carry begins; the run-up begins anywhere.
     sampler = ReleaseSampler(scene, dataclasses.replace(mover, start=None))
     for seed, first in enumerate(range(0, samples, CHUNK)):
         count = min(CHUNK, samples - first)
         drawn = [sampler.draw(count, seed)]
         if seed == 0 and mover.start is not None:
-            # The last of a draw just lets go at the start.
+            # The last state of a draw lets go at rest at the start.
             drawn.append(ReleaseSampler(scene, mover).draw(1))
         yield count, drawn
 
@@ -81,33 +82,36 @@ def _start(throws: Releases) -> Array:
 
 
 def allowed(scene: Scene, mover: Mover, throws: Releases, time: Array) -> Flags:
-    """Whether the throws (N,) can be wound up for and break nothing; time (N,): of flight [s]."""
-    good = throws.clear & _wound_up(scene, mover, throws) & _off_floor(scene, mover, throws)
+    """Whether the throws (N,) are reached from the start and break no constraint.
+
+    time (N,): of flight [s].
+    """
+    good = throws.clear & _reached(scene, mover, throws) & _off_floor(scene, mover, throws)
     good &= flies_past_column(scene, throws.detach, time, PASSING_MARGIN)
     return good & _bounded(scene, throws, time)
 
 
-def _wound_up(scene: Scene, mover: Mover, throws: Releases) -> Flags:
+def _reached(scene: Scene, mover: Mover, throws: Releases) -> Flags:
     """Whether the longest carry (N,) leaves time to go from the start to the run-up's start.
 
     By a quintic from rest to rest, whose peaks are 15/8 d/T, 10/sqrt(3) d/T^2, 60 d/T^3.
     """
     if mover.start is None:
         return np.ones(len(throws.q), dtype=bool)
-    limits, way = mover.planning, np.abs(_start(throws) - mover.start)
-    times = [15 / 8 * way / limits.dq, np.sqrt(10 / math.sqrt(3) * way / limits.ddq)]
+    limits, distance = mover.planning, np.abs(_start(throws) - mover.start)
+    times = [15 / 8 * distance / limits.dq, np.sqrt(10 / math.sqrt(3) * distance / limits.ddq)]
     if limits.jerk is not None:
-        times.append(np.cbrt(60 * way / limits.jerk))
+        times.append(np.cbrt(60 * distance / limits.jerk))
     needed = np.max(times, axis=0).max(axis=1, initial=0.0)
     return np.asarray(needed + throws.run_up <= scene.mesh.carry_max)
 
 
 def _off_floor(scene: Scene, mover: Mover, throws: Releases) -> Flags:
     """Whether arm, hand and held bar (N,) are off the floor at all ends of the motion."""
-    fine = np.ones(len(throws.q), dtype=bool)
+    clear = np.ones(len(throws.q), dtype=bool)
     workspace = scene.workspace
-    if workspace is None or workspace.floor is None or not fine.size:
-        return fine
+    if workspace is None or workspace.floor is None or not clear.size:
+        return clear
     end, stop, _ = _ahead(scene, mover, throws)
     outline = outline_kernel(mover.motion, mover.kinematics)
     for q, holds in ((_start(throws), True), (throws.q, True), (end, False), (stop, False)):
@@ -118,24 +122,21 @@ def _off_floor(scene: Scene, mover: Mover, throws: Releases) -> Flags:
         if holds:
             bar = held_bar(scene, hand.T)
             lowest = np.minimum(lowest, lowest_of_bar(scene.object, bar))
-        fine &= lowest >= workspace.floor
-    return fine
+        clear &= lowest >= workspace.floor
+    return clear
 
 
 def _bounded(scene: Scene, throws: Releases, time: Array) -> Flags:
     """Whether the landings (N,) keep the bounds of [landing]."""
     bounds = scene.landing
-    v_x, v_z, omega = throws.detach.T[3:]
-    fine = np.ones(len(time), dtype=bool)
     if bounds is None:
-        return fine
+        return np.ones(len(time), dtype=bool)
+    v_x, v_z, omega = throws.detach.T[3:]
     speed = np.hypot(v_x, v_z - scene.gravity * time)
-    fine &= speed >= bounds.speed_min
-    if bounds.speed_max is not None:
-        fine &= speed <= bounds.speed_max
-    if bounds.rate_max is not None:
-        fine &= np.abs(omega) <= bounds.rate_max
-    return fine
+    fastest = math.inf if bounds.speed_max is None else bounds.speed_max
+    turning = math.inf if bounds.rate_max is None else bounds.rate_max
+    within = (speed >= bounds.speed_min) & (speed <= fastest) & (np.abs(omega) <= turning)
+    return np.asarray(within)
 
 
 def cells_of(mover: Mover, throws: Releases) -> Counts:
