@@ -13,21 +13,13 @@ os.environ["THROWPLAN_CACHE"] = _FOLDER.name
 os.environ["THROWPLAN_COMPILE"] = "0"
 
 
-def _compiling() -> Iterator[None]:
+@pytest.fixture(scope="module")
+def compiling() -> Iterator[None]:
     """Compiled code where there is a compiler: the limit surface takes minutes without."""
-    from throwplan.planner.compile import compiled_batch
-    from throwplan.planner.compile.compiler import compiler
+    from throwplan.planner.compile import c_compiler
 
-    caches = (compiler, compiled_batch._library)
     with pytest.MonkeyPatch.context() as patch:
         patch.setenv("THROWPLAN_COMPILE", "1")
-        for cached in caches:
-            cached.cache_clear()
+        c_compiler.cache_clear()
         yield
-    for cached in caches:
-        cached.cache_clear()
-
-
-compiling = pytest.fixture(_compiling, name="compiling")
-#: The same for a whole file of tests.
-compiling_all = pytest.fixture(_compiling, scope="module", name="compiling_all")
+    c_compiler.cache_clear()

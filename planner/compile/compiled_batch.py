@@ -27,7 +27,7 @@ from ...models import (
     with_middles,
 )
 from .batch_functions import source
-from .compiler import shared_library
+from .compiler import compiler, shared_library
 from .lane_code import FLAGS
 
 Array = npt.NDArray[np.float64]
@@ -54,7 +54,7 @@ def compiled_steps(model: str, hands: Path) -> EvenSteps | None:
     no compiler, another model, hands that are no cubics."""
     if model not in _RUNS or not hands.cubic():
         return None
-    library = _library()
+    library = _library(compiler())
     return None if library is None else partial(_RUNS[model], library)
 
 
@@ -107,8 +107,10 @@ def _numbers(batch: ReleaseBatch) -> Array:
 
 
 @cache
-def _library() -> ctypes.CDLL | None:
-    """The compiled laws; for this processor, or for any where the compiler refuses that."""
+def _library(command: str | None) -> ctypes.CDLL | None:
+    """The laws compiled by `command`; for this processor, or for any where it refuses that."""
+    if command is None:
+        return None
     text = source()
     for flags in ((*FLAGS, "-march=native"), FLAGS):
         path = shared_library(text, flags)

@@ -225,6 +225,7 @@ def test_a_prior_that_knows_a_value_exactly_holds_it() -> None:
     assert found.posterior.value("delay") == pytest.approx(0.004, abs=1e-5)
 
 
+@pytest.mark.slow
 def test_a_slow_model_is_timed_on_a_subset() -> None:
     found = identify(made(2), "ils", prior=load_scene("pose"), grid=False)
     assert found.each is not None and found.whole == pytest.approx(found.each * 2 * 400)

@@ -87,7 +87,7 @@ def make_data(
 
 
 @pytest.fixture(scope="module")
-def data(compiling_all):
+def data(compiling):
     return make_data()
 
 
@@ -214,6 +214,7 @@ def test_another_surface_is_fitted_apart_without_a_column_that_says_so(data, fou
     assert len(again.batch) == len(found.batch)
 
 
+@pytest.mark.slow
 def test_a_slow_model_is_searched_around_a_fast_one(data):
     found = validate(data.picked(list(range(6))), ("patch",))
     check = found.checks["patch"]
@@ -245,6 +246,7 @@ def test_landings_without_tracks_and_too_few_throws(data, tmp_path: Path):
     assert (tmp_path / "boxes.png").exists()
 
 
+@pytest.mark.slow
 def test_a_model_that_never_lands(found, tmp_path: Path):
     """No number is made up, nothing is chosen as the lowest, and it is said."""
     check = found.checks["sp"]
