@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import math
 
 import numpy as np
 import pytest
@@ -28,17 +27,6 @@ def planner() -> tp.Planner:
 @pytest.fixture(scope="module")
 def nominal(planner: tp.Planner) -> tp.Plan:
     return planner.plan()
-
-
-@pytest.mark.parametrize("method", ["quiet", "scenarios", "auto"])
-def test_a_robust_plan_scatters_a_twentieth(
-    planner: tp.Planner, nominal: tp.Plan, method: str
-) -> None:
-    plan = planner.plan(robust=method)
-    assert plan.solved and plan.robust
-    error = plan.to_dict()["error"]["sent"]
-    assert error["position"] < 1e-4 and error["angle"] < math.radians(0.02)
-    assert scaled_spread(plan) < scaled_spread(nominal) / 20
 
 
 def test_near_the_base_auto_lets_go_slowly(planner: tp.Planner) -> None:
@@ -104,14 +92,6 @@ def test_window_and_scenarios_cost_nothing_when_not_asked_for() -> None:
     assert quiet.size[0] - plain.size[0] == extra * 4 * mover.size
 
 
-def test_section_asks_for_it_and_uncertainty_alone_does_not() -> None:
-    scene = tp.load_scene("delay")
-    assert not tp.plan(scene).robust
-    plan = tp.plan(scene.replace(robust=Robust(method="quiet")))
-    assert plan.solved and plan.robust == "quiet"
-    assert plan.to_dict()["robust"]["peak_load"] == plan.peak_load
-
-
 def test_window_follows_the_uncertainty() -> None:
     scene = tp.load_scene("delay")
     window = window_of(scene)
@@ -121,16 +101,6 @@ def test_window_follows_the_uncertainty() -> None:
     assert sorted(window.delays) == pytest.approx([-0.01, -0.005, 0.01, 0.02])
     short = window_of(scene.replace(robust=Robust(early=0.0, late=0.004)))
     assert (short.early, short.late, short.step) == (0, 1, pytest.approx(0.004))
-
-
-def test_wrong_methods() -> None:
-    planner = tp.Planner(tp.load_scene("hand-box"))
-    with pytest.raises(tp.InputError, match="robust = 'loud': must be one of auto, quiet"):
-        planner.plan(robust="loud")
-    with pytest.raises(tp.InputError, match="alternatives: not with a robust plan"):
-        planner.plan(robust="quiet", alternatives=2)
-    with pytest.raises(tp.InputError, match="alternatives = 99: must be 0 to 20"):
-        planner.plan(alternatives=99)
 
 
 def test_a_throw_of_another_mesh_is_a_start_of_the_scenarios(nominal: tp.Plan) -> None:

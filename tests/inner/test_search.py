@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import itertools
 import math
 from pathlib import Path
 
@@ -21,8 +20,7 @@ from throwplan.planner.check import (
     make_mover,
 )
 from throwplan.planner.ocp import Asked
-from throwplan.planner.search import Releases, ReleaseSampler, scatter, starts, stored_releases
-from throwplan.problems import Choice
+from throwplan.planner.search import Releases, ReleaseSampler, starts, stored_releases
 
 ARRAYS = ("q", "dq", "ddq", "run_up", "detach")
 
@@ -186,33 +184,6 @@ def test_a_corner_cut_between_two_nodes_takes_a_margin_and_no_more_rows(cup: tp.
 # Several throws, warm plans, models.
 
 
-def test_alternatives_differ_and_all_land(pose: tp.Planner) -> None:
-    plan = pose.plan(alternatives=1)
-    throws = [plan, *plan.alternatives]
-    assert len(throws) == 2 and all(other.solved for other in throws)
-    costs = [other.throw.solution.cost for other in throws]
-    assert costs == sorted(costs)
-    opened = [np.array([other.throw.opening_time]) for other in throws]
-    states = [list(o.throw.planned.at(t)) for o, t in zip(throws, opened, strict=True)]
-    for one, other in itertools.combinations(states, 2):
-        assert max(np.abs(a - b).max() for a, b in zip(one[:2], other[:2], strict=True)) > 0.05
-
-
-def test_a_choice_takes_the_throw_that_is_best_by_its_criterion() -> None:
-    scene = tp.load_scene("hand-flip")
-    plans = {
-        by: tp.plan(scene.replace(choice=Choice(by=by, among=3)))
-        for by in ("effort", "time", "robustness")
-    }
-    assert all(plan.solved for plan in plans.values())
-    effort = {by: plan.throw.solution.cost for by, plan in plans.items()}
-    assert effort["effort"] <= min(effort.values()) + 1e-9
-    landed = {by: plan.throw.landing_time for by, plan in plans.items()}
-    assert landed["time"] <= min(landed.values()) + 1e-9
-    moved = {by: scatter(plan.throw, plan.target) for by, plan in plans.items()}
-    assert moved["robustness"] <= min(moved.values()) + 1e-9
-
-
 def test_warm_plans_follow_a_moving_target(pose: tp.Planner) -> None:
     plan = pose.plan()
     iterations = plan.iterations
@@ -295,9 +266,3 @@ def test_an_elastic_solve_that_ends_farther_off_than_a_release_settles_nothing(
 ) -> None:
     plan = cup.plan(aimed(cup, -0.735, 258.4), patience=90.0)
     assert plan.solved, plan.message
-
-
-def test_no_attempt_is_begun_after_the_patience_is_over(cup: tp.Planner) -> None:
-    plan = cup.plan(patience=1e-6)
-    assert plan.status == "not_converged" and "patience" in plan.message
-    assert plan.attempts == 0

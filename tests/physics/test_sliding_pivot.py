@@ -309,25 +309,6 @@ def test_rates_scale_with_the_units_of_length_and_time(state, hand, grip, length
 # Whole throws.
 
 
-@pytest.mark.parametrize("form", FORMS)
-def test_mirrored_throws_land_mirrored(form):
-    flipped = dataclasses.replace(
-        THROWS,
-        theta=math.pi - THROWS.theta,
-        omega=-THROWS.omega,
-        alpha=-THROWS.alpha,
-        velocity=THROWS.velocity * [[-1], [1]],
-        acceleration=THROWS.acceleration * [[-1], [1]],
-    )
-    law = THROWS.law(form)
-    end, mirrored = (t.detach(law, t.path(law, 300)[-1]) for t in (THROWS, flipped))
-    for time in (0.0, 0.5):
-        a, b = end.after(time, GRAVITY), mirrored.after(time, GRAVITY)
-        np.testing.assert_allclose(b.x, -a.x, atol=1e-8)
-        np.testing.assert_allclose(b.z, a.z, atol=1e-8)
-        np.testing.assert_allclose(b.theta, math.pi - a.theta, atol=1e-7)
-
-
 @pytest.mark.parametrize("epsilon", [None, 0.03])
 @pytest.mark.parametrize("factor", [0.01, 7.0])
 def test_heavier_bodies_under_stronger_grips_move_alike(factor, epsilon):
@@ -338,18 +319,6 @@ def test_heavier_bodies_under_stronger_grips_move_alike(factor, epsilon):
     )
     end, other = (t.path(t.law(epsilon=epsilon), 300)[-1] for t in (THROWS, heavy))
     np.testing.assert_allclose(other, end, rtol=1e-7, atol=1e-9)
-
-
-def test_two_faces_are_one_face_at_twice_the_friction():
-    single = Contact(
-        THROWS.contact.friction * THROWS.contact.faces,
-        THROWS.contact.patch_radius,
-        THROWS.contact.torsion,
-        faces=1,
-    )
-    other = dataclasses.replace(THROWS, contact=single)
-    end, same = (t.path(t.law(), 300)[-1] for t in (THROWS, other))
-    np.testing.assert_allclose(same, end, rtol=1e-9, atol=1e-12)
 
 
 def random_drops(n):

@@ -9,19 +9,16 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from release_cases import VALUES, detached, expected, reference_case
+from release_cases import VALUES, detached, reference_case
 from throwplan.models import (
     Body,
     Contact,
-    ImplicitRelease,
-    KarnoppRelease,
     LinearRelease,
     Path,
     Release,
     ReleaseCase,
     SteppedRelease,
     contact_twist,
-    ellipsoid,
 )
 
 GRAVITY = 9.81
@@ -46,22 +43,11 @@ def test_detach_agrees_with_both_independent_values(name) -> None:
     assert found[5] == pytest.approx(stepped["omega"], abs=0.5e-3)
 
 
-@pytest.mark.parametrize("name", ["drop_h100_faces2", "throw_decelerating"])
-def test_the_implicit_law_agrees_with_its_independent_values(name) -> None:
-    found = detached(ImplicitRelease().release(reference_case(name)))
-    wanted = expected(name, "ils_d0.01")
-    np.testing.assert_allclose(found[3:5], wanted[3:5], atol=1e-3)
-    assert found[5] == pytest.approx(wanted[5], rel=2e-3)
-
-
-def test_published_drops_and_the_explicit_law_that_chatters() -> None:
+def test_published_drops() -> None:
     """The paper: -1.0 rad/s at 10 cm and -0.15 rad/s at 2 cm."""
     long, short = (reference_case(f"drop_{h}_faces2") for h in ("h100", "h020"))
     assert SteppedRelease(1000).release(long).detach.omega == pytest.approx(-1.0, abs=0.05)
     assert SteppedRelease(1000).release(short).detach.omega == pytest.approx(-0.15, abs=0.015)
-    release = KarnoppRelease().release(long)
-    turns = np.diff(np.sign(np.diff(release.com_twist[2])))
-    assert release.trouble and (turns != 0).mean() > 0.2
 
 
 @pytest.mark.parametrize("name", VALUES)
@@ -221,9 +207,3 @@ def test_a_still_hand_gives_no_energy(mass, arm, h, mu, patch, theta, full, step
     energy = kinetic + mass * GRAVITY * release.com[1]
     assert np.isfinite(energy).all()
     assert np.diff(energy).max() <= 1e-11 * (mass * (1 + h) + kinetic.max())
-
-
-def test_other_surfaces_may_be_stepped() -> None:
-    case = reference_case("throw_decelerating")
-    plain, named = SteppedRelease(300), SteppedRelease(300, shape=ellipsoid)
-    assert detached(plain.release(case)) == pytest.approx(detached(named.release(case)))
