@@ -171,34 +171,13 @@ def _plain(value: Any) -> Any:
     return [_plain(item) for item in value] if isinstance(value, tuple) else value
 
 
-def arm_text(arm: Arm, remarks: Sequence[str] = (), names: Sequence[str] = ()) -> str:
-    """TOML that `load_arm` reads as this arm, with units; remarks go in front.
-
-    names: of the joints, for comments.
-    """
-    words = [" ".join(name.split()) for name in names] or [
-        f"joint {j + 1}" for j in range(arm.joints)
-    ]
-    table = arm_table(arm)
-    tool, limits, links = table.pop("tool"), table.pop("limits"), table.pop("links", [])
-    slowing = limits.pop("slowing", None)
-    key = "dh" if "dh" in table else "joints"
-    chain = table.pop(key)
+def arm_text(arm: Arm, remarks: Sequence[str] = ()) -> str:
+    """TOML that `load_arm` reads as this arm, with units; remarks go in front."""
+    names = {"tool": Tool, "limits": JointLimits, "limits.slowing": Slowing, "": Arm} | LISTS
+    meanings = {
+        name: {key: about["meaning"] for key, about in ARM_KEYS[kind].items()}
+        for name, kind in names.items()
+    }
     lines = [f"# {' '.join(remark.split())}" for remark in remarks]
-    lines += ["# Joint numbers count from 1.", *_lines(Arm, table), ""]
-    lines += [f"# {name}: {about['meaning']}" for name, about in ARM_KEYS[LISTS[key]].items()]
-    lines.append(f"{key} = [")
-    for row, name in zip(chain, words, strict=True):
-        inside = ", ".join(toml_lines(row, {}))
-        lines.append(f"  {{ {inside} }}, # {name}")
-    lines += ["]", "", "[tool]", *_lines(Tool, tool)]
-    lines += ["", "[limits] # per joint", *_lines(JointLimits, limits)]
-    if slowing is not None:
-        lines += ["", "[limits.slowing]", *_lines(Slowing, slowing)]
-    for row, name in zip(links, [*words, "the hand"][: len(links)], strict=True):
-        lines += ["", f"[[links]] # {name}", *_lines(LinkInertia, row)]
+    lines += ["# Joint numbers count from 1.", *toml_lines(arm_table(arm), meanings)]
     return "\n".join(lines) + "\n"
-
-
-def _lines(kind: type[Any], table: Mapping[str, Any]) -> list[str]:
-    return toml_lines(table, {key: about["meaning"] for key, about in ARM_KEYS[kind].items()})

@@ -38,15 +38,31 @@ def toml_tables(text: str, place: str) -> dict[str, Any]:
         raise InputError(f"{place}: broken TOML: {error}") from None
 
 
-def toml_lines(table: Mapping[str, Any], meanings: Mapping[str, str]) -> list[str]:
-    """Keys and plain values as lines of TOML; `meanings` are comments, by key."""
-    lines = []
+def toml_lines(
+    table: Mapping[str, Any], meanings: Mapping[str, Mapping[str, str]], place: str = ""
+) -> list[str]:
+    """A table and those in it as lines of TOML, each key with its meaning as a comment.
+
+    meanings: by the name of the section, then by key; "" is what is said of the section itself.
+    place: name of the table's section, empty at the top.
+    """
+    about, lines, inner = meanings.get(place, {}), list[str](), list[str]()
     for key, value in table.items():
-        remark = f" # {meanings[key]}" if meanings.get(key) else ""
-        # TOML's texts have JSON's escapes; repr keeps every digit of a number.
-        shown = json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
-        lines.append(f"{toml_key(key)} = {shown}{remark}")
-    return lines
+        name = f"{place}.{toml_key(key)}" if place else toml_key(key)
+        rows = value if isinstance(value, list) and isinstance((value or [0])[0], dict) else []
+        heading = f"[[{name}]]" if rows else f"[{name}]"
+        for row in rows or ([value] if isinstance(value, dict) else []):
+            said = meanings.get(name, {}).get("")
+            inner += ["", _remarked(heading, said), *toml_lines(row, meanings, name)]
+        if not rows and not isinstance(value, dict):
+            # TOML's texts have JSON's escapes; repr keeps every digit of a number.
+            text = json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
+            lines.append(_remarked(f"{toml_key(key)} = {text}", about.get(key)))
+    return lines + inner
+
+
+def _remarked(line: str, remark: str | None) -> str:
+    return f"{line} # {remark}" if remark else line
 
 
 def toml_key(name: str) -> str:
@@ -127,24 +143,14 @@ def filling(folder: Path, names: tuple[str, ...], option: str = "--out") -> Iter
         raise InputError(f"{option} {folder}: {error.strerror or error}") from None
 
 
-def save_text(text: str, folder: Path, name: str) -> None:
-    """Write `name` into `folder`, whole or not at all."""
-    folder = prepare_folder(folder)
-    _replace(text, folder / name, f"--out {folder}")
-
-
 def copy_out(text: str, path: Path) -> None:
-    """Write a text file that is not there yet; InputError otherwise."""
+    """Write a text file that is not there yet, whole or not at all; InputError otherwise."""
     if path.exists():
         raise InputError(f"{path}: exists already, not overwritten")
-    _replace(text, path, str(path))
-
-
-def _replace(text: str, path: Path, place: str) -> None:
     scratch = path.with_suffix(".part")
     try:
         scratch.write_text(text, encoding="utf-8")
         os.replace(scratch, path)
     except OSError as error:
         scratch.unlink(missing_ok=True)
-        raise InputError(f"{place}: {error.strerror or error}") from None
+        raise InputError(f"{path}: {error.strerror or error}") from None

@@ -321,20 +321,19 @@ def write_throws(
 
 def _head_text(data: ThrowData, objects: Mapping[ThrownObject, str]) -> str:
     """dataset.toml."""
-    lines = _lines(data.shared)
-    for thrown, name in objects.items():
-        lines += ["", f"[objects.{toml_key(name)}]", *_lines(thrown)]
+    table = table_of(data.shared) | {"objects": {n: table_of(o) for o, n in objects.items()}}
+    meanings = {"": _meanings(Shared)}
+    meanings |= {f"objects.{toml_key(name)}": _meanings(ThrownObject) for name in objects.values()}
     if data.truth:
-        lines += ["", "# What made the throws: for comparison only, no fit reads it.", "[truth]"]
-        lines += toml_lines({key: float(value) for key, value in data.truth.items()}, {})
-    return "\n".join(lines) + "\n"
+        table["truth"] = {key: float(value) for key, value in data.truth.items()}
+        words = "what made the throws: for comparison only, no fit reads it"
+        meanings["truth"] = {"": words}
+    return "\n".join(toml_lines(table, meanings)) + "\n"
 
 
-def _lines(section: Section) -> list[str]:
-    """A section's lines, each with its unit and meaning."""
-    fields = dataclasses.fields(section)
-    meanings = {file_key(f.name, f.metadata): f.metadata["meaning"] for f in fields}
-    return toml_lines(table_of(section), meanings)
+def _meanings(kind: type[Section]) -> dict[str, str]:
+    fields = dataclasses.fields(kind)
+    return {file_key(f.name, f.metadata): f.metadata["meaning"] for f in fields}
 
 
 def _rows_text(data: ThrowData, objects: Mapping[ThrownObject, str], files: Sequence[str]) -> str:

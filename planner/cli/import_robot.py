@@ -108,7 +108,7 @@ def run(options: argparse.Namespace) -> int:
         drawn = arm_of(chain, limits_of(chain, _given_limits(options)), _choices(options, chain))
     except InputError as error:
         raise error.within(str(urdf)) from None
-    text = arm_text(drawn, _remarks(chain, urdf, held), chain.names)
+    text = arm_text(drawn, _remarks(chain, urdf, held))
     arm = arm_from(toml_tables(text, str(out)))
     difference = kinematics_difference(arm, chain)
     if not difference <= EXACT:

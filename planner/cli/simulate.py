@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from ...models import MODELS, VARIANTS
-from ...problems import load_scene, save_text
+from ...problems import filling, load_scene
 from ..check import simulate
 from ..show import draw_release_pictures
 from .common import DONE, add_out, add_scene, answer, say
@@ -34,7 +34,8 @@ def run(options: argparse.Namespace) -> int:
     result = {"scene": scene.name, "models": models}
     if options.out is not None:
         text = json.dumps(result, indent=2, allow_nan=False) + "\n"
-        save_text(text, Path(options.out), "simulation.json")
+        with filling(Path(options.out), ("simulation.json",)) as scratch:
+            (scratch / "simulation.json").write_text(text, encoding="utf-8")
         say(f"{scene.name}: drawing")
         draw_release_pictures(scene, Path(options.out))
     answer(options, result, _table(scene.name, models))
