@@ -3,7 +3,7 @@
 The promise behind `solved` is kept here: nothing in this room knows how a throw was found.
 """
 
-from .cup_entries import cup_entries, cup_entry, enters_cup_at_landing
+from .entry import cup_entries, cup_entry, enters_cup_at_landing
 from .exact_release import relative_states
 from .geometry import (
     bar_outline,
