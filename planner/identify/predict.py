@@ -159,11 +159,9 @@ class Predictor:
         throws, shared = [self.data.throws[i] for i in rows], self.data.shared
         reach = float(np.abs(sets[:, 2]).max()) + 2 * STEP
         longest = max(throw.grip.opening for throw in throws)
-        hands = [self.hands[i] for i in rows]
-        first = max(-reach, *(hand.breaks[0] for hand in hands)) - STEP / 2
-        last = min(longest + reach, *(hand.breaks[-1] for hand in hands)) + STEP / 2
-        kept = [(hand.breaks >= first) & (hand.breaks <= last) for hand in hands]
-        poses = [hand.given[0][keep] for hand, keep in zip(hands, kept, strict=True)]
+        # A recording that ends early goes on by its own spline: it must not shorten the others.
+        times = STEP * np.arange(np.floor(-reach / STEP), np.ceil((longest + reach) / STEP) + 1)
+        poses = [self.hands[i].at(times).pose.T for i in rows]
         friction, radius, delay, scale = np.tile(sets, (len(rows), 1)).T
 
         def spread(values: list[Any]) -> Array:
@@ -176,7 +174,7 @@ class Predictor:
             Body(*spread([_body(throw) for throw in throws]).T),
             Contact(friction, radius, shared.torsion, shared.faces),
             throws[0].grip,
-            Path.through(hands[0].breaks[kept[0]], several, delay),
+            Path.through(times, several, delay),
             spread([throw.grip.opening for throw in throws]),
             spread([throw.grip.full for throw in throws]) * scale,
             shared.gravity,

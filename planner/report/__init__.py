@@ -4,7 +4,7 @@ A section is a module with `make(effort)`, which gives figures, tables and pictu
 """
 
 from .judge import Verdict, judged
-from .page import PAGE, Effort, Picture, Section, Table
+from .page import PAGE, Effort, Picture, ReportSection, ReportTable
 from .reach import TICK, follow
 from .run import SECTIONS, make_report
 
@@ -14,8 +14,8 @@ __all__ = [
     "TICK",
     "Effort",
     "Picture",
-    "Section",
-    "Table",
+    "ReportSection",
+    "ReportTable",
     "Verdict",
     "follow",
     "judged",

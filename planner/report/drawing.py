@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..show import BLACK, BLUE, GREEN, GREY, ORANGE, RED, TEAL, new_figure, save
-from .page import Cell, Table
+from .page import ReportTable, Row
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -49,12 +49,12 @@ OWN_FLOOR, MODEL_FLOOR, PLAN_FLOOR = 1e-7, 1e-4, 1e-7
 LOST, LEAST = 20.0, 1e-4
 
 
-def draw_work_precision(rows: Table, path: Path) -> None:
+def draw_work_precision(rows: ReportTable, path: Path) -> None:
     """Own error (above) and model error (below) over the time of a release; a column a throw."""
     throws = list(dict.fromkeys(rows.column("throw")))
     figure, grid = _figure(3.6 * len(throws), 8.0, 2, len(throws), sharex=True, sharey="row")
     for column, throw in enumerate(throws):
-        some = [row for row in _records(rows) if row["throw"] == throw]
+        some = rows.where(throw=throw)
         for line, (kind, floor) in enumerate((("own", OWN_FLOOR), ("model", MODEL_FLOOR))):
             axis = grid[line][column]
             _draw_methods(axis, some, kind, floor)
@@ -68,11 +68,11 @@ def draw_work_precision(rows: Table, path: Path) -> None:
     _save(figure, path)
 
 
-def _draw_methods(axis: Axes, rows: Sequence[dict[str, Cell]], kind: str, floor: float) -> None:
+def _draw_methods(axis: Axes, rows: Sequence[Row], kind: str, floor: float) -> None:
     column = f"{kind} scaled [mm]"
     known = [row for row in rows if isinstance(row[column], float)]
 
-    def places(some: Sequence[dict[str, Cell]]) -> tuple[list[float], list[float]]:
+    def places(some: Sequence[Row]) -> tuple[list[float], list[float]]:
         times = [float(row["time [µs]"] or math.nan) for row in some]
         return times, [max(float(row[column] or 0.0), floor) for row in some]
 
@@ -85,12 +85,12 @@ def _draw_methods(axis: Axes, rows: Sequence[dict[str, Cell]], kind: str, floor:
     axis.plot(*places(best), label="Pareto set", **ring)
 
 
-def draw_settings(rows: Table, path: Path) -> None:
+def draw_settings(rows: ReportTable, path: Path) -> None:
     """Error before correction over solving time; a panel a scene, Pareto points ringed."""
     scenes = list(dict.fromkeys(rows.column("scene")))
     figure, grid = _figure(6.0 * len(scenes), 5.0, 1, len(scenes))
     for axis, scene in zip(grid[0], scenes, strict=True):
-        some = [row for row in _records(rows) if row["scene"] == scene]
+        some = rows.where(scene=scene)
         for row in some:
             time, error = row["solve [ms]"], row["error before correction [mm]"]
             words = str(row["setting"])
@@ -115,10 +115,10 @@ def draw_settings(rows: Table, path: Path) -> None:
     _save(figure, path)
 
 
-def draw_extremes(rows: Table, path: Path) -> None:
+def draw_extremes(rows: ReportTable, path: Path) -> None:
     """Error by independent steps over the time of a plan, of every extreme case."""
     figure, ((axis,),) = _figure(9.0, 4.5)
-    some = _records(rows)
+    some = rows.rows
     for words, colour, hand in (("free hand", GREEN, True), ("Panda", BLUE, False)):
         mine = [
             row
@@ -138,7 +138,7 @@ def draw_extremes(rows: Table, path: Path) -> None:
     _save(figure, path)
 
 
-def draw_ladder(rows: Table, path: Path) -> None:
+def draw_ladder(rows: ReportTable, path: Path) -> None:
     """Variables and solving time of the same throw, with one part more at a time."""
     figure, ((left, right),) = _figure(10.0, 4.0, 1, 2, sharey=True)
     names = [str(name) for name in rows.column("hand-box")]
@@ -151,10 +151,10 @@ def draw_ladder(rows: Table, path: Path) -> None:
     _save(figure, path)
 
 
-def draw_targets(rows: Table, path: Path) -> None:
+def draw_targets(rows: ReportTable, path: Path) -> None:
     """Targets in x and theta, what was said of them, and the nearest poses that were named."""
     figure, ((axis,),) = _figure(9.0, 5.0)
-    some = _records(rows)
+    some = rows.rows
     named = [row for row in some if row["nearest x [m]"] is not None]
     for row in named:
         x, theta = (
@@ -177,13 +177,13 @@ def draw_targets(rows: Table, path: Path) -> None:
     _save(figure, path)
 
 
-def draw_ratios(rows: Table, path: Path) -> None:
+def draw_ratios(rows: ReportTable, path: Path) -> None:
     """Spread of robust plans over the nominal plan's, a dot a target, a bar at the median."""
     scenes = list(dict.fromkeys(rows.column("scene")))
     figure, grid = _figure(6.0 * len(scenes), 4.5, 1, len(scenes), sharey=True)
     rng = np.random.default_rng(0)
     for axis, scene in zip(grid[0], scenes, strict=True):
-        some = [row for row in _records(rows) if row["scene"] == scene]
+        some = rows.where(scene=scene)
         methods = list(dict.fromkeys(str(row["method"]) for row in some))
         for place, method in enumerate(methods):
             ratios = [row["spread / nominal"] for row in some if row["method"] == method]
@@ -203,10 +203,10 @@ def draw_ratios(rows: Table, path: Path) -> None:
     _save(figure, path)
 
 
-def draw_learning(rows: Table, path: Path) -> None:
+def draw_learning(rows: ReportTable, path: Path) -> None:
     """Real landing error over the number of throws that were learned from."""
     figure, ((axis,),) = _figure(7.0, 4.0)
-    some = _records(rows)
+    some = rows.rows
     for model, colour in zip(dict.fromkeys(rows.column("learned by")), (BLUE, GREEN), strict=False):
         mine = [row for row in some if row["learned by"] == model]
         counts = [row["throws"] for row in mine]
@@ -218,10 +218,6 @@ def draw_learning(rows: Table, path: Path) -> None:
     axis.set(xlabel="throws learned from", ylabel="real scaled error [mm]", yscale="log")
     axis.legend(frameon=False, fontsize=8)
     _save(figure, path)
-
-
-def _records(table: Table) -> list[dict[str, Cell]]:
-    return [dict(zip(table.columns, row, strict=True)) for row in table.rows]
 
 
 def _figure(

@@ -238,7 +238,7 @@ def _mixture(name: str, base: Scene, rng: np.random.Generator, number: int) -> C
 
 
 @dataclass(frozen=True)
-class Outcome:
+class CaseOutcome:
     """What became of one case. cause: why it is not solved, or not truly; seconds: of the plan."""
 
     case: Case
@@ -260,23 +260,23 @@ class Outcome:
         return self.verdict is not None and self.verdict.doubt > self.case.scene.tolerance.position
 
 
-def run(case: Case) -> Outcome:
+def run(case: Case) -> CaseOutcome:
     """Plans one case and judges it by other code."""
     start = time.perf_counter()
     try:
         planner = Planner(case.scene, compiling="no")
         plan = planner.plan(case.target(planner))
     except InputError as error:
-        return Outcome(case, "refused", str(error), seconds=time.perf_counter() - start)
+        return CaseOutcome(case, "refused", str(error), seconds=time.perf_counter() - start)
     except Exception as error:
         words = f"{type(error).__name__}: {error}"
-        return Outcome(case, "traceback", words, seconds=time.perf_counter() - start)
+        return CaseOutcome(case, "traceback", words, seconds=time.perf_counter() - start)
     seconds = time.perf_counter() - start
     verdict, cause = None, plan.message
     if plan.solved and plan.throw is not None:
         verdict = judged(plan.throw, plan.target)
         cause = "; ".join(verdict.wrong)
-    return Outcome(case, plan.status, cause, verdict, finite(plan), plan.iterations, seconds)
+    return CaseOutcome(case, plan.status, cause, verdict, finite(plan), plan.iterations, seconds)
 
 
 def finite(plan: Plan) -> bool:
@@ -292,12 +292,12 @@ def finite(plan: Plan) -> bool:
     return all(bool(np.isfinite(np.asarray(value, float)).all()) for value in found)
 
 
-def outcomes(wanted: list[Case]) -> Iterator[Outcome]:
+def outcomes(wanted: list[Case]) -> Iterator[CaseOutcome]:
     """All cases, planned by processes that can be ended."""
     answers = in_processes(run, [(case,) for case in wanted], PATIENCE)
     for case, answer in zip(wanted, answers, strict=True):
         if isinstance(answer, str):
-            yield Outcome(case, answer, ENDINGS[answer], seconds=PATIENCE)
+            yield CaseOutcome(case, answer, ENDINGS[answer], seconds=PATIENCE)
         else:
             yield answer
 

@@ -57,7 +57,7 @@ LENGTH = 0.26
 
 
 @dataclass(frozen=True)
-class Throw:
+class SampleThrow:
     """One of the report's releases. length [m] of the object, for the scaled error."""
 
     title: str
@@ -65,7 +65,7 @@ class Throw:
     length: float
 
 
-def four_throws() -> list[Throw]:
+def four_throws() -> list[SampleThrow]:
     """Drop, decelerating and accelerating throw, slow opening; the full grip holds all."""
     bar, long_bar = Body(0.24, 535e-6, 0.10), Body(0.24, 802e-6, 0.16)
     pads = Contact(1.0, 0.0025, 0.6, 2)
@@ -83,10 +83,10 @@ def four_throws() -> list[Throw]:
     faster = case(bar, pads, 100, 0.05, start, twist, (4.0, 3.0, 8.0))
     slow = case(long_bar, pads, 100, 0.2, (0.0, 0.0, 1.0), (1.4, 1.6, 3.0), (-4.0, -6.0, -10.0))
     return [
-        Throw("drop from a still hand", drop, 0.20),
-        Throw("decelerating throw", slower, 0.26),
-        Throw("accelerating throw", faster, 0.26),
-        Throw("slow opening, 200 ms", slow, 0.26),
+        SampleThrow("drop from a still hand", drop, 0.20),
+        SampleThrow("decelerating throw", slower, 0.26),
+        SampleThrow("accelerating throw", faster, 0.26),
+        SampleThrow("slow opening, 200 ms", slow, 0.26),
     ]
 
 
@@ -167,7 +167,7 @@ def differences(found: Array, truth: Array, length: float) -> Array:
     return np.array([x, theta, twist, x + theta * length / 2])
 
 
-def off(throw: Throw, found: Array, truth: Array) -> Array:
+def off(throw: SampleThrow, found: Array, truth: Array) -> Array:
     """Errors (4,) of one detach state (6,)."""
     return np.asarray(differences(found[None], truth[None], throw.length)[:, 0])
 

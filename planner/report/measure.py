@@ -10,9 +10,9 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import replace
-from typing import TypeVar
+from typing import Any, TypeVar
 
 import numpy as np
 import numpy.typing as npt
@@ -32,6 +32,7 @@ from ..compile import Compile
 from ..ocp import broken
 from ..plan import Planner, SolverName
 from ..search import polynomial, run_up
+from ..sweep import executor_of
 
 Array = npt.NDArray[np.float64]
 T = TypeVar("T")
@@ -113,6 +114,12 @@ def quantiles(values: Sequence[float] | Array, *shares: float) -> list[float]:
     if not len(values):
         return [math.nan] * len(shares)
     return [float(value) for value in np.percentile(values, shares)]
+
+
+def shared(work: Callable[..., T], *jobs: Iterable[Any], quick: bool) -> Iterator[T]:
+    """`work` on each job in order, as `map`, by several processes; by this one if `quick`."""
+    with executor_of(1 if quick else LANES, None) as executor:
+        yield from (map if executor is None else executor.map)(work, *jobs)
 
 
 def reachable_targets(scene: Scene, seed: int) -> Iterator[Pose]:

@@ -26,14 +26,13 @@ from ...models import (
 )
 from ...problems import load_scene
 from ..check import simulate_batch
-from ..sweep import executor_of
 from .drawing import draw_work_precision
 from .laws import (
     LENGTH,
     STIFFNESSES,
     TRUTHS,
     Method,
-    Throw,
+    SampleThrow,
     bristled,
     case_of,
     detached,
@@ -48,8 +47,8 @@ from .laws import (
     stepped,
     stiffness_words,
 )
-from .measure import LANES, least_time, pareto, quantiles
-from .page import Cell, Effort, Picture, Section, Table, shown
+from .measure import least_time, pareto, quantiles, shared
+from .page import Effort, Picture, ReportSection, ReportTable, Row, shown
 
 Array = npt.NDArray[np.float64]
 
@@ -67,7 +66,7 @@ SEED, BATCH, FEW = 0, (512, 10_000), (3, 100)
 
 
 @dataclass(frozen=True)
-class Row:
+class Timed:
     """One method on one throw: time [s], errors (4,) by `differences`, why it is not to be
     trusted; best: the errors ('own', 'model') in whose Pareto set it is."""
 
@@ -80,51 +79,49 @@ class Row:
 
 
 @dataclass(frozen=True)
-class Measured:
+class ThrowErrors:
     """All of one throw. truths: detach states (6,) by law; known: how well, errors (4,)."""
 
-    throw: Throw
+    throw: SampleThrow
     truths: Mapping[str, Array]
     known: Mapping[str, Array]
-    rows: Sequence[Row]
+    rows: Sequence[Timed]
 
     def apart(self, law: str) -> Array:
         """Model error (4,) of a law that is converged."""
         return off(self.throw, self.truths[law], self.truths["patch"])
 
 
-def make(effort: Effort) -> Section:
+def make(effort: Effort) -> ReportSection:
     """Every method on four throws, and batches of random throws."""
-    section = Section("models", "Release models: error against time")
     throws, ways = four_throws(), list(methods(effort.quick))
-    total = len(throws) * (len(ways) + 1) + 1
-    steps = iter(range(1, total + 1))
-
-    def tick() -> None:
-        effort.tell(next(steps), total)
-
-    measured = [measure(throw, ways, effort, tick) for throw in throws]
-    rows, sample = _rows_table(measured), sample_table(effort)
-    tick()
+    step = effort.counter(len(throws) * (len(ways) + 1) + 1)
+    measured = [measure(throw, ways, effort, step) for throw in throws]
+    sample = sample_table(effort)
+    step()
+    rows = ReportTable("models-methods", "Every method on every throw", _rows(measured))
     apart = {law: 1e3 * max(one.apart(law)[3] for one in measured) for law in ("sp", "ls")}
-    section.figures += [
-        "Own error: distance to the converged answer of a method's own law. Model error: distance "
-        "to a patch meshed into 64 points with Coulomb friction, which more steps do not reduce. "
-        "Worst of four throws, landing 0.9 m below the hand "
-        "([what the models are](../release-models.md)).",
-        f"Converged, the limit surface is at most {apart['ls']:.2g} mm of scaled landing error "
-        f"from the patch, the sliding pivot {apart['sp']:.2g} mm.",
-        _cheapest(sample),
-    ]
-    section.tables += [choice(measured), rows, _laws_table(measured), sample]
     words = "Scaled landing error over time, to its own law (above) and to the meshed patch (below)"
-    section.pictures.append(Picture("models", words, lambda path: draw_work_precision(rows, path)))
-    return section
+    return ReportSection(
+        "models",
+        "Release models: error against time",
+        [
+            "Own error: distance to the converged answer of a method's own law. Model error: "
+            "distance to a patch meshed into 64 points with Coulomb friction, which more steps do "
+            "not reduce. Worst of four throws, landing 0.9 m below the hand "
+            "([what the models are](../release-models.md)).",
+            f"Converged, the limit surface is at most {apart['ls']:.2g} mm of scaled landing error "
+            f"from the patch, the sliding pivot {apart['sp']:.2g} mm.",
+            _cheapest(sample),
+        ],
+        [choice(measured), rows, _laws_table(measured), sample],
+        [Picture("models", words, lambda path: draw_work_precision(rows, path))],
+    )
 
 
 def measure(
-    throw: Throw, ways: Sequence[Method], effort: Effort, tick: Callable[[], None]
-) -> Measured:
+    throw: SampleThrow, ways: Sequence[Method], effort: Effort, tick: Callable[[], None]
+) -> ThrowErrors:
     """Converged answers of one throw, then every method."""
     case = throw.case
     truths = {law: truth(case) for law, truth in TRUTHS.items()}
@@ -148,16 +145,16 @@ def measure(
         own, model = off(throw, end, truths[method.law]), off(throw, end, truths["patch"])
         if not np.isfinite(own).all() and not trouble:
             trouble = "no landing: the object never comes down to that height"
-        rows.append(Row(method, seconds, own, model, trouble))
+        rows.append(Timed(method, seconds, own, model, trouble))
         tick()
-    return Measured(throw, truths, known, marked(rows, known))
+    return ThrowErrors(throw, truths, known, marked(rows, known))
 
 
 def _patched(steps: int, case: ReleaseCase) -> Release:
     return PatchRelease(steps=steps).release(case)
 
 
-def marked(rows: Sequence[Row], known: Mapping[str, Array]) -> list[Row]:
+def marked(rows: Sequence[Timed], known: Mapping[str, Array]) -> list[Timed]:
     """The rows with their Pareto sets: of one law for the own error, of all for the model's.
 
     Rows in trouble are in none; errors below what is known of the answer are equal.
@@ -176,43 +173,43 @@ def marked(rows: Sequence[Row], known: Mapping[str, Array]) -> list[Row]:
     return [replace(row, best=best[i]) for i, row in enumerate(rows)]
 
 
-def _rows_table(measured: Sequence[Measured]) -> Table:
+def _errors(kind: str, errors: Array) -> Row:
+    """Cells of errors (4,); none where there is no landing."""
+    cells = {f"{kind}{name}": float(v) for name, v in zip(ERRORS, SHOWN * errors, strict=True)}
+    return {name: v if math.isfinite(v) else None for name, v in cells.items()}
+
+
+def _rows(measured: Sequence[ThrowErrors]) -> list[Row]:
     """All methods on all throws."""
-    rows: list[list[Cell]] = []
+    rows = list[Row]()
     for one in measured:
         for row in one.rows:
-            errors = [float(v) for v in (*(SHOWN * row.own), *(SHOWN * row.model))]
-            cells = [v if math.isfinite(v) else None for v in errors]
-            method = (one.throw.title, row.method.family, row.method.setting)
+            cells: Row = {"throw": one.throw.title, "method": row.method.family}
+            cells |= {"setting": row.method.setting, "time [µs]": 1e6 * row.seconds}
+            cells |= _errors("own ", row.own) | _errors("model ", row.model)
             status = f"not to be trusted: {row.trouble}" if row.trouble else "ok"
-            rows.append([*method, 1e6 * row.seconds, *cells, ", ".join(row.best), status])
-    columns = (
-        *("throw", "method", "setting", "time [µs]"),
-        *(f"{kind} {error}" for kind in ("own", "model") for error in ERRORS),
-        *("Pareto set", "status"),
-    )
-    return Table("models-methods", "Every method on every throw", columns, rows)
+            rows.append(cells | {"Pareto set": ", ".join(row.best), "status": status})
+    return rows
 
 
-def choice(measured: Sequence[Measured]) -> Table:
+def choice(measured: Sequence[ThrowErrors]) -> ReportTable:
     """Per family the cheapest setting that keeps an own error in all throws."""
-    rows: list[list[Cell]] = []
+    rows = list[Row]()
     for family in dict.fromkeys(_kind(row.method) for row in measured[0].rows):
         settings = _settings(measured, family)
-        cells: list[Cell] = [family]
+        row: Row = {"method": family}
         for asked in ASKED:
             able = [s for s in settings if s[2] <= asked and not s[4]]
+            words = None
             if able:
                 name, seconds, _, model, _ = min(able, key=lambda s: s[1])
-                cells.append(f"{name}: {shown(1e3 * seconds)} ms, {1e3 * model:.2g} mm")
-            else:
-                cells.append(None)
+                words = f"{name}: {shown(1e3 * seconds)} ms, {1e3 * model:.2g} mm"
+            row[f"to {1e3 * asked:g} mm"] = words
         reasons = [s[4] for s in settings if s[4]]
         failed = f"{len(reasons)} of {len(settings)}: {reasons[0]}" if reasons else None
-        rows.append([*cells, failed])
-    columns = ("method", *(f"to {1e3 * asked:g} mm" for asked in ASKED), "settings that fail")
+        rows.append(row | {"settings that fail": failed})
     words = "Cheapest setting to an own error, its time and its model error, worst of four throws"
-    return Table("models-choice", words, columns, rows, short=True)
+    return ReportTable("models-choice", words, rows, short=True)
 
 
 def _kind(method: Method) -> str:
@@ -222,7 +219,7 @@ def _kind(method: Method) -> str:
 
 
 def _settings(
-    measured: Sequence[Measured], family: str
+    measured: Sequence[ThrowErrors], family: str
 ) -> list[tuple[str, float, float, float, str]]:
     """Setting, worst time, own and model error over the throws, and trouble, of one family."""
     found = []
@@ -237,57 +234,46 @@ def _settings(
     return found
 
 
-def _laws_table(measured: Sequence[Measured]) -> Table:
+def _laws_table(measured: Sequence[ThrowErrors]) -> ReportTable:
     """How far converged laws are from the patch, and from a second method for the same law."""
     names = {"sp": "sp", "ls": "limit surface", "patch": "patch"}
     names |= {f"{k:g}": f"LuGre, {stiffness_words(k)}" for k in STIFFNESSES}
-    rows: list[list[Cell]] = []
+    rows = list[Row]()
     for one in measured:
         for law, name in names.items():
             known = one.known.get(law)
             second = None if known is None else 1e3 * float(known[3])
-            errors = [float(v) for v in SHOWN * one.apart(law)]
-            rows.append([one.throw.title, name, *errors, second])
+            row: Row = {"throw": one.throw.title, "law": name, **_errors("", one.apart(law))}
+            rows.append(row | {"to a second method, scaled [mm]": second})
         if "mesh" in one.known:
-            errors = [float(v) for v in SHOWN * one.known["mesh"]]
-            rows.append([one.throw.title, f"patch of {FINE_MESH} points", *errors, None])
-    columns = ("throw", "law", *ERRORS, "to a second method, scaled [mm]")
+            finer: Row = {"throw": one.throw.title, "law": f"patch of {FINE_MESH} points"}
+            rows.append(finer | _errors("", one.known["mesh"]))
     words = "Converged laws against the meshed patch, and how well they are known"
-    return Table("models-laws", words, columns, rows)
+    return ReportTable("models-laws", words, rows)
 
 
-def sample_table(effort: Effort) -> Table:
+def sample_table(effort: Effort) -> ReportTable:
     """Batch times over many random throws, own and model errors of the first of them."""
     count, few = effort.of(*BATCH), effort.of(*FEW)
     throws, contact = random_throws(count, SEED), load_scene("drop").patch
     cases = [case_of(throws, i, contact) for i in range(few)]
     # Nothing is timed meanwhile.
-    with executor_of(1 if effort.quick else LANES, None) as executor:
-        found = list((map if executor is None else executor.map)(_truths, cases))
+    found = list(shared(_truths, cases, quick=effort.quick))
     ends = {law: np.array([one[law] for one in found]) for law in TRUTHS}
     sure = np.isfinite(np.hstack(list(ends.values()))).all(axis=1)
-    rows: list[list[Cell]] = []
+    rows = list[Row]()
     for name, law, number, run in _ways(throws, cases, effort):
         repeats = effort.of(1, 2) if number < count else effort.of(1, 7)
         seconds, landed = least_time(run, repeats, 0.0, math.inf)
         came = np.isfinite(landed[:few]).all(axis=1)
-        good = came & sure
-        own = _quantiles(landed[:few][good], ends[law][good]) if law in ends else [None] * 6
-        model = _quantiles(landed[:few][good], ends["patch"][good])
-        missed = int(few - came.sum())
-        rows.append([name, number, 1e6 * seconds / number, *own, *model, missed])
-    columns = (
-        *("method", "throws timed", "time a throw [µs]"),
-        *(
-            f"{kind} {what}, {q}"
-            for kind in ("own", "model")
-            for what in ("x [mm]", "scaled [mm]")
-            for q in ("median", "99 %", "worst")
-        ),
-        "not computed",
-    )
+        good, end = came & sure, landed[:few]
+        row: Row = {"method": name, "throws timed": number}
+        row |= {"time a throw [µs]": 1e6 * seconds / number}
+        for kind, truth in (("own", ends.get(law)), ("model", ends["patch"])):
+            row |= _quantiles(kind, end[good], None if truth is None else truth[good])
+        rows.append(row | {"not computed": int(few - came.sum())})
     words = f"Batches and single releases of random throws, errors of the first {few}"
-    return Table("models-sample", words, columns, rows)
+    return ReportTable("models-sample", words, rows)
 
 
 def _truths(case: ReleaseCase) -> dict[str, Array]:
@@ -330,18 +316,26 @@ def _alone(run: Callable[[ReleaseCase], Release], cases: Sequence[ReleaseCase]) 
     return np.array([detached(run(case)) for case in cases])
 
 
-def _quantiles(found: Array, truth: Array) -> list[Cell]:
-    """Median, 99 % and worst of |dx| and of the scaled error [mm]."""
-    x, _, _, scaled = differences(found, truth, LENGTH)
-    return [*quantiles(1e3 * x, 50, 99, 100), *quantiles(1e3 * scaled, 50, 99, 100)]
+def _quantiles(kind: str, found: Array, truth: Array | None) -> Row:
+    """Median, 99 % and worst of |dx| and of the scaled error [mm]; none without a truth."""
+    errors = None if truth is None else 1e3 * differences(found, truth, LENGTH)
+    row: Row = {}
+    for what, k in (("x", 0), ("scaled", 3)):
+        for words, share in (("median", 50), ("99 %", 99), ("worst", 100)):
+            value = None if errors is None else quantiles(errors[k], share)[0]
+            row[f"{kind} {what} [mm], {words}"] = value
+    return row
 
 
-def _cheapest(sample: Table) -> str:
+def _cheapest(sample: ReportTable) -> str:
     """Which batch to take, by its own error and with that of its law."""
-    found = [dict(zip(sample.columns, row, strict=True)) for row in sample.rows]
 
     def told(kind: str) -> str:
-        able = [row for row in found if _figure(row, f"{kind} scaled [mm], 99 %") <= 1e3 * ASKED[0]]
+        able = [
+            row
+            for row in sample.rows
+            if _figure(row, f"{kind} scaled [mm], 99 %") <= 1e3 * ASKED[0]
+        ]
         if not able:
             return "none"
         best = min(able, key=lambda row: _figure(row, "time a throw [µs]"))
@@ -353,7 +347,7 @@ def _cheapest(sample: Table) -> str:
     )
 
 
-def _figure(row: Mapping[str, Cell], name: str) -> float:
+def _figure(row: Row, name: str) -> float:
     """A number of a row; infinite where there is none."""
     value = row[name]
     return float(value) if isinstance(value, float) and not row["not computed"] else math.inf

@@ -8,6 +8,7 @@ of the page, the others stay as they are.
 from __future__ import annotations
 
 import csv
+import itertools
 import math
 import re
 from collections.abc import Callable, Sequence
@@ -26,9 +27,13 @@ error is |Δx| + |Δθ| l/2, with the length l of the object. All random draws h
 PAGE = "index.md"
 
 
+#: One row of a table: cells by the name of their column, which holds the unit.
+Row = dict[str, Cell]
+
+
 @dataclass(frozen=True)
-class Table:
-    """Rows under named columns; the names hold the units.
+class ReportTable:
+    """Rows of named cells.
 
     name: stem of the CSV file; caption: what the table holds, in a few words; short: the page
     shows it, with `digits` significant digits of a float.
@@ -36,32 +41,40 @@ class Table:
 
     name: str
     caption: str
-    columns: Sequence[str]
-    rows: Sequence[Sequence[Cell]]
+    rows: Sequence[Row]
     short: bool = False
     digits: int = 3
 
+    @property
+    def columns(self) -> list[str]:
+        """The names of all cells, in the order in which they come first."""
+        return list(dict.fromkeys(name for row in self.rows for name in row))
+
     def column(self, name: str) -> list[Cell]:
         """The cells under a name."""
-        place = list(self.columns).index(name)
-        return [row[place] for row in self.rows]
+        return [row.get(name) for row in self.rows]
+
+    def where(self, **cells: Cell) -> list[Row]:
+        """The rows that hold these cells."""
+        return [row for row in self.rows if cells.items() <= row.items()]
 
     def write(self, folder: Path) -> None:
         """The CSV file; None is an empty cell."""
         with (folder / f"{self.name}.csv").open("w", newline="", encoding="utf-8") as file:
-            csv.writer(file).writerows([self.columns, *self.rows])
+            writer = csv.DictWriter(file, self.columns)
+            writer.writeheader()
+            writer.writerows(self.rows)
 
     def markdown(self) -> list[str]:
         """The lines of a Markdown table; columns of numbers are aligned to the right."""
-        words = [any(isinstance(row[i], str) for row in self.rows) for i in range(self.width)]
+        columns = self.columns
+        words = [any(isinstance(cell, str) for cell in self.column(name)) for name in columns]
         align = ["---" if word else "---:" for word in words]
-        cells = [[shown(cell, self.digits).replace("|", "\\|") for cell in r] for r in self.rows]
-        return ["| " + " | ".join(row) + " |" for row in (self.columns, align, *cells)]
-
-    @property
-    def width(self) -> int:
-        """How many columns."""
-        return len(self.columns)
+        cells = [
+            [shown(row.get(name), self.digits).replace("|", "\\|") for name in columns]
+            for row in self.rows
+        ]
+        return ["| " + " | ".join(row) + " |" for row in (columns, align, *cells)]
 
 
 def shown(cell: Cell, digits: int = 3) -> str:
@@ -93,7 +106,7 @@ class Picture:
 
 
 @dataclass
-class Section:
+class ReportSection:
     """One chapter. key: what `--only` calls it; seconds: the time it took to measure.
 
     figures: sentences with the main results; made: machine, versions and date.
@@ -102,7 +115,7 @@ class Section:
     key: str
     title: str
     figures: list[str] = field(default_factory=list)
-    tables: list[Table] = field(default_factory=list)
+    tables: list[ReportTable] = field(default_factory=list)
     pictures: list[Picture] = field(default_factory=list)
     seconds: float = math.nan
     made: str = ""
@@ -180,7 +193,12 @@ class Effort:
         """One of two sizes."""
         return quick if self.quick else full
 
-    def tell(self, done: int, total: int) -> None:
-        """Report progress."""
-        if self.progress is not None:
-            self.progress(done, total)
+    def counter(self, total: int) -> Callable[[], None]:
+        """What a section calls after each of its `total` steps."""
+        steps = itertools.count(1)
+
+        def step() -> None:
+            if self.progress is not None:
+                self.progress(next(steps), total)
+
+        return step

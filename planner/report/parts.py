@@ -25,7 +25,7 @@ from ...problems import (
 )
 from ..plan import Planner
 from .drawing import draw_ladder
-from .page import Cell, Effort, Picture, Section, Table
+from .page import Effort, Picture, ReportSection, ReportTable, Row
 
 #: Sections whose bounds never decide: they cost their variables and rows and change no throw.
 WIDE_LANDING = Landing(speed_min=0.01, speed_max=100.0, rate_max=1e3)
@@ -49,7 +49,7 @@ print(json.dumps([plan.status, sorted(set(sys.modules) - before)]))
 
 
 @dataclass(frozen=True)
-class Measured:
+class SceneCost:
     """Size of a scene's NLP and times [s] of a plan, with the solves that lead to it."""
 
     variables: int
@@ -60,28 +60,28 @@ class Measured:
     plan: float
     status: str
 
-    def row(self, other: Measured) -> list[Cell]:
-        """Its cells in a table; the last number is its solving time over another's."""
-        times = [1e3 * seconds for seconds in (self.build, self.solve, self.plan)]
-        sizes = (self.variables, self.constraints, self.iterations)
-        return [*sizes, *times, self.solve / other.solve, self.status]
+    def row(self, other: SceneCost) -> Row:
+        """Its cells in a table; with the solving time over another's."""
+        return {
+            "variables": self.variables,
+            "constraints": self.constraints,
+            "iterations": self.iterations,
+            "build [ms]": 1e3 * self.build,
+            "solve [ms]": 1e3 * self.solve,
+            "plan [ms]": 1e3 * self.plan,
+            "solve, times the first": self.solve / other.solve,
+            "status": self.status,
+        }
 
 
-#: Of `Measured.row`.
-COLUMNS = (
-    *("variables", "constraints", "iterations", "build [ms]", "solve [ms]", "plan [ms]"),
-    *("solve, times the first", "status"),
-)
-
-
-def measured(scene: Scene, repeats: int) -> Measured:
+def measured(scene: Scene, repeats: int) -> SceneCost:
     """Plans a scene once to build, then `repeats` times: the least times. Nothing is compiled."""
     planner = Planner(scene, compiling="no")
     first = planner.plan()
     # A plan that fails does so slowly, and again.
     plans = [planner.plan() for _ in range(repeats)] if first.solved else [first]
     last = plans[-1]
-    return Measured(
+    return SceneCost(
         *(last.variables, last.constraints, last.iterations, first.time["build"]),
         min(plan.time["solve"] for plan in plans),
         min(plan.time["total"] - plan.time["build"] for plan in plans),
@@ -89,58 +89,53 @@ def measured(scene: Scene, repeats: int) -> Measured:
     )
 
 
-def make(effort: Effort) -> Section:
+def make(effort: Effort) -> ReportSection:
     """The ladder from a bare throw to one with everything; every scene, with its imports."""
-    section = Section("parts", "What a scene leaves out")
     names = [name for name in scene_names() if load_scene(name).motion is None]
     chosen = ["hand-box", "cup"] if effort.quick else names
     rungs = list(ladder(load_scene("hand-box")))
     if effort.quick:
         rungs = [rungs[i] for i in (0, HAND, ARM)]
-    total = len(rungs) + 2 * len(chosen)
-    steps = iter(range(1, total + 1))
-
-    def next_of(scene: Scene) -> Measured:
+    step, climbed = effort.counter(len(rungs) + len(chosen)), list[tuple[str, SceneCost]]()
+    for words, scene in rungs:
         # Robust plans take longer: fewer of them.
-        found = measured(scene, effort.of(2, 3 if scene.robust else 5))
-        effort.tell(next(steps), total)
-        return found
-
-    climbed = [(words, next_of(scene)) for words, scene in rungs]
-    bare = climbed[0][1]
-    rows: list[list[Cell]] = [[words, *one.row(bare)] for words, one in climbed]
-    every: list[list[Cell]] = []
+        climbed.append((words, measured(scene, effort.of(2, 3 if scene.robust else 5))))
+        step()
+    every = list[Row]()
     for name in chosen:
-        own = next_of(load_scene(name))
-        every.append([name, *own.row(own), *imports_of(load_scene(name))])
-        effort.tell(next(steps), total)
-    arm, hand = climbed[2 if effort.quick else ARM][1], climbed[1 if effort.quick else HAND][1]
-    section.figures += [
-        "`hand-box` is a free hand that holds the bar at its centre of mass and throws it to a "
-        "position. The same throw carries one part more in each line; bounds are so wide that "
-        "they never decide. Nothing is compiled.",
-        f"With a Panda for the free hand it takes {arm.solve / hand.solve:.2g} times as long to "
-        f"solve ({1e3 * arm.solve:.0f} and {1e3 * hand.solve:.0f} ms). The last line takes "
-        f"{climbed[-1][1].solve / bare.solve:.0f} times as long as the bare throw "
-        f"({1e3 * bare.solve:.1f} ms).",
-        f"A fresh process that plans imports {_modules(every)}.",
-    ]
-    table = Table("parts-ladder", "One part more at a time", ("hand-box", *COLUMNS), rows)
-    columns = ("scene", *COLUMNS, "modules", "large ones", "fresh process [s]")
-    words = "Every scene, and what a fresh process imports to plan it"
-    section.tables += [table, Table("parts-scenes", words, columns, every)]
+        own = measured(load_scene(name), effort.of(2, 5))
+        every.append({"scene": name, **own.row(own), **imports_of(load_scene(name))})
+        step()
+    times = {words: one.solve for words, one in climbed}
+    bare, hand, arm = (times[rungs[i][0]] for i in ((0, 1, 2) if effort.quick else (0, HAND, ARM)))
+    imports = {str(row["large ones"]): row["modules"] for row in every}
+    modules = "; ".join(f"{count} modules ({large})" for large, count in imports.items())
+    table = ReportTable(
+        "parts-ladder",
+        "One part more at a time",
+        [{"hand-box": words, **one.row(climbed[0][1])} for words, one in climbed],
+    )
+    caption = "Every scene, and what a fresh process imports to plan it"
     words = "Variables and solving time, one part more at a time"
-    section.pictures.append(Picture("parts", words, lambda path: draw_ladder(table, path)))
-    return section
+    return ReportSection(
+        "parts",
+        "What a scene leaves out",
+        [
+            "`hand-box` is a free hand that holds the bar at its centre of mass and throws it to a "
+            "position. The same throw carries one part more in each line; bounds are so wide that "
+            "they never decide. Nothing is compiled.",
+            f"With a Panda for the free hand it takes {arm / hand:.2g} times as long to solve "
+            f"({1e3 * arm:.0f} and {1e3 * hand:.0f} ms). The last line takes "
+            f"{climbed[-1][1].solve / bare:.0f} times as long as the bare throw "
+            f"({1e3 * bare:.1f} ms).",
+            f"A fresh process that plans imports {modules}.",
+        ],
+        [table, ReportTable("parts-scenes", caption, every)],
+        [Picture("parts", words, lambda path: draw_ladder(table, path))],
+    )
 
 
-def _modules(rows: list[list[Cell]]) -> str:
-    """How many modules scenes import, by the large ones among them."""
-    found = {str(row[-2]): row[-3] for row in rows}
-    return "; ".join(f"{count} modules ({large})" for large, count in found.items())
-
-
-def imports_of(scene: Scene) -> list[Cell]:
+def imports_of(scene: Scene) -> Row:
     """Modules that a fresh process imports to plan a scene, large ones among them, its time [s]."""
     start = time.perf_counter()
     done = subprocess.run(
@@ -153,7 +148,8 @@ def imports_of(scene: Scene) -> list[Cell]:
     )
     seconds = time.perf_counter() - start
     _, modules = json.loads(done.stdout)
-    return [len(modules), ", ".join(name for name in HEAVY if name in modules), seconds]
+    large = ", ".join(name for name in HEAVY if name in modules)
+    return {"modules": len(modules), "large ones": large, "fresh process [s]": seconds}
 
 
 def ladder(scene: Scene) -> Iterator[tuple[str, Scene]]:

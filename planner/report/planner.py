@@ -26,7 +26,7 @@ from ..plan import Planner, SolverName
 from ..result import Plan
 from .drawing import draw_settings
 from .measure import pareto, quantiles, reachable_targets, warmed
-from .page import Cell, Effort, Picture, Section, Table
+from .page import Effort, Picture, ReportSection, ReportTable, Row
 
 Array = npt.NDArray[np.float64]
 
@@ -66,7 +66,7 @@ class Variant:
 
 
 @dataclass(frozen=True)
-class Measured:
+class VariantRuns:
     """What came of a variant's plans to M targets.
 
     before (M,): scaled error [m] before correction; final (M,): after, NaN if not solved; cost
@@ -106,41 +106,42 @@ def variants(quick: bool) -> list[Variant]:
     return list(dict.fromkeys(changed))
 
 
-def make(effort: Effort) -> Section:
+def make(effort: Effort) -> ReportSection:
     """All settings on all scenes, and other solvers of the same NLP."""
-    section = Section("planner", "The planner: error against run time")
     asked = variants(effort.quick)
-    total = len(TARGETS) * len(asked) + 1
-    steps = iter(range(1, total + 1))
-    rows: list[list[Cell]] = []
-    scenes: dict[str, list[Measured]] = {}
+    step = effort.counter(len(TARGETS) * len(asked) + 1)
+    rows, scenes = list[Row](), dict[str, list[VariantRuns]]()
     for name, sizes in TARGETS.items():
         scene = load_scene(name)
         targets = list(itertools.islice(reachable_targets(scene, SEED), effort.of(*sizes)))
         usual, scenes[name] = warmed(scene, targets[:1], "no"), []
         for variant in asked:
             scenes[name].append(measured(scene, targets, variant, usual))
-            effort.tell(next(steps), total)
+            step()
         rows += _rows(name, scenes[name])
-    table = Table("planner-settings", "All settings", COLUMNS, rows)
-    choice = _together(list(scenes.values()))
     name, seed, sizes = RIVALS
     scene = load_scene(name)
     others = list(itertools.islice(reachable_targets(scene, seed), effort.of(*sizes)))
-    section.figures += [_default(name, found) for name, found in scenes.items()]
-    section.figures.append(
-        "The table has the settings that no other beats in solving time, error before correction "
-        f"and effort at once, and the default (`{_mesh(load_scene('cup'))}`, FATROP, then IPOPT "
-        "where that fails). Effort: the NLP's cost, squared accelerations and jerks."
-    )
-    section.tables += [choice, table, rivals(scene, others)]
-    effort.tell(total, total)
+    solvers = rivals(scene, others)
+    step()
+    table = ReportTable("planner-settings", "All settings", rows)
     words = "Error before correction over solving time, medians"
-    section.pictures.append(Picture("planner", words, lambda path: draw_settings(table, path)))
-    return section
+    return ReportSection(
+        "planner",
+        "The planner: error against run time",
+        [
+            *(_default(name, found) for name, found in scenes.items()),
+            "The table has the settings that no other beats in solving time, error before "
+            "correction and effort at once, and the default "
+            f"(`{_mesh(load_scene('cup'))}`, FATROP, then IPOPT where that fails). Effort: the "
+            "NLP's cost, squared accelerations and jerks.",
+        ],
+        [_together(list(scenes.values())), table, solvers],
+        [Picture("planner", words, lambda path: draw_settings(table, path))],
+    )
 
 
-def measured(scene: Scene, targets: list[Pose], variant: Variant, usual: Planner) -> Measured:
+def measured(scene: Scene, targets: list[Pose], variant: Variant, usual: Planner) -> VariantRuns:
     """A variant on all targets; building and compiling are not in the times."""
     mesh = dataclasses.replace(scene.mesh, **dict(variant.mesh))  # type: ignore[arg-type]
     scene = scene.replace(mesh=mesh)
@@ -151,7 +152,7 @@ def measured(scene: Scene, targets: list[Pose], variant: Variant, usual: Planner
         plans.append(planner.plan(target, solver=variant.solver))
     length = scene.object.length
     errors = [_errors(plan, length) for plan in plans]
-    return Measured(
+    return VariantRuns(
         variant,
         np.array([before for before, _ in errors]),
         np.array([final for _, final in errors]),
@@ -175,7 +176,7 @@ def _errors(plan: Plan, length: float) -> tuple[float, float]:
     return abs(exact.x - x) + turned * length / 2, position + angle * length / 2
 
 
-def points(found: list[Measured]) -> Array:
+def points(found: list[VariantRuns]) -> Array:
     """(N, 3): solving time [ms], error before correction [mm], effort over the default's.
 
     The default's medians times the medians of the ratios to it for the same targets: targets
@@ -199,54 +200,59 @@ def best_of(figures: Array) -> list[bool]:
     return [k in best for k in range(len(figures))]
 
 
-#: Of a setting on one scene.
-COLUMNS = (
-    *("scene", "setting", "solver", "compiled", "solved", "error before correction [mm]"),
-    *("solve [ms]", "effort, % above the default's", "iterations", "plan [ms]"),
-    *("final error, worst [mm]", "Pareto set", "trouble"),
-)
-
-
-def _rows(name: str, found: list[Measured]) -> list[list[Cell]]:
+def _rows(name: str, found: list[VariantRuns]) -> list[Row]:
     """A row for each variant; compiled ones are compared among themselves."""
     figures, best = points(found), [False] * len(found)
     for kind in ("no", "wait"):
         alike = [k for k, one in enumerate(found) if one.variant.compiling == kind]
         for k, star in zip(alike, best_of(figures[alike]), strict=True):
             best[k] = star
-    return [
-        [
-            *(name, one.variant.words, one.variant.solver),
-            "yes" if one.variant.compiling == "wait" else "no",
-            *(one.solved, *(v if math.isfinite(v) else None for v in (error, time))),
-            100 * (cost - 1) if math.isfinite(cost) else None,
-            *(*quantiles(one.iterations, 50), *quantiles(1e3 * one.plan, 50)),
-            1e3 * float(np.nanmax(one.final)) if one.solved else None,
-            *("yes" if star else "", one.trouble or None),
-        ]
-        for one, (time, error, cost), star in zip(found, figures.tolist(), best, strict=True)
-    ]
+    rows = list[Row]()
+    for one, (solve, error, cost), star in zip(found, figures.tolist(), best, strict=True):
+        compared, final = math.isfinite(solve), 1e3 * one.final
+        rows.append(
+            {
+                "scene": name,
+                "setting": one.variant.words,
+                "solver": one.variant.solver,
+                "compiled": "yes" if one.variant.compiling == "wait" else "no",
+                "solved": one.solved,
+                "error before correction [mm]": error if compared else None,
+                "solve [ms]": solve if compared else None,
+                "effort, % above the default's": 100 * (cost - 1) if compared else None,
+                "iterations": quantiles(one.iterations, 50)[0],
+                "plan [ms]": 1e3 * quantiles(one.plan, 50)[0],
+                "final error, worst [mm]": float(np.nanmax(final)) if one.solved else None,
+                "Pareto set": "yes" if star else "",
+                "trouble": one.trouble or None,
+            }
+        )
+    return rows
 
 
-def _together(scenes: list[list[Measured]]) -> Table:
+def _together(scenes: list[list[VariantRuns]]) -> ReportTable:
     """The settings that no other beats over all scenes (geometric means), and the default."""
     figures = np.exp(np.mean([np.log(points(found)) for found in scenes], axis=0))
     plain = [k for k, one in enumerate(scenes[0]) if one.variant.compiling == "no"]
     best = {plain[k] for k, star in enumerate(best_of(figures[plain])) if star}
-    rows: list[list[Cell]] = []
+    rows = list[Row]()
     for k in sorted({0} | best, key=lambda k: float(figures[k, 0])):
         variant, (time, error, cost) = scenes[0][k].variant, figures[k].tolist()
-        ratios = (time / figures[0, 0], error / figures[0, 1])
-        cells = [time, float(ratios[0]), error, float(ratios[1]), 100 * (cost - 1)]
-        rows.append([variant.words, variant.solver, *cells, "yes" if k in best else "no"])
-    columns = (
-        *("setting", "solver", "solve [ms]", "times the default's", "error [mm]"),
-        *("times its error", "effort, % above its", "Pareto set"),
-    )
-    return Table("planner-choice", "Settings to choose from", columns, rows, short=True)
+        row: Row = {
+            "setting": variant.words,
+            "solver": variant.solver,
+            "solve [ms]": time,
+            "times the default's": time / float(figures[0, 0]),
+            "error [mm]": error,
+            "times its error": error / float(figures[0, 1]),
+            "effort, % above its": 100 * (cost - 1),
+            "Pareto set": "yes" if k in best else "no",
+        }
+        rows.append(row)
+    return ReportTable("planner-choice", "Settings to choose from", rows, short=True)
 
 
-def _default(name: str, found: list[Measured]) -> str:
+def _default(name: str, found: list[VariantRuns]) -> str:
     """What the default does on a scene."""
     first = found[0]
     ipopt = next(one for one in found if one.variant.solver == "ipopt")
@@ -269,7 +275,7 @@ def _mesh(scene: Scene) -> str:
     return f'{words}, integrator = "{mesh.integrator}", epsilon = {mesh.epsilon:g}'
 
 
-def rivals(scene: Scene, targets: list[Pose]) -> Table:
+def rivals(scene: Scene, targets: list[Pose]) -> ReportTable:
     """The same NLP solved by other means; from the table's releases, or from one solved throw."""
     planner = warmed(scene, targets[:1], "no")
     warmed(scene, targets[:1], "no", "ipopt")
@@ -287,17 +293,20 @@ def rivals(scene: Scene, targets: list[Pose]) -> Table:
         way = ("SLSQP, single shooting", "the scene's own throw")
         found.setdefault(way, []).append(shooting.solve(target))
     usual = float(np.median([seconds for _, seconds in found["FATROP", "table"]]))
-    rows: list[list[Cell]] = []
+    rows = list[Row]()
     for (solver, begin), answers in found.items():
-        seconds = [one for _, one in answers]
-        good, times = sum(solved for solved, _ in answers), quantiles(seconds, 50, 99)
-        cells = [1e3 * times[0], 1e3 * times[1], times[0] / usual]
-        rows.append([solver, begin, len(answers), good, *cells])
-    columns = (
-        *("solver", "start", "targets", "solved", "solve, median [ms]", "solve, 99 % [ms]"),
-        "times FATROP's",
-    )
-    return Table("planner-solvers", f"Other solvers, scene {scene.name}", columns, rows)
+        times = quantiles([seconds for _, seconds in answers], 50, 99)
+        row: Row = {
+            "solver": solver,
+            "start": begin,
+            "targets": len(answers),
+            "solved": sum(solved for solved, _ in answers),
+            "solve, median [ms]": 1e3 * times[0],
+            "solve, 99 % [ms]": 1e3 * times[1],
+            "times FATROP's": times[0] / usual,
+        }
+        rows.append(row)
+    return ReportTable("planner-solvers", f"Other solvers, scene {scene.name}", rows)
 
 
 class SingleShooting:

@@ -19,10 +19,9 @@ from ..compile import c_compiler
 from ..plan import Planner
 from ..reach import reach_map
 from ..result import Plan
-from ..sweep import executor_of
 from .drawing import draw_targets
-from .measure import LANES, quantiles, reachable_targets, warmed
-from .page import Cell, Effort, Picture, Section, Table
+from .measure import quantiles, reachable_targets, shared, warmed
+from .page import Effort, Picture, ReportSection, ReportTable, Row, shown
 
 #: Seed of the targets in reach; of targets on the map and far from it.
 SEED, MAP_SEED = 1, 3
@@ -49,63 +48,73 @@ ROUND = np.array([1.0, 2.0])
 SWING, PERIOD, TICK = (0.06, 0.2), 2.0, 0.01
 
 
-def make(effort: Effort) -> Section:
+def make(effort: Effort) -> ReportSection:
     """Targets in reach, far out, on the map, moving."""
-    section = Section("reach", "Any target in reach")
     counts = {name: effort.of(*sizes) for name, sizes in TARGETS.items() if effort.of(*sizes)}
     on_map = ("hand-box",) if effort.quick else tuple(TARGETS)
-    total = len(counts) + len(on_map) + 3
-    steps = iter(range(1, total + 1))
-    with executor_of(1 if effort.quick else LANES, None) as executor:
-        run = map if executor is None else executor.map
-        targets = dict(zip(counts, run(_targets, counts, counts.values()), strict=True))
-    effort.tell(next(steps), total)
-    rows: list[list[Cell]] = []
-    lost: list[list[Cell]] = []
-    inside: list[Plan] = []
+    step = effort.counter(len(counts) + len(on_map) + 3)
+    made = shared(_targets, counts, counts.values(), quick=effort.quick)
+    targets = dict(zip(counts, made, strict=True))
+    step()
+    rows, plans = list[Row](), dict[str, list[Plan]]()
     for name, some in targets.items():
-        made, plans = _in_reach(load_scene(name), some, effort)
-        rows += made
-        lost += [["in reach", *_lost(plan)] for plan in plans if not plan.solved]
-        inside = plans if name == "pose" else inside
-        effort.tell(next(steps), total)
+        found, plans[name] = _in_reach(load_scene(name), some, effort)
+        rows += found
+        step()
     far = _planned(warmed(load_scene("pose"), [], "cached"), outside("pose", effort))
-    effort.tell(next(steps), total)
+    step()
     following = [_following(name, effort.of(20, 200)) for name in ("pose", "cup")]
-    effort.tell(next(steps), total)
-    mapped: list[list[Cell]] = []
+    step()
+    mapped = list[Row]()
     for name in on_map:
-        row, plans = _on_map(name, effort)
+        row, middles = _on_map(name, effort)
         mapped.append(row)
-        lost += [["on the map", *_lost(plan)] for plan in plans if not plan.solved]
-        effort.tell(next(steps), total)
-    every = _every_target(inside, far)
-    section.figures += _figures(rows, far, following, mapped)
-    section.tables += [_inside_table(rows), _lost_table(lost), every]
-    section.tables += [_following_table(following), _map_table(mapped)]
+        plans[f"{name}, on the map"] = middles
+        step()
+    lost = [
+        {"targets": words} | _said(plan) | {"why": plan.message}
+        for words, some in plans.items()
+        for plan in some
+        if not plan.solved
+    ]
+    every = [{"drawn": "in reach"} | _said(plan) | _nearest(plan) for plan in plans["pose"]]
+    every += [{"drawn": "far out"} | _said(plan) | _nearest(plan) for plan in far]
+    table = ReportTable("reach-targets", "Targets of `pose`, and what was said", every)
+    caption = "Random targets in reach; prepared: throws that were solved before, to start from"
     words = "Scene pose: targets in reach and far out, and the nearest pose named for these"
-    section.pictures.append(Picture("reach", words, lambda path: draw_targets(every, path)))
-    return section
+    return ReportSection(
+        "reach",
+        "Any target in reach",
+        _figures(rows, far, following, mapped),
+        [
+            ReportTable("reach-inside", caption, rows),
+            ReportTable("reach-lost", "Targets without a throw, and why", lost),
+            table,
+            ReportTable("reach-following", "Plans after a moving target", following),
+            ReportTable("reach-map", "Middles of a map's bins", mapped),
+        ],
+        [Picture("reach", words, lambda path: draw_targets(table, path))],
+    )
 
 
-def _in_reach(
-    scene: Scene, targets: list[Pose], effort: Effort
-) -> tuple[list[list[Cell]], list[Plan]]:
+def _in_reach(scene: Scene, targets: list[Pose], effort: Effort) -> tuple[list[Row], list[Plan]]:
     """Rows for a scene: compiled and not, without and with prepared throws; the first plans."""
-    rows: list[list[Cell]] = []
-    kept: list[Plan] = []
+    rows, kept = list[Row](), list[Plan]()
     first = targets[: effort.of(*FIRST)]
     for compiling in ("wait", "no"):
         some = targets if compiling == "wait" else targets[: effort.of(*PLAIN)]
         ready = "yes" if compiling == "wait" and c_compiler() is not None else "no"
-        planner = warmed(scene, first, compiling)
-        plans = _planned(planner, some)
-        kept = kept or plans
-        rows.append([scene.name, ready, None, *_row(plans)])
+        ways: tuple[bool, ...] = (False,)
         if scene.name in PREPARED and not effort.quick:
-            ahead = warmed(scene, first, compiling)
-            ahead.prepare()
-            rows.append([scene.name, ready, ahead.prepared, *_row(_planned(ahead, some))])
+            ways = (False, True)
+        for prepared in ways:
+            planner = warmed(scene, first, compiling)
+            if prepared:
+                planner.prepare()
+            plans = _planned(planner, some)
+            kept = kept or plans
+            row: Row = {"scene": scene.name, "compiled": ready, "prepared": planner.prepared}
+            rows.append(row | _row(plans))
     return rows, kept
 
 
@@ -113,67 +122,58 @@ def _planned(planner: Planner, targets: Sequence[Pose]) -> list[Plan]:
     return [planner.plan(target) for target in targets]
 
 
-def _own(plan: Plan) -> float:
-    """A plan's time [ms] without what is built, and compiled, once for all plans."""
-    return 1e3 * (plan.time["total"] - plan.time["build"])
-
-
-def _row(plans: list[Plan]) -> list[Cell]:
-    """Counts, times [ms] and worst errors [mm, deg] of some plans."""
+def _row(plans: list[Plan]) -> Row:
+    """Counts, times without what is built once for all plans, and worst errors."""
     solved = [plan.error_sent() for plan in plans if plan.solved]
     x, theta = np.max(solved or [(math.nan, math.nan)], axis=0)
-    return [
-        *(len(plans), len(solved)),
-        *quantiles([_own(plan) for plan in plans], 50, 99),
-        *quantiles([1e3 * plan.time["solve"] for plan in plans], 50, 99),
-        *(1e3 * float(x), math.degrees(float(theta))),
-    ]
+    whole = quantiles([plan.time["total"] - plan.time["build"] for plan in plans], 50, 99)
+    solves = quantiles([plan.time["solve"] for plan in plans], 50, 99)
+    return {
+        "targets": len(plans),
+        "solved": len(solved),
+        "plan, median [ms]": 1e3 * whole[0],
+        "plan, 99 % [ms]": 1e3 * whole[1],
+        "solve, median [ms]": 1e3 * solves[0],
+        "solve, 99 % [ms]": 1e3 * solves[1],
+        "worst error [mm]": 1e3 * float(x),
+        "worst error [deg]": math.degrees(float(theta)),
+    }
 
 
-def _inside_table(rows: list[list[Cell]]) -> Table:
-    columns = (
-        *("scene", "compiled", "prepared", "targets", "solved"),
-        *("plan, median [ms]", "plan, 99 % [ms]", "solve, median [ms]", "solve, 99 % [ms]"),
-        *("worst error [mm]", "worst error [deg]"),
-    )
-    caption = "Random targets in reach; prepared: throws that were solved before, to start from"
-    return Table("reach-inside", caption, columns, rows)
+def _said(plan: Plan) -> Row:
+    """A target, and what was said of it."""
+    place = {"scene": plan.scene.name} | _place("", plan.target)
+    return place | {"status": plan.status}
 
 
-def _degrees(angle: float | None) -> float | None:
-    return None if angle is None else math.degrees(angle)
+def _nearest(plan: Plan) -> Row:
+    """The pose that was named instead."""
+    return _place("nearest ", plan.nearest)
 
 
-def _lost(plan: Plan) -> list[Cell]:
-    pose = plan.target
-    where = (pose.plane_x, _degrees(pose.theta))
-    return [plan.scene.name, *where, plan.status, plan.message]
-
-
-def _lost_table(rows: list[list[Cell]]) -> Table:
-    columns = ("targets", "scene", "x [m]", "theta [deg]", "status", "why")
-    return Table("reach-lost", "Targets without a throw, and why", columns, rows)
+def _place(which: str, pose: Pose | None) -> Row:
+    theta = None if pose is None or pose.theta is None else math.degrees(pose.theta)
+    x = None if pose is None else pose.plane_x
+    return {f"{which}x [m]": x, f"{which}theta [deg]": theta}
 
 
 def _figures(
-    rows: list[list[Cell]],
-    far: list[Plan],
-    following: list[list[Cell]],
-    mapped: list[list[Cell]],
+    rows: list[Row], far: list[Plan], following: list[Row], mapped: list[Row]
 ) -> list[str]:
     """What is thrown to, and how fast."""
-    compiled = [row for row in rows if row[1] == "yes"] or rows
     words: list[str] = []
-    for name, _, prepared, count, solved, plan, *_ in compiled:
-        if prepared is None:
-            words.append(f"`{name}` {solved} of {count}, {plan:.3g} ms a plan")
+    for row in [row for row in rows if row["compiled"] == "yes"] or rows:
+        time = f"{shown(row['plan, median [ms]'])} ms"
+        if row["prepared"]:
+            words[-1] += f" ({time} prepared)"
         else:
-            words[-1] += f" ({plan:.3g} ms prepared)"
+            words.append(f"`{row['scene']}` {row['solved']} of {row['targets']}, {time} a plan")
     said = collections.Counter(plan.status for plan in far)
     after = ", ".join(
-        f"`{row[0]}` {row[2]} of {row[1]}, {row[6]:.3g} ms a plan" for row in following
+        f"`{row['scene']}` {row['solved']} of {row['plans']}, {shown(row['plan, median [ms]'])} ms"
+        for row in following
     )
-    middles = ", ".join(f"`{row[0]}` {row[3]} of {row[2]}" for row in mapped)
+    middles = ", ".join(f"`{r['scene']}` {r['solved']} of {r['middles']}" for r in mapped)
     return [
         f"Random targets in reach that are thrown to: {'; '.join(words)}.",
         f"Targets far from all that the samples of a map hit, `pose`: {said['out_of_reach']} of "
@@ -181,7 +181,7 @@ def _figures(
         f"{said['not_converged']} have no answer.",
         f"Middles of random bins of a map that are thrown to: {middles}.",
         f"Plans after a target that swings by {100 * SWING[0]:.0f} cm and {SWING[1]:g} rad, a plan "
-        f"every {1e3 * TICK:.0f} ms: {after}.",
+        f"every {1e3 * TICK:.0f} ms: {after} a plan.",
     ]
 
 
@@ -201,7 +201,7 @@ def outside(name: str, effort: Effort) -> list[Pose]:
     return targets
 
 
-def _on_map(name: str, effort: Effort) -> tuple[list[Cell], list[Plan]]:
+def _on_map(name: str, effort: Effort) -> tuple[Row, list[Plan]]:
     """Plans to the middles of random bins of a scene's map, and their row."""
     found = reach_map(load_scene(name), samples=effort.of(*SAMPLED))
     target, edges = found.scene.target, found.theta_edges
@@ -210,19 +210,12 @@ def _on_map(name: str, effort: Effort) -> tuple[list[Cell], list[Plan]]:
     chosen = hit[np.random.default_rng(MAP_SEED).permutation(len(hit))[: effort.of(*ON_MAP)]]
     middles = []
     for i, j in chosen:
-        x = float(found.x_edges[i : i + 2].mean())
-        middles.append(
-            target.in_plane(x, None if edges is None else float(edges[j : j + 2].mean()))
-        )
+        theta = None if edges is None else float(edges[j : j + 2].mean())
+        middles.append(target.in_plane(float(found.x_edges[i : i + 2].mean()), theta))
     plans = _planned(Planner(found.scene, compiling="no"), middles)
     said = collections.Counter(plan.status for plan in plans)
-    kinds = (said["solved"], said["out_of_reach"], said["not_converged"])
-    return [name, found.reachable, len(plans), *kinds], plans
-
-
-def _map_table(rows: list[list[Cell]]) -> Table:
-    columns = ("scene", "bins hit", "middles", "solved", "out_of_reach", "not_converged")
-    return Table("reach-map", "Middles of a map's bins", columns, rows)
+    row: Row = {"scene": name, "bins hit": found.reachable, "middles": len(plans)}
+    return row | {k: said[k] for k in ("solved", "out_of_reach", "not_converged")}, plans
 
 
 @dataclass(frozen=True)
@@ -265,35 +258,23 @@ def follow(planner: Planner, count: int) -> Followed:
     return found
 
 
-def _following(name: str, count: int) -> list[Cell]:
+def _following(name: str, count: int) -> Row:
+    """Plans after a moving target."""
     scene = load_scene(name)
     assert scene.target is not None
     found = follow(warmed(scene, [scene.target], "wait"), count)
     x, theta = found.worst
-    counts: list[Cell] = [name, count, len(found.errors), found.in_time]
-    times = [*quantiles(found.solves, 50, 95), *quantiles(found.totals, 50)]
-    return [*counts, *times, 1e3 * x, math.degrees(theta)]
-
-
-def _following_table(rows: list[list[Cell]]) -> Table:
-    columns = (
-        *("scene", "plans", "solved", f"within {1e3 * TICK:.0f} ms", "solve, median [ms]"),
-        *("solve, 95 % [ms]", "plan, median [ms]", "worst error [mm]", "worst error [deg]"),
-    )
-    return Table("reach-following", "Plans after a moving target", columns, rows)
-
-
-def _every_target(inside: list[Plan], far: list[Plan]) -> Table:
-    """What the picture shows: each target, what was said of it, the pose named instead."""
-    columns = ("drawn", "x [m]", "theta [deg]", "status", "nearest x [m]", "nearest theta [deg]")
-    rows: list[list[Cell]] = []
-    for where, plans in (("in reach", inside), ("far out", far)):
-        for plan in plans:
-            _, x, theta, status, _ = _lost(plan)
-            pose = plan.nearest
-            named = [None, None] if pose is None else [pose.plane_x, _degrees(pose.theta)]
-            rows.append([where, x, theta, status, *named])
-    return Table("reach-targets", "Targets of `pose`, and what was said", columns, rows)
+    return {
+        "scene": name,
+        "plans": count,
+        "solved": len(found.errors),
+        f"within {1e3 * TICK:.0f} ms": found.in_time,
+        "solve, median [ms]": quantiles(found.solves, 50)[0],
+        "solve, 95 % [ms]": quantiles(found.solves, 95)[0],
+        "plan, median [ms]": quantiles(found.totals, 50)[0],
+        "worst error [mm]": 1e3 * x,
+        "worst error [deg]": math.degrees(theta),
+    }
 
 
 def _targets(name: str, count: int) -> list[Pose]:

@@ -15,10 +15,10 @@ import numpy as np
 from ...problems import COMPARED_METHODS, ROBUST_METHODS, Pose, load_scene
 from ..plan import Planner
 from ..result import Plan
-from ..sweep import executor_of, scaled_error, sweep
+from ..sweep import scaled_error, sweep
 from .drawing import draw_ratios
-from .measure import LANES, reachable_targets
-from .page import Cell, Effort, Picture, Section, Table, shown
+from .measure import reachable_targets, shared
+from .page import Cell, Effort, Picture, ReportSection, ReportTable, Row, shown
 
 #: Seed of the targets, and throws of each plan under uncertainty.
 SEED, SAMPLES = 7, 256
@@ -34,7 +34,7 @@ QUICK_METHODS, MAIN, SOME = ("quiet", "joint-velocity"), ("auto", "quiet"), 5
 
 
 @dataclass(frozen=True)
-class Robust:
+class RobustPlan:
     """One method at one target.
 
     ratio, otherwise: 95 % spread over the nominal plan's, infinite without a plan, as planned
@@ -52,65 +52,57 @@ class Robust:
     why: str = ""
 
 
-def make(effort: Effort) -> Section:
+def make(effort: Effort) -> ReportSection:
     """All methods, and those to compare with, on every target."""
-    section = Section("robust", "Throws that forgive timing")
     methods = QUICK_METHODS if effort.quick else (*ROBUST_METHODS, *COMPARED_METHODS)
     counts = {name: effort.of(*sizes) for name, sizes in TARGETS.items()}
-    done, total = 0, sum(counts.values())
-    rows: list[list[Cell]] = []
-    dots: list[list[Cell]] = []
-    for name, count in counts.items():
-        nominal = list(itertools.islice(_nominal(_planner(name)), count))
+    step, rows, dots = effort.counter(sum(counts.values())), list[Row](), list[Row]()
+    for scene, count in counts.items():
+        nominal = list(itertools.islice(_nominal(_planner(scene)), count))
         jobs = [
-            (name, plan.target, [m for m in methods if m in MAIN or number < SOME])
+            (scene, plan.target, [m for m in methods if m in MAIN or number < SOME])
             for number, plan in enumerate(nominal)
         ]
-        found: dict[str, list[Robust]] = {method: [] for method in methods}
-        with executor_of(1 if effort.quick else LANES, None) as executor:
-            for made in (map if executor is None else executor.map)(_studied, jobs):
-                for method, robust in made.items():
-                    found[method].append(robust)
-                done += 1
-                effort.tell(done, total)
-        rows += [[name, *_row(method, found[method])] for method in methods]
-        for method in methods:
-            dots += [[name, method, k, one.ratio] for k, one in enumerate(found[method], 1)]
-    section.figures += _figures(rows)
-    columns = (
-        *("scene", "method", "targets", "solved", "median", "90 %"),
-        *("otherwise, median", "otherwise, 90 %", "worst error [mm]", "worst error [deg]"),
-        *("solve, times nominal", "plan, times nominal", "peak load", "without a plan"),
-    )
+        found: dict[str, list[RobustPlan]] = {method: [] for method in methods}
+        for made in shared(_studied, jobs, quick=effort.quick):
+            for method, robust in made.items():
+                found[method].append(robust)
+            step()
+        for method, some in found.items():
+            key: Row = {"scene": scene, "method": method}
+            rows.append(key | _row(some))
+            for number, one in enumerate(some, 1):
+                dots.append(key | {"target": number, "spread / nominal": one.ratio})
     caption = (
         "Spread of robust plans over the nominal plan's; otherwise: with 30 % less friction and a "
         "20 % longer opening; no plan counts as infinite"
     )
-    targets = Table(
-        "robust-targets",
-        "Spread at each target",
-        ("scene", "method", "target", "spread / nominal"),
-        dots,
-    )
-    section.tables += [Table("robust", caption, columns, rows), targets]
+    targets = ReportTable("robust-targets", "Spread at each target", dots)
     words = "Spread of robust plans over the nominal plan's: a dot a target, a bar the median"
-    section.pictures.append(Picture("robust", words, lambda path: draw_ratios(targets, path)))
-    return section
+    return ReportSection(
+        "robust",
+        "Throws that forgive timing",
+        _figures(rows),
+        [ReportTable("robust", caption, rows), targets],
+        [Picture("robust", words, lambda path: draw_ratios(targets, path))],
+    )
 
 
-def _figures(rows: list[list[Cell]]) -> list[str]:
-    """What to take from it: `auto`, or the first method, of each scene."""
+def _figures(rows: list[Row]) -> list[str]:
+    """What to take from it: the first method of each scene, which is the best one."""
     found = [
         f"A gripper up to 10 ms early or late, {SAMPLES} throws of each plan. Spread is the 95 % "
         "quantile of the scaled error."
     ]
-    # The first method of each scene is the best one.
-    for row in [row for k, row in enumerate(rows) if not k or row[0] != rows[k - 1][0]]:
+    for scene in dict.fromkeys(row["scene"] for row in rows):
+        first = next(row for row in rows if row["scene"] == scene)
+        cell = {name: shown(value) for name, value in first.items()}
         found.append(
-            f"`{row[0]}`, {row[2]} random targets: `--robust {row[1]}` spreads {shown(row[4])} "
-            f"times as much as the nominal throw in the median, {shown(row[5])} times at most "
-            f"for 90 %; with 30 % less friction and a 20 % longer opening {shown(row[6])} times in "
-            f"the median. It plans {shown(row[11])} times as long."
+            f"`{scene}`, {cell['targets']} random targets: `--robust {cell['method']}` spreads "
+            f"{cell['median']} times as much as the nominal throw in the median, {cell['90 %']} "
+            "times at most for 90 %; with 30 % less friction and a 20 % longer opening "
+            f"{cell['otherwise, median']} times in the median. It plans "
+            f"{cell['plan, times nominal']} times as long."
         )
     return found
 
@@ -147,7 +139,7 @@ def _planner(name: str) -> Planner:
     return Planner(load_scene(name), compiling="no")
 
 
-def _studied(job: tuple[str, Pose, list[str]]) -> dict[str, Robust]:
+def _studied(job: tuple[str, Pose, list[str]]) -> dict[str, RobustPlan]:
     """Robust plans to one target, by method, against its nominal plan."""
     name, target, methods = job
     planner = _planner(name)
@@ -159,7 +151,7 @@ def _studied(job: tuple[str, Pose, list[str]]) -> dict[str, Robust]:
     for method in methods:
         plan = planner.plan(target, robust=method)
         solved = plan.solved
-        made[method] = Robust(
+        made[method] = RobustPlan(
             solved,
             spread(plan) / usual if solved else math.inf,
             otherwise(plan) / other if solved else math.inf,
@@ -177,24 +169,29 @@ def _own(plan: Plan) -> float:
     return plan.time["total"] - plan.time["build"]
 
 
-def _row(method: str, found: list[Robust]) -> list[Cell]:
+def _row(found: list[RobustPlan]) -> Row:
     solved = [robust for robust in found if robust.solved]
     worst = np.max([robust.error for robust in solved] or [(math.nan, math.nan)], axis=0)
     loads = [robust.load for robust in solved if robust.load is not None]
     causes = collections.Counter(robust.why for robust in found if not robust.solved)
-    return [
-        *(method, len(found), len(solved)),
-        *_quantiles([robust.ratio for robust in found]),
-        *_quantiles([robust.otherwise for robust in found]),
-        *(1e3 * float(worst[0]), math.degrees(float(worst[1]))),
-        float(np.median([robust.solve_time for robust in found])),
-        float(np.median([robust.plan_time for robust in found])),
-        float(np.median(loads)) if loads else None,
-        "; ".join(f"{count} × {why}" for why, count in causes.most_common(2)) or None,
-    ]
+    ratios, others = ([getattr(r, k) for r in found] for k in ("ratio", "otherwise"))
+    return {
+        "targets": len(found),
+        "solved": len(solved),
+        "median": _quantile(ratios, 50),
+        "90 %": _quantile(ratios, 90),
+        "otherwise, median": _quantile(others, 50),
+        "otherwise, 90 %": _quantile(others, 90),
+        "worst error [mm]": 1e3 * float(worst[0]),
+        "worst error [deg]": math.degrees(float(worst[1])),
+        "solve, times nominal": float(np.median([robust.solve_time for robust in found])),
+        "plan, times nominal": float(np.median([robust.plan_time for robust in found])),
+        "peak load": float(np.median(loads)) if loads else None,
+        "without a plan": "; ".join(f"{n} × {why}" for why, n in causes.most_common(2)) or None,
+    }
 
 
-def _quantiles(values: list[float]) -> list[Cell]:
-    """Median and 90 % of numbers of which some may be infinite: one of them, not a mean of two."""
-    found = np.percentile(values, (50, 90), method="higher")
-    return [float(v) if math.isfinite(v) else "no plan" for v in found]
+def _quantile(values: list[float], share: float) -> Cell:
+    """A quantile of numbers of which some may be infinite: one of them, not a mean of two."""
+    found = float(np.percentile(values, share, method="higher"))
+    return found if math.isfinite(found) else "no plan"

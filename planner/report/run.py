@@ -12,10 +12,10 @@ from pathlib import Path
 
 from ...problems import filling
 from . import models, parts, planner, reach, robust, stability, throws
-from .page import PAGE, Effort, Section, parts_of, write_page
+from .page import PAGE, Effort, ReportSection, parts_of, write_page
 
 #: Sections by what `--only` calls them, in the page's order.
-SECTIONS: dict[str, Callable[[Effort], Section]] = {
+SECTIONS: dict[str, Callable[[Effort], ReportSection]] = {
     "models": models.make,
     "planner": planner.make,
     "stability": stability.make,
@@ -32,7 +32,7 @@ Show = Callable[[str], Callable[[int, int], None]]
 
 def make_report(
     folder: Path, only: Sequence[str] = (), quick: bool = False, show: Show | None = None
-) -> list[Section]:
+) -> list[ReportSection]:
     """Measure the sections `only` (all, if empty) and write them into `folder`.
 
     The page is written after each section, so that an interrupted report keeps what was

@@ -18,9 +18,9 @@ from ..plan import Planner
 from ..result import Plan
 from ..search import Task, attempts, release_start, starts
 from .drawing import draw_extremes
-from .extremes import ENDINGS, PATIENCE, Outcome, cases, in_processes, outcomes, some
+from .extremes import ENDINGS, PATIENCE, CaseOutcome, cases, in_processes, outcomes, some
 from .judge import STEPS, judged
-from .page import Cell, Effort, Picture, Section, Table
+from .page import Effort, Picture, ReportSection, ReportTable, Row
 
 Array = npt.NDArray[np.float64]
 
@@ -31,79 +31,70 @@ DEFECTS = ("traceback", "hang", "crash")
 NEAR, FAR = 2e-7, 4e-7
 #: Models that a given motion is thrown by in other units.
 DECIDING = ("sp", "ls-step", "patch")
+#: How far landings move in other units: of a motion that is given, of a throw planned anew.
+GIVEN, ANEW = "given motion's landing moves [m]", "planned landing moves [m]"
 #: Sizes of the noise on starts, as shares of each variable, and how many of each: quick, full.
 NOISE, NOISY = (0.01, 0.1, 0.3, 1.0), (3, 8)
 SEED = 3
-#: Columns of the tables of derivatives, units and starts.
-DERIVATIVES = ("scene", "NLP", "variables", "constraints", "first", "second")
-UNITS = (
-    *("scene", "mass ×", "status", "given motion's landing moves [m]"),
-    *("planned landing moves [m]", "iterations before", "iterations"),
-)
-STARTS = (
-    *("scene", "noise", "runs", "solved, true", "solved, false", "not solved"),
-    *("hung or crashed", "causes"),
-)
 
 
-def make(effort: Effort) -> Section:
+def make(effort: Effort) -> ReportSection:
     """Extreme cases, derivatives, units and noisy starts."""
-    section = Section("stability", "Stability")
     wanted = some(20) if effort.quick else cases()
     scenes = {name: load_scene(name) for name in scene_names()}
     # A scene with an uncertain opening is another one's NLP again.
     names = [n for n, s in scenes.items() if s.motion is None and s.uncertainty is None]
     chosen = ["hand-flip", "cup"] if effort.quick else names
-    total = len(wanted) + 3 * len(chosen) + 1
-    steps = iter(range(1, total + 1))
-
-    def told(rows: list[list[Cell]]) -> list[list[Cell]]:
-        effort.tell(next(steps), total)
-        return rows
-
-    found = []
+    step, found = effort.counter(len(wanted) + len(chosen)), list[CaseOutcome]()
     for outcome in outcomes(wanted):
         found.append(outcome)
-        effort.tell(next(steps), total)
-    derivatives = [row for name in chosen for row in told(derivative_rows(name, effort))]
-    units = [row for name in ("drop", *chosen) for row in told(unit_rows(name))]
-    noisy = [row for name in chosen for row in told(noisy_rows(name, effort.of(*NOISY)))]
-    every = _cases_table(found)
-    section.figures += [
-        *_figures(found),
-        "Derivatives against central differences of fourth order at random points: at most "
-        f"{_most(derivatives, -2):.1e} (first) and {_most(derivatives, -1):.1e} (second) apart.",
-        f"In another unit of mass a given motion's landing moves by at most {_most(units, 3):.1e} "
-        f"m, that of a throw planned anew by at most {_most(units, 4):.1e} m.",
-        _noisy_figure(noisy),
-    ]
-    section.tables += [
-        every,
-        Table("stability-derivatives", "Derivatives", DERIVATIVES, derivatives),
-        Table("stability-units", "Other units", UNITS, units),
-        Table("stability-starts", "Noisy starts", STARTS, noisy),
-    ]
+        step()
+    derivatives, units, noisy = list[Row](), unit_rows("drop"), list[Row]()
+    for name in chosen:
+        derivatives += derivative_rows(name, effort)
+        units += unit_rows(name)
+        noisy += noisy_rows(name, effort.of(*NOISY))
+        step()
+    every = ReportTable("stability-cases", "Every extreme case", [_case_row(one) for one in found])
     words = "Every extreme case: position error by independent steps over the time of its plan"
-    section.pictures.append(Picture("stability", words, lambda path: draw_extremes(every, path)))
-    return section
-
-
-def _cases_table(found: list[Outcome]) -> Table:
-    rows: list[list[Cell]] = []
-    for one in found:
-        seen = one.verdict
-        errors = (None,) * 3 if seen is None else (seen.miss, seen.other, seen.doubt)
-        status = "FALSE solved" if one.false else one.status
-        cells = [None if e is None else 1e3 * e for e in errors]
-        rows.append([one.case.name, status, *cells, one.iterations, 1e3 * one.seconds, one.cause])
-    columns = (
-        *("case", "status", "thrown again [mm]", "independent steps [mm]", "their doubt [mm]"),
-        *("iterations", "plan [ms]", "cause"),
+    return ReportSection(
+        "stability",
+        "Stability",
+        [
+            *_figures(found),
+            "Derivatives against central differences of fourth order at random points: at most "
+            f"{_most(derivatives, 'first'):.1e} (first) and {_most(derivatives, 'second'):.1e} "
+            "(second) apart.",
+            "In another unit of mass a given motion's landing moves by at most "
+            f"{_most(units, GIVEN):.1e} m, that of a throw planned anew by at most "
+            f"{_most(units, ANEW):.1e} m.",
+            _noisy_figure(noisy),
+        ],
+        [
+            every,
+            ReportTable("stability-derivatives", "Derivatives", derivatives),
+            ReportTable("stability-units", "Other units", units),
+            ReportTable("stability-starts", "Noisy starts", noisy),
+        ],
+        [Picture("stability", words, lambda path: draw_extremes(every, path))],
     )
-    return Table("stability-cases", "Every extreme case", columns, rows)
 
 
-def _figures(found: list[Outcome]) -> list[str]:
+def _case_row(one: CaseOutcome) -> Row:
+    seen = one.verdict
+    return {
+        "case": one.case.name,
+        "status": "FALSE solved" if one.false else one.status,
+        "thrown again [mm]": None if seen is None else 1e3 * seen.miss,
+        "independent steps [mm]": None if seen is None else 1e3 * seen.other,
+        "their doubt [mm]": None if seen is None else 1e3 * seen.doubt,
+        "iterations": one.iterations,
+        "plan [ms]": 1e3 * one.seconds,
+        "cause": one.cause,
+    }
+
+
+def _figures(found: list[CaseOutcome]) -> list[str]:
     """Counts, and the worst cases by name."""
     states = collections.Counter(outcome.status for outcome in found)
     said = ", ".join(f"{states[s]} {s}" for s in STATUSES)
@@ -127,9 +118,9 @@ def _figures(found: list[Outcome]) -> list[str]:
     ]
 
 
-def _most(rows: list[list[Cell]], place: int) -> float:
-    """Largest number in a column; cells without a value do not count."""
-    cells = [row[place] for row in rows]
+def _most(rows: list[Row], name: str) -> float:
+    """Largest number of a column; cells without a value do not count."""
+    cells = [row.get(name) for row in rows]
     return max((abs(cell) for cell in cells if isinstance(cell, float)), default=math.nan)
 
 
@@ -140,15 +131,15 @@ def structures(scene: Scene, mover: Mover) -> Iterator[tuple[str, ThrowNlp, Requ
         yield robust or "usual", build_nlp(request), request
 
 
-def derivative_rows(name: str, effort: Effort) -> list[list[Cell]]:
+def derivative_rows(name: str, effort: Effort) -> list[Row]:
     """Errors of a scene's derivatives, a row for each NLP."""
-    scene, rows = load_scene(name), list[list[Cell]]()
-    mover = make_mover(scene)
-    for words, nlp, request in structures(scene, mover):
+    scene, rows = load_scene(name), list[Row]()
+    for words, nlp, request in structures(scene, make_mover(scene)):
         numbers, limits = nlp.numbers(request), nlp.bounds(request)
-        rows.append(
-            [name, words, *nlp.size, *derivative_errors(nlp, numbers, limits, effort.of(2, 5))]
-        )
+        first, second = derivative_errors(nlp, numbers, limits, effort.of(2, 5))
+        row: Row = {"scene": name, "NLP": words}
+        row |= dict(zip(("variables", "constraints"), nlp.size, strict=True))
+        rows.append(row | {"first": first, "second": second})
         if effort.quick:
             break
     return rows
@@ -203,24 +194,23 @@ def in_other_units(scene: Scene, mass: float) -> Scene:
     return scene.replace(object=heavier, gripper=gripper)
 
 
-def unit_rows(name: str) -> list[list[Cell]]:
+def unit_rows(name: str) -> list[Row]:
     """A scene in other units of mass: thrown by all models if its motion is given, else planned."""
-    scene, rows = load_scene(name), list[list[Cell]]()
+    scene, rows = load_scene(name), list[Row]()
     for mass in (1e-3, 1e3):
         changed = in_other_units(scene, mass)
+        row: Row = {"scene": name, "mass ×": mass}
         if scene.motion is not None:
-            pairs = [(simulate(s, m)[m] for s in (scene, changed)) for m in DECIDING]
-            moved = max(
-                float(np.abs(new.release.com[:, -1] - old.release.com[:, -1]).max())
-                for old, new in pairs
-            )
-            rows.append([name, mass, "simulated", moved, None, None, None])
+            pairs = [(simulate(s, m)[m].release.com for s in (scene, changed)) for m in DECIDING]
+            moved = max(float(np.abs(new - old)[:, -1].max()) for old, new in pairs)
+            rows.append(row | {"status": "simulated", GIVEN: moved})
             continue
         plan, other = (Planner(s, compiling="no").plan() for s in (scene, changed))
-        landed = None
+        row |= {"status": other.status, GIVEN: None, ANEW: None}
         if plan.throw is not None and other.throw is not None:
-            landed = abs(other.throw.final.landing.x - plan.throw.final.landing.x)
-        rows.append([name, mass, other.status, None, landed, plan.iterations, other.iterations])
+            places = other.throw.final.landing.x, plan.throw.final.landing.x
+            row[ANEW] = abs(places[0] - places[1])
+        rows.append(row | {"iterations": other.iterations, "before": plan.iterations})
     return rows
 
 
@@ -256,28 +246,30 @@ def from_noisy_start(name: str, size: float, number: int) -> tuple[str, str]:
     return ("false" if wrong else "true"), "; ".join(wrong)
 
 
-def noisy_rows(name: str, count: int) -> list[list[Cell]]:
+def noisy_rows(name: str, count: int) -> list[Row]:
     """A row for each size of the noise."""
     jobs = [(name, size, number) for size in NOISE for number in range(count)]
     answers = list(in_processes(from_noisy_start, jobs, PATIENCE))
-    rows: list[list[Cell]] = []
+    rows = list[Row]()
     for i, size in enumerate(NOISE):
         group = answers[i * count : (i + 1) * count]
-        ended = [ENDINGS[a] for a in group if isinstance(a, str)]
-        came = [a for a in group if not isinstance(a, str)]
-        kinds = collections.Counter(kind for kind, _ in came)
-        causes = collections.Counter([why for _, why in came if why] + ended)
+        found = [(a, ENDINGS[a]) if isinstance(a, str) else a for a in group]
+        kinds = collections.Counter(kind for kind, _ in found)
+        causes = collections.Counter(why for _, why in found if why)
+        row: Row = {"scene": name, "noise": size, "starts": count}
+        row |= {kind: kinds[kind] for kind in ("true", "false", "failed", *ENDINGS)}
         said = "; ".join(f"{n} × {why}" for why, n in causes.most_common(2))
-        counts = (kinds["true"], kinds["false"], kinds["failed"], len(ended))
-        rows.append([name, size, count, *counts, said or None])
+        rows.append(row | {"causes": said or None})
     return rows
 
 
-def _noisy_figure(rows: list[list[Cell]]) -> str:
+def _noisy_figure(rows: list[Row]) -> str:
     """How many plans from noisy starts are solved, and whether that is true."""
-    total, true, false, failed, ended = (sum(int(row[i] or 0) for row in rows) for i in range(2, 7))
+    kinds = ("starts", "true", "false", "failed", *ENDINGS)
+    total = {kind: sum(int(row[kind] or 0) for row in rows) for kind in kinds}
     return (
         "The planner's own guess with noise on every variable (up to 100 %), FATROP alone: of "
-        f"{total} solves {true} are solved and true, {false} solved and not true, {failed} not "
-        f"solved, {ended} hung or crashed."
+        f"{total['starts']} solves {total['true']} are solved and true, {total['false']} solved "
+        f"and not true, {total['failed']} not solved, {total['hang'] + total['crash']} hung or "
+        "crashed."
     )

@@ -13,7 +13,6 @@ import statistics
 from collections.abc import Sequence
 from concurrent.futures import ProcessPoolExecutor
 from multiprocessing import get_context
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -22,6 +21,7 @@ from ...problems import Pose, Scene, ThrowData, load_scene
 from ..identify import (
     Identified,
     Making,
+    Validation,
     as_dict,
     identify,
     make_throws,
@@ -34,7 +34,7 @@ from ..result import Plan
 from ..sweep import executor_of
 from .drawing import draw_learning
 from .measure import LANES
-from .page import Cell, Effort, Picture, Section, Table
+from .page import Effort, Picture, ReportSection, ReportTable, Row, shown
 
 Array = npt.NDArray[np.float64]
 
@@ -58,66 +58,72 @@ WAYS = (
 JUDGED = 3
 
 
-def make(effort: Effort) -> Section:
+def make(effort: Effort) -> ReportSection:
     """Grids and fits, the models judged, learning from few throws."""
-    section = Section("throws", "Contact parameters from measured throws")
+    step = effort.counter(4)
     making = Making(repeats=effort.of(1, 5), factors=not effort.quick, seed=SEED)
     data, _ = make_throws(making)
     numbers = [i for i, t in enumerate(data.throws) if t.factors["set"] == "batch"]
     batch = data.picked(numbers[:: effort.of(3, 1)])
-    effort.tell(1, 4)
-    identified, words = _identified(batch)
-    effort.tell(2, 4)
-    tables = [identified] if effort.quick else [identified, _validated(validate(data))]
-    effort.tell(3, 4)
+    step()
+    tables = [_identified(batch)]
+    step()
+    if not effort.quick:
+        tables.append(_validated(validate(data)))
+    step()
     learning, before = _learning(effort)
-    section.figures += [
-        f"{len(batch.throws)} synthetic throws (`throwplan make-throws`): {data.shared.synthetic}.",
-        words,
-        f"Learning: scene `pose`, believed with {100 * (1 - BELIEVED):.0f} % less μ r_p and "
-        f"without the delay of {1e3 * TRUTH['delay']:.0f} ms; reality is the meshed patch, "
-        f"landings have noise of {1e3 * NOISE[0]:.0f} mm and {math.degrees(NOISE[1]):.1f}°. Before "
-        f"any throw the mean real scaled error is {1e3 * before:.1f} mm; {_learned(learning)}.",
-    ]
-    section.tables += [*tables, learning]
-    caption = "Learning: real scaled error of throws planned after the first throws"
-    section.pictures.append(Picture("throws", caption, lambda path: draw_learning(learning, path)))
-    return section
+    step()
+    words = "Learning: real scaled error of throws planned after the first throws"
+    return ReportSection(
+        "throws",
+        "Contact parameters from measured throws",
+        [
+            f"{len(batch.throws)} synthetic throws (`throwplan make-throws`): "
+            f"{data.shared.synthetic}.",
+            _fitted(tables[0]),
+            f"Learning: scene `pose`, believed with {100 * (1 - BELIEVED):.0f} % less μ r_p and "
+            f"without the delay of {1e3 * TRUTH['delay']:.0f} ms; reality is the meshed patch, "
+            f"landings have noise of {1e3 * NOISE[0]:.0f} mm and {math.degrees(NOISE[1]):.1f}°. "
+            f"Before any throw the mean real scaled error is {1e3 * before:.1f} mm; "
+            f"{_learned(learning)}.",
+        ],
+        [*tables, learning],
+        [Picture("throws", words, lambda path: draw_learning(learning, path))],
+    )
 
 
-def _identified(data: ThrowData) -> tuple[Table, str]:
-    """Grids with and without compiled code, and fits; and what to take from them."""
+def _identified(data: ThrowData) -> ReportTable:
+    """Grids with and without compiled code, and fits."""
     true = data.truth["friction"] * data.truth["patch_radius"]
     with executor_of(LANES, None) as executor:
         found = [identify(data, m, executor=executor, workers=LANES) for m in MODELS]
     with ProcessPoolExecutor(LANES, get_context("spawn"), _hide_compiler) as executor:
         plain = [identify(data, m, executor=executor, workers=LANES) for m in MODELS]
     rows = [_row(one, other, true) for one, other in zip(found, plain, strict=True)]
-    columns = (
-        *("model", "grid, least error [mm]", "grid, μ r_p / truth", "fit, error [mm]"),
-        *("fit, μ r_p / truth", "± of it", "grid [s]", "grid not compiled [s]"),
-    )
-    table = Table("throws-identified", "Grid and fit by model", columns, rows)
-    fits = ", ".join(f"`{row[0]}` {row[4]:.3g}" for row in rows if row[4] is not None)
-    count = sum(one.grid.predictions for one in found if one.grid is not None)
-    times = [sum(float(row[i] or 0.0) for row in rows) for i in (6, 7)]
-    words = (
-        f"Friction times patch radius μ r_p by the fits, over the truth: {fits}. {count:,} "
-        f"predictions of the grids take {times[0]:.0f} s by {LANES} processes, {times[1]:.0f} s "
-        "without compiled code."
-    )
-    return table, words
+    return ReportTable("throws-identified", "Grid and fit by model", rows)
 
 
-def _row(one: Identified, plain: Identified, true: float) -> list[Cell]:
+def _row(one: Identified, plain: Identified, true: float) -> Row:
     assert one.grid is not None and plain.grid is not None
-    fitted: list[Cell] = [None] * 3
+    row: Row = {
+        "model": one.model,
+        "grid, least error [mm]": 1e3 * float(one.grid.error.min()),
+        "grid, μ r_p / truth": one.grid.product / true,
+        "fit, error [mm]": None,
+        "fit, μ r_p / truth": None,
+        "± of it": None,
+        "grid [s]": one.grid.seconds,
+        "grid not compiled [s]": plain.grid.seconds,
+        "predictions": one.grid.predictions,
+    }
     if one.fit is not None and one.error is not None:
         belief = one.posterior
-        fitted = [1e3 * one.error, belief.product / true, belief.product_deviation]
-    least = 1e3 * float(one.grid.error.min())
-    times = (one.grid.seconds, plain.grid.seconds)
-    return [one.model, least, one.grid.product / true, *fitted, *times]
+        row |= {
+            "fit, error [mm]": 1e3 * one.error,
+            "fit, μ r_p / truth": belief.product / true,
+            "± of it": belief.product_deviation,
+        }
+    return row
 
 
 def _hide_compiler() -> None:
@@ -125,34 +131,51 @@ def _hide_compiler() -> None:
     os.environ["THROWPLAN_COMPILE"] = "0"
 
 
-def _validated(found: Any) -> Table:
+def _fitted(table: ReportTable) -> str:
+    """What to take from grids and fits."""
+    fits = ", ".join(
+        f"`{row['model']}` {shown(row['fit, μ r_p / truth'])}"
+        for row in table.rows
+        if row["fit, μ r_p / truth"] is not None
+    )
+    count, fast, slow = (
+        sum(float(cell or 0) for cell in table.column(name))
+        for name in ("predictions", "grid [s]", "grid not compiled [s]")
+    )
+    return (
+        f"Friction times patch radius μ r_p by the fits, over the truth: {fits}. {count:,.0f} "
+        f"predictions of the grids take {fast:.0f} s by {LANES} processes, {slow:.0f} s without "
+        "compiled code."
+    )
+
+
+def _validated(found: Validation) -> ReportTable:
     """Tables III and IV, and the cross-validation, a row for each model."""
-    rows: list[list[Cell]] = []
+    rows = list[Row]()
     for model, one in as_dict(found)["models"].items():
         best, crossed = one["parameters"]["batch"], one["cross_validation"]
-        errors = [one["errors"][name] for name in ("v_x", "omega", "x", "theta")]
-        means = [None if e is None else e[key] for e in errors for key in ("mae", "std")]
-        product = best["friction"] * best["patch_radius"]
-        other = crossed["cross_validated"][0] if crossed else None
-        times = (1e3 * one["release_time"]["mean"], one["batch_time"] and 1e3 * one["batch_time"])
-        rows.append([model, one["min_mean_error"], other, 1e3 * product, *means, *times])
-    named = ("v_x [m/s]", "omega [rad/s]", "x [m]", "theta [rad]")
-    columns = (
-        *("model", "mean scaled error [m]", "cross-validated [m]", "μ r_p [mm]"),
-        *(f"{name}, {key}" for name in named for key in ("MAE", "STD")),
-        *("one release [ms]", "in a batch [ms]"),
-    )
-    caption = "Models judged (`throwplan validate`)"
-    return Table("throws-validated", caption, columns, rows)
+        row: Row = {
+            "model": model,
+            "mean scaled error [m]": one["min_mean_error"],
+            "cross-validated [m]": crossed["cross_validated"][0] if crossed else None,
+            "μ r_p [mm]": 1e3 * best["friction"] * best["patch_radius"],
+        }
+        for name, unit in (("v_x", "m/s"), ("omega", "rad/s"), ("x", "m"), ("theta", "rad")):
+            error = one["errors"][name] or {}
+            row |= {f"{name} [{unit}], {k}": error.get(k.lower()) for k in ("MAE", "STD")}
+        batch = one["batch_time"] and 1e3 * one["batch_time"]
+        single = 1e3 * one["release_time"]["mean"]
+        rows.append(row | {"one release [ms]": single, "in a batch [ms]": batch})
+    return ReportTable("throws-validated", "Models judged (`throwplan validate`)", rows)
 
 
-def _learning(effort: Effort) -> tuple[Table, float]:
+def _learning(effort: Effort) -> tuple[ReportTable, float]:
     """Real error over the number of throws learned from; and before any throw [m]."""
     scene = _believed(load_scene("pose"))
     plans = _planned(scene, WAYS)
     landings = thrown(throw_data(plans), REALITY, TRUTH)
     before = _error(plans[:JUDGED], landings[:JUDGED])
-    rows: list[list[Cell]] = []
+    rows = list[Row]()
     for model in LEARNERS:
         for count in COUNTS[not effort.quick]:
             found = [
@@ -161,14 +184,18 @@ def _learning(effort: Effort) -> tuple[Table, float]:
             ]
             errors, products = [one[0] for one in found], [one[1] for one in found]
             middle, worst = statistics.median(errors), max(errors)
-            cells = [1e3 * middle, 1e3 * worst, before / middle, before / worst]
-            rows.append([model, count, *cells, min(products), max(products)])
-    columns = (
-        *("learned by", "throws", "error, median [mm]", "error, worst [mm]"),
-        *("times better, median", "times better, worst"),
-        *("μ r_p / truth, least", "μ r_p / truth, most"),
-    )
-    return Table("throws-learning", "Learning from few throws", columns, rows), before
+            row: Row = {
+                "learned by": model,
+                "throws": count,
+                "error, median [mm]": 1e3 * middle,
+                "error, worst [mm]": 1e3 * worst,
+                "times better, median": before / middle,
+                "times better, worst": before / worst,
+                "μ r_p / truth, least": min(products),
+                "μ r_p / truth, most": max(products),
+            }
+            rows.append(row)
+    return ReportTable("throws-learning", "Learning from few throws", rows), before
 
 
 def _believed(scene: Scene) -> Scene:
@@ -213,10 +240,10 @@ def _error(plans: list[Plan], landings: Array) -> float:
     return float((off @ [1.0, plans[0].scene.object.length / 2]).mean())
 
 
-def _learned(table: Table) -> str:
+def _learned(table: ReportTable) -> str:
     """What three throws are worth."""
-    found = [row for row in table.rows if row[1] == 3]
     return "after three it is " + ", ".join(
-        f"{row[4]:.3g} times smaller by `{row[0]}` in the median ({row[5]:.3g} at least)"
-        for row in found
+        f"{shown(row['times better, median'])} times smaller by `{row['learned by']}` in the "
+        f"median ({shown(row['times better, worst'])} at least)"
+        for row in table.where(throws=3)
     )

@@ -115,6 +115,18 @@ def test_throws_are_predicted_the_same_alone_and_together() -> None:
     assert np.abs(np.diff(together[..., 1], axis=1)).min() > 1e-4
 
 
+def test_a_recording_that_ends_early_does_not_shorten_the_others() -> None:
+    data = made(2)
+    first = data.throws[0]
+    kept = first.times <= first.opening + first.grip.opening + 0.003
+    early = dataclasses.replace(first, times=first.times[kept], motion=first.motion[kept])
+    pair = dataclasses.replace(data, throws=(early, data.throws[1]))
+    sets = parameter_sets(0.8, RADIUS, 0.01)
+    together = Predictor.of(pair).landings("sp", sets)
+    alone = Predictor.of(data.picked([1])).landings("sp", sets)
+    assert together[1] == pytest.approx(alone[0], abs=1e-9)
+
+
 def test_the_grid_counts_what_does_not_land() -> None:
     data = made(3)
     gone = dataclasses.replace(data, shared=dataclasses.replace(data.shared, landing_height=5.0))

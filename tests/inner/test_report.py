@@ -17,8 +17,8 @@ from throwplan.models import SlidingPivotRelease
 from throwplan.planner.cli import main
 from throwplan.planner.report import (
     Picture,
-    Section,
-    Table,
+    ReportSection,
+    ReportTable,
     extremes,
     judged,
     laws,
@@ -29,7 +29,10 @@ from throwplan.planner.report import (
 )
 from throwplan.planner.report.page import parts_of, write_page
 
-ROWS = [["a | b", 1 / 3, 7, None], ["c", math.nan, 123456.789, "<why>"]]
+ROWS = [
+    {"name": "a | b", "x": 1 / 3, "n": 7, "why": None},
+    {"name": "c", "x": math.nan, "n": 123456.789, "why": "<why>"},
+]
 ORDER = ("parts", "reach")
 
 
@@ -40,11 +43,11 @@ def draw(path: Path) -> None:
     Image.fromarray(colours).save(path, "PNG")
 
 
-def section(key: str, figure: str) -> Section:
-    table = Table(f"{key}-sizes", "Sizes", ("name", "x", "n", "why"), ROWS, short=True)
-    dots = Table(f"{key}-dots", "Dots", ("x", "y"), [[1, 2.5]])
+def section(key: str, figure: str) -> ReportSection:
+    table = ReportTable(f"{key}-sizes", "Sizes", ROWS, short=True)
+    dots = ReportTable(f"{key}-dots", "Dots", [{"x": 1, "y": 2.5}])
     picture = Picture(key, "All of it", draw)
-    return Section(key, f"About {key}", [figure], [table, dots], [picture], 1.0, "made here.")
+    return ReportSection(key, f"About {key}", [figure], [table, dots], [picture], 1.0, "made here.")
 
 
 def test_a_section_is_its_figures_a_short_table_pictures_and_links(tmp_path: Path) -> None:
