@@ -4,7 +4,7 @@ The promise behind `solved` is kept here: nothing in this room knows how a throw
 """
 
 from .entry import cup_entries, cup_entry, enters_cup_at_landing
-from .exact_release import relative_states
+from .exact_release import limit_surface_release, relative_states, sliding_pivot_release
 from .geometry import (
     bar_outline,
     column_of,
@@ -53,6 +53,7 @@ __all__ = [
     "friction_use",
     "given_hand",
     "held_bar",
+    "limit_surface_release",
     "lowest_of_bar",
     "make_mover",
     "named_model",
@@ -65,6 +66,7 @@ __all__ = [
     "send",
     "simulate",
     "simulate_batch",
+    "sliding_pivot_release",
     "throw_violations",
     "torque_use",
 ]
