@@ -2,18 +2,12 @@
 
 from .sweep import Sweep, check_sweep, sweep, sweep_until_stopped
 from .sweep_files import FILES
-from .sweep_pictures import BLACK, BLUE, GREEN, GREY, RED
 from .sweep_statistics import scaled_error
 from .sweep_units import unit_of
 from .workers import executor_of
 
 __all__ = [
-    "BLACK",
-    "BLUE",
     "FILES",
-    "GREEN",
-    "GREY",
-    "RED",
     "Sweep",
     "check_sweep",
     "executor_of",

@@ -17,6 +17,7 @@ from ...problems import USUAL_UNCERTAINTY, InputError
 from ..check import named_model
 from ..result import Plan
 from .summary import summary
+from .sweep_files import save_sweep
 from .sweep_run import Progress, Thrown, run_sweep
 from .sweep_sensitivity import DelayScan, derivatives, scan_delays, successes
 from .sweep_statistics import quantiles, scaled_error, variance_shares, wilson
@@ -132,8 +133,6 @@ class Sweep:
 
     def save(self, folder: str | Path) -> None:
         """Write sweep.json, sweep.csv and four pictures; InputError if that cannot be done."""
-        from .sweep_files import save_sweep
-
         save_sweep(self, Path(folder))
 
     @property

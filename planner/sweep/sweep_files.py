@@ -4,11 +4,15 @@ from __future__ import annotations
 
 import json
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...problems import filling
-from .sweep import Sweep
+from .pictures import draw_sweep
+
+if TYPE_CHECKING:
+    from .sweep import Sweep
 
 #: What a sweep leaves in its folder.
 FILES = ("landings.png", "delay.png", "histogram.png", "tornado.png", "sweep.csv", "sweep.json")
@@ -18,8 +22,6 @@ ROWS = 8192
 
 def save_sweep(sweep: Sweep, folder: Path) -> None:
     """Write a sweep's files into `folder`."""
-    from .sweep_pictures import draw_sweep
-
     with filling(folder, FILES) as scratch:
         draw_sweep(sweep, scratch)
         write_samples(sweep, scratch / "sweep.csv")
