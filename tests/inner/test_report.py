@@ -8,6 +8,7 @@ import math
 import os
 import time
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -133,15 +134,16 @@ def test_the_judge_refuses_wrong_plans(plan: tp.Plan) -> None:
     """A later opening, a faster joint, a weaker grip, another target: each is noticed."""
     good = plan.throw
     assert good is not None
-    late = dataclasses.replace(good, opening_time=good.opening_time + 0.005)
-    words = " ".join(judged(late, plan.target).wrong)
-    assert "thrown again" in words and "plain steps" in words
-    samples = dataclasses.replace(good.samples, dq=3 * good.samples.dq)
-    fast = dataclasses.replace(good, samples=samples)
-    assert any("velocity" in wrong for wrong in judged(fast, plan.target).wrong)
+
+    def wrong(**changes: Any) -> str:
+        final = dataclasses.replace(good.final, **changes)
+        return " ".join(judged(dataclasses.replace(good, final=final), plan.target).wrong)
+
+    late = wrong(opening_time=good.opening_time + 0.005)
+    assert "thrown again" in late and "plain steps" in late
+    assert "velocity" in wrong(samples=dataclasses.replace(good.samples, dq=3 * good.samples.dq))
     gripper = dataclasses.replace(plan.scene.gripper, force=40.0)
-    weak = dataclasses.replace(good, scene=plan.scene.replace(gripper=gripper))
-    assert any("grip use" in wrong for wrong in judged(weak, plan.target).wrong)
+    assert "grip use" in wrong(scene=good.scene.replace(gripper=gripper))
     aside = dataclasses.replace(plan.target, x=plan.target.x + 0.0025)
     assert judged(good, aside).wrong
 
