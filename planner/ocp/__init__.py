@@ -6,8 +6,8 @@ scene is a term of its own, see `terms`.
 
 from .asked import USUAL, Asked, Margins, Request
 from .assembly import nlp_functions, nlp_key
-from .layout import FLIGHT_MAX, JERK_UNIT, Block
-from .motions import binding_limits, opening_start, planned_motion, stage_times, with_accelerations
+from .layout import FLIGHT_MAX, Block
+from .motions import binding_limits, decision_vector, planned_motion, stage_times
 from .nlp import BRAKE_SHARE, ThrowNlp, build_nlp
 from .solver import GivenUpError, Solution, Solver, watched
 from .terms import CUP_MARGIN, PALM_TIMES, PASSING_MARGIN, broken, lower_end
@@ -17,7 +17,6 @@ __all__ = [
     "BRAKE_SHARE",
     "CUP_MARGIN",
     "FLIGHT_MAX",
-    "JERK_UNIT",
     "PALM_TIMES",
     "PASSING_MARGIN",
     "USUAL",
@@ -33,16 +32,15 @@ __all__ = [
     "binding_limits",
     "broken",
     "build_nlp",
+    "decision_vector",
     "load_curve",
     "lower_end",
     "nlp_functions",
     "nlp_key",
     "opening_nodes",
-    "opening_start",
     "peak_load",
     "planned_motion",
     "stage_times",
     "watched",
     "window_of",
-    "with_accelerations",
 ]

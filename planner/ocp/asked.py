@@ -10,9 +10,14 @@ from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 
+import numpy as np
+import numpy.typing as npt
+
 from ...problems import Pose, Scene
 from ..check import Guard, Margin, Mover, Violation
-from .window import Window, window_of
+from .window import Window, window_nodes, window_of
+
+Array = npt.NDArray[np.float64]
 
 #: Guards with many rows in all stages. FATROP spends too long on them, so IPOPT solves these NLPs,
 #: and starts that do without are tried first.
@@ -103,3 +108,8 @@ class Request:
     def window(self) -> Window | None:
         """The window of a robust request."""
         return window_of(self.scene) if self.robust else None
+
+    @cached_property
+    def nodes(self) -> Array:
+        """Times [s] of the stages from the end of the carry on; 0 is the opening's start."""
+        return window_nodes(self.scene, self.window)

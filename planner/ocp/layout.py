@@ -69,8 +69,7 @@ def _of_limits(pick: Callable[[Limits], Bounds]) -> Callable[[Request], Bounds]:
 def _carry(request: Request) -> Bounds:
     """The opening command comes the dwell and the mean delay before the opening, not earlier
     than the start."""
-    lead = 0.0 if request.window is None else request.window.early * request.window.step
-    earliest = request.scene.gripper.profile().dwell + request.scene.mean_delay - lead
+    earliest = request.scene.gripper.profile().dwell + request.scene.mean_delay + request.nodes[0]
     return max(earliest, CARRY_MIN), request.scene.mesh.carry_max
 
 

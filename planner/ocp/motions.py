@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
+
 import numpy as np
 import numpy.typing as npt
 
 from ...models import Path
-from ..check import Mover
-from .context import Structure
-from .layout import JERK_UNIT
+from .asked import Request
+from .layout import JERK_UNIT, Block
 from .nlp import ThrowNlp
 from .phases import SLIP_UNIT, TURN_UNIT
 from .solver import Solution
@@ -19,37 +20,20 @@ Array = npt.NDArray[np.float64]
 BINDING_SHARE, BINDING_DISTANCE = 0.02, 1e-4
 
 
-def stage_times(structure: Structure, opening_time: float, nodes: Array, step: float) -> Array:
-    """Times (last + 1,) [s] of the stages on the motion's clock.
-
-    nodes: of the opening, from its start; step: of the window's other intervals [s].
-    """
-    s = structure
-    carry = opening_time - s.early * step
-    parts = [
-        np.linspace(0.0, carry, s.carry + 1),
-        carry + step * np.arange(1, s.early + 1),
-        opening_time + nodes[1:],
-        opening_time + nodes[-1] + step * np.arange(1, s.late + 1),
-    ]
-    return np.concatenate(parts)
+def stage_times(request: Request, opening_time: float) -> Array:
+    """Times (last + 1,) [s] of the stages on the motion's clock."""
+    after = opening_time + request.nodes
+    carry = np.linspace(0.0, after[0], request.scene.mesh.carry + 1)
+    return np.concatenate([carry[:-1], after])
 
 
-def opening_start(nlp: ThrowNlp, x: Array, step: float = 0.0) -> float:
-    """When the grip force starts to fall in decision vector `x` [s]."""
+def planned_motion(nlp: ThrowNlp, request: Request, x: Array) -> tuple[Path, float]:
+    """The motion in decision vector `x`, from rest to detach or to the window's end, and when
+    the grip force starts to fall on it [s]."""
+    s, mover = nlp.structure, request.mover
     duration = nlp.block(x, "T", 0)
     assert duration is not None
-    return float(duration[0]) + nlp.structure.early * step
-
-
-def planned_motion(nlp: ThrowNlp, mover: Mover, x: Array, nodes: Array, step: float = 0.0) -> Path:
-    """The motion in decision vector `x`, from rest to detach, or to the window's end.
-
-    nodes (opening + 1,) [s]: the opening's, from its start; step [s]: of a robust plan's
-    other intervals of fixed length.
-    """
-    s = nlp.structure
-    times = stage_times(s, opening_start(nlp, x, step), nodes, step)
+    opening_time = float(duration[0] - request.nodes[0])
     zero = np.zeros(mover.size)
 
     def blocks(name: str, default: Array) -> Array:
@@ -62,26 +46,46 @@ def planned_motion(nlp: ThrowNlp, mover: Mover, x: Array, nodes: Array, step: fl
         ddq, jerk = blocks("ddq", zero), JERK_UNIT * control
     else:
         ddq, jerk = control, 0 * control
-    return Path.cubics(times, blocks("q", start), blocks("dq", zero), ddq, jerk)
+    times = stage_times(request, opening_time)
+    return Path.cubics(times, blocks("q", start), blocks("dq", zero), ddq, jerk), opening_time
 
 
-def with_accelerations(nlp: ThrowNlp, x: Array, intervals: Array) -> Array:
-    """`x` with the collocation's unknowns set to each interval's mean acceleration.
+def decision_vector(
+    nlp: ThrowNlp,
+    times: Array,
+    states: Sequence[Array],
+    relative: Callable[[int, int], Array],
+    other: Callable[[Block], Array | float],
+) -> Array:
+    """Decision vector of a motion, to start from.
 
-    intervals (opening,) [s]. For guesses, which know the relative states at the nodes.
+    times (last + 1,) [s], states: q, dq, ddq (n, last + 1) at the stages. relative: the sliding
+    pivot's state (6; 4) at a stage, of which opening; other: values of blocks that are neither.
     """
     s = nlp.structure
-    if s.integrator != "gauss":
-        return x
-    size = 3 if s.pivot else 2
-    units = np.array([SLIP_UNIT, SLIP_UNIT, TURN_UNIT][:size])
-    before = np.zeros(size)
-    for k, dt in enumerate(intervals, start=s.opens):
-        state, where = nlp.block(x, "rel", k + 1), nlp.place("acc", k)
-        assert state is not None and where is not None
-        after = state[size:]
-        x[where] = np.tile((after - before) / dt / units, 2)
-        before = after
+    coordinates = dict(zip(("q", "dq", "ddq"), states, strict=True))
+    control = np.diff(coordinates["ddq" if s.jerk_control else "dq"], axis=1) / np.diff(times)
+    control /= JERK_UNIT if s.jerk_control else 1.0
+
+    def value(block: Block, k: int) -> Array | float:
+        if block.name in coordinates:
+            return np.asarray(coordinates[block.name][:, k])
+        if block.name == "c":
+            return np.asarray(control[:, k])
+        if block.name == "T":
+            return float(times[s.carry])
+        return relative(k, block.index) if block.name == "rel" else other(block)
+
+    x = nlp.fill(value)
+    if s.integrator == "gauss":
+        # The unknown accelerations of collocation: each interval's mean.
+        size = 3 if s.pivot else 2
+        units = np.array([SLIP_UNIT, SLIP_UNIT, TURN_UNIT][:size])
+        before = np.zeros(size)
+        for k in range(s.opens, s.detach):
+            after, where = relative(k + 1, 0)[size:], nlp.place("acc", k)
+            x[where] = np.tile((after - before) / (times[k + 1] - times[k]) / units, 2)
+            before = after
     return x
 
 

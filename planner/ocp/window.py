@@ -78,9 +78,14 @@ def opening_nodes(mesh: Mesh, opening: float) -> Array:
     return np.asarray(opening * (1.0 - (1.0 - shares) ** mesh.grading))
 
 
-def window_nodes(scene: Scene, window: Window) -> Array:
-    """Times (early + opening + late + 1,) [s] of a window's nodes, from the same instant."""
+def window_nodes(scene: Scene, window: Window | None) -> Array:
+    """Times (early + opening + late + 1,) [s] of a window's nodes, from the same instant.
+
+    Without a window the opening's.
+    """
     nodes = opening_nodes(scene.mesh, scene.gripper.profile().opening)
+    if window is None:
+        return nodes
     before = window.step * np.arange(-window.early, 0)
     after = nodes[-1] + window.step * np.arange(1, window.late + 1)
     return np.concatenate([before, nodes, after])

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from ..ocp import opening_nodes, peak_load, window_of
+from ..ocp import Request, peak_load
 from ..result import Plan, PlannedThrow
 from ..search import Attempt, Problems, Start, Task, attempts, refit, scatter
 from ..sweep import sweep
@@ -99,12 +99,10 @@ class Hardening:
     def _made(self, source: Plan, start: PlannedThrow | None, method: str) -> Hardened | None:
         """A throw to the source's target by one method, started from the throw `start`."""
         assert start is not None
-        scene = self.task.scene
-        window = window_of(scene)
-        nodes = opening_nodes(scene.mesh, scene.gripper.profile().opening)
+        request = Request(self.task.scene, self.problems.mover, robust=method)
         first = Start(
             source.target,
-            lambda nlp: refit(nlp, start, nodes, window.step, window.delays),
+            lambda nlp: refit(nlp, start, request),
             "",
             start.asked,
             TRIES,

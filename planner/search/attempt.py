@@ -32,8 +32,6 @@ from ..ocp import (
     Solution,
     ThrowNlp,
     broken,
-    opening_nodes,
-    opening_start,
     planned_motion,
 )
 from ..result import PlannedThrow
@@ -107,7 +105,8 @@ def attempts(problems: Problems, start: Start, task: Task) -> Iterator[Attempt]:
     for _ in range(start.tries):
         nlp = problems.nlp(start.goal, asked, task.clock, start.robust)
         with task.clock("guess"):
-            guess = start.guess(nlp) if own or last is None else _from_broken(nlp, last, task)
+            request = Request(task.scene, problems.mover, robust=start.robust)
+            guess = start.guess(nlp) if own or last is None else refit(nlp, last, request)
         problem = problems.problem(start.goal, asked, start.solver, task.clock, start.robust)
         attempt = _attempt(problem, problems.mover, start, asked, guess, task)
         yield attempt
@@ -117,11 +116,6 @@ def attempts(problems: Problems, start: Start, task: Task) -> Iterator[Attempt]:
         if start.light and after.heavy:
             return
         own, asked = own and start.again(after), after
-
-
-def _from_broken(nlp: ThrowNlp, broken: PlannedThrow, task: Task) -> Array:
-    nodes = opening_nodes(task.scene.mesh, task.scene.gripper.profile().opening)
-    return refit(nlp, broken, nodes, 0.0, np.zeros(0))
 
 
 @dataclass(frozen=True)
@@ -220,11 +214,9 @@ class _Solving:
 
     def _candidate(self, solution: Solution, numbers: Array, goal: Pose) -> _Candidate:
         """The solution's motion as it is sent, and its landing by the model that counts."""
-        scene, target, problem = self.task.scene, self.start.goal, self.problem
-        step = 0.0 if problem.window is None else problem.window.step
-        opening_time = opening_start(problem.nlp, solution.x, step)
-        nodes = opening_nodes(scene.mesh, scene.gripper.profile().opening)
-        planned = planned_motion(problem.nlp, self.mover, solution.x, nodes, step)
+        scene, target = self.task.scene, self.start.goal
+        request = Request(scene, self.mover, goal, robust=self.start.robust)
+        planned, opening_time = planned_motion(self.problem.nlp, request, solution.x)
         with self.task.clock("smooth"):
             samples = send(self.mover, planned)
         thrown = Throw.sent(scene, self.mover, planned, samples, opening_time)

@@ -37,8 +37,6 @@ from ..ocp import (
     ThrowNlp,
     binding_limits,
     build_nlp,
-    opening_nodes,
-    opening_start,
     planned_motion,
 )
 from .attempt import Start
@@ -162,7 +160,6 @@ class Reach:
             entering, scene, target.plane_x, target.z, target.theta, STARTS + MORE_STARTS
         )
         known = WORSE * min(distances, default=math.inf) + scene.tolerance.position
-        nodes = opening_nodes(scene.mesh, scene.gripper.profile().opening)
         best: Solution | None = None
         missed, iterations = math.inf, 0
         for tried, index in enumerate(indices):
@@ -178,8 +175,7 @@ class Reach:
             # Failed iterations prove nothing, nor do those that led away from a known landing.
             return Binding(target, None, False, (), iterations, None, None)
         # Where that motion lands by the non-smooth model: the pose is one that can be thrown.
-        motion = planned_motion(nlp, mover, best.x, nodes)
-        opening = opening_start(nlp, best.x)
+        motion, opening = planned_motion(nlp, request, best.x)
         landing = Throw(scene, mover, motion, opening, model=SLIDING_PIVOT).landing
         if not math.isfinite(landing.flight_time):
             return Binding(target, None, False, (), iterations, None, None)

@@ -16,7 +16,7 @@ from ...models import HandSamples
 from ...problems import InputError, Pose, Scene
 from ..check import Guard, Mover, friction_use
 from ..compile import Compile
-from ..ocp import Asked, Request, Solver, ThrowNlp, Window, build_nlp
+from ..ocp import Asked, Request, Solver, ThrowNlp, build_nlp
 
 Array = npt.NDArray[np.float64]
 
@@ -58,12 +58,11 @@ class Task:
 
 @dataclass(frozen=True)
 class Problem:
-    """An NLP with one solver and the bounds of its variables; a robust one's window."""
+    """An NLP with one solver and the bounds of its variables."""
 
     nlp: ThrowNlp
     solver: Solver
     limits: tuple[Array, Array]
-    window: Window | None = None
 
 
 @dataclass(frozen=True)
@@ -120,7 +119,7 @@ class Problems:
             with clock("build"):
                 made = Solver(nlp, name, compiling=patient(self._compiling, kind.guards))
                 request = Request(self.scene, self.mover, target, asked, robust)
-                self._problems[kind, name] = Problem(nlp, made, nlp.bounds(request), request.window)
+                self._problems[kind, name] = Problem(nlp, made, nlp.bounds(request))
         return self._problems[kind, name]
 
 

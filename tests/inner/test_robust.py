@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from throwplan.planner.check import friction_use, make_mover
-from throwplan.planner.ocp import Request, build_nlp, opening_nodes, window_of
+from throwplan.planner.ocp import Request, build_nlp, window_of
 from throwplan.planner.plan import QUIET_MESH
 from throwplan.planner.search import refit
 from throwplan.problems import Robust
@@ -109,9 +109,9 @@ def test_a_throw_of_another_mesh_is_a_start_of_the_scenarios(nominal: tp.Plan) -
     scene = nominal.scene.replace(mesh=QUIET_MESH)
     assert scene.mesh.opening != throw.nlp.structure.opening
     window = window_of(scene)
-    nlp = build_nlp(Request(scene, nominal.mover, nominal.target, robust="scenarios"))
-    nodes = opening_nodes(scene.mesh, scene.gripper.profile().opening)
-    x = refit(nlp, throw, nodes, window.step, window.delays)
+    request = Request(scene, nominal.mover, nominal.target, robust="scenarios")
+    nlp = build_nlp(request)
+    x = refit(nlp, throw, request)
     assert np.isfinite(x).all()
     detach = nlp.structure.detach
     for name in ("rel", "t_f"):

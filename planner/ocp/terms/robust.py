@@ -21,7 +21,6 @@ from ..context import Context, Term
 from ..layout import REL, Block
 from ..phases import NODES, gauss_interval, grip_force, grip_instants, land, let_go
 from ..stages import Stage
-from ..window import window_nodes
 
 #: Price of the mean square load (m/s^2)^2 over the window.
 WEIGHT = 10.0
@@ -46,12 +45,10 @@ class Quiet(Term):
 
     def numbers(self, request: Request) -> dict[str, Any]:
         """The window's lengths [s], and prices."""
-        window = request.window
-        assert window is not None
-        nodes = window_nodes(request.scene, window)
+        assert request.window is not None
         return {
-            "window_step": window.step,
-            "window": nodes[-1] - nodes[0],
+            "window_step": request.window.step,
+            "window": request.nodes[-1] - request.nodes[0],
             "quiet_arm": request.scene.object.length / 2,
             "quiet_weight": WEIGHT,
             "quiet_none": NONE,
@@ -140,8 +137,7 @@ class Scenarios(Term):
         """Each opening's grip force over the window."""
         assert request.window is not None
         profile = request.scene.gripper.profile()
-        nodes = window_nodes(request.scene, request.window)
-        instants = grip_instants(request.scene.mesh, nodes).ravel()
+        instants = grip_instants(request.scene.mesh, request.nodes).ravel()
         forces = {
             grip_force(number): profile.force(instants - delay)
             for number, delay in enumerate(request.window.delays, start=1)
