@@ -157,9 +157,7 @@ class Thrower:
     def _in_cup(self, detach: Array, landing: Array, com: Array) -> Flags:
         if self.scene.cup is None:
             return np.isfinite(landing[:, 0])
-        states = np.column_stack([detach, np.full(len(detach), self.scene.gravity)])
-        room = cup_entries(self.scene.object, com, self.scene.cup, states, landing[:, 2])
-        return np.asarray(room > 0.0)
+        return cup_entries(self.scene, detach, landing[:, 2], com) > 0.0
 
 
 def thrower_of(plan: Plan, model: str, sampler: Sampler, samples: int) -> Thrower:

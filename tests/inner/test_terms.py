@@ -164,9 +164,7 @@ def test_lowest_corner_and_reach_of_a_bar() -> None:
 
 def entry(scene: tp.Scene, state: FlightState, flight: float) -> float:
     """Least clearance of one flight's way into the scene's cup."""
-    states = np.array([[*vars(state).values(), G]])
-    com = np.array([scene.object.com])
-    return float(cup_entries(scene.object, com, scene.cup, states, np.array([flight]))[0])
+    return float(cup_entries(scene, np.array([[*vars(state).values()]]), np.array([flight]))[0])
 
 
 def test_cup_clearance_of_a_bar_that_falls_straight_in() -> None:

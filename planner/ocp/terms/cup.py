@@ -93,7 +93,7 @@ class Cup(Term):
         """A bar that does not get deep, or too near to wall or rim on its way."""
         cup = throw.scene.cup
         assert cup is not None
-        clearance = cup_entry(throw.scene, throw.final)
+        clearance = cup_entry(throw)
         if clearance == -math.inf:
             return [Violation("cup: the bar does not reach the asked depth")]
         if clearance < cup.clearance - 1e-5:
