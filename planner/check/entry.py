@@ -23,7 +23,7 @@ BEYOND = 0.3
 
 @dataclass(frozen=True)
 class _Flights:
-    """N bars in flight: com (N,) [m] from the end nearer the grasp; detach (N, 6), the CoM there."""
+    """N bars in flight: com (N,) [m] from the end nearer the grasp; detach (N, 6)."""
 
     scene: Scene
     cup: Cup
