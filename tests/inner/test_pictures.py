@@ -74,12 +74,12 @@ def test_the_gif_shows_every_phase_in_its_colour_on_white(folder: Path, tmp_path
     throw = tp.read_plan(folder)
     draw_throw_moving(throw, tmp_path / "throw.gif")
     with Image.open(tmp_path / "throw.gif") as moving:
-        seconds, frames = 0.0, []
+        length, frames = 0.0, []
         for frame in ImageSequence.Iterator(moving):
-            seconds += frame.info["duration"] / 1000
+            length += frame.info["duration"] / 1000
             frames.append(np.asarray(frame.convert("RGB"), int))
     # A fifth of the speed, and the last frame for a moment.
-    assert seconds == pytest.approx(5 * throw.landing_time, rel=0.3)
+    assert length == pytest.approx(5 * throw.landing_time, rel=0.3)
     assert all((frame[:2] == 255).all() for frame in frames)
     for colour in (GREY, ORANGE, GREEN):
         assert max(share_of(frame, colour) for frame in frames) > 3e-4

@@ -138,62 +138,100 @@ FILES = [
     raw("nested too deep", "gravity = " + "[" * 5000 + "]" * 5000),
 ]
 
-KEYS = [
-    edited("unknown key", HAND, {"object.mas": "1"}, "[object]", "'mas'", "'mass'"),
-    edited("unknown section", HAND, {"workspce": ""}, "'workspce'", "'workspace'"),
-    edited("missing key", HAND, {"object.mass": None}, "[object]", "'mass'", "missing"),
-    edited("missing section", HAND, {"contact": None}, "[contact]", "missing"),
-    edited("theta without deg", HAND, {"target.theta": "1"}, "[target]", "'theta'", "'theta_deg'"),
-]
 
-TYPES = [
-    edited("text for number", HAND, {"object.mass": '"heavy"'}, "mass", "'heavy'", "a number"),
-    edited("bool for number", HAND, {"object.mass": "true"}, "mass", "True", "a number"),
-    edited("list for number", HAND, {"object.mass": "[0.2]"}, "mass", "[0.2]", "a number"),
-    edited("date for number", HAND, {"object.mass": "2024-02-29"}, "mass", "2024", "a number"),
-    edited("number for list", HAND, {"hand.x": "0.4"}, "[hand]", "x = 0.4", "list of 2"),
-    edited("list too long", HAND, {"hand.x": "[0, 1, 2]"}, "[hand]", "x = [0, 1, 2]", "list of 2"),
-    edited("text in list", HAND, {"hand.x": '[0, "a"]'}, "[hand]", "x = [0, 'a']", "a number"),
-    edited("number for text", ROBOT, {"robot.arm": "3"}, "[robot]", "arm = 3", "a text"),
-    edited("fraction for whole", HAND, {"contact.faces": "1.5"}, "faces", "1.5", "whole number"),
-    edited(
-        "bool for degrees", TURNING, {"target.theta_deg": "true"}, "theta_deg", "True", "number"
-    ),
-    edited("text for degrees", TURNING, {"target.theta_deg": '"up"'}, "theta_deg", "up", "number"),
-    # The value as the user wrote it, in degrees.
-    edited("list for degrees", TURNING, {"target.theta_deg": "[90.0]"}, "theta_deg", "90.0"),
-    edited("degrees for list", ROBOT, {"robot.start_deg": "90.0"}, "start_deg", "90.0", "list"),
-    edited("number for description", HAND, {".description": "3"}, "description = 3", "a text"),
-]
+#: Start pose in which the Panda holds the bar level.
+LEVEL: Sections = ROBOT | {"robot": {"arm": '"panda"', "start_deg": "[-45.0, -135.0, 180.0]"}}
 
-NUMBERS = [
-    edited("NaN gravity", HAND, {".gravity": "nan"}, "gravity = nan", "finite"),
-    edited("negative gravity", HAND, {".gravity": "-9.81"}, "gravity = -9.81", "at least 0"),
-    edited("NaN", HAND, {"object.mass": "nan"}, "[object]", "mass = nan", "finite"),
-    edited("inf", HAND, {"object.length": "inf"}, "[object]", "length = inf", "finite"),
-    edited("NaN in list", HAND, {"hand.z": "[nan, 1.0]"}, "[hand]", "z", "nan", "finite"),
-    edited("NaN degrees", TURNING, {"target.theta_deg": "nan"}, "theta_deg = nan", "finite"),
-    edited("inf target", HAND, {"target.x": "-inf"}, "[target]", "x = -inf", "finite"),
+#: A scene, edits of it (`-` leaves out), and words of the message; values as a user wrote them,
+#: angles in degrees. Bounds by hand: inertia m c (l - c) + m w^2 / 4 = 0.00202 kg m^2; half the
+#: bar's width and the clearance for the cup. The bar of 2.354 N needs 1.177 N from each of the two
+#: faces even hanging, and 0.95 of the limit may be used (mesh.sticking_margin): 1.239 N. Level it
+#: needs 0.2354 N m of torque too, of which 1 N gives 2 * 0.6 * 0.0025 = 0.003 N m: 82.6 N.
+ROWS = """
+HAND | object.mas: 1 | [object]; 'mas'; 'mass'
+HAND | workspce:  | 'workspce'; 'workspace'
+HAND | object.mass: - | [object]; 'mass'; missing
+HAND | contact: - | [contact]; missing
+HAND | target.theta: 1 | [target]; 'theta'; 'theta_deg'
+HAND | object.mass: "heavy" | mass; 'heavy'; a number
+HAND | object.mass: true | mass; True; a number
+HAND | object.mass: [0.2] | mass; [0.2]; a number
+HAND | object.mass: 2024-02-29 | mass; 2024; a number
+HAND | hand.x: 0.4 | [hand]; x = 0.4; list of 2
+HAND | hand.x: [0, 1, 2] | [hand]; x = [0, 1, 2]; list of 2
+HAND | hand.x: [0, "a"] | [hand]; x = [0, 'a']; a number
+ROBOT | robot.arm: 3 | [robot]; arm = 3; a text
+HAND | contact.faces: 1.5 | faces; 1.5; whole number
+TURNING | target.theta_deg: true | theta_deg; True; number
+TURNING | target.theta_deg: "up" | theta_deg; up; number
+TURNING | target.theta_deg: [90.0] | theta_deg; 90.0
+ROBOT | robot.start_deg: 90.0 | start_deg; 90.0; list
+HAND | .description: 3 | description = 3; a text
+HAND | .gravity: nan | gravity = nan; finite
+HAND | .gravity: -9.81 | gravity = -9.81; at least 0
+HAND | object.mass: nan | [object]; mass = nan; finite
+HAND | object.length: inf | [object]; length = inf; finite
+HAND | hand.z: [nan, 1.0] | [hand]; z; nan; finite
+TURNING | target.theta_deg: nan | theta_deg = nan; finite
+HAND | target.x: -inf | [target]; x = -inf; finite
+HAND | object.mass: -0.2 | mass = -0.2; above 0
+HAND | object.mass: 0 | mass = 0; above 0
+HAND | contact.friction: -1 | friction = -1; above 0
+HAND | contact.friction: 0.0 | friction = 0; above 0
+HAND | contact.patch_radius: 0 | patch_radius = 0; above 0
+HAND | contact.faces: 0 | faces = 0; at least 1
+HAND | object.inertia: -1e-4 | inertia = -0.0001; above 0
+HAND | object.inertia: 0.0 | inertia = 0; above 0
+HAND | object.inertia: 0.003 | inertia = 0.003; 0.00202
+HAND | object.com: 0.21 | com = 0.21; length; 0.2
+HAND | grasp.offset: 0.15 | [grasp]; offset; 0.15; 0.1
+HAND | gripper.dwell: -0.1 | dwell = -0.1; at least 0
+HAND | object.mass: 310 | mass = 310; kg; grams
+HAND | gripper.opening: 50 | opening = 50; at most 2 s
+HAND | gripper.opening: 0 | opening = 0; above 0
+HAND | tolerance.position: 0 | position = 0; above 0
+HAND | gripper:  | [gripper]; 'force'; 'opening'; 'table'
+HAND | gripper: force = 9.0 | [gripper]; 'opening'; missing
+HAND | target: - | [target]; missing
+HAND | hand: - | [hand]; [robot]; [motion]; one of
+HAND | robot: arm = "panda" | [hand]; [robot]; one of
+HAND | motion:  | [hand]; [motion]; one of
+HAND | hand.x: [0.4, -0.4] | x; [0.4, -0.4]; lowest
+HAND | hand.start: [2.0, 0.7] | start; x = 2; [-0.4, 0.4]
+TURNING | hand.theta_deg: [120, -120] | theta_deg; 120
+TURNING | hand.start_theta_deg: -170 | start_theta_deg; 170
+TURNING | hand.angular_speed: - | angular_speed; both
+HAND | target.y: 0.1 | [target]; y; [robot]
+ROBOT | robot.arm: "pandas" | [robot]; 'pandas'; 'panda'?
+ROBOT | robot.arm: "my.toml" | arm; my.toml; no such
+ROBOT | robot.start_deg: [-45, -135] | start_deg; 135; 3
+ROBOT | robot.start_deg: [-45, -135, 90, 7] | start_deg; 7; 3
+ROBOT | robot.start_deg: [-45.0, 10.0, 90.0] | start_deg; joint 4; 10.0; [-176.0, -4.0]
+ROBOT | robot.control: "jerky" | control; 'jerky'; jerk, acceleration
+ROBOT | robot.throwing_joints: [2, 4, 8] | throwing_joints; 8; 7
+CUP | cup.radius: 0.01 | radius = 0.01; above 0.01887
+CUP | target.theta_deg: - | [cup]; theta_deg
+CUP | cup.insertion: 0.3 | insertion = 0.3; depth 0.15
+ROBOT | gripper.force: 1.2 | force = 1.2; too weak; start pose; 1.24 N
+ROBOT | gripper.force: 1.2 & robot.start_deg: - | force = 1.2; too weak; any; start pose; 1.24 N
+LEVEL | gripper.force: 80.0 | force = 80; too weak; start pose; 82.6 N
+TURNING | gripper.force: 1.2 | force = 1.2; too weak
+"""
+SCENES = {"HAND": HAND, "TURNING": TURNING, "ROBOT": ROBOT, "CUP": CUP, "LEVEL": LEVEL}
+
+
+def row(line: str) -> Wrong:
+    """A case of the table."""
+    name, changes, words = (part.strip() for part in line.split(" | "))
+    pairs = [change.partition(":")[::2] for change in changes.split(" & ")]
+    edits = {place: None if (v := value.strip()) == "-" else v for place, value in pairs}
+    return edited(f"{name} {changes}", SCENES[name], edits, *words.split("; "))
+
+
+HUGE = [
     edited("integer beyond floats", HAND, {"object.mass": "9" * 400}, "[object]", "mass", "number"),
     edited("so many faces", HAND, {"contact.faces": "9" * 400}, "[contact]", "faces", "number"),
     edited("such degrees", TURNING, {"target.theta_deg": "9" * 400}, "theta_deg", "number"),
-    edited("negative mass", HAND, {"object.mass": "-0.2"}, "mass = -0.2", "above 0"),
-    edited("zero mass", HAND, {"object.mass": "0"}, "mass = 0", "above 0"),
-    edited("negative friction", HAND, {"contact.friction": "-1"}, "friction = -1", "above 0"),
-    edited("zero friction", HAND, {"contact.friction": "0.0"}, "friction = 0", "above 0"),
-    edited("zero patch", HAND, {"contact.patch_radius": "0"}, "patch_radius = 0", "above 0"),
-    edited("no face", HAND, {"contact.faces": "0"}, "faces = 0", "at least 1"),
-    edited("negative inertia", HAND, {"object.inertia": "-1e-4"}, "inertia = -0.0001", "above 0"),
-    edited("zero inertia", HAND, {"object.inertia": "0.0"}, "inertia = 0", "above 0"),
-    # m c (l - c) + m w^2 / 4 = 0.00202 kg m^2.
-    edited("inertia too large", HAND, {"object.inertia": "0.003"}, "inertia = 0.003", "0.00202"),
-    edited("com beyond length", HAND, {"object.com": "0.21"}, "com = 0.21", "length", "0.2"),
-    edited("grasp beyond com", HAND, {"grasp.offset": "0.15"}, "[grasp]", "offset", "0.15", "0.1"),
-    edited("negative dwell", HAND, {"gripper.dwell": "-0.1"}, "dwell = -0.1", "at least 0"),
-    edited("mass in g", HAND, {"object.mass": "310"}, "mass = 310", "kg", "grams"),
-    edited("opening in ms", HAND, {"gripper.opening": "50"}, "opening = 50", "at most 2 s"),
-    edited("no opening", HAND, {"gripper.opening": "0"}, "opening = 0", "above 0"),
-    edited("zero tolerance", HAND, {"tolerance.position": "0"}, "position = 0", "above 0"),
 ]
 
 GRIPS = [
@@ -204,8 +242,6 @@ GRIPS = [
         {"gripper.table": '"grip.csv"'},
         files={"grip.csv": "t,f_N\n0,50\n0.05,0\n"},
     ),
-    edited("neither", HAND, {"gripper": ""}, "[gripper]", "'force'", "'opening'", "'table'"),
-    edited("force only", HAND, {"gripper": "force = 9.0"}, "[gripper]", "'opening'", "missing"),
     grip("table not there", None, "no such file"),
     grip("table a binary", bytes(range(256)), "not a text file"),
     grip("table empty", "", "columns", "f_N"),
@@ -224,87 +260,10 @@ GRIPS = [
     grip("table too weak", "t,f_N\n0,1\n0.05,1\n0.1,0\n", "1", "too weak", scene=TURNING),
 ]
 
-MOVERS = [
-    edited("no target", HAND, {"target": None}, "[target]", "missing"),
-    edited("no mover", HAND, {"hand": None}, "[hand]", "[robot]", "[motion]", "one of"),
-    edited("hand and robot", HAND, {"robot": 'arm = "panda"'}, "[hand]", "[robot]", "one of"),
-    edited("hand and motion", HAND, {"motion": ""}, "[hand]", "[motion]", "one of"),
-    edited("hand turned round", HAND, {"hand.x": "[0.4, -0.4]"}, "x", "[0.4, -0.4]", "lowest"),
-    edited("start outside", HAND, {"hand.start": "[2.0, 0.7]"}, "start", "x = 2", "[-0.4, 0.4]"),
-    # Angles of the message in the file's key and unit.
-    edited("angles turned round", TURNING, {"hand.theta_deg": "[120, -120]"}, "theta_deg", "120"),
-    edited("start turned out", TURNING, {"hand.start_theta_deg": "-170"}, "start_theta_deg", "170"),
-    edited("one angular limit", TURNING, {"hand.angular_speed": None}, "angular_speed", "both"),
-    edited("target beside plane", HAND, {"target.y": "0.1"}, "[target]", "y", "[robot]"),
-    edited("unknown robot", ROBOT, {"robot.arm": '"pandas"'}, "[robot]", "'pandas'", "'panda'?"),
-    edited("arm file not there", ROBOT, {"robot.arm": '"my.toml"'}, "arm", "my.toml", "no such"),
-    edited("start too short", ROBOT, {"robot.start_deg": "[-45, -135]"}, "start_deg", "135", "3"),
-    edited(
-        "start too long", ROBOT, {"robot.start_deg": "[-45, -135, 90, 7]"}, "start_deg", "7", "3"
-    ),
-    edited(
-        "start outside joints",
-        ROBOT,
-        {"robot.start_deg": "[-45.0, 10.0, 90.0]"},
-        "start_deg",
-        "joint 4",
-        "10.0",
-        "[-176.0, -4.0]",
-    ),
-    edited(
-        "control", ROBOT, {"robot.control": '"jerky"'}, "control", "'jerky'", "jerk, acceleration"
-    ),
-    edited(
-        "no such joint", ROBOT, {"robot.throwing_joints": "[2, 4, 8]"}, "throwing_joints", "8", "7"
-    ),
-]
-
-CUPS = [
-    # Half the bar's width of 0.02 m and 0.005 m clearance.
-    edited("cup narrower than bar", CUP, {"cup.radius": "0.01"}, "radius = 0.01", "above 0.01887"),
-    edited("cup with open angle", CUP, {"target.theta_deg": None}, "[cup]", "theta_deg"),
-    edited("cup too shallow", CUP, {"cup.insertion": "0.3"}, "insertion = 0.3", "depth 0.15"),
-]
-
-#: The bar of 2.354 N needs 1.177 N from each of the two faces even hanging, and 0.95 of the
-#: limit may be used (mesh.sticking_margin): 1.239 N. Level it needs 0.2354 N m of torque
-#: beside, of which 1 N gives 2 * 0.6 * 0.0025 = 0.003 N m: together 82.6 N.
-LEVEL = "[-45.0, -135.0, 180.0]"
-WEAK = [
-    edited(
-        "weak at the start",
-        ROBOT,
-        {"gripper.force": "1.2"},
-        "force = 1.2",
-        "too weak",
-        "start pose",
-        "1.24 N",
-    ),
-    edited(
-        "weak anywhere",
-        ROBOT,
-        {"gripper.force": "1.2", "robot.start_deg": None},
-        "force = 1.2",
-        "too weak",
-        "any",
-        "start pose",
-        "1.24 N",
-    ),
-    edited(
-        "weak at a level start",
-        ROBOT,
-        {"gripper.force": "80.0", "robot.start_deg": LEVEL},
-        "force = 80",
-        "too weak",
-        "start pose",
-        "82.6 N",
-    ),
-    edited("weak hand", TURNING, {"gripper.force": "1.2"}, "force = 1.2", "too weak"),
-]
 STRONG = [
     (ROBOT, {"gripper.force": "1.3"}),
     (ROBOT, {"gripper.force": "1.3", "robot.start_deg": None}),
-    (ROBOT, {"gripper.force": "83.0", "robot.start_deg": LEVEL}),
+    (LEVEL, {"gripper.force": "83.0"}),
 ]
 
 COMMANDS = [
@@ -313,7 +272,7 @@ COMMANDS = [
 ]
 
 
-CASES = [*FILES, *KEYS, *TYPES, *NUMBERS, *GRIPS, *MOVERS, *CUPS, *WEAK, *COMMANDS]
+CASES = [*FILES, *map(row, ROWS.strip().splitlines()), *HUGE, *GRIPS, *COMMANDS]
 
 
 @pytest.fixture(autouse=True)

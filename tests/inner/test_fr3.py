@@ -10,8 +10,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner.check import Samples, broken_limits
-from throwplan.planner.check.mover import make_mover
+from throwplan.planner.check import Samples, broken_limits, make_mover
 from throwplan.planner.ocp import Request, ThrowNlp, build_nlp
 
 
