@@ -30,7 +30,7 @@ ASSUMED = {"friction": 0.4, "patch_radius": 0.4, "delay": 0.01, "grip_scale": 0.
 NARROW = 0.3
 #: Values that stand for a wider one.
 SAMPLES = 99
-#: Correlations closer to one are not written.
+#: Largest size of a correlation that is written.
 STRONGEST = 0.9999
 
 

@@ -27,7 +27,7 @@ KNOWN = {
 }
 #: Columns that say which throws belong together: no conditions.
 NO_FACTORS = ("repeat", "set")
-#: The label of `set` for throws that vary one factor only, beside the batch.
+#: The label of `set` for throws that vary one factor only and are not of the batch.
 APART = "factors"
 #: The factor whose labels need contact parameters of their own.
 SURFACE = "surface"

@@ -3,7 +3,7 @@
 Residuals are (dx / sigma_x, dtheta / sigma_theta) of every throw. The sigmas are the
 measurement's noise, or what the residuals scatter by where that is more: then the model
 errs, too. The loss grows linearly beyond two sigmas (soft L1), so that a throw that went
-wrong pulls little.
+wrong has small influence.
 """
 
 from __future__ import annotations
@@ -34,8 +34,8 @@ RANGES = {
 #: Steps of central differences: of a logarithm, and of the delay [s].
 STEPS = {"delay": 2e-4}
 LOG_STEP = 0.01
-#: Median and relative deviation of the friction where no prior is given: throws see little
-#: but mu r_p, and a fit would wander along the ridge.
+#: Median and relative deviation of the friction where no prior is given: landings hardly
+#: depend on anything but mu r_p, and a fit would drift along the ridge.
 WEAK_FRICTION = (0.6, 0.7)
 #: Residuals in sigmas from which on they count linearly.
 BEND = 2.0
@@ -44,7 +44,7 @@ NO_LANDING = 100.0
 #: Most evaluations of one start, and about how many a fit takes in all.
 MOST_EVALUATIONS, USUAL_EVALUATIONS = 40, 12
 #: Fewest throws from which a scatter beyond the noise is estimated, and refits with it.
-ENOUGH, REFITS = 6, 2
+SCATTER_THROWS, REFITS = 6, 2
 #: Points of which the best are starts: mu, r_p [m], delays [s], or draws of a prior; how far
 #: apart the starts are, and how many there are.
 START_FRICTION, START_RADIUS = np.geomspace(0.2, 1.5, 6), np.geomspace(0.0015, 0.015, 6)
@@ -127,7 +127,7 @@ def fit_to(
     """The unknowns `names` fitted by `model`.
 
     prior: of the same unknowns. Without one the friction is held weakly near 0.6 (a factor
-    of two) and a scale of the grip force near 1 (10 %), because throws see little but
+    of two) and a scale of the grip force near 1 (10 %), because throws show hardly more than
     their products. InputError where the throws cannot tell the unknowns.
     """
     begun = time.perf_counter()
@@ -138,7 +138,7 @@ def fit_to(
     if not np.isfinite(problem.missed_by(point[None])).any():
         height = f"landing_height = {shared.landing_height:g}"
         raise InputError(f"no landing: no throw comes down to {height} by {model}")
-    for _ in range(REFITS if len(predictor.data.throws) >= ENOUGH else 0):
+    for _ in range(REFITS if len(predictor.data.throws) >= SCATTER_THROWS else 0):
         sigma = np.maximum(noise, problem.scatter(point))
         if np.allclose(sigma, problem.sigma, rtol=0.02):
             break

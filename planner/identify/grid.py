@@ -75,8 +75,9 @@ class Grid:
         return int(i), int(j)
 
     def part(self, rows: Rows) -> Grid:
-        """The same for some of the throws."""
-        return replace(self, errors=self.errors[rows], detach=self.detach[rows])
+        """The same for some of the throws, with their share of the time."""
+        seconds = self.seconds * len(rows) / self.throws
+        return replace(self, errors=self.errors[rows], detach=self.detach[rows], seconds=seconds)
 
     def contact(self, cell: tuple[int, int]) -> tuple[float, float]:
         """friction and patch_radius [m] of a cell."""
@@ -175,6 +176,13 @@ def _shared(
     return detach
 
 
+def spread_rows(rows: Rows, most: int) -> Rows:
+    """At most `most` of the rows, evenly."""
+    if len(rows) <= most:
+        return rows
+    return np.asarray(rows[np.unique(np.linspace(0, len(rows) - 1, most).round().astype(int))])
+
+
 def _piece(data: ThrowData, model: str, sets: Array) -> Array:
     """Detach states of some throws, in a process of its own."""
     return Predictor.of(data).detached(model, sets)
@@ -187,7 +195,7 @@ def estimated_seconds(predictor: Predictor, model: str) -> float | None:
     """
     if MODELS[model].batch is not None:
         return None
-    rows = np.unique(np.linspace(0, len(predictor.data.throws) - 1, TIMED_THROWS).astype(int))
+    rows = spread_rows(np.arange(len(predictor.data.throws)), TIMED_THROWS)
     few = np.linspace(0, len(AXES[0]) - 1, TIMED_CELLS).astype(int)
     some = predictor.part(rows)
     start = time.perf_counter()

@@ -16,7 +16,7 @@ Array = npt.NDArray[np.float64]
 
 #: Window of the Savitzky-Golay filter that differentiates tracks (samples), and its order.
 WINDOW, ORDER = 21, 2
-#: How long [s] after the opening a bar surely flies, for a track that ends before the landing.
+#: How long [s] after the opening a bar flies at least, for a track that ends before the landing.
 FLIGHT = 0.15
 #: What is recorded of the hand: from so long before the command to so long after the
 #: opening [s], every `TICK` seconds.

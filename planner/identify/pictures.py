@@ -30,7 +30,7 @@ Style = dict[str, Any]
 #: Pictures of a validation with what is to be seen.
 PICTURES = {
     "landings": "Measured landing poses of the batch.",
-    "case": "One throw closely: measured, and by every model.",
+    "case": "One throw in detail: measured, and by every model.",
     "errors": "Predicted less measured landing of every throw of the batch.",
     "boxes": "Absolute errors: median, quartiles, outliers.",
     "violins": "Signed errors: density, quartiles, median.",
@@ -195,7 +195,7 @@ def _violin(axis: Axes, place: int, values: Array, colour: str) -> None:
     axis.plot([place], [middle], "o", mfc="white", mec=BLACK, ms=5)
 
 
-# One throw closely.
+# One throw in detail.
 
 
 @dataclass(frozen=True)
@@ -257,7 +257,7 @@ PANELS = (
 
 
 def _case(found: Validation, row: int) -> Figure:
-    """The release: x and z, theta, v_x and omega over time; beside it the whole throw (Fig. 16)."""
+    """The release: x and z, theta, v_x and omega over time, and the whole throw (Fig. 16)."""
     shades, throw = colours(list(found.checks)), found.data.throws[row]
     drawn = [(_predicted_course(found, m, row), _line_style(m, shades)) for m in found.checks]
     drawn.append((_measured_course(found, row), TRACK))

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from ...problems import filling
 from ..show import save
-from .factors import SIGNIFICANT, FactorRow, known_rows, mean_std
+from .factors import SIGNIFICANT, FactorRow
 from .grid import MISSED
 from .pictures import PICTURES, validation_pictures
 from .validation import GUIDE, ModelCheck, Validation
@@ -33,6 +33,8 @@ DEGREES = np.array([1.0, math.degrees(1.0)])
 
 #: Words, a number, mean and standard deviation, or mean and the ends of its interval.
 Cell = str | int | float | tuple[float, ...] | None
+#: What its columns in a CSV file are called.
+ENDS = {1: [""], 2: ["", " std"], 3: ["", " low", " high"]}
 
 
 @dataclass(frozen=True)
@@ -48,18 +50,18 @@ class Table:
 
     def words(self, mark: str = "{} *") -> list[list[str]]:
         """Header and rows as they are read."""
-        lowest = [_lowest(row[i] for row in self.rows) for i in range(len(self.columns))]
-        shown = [
-            [
-                mark.format(words) if self.marked and cell and cell == low else words
-                for cell, low, words in zip(row, lowest, self._shown(row), strict=True)
-            ]
-            for row in self.rows
+        shown = [[name for name, _ in self.columns]]
+        means = [
+            [c[0] for c in column if isinstance(c, tuple)]
+            for column in zip(*self.rows, strict=True)
         ]
-        return [[name for name, _ in self.columns], *shown]
-
-    def _shown(self, row: Sequence[Cell]) -> list[str]:
-        return [_words(cell, digits) for cell, (_, digits) in zip(row, self.columns, strict=True)]
+        for row in self.rows:
+            shown.append([])
+            for cell, (_, digits), known in zip(row, self.columns, means, strict=True):
+                words = _words(cell, digits)
+                lowest = self.marked and isinstance(cell, tuple) and cell[0] == min(known)
+                shown[-1].append(mark.format(words) if lowest else words)
+        return shown
 
     def text(self) -> str:
         """Columns under each other."""
@@ -84,34 +86,22 @@ class Table:
     def write(self, folder: Path) -> None:
         """The CSV file: numbers in full, a spread in columns of its own."""
         columns: list[list[Any]] = []
-        for i, (name, _) in enumerate(self.columns):
-            cells = [_parts(row[i]) for row in self.rows]
-            ends = {1: [""], 2: ["", " std"], 3: ["", " low", " high"]}[max(map(len, cells))]
+        for (name, _), cells in zip(self.columns, zip(*self.rows, strict=True), strict=True):
+            parts = [cell if isinstance(cell, tuple) else (cell,) for cell in cells]
+            ends = ENDS[max(map(len, parts))]
             for k, end in enumerate(ends):
-                columns.append([name + end, *(cell[k] if k < len(cell) else "" for cell in cells)])
+                columns.append([name + end, *(part[k] if k < len(part) else "" for part in parts)])
         write_csv(folder / f"{self.name}.csv", zip(*columns, strict=True))
-
-
-def _parts(cell: Cell) -> tuple[Any, ...]:
-    """A cell's numbers or words; empty for what is none."""
-    parts = cell if isinstance(cell, tuple) else (cell,)
-    lost = [part is None or (isinstance(part, float) and not math.isfinite(part)) for part in parts]
-    return tuple("" if gone else part for part, gone in zip(parts, lost, strict=True))
 
 
 def _words(cell: Cell, digits: int) -> str:
     """A cell as it is read."""
-    parts = [f"{p:.{digits}f}" if isinstance(p, float) else str(p) for p in _parts(cell)]
-    if not parts[0] and not isinstance(cell, str):
+    if cell is None:
         return "–"
-    if len(parts) == 3:
-        return f"{parts[0]} ({parts[1]} to {parts[2]})"
-    return " ± ".join(parts)
-
-
-def _lowest(cells: Iterable[Cell]) -> Cell:
-    spreads = [cell for cell in cells if isinstance(cell, tuple) and math.isfinite(cell[0])]
-    return min(spreads, default=None)
+    if not isinstance(cell, tuple):
+        return f"{cell:.{digits}f}" if isinstance(cell, float) else str(cell)
+    shown = [f"{number:.{digits}f}" for number in cell]
+    return f"{shown[0]} ({shown[1]} to {shown[2]})" if len(cell) == 3 else " ± ".join(shown)
 
 
 def write_csv(path: Path, rows: Iterable[Iterable[Any]]) -> None:
@@ -149,10 +139,12 @@ def parameter_table(found: Validation) -> Table:
     return Table("parameters", caption, columns, rows)
 
 
-def absolute_errors(found: Validation, check: ModelCheck) -> dict[str, Array]:
-    """|error| (S,) of v_x [m/s], omega [rad/s], x [m], theta [rad] on the batch; NaN for none."""
+def absolute_errors(found: Validation, check: ModelCheck) -> dict[str, tuple[float, float] | None]:
+    """MAE and STD of v_x [m/s], omega [rad/s], x [m], theta [rad] on the batch; None for none."""
     off = np.abs(np.hstack([check.twist, check.landing])[found.batch])
-    return dict(zip(("v_x", "omega", "x", "theta"), off.T, strict=True))
+    known = [column[np.isfinite(column)] for column in off.T]
+    spreads = [(float(v.mean()), float(v.std())) if v.size else None for v in known]
+    return dict(zip(("v_x", "omega", "x", "theta"), spreads, strict=True))
 
 
 def error_table(found: Validation) -> Table:
@@ -161,9 +153,9 @@ def error_table(found: Validation) -> Table:
     first = 0 if found.tracked else 2
     rows: list[list[Cell]] = []
     for check in found.checks.values():
-        off = np.array(list(absolute_errors(found, check).values())) * np.tile(DEGREES, 2)[:, None]
-        spreads = [mean_std(values[np.isfinite(values)]) for values in off[first:]]
-        rows.append([check.model, *((float(mean), float(std)) for mean, std in spreads)])
+        spreads = zip(absolute_errors(found, check).values(), np.tile(DEGREES, 2), strict=True)
+        cells = [None if s is None else (float(f) * s[0], float(f) * s[1]) for s, f in spreads]
+        rows.append([check.model, *cells[first:]])
     caption = "Absolute errors, MAE ± STD (Table IV); the lowest marked"
     return Table("errors", caption, (("model", 0), *columns[first:]), rows, marked=True)
 
@@ -214,9 +206,10 @@ def factor_table(found: Validation) -> Table:
 
 def _factor_cells(row: FactorRow) -> list[Cell]:
     shift, mean, std = row.predicted * DEGREES, row.mean * DEGREES, row.std * DEGREES
-    cells: list[Cell] = [row.model, *shift.tolist()]
+    cells: list[Cell] = [row.model, *map(_number, shift)]
     for i in range(2):
-        cells += [(float(mean[side, i]), float(std[side, i])) for side in range(2)]
+        spreads = [(float(mean[side, i]), float(std[side, i])) for side in range(2)]
+        cells += [None if math.isnan(spread[0]) else spread for spread in spreads]
         cells.append(f"{row.p[i]:.2g}" + (" *" if row.p[i] < SIGNIFICANT else ""))
     return cells
 
@@ -344,11 +337,8 @@ def as_dict(found: Validation) -> dict[str, Any]:
 
 def _model_dict(found: Validation, check: ModelCheck) -> dict[str, Any]:
     error, crossed = check.grid.error, check.crossed
-    errors = {}
-    for name, values in absolute_errors(found, check).items():
-        known = known_rows(values[:, None])
-        mean, std = mean_std(known)
-        errors[name] = {"mae": float(mean[0]), "std": float(std[0])} if known.size else None
+    spreads = absolute_errors(found, check).items()
+    errors = {name: s and {"mae": s[0], "std": s[1]} for name, s in spreads}
     return {
         "parameters": {
             label or "batch": {"friction": mu, "patch_radius": radius}

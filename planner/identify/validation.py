@@ -16,7 +16,7 @@ import numpy.typing as npt
 from ...models import MODELS, STEPPED_SURFACE, VALIDATED
 from ...problems import ThrowData
 from .factors import SURFACE, FactorRow, batch_rows, comparisons, conditions, factor_rows
-from .grid import AXES, CELLS, Grid, grid_of
+from .grid import AXES, CELLS, Axes, Grid, grid_of, spread_rows
 from .predict import Predictor, Progress, check_model, parameter_sets
 
 Array = npt.NDArray[np.float64]
@@ -127,7 +127,7 @@ def validate(
     factors: Sequence[str] = (),
     about: About | None = None,
 ) -> Validation:
-    """Judge `models` on a data set; `factors`: columns beside the known ones to compare by.
+    """Judge `models` on a data set; `factors`: more columns to compare by, besides the known ones.
 
     Raises InputError for an unknown model or factor and for throws that never land.
     """
@@ -165,65 +165,56 @@ class _Work:
 
     def check(self, model: str) -> ModelCheck:
         """One model's parameters and errors."""
-        shape = (len(self.surface), 2)
-        landing, twist, parameters, of_batch = np.empty(shape), np.empty(shape), {}, None
+        known, truth, shape = MODELS[model], self.predictor.truth, (len(self.surface), 2)
+        landing, twist, parameters, searched = np.empty(shape), np.empty(shape), {}, {}
         for label in dict.fromkeys(["", *self.surface]):
             rows = np.array([i for i, surface in enumerate(self.surface) if surface == label], int)
-            fitted = self.batch if label == "" else rows
-            used, grid, seconds = self.searched(model, fitted)
-            of_batch = of_batch or (used, grid, seconds)
+            used, grid = searched[label] = self.searched(model, rows if label else self.batch)
             cell = grid.best()
             parameters[label] = grid.contact(cell)
-            if MODELS[model].quick:
+            if known.quick:
                 detach = self.whole_grid(model).detach[rows, *cell]
             else:
-                show = self.about(f"{model}: its best parameters")
-                sets = parameter_sets(*parameters[label])
+                show, sets = self.about(f"{model}: its best"), parameter_sets(*parameters[label])
                 detach = self.predictor.part(rows).detached(model, sets, show)[:, 0]
-            truth = self.predictor.truth
             landing[rows] = self.predictor.landed(detach) - truth.landing[rows]
             twist[rows] = detach[:, [3, 5]] - truth.twist[rows]
-        assert of_batch is not None
-        used, grid, seconds = of_batch
+        used, grid = searched[""]
         return ModelCheck(
             model,
             used,
             grid,
-            MODELS[model].quick,
+            known.quick,
             parameters,
             self.surface,
             landing,
             twist,
             self.timed(model, parameters[""]),
-            seconds if MODELS[model].batch is not None else None,
+            None if known.batch is None else grid.seconds / grid.predictions,
             cross_validated(grid, [self.conditions[i] for i in used]),
         )
 
-    def searched(self, model: str, rows: Rows) -> tuple[Rows, Grid, float]:
-        """The throws and the grid that the parameters come from, and seconds of a prediction."""
+    def searched(self, model: str, rows: Rows) -> tuple[Rows, Grid]:
+        """The throws and the grid that the parameters for these throws come from."""
         if MODELS[model].quick:
-            whole = self.whole_grid(model)
-            return rows, whole.part(rows), whole.seconds / whole.predictions
+            return rows, self.whole_grid(model).part(rows)
         friction, radius = self.whole_grid(GUIDE).part(rows).optimum
         axes, some = (friction * AROUND, radius * AROUND), spread_rows(rows, FEW_THROWS)
         words = f"{model}: {AROUND.size**2} parameter sets around {GUIDE}'s best"
-        grid = self.grid(model, some, axes, words)
-        return some, grid, grid.seconds / grid.predictions
+        return some, self.grid(model, some, axes, words)
 
     def whole_grid(self, model: str) -> Grid:
         """All throws in the whole grid, once."""
         if model not in self._grids:
-            words = f"{model}: {CELLS} parameter sets"
-            rows = np.arange(len(self.surface))
+            rows, words = np.arange(len(self.surface)), f"{model}: {CELLS} parameter sets"
             self._grids[model] = self.grid(model, rows, AXES, words)
         return self._grids[model]
 
-    def grid(self, model: str, rows: Rows, axes: tuple[Array, Array], words: str) -> Grid:
+    def grid(self, model: str, rows: Rows, axes: Axes, words: str) -> Grid:
         """Some throws in some cells."""
         # The first prediction of a process loads libraries.
         self.predictor.part(rows[:1]).detached(model, parameter_sets(axes[0][0], axes[1][0]))
-        part = self.predictor.part(rows)
-        return grid_of(part, model, axes, progress=self.about(words))
+        return grid_of(self.predictor.part(rows), model, axes, progress=self.about(words))
 
     def timed(self, model: str, pair: tuple[float, float]) -> Array:
         """Seconds of single releases of some throws of the batch."""
@@ -236,13 +227,6 @@ class _Work:
             spent.append(time.perf_counter() - start)
             show(done, len(chosen))
         return np.array(spent[1:])
-
-
-def spread_rows(rows: Rows, most: int) -> Rows:
-    """At most `most` of the rows, evenly."""
-    if len(rows) <= most:
-        return rows
-    return np.asarray(rows[np.unique(np.linspace(0, len(rows) - 1, most).round().astype(int))])
 
 
 def fold_of(known: Sequence[Hashable], folds: int = FOLDS, seed: int = 0) -> Array:
