@@ -47,7 +47,7 @@ notebooks-executed: .venv/notebooks
 	touch $@
 
 .venv/test: .venv/run
-	$(PIP) $(EDITABLE) '.[test]'
+	$(PIP) --no-compile $(EDITABLE) '.[test]'
 	touch $@
 
 .venv/notebooks: .venv/run
