@@ -20,7 +20,7 @@ from ..show import BLACK, BLUE, GREEN, ORANGE, RED, draw_cup, new_figure, save
 from .mujoco_throw import (
     FRICTION,
     LEAD,
-    MujocoFlight,
+    Flight,
     free_flight,
     is_in,
     load_mujoco,
@@ -282,14 +282,14 @@ def replay(
     )
 
 
-def _angles(flown: MujocoFlight, theta: float) -> Array:
+def _angles(flown: Flight, theta: float) -> Array:
     """theta (N,) of the axis in the throw's plane, turns counted on from `theta` at first."""
     angles = np.unwrap(np.arctan2(flown.axis[:, 2], flown.axis[:, 0]))
     return np.asarray(angles + 2 * np.pi * round((theta - angles[0]) / (2 * np.pi)))
 
 
 def _coming_down(
-    free: MujocoFlight, height: float, theta: float
+    free: Flight, height: float, theta: float
 ) -> tuple[tuple[float, float, float], float]:
     """x, z, theta and time where the CoM comes down through `height`; NaN if it does not."""
     z = free.com[:, 2]
@@ -303,7 +303,7 @@ def _coming_down(
     return (float(x), height, float(angle)), float(instant)
 
 
-def _rest(scene: Scene, flown: MujocoFlight, theta: float) -> Rest | None:
+def _rest(scene: Scene, flown: Flight, theta: float) -> Rest | None:
     """How it ended, for a scene with a cup."""
     if scene.cup is None:
         return None

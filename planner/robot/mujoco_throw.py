@@ -98,7 +98,7 @@ LANDING = """
 
 
 @dataclass(frozen=True)
-class MujocoFlight:
+class Flight:
     """The bar over `times` (N,) [s]: its CoM (N, 3) and axis (N, 3), grasped end to CoM.
 
     x, y, z: the throw's plane is x, z. touched: what it met, in that order; the rest as in
@@ -162,9 +162,7 @@ def release_run(throw: Throw, step: float, points: int) -> tuple[Array, Array]:
     return times[lead:], states[lead:]
 
 
-def free_flight(
-    scene: Scene, detach: Array, start: float, duration: float, step: float
-) -> MujocoFlight:
+def free_flight(scene: Scene, detach: Array, start: float, duration: float, step: float) -> Flight:
     """The flight without anything to meet."""
     mujoco = load_mujoco()
     count = int(np.clip(math.ceil(duration / step), 100, FLIGHT_STEPS))
@@ -174,12 +172,12 @@ def free_flight(
     for k in range(count + 1):
         rows[k] = _row(data)
         mujoco.mj_step(model, data)
-    return MujocoFlight(start + duration / count * np.arange(count + 1.0), rows[:, :3], rows[:, 3:])
+    return Flight(start + duration / count * np.arange(count + 1.0), rows[:, :3], rows[:, 3:])
 
 
 def run_to_rest(
     throw: Throw, detach: Array, start: float, landing: float, step: float, restitution: float
-) -> MujocoFlight:
+) -> Flight:
     """The flight among what the scene has, until `landing` [s], with a cup until it rests."""
     mujoco = load_mujoco()
     scene, cup = throw.scene, throw.scene.cup
@@ -211,7 +209,7 @@ def run_to_rest(
         if cup is not None and still * step >= STILL_FOR and times[k] > landing:
             break
     com, axis, at_rest = rows[: k + 1, :3], rows[: k + 1, 3:], still * step >= STILL_FOR
-    return MujocoFlight(times[: k + 1], com, axis, tuple(touched), entered, touched_rim, at_rest)
+    return Flight(times[: k + 1], com, axis, tuple(touched), entered, touched_rim, at_rest)
 
 
 def lowest(scene: Scene, com: Array, axis: Array) -> Array:
