@@ -45,7 +45,7 @@ SETTINGS = {
 }
 #: Errors [mm] below these are drawn on them: converged answers are not known better.
 OWN_FLOOR, MODEL_FLOOR, PLAN_FLOOR = 1e-7, 1e-4, 1e-7
-#: Where a target without a robust plan is drawn, and the least spread that is told apart.
+#: Where a target without a robust plan is drawn, and the least spread that is drawn.
 LOST, LEAST = 20.0, 1e-4
 
 

@@ -131,7 +131,7 @@ def _heavy(scene: Scene, factor: float) -> Scene:
 
 
 def _slippery(scene: Scene, friction: float) -> Scene:
-    """Hardly any friction, and a grip as much stronger."""
+    """A low friction, and a grip that is stronger by the same factor."""
     factor = scene.contact.friction / friction
     return _grip(_section(scene, "contact", friction=friction), factor)
 

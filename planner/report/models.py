@@ -1,6 +1,6 @@
 """Section `models`: which release model to take, and how many steps of it.
 
-Two errors are told apart. The own error is the distance to the converged answer of the law that a
+There are two errors. The own error is the distance to the converged answer of the law that a
 method approximates; more steps make it smaller. The model error is the distance to a patch meshed
 into 64 points with Coulomb friction; more steps do not make it smaller than that of the law.
 Times are processor time on one core. See docs/release-models.md.
@@ -12,6 +12,7 @@ import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -55,8 +56,8 @@ Array = npt.NDArray[np.float64]
 #: Units in which people read errors: landing x, theta, detach twist, scaled landing.
 SHOWN = np.array([1e3, math.degrees(1.0), 1e3, 1e3])
 ERRORS = ("x [mm]", "θ [deg]", "twist [mm/s]", "scaled [mm]")
-#: Scaled landing errors [m] for which the cheapest settings are told.
-ASKED = (1e-3, 1e-4, 1e-5)
+#: Scaled landing errors [m] whose cheapest settings are listed.
+GOALS = (1e-3, 1e-4, 1e-5)
 #: Points of a finer patch, which tells how well the usual one is meshed.
 FINE_MESH = 256
 #: Seconds from which on a run is not repeated, quick and full.
@@ -192,20 +193,30 @@ def _rows(measured: Sequence[ThrowErrors]) -> list[Row]:
     return rows
 
 
+class Setting(NamedTuple):
+    """One setting of a method: the worst of all throws, and why it is not to be trusted."""
+
+    name: str
+    seconds: float
+    own: float
+    model: float
+    trouble: str
+
+
 def choice(measured: Sequence[ThrowErrors]) -> ReportTable:
-    """Per family the cheapest setting that keeps an own error in all throws."""
+    """Per method the cheapest setting that keeps an own error in all throws."""
     rows = list[Row]()
     for family in dict.fromkeys(_kind(row.method) for row in measured[0].rows):
         settings = _settings(measured, family)
         row: Row = {"method": family}
-        for asked in ASKED:
-            able = [s for s in settings if s[2] <= asked and not s[4]]
+        for goal in GOALS:
+            able = [s for s in settings if s.own <= goal and not s.trouble]
             words = None
             if able:
-                name, seconds, _, model, _ = min(able, key=lambda s: s[1])
-                words = f"{name}: {shown(1e3 * seconds)} ms, {1e3 * model:.2g} mm"
-            row[f"to {1e3 * asked:g} mm"] = words
-        reasons = [s[4] for s in settings if s[4]]
+                best = min(able, key=lambda s: s.seconds)
+                words = f"{best.name}: {shown(1e3 * best.seconds)} ms, {1e3 * best.model:.2g} mm"
+            row[f"to {1e3 * goal:g} mm"] = words
+        reasons = [s.trouble for s in settings if s.trouble]
         failed = f"{len(reasons)} of {len(settings)}: {reasons[0]}" if reasons else None
         rows.append(row | {"settings that fail": failed})
     words = "Cheapest setting to an own error, its time and its model error, worst of four throws"
@@ -218,19 +229,16 @@ def _kind(method: Method) -> str:
     return f"LuGre, {words}" if method.family == "LuGre" else method.family
 
 
-def _settings(
-    measured: Sequence[ThrowErrors], family: str
-) -> list[tuple[str, float, float, float, str]]:
-    """Setting, worst time, own and model error over the throws, and trouble, of one family."""
+def _settings(measured: Sequence[ThrowErrors], family: str) -> list[Setting]:
+    """All settings of one method."""
     found = []
     for i, row in enumerate(measured[0].rows):
         if _kind(row.method) == family:
             same = [one.rows[i] for one in measured]
-            seconds = max(r.seconds for r in same)
+            name = row.method.setting.removeprefix(family.removeprefix("LuGre, ") + ", ")
             own, model = (max(float(getattr(r, k)[3]) for r in same) for k in ("own", "model"))
             trouble = next((r.trouble for r in same if r.trouble), "")
-            setting = row.method.setting.removeprefix(family.removeprefix("LuGre, ") + ", ")
-            found.append((setting, seconds, own, model, trouble))
+            found.append(Setting(name, max(r.seconds for r in same), own, model, trouble))
     return found
 
 
@@ -329,21 +337,17 @@ def _quantiles(kind: str, found: Array, truth: Array | None) -> Row:
 
 def _cheapest(sample: ReportTable) -> str:
     """Which batch to take, by its own error and with that of its law."""
-
-    def told(kind: str) -> str:
-        able = [
-            row
-            for row in sample.rows
-            if _figure(row, f"{kind} scaled [mm], 99 %") <= 1e3 * ASKED[0]
+    goal, best = 1e3 * GOALS[0], {}
+    for kind in ("own", "model"):
+        able = [row for row in sample.rows if _figure(row, f"{kind} scaled [mm], 99 %") <= goal]
+        able.sort(key=lambda row: _figure(row, "time a throw [µs]"))
+        words = [
+            f"`{row['method']}` ({shown(row['time a throw [µs]'])} µs a throw)" for row in able
         ]
-        if not able:
-            return "none"
-        best = min(able, key=lambda row: _figure(row, "time a throw [µs]"))
-        return f"`{best['method']}` ({shown(best['time a throw [µs]'])} µs a throw)"
-
+        best[kind] = words[0] if words else "none"
     return (
-        f"A batch to {1e3 * ASKED[0]:g} mm of scaled error in 99 % of random throws, cheapest: of "
-        f"its own law {told('own')}; from the meshed patch {told('model')}."
+        f"A batch to {goal:g} mm of scaled error in 99 % of random throws, cheapest: of its own "
+        f"law {best['own']}; from the meshed patch {best['model']}."
     )
 
 

@@ -122,7 +122,7 @@ class ReportSection:
 
     @property
     def files(self) -> tuple[str, ...]:
-        """Names of the files beside the page."""
+        """Names of its tables' and pictures' files."""
         return (
             *(f"{table.name}.csv" for table in self.tables),
             *(f"{picture.name}.png" for picture in self.pictures),
@@ -183,7 +183,7 @@ def _anchor(key: str) -> str:
 class Effort:
     """How much is measured: `quick` for a first look, full for figures to rely on.
 
-    progress: told (done, total) of the section's own steps.
+    progress: called with (done, total) of the section's own steps.
     """
 
     quick: bool = False

@@ -159,7 +159,7 @@ def ladder(scene: Scene) -> Iterator[tuple[str, Scene]]:
     scene = scene.replace(grasp=aside)
     yield "+ held aside of the CoM: it pivots", scene
     scene = with_angle(scene)
-    yield "+ θ asked for", scene
+    yield "+ θ of the target", scene
     scene = scene.replace(landing=WIDE_LANDING)
     yield "+ landing bounds", scene
     scene = with_cup(scene)
@@ -172,7 +172,7 @@ def ladder(scene: Scene) -> Iterator[tuple[str, Scene]]:
 
 
 def with_angle(scene: Scene) -> Scene:
-    """The scene asked for the angle at which it lands anyway."""
+    """The scene whose target has the angle at which the bar lands anyway."""
     assert scene.target is not None
     if scene.target.theta is not None:
         return scene

@@ -108,14 +108,14 @@ def variants(quick: bool) -> list[Variant]:
 
 def make(effort: Effort) -> ReportSection:
     """All settings on all scenes, and other solvers of the same NLP."""
-    asked = variants(effort.quick)
-    step = effort.counter(len(TARGETS) * len(asked) + 1)
+    tried = variants(effort.quick)
+    step = effort.counter(len(TARGETS) * len(tried) + 1)
     rows, scenes = list[Row](), dict[str, list[VariantRuns]]()
     for name, sizes in TARGETS.items():
         scene = load_scene(name)
         targets = list(itertools.islice(reachable_targets(scene, SEED), effort.of(*sizes)))
         usual, scenes[name] = warmed(scene, targets[:1], "no"), []
-        for variant in asked:
+        for variant in tried:
             scenes[name].append(measured(scene, targets, variant, usual))
             step()
         rows += _rows(name, scenes[name])

@@ -37,7 +37,7 @@ def make_report(
 
     The page is written after each section, so that an interrupted report keeps what was
     measured. With `only`, the other sections of a page that is there stay. show: given a
-    section's key, returns what is told of its progress.
+    section's key, returns what is called with its progress.
     """
     made = []
     page = {key: text for key, text in parts_of(folder).items() if only and key not in only}

@@ -31,8 +31,8 @@ DEFECTS = ("traceback", "hang", "crash")
 NEAR, FAR = 2e-7, 4e-7
 #: Models that a given motion is thrown by in other units.
 DECIDING = ("sp", "ls-step", "patch")
-#: How far landings move in other units: of a motion that is given, of a throw planned anew.
-GIVEN, ANEW = "given motion's landing moves [m]", "planned landing moves [m]"
+#: How far landings move in other units: those of a given motion, of a throw planned again.
+GIVEN, AGAIN = "given motion's landing moves [m]", "planned landing moves [m]"
 #: Sizes of the noise on starts, as shares of each variable, and how many of each: quick, full.
 NOISE, NOISY = (0.01, 0.1, 0.3, 1.0), (3, 8)
 SEED = 3
@@ -66,8 +66,8 @@ def make(effort: Effort) -> ReportSection:
             f"{_most(derivatives, 'first'):.1e} (first) and {_most(derivatives, 'second'):.1e} "
             "(second) apart.",
             "In another unit of mass a given motion's landing moves by at most "
-            f"{_most(units, GIVEN):.1e} m, that of a throw planned anew by at most "
-            f"{_most(units, ANEW):.1e} m.",
+            f"{_most(units, GIVEN):.1e} m, that of a throw planned again by at most "
+            f"{_most(units, AGAIN):.1e} m.",
             _noisy_figure(noisy),
         ],
         [
@@ -206,10 +206,10 @@ def unit_rows(name: str) -> list[Row]:
             rows.append(row | {"status": "simulated", GIVEN: moved})
             continue
         plan, other = (Planner(s, compiling="no").plan() for s in (scene, changed))
-        row |= {"status": other.status, GIVEN: None, ANEW: None}
+        row |= {"status": other.status, GIVEN: None, AGAIN: None}
         if plan.throw is not None and other.throw is not None:
             places = other.throw.final.landing.x, plan.throw.final.landing.x
-            row[ANEW] = abs(places[0] - places[1])
+            row[AGAIN] = abs(places[0] - places[1])
         rows.append(row | {"iterations": other.iterations, "before": plan.iterations})
     return rows
 
