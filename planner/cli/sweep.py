@@ -10,7 +10,7 @@ from ...models import BATCH_MODELS, SLIDING_PIVOT
 from ...problems import ROBUST_METHODS, InputError, Pose, Scene, load_scene, prepare_folder
 from ..plan import Planner
 from ..result import Plan
-from ..sweep import FILES, check_sweep, executor_of, sweep_until_stopped
+from ..sweep import SWEEP_FILES, check_sweep, executor_of, sweep_until_stopped
 from .common import (
     DONE,
     INTERRUPTED,
@@ -82,7 +82,7 @@ def _planned(scene: Scene, target: Pose | None, options: argparse.Namespace) -> 
     planner = Planner(scene)
     planner.check(target)
     if options.out is not None:
-        prepare_folder(Path(options.out), FILES)
+        prepare_folder(Path(options.out), SWEEP_FILES)
     return planner.plan(target, robust=options.robust)
 
 

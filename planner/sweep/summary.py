@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from typing import TYPE_CHECKING, Any
 
-from .sweep_units import unit_of
+from .samples import unit_of
 
 if TYPE_CHECKING:
     from .sweep import Sweep

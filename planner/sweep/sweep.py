@@ -1,7 +1,8 @@
-"""A plan under uncertainty: what is thrown, what comes of it, and as JSON."""
+"""A plan under uncertainty: what is thrown, what comes of it, as JSON and as files."""
 
 from __future__ import annotations
 
+import json
 import math
 import time
 from concurrent.futures import Executor
@@ -13,21 +14,35 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import BATCH_MODELS, SLIDING_PIVOT
-from ...problems import USUAL_UNCERTAINTY, InputError
+from ...problems import USUAL_UNCERTAINTY, InputError, filling
 from ..check import named_model
 from ..result import Plan
+from .pictures import draw_sweep
+from .samples import Sampler, sampler_of, words_of
+from .statistics import (
+    DelayScan,
+    derivatives,
+    quantiles,
+    scaled_error,
+    scan_delays,
+    variance_shares,
+    wilson,
+)
 from .summary import summary
-from .sweep_files import save_sweep
-from .sweep_run import Progress, Thrown, run_sweep
-from .sweep_sensitivity import DelayScan, derivatives, scan_delays, successes
-from .sweep_statistics import quantiles, scaled_error, variance_shares, wilson
-from .sweep_throws import Flags, Landings, Thrower, thrower_of
-from .uncertain import Sampler, sampler_of, words_of
+from .throws import Flags, Landings, Thrower, thrower_of
+from .workers import Progress, run_sweep
 
 Array = npt.NDArray[np.float64]
 
 #: Most samples of one sweep: their parameters and landings stay in memory.
 MOST = 10_000_000
+#: What a sweep leaves in its folder.
+SWEEP_FILES = (
+    *("landings.png", "delay.png", "histogram.png", "tornado.png"),
+    *("sweep.csv", "sweep.json"),
+)
+#: Rows of sweep.csv that are put into words at a time.
+ROWS = 8192
 
 
 @dataclass(frozen=True)
@@ -78,7 +93,7 @@ class Sweep:
     @property
     def success(self) -> Flags:
         """(N,): inside the tolerance, or into the cup; and held until the opening."""
-        return successes(self.thrower, self.landings)
+        return self.thrower.succeeds(self.landings)
 
     @property
     def errors(self) -> dict[str, Array]:
@@ -133,7 +148,23 @@ class Sweep:
 
     def save(self, folder: str | Path) -> None:
         """Write sweep.json, sweep.csv and four pictures; InputError if that cannot be done."""
-        save_sweep(self, Path(folder))
+        with filling(Path(folder), SWEEP_FILES) as scratch:
+            draw_sweep(self, scratch)
+            self._write_samples(scratch / "sweep.csv")
+            text = json.dumps(self.to_dict(), indent=2, allow_nan=False)
+            (scratch / "sweep.json").write_text(text + "\n", encoding="utf-8")
+
+    def _write_samples(self, path: Path) -> None:
+        """A row a sample: its number, parameters, landing and success (0 or 1)."""
+        names, landings = self.sampler.names, self.landings
+        header = ["sample", *names, "x", "theta", "flight_time", "success", "held"]
+        columns = [self.numbers, *self.values.T, *landings.pose.T, self.success, landings.held]
+        formats = ["%d", *["%.9g"] * (len(names) + 3), "%d", "%d"]
+        with path.open("w", encoding="utf-8") as file:
+            file.write(",".join(header) + "\n")
+            for first in range(0, self.samples, ROWS):
+                rows = np.column_stack([column[first : first + ROWS] for column in columns])
+                np.savetxt(file, rows, delimiter=",", fmt=formats)
 
     @property
     def _lands(self) -> bool:
@@ -182,8 +213,25 @@ def sweep_until_stopped(
     check_sweep(samples, seed, model)
     sampler = sampler_of(plan.scene, seed)
     thrower = thrower_of(plan, model, sampler, samples)
-    thrown, _ = run_sweep(thrower, sampler, samples, executor, progress)
-    return None if thrown is None else _described(plan, thrower, sampler, samples, thrown, started)
+    thrown = run_sweep(thrower, sampler, samples, executor, progress)
+    if thrown is None:
+        return None
+    pose = thrown.landings.pose
+    shares = [variance_shares(thrown.values, pose[:, column]) for column in (0, 1)]
+    return Sweep(
+        plan,
+        thrower,
+        sampler,
+        asked=samples,
+        numbers=thrown.numbers,
+        values=thrown.values,
+        landings=thrown.landings,
+        nominal=thrower.throw(thrower.nominal()),
+        derivatives=derivatives(thrower, sampler),
+        shares=dict(zip(sampler.names, zip(*shares, strict=True), strict=True)),
+        delays=scan_delays(thrower),
+        seconds=time.perf_counter() - started,
+    )
 
 
 def check_sweep(samples: int, seed: int, model: str, prefix: str = "") -> None:
@@ -193,28 +241,6 @@ def check_sweep(samples: int, seed: int, model: str, prefix: str = "") -> None:
         whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
         if not whole or not low <= value <= high:
             raise InputError(f"{prefix}{name} = {value!r}: must be a whole number, {low} to {high}")
-
-
-def _described(
-    plan: Plan, thrower: Thrower, sampler: Sampler, asked: int, thrown: Thrown, started: float
-) -> Sweep:
-    """All that is to be said of the thrown samples."""
-    pose = thrown.landings.pose
-    shares = [variance_shares(thrown.values, pose[:, column]) for column in (0, 1)]
-    return Sweep(
-        plan,
-        thrower,
-        sampler,
-        asked,
-        thrown.numbers,
-        thrown.values,
-        thrown.landings,
-        thrower.throw(thrower.nominal()),
-        derivatives(thrower, sampler),
-        dict(zip(sampler.names, zip(*shares, strict=True), strict=True)),
-        scan_delays(thrower),
-        time.perf_counter() - started,
-    )
 
 
 def _rate(successes: Flags) -> dict[str, float]:

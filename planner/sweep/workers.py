@@ -1,40 +1,60 @@
-"""Who does long work: this process, others on this machine, or a Dask cluster."""
+"""Who does long work: this process, others on this machine, or a Dask cluster.
+
+A sweep's throws are made in chunks, so that they are spread and can be stopped at any time.
+"""
 
 from __future__ import annotations
 
+import itertools
 import re
 import signal
 import socket
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent import futures
-from concurrent.futures import BrokenExecutor, CancelledError, Executor
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    wait,
+)
 from contextlib import contextmanager
+from dataclasses import dataclass
 from multiprocessing import get_context
 
-from ...problems import InputError
+import numpy as np
+import numpy.typing as npt
 
+from ...models import MODELS
+from ...problems import InputError
+from .samples import Sampler
+from .throws import Landings, Thrower
+
+Array = npt.NDArray[np.float64]
+#: Told how many samples are done, of how many.
+Progress = Callable[[int, int], None]
+
+#: Chunks handed out at once.
+WINDOW = 64
 #: Most processes here.
 MOST = 256
 #: A scheduler must answer in this time, and have a worker [s].
 PATIENCE = 5.0
 
 
-def check_workers(workers: int | None, scheduler: str | None) -> None:
-    """InputError for numbers of processes out of range, and for both kinds at once."""
-    if workers is not None and not 1 <= workers <= MOST:
-        raise InputError(f"--workers {workers}: must be a whole number, 1 to {MOST}")
-    if workers is not None and scheduler is not None:
-        raise InputError("--workers and --scheduler: give one of them")
-
-
 @contextmanager
 def executor_of(workers: int | None, scheduler: str | None) -> Iterator[Executor | None]:
     """The executor that the options ask for, None for this process.
 
-    InputError where there is no such cluster, and for what goes wrong on workers.
+    InputError for options that do not go together or are out of range, where there is no
+    such cluster, and for what goes wrong on workers.
     """
-    check_workers(workers, scheduler)
+    if workers is not None and not 1 <= workers <= MOST:
+        raise InputError(f"--workers {workers}: must be a whole number, 1 to {MOST}")
+    if workers is not None and scheduler is not None:
+        raise InputError("--workers and --scheduler: give one of them")
     if scheduler is not None:
         with _cluster(scheduler) as executor:
             yield executor
@@ -117,3 +137,95 @@ def _line(error: BaseException) -> str:
     """An error in one line that is not too long."""
     words = str(error) if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
     return " ".join(words.split())[:300]
+
+
+@dataclass(frozen=True)
+class Chunk:
+    """Samples `first` to `first + count` of a sweep: all that a worker needs."""
+
+    thrower: Thrower
+    sampler: Sampler
+    first: int
+    count: int
+
+
+def throw_chunk(chunk: Chunk) -> tuple[Array, Landings]:
+    """Draw and throw one chunk: parameters (count, P) and landings."""
+    values = chunk.sampler.draw(chunk.first, chunk.count)
+    return values, chunk.thrower.throw(values)
+
+
+@dataclass(frozen=True)
+class Thrown:
+    """Samples that were thrown: numbers (N,) in the sequence, parameters (N, P), landings."""
+
+    numbers: npt.NDArray[np.int_]
+    values: Array
+    landings: Landings
+
+
+def run_sweep(
+    thrower: Thrower,
+    sampler: Sampler,
+    samples: int,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Thrown | None:
+    """Throw `samples` samples; after Ctrl-C what was thrown until then.
+
+    The chunks, and so the result to the last bit, do not depend on the executor. After
+    Ctrl-C chunks in work are finished, the others dropped; None if there is nothing.
+    """
+    # The same whatever the number of workers; a power of two, as the sequence likes it.
+    size = MODELS[thrower.model].chunk
+    chunks = [
+        Chunk(thrower, sampler, first, min(size, samples - first))
+        for first in range(0, samples, size)
+    ]
+    done: dict[int, tuple[Array, Landings]] = {}
+
+    def keep(index: int, result: tuple[Array, Landings]) -> None:
+        done[index] = result
+        if progress is not None:
+            progress(sum(chunks[i].count for i in done), samples)
+
+    try:
+        if executor is None:
+            for index, chunk in enumerate(chunks):
+                keep(index, throw_chunk(chunk))
+        else:
+            _spread(chunks, executor, keep)
+    except KeyboardInterrupt:
+        if not done:
+            return None
+    order = sorted(done)
+    numbers = [chunks[i].first + np.arange(chunks[i].count) for i in order]
+    values = np.vstack([done[i][0] for i in order])
+    landings = Landings.joined([done[i][1] for i in order])
+    return Thrown(np.concatenate(numbers), values, landings)
+
+
+def _spread(
+    chunks: list[Chunk], executor: Executor, keep: Callable[[int, tuple[Array, Landings]], None]
+) -> None:
+    """Throw the chunks on the executor's workers; `keep` takes each as it is done."""
+    waiting = iter(enumerate(chunks))
+    running: dict[Future[tuple[Array, Landings]], int] = {}
+    try:
+        while True:
+            for index, chunk in itertools.islice(waiting, WINDOW - len(running)):
+                running[executor.submit(throw_chunk, chunk)] = index
+            if not running:
+                return
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                keep(running.pop(future), future.result())
+    except KeyboardInterrupt:
+        # What has begun is nearly done; the rest is dropped.
+        begun = [future for future in running if not future.cancel()]
+        for future in wait(begun).done:
+            keep(running[future], future.result())
+        raise
+    except BaseException:
+        for future in running:
+            future.cancel()
+        raise

@@ -1,4 +1,4 @@
-"""Sweeps: physics of disturbed throws, what is reported, the command and its files."""
+"""Sweeps: physics of disturbed throws, and what is kept of a stopped one."""
 
 from __future__ import annotations
 
@@ -11,11 +11,10 @@ import pytest
 import throwplan as tp
 from throwplan.models import MODELS, Path, land
 from throwplan.planner.cli import common, main
-from throwplan.planner.sweep.carry_hold import CarryHold
-from throwplan.planner.sweep.sweep_run import run_sweep
-from throwplan.planner.sweep.sweep_sensitivity import derivatives, scan_delays
-from throwplan.planner.sweep.sweep_throws import Thrower
-from throwplan.planner.sweep.uncertain import sampler_of
+from throwplan.planner.sweep.samples import sampler_of
+from throwplan.planner.sweep.statistics import derivatives, scan_delays
+from throwplan.planner.sweep.throws import CarryHold, Thrower
+from throwplan.planner.sweep.workers import run_sweep
 from throwplan.problems import Distribution, Gripper, Uncertainty
 
 G = 9.81
@@ -91,7 +90,7 @@ def test_disturbed_hands_are_the_hands_that_they_stand_for() -> None:
         TWIST + delay * ACCELERATION + offset[:, 3:],
         np.tile(ACCELERATION, (64, 1)),
     )
-    batch = thrower._batch(thrower._columns(values))
+    batch = thrower.batch(thrower.columns(values))
     plain = dataclasses.replace(batch, hands=hands, grasp_angle=columns["grasp_angle"])
     expected = land(MODELS["sp"].throw(plain, 400).detach, thrower.target.z, G)
     assert thrower.throw(values).pose == pytest.approx(expected, abs=1e-9)
@@ -201,9 +200,6 @@ def test_a_weak_grip_is_no_success(posed) -> None:
     assert slipped.max() == pytest.approx(posed.throw.final.grip_use, abs=0.02)
 
 
-# What is reported.
-
-
 # Stopping.
 
 
@@ -215,8 +211,7 @@ def test_what_was_done_is_kept_when_stopped(posed, monkeypatch) -> None:
         if done >= 2 * 256:
             raise KeyboardInterrupt
 
-    thrown, interrupted = run_sweep(whole.thrower, whole.sampler, 3 * 256, None, stop)
-    assert interrupted
+    thrown = run_sweep(whole.thrower, whole.sampler, 3 * 256, None, stop)
     count = 2 * 256
     assert np.array_equal(thrown.values, whole.values[:count])
     assert np.array_equal(thrown.landings.pose, whole.landings.pose[:count])
@@ -236,6 +231,3 @@ def test_a_stopped_command_says_how_much_is_done(tmp_path, capsys, monkeypatch) 
     assert json.loads(out)["samples"] == 256
     assert json.loads(out)["asked"] == 1000
     assert len((tmp_path / "out" / "sweep.csv").read_text().splitlines()) == 257
-
-
-# The command.

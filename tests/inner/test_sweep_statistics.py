@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from scipy.stats import binomtest, norm, qmc
-from throwplan.planner.sweep.sweep_statistics import (
+from throwplan.planner.sweep.statistics import (
     quantiles,
     scaled_error,
     variance_shares,

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from scipy import stats
 from throwplan import InputError, load_scene
-from throwplan.planner.sweep.uncertain import quantile, sampler_of
+from throwplan.planner.sweep.samples import quantile, sampler_of
 from throwplan.problems import USUAL_UNCERTAINTY, Distribution, Uncertainty
 
 

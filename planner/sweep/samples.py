@@ -2,17 +2,36 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from ...problems import USUAL_UNCERTAINTY, Distribution, Scene, Uncertainty
+from ...problems import (
+    UNCERTAIN_PARAMETERS,
+    USUAL_UNCERTAINTY,
+    Distribution,
+    Scene,
+    Uncertainty,
+    file_key,
+)
 
 Array = npt.NDArray[np.float64]
 
 #: Half a cell of SciPy's 30-bit sequence: keeps every share off 0 and 1.
 HALF_CELL = 2.0**-31
+#: Deviations of a normal value that are covered: one draw in 10^19 is farther off.
+COVERED = 9.0
+#: Names, factor from SI, unit; the others are lengths, or angles.
+UNITS = (
+    (("hand_vx", "hand_vz"), 1e3, "mm/s"),
+    (("hand_omega",), math.degrees(1.0), "deg/s"),
+    (("delay", "opening"), 1e3, "ms"),
+    (("friction",), 1.0, ""),
+    (("mass",), 1e3, "g"),
+    (("inertia",), 1e6, "kg mm²"),
+)
 
 
 @dataclass(frozen=True)
@@ -48,6 +67,19 @@ class Sampler:
         ]
         return np.column_stack(columns)
 
+    def quantiles(self, name: str, shares: Array) -> Array:
+        """Values of a parameter below which `shares` (N,) of it lie."""
+        i = self.names.index(name)
+        return quantile(self.spreads[i], shares, self.ranges[i])
+
+    def reach(self, name: str, value: float) -> tuple[float, float]:
+        """Lowest and highest value that is drawn; `value` where the parameter is certain."""
+        if name not in self.names:
+            return value, value
+        spread = self.spreads[self.names.index(name)]
+        more = COVERED * (spread.normal or 0.0)
+        return spread.reach[0] - more, spread.reach[1] + more
+
 
 def sampler_of(scene: Scene, seed: int) -> Sampler:
     """Draws of the scene's [uncertainty], or of the usual one where it has none."""
@@ -80,8 +112,6 @@ def quantile(spread: Distribution, shares: Array, bounds: tuple[float, float]) -
 
 def words_of(section: Uncertainty) -> list[str]:
     """The uncertain parameters in words, for people: one line each, units of the file."""
-    from ...problems import UNCERTAIN_PARAMETERS, file_key
-
     lines = []
     for name in section.names:
         spread: Distribution = getattr(section, name)
@@ -96,3 +126,11 @@ def words_of(section: Uncertainty) -> list[str]:
         about = "" if spread.mean is None else f" about {unit * spread.mean:g}"
         lines.append(f"{file_key(name)}: {words}{about}")
     return lines
+
+
+def unit_of(name: str) -> tuple[float, str]:
+    """Factor and unit in which people read a parameter."""
+    for names, factor, unit in UNITS:
+        if name in names:
+            return factor, unit
+    return (math.degrees(1.0), "deg") if UNCERTAIN_PARAMETERS[name].degrees else (1e3, "mm")

@@ -1,18 +1,29 @@
-"""How a throw's landing answers to each parameter alone, and the delays that it can bear."""
+"""What many landings come to: success, quantiles, and how they answer to each parameter."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
+from ...models import MODELS
 from ...problems import UNCERTAIN_PARAMETERS
-from .sweep_throws import FURTHEST, Flags, Landings, Thrower
-from .uncertain import Sampler, quantile
+from .samples import Sampler
+from .throws import FURTHEST, Landings, Thrower
 
 Array = npt.NDArray[np.float64]
 
+#: Standard normal deviate of a two-sided 95 % confidence interval.
+NORMAL_95 = 1.959963984540054
+#: Quantiles that are reported [%].
+QUANTILES = (50, 90, 95, 99)
+#: Landings that differ by less [m, rad] differ by rounding and the models' steps alone.
+NOTHING = 1e-5
+#: Degree of the polynomials behind the shares of the variance, and the samples they need
+#: for each coefficient.
+DEGREE, SAMPLES_EACH = 8, 10
 #: Steps of the central differences: this share of the standard deviation, and at most
 #: this share of a positive value.
 STEP, MOST = 0.05, 0.01
@@ -24,6 +35,69 @@ OUTER = (0.05, 0.95)
 #: The band over delay: delays, and draws of the other parameters at each; fewer for the
 #: models that take milliseconds a throw.
 BAND, SLOW_BAND = (41, 128), (21, 16)
+
+
+def wilson(successes: int, count: int) -> tuple[float, float]:
+    """Wilson's 95 % confidence interval of a probability seen as `successes` of `count`.
+
+    E. B. Wilson, J. Am. Stat. Assoc. 22 (1927) 209. For independent samples; those of a
+    Sobol sequence scatter less, so that the interval is rather too wide.
+    """
+    z2 = NORMAL_95**2 / count
+    rate = successes / count
+    middle = rate + z2 / 2
+    half = math.sqrt(z2 * (rate * (1 - rate) + z2 / 4))
+    low, high = (middle - half) / (1 + z2), (middle + half) / (1 + z2)
+    # At the ends the closed form is exact but for its rounding.
+    return (0.0 if successes == 0 else low), (1.0 if successes == count else high)
+
+
+def quantiles(errors: Array) -> dict[str, float]:
+    """The least error (N,) that so many per cent of the throws do not exceed.
+
+    A throw without a landing (NaN) is infinitely far off.
+    """
+    known = np.where(np.isnan(errors), np.inf, errors)
+    values = np.quantile(known, np.array(QUANTILES) / 100, method="inverted_cdf")
+    return {str(name): float(value) for name, value in zip(QUANTILES, values, strict=True)}
+
+
+def scaled_error(dx: Array, dtheta: Array, length: float, theta_counts: bool) -> Array:
+    """e = |dx| + |dtheta| length / 2 [m], (39); |dx| where the target leaves theta open."""
+    turned = np.abs(dtheta) * length / 2 if theta_counts else 0.0
+    return np.asarray(np.abs(dx) + turned)
+
+
+def variance_shares(values: Array, result: Array) -> list[float]:
+    """First-order Sobol index of each parameter: Var(E[result | parameter]) / Var(result).
+
+    values (N, P), result (N,). The conditional mean is a polynomial fitted to the sample
+    itself (Lewandowski, Cooke and Duintjer Tebbens, "Sample-based estimation of
+    correlation ratio with polynomial approximation", ACM TOMACS 18 (2007) 3), its R^2
+    adjusted for the number of coefficients. No further throws are needed, and it keeps
+    its meaning for correlated parameters, whose shares then overlap.
+    """
+    known = np.isfinite(result)
+    values, result = values[known], result[known]
+    if result.size < 3 or float(np.ptp(result)) < NOTHING:
+        return [0.0] * values.shape[1]
+    return [_share(column, result) for column in values.T]
+
+
+def _share(column: Array, result: Array) -> float:
+    """Adjusted R^2 of a polynomial in `column` (N,) fitted to `result` (N,)."""
+    low, high = float(column.min()), float(column.max())
+    # A few measured values carry no higher polynomial.
+    different = np.unique(column).size
+    degree = min(DEGREE, different - 1, (result.size - 1) // SAMPLES_EACH)
+    if degree < 1 or high <= low:
+        return 0.0
+    basis = np.polynomial.legendre.legvander(2 * (column - low) / (high - low) - 1, degree)
+    q, _ = np.linalg.qr(basis)
+    off = result - result.mean()
+    explained = float(((q.T @ off) ** 2).sum() / (off @ off))
+    adjusted = 1 - (1 - explained) * (result.size - 1) / (result.size - 1 - degree)
+    return min(max(adjusted, 0.0), 1.0)
 
 
 def derivatives(thrower: Thrower, sampler: Sampler) -> dict[str, tuple[float, float]]:
@@ -68,7 +142,7 @@ def scan_delays(thrower: Thrower) -> DelayScan:
     half = round(FURTHEST / DELAY_GRID)
     delays = np.asarray(DELAY_GRID * np.arange(-half, half + 1), float)
     tried = _at_delays(thrower, delays)
-    fine = successes(thrower, tried)
+    fine = thrower.succeeds(tried)
     if not fine[half]:
         return DelayScan(delays, tried.pose, 0.0, 0.0)
     # Grid points on both sides of the first failure, for the sides that have one.
@@ -81,18 +155,12 @@ def scan_delays(thrower: Thrower) -> DelayScan:
     for _ in range(ROUNDS if between else 0):
         points = {s: np.linspace(e[0], e[1], SECTIONS + 1) for s, e in between.items()}
         inner = np.concatenate([along[1:-1] for along in points.values()])
-        kept = successes(thrower, _at_delays(thrower, inner)).reshape(len(points), -1)
+        kept = thrower.succeeds(_at_delays(thrower, inner)).reshape(len(points), -1)
         for (side, along), inside in zip(points.items(), kept, strict=True):
             first = int(np.argmin(np.append(inside, False)))
             between[side] = along[first : first + 2]
     found = {side: float(ends[0]) for side, ends in between.items()}
     return DelayScan(delays, tried.pose, found.get("early"), found.get("late"))
-
-
-def successes(thrower: Thrower, landings: Landings) -> Flags:
-    """Which throws (N,) succeed: into the cup, or inside the tolerance; held until opened."""
-    inside = landings.in_tolerance if thrower.scene.cup is None else landings.in_cup
-    return np.asarray(inside & landings.held)
 
 
 def _at_delays(thrower: Thrower, delays: Array, values: Array | None = None) -> Landings:
@@ -110,16 +178,16 @@ def _at_delays(thrower: Thrower, delays: Array, values: Array | None = None) -> 
 def swings(thrower: Thrower, sampler: Sampler) -> Array:
     """Poses (P, 2, 3) with each parameter at its 5 and 95 % quantile, all else as planned."""
     values = np.repeat(thrower.nominal(), 2 * len(thrower.names), axis=0)
-    for i, (spread, bounds) in enumerate(zip(sampler.spreads, sampler.ranges, strict=True)):
-        values[2 * i : 2 * i + 2, i] = quantile(spread, np.array(OUTER), bounds)
+    for i, name in enumerate(thrower.names):
+        values[2 * i : 2 * i + 2, i] = sampler.quantiles(name, np.array(OUTER))
     return thrower.throw(values).pose.reshape(-1, 2, 3)
 
 
 def delay_band(
-    thrower: Thrower, sampler: Sampler, limits: tuple[float, float], slow: bool
+    thrower: Thrower, sampler: Sampler, limits: tuple[float, float]
 ) -> tuple[Array, Array]:
     """Delays (K,) [s] beyond the mean, and poses (K, M, 3) for M draws of all else there."""
-    count, draws = SLOW_BAND if slow else BAND
+    count, draws = BAND if MODELS[thrower.model].quick else SLOW_BAND
     delays = np.linspace(*limits, count)
     values = sampler.draw(0, draws)
     pose = _at_delays(thrower, np.repeat(delays, draws), np.tile(values, (count, 1))).pose
