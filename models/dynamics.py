@@ -1,8 +1,8 @@
 """Inverse dynamics of an arm that moves in a vertical plane, in CasADi.
 
 The links between two throwing joints move as one rigid body, and all turns are about the
-plane's normal, so mass, CoM and one moment of inertia of each such body are enough for the
-torques of the throwing joints: Newton and Euler about each joint's axis.
+plane's normal, so the torques of the throwing joints need only mass, CoM and one moment of
+inertia of each such body: Newton and Euler about each joint's axis.
 """
 
 from __future__ import annotations

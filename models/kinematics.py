@@ -26,13 +26,7 @@ class DHRow:
     def placed(self) -> ca.SX:
         """4x4: Rot_x(alpha) Trans_x(a) Trans_z(d), the joint's frame at angle 0."""
         cos, sin = _exact(math.cos(self.alpha)), _exact(math.sin(self.alpha))
-        rows: list[list[float]] = [
-            [1, 0, 0, self.a],
-            [0, cos, -sin, -sin * self.d],
-            [0, sin, cos, cos * self.d],
-            [0, 0, 0, 1],
-        ]
-        return ca.sparsify(ca.SX(ca.DM(rows)))
+        return placement((self.a, -sin * self.d, cos * self.d), (self.alpha, 0.0, 0.0))
 
 
 @dataclass(frozen=True)

@@ -73,7 +73,7 @@ def ellipsoid(contact: Contact) -> Ellipsoid:
 def rotated_ellipsoid(contact: Contact, angle: float = 0.4) -> Ellipsoid:
     """The same ellipsoid turned by `angle` [rad] in the plane of f_z and scaled torque.
 
-    A pressure centre beside the patch's centre couples force and torque like this.
+    A pressure centre off the patch's centre couples force and torque like this.
     """
     force, torque = contact.friction, contact.friction * contact.torsion_arm
     c, s = math.cos(angle), math.sin(angle)

@@ -70,9 +70,8 @@ class KarnoppRelease:
         states, wrenches = [state], [np.zeros(3)]
         for k in range(self.steps):
             now = HandSamples(times[k], *(rows[:, k] for rows in hand))
-            wrench = self._friction(case, surface, state, now, forces[k])
-            rates = _rates(case, state, wrench, hand.pose[:2, k])
-            state = state + dt * rates
+            wrench, lever = self._friction(case, surface, state, now, forces[k])
+            state = state + dt * _rates(case, state, wrench, lever)
             if not np.abs(state).max() < RUNAWAY:
                 return failed(times, "explicit steps blew up: needs more steps")
             states.append(state)
@@ -134,17 +133,17 @@ class KarnoppRelease:
         state: Array,
         hand: HandSamples,
         force: float,
-    ) -> Array:
-        x_r, z_r = state[0] - hand.pose[0], state[1] - hand.pose[1]
-        slip = np.array(contact_twist(state[3], state[4], state[5], x_r, z_r)) - hand.twist
+    ) -> tuple[Array, tuple[float, float]]:
+        """Wrench (3,), and the lever [m]."""
+        slip, lever = _slip(state, hand.pose, hand.twist)
         size = slip_size(slip, case.contact, self.norm)
         if size > self.dead_zone:
             band = self.half_band or 0.0
             share = 1.0 if size >= band else size / band
-            return np.asarray(force * share * surface.sliding_wrench(slip))
-        held = np.array(pivot_wrench(case.body, case.gravity, hand.motion, state[5], x_r, z_r))
+            return force * share * surface.sliding_wrench(slip), lever
+        held = np.array(pivot_wrench(case.body, case.gravity, hand.motion, state[5], *lever))
         gauge = surface.gauge(held)
-        return held if gauge <= force else held * (force / gauge)
+        return (held if gauge <= force else held * (force / gauge)), lever
 
 
 @dataclass(frozen=True)
@@ -171,22 +170,20 @@ class ImplicitRelease:
         times = np.linspace(0.0, case.grip.opening, self.samples)
         surface = self.shape(case.contact)
 
-        def friction(state: Array, hand: HandSamples, force: float) -> Array:
-            x_r, z_r = state[0] - hand.pose[0, 0], state[1] - hand.pose[1, 0]
-            slip = (
-                np.array(contact_twist(state[3], state[4], state[5], x_r, z_r)) - hand.twist[:, 0]
-            )
+        def friction(t: float, state: Array) -> tuple[Array, tuple[float, float]]:
+            """Wrench (3,), and the lever [m]."""
+            hand = case.hand.at(np.array([t]))
+            slip, lever = _slip(state, hand.pose[:, 0], hand.twist[:, 0])
             size = slip_size(slip, case.contact, self.norm)
-            return force * smoothed_sliding_wrench(surface, slip, size, self.half_band)
+            force = case.contact.faces * float(case.grip.force(t))
+            return force * smoothed_sliding_wrench(surface, slip, size, self.half_band), lever
 
         spent = itertools.count(1)
 
         def rates(t: float, state: Array) -> Array:
             if next(spent) > self.budget:
                 raise _OutOfBudgetError
-            hand = case.hand.at(np.array([t]))
-            force = case.contact.faces * float(case.grip.force(t))
-            return _rates(case, state, friction(state, hand, force), hand.pose[:2, 0])
+            return _rates(case, state, *friction(t, state))
 
         with warnings.catch_warnings(record=True) as caught:
             warnings.simplefilter("always")
@@ -202,10 +199,7 @@ class ImplicitRelease:
         if not run.success or run.y.shape[1] != len(times) or not np.isfinite(run.y).all():
             words = str(caught[-1].message) if caught else run.message
             return failed(times, f"{self.method} gave up: {words}")
-        wrenches = [
-            friction(state, case.hand.at(np.array([t])), case.contact.faces * case.grip.force(t))
-            for t, state in zip(times, run.y.T, strict=True)
-        ]
+        wrenches = [friction(t, state)[0] for t, state in zip(times, run.y.T, strict=True)]
         return _as_release(case, surface, times, run.y, np.array(wrenches).T)
 
 
@@ -222,12 +216,17 @@ def _reversals(wrenches: Array, surface: LimitSurface, forces: Array) -> int:
     return int((opposed & sliding[1:] & sliding[:-1]).sum())
 
 
-def _rates(case: ReleaseCase, state: Array, wrench: Array, hand: Array) -> Array:
+def _slip(state: Array, pose: Array, twist: Array) -> tuple[Array, tuple[float, float]]:
+    """Slip (3,) of the contact against the hand at an instant, and the lever [m]."""
+    x_r, z_r = state[0] - pose[0], state[1] - pose[1]
+    return np.array(contact_twist(state[3], state[4], state[5], x_r, z_r)) - twist, (x_r, z_r)
+
+
+def _rates(case: ReleaseCase, state: Array, wrench: Array, lever: tuple[float, float]) -> Array:
     """Rates of the CoM state (6,) under a contact wrench (3,), (25)."""
-    x_r, z_r = state[0] - hand[0], state[1] - hand[1]
-    torque = com_wrench(wrench[0], wrench[1], wrench[2], x_r, z_r)[2]
+    f_x, f_z, torque = com_wrench(wrench[0], wrench[1], wrench[2], *lever)
     mass, inertia = case.body.mass, case.body.inertia
-    a_x, a_z = wrench[0] / mass, wrench[1] / mass - case.gravity
+    a_x, a_z = f_x / mass, f_z / mass - case.gravity
     return np.array([state[3], state[4], state[5], a_x, a_z, torque / inertia])
 
 

@@ -4,7 +4,7 @@ A level bar rests on C1 and C2, at -r and +r from the middle of the pads; its Co
 h > 0, beyond C2. Each point carries half of the normal force. The sections of the paper:
 sticking (who carries what), pivoting (a hinge at C1 while C2 slides), sliding.
 
-Two findings beside the text. Its torque about the CoM has the sign of a clockwise one;
+Two findings beyond the text. Its torque about the CoM has the sign of a clockwise one;
 its bound on f_1z holds as written for f_1z <= 0, as the hinge begins. And the hinge also
 ends without a centripetal force: as the grip goes to zero the hinge force of a falling
 bar goes to m g I / J_1 > 0, which a vanishing grip cannot hold.

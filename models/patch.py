@@ -130,15 +130,15 @@ def scaled_patch(contact: Contact, pressure: Pressure, points: int) -> tuple[Pat
 def _gauss(nodes: Array, weights: Array, count: int) -> tuple[Array, Array]:
     """Gauss rule of `count` points for the measure of many weighted nodes, by Lanczos."""
     basis = [np.sqrt(weights)]
-    diagonal, beside = [], []
+    diagonal, coupling = [], []
     for _ in range(count):
         image = nodes * basis[-1]
         diagonal.append(image @ basis[-1])
         for vector in basis:
             image = image - (image @ vector) * vector
-        beside.append(float(np.linalg.norm(image)))
-        basis.append(image / beside[-1])
-    matrix = np.diag(diagonal) + np.diag(beside[:-1], 1) + np.diag(beside[:-1], -1)
+        coupling.append(float(np.linalg.norm(image)))
+        basis.append(image / coupling[-1])
+    matrix = np.diag(diagonal) + np.diag(coupling[:-1], 1) + np.diag(coupling[:-1], -1)
     values, vectors = np.linalg.eigh(matrix)
     return values, vectors[0] ** 2
 
@@ -217,10 +217,10 @@ class PointSolver:
             steep = 1.0 / (problem.creep + speed)
             exact = (u + problem.creep * problem.memory) * steep
             rest = problem.momentum(slip - problem.free) + problem.limit * self.collect(exact)
-            enough = floor[left] * 10.0 ** (i // PATIENCE)
+            allowed = floor[left] * 10.0 ** (i // PATIENCE)
             if i >= PATIENCE:
-                enough = np.maximum(enough, self._rounding(problem, slip, steep))
-            done = np.abs(rest).max(axis=0) <= enough
+                allowed = np.maximum(allowed, self._rounding(problem, slip, steep))
+            done = np.abs(rest).max(axis=0) <= allowed
             if done.any():
                 found[:, left[done]], shares[:, :, left[done]] = slip[:, done], exact[:, :, done]
                 go = ~done

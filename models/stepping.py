@@ -260,8 +260,8 @@ def located_steps(
     dt = opening / steps
 
     def hands(*times: float) -> list[HandSamples]:
-        hand = case.hand.at(np.array(times))
-        return [HandSamples(t, *(rows[:, i] for rows in hand)) for i, t in enumerate(times)]
+        rows = np.concatenate([*case.hand.at(np.array(times))]).T.tolist()
+        return [hand_of(row) for row in rows]
 
     def advance(t: float, state: Array, h: float) -> Array:
         times = (t, t + h / 2, t + h)

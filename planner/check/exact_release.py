@@ -1,7 +1,7 @@
 """Releases of a known hand motion by the non-smooth models, mostly in 1 to 3 ms.
 
 The equations are the models' own, made once into a function of CasADi's virtual machine
-with every number of body, contact and hand as an input. What makes it quick is where the
+with every number of body, contact and hand as an input. It is fast because of where the
 steps lie. The sliding pivot is run twice: a coarse run finds when pivoting and sliding
 begin and end, the finer one has nodes there, so that Runge-Kutta keeps its order. The
 limit surface, first order in its steps, is extrapolated. It has nodes where slip stops:
@@ -56,7 +56,7 @@ ASTRAY = 5e-4
 #: A node is put where slip stops, if that is farther than this share of the opening from
 #: the ends of its step, at most so many times in a release.
 OFF_NODE, PLACINGS = 1e-5, 6
-#: Stops found closer to each other than this share of the opening, in two runs, are one.
+#: Stops found nearer to each other than this share of the opening, in two runs, are one.
 SAME = 1e-3
 #: Friction of two steps whose directions' cosine is below this may have turned round.
 TURNED = 0.99
@@ -81,7 +81,7 @@ def sliding_pivot_release(case: ReleaseCase, kinks: Array) -> Release:
     while True:
         before, foreseen = run.states[-1], events
         nodes = np.concatenate([kinks, events, around]) / opening
-        steps = min(max(2 * steps if finer else steps, _room_for(nodes.size)), MOST)
+        steps = min(max(2 * steps if finer else steps, _steps_for(nodes.size)), MOST)
         run = _pivot_run(case, instants(graded_shares(nodes, steps), opening))
         events = run.events()
         astray = np.abs(np.subtract.outer(events, foreseen)).min(axis=1, initial=opening)
@@ -132,7 +132,7 @@ def limit_surface_release(case: ReleaseCase, kinks: Array) -> Release:
     return Release(steps.times[[0, -1]], states[:3], states[3:])
 
 
-def _room_for(kinks: int) -> int:
+def _steps_for(kinks: int) -> int:
     """Steps, in whole blocks of the kernel, that leave one at least between two kinks."""
     return STEPS * math.ceil((kinks + 1) / STEPS)
 
