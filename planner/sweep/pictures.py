@@ -16,7 +16,7 @@ from .statistics import OUTER, delay_band, quantiles, scaled_error, swings
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from .sweep import Sweep
+    from .running import Sweep
 
 Array = npt.NDArray[np.float64]
 

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from .samples import unit_of
 
 if TYPE_CHECKING:
-    from .sweep import Sweep
+    from .running import Sweep
 
 #: Errors in the table: their unit, its size, and how the error is made up.
 ERRORS = {
