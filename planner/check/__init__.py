@@ -20,7 +20,7 @@ from .kernel_code import KernelCode, check_kernels
 from .mover import Limits, Mover, make_mover, outline_kernel
 from .sending import TICK, Samples, SmoothingError, broken_limits, send
 from .simulation import named_model, simulate, simulate_batch
-from .throw import Landing, Throw, case_of, friction_use
+from .throw import Throw, case_of, friction_use
 from .violations import (
     Guard,
     Margin,
@@ -33,7 +33,6 @@ __all__ = [
     "TICK",
     "Guard",
     "KernelCode",
-    "Landing",
     "Limits",
     "Margin",
     "Mover",

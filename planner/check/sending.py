@@ -71,7 +71,7 @@ def send(mover: Mover, planned: Path) -> Samples:
     jerk = mover.hard.jerk
     if jerk is None:
         return Samples(*_braked_hand(mover.hard, planned))
-    limits = _Limits(*(SHARE * most for most in (mover.hard.dq, mover.hard.ddq, jerk)))
+    limits = _Bounds(*(SHARE * most for most in (mover.hard.dq, mover.hard.ddq, jerk)))
     moved = _follow(limits, planned)
     brake = _jerk_limited_brake(limits, *(values[-1] for values in moved))
     return Samples(*(np.vstack(pair) for pair in zip(moved, brake, strict=True)))
@@ -103,7 +103,7 @@ def broken_limits(mover: Mover, sent: Samples) -> list[str]:
 
 
 @dataclass(frozen=True)
-class _Limits:
+class _Bounds:
     """What is sent keeps these, each (n,): velocity, acceleration and jerk."""
 
     dq: Array
@@ -119,7 +119,7 @@ class _Limits:
         return order
 
 
-def _follow(limits: _Limits, planned: Path) -> list[Array]:
+def _follow(limits: _Bounds, planned: Path) -> list[Array]:
     """Ruckig chases the planned samples: each tick heads for the next, from where it got to."""
     times = TICK * np.arange(math.ceil(planned.end / TICK - 1e-9) + 1)
     wanted = [values.T for values in planned.at(times)]
@@ -134,7 +134,7 @@ def _follow(limits: _Limits, planned: Path) -> list[Array]:
     return sent
 
 
-def _chase(limits: _Limits, wanted: list[Array], sent: list[Array], kept: Mask, first: int) -> int:
+def _chase(limits: _Bounds, wanted: list[Array], sent: list[Array], kept: Mask, first: int) -> int:
     """Ruckig from sample `first` on; the sample where it is back and the next tick is kept."""
     import ruckig
 
@@ -173,7 +173,7 @@ def _on_sample(state: tuple[list[float], ...], sample: tuple[list[float], ...]) 
     return True
 
 
-def _kept_ticks(limits: _Limits, planned: Path, until: float) -> Mask:
+def _kept_ticks(limits: _Bounds, planned: Path, until: float) -> Mask:
     """Whether the planned motion keeps the limits all along each tick up to `until` [s].
 
     Then a motion of just one tick leads from sample to sample within the limits, and
@@ -215,7 +215,7 @@ def _ticks(begin: float, end: float) -> slice:
     return slice(max(math.floor((begin - SAME) / TICK), 0), math.ceil((end + SAME) / TICK))
 
 
-def _jerk_limited_brake(limits: _Limits, q: Array, dq: Array, ddq: Array) -> Array:
+def _jerk_limited_brake(limits: _Bounds, q: Array, dq: Array, ddq: Array) -> Array:
     """Samples (3, N, n) after the given state until rest, time-optimal per joint."""
     import ruckig
 

@@ -32,7 +32,7 @@ from ...models import (
 from ...problems import InputError, Scene, as_scene
 from ..compile import PAYS_FROM, compiled_steps
 from .given_motion import given_hand
-from .throw import Landing, case_of, landing
+from .throw import LandingPoint, case_of, landing
 
 Array = npt.NDArray[np.float64]
 
@@ -70,7 +70,7 @@ class Simulation:
 
     model: str
     release: Release
-    landing: Landing | None
+    landing: LandingPoint | None
     seconds: float
 
     def to_dict(self) -> dict[str, Any]:

@@ -42,7 +42,7 @@ FLIGHT_SAMPLES = 400
 
 
 @dataclass(frozen=True)
-class Landing:
+class LandingPoint:
     """Where and when the CoM comes down through a height; NaN if it never does."""
 
     x: float
@@ -101,7 +101,7 @@ class Throw:
         return EXACT[self.model or self.scene.tolerance.model](self.case, self.kinks)
 
     @cached_property
-    def landing(self) -> Landing:
+    def landing(self) -> LandingPoint:
         """The flight of that to the target's height."""
         return landing(self.release, self.target.z, self.scene.gravity)
 
@@ -261,11 +261,11 @@ def case_of(scene: Scene, hand: HandTrack) -> ReleaseCase:
     return ReleaseCase(scene.body, scene.patch, grip, hand, scene.gravity, angle)
 
 
-def landing(release: Release, height: float, gravity: float) -> Landing:
+def landing(release: Release, height: float, gravity: float) -> LandingPoint:
     """Flight of a release to `height` [m]."""
     time = time_to_height(release.detach, height, gravity)
     end = release.detach.after(time, gravity)
-    return Landing(end.x, height if math.isfinite(time) else math.nan, end.theta, time, end)
+    return LandingPoint(end.x, height if math.isfinite(time) else math.nan, end.theta, time, end)
 
 
 def friction_use(scene: Scene, hand: HandSamples) -> tuple[Array, Array]:

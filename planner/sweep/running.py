@@ -29,7 +29,7 @@ from .statistics import (
     wilson,
 )
 from .summary import summary
-from .throws import Flags, Landings, Thrower, thrower_of
+from .throws import Flags, Outcomes, Thrower, thrower_of
 from .workers import Progress, run_sweep
 
 Array = npt.NDArray[np.float64]
@@ -62,8 +62,8 @@ class Sweep:
     asked: int
     numbers: npt.NDArray[np.int_]
     values: Array
-    landings: Landings
-    nominal: Landings
+    landings: Outcomes
+    nominal: Outcomes
     derivatives: dict[str, tuple[float, float]]
     shares: dict[str, tuple[float, float]]
     delays: DelayScan

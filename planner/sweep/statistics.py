@@ -11,7 +11,7 @@ import numpy.typing as npt
 from ...models import MODELS
 from ...problems import UNCERTAIN_PARAMETERS
 from .samples import Sampler
-from .throws import FURTHEST, Landings, Thrower
+from .throws import FURTHEST, Outcomes, Thrower
 
 Array = npt.NDArray[np.float64]
 
@@ -163,7 +163,7 @@ def scan_delays(thrower: Thrower) -> DelayScan:
     return DelayScan(delays, tried.pose, found.get("early"), found.get("late"))
 
 
-def _at_delays(thrower: Thrower, delays: Array, values: Array | None = None) -> Landings:
+def _at_delays(thrower: Thrower, delays: Array, values: Array | None = None) -> Outcomes:
     """Throws with these delays (K,) beyond the mean, all else as planned or as `values`."""
     if values is None:
         values = thrower.nominal(len(delays))

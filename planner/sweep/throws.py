@@ -49,7 +49,7 @@ USED, INSTANTS = 0.5, 120
 
 
 @dataclass(frozen=True)
-class Landings:
+class Outcomes:
     """N landings: pose (N, 3), x [m], theta [rad] and flight time [s] at the target's height,
     NaN for one that never comes down there; in_tolerance, in_cup (no contact with wall or
     rim on the way in; true without a cup), held (until its opening), each (N,).
@@ -61,10 +61,10 @@ class Landings:
     held: Flags
 
     @staticmethod
-    def joined(parts: list[Landings]) -> Landings:
+    def joined(parts: list[Outcomes]) -> Outcomes:
         """All of several."""
-        names = [field.name for field in fields(Landings)]
-        return Landings(*(np.concatenate([getattr(p, name) for p in parts]) for name in names))
+        names = [field.name for field in fields(Outcomes)]
+        return Outcomes(*(np.concatenate([getattr(p, name) for p in parts]) for name in names))
 
 
 @dataclass(frozen=True)
@@ -130,7 +130,7 @@ class Thrower:
         """Whether steps are cut where the hand's acceleration steps."""
         return self.model == SLIDING_PIVOT and self.hands.kinks.size > 0
 
-    def throw(self, values: Array) -> Landings:
+    def throw(self, values: Array) -> Outcomes:
         """N throws: values (N, P) of the parameters, columns as `names`, SI units."""
         columns = self.columns(values)
         batch = self.batch(columns)
@@ -143,7 +143,7 @@ class Thrower:
             detach[:, 3 + i] += drift
         landing = land(detach, self.target.z, self.scene.gravity)
         com = columns["com_offset"] + self.scene.grasp.offset
-        return Landings(
+        return Outcomes(
             landing,
             self._in_tolerance(landing),
             self._in_cup(detach, landing, com),
@@ -199,7 +199,7 @@ class Thrower:
         """The same with one more parameter, the last."""
         return replace(self, names=(*self.names, name))
 
-    def succeeds(self, landings: Landings) -> Flags:
+    def succeeds(self, landings: Outcomes) -> Flags:
         """Which throws (N,) succeed: into the cup, or inside the tolerance; held until opened."""
         inside = landings.in_tolerance if self.scene.cup is None else landings.in_cup
         return np.asarray(inside & landings.held)

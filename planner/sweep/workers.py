@@ -30,7 +30,7 @@ import numpy.typing as npt
 from ...models import MODELS
 from ...problems import InputError
 from .samples import Sampler
-from .throws import Landings, Thrower
+from .throws import Outcomes, Thrower
 
 Array = npt.NDArray[np.float64]
 #: Told how many samples are done, of how many.
@@ -149,7 +149,7 @@ class Chunk:
     count: int
 
 
-def throw_chunk(chunk: Chunk) -> tuple[Array, Landings]:
+def throw_chunk(chunk: Chunk) -> tuple[Array, Outcomes]:
     """Draw and throw one chunk: parameters (count, P) and landings."""
     values = chunk.sampler.draw(chunk.first, chunk.count)
     return values, chunk.thrower.throw(values)
@@ -161,7 +161,7 @@ class Thrown:
 
     numbers: npt.NDArray[np.int_]
     values: Array
-    landings: Landings
+    landings: Outcomes
 
 
 def run_sweep(
@@ -182,9 +182,9 @@ def run_sweep(
         Chunk(thrower, sampler, first, min(size, samples - first))
         for first in range(0, samples, size)
     ]
-    done: dict[int, tuple[Array, Landings]] = {}
+    done: dict[int, tuple[Array, Outcomes]] = {}
 
-    def keep(index: int, result: tuple[Array, Landings]) -> None:
+    def keep(index: int, result: tuple[Array, Outcomes]) -> None:
         done[index] = result
         if progress is not None:
             progress(sum(chunks[i].count for i in done), samples)
@@ -201,16 +201,16 @@ def run_sweep(
     order = sorted(done)
     numbers = [chunks[i].first + np.arange(chunks[i].count) for i in order]
     values = np.vstack([done[i][0] for i in order])
-    landings = Landings.joined([done[i][1] for i in order])
+    landings = Outcomes.joined([done[i][1] for i in order])
     return Thrown(np.concatenate(numbers), values, landings)
 
 
 def _spread(
-    chunks: list[Chunk], executor: Executor, keep: Callable[[int, tuple[Array, Landings]], None]
+    chunks: list[Chunk], executor: Executor, keep: Callable[[int, tuple[Array, Outcomes]], None]
 ) -> None:
     """Throw the chunks on the executor's workers; `keep` takes each as it is done."""
     waiting = iter(enumerate(chunks))
-    running: dict[Future[tuple[Array, Landings]], int] = {}
+    running: dict[Future[tuple[Array, Outcomes]], int] = {}
     try:
         while True:
             for index, chunk in itertools.islice(waiting, WINDOW - len(running)):
