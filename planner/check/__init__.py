@@ -7,8 +7,8 @@ from .entry import cup_entries, cup_entry, enters_cup_at_landing
 from .exact_release import limit_surface_release, relative_states, sliding_pivot_release
 from .geometry import (
     bar_outline,
+    column_distance,
     column_of,
-    column_room,
     held_bar,
     lowest_of_bar,
     palm_corners,
@@ -44,8 +44,8 @@ __all__ = [
     "broken_limits",
     "case_of",
     "check_kernels",
+    "column_distance",
     "column_of",
-    "column_room",
     "cup_entries",
     "cup_entry",
     "enters_cup_at_landing",

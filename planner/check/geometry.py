@@ -79,7 +79,7 @@ def palm_distance(bar: ThrownObject, tool: Tool, com: Array, hand: Array) -> Arr
     return np.asarray(np.minimum(from_bar, from_palm))
 
 
-def column_room(bar: ThrownObject, com: Array, radius: float, height: float) -> Array:
+def column_distance(bar: ThrownObject, com: Array, radius: float, height: float) -> Array:
     """Signed distance [m] (N,) of the bar from the base column, aside or above; negative inside.
 
     Infinite where the column is out of the bar's reach.

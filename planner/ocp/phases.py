@@ -159,18 +159,18 @@ def gauss_interval(context: Context, stage: Stage, dt: ca.SX, opening: int = 0) 
             weight * a[i] for weight, a in zip(row, accelerations, strict=True)
         )
 
-    def hastened(i: int, row: tuple[float, ...]) -> ca.SX:
+    def gained(i: int, row: tuple[float, ...]) -> ca.SX:
         return dt * sum(weight * a[i] for weight, a in zip(row, accelerations, strict=True))
 
     for k, node in enumerate(NODES):
         at = [p + moved(i, node, _PLACE[k]) for i, p in enumerate(place)]
-        speed = [r + hastened(i, _RATE[k]) for i, r in enumerate(rate)]
+        speed = [r + gained(i, _RATE[k]) for i, r in enumerate(rate)]
         _, _, hand = context.hand(stage, *context.inside(stage, node * dt))
         law = _accelerations(context, stage, [*at, *speed], hand, grips[k])
         for unit, variable, value in zip(units, ca.vertsplit(points[k]), law, strict=True):
             stage.row("sliding pivot", variable - value / unit, 0.0, 0.0)
     end = [p + moved(i, 1.0, _END) for i, p in enumerate(place)]
-    return ca.vertcat(*end, *[r + hastened(i, (0.5, 0.5)) for i, r in enumerate(rate)])
+    return ca.vertcat(*end, *[r + gained(i, (0.5, 0.5)) for i, r in enumerate(rate)])
 
 
 def grip_force(opening: int) -> str:

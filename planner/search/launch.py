@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from ...models import FlightState
 from ...problems import Scene
-from ..check import Mover, column_of, column_room, held_bar, palm_distance
+from ..check import Mover, column_distance, column_of, held_bar, palm_distance
 from ..compile import mapped
 from ..ocp import BRAKE_SHARE, PALM_TIMES
 
@@ -69,7 +69,7 @@ def clears_column(
     for share in np.linspace(0.0, 1.0, INSTANTS):
         q = polynomial(path, share * duration)
         hand = mapped(mover.motion)(q, 0 * q, 0 * q)[0].T
-        clear &= column_room(scene.object, held_bar(scene, hand), *column) >= 0.0
+        clear &= column_distance(scene.object, held_bar(scene, hand), *column) >= 0.0
     return clear
 
 
@@ -88,7 +88,7 @@ def flies_past_column(
     clear &= np.isfinite(duration)
     for share in np.linspace(0.0, 1.0, FLIGHT_INSTANTS):
         com = _flown(scene, detach, share * np.nan_to_num(duration))
-        clear &= column_room(scene.object, com, *column) >= room
+        clear &= column_distance(scene.object, com, *column) >= room
     return clear
 
 

@@ -21,8 +21,8 @@ from ..check import (
     Guard,
     Mover,
     Throw,
+    column_distance,
     column_of,
-    column_room,
     enters_cup_at_landing,
 )
 from ..compile import Compile
@@ -227,7 +227,7 @@ def in_column(scene: Scene, target: Pose) -> bool:
     half_turn = np.linspace(0.0, math.pi, HALF_TURN)
     theta = half_turn if target.theta is None else np.array([target.theta])
     poses = np.array([np.full(theta.size, target.plane_x), np.full(theta.size, target.z), theta])
-    room = column_room(scene.object, poses, *column).max()
+    room = column_distance(scene.object, poses, *column).max()
     return bool(room < -most.position - most.angle * scene.object.length)
 
 

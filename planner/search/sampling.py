@@ -16,7 +16,7 @@ import numpy.typing as npt
 
 from ...models import HandSamples, Opening, PivotSteps, SlidingPivot, march, rk4_step
 from ...problems import Pose, Scene
-from ..check import Mover, column_room, friction_use
+from ..check import Mover, column_distance, friction_use
 from ..compile import DAMAGED, cache_folder, digest, publish, source_of
 from ..ocp import BRAKE_SHARE, build_nlp
 from .launch import clears_column, clears_palm, run_up
@@ -235,7 +235,7 @@ def _miss(some: Releases, scene: Scene, x: float, height: float, theta: float | 
 
 
 #: What decides which releases are drawn for a scene, and where they go.
-MAKERS = (ReleaseSampler, sparse_parents, run_up, clears_column, column_room, build_nlp)
+MAKERS = (ReleaseSampler, sparse_parents, run_up, clears_column, column_distance, build_nlp)
 LAWS = (SlidingPivot, PivotSteps, march, rk4_step)
 
 

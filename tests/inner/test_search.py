@@ -16,7 +16,7 @@ from throwplan.planner.check import (
     Margin,
     Violation,
     case_of,
-    column_room,
+    column_distance,
     make_mover,
 )
 from throwplan.planner.ocp import Asked
@@ -222,7 +222,7 @@ def test_a_millimetre_from_the_base_column(pose: tp.Planner) -> None:
     assert plan.solved, plan.message
     thrown = plan.throw.final
     times = np.linspace(0.0, thrown.landing.flight_time, 3000)
-    clearance = column_room(pose.scene.object, thrown.flight(times), 0.12, 0.45)
+    clearance = column_distance(pose.scene.object, thrown.flight(times), 0.12, 0.45)
     assert -1e-5 < clearance.min() < 2e-3
 
 
@@ -248,7 +248,7 @@ def test_a_target_inside_the_column_is_out_of_reach(pose: tp.Planner) -> None:
     near = plan.nearest
     # The bar touches nothing there, and a little farther out it is thrown.
     there = np.array([[near.plane_x], [near.z], [near.theta]])
-    assert column_room(pose.scene.object, there, 0.12, 0.45)[0] > -1e-4
+    assert column_distance(pose.scene.object, there, 0.12, 0.45)[0] > -1e-4
     out = pose.plan(near.in_plane(near.plane_x + 0.01, near.theta))
     assert out.solved, out.message
 

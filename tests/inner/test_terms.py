@@ -14,7 +14,7 @@ from throwplan.planner.check import (
     Mover,
     Throw,
     bar_outline,
-    column_room,
+    column_distance,
     cup_entries,
     lowest_of_bar,
     make_mover,
@@ -148,7 +148,7 @@ def test_distances_of_bar_palm_and_column() -> None:
     assert palm_distance(bar, tool, folded, hand)[0] == 0.0
     # Aside, inside, above, and out of reach.
     places = np.array([[0.25, 0.1, 0.0, 1.0], [0.2, 0.2, 0.5, 0.5], [0.0, 0.0, 0.0, 0.0]])
-    found = column_room(bar, places, 0.12, 0.45)
+    found = column_distance(bar, places, 0.12, 0.45)
     assert found[[0, 2]] == pytest.approx([0.03, 0.05 - bar.width / 2])
     assert found[1] < 0.0 and found[3] == np.inf
 

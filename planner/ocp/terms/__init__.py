@@ -6,15 +6,25 @@ A new term is a class in a file here and an entry of `TERMS`; rows come in this 
 from ...check import Throw, Violation, throw_violations
 from ..asked import Request
 from ..context import Term
-from .cup import CUP_MARGIN, Cup, lower_end
-from .joint_limits import Slowing, Torque
-from .landing import Landing
+from .cup import CUP_MARGIN, CupClearance, lower_end
+from .joint_limits import SlowingLimits, TorqueLimits
+from .landing import LandingBounds
 from .robust import Quiet, Scenarios
 from .workspace import PALM_TIMES, PASSING_MARGIN, Column, Floor, Palm
 
 __all__ = ["CUP_MARGIN", "PALM_TIMES", "PASSING_MARGIN", "broken", "lower_end", "terms_of"]
 
-TERMS: list[type[Term]] = [Slowing, Torque, Floor, Cup, Palm, Column, Landing, Quiet, Scenarios]
+TERMS: list[type[Term]] = [
+    SlowingLimits,
+    TorqueLimits,
+    Floor,
+    CupClearance,
+    Palm,
+    Column,
+    LandingBounds,
+    Quiet,
+    Scenarios,
+]
 
 
 def terms_of(request: Request) -> tuple[Term, ...]:

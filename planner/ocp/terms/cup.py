@@ -27,7 +27,7 @@ T_RIM, T_CUP = Block("t_rim", "s"), Block("t_cup", "s")
 
 
 @dataclass(frozen=True)
-class Cup(Term):
+class CupClearance(Term):
     """The bar's outline inside the opening at several depths of its lower end.
 
     First its lowest corner passes the rim, at one unknown time, clear of the wall. Then, per

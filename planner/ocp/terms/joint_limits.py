@@ -23,7 +23,7 @@ STILL = 0.01
 
 
 @dataclass(frozen=True)
-class Slowing(Term):
+class SlowingLimits(Term):
     """For arms like the FR3. The check looks at it with the other limits of the samples."""
 
     @classmethod
@@ -52,7 +52,7 @@ class Slowing(Term):
 
 
 @dataclass(frozen=True)
-class Torque(Term):
+class TorqueLimits(Term):
     """Rows at nodes and at some instants of the brake; the check looks at every sample."""
 
     @classmethod

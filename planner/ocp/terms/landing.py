@@ -20,7 +20,7 @@ SHARE = 0.02
 
 
 @dataclass(frozen=True)
-class Landing(Term):
+class LandingBounds(Term):
     """Which of the bounds the scene has."""
 
     speed_min: bool

@@ -14,8 +14,8 @@ from ...check import (
     Margin,
     Throw,
     Violation,
+    column_distance,
     column_of,
-    column_room,
     lowest_of_bar,
     palm_distance,
     reach_of_bar,
@@ -35,8 +35,8 @@ CORNER = 0.002
 PASSING = 40
 PASSING_MARGIN = 0.004
 MARGIN = Margin("passing", more=0.002, most=0.03)
-#: Margin at the last of these instants: the landing pose itself is given, and targets next to the
-#: column would be lost.
+#: Over so many last of these instants it falls to none: the landing pose is given, and targets next
+#: to the column would be lost.
 LAST = 5
 #: Times after detach [s] with rows.
 PALM_TIMES = (0.01, 0.02, 0.03, 0.045, 0.06, 0.075, 0.09, 0.11, 0.13, 0.15, 0.18, 0.21, 0.25)
@@ -160,7 +160,8 @@ class Column(Term):
         column, bar = column_of(throw.scene), throw.scene.object
         assert column is not None
         held, flown = (
-            float(-column_room(bar, poses, *column).min()) for poses in (throw.held, throw.flying)
+            float(-column_distance(bar, poses, *column).min())
+            for poses in (throw.held, throw.flying)
         )
         words = "base column: the bar touches it"
         if max(held, flown) <= 1e-6:
@@ -250,8 +251,8 @@ def _keep_off(
 ) -> None:
     """Points of the flying bar clear of the hand's body at `time` after detach.
 
-    Every coordinate brakes at the acceleration counted on. Seen from the hand a point is in
-    front of the body, behind it or beside it.
+    Every coordinate brakes at `braking`. Seen from the hand a point is in
+    front of the body, behind it or to its side.
     """
     p, braking = context.parameters, context.each("braking")
     q, dq, _ = context.node(stage)
