@@ -19,10 +19,11 @@ from ...models import (
     Body,
     Contact,
     FlightState,
-    HandSamples,
     LinearRelease,
     LuGreRelease,
     PatchThrows,
+    Path,
+    ReleaseBatch,
     TableRelease,
     land,
     march_patch,
@@ -255,7 +256,7 @@ def _thrown(
     gravity, found = scene_with("com1").gravity, []
     for first in range(0, len(events), PATCH_CHUNK):
         part = events[first : first + PATCH_CHUNK]
-        throws = _side_by_side(mover, part, law.steps, gravity)
+        throws = PatchThrows.of_batch(_batch(mover, part, gravity), law.steps)
         bristles = None
         if law.stiffness is not None:
             bristles = LuGreRelease(stiffness=law.stiffness).bristles(throws)
@@ -272,24 +273,25 @@ def _thrown(
     return found
 
 
-def _side_by_side(mover: Mover, events: Sequence[Event], steps: int, gravity: float) -> PatchThrows:
-    """The events' releases as one batch, hands taken at each step from the motion itself."""
-    times, hands, forces = [], [], []
-    for event in events:
-        t = np.linspace(0.0, event.grip.opening, steps + 1)
-        hand = mover.hand(event.motion.samples.path).at(event.opening + t)
-        times.append(t)
-        hands.append((hand.pose, hand.twist, hand.acceleration))
-        forces.append(event.grip.force((t[1:] + t[:-1]) / 2))
-    pose, twist, acceleration = np.array(hands).transpose(1, 2, 3, 0)
-    bars = np.array([(e.bar.mass, e.bar.inertia, e.bar.com) for e in events]).T
-    contact = Contact(
-        np.array([event.friction for event in events]),
-        np.array([event.patch_radius for event in events]),
+def _batch(mover: Mover, events: Sequence[Event], gravity: float) -> ReleaseBatch:
+    """The events' releases, hands through their poses at 1 kHz."""
+    times = np.arange(-0.002, OPENING + 0.003, FORCES)
+    poses = [mover.hand(e.motion.samples.path).at(e.opening + times).pose.T for e in events]
+    known = [
+        (e.bar.mass, e.bar.inertia, e.bar.com, e.friction, e.patch_radius, e.grip.full)
+        for e in events
+    ]
+    mass, inertia, com, friction, radius, full = np.array(known).T
+    return ReleaseBatch(
+        len(events),
+        Body(mass, inertia, com),
+        Contact(friction, radius),
+        events[0].grip,
+        Path.through(times, np.array(poses)),
+        np.full(len(events), OPENING),
+        full,
+        gravity,
     )
-    start = np.array(sticking_state(pose[:, 0], twist[:, 0], 0.0, bars[2]))
-    samples = HandSamples(np.array(times).T, pose, twist, acceleration)
-    return PatchThrows(Body(*bars), contact, start, samples, np.array(forces).T, gravity)
 
 
 def _measured(mover: Mover, throw: Flown, noise: Noise, rng: np.random.Generator) -> MeasuredThrow:
