@@ -190,13 +190,6 @@ def test_scenes_and_sections_are_frozen(name) -> None:
             setattr(part, field, getattr(part, field))
 
 
-def test_replace_makes_a_variant() -> None:
-    scene = tp.load_scene("cup")
-    moon = scene.replace(gravity=1.62)
-    assert (moon.gravity, scene.gravity) == (1.62, 9.81)
-    assert moon.replace(gravity=9.81) == scene
-
-
 @pytest.mark.parametrize(
     ("changes", "words"),
     [
@@ -269,29 +262,6 @@ def test_a_cup_may_stand_where_the_bar_still_falls_into_it(tmp_path) -> None:
 
 
 # Wrong keys, sections and values.
-
-
-@pytest.mark.parametrize(
-    ("right", "wrong"),
-    [
-        *[("mass = ", "masss = "), ("patch_radius = ", "patch_radios = ")],
-        *[("force = ", "forse = "), ("opening = ", "openning = "), ("speed = ", "sped = ")],
-        *[("[contact]", "[contacts]"), ("[target]", "[traget]")],
-    ],
-)
-def test_unknown_key_names_the_nearest(right, wrong, tmp_path) -> None:
-    message = refusal(tmp_path, LEAST.replace(right, wrong, 1))
-    assert re.search(rf"did you mean .?{right.strip(' =[]')}\b", message)
-    assert f"'{wrong.strip(' =[]')}'" in message
-
-
-@pytest.mark.parametrize(
-    "line",
-    ["mass = 0.2", "length = 0.2", "friction = 0.8", "opening = 0.05", "speed = 3", "x = 1.2"],
-)
-def test_missing_key_is_named(line, tmp_path) -> None:
-    message = refusal(tmp_path, LEAST.replace(line + "\n", "", 1))
-    assert "missing" in message and f"'{line.split()[0]}'" in message
 
 
 SECTIONS = [

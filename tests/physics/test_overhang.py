@@ -63,23 +63,6 @@ def test_the_hinge_holds_between_its_thresholds(beam: OverhangingBeam, share: fl
     assert not beam.hinge_holds(high * (1.001 + share))
 
 
-@given(beams, st.floats(0.01, 1.0))
-def test_the_bound_on_the_hinge_force_while_it_points_down(
-    beam: OverhangingBeam, share: float
-) -> None:
-    # |f_1z| < (h - r) / (h + r) |f_2| as in the paper, for h > r and f_1z <= 0.
-    grip = share * beam.hinge_threshold()
-    f_1, limit = float(beam.hinge_force(grip)[1]), float(beam.point_limit(grip))
-    h, r = beam.body.com_offset, beam.half_span
-    if h > r and f_1 <= 0:
-        assert abs(f_1) <= (h - r) / (h + r) * limit * (1 + 1e-9) + 1e-12
-
-
-def test_at_the_threshold_the_hinge_force_is_that_of_rest() -> None:
-    f_1, _ = BEAM.sticking_forces()
-    np.testing.assert_allclose(BEAM.hinge_force(BEAM.hinge_threshold()), f_1, atol=1e-12)
-
-
 def test_a_falling_bar_loads_its_hinge_to_the_end() -> None:
     # A rod hinged at one end and let go: m g I / J_1.
     reach = BAR.com_offset + PADS.patch_radius

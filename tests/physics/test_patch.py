@@ -73,16 +73,6 @@ def test_limit_surface_lies_just_inside_the_ellipsoid(pressure: str) -> None:
     assert 1 - 0.067 < min(sizes) < (1 - 0.065 if pressure == "uniform" else 1 - 0.05)
 
 
-def test_mesh_of_64_points_is_close_to_a_fine_one() -> None:
-    coarse, fine = disc(), disc(points=2500)
-    for spin in np.geomspace(0.01, 100, 50):
-        slip = np.array([0.6, 0.8, spin])
-        # Largest where the pole of the rotation lies among the points.
-        np.testing.assert_allclose(
-            coarse.sliding_wrench(slip), fine.sliding_wrench(slip), atol=0.03
-        )
-
-
 def test_a_given_pressure_keeps_its_size() -> None:
     given_patch = Patch([0.002, -0.004, 0.0], [0.0, 0.0, 0.003], [0.5, 0.2, 0.3])
     unit, arm = scaled_patch(PADS, given_patch, 64)

@@ -216,18 +216,6 @@ def test_without_grip_and_without_the_hands_turning_it_falls_freely(form, state,
 
 @relaxed
 @given(state=slipping, hand=hands, share=st.floats(0, 0.99))
-def test_paper_form_slides_under_the_saturated_pivot_force(state, hand, share):
-    law = SlidingPivot(BAR, PADS, form="paper")
-    (f_x, f_z, _), _ = wrench_of(law, state, hand)
-    grip = share * math.hypot(f_x, f_z) / 2.0  # two faces, friction 1
-    assume(math.hypot(f_x, f_z) > 1e-3)
-    acceleration, _ = com_acceleration(law, state, hand, grip)
-    expected = share * np.array([f_x, f_z]) / BAR.mass - [0, GRAVITY]
-    np.testing.assert_allclose(acceleration, expected, atol=1e-8)
-
-
-@relaxed
-@given(state=slipping, hand=hands, share=st.floats(0, 0.99))
 def test_continuous_form_slips_on_top_of_the_pivot_motion(state, hand, share):
     law = SlidingPivot(BAR, PADS)
     (f_x, f_z, _), (x_r, z_r) = wrench_of(law, state, hand)
@@ -307,18 +295,6 @@ def test_rates_scale_with_the_units_of_length_and_time(state, hand, grip, length
 
 
 # Whole throws.
-
-
-@pytest.mark.parametrize("epsilon", [None, 0.03])
-@pytest.mark.parametrize("factor", [0.01, 7.0])
-def test_heavier_bodies_under_stronger_grips_move_alike(factor, epsilon):
-    heavy = dataclasses.replace(
-        THROWS,
-        body=Body(THROWS.body.mass * factor, THROWS.body.inertia * factor, THROWS.body.com_offset),
-        full=THROWS.full * factor,
-    )
-    end, other = (t.path(t.law(epsilon=epsilon), 300)[-1] for t in (THROWS, heavy))
-    np.testing.assert_allclose(other, end, rtol=1e-7, atol=1e-9)
 
 
 def random_drops(n):
