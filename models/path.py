@@ -197,7 +197,7 @@ class Path:
     def starts(self, derivative: int) -> Array:
         """A derivative (P, n) at the begin of each piece of a single path."""
         power = self.coefficients[-1 - derivative, :, :, 0]
-        return np.asarray(math.factorial(derivative) * power.T)
+        return math.factorial(derivative) * np.ascontiguousarray(power.T)
 
     def part(self, throws: Throws) -> Path:
         """The motions of the given throws."""
@@ -298,7 +298,7 @@ class MovedHand:
         return self.of(self.path.at(times))
 
     def of(self, joints: HandSamples) -> HandSamples:
-        """The hand for joints already looked up."""
+        """The hand for joints at known instants."""
         return HandSamples(joints.times, *(np.asarray(rows) for rows in self.motion(*joints)))
 
 

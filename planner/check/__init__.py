@@ -1,6 +1,6 @@
 """Motions thrown by the exact models, and what such a throw breaks of its scene.
 
-The promise behind `solved` is kept here: nothing in this room knows how a throw was found.
+The promise behind `solved` is kept here: nothing here knows how a throw was found.
 """
 
 from .entry import cup_entries, cup_entry, enters_cup_at_landing

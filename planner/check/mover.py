@@ -37,8 +37,8 @@ class Limits:
             return -self.dq, self.dq
         deceleration, offset, upper, lower = self.slowing
         down, up = (
-            np.clip(np.sqrt(2 * deceleration * np.maximum(room, 0.0)) - offset, 0.0, self.dq)
-            for room in (q - lower, upper - q)
+            np.clip(np.sqrt(2 * deceleration * np.maximum(way, 0.0)) - offset, 0.0, self.dq)
+            for way in (q - lower, upper - q)
         )
         return -down, up
 

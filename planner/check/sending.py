@@ -194,7 +194,7 @@ def _kept_ticks(limits: _Bounds, planned: Path, until: float) -> Mask:
     rate = np.abs([dq, end[1], extreme]).max(axis=0)
     used = np.array([np.abs(jerk), np.abs([ddq, end[2]]).max(axis=0), rate])
     most = np.array([limits.jerk, limits.ddq, limits.dq])[:, None]
-    # What the solver left open between two pieces takes some motion of its own.
+    # Closing the gap that the solver leaves between two pieces takes some motion too.
     gaps = np.abs([b[1:] - a[:-1] for a, b in zip(end, (q, dq, ddq), strict=True)])
     in_ticks = gaps / TICK ** np.array([3, 2, 1])[:, None, None]
     closing = np.einsum("ij,jkn->ikn", CLOSING, in_ticks) * TICK ** np.arange(3)[:, None, None]

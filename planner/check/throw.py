@@ -1,7 +1,7 @@
 """A throw: a motion, when the pads open on it, and what the exact models make of it.
 
 The same type for what the NLP planned, what is sent, what was read back and what a delay
-scatters. Nothing is computed before it is asked for.
+scatters. Releases and landings are computed when they are first read.
 """
 
 from __future__ import annotations
@@ -106,7 +106,7 @@ class Throw:
         return landing(self.release, self.target.z, self.scene.gravity)
 
     def throw(self) -> Throw:
-        """The same, its landing computed now instead of when it is first asked for."""
+        """The same, its landing computed now."""
         _ = self.landing
         return self
 

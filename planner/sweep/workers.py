@@ -94,7 +94,7 @@ def _cluster(address: str) -> Iterator[Executor]:
     except (OSError, ValueError) as error:
         raise InputError(f"{place}: {_line(error)}") from None
     # What can go wrong with a cluster, and with what is installed on it.
-    trouble = (distributed.KilledWorker, ImportError, OSError, CancelledError)
+    failures = (distributed.KilledWorker, ImportError, OSError, CancelledError)
     try:
         client.wait_for_workers(1, timeout=PATIENCE)
         # Not pure: every sweep is thrown, whatever the cluster remembers. Tasks of a worker
@@ -103,7 +103,7 @@ def _cluster(address: str) -> Iterator[Executor]:
             yield executor
     except TimeoutError:
         raise InputError(f"{place}: the scheduler has no workers") from None
-    except trouble as error:
+    except failures as error:
         raise InputError(f"{place}: work failed there: {_line(error)}") from None
     finally:
         client.close(timeout=PATIENCE)
