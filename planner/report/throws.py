@@ -66,7 +66,7 @@ def make(effort: Effort) -> ReportSection:
     numbers = [i for i, t in enumerate(data.throws) if t.factors["set"] == "batch"]
     batch = data.picked(numbers[:: effort.of(3, 1)])
     step()
-    tables = [_identified(batch)]
+    tables = [_identified(batch, effort)]
     step()
     if not effort.quick:
         tables.append(_validated(validate(data)))
@@ -92,19 +92,22 @@ def make(effort: Effort) -> ReportSection:
     )
 
 
-def _identified(data: ThrowData) -> ReportTable:
-    """Grids with and without compiled code, and fits."""
+def _identified(data: ThrowData, effort: Effort) -> ReportTable:
+    """Grids and fits; with full effort also the grids' times without compiled code."""
     true = data.truth["friction"] * data.truth["patch_radius"]
     with executor_of(LANES, None) as executor:
         found = [identify(data, m, executor=executor, workers=LANES) for m in MODELS]
-    with ProcessPoolExecutor(LANES, get_context("spawn"), _hide_compiler) as executor:
-        plain = [identify(data, m, executor=executor, workers=LANES) for m in MODELS]
-    rows = [_row(one, other, true) for one, other in zip(found, plain, strict=True)]
+    rows = [_row(one, true) for one in found]
+    if not effort.quick:
+        with ProcessPoolExecutor(LANES, get_context("spawn"), _hide_compiler) as executor:
+            for row, model in zip(rows, MODELS, strict=True):
+                plain = identify(data, model, executor=executor, workers=LANES).grid
+                row["grid not compiled [s]"] = None if plain is None else plain.seconds
     return ReportTable("throws-identified", "Grid and fit by model", rows)
 
 
-def _row(one: Identified, plain: Identified, true: float) -> Row:
-    assert one.grid is not None and plain.grid is not None
+def _row(one: Identified, true: float) -> Row:
+    assert one.grid is not None
     row: Row = {
         "model": one.model,
         "grid, least error [mm]": 1e3 * float(one.grid.error.min()),
@@ -112,9 +115,9 @@ def _row(one: Identified, plain: Identified, true: float) -> Row:
         "fit, error [mm]": None,
         "fit, μ r_p / truth": None,
         "± of it": None,
-        "grid [s]": one.grid.seconds,
-        "grid not compiled [s]": plain.grid.seconds,
         "predictions": one.grid.predictions,
+        "grid [s]": one.grid.seconds,
+        "grid not compiled [s]": None,
     }
     if one.fit is not None and one.error is not None:
         belief = one.posterior
@@ -144,8 +147,8 @@ def _fitted(table: ReportTable) -> str:
     )
     return (
         f"Friction times patch radius μ r_p by the fits, over the truth: {fits}. {count:,.0f} "
-        f"predictions of the grids take {fast:.0f} s by {LANES} processes, {slow:.0f} s without "
-        "compiled code."
+        f"predictions of the grids take {fast:.0f} s by {LANES} processes"
+        + (f", {slow:.0f} s without compiled code." if slow else ".")
     )
 
 
