@@ -5,6 +5,7 @@ A section that is None is left out of everything: no variable, no constraint.
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import math
 from pathlib import Path
@@ -165,7 +166,12 @@ class Scene(Section):
         if cup is not None and old is not None:
             dx, dz = target.plane_x - old.plane_x, target.z - old.z
             cup = dataclasses.replace(cup, x=cup.x + dx, rim=cup.rim + dz)
-        return dataclasses.replace(self, target=target, cup=cup)
+        # Both are valid by themselves: checking the whole scene again would take longer than
+        # the rest of a warm plan's overhead.
+        aimed = copy.copy(self)
+        object.__setattr__(aimed, "target", target)
+        object.__setattr__(aimed, "cup", cup)
+        return aimed
 
     @property
     def com_offset(self) -> float:

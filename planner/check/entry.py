@@ -92,16 +92,15 @@ def cup_entries(scene: Scene, detach: Array, flight: Array, com: Array | None = 
     enters = np.flatnonzero(deep.any(axis=1) & above.any(axis=1))
     flights = flights.picked(enters)
 
-    def instant(before: npt.NDArray[np.intp], level: float) -> Array:
-        low, high = times[enters, before], times[enters, before + 1]
-        for _ in range(BISECTIONS):
-            middle = (low + high) / 2
-            under = flights.depth(middle[:, None])[:, 0] >= level
-            low, high = np.where(under, low, middle), np.where(under, middle, high)
-        return np.asarray((low + high) / 2)
-
-    begin = instant(last_above[enters], 0.0)
-    end = instant(first_deep[enters] - 1, cup.insertion)
+    # Both ends of the way in at once: where the depth passes 0, and the insertion.
+    rows, levels = enters[:, None], np.array([0.0, cup.insertion])
+    before = np.stack([last_above[enters], first_deep[enters] - 1], axis=1)
+    low, high = times[rows, before], times[rows, before + 1]
+    for _ in range(BISECTIONS):
+        middle = (low + high) / 2
+        under = flights.depth(middle) >= levels
+        low, high = np.where(under, low, middle), np.where(under, middle, high)
+    begin, end = ((low + high) / 2).T
     least = np.full(enters.size, np.inf)
     for _ in range(ROUNDS):
         instants = np.linspace(begin, end, FINE, axis=1)
