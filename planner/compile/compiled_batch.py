@@ -1,6 +1,6 @@
 """Batches of throws in compiled code, where a C compiler is there.
 
-The steps are those of models/batch.py: the same laws are called with CasADi symbols, and
+The steps are those of `models.step_batch`: the same laws are called with CasADi symbols, and
 what they do is written out as C loops over a block of throws (batch_functions, lane_code).
 C text around them moves the hands, counts the steps and lets Newton's method run until a
 whole block has settled (batch_text).
