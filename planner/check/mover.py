@@ -9,7 +9,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from ...models import MovedHand, Path, PlanarArm, PlanarHand, Slowing, hand_motion
+from ...models import MovedHand, Path, PlanarArm, PlanarHand, hand_motion
 from ...problems import Hand, InputError, Scene
 from ..compile import MappedKernel, mapped
 
@@ -95,25 +95,13 @@ def make_mover(scene: Scene) -> Mover:
 
 def _hand_mover(hand: Hand) -> Mover:
     kinematics = PlanarHand(hand.turns, hand.theta[0])
-    low, high = [hand.x[0], hand.z[0]], [hand.x[1], hand.z[1]]
-    speed, acceleration = [hand.speed] * 2, [hand.acceleration] * 2
-    start = list(hand.start) if hand.start is not None else None
-    if hand.angular_speed is not None and hand.angular_acceleration is not None:
-        low.append(hand.theta[0])
-        high.append(hand.theta[1])
-        speed.append(hand.angular_speed)
-        acceleration.append(hand.angular_acceleration)
-        if start is not None and hand.start_theta is not None:
-            start.append(hand.start_theta)
-    limits = Limits(np.array(low), np.array(high), np.array(speed), np.array(acceleration), None)
-    return Mover(
-        kinematics,
-        hand_motion(kinematics),
-        planning=limits,
-        hard=limits,
-        start=None if start is None else np.array(start),
-        jerk_control=False,
-    )
+    n = kinematics.coordinates
+    low, high = np.array([hand.x, hand.z, hand.theta]).T[:, :n]
+    speed = np.array([hand.speed, hand.speed, hand.angular_speed or 0.0])[:n]
+    rate = np.array([hand.acceleration, hand.acceleration, hand.angular_acceleration or 0.0])[:n]
+    start = None if hand.start is None else np.array([*hand.start, hand.start_theta or 0.0])[:n]
+    limits = Limits(low, high, speed, rate, None)
+    return Mover(kinematics, hand_motion(kinematics), limits, limits, start, jerk_control=False)
 
 
 def _arm_mover(scene: Scene) -> Mover:
@@ -123,46 +111,37 @@ def _arm_mover(scene: Scene) -> Mover:
         kinematics = PlanarArm(arm, robot.throwing_joints)
     except ValueError as error:
         raise InputError(f"{scene.place}: [robot] {error}") from None
-    index = [j - 1 for j in kinematics.throwing_joints]
-    limits = arm.limits
-    hard = Limits(
-        np.array(limits.position_min)[index],
-        np.array(limits.position_max)[index],
-        np.array(limits.velocity)[index],
-        np.array(limits.acceleration)[index],
-        np.array(limits.jerk)[index],
-        _slowing(limits.slowing, index),
+    limits, index = arm.limits, [j - 1 for j in kinematics.throwing_joints]
+    low, high, dq, ddq, jerk = (
+        np.array(values)[index]
+        for values in (
+            *(limits.position_min, limits.position_max),
+            *(limits.velocity, limits.acceleration, limits.jerk),
+        )
     )
-    assert hard.jerk is not None
+    curves, slowing, slower = limits.slowing, None, None
+    share = 1 - robot.velocity_margin
+    if curves is not None:
+        rows = [curves.deceleration, curves.offset, curves.upper, curves.lower]
+        slowing = np.array(rows)[:, index]
+        # Curves whose velocity is `share` of these everywhere.
+        slower = slowing * np.array([[share**2], [share], [1.0], [1.0]])
     planning = Limits(
-        hard.q_min + robot.position_margin,
-        hard.q_max - robot.position_margin,
-        hard.dq * (1 - robot.velocity_margin),
-        hard.ddq * (1 - robot.acceleration_margin),
-        hard.jerk * (1 - robot.jerk_margin),
-        _slower(hard.slowing, 1 - robot.velocity_margin),
+        low + robot.position_margin,
+        high - robot.position_margin,
+        dq * share,
+        ddq * (1 - robot.acceleration_margin),
+        jerk * (1 - robot.jerk_margin),
+        slower,
     )
     return Mover(
         kinematics,
         hand_motion(kinematics),
-        planning=planning,
-        hard=hard,
+        planning,
+        hard=Limits(low, high, dq, ddq, jerk, slowing),
         start=None if robot.start is None else np.array(robot.start),
         jerk_control=robot.control == "jerk",
     )
-
-
-def _slowing(slowing: Slowing | None, index: list[int]) -> Array | None:
-    """The velocity curves of some joints, (4, n)."""
-    if slowing is None:
-        return None
-    curves = [slowing.deceleration, slowing.offset, slowing.upper, slowing.lower]
-    return np.array(curves)[:, index]
-
-
-def _slower(slowing: Array | None, share: float) -> Array | None:
-    """The curves whose velocity is `share` of the given ones' everywhere."""
-    return None if slowing is None else slowing * np.array([[share**2], [share], [1.0], [1.0]])
 
 
 @lru_cache(maxsize=16)
