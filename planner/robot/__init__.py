@@ -12,7 +12,7 @@ from .controllers import (
     write_franka,
     write_ros,
 )
-from .export import JointMotion, joint_motion
+from .export import joint_motion
 from .mujoco_replay import Replay, Rest, replay
 from .mujoco_throw import load_mujoco
 
@@ -20,7 +20,6 @@ __all__ = [
     "FRANKA_FILES",
     "OPEN_WIDTH",
     "ROS_FILES",
-    "JointMotion",
     "Replay",
     "Rest",
     "joint_motion",
