@@ -70,6 +70,8 @@ MOST_ALTERNATIVES = 20
 SAMPLES = 20_000
 #: Time [s] after which no further attempt is made. Usual plans take a thousandth of it.
 PATIENCE = 20.0
+#: What binds where no sampled release comes down through the target's height.
+HEIGHT = "landing height"
 #: Throws that `prepare` tries to solve, and the most it may be asked for.
 PREPARED, MOST_PREPARED = 1000, 10_000
 
@@ -125,8 +127,7 @@ class Planner:
         _check_one_of("solver", solver, SolverName)
         _check_one_of("turns", turns, Turns)
         if not 0 <= alternatives <= MOST_ALTERNATIVES:
-            most = MOST_ALTERNATIVES
-            raise InputError(f"alternatives = {alternatives!r}: must be 0 to {most}")
+            raise InputError(f"alternatives = {alternatives!r}: must be 0 to {MOST_ALTERNATIVES}")
         method = self._method(robust)
         if method and alternatives:
             raise InputError("alternatives: not with a robust plan")
@@ -201,13 +202,11 @@ class Planner:
     def prepare(self, throws: int = PREPARED, progress: Progress | None = None) -> int:
         """Solves throws all over the reach, for this planner's plans to start from.
 
-        Takes a minute or so; they are kept in the cache folder, so that the next planner of
-        the scene has them at once when it asks. Plans then start from the nearest, within
-        0.2 m of scaled error and of the scene's target height, and take about half the time;
-        without one so near, and with alternatives, they are made as ever. throws: how many
-        are tried; progress(tried, all) is called before each and at the end. Returns how many
-        were found. Raises InputError for a number out of range and for a scene with [choice],
-        whose plans look for several throws.
+        Takes a minute or so; they are kept in the cache folder for the next planner of the
+        scene. Plans then start from the nearest within 0.2 m of scaled error, and take about
+        half the time. throws: how many are tried; progress(tried, all) is called before each
+        and at the end. Returns how many were found. Raises InputError for a number out of
+        range and for a scene with [choice], whose plans look for several throws.
         """
         whole = isinstance(throws, int | np.integer) and not isinstance(throws, bool)
         if not whole or not 1 <= throws <= MOST_PREPARED:
@@ -325,12 +324,9 @@ class Planner:
         assert found.throw is not None
         goal = found.start.goal
         plan = self._plan(task, goal, tried, iterations, found.throw.nlp)
+        words, throw = _lands(found.throw, goal), found.throw
         return dataclasses.replace(
-            plan,
-            status="solved",
-            message=_lands(found.throw, goal),
-            throw=found.throw,
-            solver=found.solver,
+            plan, status="solved", message=words, throw=throw, solver=found.solver
         )
 
     def _failed(self, search: Search, tried: Sequence[Attempt], task: Task) -> Plan:
@@ -340,21 +336,11 @@ class Planner:
         plan = self._plan(task, target, tried, search.iterations, nlp)
         if answer is None and not late:
             far, pose, words = highest(search.releases, target, task.scene.gravity)
-            return dataclasses.replace(
-                plan,
-                status="out_of_reach" if far else "not_converged",
-                message=words,
-                nearest=pose,
-                binding=("landing height",),
-            )
+            plan = dataclasses.replace(plan, message=words, nearest=pose, binding=(HEIGHT,))
+            return dataclasses.replace(plan, status="out_of_reach") if far else plan
         if answer is not None and answer.outside:
-            return dataclasses.replace(
-                plan,
-                status="out_of_reach",
-                message=answer.words(target),
-                nearest=answer.pose,
-                binding=answer.names,
-            )
+            plan = dataclasses.replace(plan, status="out_of_reach", message=answer.words(target))
+            return dataclasses.replace(plan, nearest=answer.pose, binding=answer.names)
         broken = [attempt for attempt in tried if attempt.throw is not None]
         reasons = [attempt.reason for attempt in broken[:1] or tried[-1:]]
         message = f"no throw found: {(reasons or [''])[0] or 'no feasible release to start from'}"

@@ -3,12 +3,11 @@
 Also answers which landing is the nearest possible, and which limits bind there.
 """
 
-from .attempt import Attempt, Start, attempts, violations
-from .choice import distinct, ordered, scatter
+from .attempt import Attempt, Start, attempts, distinct, ordered, scatter, violations
 from .guess import guess_from, refit
 from .launch import flies_past_column, polynomial, run_up
 from .nearest import Binding, Reach, highest
-from .nlps import Clock, Problem, Problems, Task, check_start
+from .nlps import Clock, Problems, Program, Task, check_start
 from .release_table import Releases, Turns, goals_of, joined, starts
 from .sampling import ReleaseSampler, stored_releases
 from .stored import SolvedThrow, SolvedThrows, spread_targets, stored_throws
@@ -18,8 +17,8 @@ __all__ = [
     "Attempt",
     "Binding",
     "Clock",
-    "Problem",
     "Problems",
+    "Program",
     "Reach",
     "ReleaseSampler",
     "Releases",

@@ -57,7 +57,7 @@ class Task:
 
 
 @dataclass(frozen=True)
-class Problem:
+class Program:
     """An NLP with one solver and the bounds of its variables."""
 
     nlp: ThrowNlp
@@ -86,7 +86,7 @@ class Problems:
         self.scene, self.mover = scene, mover
         self._compiling = compiling
         self._nlps: dict[_Kind, ThrowNlp] = {}
-        self._problems: dict[tuple[_Kind, str], Problem] = {}
+        self._problems: dict[tuple[_Kind, str], Program] = {}
 
     @property
     def compiled(self) -> bool:
@@ -110,7 +110,7 @@ class Problems:
 
     def problem(
         self, target: Pose, asked: Asked, solver: str, clock: Clock, robust: str = ""
-    ) -> Problem:
+    ) -> Program:
         """The same with a solver: 'fatrop' or 'ipopt', IPOPT in any case for heavy guards."""
         kind = _Kind(target.theta is not None, asked.guards, robust)
         name = "ipopt" if asked.heavy else solver
@@ -119,7 +119,7 @@ class Problems:
             with clock("build"):
                 made = Solver(nlp, name, compiling=patient(self._compiling, kind.guards))
                 request = Request(self.scene, self.mover, target, asked, robust)
-                self._problems[kind, name] = Problem(nlp, made, nlp.bounds(request))
+                self._problems[kind, name] = Program(nlp, made, nlp.bounds(request))
         return self._problems[kind, name]
 
 

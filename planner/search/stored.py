@@ -171,11 +171,10 @@ def _read(path: Path) -> list[SolvedThrow] | None:
         return None
 
 
-def _throw(
-    pose: Array, guards: str, margins: str, aim: Array, x: Array, lam_g: Array, lam_x: Array
-) -> SolvedThrow:
-    """One of a file's rows."""
+def _throw(pose: Array, guards: str, margins: str, aim: Array, *answer: Array) -> SolvedThrow:
+    """One of a file's rows; answer: its arrays in the order of `PARTS`."""
     plane_x, z, theta = (float(number) for number in pose)
+    x, lam_g, lam_x = answer
     return SolvedThrow(
         Pose(plane_x, z=z, theta=None if math.isnan(theta) else theta),
         Asked(frozenset(guards.split()), Margins(**json.loads(margins))),
