@@ -123,7 +123,8 @@ def batches(folder: Path, model: str, **variables: str) -> dict[str, np.ndarray]
 
 
 @needs_compiler
-@pytest.mark.parametrize("model", ["sp", pytest.param("ls-step", marks=pytest.mark.slow)])
+@pytest.mark.slow
+@pytest.mark.parametrize("model", ["sp", "ls-step"])
 def test_compiled_batches_are_numpys_whatever_happens_to_the_library(model, tmp_path) -> None:
     plain = batches(tmp_path, model, THROWPLAN_COMPILE="0")
     assert not list(tmp_path.glob("cache/*.so"))

@@ -116,6 +116,7 @@ def test_a_hand_whose_acceleration_steps_between_all_nodes() -> None:
     assert detached(sliding_pivot_release(case, kinks)) == pytest.approx(exact, abs=1e-6)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("jump", "before", "after"),
     [
@@ -187,6 +188,7 @@ def extreme_case(v: dict[str, np.ndarray], i: int) -> ReleaseCase:
     )
 
 
+@pytest.mark.slow
 def test_extreme_releases_are_as_good_as_by_a_thousand_even_steps() -> None:
     values, worse = extremes(24, 8), []
     for i in range(24):

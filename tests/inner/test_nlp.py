@@ -148,6 +148,7 @@ def model_error(epsilon: float) -> tuple[float, float]:
     return abs(planned[0] - exact.x), abs(planned[2] - exact.theta)
 
 
+@pytest.mark.slow
 def test_nlp_lands_where_the_exact_model_does_as_the_rounding_goes() -> None:
     """Two implementations: shooting with the rounded law, and stepping with the sharp one."""
     for epsilon, position, degrees in ((0.03, 3e-4, 0.3), (0.01, 5e-5, 0.03)):

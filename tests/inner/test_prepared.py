@@ -71,6 +71,7 @@ def test_made_once_and_read_by_other_planners_to_the_digit(prepared: tp.Planner)
         np.testing.assert_array_equal(one.throw.solution.x, other.throw.solution.x)
 
 
+@pytest.mark.slow
 def test_a_damaged_file_is_made_again(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
     scene, heard = tp.load_scene("hand-flip"), []

@@ -155,6 +155,7 @@ def test_there_are_332_cases_that_differ() -> None:
     assert (h == 0).sum() > 20 and h.max() >= 0.5
 
 
+@pytest.mark.slow
 def test_a_few_extreme_cases_are_finite_true_or_say_why() -> None:
     chosen = [case for case in extremes.some(40) if case.scene.robot is None][::12]
     found = [extremes.run(case) for case in chosen]
@@ -229,6 +230,7 @@ def test_single_shooting_reaches_what_the_planner_reaches() -> None:
     assert planner.SingleShooting(scene).solve(moved)[0]
 
 
+@pytest.mark.slow
 def test_each_part_adds_its_own_and_is_solved() -> None:
     """A pivot has an angle and a rate at each node of the opening; θ is one row more."""
     found = [

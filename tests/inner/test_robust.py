@@ -29,6 +29,7 @@ def nominal(planner: tp.Planner) -> tp.Plan:
     return planner.plan()
 
 
+@pytest.mark.slow
 def test_near_the_base_auto_lets_go_slowly(planner: tp.Planner) -> None:
     """Where the hand has no room to follow a free flight; a quiet throw scatters more there."""
     target = tp.Pose(x=-0.3444, z=0.1, theta=-1.428254)

@@ -233,6 +233,7 @@ def test_a_bar_that_touches_the_column_between_two_instants_gets_a_margin() -> N
     assert plan.solved and plan.throw.asked.margins["passing"] > 0.0, plan.message
 
 
+@pytest.mark.slow
 def test_a_target_that_only_the_tolerance_allows(pose: tp.Planner) -> None:
     """There the bar would lie 0.8 mm from the column."""
     plan, tolerance = pose.plan(aimed(pose, 0.22, -15), patience=90.0), pose.scene.tolerance

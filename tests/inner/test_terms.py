@@ -113,6 +113,7 @@ def test_slip_before_the_opening_is_a_failure() -> None:
     assert any("slip" in violation.words for violation in broken(thrown))
 
 
+@pytest.mark.slow
 def test_planner_takes_no_throw_that_breaks_the_workspace() -> None:
     """The NLP knows nothing of the palm: the check alone must keep such throws out."""
     scene = tp.load_scene("pose")
@@ -121,6 +122,7 @@ def test_planner_takes_no_throw_that_breaks_the_workspace() -> None:
     assert plan.status == "not_converged" and "palm" in plan.message
 
 
+@pytest.mark.slow
 def test_palm_enters_the_nlp_when_it_decides_and_goes_into_a_warm_start() -> None:
     """Thrown backwards over the base, the bar would hit the hand: solved all the same."""
     planner = tp.Planner(tp.load_scene("pose"))
@@ -205,6 +207,7 @@ def test_cup_entry_is_that_of_a_finely_drawn_outline(seed: int) -> None:
 # Torques.
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["flip", "pose", "box"])
 def test_weak_limits_are_kept(name: str) -> None:
     """The NLP looks at some instants of the brake; the check looks at every sample."""

@@ -192,6 +192,7 @@ def test_shipped_masses_are_those_of_bodies(name) -> None:
 # Throwing, and what is printed.
 
 
+@pytest.mark.slow
 def test_imported_panda_throws_to_the_pose(tmp_path, panda) -> None:
     assert imported(tmp_path, PANDA_URDF, PANDA_JOINTS, *PANDA_OPTIONS) == panda
     (tmp_path / "mine.toml").write_text(

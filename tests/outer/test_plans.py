@@ -449,6 +449,7 @@ def test_a_robust_plan_scatters_a_twentieth(method, delay, plan_of) -> None:
     assert spread[0] < spread[1] / 20
 
 
+@pytest.mark.slow
 def test_a_robust_section_asks_for_it_and_uncertainty_alone_does_not(tmp_path, plan_of) -> None:
     assert not plan_of("delay").to_dict().get("robust")
     path = tmp_path / "quiet.toml"

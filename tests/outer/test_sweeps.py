@@ -69,6 +69,7 @@ def test_a_weak_grip_is_no_success(tmp_path) -> None:
     assert weak.to_dict()["success"]["rate"] == 0.0
 
 
+@pytest.mark.slow
 def test_any_executor_and_the_seed_alone_decides(delay) -> None:
     def result(**options) -> str:
         return json.dumps(tp.sweep(delay, samples=9000, **options).to_dict() | {"time": 0})

@@ -78,7 +78,9 @@ def test_across_events_the_order_drops() -> None:
 # Other shapes of limit surface.
 
 
-@pytest.mark.parametrize("shape", [rotated_ellipsoid, Quartic])
+@pytest.mark.parametrize(
+    "shape", [rotated_ellipsoid, pytest.param(Quartic, marks=pytest.mark.slow)]
+)
 def test_stepping_of_other_shapes_is_the_limit_of_the_smoothed_law(shape) -> None:
     case = reference_case("throw_decelerating")
     stepped = SteppedRelease(1500, shape=shape).release(case)
