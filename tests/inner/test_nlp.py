@@ -157,7 +157,7 @@ def test_nlp_lands_where_the_exact_model_does_as_the_rounding_goes() -> None:
         assert math.degrees(theta_error) <= degrees
 
 
-@pytest.mark.parametrize("name", ["hand-flip", "pose"])
+@pytest.mark.parametrize("name", ["hand-flip", pytest.param("pose", marks=pytest.mark.slow)])
 def test_collocation_lands_where_runge_kutta_does(name: str) -> None:
     """Two integrators of the same smooth law, along the same hand motion."""
     scene = tp.load_scene(name)

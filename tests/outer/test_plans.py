@@ -463,7 +463,7 @@ def test_bounds_of_landing_and_torque_are_planned(tmp_path) -> None:
     path = tmp_path / "more.toml"
     path.write_text(
         tp.scene_text("pose")
-        + "\n[landing]\nspeed_max = 3.2\nrate_max = 3.0\n[torque]\nlimits = [60.0, 40.0, 8.0]\n"
+        + "\n[landing]\nspeed_max = 3.6\n[torque]\nlimits = [80.0, 60.0, 11.0]\n"
     )
     answer, plain = tp.plan(path).to_dict(), tp.plan("pose").to_dict()
     assert answer["status"] == "solved"
