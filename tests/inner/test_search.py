@@ -156,7 +156,7 @@ def test_what_the_next_problem_has_after_a_throw_that_breaks_something() -> None
     ("scene", "x", "degrees", "guard", "asked"),
     [
         # The arm itself was below the floor at the start.
-        ("pose", 0.9, 343.8, "carry", True),
+        pytest.param("pose", 0.9, 343.8, "carry", True, marks=pytest.mark.slow),
         # The bar falls back onto the hand with its middle, late.
         pytest.param("pose", -0.9514, -50.0, "return", True, marks=pytest.mark.slow),
         # Backwards, past column and palm.
@@ -226,6 +226,7 @@ def test_a_millimetre_from_the_base_column(pose: tp.Planner) -> None:
     assert -1e-5 < clearance.min() < 2e-3
 
 
+@pytest.mark.slow
 def test_a_bar_that_touches_the_column_between_two_instants_gets_a_margin() -> None:
     """The same rows with the same margin would lead there for ever."""
     planner = tp.Planner(tp.load_scene("flip"))
@@ -254,6 +255,7 @@ def test_a_target_inside_the_column_is_out_of_reach(pose: tp.Planner) -> None:
     assert out.solved, out.message
 
 
+@pytest.mark.slow
 def test_a_pose_that_no_cup_takes_is_out_of_reach(cup: tp.Planner) -> None:
     """The cup comes along with the target; lying flat the bar enters none."""
     plan = cup.plan(aimed(cup, 0.51, 336.0), patience=90.0)
