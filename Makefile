@@ -4,12 +4,12 @@ BIN := .venv/bin
 PIP := PIP_CONSTRAINT=$(CURDIR)/constraints.txt $(BIN)/pip install --quiet --disable-pip-version-check
 # Strict: the type checker sees what a wheel would hold, not the whole folder.
 EDITABLE := --config-settings editable_mode=strict --editable
-FILES := pyproject.toml constraints.txt $(wildcard *.py */*.py */*/*.py */*/*/*.py problems/*/*.toml)
+FILES := pyproject.toml constraints.txt $(wildcard *.py */*.py */*/*.py */*/*/*.py problems/*/*.toml core/*.[ch])
 
 # Two processes; the tests of a file stay together, for the plans that they share.
 PYTEST := $(BIN)/pytest --numprocesses 2 --dist loadfile
 
-.PHONY: run test verify extras pictures notebooks notebooks-executed clean
+.PHONY: core run test verify extras pictures notebooks notebooks-executed clean
 
 run: .venv/run
 	$(BIN)/throwplan plan cup --out out/cup
@@ -24,6 +24,10 @@ test: .venv/test
 # What takes longer: notebooks executed, MuJoCo over many cases, sections of the report.
 verify: .venv/test
 	$(PYTEST) -m slow
+
+# The C library of a checkout that runs without being installed.
+core:
+	$(BIN)/python -c 'import setuptools; setuptools.setup()' --quiet build_ext --inplace
 
 # The optional extras beside what is there.
 extras: .venv/run

@@ -1,0 +1,8 @@
+"""The compiled core: the planner's innermost loops in C, one library for all scenes.
+
+It is built with the package and optional: without it callers run slower and give the same answers.
+"""
+
+from .library import library
+
+__all__ = ["library"]

@@ -1,0 +1,30 @@
+/* What all files of the core share. */
+#ifndef CORE_H
+#define CORE_H
+
+#include <math.h>
+
+/* Counts up with every change of an argument or a structure; that of library.py. */
+#define CORE_VERSION 1
+
+/* What Python calls. */
+#if defined _WIN32
+#define EXPORT __declspec(dllexport)
+#else
+#define EXPORT __attribute__((visibility("default")))
+#endif
+
+/* A heavy function is compiled for plain x86-64 and for AVX2; the loader takes what the processor
+   has. What it calls is compiled with it if it is INLINE. */
+#if defined __x86_64__ && defined __GLIBC__ && defined __GNUC__ && !defined __clang__
+#define CLONES __attribute__((target_clones("default", "arch=haswell")))
+#else
+#define CLONES
+#endif
+#if defined __GNUC__
+#define INLINE static inline __attribute__((always_inline))
+#else
+#define INLINE static inline
+#endif
+
+#endif

@@ -1,0 +1,31 @@
+"""The library that is built with the package, by ctypes."""
+
+from __future__ import annotations
+
+import ctypes
+import os
+from functools import cache
+from importlib.machinery import EXTENSION_SUFFIXES
+from pathlib import Path
+
+#: That of core.h; it counts up with every change of an argument or a structure.
+VERSION = 1
+
+
+def library() -> ctypes.CDLL | None:
+    """The library; None where it was not built, is another version's, or THROWPLAN_COMPILE is 0.
+
+    Callers set `argtypes` and `restype` of what they call.
+    """
+    return None if os.environ.get("THROWPLAN_COMPILE") == "0" else _loaded()
+
+
+@cache
+def _loaded() -> ctypes.CDLL | None:
+    for suffix in EXTENSION_SUFFIXES:
+        try:
+            found = ctypes.CDLL(str(Path(__file__).with_name(f"_core{suffix}")))
+            return found if found.core_version() == VERSION else None
+        except (OSError, AttributeError):
+            continue
+    return None
