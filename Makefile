@@ -25,9 +25,9 @@ test: .venv/test
 verify: .venv/test
 	$(PYTEST) -m slow
 
-# The C library of a checkout that runs without being installed.
+# The compiled core of a checkout that runs without being installed.
 core:
-	$(BIN)/python -c 'import setuptools; setuptools.setup()' --quiet build_ext --inplace
+	$(BIN)/python setup.py --quiet build_ext --inplace
 
 # The optional extras beside what is there.
 extras: .venv/run
