@@ -1,5 +1,7 @@
 """The compiled core, beside what pyproject.toml says: plain C, loaded by ctypes, optional."""
 
+# mypy: ignore-errors
+
 from pathlib import Path
 
 from setuptools import Extension, setup
@@ -28,4 +30,5 @@ CORE = Extension(
     optional=True,
 )
 
-setup(ext_modules=[CORE], cmdclass={"build_ext": BuildCore})
+# Called so, the script is no module of the package.
+setup(ext_modules=[CORE], cmdclass={"build_ext": BuildCore}, script_name="setup.py")

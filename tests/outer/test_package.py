@@ -75,6 +75,7 @@ def test_wheel_holds_the_package_and_its_data(wheel) -> None:
     for name in ("py.typed", "__main__.py", "problems/scenes/cup.toml", "problems/arms/panda.toml"):
         assert f"throwplan/{name}" in names
     assert not [n for n in names if n.startswith(("tests", "throwplan/tests", "models", "planner"))]
+    assert "throwplan/setup.py" not in names
     # Every module of the rooms, none forgotten in pyproject's list of packages.
     for layer in ("core", "models", "problems", "planner"):
         for path in (ROOT / layer).rglob("*.py"):
