@@ -18,8 +18,6 @@ from importlib.metadata import PackageNotFoundError, version
 from ...problems import InputError
 from .common import DONE, WRONG_INPUT, Parser
 
-__all__ = ["COMMANDS", "main", "parser_of"]
-
 COMMANDS = {
     "scenes": "list the built-in scenes",
     "plan": "plan a throw and check it",

@@ -8,21 +8,3 @@ from .compiled import Code, Compile
 from .compiled_batch import PAYS_FROM, compiled_steps
 from .compiler import compiler as c_compiler
 from .kernel import STEPS, Kernel, MappedKernel, StepKernel, mapped
-
-__all__ = [
-    "DAMAGED",
-    "PAYS_FROM",
-    "STEPS",
-    "Code",
-    "Compile",
-    "Kernel",
-    "MappedKernel",
-    "StepKernel",
-    "c_compiler",
-    "cache_folder",
-    "compiled_steps",
-    "digest",
-    "mapped",
-    "publish",
-    "source_of",
-]

@@ -2,5 +2,3 @@
 
 from .maps import MAP_FILES, MOST, ReachMap, check_map, reach_map
 from .preparing import solved
-
-__all__ = ["MAP_FILES", "MOST", "ReachMap", "check_map", "reach_map", "solved"]

@@ -7,17 +7,3 @@ from .judge import Verdict, judged
 from .page import PAGE, Effort, Picture, ReportSection, ReportTable
 from .reach import TICK, follow
 from .run import SECTIONS, make_report
-
-__all__ = [
-    "PAGE",
-    "SECTIONS",
-    "TICK",
-    "Effort",
-    "Picture",
-    "ReportSection",
-    "ReportTable",
-    "Verdict",
-    "follow",
-    "judged",
-    "make_report",
-]

@@ -2,14 +2,3 @@
 
 from .files import joint_samples, read_plan, sent_throw, write_table
 from .plan import Plan, PlannedThrow, Status, checked_target
-
-__all__ = [
-    "Plan",
-    "PlannedThrow",
-    "Status",
-    "checked_target",
-    "joint_samples",
-    "read_plan",
-    "sent_throw",
-    "write_table",
-]

@@ -15,18 +15,3 @@ from .controllers import (
 from .export import joint_motion
 from .mujoco_replay import Replay, Rest, replay
 from .mujoco_throw import load_mujoco
-
-__all__ = [
-    "FRANKA_FILES",
-    "OPEN_WIDTH",
-    "ROS_FILES",
-    "Replay",
-    "Rest",
-    "joint_motion",
-    "joint_names",
-    "load_mujoco",
-    "replay",
-    "ros_typestore",
-    "write_franka",
-    "write_ros",
-]

@@ -1,5 +1,3 @@
 """Plans that bear an uncertain opening: quiet releases, scenarios, constant rates."""
 
 from .hardening import Hardened, Hardening
-
-__all__ = ["Hardened", "Hardening"]

@@ -18,27 +18,3 @@ from .style import (
     save,
 )
 from .throw_picture import MIN_WIDTH, bar_corners, draw_throw
-
-__all__ = [
-    "BLACK",
-    "BLUE",
-    "GREEN",
-    "GREY",
-    "MIN_WIDTH",
-    "ORANGE",
-    "PURPLE",
-    "RED",
-    "TEAL",
-    "bar_corners",
-    "draw_cup",
-    "draw_release_pictures",
-    "draw_throw",
-    "draw_throw_moving",
-    "new_figure",
-    "open_browser",
-    "run_panel",
-    "save",
-    "save_film",
-    "serving",
-    "space_throw",
-]

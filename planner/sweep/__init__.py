@@ -6,13 +6,3 @@ Chunks of them may be spread over processes and machines; the result is the same
 from .running import SWEEP_FILES, Sweep, check_sweep, sweep, sweep_until_stopped
 from .statistics import scaled_error
 from .workers import executor_of
-
-__all__ = [
-    "SWEEP_FILES",
-    "Sweep",
-    "check_sweep",
-    "executor_of",
-    "scaled_error",
-    "sweep",
-    "sweep_until_stopped",
-]

@@ -11,18 +11,3 @@ from .arm import (
     limits_of,
 )
 from .chain import AXES, UrdfChain, chain_of, read_urdf
-
-__all__ = [
-    "AXES",
-    "EXACT",
-    "LIMIT_OPTIONS",
-    "STATES",
-    "Choices",
-    "UrdfChain",
-    "arm_of",
-    "chain_of",
-    "held_joints",
-    "kinematics_difference",
-    "limits_of",
-    "read_urdf",
-]

@@ -12,8 +12,6 @@ from .landing import LandingBounds
 from .robust import Quiet, Scenarios
 from .workspace import PALM_TIMES, PASSING_MARGIN, Column, Floor, Palm
 
-__all__ = ["CUP_MARGIN", "PALM_TIMES", "PASSING_MARGIN", "broken", "lower_end", "terms_of"]
-
 TERMS: list[type[Term]] = [
     SlowingLimits,
     TorqueLimits,
