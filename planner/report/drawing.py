@@ -93,6 +93,9 @@ def draw_settings(rows: ReportTable, path: Path) -> None:
         some = rows.where(scene=scene)
         for row in some:
             time, error = row["solve [ms]"], row["error before correction [mm]"]
+            if time is None or error is None:
+                # A setting that solved no target.
+                continue
             words = str(row["setting"])
             compiled = "s" if row["compiled"] == "yes" else "o"
             marker = "^" if row["solver"] == "ipopt" else compiled
