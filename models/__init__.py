@@ -13,7 +13,6 @@ from .body import (
     Value,
     com_twist,
     com_wrench,
-    contact_acceleration,
     contact_twist,
     hand_of,
     land,
@@ -37,8 +36,6 @@ from .kinematics import (
 )
 from .limit_surface import (
     Ellipsoid,
-    LimitSurface,
-    Quartic,
     ellipsoid,
     held_wrench,
     rotated_ellipsoid,
@@ -48,7 +45,6 @@ from .limit_surface import (
     surface_gauge,
 )
 from .limit_surface_release import ImplicitRelease, KarnoppRelease
-from .overhang import OverhangingBeam
 from .patch import RADIUS_PER_ARM, Patch, PointSolver, SlipProblem, disc, patch_gauge, scaled_patch
 from .patch_release import (
     CREEP,

@@ -168,17 +168,6 @@ def com_wrench(
     return f_x, f_z, torque + f_x * z_r - f_z * x_r
 
 
-def contact_acceleration(
-    a_x: Value, a_z: Value, alpha: Value, omega: Value, x_r: Value, z_r: Value
-) -> tuple[Value, Value, Value]:
-    """Acceleration of the contact point from the CoM's, (15), centripetal part included."""
-    return (
-        a_x + alpha * z_r + omega * omega * x_r,
-        a_z - alpha * x_r + omega * omega * z_r,
-        alpha,
-    )
-
-
 def pivot_wrench(
     body: Body, gravity: Value, hand: HandMotion, omega: Value, x_r: Value, z_r: Value
 ) -> tuple[Value, Value, Value]:

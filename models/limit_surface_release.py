@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import warnings
-from collections.abc import Callable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Literal
 
@@ -17,6 +17,7 @@ import numpy as np
 
 from .body import (
     Array,
+    Body,
     Contact,
     HandMotion,
     HandSamples,
@@ -26,8 +27,9 @@ from .body import (
     sticking_state,
 )
 from .limit_surface import (
-    LimitSurface,
+    Ellipsoid,
     Norm,
+    Shape,
     ellipsoid,
     slip_onset,
     slip_size,
@@ -36,8 +38,6 @@ from .limit_surface import (
 )
 from .release import BatchRelease, Release, ReleaseBatch, ReleaseCase, by_chunks, failed
 from .stepping import EvenSteps
-
-Shape = Callable[[Contact], LimitSurface]
 
 #: Friction that turns round in one step more often than this is chatter.
 CHATTER = 10
@@ -49,101 +49,101 @@ RATE, MOST_STEPS = 10_000.0, 20_000
 
 @dataclass(frozen=True)
 class KarnoppRelease:
-    """Explicit Euler with Karnopp's dead zone, (20).
+    """Explicit Euler with Karnopp's dead zone, (20), on the contact's own ellipsoid.
 
     steps over the opening (500 in 50 ms is the paper's 0.1 ms); dead_zone delta [m/s];
-    half_band d [m/s] of the viscous smoothing, None without; shape: the limit surface.
+    half_band d [m/s] of the viscous smoothing, 0 without; norm of the slip's size.
     """
 
     steps: int = 500
     dead_zone: float = 1e-8
-    half_band: float | None = None
+    half_band: float = 0.0
     norm: Norm = "paper"
-    shape: Shape = ellipsoid
 
     def release(self, case: ReleaseCase) -> Release:
         """The release of one case; `trouble` says so if the steps blew up."""
         times = np.linspace(0.0, case.grip.opening, self.steps + 1)
-        hand, forces = case.hand.at(times), case.contact.faces * case.grip.force(times)
-        surface, dt = self.shape(case.contact), case.grip.opening / self.steps
-        state = case.start()
-        states, wrenches = [state], [np.zeros(3)]
-        for k in range(self.steps):
-            now = HandSamples(times[k], *(rows[:, k] for rows in hand))
-            wrench, lever = self._friction(case, surface, state, now, forces[k])
-            state = state + dt * _rates(case, state, wrench, lever)
+        hand, forces = case.hand.at(times), case.grip.force(times)
+        hands = (
+            HandSamples(0.0, *(rows[:, k : k + 1] for rows in hand)) for k in range(len(times))
+        )
+        start, dt = case.start()[:, None], case.grip.opening / self.steps
+        states, wrenches = [start], list[Array]()
+        problem = case.body, case.contact, case.gravity
+        for state, wrench in self._steps(*problem, start, hands, forces[:-1], dt):
             if not np.abs(state).max() < RUNAWAY:
                 return failed(times, "explicit steps blew up: needs more steps")
             states.append(state)
             wrenches.append(wrench)
-        wrenches[0] = wrenches[1]
-        release = _as_release(case, surface, times, np.array(states).T, np.array(wrenches).T)
-        turns = _reversals(np.array(wrenches), surface, forces)
-        if turns > CHATTER:
-            words = f"explicit steps chatter: friction turned round {turns} times"
-            return replace(release, trouble=words)
-        return release
+        track, wrench = np.hstack(states), np.hstack([wrenches[0], *wrenches])
+        f_x, f_z, torque = wrench
+        used = case.contact.utilisation_squared(f_x, f_z, torque, np.maximum(forces, 1e-12))
+        sliding = used > 0.25
+        y = wrench / (np.abs(wrench).max(axis=1, keepdims=True) + 1e-300)
+        opposed = (y[:, 1:] * y[:, :-1]).sum(axis=0) < 0
+        turns = int((opposed & sliding[1:] & sliding[:-1]).sum())
+        words = f"explicit steps chatter: friction turned round {turns} times"
+        release = _as_release(case, ellipsoid(case.contact), times, track, wrench)
+        return replace(release, trouble=words) if turns > CHATTER else release
 
     def throw(self, batch: ReleaseBatch, steps: int, even: EvenSteps | None = None) -> BatchRelease:
-        """N releases on the contact's own ellipsoid, in steps of 0.1 ms if `steps` is 0."""
+        """N releases, in steps of 0.1 ms if `steps` is 0."""
         if steps == 0:
             longest = float(np.max(batch.opening))
             steps = int(np.clip(np.ceil(longest * RATE - 1e-9), 1, MOST_STEPS))
         return by_chunks(batch, lambda part: self._chunk(part, steps))
 
     def _chunk(self, part: ReleaseBatch, steps: int) -> BatchRelease:
-        body, contact, gravity = part.body, part.contact, part.gravity
         shares = np.linspace(0.0, 1.0, steps + 1)
-        forces, dt = part.forces(shares), part.opening / steps
+        pose, twist, _ = part.hands.at(np.zeros_like(part.opening))
+        state = np.array(sticking_state(pose, twist, part.grasp_angle, part.body.com_offset), float)
+        hands, forces = (part.hands.at(s * part.opening) for s in shares), part.forces(shares[:-1])
+        problem = part.body, part.contact, part.gravity
+        for later, _ in self._steps(*problem, state, hands, forces, part.opening / steps):
+            state = later
+        detach = state.T
+        detach[~np.isfinite(detach).all(axis=1)] = np.nan
+        return BatchRelease(detach, np.zeros(part.count, bool))
+
+    def _steps(
+        self,
+        body: Body,
+        contact: Contact,
+        gravity: Any,
+        state: Array,
+        hands: Iterator[HandSamples],
+        forces: Iterable[Array],
+        dt: Any,
+    ) -> Iterator[tuple[Array, Array]]:
+        """CoM states (6, N) of N throws after each step, and the wrenches (3, N) in it."""
         arm = contact.torsion_arm
         zone = 1.0 if self.norm == "paper" else arm
-        pose, twist, acceleration = part.hands.at(np.zeros_like(part.opening))
-        state = np.array(sticking_state(pose, twist, part.grasp_angle, body.com_offset), float)
-        for k in range(steps):
+        for force, (pose, twist, acceleration) in zip(forces, hands, strict=False):
             omega = state[5]
             x_r, z_r = state[0] - pose[0], state[1] - pose[1]
             moved = contact_twist(state[3], state[4], omega, x_r, z_r)
             slip_x, slip_z, slip = np.array(moved) - twist
-            limit = contact.force_limit(forces[k])
+            limit = contact.force_limit(force)
             # Sliding: on the ellipsoid, its normal along -v.
+            speed = np.sqrt(slip_x**2 + slip_z**2 + (zone * slip) ** 2)
             turning = arm * slip
             size = np.sqrt(slip_x**2 + slip_z**2 + turning**2)
             scale = limit / np.maximum(size, 1e-300)
+            if self.half_band:
+                scale = scale * np.minimum(speed / self.half_band, 1.0)
             # Sticking: the wrench that keeps the body with the hand, cut off at the surface.
             motion = HandMotion(pose[2], twist[2], *acceleration)
             h_x, h_z, h_t = pivot_wrench(body, gravity, motion, omega, x_r, z_r)
             needed = np.sqrt(h_x**2 + h_z**2 + (h_t / arm) ** 2)
             share = np.minimum(limit / np.maximum(needed, 1e-300), 1.0)
-            slides = np.sqrt(slip_x**2 + slip_z**2 + (zone * slip) ** 2) > self.dead_zone
+            slides = speed > self.dead_zone
             f_x = np.where(slides, -scale * slip_x, share * h_x)
             f_z = np.where(slides, -scale * slip_z, share * h_z)
             torque = np.where(slides, -scale * arm * turning, share * h_t)
             turned = com_wrench(f_x, f_z, torque, x_r, z_r)[2]
             rates = [*state[3:], f_x / body.mass, f_z / body.mass - gravity, turned / body.inertia]
             state = state + dt * np.array(rates)
-            pose, twist, acceleration = part.hands.at(shares[k + 1] * part.opening)
-        detach = state.T
-        detach[~np.isfinite(detach).all(axis=1)] = np.nan
-        return BatchRelease(detach, np.zeros(part.count, bool))
-
-    def _friction(
-        self,
-        case: ReleaseCase,
-        surface: LimitSurface,
-        state: Array,
-        hand: HandSamples,
-        force: float,
-    ) -> tuple[Array, tuple[float, float]]:
-        """Wrench (3,), and the lever [m]."""
-        slip, lever = _slip(state, hand.pose, hand.twist)
-        size = slip_size(slip, case.contact, self.norm)
-        if size > self.dead_zone:
-            band = self.half_band or 0.0
-            share = 1.0 if size >= band else size / band
-            return force * share * surface.sliding_wrench(slip), lever
-        held = np.array(pivot_wrench(case.body, case.gravity, hand.motion, state[5], *lever))
-        gauge = surface.gauge(held)
-        return (held if gauge <= force else held * (force / gauge)), lever
+            yield state, np.array([f_x, f_z, torque])
 
 
 @dataclass(frozen=True)
@@ -207,15 +207,6 @@ class _OutOfBudgetError(Exception):
     """The integrator makes no headway."""
 
 
-def _reversals(wrenches: Array, surface: LimitSurface, forces: Array) -> int:
-    """How often the friction wrench turns to the other side of the surface in one step."""
-    gauges = np.array([surface.gauge(w) for w in wrenches])
-    sliding = gauges > 0.5 * np.maximum(forces[: len(wrenches)], 1e-12)
-    y = wrenches / (np.abs(wrenches).max(axis=0) + 1e-300)
-    opposed = np.einsum("ij,ij->i", y[1:], y[:-1]) < 0
-    return int((opposed & sliding[1:] & sliding[:-1]).sum())
-
-
 def _slip(state: Array, pose: Array, twist: Array) -> tuple[Array, tuple[float, float]]:
     """Slip (3,) of the contact against the hand at an instant, and the lever [m]."""
     x_r, z_r = state[0] - pose[0], state[1] - pose[1]
@@ -231,7 +222,7 @@ def _rates(case: ReleaseCase, state: Array, wrench: Array, lever: tuple[float, f
 
 
 def _as_release(
-    case: ReleaseCase, surface: LimitSurface, times: Array, states: Array, wrench: Array
+    case: ReleaseCase, surface: Ellipsoid, times: Array, states: Array, wrench: Array
 ) -> Release:
     pivot, slide = slip_onset(case, surface_gauge(surface))
     return Release(times, states[:3], states[3:], pivot, slide, wrench)

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from .limit_surface import Quartic, rotated_ellipsoid
+from .limit_surface import rotated_ellipsoid
 from .limit_surface_release import ImplicitRelease, KarnoppRelease
 from .patch_release import LuGreRelease, PatchRelease
 from .release import BatchRelease, CaseModel, Release, ReleaseBatch, ReleaseCase
@@ -211,16 +211,12 @@ def _variant(name: str, single: CaseModel) -> ReleaseModel:
 _OTHERS: dict[str, CaseModel] = {
     "sp-euler": SlidingPivotRelease(steps=500, integrator="euler"),
     "sp-paper-euler": SlidingPivotRelease("paper", steps=500, integrator="euler"),
-    "ls-rotated": KarnoppRelease(shape=rotated_ellipsoid),
-    "ls-quartic": KarnoppRelease(shape=Quartic),
     "ils-rotated": ImplicitRelease(shape=rotated_ellipsoid),
-    "ils-quartic": ImplicitRelease(shape=Quartic),
     "ils-radau": ImplicitRelease(method="Radau"),
     "ils-bdf": ImplicitRelease(method="BDF"),
     # The consistent norm: its half-band is smaller by about c r_p.
     "ils-consistent": ImplicitRelease(5e-5, norm="consistent"),
     "ls-step-rotated": SteppedRelease(shape=rotated_ellipsoid),
-    "ls-step-quartic": SteppedRelease(shape=Quartic),
     "patch-hertz": PatchRelease(pressure="hertz"),
     # Softer bristles [1/m].
     "lugre-1e6": LuGreRelease(stiffness=1e6),

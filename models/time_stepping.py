@@ -14,7 +14,7 @@ functions so that a compiled batch can run them in a loop of its own.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 
@@ -31,18 +31,9 @@ from .body import (
     com_wrench,
     components,
     contact_twist,
-    hand_of,
     sticking_state,
 )
-from .limit_surface import (
-    Ellipsoid,
-    LimitSurface,
-    Quartic,
-    ellipsoid,
-    quartic_impulse,
-    slip_onset,
-    surface_gauge,
-)
+from .limit_surface import Shape, ellipsoid, slip_onset, surface_gauge
 from .release import BLEW_UP, BatchRelease, Release, ReleaseBatch, ReleaseCase
 from .stepping import (
     EvenSteps,
@@ -168,8 +159,7 @@ class LimitSurfaceStepping:
 
     The state is the CoM's pose and twist in the world: x, z, theta, v_x, v_z, omega.
     factor: columns of S with S S^T = A^-1 for another ellipsoid than the contact's own.
-    settle: stop the iterations when all have converged (numbers only). impulse: solves the
-    steps of another surface, in half axes (numbers only).
+    settle: stop the iterations when all have converged (numbers only).
     """
 
     body: Body
@@ -178,7 +168,6 @@ class LimitSurfaceStepping:
     iterations: int = ITERATIONS
     factor: Factor | None = None
     settle: bool = False
-    impulse: Callable[[ImpulseProblem], Value] | None = None
     uses_middle = False
 
     def start(self, hand: HandSamples, grasp_angle: Value) -> list[Value]:
@@ -196,7 +185,7 @@ class LimitSurfaceStepping:
         """
         lever = self.lever(state, hands, dt)
         problem = self.problem(state, hands[-1], lever, forces[1], dt)
-        y = self.impulse(problem) if self.impulse else problem.solve(self.iterations, self.settle)
+        y = problem.solve(self.iterations, self.settle)
         return self.after(state, hands, lever, y, dt)
 
     def lost(self, state: Value) -> Value:
@@ -280,22 +269,17 @@ class SteppedRelease:
     """Moreau-Jean steps on a limit surface; `steps` over the opening, first order."""
 
     steps: int = 1000
-    shape: Callable[[Contact], LimitSurface] = ellipsoid
+    shape: Shape = ellipsoid
 
     def release(self, case: ReleaseCase) -> Release:
-        """The release of one case; TypeError for a surface that has no stepping."""
+        """The release of one case."""
         surface = self.shape(case.contact)
         hand = case.hand.at(np.linspace(0.0, case.grip.opening, 2 * self.steps + 1))
         forces = case.grip.force(hand.times)
-        if isinstance(surface, Quartic):
-            states = _quartic_states(case, surface, step_columns(hand, forces))
-        elif isinstance(surface, Ellipsoid):
-            factor = np.linalg.cholesky(surface.inverse).T.reshape(9, 1)
-            parameters = np.vstack([numbers(case), factor])
-            columns = step_columns(hand, forces)
-            states = run_steps(_compiled(self.steps), case.start(), columns, parameters)
-        else:
-            raise TypeError(f"no time stepping for a {type(surface).__name__}")
+        factor = np.linalg.cholesky(surface.inverse).T.reshape(9, 1)
+        parameters = np.vstack([numbers(case), factor])
+        columns = step_columns(hand, forces)
+        states = run_steps(_compiled(self.steps), case.start(), columns, parameters)
         trouble = "" if np.isfinite(states).all() else BLEW_UP
         times, poses = hand.times[::2], hand.pose[:, ::2]
         wrench = _friction(case, states, poses, case.grip.opening / self.steps)
@@ -346,20 +330,3 @@ def _friction(case: ReleaseCase, states: Array, hand: Array, dt: float) -> Array
     torque = case.body.inertia * change[2] - f_x * middle[1] + f_z * middle[0]
     wrench = np.vstack([f_x, f_z, torque])
     return np.column_stack([wrench[:, :1], wrench])
-
-
-# A surface without a closed form.
-
-
-def _quartic_states(case: ReleaseCase, surface: Quartic, columns: Array) -> Array:
-    """States (6, K + 1) of the same steps on a quartic surface."""
-
-    def impulse(problem: ImpulseProblem) -> Array:
-        return quartic_impulse(surface, problem.inverse_mass, np.array(problem.rhs), problem.radius)
-
-    law = LimitSurfaceStepping(case.body, case.contact, case.gravity, impulse=impulse)
-    states = [case.start()]
-    for u in columns.T:
-        hands = [hand_of(row) for row in u[:30].reshape(3, 10)]
-        states.append(np.array(law.advance(states[-1], hands, u[9:30:10], u[30])))
-    return np.array(states).T

@@ -19,7 +19,7 @@ from .given_motion import given_hand, recorded_joints
 from .kernel_code import KernelCode, check_kernels
 from .mover import Limits, Mover, make_mover, outline_kernel
 from .sending import TICK, Samples, SmoothingError, broken_limits, send
-from .simulation import named_model, simulate, simulate_batch
+from .simulation import Simulation, named_model, simulate, simulate_batch
 from .throw import Throw, case_of, friction_use
 from .violations import (
     Guard,

@@ -10,7 +10,7 @@ from typing import Any
 from ...models import MODELS, VARIANTS
 from ...problems import filling, load_scene
 from ..check import simulate
-from ..show import draw_release_pictures
+from ..show import draw_releases
 from .common import DONE, add_out, add_scene, answer, say
 
 EXAMPLE = "throwplan simulate drop --model sp"
@@ -24,20 +24,21 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         f"{', '.join(VARIANTS)}"
     )
     parser.add_argument("--model", default="all", metavar="NAME", help=names)
-    add_out(parser, "simulation.json and five pictures")
+    add_out(parser, "simulation.json and releases.png")
 
 
 def run(options: argparse.Namespace) -> int:
     """Simulates, writes and prints."""
     scene = load_scene(options.scene)
-    models = {name: run.to_dict() for name, run in simulate(scene, options.model).items()}
+    runs = simulate(scene, options.model)
+    models = {name: run.to_dict() for name, run in runs.items()}
     result = {"scene": scene.name, "models": models}
     if options.out is not None:
         text = json.dumps(result, indent=2, allow_nan=False) + "\n"
-        with filling(Path(options.out), ("simulation.json",)) as scratch:
-            (scratch / "simulation.json").write_text(text, encoding="utf-8")
         say(f"{scene.name}: drawing")
-        draw_release_pictures(scene, Path(options.out))
+        with filling(Path(options.out), ("simulation.json", "releases.png")) as scratch:
+            (scratch / "simulation.json").write_text(text, encoding="utf-8")
+            draw_releases(scene, runs, scratch / "releases.png")
     answer(options, result, _table(scene.name, models))
     return DONE
 

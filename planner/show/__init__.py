@@ -1,7 +1,7 @@
 """Pictures, GIF, film and 3-D view of throws and releases, in one style."""
 
 from .moving import draw_throw_moving, save_film
-from .release_pictures import draw_release_pictures
+from .release_pictures import draw_releases
 from .server import open_browser, run_panel, serving
 from .space import space_throw
 from .style import (

@@ -8,7 +8,6 @@ import throwplan as tp
 from throwplan.models import (
     ImplicitRelease,
     KarnoppRelease,
-    Quartic,
     Release,
     ReleaseCase,
     SlidingPivotRelease,
@@ -20,7 +19,7 @@ from throwplan.models import (
 )
 from throwplan.planner.check import case_of, given_hand
 
-SHAPES = {"ellipsoid": ellipsoid, "rotated": rotated_ellipsoid, "quartic": Quartic}
+SHAPES = {"ellipsoid": ellipsoid, "rotated": rotated_ellipsoid}
 
 
 @pytest.fixture(scope="module")
@@ -41,10 +40,9 @@ def sign_changes(release: Release, start: float) -> int:
     return int((np.sign(f_z[1:]) * np.sign(f_z[:-1]) < 0).sum())
 
 
-@pytest.mark.parametrize("shape", SHAPES)
-def test_explicit_steps_chatter_from_the_onset_on(case: ReleaseCase, shape: str) -> None:
-    start = onset(case, shape)
-    run = KarnoppRelease(shape=SHAPES[shape]).release(case)
+def test_explicit_steps_chatter_from_the_onset_on(case: ReleaseCase) -> None:
+    start = onset(case, "ellipsoid")
+    run = KarnoppRelease().release(case)
     # Nearly every step of those that are left turns the friction round, none before.
     assert sign_changes(run, start) > 0.7 * (run.times > start).sum()
     assert sign_changes(run, 0.0) == sign_changes(run, start)
@@ -54,8 +52,8 @@ def test_explicit_steps_chatter_from_the_onset_on(case: ReleaseCase, shape: str)
     assert np.abs(run.wrench[1, late]).min() > 0.8 * limit.min()
 
 
-@pytest.mark.parametrize("half_band", [None, 0.01])
-def test_finer_explicit_steps_chatter_too(case: ReleaseCase, half_band: float | None) -> None:
+@pytest.mark.parametrize("half_band", [0.0, 0.01])
+def test_finer_explicit_steps_chatter_too(case: ReleaseCase, half_band: float) -> None:
     # The paper: the oscillations persist with smaller steps.
     start = onset(case, "ellipsoid")
     counts = [
@@ -79,7 +77,7 @@ def test_stepped_and_implicit_friction_keeps_its_sign(case: ReleaseCase, shape: 
 
 def test_explicit_steps_detach_elsewhere_than_all_others(case: ReleaseCase) -> None:
     # Fig. 6: not the mean of the oscillations but another motion.
-    explicit = [KarnoppRelease(half_band=d).release(case).detach.omega for d in (None, 0.01)]
+    explicit = [KarnoppRelease(half_band=d).release(case).detach.omega for d in (0.0, 0.01)]
     others = [
         model.release(case).detach.omega
         for model in (ImplicitRelease(), SteppedRelease(), SlidingPivotRelease(events=True))

@@ -12,7 +12,6 @@ from throwplan.models import (
     HandMotion,
     com_twist,
     com_wrench,
-    contact_acceleration,
     contact_twist,
     pivot_wrench,
 )
@@ -75,16 +74,6 @@ def test_com_twist_inverts_contact_twist(twist, r):
 def test_contact_twist_is_the_rate_of_the_grasped_point(t):
     twist = contact_twist(*rate(trajectory, t), *body_lever(t))
     np.testing.assert_allclose(twist, rate(grasped_point, t), atol=1e-8)
-
-
-@pytest.mark.parametrize("t", [0.0, 0.2, 0.7, 1.3])
-def test_contact_acceleration_is_the_rate_of_the_contact_twist(t):
-    def twist(time):
-        return np.array(contact_twist(*rate(trajectory, time), *body_lever(time)))
-
-    omega = rate(trajectory, t)[2]
-    acceleration = contact_acceleration(*second_rate(trajectory, t), omega, *body_lever(t))
-    np.testing.assert_allclose(acceleration, rate(twist, t), atol=1e-6)
 
 
 def pushed(t, turn):

@@ -9,7 +9,6 @@ import pytest
 from throwplan.models import (
     Contact,
     Ellipsoid,
-    Quartic,
     ellipsoid,
     rotated_ellipsoid,
     slip_size,
@@ -20,8 +19,6 @@ CONTACT = Contact(0.7, 0.006, 0.6, 2)
 SURFACES = {
     "ellipsoid": ellipsoid(CONTACT),
     "rotated": rotated_ellipsoid(CONTACT),
-    "quartic": Quartic(CONTACT, 0.3),
-    "caved": Quartic(CONTACT, 2.5),
 }
 SCALE = np.array([0.7, 0.7, 0.7 * 0.6 * 0.006])
 
@@ -54,12 +51,6 @@ def test_sliding_wrench_lies_on_the_surface_and_takes_most_power(surface) -> Non
 def test_sliding_wrench_ignores_speed(surface) -> None:
     for twist in twists(10):
         assert surface.sliding_wrench(1e-6 * twist) == pytest.approx(surface.sliding_wrench(twist))
-
-
-def test_quartic_with_coupling_one_is_the_ellipsoid() -> None:
-    quartic, round_one = Quartic(CONTACT, 1.0), SURFACES["ellipsoid"]
-    for twist in twists():
-        assert quartic.sliding_wrench(twist) == pytest.approx(round_one.sliding_wrench(twist))
 
 
 def test_pure_slides_give_the_limits() -> None:
