@@ -45,15 +45,13 @@ from .limit_surface import (
     surface_gauge,
 )
 from .limit_surface_release import ImplicitRelease, KarnoppRelease
-from .patch import RADIUS_PER_ARM, Patch, PointSolver, SlipProblem, disc, patch_gauge, scaled_patch
+from .patch import RADIUS_PER_ARM, Patch, PointSolver, SlipProblem, disc, patch_gauge
 from .patch_release import (
     CREEP,
     PATCH_CHUNK,
-    LuGreRelease,
     PatchRelease,
     PatchThrows,
     critical_damping,
-    march_patch,
 )
 from .path import INSIDE, MovedHand, Path, low_pass
 from .registry import (

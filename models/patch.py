@@ -15,7 +15,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -38,56 +37,15 @@ RADIUS_PER_ARM = {"uniform": 1.5, "hertz": 16.0 / (3.0 * math.pi)}
 
 @dataclass(frozen=True)
 class Patch:
-    """Points x, z (P,) [m] from the hand's point, in the hand's frame, and weights (P,).
+    """Points x, z (P,) [m] from the hand's point, and weights (P,) that sum to 1.
 
-    The hand's frame has its x axis along the hand's angle and turns with the hand. The
-    weights are shares of the normal force and sum to 1. Raises ValueError for unequal
-    lengths, values that are not finite, weights that are negative or do not sum to 1,
-    and points that all lie in the centre (no torsion).
+    In the hand's frame, whose x axis is along the hand's angle. The weights are shares of the
+    normal force.
     """
 
     x: Array
     z: Array
     weights: Array
-
-    def __post_init__(self) -> None:
-        for name in ("x", "z", "weights"):
-            object.__setattr__(self, name, np.array(getattr(self, name), float))
-        if self.x.ndim != 1 or not self.x.shape == self.z.shape == self.weights.shape:
-            shapes = f"{self.x.shape}, {self.z.shape}, {self.weights.shape}"
-            raise ValueError(f"x, z, weights: one number per point, got {shapes}")
-        if not all(np.isfinite(value).all() for value in (self.x, self.z, self.weights)):
-            raise ValueError("x, z, weights: must be finite numbers")
-        total = float(self.weights.sum())
-        if (self.weights < 0).any() or abs(total - 1.0) > 1e-6:
-            raise ValueError(f"weights: must not be negative and must sum to 1, got {total:g}")
-        if not self.torsion_arm > 0:
-            raise ValueError("x, z: some weight must be away from the centre")
-
-    @property
-    def torsion_arm(self) -> float:
-        """Torque of pure spin about the centre, over mu f_N [m]."""
-        return float(self.weights @ np.hypot(self.x, self.z))
-
-    def scaled(self, factor: float) -> Patch:
-        """The same pressure on a patch `factor` times as large."""
-        return Patch(factor * self.x, factor * self.z, self.weights)
-
-    def sliding_wrench(self, twist: Array) -> Array:
-        """Friction (3,) of a sliding patch over mu f_N [-, -, m], Coulomb's law per point.
-
-        twist (3,): slip of the centre v_x, v_z [m/s] and omega [rad/s], hand's frame. A
-        point that does not move gives nothing.
-        """
-        u_x, u_z = twist[0] - twist[2] * self.z, twist[1] + twist[2] * self.x
-        speed = np.hypot(u_x, u_z)
-        share = self.weights / np.where(speed > 0, speed, np.inf)
-        force_x, force_z = -share * u_x, -share * u_z
-        torque = self.x * force_z - self.z * force_x
-        return np.array([force_x.sum(), force_z.sum(), torque.sum()])
-
-
-Pressure = Literal["uniform", "hertz"] | Patch
 
 
 def disc(pressure: str = "uniform", points: int = 64, torsion_arm: float = 1.0) -> Patch:
@@ -113,18 +71,6 @@ def disc(pressure: str = "uniform", points: int = 64, torsion_arm: float = 1.0) 
     r = np.repeat(radius, sectors) * RADIUS_PER_ARM[pressure] * torsion_arm
     around = np.tile(angle, rings)
     return Patch(r * np.cos(around), r * np.sin(around), np.repeat(share / sectors, sectors))
-
-
-def scaled_patch(contact: Contact, pressure: Pressure, points: int) -> tuple[Patch, Array]:
-    """A patch of torsion arm 1, and the arm [m] by which to scale it for `contact`.
-
-    A given patch has its own size; then the contact's c and r_p are not used. With
-    contacts of N throws the arm is (N,).
-    """
-    if isinstance(pressure, Patch):
-        arm = pressure.torsion_arm
-        return pressure.scaled(1.0 / arm), np.asarray(arm)
-    return disc(pressure, points), np.asarray(contact.torsion_arm, float)
 
 
 def _gauss(nodes: Array, weights: Array, count: int) -> tuple[Array, Array]:
@@ -190,8 +136,6 @@ class PointSolver:
         self._collect = (at * patch.weights).transpose(1, 0, 2).reshape(3, -1)
         products = np.einsum("ajp,p,bkp->jkabp", at, patch.weights, at)
         self._products = products.reshape(9, -1)
-        #: sum of w B^T B (3, 3): what a viscous patch gives.
-        self.spread = self._collect @ self._slip
 
     def slips(self, slip: Array) -> Array:
         """u (2, P, N) of the points for the slip (3, N) of the patch."""
@@ -256,14 +200,13 @@ class PointSolver:
 # The limit surface of a patch, as a gauge.
 
 
-def patch_gauge(contact: Contact, pressure: Pressure = "uniform", points: int = 64) -> Gauge:
+def patch_gauge(contact: Contact, patch: Patch) -> Gauge:
     """Gauge of the contact's patch, which turns with the hand."""
-    patch, arm = scaled_patch(contact, pressure, points)
 
     def gauge(wrench: Array, angle: Array) -> Array:
         cos, sin = np.cos(angle), np.sin(angle)
         force_x, force_z = cos * wrench[0] + sin * wrench[1], cos * wrench[1] - sin * wrench[0]
-        scaled = np.array([force_x, force_z, wrench[2] / arm])
+        scaled = np.array([force_x, force_z, wrench[2] / contact.torsion_arm])
         return np.asarray(_least_force(patch, scaled) / contact.friction)
 
     return gauge

@@ -16,7 +16,7 @@ LuGre bristles are a band for compliant pads, not the truth. Each point has a br
 the plane (Canudas de Wit et al. 1995, without Stribeck's effect, g(v) = mu, which makes
 the law passive for any damping):
 
-    z' = v - sigma_0 |v| z / mu,   f = -(sigma_0 z + sigma_1 z' + sigma_2 v) N(t).
+    z' = v - sigma_0 |v| z / mu,   f = -(sigma_0 z + sigma_1 z') N(t).
 
 The stiffness falls with the normal force N: with a fixed one the bristles of a resting
 bar would never relax. Backward Euler eliminates them: y = sigma_0 z / mu obeys
@@ -25,15 +25,14 @@ y (c + |u|) = u + c y_old with c = mu / (sigma_0 dt), a rigid patch with a memor
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
 from .body import Array, Body, Contact, HandSamples, sticking_state
 from .limit_surface import slip_onset
-from .patch import PointSolver, Pressure, SlipProblem, patch_gauge, scaled_patch
+from .patch import PointSolver, SlipProblem, disc, patch_gauge
 from .release import (
     UNSOLVED,
     BatchRelease,
@@ -94,78 +93,105 @@ class PatchThrows:
 
 
 @dataclass(frozen=True)
-class Bristles:
-    """LuGre bristles: stiffness sigma_0 [1/m], damping sigma_1, viscous sigma_2 [s/m]."""
-
-    stiffness: float
-    damping: Array | float
-    viscous: float = 0.0
-
-
-@dataclass(frozen=True)
 class PatchRelease:
-    """Rigid patch of about `points` points; first order in 1 / steps."""
+    """A patch of about `points` points, under 'uniform' or 'hertz' pressure; first order in steps.
 
-    points: int = 64
-    pressure: Pressure = "uniform"
-    steps: int = 500
-
-    def release(self, case: ReleaseCase) -> Release:
-        """The release of one case; `trouble` says so if a step was not solved."""
-        throws = PatchThrows.of(case, self.steps)
-        release = single_release(march_patch(throws, self.points, self.pressure))
-        pivot, slide = slip_onset(case, patch_gauge(case.contact, self.pressure, self.points))
-        return replace(release, pivot=pivot, slide=slide)
-
-    def throw(self, batch: ReleaseBatch, steps: int, even: EvenSteps | None = None) -> BatchRelease:
-        """N releases; NaN for a throw with a step that was not solved."""
-        return _by_chunks(
-            batch,
-            lambda part: march_patch(PatchThrows.of_batch(part, steps), self.points, self.pressure),
-        )
-
-
-@dataclass(frozen=True)
-class LuGreRelease:
-    """LuGre bristles on about `points` points, loaded at time 0 so that the body rests.
-
-    stiffness sigma_0 [1/m]: mu / sigma_0 is the travel to full friction; damping_ratio of
-    the body on the bristles at full grip, above 0; viscous sigma_2 [s/m]; steps over the
-    opening, first order. Raises ValueError for settings out of range.
+    stiffness sigma_0 [1/m]: LuGre bristles on the points, loaded at time 0 so that the body
+    rests, with a travel of mu / sigma_0 to full friction; None for rigid points.
+    damping_ratio: of the body on the bristles at full grip.
     """
 
     points: int = 64
-    pressure: Pressure = "uniform"
-    stiffness: float = 1e7
-    damping_ratio: float = 1.0
-    viscous: float = 0.0
+    pressure: str = "uniform"
     steps: int = 500
-
-    def __post_init__(self) -> None:
-        for name in ("stiffness", "damping_ratio"):
-            value = getattr(self, name)
-            if not 0 < value < np.inf:
-                raise ValueError(f"{name}: must be above 0 and finite, got {value:g}")
-        if not 0 <= self.viscous < np.inf:
-            raise ValueError(f"viscous: must not be negative, got {self.viscous:g}")
+    stiffness: float | None = None
+    damping_ratio: float = 1.0
 
     def release(self, case: ReleaseCase) -> Release:
-        """The release of one case; `trouble` says so if a step was not solved."""
-        return single_release(self.march(PatchThrows.of(case, self.steps)))
+        """The release of one case; `trouble` says so if a step was not solved.
+
+        Bristles creep: they have no onset of slip.
+        """
+        found = self.march(PatchThrows.of(case, self.steps))
+        times = found.times[:, 0]
+        if not np.isfinite(found.com).all():
+            return failed(times, UNSOLVED)
+        pivot = slide = None
+        if self.stiffness is None:
+            gauge = patch_gauge(case.contact, disc(self.pressure, self.points))
+            pivot, slide = slip_onset(case, gauge)
+        assert found.wrench is not None
+        com, twist, wrench = (v[..., 0] for v in (found.com, found.com_twist, found.wrench))
+        return Release(times, com, twist, pivot, slide, wrench)
 
     def throw(self, batch: ReleaseBatch, steps: int, even: EvenSteps | None = None) -> BatchRelease:
         """N releases; NaN for a throw with a step that was not solved."""
-        return _by_chunks(batch, lambda part: self.march(PatchThrows.of_batch(part, steps)))
+
+        def chunk(part: ReleaseBatch) -> BatchRelease:
+            release = self.march(PatchThrows.of_batch(part, steps))
+            detach = np.concatenate([release.com[:, -1], release.com_twist[:, -1]]).T
+            return BatchRelease(detach, np.zeros(part.count, bool), UNSOLVED)
+
+        return by_chunks(batch, chunk, PATCH_CHUNK)
 
     def march(self, throws: PatchThrows) -> Release:
-        """N releases side by side, see `march_patch`."""
-        return march_patch(throws, self.points, self.pressure, self.bristles(throws))
+        """N releases side by side: times (K, N), com, com_twist and wrench (3, K, N).
 
-    def bristles(self, throws: PatchThrows) -> Bristles:
-        """The bristles, damped as the full grip (that of the first step) asks for."""
+        Throws with a step that was not solved are NaN.
+        """
+        arm = np.asarray(throws.contact.torsion_arm, float)
+        solver = PointSolver(disc(self.pressure, self.points))
+        hand, state = throws.hand, throws.start
+        dt = np.diff(hand.times, axis=0)
+        # The hand's own way in each step beyond that of its twist at the step's end.
+        way = np.diff(hand.pose, axis=1) - dt * hand.twist[:, 1:]
+        middle = (hand.pose[:, 1:] + hand.pose[:, :-1]) / 2
+        limits = throws.contact.force_limit(throws.forces) * dt
+        count = state.shape[1]
+        slip, share = np.zeros((3, count)), np.zeros((2, solver.points, count))
+        creep, none = np.full(count, CREEP), share
+        states, wrenches, unsolved = [state], [], np.zeros(count, bool)
+        for k in range(len(dt)):
+            frame = _Frame.of(throws, state, (middle[:, k], hand.twist[:, k + 1]), arm, dt[k])
+            problem = SlipProblem(frame.mass, frame.free, limits[k], creep, none)
+            if self.stiffness is not None:
+                if k == 0:
+                    # What a rigid patch gives in the first step is the load at rest.
+                    slip, share, _ = solver.solve(problem, slip, share)
+                problem = self._bristled(problem, self.stiffness, throws, solver, share, dt[k])
+            slip, share, missed = solver.solve(problem, slip, share)
+            unsolved |= missed
+            state, impulse = frame.after(state, slip, way[:, k], dt[k])
+            states.append(state)
+            wrenches.append(impulse / dt[k])
+        track = np.array(states).transpose(1, 0, 2)
+        wrench = np.array([wrenches[0], *wrenches]).transpose(1, 0, 2)
+        track[:, :, unsolved] = np.nan
+        return Release(hand.times, track[:3], track[3:], wrench=wrench)
+
+    def _bristled(
+        self,
+        rigid: SlipProblem,
+        stiffness: float,
+        throws: PatchThrows,
+        solver: PointSolver,
+        share: Array,
+        dt: Array,
+    ) -> SlipProblem:
+        """The step of a rigid patch with bristles in place of the rigid points.
+
+        With y = sigma_0 z / mu and c = mu / (sigma_0 dt) the bristles read
+        y (c + |u|) = u + c share; sigma_1 z' is limit * ratio * (y - share). The full grip
+        is that of the first step.
+        """
+        friction = np.broadcast_to(np.asarray(throws.contact.friction, float), dt.shape)
         grip = throws.contact.faces * throws.forces[0]
-        damping = self.damping_ratio * critical_damping(throws.body.mass, grip, self.stiffness)
-        return Bristles(self.stiffness, damping, self.viscous)
+        damping = self.damping_ratio * critical_damping(throws.body.mass, grip, stiffness)
+        ratio = np.asarray(damping / (stiffness * dt))
+        rhs = rigid.momentum(rigid.free) + rigid.limit * ratio * solver.collect(share)
+        free = np.asarray(np.linalg.solve(rigid.mass, rhs.T[:, :, None])[:, :, 0].T)
+        creep = np.asarray(friction / (stiffness * dt))
+        return SlipProblem(rigid.mass, free, rigid.limit * (1.0 + ratio), creep, share)
 
 
 def critical_damping(mass: Array | float, normal_force: Array | float, stiffness: float) -> Array:
@@ -175,90 +201,6 @@ def critical_damping(mass: Array | float, normal_force: Array | float, stiffness
     """
     held = np.maximum(np.asarray(normal_force, float), 1e-9)
     return np.asarray(2.0 * np.sqrt(stiffness * np.asarray(mass) / held))
-
-
-def _by_chunks(batch: ReleaseBatch, march: Callable[[ReleaseBatch], Release]) -> BatchRelease:
-    """Detach states of a batch, all throws of a chunk in one step."""
-
-    def chunk(part: ReleaseBatch) -> BatchRelease:
-        release = march(part)
-        detach = np.concatenate([release.com[:, -1], release.com_twist[:, -1]]).T
-        return BatchRelease(detach, np.zeros(part.count, bool), UNSOLVED)
-
-    return by_chunks(batch, chunk, PATCH_CHUNK)
-
-
-def single_release(batch: Release) -> Release:
-    """The only release of a batch of one."""
-    times, com, twist = batch.times[:, 0], batch.com[..., 0], batch.com_twist[..., 0]
-    if not np.isfinite(com).all():
-        return failed(times, UNSOLVED)
-    return Release(times, com, twist, wrench=None if batch.wrench is None else batch.wrench[..., 0])
-
-
-def march_patch(
-    throws: PatchThrows,
-    points: int = 64,
-    pressure: Pressure = "uniform",
-    bristles: Bristles | None = None,
-) -> Release:
-    """N releases side by side: times (K, N), com, com_twist and wrench (3, K, N).
-
-    bristles: LuGre's law in place of Coulomb's, loaded at time 0 so that the body rests
-    in the hand. Throws with a step that was not solved are NaN.
-    """
-    patch, arm = scaled_patch(throws.contact, pressure, points)
-    solver = PointSolver(patch)
-    hand, state = throws.hand, throws.start
-    dt = np.diff(hand.times, axis=0)
-    # The hand's own way in each step beyond that of its twist at the step's end.
-    way = np.diff(hand.pose, axis=1) - dt * hand.twist[:, 1:]
-    middle = (hand.pose[:, 1:] + hand.pose[:, :-1]) / 2
-    limits = throws.contact.force_limit(throws.forces) * dt
-    count = state.shape[1]
-    slip, share = np.zeros((3, count)), np.zeros((2, solver.points, count))
-    creep, none = np.full(count, CREEP), share
-    states, wrenches, unsolved = [state], [], np.zeros(count, bool)
-    for k in range(len(dt)):
-        frame = _Frame.of(throws, state, (middle[:, k], hand.twist[:, k + 1]), arm, dt[k])
-        problem = SlipProblem(frame.mass, frame.free, limits[k], creep, none)
-        if bristles and k == 0:
-            # What a rigid patch gives in the first step is the load at rest.
-            slip, share, _ = solver.solve(problem, slip, share)
-        if bristles:
-            problem = _bristled(problem, bristles, throws, solver, share, dt[k])
-        slip, share, missed = solver.solve(problem, slip, share)
-        unsolved |= missed
-        state, impulse = frame.after(state, slip, way[:, k], dt[k])
-        states.append(state)
-        wrenches.append(impulse / dt[k])
-    track = np.array(states).transpose(1, 0, 2)
-    wrench = np.array([wrenches[0], *wrenches]).transpose(1, 0, 2)
-    track[:, :, unsolved] = np.nan
-    return Release(hand.times, track[:3], track[3:], wrench=wrench)
-
-
-def _bristled(
-    rigid: SlipProblem,
-    bristles: Bristles,
-    throws: PatchThrows,
-    solver: PointSolver,
-    share: Array,
-    dt: Array,
-) -> SlipProblem:
-    """The step of a rigid patch with bristles in place of the rigid points.
-
-    With y = sigma_0 z / mu and c = mu / (sigma_0 dt) the bristles read
-    y (c + |u|) = u + c share; sigma_1 z' is limit * ratio * (y - share).
-    """
-    friction = np.broadcast_to(np.asarray(throws.contact.friction, float), dt.shape)
-    ratio = np.asarray(bristles.damping / (bristles.stiffness * dt))
-    rhs = rigid.momentum(rigid.free) + rigid.limit * ratio * solver.collect(share)
-    viscous = bristles.viscous * rigid.limit / friction
-    mass = rigid.mass + viscous[:, None, None] * solver.spread
-    free = np.linalg.solve(mass, rhs.T[:, :, None])[:, :, 0].T
-    creep = friction / (bristles.stiffness * dt)
-    return SlipProblem(mass, free, rigid.limit * (1.0 + ratio), creep, share)
 
 
 @dataclass(frozen=True)

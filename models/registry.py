@@ -12,7 +12,7 @@ from typing import Protocol
 
 from .limit_surface import rotated_ellipsoid
 from .limit_surface_release import ImplicitRelease, KarnoppRelease
-from .patch_release import LuGreRelease, PatchRelease
+from .patch_release import PatchRelease
 from .release import BatchRelease, CaseModel, Release, ReleaseBatch, ReleaseCase
 from .sliding_pivot import SlidingPivotRelease
 from .stepping import EvenSteps
@@ -84,7 +84,7 @@ class ReleaseModel:
 
     def pressed(self, pressure: str) -> ReleaseModel:
         """The same with pads under 'uniform' or 'hertz' pressure, if it knows pads."""
-        if pressure != "hertz" or not isinstance(self.single, PatchRelease | LuGreRelease):
+        if pressure != "hertz" or not isinstance(self.single, PatchRelease):
             return self
         single = replace(self.single, pressure="hertz")
         return replace(self, single=single, batch=single)
@@ -193,8 +193,8 @@ MODELS = _by_name(
             _BRISTLES,
             "backward Euler",
             "#118ab2",
-            LuGreRelease(),
-            LuGreRelease(),
+            PatchRelease(stiffness=1e7),
+            PatchRelease(stiffness=1e7),
             steps=500,
         ),
     ]
@@ -219,8 +219,8 @@ _OTHERS: dict[str, CaseModel] = {
     "ls-step-rotated": SteppedRelease(shape=rotated_ellipsoid),
     "patch-hertz": PatchRelease(pressure="hertz"),
     # Softer bristles [1/m].
-    "lugre-1e6": LuGreRelease(stiffness=1e6),
-    "lugre-1e5": LuGreRelease(stiffness=1e5),
+    "lugre-1e6": PatchRelease(stiffness=1e6),
+    "lugre-1e5": PatchRelease(stiffness=1e5),
 }
 #: Variants of them: asked for by name only, not part of all.
 VARIANTS = _by_name(_variant(name, single) for name, single in _OTHERS.items())

@@ -20,13 +20,12 @@ from ...models import (
     Contact,
     FlightState,
     LinearRelease,
-    LuGreRelease,
+    PatchRelease,
     PatchThrows,
     Path,
     ReleaseBatch,
     TableRelease,
     land,
-    march_patch,
     sticking_state,
 )
 from ...problems import (
@@ -257,10 +256,7 @@ def _thrown(
     for first in range(0, len(events), PATCH_CHUNK):
         part = events[first : first + PATCH_CHUNK]
         throws = PatchThrows.of_batch(_batch(mover, part, gravity), law.steps)
-        bristles = None
-        if law.stiffness is not None:
-            bristles = LuGreRelease(stiffness=law.stiffness).bristles(throws)
-        release = march_patch(throws, bristles=bristles)
+        release = PatchRelease(stiffness=law.stiffness).march(throws)
         detach = np.vstack([release.com[:, -1], release.com_twist[:, -1]])
         landing = land(detach.T, HEIGHT, gravity)
         if not np.isfinite(landing).all():

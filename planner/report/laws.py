@@ -23,7 +23,6 @@ from ...models import (
     ImplicitRelease,
     KarnoppRelease,
     LinearRelease,
-    LuGreRelease,
     Opening,
     PatchRelease,
     Path,
@@ -33,10 +32,10 @@ from ...models import (
     SlidingPivot,
     SlidingPivotRelease,
     SteppedRelease,
+    disc,
     land,
     march,
     pivot_wrench,
-    scaled_patch,
 )
 
 Array = npt.NDArray[np.float64]
@@ -211,7 +210,7 @@ def methods(quick: bool) -> Iterator[Method]:
     for stiffness in STIFFNESSES:
         for n in (50, 200) if quick else (50, 200, 500):
             words = f"{stiffness_words(stiffness)}, {n} steps"
-            run = LuGreRelease(stiffness=stiffness, steps=n).release
+            run = PatchRelease(stiffness=stiffness, steps=n).release
             yield Method("LuGre", words, f"{stiffness:g}", run)
 
 
@@ -247,7 +246,7 @@ def stepped(steps: int, case: ReleaseCase) -> Release:
 
 def bristled(stiffness: float, steps: int, case: ReleaseCase) -> Release:
     """LuGre bristles on the patch's mesh."""
-    return LuGreRelease(stiffness=stiffness, steps=steps).release(case)
+    return PatchRelease(stiffness=stiffness, steps=steps).release(case)
 
 
 def extrapolated(
@@ -304,8 +303,8 @@ def surface_truth(case: ReleaseCase) -> Array:
 
 def patch_truth(case: ReleaseCase, points: int = 64) -> Array:
     """Detach state (6,) of the meshed patch as a differential equation."""
-    patch, arm = scaled_patch(case.contact, "uniform", points)
-    return _creeping(case, float(arm) * np.array([patch.x, patch.z]), patch.weights)
+    patch = disc("uniform", points, float(case.contact.torsion_arm))
+    return _creeping(case, np.array([patch.x, patch.z]), patch.weights)
 
 
 #: Converged answers by law.

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from throwplan.models import Body, Contact, LinearRelease, Release, ReleaseCase
+from throwplan.models import Body, Contact, LinearRelease, Patch, Release, ReleaseCase
 from throwplan.models import Path as Motion
 
 VALUES: dict[str, Any] = {
@@ -51,3 +51,12 @@ def landed(release: Release, below: float = 1.0) -> tuple[float, float]:
     end = release.detach
     time = (end.v_z + np.sqrt(end.v_z**2 + 2 * 9.81 * (end.z + below))) / 9.81
     return float(end.x + end.v_x * time), float(end.theta + end.omega * time)
+
+
+def sliding_wrench(patch: Patch, twist: np.ndarray) -> np.ndarray:
+    """Coulomb friction (3,) of a patch whose points slip with a twist (3,), over mu f_N."""
+    u_x, u_z = twist[0] - twist[2] * patch.z, twist[1] + twist[2] * patch.x
+    share = patch.weights / np.hypot(u_x, u_z)
+    force_x, force_z = -share * u_x, -share * u_z
+    torque = patch.x * force_z - patch.z * force_x
+    return np.array([force_x.sum(), force_z.sum(), torque.sum()])

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from release_cases import VALUES, reference_case
+from release_cases import VALUES, reference_case, sliding_wrench
 from throwplan.models import (
     Contact,
     ImplicitRelease,
@@ -97,11 +97,13 @@ def test_a_jerk_of_the_hand_is_found_to_the_instant() -> None:
 
 def test_a_sliding_patch_is_at_its_own_limit() -> None:
     rng = np.random.default_rng(0)
-    uneven = Patch(rng.normal(size=9), rng.normal(size=9), np.full(9, 1 / 9))
+    places = rng.normal(size=(2, 9))
+    places /= np.hypot(*places).mean()
+    uneven = Patch(*places, np.full(9, 1 / 9))
     for patch in (disc(), disc("hertz", 100), uneven):
-        gauge = patch_gauge(Contact(0.7, 1.0), patch)
+        gauge = patch_gauge(Contact(0.7, 1.0, 1.0), patch)
         twists = rng.normal(size=(3, 40))
-        wrench = 0.7 * np.array([patch.sliding_wrench(twist) for twist in twists.T]).T
+        wrench = 0.7 * np.array([sliding_wrench(patch, twist) for twist in twists.T]).T
         np.testing.assert_allclose(gauge(wrench, np.zeros(40)), 1.0, rtol=1e-9)
         np.testing.assert_allclose(gauge(5 * wrench, np.zeros(40)), 5.0, rtol=1e-9)
 
@@ -110,10 +112,11 @@ def test_a_disc_slips_a_little_before_the_ellipsoid_and_turns_with_the_hand() ->
     contact = Contact(0.8, 0.0075)
     rng = np.random.default_rng(1)
     wrench = rng.normal(size=(3, 200)) * np.array([[1], [1], [contact.torsion_arm]])
-    gauge, angle = patch_gauge(contact), rng.uniform(-3, 3, 200)
+    gauge, angle = patch_gauge(contact, disc()), rng.uniform(-3, 3, 200)
     ratio = gauge(wrench, angle) / surface_gauge(ellipsoid(contact))(wrench, angle)
     assert ratio.min() > 1 - 1e-9 and ratio.max() < 1.08
-    bar = patch_gauge(contact, Patch([-0.01, 0.01], [0.0, 0.0], [0.5, 0.5]))
+    ends = Patch(np.array([-1.0, 1.0]), np.zeros(2), np.full(2, 0.5))
+    bar = patch_gauge(Contact(0.8, 0.01, 1.0), ends)
     torque = np.array([[0.0], [0.0], [1.0]])
     assert bar(torque, np.zeros(1)) == pytest.approx(1 / (0.8 * 0.01))
     along, across = np.array([[1.0], [0], [0.005]]), np.array([[0], [1.0], [0.005]])
