@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import functools
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
-from .body import Array
+from .body import Array, Value, backend, components
 
 Vector = tuple[float, ...]
 Point = tuple[float, float, float]
@@ -200,7 +201,7 @@ class PlanarArm:
             joints[joint - 1] = q[i]
         return joints
 
-    def turned(self, q: ca.SX) -> list[ca.SX]:
+    def turned(self, q: Value) -> list[Value]:
         """How far each link is turned in the plane: sums of the joints before it."""
         angles = [self.signs[0] * q[0]]
         for i, sign in enumerate(self.signs[1:], start=1):
@@ -208,19 +209,21 @@ class PlanarArm:
         return angles
 
     def motion(
-        self, q: ca.SX, dq: ca.SX, ddq: ca.SX
-    ) -> tuple[list[ca.SX], list[ca.SX], list[ca.SX]]:
+        self, q: Value, dq: Value, ddq: Value
+    ) -> tuple[list[Value], list[Value], list[Value]]:
         """Pose (x, z, theta), twist and acceleration of the pads' centre in the plane."""
         return self.motion_of(self.turned(q), self.turned(dq), self.turned(ddq))
 
     def motion_of(
-        self, angles: list[ca.SX], rates: list[ca.SX], turns: list[ca.SX]
-    ) -> tuple[list[ca.SX], list[ca.SX], list[ca.SX]]:
+        self, angles: list[Value], rates: list[Value], turns: list[Value]
+    ) -> tuple[list[Value], list[Value], list[Value]]:
         """The same from `turned` values: each link's share depends on its own three only."""
-        pose = [ca.SX(self._origin[0]), ca.SX(self._origin[1]), ca.SX(self._theta_ref)]
-        twist, acceleration = [ca.SX(0)] * 3, [ca.SX(0)] * 3
+        pose: list[Value] = [*self.origin, self.theta]
+        twist: list[Value] = [0.0, 0.0, 0.0]
+        acceleration: list[Value] = [0.0, 0.0, 0.0]
         for i, (phi, rate, turn) in enumerate(zip(angles, rates, turns, strict=True)):
-            cos, sin = ca.cos(phi), ca.sin(phi)
+            xp = backend(phi)
+            cos, sin = xp.cos(phi), xp.sin(phi)
             length_x, length_z = self.links[i]
             x, z = length_x * cos - length_z * sin, length_x * sin + length_z * cos
             pose[0], pose[1] = pose[0] + x, pose[1] + z
@@ -230,18 +233,18 @@ class PlanarArm:
         pose[2], twist[2], acceleration[2] = pose[2] + angles[-1], rates[-1], turns[-1]
         return pose, twist, acceleration
 
-    def heights(self, angles: list[ca.SX]) -> list[ca.SX]:
+    def heights(self, angles: list[Value]) -> list[Value]:
         """Heights [m] of the joint frames and the flange that move in the plane.
 
         From `turned` values. Frames at one place count once; the TCP is left out.
         """
         found = []
-        for link, (along, up) in self._frames:
-            z = ca.SX(self._origin[1])
-            for phi, (dx, dz) in zip(angles[:link], self.links, strict=False):
-                z = z + dx * ca.sin(phi) + dz * ca.cos(phi)
-            phi = angles[link]
-            found.append(z + along * ca.sin(phi) + up * ca.cos(phi))
+        xp = backend(*angles)
+        for link, place in self.frames:
+            z: Value = self.origin[1]
+            for phi, (along, up) in zip(angles, [*self.links[:link], place], strict=False):
+                z = z + along * xp.sin(phi) + up * xp.cos(phi)
+            found.append(z)
         return found
 
     def points(self, q: ca.SX) -> ca.SX:
@@ -266,11 +269,11 @@ class PlanarArm:
         # Turning from +x to +z is a turn about -y.
         self.signs = [float(s) for s in np.round(-axis[1])]
         points = np.column_stack([position, tcp])[[0, 2]]
-        self._origin = (float(points[0, 0]), float(points[1, 0]))
+        self.origin = (float(points[0, 0]), float(points[1, 0]))
         self.links = [(float(dx), float(dz)) for dx, dz in np.diff(points).T]
-        self._theta_ref = math.atan2(approach[2, 0], approach[0, 0])
+        self.theta = math.atan2(approach[2, 0], approach[0, 0])
         still = np.array(ca.evalf(self.points(ca.SX(self.coordinates, 1))))
-        self._frames = self._frames_of(still, points)
+        self.frames = self._frames_of(still, points)
         self._verify(full)
 
     def _frames_of(self, places: Array, joints: Array) -> list[tuple[int, tuple[float, float]]]:
@@ -311,30 +314,37 @@ class PlanarHand:
 
     def __init__(self, turns: bool, theta: float = 0.0) -> None:
         self.coordinates = 3 if turns else 2
-        self._theta = theta
+        self.theta = theta
 
-    def turned(self, q: ca.SX) -> list[ca.SX]:
+    def turned(self, q: Value) -> list[Value]:
         """The coordinates themselves."""
-        return list(ca.vertsplit(q))
+        return list(components(q))
 
     def motion(
-        self, q: ca.SX, dq: ca.SX, ddq: ca.SX
-    ) -> tuple[list[ca.SX], list[ca.SX], list[ca.SX]]:
+        self, q: Value, dq: Value, ddq: Value
+    ) -> tuple[list[Value], list[Value], list[Value]]:
         """Pose (x, z, theta), twist and acceleration; theta fixed where it does not turn."""
         return self.motion_of(self.turned(q), self.turned(dq), self.turned(ddq))
 
     def motion_of(
-        self, q: list[ca.SX], dq: list[ca.SX], ddq: list[ca.SX]
-    ) -> tuple[list[ca.SX], list[ca.SX], list[ca.SX]]:
+        self, q: list[Value], dq: list[Value], ddq: list[Value]
+    ) -> tuple[list[Value], list[Value], list[Value]]:
         """The same from lists of scalars."""
-        fixed = [] if self.coordinates == 3 else [ca.SX(0)]
-        pose = [ca.SX(self._theta)] if fixed else []
+        fixed = [] if self.coordinates == 3 else [0.0]
+        pose = [self.theta] if fixed else []
         return [*q, *pose], [*dq, *fixed], [*ddq, *fixed]
 
 
-def hand_motion(kinematics: PlanarArm | PlanarHand) -> ca.Function:
-    """Function (q, dq, ddq) -> pose, twist, acceleration of the hand, each (3,)."""
-    inputs = [ca.SX.sym(name, kinematics.coordinates) for name in ("q", "dq", "ddq")]
-    outputs = [ca.vertcat(*values) for values in kinematics.motion(*inputs)]
-    names = ["pose", "twist", "acceleration"]
-    return ca.Function("hand_motion", inputs, outputs, ["q", "dq", "ddq"], names)
+def hand_motion(kinematics: PlanarArm | PlanarHand) -> Callable[..., list[Array]]:
+    """Function of q, dq, ddq, each (n, K): pose, twist, acceleration of the hand, each (3, K)."""
+    return functools.partial(_hand_motion, kinematics)
+
+
+def _hand_motion(kinematics: PlanarArm | PlanarHand, *coordinates: Array) -> list[Array]:
+    given = np.broadcast_arrays(*(np.asarray(rows, float) for rows in coordinates))
+    # Rows that do not depend on the coordinates are numbers.
+    shape = given[0].shape[1:]
+    return [
+        np.array([np.broadcast_to(row, shape) for row in rows])
+        for rows in kinematics.motion(*given)
+    ]

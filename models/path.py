@@ -299,7 +299,7 @@ class MovedHand:
 
     def of(self, joints: HandSamples) -> HandSamples:
         """The hand for joints at known instants."""
-        return HandSamples(joints.times, *(np.asarray(rows) for rows in self.motion(*joints)))
+        return HandSamples(joints.times, *self.motion(*joints))
 
 
 def low_pass(times: Array, values: Array, cutoff: float) -> tuple[Array, Array]:

@@ -234,7 +234,7 @@ class Planner:
     @functools.cached_property
     def _code(self) -> list[KernelCode]:
         """Machine code for the checks."""
-        kernels = check_kernels(self.scene, self.mover)
+        kernels = check_kernels()
         return [KernelCode(some, self._compiling) for some in kernels]
 
     def _take_code(self) -> None:

@@ -17,7 +17,7 @@ from .geometry import (
 )
 from .given_motion import given_hand, recorded_joints
 from .kernel_code import KernelCode, check_kernels
-from .mover import Limits, Mover, make_mover, outline_kernel
+from .mover import Limits, Mover, make_mover, outline
 from .sending import TICK, Samples, SmoothingError, broken_limits, send
 from .simulation import Simulation, named_model, simulate, simulate_batch
 from .throw import Throw, case_of, friction_use

@@ -10,22 +10,15 @@ from collections.abc import Mapping
 
 import casadi as ca
 
-from ...problems import Scene
-from ..compile import Code, Compile, Kernel, MappedKernel, mapped
+from ..compile import Code, Compile, Kernel, MappedKernel
 from .exact_release import pivot_kernel, surface_kernel
-from .mover import Mover, outline_kernel
 
 Kernels = Mapping[str, Kernel | MappedKernel]
 
 
-def check_kernels(scene: Scene, mover: Mover) -> list[Kernels]:
-    """What the check of a scene's throws calls: the release's, the same for all scenes, and the
-    mover's, with a workspace its outline too. Each of these is a library of its own."""
-    moving: dict[str, Kernel | MappedKernel] = {"hand_kernel": mapped(mover.motion)}
-    if scene.workspace is not None:
-        moving["outline_kernel"] = outline_kernel(mover.motion, mover.kinematics)
-    releases = {"pivot_kernel": pivot_kernel().steps, "surface_kernel": surface_kernel().steps}
-    return [releases, moving]
+def check_kernels() -> list[Kernels]:
+    """What the check of throws calls: the releases, the same for all scenes."""
+    return [{"pivot_kernel": pivot_kernel().steps, "surface_kernel": surface_kernel().steps}]
 
 
 class KernelCode:

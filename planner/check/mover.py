@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
-from functools import lru_cache
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from ...models import MovedHand, Path, PlanarArm, PlanarHand, hand_motion
 from ...problems import Hand, InputError, Scene
-from ..compile import MappedKernel, mapped
 
 Array = npt.NDArray[np.float64]
 
@@ -47,13 +45,13 @@ class Limits:
 class Mover:
     """The planned coordinates q (n,) of a scene and how they move the hand.
 
-    motion: CasADi function (q, dq, ddq) -> pose, twist, acceleration of the hand.
+    motion: (q, dq, ddq), each (n, K) -> pose, twist, acceleration of the hand, each (3, K).
     planning: limits with margins, for the NLP; hard: the real ones, for the check.
     jerk_control: whether the acceleration is a state and the jerk the control.
     """
 
     kinematics: PlanarArm | PlanarHand
-    motion: ca.Function
+    motion: Callable[..., list[Array]]
     planning: Limits
     hard: Limits
     start: Array | None
@@ -61,10 +59,7 @@ class Mover:
 
     def hand(self, path: Path) -> MovedHand:
         """The hand that a path of the coordinates moves."""
-        return MovedHand(path, self._moved)
-
-    def _moved(self, *coordinates: Array) -> list[Array]:
-        return [rows.T for rows in mapped(self.motion)(*(rows.T for rows in coordinates))]
+        return MovedHand(path, self.motion)
 
     @property
     def size(self) -> int:
@@ -144,11 +139,10 @@ def _arm_mover(scene: Scene) -> Mover:
     )
 
 
-@lru_cache(maxsize=16)
-def outline_kernel(motion: ca.Function, kinematics: PlanarArm | PlanarHand) -> MappedKernel:
-    """q -> hand pose (3,) and the height of the lowest joint beyond the shoulder."""
-    q = ca.SX.sym("q", kinematics.coordinates)
-    zero = ca.SX.zeros(kinematics.coordinates)
-    pose = motion(q, zero, zero)[0]
-    joints = kinematics.points(q)[1, 2:] if isinstance(kinematics, PlanarArm) else pose[1]
-    return MappedKernel(ca.Function("outline", [q], [pose, ca.mmin(joints)]))
+def outline(mover: Mover, q: Array) -> tuple[Array, Array]:
+    """Hand poses (3, N), and heights (N,) of the lowest moving joint or hand, at q (n, N)."""
+    pose = mover.motion(q, 0 * q, 0 * q)[0]
+    heights = [pose[1]]
+    if isinstance(mover.kinematics, PlanarArm):
+        heights += mover.kinematics.heights(mover.kinematics.turned(q))
+    return pose, np.min(heights, axis=0)

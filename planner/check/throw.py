@@ -28,7 +28,7 @@ from ...models import (
 from ...problems import Pose, Scene
 from .exact_release import limit_surface_release, sliding_pivot_release
 from .geometry import held_bar, palm_corners
-from .mover import Mover, outline_kernel
+from .mover import Mover, outline
 from .sending import NO_SAMPLES, TICK, Samples
 
 Array = npt.NDArray[np.float64]
@@ -225,19 +225,17 @@ class Throw:
     @property
     def lowest_of_arm(self) -> float:
         """Height [m] of the lowest point of joints, hand and its body, to the end."""
-        _, hand, joint = self._arm
-        lowest = min(joint.min(), hand[1].min())
+        _, hand, joints = self._arm
+        lowest = joints.min()
         if self.scene.arm is not None:
             lowest = min(lowest, palm_corners(self.scene.arm.tool, hand)[1].min())
         return float(lowest)
 
     @cached_property
     def _arm(self) -> tuple[Array, Array, Array]:
-        """Times (N,), hand poses (3, N) and heights (N,) of the lowest joint, each tick."""
+        """Times (N,), hand poses (3, N) and heights (N,) of the lowest joint or hand, each tick."""
         times = np.arange(0.0, self.until + TICK, TICK)
-        outline = outline_kernel(self.mover.motion, self.mover.kinematics)
-        pose, lowest = outline(self.path.at(times).pose.T)
-        return times, pose.T, lowest
+        return times, *outline(self.mover, self.path.at(times).pose)
 
     @property
     def detach_time(self) -> float:

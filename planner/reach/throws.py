@@ -15,7 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...problems import Scene
-from ..check import Limits, Mover, held_bar, lowest_of_bar, outline_kernel, palm_corners
+from ..check import Limits, Mover, held_bar, lowest_of_bar, outline, palm_corners
 from ..ocp import BRAKE_SHARE, PASSING_MARGIN
 from ..search import Releases, ReleaseSampler, flies_past_column, run_up
 
@@ -113,14 +113,12 @@ def _off_floor(scene: Scene, mover: Mover, throws: Releases) -> Flags:
     if workspace is None or workspace.floor is None or not clear.size:
         return clear
     end, stop, _ = _ahead(scene, mover, throws)
-    outline = outline_kernel(mover.motion, mover.kinematics)
     for q, holds in ((_start(throws), True), (throws.q, True), (end, False), (stop, False)):
-        hand, lowest = outline(q)
-        lowest = np.minimum(np.ravel(lowest), hand[:, 1])
+        hand, lowest = outline(mover, q.T)
         if scene.arm is not None:
-            lowest = np.minimum(lowest, palm_corners(scene.arm.tool, hand.T)[1].min(axis=1))
+            lowest = np.minimum(lowest, palm_corners(scene.arm.tool, hand)[1].min(axis=1))
         if holds:
-            bar = held_bar(scene, hand.T)
+            bar = held_bar(scene, hand)
             lowest = np.minimum(lowest, lowest_of_bar(scene.object, bar))
         clear &= lowest >= workspace.floor
     return clear

@@ -14,7 +14,6 @@ import numpy.typing as npt
 from ...models import FlightState
 from ...problems import Scene
 from ..check import Mover, column_distance, column_of, held_bar, palm_distance
-from ..compile import mapped
 from ..ocp import BRAKE_SHARE, PALM_TIMES
 
 Array = npt.NDArray[np.float64]
@@ -68,7 +67,7 @@ def clears_column(
         return clear
     for share in np.linspace(0.0, 1.0, INSTANTS):
         q = polynomial(path, share * duration)
-        hand = mapped(mover.motion)(q, 0 * q, 0 * q)[0].T
+        hand = mover.motion(q.T, 0 * q.T, 0 * q.T)[0]
         clear &= column_distance(scene.object, held_bar(scene, hand), *column) >= 0.0
     return clear
 
@@ -109,7 +108,7 @@ def clears_palm(
     for t in PALM_TIMES:
         moving = np.minimum(t / stop_time, 1.0)
         there = q + dq * stop_time * (moving - moving**2 / 2)
-        hand = mapped(mover.motion)(there, still, still)[0].T
+        hand = mover.motion(there.T, still.T, still.T)[0]
         com = _flown(scene, detach, t)
         clear &= palm_distance(scene.object, arm.tool, com, hand) >= workspace.palm_clearance
     return clear

@@ -14,7 +14,6 @@ import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.models import PlanarHand, hand_motion
 from throwplan.planner.compile import STEPS, Kernel, MappedKernel, StepKernel, mapped
 
 needs_compiler = pytest.mark.skipif(
@@ -41,13 +40,6 @@ def test_any_number_of_columns(count: int) -> None:
     # In any order in memory.
     turned = MappedKernel(function)(np.asfortranarray(a), b.T.copy().T)
     assert (turned[0] == np.array(usual[0]).T).all()
-
-
-def test_outputs_with_structural_zeros_are_filled_in() -> None:
-    q = np.array([[1.0, 2.0], [3.0, 4.0]])
-    pose, twist, acceleration = MappedKernel(hand_motion(PlanarHand(False, 0.3)))(q, q, q)
-    assert pose.tolist() == [[1.0, 2.0, 0.3], [3.0, 4.0, 0.3]]
-    assert twist.tolist() == acceleration.tolist() == [[1.0, 2.0, 0.0], [3.0, 4.0, 0.0]]
 
 
 def test_whole_matrices_and_wrong_shapes() -> None:
