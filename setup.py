@@ -8,7 +8,15 @@ from setuptools import Extension, setup
 from setuptools.command.build_ext import build_ext
 
 #: Nobody reads errno or floating-point exceptions; NaN keeps its meaning.
-FLAGS = ["-O2", "-ftree-vectorize", "-fno-math-errno", "-fno-trapping-math", "-fvisibility=hidden"]
+FLAGS = [
+    "-O2",
+    "-ftree-vectorize",
+    "-fno-math-errno",
+    "-fno-trapping-math",
+    "-fno-builtin-sin",
+    "-fno-builtin-cos",
+    "-fvisibility=hidden",
+]
 
 
 class BuildCore(build_ext):
@@ -25,8 +33,9 @@ class BuildCore(build_ext):
 CORE = Extension(
     "throwplan.core._core",
     sorted(str(path) for path in Path("core").glob("*.c")),
-    depends=sorted(str(path) for path in Path("core").glob("*.h")),
+    depends=["setup.py", *sorted(str(path) for path in Path("core").glob("*.h"))],
     extra_compile_args=FLAGS,
+    libraries=["m"],
     optional=True,
 )
 

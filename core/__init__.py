@@ -3,6 +3,6 @@
 It is built with the package and optional: without it callers run slower and give the same answers.
 """
 
-from .library import library
+from .loading import library, threads
 
-__all__ = ["library"]
+__all__ = ["library", "threads"]

@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-/* Counts up with every change of an argument or a structure; that of library.py. */
+/* Counts up with every change of an argument or a structure; that of loading.py. */
 #define CORE_VERSION 1
 
 /* What Python calls. */
@@ -14,12 +14,15 @@
 #define EXPORT __attribute__((visibility("default")))
 #endif
 
-/* A heavy function is compiled for plain x86-64 and for AVX2; the loader takes what the processor
-   has. What it calls is compiled with it if it is INLINE. */
-#if defined __x86_64__ && defined __GLIBC__ && defined __GNUC__ && !defined __clang__
-#define CLONES __attribute__((target_clones("default", "arch=haswell")))
+/* A heavy function is compiled for plain x86-64 and for AVX2 with FMA, one of many lanes for AVX-512
+   as well; the loader takes what the processor has. What it calls is compiled with it if it is
+   INLINE. */
+#if defined __x86_64__ && defined __GLIBC__ && !defined __clang__ && __GNUC__ >= 12
+#define CLONES __attribute__((target_clones("default", "arch=x86-64-v3")))
+#define WIDE_CLONES __attribute__((target_clones("default", "arch=x86-64-v3", "arch=x86-64-v4")))
 #else
 #define CLONES
+#define WIDE_CLONES
 #endif
 #if defined __GNUC__
 #define INLINE static inline __attribute__((always_inline))

@@ -91,7 +91,6 @@ from .sliding_pivot import (
     world_release,
 )
 from .stepping import (
-    EvenSteps,
     Opening,
     graded,
     march,

@@ -37,7 +37,6 @@ from .limit_surface import (
     surface_gauge,
 )
 from .release import BatchRelease, Release, ReleaseBatch, ReleaseCase, by_chunks, failed
-from .stepping import EvenSteps
 
 #: Friction that turns round in one step more often than this is chatter.
 CHATTER = 10
@@ -86,7 +85,7 @@ class KarnoppRelease:
         release = _as_release(case, ellipsoid(case.contact), times, track, wrench)
         return replace(release, trouble=words) if turns > CHATTER else release
 
-    def throw(self, batch: ReleaseBatch, steps: int, even: EvenSteps | None = None) -> BatchRelease:
+    def throw(self, batch: ReleaseBatch, steps: int) -> BatchRelease:
         """N releases, in steps of 0.1 ms if `steps` is 0."""
         if steps == 0:
             longest = float(np.max(batch.opening))

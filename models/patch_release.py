@@ -42,7 +42,6 @@ from .release import (
     by_chunks,
     failed,
 )
-from .stepping import EvenSteps
 
 #: Speed [m/s] over which a rigid point's friction builds up: half of it at CREEP, 99 % only
 #: at 99 CREEP. What is missing at slow points moves landings by up to 0.03 mm at 1e-9 and
@@ -124,7 +123,7 @@ class PatchRelease:
         com, twist, wrench = (v[..., 0] for v in (found.com, found.com_twist, found.wrench))
         return Release(times, com, twist, pivot, slide, wrench)
 
-    def throw(self, batch: ReleaseBatch, steps: int, even: EvenSteps | None = None) -> BatchRelease:
+    def throw(self, batch: ReleaseBatch, steps: int) -> BatchRelease:
         """N releases; NaN for a throw with a step that was not solved."""
 
         def chunk(part: ReleaseBatch) -> BatchRelease:

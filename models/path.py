@@ -279,7 +279,7 @@ class Path:
 
     def cubic(self) -> bool:
         """Whether all throws follow cubics: what compiled code knows."""
-        return self.drift is None and (self.given.ndim == 3 or len(self.given) <= 4)
+        return self.given.ndim == 3 or len(self.given) <= 4
 
 
 @dataclass(frozen=True, eq=False)

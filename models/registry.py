@@ -15,18 +15,14 @@ from .limit_surface_release import ImplicitRelease, KarnoppRelease
 from .patch_release import PatchRelease
 from .release import BatchRelease, CaseModel, Release, ReleaseBatch, ReleaseCase
 from .sliding_pivot import SlidingPivotRelease
-from .stepping import EvenSteps
 from .time_stepping import SteppedRelease
 
 
 class BatchModel(CaseModel, Protocol):
     """How many bodies leave their hands at once."""
 
-    def throw(self, batch: ReleaseBatch, steps: int, even: EvenSteps | None = None) -> BatchRelease:
-        """The batch in `steps` steps of each opening.
-
-        even: another program for the steps than NumPy's, where the model can use one.
-        """
+    def throw(self, batch: ReleaseBatch, steps: int) -> BatchRelease:
+        """The batch in `steps` steps of each opening."""
 
 
 @dataclass(frozen=True)
@@ -62,16 +58,14 @@ class ReleaseModel:
         """The release of one case."""
         return self.single.release(case)
 
-    def throw(
-        self, batch: ReleaseBatch, steps: int = 0, even: EvenSteps | None = None
-    ) -> BatchRelease:
+    def throw(self, batch: ReleaseBatch, steps: int = 0) -> BatchRelease:
         """The releases of a batch, in the usual number of steps unless told otherwise.
 
         Raises TypeError for a model without batches.
         """
         if self.batch is None:
             raise TypeError(f"{self.name} throws no batches")
-        return self.batch.throw(batch, steps or self.steps, even)
+        return self.batch.throw(batch, steps or self.steps)
 
     def summary(self) -> str:
         """What it is, in a line."""

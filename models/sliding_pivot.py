@@ -31,6 +31,7 @@ from .body import (
     components,
     pivot_wrench,
 )
+from .compiled_batch import compiled_batch
 from .release import (
     BLEW_UP,
     LOST,
@@ -42,7 +43,6 @@ from .release import (
     onset,
 )
 from .stepping import (
-    EvenSteps,
     Triple,
     by_levels,
     euler_step,
@@ -60,6 +60,9 @@ from .stepping import (
 
 #: Acceleration [m/s^2] that keeps the widths above zero in zero gravity.
 ACCELERATION_FLOOR = 1.0
+
+#: At a kink of the hand's motion its acceleration is taken this far [s] inside a batch's steps.
+INSIDE_STEP = 1e-9
 
 Form = Literal["continuous", "paper"]
 Integrator = Literal["rk4", "euler"]
@@ -282,14 +285,20 @@ class SlidingPivotRelease:
         states = run_steps(_compiled(self), start, step_columns(hand, forces), numbers(case))
         return world_release(law, hand.every(0, 2), states, forces[::2])
 
-    def throw(self, batch: ReleaseBatch, steps: int, even: EvenSteps | None = None) -> BatchRelease:
+    def throw(self, batch: ReleaseBatch, steps: int) -> BatchRelease:
         """N releases by the non-smooth law in `steps` graded Runge-Kutta steps.
 
-        Doubled, once or more, for throws that swing fast. even: another program for the
-        steps than NumPy's, a compiled one.
+        Doubled, once or more, for throws that swing fast; cut where the hands' accelerations
+        step: across such a kink they would be of first order only.
         """
-        law = even or partial(pivot_steps, form=self.form)
-        return by_levels(batch, lambda part, factor: law(part, steps * factor))
+        return by_levels(batch, lambda part, factor: self._steps(part, steps * factor))
+
+    def _steps(self, part: ReleaseBatch, steps: int) -> BatchRelease:
+        gap, compiled = INSIDE_STEP if part.hands.kinks.size else 0.0, None
+        shares = partial(_shares, steps=steps)
+        if self.form == "continuous":
+            compiled = compiled_batch("sliding_pivot", part, shares(part), gap)
+        return compiled or step_batch(part, partial(pivot_law, form=self.form), shares, gap)
 
 
 def pivot_law(batch: ReleaseBatch, form: Form = "continuous") -> PivotSteps:
@@ -297,9 +306,14 @@ def pivot_law(batch: ReleaseBatch, form: Form = "continuous") -> PivotSteps:
     return PivotSteps(SlidingPivot(batch.body, batch.contact, batch.gravity, form))
 
 
-def pivot_steps(batch: ReleaseBatch, steps: int, form: Form = "continuous") -> BatchRelease:
-    """The sliding pivot in `steps` graded steps for all throws, by NumPy."""
-    return step_batch(batch, partial(pivot_law, form=form), with_middles(graded(steps)))
+def _shares(batch: ReleaseBatch, steps: int) -> Array:
+    """Graded nodes and middles (K,); (K, N) with nodes at the kinks of the throws' hands."""
+    nodes = graded(steps)
+    if not batch.hands.kinks.size:
+        return with_middles(nodes)
+    kinks = (batch.hands.kinks[:, None] - batch.hands.delays) / batch.opening
+    alike = np.broadcast_to(nodes[:, None], (nodes.size, batch.count))
+    return with_middles(np.sort(np.vstack([alike, np.clip(kinks, 0.0, 1.0)]), axis=0))
 
 
 def world_release(law: SlidingPivot, hand: HandSamples, states: Array, forces: Array) -> Release:

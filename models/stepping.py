@@ -7,6 +7,7 @@ grip force, and what happens at events is decided here.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
 from typing import Protocol
@@ -14,12 +15,12 @@ from typing import Protocol
 import casadi as ca
 import numpy as np
 
+from ..core import threads
 from .body import Array, Body, Contact, HandMotion, HandSamples, Value, components, hand_of
+from .path import Throws
 from .release import LOST_SLIP, BatchRelease, ReleaseBatch, ReleaseCase, by_chunks, chunks
 
 Rates = Callable[[Value, HandMotion, Value], list[Value]]
-#: A release law in so many steps, the same number for all throws of the batch.
-EvenSteps = Callable[[ReleaseBatch, int], BatchRelease]
 #: Values at the start, middle and end of a step.
 Triple = Sequence[Value] | Array
 
@@ -160,17 +161,27 @@ def with_middles(nodes: Array) -> Array:
 def by_levels(
     batch: ReleaseBatch, run: Callable[[ReleaseBatch, int], BatchRelease]
 ) -> BatchRelease:
-    """`run(throws, factor)`, the factor 1, 2, 4, ... by each throw's own swings."""
-    detach, lost = np.empty((batch.count, 6)), np.empty(batch.count, bool)
-    # Piece by piece, so that no array of all hands' splines is ever made.
-    for piece in chunks(batch.count, PIECE):
+    """`run(throws, factor)`, the factor 1, 2, 4, ... by each throw's own swings.
+
+    Many throws are spread over threads: compiled code leaves Python to the others.
+    """
+
+    def levelled(piece: Throws) -> BatchRelease:
+        detach, lost = np.empty((len(piece), 6)), np.empty(len(piece), bool)
         part = batch.part(piece)
         levels = _levels(part)
         for level in np.unique(levels):
             throws = np.flatnonzero(levels == level)
             some = run(part if len(throws) == len(piece) else part.part(throws), 2 ** int(level))
-            detach[piece[throws]], lost[piece[throws]] = some.detach, some.lost
-    return BatchRelease(detach, lost)
+            detach[throws], lost[throws] = some.detach, some.lost
+        return BatchRelease(detach, lost)
+
+    # Piece by piece, so that no array of all hands' splines is ever made.
+    pieces = list(chunks(batch.count, PIECE))
+    if len(pieces) == 1:
+        return levelled(pieces[0])
+    with ThreadPoolExecutor(threads()) as pool:
+        return BatchRelease.joined(list(pool.map(levelled, pieces)))
 
 
 def _levels(batch: ReleaseBatch) -> Array:

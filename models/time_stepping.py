@@ -33,10 +33,10 @@ from .body import (
     contact_twist,
     sticking_state,
 )
+from .compiled_batch import compiled_batch
 from .limit_surface import Shape, ellipsoid, slip_onset, surface_gauge
 from .release import BLEW_UP, BatchRelease, Release, ReleaseBatch, ReleaseCase
 from .stepping import (
-    EvenSteps,
     Triple,
     by_levels,
     number_symbols,
@@ -286,17 +286,16 @@ class SteppedRelease:
         pivot, slide = slip_onset(case, surface_gauge(surface))
         return Release(times, states[:3], states[3:], pivot, slide, wrench, trouble)
 
-    def throw(self, batch: ReleaseBatch, steps: int, even: EvenSteps | None = None) -> BatchRelease:
+    def throw(self, batch: ReleaseBatch, steps: int) -> BatchRelease:
         """N releases on the contact's own ellipsoid.
 
         `steps` and twice as many steps, extrapolated: the stepping is first order, so this
-        takes away the leading error at three times the cost of the shorter run. even:
-        another program for the steps than NumPy's, a compiled one.
+        takes away the leading error at three times the cost of the shorter run.
         """
-        law = even or surface_steps
 
         def run(part: ReleaseBatch, factor: int) -> BatchRelease:
-            coarse, fine = law(part, steps * factor), law(part, 2 * steps * factor)
+            coarse = surface_steps(part, steps * factor)
+            fine = surface_steps(part, 2 * steps * factor)
             return BatchRelease(2 * fine.detach - coarse.detach, fine.lost)
 
         return by_levels(batch, run)
@@ -308,8 +307,10 @@ def surface_law(batch: ReleaseBatch) -> LimitSurfaceStepping:
 
 
 def surface_steps(batch: ReleaseBatch, steps: int) -> BatchRelease:
-    """The limit surface in `steps` even steps for all throws, by NumPy; nothing extrapolated."""
-    return step_batch(batch, surface_law, np.linspace(0.0, 1.0, 2 * steps + 1))
+    """The limit surface in `steps` even steps for all throws; nothing extrapolated."""
+    shares = np.linspace(0.0, 1.0, 2 * steps + 1)
+    compiled = compiled_batch("limit_surface", batch, shares)
+    return compiled or step_batch(batch, surface_law, shares)
 
 
 @cache

@@ -9,6 +9,7 @@ import time
 from collections.abc import Mapping
 from concurrent.futures import Executor
 from dataclasses import dataclass
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -30,7 +31,6 @@ from ...models import (
     land,
 )
 from ...problems import InputError, Scene, as_scene
-from ..compile import PAYS_FROM, compiled_steps
 from .given_motion import given_hand
 from .throw import LandingPoint, case_of, landing
 
@@ -154,7 +154,6 @@ def simulate_batch(
     steps: of the opening, instead of the model's usual ones; `ls-step` takes twice as many
     too and extrapolates, `sp` doubles them for throws that swing fast.
     executor: spreads chunks over its workers; the result does not depend on it.
-    `sp` and `ls-step` of many throws run in compiled code where a C compiler is there.
     Raises InputError for unknown names, unequal lengths, NaN, times that do not rise.
     """
     chosen = named_model(model, BATCH_MODELS).pressed(scene.contact.pressure)
@@ -171,27 +170,11 @@ def simulate_batch(
 def _thrown(
     model: ReleaseModel, batch: ReleaseBatch, steps: int, executor: Executor | None
 ) -> BatchRelease:
-    # Decided, and compiled, once for all shares: they must not differ by a digit.
-    compiled = batch.count >= PAYS_FROM and compiled_steps(model.name, batch.hands) is not None
     if executor is None:
-        return _Share(model, batch, steps, compiled).run()
-    numbers = np.array_split(np.arange(batch.count), max(batch.count // 4096, 1))
-    shares = [_Share(model, batch.part(throws), steps, compiled) for throws in numbers]
-    return BatchRelease.joined(list(executor.map(_Share.run, shares)))
-
-
-@dataclass(frozen=True)
-class _Share:
-    """A run of throws for one worker."""
-
-    model: ReleaseModel
-    batch: ReleaseBatch
-    steps: int
-    compiled: bool
-
-    def run(self) -> BatchRelease:
-        even = compiled_steps(self.model.name, self.batch.hands) if self.compiled else None
-        return self.model.throw(self.batch, self.steps, even)
+        return model.throw(batch, steps)
+    shares = np.array_split(np.arange(batch.count), max(batch.count // 4096, 1))
+    run = partial(model.throw, steps=steps)
+    return BatchRelease.joined(list(executor.map(run, map(batch.part, shares))))
 
 
 def _batch(

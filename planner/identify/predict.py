@@ -24,7 +24,6 @@ from ...models import (
 )
 from ...problems import InputError, MeasuredThrow, ThrowData
 from ..check import named_model, recorded_joints
-from ..compile import compiled_steps
 from .measured import Landings, measured
 
 Array = npt.NDArray[np.float64]
@@ -104,8 +103,7 @@ class Predictor:
         for rows in self._groups(len(sets) if known.batch is not None else MOST):
             if known.batch is not None:
                 batch = self._batch(rows, sets)
-                even = compiled_steps(model, batch.hands)
-                found = known.throw(batch, known.fit_steps, even).detach
+                found = known.throw(batch, known.fit_steps).detach
             else:
                 found = np.array([self._end(model, i, one) for i in rows for one in sets])
             detach[rows] = found.reshape(len(rows), len(sets), 6)

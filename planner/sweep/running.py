@@ -212,7 +212,7 @@ def sweep_until_stopped(
     started = time.perf_counter()
     check_sweep(samples, seed, model)
     sampler = sampler_of(plan.scene, seed)
-    thrower = thrower_of(plan, model, sampler, samples)
+    thrower = thrower_of(plan, model, sampler)
     thrown = run_sweep(thrower, sampler, samples, executor, progress)
     if thrown is None:
         return None

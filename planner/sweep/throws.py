@@ -10,23 +10,16 @@ import numpy.typing as npt
 
 from ...models import (
     MODELS,
-    SLIDING_PIVOT,
-    BatchRelease,
     Body,
     Contact,
     HandMotion,
     Path,
     ReleaseBatch,
-    graded,
     land,
-    pivot_law,
     pivot_wrench,
-    step_batch,
-    with_middles,
 )
 from ...problems import InputError, Pose, Scene
 from ..check import TICK, Throw, cup_entries, friction_use
-from ..compile import PAYS_FROM, compiled_steps
 from ..result import Plan
 from .samples import Sampler
 
@@ -40,9 +33,8 @@ FURTHEST = 0.05
 PROBES, SHARE = 64, 0.1
 #: Cells of the hand's tabulated motion are this long at most [s].
 CELL = 1e-4
-#: The hand's acceleration may step at a cell's and at an integration step's ends: it is
-#: taken this far [s] inside them.
-INSIDE_CELL, INSIDE_STEP = 1e-10, 1e-9
+#: The hand's acceleration may step at a cell's ends: it is taken this far [s] inside them.
+INSIDE_CELL = 1e-10
 #: The full grip is checked where this share of its largest use is needed, at this many
 #: instants at most.
 USED, INSTANTS = 0.5, 120
@@ -112,7 +104,7 @@ class Thrower:
 
     Small, to be sent to other processes. hands: counted from the planned opening.
     mean_delay [s]: what the plan's opening command is early by. steps: over the opening, 0
-    for the model's own; compiled: whether those run in compiled code, where there is any.
+    for the model's own.
     """
 
     scene: Scene
@@ -123,12 +115,6 @@ class Thrower:
     carry: CarryHold
     mean_delay: float
     steps: int = 0
-    compiled: bool = False
-
-    @property
-    def cuts(self) -> bool:
-        """Whether steps are cut where the hand's acceleration steps."""
-        return self.model == SLIDING_PIVOT and self.hands.kinks.size > 0
 
     def throw(self, values: Array) -> Outcomes:
         """N throws: values (N, P) of the parameters, columns as `names`, SI units."""
@@ -184,9 +170,7 @@ class Thrower:
         turn = np.where(batch.body.com_offset < 0, math.pi, 0.0)
         body = replace(batch.body, com_offset=np.abs(batch.body.com_offset))
         batch = replace(batch, body=body, grasp_angle=batch.grasp_angle + turn)
-        even = compiled_steps(self.model, batch.hands) if self.compiled else None
-        steps = _cut_steps if self.cuts else even
-        detach = MODELS[self.model].throw(batch, self.steps, steps).detach
+        detach = MODELS[self.model].throw(batch, self.steps).detach
         detach[:, 2] -= turn
         return detach
 
@@ -217,8 +201,8 @@ class Thrower:
         return cup_entries(self.scene, detach, landing[:, 2], com) > 0.0
 
 
-def thrower_of(plan: Plan, model: str, sampler: Sampler, samples: int) -> Thrower:
-    """A thrower of a solved plan's own motion for that many samples.
+def thrower_of(plan: Plan, model: str, sampler: Sampler) -> Thrower:
+    """A thrower of a solved plan's own motion.
 
     InputError for a plan without a throw.
     """
@@ -235,10 +219,7 @@ def thrower_of(plan: Plan, model: str, sampler: Sampler, samples: int) -> Throwe
     carry = CarryHold.of(throw, min(high, rest - start))
     hands = tabulated(throw, span)
     thrower = Thrower(scene, plan.target, model, sampler.names, hands, carry, mean)
-    thrower = _settled(thrower, sampler)
-    # Decided, and compiled, once: workers' results must not differ by a digit.
-    pays = samples >= PAYS_FROM and "hand_omega" not in sampler.names and not thrower.cuts
-    return replace(thrower, compiled=pays and compiled_steps(model, hands) is not None)
+    return _settled(thrower, sampler)
 
 
 def _settled(thrower: Thrower, sampler: Sampler) -> Thrower:
@@ -290,19 +271,3 @@ def tabulated(throw: Throw, span: tuple[float, float]) -> Path:
         cells = np.insert(cells, cells.shape[2], 0.0, axis=2)
         cells[-1, :, -1] = end.pose[:, -1]
     return Path(knots, cells[..., None], kinks)
-
-
-def _cut_steps(batch: ReleaseBatch, steps: int) -> BatchRelease:
-    """The sliding pivot in `steps` graded steps, cut where the hands' accelerations step.
-
-    Across such a kink the Runge-Kutta steps would be of first order only.
-    """
-    even = graded(steps)[:, None]
-
-    def shares(part: ReleaseBatch) -> Array:
-        kinks = part.hands.kinks[:, None] - part.hands.delays
-        kinked = np.clip(kinks / part.opening, 0.0, 1.0)
-        nodes = np.vstack([np.repeat(even, part.count, axis=1), kinked])
-        return with_middles(np.sort(nodes, axis=0))
-
-    return step_batch(batch, pivot_law, shares, INSIDE_STEP)

@@ -8,7 +8,6 @@ import shutil
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
@@ -84,67 +83,8 @@ def test_unknown_way_of_compiling() -> None:
 
 # Compiled, in a process and with a cache folder of its own.
 
-BATCH = """
-import sys, numpy as np, throwplan as tp
-rng, n, scene = np.random.default_rng(0), 2500, tp.load_scene("drop")
-t = np.linspace(-0.01, 0.15, 60)
-poses = np.column_stack([1.5 * t, 0.8 * t - t**2, 0.4 + 3.0 * t])[None]
-kinds = {
-    "plain": {"pose": np.column_stack([np.zeros((n, 2)), rng.uniform(-1.5, 1, n)]),
-              "twist": rng.uniform(-3, 3, (n, 3)), "acceleration": rng.uniform(-20, 20, (n, 3))},
-    "sampled": {"times": t, "poses": poses + rng.uniform(-0.1, 0.1, (n, 1, 3))},
-    "delayed": {"times": t, "poses": poses, "delays": rng.uniform(-0.009, 0.04, n)},
-}
-contact = {"friction": rng.uniform(0.3, 1, n), "patch_radius": rng.uniform(0.003, 0.01, n)}
-found = {
-    kind: tp.simulate_batch(scene, sys.argv[1], contact=contact, hand=hand).detach
-    for kind, hand in kinds.items()
-}
-np.savez(sys.argv[2], **found)
-"""
-
-
-def batches(folder: Path, model: str, **variables: str) -> dict[str, np.ndarray]:
-    """Detach states by kind of hand motion."""
-    environment = os.environ | {"THROWPLAN_CACHE": str(folder / "cache")} | variables
-    command = [sys.executable, "-c", BATCH, model, str(folder / "found.npz")]
-    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=True)
-    assert done.stderr == ""
-    with np.load(folder / "found.npz") as found:
-        return dict(found)
-
-
-@needs_compiler
-@pytest.mark.slow
-@pytest.mark.parametrize("model", ["sp", "ls-step"])
-def test_compiled_batches_are_numpys_whatever_happens_to_the_library(model, tmp_path) -> None:
-    plain = batches(tmp_path, model, THROWPLAN_COMPILE="0")
-    assert not list(tmp_path.glob("cache/*.so"))
-    fast = batches(tmp_path, model, THROWPLAN_COMPILE="1")
-    (library,) = tmp_path.glob("cache/*.so")
-    whole = library.read_bytes()
-    library.write_bytes(whole[:1000])
-    again = batches(tmp_path, model, THROWPLAN_COMPILE="1")
-    assert library.stat().st_size == len(whole)
-    for kind, detach in plain.items():
-        np.testing.assert_allclose(fast[kind], detach, rtol=0, atol=1e-9)
-        assert np.array_equal(fast[kind], again[kind])
-
-
-@needs_compiler
-@pytest.mark.slow
-def test_a_compiler_that_fails_is_done_without(tmp_path) -> None:
-    broken = tmp_path / "cc"
-    broken.write_text("#!/bin/sh\nexit 1\n")
-    broken.chmod(0o755)
-    found = batches(tmp_path, "sp", CC=str(broken), THROWPLAN_COMPILE="1")
-    assert not list(tmp_path.glob("cache/*.so"))
-    assert all(np.isfinite(detach).all() for detach in found.values())
-
-
 PLANS = """
 import json, time, sys, throwplan as tp
-from pathlib import Path
 scene, found = tp.load_scene("hand-box"), []
 for compiling in sys.argv[2:]:
     planner = tp.Planner(scene, compiling=compiling)

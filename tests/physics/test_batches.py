@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
+from pathlib import Path as FilePath
 
 import numpy as np
 import pytest
@@ -22,6 +23,7 @@ from throwplan.models import (
     ReleaseCase,
     SlidingPivotRelease,
     SteppedRelease,
+    core_laws,
     disc,
     land,
 )
@@ -135,6 +137,34 @@ def test_a_batch_lands_where_the_single_models_do(model, exact, position, angle)
         one = landing(detached(exact.release(single(values, i)))[None])[0]
         assert batch[i, 0] == pytest.approx(one[0], abs=position)
         assert batch[i, 1] == pytest.approx(one[1], abs=np.radians(angle))
+
+
+def moving_hands(count: int) -> dict[str, dict[str, np.ndarray]]:
+    """Hands as `simulate_batch` takes them: each of its own, through samples, with delays."""
+    rng, t = np.random.default_rng(0), np.linspace(-0.01, 0.15, 60)
+    poses = np.column_stack([1.5 * t, 0.8 * t - t**2, 0.4 + 3.0 * t])[None]
+    return {
+        "own": throws(count)["hand"],
+        "sampled": {"times": t, "poses": poses + rng.uniform(-0.1, 0.1, (count, 1, 3))},
+        "delayed": {"times": t, "poses": poses, "delays": rng.uniform(-0.009, 0.04, count)},
+    }
+
+
+@pytest.mark.parametrize("hand", ["own", "sampled", "delayed"])
+@pytest.mark.parametrize("model", ["sp", "ls-step"])
+def test_the_compiled_core_throws_what_numpy_does(model, hand, monkeypatch) -> None:
+    values = {"contact": throws(40)["contact"], "hand": moving_hands(40)[hand]}
+    monkeypatch.setenv("THROWPLAN_COMPILE", "1")
+    compiled = tp.simulate_batch(DROP, model, **values).detach
+    monkeypatch.setenv("THROWPLAN_COMPILE", "0")
+    plain = tp.simulate_batch(DROP, model, **values).detach
+    np.testing.assert_allclose(compiled, plain, rtol=0, atol=1e-9)
+
+
+def test_the_core_holds_the_laws_of_today() -> None:
+    """`python -m throwplan.models.core_laws` has nothing to write."""
+    found = (FilePath(tp.__file__).parent / "core" / "laws.h").read_text(encoding="utf-8")
+    assert found == core_laws.text()
 
 
 @pytest.mark.parametrize(("model", "stiffness"), [("patch", None), ("lugre", 1e7)])

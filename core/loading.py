@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ctypes
+import multiprocessing
 import os
 from functools import cache
 from importlib.machinery import EXTENSION_SUFFIXES
@@ -18,6 +19,16 @@ def library() -> ctypes.CDLL | None:
     Callers set `argtypes` and `restype` of what they call.
     """
     return None if os.environ.get("THROWPLAN_COMPILE") == "0" else _loaded()
+
+
+def threads() -> int:
+    """Threads for a call that releases Python's lock: one in a process that another started."""
+    if multiprocessing.parent_process() is not None:
+        return 1
+    try:
+        return len(os.sched_getaffinity(0))
+    except AttributeError:
+        return os.cpu_count() or 1
 
 
 @cache
