@@ -5,7 +5,16 @@ Scenes are frozen dataclasses in SI units and radians; a section that is None ad
 """
 
 from .arms import arm_from, arm_text, load_arm
-from .files import copy_out, filling, prepare_folder, read_csv, read_text, toml_tables
+from .files import (
+    copy_out,
+    filling,
+    plain,
+    prepare_folder,
+    read_csv,
+    read_text,
+    toml_tables,
+    write_json,
+)
 from .grip import Grasp, Gripper, PadContact, ThrownObject, grip_samples, monotone_grip
 from .movers import Hand, Motion, Robot, Torque
 from .reference import scene_reference

@@ -14,6 +14,8 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from .section import InputError
 
 
@@ -154,3 +156,20 @@ def copy_out(text: str, path: Path) -> None:
     except OSError as error:
         scratch.unlink(missing_ok=True)
         raise InputError(f"{path}: {error.strerror or error}") from None
+
+
+def plain(value: Any) -> Any:
+    """A value as JSON has it: tables, lists, numbers; None for a number that is not finite."""
+    if isinstance(value, Mapping):
+        return {key: plain(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [plain(item) for item in value]
+    if isinstance(value, np.ndarray | np.generic):
+        return plain(value.tolist())
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def write_json(path: Path, value: Any) -> None:
+    """Write a value that `plain` has made."""
+    text = json.dumps(value, indent=2, allow_nan=False)
+    path.write_text(text + "\n", encoding="utf-8")

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import difflib
-import math
 import pathlib
 import time
 from collections.abc import Mapping
@@ -30,7 +29,7 @@ from ...models import (
     ReleaseModel,
     land,
 )
-from ...problems import InputError, Scene, as_scene
+from ...problems import InputError, Scene, as_scene, plain
 from .given_motion import given_hand
 from .throw import LandingPoint, case_of, landing
 
@@ -82,8 +81,8 @@ class Simulation:
         pose = None if land is None else {"x": land.x, "z": land.z, "theta": land.theta}
         return {
             "status": self.release.trouble or "ok",
-            "detach": {k: _number(v) for k, v in detach.items()},
-            "landing": pose and {k: _number(v) for k, v in pose.items()},
+            "detach": plain(detach),
+            "landing": plain(pose),
             "events": {"pivot": self.release.pivot, "slide": self.release.slide},
             "time": self.seconds,
         }
@@ -109,10 +108,6 @@ def _simulated(scene: Scene, model: ReleaseModel, case: ReleaseCase) -> Simulati
     height = None if scene.target is None else scene.target.z
     land = None if height is None else landing(release, height, scene.gravity)
     return Simulation(model.name, release, land, time.perf_counter() - start)
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
 
 
 # Arrays of throws.

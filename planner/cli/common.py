@@ -6,6 +6,7 @@ import argparse
 import dataclasses
 import json
 import math
+import re
 import sys
 import time
 from collections.abc import Callable
@@ -24,7 +25,8 @@ class Parser(argparse.ArgumentParser):
 
     def error(self, message: str) -> NoReturn:
         """Wrong arguments are wrong input."""
-        raise InputError(f"{message} (see '{self.prog} --help')")
+        words = re.sub(r"^argument (-\S+): (.*: must )", r"\1 \2", message)
+        raise InputError(f"{words} (see '{self.prog} --help')")
 
 
 def add_scene(parser: argparse.ArgumentParser) -> None:
@@ -40,60 +42,74 @@ def add_out(parser: argparse.ArgumentParser, what: str) -> None:
 def add_target(parser: argparse.ArgumentParser) -> None:
     """The options --target and --azimuth, for `target_of`."""
     add = parser.add_argument
-    add(
-        "--target",
-        nargs=3,
-        metavar=("X", "Z", "THETA_DEG"),
-        help="landing pose instead of the scene's; THETA_DEG may be 'free'",
-    )
-    add("--azimuth", metavar="DEG", help="turn the throw's plane about the arm's base axis")
+    words = "landing pose instead of the scene's; THETA_DEG may be 'free'"
+    form = ("X", "Z", "THETA_DEG")
+    add("--target", nargs=3, type=number(other="free"), metavar=form, help=words)
+    words = "turn the throw's plane about the arm's base axis"
+    add("--azimuth", type=number(-180, 180), metavar="DEG", help=words)
 
 
 def target_of(scene: Scene, options: argparse.Namespace) -> Pose | None:
     """The target that --target and --azimuth ask for, None for the scene's own."""
-    words, azimuth = options.target, options.azimuth
-    if words is None and azimuth is None:
+    given, azimuth, target = options.target, options.azimuth, scene.target
+    if given is None and azimuth is None:
         return None
-    target = scene.target
-    if words is not None:
-        x, z = (number("--target", word) for word in words[:2])
-        free = words[2] == "free"
-        theta = None if free else math.radians(number("--target", words[2], " or 'free'"))
-        target = Pose(x=x, z=z, theta=theta)
+    if given is not None:
+        x, z, degrees = given
+        if x is None or z is None:
+            raise InputError("--target free: only THETA_DEG may be, X and Z must be numbers")
+        target = Pose(x=x, z=z, theta=None if degrees is None else math.radians(degrees))
     if target is None:
         raise InputError(f"{scene.place}: section [target] is missing")
     if azimuth is None:
         return target
     if scene.robot is None:
         raise InputError("--azimuth: only for a scene with [robot]")
-    degrees = number("--azimuth", azimuth)
-    if abs(degrees) > 180:
-        raise InputError(f"--azimuth {azimuth}: must be from -180 to 180")
-    turn, x = math.radians(degrees), target.plane_x
+    turn, x = math.radians(azimuth), target.plane_x
     if x < 0:
         raise InputError(f"--target {x:g}: must be above 0 with --azimuth")
     return dataclasses.replace(target, x=x * math.cos(turn), y=x * math.sin(turn))
 
 
-def whole(option: str, word: str, low: int, high: int) -> int:
-    """`word` as a whole number from `low` to `high`; InputError naming `option`."""
-    try:
-        value = int(word)
-    except ValueError:
-        value = low - 1
-    if not low <= value <= high:
-        raise InputError(f"{option} {word}: must be a whole number, {low} to {high}")
+# What options take, for argparse, which puts the option's name before the message.
+
+
+def whole(low: int | None = None, high: int | None = None) -> Callable[[str], int]:
+    """A whole number from `low` to `high`, if they are given."""
+
+    def value(word: str) -> int:
+        try:
+            found = int(word)
+            if low is None or high is None or low <= found <= high:
+                return found
+        except ValueError:
+            pass
+        words = "" if low is None else f", {low} to {high}"
+        raise argparse.ArgumentTypeError(f"{word}: must be a whole number{words}")
+
     return value
 
 
-def number(option: str, word: str, more: str = "") -> float:
-    """`word` as a finite number; InputError naming `option`."""
-    try:
-        value = float(word)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputError(f"{option} {word}: must be a finite number{more}")
+def number(
+    low: float = -math.inf, high: float = math.inf, other: str = ""
+) -> Callable[[str], float | None]:
+    """A finite number from `low` to `high`, or the word `other`, which is None."""
+
+    def value(word: str) -> float | None:
+        if other and word == other:
+            return None
+        try:
+            found = float(word)
+        except ValueError:
+            found = math.nan
+        if math.isfinite(found) and low <= found <= high:
+            return found
+        if math.isfinite(found):
+            allowed = f"at least {low:g}" if high == math.inf else f"from {low:g} to {high:g}"
+        else:
+            allowed = "a finite number" + (f" or '{other}'" if other else "")
+        raise argparse.ArgumentTypeError(f"{word}: must be {allowed}")
+
     return value
 
 

@@ -29,11 +29,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--franka", metavar="DIR", help="write CSV files at 1 kHz for libfranka there")
     add("--ros", metavar="DIR", help="write a rosbag2 (MCAP) there: trajectory, gripper command")
     add("--joint-names", nargs="+", metavar="NAME", help="the joints' names in ROS, all of them")
-    add(
-        "--open-width",
-        metavar="M",
-        help="gap of the opened gripper in its ROS command (default: 0.08)",
-    )
+    words = "gap of the opened gripper in its ROS command (default: 0.08)"
+    add("--open-width", type=number(0), metavar="M", help=words)
 
 
 def run(options: argparse.Namespace) -> int:
@@ -44,11 +41,7 @@ def run(options: argparse.Namespace) -> int:
         for option in ("joint_names", "open_width"):
             if getattr(options, option) is not None:
                 raise InputError(f"--{option.replace('_', '-')}: only with --ros")
-    width = OPEN_WIDTH
-    if options.open_width is not None:
-        width = number("--open-width", options.open_width)
-        if width < 0:
-            raise InputError(f"--open-width {options.open_width}: must be at least 0")
+    width = OPEN_WIDTH if options.open_width is None else options.open_width
     if options.ros is not None:
         # Before the plan is read: a missing extra is said at once.
         ros_typestore()

@@ -39,7 +39,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--delay", action="store_true", help="fit a delay of the opening, too")
     add("--grip-scale", action="store_true", help="and the grip force's scale")
     add("--prior", metavar="SCENE", help="its [contact] and [uncertainty]")
-    add("--throws", metavar="N", help="only the first N throws")
+    add("--throws", type=whole(1, MOST_THROWS), metavar="N", help="only the first N throws")
     add(
         "--only",
         metavar="FACTOR=LABEL",
@@ -48,7 +48,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="only throws with this label",
     )
-    add("--workers", metavar="N", default="1", help="processes (default: 1)")
+    most = whole(1, MOST_WORKERS)
+    add("--workers", type=most, metavar="N", default=1, help="processes (default: 1)")
     add_out(parser, "identify.json, contact.toml, the grids and pictures")
 
 
@@ -60,12 +61,11 @@ def run(options: argparse.Namespace) -> int:
         models = tuple(model for model in models if not MODELS[model].chatters)
     for model in models:
         check_model(model)
-    workers = whole("--workers", options.workers, 1, MOST_WORKERS)
     data = _chosen(load_throws(options.data), options)
     prior = None if options.prior is None else load_scene(options.prior)
     if options.out is not None:
         prepare_folder(Path(options.out), IDENTIFY_FILES)
-    with executor_of(workers, None) as executor, Progress(data.name) as progress:
+    with executor_of(options.workers, None) as executor, Progress(data.name) as progress:
         found = [
             identify(
                 data,
@@ -75,7 +75,7 @@ def run(options: argparse.Namespace) -> int:
                 grip_scale=options.grip_scale,
                 grid=not options.no_grid,
                 executor=executor,
-                workers=workers,
+                workers=options.workers,
                 about=progress.about,
             )
             for model in models
@@ -100,8 +100,7 @@ def _chosen(data: ThrowData, options: argparse.Namespace) -> ThrowData:
         if label not in labels:
             raise InputError(f"--only {word}: {name} must be one of {', '.join(labels)}")
         numbers = [i for i in numbers if data.throws[i].factors.get(name) == label]
-    if options.throws is not None:
-        numbers = numbers[: whole("--throws", options.throws, 1, MOST_THROWS)]
+    numbers = numbers[: options.throws]
     if not numbers:
         raise InputError(f"--only {' '.join(options.only)}: no throw has all these labels")
     chosen = data.picked(numbers)

@@ -53,10 +53,12 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         choices=["x", "y", "z"],
         help="axis of the tool link along which the pads close (default: y, or z)",
     )
-    add("--tcp", metavar="M", help="from the tool link on to the pads' centre (0)")
+    words = "from the tool link on to the pads' centre (0)"
+    add("--tcp", type=number(), metavar="M", default=0.0, help=words)
     add(
         "--palm",
         nargs=3,
+        type=number(),
         metavar=("BACK", "FRONT", "HALF_WIDTH"),
         help="the hand's body behind the pads' centre, in m (default: none)",
     )
@@ -76,6 +78,8 @@ def _motion_arguments(parser: argparse.ArgumentParser) -> None:
     add(
         "--posture-deg",
         nargs="+",
+        type=number(),
+        default=[],
         metavar="DEG",
         help="what the other joints keep, per joint (default: 0 where allowed, pads across)",
     )
@@ -83,6 +87,7 @@ def _motion_arguments(parser: argparse.ArgumentParser) -> None:
         add(
             option,
             nargs="+",
+            type=number(other="-"),
             metavar="VALUE",
             help=f"{name.replace('_', ' ')} limits [{LIMIT_UNITS.get(name, 'deg')}]: one for all "
             "joints or one per joint; - keeps the URDF's",
@@ -130,40 +135,32 @@ def _given_limits(options: argparse.Namespace) -> dict[str, list[float | None]]:
             continue
         unit = math.radians(1.0) if name.startswith("position") else 1.0
         each = words * len(options.joints) if len(words) == 1 else words
-        given[name] = [
-            None if word == "-" else unit * number(option, word, " or -")
-            for word in _per_joint(options, option, each)
-        ]
+        _check_count(options, option, each)
+        given[name] = [None if value is None else unit * value for value in each]
     return given
 
 
-def _per_joint(options: argparse.Namespace, option: str, words: list[str]) -> list[str]:
-    """The words of an option if they are one per joint; InputError if not."""
-    if len(words) != len(options.joints):
+def _check_count(options: argparse.Namespace, option: str, values: list[Any]) -> None:
+    """InputError unless an option has a value per joint."""
+    if len(values) != len(options.joints):
         raise InputError(f"{option}: must be {len(options.joints)} values, one per joint")
-    return words
 
 
 def _choices(options: argparse.Namespace, chain: UrdfChain) -> Choices:
     """What the options say of the hand and of the joints' parts."""
-    posture = []
-    if options.posture_deg is not None:
-        words = _per_joint(options, "--posture-deg", options.posture_deg)
-        posture = [math.radians(number("--posture-deg", word)) for word in words]
-    tcp = 0.0 if options.tcp is None else number("--tcp", options.tcp)
-    palm = None
+    if options.posture_deg:
+        _check_count(options, "--posture-deg", options.posture_deg)
     if options.palm is not None:
-        back, front, half_width = (number("--palm", word) for word in options.palm)
-        palm = (back, front, half_width)
+        back, front, half_width = options.palm
         if not (back > front > 0 and half_width > 0):
             raise InputError("--palm: must be BACK above FRONT, both and HALF_WIDTH above 0")
     return Choices(
         options.name or chain.robot.robot.name or "arm",
         options.azimuth,
         tuple(options.throwing or ()),
-        tuple(posture),
-        tcp,
-        palm,
+        tuple(map(math.radians, options.posture_deg)),
+        options.tcp,
+        None if options.palm is None else tuple(options.palm),
     )
 
 

@@ -26,23 +26,23 @@ from .common import DONE, Progress, add_out, answer, number, whole
 EXAMPLE = "throwplan make-throws --out out/throws"
 #: Stiffness of the bristles unless told otherwise [1/m].
 SOFT = 1e6
-#: Options with a number: what is allowed, and what they say.
-NUMBERS = {
-    "stiffness": (1e3, 1e9, "of LuGre's bristles, 1/m (default: 1e6)"),
-    "friction": (0.01, 10.0, "true friction (default: 0.8)"),
-    "patch-radius": (1e-4, 0.05, "true patch radius, m (default: 0.0031)"),
-}
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The command's options."""
     add = parser.add_argument
-    add("--seed", metavar="N", default="1", help="of the noise (default: 1)")
+    words = "of the noise (default: 1)"
+    add("--seed", type=whole(0, 2**32 - 1), metavar="N", default=1, help=words)
     laws = "what lets go of the bar: a rigid meshed patch (default) or LuGre bristles"
     add("--truth", choices=("patch", "lugre"), default="patch", help=laws)
-    for option, (_, _, what) in NUMBERS.items():
-        add(f"--{option}", metavar="NUMBER", help=what)
-    add("--repeats", metavar="N", default="5", help="throws per condition (default: 5)")
+    words = "of LuGre's bristles, 1/m (default: 1e6)"
+    add("--stiffness", type=number(1e3, 1e9), metavar="NUMBER", help=words)
+    words = "true friction (default: 0.8)"
+    add("--friction", type=number(0.01, 10), metavar="NUMBER", default=0.8, help=words)
+    words = "true patch radius, m (default: 0.0031)"
+    add("--patch-radius", type=number(1e-4, 0.05), metavar="NUMBER", default=0.0031, help=words)
+    words = "throws per condition (default: 5)"
+    add("--repeats", type=whole(1, 100), metavar="N", default=5, help=words)
     add("--no-noise", action="store_true", help="all repeats alike, exact")
     add("--factors", action="store_true", help="and throws that vary surface, payload, inertia")
     add_out(parser, "dataset.toml, throws.csv and the recordings (needed)")
@@ -75,26 +75,17 @@ def run(options: argparse.Namespace) -> int:
 
 def _making(options: argparse.Namespace) -> Making:
     """What the options ask for."""
-    given = {}
-    for option, (low, high, _) in NUMBERS.items():
-        word = getattr(options, option.replace("-", "_"))
-        if word is None:
-            continue
-        value = number(f"--{option}", word)
-        if not low <= value <= high:
-            raise InputError(f"--{option} {word}: must be from {low:g} to {high:g}")
-        given[option.replace("-", "_")] = value
-    stiffness = given.pop("stiffness", None)
-    if stiffness is not None and options.truth != "lugre":
+    lugre = options.truth == "lugre"
+    if options.stiffness is not None and not lugre:
         raise InputError("--stiffness: only with --truth lugre")
-    law = Law(stiffness or SOFT) if options.truth == "lugre" else Law()
     return Making(
-        law=law,
-        repeats=whole("--repeats", options.repeats, 1, 100),
+        law=Law(options.stiffness or SOFT) if lugre else Law(),
+        friction=options.friction,
+        patch_radius=options.patch_radius,
+        repeats=options.repeats,
         factors=options.factors,
         noise=Noise.none() if options.no_noise else Noise(),
-        seed=whole("--seed", options.seed, 0, 2**32 - 1),
-        **given,
+        seed=options.seed,
     )
 
 

@@ -30,15 +30,15 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """The command's options."""
     add = parser.add_argument
     add_scene(parser)
-    add("--z", metavar="Z", help="height of the landing (default: the target's)")
-    add("--samples", metavar="N", default="200000", help="sampled states (default: 200000)")
+    add("--z", type=number(), metavar="Z", help="height of the landing (default: the target's)")
+    words = "sampled states (default: 200000)"
+    add("--samples", type=whole(1, MOST), metavar="N", default=200_000, help=words)
     add_out(parser, "map.png and map.npz")
 
 
 def run(options: argparse.Namespace) -> int:
     """Maps, writes and prints."""
-    z = None if options.z is None else number("--z", options.z)
-    samples = whole("--samples", options.samples, 1, MOST)
+    z, samples = options.z, options.samples
     check_map(z, samples, "--")
     scene = load_scene(options.scene)
     # A scene that cannot be planned is refused before a folder is made.

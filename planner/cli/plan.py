@@ -46,20 +46,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         choices=ROBUST_METHODS,
         help="bear the scene's [uncertainty] (an opening 10 ms early or late without one)",
     )
-    add(
-        "--alternatives",
-        metavar="N",
-        default="0",
-        help="list up to N more throws that differ from the plan's",
-    )
+    words = "list up to N more throws that differ from the plan's"
+    most = whole(0, MOST_ALTERNATIVES)
+    add("--alternatives", type=most, metavar="N", default=0, help=words)
     add_out(parser, "plan.json, motion.csv, throw.png and throw.gif")
 
 
 def run(options: argparse.Namespace) -> int:
     """Plans, writes and prints."""
     scene = load_scene(options.scene)
-    target = target_of(scene, options)
-    alternatives = whole("--alternatives", options.alternatives, 0, MOST_ALTERNATIVES)
+    target, alternatives = target_of(scene, options), options.alternatives
     say(f"{scene.name}: building the problem")
     planner = Planner(scene)
     planner.check(target)

@@ -18,19 +18,18 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add = parser.add_argument
     add("plan", metavar="PLAN", help="a plan.json, or the folder it is in")
     words = "share of its speed with which the bar leaves what it hits, 0 to 0.99 (default: 0.1)"
-    add("--restitution", metavar="E", default="0.1", help=words)
+    add("--restitution", type=number(), metavar="E", default=0.1, help=words)
     add_out(parser, "replay.json, replay.csv and replay.png")
 
 
 def run(options: argparse.Namespace) -> int:
     """Throws, writes and prints."""
     load_mujoco()
-    restitution = number("--restitution", options.restitution)
     if options.out is not None:
         prepare_folder(Path(options.out))
     throw = read_plan(options.plan)
     say(f"{throw.scene.name}: throwing in MuJoCo")
-    result = replay(throw, restitution=restitution)
+    result = replay(throw, restitution=options.restitution)
     if options.out is not None:
         say(f"{throw.scene.name}: writing {options.out}")
         result.save(options.out)

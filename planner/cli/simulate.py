@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 import argparse
-import json
 from pathlib import Path
 from typing import Any
 
 from ...models import MODELS, VARIANTS
-from ...problems import filling, load_scene
+from ...problems import filling, load_scene, write_json
 from ..check import simulate
 from ..show import draw_releases
 from .common import DONE, add_out, add_scene, answer, say
@@ -34,10 +33,9 @@ def run(options: argparse.Namespace) -> int:
     models = {name: run.to_dict() for name, run in runs.items()}
     result = {"scene": scene.name, "models": models}
     if options.out is not None:
-        text = json.dumps(result, indent=2, allow_nan=False) + "\n"
         say(f"{scene.name}: drawing")
         with filling(Path(options.out), ("simulation.json", "releases.png")) as scratch:
-            (scratch / "simulation.json").write_text(text, encoding="utf-8")
+            write_json(scratch / "simulation.json", result)
             draw_releases(scene, runs, scratch / "releases.png")
     answer(options, result, _table(scene.name, models))
     return DONE

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 from ...models import BATCH_MODELS, SLIDING_PIVOT
-from ...problems import ROBUST_METHODS, InputError, Pose, Scene, load_scene, prepare_folder
+from ...problems import ROBUST_METHODS, Pose, Scene, load_scene, prepare_folder
 from ..plan import Planner
 from ..result import Plan
 from ..sweep import SWEEP_FILES, check_sweep, executor_of, sweep_until_stopped
@@ -22,6 +22,7 @@ from .common import (
     answer,
     say,
     target_of,
+    whole,
     written,
 )
 
@@ -36,25 +37,21 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--robust", choices=ROBUST_METHODS, help="plan against the uncertainty")
     names = f"release model: {', '.join(BATCH_MODELS)} (default: %(default)s)"
     add("--model", default=SLIDING_PIVOT, metavar="NAME", help=names)
-    numbers = (
-        ("--samples", "1000", "throws (default: 1000)"),
-        ("--seed", "0", "of the samples (default: 0)"),
-        ("--workers", None, "processes on this machine (default: 1); the result is the same"),
-    )
-    for option, default, what in numbers:
-        add(option, metavar="N", default=default, help=what)
+    words = "processes on this machine (default: 1); the result is the same"
+    add("--samples", type=whole(), metavar="N", default=1000, help="throws (default: 1000)")
+    add("--seed", type=whole(), metavar="N", default=0, help="of the samples (default: 0)")
+    add("--workers", type=whole(), metavar="N", help=words)
     add("--scheduler", metavar="ADDRESS", help="a Dask scheduler that spreads them")
-    add_out(parser, "sweep.json, sweep.csv and four pictures")
+    add_out(parser, "sweep.json, sweep.csv and three pictures")
 
 
 def run(options: argparse.Namespace) -> int:
     """Plans, sweeps, writes and prints."""
-    samples, seed = _integer("--samples", options.samples), _integer("--seed", options.seed)
-    workers = None if options.workers is None else _integer("--workers", options.workers)
+    samples, seed = options.samples, options.seed
     check_sweep(samples, seed, options.model, "--")
     scene = load_scene(options.scene)
     target = target_of(scene, options)
-    with executor_of(workers, options.scheduler) as executor:
+    with executor_of(options.workers, options.scheduler) as executor:
         plan = _planned(scene, target, options)
         if not plan.solved:
             answer(options, plan.to_dict(), f"{scene.name}: {plan.status}")
@@ -70,10 +67,8 @@ def run(options: argparse.Namespace) -> int:
     answer(options, found.to_dict(), found.summary() + written(options))
     if found.samples == samples:
         return DONE
-    print(
-        f"throwplan: interrupted: {found.samples:,} of {samples:,} samples",
-        file=sys.stderr,
-    )
+    words = f"throwplan: interrupted: {found.samples:,} of {samples:,} samples"
+    print(words, file=sys.stderr)
     return INTERRUPTED
 
 
@@ -84,11 +79,3 @@ def _planned(scene: Scene, target: Pose | None, options: argparse.Namespace) -> 
     if options.out is not None:
         prepare_folder(Path(options.out), SWEEP_FILES)
     return planner.plan(target, robust=options.robust)
-
-
-def _integer(option: str, word: str) -> int:
-    """`word` as a whole number, of whatever size; InputError naming `option`."""
-    try:
-        return int(word)
-    except ValueError:
-        raise InputError(f"{option} {word}: must be a whole number") from None

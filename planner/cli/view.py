@@ -20,18 +20,16 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     """The command's options."""
     add = parser.add_argument
     add("plan", metavar="PLAN", help="a plan.json or its folder")
-    add("--port", metavar="N", default="8080", help="of the page, on this machine (default: 8080)")
+    words = "of the page, on this machine (default: 8080)"
+    add("--port", type=whole(1, 65535), metavar="N", default=8080, help=words)
     add("--no-browser", action="store_true", help="open no browser")
-    add("--hold", metavar="SECONDS", help="end after that time (default: when interrupted)")
+    words = "end after that time (default: when interrupted)"
+    add("--hold", type=number(0.001), metavar="SECONDS", help=words)
     add("--mp4", metavar="FILE", help="write throw.gif's picture as a film instead (needs ffmpeg)")
 
 
 def run(options: argparse.Namespace) -> int:
     """Serves the view until it is interrupted, or writes the film."""
-    port = whole("--port", options.port, 1, 65535)
-    hold = None if options.hold is None else number("--hold", options.hold)
-    if hold is not None and hold <= 0:
-        raise InputError(f"--hold {options.hold}: must be above 0")
     say("reading and throwing the plan")
     throw = read_plan(options.plan)
     if not math.isfinite(throw.landing_time):
@@ -43,14 +41,14 @@ def run(options: argparse.Namespace) -> int:
         return DONE
     space = space_throw(throw)
     try:
-        with serving(space, port) as (address, panel):
+        with serving(space, options.port) as (address, panel):
             found = {"address": address, "phases": space.phases()}
             print(json.dumps(found) if options.json else address, flush=True)
             if not options.no_browser and not open_browser(address):
                 print("throwplan: no browser to open here; open the address", file=sys.stderr)
-            if hold is None:
+            if options.hold is None:
                 say("Ctrl-C ends it")
-            run_panel(panel, hold)
+            run_panel(panel, options.hold)
     except KeyboardInterrupt:
         pass
     return DONE

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import json
 import os
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ...problems import InputError
+from ...problems import InputError, write_json
 from ..check import TICK
 from ..result import write_table
 from .export import JointMotion
@@ -51,8 +50,7 @@ def write_franka(motion: JointMotion, folder: Path) -> dict[str, Any]:
     row = f"{throw.command_time:.12g},open,{motion.cycle},{motion.fraction:.6f}"
     (folder / "gripper.csv").write_text(f"t,command,cycle,fraction\n{row}\n", encoding="utf-8")
     facts = _facts(motion)
-    text = json.dumps(facts, indent=2, allow_nan=False)
-    (folder / "franka.json").write_text(text + "\n", encoding="utf-8")
+    write_json(folder / "franka.json", facts)
     profile = throw.scene.gripper.profile()
     words = FRANKA_TEXT.format(
         scene=throw.scene.name,

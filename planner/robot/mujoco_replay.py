@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
 import time
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...problems import InputError, Scene, filling
+from ...problems import InputError, Scene, filling, plain, write_json
 from ..check import TICK, Throw, bar_outline
 from ..result import Plan, read_plan, sent_throw
 from ..show import BLACK, BLUE, GREEN, ORANGE, RED, draw_cup, new_figure, save
@@ -32,13 +31,9 @@ Array = npt.NDArray[np.float64]
 
 #: Steps [s] of the release and of the flight, and contact points of a pad.
 RELEASE_STEP, FLIGHT_STEP, POINTS = 1e-5, 1e-4, 12
-#: Between the poses that the picture draws [s], and the landings that it compares.
+#: Between the poses that the picture draws [s], and the models whose landings it shows.
 EVERY = 0.02
-LANDINGS = (
-    ("sp", "sliding pivot", BLUE),
-    ("limit_surface", "limit surface", BLACK),
-    ("landing", "MuJoCo", RED),
-)
+LANDINGS = (("sp", "sliding pivot", BLUE), ("limit_surface", "limit surface", BLACK))
 #: What a replay may leave in its folder.
 FILES = ("replay.json", "replay.csv", "replay.png")
 #: Share of its speed with which the bar leaves what it hits.
@@ -142,7 +137,9 @@ class Replay:
                 "at_rest": rest.at_rest,
                 "rest": self._pose(x, z, theta, y),
             }
-        return {
+        others = ("target", "sp", "limit_surface")
+        sizes = {name: map(abs, self.off(name)) for name in others}
+        found = {
             "scene": self.throw.scene.name,
             "landing": {
                 "mujoco": self._pose(*self.landing),
@@ -150,14 +147,16 @@ class Replay:
                 "limit_surface": self._pose(*self.limit_surface),
             },
             "difference": {
-                name: dict(zip(("position", "angle"), map(_size, self.off(name)), strict=True))
-                for name in ("target", "sp", "limit_surface")
+                name: dict(zip(("position", "angle"), size, strict=True))
+                for name, size in sizes.items()
             },
-            "touched": list(self.touched),
+            "touched": self.touched,
             "restitution": self.restitution,
             "cup": cup,
             "time": {"simulated": self.simulated, "run": self.run},
         }
+        made: dict[str, Any] = plain(found)
+        return made
 
     def summary(self) -> str:
         """The replay in some lines for people: landing, differences, the way into the cup."""
@@ -190,8 +189,7 @@ class Replay:
     def save(self, folder: str | Path, draw: bool = True) -> None:
         """Write replay.json, replay.csv and (draw) replay.png; InputError if that fails."""
         with filling(Path(folder), FILES) as scratch:
-            text = json.dumps(self.to_dict(), indent=2, allow_nan=False)
-            (scratch / "replay.json").write_text(text + "\n", encoding="utf-8")
+            write_json(scratch / "replay.json", self.to_dict())
             self._write_path(scratch / "replay.csv")
             if draw:
                 _draw(self, scratch / "replay.png")
@@ -207,24 +205,14 @@ class Replay:
         table = np.column_stack(columns)
         np.savetxt(path, table, delimiter=",", header=names, comments="", fmt="%.9g")
 
-    def _pose(self, x: float, z: float, theta: float, y: float = 0.0) -> dict[str, Any]:
+    def _pose(self, x: float, z: float, theta: float, y: float = 0.0) -> dict[str, float]:
         """A pose in the throw's plane, `y` [m] across it, as in plan.json."""
         if self.throw.scene.robot is None:
-            return {"x": _number(x), "z": _number(z), "theta": _number(theta)}
+            return {"x": x, "z": z, "theta": theta}
         turn = self.throw.target.azimuth
         cos, sin = math.cos(turn), math.sin(turn)
         # Forward and up are x and z of MuJoCo: its y is to the left of the throw.
-        base_x, base_y = _number(x * cos - y * sin), _number(x * sin + y * cos)
-        return {"x": base_x, "y": base_y, "z": _number(z), "theta": _number(theta)}
-
-
-def _number(value: float) -> float | None:
-    """A number for JSON, None for one that is not finite."""
-    return float(value) if math.isfinite(value) else None
-
-
-def _size(value: float) -> float | None:
-    return _number(abs(value))
+        return {"x": x * cos - y * sin, "y": x * sin + y * cos, "z": z, "theta": theta}
 
 
 def replay(
@@ -314,13 +302,11 @@ def _rest(scene: Scene, flown: Flight, theta: float) -> Rest | None:
 
 
 def _draw(replay: Replay, path: Path) -> None:
-    """The bar's way from the opening to the end, and the landings about the target."""
-    figure = new_figure(10, 6.4)
-    way, landings = figure.subplots(1, 2, width_ratios=(1.2, 1))
-    _draw_way(replay, way)
-    _draw_landings(replay, landings)
-    for axes in (way, landings):
-        axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=2)
+    """The bar's way from the opening to the end, at true scale, with the models' landings."""
+    figure = new_figure(8, 6.4)
+    axes = figure.subplots()
+    _draw_way(replay, axes)
+    axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=3)
     title = f"{replay.throw.scene.name}: thrown in MuJoCo"
     if replay.rest is not None:
         title += f", ends {'in' if replay.rest.inside else 'outside'} the cup\n{replay.assumed}"
@@ -344,28 +330,7 @@ def _draw_way(replay: Replay, axes: Any) -> None:
         axes.fill(*corners.transpose(0, 2, 1), fc=colour, alpha=0.45, zorder=6)
         axes.plot([], [], color=colour, lw=5, label=words)
     axes.fill(*bar_outline(bar, replay.com[:, -1:])[:, 0], fc=RED, zorder=6, label="end")
-    for name, words, colour in LANDINGS[:2]:
+    for name, words, colour in LANDINGS:
         outline = bar_outline(bar, np.array(getattr(replay, name))[:, None])[:, 0]
         axes.fill(*outline, fc="none", ec=colour, lw=1.2, zorder=7, label=f"landing, {words}")
     axes.set(aspect="equal", xlabel="x [m]", ylabel="z [m]")
-
-
-def _draw_landings(replay: Replay, axes: Any) -> None:
-    """How far each landing is from the target, and the tolerance."""
-    target, tolerance = replay.throw.target, replay.throw.scene.tolerance
-    # Where the target leaves the angle open, MuJoCo's is as good as any.
-    theta = replay.landing[2] if target.theta is None else target.theta
-    for name, words, colour in LANDINGS:
-        x, _, angle = getattr(replay, name)
-        dx, dtheta = 1e3 * (x - target.plane_x), math.degrees(angle - theta)
-        label = f"{words}: {dx:+.2f} mm, {dtheta:+.2f}°"
-        axes.plot(dx, dtheta, "o", color=colour, ms=9, label=label)
-    axes.plot(0, 0, "k+", ms=14, label="target")
-    if target.theta is not None:
-        x, angle = 1e3 * tolerance.position, math.degrees(tolerance.angle)
-        corners = [-x, x, x, -x, -x], [-angle, -angle, angle, angle, -angle]
-        axes.plot(*corners, "k--", lw=1, label="tolerance")
-    axes.margins(0.15)
-    axes.grid(alpha=0.25)
-    given = "target" if target.theta is not None else "MuJoCo's"
-    axes.set(xlabel="x off the target [mm]", ylabel=f"theta off the {given} [deg]")

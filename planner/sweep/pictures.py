@@ -1,4 +1,4 @@
-"""What a sweep found, as pictures: landings, delay, histogram and tornado."""
+"""What a sweep found, as pictures: landings, delay and tornado."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ import numpy.typing as npt
 
 from ..show import BLACK, BLUE, GREEN, GREY, RED, bar_corners, draw_cup, new_figure, save
 from .samples import unit_of
-from .statistics import OUTER, delay_band, quantiles, scaled_error, swings
+from .statistics import OUTER, delay_band, scaled_error, swings
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -27,10 +27,9 @@ LEAST = 0.02
 
 
 def draw_sweep(sweep: Sweep, folder: Path) -> None:
-    """landings.png, delay.png, histogram.png and tornado.png."""
+    """landings.png, delay.png and tornado.png."""
     draw_landings(sweep, folder / "landings.png")
     draw_delay(sweep, folder / "delay.png")
-    draw_histogram(sweep, folder / "histogram.png")
     draw_tornado(sweep, folder / "tornado.png")
 
 
@@ -209,44 +208,6 @@ def _band(axes: Axes, x: Array, values: Array, others: bool) -> None:
         axes.fill_between(x, low, high, color=BLUE, alpha=0.25, lw=0, label="5 to 95 %")
     label = "median over the other parameters" if others else "landing"
     axes.plot(x, middle, color=BLUE, lw=1.8, label=label)
-
-
-def draw_histogram(sweep: Sweep, path: Path) -> None:
-    """Landing x and theta about the target, and the scaled error with its quantiles."""
-    off = _off(sweep, sweep.landings.pose[np.isfinite(sweep.landings.pose[:, 0])])
-    scaled, (position, angle) = 1e3 * sweep.errors["scaled"], _tolerance(sweep)
-    figure = new_figure(12, 3.9)
-    axes = figure.subplots(1, 3)
-    _bars(axes[0], off[:, 0], "x − target [mm]", position)
-    _bars(axes[1], off[:, 1], f"θ − {_about(sweep)[1]} [deg]", angle)
-    _bars(axes[2], scaled[np.isfinite(scaled)], "scaled error from nominal [mm]", math.nan)
-    place: dict[str, Any] = {"xycoords": ("data", "axes fraction"), "ha": "center", "va": "bottom"}
-    for name, value in quantiles(scaled).items():
-        if math.isfinite(value):
-            axes[2].axvline(value, color=RED, lw=1)
-            words = {"rotation": 90, "fontsize": 8, "color": RED}
-            axes[2].annotate(f"{name} %", (value, 1.01), **place, **words)
-    axes[0].set_ylabel("share of the throws [%]")
-    axes[0].legend(loc="best", fontsize=9)
-    figure.suptitle(**_title(sweep, "landings"))
-    save(figure, path)
-
-
-def _bars(axes: Axes, values: Array, label: str, tolerance: float) -> None:
-    """Histogram in per cent, with the tolerance."""
-    if values.size:
-        count = int(np.clip(math.sqrt(values.size), 10, 60))
-        low, high = float(values.min()), float(values.max())
-        more = max(LEAST - (high - low), 0.0) / 2
-        edges, weights = np.linspace(low - more, high + more, count + 1), 100 / values.size
-        axes.hist(values, list(edges), weights=np.full(values.size, weights), color=BLUE)
-    if math.isfinite(tolerance):
-        axes.axvspan(-tolerance, tolerance, color=GREEN, alpha=0.3, lw=0, label="tolerance")
-        for edge in (-tolerance, tolerance):
-            axes.axvline(edge, color=GREEN, lw=1)
-    axes.set_xlabel(label)
-    axes.grid(alpha=0.25, axis="y")
-    axes.set_axisbelow(True)
 
 
 def draw_tornado(sweep: Sweep, path: Path) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import math
 import time
 from concurrent.futures import Executor
@@ -14,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import BATCH_MODELS, SLIDING_PIVOT
-from ...problems import USUAL_UNCERTAINTY, InputError, filling
+from ...problems import USUAL_UNCERTAINTY, InputError, filling, plain, write_json
 from ..check import named_model
 from ..result import Plan
 from .pictures import draw_sweep
@@ -26,7 +25,6 @@ from .statistics import (
     scaled_error,
     scan_delays,
     variance_shares,
-    wilson,
 )
 from .summary import summary
 from .throws import Flags, Outcomes, Thrower, thrower_of
@@ -37,10 +35,7 @@ Array = npt.NDArray[np.float64]
 #: Most samples of one sweep: their parameters and landings stay in memory.
 MOST = 10_000_000
 #: What a sweep leaves in its folder.
-SWEEP_FILES = (
-    *("landings.png", "delay.png", "histogram.png", "tornado.png"),
-    *("sweep.csv", "sweep.json"),
-)
+SWEEP_FILES = ("landings.png", "delay.png", "tornado.png", "sweep.csv", "sweep.json")
 #: Rows of sweep.csv that are put into words at a time.
 ROWS = 8192
 
@@ -116,43 +111,44 @@ class Sweep:
         dx = x - target.plane_x
         dtheta = 0.0 if target.theta is None else theta - target.theta
         spread = np.nanstd(self.landings.pose[:, :2], axis=0) if self._lands else [math.nan] * 2
-        return {
+        found = {
             "scene": scene.name,
             "samples": self.samples,
             "asked": self.asked,
             "seed": self.sampler.seed,
             "model": self.thrower.model,
             "robust": self.robust,
-            "uncertain": list(self.sampler.names),
+            "uncertain": self.sampler.names,
             "assumed": scene.uncertainty is None,
             "success": _rate(self.success),
             "in_tolerance": _rate(self.landings.in_tolerance),
             "in_cup": None if scene.cup is None else _rate(self.landings.in_cup),
             "held": _rate(self.landings.held),
-            "nominal": {"x": _number(x), "theta": _number(theta)},
-            "bias": {"position": _number(abs(dx)), "angle": _number(abs(dtheta))}
-            | {"x": _number(dx), "theta": _number(dtheta)},
-            "deviation": {"x": _number(spread[0]), "theta": _number(spread[1])},
-            "quantiles": {
-                name: {key: _number(value) for key, value in quantiles(errors).items()}
-                for name, errors in self.errors.items()
+            "nominal": {"x": x, "theta": theta},
+            "bias": {"position": abs(dx), "angle": abs(dtheta), "x": dx, "theta": dtheta},
+            "deviation": {"x": spread[0], "theta": spread[1]},
+            "quantiles": {name: quantiles(errors) for name, errors in self.errors.items()},
+            "sensitivity": {
+                name: dict(zip(("x", "theta"), self.derivatives[name], strict=True))
+                | {"share": dict(zip(("x", "theta"), self.shares[name], strict=True))}
+                for name in self.sampler.names
             },
-            "sensitivity": {name: self._sensitivity(name) for name in self.sampler.names},
             "delay_inside": {"early": self.delays.early, "late": self.delays.late},
             "time": self.seconds,
         }
+        made: dict[str, Any] = plain(found)
+        return made
 
     def summary(self) -> str:
         """The sweep in some lines for people."""
         return summary(self)
 
     def save(self, folder: str | Path) -> None:
-        """Write sweep.json, sweep.csv and four pictures; InputError if that cannot be done."""
+        """Write sweep.json, sweep.csv and three pictures; InputError if that cannot be done."""
         with filling(Path(folder), SWEEP_FILES) as scratch:
             draw_sweep(self, scratch)
             self._write_samples(scratch / "sweep.csv")
-            text = json.dumps(self.to_dict(), indent=2, allow_nan=False)
-            (scratch / "sweep.json").write_text(text + "\n", encoding="utf-8")
+            write_json(scratch / "sweep.json", self.to_dict())
 
     def _write_samples(self, path: Path) -> None:
         """A row a sample: its number, parameters, landing and success (0 or 1)."""
@@ -169,12 +165,6 @@ class Sweep:
     @property
     def _lands(self) -> bool:
         return bool(np.isfinite(self.landings.pose[:, 0]).any())
-
-    def _sensitivity(self, name: str) -> dict[str, Any]:
-        x, theta = self.derivatives[name]
-        share_x, share_theta = self.shares[name]
-        share = {"x": _number(share_x), "theta": _number(share_theta)}
-        return {"x": _number(x), "theta": _number(theta), "share": share}
 
     def uncertain(self) -> list[str]:
         """What was taken to be uncertain, in words."""
@@ -245,10 +235,8 @@ def check_sweep(samples: int, seed: int, model: str, prefix: str = "") -> None:
 
 def _rate(successes: Flags) -> dict[str, float]:
     """Share of the throws and its Wilson 95 % interval."""
+    from scipy.stats import binomtest
+
     count, total = int(successes.sum()), successes.size
-    low, high = wilson(count, total)
-    return {"rate": count / total, "low": low, "high": high}
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
+    interval = binomtest(count, total).proportion_ci(method="wilson")
+    return {"rate": count / total, "low": float(interval.low), "high": float(interval.high)}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,8 +14,6 @@ from .throws import FURTHEST, Outcomes, Thrower
 
 Array = npt.NDArray[np.float64]
 
-#: Standard normal deviate of a two-sided 95 % confidence interval.
-NORMAL_95 = 1.959963984540054
 #: Quantiles that are reported [%].
 QUANTILES = (50, 90, 95, 99)
 #: Landings that differ by less [m, rad] differ by rounding and the models' steps alone.
@@ -35,21 +32,6 @@ OUTER = (0.05, 0.95)
 #: The band over delay: delays, and draws of the other parameters at each; fewer for the
 #: models that take milliseconds a throw.
 BAND, SLOW_BAND = (41, 128), (21, 16)
-
-
-def wilson(successes: int, count: int) -> tuple[float, float]:
-    """Wilson's 95 % confidence interval of a probability seen as `successes` of `count`.
-
-    E. B. Wilson, J. Am. Stat. Assoc. 22 (1927) 209. For independent samples; those of a
-    Sobol sequence scatter less, so that the interval is rather too wide.
-    """
-    z2 = NORMAL_95**2 / count
-    rate = successes / count
-    middle = rate + z2 / 2
-    half = math.sqrt(z2 * (rate * (1 - rate) + z2 / 4))
-    low, high = (middle - half) / (1 + z2), (middle + half) / (1 + z2)
-    # At the ends the closed form is exact but for its rounding.
-    return (0.0 if successes == 0 else low), (1.0 if successes == count else high)
 
 
 def quantiles(errors: Array) -> dict[str, float]:

@@ -6,36 +6,12 @@ import math
 
 import numpy as np
 import pytest
-from scipy.stats import binomtest, norm, qmc
+from scipy.stats import norm, qmc
 from throwplan.planner.sweep.statistics import (
     quantiles,
     scaled_error,
     variance_shares,
-    wilson,
 )
-
-
-@pytest.mark.parametrize(
-    ("successes", "count", "low", "high"),
-    # R. G. Newcombe, Statistics in Medicine 17 (1998) 857, table I, method 3.
-    [
-        (81, 263, 0.2553, 0.3662),
-        (15, 148, 0.0624, 0.1605),
-        (0, 20, 0.0, 0.1611),
-        (1, 29, 0.0061, 0.1718),
-    ],
-)
-def test_wilson_is_the_published_table(successes, count, low, high) -> None:
-    assert wilson(successes, count) == pytest.approx((low, high), abs=5e-5)
-
-
-def test_wilson_agrees_with_scipy_and_is_symmetric() -> None:
-    for successes, count in ((1, 2), (7, 1000), (99_000, 100_000), (5, 5)):
-        low, high = wilson(successes, count)
-        other = binomtest(successes, count).proportion_ci(0.95, "wilson")
-        assert (low, high) == pytest.approx((other.low, other.high), abs=1e-12)
-        mirrored = wilson(count - successes, count)
-        assert mirrored == pytest.approx((1 - high, 1 - low), abs=1e-12)
 
 
 def test_quantiles_are_errors_that_were_met() -> None:

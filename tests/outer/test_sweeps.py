@@ -102,7 +102,7 @@ def test_the_command_prints_draws_and_writes(tmp_path, run, table) -> None:
     assert rows.dtype.names[:5] == ("sample", "delay", "friction", "hand_omega", "x")
     assert np.abs(rows["delay"]).max() <= 0.005
     assert rows["success"].mean() == pytest.approx(result["success"]["rate"])
-    pictures = {"landings.png", "delay.png", "histogram.png", "tornado.png"}
+    pictures = {"landings.png", "delay.png", "tornado.png"}
     assert {p.name for p in out.iterdir()} == pictures | {"sweep.csv", "sweep.json"}
     for name in pictures:
         pixels = matplotlib.image.imread(out / name)[:, :, :3]
