@@ -4,6 +4,6 @@ A section is a module with `make(effort)`, which gives figures, tables and pictu
 """
 
 from .judge import Verdict, judged
-from .page import PAGE, Effort, Picture, ReportSection, ReportTable
+from .page import PAGE, Effort, Picture, ReportSection
 from .reach import TICK, follow
 from .run import SECTIONS, make_report

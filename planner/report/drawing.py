@@ -2,16 +2,13 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
-from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ..show import BLACK, BLUE, GREEN, GREY, ORANGE, RED, TEAL, new_figure, save
-from .page import ReportTable, Row
+from ..show import BLACK, BLUE, GREEN, GREY, ORANGE, RED, TEAL, Row, Table, new_figure, number
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -32,24 +29,27 @@ METHODS = {
     "ls-step": (GREEN, "o", "-"),
     "ls-step, extrapolated": (GREEN, "s", "--"),
     "patch": (BLACK, "D", "-"),
-    "LuGre": (ORANGE, "1", ""),
+    "LuGre, σ₀ 1e7 1/m": (ORANGE, "1", ""),
+    "LuGre, σ₀ 1e6 1/m": (ORANGE, "2", ""),
+    "LuGre, σ₀ 1e5 1/m": (ORANGE, "3", ""),
 }
-#: Colours of the planner's settings, by the first word of what differs from the default.
+#: Colour, marker and line of the planner's settings, by the first word of what differs.
 SETTINGS = {
-    "default": BLACK,
-    "carry": BLUE,
-    "opening": GREEN,
-    "grading": ORANGE,
-    "epsilon": RED,
-    "integrator": TEAL,
+    "carry": (BLUE, "o", "-"),
+    "opening": (GREEN, "o", "-"),
+    "grading": (ORANGE, "o", "-"),
+    "epsilon": (RED, "o", "-"),
+    "integrator": (TEAL, "o", ""),
+    "IPOPT": (GREY, "^", ""),
+    "default": (BLACK, "D", ""),
 }
 #: Errors [mm] below these are drawn on them: converged answers are not known better.
-OWN_FLOOR, MODEL_FLOOR, PLAN_FLOOR = 1e-7, 1e-4, 1e-7
+OWN_FLOOR, MODEL_FLOOR = 1e-7, 1e-4
 #: Where a target without a robust plan is drawn, and the least spread that is drawn.
 LOST, LEAST = 20.0, 1e-4
 
 
-def draw_work_precision(rows: ReportTable, path: Path) -> None:
+def draw_work_precision(rows: Table) -> Figure:
     """Own error (above) and model error (below) over the time of a release; a column a throw."""
     throws = list(dict.fromkeys(rows.column("throw")))
     figure, grid = _figure(3.6 * len(throws), 8.0, 2, len(throws), sharex=True, sharey="row")
@@ -65,7 +65,7 @@ def draw_work_precision(rows: ReportTable, path: Path) -> None:
         grid[line][0].set_ylabel(f"{words}: scaled landing [mm]")
     handles, names = grid[0][0].get_legend_handles_labels()
     figure.legend(handles, names, loc="outside lower center", ncols=7, fontsize=9)
-    _save(figure, path)
+    return _finished(figure)
 
 
 def _draw_methods(axis: Axes, rows: Sequence[Row], kind: str, floor: float) -> None:
@@ -73,8 +73,8 @@ def _draw_methods(axis: Axes, rows: Sequence[Row], kind: str, floor: float) -> N
     known = [row for row in rows if isinstance(row[column], float)]
 
     def places(some: Sequence[Row]) -> tuple[list[float], list[float]]:
-        times = [float(row["time [µs]"] or math.nan) for row in some]
-        return times, [max(float(row[column] or 0.0), floor) for row in some]
+        errors = [max(number(row[column]), floor) for row in some]
+        return [number(row["time [µs]"]) for row in some], errors
 
     for name, (colour, marker, line) in METHODS.items():
         mine = [row for row in known if row["method"] == name]
@@ -85,76 +85,49 @@ def _draw_methods(axis: Axes, rows: Sequence[Row], kind: str, floor: float) -> N
     axis.plot(*places(best), label="Pareto set", **ring)
 
 
-def draw_settings(rows: ReportTable, path: Path) -> None:
-    """Error before correction over solving time; a panel a scene, Pareto points ringed."""
+def draw_settings(rows: Table) -> Figure:
+    """Error before correction over solving time; a panel a scene, a line a setting's values."""
     scenes = list(dict.fromkeys(rows.column("scene")))
-    figure, grid = _figure(6.0 * len(scenes), 5.0, 1, len(scenes))
+    figure, grid = _figure(6.0 * len(scenes), 4.5, 1, len(scenes))
     for axis, scene in zip(grid[0], scenes, strict=True):
-        some = rows.where(scene=scene)
-        for row in some:
-            time, error = row["solve [ms]"], row["error before correction [mm]"]
-            if time is None or error is None:
-                # A setting that solved no target.
-                continue
-            words = str(row["setting"])
-            compiled = "s" if row["compiled"] == "yes" else "o"
-            marker = "^" if row["solver"] == "ipopt" else compiled
-            colour = SETTINGS.get(words.split(maxsplit=1)[0], GREY)
-            axis.plot(time, error, marker, color=colour, ms=9 if words == "default" else 5)
-            if row["Pareto set"]:
-                axis.plot(time, error, "o", ms=13, mfc="none", mec=BLACK)
-                style: dict[str, Any] = {"textcoords": "offset points", "fontsize": 7}
-                words = words.removeprefix("integrator ")
-                label = axis.annotate(words, (time, error), (0, 9), ha="center", **style)
-                label.set_in_layout(False)
-        for words, colour in SETTINGS.items():
-            axis.plot([], [], "o", color=colour, ms=5, label=words)
-        for words, marker in (("IPOPT", "^"), ("compiled", "s")):
-            axis.plot([], [], marker, color=GREY, ms=5, label=words)
-        axis.plot([], [], "o", ms=11, mfc="none", mec=BLACK, label="Pareto set")
+        known = [row for row in rows.where(scene=scene) if row["solve [ms]"] is not None]
+        ringed = [row for row in known if row["Pareto set"]]
+        for name, (colour, marker, line) in SETTINGS.items():
+            some = [row for row in known if _family(row) == name]
+            style: dict[str, Any] = {"color": colour, "marker": marker, "ls": line, "lw": 0.8}
+            axis.plot(*_places(some), ms=5, label=name, **style)
+        ring: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 12, "mfc": "none", "mec": BLACK}
+        axis.plot(*_places(ringed), label="Pareto set", **ring)
         axis.set(xscale="log", yscale="log", title=str(scene), xlabel="solve [ms]")
     grid[0][0].set_ylabel("scaled error before correction [mm]")
     grid[0][-1].legend(fontsize=8)
-    _save(figure, path)
+    return _finished(figure)
 
 
-def draw_extremes(rows: ReportTable, path: Path) -> None:
-    """Error by independent steps over the time of a plan, of every extreme case."""
-    figure, ((axis,),) = _figure(9.0, 4.5)
-    some = rows.rows
-    for words, colour, hand in (("free hand", GREEN, True), ("Panda", BLUE, False)):
-        mine = [
-            row
-            for row in some
-            if row["status"] == "solved" and str(row["case"]).startswith("hand") == hand
-        ]
-        errors = [max(float(row["independent steps [mm]"] or 0.0), PLAN_FLOOR) for row in mine]
-        axis.plot([row["plan [ms]"] for row in mine], errors, "o", ms=4, color=colour, label=words)
-    failed = [
-        row["plan [ms]"] for row in some if row["status"] in ("not_converged", "out_of_reach")
-    ]
-    words = "not solved (drawn at the top)"
-    axis.plot(failed, [20.0] * len(failed), "x", ms=5, color=GREY, label=words)
-    axis.set(xscale="log", yscale="log", xlabel="plan, with building [ms]")
-    axis.set_ylabel("position error by independent steps [mm]")
-    axis.legend(frameon=False, fontsize=8)
-    _save(figure, path)
+def _family(row: Row) -> str:
+    """Which setting differs from the default, or the other solver."""
+    words = str(row["setting"]).split(maxsplit=1)[0]
+    return "IPOPT" if row["solver"] == "ipopt" else words
 
 
-def draw_ladder(rows: ReportTable, path: Path) -> None:
+def _places(rows: Sequence[Row]) -> tuple[list[Any], list[Any]]:
+    return [r["solve [ms]"] for r in rows], [r["error before correction [mm]"] for r in rows]
+
+
+def draw_ladder(rows: Table) -> Figure:
     """Variables and solving time of the same throw, with one part more at a time."""
     figure, ((left, right),) = _figure(10.0, 4.0, 1, 2, sharey=True)
     names = [str(name) for name in rows.column("hand-box")]
     for axis, column, colour in ((left, "variables", BLUE), (right, "solve [ms]", GREEN)):
-        values = [math.nan if v is None else float(v) for v in rows.column(column)]
+        values = [number(cell) for cell in rows.column(column)]
         bars = axis.barh(names, values, color=colour)
         axis.bar_label(bars, [f"{value:.3g}" for value in values], padding=3, fontsize=8)
         axis.set(xlabel=column, xscale="log", xlim=(np.nanmin(values) / 2, 3 * np.nanmax(values)))
     left.invert_yaxis()
-    _save(figure, path)
+    return _finished(figure)
 
 
-def draw_targets(rows: ReportTable, path: Path) -> None:
+def draw_targets(rows: Table) -> Figure:
     """Targets in x and theta, what was said of them, and the nearest poses that were named."""
     figure, ((axis,),) = _figure(9.0, 5.0)
     some = rows.rows
@@ -177,10 +150,10 @@ def draw_targets(rows: ReportTable, path: Path) -> None:
             axis.plot(x, theta, marker, color=colour, ms=5, label=f"{words} ({len(group)})")
     axis.set(xlabel="x [m]", ylabel="θ [deg]")
     axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, frameon=False)
-    _save(figure, path)
+    return _finished(figure)
 
 
-def draw_ratios(rows: ReportTable, path: Path) -> None:
+def draw_ratios(rows: Table) -> Figure:
     """Spread of robust plans over the nominal plan's, a dot a target, a bar at the median."""
     scenes = list(dict.fromkeys(rows.column("scene")))
     figure, grid = _figure(6.0 * len(scenes), 4.5, 1, len(scenes), sharey=True)
@@ -190,7 +163,7 @@ def draw_ratios(rows: ReportTable, path: Path) -> None:
         methods = list(dict.fromkeys(str(row["method"]) for row in some))
         for place, method in enumerate(methods):
             ratios = [row["spread / nominal"] for row in some if row["method"] == method]
-            found = np.array([math.inf if r is None else float(r) for r in ratios])
+            found = np.array([number(ratio) for ratio in ratios])
             solved = np.isfinite(found)
             height = np.where(solved, np.maximum(found, LEAST), LOST)
             across = place + rng.uniform(-0.25, 0.25, found.size)
@@ -203,10 +176,10 @@ def draw_ratios(rows: ReportTable, path: Path) -> None:
         axis.set(yscale="log", title=str(scene))
         axis.set_xticks(range(len(methods)), methods, rotation=30, ha="right")
     grid[0][0].set_ylabel("spread / nominal spread (× : no plan)")
-    _save(figure, path)
+    return _finished(figure)
 
 
-def draw_learning(rows: ReportTable, path: Path) -> None:
+def draw_learning(rows: Table) -> Figure:
     """Real landing error over the number of throws that were learned from."""
     figure, ((axis,),) = _figure(7.0, 4.0)
     some = rows.rows
@@ -220,7 +193,7 @@ def draw_learning(rows: ReportTable, path: Path) -> None:
             )
     axis.set(xlabel="throws learned from", ylabel="real scaled error [mm]", yscale="log")
     axis.legend(frameon=False, fontsize=8)
-    _save(figure, path)
+    return _finished(figure)
 
 
 def _figure(
@@ -231,7 +204,8 @@ def _figure(
     return figure, figure.subplots(lines, columns, squeeze=False, **share)
 
 
-def _save(figure: Figure, path: Path) -> None:
+def _finished(figure: Figure) -> Figure:
+    """With grids, and with readable labels on short logarithmic axes."""
     from matplotlib.ticker import LogLocator, StrMethodFormatter
 
     for axes in figure.axes:
@@ -242,4 +216,4 @@ def _save(figure: Figure, path: Path) -> None:
                 axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
                 for formatter in (axis.set_minor_formatter, axis.set_major_formatter):
                     formatter(StrMethodFormatter("{x:g}"))
-    save(figure, path)
+    return figure

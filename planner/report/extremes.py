@@ -14,7 +14,7 @@ import signal
 import time
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Future, ProcessPoolExecutor, ThreadPoolExecutor
+from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
 from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from multiprocessing import get_context
@@ -312,56 +312,39 @@ def in_processes(
     """
     # Each process computes with one thread: small matrices are slower with more.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    idle: queue.SimpleQueue[_Worker] = queue.SimpleQueue()
-    workers = [_Worker() for _ in range(lanes)]
-    for worker in workers:
-        idle.put(worker)
+    idle: queue.SimpleQueue[ProcessPoolExecutor | None] = queue.SimpleQueue()
+    for _ in range(lanes):
+        idle.put(None)
 
     def done(job: tuple[Any, ...]) -> T | str:
-        worker = idle.get()
+        # Spawned: forking a process whose libraries have threads is not safe.
+        pool = idle.get() or ProcessPoolExecutor(1, get_context("spawn"), _leave_no_files)
+        kept: ProcessPoolExecutor | None = pool
         try:
-            return worker.run(work, job, patience)
+            process = pool.submit(os.getpid).result()
+            try:
+                return pool.submit(work, *job).result(patience)
+            except TimeoutError:
+                os.kill(process, signal.SIGTERM)
+                kept = None
+                return "hang"
+        except BrokenProcessPool:
+            kept = None
+            return "crash"
         finally:
-            idle.put(worker)
+            if kept is None:
+                pool.shutdown(cancel_futures=True)
+            idle.put(kept)
 
     with ThreadPoolExecutor(lanes) as threads:
         try:
             yield from threads.map(done, jobs)
         finally:
             threads.shutdown(wait=True, cancel_futures=True)
-            for worker in workers:
-                worker.end()
-
-
-class _Worker:
-    """One process that is made again when it hung or died."""
-
-    def __init__(self) -> None:
-        self._pool: ProcessPoolExecutor | None = None
-        self._process = 0
-
-    def run(self, work: Callable[..., T], job: tuple[Any, ...], patience: float) -> T | str:
-        """The answer to one job, or how it ended without one."""
-        if self._pool is None:
-            # Spawned: forking a process whose libraries have threads is not safe.
-            self._pool = ProcessPoolExecutor(1, get_context("spawn"), _leave_no_files)
-            self._process = self._pool.submit(os.getpid).result()
-        try:
-            answer: Future[T] = self._pool.submit(work, *job)
-            return answer.result(patience)
-        except TimeoutError:
-            os.kill(self._process, signal.SIGTERM)
-            ending = "hang"
-        except BrokenProcessPool:
-            ending = "crash"
-        self.end()
-        return ending
-
-    def end(self) -> None:
-        """Ends the process."""
-        if self._pool is not None:
-            self._pool.shutdown(cancel_futures=True)
-        self._pool = None
+            for _ in range(lanes):
+                pool = idle.get()
+                if pool is not None:
+                    pool.shutdown(cancel_futures=True)
 
 
 def _leave_no_files() -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -19,14 +19,11 @@ from ...models import (
     Body,
     Contact,
     HandMotion,
-    HandSamples,
     ImplicitRelease,
     KarnoppRelease,
     LinearRelease,
-    Opening,
     PatchRelease,
     Path,
-    PivotSteps,
     Release,
     ReleaseCase,
     SlidingPivot,
@@ -34,7 +31,6 @@ from ...models import (
     SteppedRelease,
     disc,
     land,
-    march,
     pivot_wrench,
 )
 
@@ -155,20 +151,16 @@ def detached(release: Release) -> Array:
     return np.concatenate([release.com[:, -1], release.com_twist[:, -1]])
 
 
-def differences(found: Array, truth: Array, length: float) -> Array:
-    """Errors (4, N) of detach states (N, 6): landing x [m] and theta [rad], detach twist
-    |dv| + |d omega| l / 2 [m/s], and the scaled landing error (39), |dx| + |d theta| l / 2 [m].
-    """
+def scaled_errors(found: Array, truth: Array, length: float) -> Array:
+    """Scaled landing errors (N,) [m] of detach states (N, 6), (39): |dx| + |dtheta| l / 2."""
     a, b = land(found, HEIGHT, GRAVITY), land(truth, HEIGHT, GRAVITY)
     x, theta = np.abs((a - b)[:, :2]).T
-    off = found - truth
-    twist = np.hypot(off[:, 3], off[:, 4]) + np.abs(off[:, 5]) * length / 2
-    return np.array([x, theta, twist, x + theta * length / 2])
+    return np.asarray(x + theta * length / 2)
 
 
-def off(throw: SampleThrow, found: Array, truth: Array) -> Array:
-    """Errors (4,) of one detach state (6,)."""
-    return np.asarray(differences(found[None], truth[None], throw.length)[:, 0])
+def off(throw: SampleThrow, found: Array, truth: Array) -> float:
+    """Scaled landing error [m] of one detach state (6,)."""
+    return float(scaled_errors(found[None], truth[None], throw.length)[0])
 
 
 @dataclass(frozen=True)
@@ -176,7 +168,7 @@ class Method:
     """One way to compute a release.
 
     family: its line in a picture; setting: in words; law: which converged answer it approaches
-    ('sp', 'ls', 'patch', or a LuGre stiffness).
+    ('sp', 'ls', 'patch', or that of bristles, by `bristles`).
     """
 
     family: str
@@ -203,15 +195,15 @@ def methods(quick: bool) -> Iterator[Method]:
     for n in some(10, 20, 50, 100, 200, 500, 1000, 2000, 5000):
         yield Method("ls-step", f"{n} steps", "ls", SteppedRelease(steps=n).release)
     for n in some(5, 10, 20, 40, 80, 160, 320, 640):
-        words, run = f"{n} and {2 * n} steps", partial(extrapolated, stepped, n)
+        words, run = f"{n} and {2 * n} steps", partial(extrapolated, SteppedRelease(), n)
         yield Method("ls-step, extrapolated", words, "ls", run)
     for n in some(25, 50, 100, 200, 500, 1000, 2000)[: 3 if quick else 7]:
         yield Method("patch", f"{n} steps", "patch", PatchRelease(steps=n).release)
     for stiffness in STIFFNESSES:
+        name = bristles(stiffness)
         for n in (50, 200) if quick else (50, 200, 500):
-            words = f"{stiffness_words(stiffness)}, {n} steps"
             run = PatchRelease(stiffness=stiffness, steps=n).release
-            yield Method("LuGre", words, f"{stiffness:g}", run)
+            yield Method(name, f"{n} steps", name, run)
 
 
 def _surfaces(quick: bool) -> Iterator[Method]:
@@ -234,44 +226,17 @@ def _surfaces(quick: bool) -> Iterator[Method]:
             yield Method(f"ils, {integrator}", words, "ls", model.release)
 
 
-def stiffness_words(stiffness: float) -> str:
+def bristles(stiffness: float) -> str:
     """What tables call bristles of that stiffness [1/m]."""
-    return f"σ₀ {stiffness:.0e} 1/m".replace("e+0", "e")
+    return f"LuGre, σ₀ {stiffness:.0e} 1/m".replace("e+0", "e")
 
 
-def stepped(steps: int, case: ReleaseCase) -> Release:
-    """The limit surface in even steps."""
-    return SteppedRelease(steps=steps).release(case)
-
-
-def bristled(stiffness: float, steps: int, case: ReleaseCase) -> Release:
-    """LuGre bristles on the patch's mesh."""
-    return PatchRelease(stiffness=stiffness, steps=steps).release(case)
-
-
-def extrapolated(
-    run: Callable[[int, ReleaseCase], Release], steps: int, case: ReleaseCase
-) -> Release:
+def extrapolated(model: SteppedRelease | PatchRelease, steps: int, case: ReleaseCase) -> Release:
     """Twice the result of 2 `steps` less that of `steps`: the first order's error is gone."""
-    coarse, fine = run(steps, case), run(2 * steps, case)
+    coarse, fine = (replace(model, steps=n).release(case) for n in (steps, 2 * steps))
     end = 2 * detached(fine) - detached(coarse)
     times = np.array([case.grip.opening])
     return Release(times, end[:3, None], end[3:, None], trouble=coarse.trouble or fine.trouble)
-
-
-def python_loop(steps: int, case: ReleaseCase) -> Release:
-    """The paper's way: explicit Euler steps of the sliding pivot, one by one in Python."""
-    law = PivotSteps(SlidingPivot(case.body, case.contact, case.gravity), "euler")
-    duration, shares = case.grip.opening, np.linspace(0.0, 1.0, 2 * steps + 1)
-
-    def hand(time: float) -> HandSamples:
-        return HandSamples(time, *(rows[:, 0].tolist() for rows in case.hand.at(np.array([time]))))
-
-    forces = case.grip.force(shares * duration).tolist()
-    opening = Opening(shares.tolist(), duration, hand, forces)
-    state, _ = march(law, opening, case.grasp_angle)
-    end = np.array(state, float)[:, None]
-    return Release(np.array([duration]), end[:3], end[3:])
 
 
 def _hand(case: ReleaseCase, t: float) -> tuple[Array, Array, HandMotion]:

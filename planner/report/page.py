@@ -7,16 +7,18 @@ of the page, the others stay as they are.
 
 from __future__ import annotations
 
-import csv
 import itertools
 import math
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-#: One cell: words, a number, or None where there is no value.
-Cell = str | float | int | None
+from ..show import Table, save
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 TITLE = "throwplan: error against run time, stability, and what a scene leaves out"
 HEAD = """Landings are those of models: nothing here is measured on real throws, where the published
@@ -27,79 +29,20 @@ error is |Δx| + |Δθ| l/2, with the length l of the object. All random draws h
 PAGE = "index.md"
 
 
-#: One row of a table: cells by the name of their column, which holds the unit.
-Row = dict[str, Cell]
-
-
-@dataclass(frozen=True)
-class ReportTable:
-    """Rows of named cells.
-
-    name: stem of the CSV file; caption: what the table holds, in a few words; short: the page
-    shows it, with `digits` significant digits of a float.
-    """
-
-    name: str
-    caption: str
-    rows: Sequence[Row]
-    short: bool = False
-    digits: int = 3
-
-    @property
-    def columns(self) -> list[str]:
-        """The names of all cells, in the order in which they come first."""
-        return list(dict.fromkeys(name for row in self.rows for name in row))
-
-    def column(self, name: str) -> list[Cell]:
-        """The cells under a name."""
-        return [row.get(name) for row in self.rows]
-
-    def where(self, **cells: Cell) -> list[Row]:
-        """The rows that hold these cells."""
-        return [row for row in self.rows if cells.items() <= row.items()]
-
-    def write(self, folder: Path) -> None:
-        """The CSV file; None is an empty cell."""
-        with (folder / f"{self.name}.csv").open("w", newline="", encoding="utf-8") as file:
-            writer = csv.DictWriter(file, self.columns)
-            writer.writeheader()
-            writer.writerows(self.rows)
-
-    def markdown(self) -> list[str]:
-        """The lines of a Markdown table; columns of numbers are aligned to the right."""
-        columns = self.columns
-        words = [any(isinstance(cell, str) for cell in self.column(name)) for name in columns]
-        align = ["---" if word else "---:" for word in words]
-        cells = [
-            [shown(row.get(name), self.digits).replace("|", "\\|") for name in columns]
-            for row in self.rows
-        ]
-        return ["| " + " | ".join(row) + " |" for row in (columns, align, *cells)]
-
-
-def shown(cell: Cell, digits: int = 3) -> str:
-    """A cell as the page shows it: a float with so many digits, or all those before the point."""
-    if cell is None or (isinstance(cell, float) and math.isnan(cell)):
-        return "–"
-    if isinstance(cell, float):
-        return f"{cell:.0f}" if round(abs(cell)) >= 10**digits else f"{cell:.{digits}g}"
-    return str(cell)
-
-
 @dataclass(frozen=True)
 class Picture:
-    """A figure: `draw` writes the PNG file that it is given; name: its stem."""
+    """A figure; name: the stem of its PNG file."""
 
     name: str
     caption: str
-    draw: Callable[[Path], None]
+    figure: Figure
 
     def write(self, folder: Path) -> None:
         """The PNG file, reduced to 256 colours, which makes it three times smaller."""
         from PIL import Image
 
         path = folder / f"{self.name}.png"
-        self.draw(path)
+        save(self.figure, path)
         with Image.open(path) as drawn:
             reduced = drawn.convert("RGB").quantize(256, dither=Image.Dither.NONE)
         reduced.save(path, optimize=True)
@@ -115,7 +58,7 @@ class ReportSection:
     key: str
     title: str
     figures: list[str] = field(default_factory=list)
-    tables: list[ReportTable] = field(default_factory=list)
+    tables: list[Table] = field(default_factory=list)
     pictures: list[Picture] = field(default_factory=list)
     seconds: float = math.nan
     made: str = ""
@@ -123,10 +66,8 @@ class ReportSection:
     @property
     def files(self) -> tuple[str, ...]:
         """Names of its tables' and pictures' files."""
-        return (
-            *(f"{table.name}.csv" for table in self.tables),
-            *(f"{picture.name}.png" for picture in self.pictures),
-        )
+        tables = [f"{table.name}.csv" for table in self.tables]
+        return (*tables, *(f"{picture.name}.png" for picture in self.pictures))
 
     def write(self, folder: Path) -> None:
         """The tables and the pictures."""

@@ -10,7 +10,6 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
-from dataclasses import dataclass
 
 from ...problems import (
     Cup,
@@ -24,13 +23,16 @@ from ...problems import (
     scene_names,
 )
 from ..plan import Planner
+from ..show import Row, Table
 from .drawing import draw_ladder
-from .page import Effort, Picture, ReportSection, ReportTable, Row
+from .page import Effort, Picture, ReportSection
 
 #: Sections whose bounds never decide: they cost their variables and rows and change no throw.
 WIDE_LANDING = Landing(speed_min=0.01, speed_max=100.0, rate_max=1e3)
 WIDE_WORKSPACE = Workspace(floor=-10.0, column_radius=0.01, column_height=0.01)
 DELAY = Uncertainty(delay=Distribution(uniform=0.010))
+#: Column of the time of a plan's solves.
+SOLVE = "solve [ms]"
 #: Lines of the ladder that are compared: a free hand with all its parts, and a Panda in its place.
 HAND, ARM = 5, 6
 #: Libraries that take long to import, by the name of their module.
@@ -48,45 +50,25 @@ print(json.dumps([plan.status, sorted(set(sys.modules) - before)]))
 """
 
 
-@dataclass(frozen=True)
-class SceneCost:
-    """Size of a scene's NLP and times [s] of a plan, with the solves that lead to it."""
+def measured(scene: Scene, repeats: int) -> Row:
+    """Size of a scene's NLP and least times of a plan, with the solves that lead to it.
 
-    variables: int
-    constraints: int
-    iterations: int
-    build: float
-    solve: float
-    plan: float
-    status: str
-
-    def row(self, other: SceneCost) -> Row:
-        """Its cells in a table; with the solving time over another's."""
-        return {
-            "variables": self.variables,
-            "constraints": self.constraints,
-            "iterations": self.iterations,
-            "build [ms]": 1e3 * self.build,
-            "solve [ms]": 1e3 * self.solve,
-            "plan [ms]": 1e3 * self.plan,
-            "solve, times the first": self.solve / other.solve,
-            "status": self.status,
-        }
-
-
-def measured(scene: Scene, repeats: int) -> SceneCost:
-    """Plans a scene once to build, then `repeats` times: the least times. Nothing is compiled."""
+    Plans once to build, then `repeats` times. Nothing is compiled.
+    """
     planner = Planner(scene, compiling="no")
     first = planner.plan()
     # A plan that fails does so slowly, and again.
     plans = [planner.plan() for _ in range(repeats)] if first.solved else [first]
     last = plans[-1]
-    return SceneCost(
-        *(last.variables, last.constraints, last.iterations, first.time["build"]),
-        min(plan.time["solve"] for plan in plans),
-        min(plan.time["total"] - plan.time["build"] for plan in plans),
-        last.status if last.solved else f"{last.status}: {last.message}",
-    )
+    return {
+        "variables": last.variables,
+        "constraints": last.constraints,
+        "iterations": last.iterations,
+        "build [ms]": 1e3 * first.time["build"],
+        SOLVE: 1e3 * min(plan.time["solve"] for plan in plans),
+        "plan [ms]": 1e3 * min(plan.time["total"] - plan.time["build"] for plan in plans),
+        "status": last.status if last.solved else f"{last.status}: {last.message}",
+    }
 
 
 def make(effort: Effort) -> ReportSection:
@@ -96,25 +78,24 @@ def make(effort: Effort) -> ReportSection:
     rungs = list(ladder(load_scene("hand-box")))
     if effort.quick:
         rungs = [rungs[i] for i in (0, HAND, ARM)]
-    step, climbed = effort.counter(len(rungs) + len(chosen)), list[tuple[str, SceneCost]]()
+    step, climbed = effort.counter(len(rungs) + len(chosen)), list[Row]()
     for words, scene in rungs:
         # Robust plans take longer: fewer of them.
-        climbed.append((words, measured(scene, effort.of(2, 3 if scene.robust else 5))))
+        cost = measured(scene, effort.of(2, 3 if scene.robust else 5))
+        first = climbed[0] if climbed else cost
+        ratio: Row = {"solve, times the first": _time(cost) / _time(first)}
+        climbed.append({"hand-box": words} | cost | ratio)
         step()
     every = list[Row]()
     for name in chosen:
-        own = measured(load_scene(name), effort.of(2, 5))
-        every.append({"scene": name, **own.row(own), **imports_of(load_scene(name))})
+        scene = load_scene(name)
+        every.append({"scene": name} | measured(scene, effort.of(2, 5)) | imports_of(scene))
         step()
-    times = {words: one.solve for words, one in climbed}
-    bare, hand, arm = (times[rungs[i][0]] for i in ((0, 1, 2) if effort.quick else (0, HAND, ARM)))
+    solves = [_time(row) for row in climbed]
+    bare, hand, arm = (solves[i] for i in ((0, 1, 2) if effort.quick else (0, HAND, ARM)))
     imports = {str(row["large ones"]): row["modules"] for row in every}
     modules = "; ".join(f"{count} modules ({large})" for large, count in imports.items())
-    table = ReportTable(
-        "parts-ladder",
-        "One part more at a time",
-        [{"hand-box": words, **one.row(climbed[0][1])} for words, one in climbed],
-    )
+    table = Table("parts-ladder", "One part more at a time", climbed)
     caption = "Every scene, and what a fresh process imports to plan it"
     words = "Variables and solving time, one part more at a time"
     return ReportSection(
@@ -125,14 +106,19 @@ def make(effort: Effort) -> ReportSection:
             "position. The same throw carries one part more in each line; bounds are so wide that "
             "they never decide. Nothing is compiled.",
             f"With a Panda for the free hand it takes {arm / hand:.2g} times as long to solve "
-            f"({1e3 * arm:.0f} and {1e3 * hand:.0f} ms). The last line takes "
-            f"{climbed[-1][1].solve / bare:.0f} times as long as the bare throw "
-            f"({1e3 * bare:.1f} ms).",
+            f"({arm:.0f} and {hand:.0f} ms). The last line takes {solves[-1] / bare:.0f} times "
+            f"as long as the bare throw ({bare:.1f} ms), with the solves that lead to it.",
             f"A fresh process that plans imports {modules}.",
         ],
-        [table, ReportTable("parts-scenes", caption, every)],
-        [Picture("parts", words, lambda path: draw_ladder(table, path))],
+        [table, Table("parts-scenes", caption, every)],
+        [Picture("parts", words, draw_ladder(table))],
     )
+
+
+def _time(row: Row) -> float:
+    solve = row[SOLVE]
+    assert isinstance(solve, float)
+    return solve
 
 
 def imports_of(scene: Scene) -> Row:

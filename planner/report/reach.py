@@ -19,9 +19,10 @@ from ..compile import c_compiler
 from ..plan import Planner
 from ..reach import reach_map
 from ..result import Plan
+from ..show import Row, Table, shown
 from .drawing import draw_targets
 from .measure import quantiles, reachable_targets, shared, warmed
-from .page import Effort, Picture, ReportSection, ReportTable, Row, shown
+from .page import Effort, Picture, ReportSection
 
 #: Seed of the targets in reach; of targets on the map and far from it.
 SEED, MAP_SEED = 1, 3
@@ -79,7 +80,7 @@ def make(effort: Effort) -> ReportSection:
     ]
     every = [{"drawn": "in reach"} | _said(plan) | _nearest(plan) for plan in plans["pose"]]
     every += [{"drawn": "far out"} | _said(plan) | _nearest(plan) for plan in far]
-    table = ReportTable("reach-targets", "Targets of `pose`, and what was said", every)
+    table = Table("reach-targets", "Targets of `pose`, and what was said", every)
     caption = "Random targets in reach; prepared: throws that were solved before, to start from"
     words = "Scene pose: targets in reach and far out, and the nearest pose named for these"
     return ReportSection(
@@ -87,13 +88,13 @@ def make(effort: Effort) -> ReportSection:
         "Any target in reach",
         _figures(rows, far, following, mapped),
         [
-            ReportTable("reach-inside", caption, rows),
-            ReportTable("reach-lost", "Targets without a throw, and why", lost),
+            Table("reach-inside", caption, rows),
+            Table("reach-lost", "Targets without a throw, and why", lost),
             table,
-            ReportTable("reach-following", "Plans after a moving target", following),
-            ReportTable("reach-map", "Middles of a map's bins", mapped),
+            Table("reach-following", "Plans after a moving target", following),
+            Table("reach-map", "Middles of a map's bins", mapped),
         ],
-        [Picture("reach", words, lambda path: draw_targets(table, path))],
+        [Picture("reach", words, draw_targets(table))],
     )
 
 

@@ -6,8 +6,7 @@ import collections
 import dataclasses
 import itertools
 import math
-from collections.abc import Iterator
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
 from functools import cache
 
 import numpy as np
@@ -15,10 +14,11 @@ import numpy as np
 from ...problems import COMPARED_METHODS, ROBUST_METHODS, Pose, load_scene
 from ..plan import Planner
 from ..result import Plan
+from ..show import Cell, Row, Table, number, shown
 from ..sweep import scaled_error, sweep
 from .drawing import draw_ratios
 from .measure import reachable_targets, shared
-from .page import Cell, Effort, Picture, ReportSection, ReportTable, Row, shown
+from .page import Effort, Picture, ReportSection
 
 #: Seed of the targets, and throws of each plan under uncertainty.
 SEED, SAMPLES = 7, 256
@@ -33,58 +33,34 @@ TARGETS = {"delay": (1, 60), "hand-flip": (1, 15)}
 QUICK_METHODS, MAIN, SOME = ("quiet", "joint-velocity"), ("auto", "quiet"), 5
 
 
-@dataclass(frozen=True)
-class RobustPlan:
-    """One method at one target.
-
-    ratio, otherwise: 95 % spread over the nominal plan's, infinite without a plan, as planned
-    and with another friction and opening time; plan_time, solve_time: over the nominal plan's;
-    error: (m, rad) of what is sent; load: the largest wrench over the grip's friction limit.
-    """
-
-    solved: bool
-    ratio: float
-    otherwise: float
-    plan_time: float
-    solve_time: float
-    error: tuple[float, float]
-    load: float | None
-    why: str = ""
-
-
 def make(effort: Effort) -> ReportSection:
     """All methods, and those to compare with, on every target."""
     methods = QUICK_METHODS if effort.quick else (*ROBUST_METHODS, *COMPARED_METHODS)
     counts = {name: effort.of(*sizes) for name, sizes in TARGETS.items()}
-    step, rows, dots = effort.counter(sum(counts.values())), list[Row](), list[Row]()
+    step, dots = effort.counter(sum(counts.values())), list[Row]()
     for scene, count in counts.items():
         nominal = list(itertools.islice(_nominal(_planner(scene)), count))
         jobs = [
-            (scene, plan.target, [m for m in methods if m in MAIN or number < SOME])
-            for number, plan in enumerate(nominal)
+            (scene, target, plan.target, [m for m in methods if m in MAIN or target <= SOME])
+            for target, plan in enumerate(nominal, 1)
         ]
-        found: dict[str, list[RobustPlan]] = {method: [] for method in methods}
-        for made in shared(_studied, jobs, quick=effort.quick):
-            for method, robust in made.items():
-                found[method].append(robust)
+        for rows in shared(_studied, jobs, quick=effort.quick):
+            dots += rows
             step()
-        for method, some in found.items():
-            key: Row = {"scene": scene, "method": method}
-            rows.append(key | _row(some))
-            for number, one in enumerate(some, 1):
-                dots.append(key | {"target": number, "spread / nominal": one.ratio})
     caption = (
         "Spread of robust plans over the nominal plan's; otherwise: with 30 % less friction and a "
         "20 % longer opening; no plan counts as infinite"
     )
-    targets = ReportTable("robust-targets", "Spread at each target", dots)
+    targets = Table("robust-targets", "Spread at each target", dots)
+    pairs = itertools.product(counts, methods)
+    rows = [_row(s, m, targets.where(scene=s, method=m)) for s, m in pairs]
     words = "Spread of robust plans over the nominal plan's: a dot a target, a bar the median"
     return ReportSection(
         "robust",
         "Throws that forgive timing",
         _figures(rows),
-        [ReportTable("robust", caption, rows), targets],
-        [Picture("robust", words, lambda path: draw_ratios(targets, path))],
+        [Table("robust", caption, rows), targets],
+        [Picture("robust", words, draw_ratios(targets))],
     )
 
 
@@ -139,29 +115,31 @@ def _planner(name: str) -> Planner:
     return Planner(load_scene(name), compiling="no")
 
 
-def _studied(job: tuple[str, Pose, list[str]]) -> dict[str, RobustPlan]:
-    """Robust plans to one target, by method, against its nominal plan."""
-    name, target, methods = job
-    planner = _planner(name)
+def _studied(job: tuple[str, int, Pose, list[str]]) -> list[Row]:
+    """Robust plans to one target against its nominal plan, a row for each method."""
+    name, target, pose, methods = job
+    planner, rows = _planner(name), list[Row]()
     # The first plan builds what the timed one needs.
-    planner.plan(target)
-    nominal = planner.plan(target)
+    planner.plan(pose)
+    nominal = planner.plan(pose)
     usual, other = spread(nominal), otherwise(nominal)
-    made = {}
     for method in methods:
-        plan = planner.plan(target, robust=method)
-        solved = plan.solved
-        made[method] = RobustPlan(
-            solved,
-            spread(plan) / usual if solved else math.inf,
-            otherwise(plan) / other if solved else math.inf,
-            _own(plan) / _own(nominal),
-            plan.time["solve"] / nominal.time["solve"],
-            plan.error_sent() if solved else (math.nan, math.nan),
-            plan.peak_load,
-            "" if solved else plan.message,
-        )
-    return made
+        plan = planner.plan(pose, robust=method)
+        position, angle = plan.error_sent() if plan.solved else (math.nan, math.nan)
+        row: Row = {
+            "scene": name,
+            "method": method,
+            "target": target,
+            "spread / nominal": spread(plan) / usual if plan.solved else None,
+            "otherwise / nominal": otherwise(plan) / other if plan.solved else None,
+            "plan, times nominal": _own(plan) / _own(nominal),
+            "error [mm]": 1e3 * position if plan.solved else None,
+            "error [deg]": math.degrees(angle) if plan.solved else None,
+            "peak load": plan.peak_load,
+            "why not": None if plan.solved else plan.message,
+        }
+        rows.append(row)
+    return rows
 
 
 def _own(plan: Plan) -> float:
@@ -169,24 +147,29 @@ def _own(plan: Plan) -> float:
     return plan.time["total"] - plan.time["build"]
 
 
-def _row(found: list[RobustPlan]) -> Row:
-    solved = [robust for robust in found if robust.solved]
-    worst = np.max([robust.error for robust in solved] or [(math.nan, math.nan)], axis=0)
-    loads = [robust.load for robust in solved if robust.load is not None]
-    causes = collections.Counter(robust.why for robust in found if not robust.solved)
-    ratios, others = ([getattr(r, k) for r in found] for k in ("ratio", "otherwise"))
+def _row(scene: str, method: str, found: Sequence[Row]) -> Row:
+    """All targets of one method."""
+    causes = collections.Counter(row["why not"] for row in found if row["why not"])
+
+    def cells(name: str) -> list[float]:
+        return [number(row[name], math.inf) for row in found]
+
+    def worst(name: str) -> Cell:
+        return max((v for v in cells(name) if math.isfinite(v)), default=None)
+
     return {
+        "scene": scene,
+        "method": method,
         "targets": len(found),
-        "solved": len(solved),
-        "median": _quantile(ratios, 50),
-        "90 %": _quantile(ratios, 90),
-        "otherwise, median": _quantile(others, 50),
-        "otherwise, 90 %": _quantile(others, 90),
-        "worst error [mm]": 1e3 * float(worst[0]),
-        "worst error [deg]": math.degrees(float(worst[1])),
-        "solve, times nominal": float(np.median([robust.solve_time for robust in found])),
-        "plan, times nominal": float(np.median([robust.plan_time for robust in found])),
-        "peak load": float(np.median(loads)) if loads else None,
+        "solved": len(found) - causes.total(),
+        "median": _quantile(cells("spread / nominal"), 50),
+        "90 %": _quantile(cells("spread / nominal"), 90),
+        "otherwise, median": _quantile(cells("otherwise / nominal"), 50),
+        "otherwise, 90 %": _quantile(cells("otherwise / nominal"), 90),
+        "worst error [mm]": worst("error [mm]"),
+        "worst error [deg]": worst("error [deg]"),
+        "plan, times nominal": float(np.median(cells("plan, times nominal"))),
+        "peak load, worst": worst("peak load"),
         "without a plan": "; ".join(f"{n} × {why}" for why, n in causes.most_common(2)) or None,
     }
 

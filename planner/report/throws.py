@@ -8,18 +8,14 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import os
 import statistics
 from collections.abc import Sequence
-from concurrent.futures import ProcessPoolExecutor
-from multiprocessing import get_context
 
 import numpy as np
 import numpy.typing as npt
 
 from ...problems import Pose, Scene, ThrowData, load_scene
 from ..identify import (
-    Identified,
     Making,
     Validation,
     as_dict,
@@ -31,10 +27,11 @@ from ..identify import (
 )
 from ..plan import Planner
 from ..result import Plan
+from ..show import Row, Table, number, shown
 from ..sweep import executor_of
 from .drawing import draw_learning
 from .measure import LANES
-from .page import Effort, Picture, ReportSection, ReportTable, Row, shown
+from .page import Effort, Picture, ReportSection
 
 Array = npt.NDArray[np.float64]
 
@@ -66,7 +63,7 @@ def make(effort: Effort) -> ReportSection:
     numbers = [i for i, t in enumerate(data.throws) if t.factors["set"] == "batch"]
     batch = data.picked(numbers[:: effort.of(3, 1)])
     step()
-    tables = [_identified(batch, effort)]
+    tables = [_identified(batch)]
     step()
     if not effort.quick:
         tables.append(_validated(validate(data)))
@@ -88,71 +85,52 @@ def make(effort: Effort) -> ReportSection:
             f"{_learned(learning)}.",
         ],
         [*tables, learning],
-        [Picture("throws", words, lambda path: draw_learning(learning, path))],
+        [Picture("throws", words, draw_learning(learning))],
     )
 
 
-def _identified(data: ThrowData, effort: Effort) -> ReportTable:
-    """Grids and fits; with full effort also the grids' times without compiled code."""
-    true = data.truth["friction"] * data.truth["patch_radius"]
+def _identified(data: ThrowData) -> Table:
+    """Grids and fits, a row for each model."""
+    true, rows = data.truth["friction"] * data.truth["patch_radius"], list[Row]()
     with executor_of(LANES, None) as executor:
         found = [identify(data, m, executor=executor, workers=LANES) for m in MODELS]
-    rows = [_row(one, true) for one in found]
-    if not effort.quick:
-        with ProcessPoolExecutor(LANES, get_context("spawn"), _hide_compiler) as executor:
-            for row, model in zip(rows, MODELS, strict=True):
-                plain = identify(data, model, executor=executor, workers=LANES).grid
-                row["grid not compiled [s]"] = None if plain is None else plain.seconds
-    return ReportTable("throws-identified", "Grid and fit by model", rows)
-
-
-def _row(one: Identified, true: float) -> Row:
-    assert one.grid is not None
-    row: Row = {
-        "model": one.model,
-        "grid, least error [mm]": 1e3 * float(one.grid.error.min()),
-        "grid, μ r_p / truth": one.grid.product / true,
-        "fit, error [mm]": None,
-        "fit, μ r_p / truth": None,
-        "± of it": None,
-        "predictions": one.grid.predictions,
-        "grid [s]": one.grid.seconds,
-        "grid not compiled [s]": None,
-    }
-    if one.fit is not None and one.error is not None:
-        belief = one.posterior
-        row |= {
-            "fit, error [mm]": 1e3 * one.error,
-            "fit, μ r_p / truth": belief.product / true,
-            "± of it": belief.product_deviation,
+    for one in found:
+        assert one.grid is not None
+        row: Row = {
+            "model": one.model,
+            "grid, least error [mm]": 1e3 * float(one.grid.error.min()),
+            "grid, μ r_p / truth": one.grid.product / true,
+            "fit, error [mm]": None,
+            "fit, μ r_p / truth": None,
+            "± of it": None,
+            "predictions": one.grid.predictions,
+            "grid [s]": one.grid.seconds,
         }
-    return row
+        if one.fit is not None and one.error is not None:
+            row |= {
+                "fit, error [mm]": 1e3 * one.error,
+                "fit, μ r_p / truth": one.posterior.product / true,
+                "± of it": one.posterior.product_deviation,
+            }
+        rows.append(row)
+    return Table("throws-identified", "Grid and fit by model", rows)
 
 
-def _hide_compiler() -> None:
-    """A process that finds no compiler."""
-    os.environ["THROWPLAN_COMPILE"] = "0"
-
-
-def _fitted(table: ReportTable) -> str:
+def _fitted(table: Table) -> str:
     """What to take from grids and fits."""
     fits = ", ".join(
         f"`{row['model']}` {shown(row['fit, μ r_p / truth'])}"
         for row in table.rows
         if row["fit, μ r_p / truth"] is not None
     )
-    count, fast, slow = (
-        sum(float(cell or 0) for cell in table.column(name))
-        for name in ("predictions", "grid [s]", "grid not compiled [s]")
-    )
+    count, time = (sum(map(number, table.column(name))) for name in ("predictions", "grid [s]"))
     return (
         f"Friction times patch radius μ r_p by the fits, over the truth: {fits}. {count:,.0f} "
-        f"predictions of the grids take {fast:.0f} s by {LANES} processes"
-        + (f", {slow:.0f} s without compiled code." if slow else ".")
+        f"predictions of the grids take {time:.0f} s by {LANES} processes."
     )
 
 
-def _validated(found: Validation) -> ReportTable:
+def _validated(found: Validation) -> Table:
     """Tables III and IV, and the cross-validation, a row for each model."""
     rows = list[Row]()
     for model, one in as_dict(found)["models"].items():
@@ -169,10 +147,10 @@ def _validated(found: Validation) -> ReportTable:
         batch = one["batch_time"] and 1e3 * one["batch_time"]
         single = 1e3 * one["release_time"]["mean"]
         rows.append(row | {"one release [ms]": single, "in a batch [ms]": batch})
-    return ReportTable("throws-validated", "Models judged (`throwplan validate`)", rows)
+    return Table("throws-validated", "Models judged (`throwplan validate`)", rows)
 
 
-def _learning(effort: Effort) -> tuple[ReportTable, float]:
+def _learning(effort: Effort) -> tuple[Table, float]:
     """Real error over the number of throws learned from; and before any throw [m]."""
     scene = _believed(load_scene("pose"))
     plans = _planned(scene, WAYS)
@@ -198,7 +176,7 @@ def _learning(effort: Effort) -> tuple[ReportTable, float]:
                 "μ r_p / truth, most": max(products),
             }
             rows.append(row)
-    return ReportTable("throws-learning", "Learning from few throws", rows), before
+    return Table("throws-learning", "Learning from few throws", rows), before
 
 
 def _believed(scene: Scene) -> Scene:
@@ -243,7 +221,7 @@ def _error(plans: list[Plan], landings: Array) -> float:
     return float((off @ [1.0, plans[0].scene.object.length / 2]).mean())
 
 
-def _learned(table: ReportTable) -> str:
+def _learned(table: Table) -> str:
     """What three throws are worth."""
     return "after three it is " + ", ".join(
         f"{shown(row['times better, median'])} times smaller by `{row['learned by']}` in the "

@@ -1,4 +1,4 @@
-"""Pictures, GIF, film and 3-D view of throws and releases, in one style."""
+"""Pictures, GIF, film and 3-D view of throws and releases in one style, and tables."""
 
 from .moving import draw_throw_moving, save_film
 from .release_pictures import draw_releases
@@ -17,4 +17,5 @@ from .style import (
     new_figure,
     save,
 )
+from .tables import Cell, Row, Table, number, shown
 from .throw_picture import MIN_WIDTH, bar_corners, draw_throw

@@ -14,21 +14,20 @@ import numpy as np
 import pytest
 import throwplan as tp
 from PIL import Image
-from throwplan.models import SlidingPivotRelease
+from throwplan.models import SlidingPivotRelease, SteppedRelease
 from throwplan.planner.cli import main
 from throwplan.planner.report import (
     Picture,
     ReportSection,
-    ReportTable,
     extremes,
     judged,
     laws,
     make_report,
     measure,
     parts,
-    planner,
 )
 from throwplan.planner.report.page import parts_of, write_page
+from throwplan.planner.show import Table, new_figure
 
 ROWS = [
     {"name": "a | b", "x": 1 / 3, "n": 7, "why": None},
@@ -37,17 +36,10 @@ ROWS = [
 ORDER = ("parts", "reach")
 
 
-def draw(path: Path) -> None:
-    """Two colours and all shades between them, more than a palette holds."""
-    shades = np.linspace(0, 255, 40 * 300).reshape(40, 300, 1)
-    colours = np.concatenate([shades, 0 * shades, 255 - shades], axis=2).astype("u1")
-    Image.fromarray(colours).save(path, "PNG")
-
-
 def section(key: str, figure: str) -> ReportSection:
-    table = ReportTable(f"{key}-sizes", "Sizes", ROWS, short=True)
-    dots = ReportTable(f"{key}-dots", "Dots", [{"x": 1, "y": 2.5}])
-    picture = Picture(key, "All of it", draw)
+    table = Table(f"{key}-sizes", "Sizes", ROWS, short=True)
+    dots = Table(f"{key}-dots", "Dots", [{"x": 1, "y": 2.5}])
+    picture = Picture(key, "All of it", new_figure(2.0, 1.0))
     return ReportSection(key, f"About {key}", [figure], [table, dots], [picture], 1.0, "made here.")
 
 
@@ -58,16 +50,26 @@ def test_a_section_is_its_figures_a_short_table_pictures_and_links(tmp_path: Pat
     assert {path.name for path in tmp_path.iterdir()} == {*one.files, "index.md"}
     text = (tmp_path / "index.md").read_text()
     assert "- It takes 3 ms." in text and "throwplan report --only parts" in text
-    assert "| a \\| b | 0.333 | 7 | – |" in text and "| c | – | 123457 | <why> |" in text
+    assert "| a \\| b | 0.333 |      7 | –     |" in text
     assert "[Dots](parts-dots.csv)" in text and "2.5" not in text and "parts.png" in text
     with (tmp_path / "parts-sizes.csv").open(newline="") as file:
         rows = list(csv.reader(file))
     assert rows[:2] == [["name", "x", "n", "why"], ["a | b", str(1 / 3), "7", ""]]
     with Image.open(tmp_path / "parts.png") as picture:
-        few, shown = picture.mode == "P", np.asarray(picture.convert("RGB"), float)
-    draw(tmp_path / "whole.png")
-    with Image.open(tmp_path / "whole.png") as picture:
-        assert few and np.abs(np.asarray(picture, float) - shown).max() < 8
+        assert picture.mode == "P" and picture.width > picture.height
+
+
+def test_a_mean_has_its_spread_beside_it_and_in_columns_of_its_own(tmp_path: Path) -> None:
+    table = Table(
+        "t", "Spreads", [{"x": (0.5, 0.125), "y": (1.0, 0.5, 2.0)}, {"x": None, "y": 3.0}]
+    )
+    assert table.markdown()[2:] == [
+        "| 0.5 ± 0.125 | 1 (0.5 to 2) |",
+        "|           – |            3 |",
+    ]
+    table.write(tmp_path)
+    lines = (tmp_path / "t.csv").read_text().splitlines()
+    assert lines == ["x,x std,y,y low,y high", "0.5,0.125,1.0,0.5,2.0", ",,3.0,,"]
 
 
 def test_a_section_measured_again_replaces_its_own_part_of_the_page(tmp_path: Path) -> None:
@@ -109,13 +111,6 @@ def test_what_differs_by_chance_decides_nothing() -> None:
     alike = measure.pareto([10, 10.5], [1.0, 0.99], margins=(0.1, 0.1))
     beaten = measure.pareto([10, 40], [1.0, 0.99], margins=(0.1, 0.1))
     assert alike == [0, 1] and beaten == [0]
-
-
-def test_variants_differ_and_the_default_comes_first() -> None:
-    for quick in (True, False):
-        found = planner.variants(quick)
-        assert found[0] == planner.Variant() and len(set(found)) == len(found)
-        assert any(one.solver == "ipopt" for one in found)
 
 
 @pytest.fixture(scope="module")
@@ -185,12 +180,12 @@ THROW = laws.four_throws()[1]
     ("law", "run", "close"),
     [
         ("sp", SlidingPivotRelease(steps=32, events=True).release, 1e-8),
-        ("ls", lambda case: laws.extrapolated(laws.stepped, 4000, case), 2e-6),
+        ("ls", lambda case: laws.extrapolated(SteppedRelease(), 4000, case), 2e-6),
     ],
 )
 def test_converged_answers_agree_with_other_methods(law, run, close) -> None:
     truth = laws.TRUTHS[law](THROW.case)
-    assert laws.off(THROW, laws.detached(run(THROW.case)), truth)[3] < close
+    assert laws.off(THROW, laws.detached(run(THROW.case)), truth) < close
 
 
 def test_the_drop_converges_to_the_published_turning_rates() -> None:
@@ -198,12 +193,6 @@ def test_the_drop_converges_to_the_published_turning_rates() -> None:
     case = laws.four_throws()[0].case
     assert laws.pivot_truth(case)[5] == pytest.approx(-1.0212, abs=1e-4)
     assert laws.surface_truth(case)[5] == pytest.approx(-1.0340, abs=1e-3)
-
-
-def test_the_loop_in_python_is_the_compiled_one() -> None:
-    compiled = SlidingPivotRelease(steps=300, integrator="euler").release(THROW.case)
-    alone = laws.detached(laws.python_loop(300, THROW.case))
-    np.testing.assert_allclose(alone, laws.detached(compiled), atol=1e-12)
 
 
 def test_a_random_throw_alone_is_the_one_of_the_batch() -> None:
@@ -219,15 +208,9 @@ def test_each_method_is_there_once() -> None:
     for quick in (True, False):
         ways = list(laws.methods(quick))
         assert len({(way.family, way.setting) for way in ways}) == len(ways)
-        assert {"sp, RK4", "ils, LSODA", "ls-step", "patch", "LuGre"} <= {w.family for w in ways}
-
-
-def test_single_shooting_reaches_what_the_planner_reaches() -> None:
-    """SciPy's SLSQP on the same rows: an independent optimiser of the planner's NLP."""
-    scene = tp.load_scene("hand-box")
-    assert scene.target is not None
-    moved = scene.target.in_plane(scene.target.plane_x + 0.02, None)
-    assert planner.SingleShooting(scene).solve(moved)[0]
+        assert {"sp, RK4", "ils, LSODA", "ls-step", "patch", "LuGre, σ₀ 1e7 1/m"} <= {
+            w.family for w in ways
+        }
 
 
 @pytest.mark.slow
@@ -237,8 +220,8 @@ def test_each_part_adds_its_own_and_is_solved() -> None:
         parts.measured(scene, 1)
         for _, scene in list(parts.ladder(tp.load_scene("hand-box")))[: parts.HAND]
     ]
-    assert all(one.status == "solved" for one in found)
-    sizes = np.array([(one.variables, one.constraints) for one in found])
+    assert all(one["status"] == "solved" for one in found)
+    sizes = np.array([(one["variables"], one["constraints"]) for one in found])
     pivot, angle, landing, cup = np.diff(sizes, axis=0).tolist()
     assert pivot[0] == pivot[1] > 0 and angle == [0, 1] and landing == [0, 3] and cup[0] > 0
 

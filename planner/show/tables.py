@@ -1,0 +1,88 @@
+"""Tables of named cells: a CSV file with all digits, and the Markdown that people read."""
+
+from __future__ import annotations
+
+import csv
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+#: One cell: words, a number, a mean with its deviation or with its interval, or None for nothing.
+Cell = str | float | int | tuple[float, ...] | None
+#: One row of a table: cells by the name of their column, which holds the unit.
+Row = dict[str, Cell]
+#: What the columns of a cell of several numbers are called in a CSV file.
+ENDS = {1: ("",), 2: ("", " std"), 3: ("", " low", " high")}
+
+
+@dataclass(frozen=True)
+class Table:
+    """Rows of named cells.
+
+    name: stem of the CSV file; caption: what the table holds, in a few words; short: a page with
+    many tables shows it, with `digits` significant digits of a float.
+    """
+
+    name: str
+    caption: str
+    rows: Sequence[Row]
+    short: bool = False
+    digits: int = 3
+
+    @property
+    def columns(self) -> list[str]:
+        """The names of all cells, in the order in which they come first."""
+        return list(dict.fromkeys(name for row in self.rows for name in row))
+
+    def column(self, name: str) -> list[Cell]:
+        """The cells under a name."""
+        return [row.get(name) for row in self.rows]
+
+    def where(self, **cells: Cell) -> list[Row]:
+        """The rows that hold these cells."""
+        return [row for row in self.rows if cells.items() <= row.items()]
+
+    def write(self, folder: Path) -> None:
+        """The CSV file; None is an empty cell, a deviation or interval has its own columns."""
+        columns = list[list[Cell]]()
+        for name in self.columns:
+            cells = [c if isinstance(c, tuple) else (c,) for c in self.column(name)]
+            for k, end in enumerate(ENDS[max(map(len, cells))]):
+                columns.append([name + end, *(c[k] if k < len(c) else None for c in cells)])
+        with (folder / f"{self.name}.csv").open("w", newline="", encoding="utf-8") as file:
+            csv.writer(file).writerows(zip(*columns, strict=True))
+
+    def markdown(self) -> list[str]:
+        """The lines of a Markdown table; columns of numbers are aligned to the right."""
+        columns = self.columns
+        words = [any(isinstance(cell, str) for cell in self.column(name)) for name in columns]
+        lines = [columns]
+        for row in self.rows:
+            lines.append([shown(row.get(c), self.digits).replace("|", "\\|") for c in columns])
+        widths = [max(3, *map(len, cells)) for cells in zip(*lines, strict=True)]
+        lines.insert(
+            1, ["-" * n if w else "-" * (n - 1) + ":" for w, n in zip(words, widths, strict=True)]
+        )
+        return ["| " + " | ".join(map(_padded, line, words, widths)) + " |" for line in lines]
+
+
+def _padded(cell: str, words: bool, width: int) -> str:
+    return cell.ljust(width) if words else cell.rjust(width)
+
+
+def shown(cell: Cell, digits: int = 3) -> str:
+    """A cell as people read it: a float with so many digits, or all those before the point."""
+    if isinstance(cell, tuple):
+        parts = [shown(number, digits) for number in cell]
+        return f"{parts[0]} ({parts[1]} to {parts[2]})" if len(parts) == 3 else " ± ".join(parts)
+    if cell is None or (isinstance(cell, float) and math.isnan(cell)):
+        return "–"
+    if isinstance(cell, float):
+        return f"{cell:.0f}" if round(abs(cell)) >= 10**digits else f"{cell:.{digits}g}"
+    return str(cell)
+
+
+def number(cell: Cell, otherwise: float = math.nan) -> float:
+    """A cell's number, `otherwise` where there is none."""
+    return float(cell) if isinstance(cell, float | int) else otherwise
