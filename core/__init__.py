@@ -4,5 +4,14 @@ It is built with the package and optional: without it callers run slower and giv
 """
 
 from .loading import library, threads
-
-__all__ = ["library", "threads"]
+from .structures import (
+    AXES,
+    FRAMES,
+    LimitsC,
+    LinkageC,
+    MeasuredC,
+    PathC,
+    SamplesC,
+    SceneC,
+    ThrowC,
+)

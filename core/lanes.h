@@ -1,4 +1,7 @@
 /* What the generated laws are written with. */
+#ifndef LANES_H
+#define LANES_H
+
 #include "core.h"
 
 /* glibc's libmvec has sines of several lanes. GCC takes them for functions that are declared like
@@ -24,3 +27,5 @@ INLINE long piece_at(const double *knots, long pieces, double t)
     }
     return low;
 }
+
+#endif

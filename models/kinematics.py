@@ -10,6 +10,7 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
+from ..core import AXES, FRAMES, LinkageC
 from .body import Array, Value, backend, components
 
 Vector = tuple[float, ...]
@@ -247,6 +248,20 @@ class PlanarArm:
             found.append(z)
         return found
 
+    @functools.cached_property
+    def core(self) -> LinkageC | None:
+        """The arm as the compiled core takes it; None for one with too many joints."""
+        if self.coordinates > AXES or len(self.frames) > FRAMES:
+            return None
+        found = LinkageC(self.coordinates, 1, len(self.frames), *self.origin, self.theta)
+        found.sign[: self.coordinates] = self.signs
+        for i, link in enumerate(self.links):
+            found.along[i], found.up[i] = link
+        for k, (number, place) in enumerate(self.frames):
+            found.link[k] = number
+            found.frame_along[k], found.frame_up[k] = place
+        return found
+
     def points(self, q: ca.SX) -> ca.SX:
         """2 x n points (x, z) of the arm in the plane: joint frames, flange and TCP."""
         frames = self.arm.frames(self.full(q))
@@ -315,6 +330,7 @@ class PlanarHand:
     def __init__(self, turns: bool, theta: float = 0.0) -> None:
         self.coordinates = 3 if turns else 2
         self.theta = theta
+        self.core = LinkageC(self.coordinates, 0, 0, 0.0, 0.0, theta)
 
     def turned(self, q: Value) -> list[Value]:
         """The coordinates themselves."""

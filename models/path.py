@@ -6,6 +6,7 @@ motion in the package is a `Path`, or the hand that a path of joints moves.
 
 from __future__ import annotations
 
+import ctypes
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -15,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ..core import AXES, PathC, SamplesC, library
 from .body import Array, HandSamples
 
 #: Numbers of some of the throws.
@@ -125,6 +127,14 @@ class Path:
         Kinks are the samples at which the jerk changes, and the thirds of steps inside which
         it does: between them the quintics are one cubic.
         """
+        times, core = step * np.arange(len(q), dtype=np.float64), library()
+        if core is not None and len(q) > 1:
+            rows = [np.ascontiguousarray(values) for values in (q, dq, ddq)]
+            given, kinks = np.empty((6, q.shape[1], len(q) - 1, 1)), np.empty(4 * len(q))
+            samples = SamplesC(*q.shape, step, *(values.ctypes.data for values in rows))
+            outputs = (ctypes.c_void_p(array.ctypes.data) for array in (given, kinks))
+            count = core.quintics(ctypes.byref(samples), *outputs)
+            return cls(times, given, kinks[:count].copy(), held=True)
         h = step
         v, a = h * dq, h * h * ddq
         p0, v0, a0 = q[:-1], v[:-1], a[:-1]
@@ -146,7 +156,7 @@ class Path:
         corners = 1 + np.flatnonzero((change > UNEVEN).any(axis=1))
         inside = (uneven[:, None] + np.arange(4) / 3).ravel()
         kinks = np.asarray(np.unique(h * np.concatenate([corners, inside])), dtype=np.float64)
-        return cls(h * np.arange(len(q), dtype=np.float64), given[..., None], kinks, held=True)
+        return cls(times, given[..., None], kinks, held=True)
 
     @classmethod
     def joined(cls, parts: Sequence[Path]) -> Path:
@@ -171,6 +181,23 @@ class Path:
 
         splines = CubicSpline(self.breaks, self.given, axis=1).c
         return np.ascontiguousarray(splines.transpose(0, 3, 1, 2))
+
+    @cached_property
+    def core(self) -> PathC | None:
+        """The motion as the compiled core takes it; None for N throws or too many coordinates."""
+        c = np.ascontiguousarray(self.coefficients)
+        powers, n, pieces, rows = c.shape
+        if rows > 1 or n > AXES or self.drift is not None:
+            return None
+        arrays = [np.ascontiguousarray(values) for values in (self.breaks, c, self.kinks)]
+        addresses = (values.ctypes.data for values in arrays)
+        found = PathC(n, powers, pieces, self.held, self.kinks.size, *addresses)
+        found.arrays = arrays
+        return found
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without addresses, which are this process's own."""
+        return {name: value for name, value in vars(self).items() if name != "core"}
 
     @cached_property
     def _spline(self) -> Any:

@@ -3,7 +3,7 @@
 The promise behind `solved` is kept here: nothing here knows how a throw was found.
 """
 
-from .entry import cup_entries, cup_entry, enters_cup_at_landing
+from .entry import cup_entries, enters_cup_at_landing
 from .exact_release import limit_surface_release, relative_states, sliding_pivot_release
 from .geometry import (
     bar_outline,
@@ -17,10 +17,11 @@ from .geometry import (
 )
 from .given_motion import given_hand, recorded_joints
 from .kernel_code import KernelCode, check_kernels
+from .measures import Measured, friction_use
 from .mover import Limits, Mover, make_mover, outline
 from .sending import TICK, Samples, SmoothingError, broken_limits, send
 from .simulation import Simulation, named_model, simulate, simulate_batch
-from .throw import Throw, case_of, friction_use
+from .throw import Throw, case_of
 from .violations import (
     Guard,
     Margin,

@@ -9,7 +9,6 @@ import numpy.typing as npt
 
 from ...models import FlightState
 from ...problems import Cup, Scene
-from .throw import Throw
 
 Array = npt.NDArray[np.float64]
 
@@ -111,12 +110,6 @@ def cup_entries(scene: Scene, detach: Array, flight: Array, com: Array | None = 
         begin, end = (np.take_along_axis(instants, a[:, None], 1)[:, 0] for a in around)
     clearance[coming[enters]] = least
     return clearance
-
-
-def cup_entry(throw: Throw) -> float:
-    """The same for one throw of its scene."""
-    detach = np.array([[*vars(throw.release.detach).values()]])
-    return float(cup_entries(throw.scene, detach, np.array([throw.landing.flight_time]))[0])
 
 
 def enters_cup_at_landing(

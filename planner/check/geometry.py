@@ -12,9 +12,6 @@ from ...problems import Scene, ThrownObject
 
 Array = npt.NDArray[np.float64]
 
-#: Points along each long edge of the bar for distances to what is not straight.
-EDGE_POINTS = 14
-
 
 def bar_outline(bar: ThrownObject, com: Array, points: int = 2) -> Array:
     """Points (2, N, 2 * points) on the bar's two long edges for CoM poses (3, N).
@@ -61,34 +58,54 @@ def seen_from(pose: Array, points: Array) -> tuple[Array, Array]:
     return cos * dx + sin * dz, -sin * dx + cos * dz
 
 
-def distance_to_bar(bar: ThrownObject, com: Array, points: Array) -> Array:
-    """Distance [m] (N, k) of points (2, N, k) from the bar, 0 inside it."""
-    along, across = seen_from(com, points)
-    over = np.maximum(np.maximum(-bar.com - along, along - (bar.length - bar.com)), 0.0)
-    aside = np.maximum(np.abs(across) - bar.width / 2, 0.0)
-    return np.asarray(np.hypot(over, aside))
+def _from_box(
+    first: float, last: float, half: float, pose: Array, points: Array
+) -> tuple[Array, npt.NDArray[np.bool_]]:
+    """Distance (N,) of the nearest of points (2, N, k) from boxes, and whether they are apart.
+
+    A box lies from `first` to `last` along the axis of its pose (3, N), `half` to either side.
+    Apart: all points lie beyond one of its edges.
+    """
+    along, across = seen_from(pose, points)
+    over, aside = np.maximum(first - along, along - last), np.abs(across) - half
+    distance = np.hypot(np.maximum(over, 0.0), np.maximum(aside, 0.0)).min(axis=1)
+    beyond = [along.min(axis=1) - last, first - along.max(axis=1)]
+    beyond += [across.min(axis=1) - half, -half - across.max(axis=1)]
+    return distance, np.max(beyond, axis=0) > 0.0
 
 
 def palm_distance(bar: ThrownObject, tool: Tool, com: Array, hand: Array) -> Array:
-    """Distance [m] (N,) between bar and hand body; 0 where they overlap."""
-    along, across = seen_from(hand, bar_outline(bar, com, EDGE_POINTS))
-    over = np.maximum(np.maximum(-tool.palm_back - along, along + tool.palm_front), 0.0)
-    aside = np.maximum(np.abs(across) - tool.palm_half_width, 0.0)
-    from_bar = np.hypot(over, aside).min(axis=1)
-    from_palm = distance_to_bar(bar, com, palm_corners(tool, hand)).min(axis=1)
-    return np.asarray(np.minimum(from_bar, from_palm))
+    """Distance [m] (N,) between bar and hand body; 0 where they overlap.
+
+    Two boxes that do not overlap are apart along an axis of one of them, and a corner of one is
+    nearest to the other.
+    """
+    palm = (-tool.palm_back, -tool.palm_front, tool.palm_half_width)
+    held = (-bar.com, bar.length - bar.com, bar.width / 2)
+    from_bar, aside = _from_box(*palm, hand, bar_outline(bar, com))
+    from_palm, beyond = _from_box(*held, com, palm_corners(tool, hand))
+    return np.where(aside | beyond, np.minimum(from_bar, from_palm), 0.0)
 
 
 def column_distance(bar: ThrownObject, com: Array, radius: float, height: float) -> Array:
     """Signed distance [m] (N,) of the bar from the base column, aside or above; negative inside.
 
-    Infinite where the column is out of the bar's reach.
+    The least of max(|x| - radius, z - height) on the outline: on an edge that is at an end or
+    where two of the three planes meet. Infinite where the column is out of the bar's reach.
     """
     away = np.maximum(np.abs(com[0]) - radius, com[1] - height)
     near = np.flatnonzero(away < reach_of_bar(bar))
-    x, z = bar_outline(bar, com[:, near], EDGE_POINTS)
+    begin = bar_outline(bar, com[:, near])
+    end = np.roll(begin, -1, axis=2)
+    planes = [
+        np.array([x, x - radius - z + height, -x - radius - z + height]) for x, z in (begin, end)
+    ]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        meet = np.nan_to_num(planes[0] / (planes[0] - planes[1])).clip(0.0, 1.0)
+    shares = np.concatenate([np.zeros_like(meet[:1]), meet])
+    x, z = begin[:, None] + shares * (end - begin)[:, None]
     distance = np.full(com.shape[1], np.inf)
-    distance[near] = np.maximum(np.abs(x) - radius, z - height).min(axis=1)
+    distance[near] = np.maximum(np.abs(x) - radius, z - height).min(axis=(0, 2))
     return distance
 
 

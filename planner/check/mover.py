@@ -4,10 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
 
+from ...core import AXES, LimitsC
 from ...models import MovedHand, Path, PlanarArm, PlanarHand, hand_motion
 from ...problems import Hand, InputError, Scene
 
@@ -28,6 +30,21 @@ class Limits:
     ddq: Array
     jerk: Array | None
     slowing: Array | None = None
+
+    @cached_property
+    def core(self) -> LimitsC | None:
+        """The limits as the compiled core takes them; None for too many coordinates."""
+        n = len(self.dq)
+        if n > AXES:
+            return None
+        found = LimitsC(slows=self.slowing is not None)
+        jerk = np.full(n, np.inf) if self.jerk is None else self.jerk
+        for name, values in {**vars(self), "jerk": jerk}.items():
+            if name != "slowing":
+                getattr(found, name)[:n] = values.tolist()
+        for row, values in enumerate(() if self.slowing is None else self.slowing):
+            found.slowing[row][:n] = values.tolist()
+        return found
 
     def velocity(self, q: Array) -> tuple[Array, Array]:
         """Lowest and highest velocity [rad/s; m/s] at positions q (..., n)."""

@@ -9,6 +9,7 @@ acceleration.
 
 from __future__ import annotations
 
+import ctypes
 import math
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,6 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ...core import SamplesC, library
 from ...models import Path
 from .mover import Limits, Mover
 
@@ -71,35 +73,64 @@ def send(mover: Mover, planned: Path) -> Samples:
     jerk = mover.hard.jerk
     if jerk is None:
         return Samples(*_braked_hand(mover.hard, planned))
+    found = _sent_by_core(mover.hard, planned)
+    if found is not None:
+        return found
     limits = _Bounds(*(SHARE * most for most in (mover.hard.dq, mover.hard.ddq, jerk)))
     moved = _follow(limits, planned)
-    brake = _jerk_limited_brake(limits, *(values[-1] for values in moved))
+    brake = _brake(limits, *(values[-1] for values in moved))
     return Samples(*(np.vstack(pair) for pair in zip(moved, brake, strict=True)))
+
+
+def _sent_by_core(limits: Limits, planned: Path) -> Samples | None:
+    """The same by the compiled core; None without it, and where Ruckig has to follow."""
+    core, path = library(), planned.core
+    if core is None or path is None or limits.core is None:
+        return None
+    longest = limits.dq / limits.ddq + 3 * limits.ddq / np.asarray(limits.jerk)
+    rows = math.ceil((planned.end + float(longest.max())) / TICK) + 4
+    found = np.empty((3, rows, path.n))
+    samples = SamplesC(rows, path.n, TICK, *(values.ctypes.data for values in found))
+    core.send_motion.restype = ctypes.c_long
+    sent = core.send_motion(*map(ctypes.byref, (path, limits.core, samples)))
+    return Samples(*found[:, :sent]) if 0 < sent <= rows else None
 
 
 def broken_limits(mover: Mover, sent: Samples) -> list[str]:
     """Real limits that any sample, or any difference of samples, breaks, in words."""
-    limits, names, broken = mover.hard, mover.joints, []
-    rate, acceleration = np.diff(sent.q, axis=0) / TICK, np.diff(sent.dq, axis=0) / TICK
-    checks = [
-        ("position", np.maximum(limits.q_min - sent.q, sent.q - limits.q_max), 0 * limits.dq),
-        ("velocity", np.abs(sent.dq), limits.dq),
-        ("velocity", np.abs(rate), limits.dq),
-        ("acceleration", np.abs(sent.ddq), limits.ddq),
-        ("acceleration", np.abs(acceleration), limits.ddq),
-    ]
-    if limits.slowing is not None:
-        middle = (sent.q[1:] + sent.q[:-1]) / 2
-        for q, dq in ((sent.q, sent.dq), (middle, rate)):
-            low, high = limits.velocity(q)
-            checks.append(("velocity", np.maximum(dq - high, low - dq), 0 * limits.dq))
-    if limits.jerk is not None:
-        checks.append(("jerk", np.abs(np.diff(sent.ddq, axis=0) / TICK), limits.jerk))
-    for kind, values, limit in checks:
-        # Rounding in the last digits breaks nothing.
-        for i in np.flatnonzero((values > limit + 1e-7 * np.maximum(limit, 1.0)).any(axis=0)):
-            broken.append(f"{names[i]} {kind}")
+    limits, kinds = mover.hard, ("position", "velocity", "acceleration", "velocity", "jerk")
+    zero, most = 0 * limits.dq, limits.dq if limits.jerk is None else limits.jerk
+    scale = np.array([zero, limits.dq, limits.ddq, zero, most])
+    # Rounding in the last digits breaks nothing.
+    kind, joint = np.nonzero(_excess(limits, sent) > 1e-7 * np.maximum(scale, 1.0))
+    broken = [f"{mover.joints[i]} {kinds[k]}" for k, i in zip(kind, joint, strict=True)]
     return list(dict.fromkeys(broken))
+
+
+def _excess(limits: Limits, sent: Samples) -> Array:
+    """How far (5, n) samples and their differences are beyond the limits at most.
+
+    Rows: position, velocity, acceleration, velocity where it depends on the position, jerk.
+    """
+    core, found = library(), np.full((5, sent.q.shape[1]), -np.inf)
+    if core is not None and limits.core is not None:
+        rows = [np.ascontiguousarray(values) for values in (sent.q, sent.dq, sent.ddq)]
+        samples = SamplesC(*sent.q.shape, TICK, *(values.ctypes.data for values in rows))
+        output = ctypes.c_void_p(found.ctypes.data)
+        core.excess(ctypes.byref(samples), ctypes.byref(limits.core), output)
+        return found
+    q = sent.q
+    rate, acceleration, jerk = (np.diff(v, axis=0) / TICK for v in (q, sent.dq, sent.ddq))
+    found[0] = np.maximum(limits.q_min - q, q - limits.q_max).max(axis=0)
+    found[1] = np.abs(np.vstack([sent.dq, rate])).max(axis=0) - limits.dq
+    found[2] = np.abs(np.vstack([sent.ddq, acceleration])).max(axis=0) - limits.ddq
+    if limits.slowing is not None:
+        places = np.vstack([q, (q[1:] + q[:-1]) / 2])
+        (low, high), speeds = limits.velocity(places), np.vstack([sent.dq, rate])
+        found[3] = np.maximum(speeds - high, low - speeds).max(axis=0)
+    if limits.jerk is not None:
+        found[4] = np.abs(jerk).max(axis=0, initial=0.0) - limits.jerk
+    return found
 
 
 @dataclass(frozen=True)
@@ -215,24 +246,29 @@ def _ticks(begin: float, end: float) -> slice:
     return slice(max(math.floor((begin - SAME) / TICK), 0), math.ceil((end + SAME) / TICK))
 
 
-def _jerk_limited_brake(limits: _Bounds, q: Array, dq: Array, ddq: Array) -> Array:
-    """Samples (3, N, n) after the given state until rest, time-optimal per joint."""
-    import ruckig
+def _brake(limits: _Bounds, q: Array, dq: Array, ddq: Array) -> Array:
+    """Samples (3, N, n) after the given state until rest, time-optimal per joint.
 
-    n = len(q)
-    otg, trajectory, order = ruckig.Ruckig(n), ruckig.Trajectory(n), limits.order()
-    order.control_interface = ruckig.ControlInterface.Velocity
-    # Left to itself Ruckig lets all joints come to rest together: the others go on longer.
-    order.synchronization = ruckig.Synchronization.No
-    order.current_position, order.current_velocity = q.tolist(), dq.tolist()
-    order.current_acceleration = ddq.tolist()
-    order.target_velocity = order.target_acceleration = [0.0] * n
-    result = otg.calculate(order, trajectory)
-    if result not in (ruckig.Result.Working, ruckig.Result.Finished):
-        raise SmoothingError(f"Ruckig could not brake: {result.name}")
-    ticks = math.ceil(trajectory.duration / TICK) + 1
-    states = [trajectory.at_time(TICK * (i + 1)) for i in range(ticks)]
-    return np.array(states).transpose(1, 0, 2)
+    The jerk pulls the acceleration to a peak, which may last at the limit, and back to none.
+    """
+    jerk = limits.jerk
+    side = np.where(dq + ddq * np.abs(ddq) / (2 * jerk) < 0, -1.0, 1.0)
+    v, a = side * dq, side * ddq
+    peak = np.minimum(np.sqrt(np.maximum(jerk * v + a * a / 2, 0.0)), limits.ddq)
+    peak = np.maximum(peak, -a)
+    rest = v + a * a / (2 * jerk) - peak * peak / jerk
+    level = np.divide(rest, peak, out=0 * peak, where=peak > 0).clip(0.0)
+    lengths = [(a + peak) / jerk, level, peak / jerk]
+    ticks = math.ceil(float(np.sum(lengths, axis=0).max()) / TICK) + 1
+    left = np.repeat(TICK * np.arange(1.0, ticks + 1)[:, None], len(q), axis=1)
+    q, dq, ddq = (np.repeat(values[None], ticks, axis=0) for values in (q, dq, ddq))
+    for k, length in enumerate(lengths):
+        u, j = np.minimum(left, length), side * jerk * (k - 1)
+        q = q + u * (dq + u * (ddq / 2 + u * j / 6))
+        dq = dq + u * (ddq + u * j / 2)
+        ddq = ddq + u * j
+        left = left - u
+    return np.array([q, np.where(left > 0, 0.0, dq), np.where(left > 0, 0.0, ddq)])
 
 
 def _braked_hand(limits: Limits, planned: Path) -> list[Array]:

@@ -22,23 +22,18 @@ from ...models import (
     Path,
     Release,
     ReleaseCase,
-    pivot_wrench,
     time_to_height,
 )
 from ...problems import Pose, Scene
 from .exact_release import limit_surface_release, sliding_pivot_release
-from .geometry import held_bar, palm_corners
-from .mover import Mover, outline
+from .measures import Measured, grip_use, measured
+from .mover import Mover
 from .sending import NO_SAMPLES, TICK, Samples
 
 Array = npt.NDArray[np.float64]
 
 #: Exact release models by their names: the paper's, and the time-stepping limit surface.
 EXACT = {SLIDING_PIVOT: sliding_pivot_release, STEPPED_SURFACE: limit_surface_release}
-#: Longest interval [s] between the instants at which sticking is checked before the opening.
-CARRY_STEP = 0.002
-#: Instants of the flight at which its surroundings are checked.
-FLIGHT_SAMPLES = 400
 
 
 @dataclass(frozen=True)
@@ -113,9 +108,13 @@ class Throw:
     @cached_property
     def grip_use(self) -> float:
         """Largest friction use (ellipsoid, 1 is the limit) from rest to the opening's start."""
-        joints = self.path.closely(self.opening_time, CARRY_STEP)
-        force, torque = friction_use(self.scene, self.mover.hand(self.path).of(joints))
-        return float(np.sqrt((force**2 + torque**2).max()))
+        return grip_use(self.scene, self.mover, self.path, self.opening_time)
+
+    @cached_property
+    def measured(self) -> Measured:
+        """How near bar, hand and arm come to what is around them."""
+        release, flight = self.release, self.landing.flight_time
+        return measured(self.scene, self.mover, self.path, self.opening_time, release, flight)
 
     def miss(self, target: Pose | None = None) -> tuple[float, float]:
         """(Δx [m], Δtheta [rad]) to the target; 0 where it leaves theta open."""
@@ -187,7 +186,7 @@ class Throw:
         between = [step] if before < -1e-12 else []
         return Path.joined([planned, *between, samples.path.beginning(first)])
 
-    # Poses of bar, hand and arm along it.
+    # The flight.
 
     def flight(self, times: Array) -> Array:
         """CoM poses (3, N) at `times` (N,) [s] after detach."""
@@ -198,44 +197,6 @@ class Throw:
     def lands(self) -> bool:
         """Whether the object comes down to the target's height."""
         return math.isfinite(self.landing.flight_time)
-
-    @cached_property
-    def flight_times(self) -> Array:
-        """Times (K,) [s] after detach, to the landing."""
-        return np.linspace(0.0, self.landing.flight_time, FLIGHT_SAMPLES)
-
-    @cached_property
-    def flying(self) -> Array:
-        """CoM poses (3, K) of the bar at these times."""
-        return self.flight(self.flight_times)
-
-    @cached_property
-    def hand_in_flight(self) -> Array:
-        """Hand poses (3, K) at these times."""
-        detach = self.opening_time + self.release.times[-1]
-        return self.hand(detach + self.flight_times).pose
-
-    @cached_property
-    def held(self) -> Array:
-        """CoM poses (3, N) of the bar from rest to detach."""
-        times, hand, _ = self._arm
-        carried = held_bar(self.scene, hand[:, times < self.opening_time])
-        return np.hstack([carried, self.release.com])
-
-    @property
-    def lowest_of_arm(self) -> float:
-        """Height [m] of the lowest point of joints, hand and its body, to the end."""
-        _, hand, joints = self._arm
-        lowest = joints.min()
-        if self.scene.arm is not None:
-            lowest = min(lowest, palm_corners(self.scene.arm.tool, hand)[1].min())
-        return float(lowest)
-
-    @cached_property
-    def _arm(self) -> tuple[Array, Array, Array]:
-        """Times (N,), hand poses (3, N) and heights (N,) of the lowest joint or hand, each tick."""
-        times = np.arange(0.0, self.until + TICK, TICK)
-        return times, *outline(self.mover, self.path.at(times).pose)
 
     @property
     def detach_time(self) -> float:
@@ -264,16 +225,3 @@ def landing(release: Release, height: float, gravity: float) -> LandingPoint:
     time = time_to_height(release.detach, height, gravity)
     end = release.detach.after(time, gravity)
     return LandingPoint(end.x, height if math.isfinite(time) else math.nan, end.theta, time, end)
-
-
-def friction_use(scene: Scene, hand: HandSamples) -> tuple[Array, Array]:
-    """Wrench that sticking needs, over the full grip's limits: (force share, torque share).
-
-    For a held bar; shares above 1 slip.
-    """
-    theta, h = hand.pose[2] + scene.grasp.angle, scene.com_offset
-    f_x, f_z, torque = pivot_wrench(
-        scene.body, scene.gravity, hand.motion, hand.twist[2], h * np.cos(theta), h * np.sin(theta)
-    )
-    limit = scene.patch.force_limit(scene.gripper.profile().full)
-    return np.hypot(f_x, f_z) / limit, np.abs(torque) / (limit * scene.patch.torsion_arm)

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
+from collections.abc import Callable
+from typing import TypeVar
 
 import numpy as np
 import pytest
 import throwplan as tp
 from throwplan.models import Path, PlanarHand, hand_motion
-from throwplan.planner.check import Mover, Samples, Throw, make_mover, send
+from throwplan.planner.check import Mover, Samples, Throw, broken_limits, make_mover, send
+from throwplan.planner.ocp import broken
+
+T = TypeVar("T")
 
 
 @pytest.fixture(scope="module")
@@ -72,3 +78,76 @@ def test_ruckig_follows_a_jerk_controlled_plan_exactly(cup_plan: tp.Plan) -> Non
     assert np.abs(q.T - sent.q[:n]).max() < 1e-6
     assert np.abs(dq.T - sent.dq[:n]).max() < 1e-5
     assert np.abs(ddq.T - sent.ddq[:n]).max() < 1e-2
+
+
+# The compiled core and NumPy say the same.
+
+
+@pytest.fixture
+def by_numpy(monkeypatch: pytest.MonkeyPatch) -> Callable[[Callable[[], T]], T]:
+    """Runs something without the compiled core."""
+
+    def run(something: Callable[[], T]) -> T:
+        with monkeypatch.context() as changed:
+            changed.setenv("THROWPLAN_COMPILE", "0")
+            return something()
+
+    return run
+
+
+@pytest.mark.parametrize("name", ["pose", "fr3", "hand-flip"])
+def test_the_compiled_core_sends_and_checks_the_same(name: str, by_numpy) -> None:
+    plan = tp.plan(name)
+    assert plan.throw is not None
+    mover, planned, opening = plan.mover, plan.throw.planned, plan.throw.opening_time
+
+    def sent(late: float) -> tuple[Samples, Throw]:
+        samples = send(mover, planned)
+        return samples, Throw.sent(plan.throw.scene, mover, planned, samples, opening + late)
+
+    for late in (0.0, 0.02, -0.05):
+        (samples, throw), (others, other) = sent(late), by_numpy(lambda late=late: sent(late))
+        for rows in ("q", "dq", "ddq"):
+            assert getattr(samples, rows) == pytest.approx(getattr(others, rows), abs=1e-10)
+        kinks = by_numpy(lambda other=other: other.path.kinks)
+        assert throw.path.kinks == pytest.approx(kinks, abs=1e-12)
+        use = by_numpy(lambda other=other: other.grip_use)
+        assert throw.grip_use == pytest.approx(use, rel=1e-9)
+        measured = by_numpy(lambda other=other: vars(other.measured))
+        assert vars(throw.measured) == pytest.approx(measured, abs=1e-7)
+        assert broken(throw) == by_numpy(lambda other=other: broken(other))
+        assert broken_limits(mover, samples) == by_numpy(
+            functools.partial(broken_limits, mover, others)
+        )
+
+
+def test_both_measure_the_same_where_things_are_near(cup_plan: tp.Plan, by_numpy) -> None:
+    """Early and late openings on the plan's motion, beside a wide column and a large palm."""
+    assert cup_plan.throw is not None
+    throw, near = cup_plan.throw.final, set()
+    scene, arm = throw.scene, throw.scene.arm
+    assert scene.workspace is not None and arm is not None
+    tool = dataclasses.replace(arm.tool, palm_half_width=0.12, palm_back=0.3)
+    crowded = scene.replace(
+        arm=dataclasses.replace(arm, tool=tool),
+        workspace=dataclasses.replace(
+            scene.workspace, column_radius=0.7, column_height=0.6, palm_clearance=0.08
+        ),
+    )
+    for late in np.linspace(-0.3, 0.1, 9):
+        one = dataclasses.replace(throw, scene=crowded, opening_time=throw.opening_time + late)
+        other = dataclasses.replace(one)
+        numbers = by_numpy(lambda other=other: vars(other.measured))
+        assert vars(one.measured) == pytest.approx(numbers, abs=1e-6)
+        near |= {key for key, value in numbers.items() if math.isfinite(value)}
+    assert near == set(vars(throw.measured))
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_both_name_the_same_broken_limits(seed: int, by_numpy) -> None:
+    mover, rng = make_mover(tp.load_scene("fr3")), np.random.default_rng(seed)
+    middle = (mover.hard.q_min + mover.hard.q_max) / 2
+    walk = [np.cumsum(rng.normal(0, s, (60, mover.size)), axis=0) for s in (2e-3, 0.2, 0.5)]
+    samples = Samples(middle + walk[0], *walk[1:])
+    found = broken_limits(mover, samples)
+    assert found and found == by_numpy(lambda: broken_limits(mover, samples))

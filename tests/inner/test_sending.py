@@ -76,6 +76,16 @@ def even(jerk: float) -> Path:
     return joined(h * np.arange(5.0), ddq, jerks)
 
 
+def even_pieces(lengths: np.ndarray, jerk: np.ndarray) -> Path:
+    """From rest with continuous acceleration within its limits: jerks as shares of theirs."""
+    hard, ddq = panda().hard, [np.zeros(3)]
+    for k, length in enumerate(lengths):
+        end = np.clip(ddq[-1] + length * jerk[k] * hard.jerk, -0.9 * hard.ddq, 0.9 * hard.ddq)
+        jerk[k] = (end - ddq[-1]) / length / hard.jerk
+        ddq.append(end)
+    return joined(np.append(0.0, np.cumsum(lengths)), np.array(ddq[:-1]), jerk)
+
+
 def joined(times: np.ndarray, ddq: np.ndarray, jerk: np.ndarray) -> Path:
     """Pieces of these accelerations at their begin and jerks, shares of the limit."""
     hard, jerk = panda().hard, jerk * panda().hard.jerk
@@ -148,3 +158,32 @@ def test_the_motion_to_rest_is_what_is_sent(name: str) -> None:
     beyond = whole.at(np.array([whole.end + 0.1]))
     assert np.abs(beyond.twist).max() < 1e-9
     assert whole.end == pytest.approx(samples.times[-1])
+
+
+@pytest.mark.parametrize("core", ["1", "0"])
+def test_a_motion_is_braked_as_ruckig_brakes_it(core: str, monkeypatch) -> None:
+    """From where planned motions end, with and without the compiled core."""
+    monkeypatch.setenv("THROWPLAN_COMPILE", core)
+    hard, rng = panda().hard, np.random.default_rng(1)
+    otg, trajectory = ruckig.Ruckig(3), ruckig.Trajectory(3)
+    for _ in range(60):
+        # From rest by 6 pieces, with rates and accelerations of either sign at the end.
+        planned = even_pieces(rng.uniform(0.002, 0.02, 6), rng.uniform(-0.9, 0.9, (6, 3)))
+        sent = send(panda(), planned)
+        order = ruckig.InputParameter(3)
+        order.control_interface = ruckig.ControlInterface.Velocity
+        order.synchronization = ruckig.Synchronization.No
+        order.max_acceleration = (SHARE * hard.ddq).tolist()
+        order.max_jerk = (SHARE * hard.jerk).tolist()
+        last = math.ceil(planned.end / TICK - 1e-9)
+        order.current_position = sent.q[last].tolist()
+        order.current_velocity = sent.dq[last].tolist()
+        order.current_acceleration = sent.ddq[last].tolist()
+        order.target_velocity = order.target_acceleration = [0.0] * 3
+        otg.calculate(order, trajectory)
+        for k in range(last, len(sent.q)):
+            q, dq, ddq = trajectory.at_time(TICK * (k - last))
+            assert sent.q[k] == pytest.approx(q, abs=1e-9)
+            assert sent.dq[k] == pytest.approx(dq, abs=1e-8)
+            assert sent.ddq[k] == pytest.approx(ddq, abs=1e-6)
+        assert trajectory.duration <= TICK * (len(sent.q) - 1 - last)

@@ -11,7 +11,7 @@ import numpy as np
 
 from ....models import FlightState
 from ....problems import Pose, Scene
-from ...check import Margin, Throw, Violation, cup_entry
+from ...check import Margin, Throw, Violation
 from ..asked import Request
 from ..context import Context, Term
 from ..layout import Block
@@ -93,7 +93,7 @@ class CupClearance(Term):
         """A bar that does not get deep, or too near to wall or rim on its way."""
         cup = throw.scene.cup
         assert cup is not None
-        clearance = cup_entry(throw)
+        clearance = throw.measured.cup
         if clearance == -math.inf:
             return [Violation("cup: the bar does not reach the asked depth")]
         if clearance < cup.clearance - 1e-5:

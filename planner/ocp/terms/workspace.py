@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, Self
@@ -10,16 +11,7 @@ import casadi as ca
 import numpy as np
 
 from ....models import FlightState
-from ...check import (
-    Margin,
-    Throw,
-    Violation,
-    column_distance,
-    column_of,
-    lowest_of_bar,
-    palm_distance,
-    reach_of_bar,
-)
+from ...check import Margin, Throw, Violation, column_of
 from ..asked import Request
 from ..context import Context, Instant, Term
 from ..stages import Stage
@@ -100,8 +92,7 @@ class Floor(Term):
         """Bar, arm or hand below the floor at any sample before detach, or the arm after it."""
         workspace = throw.scene.workspace
         assert workspace is not None and workspace.floor is not None
-        arm = float(workspace.floor - throw.lowest_of_arm)
-        bar = float(workspace.floor - lowest_of_bar(throw.scene.object, throw.held).min())
+        arm, bar = workspace.floor - throw.measured.arm, workspace.floor - throw.measured.held
         depth = max(arm, bar)
         if not depth > 1e-6:
             return []
@@ -157,12 +148,7 @@ class Column(Term):
 
     def broken(self, throw: Throw) -> list[Violation]:
         """The bar inside the column, held or in flight."""
-        column, bar = column_of(throw.scene), throw.scene.object
-        assert column is not None
-        held, flown = (
-            float(-column_distance(bar, poses, *column).min())
-            for poses in (throw.held, throw.flying)
-        )
+        held, flown = -throw.measured.column_held, -throw.measured.column_flown
         words = "base column: the bar touches it"
         if max(held, flown) <= 1e-6:
             return []
@@ -228,18 +214,10 @@ class Palm(Term):
 
     def broken(self, throw: Throw) -> list[Violation]:
         """The bar nearer to the hand than the clearance, at any sample of the flight."""
-        scene, flying = throw.scene, throw.flying
-        assert scene.arm is not None and scene.workspace is not None
-        tool, clearance, bar = scene.arm.tool, scene.workspace.palm_clearance, scene.object
-        assert clearance is not None
-        hand = throw.hand_in_flight
-        reach = reach_of_bar(bar) + float(np.hypot(tool.palm_back, tool.palm_half_width))
-        near = np.hypot(*(flying[:2] - hand[:2])) < reach + clearance
-        distance = palm_distance(bar, tool, flying[:, near], hand[:, near])
-        if not distance.min(initial=np.inf) < clearance - 1e-6:
+        least, first = throw.measured.palm, throw.measured.palm_time
+        if first == math.inf:
             return []
-        words = f"palm: the bar comes as near as {1e3 * distance.min():.0f} mm"
-        first = throw.flight_times[near][distance < clearance - 1e-6][0]
+        words = f"palm: the bar comes as near as {1e3 * least:.0f} mm"
         if first > PALM_TIMES[-1]:
             return [Violation(words, "return")]
         # Again with its rows: between the bar's ends, or later.

@@ -1,0 +1,240 @@
+/* What is sent: samples of a planned motion and of its brake, the motion through samples, limits. */
+#define LANES 1
+#include "motion.h"
+
+/* As in planner/check/sending.py. */
+#define SHARE 0.999
+#define SAME 1e-9
+/* As in models/path.py. */
+#define UNEVEN 0.01
+
+/* Of each axis; a jerk is infinite where there is no limit. slowing: deceleration, offset, upper and
+   lower as in `Slowing` of models/kinematics.py, where the limits have it. */
+typedef struct {
+    double q_min[AXES], q_max[AXES], dq[AXES], ddq[AXES], jerk[AXES], slowing[4][AXES];
+    long slows;
+} limits;
+
+/* Each [rows][n], every `tick` [s]. */
+typedef struct {
+    long rows, n;
+    double tick;
+    double *q, *dq, *ddq;
+} samples;
+
+INLINE double larger(double a, double b) { return a > b ? a : b; }
+
+/* Value, rate and acceleration of axis i of a cubic piece, u [s] after its begin. */
+INLINE void cubic_at(const path *p, long piece, long i, double u, double at[4])
+{
+    double c[4];
+    for (int k = 0; k < 4; k++)
+        c[k] = p->curves[(k * p->n + i) * p->pieces + piece];
+    at[0] = ((c[0] * u + c[1]) * u + c[2]) * u + c[3];
+    at[1] = (3.0 * c[0] * u + 2.0 * c[1]) * u + c[2];
+    at[2] = 2.0 * (3.0 * c[0] * u + c[1]);
+    at[3] = 6.0 * c[0];
+}
+
+/* Whether the planned motion keeps the limits all along, gaps between its pieces included. */
+static int keeps(const path *p, const limits *most, double tick, double until)
+{
+    /* CLOSING of planner/check/sending.py: jerk, acceleration, rate by gaps in ticks. */
+    static const double closing[3][3] = {{60.0, 96.0, 75.0}, {5.8, 9.8, 9.0}, {1.9, 3.9, 3.0}};
+    for (long piece = 0; piece + 1 < p->pieces; piece++)
+        if (p->breaks[piece + 1] - (piece ? p->breaks[piece] : -1.0) < tick)
+            return 0;
+    if (p->pieces > 1 && until + 1.0 - p->breaks[p->pieces - 1] < tick)
+        return 0;
+    for (long i = 0; i < p->n; i++) {
+        double limit[3] = {SHARE * most->jerk[i], SHARE * most->ddq[i], SHARE * most->dq[i]};
+        double before[3] = {0.0, 0.0, 0.0}, end[4] = {0.0, 0.0, 0.0, 0.0};
+        for (long piece = 0; piece < p->pieces; piece++) {
+            double begin[4], used[3], gap[3];
+            double last = piece + 1 < p->pieces ? p->breaks[piece + 1] : until;
+            cubic_at(p, piece, i, 0.0, begin);
+            if (piece == 0 && (begin[1] != 0.0 || begin[2] != 0.0))
+                return 0;
+            gap[0] = fabs(begin[0] - end[0]) / (tick * tick * tick);
+            gap[1] = fabs(begin[1] - end[1]) / (tick * tick);
+            gap[2] = fabs(begin[2] - end[2]) / tick;
+            cubic_at(p, piece, i, last - p->breaks[piece], end);
+            used[0] = fabs(begin[3]);
+            used[1] = larger(fabs(begin[2]), fabs(end[2]));
+            used[2] = larger(fabs(begin[1]), fabs(end[1]));
+            /* Where the acceleration passes zero the rate has its extreme. */
+            if (begin[2] * end[2] < 0.0)
+                used[2] = larger(used[2], fabs(begin[1] - begin[2] * begin[2] / (2.0 * begin[3])));
+            double unit = 1.0;
+            for (int k = 0; k < 3; k++, unit *= tick) {
+                double close = closing[k][0] * gap[0] + closing[k][1] * gap[1]
+                    + closing[k][2] * gap[2];
+                if (!(used[k] <= limit[k]))
+                    return 0;
+                if (piece && !(larger(used[k], before[k]) + close * unit <= limit[k]))
+                    return 0;
+                before[k] = used[k];
+            }
+        }
+    }
+    return 1;
+}
+
+/* A brake to rest: jerk down for `first`, none for `level`, up for `last` [s]; signs by `side`. */
+typedef struct {
+    double side, first, level, last;
+} braking;
+
+static braking brake_of(double v, double a, double most, double jerk)
+{
+    braking b;
+    b.side = v + a * fabs(a) / (2.0 * jerk) < 0.0 ? -1.0 : 1.0;
+    v *= b.side;
+    a *= b.side;
+    double peak = sqrt(larger(jerk * v + a * a / 2.0, 0.0));
+    peak = peak > most ? most : peak;
+    peak = larger(peak, -a);
+    b.first = (a + peak) / jerk;
+    b.last = peak / jerk;
+    double rest = v + a * a / (2.0 * jerk) - peak * peak / jerk;
+    b.level = peak > 0.0 ? larger(rest / peak, 0.0) : 0.0;
+    return b;
+}
+
+/* State t [s] after it began at q, v, a; at rest after its end. */
+INLINE void braked(const braking *b, double jerk, double t, double *q, double *v, double *a)
+{
+    const double length[3] = {b->first, b->level, b->last};
+    for (int k = 0; k < 3; k++) {
+        double u = t < length[k] ? t : length[k], j = b->side * jerk * (k - 1);
+        *q += u * (*v + u * (*a / 2.0 + u * j / 6.0));
+        *v += u * (*a + u * j / 2.0);
+        *a += u * j;
+        t -= u;
+    }
+    if (t > 0.0)
+        *v = *a = 0.0;
+}
+
+/* Samples of a planned motion that keeps the limits, and of its brake; rows: how many fit. The
+   number of rows, of which more than that are not written; 0 for a motion that Ruckig must follow. */
+CLONES EXPORT long send_motion(const path *p, const limits *most, const samples *s)
+{
+    double tick = s->tick, until, duration = 0.0;
+    long n = p->n, ticks = (long)ceil(p->breaks[p->pieces] / tick - SAME), piece = 0;
+    until = tick * ticks;
+    if (p->powers != 4 || n > AXES || !keeps(p, most, tick, until))
+        return 0;
+    state last;
+    braking brake[AXES];
+    state_at(p, until, &piece, &last);
+    for (long i = 0; i < n; i++) {
+        brake[i] = brake_of(last.dq[i], last.ddq[i], SHARE * most->ddq[i], SHARE * most->jerk[i]);
+        duration = larger(duration, brake[i].first + brake[i].level + brake[i].last);
+    }
+    long rows = ticks + 1 + (long)ceil(duration / tick) + 1;
+    if (rows > s->rows)
+        return rows;
+    piece = 0;
+    for (long k = 0; k < rows; k++) {
+        state at = last;
+        if (k <= ticks)
+            state_at(p, tick * k, &piece, &at);
+        else
+            for (long i = 0; i < n; i++)
+                braked(&brake[i], SHARE * most->jerk[i], tick * (k - ticks), &at.q[i], &at.dq[i],
+                       &at.ddq[i]);
+        for (long i = 0; i < n; i++) {
+            s->q[k * n + i] = at.q[i];
+            s->dq[k * n + i] = at.dq[i];
+            s->ddq[k * n + i] = at.ddq[i];
+        }
+    }
+    return rows;
+}
+
+/* The quintics through samples, curves [6][n][rows - 1]; kinks, at most 4 rows; their number. */
+CLONES EXPORT long quintics(const samples *s, double *curves, double *kinks)
+{
+    long n = s->n, pieces = s->rows - 1, count = 0;
+    double h = s->tick, h2 = h * h, h3 = h2 * h, h4 = h2 * h2, h5 = h4 * h;
+    int uneven = 0;
+    for (long k = 0; k <= pieces; k++) {
+        int corner = uneven; /* the piece before is */
+        uneven = 0;
+        for (long i = 0; i < n; i++) {
+            const double *q = s->q + k * n + i, *dq = s->dq + k * n + i, *ddq = s->ddq + k * n + i;
+            if (k < pieces) {
+                double v = h * dq[0], a = h2 * ddq[0], d_v = h * dq[n] - v - a;
+                double d_a = h2 * ddq[n] - a, d_p = q[n] - q[0] - v - a / 2.0;
+                double *c = curves + i * pieces + k;
+                c[0] = (6.0 * d_p - 3.0 * d_v + d_a / 2.0) / h5;
+                c[n * pieces] = (-15.0 * d_p + 7.0 * d_v - d_a) / h4;
+                c[2 * n * pieces] = (10.0 * d_p - 4.0 * d_v + d_a / 2.0) / h3;
+                c[3 * n * pieces] = ddq[0] / 2.0;
+                c[4 * n * pieces] = dq[0];
+                c[5 * n * pieces] = q[0];
+                /* What even jerk would leave of the next sample's rate and position. */
+                double off = fabs((dq[n] - dq[0]) / h - (ddq[0] + ddq[n]) / 2.0)
+                    + fabs(6.0 / h * ((q[n] - q[0]) / h - dq[0]) - 2.0 * ddq[0] - ddq[n]);
+                uneven |= off > UNEVEN;
+            }
+            if (k > 0 && k < pieces)
+                corner |= fabs(ddq[n] - 2.0 * ddq[0] + ddq[-n]) > UNEVEN;
+        }
+        if (corner || uneven)
+            kinks[count++] = h * k;
+        if (uneven) {
+            kinks[count++] = h * (k + 1.0 / 3.0);
+            kinks[count++] = h * (k + 2.0 / 3.0);
+        }
+    }
+    return count;
+}
+
+/* Lowest and highest velocity of an axis at q. */
+INLINE void speeds(const limits *m, long i, double q, double *low, double *high)
+{
+    double twice = 2.0 * m->slowing[0][i], offset = m->slowing[1][i];
+    double up = sqrt(twice * larger(m->slowing[2][i] - q, 0.0)) - offset;
+    double down = sqrt(twice * larger(q - m->slowing[3][i], 0.0)) - offset;
+    *high = fmin(larger(up, 0.0), m->dq[i]);
+    *low = -fmin(larger(down, 0.0), m->dq[i]);
+}
+
+/* How far [5][n] position, velocity, acceleration, velocity there and jerk of samples and of their
+   differences are beyond their limits. */
+CLONES EXPORT void excess(const samples *s, const limits *m, double *beyond)
+{
+    long n = s->n;
+    double h = s->tick;
+    for (long i = 0; i < n; i++) {
+        double place = -INFINITY, speed = 0.0, rate = 0.0, there = -INFINITY, jerk = 0.0;
+        for (long k = 0; k < s->rows; k++) {
+            const double *q = s->q + k * n + i, *dq = s->dq + k * n + i, *ddq = s->ddq + k * n + i;
+            double low, high, v = 0.0;
+            place = larger(place, larger(m->q_min[i] - q[0], q[0] - m->q_max[i]));
+            speed = larger(speed, fabs(dq[0]));
+            rate = larger(rate, fabs(ddq[0]));
+            if (k + 1 < s->rows) {
+                v = (q[n] - q[0]) / h;
+                speed = larger(speed, fabs(v));
+                rate = larger(rate, fabs((dq[n] - dq[0]) / h));
+                jerk = larger(jerk, fabs((ddq[n] - ddq[0]) / h));
+            }
+            if (!m->slows)
+                continue;
+            speeds(m, i, q[0], &low, &high);
+            there = larger(there, larger(dq[0] - high, low - dq[0]));
+            if (k + 1 < s->rows) {
+                speeds(m, i, (q[n] + q[0]) / 2.0, &low, &high);
+                there = larger(there, larger(v - high, low - v));
+            }
+        }
+        beyond[i] = place;
+        beyond[n + i] = speed - m->dq[i];
+        beyond[2 * n + i] = rate - m->ddq[i];
+        beyond[3 * n + i] = there;
+        beyond[4 * n + i] = jerk - m->jerk[i];
+    }
+}

@@ -1,0 +1,93 @@
+"""The structures of the C files, field by field, as ctypes."""
+
+from __future__ import annotations
+
+import ctypes
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+#: As in motion.h: most coordinates of a motion, and frames of a linkage.
+AXES, FRAMES = 8, 24
+
+_LONG, _DOUBLE, _ADDRESS = ctypes.c_long, ctypes.c_double, ctypes.c_void_p
+_AXES = _DOUBLE * AXES
+
+
+def _fields(kind: Any, *names: str) -> list[tuple[str, Any]]:
+    return [(name, kind) for name in names]
+
+
+class PathC(ctypes.Structure):
+    """`path` of motion.h. It does not own the arrays at its addresses."""
+
+    _fields_ = (
+        *_fields(_LONG, "n", "powers", "pieces", "held", "corners"),
+        *_fields(_ADDRESS, "breaks", "curves", "kinks"),
+    )
+
+
+class LinkageC(ctypes.Structure):
+    """`linkage` of motion.h."""
+
+    _fields_ = (
+        *_fields(_LONG, "n", "arm", "frames"),
+        *_fields(_DOUBLE, "x", "z", "theta"),
+        *_fields(_AXES, "sign", "along", "up"),
+        ("link", _LONG * FRAMES),
+        *_fields(_DOUBLE * FRAMES, "frame_along", "frame_up"),
+    )
+
+
+class LimitsC(ctypes.Structure):
+    """`limits` of sending.c."""
+
+    _fields_ = (
+        *_fields(_AXES, "q_min", "q_max", "dq", "ddq", "jerk"),
+        ("slowing", _AXES * 4),
+        ("slows", _LONG),
+    )
+
+
+class SamplesC(ctypes.Structure):
+    """`samples` of sending.c. It does not own the arrays at its addresses."""
+
+    _fields_ = (
+        *_fields(_LONG, "rows", "n"),
+        ("tick", _DOUBLE),
+        *_fields(_ADDRESS, "q", "dq", "ddq"),
+    )
+
+
+class SceneC(ctypes.Structure):
+    """`scene` of check.c."""
+
+    _fields_ = _fields(
+        _DOUBLE,
+        *("gravity", "mass", "grasp_inertia", "com_offset", "grasp_angle", "force", "torque"),
+        *("behind", "ahead", "half_width", "column_radius", "column_height"),
+        *("palm_back", "palm_front", "palm_half_width", "palm_clearance"),
+        *("cup_x", "cup_rim", "cup_radius", "cup_insertion"),
+    )
+
+
+class ThrowC(ctypes.Structure):
+    """`throw` of check.c. It does not own what is at its addresses."""
+
+    _fields_ = (
+        *_fields(_ADDRESS, "motion", "arm", "around"),
+        *_fields(_DOUBLE, "tick", "opening", "detach", "flight"),
+        ("nodes", _LONG),
+        *_fields(_ADDRESS, "com", "start"),
+    )
+
+
+class MeasuredC(ctypes.Structure):
+    """`measured` of check.c."""
+
+    _fields_ = _fields(
+        _DOUBLE, "arm", "held", "column_held", "column_flown", "palm", "palm_time", "cup"
+    )

@@ -1,0 +1,168 @@
+"""What a check measures of a throw: use of the grip, and how near bar, hand and arm come to what.
+
+The compiled core measures all of it in one call; without it the same is done here, slower. What
+counts as broken, the scene's terms say.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ...core import MeasuredC, SceneC, ThrowC, library
+from ...models import HandSamples, Path, Release, pivot_wrench
+from ...problems import Scene
+from .entry import cup_entries
+from .geometry import (
+    column_distance,
+    column_of,
+    held_bar,
+    lowest_of_bar,
+    palm_corners,
+    palm_distance,
+    reach_of_bar,
+)
+from .mover import Mover, outline
+from .sending import TICK
+
+Array = npt.NDArray[np.float64]
+
+#: Longest interval [s] between the instants at which sticking is checked before the opening.
+CARRY_STEP = 0.002
+#: Instants of the flight at which its surroundings are measured.
+FLIGHT_SAMPLES = 400
+#: Rounding [m] that breaks no clearance.
+ROUNDING = 1e-6
+
+
+@dataclass(frozen=True)
+class Measured:
+    """The least of a throw's heights and distances [m], infinite where nothing is near.
+
+    arm: height of joints, hand and its body, from rest to the end; held: of the bar, until detach.
+    column_held, column_flown: the bar's signed distance from the base column. palm: of the flying
+    bar from the hand's body, and from when on [s after detach] it is below the scene's clearance.
+    cup: clearance on the way into the cup, -inf for a bar that misses it.
+    """
+
+    arm: float
+    held: float
+    column_held: float
+    column_flown: float
+    palm: float
+    palm_time: float
+    cup: float
+
+
+def measured(
+    scene: Scene, mover: Mover, path: Path, opening_time: float, release: Release, flight: float
+) -> Measured:
+    """What a throw's check is about; flight [s]: from detach to the landing."""
+    core, moved, arm = library(), path.core, mover.kinematics.core
+    if core is None or moved is None or arm is None:
+        return _measured(scene, mover, path, opening_time, release, flight)
+    com, start = np.ascontiguousarray(release.com), np.array([*vars(release.detach).values()])
+    throw = _throw(scene, mover, path, opening_time)
+    throw.detach, throw.flight, throw.nodes = opening_time + release.times[-1], flight, com.shape[1]
+    throw.com, throw.start = com.ctypes.data, start.ctypes.data
+    found = MeasuredC()
+    core.measure(ctypes.byref(throw), ctypes.byref(found))
+    return Measured(*(getattr(found, name) for name, _ in MeasuredC._fields_))
+
+
+def grip_use(scene: Scene, mover: Mover, path: Path, opening_time: float) -> float:
+    """Largest friction use (ellipsoid, 1 is the limit) from rest to the opening's start."""
+    core, moved, arm = library(), path.core, mover.kinematics.core
+    if core is None or moved is None or arm is None:
+        joints = path.closely(opening_time, CARRY_STEP)
+        force, torque = friction_use(scene, mover.hand(path).of(joints))
+        return float(np.sqrt((force**2 + torque**2).max()))
+    core.grip_use.restype = ctypes.c_double
+    throw = _throw(scene, mover, path, opening_time)
+    return float(core.grip_use(ctypes.byref(throw), ctypes.c_double(CARRY_STEP)))
+
+
+def friction_use(scene: Scene, hand: HandSamples) -> tuple[Array, Array]:
+    """Wrench that sticking needs, over the full grip's limits: (force share, torque share).
+
+    For a held bar; shares above 1 slip.
+    """
+    theta, h = hand.pose[2] + scene.grasp.angle, scene.com_offset
+    f_x, f_z, torque = pivot_wrench(
+        scene.body, scene.gravity, hand.motion, hand.twist[2], h * np.cos(theta), h * np.sin(theta)
+    )
+    limit = scene.patch.force_limit(scene.gripper.profile().full)
+    return np.hypot(f_x, f_z) / limit, np.abs(torque) / (limit * scene.patch.torsion_arm)
+
+
+def _throw(scene: Scene, mover: Mover, path: Path, opening_time: float) -> ThrowC:
+    """The throw as the compiled core takes it, its release and flight left out."""
+    around, parts = _numbers(scene), (path.core, mover.kinematics.core)
+    addresses = (ctypes.addressof(part) for part in (*parts, around) if part is not None)
+    throw = ThrowC(*addresses, TICK, opening_time)
+    throw.parts = (*parts, around)
+    return throw
+
+
+def _numbers(scene: Scene) -> SceneC:
+    """What of the scene counts; widths of what it does not have are negative."""
+    bar, body, patch, cup, arm = scene.object, scene.body, scene.patch, scene.cup, scene.arm
+    limit = patch.force_limit(scene.gripper.profile().full)
+    workspace, column = scene.workspace, column_of(scene)
+    palm = (0.0, 0.0, -1.0)
+    if arm is not None:
+        palm = arm.tool.palm_back, arm.tool.palm_front, arm.tool.palm_half_width
+    clearance = None if workspace is None or arm is None else workspace.palm_clearance
+    mouth = (0.0, 0.0, -1.0, 0.0)
+    if cup is not None:
+        # The bar is as thick as it is wide, so a round cup is narrower off its middle.
+        half = math.sqrt(cup.radius**2 - (bar.width / 2) ** 2)
+        mouth = cup.x, cup.rim, half, cup.insertion
+    return SceneC(
+        *(scene.gravity, body.mass, body.grasp_inertia, body.com_offset, scene.grasp.angle),
+        *(limit, limit * patch.torsion_arm),
+        *(bar.com, bar.length - bar.com, bar.width / 2),
+        *((-1.0, 0.0) if column is None else column),
+        *palm,
+        -1.0 if clearance is None else clearance,
+        *mouth,
+    )
+
+
+def _measured(
+    scene: Scene, mover: Mover, path: Path, opening_time: float, release: Release, flight: float
+) -> Measured:
+    """The same without the compiled core."""
+    bar, column, arm, workspace = scene.object, column_of(scene), scene.arm, scene.workspace
+    times = np.arange(0.0, path.end + TICK, TICK)
+    hand, lowest = outline(mover, path.at(times).pose)
+    if arm is not None:
+        lowest = np.minimum(lowest, palm_corners(arm.tool, hand)[1].min(axis=1))
+    held = np.hstack([held_bar(scene, hand[:, times < opening_time]), release.com])
+    since = np.linspace(0.0, flight, FLIGHT_SAMPLES)
+    state = release.detach.after(since, scene.gravity)
+    flown = np.array([state.x, state.z, state.theta])
+    column_held = column_flown = palm = palm_time = cup = math.inf
+    if column is not None:
+        column_held, column_flown = (
+            float(column_distance(bar, poses, *column).min()) for poses in (held, flown)
+        )
+    if arm is not None and workspace is not None and workspace.palm_clearance is not None:
+        tool, clearance = arm.tool, workspace.palm_clearance
+        hand = mover.hand(path).at(opening_time + release.times[-1] + since).pose
+        far = max(abs(tool.palm_back), abs(tool.palm_front))
+        reach = reach_of_bar(bar) + math.hypot(far, tool.palm_half_width) + clearance
+        near = np.hypot(*(flown[:2] - hand[:2])) < reach
+        distance = palm_distance(bar, tool, flown[:, near], hand[:, near])
+        palm = float(distance.min(initial=math.inf))
+        palm_time = float(since[near][distance < clearance - ROUNDING].min(initial=math.inf))
+    if scene.cup is not None:
+        detach = np.array([[*vars(release.detach).values()]])
+        cup = float(cup_entries(scene, detach, np.array([flight]))[0])
+    lowest_held = float(lowest_of_bar(bar, held).min())
+    found = float(lowest.min()), lowest_held, column_held, column_flown, palm, palm_time, cup
+    return Measured(*found)
