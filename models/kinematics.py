@@ -5,7 +5,8 @@ from __future__ import annotations
 import functools
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass, field
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -17,13 +18,18 @@ Vector = tuple[float, ...]
 Point = tuple[float, float, float]
 
 
+def described(meaning: str, default: Any = MISSING, **limits: float) -> Any:
+    """A field, with what arm data files say of it: unit and meaning, and its limits."""
+    return field(default=default, metadata={"meaning": meaning} | limits)
+
+
 @dataclass(frozen=True)
 class DHRow:
     """One joint, modified (Craig) convention: a, alpha before the joint, d along it."""
 
-    a: float
-    d: float
-    alpha: float
+    a: float = described("m, before the joint")
+    d: float = described("m, along it")
+    alpha: float = described("rad, before the joint")
 
     def placed(self) -> ca.SX:
         """4x4: Rot_x(alpha) Trans_x(a) Trans_z(d), the joint's frame at angle 0."""
@@ -33,14 +39,10 @@ class DHRow:
 
 @dataclass(frozen=True)
 class JointFrame:
-    """One joint as URDF places it, turned so that it turns about its z axis.
+    """One joint as URDF places it, turned so that it turns about its z axis."""
 
-    xyz [m] and rpy [rad] (about the fixed x, y, z axes in turn) from the frame before, at
-    angle 0.
-    """
-
-    xyz: Point
-    rpy: Point = (0.0, 0.0, 0.0)
+    xyz: Point = described("m, in the frame before it, at angle 0")
+    rpy: Point = described("rad, about the fixed x, y and z axes in turn", (0.0, 0.0, 0.0))
 
     def placed(self) -> ca.SX:
         """4x4: the joint's frame at angle 0."""
@@ -49,49 +51,47 @@ class JointFrame:
 
 @dataclass(frozen=True)
 class LinkInertia:
-    """A link's mass [kg], CoM [m] and inertia about it [kg m^2], in its joint's frame.
+    """A link's mass [kg], CoM [m] and inertia about it [kg m^2], in its joint's frame."""
 
-    inertia: xx, xy, xz, yy, yz, zz.
-    """
-
-    mass: float
-    com: Point
-    inertia: tuple[float, float, float, float, float, float]
+    mass: float = described("kg", least=0)
+    com: Point = described("m, in the joint's frame")
+    inertia: tuple[float, float, float, float, float, float] = described(
+        "kg m² about the CoM: xx, xy, xz, yy, yz, zz"
+    )
 
 
 @dataclass(frozen=True)
 class Tool:
     """From the last joint to the pads, and the hand's body behind them.
 
-    xyz [m], rpy [rad]: how the mount lies in the last joint's frame; flange [m] along its
-    z axis, rotation [rad] about it, tcp [m] from the flange to the centre of the pads.
     The palm is the rectangle from `palm_back` to `palm_front` behind the pads' centre,
     `palm_half_width` to either side in the throwing plane.
     """
 
-    flange: float
-    rotation: float
-    tcp: float
-    palm_back: float
-    palm_front: float
-    palm_half_width: float
-    xyz: Point = (0.0, 0.0, 0.0)
-    rpy: Point = (0.0, 0.0, 0.0)
+    flange: float = described("m, along the mount's z axis to the flange")
+    rotation: float = described("rad, about it")
+    tcp: float = described("m, from the flange to the pads' centre")
+    palm_back: float = described("m, the hand's body behind the pads' centre: from here")
+    palm_front: float = described("m, to here")
+    palm_half_width: float = described("m, half its thickness in the throwing plane")
+    xyz: Point = described("m, the mount in the last joint's frame", (0.0, 0.0, 0.0))
+    rpy: Point = described("rad, the same", (0.0, 0.0, 0.0))
 
 
 @dataclass(frozen=True)
 class Slowing:
     """Velocity limits that fall towards the ends of a joint's range, per joint.
 
-    The velocity is at most sqrt(2 deceleration (upper - q)) - offset, and at least the
-    same with the other sign and q - lower. deceleration [rad/s^2], offset [rad/s], upper
-    and lower [rad]. Franka Research 3 has such limits.
+    The velocity is at least the negative of its upper limit, with q - lower. Franka Research 3
+    has such limits.
     """
 
-    deceleration: Vector
-    offset: Vector
-    upper: Vector
-    lower: Vector
+    deceleration: Vector = described("rad/s²", above=0)
+    offset: Vector = described(
+        "rad/s: the velocity is at most √(2·deceleration·(upper − q)) − offset"
+    )
+    upper: Vector = described("rad, near the upper end of the range")
+    lower: Vector = described("rad, the same at the lower end")
 
 
 @dataclass(frozen=True)
@@ -101,13 +101,13 @@ class JointLimits:
     slowing: None for an arm whose velocity limits are the same everywhere.
     """
 
-    position_min: Vector
-    position_max: Vector
-    velocity: Vector
-    acceleration: Vector
-    jerk: Vector
-    torque: Vector
-    slowing: Slowing | None = None
+    position_min: Vector = described("rad, lower end of the range")
+    position_max: Vector = described("rad, upper end")
+    velocity: Vector = described("rad/s", above=0)
+    acceleration: Vector = described("rad/s²", above=0)
+    jerk: Vector = described("rad/s³", above=0)
+    torque: Vector = described("N m", above=0)
+    slowing: Slowing | None = described("section [limits.slowing]", None)
 
 
 @dataclass(frozen=True)
@@ -118,15 +118,17 @@ class Arm:
     rotation); empty where masses are not known.
     """
 
-    name: str
-    description: str
-    chain: tuple[DHRow | JointFrame, ...]
-    tool: Tool
-    limits: JointLimits
-    azimuth_joint: int
-    throwing_joints: tuple[int, ...]
-    posture: Vector
-    links: tuple[LinkInertia, ...] = ()
+    name: str = described("name of the arm; ROS joint names begin with it")
+    description: str = described("one line")
+    chain: tuple[DHRow | JointFrame, ...] = described("a joint's frame each")
+    tool: Tool = described("section [tool]")
+    limits: JointLimits = described("section [limits]")
+    azimuth_joint: int = described("turns the throw's vertical plane")
+    throwing_joints: tuple[int, ...] = described("move in that plane")
+    posture: Vector = described("rad, what the other joints keep")
+    links: tuple[LinkInertia, ...] = described(
+        "masses, a table per joint and one for the hand, see [[links]]", ()
+    )
 
     @property
     def joints(self) -> int:

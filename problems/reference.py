@@ -11,10 +11,10 @@ import typing
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from ..models import Arm, DHRow, JointFrame, JointLimits, LinkInertia, Slowing, Tool
-from .arms import ARM_KEYS, LISTS
+from ..models import Arm, DHRow, JointFrame, LinkInertia
+from .arms import TABLES
 from .scene import Scene
-from .section import Section, file_key, hints_of
+from .section import file_key, hints_of
 from .toml import SECTIONS, TOP_KEYS
 from .uncertainty import SHARES, UNCERTAIN_PARAMETERS, Distribution, Uncertainty
 
@@ -39,15 +39,10 @@ ARM_INTRODUCTION = """\
 A robot is a TOML file too, which `arm` in [robot] and [motion] names. `throwplan import-robot`
 makes one from a URDF. Angles in it are in radians. Lists in `limits` hold one value per joint.
 """
-#: Tables of an arm data file.
-ARM_PARTS: dict[str, type[Any]] = {
-    "Keys at the top of an arm's file": Arm,
-    "[[dh]]": DHRow,
-    "[[joints]]": JointFrame,
-    "[tool]": Tool,
-    "[limits]": JointLimits,
-    "[limits.slowing]": Slowing,
-    "[[links]]": LinkInertia,
+#: The two ways of giving an arm's chain.
+CHAIN = {
+    "dh": "the chain, a table per joint, see [[dh]]; either `dh` or `joints`",
+    "joints": "the same as URDF has it, see [[joints]]",
 }
 
 
@@ -75,8 +70,10 @@ def scene_reference() -> str:
             words = "The table behind a key of [uncertainty]."
             parts.append(_part("###", "How a value is spread", words, _keys(Distribution)))
     parts.append(ARM_INTRODUCTION)
-    for title, kind in ARM_PARTS.items():
-        parts.append(_part("##", title, _summary(kind), _arm_keys(kind)))
+    for name, kind in TABLES.items():
+        title = f"[[{name}]]" if kind in (DHRow, JointFrame, LinkInertia) else f"[{name}]"
+        title = title if name else "Keys at the top of an arm's file"
+        parts.append(_part("##", title, _summary(kind), _keys(kind)))
     return "\n".join(parts)
 
 
@@ -93,29 +90,23 @@ def _summary(kind: type[Any]) -> str:
     return " ".join(inspect.cleandoc(kind.__doc__ or "").split("\n\n")[0].split())
 
 
-def _keys(kind: type[Section]) -> Iterator[Key]:
-    """The keys of a section as its file has them."""
+def _keys(kind: type[Any]) -> Iterator[Key]:
+    """The keys of a table as its file has them."""
     for field in dataclasses.fields(kind):
-        yield _key(kind, field.name)
-
-
-def _arm_keys(kind: type[Any]) -> Iterator[Key]:
-    """The keys of a table of an arm's data file."""
-    for name, about in ARM_KEYS[kind].items():
-        if name in LISTS:
-            yield Key(name, "list of tables", "–", "–", about["meaning"])
+        if kind is Arm and field.name == "chain":
+            yield from (Key(key, "list of tables", "–", "–", words) for key, words in CHAIN.items())
         else:
-            key = _key(kind, name, about)
-            yield dataclasses.replace(key, default="–") if name == "description" else key
+            yield _key(kind, field.name)
 
 
-def _key(kind: type[Any], name: str, about: Mapping[str, Any] | None = None) -> Key:
-    """A field's line; `about`: its rules, where the dataclass itself has none."""
+def _key(kind: type[Any], name: str) -> Key:
+    """A field's line."""
     (field,) = (field for field in dataclasses.fields(kind) if field.name == name)
-    about = field.metadata if about is None else about
-    degrees = bool(about["degrees"])
+    about, degrees = field.metadata, bool(field.metadata.get("degrees"))
     kind_words = _kind(hints_of(kind)[name])
     default = _default(field.default, math.degrees(1.0) if degrees else 1.0)
+    if (kind, name) == (Arm, "description"):
+        default = "–"
     return Key(file_key(name, about), kind_words, _allowed(about), default, about["meaning"])
 
 
@@ -151,9 +142,9 @@ def _kind(hint: Any) -> str:
 
 def _allowed(about: Mapping[str, Any]) -> str:
     """The range of a field, in the file's unit."""
-    if about["choices"]:
+    if about.get("choices"):
         return ", ".join(f"`{choice}`" for choice in about["choices"])
-    unit = math.degrees(1.0) if about["degrees"] else 1.0
+    unit = math.degrees(1.0) if about.get("degrees") else 1.0
     given = [name for name in ("least", "above", "most", "below") if name in about]
     if "least" in given and "above" in given:
         # Together they are above 0, and by so much.

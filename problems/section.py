@@ -67,9 +67,8 @@ class Section:
     def __post_init__(self) -> None:
         hints = hints_of(type(self))
         for field in dataclasses.fields(self):
-            value = checked(
-                field.name, getattr(self, field.name), hints[field.name], field.metadata
-            )
+            key, value = file_key(field.name, field.metadata), getattr(self, field.name)
+            value = checked(key, value, hints[field.name], field.metadata)
             object.__setattr__(self, field.name, value)
         self.check()
 
@@ -96,30 +95,70 @@ def file_key(name: str, about: Mapping[str, Any]) -> str:
 # From files and to them.
 
 
-def from_table(kind: type[Any], table: Mapping[str, Any]) -> Any:
-    """A section of dataclass `kind` from a TOML table; unknown keys are refused."""
-    fields = {file_key(f.name, f.metadata): f for f in dataclasses.fields(kind)}
-    values: dict[str, Any] = {}
+def from_table(kind: type[Any], table: Mapping[str, Any], **given: Any) -> Any:
+    """A value of dataclass `kind` from a TOML table, and those in it; unknown keys are refused.
+
+    given: fields that are known already.
+    """
+    fields = {
+        file_key(f.name, f.metadata): f for f in dataclasses.fields(kind) if f.name not in given
+    }
+    values = dict(given)
     for key, value in table.items():
         if key not in fields:
             raise InputError(unknown(key, list(fields)))
         field = fields[key]
-        values[field.name] = _radians(key, value) if field.metadata.get("degrees") else value
-    check_complete(kind, values)
+        values[field.name] = _read(key, value, hints_of(kind)[field.name], field.metadata)
+    missing = dataclasses.MISSING
+    for key, field in fields.items():
+        needed = field.default is missing and field.default_factory is missing
+        if needed and field.name not in values:
+            raise InputError(f"key '{key}' is missing")
     return kind(**values)
 
 
-def check_complete(kind: type[Any], values: Mapping[str, Any]) -> None:
-    """InputError for the first field of a dataclass that has no value and no default."""
-    missing = dataclasses.MISSING
-    for field in dataclasses.fields(kind):
-        needed = field.default is missing and field.default_factory is missing
-        if needed and field.name not in values:
-            raise InputError(f"key '{file_key(field.name, field.metadata)}' is missing")
+def _read(key: str, value: Any, hint: Any, about: Mapping[str, Any]) -> Any:
+    """A key's value: a table, a list of them, or a plain one, which is checked."""
+    part, several = part_of(hint)
+    if part is not None and several:
+        return rows_from(key, part, value)
+    if part is not None:
+        if not isinstance(value, Mapping):
+            raise InputError(f"{key} = {value!r}: must be a table")
+        try:
+            found = from_table(part, value)
+        except InputError as error:
+            raise error.within(key) from None
+        return found.scaled(math.radians(1.0)) if about.get("degrees") else found
+    return checked(key, _radians(key, value) if about.get("degrees") else value, hint, about)
 
 
-def table_of(section: Section) -> dict[str, Any]:
-    """The table that `from_table` makes the section from; defaults are left out."""
+def part_of(hint: Any) -> tuple[type[Any] | None, bool]:
+    """The dataclass that a field holds, if it does, and whether it is a list of them."""
+    options = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
+    for option in options:
+        several = typing.get_origin(option) is tuple
+        kind = typing.get_args(option)[0] if several else option
+        if dataclasses.is_dataclass(kind) and isinstance(kind, type):
+            return kind, several
+    return None, False
+
+
+def rows_from(key: str, kind: type[Any], value: Any) -> tuple[Any, ...]:
+    """The values of dataclass `kind` in a list of tables."""
+    if not isinstance(value, list) or not all(isinstance(row, Mapping) for row in value):
+        raise InputError(f"{key} = {value!r}: must be a list of tables")
+    found = []
+    for number, row in enumerate(value, start=1):
+        try:
+            found.append(from_table(kind, row))
+        except InputError as error:
+            raise error.within(f"{key} {number}") from None
+    return tuple(found)
+
+
+def table_of(section: Any) -> dict[str, Any]:
+    """The table that `from_table` makes a dataclass's value from; defaults are left out."""
     table: dict[str, Any] = {}
     for field in dataclasses.fields(section):
         value = getattr(section, field.name)
@@ -133,7 +172,16 @@ def _plain(value: Any, degrees: bool) -> Any:
     """A value as TOML or JSON has it."""
     if isinstance(value, tuple):
         return [_plain(item, degrees) for item in value]
+    if dataclasses.is_dataclass(value):
+        scaled: Any = value
+        return table_of(scaled.scaled(math.degrees(1.0)) if degrees else scaled)
     return math.degrees(value) if degrees else value
+
+
+def meanings(kind: type[Any]) -> dict[str, str]:
+    """What the keys of a dataclass's table mean, for comments in files."""
+    fields = dataclasses.fields(kind)
+    return {file_key(f.name, f.metadata): f.metadata["meaning"] for f in fields}
 
 
 def _radians(key: str, value: Any) -> Any:
@@ -171,9 +219,9 @@ _LIMITS: tuple[tuple[str, Any, str], ...] = (
 )
 
 
-def checked(name: str, value: Any, hint: Any, about: Mapping[str, Any]) -> Any:
+def checked(key: str, value: Any, hint: Any, about: Mapping[str, Any]) -> Any:
     """A field's value as the type `hint`; InputError for a wrong type or a broken limit."""
-    key, found = file_key(name, about), _coerced(value, hint)
+    found = _coerced(value, hint)
     if found is _WRONG:
         shown = _shown(value, bool(about.get("degrees")))
         raise InputError(f"{key} = {shown!r}: must be {_describe(hint)}")

@@ -22,7 +22,7 @@ from ..models import Arm, TableRelease
 from .arms import arm_names, load_arm
 from .files import read_csv, read_text, toml_key, toml_lines, toml_tables
 from .grip import Grasp, ThrownObject, grip_samples, held_object
-from .section import InputError, Section, file_key, from_table, quantity, table_of, unknown
+from .section import InputError, Section, from_table, meanings, quantity, table_of, unknown
 
 Array = npt.NDArray[np.float64]
 
@@ -322,18 +322,12 @@ def write_throws(
 def _head_text(data: ThrowData, objects: Mapping[ThrownObject, str]) -> str:
     """dataset.toml."""
     table = table_of(data.shared) | {"objects": {n: table_of(o) for o, n in objects.items()}}
-    meanings = {"": _meanings(Shared)}
-    meanings |= {f"objects.{toml_key(name)}": _meanings(ThrownObject) for name in objects.values()}
+    words = {"": meanings(Shared)}
+    words |= {f"objects.{toml_key(name)}": meanings(ThrownObject) for name in objects.values()}
     if data.truth:
         table["truth"] = {key: float(value) for key, value in data.truth.items()}
-        words = "what made the throws: for comparison only, no fit reads it"
-        meanings["truth"] = {"": words}
-    return "\n".join(toml_lines(table, meanings)) + "\n"
-
-
-def _meanings(kind: type[Section]) -> dict[str, str]:
-    fields = dataclasses.fields(kind)
-    return {file_key(f.name, f.metadata): f.metadata["meaning"] for f in fields}
+        words["truth"] = {"": "what made the throws: for comparison only, no fit reads it"}
+    return "\n".join(toml_lines(table, words)) + "\n"
 
 
 def _rows_text(data: ThrowData, objects: Mapping[ThrownObject, str], files: Sequence[str]) -> str:

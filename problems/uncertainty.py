@@ -241,31 +241,14 @@ def file_key(name: str) -> str:
 def uncertainty_from(table: Mapping[str, Any]) -> Uncertainty:
     """The section [uncertainty] of a scene file; InputError naming the key."""
     keys = {file_key(name): name for name in UNCERTAIN_PARAMETERS}
-    values: dict[str, Any] = {}
-    for key, value in table.items():
-        if key == "correlation":
-            values[key] = _pairs(value, keys)
-        elif key not in keys:
-            raise InputError(unknown(key, [*keys, "correlation"]))
-        elif not isinstance(value, Mapping):
-            raise InputError(f"{key} = {value!r}: must be like {{ uniform = 0.01 }}")
-        else:
-            try:
-                spread: Distribution = from_table(Distribution, value)
-            except InputError as error:
-                raise InputError(f"{key}: {error}") from None
-            values[keys[key]] = spread.scaled(math.radians(1)) if key.endswith("_deg") else spread
-    return Uncertainty(**values)
+    pairs = {k: _pairs(v, keys) for k, v in table.items() if k == "correlation"}
+    found: Uncertainty = from_table(Uncertainty, {**table, **pairs})
+    return found
 
 
 def uncertainty_table(uncertainty: Uncertainty) -> dict[str, Any]:
     """The table that `uncertainty_from` makes the section from."""
-    table: dict[str, Any] = {}
-    for name in uncertainty.names:
-        spread: Distribution = getattr(uncertainty, name)
-        table[file_key(name)] = table_of(
-            spread.scaled(math.degrees(1)) if UNCERTAIN_PARAMETERS[name].degrees else spread
-        )
+    table = table_of(uncertainty)
     if uncertainty.correlation:
         table["correlation"] = [
             [file_key(one), file_key(other), number]
