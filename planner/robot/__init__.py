@@ -13,5 +13,5 @@ from .controllers import (
     write_ros,
 )
 from .export import joint_motion
-from .mujoco_replay import Replay, Rest, replay
-from .mujoco_throw import load_mujoco
+from .mujoco_replay import Replay, replay
+from .mujoco_throw import Rest, load_mujoco

@@ -12,19 +12,19 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...problems import InputError, Scene, filling, plain, write_json
+from ...problems import InputError, filling, plain, write_json
 from ..check import TICK, Throw, bar_outline
 from ..result import Plan, read_plan, sent_throw
 from ..show import BLACK, BLUE, GREEN, ORANGE, RED, draw_cup, new_figure, save
 from .mujoco_throw import (
+    FLIGHT_STEPS,
     FRICTION,
     LEAD,
     Flight,
-    free_flight,
-    is_in,
+    Rest,
+    fly,
     load_mujoco,
     release_run,
-    run_to_rest,
 )
 
 Array = npt.NDArray[np.float64]
@@ -38,40 +38,6 @@ LANDINGS = (("sp", "sliding pivot", BLUE), ("limit_surface", "limit surface", BL
 FILES = ("replay.json", "replay.csv", "replay.png")
 #: Share of its speed with which the bar leaves what it hits.
 RESTITUTION, MOST_RESTITUTION = 0.1, 0.99
-
-
-@dataclass(frozen=True)
-class Rest:
-    """Where the bar was at the end of a replay into a cup.
-
-    inside: its CoM inside the cup's radius and its lower end in the cup; at_rest: else it
-    still moves 4 s after landing, and has been inside for the last second;
-    entered: its lower end was in the cup, `insertion` below the rim, at some time;
-    touched_rim: it met the wall before;
-    pose: x, y, z [m] and theta [rad], y across the throw's plane.
-    """
-
-    inside: bool
-    entered: bool
-    touched_rim: bool
-    at_rest: bool
-    pose: tuple[float, float, float, float]
-
-    def words(self) -> list[str]:
-        """How it ended, for people."""
-        x, _, z, theta = self.pose
-        where = f"x {x:.3f} m, z {z:.3f} m, theta {math.degrees(theta):.1f} deg"
-        if self.inside:
-            state = "comes to rest" if self.at_rest else "still rocks, 4 s after landing,"
-            ending = f"{state} in the cup: {where}"
-        elif self.at_rest:
-            ending = f"does NOT end in the cup: it rests at {where}"
-        else:
-            ending = f"does NOT end in the cup: 4 s after landing it moves at {where}"
-        if not (self.entered or self.touched_rim):
-            return [ending, "does not go in at all"]
-        touch = "touches the cup's wall or rim" if self.touched_rim else "clears wall and rim"
-        return [ending, f"{touch} on the way in"]
 
 
 @dataclass(frozen=True, repr=False)
@@ -241,18 +207,19 @@ def replay(
         throw = sent_throw(throw)
     throw = throw if isinstance(throw, Throw) else read_plan(throw)
     began = time.perf_counter()
-    scene, height = throw.scene, throw.target.z
+    height = throw.target.z
     opening, states = release_run(throw, step, points)
     detach, start = states[-1], float(opening[-1])
     expected = throw.final.landing.flight_time
     expected = expected if math.isfinite(expected) else 1.0
-    free = free_flight(scene, detach, start, 1.2 * expected + 0.2, flight_step)
-    landing, landing_time = _coming_down(free, height, detach[2])
+    duration = 1.2 * expected + 0.2
+    fine = duration / float(np.clip(math.ceil(duration / flight_step), 100, FLIGHT_STEPS))
+    free = fly(throw, detach, start, start + duration, fine, None)
+    landing, landing_time = _coming_down(free, height)
     end = landing_time if math.isfinite(landing_time) else start + expected
-    flown = run_to_rest(throw, detach, start, end, flight_step, restitution)
-    path = np.vstack([states[:, :2].T, states[:, 2]])
-    flight = np.vstack([flown.com[:, 0], flown.com[:, 2], _angles(flown, detach[2])])
-    known, poses = np.append(opening, flown.times[1:]), np.hstack([path, flight[:, 1:]])
+    flown = fly(throw, detach, start, end, flight_step, restitution)
+    poses = np.hstack([states[:, :3].T, flown.poses[:, 1:]])
+    known = np.append(opening, flown.times[1:])
     times = np.arange(throw.opening_time, known[-1], TICK)
     com = np.array([np.interp(times, known, row) for row in poses])
     return Replay(
@@ -263,42 +230,24 @@ def replay(
         times,
         com,
         flown.touched,
-        _rest(scene, flown, float(flight[2, -1])),
+        flown.rest,
         restitution,
         simulated=float(known[-1] - throw.opening_time) + min(LEAD, throw.opening_time),
         run=time.perf_counter() - began,
     )
 
 
-def _angles(flown: Flight, theta: float) -> Array:
-    """theta (N,) of the axis in the throw's plane, turns counted on from `theta` at first."""
-    angles = np.unwrap(np.arctan2(flown.axis[:, 2], flown.axis[:, 0]))
-    return np.asarray(angles + 2 * np.pi * round((theta - angles[0]) / (2 * np.pi)))
-
-
-def _coming_down(
-    free: Flight, height: float, theta: float
-) -> tuple[tuple[float, float, float], float]:
+def _coming_down(free: Flight, height: float) -> tuple[tuple[float, float, float], float]:
     """x, z, theta and time where the CoM comes down through `height`; NaN if it does not."""
-    z = free.com[:, 2]
+    x, z, theta = free.poses
     below = np.flatnonzero((z[:-1] >= height) & (z[1:] < height))
     if not below.size:
         return (math.nan, math.nan, math.nan), math.nan
     i = below[-1]
     share = (z[i] - height) / (z[i] - z[i + 1])
-    columns = np.column_stack([free.com[:, 0], _angles(free, theta), free.times])
-    x, angle, instant = columns[i] + share * (columns[i + 1] - columns[i])
-    return (float(x), height, float(angle)), float(instant)
-
-
-def _rest(scene: Scene, flown: Flight, theta: float) -> Rest | None:
-    """How it ended, for a scene with a cup."""
-    if scene.cup is None:
-        return None
-    last = flown.times >= flown.times[-1] - (0.0 if flown.at_rest else 1.0)
-    inside = is_in(scene, scene.cup, flown.com[last], flown.axis[last])
-    x, y, z = (float(value) for value in flown.com[-1])
-    return Rest(inside, flown.entered, flown.touched_rim, flown.at_rest, (x, y, z, theta))
+    columns = np.column_stack([x, theta, free.times])
+    at, angle, instant = columns[i] + share * (columns[i + 1] - columns[i])
+    return (float(at), height, float(angle)), float(instant)
 
 
 def _draw(replay: Replay, path: Path) -> None:

@@ -1,4 +1,4 @@
-"""The bar in MuJoCo: pads let it go, it flies, it falls into a cup. MJCF models and their runs."""
+"""The bar in MuJoCo: pads let it go, it flies, it falls into a cup. Models and their runs."""
 
 from __future__ import annotations
 
@@ -42,76 +42,52 @@ STILL, STILL_TURN, STILL_FOR = 0.005, 0.05, 0.1
 #: Contacts give way by as much [m]: what stands on the bottom is not below it.
 SUNK = 0.002
 
-RELEASE = """
-<mujoco>
-  <option timestep="{step}" gravity="0 0 -{gravity}" cone="elliptic" impratio="{impratio}"
-          tolerance="1e-14" jacobian="dense"><flag autoreset="disable"/></option>
-  <worldbody>
-    <body name="hand">
-      <joint type="slide" axis="1 0 0" armature="{rotor}"/>
-      <joint type="slide" axis="0 0 1" armature="{rotor}"/>
-      <joint type="hinge" axis="0 -1 0" armature="{rotor}"/>
-      <inertial pos="0 0 0" mass="1e-3" diaginertia="1e-6 1e-6 1e-6"/>
-      {pads}
-    </body>
-    <body name="bar">
-      <joint type="slide" axis="1 0 0"/>
-      <joint type="slide" axis="0 0 1"/>
-      <joint type="hinge" axis="0 -1 0"/>
-      <inertial pos="0 0 0" mass="{mass}" diaginertia="{inertia} {inertia} {inertia}"/>
-      <geom name="bar" type="box" size="{reach} 1 {reach}" contype="0" conaffinity="0"/>
-    </body>
-  </worldbody>
-  <contact>{pairs}</contact>
-  <actuator>{motors}</actuator>
-</mujoco>
-"""
-PAD = """
-<body pos="{x} {y} {z}">
-  <joint name="{name}" type="slide" axis="0 {inwards} 0"/>
-  <inertial pos="0 0 0" mass="{mass}" diaginertia="1e-9 1e-9 1e-9"/>
-  <geom name="{name}" type="sphere" size="1" contype="0" conaffinity="0"/>
-</body>
-"""
-# Sliding friction twice, then torsion: a length times the friction.
-PAIR = """
-<pair geom1="{name}" geom2="bar" condim="{condim}" solref="{time_constant} 1"
-      friction="{friction} {friction} {torsion} 1e-5 1e-5"/>
-"""
 
-LANDING = """
-<mujoco>
-  <option timestep="{step}" gravity="0 0 -{gravity}" cone="elliptic" impratio="10"
-          integrator="RK4"><flag autoreset="disable"/></option>
-  <default><geom friction="{friction} 0.001 0.0001" solref="{time_constant} {damping}"/></default>
-  <worldbody>
-    {surroundings}
-    <body name="bar">
-      <freejoint/>
-      <inertial pos="0 0 0" mass="{mass}" diaginertia="{along} {inertia} {inertia}"/>
-      <geom name="bar" type="box" size="{half_length} {half_width} {half_width}"
-            pos="{middle} 0 0"/>
-    </body>
-  </worldbody>
-</mujoco>
-"""
+@dataclass(frozen=True)
+class Rest:
+    """Where the bar was at the end of a replay into a cup.
+
+    inside: its CoM inside the cup's radius and its lower end in the cup; at_rest: else it
+    still moves 4 s after landing, and has been inside for the last second;
+    entered: its lower end was in the cup, `insertion` below the rim, at some time;
+    touched_rim: it met the wall before;
+    pose: x, y, z [m] and theta [rad], y across the throw's plane.
+    """
+
+    inside: bool
+    entered: bool
+    touched_rim: bool
+    at_rest: bool
+    pose: tuple[float, float, float, float]
+
+    def words(self) -> list[str]:
+        """How it ended, for people."""
+        x, _, z, theta = self.pose
+        where = f"x {x:.3f} m, z {z:.3f} m, theta {math.degrees(theta):.1f} deg"
+        if self.inside:
+            state = "comes to rest" if self.at_rest else "still rocks, 4 s after landing,"
+            ending = f"{state} in the cup: {where}"
+        elif self.at_rest:
+            ending = f"does NOT end in the cup: it rests at {where}"
+        else:
+            ending = f"does NOT end in the cup: 4 s after landing it moves at {where}"
+        if not (self.entered or self.touched_rim):
+            return [ending, "does not go in at all"]
+        touch = "touches the cup's wall or rim" if self.touched_rim else "clears wall and rim"
+        return [ending, f"{touch} on the way in"]
 
 
 @dataclass(frozen=True)
 class Flight:
-    """The bar over `times` (N,) [s]: its CoM (N, 3) and axis (N, 3), grasped end to CoM.
+    """The bar over `times` (N,) [s]: its CoM x, z [m] and theta [rad] (3, N) in the throw's plane.
 
-    x, y, z: the throw's plane is x, z. touched: what it met, in that order; the rest as in
-    `Rest`.
+    theta counts turns. touched: what it met, in that order; rest: None without a cup.
     """
 
     times: Array
-    com: Array
-    axis: Array
+    poses: Array
     touched: tuple[str, ...] = ()
-    entered: bool = False
-    touched_rim: bool = False
-    at_rest: bool = False
+    rest: Rest | None = None
 
 
 def load_mujoco() -> Any:
@@ -140,7 +116,7 @@ def release_run(throw: Throw, step: float, points: int) -> tuple[Array, Array]:
     share = scene.patch.faces / pads_of(scene) / points
     force = share * profile.force(times[:-1] + step / 2 - throw.opening_time)
 
-    model = mujoco.MjModel.from_xml_string(release_model(scene, step, points))
+    model = release_model(scene, step, points)
     data = mujoco.MjData(model)
     qpos, qvel, bar = data.qpos, data.qvel, slice(model.nq - 3, None)
     start = sticking_state(pose[0], twist[0], scene.grasp.angle, scene.com_offset)
@@ -162,28 +138,25 @@ def release_run(throw: Throw, step: float, points: int) -> tuple[Array, Array]:
     return times[lead:], states[lead:]
 
 
-def free_flight(scene: Scene, detach: Array, start: float, duration: float, step: float) -> Flight:
-    """The flight without anything to meet."""
-    mujoco = load_mujoco()
-    count = int(np.clip(math.ceil(duration / step), 100, FLIGHT_STEPS))
-    model, data = _at_detach(scene, detach, duration / count)
-    model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
-    rows = np.empty((count + 1, 6))
-    for k in range(count + 1):
-        rows[k] = _row(data)
-        mujoco.mj_step(model, data)
-    return Flight(start + duration / count * np.arange(count + 1.0), rows[:, :3], rows[:, 3:])
-
-
-def run_to_rest(
-    throw: Throw, detach: Array, start: float, landing: float, step: float, restitution: float
+def fly(
+    throw: Throw, detach: Array, start: float, end: float, step: float, restitution: float | None
 ) -> Flight:
-    """The flight among what the scene has, until `landing` [s], with a cup until it rests."""
+    """The flight from `start` to `end` [s], with a cup until it rests; None: nothing to meet.
+
+    detach (6,): pose and twist of the bar at `start`.
+    """
     mujoco = load_mujoco()
-    scene, cup = throw.scene, throw.scene.cup
-    model, data = _at_detach(scene, detach, step, restitution)
-    end = landing if cup is None else landing + PATIENCE
-    count = max(math.ceil((end - start) / step), 1)
+    alone, scene = restitution is None, throw.scene
+    cup = None if alone else scene.cup
+    model = landing_model(scene, step, restitution or 0.0)
+    if alone:
+        model.opt.disableflags |= mujoco.mjtDisableBit.mjDSBL_CONTACT
+    data = mujoco.MjData(model)
+    x, z, theta, v_x, v_z, omega = detach
+    data.qpos[:] = x, 0.0, z, math.cos(theta / 2), 0.0, -math.sin(theta / 2), 0.0
+    data.qvel[:] = v_x, 0.0, v_z, 0.0, -omega, 0.0
+    last = end if cup is None else end + PATIENCE
+    count = max(math.ceil((last - start) / step), 1)
     times = start + step * np.arange(count + 1.0)
     hand = throw.mover.hand(throw.to_rest).at(times).pose.T if has_hand(scene) else None
     names = [model.geom(i).name for i in range(model.ngeom)]
@@ -199,6 +172,8 @@ def run_to_rest(
             data.mocap_pos[0] = x, 0.0, z
             data.mocap_quat[0] = math.cos(theta / 2), 0.0, -math.sin(theta / 2), 0.0
         mujoco.mj_step(model, data)
+        if alone:
+            continue
         if cup is not None:
             entered = entered or _enters(scene, cup, rows[k])
         met = {names[geom] for geom in data.contact.geom.ravel()} if data.ncon else set()
@@ -206,10 +181,19 @@ def run_to_rest(
         touched |= dict.fromkeys(sorted(met - {"bar"}))
         speed, turning = np.linalg.norm(data.qvel[:3]), np.linalg.norm(data.qvel[3:])
         still = still + 1 if speed < STILL and turning < STILL_TURN else 0
-        if cup is not None and still * step >= STILL_FOR and times[k] > landing:
+        if cup is not None and still * step >= STILL_FOR and times[k] > end:
             break
-    com, axis, at_rest = rows[: k + 1, :3], rows[: k + 1, 3:], still * step >= STILL_FOR
-    return Flight(times[: k + 1], com, axis, tuple(touched), entered, touched_rim, at_rest)
+    rows, times, at_rest = rows[: k + 1], times[: k + 1], still * step >= STILL_FOR
+    angles = np.unwrap(np.arctan2(rows[:, 5], rows[:, 3]))
+    angles += 2 * np.pi * round((detach[2] - angles[0]) / (2 * np.pi))
+    poses = np.array([rows[:, 0], rows[:, 2], angles])
+    if cup is None:
+        return Flight(times, poses, tuple(touched))
+    settled = rows[times >= times[-1] - (0.0 if at_rest else 1.0)]
+    x, y, z = (float(value) for value in rows[-1, :3])
+    inside = is_in(scene, cup, settled[:, :3], settled[:, 3:])
+    rest = Rest(inside, entered, touched_rim, at_rest, (x, y, z, float(angles[-1])))
+    return Flight(times, poses, tuple(touched), rest)
 
 
 def lowest(scene: Scene, com: Array, axis: Array) -> Array:
@@ -235,19 +219,6 @@ def _enters(scene: Scene, cup: Cup, row: Array) -> bool:
     return depth >= cup.insertion and math.hypot(x - cup.x, y) < cup.radius
 
 
-def _at_detach(
-    scene: Scene, detach: Array, step: float, restitution: float = 0.0
-) -> tuple[Any, Any]:
-    """Model and data of the flight, the bar at its pose and twist (6,) at detach."""
-    mujoco = load_mujoco()
-    model = mujoco.MjModel.from_xml_string(landing_model(scene, step, restitution))
-    data = mujoco.MjData(model)
-    x, z, theta, v_x, v_z, omega = detach
-    data.qpos[:] = x, 0.0, z, math.cos(theta / 2), 0.0, -math.sin(theta / 2), 0.0
-    data.qvel[:] = v_x, 0.0, v_z, 0.0, -omega, 0.0
-    return model, data
-
-
 def _row(data: Any) -> Array:
     """CoM and axis (6,)."""
     w, a, b, c = data.qpos[3:]
@@ -260,7 +231,7 @@ def pads_of(scene: Scene) -> int:
     return min(int(scene.contact.faces), 2)
 
 
-def release_model(scene: Scene, step: float, points: int) -> str:
+def release_model(scene: Scene, step: float, points: int) -> Any:
     """The hand, its pads and the bar, which moves in the throw's plane only.
 
     points: contact points of a pad, on a ring of radius c r_p, so that they hold the
@@ -268,36 +239,52 @@ def release_model(scene: Scene, step: float, points: int) -> str:
     One point: with torsional friction instead, the ellipsoid of the limit surface. Pads
     have no size otherwise: the bar cannot slip out of them.
     """
-    contact, bar = scene.patch, scene.object
-    radius = contact.torsion_arm if points > 1 else 0.0
-    full = scene.gripper.profile().full
-    mass = max(PAD_MASS, full * (2 * step) ** 2 / PRESSED) / points
-    pads, names = [], []
+    mujoco, contact, bar = load_mujoco(), scene.patch, scene.object
+    spec = _spec(scene, step, IMPRATIO)
+    spec.option.tolerance, spec.option.jacobian = 1e-14, mujoco.mjtJacobian.mjJAC_DENSE
+    bodies = [spec.worldbody.add_body(name=name) for name in ("hand", "bar")]
+    for body, armature in zip(bodies, (hand_inertia(scene), 0.0), strict=True):
+        for axis in ([1, 0, 0], [0, 0, 1]):
+            body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, armature=armature)
+        body.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, -1, 0], armature=armature)
+    hand, held = bodies
+    _weigh(hand, 1e-3, [1e-6] * 3)
+    _weigh(held, bar.mass, [bar.inertia] * 3)
+    reach, untouched = 10 * bar.length + 1, {"contype": 0, "conaffinity": 0}
+    box, sphere = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_SPHERE
+    held.add_geom(name="bar", type=box, size=[reach, 1, reach], **untouched)
+    radius, torsion = contact.torsion_arm if points > 1 else 0.0, contact.torsion_arm
+    mass = max(PAD_MASS, scene.gripper.profile().full * (2 * step) ** 2 / PRESSED) / points
     for side in (1, -1)[: pads_of(scene)]:
         for k in range(points):
-            angle = 2 * math.pi * k / points
-            name = f"pad{side}_{k}"
-            x, z = radius * math.cos(angle), radius * math.sin(angle)
-            pads.append(PAD.format(name=name, x=x, y=2 * side, z=z, inwards=-side, mass=mass))
-            names.append(name)
-    pair = {
-        "condim": 3 if points > 1 else 4,
-        "time_constant": 2 * step,
-        "friction": contact.friction,
-        "torsion": contact.torsion_arm * contact.friction,
-    }
-    return RELEASE.format(
-        step=step,
-        gravity=scene.gravity,
-        impratio=IMPRATIO,
-        rotor=hand_inertia(scene),
-        mass=bar.mass,
-        inertia=bar.inertia,
-        reach=10 * bar.length + 1,
-        pads="".join(pads),
-        pairs="".join(PAIR.format(name=name, **pair) for name in names),
-        motors="".join(f'<motor joint="{name}"/>' for name in names),
-    )
+            name, angle = f"pad{side}_{k}", 2 * math.pi * k / points
+            place = [radius * math.cos(angle), 2.0 * side, radius * math.sin(angle)]
+            pad = hand.add_body(pos=place)
+            pad.add_joint(name=name, type=mujoco.mjtJoint.mjJNT_SLIDE, axis=[0, -side, 0])
+            _weigh(pad, mass, [1e-9] * 3)
+            pad.add_geom(name=name, type=sphere, size=[1, 0, 0], **untouched)
+            pair = spec.add_pair(geomname1=name, geomname2="bar", condim=3 if points > 1 else 4)
+            # Sliding friction twice, then torsion: a length times the friction.
+            pair.friction = [*[contact.friction] * 2, torsion * contact.friction, 1e-5, 1e-5]
+            pair.solref = [2 * step, 1]
+            motor = spec.add_actuator(target=name, trntype=mujoco.mjtTrn.mjTRN_JOINT)
+            motor.set_to_motor()
+    return spec.compile()
+
+
+def _spec(scene: Scene, step: float, impratio: float) -> Any:
+    """An empty world with the scene's gravity."""
+    mujoco = load_mujoco()
+    spec = mujoco.MjSpec()
+    spec.option.timestep, spec.option.gravity = step, [0, 0, -scene.gravity]
+    spec.option.cone, spec.option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, impratio
+    spec.option.disableflags = mujoco.mjtDisableBit.mjDSBL_AUTORESET
+    return spec
+
+
+def _weigh(body: Any, mass: float, inertia: list[float]) -> None:
+    """Give a body its mass and its moments of inertia about its own axes."""
+    body.explicitinertial, body.mass, body.inertia = True, mass, inertia
 
 
 def hand_inertia(scene: Scene) -> float:
@@ -306,28 +293,56 @@ def hand_inertia(scene: Scene) -> float:
     return HAND_OVER_BAR * max(bar.mass, bar.inertia + bar.mass * scene.com_offset**2)
 
 
-def landing_model(scene: Scene, step: float, restitution: float) -> str:
+def landing_model(scene: Scene, step: float, restitution: float) -> Any:
     """The bar, free in space, and what the scene has for it to meet.
 
     The cup is fixed and stands on a floor; the hand's body is a mocap body "hand".
     """
-    bar, damping = scene.object, damping_ratio(restitution)
+    mujoco, bar, damping = load_mujoco(), scene.object, damping_ratio(restitution)
+    spec = _spec(scene, step, 10.0)
+    spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
+    spec.default.geom.friction = [FRICTION, 0.001, 0.0001]
+    spec.default.geom.solref = [CONTACT_TIME / damping, damping]
+    if scene.cup is not None:
+        _add_cup(spec, scene.cup, 2 * reach_of_bar(scene.object))
+    workspace, box = scene.workspace, mujoco.mjtGeom.mjGEOM_BOX
+    if workspace is not None and workspace.column_radius and workspace.column_height:
+        half = workspace.column_height / 2
+        size, kind = [workspace.column_radius, half, 0], mujoco.mjtGeom.mjGEOM_CYLINDER
+        spec.worldbody.add_geom(name="base column", type=kind, size=size, pos=[0, 0, half])
+    if has_hand(scene):
+        assert scene.arm is not None
+        back, front = scene.arm.tool.palm_back, scene.arm.tool.palm_front
+        size = [(back - front) / 2, HAND_DEPTH, scene.arm.tool.palm_half_width]
+        hand = spec.worldbody.add_body(name="hand", mocap=True)
+        hand.add_geom(name="hand", type=box, size=size, pos=[-(back + front) / 2, 0, 0])
     width = max(bar.width, THIN)
     along = float(np.clip(bar.mass * width**2 / 6, 1e-2 * bar.inertia, 2 * bar.inertia))
-    return LANDING.format(
-        step=step,
-        gravity=scene.gravity,
-        friction=FRICTION,
-        time_constant=CONTACT_TIME / damping,
-        damping=damping,
-        surroundings=_surroundings(scene),
-        mass=bar.mass,
-        inertia=bar.inertia,
-        along=along,
-        half_length=bar.length / 2,
-        half_width=width / 2,
-        middle=bar.length / 2 - bar.com,
-    )
+    flying = spec.worldbody.add_body(name="bar")
+    flying.add_freejoint()
+    _weigh(flying, bar.mass, [along, bar.inertia, bar.inertia])
+    size, middle = [bar.length / 2, width / 2, width / 2], bar.length / 2 - bar.com
+    flying.add_geom(name="bar", type=box, size=size, pos=[middle, 0, 0])
+    return spec.compile()
+
+
+def _add_cup(spec: Any, cup: Cup, beyond: float) -> None:
+    """A round wall of boxes on a plate, and the floor under it; `beyond` [m] is drawn only."""
+    kinds = load_mujoco().mjtGeom
+    bottom, half, outer = cup.rim - cup.depth, cup.depth / 2, cup.radius + WALL
+
+    def add(name: str, kind: Any, size: list[float], place: list[float], turn: float = 0.0) -> None:
+        quat = [math.cos(turn / 2), 0.0, 0.0, math.sin(turn / 2)]
+        spec.worldbody.add_geom(name=name, type=kind, size=size, pos=place, quat=quat)
+
+    add("floor", kinds.mjGEOM_PLANE, [beyond, beyond, 1.0], [cup.x, 0.0, bottom - WALL])
+    plate = [outer, outer, WALL / 2]
+    add("cup bottom", kinds.mjGEOM_BOX, plate, [cup.x, 0.0, bottom - WALL / 2])
+    size, away = [WALL / 2, outer * math.tan(math.pi / WALL_BOXES), half], cup.radius + WALL / 2
+    for k in range(WALL_BOXES):
+        turn = 2 * math.pi * k / WALL_BOXES
+        place = [cup.x + away * math.cos(turn), away * math.sin(turn), bottom + half]
+        add(f"wall {k}", kinds.mjGEOM_BOX, size, place, turn)
 
 
 def damping_ratio(restitution: float) -> float:
@@ -355,46 +370,3 @@ def has_hand(scene: Scene) -> bool:
     """Whether the scene counts the hand's body as something to be hit."""
     workspace = scene.workspace
     return scene.arm is not None and workspace is not None and workspace.palm_clearance is not None
-
-
-def _surroundings(scene: Scene) -> str:
-    """Cup and floor, base column, hand's body: those that the scene has."""
-    parts = []
-    if scene.cup is not None:
-        parts.append(_cup(scene.cup, 2 * reach_of_bar(scene.object)))
-    workspace = scene.workspace
-    if workspace is not None and workspace.column_radius and workspace.column_height:
-        half = workspace.column_height / 2
-        size = f'size="{workspace.column_radius} {half}"'
-        parts.append(f'<geom name="base column" type="cylinder" {size} pos="0 0 {half}"/>')
-    if has_hand(scene):
-        assert scene.arm is not None
-        tool = scene.arm.tool
-        half = (tool.palm_back - tool.palm_front) / 2
-        middle = (tool.palm_back + tool.palm_front) / 2
-        size = f'size="{half} {HAND_DEPTH} {tool.palm_half_width}"'
-        geom = f'<geom name="hand" type="box" {size} pos="{-middle} 0 0"/>'
-        parts.append(f'<body name="hand" mocap="true">{geom}</body>')
-    return "".join(parts)
-
-
-def _cup(cup: Cup, beyond: float) -> str:
-    """A round wall of boxes on a plate, and the floor under it; `beyond` [m] is drawn only."""
-    bottom, half = cup.rim - cup.depth, cup.depth / 2
-    outer = cup.radius + WALL
-    wide = outer * math.tan(math.pi / WALL_BOXES)
-    parts = [
-        f'<geom name="floor" type="plane" size="{beyond} {beyond} 1" '
-        f'pos="{cup.x} 0 {bottom - WALL}"/>',
-        f'<geom name="cup bottom" type="box" size="{outer} {outer} {WALL / 2}" '
-        f'pos="{cup.x} 0 {bottom - WALL / 2}"/>',
-    ]
-    for k in range(WALL_BOXES):
-        turn = 2 * math.pi * k / WALL_BOXES
-        away = cup.radius + WALL / 2
-        x, y = cup.x + away * math.cos(turn), away * math.sin(turn)
-        parts.append(
-            f'<geom name="wall {k}" type="box" size="{WALL / 2} {wide} {half}" '
-            f'pos="{x} {y} {bottom + half}" euler="0 0 {math.degrees(turn)}"/>'
-        )
-    return "".join(parts)
