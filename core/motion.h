@@ -40,13 +40,21 @@ INLINE long piece_of(const path *p, double t, long piece)
     return piece;
 }
 
+/* Time since the begin of the piece that holds time t, and that piece. */
+INLINE double time_in(const path *p, double t, long *piece)
+{
+    if (p->held) {
+        t = t > p->breaks[0] ? t : p->breaks[0];
+        t = t < p->breaks[p->pieces] ? t : p->breaks[p->pieces];
+    }
+    *piece = piece_of(p, t, *piece);
+    return t - p->breaks[*piece];
+}
+
 /* The coordinates at time t [s]; piece: where they were last. */
 INLINE void state_at(const path *p, double t, long *piece, state *s)
 {
-    if (p->held)
-        t = fmin(fmax(t, p->breaks[0]), p->breaks[p->pieces]);
-    *piece = piece_of(p, t, *piece);
-    double u = t - p->breaks[*piece];
+    double u = time_in(p, t, piece);
     for (long i = 0; i < p->n; i++) {
         const double *c = p->curves + i * p->pieces + *piece;
         double q = 0.0, dq = 0.0, ddq = 0.0;
@@ -64,14 +72,13 @@ INLINE void state_at(const path *p, double t, long *piece, state *s)
 /* Where the coordinates are at time t [s]. */
 INLINE void place_at(const path *p, double t, long *piece, double at[AXES])
 {
-    if (p->held)
-        t = fmin(fmax(t, p->breaks[0]), p->breaks[p->pieces]);
-    *piece = piece_of(p, t, *piece);
-    double u = t - p->breaks[*piece];
+    double u = time_in(p, t, piece);
     for (long i = 0; i < p->n; i++) {
         const double *c = p->curves + i * p->pieces + *piece;
+        /* Samples lie at breaks. */
+        long power = u == 0.0 ? p->powers - 1 : 0;
         double q = 0.0;
-        for (long power = 0; power < p->powers; power++)
+        for (; power < p->powers; power++)
             q = q * u + c[power * p->n * p->pieces];
         at[i] = q;
     }

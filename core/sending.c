@@ -101,19 +101,22 @@ static braking brake_of(double v, double a, double most, double jerk)
     return b;
 }
 
-/* State t [s] after it began at q, v, a; at rest after its end. */
-INLINE void braked(const braking *b, double jerk, double t, double *q, double *v, double *a)
+/* Place, rate and acceleration t [s] after it began at `last`; at rest after its end. */
+INLINE void braked(const braking *b, double jerk, double t, const double last[3], double *place,
+                   double *rate, double *acceleration)
 {
     const double length[3] = {b->first, b->level, b->last};
+    double q = last[0], v = last[1], a = last[2];
     for (int k = 0; k < 3; k++) {
         double u = t < length[k] ? t : length[k], j = b->side * jerk * (k - 1);
-        *q += u * (*v + u * (*a / 2.0 + u * j / 6.0));
-        *v += u * (*a + u * j / 2.0);
-        *a += u * j;
+        q += u * (v + u * (a / 2.0 + u * j / 6.0));
+        v += u * (a + u * j / 2.0);
+        a += u * j;
         t -= u;
     }
-    if (t > 0.0)
-        *v = *a = 0.0;
+    *place = q;
+    *rate = t > 0.0 ? 0.0 : v;
+    *acceleration = t > 0.0 ? 0.0 : a;
 }
 
 /* Samples of a planned motion that keeps the limits, and of its brake; rows: how many fit. The
@@ -125,31 +128,32 @@ CLONES EXPORT long send_motion(const path *p, const limits *most, const samples 
     until = tick * ticks;
     if (p->powers != 4 || n > AXES || !keeps(p, most, tick, until))
         return 0;
-    state last;
+    double last[AXES][4];
     braking brake[AXES];
-    state_at(p, until, &piece, &last);
+    piece = piece_of(p, until, piece);
     for (long i = 0; i < n; i++) {
-        brake[i] = brake_of(last.dq[i], last.ddq[i], SHARE * most->ddq[i], SHARE * most->jerk[i]);
+        cubic_at(p, piece, i, until - p->breaks[piece], last[i]);
+        brake[i] = brake_of(last[i][1], last[i][2], SHARE * most->ddq[i], SHARE * most->jerk[i]);
         duration = larger(duration, brake[i].first + brake[i].level + brake[i].last);
     }
     long rows = ticks + 1 + (long)ceil(duration / tick) + 1;
     if (rows > s->rows)
         return rows;
     piece = 0;
-    for (long k = 0; k < rows; k++) {
-        state at = last;
-        if (k <= ticks)
-            state_at(p, tick * k, &piece, &at);
-        else
-            for (long i = 0; i < n; i++)
-                braked(&brake[i], SHARE * most->jerk[i], tick * (k - ticks), &at.q[i], &at.dq[i],
-                       &at.ddq[i]);
+    for (long k = 0; k <= ticks; k++) {
+        double t = tick * k, at[4];
+        piece = piece_of(p, t, piece);
         for (long i = 0; i < n; i++) {
-            s->q[k * n + i] = at.q[i];
-            s->dq[k * n + i] = at.dq[i];
-            s->ddq[k * n + i] = at.ddq[i];
+            cubic_at(p, piece, i, t - p->breaks[piece], at);
+            s->q[k * n + i] = at[0];
+            s->dq[k * n + i] = at[1];
+            s->ddq[k * n + i] = at[2];
         }
     }
+    for (long k = ticks + 1; k < rows; k++)
+        for (long i = 0; i < n; i++)
+            braked(&brake[i], SHARE * most->jerk[i], tick * (k - ticks), last[i], &s->q[k * n + i],
+                   &s->dq[k * n + i], &s->ddq[k * n + i]);
     return rows;
 }
 
@@ -157,7 +161,7 @@ CLONES EXPORT long send_motion(const path *p, const limits *most, const samples 
 CLONES EXPORT long quintics(const samples *s, double *curves, double *kinks)
 {
     long n = s->n, pieces = s->rows - 1, count = 0;
-    double h = s->tick, h2 = h * h, h3 = h2 * h, h4 = h2 * h2, h5 = h4 * h;
+    double h = s->tick, h2 = h * h, per = 1.0 / h, per3 = per * per * per;
     int uneven = 0;
     for (long k = 0; k <= pieces; k++) {
         int corner = uneven; /* the piece before is */
@@ -168,15 +172,15 @@ CLONES EXPORT long quintics(const samples *s, double *curves, double *kinks)
                 double v = h * dq[0], a = h2 * ddq[0], d_v = h * dq[n] - v - a;
                 double d_a = h2 * ddq[n] - a, d_p = q[n] - q[0] - v - a / 2.0;
                 double *c = curves + i * pieces + k;
-                c[0] = (6.0 * d_p - 3.0 * d_v + d_a / 2.0) / h5;
-                c[n * pieces] = (-15.0 * d_p + 7.0 * d_v - d_a) / h4;
-                c[2 * n * pieces] = (10.0 * d_p - 4.0 * d_v + d_a / 2.0) / h3;
+                c[0] = (6.0 * d_p - 3.0 * d_v + d_a / 2.0) * (per3 * per * per);
+                c[n * pieces] = (-15.0 * d_p + 7.0 * d_v - d_a) * (per3 * per);
+                c[2 * n * pieces] = (10.0 * d_p - 4.0 * d_v + d_a / 2.0) * per3;
                 c[3 * n * pieces] = ddq[0] / 2.0;
                 c[4 * n * pieces] = dq[0];
                 c[5 * n * pieces] = q[0];
                 /* What even jerk would leave of the next sample's rate and position. */
-                double off = fabs((dq[n] - dq[0]) / h - (ddq[0] + ddq[n]) / 2.0)
-                    + fabs(6.0 / h * ((q[n] - q[0]) / h - dq[0]) - 2.0 * ddq[0] - ddq[n]);
+                double off = fabs((dq[n] - dq[0]) * per - (ddq[0] + ddq[n]) / 2.0)
+                    + fabs(6.0 * per * ((q[n] - q[0]) * per - dq[0]) - 2.0 * ddq[0] - ddq[n]);
                 uneven |= off > UNEVEN;
             }
             if (k > 0 && k < pieces)
@@ -198,8 +202,10 @@ INLINE void speeds(const limits *m, long i, double q, double *low, double *high)
     double twice = 2.0 * m->slowing[0][i], offset = m->slowing[1][i];
     double up = sqrt(twice * larger(m->slowing[2][i] - q, 0.0)) - offset;
     double down = sqrt(twice * larger(q - m->slowing[3][i], 0.0)) - offset;
-    *high = fmin(larger(up, 0.0), m->dq[i]);
-    *low = -fmin(larger(down, 0.0), m->dq[i]);
+    up = larger(up, 0.0);
+    down = larger(down, 0.0);
+    *high = up < m->dq[i] ? up : m->dq[i];
+    *low = down < m->dq[i] ? -down : -m->dq[i];
 }
 
 /* How far [5][n] position, velocity, acceleration, velocity there and jerk of samples and of their
@@ -207,34 +213,35 @@ INLINE void speeds(const limits *m, long i, double q, double *low, double *high)
 CLONES EXPORT void excess(const samples *s, const limits *m, double *beyond)
 {
     long n = s->n;
-    double h = s->tick;
+    double per = 1.0 / s->tick;
     for (long i = 0; i < n; i++) {
-        double place = -INFINITY, speed = 0.0, rate = 0.0, there = -INFINITY, jerk = 0.0;
+        double low = INFINITY, high = -INFINITY, most[3] = {0.0, 0.0, 0.0};
+        double step[3] = {0.0, 0.0, 0.0}, there = -INFINITY, slowest, fastest;
+        const double *rows[3] = {s->q + i, s->dq + i, s->ddq + i};
         for (long k = 0; k < s->rows; k++) {
-            const double *q = s->q + k * n + i, *dq = s->dq + k * n + i, *ddq = s->ddq + k * n + i;
-            double low, high, v = 0.0;
-            place = larger(place, larger(m->q_min[i] - q[0], q[0] - m->q_max[i]));
-            speed = larger(speed, fabs(dq[0]));
-            rate = larger(rate, fabs(ddq[0]));
-            if (k + 1 < s->rows) {
-                v = (q[n] - q[0]) / h;
-                speed = larger(speed, fabs(v));
-                rate = larger(rate, fabs((dq[n] - dq[0]) / h));
-                jerk = larger(jerk, fabs((ddq[n] - ddq[0]) / h));
+            for (int d = 0; d < 3; d++) {
+                double value = rows[d][k * n];
+                most[d] = larger(most[d], fabs(value));
+                if (k)
+                    step[d] = larger(step[d], fabs(value - rows[d][k * n - n]));
             }
-            if (!m->slows)
-                continue;
-            speeds(m, i, q[0], &low, &high);
-            there = larger(there, larger(dq[0] - high, low - dq[0]));
-            if (k + 1 < s->rows) {
-                speeds(m, i, (q[n] + q[0]) / 2.0, &low, &high);
-                there = larger(there, larger(v - high, low - v));
-            }
+            low = rows[0][k * n] < low ? rows[0][k * n] : low;
+            high = larger(high, rows[0][k * n]);
         }
-        beyond[i] = place;
-        beyond[n + i] = speed - m->dq[i];
-        beyond[2 * n + i] = rate - m->ddq[i];
+        for (long k = 0; m->slows && k < s->rows; k++) {
+            double q = rows[0][k * n], v = rows[1][k * n];
+            speeds(m, i, q, &slowest, &fastest);
+            there = larger(there, larger(v - fastest, slowest - v));
+            if (!k)
+                continue;
+            v = (q - rows[0][k * n - n]) * per;
+            speeds(m, i, (q + rows[0][k * n - n]) / 2.0, &slowest, &fastest);
+            there = larger(there, larger(v - fastest, slowest - v));
+        }
+        beyond[i] = larger(m->q_min[i] - low, high - m->q_max[i]);
+        beyond[n + i] = larger(most[1], step[0] * per) - m->dq[i];
+        beyond[2 * n + i] = larger(most[2], step[1] * per) - m->ddq[i];
         beyond[3 * n + i] = there;
-        beyond[4 * n + i] = jerk - m->jerk[i];
+        beyond[4 * n + i] = step[2] * per - m->jerk[i];
     }
 }
