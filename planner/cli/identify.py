@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 
 from ...models import IDENTIFIED, MODELS, STEPPED_SURFACE
@@ -83,8 +82,6 @@ def run(options: argparse.Namespace) -> int:
     if options.out is not None:
         save_identified(found, Path(options.out))
     answer(options, [one.to_dict() for one in found], _text(found, options.out))
-    if all(one.fit is None and not MODELS[one.model].chatters for one in found):
-        print("throwplan: no fit: too slow, see above; give fewer --throws", file=sys.stderr)
     return DONE
 
 

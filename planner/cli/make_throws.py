@@ -20,7 +20,7 @@ from ...problems import (
     toml_tables,
     write_throws,
 )
-from ..identify import Flown, Law, Making, Noise, make_throws, object_names
+from ..identify import Flown, Making, Noise, make_throws, object_names
 from .common import DONE, Progress, add_out, answer, number, whole
 
 EXAMPLE = "throwplan make-throws --out out/throws"
@@ -79,7 +79,7 @@ def _making(options: argparse.Namespace) -> Making:
     if options.stiffness is not None and not lugre:
         raise InputError("--stiffness: only with --truth lugre")
     return Making(
-        law=Law(options.stiffness or SOFT) if lugre else Law(),
+        stiffness=options.stiffness or SOFT if lugre else None,
         friction=options.friction,
         patch_radius=options.patch_radius,
         repeats=options.repeats,

@@ -11,7 +11,7 @@ from .identified import FILES as IDENTIFY_FILES
 from .identified import Identified, identify, save_identified
 from .measured import measured, throw_data, velocities
 from .predict import UNKNOWNS, Predictor, check_model, parameter_sets, thrown
-from .synthetic import Flown, Law, Making, Noise, make_throws, object_names
+from .synthetic import Flown, Making, Noise, make_throws, object_names
 from .tables import FILES as VALIDATION_FILES
 from .tables import as_dict, as_text, save_validation
 from .validation import PAPER_MODELS, Validation, bootstrap, fold_of, validate

@@ -16,16 +16,9 @@ from functools import cache
 import numpy as np
 import numpy.typing as npt
 
-from ...models import Path
 from ...problems import Gripper, PadContact, Scene, ThrownObject, Workspace, load_scene
-from ..check import (
-    TICK,
-    Mover,
-    Samples,
-    Throw,
-    make_mover,
-    send,
-)
+from ..check import TICK, Mover, Samples, Throw, make_mover, send
+from ..search import carry
 
 Array = npt.NDArray[np.float64]
 
@@ -73,9 +66,10 @@ PITCHES = {
 #: Joint accelerations from speeding up to slowing down, as shares of the limit of the joint
 #: that reaches its own first; and the numbers of those that the factors are thrown with.
 RELEASES, FACTOR_RELEASES = (0.6, 0.3, 0.0, -0.3, -0.6, -0.9), (2, 4, 6)
-#: How much longer than the nominal opening the acceleration stays constant [s]: late
-#: openings and the low-pass filter of the recording then see no step.
+#: How long from the nominal start of the opening the acceleration stays constant [s], and how
+#: much longer than the opening that is: late openings and the low-pass filter see no step.
 LONGER = 0.025
+LATEST = OPENING + LONGER
 #: Largest friction use on the way: a fifth of the grip stays free for a weak throw.
 GRIP = 0.8
 
@@ -147,29 +141,11 @@ def design() -> dict[str, list[Throwing]]:
         q, dq = np.array(place), np.array(rate)
         along = dq / (np.abs(dq) / mover.planning.ddq).max()
         found[pitch] = [
-            Throwing(send(mover, _planned(q, dq, share * along, duration)), duration)
-            for share, duration in zip(RELEASES, launches, strict=True)
+            Throwing(send(mover, carry(None, (q, dq, share * along), time, LATEST, ticks)), time)
+            for share, time in zip(RELEASES, launches, strict=True)
+            for ticks in [round(time / TICK)]
         ]
     return found
-
-
-def _planned(q: Array, dq: Array, ddq: Array, duration: float) -> Path:
-    """Rest to (q, dq, ddq) in `duration`, then constant acceleration; a piece a tick.
-
-    The launch's rates are a t^2 + b t^3.
-    """
-    ticks = round(duration / TICK)
-    times = np.append(TICK * np.arange(ticks + 1), duration + OPENING + LONGER)
-    t = times[:-1, None]
-    a, b = 3 * dq / duration**2 - ddq / duration, ddq / duration**2 - 2 * dq / duration**3
-    acceleration = 2 * a * t + 3 * b * t**2
-    jerk = np.diff(acceleration, axis=0, append=acceleration[-1:]) / TICK
-    rate, place = np.zeros_like(acceleration), np.zeros_like(acceleration)
-    rate[1:] = np.cumsum(TICK * (acceleration[:-1] + acceleration[1:]) / 2, axis=0)
-    place[1:] = np.cumsum(
-        TICK * (rate[:-1] + TICK * (2 * acceleration[:-1] + acceleration[1:]) / 6), axis=0
-    )
-    return Path.cubics(times, place + q - place[-1], rate, acceleration, jerk)
 
 
 def grip_use(mover: Mover, motion: Throwing, scene: Scene) -> float:

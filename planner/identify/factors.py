@@ -15,16 +15,9 @@ from ...problems import InputError, ThrowData
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int_]
 
-#: The paper's six factors by their columns, as they are called, and whether labels that are
-#: numbers go up (1), down (-1) or as they come (0) from condition A to condition B.
-KNOWN = {
-    "com": ("CoM offset", 1),
-    "pitch": ("pitch angle", -1),
-    "release": ("release motion", -1),
-    "surface": ("surface", 0),
-    "payload": ("payload", 0),
-    "moi": ("moment of inertia", 1),
-}
+#: The paper's six factors by their columns, and whether labels that are numbers go up (1), down
+#: (-1) or as they come (0) from condition A to condition B.
+KNOWN = {"com": 1, "pitch": -1, "release": -1, "surface": 0, "payload": 0, "moi": 1}
 #: Columns that say which throws belong together: no conditions.
 NO_FACTORS = ("repeat", "set")
 #: The label of `set` for throws that vary one factor only and are not of the batch.
@@ -43,11 +36,6 @@ class Comparison:
     labels: tuple[str, str]
     first: Rows
     second: Rows
-
-    @property
-    def name(self) -> str:
-        """The factor as it is called."""
-        return KNOWN[self.factor][0] if self.factor in KNOWN else self.factor
 
 
 @dataclass(frozen=True)
@@ -155,14 +143,9 @@ def _alike(
     return [i for i in first if rest(i) in both], [i for i in second if rest(i) in both]
 
 
-def ordered_labels(data: ThrowData, factor: str) -> list[str]:
-    """A factor's labels from condition A to condition B; none for a factor that is not there."""
-    return _ordered(factor, data.factors.get(factor, []))
-
-
 def _ordered(factor: str, labels: list[str]) -> list[str]:
     """Labels by their numbers, if each has one and the factor is known; else as they come."""
-    way = KNOWN[factor][1] if factor in KNOWN else 0
+    way = KNOWN.get(factor, 0)
     numbers = [_number(label) for label in labels]
     if way and not any(np.isnan(numbers)):
         return [labels[i] for i in np.argsort(way * np.array(numbers), kind="stable")]

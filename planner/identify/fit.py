@@ -17,7 +17,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models import MODELS
 from ...problems import InputError
 from .belief import ASSUMED, Belief, sets_at
 from .predict import Predictor
@@ -41,8 +40,8 @@ WEAK_FRICTION = (0.6, 0.7)
 BEND = 2.0
 #: Residual of a throw without a predicted landing, in sigmas.
 NO_LANDING = 100.0
-#: Most evaluations of one start, and about how many a fit takes in all.
-MOST_EVALUATIONS, USUAL_EVALUATIONS = 40, 12
+#: Most evaluations of one start.
+MOST_EVALUATIONS = 40
 #: Fewest throws from which a scatter beyond the noise is estimated, and refits with it.
 SCATTER_THROWS, REFITS = 6, 2
 #: Points of which the best are starts: mu, r_p [m], delays [s], or draws of a prior; how far
@@ -251,8 +250,6 @@ class _Problem:
 
     def starts(self) -> Array:
         """Where the fit starts (S, P): the best of some points, apart from each other."""
-        if self.prior is not None and MODELS[self.model].batch is None:
-            return self.prior.mean[None]
         points = np.clip(list(self._candidates()), *self.bounds)
         residuals = self.weighed(self.missed_by(points), points)
         costs = np.array([self.loss(row**2)[0].sum() for row in residuals])

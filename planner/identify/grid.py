@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models import MODELS
 from ...problems import ThrowData
 from .predict import Predictor, Progress, parameter_sets
 
@@ -25,8 +24,6 @@ CELLS = AXES[0].size * AXES[1].size
 MISSED = 10.0
 #: Throws per piece of work of a worker process.
 PIECE = 6
-#: What a model without batches is timed on: so many throws, and so many cells of each.
-TIMED_THROWS, TIMED_CELLS = 5, 4
 
 
 @dataclass(frozen=True)
@@ -35,7 +32,7 @@ class Grid:
 
     errors (T, F, R) [m], NaN for a throw without a predicted landing; detach (T, F, R, 6):
     CoM states at the end of the opening; seconds: of the work; workers: processes that shared
-    it; delay [s] and grip_scale: held at these.
+    it.
     """
 
     model: str
@@ -45,8 +42,6 @@ class Grid:
     detach: Array
     seconds: float
     workers: int = 1
-    delay: float = 0.0
-    grip_scale: float = 1.0
 
     @property
     def throws(self) -> int:
@@ -94,11 +89,6 @@ class Grid:
         return self.optimum[0] * self.optimum[1]
 
     @property
-    def lowest(self) -> npt.NDArray[np.bool_]:
-        """The cells of the lowest 10 % of errors."""
-        return np.asarray(self.error <= np.quantile(self.error, 0.1))
-
-    @property
     def predictions(self) -> int:
         """Throws times cells."""
         return int(self.errors.size)
@@ -125,8 +115,6 @@ class Grid:
             "least_error": float(self.error.min()),
             "most_error": float(self.error.max()),
             "missed": int(self.missed.sum()),
-            "delay": self.delay,
-            "grip_scale": self.grip_scale,
             "predictions": self.predictions,
             "seconds": self.seconds,
             "time_per_throw": self.workers * self.seconds / self.predictions,
@@ -157,7 +145,7 @@ def grid_of(
     errors, seconds = predictor.truth.scaled(off).reshape(shape), time.perf_counter() - start
     detach = detach.reshape(*shape, 6)
     workers = 1 if shared is None else shared[1]
-    return Grid(model, *axes, errors, detach, seconds, workers, *fixed)
+    return Grid(model, *axes, errors, detach, seconds, workers)
 
 
 def _shared(
@@ -186,18 +174,3 @@ def spread_rows(rows: Rows, most: int) -> Rows:
 def _piece(data: ThrowData, model: str, sets: Array) -> Array:
     """Detach states of some throws, in a process of its own."""
     return Predictor.of(data).detached(model, sets)
-
-
-def estimated_seconds(predictor: Predictor, model: str) -> float | None:
-    """Time [s] of one prediction by a model without batches, timed on a few throws and cells.
-
-    None for models that take many parameters at once: those are run in full.
-    """
-    if MODELS[model].batch is not None:
-        return None
-    rows = spread_rows(np.arange(len(predictor.data.throws)), TIMED_THROWS)
-    few = np.linspace(0, len(AXES[0]) - 1, TIMED_CELLS).astype(int)
-    some = predictor.part(rows)
-    start = time.perf_counter()
-    some.detached(model, parameter_sets(AXES[0][few], AXES[1][few]))
-    return (time.perf_counter() - start) / (len(rows) * TIMED_CELLS)

@@ -16,21 +16,19 @@ from ...problems import InputError, Scene, ThrowData, filling
 from ..show import save
 from .belief import Belief, applied, contact_text, prior_of, sets_at
 from .factors import SURFACE
-from .fit import START_FRICTION, START_RADIUS, USUAL_EVALUATIONS, Fit, fit_to
-from .grid import AXES, CELLS, MISSED, Grid, estimated_seconds, grid_of
-from .landscape import fit_picture, grid_picture
+from .fit import Fit, fit_to
+from .grid import AXES, MISSED, Grid, grid_of
+from .landscape import contact_picture
 from .predict import UNKNOWNS, Predictor, Progress, check_model
 
 #: Why a model that chatters is not fitted.
 NO_FIT = "its landings are no smooth function of the parameters"
-#: Longest time [s] that a grid or a fit may take by a model without a batch.
-PATIENCE = 300.0
 #: What may be left in the folder.
 FILES = (
     "identify.json",
     "contact.toml",
-    "fit.png",
-    *(f"grid-{model}.{ending}" for model in MODELS for ending in ("csv", "png")),
+    *(f"grid-{model}.csv" for model in MODELS),
+    *(f"contact-{model}.png" for model in MODELS),
 )
 
 
@@ -38,10 +36,8 @@ FILES = (
 class Identified:
     """What was found about the contact by one model.
 
-    grid: the error landscape, None if it was not asked for or would take too long; fit:
-    None where that would take too long, and for a model that chatters; error [m]: mean
-    scaled error at the fit; each [s]: time of one prediction by a slow model, from a
-    subset; whole [s]: what the grid would take with it.
+    grid: the error landscape, None if it was not asked for; fit: None for a model that
+    chatters; error [m]: mean scaled error at the fit.
     """
 
     model: str
@@ -50,13 +46,11 @@ class Identified:
     grid: Grid | None
     fit: Fit | None
     error: float | None
-    each: float | None = None
-    whole: float | None = None
 
     @property
     def posterior(self) -> Belief:
         """What is believed after the throws."""
-        assert self.fit is not None, "this model was too slow for a fit"
+        assert self.fit is not None, NO_FIT
         return self.fit.posterior
 
     def apply(self, scene: Scene) -> Scene:
@@ -65,7 +59,6 @@ class Identified:
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON: SI units, radians; deviations of logarithms are relative."""
-        subset = {"seconds_per_throw": self.each, "extrapolated_seconds": self.whole}
         return {
             "model": self.model,
             "data": self.data.name,
@@ -75,23 +68,16 @@ class Identified:
             "fit": None if self.fit is None else self.fit.to_dict(),
             "prior": None if self.prior is None else self.prior.to_dict(),
             "mean_error": self.error,
-            "subset": None if self.each is None else subset,
         }
 
     def summary(self) -> str:
         """The grid and the fit in some lines for people."""
         lines, grid, fit = [f"  {self.model}:"], self.grid, self.fit
-        if self.each is not None and self.whole is not None:
-            lines.append(
-                f"    {1e3 * self.each:.3g} ms a throw, timed on a subset; the grid of "
-                f"{CELLS * len(self.data.throws):,} predictions would take {self.whole / 60:.3g} "
-                "min (extrapolated)" + ("" if grid is not None else ", not run")
-            )
         if grid is not None:
             lines += grid.summary()
         if fit is not None and self.error is not None:
             lines += fit.summary(self.error)
-        elif MODELS[self.model].chatters:
+        else:
             lines.append(f"    no fit: {NO_FIT}")
         return "\n".join(lines)
 
@@ -124,7 +110,11 @@ def identify(
         raise InputError(
             f"{SURFACE}: one contact cannot be that of {', '.join(surfaces)}: give throws of one"
         )
-    if MODELS[model].chatters and not grid:
+    known = MODELS[model]
+    if known.batch is None:
+        quick = ", ".join(name for name, other in MODELS.items() if other.batch is not None)
+        raise InputError(f"model = {model!r}: throws one at a time, too slow here: take {quick}")
+    if known.chatters and not grid:
         raise InputError(f"model = {model!r}: only its grid: {NO_FIT}")
     asked = {"delay": delay, "grip_scale": grip_scale}
     names = tuple(name for name in UNKNOWNS if asked.get(name, True))
@@ -134,13 +124,8 @@ def identify(
         names = prior.names
     show = about or (lambda words: lambda done, total: None)
     predictor = Predictor.of(data)
-    each = estimated_seconds(predictor, model)
-    count = len(data.throws)
-    whole = None if each is None else each * count * CELLS
-    starts = START_FRICTION.size * START_RADIUS.size
-    calls = count * (starts + USUAL_EVALUATIONS * (1 + 2 * len(names)))
     fit, error, fixed = None, None, (0.0, 1.0)
-    if not MODELS[model].chatters and (each is None or each * calls <= PATIENCE):
+    if not known.chatters:
         show(f"fit by {model}")
         fit = fit_to(predictor, model, names, prior)
         belief = fit.posterior
@@ -149,25 +134,21 @@ def identify(
         off = landing - predictor.truth.landing[:, None]
         error = float(np.nan_to_num(predictor.truth.scaled(off), nan=MISSED).mean())
     found = None
-    if grid and (whole is None or whole <= PATIENCE):
-        shared = None
-        if executor is not None and MODELS[model].batch is not None:
-            shared = executor, workers
-        line = show(f"grid by {model}")
-        found = grid_of(predictor, model, AXES, fixed, shared, line)
-    return Identified(model, data, prior, found, fit, error, each, whole)
+    if grid:
+        shared = None if executor is None else (executor, workers)
+        found = grid_of(predictor, model, AXES, fixed, shared, show(f"grid by {model}"))
+    return Identified(model, data, prior, found, fit, error)
 
 
 def save_identified(found: list[Identified], folder: Path) -> None:
-    """Write the files of one or more models; contact.toml and fit.png are of the last."""
+    """Write the files of one or more models; contact.toml is of the last."""
     with filling(folder, FILES) as scratch:
         for one in found:
             if one.grid is not None:
                 _write_grid(one.grid, scratch / f"grid-{one.model}.csv")
-                save(grid_picture(one), scratch / f"grid-{one.model}.png")
+            save(contact_picture(one), scratch / f"contact-{one.model}.png")
         last = next((one for one in reversed(found) if one.fit is not None), None)
         if last is not None:
-            save(fit_picture(last), scratch / "fit.png")
             shared = last.data.shared
             head = f"# from {len(last.data.throws)} throws of {last.data.name}, by {last.model}\n"
             text = head + contact_text(last.posterior, shared.torsion, shared.faces)

@@ -1,8 +1,7 @@
-"""Pictures of a validation: landings, errors, one throw, factors (Figs. 14 and 16 to 20)."""
+"""Pictures of a validation: one throw, errors, factors (Figs. 16, 17, 18 and 20)."""
 
 from __future__ import annotations
 
-import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,7 +12,7 @@ import numpy.typing as npt
 
 from ...models import MODELS, SLIDING_PIVOT, STEPPED_SURFACE, land, sticking_state
 from ..show import BLACK, GREY, new_figure
-from .factors import SIGNIFICANT, FactorRow, ordered_labels
+from .factors import SIGNIFICANT, FactorRow
 from .grid import MISSED
 from .measured import velocities
 from .predict import parameter_sets
@@ -29,18 +28,16 @@ Style = dict[str, Any]
 
 #: Pictures of a validation with what is to be seen.
 PICTURES = {
-    "landings": "Measured landing poses of the batch.",
     "case": "One throw in detail: measured, and by every model.",
     "errors": "Predicted less measured landing of every throw of the batch.",
     "boxes": "Absolute errors: median, quartiles, outliers.",
-    "violins": "Signed errors: density, quartiles, median.",
     "factors": "What a factor does: landings measured and predicted, errors in both conditions.",
 }
-MARKERS = ("o", "^", "s", "D", "v", "P", "X", "*")
 #: Models whose median error is above so many times the least are cut off or have own axes.
 FAR = 6.0
 #: Errors and their units.
 QUANTITIES = (("v_x", "m/s"), ("ω", "deg/s"), ("x", "m"), ("θ", "deg"))
+#: From metres and radians to metres and degrees.
 DEGREES = np.array([1.0, math.degrees(1.0)])
 #: The case's zoom lasts so long from the command on [s]; samples of its flight; sampling
 #: before the opening [s]; instants at which the bar is drawn.
@@ -55,13 +52,11 @@ DRAWN = (SLIDING_PIVOT, STEPPED_SURFACE, *MODELS)
 
 def validation_pictures(found: Validation) -> dict[str, Figure]:
     """The pictures that the data allow, by name."""
-    figures = {"landings": _landings(found)}
+    figures: dict[str, Figure] = {}
     row = median_throw(found)
     if row is not None:
         figures["case"] = _case(found, row)
-    figures["errors"] = _errors(found)
-    figures["boxes"] = _spread(found, signed=False)
-    figures["violins"] = _spread(found, signed=True)
+    figures |= {"errors": _errors(found), "boxes": _boxes(found)}
     if found.factors:
         figures["factors"] = _factors(found)
     return figures
@@ -92,29 +87,6 @@ def _signed_errors(found: Validation) -> dict[str, list[Array]]:
         off = np.hstack([check.twist * DEGREES, check.landing * DEGREES])[found.batch]
         out[model] = [column[np.isfinite(column)] for column in off.T]
     return out
-
-
-def _landings(found: Validation) -> Figure:
-    """Measured landing poses: marker by CoM, colour by release motion (Fig. 14)."""
-    from matplotlib import colormaps
-
-    figure, batch = new_figure(8.5, 5.6), found.data.picked(found.batch)
-    axis, landing = figure.add_subplot(), found.predictor.truth.landing[found.batch] * DEGREES
-    labels = [(t.factors.get("com", ""), t.factors.get("release", "")) for t in batch.throws]
-    coms, releases = (ordered_labels(batch, name) or [""] for name in ("com", "release"))
-    shades = colormaps["viridis"](np.linspace(0, 0.95, len(releases)))
-    pairs = itertools.product(enumerate(coms), zip(releases, shades, strict=True))
-    for (number, com), (release, shade) in pairs:
-        mine = [i for i, pair in enumerate(labels) if pair == (com, release)]
-        named = f"CoM {com}, release {release}" if com or release else None
-        style: Style = {"marker": MARKERS[number % len(MARKERS)], "ec": BLACK, "lw": 0.3, "s": 36}
-        axis.scatter(landing[mine, 0], landing[mine, 1], color=shade, label=named, **style)
-    if any(map(any, labels)):
-        axis.legend(loc="best", fontsize=8, ncols=len(coms))
-    axis.set(xlabel="landing x [m]", ylabel="landing θ [deg]")
-    axis.grid(alpha=0.25)
-    _title(figure, found, f"measured landings of {len(batch.throws)} throws")
-    return figure
 
 
 def _errors(found: Validation) -> Figure:
@@ -150,49 +122,29 @@ def _errors(found: Validation) -> Figure:
     return figure
 
 
-def _spread(found: Validation, signed: bool) -> Figure:
-    """Errors by quantity and model: signed as densities (Fig. 19), or absolute as boxes of
-    quartiles with whiskers of 1.5 IQR and outliers (Fig. 18). Models far off are cut off."""
+def _boxes(found: Validation) -> Figure:
+    """Absolute errors by quantity and model: quartiles, whiskers of 1.5 IQR, outliers (Fig. 18).
+
+    Models that are far off are cut off.
+    """
     models, far, errors = list(found.checks), _far_off(found), _signed_errors(found)
     quantities = [0, 1, 2, 3] if found.tracked else [2, 3]
     figure = new_figure(0.5 + max(3.1, 0.8 + 0.5 * len(models)) * len(quantities), 4.2)
-    shades, draw = colours(models), _violin if signed else _box
+    style: Style = {"widths": 0.6, "patch_artist": True, "medianprops": {"color": BLACK, "lw": 1.6}}
+    style["flierprops"] = {"marker": "o", "ms": 3, "mec": GREY, "alpha": 0.7}
     for quantity, axis in zip(quantities, figure.subplots(1, len(quantities)), strict=True):
         name, unit = QUANTITIES[quantity]
-        near = [np.abs(errors[m][quantity]).max(initial=0.0) for m in models if m not in far]
-        top = 1.08 * max(near, default=0.0) or 1.0
-        for place, model in enumerate(models):
-            if errors[model][quantity].size:
-                draw(axis, place, errors[model][quantity], shades[model])
+        values = [np.abs(errors[model][quantity]) for model in models]
+        drawn = axis.boxplot(values, positions=range(len(models)), **style)
+        for box, shade in zip(drawn["boxes"], colours(models).values(), strict=True):
+            box.set(facecolor=shade, alpha=0.75)
+        near = [v.max(initial=0.0) for m, v in zip(models, values, strict=True) if m not in far]
         axis.set_xticks(range(len(models)), models, rotation=35, ha="right")
-        axis.set_ylim(-top if signed else 0.0, top)
-        axis.set_ylabel(f"{name} error [{unit}]" if signed else f"|{name} error| [{unit}]")
-        axis.axhline(0, color=GREY, lw=0.9)
+        axis.set(ylim=(0.0, 1.08 * max(near) or 1.0), ylabel=f"|{name} error| [{unit}]")
         axis.grid(alpha=0.25, axis="y")
-        axis.set_axisbelow(True)
-    what = "errors, predicted − measured, density" if signed else "absolute errors, quartiles"
-    _title(figure, found, what + (f"; {', '.join(far)} cut off" if far else ""))
+    cut = f"; {', '.join(far)} cut off" if far else ""
+    _title(figure, found, f"absolute errors, quartiles{cut}")
     return figure
-
-
-def _box(axis: Axes, place: int, values: Array, colour: str) -> None:
-    """Quartiles of absolute values, whiskers and outliers."""
-    known: Style = {"widths": 0.6, "patch_artist": True, "manage_ticks": False}
-    known["medianprops"] = {"color": BLACK, "lw": 1.6}
-    known["flierprops"] = {"marker": "o", "ms": 3, "mec": GREY, "alpha": 0.7}
-    known["boxprops"] = {"facecolor": colour, "alpha": 0.75}
-    axis.boxplot([np.abs(values)], positions=[place], **known)
-
-
-def _violin(axis: Axes, place: int, values: Array, colour: str) -> None:
-    """One density with median and quartiles; a density needs values that differ."""
-    if values.size > 2 and np.ptp(values) > 1e-9:
-        drawn = axis.violinplot([values], positions=[place], widths=0.8, showextrema=False)
-        for body in drawn["bodies"]:  # type: ignore[attr-defined]
-            body.set(facecolor=colour, edgecolor=BLACK, linewidth=0.6, alpha=0.75)
-    low, middle, high = np.quantile(values, (0.25, 0.5, 0.75))
-    axis.plot([place, place], [low, high], color=BLACK, lw=2)
-    axis.plot([place], [middle], "o", mfc="white", mec=BLACK, ms=5)
 
 
 # One throw in detail.
@@ -326,7 +278,7 @@ def _factors(found: Validation) -> Figure:
         _condition_errors(cells["x"], group, 0)
         _condition_errors(cells["theta"], group, 1)
         a, b = group[0].comparison.labels
-        part.suptitle(f"{group[0].comparison.name}: {a} → {b}", fontsize=11)
+        part.suptitle(f"{group[0].comparison.factor}: {a} → {b}", fontsize=11)
     words = f"landings measured and by {model}; below MAE and STD in A (light) and B"
     _title(figure, found, f"{words}; * p < {SIGNIFICANT}")
     return figure

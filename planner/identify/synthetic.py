@@ -66,25 +66,6 @@ CUT = 3.0
 
 
 @dataclass(frozen=True)
-class Law:
-    """The true release law: a meshed patch, rigid or of LuGre bristles of a stiffness [1/m].
-
-    steps over the opening, first order: 8 times as many move the design's landings by up to
-    0.03 mm and 0.03 deg.
-    """
-
-    stiffness: float | None = None
-    steps: int = 1000
-
-    @property
-    def words(self) -> str:
-        """The law in words."""
-        if self.stiffness is None:
-            return "meshed patch, rigid"
-        return f"meshed patch, LuGre bristles of stiffness {self.stiffness:g} 1/m"
-
-
-@dataclass(frozen=True)
 class Noise:
     """Standard deviations of one throw against its condition, and of what is measured.
 
@@ -113,9 +94,15 @@ class Noise:
 
 @dataclass(frozen=True)
 class Making:
-    """What is asked for. friction and patch_radius [m] are of the base surface."""
+    """What is asked for.
 
-    law: Law = field(default_factory=Law)
+    The true release is a meshed patch, rigid or of LuGre bristles of a stiffness [1/m], in
+    `steps` over the opening, of first order: 8 times as many move the design's landings by up to
+    0.03 mm and 0.03 deg. friction and patch_radius [m] are of the base surface.
+    """
+
+    stiffness: float | None = None
+    steps: int = 1000
     friction: float = HELD[0]
     patch_radius: float = HELD[1]
     repeats: int = 5
@@ -179,17 +166,18 @@ def make_throws(
     rng = np.random.default_rng(making.seed)
     drawn = [(one, k) for one in wanted for k in range(1, making.repeats + 1)]
     events = [_event(making, one, rng) for one, _ in drawn]
-    flown = _thrown(mover, events, making.law, progress or (lambda *_: None))
+    flown = _thrown(mover, events, making, progress or (lambda *_: None))
     throws = []
     for number, ((one, repeat), throw) in enumerate(zip(drawn, flown, strict=True), start=1):
         recorded = _measured(mover, throw, making.noise, rng)
         factors = one.labels | {"repeat": str(repeat)}
         throws.append(dataclasses.replace(recorded, name=f"t{number:03d}", factors=factors))
+    law = "rigid" if making.stiffness is None else f"LuGre bristles of {making.stiffness:g} 1/m"
     noise = "no noise" if making.noise == Noise.none() else "noise as in [truth]"
     shared = Shared(
         landing_height=HEIGHT,
         description=f"Synthetic batch: {len(throws)} throws of a bar by a Panda",
-        synthetic=f"{making.law.words}, friction {making.friction:g}, patch radius "
+        synthetic=f"meshed patch, {law}, friction {making.friction:g}, patch radius "
         f"{1e3 * making.patch_radius:g} mm, {noise}, seed {making.seed}",
         arm="panda",
         position_noise=making.noise.landing or Noise.landing,
@@ -210,8 +198,8 @@ def _truth(making: Making) -> dict[str, float]:
     if making.factors:
         papertape = contact_of("papertape", making.friction, making.patch_radius)
         found["papertape_friction"], found["papertape_patch_radius"] = papertape
-    if making.law.stiffness is not None:
-        found["stiffness"] = making.law.stiffness
+    if making.stiffness is not None:
+        found["stiffness"] = making.stiffness
     noise = {f"noise_{key}": value for key, value in dataclasses.asdict(making.noise).items()}
     everything = found | {"seed": float(making.seed)} | noise
     return {key: float(f"{value:.9g}") for key, value in everything.items()}
@@ -246,9 +234,9 @@ def _event(making: Making, one: Condition, rng: np.random.Generator) -> Event:
 
 
 def _thrown(
-    mover: Mover, events: Sequence[Event], law: Law, progress: Callable[[int, int], None]
+    mover: Mover, events: Sequence[Event], law: Making, progress: Callable[[int, int], None]
 ) -> list[Flown]:
-    """All events, thrown by the law and flown to the landing height.
+    """All events, thrown by the true law and flown to the landing height.
 
     Raises ArithmeticError for a throw that the law does not solve.
     """

@@ -31,7 +31,7 @@ from ..check import (
 from ..compile import Compile
 from ..ocp import broken
 from ..plan import Planner, SolverName
-from ..search import polynomial, run_up
+from ..search import carry
 from ..sweep import executor_of
 
 Array = npt.NDArray[np.float64]
@@ -152,28 +152,9 @@ def _motions(
             continue
         if ((end < limits.q_min) | (end > limits.q_max)).any():
             continue
-        motion = _motion(mover, *state, opening)
-        if motion is not None and _inside(limits, motion):
+        motion = carry(mover.start, state[:3], state[3], opening, PIECES)
+        if _inside(limits, motion):
             yield motion, float(state[3])
-
-
-def _motion(
-    mover: Mover, q: Array, dq: Array, ddq: Array, duration: float, opening: float
-) -> Path | None:
-    """Rest to (q, dq, ddq) in `duration`, then constant acceleration over the opening."""
-    times = np.append(np.linspace(0.0, duration, PIECES + 1), duration + opening)
-    t = times[:-1, None]
-    coefficients = run_up(mover.start, q, dq, ddq, duration)
-    place, rate, acceleration = (polynomial(coefficients, t, k) for k in range(3))
-    # Cubic pieces that meet in position, rate and acceleration at the pieces' middles.
-    dt = duration / PIECES
-    jerk = polynomial(coefficients, t + dt / 2, 3)
-    jerk[-1] = 0.0
-    for k in range(PIECES):
-        place[k + 1] = place[k] + dt * (rate[k] + dt * (acceleration[k] / 2 + dt * jerk[k] / 6))
-        rate[k + 1] = rate[k] + dt * (acceleration[k] + dt * jerk[k] / 2)
-        acceleration[k + 1] = acceleration[k] + dt * jerk[k]
-    return Path.cubics(times, place, rate, acceleration, jerk)
 
 
 def _inside(limits: Limits, motion: Path) -> bool:

@@ -5,7 +5,7 @@ Also answers which landing is the nearest possible, and which limits bind there.
 
 from .attempt import Attempt, Start, attempts, distinct, ordered, scatter, violations
 from .guess import guess_from, refit
-from .launch import flies_past_column, polynomial, run_up
+from .launch import carry, flies_past_column, polynomial, run_up
 from .nearest import Binding, Reach, highest
 from .nlps import Clock, Problems, Program, Task, check_start
 from .release_table import Releases, Turns, goals_of, joined, starts

@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models import FlightState
+from ...models import FlightState, Path
 from ...problems import Scene
 from ..check import Mover, column_distance, column_of, held_bar, palm_distance
 from ..ocp import BRAKE_SHARE, PALM_TIMES
@@ -51,6 +51,30 @@ def polynomial(coefficients: list[Array], t: Any, derivative: int = 0) -> Array:
         factor = float(np.prod(np.arange(power, power - derivative, -1)))
         terms.append(factor * coefficients[power] * t ** (power - derivative))
     return np.asarray(sum(terms))
+
+
+def carry(
+    start: Array | None,
+    state: tuple[Array, Array, Array],
+    duration: float,
+    opening: float,
+    pieces: int,
+) -> Path:
+    """The run-up (in cubic `pieces`) to a state (q, dq, ddq), which then stays accelerated so.
+
+    The pieces meet in position, rate and acceleration; each has the run-up's jerk at its middle.
+    """
+    times = np.append(np.linspace(0.0, duration, pieces + 1), duration + opening)
+    t, dt = times[:-1, None], duration / pieces
+    coefficients = run_up(start, *state, duration)
+    place, rate, acceleration = (polynomial(coefficients, t, k) for k in range(3))
+    jerk = polynomial(coefficients, t + dt / 2, 3)
+    jerk[-1] = 0.0
+    for k in range(pieces):
+        place[k + 1] = place[k] + dt * (rate[k] + dt * (acceleration[k] / 2 + dt * jerk[k] / 6))
+        rate[k + 1] = rate[k] + dt * (acceleration[k] + dt * jerk[k] / 2)
+        acceleration[k + 1] = acceleration[k] + dt * jerk[k]
+    return Path.cubics(times, place, rate, acceleration, jerk)
 
 
 def clears_column(

@@ -189,6 +189,7 @@ BAD: dict[str, tuple[dict[str, Any], str, str]] = {
     "one": ({"count": 1}, "sp", "1 throw for friction"),
     "model": ({"count": 2}, "ls-stp", "did you mean 'ls-step'"),
     "no derivatives": ({"count": 2}, "ls", "only its grid"),
+    "one at a time": ({"count": 2}, "ils", "throws one at a time, too slow here: take sp, "),
 }
 
 
@@ -227,10 +228,3 @@ def test_a_prior_that_knows_a_value_exactly_holds_it() -> None:
     prior = load_scene("pose").replace(uncertainty=known)
     found = identify(made(4, "sp", 0.004), "sp", prior=prior, delay=True, grid=False)
     assert found.posterior.value("delay") == pytest.approx(0.004, abs=1e-5)
-
-
-@pytest.mark.slow
-def test_a_slow_model_is_timed_on_a_subset() -> None:
-    known = Belief(NAMES[:2], np.log([MU, RADIUS]), 1e-6 * np.eye(2))
-    found = identify(made(1), "ils", prior=known, grid=False)
-    assert found.each is not None and found.whole == pytest.approx(found.each * 400)

@@ -11,7 +11,6 @@ import pytest
 from throwplan.planner.check import Throw, broken_limits, make_mover
 from throwplan.planner.identify import (
     Flown,
-    Law,
     Making,
     Noise,
     conditions,
@@ -30,7 +29,7 @@ Made = tuple[ThrowData, list[Flown]]
 
 @pytest.fixture(scope="module")
 def batch() -> Made:
-    return make_throws(Making(law=Law(steps=50), seed=3, factors=True))
+    return make_throws(Making(steps=50, seed=3, factors=True))
 
 
 @pytest.fixture(scope="module")

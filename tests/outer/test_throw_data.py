@@ -208,7 +208,7 @@ def test_identify_finds_the_product_of_friction_and_radius(made, tmp_path, run) 
     for part in ("friction", "patch_radius"):
         assert told["fit"][part]["deviation"] > 5 * told["fit"]["product"]["deviation"]
     assert told["grid"]["predictions"] == 12 * 400
-    names = {"identify.json", "grid-sp.csv", "grid-sp.png", "fit.png", "contact.toml"}
+    names = {"identify.json", "grid-sp.csv", "contact-sp.png", "contact.toml"}
     assert {path.name for path in out.iterdir()} == names
     assert len((out / "grid-sp.csv").read_text().splitlines()) == 401
     # contact.toml is part of a scene.
@@ -260,7 +260,7 @@ def test_validate_writes_beside_the_data_and_leaves_the_data(made, tmp_path, run
     assert printed["synthetic"]
     assert printed["models"]["sp"]["errors"]["theta"]["mae"] < 0.05
     tables = {"cross_validation", "errors", "errors_by_throw", "factors", "parameters"}
-    pictures = {"boxes", "case", "errors", "factors", "landings", "violins"}
+    pictures = {"boxes", "case", "errors", "factors"}
     names = {f"{n}.csv" for n in tables} | {f"{n}.png" for n in pictures} | {"validation.md"}
     kept = {"dataset.toml", "throws.csv", "motion", "grip", "track"}
     assert {path.name for path in copy.iterdir()} == names | kept
