@@ -10,12 +10,13 @@ import dataclasses
 import functools
 import math
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
 from typing import Any, Literal, get_args
 
 import numpy as np
 
+from ..models import land
 from ..problems import (
     COMPARED_METHODS,
     ROBUST_METHODS,
@@ -27,19 +28,21 @@ from ..problems import (
 )
 from .check import KernelCode, check_kernels, make_mover
 from .compile import Compile
-from .ocp import USUAL, Solution, ThrowNlp, nlp_key
-from .reach import solved
+from .ocp import USUAL, Optimum, Solution
+from .reach import grow
 from .result import Plan, PlannedThrow, checked_target
 from .robust import Hardening
 from .search import (
     Attempt,
     Clock,
+    Corrector,
+    Library,
+    Neighbour,
     Problems,
     Reach,
     Releases,
     ReleaseSampler,
     Search,
-    SolvedThrows,
     Sources,
     Start,
     Task,
@@ -47,11 +50,11 @@ from .search import (
     attempts,
     check_start,
     distinct,
-    goals_of,
     highest,
+    moved_start,
+    optimum_of,
     ordered,
     stored_releases,
-    stored_throws,
 )
 
 Progress = Callable[[int, int], None]
@@ -72,8 +75,12 @@ SAMPLES = 20_000
 PATIENCE = 20.0
 #: What binds where no sampled release comes down through the target's height.
 HEIGHT = "landing height"
-#: Throws that `prepare` tries to solve, and the most it may be asked for.
-PREPARED, MOST_PREPARED = 1000, 10_000
+#: Throws that `prepare` solves where the reach has room for so many, and the most it may be asked.
+PREPARED, MOST_PREPARED = 5000, 10_000
+#: Throws of the library that a plan is moved from, and that a choice is made among, per throw.
+NEIGHBOURS, CHOSEN_FROM = 4, 6
+#: As far [m, scaled error] a warm plan's optimum is moved.
+MOVED = 0.06
 
 
 class Planner:
@@ -83,12 +90,16 @@ class Planner:
     'cached' (used if they are in the cache), 'background' (and compiled for later by a
     process of its own if they are not), 'wait' (compiled first, once, in some seconds; those
     with constraints that seldom bind in the background).
+    library: whether plans start from the scene's solved throws where the cache has them (see
+    `prepare`).
 
     Raises InputError for a scene that cannot be planned at all: no [hand] or [robot],
     or a grip too weak to hold the object at rest in any permitted start pose.
     """
 
-    def __init__(self, scene: Scene, *, compiling: Compile = "background") -> None:
+    def __init__(
+        self, scene: Scene, *, compiling: Compile = "background", library: bool = True
+    ) -> None:
         start = time.perf_counter()
         _check_one_of("compiling", compiling, Compile)
         self.scene = scene
@@ -99,7 +110,8 @@ class Planner:
         self._sampler = ReleaseSampler(scene, self.mover)
         reach = Reach(scene, self.mover, compiling)
         self._sources = Sources(self.problems, self._sampler, reach, self.releases)
-        self._throws: SolvedThrows | None = None
+        self._stored = library
+        self._anchor: tuple[PlannedThrow, Optimum | None] | None = None
         self._build_time = time.perf_counter() - start
 
     def plan(
@@ -141,24 +153,24 @@ class Planner:
         with clock("build"):
             self._take_code()
         wanted = self._wanted(alternatives)
-        plan = self._planned(task, turns, wanted, self._near(task, turns, warm, wanted))
+        plan = self._planned(task, turns, wanted, warm)
         if method and plan.solved:
             plan = self._hardened(plan, method, turns, task)
         total = time.perf_counter() - started + made
         rest = plan.alternatives[:alternatives]
         return dataclasses.replace(plan, alternatives=rest, time={**clock.seconds, "total": total})
 
-    def _planned(self, task: Task, turns: Turns, wanted: int, near: Iterable[Start] = ()) -> Plan:
-        """The best of `wanted` distinct throws, from starts nearby or else from a search."""
+    def _planned(self, task: Task, turns: Turns, wanted: int, warm: Plan | None = None) -> Plan:
+        """The best of `wanted` distinct throws, from solved ones nearby or else from a search."""
         tried: list[Attempt] = []
-        for start in near:
-            if task.clock.late:
-                break
-            tried += attempts(self.problems, start, task)
-            if tried and tried[-1].solved:
-                return self._solved(tried[-1], tried, task)
-        search = Search(self._sources, task, turns, wanted, tried)
         found: list[Attempt] = []
+        for attempt in self._nearby(task, turns, warm, wanted):
+            tried.append(attempt)
+            if attempt.solved:
+                found = distinct([*found, attempt]) if wanted > 1 else [attempt]
+            if len(found) >= wanted:
+                return self._best(found, tried, task)
+        search = Search(self._sources, task, turns, wanted, tried)
         for start in search.starts():
             tried += attempts(self.problems, start, task)
             if tried[-1].solved:
@@ -167,32 +179,78 @@ class Planner:
                 break
         if not found:
             return self._failed(search, tried, task)
+        return self._best(found, tried, task, search.iterations)
+
+    def _best(
+        self, found: list[Attempt], tried: Sequence[Attempt], task: Task, iterations: int = 0
+    ) -> Plan:
+        """The plan of the best of the throws found; iterations: of solves beside the attempts."""
         by = "effort" if self.scene.choice is None else self.scene.choice.by
         best, *others = ordered(found, by) if len(found) > 1 else found
-        plan = self._solved(best, tried, task, search.iterations)
+        plan = self._solved(best, tried, task, iterations)
         rest = tuple(self._solved(other, [other], task) for other in others)
         return dataclasses.replace(plan, alternatives=rest)
 
-    def _near(self, task: Task, turns: Turns, warm: Plan | None, wanted: int) -> Iterator[Start]:
-        """Starts from solutions for targets nearby: a plan's, then those of throws solved ahead."""
-        angle = task.target.theta is not None
+    def _nearby(
+        self, task: Task, turns: Turns, warm: Plan | None, wanted: int
+    ) -> Iterator[Attempt]:
+        """Attempts from solved throws nearby: a warm plan's and the library's, moved to the target
+        first, and solved from there where that fails."""
         usable = warm is not None and warm.throw is not None and warm.mover is self.mover
-        if usable and warm is not None and warm.throw is not None:
-            throw = warm.throw
+        before = warm.throw if usable and warm is not None else None
+        alike = warm is not None and (warm.target.theta is not None) == (
+            task.target.theta is not None
+        )
+        near: list[Neighbour] = []
+        if len(task.solvers) > 1:
+            with task.clock("guess"):
+                count = NEIGHBOURS if wanted == 1 else CHOSEN_FROM * wanted
+                near = self.library.near(task.target, turns, count)
+                if before is not None and alike:
+                    near = [*self._warm_neighbour(before, task), *near]
+            for one in near:
+                if task.clock.late:
+                    return
+                yield self._corrector.attempt(one.optimum, one.landing, one.goal, task)
+        for start in self._warm_starts(task, warm if alike else None, before, near):
+            if task.clock.late:
+                return
+            yield from attempts(self.problems, start, task)
+
+    def _warm_neighbour(self, before: PlannedThrow, task: Task) -> list[Neighbour]:
+        """A warm plan's optimum, if it lands near enough."""
+        optimum = before.optimum
+        if optimum is None:
+            if self._anchor is None or self._anchor[0] is not before:
+                self._anchor = before, self._optimum_of(before, task)
+            optimum = self._anchor[1]
+        if optimum is None:
+            return []
+        target = task.target
+        x, theta, _ = land(optimum.detach[None], target.z, task.scene.gravity)[0]
+        landing = target.in_plane(float(x), None if target.theta is None else float(theta))
+        away = target.distance(landing, self.scene.object.length / 2)
+        return [Neighbour(optimum, target, landing, away)] if away < MOVED else []
+
+    def _optimum_of(self, throw: PlannedThrow, task: Task) -> Optimum | None:
+        """How the solution behind a plan moves with its target."""
+        if _robust(throw):
+            return None
+        program = self.problems.problem(throw.final.target, throw.asked, "fatrop", task.clock)
+        return optimum_of(self.library.controls, program, throw)
+
+    def _warm_starts(
+        self, task: Task, warm: Plan | None, before: PlannedThrow | None, near: list[Neighbour]
+    ) -> Iterator[Start]:
+        """Starts of a solver from a warm plan, then from the nearest throw of the library."""
+        solution = None if before is None or _robust(before) else before.solution
+        if warm is not None and before is not None and solution is not None:
             # Its multipliers fit its own NLP only.
-            if not throw.nlp.structure.robust and (warm.target.theta is not None) == angle:
-                start = self._warm_start(task, task.target, throw.solution, warm.target)
-                yield dataclasses.replace(start, asked=throw.asked, aim=throw.aim)
-        if self._throws is None or wanted > 1:
-            return
-        with task.clock("guess"):
-            goals = goals_of(self.releases(), self.scene, task.target, turns)
-            near = self._throws.near(goals)
-        for kept, goal in near:
-            nlp = self.problems.nlp(goal, kept.asked, task.clock)
-            if kept.fits(goal, nlp.size):
-                start = self._warm_start(task, goal, kept.solution, kept.target)
-                yield dataclasses.replace(start, asked=kept.asked, aim=kept.aim)
+            start = self._warm_start(task, task.target, solution, warm.target)
+            yield dataclasses.replace(start, asked=before.asked, aim=before.aim)
+        for one in near[:1]:
+            controls = self.library.controls
+            yield moved_start(controls, self.mover, one.optimum, one.goal, task)
 
     def _warm_start(self, task: Task, goal: Pose, solution: Solution, solved_for: Pose) -> Start:
         """A start from a solution for another target."""
@@ -200,31 +258,38 @@ class Planner:
         return Start(goal, lambda nlp: solution.x, task.solvers[0], warm=solution, near=near)
 
     def prepare(self, throws: int = PREPARED, progress: Progress | None = None) -> int:
-        """Solves throws all over the reach, for this planner's plans to start from.
+        """Grows a library of solved throws all over the reach, for plans to start from.
 
-        Takes a minute or so; they are kept in the cache folder for the next planner of the
-        scene. Plans then start from the nearest within 0.2 m of scaled error, and take about
-        half the time. throws: how many are tried; progress(tried, all) is called before each
-        and at the end. Returns how many were found. Raises InputError for a number out of
-        range and for a scene with [choice], whose plans look for several throws.
+        Takes a minute or so; it is kept in the cache folder, and every planner of the scene uses
+        it. A plan is then a stored throw moved to its target and checked, in a few milliseconds.
+        throws: about how many; ended early (Ctrl-C), it goes on from what it has when it is called
+        again. progress(solved, throws) is called on the way. Returns how many there are. Raises
+        InputError for a number out of range.
         """
         whole = isinstance(throws, int | np.integer) and not isinstance(throws, bool)
         if not whole or not 1 <= throws <= MOST_PREPARED:
             raise InputError(f"throws = {throws!r}: must be a whole number, 1 to {MOST_PREPARED}")
-        if self._wanted(0) > 1:
-            raise InputError(
-                "prepare: not for a scene with [choice], which looks for several throws"
-            )
+        self._stored = True
         self._take_code()
-        key = nlp_key(self.problems.nlp(self.check(), USUAL, Clock()), "fatrop")
-        made = functools.partial(solved, self.problems, self.releases, int(throws), progress)
-        self._throws = stored_throws(key, self.scene, int(throws), made)
-        return len(self._throws)
+        try:
+            grow(self.problems, self.releases(), self.library, int(throws), progress)
+        finally:
+            self.library.merge()
+        return len(self.library)
 
     @property
     def prepared(self) -> int:
         """How many solved throws plans may start from."""
-        return 0 if self._throws is None else len(self._throws)
+        return len(self.library)
+
+    @functools.cached_property
+    def _corrector(self) -> Corrector:
+        return Corrector(self.library.controls, self.mover)
+
+    @functools.cached_property
+    def library(self) -> Library:
+        """The scene's solved throws, as far as the cache has them."""
+        return Library(self.scene, self.mover, keep=self._stored)
 
     @property
     def compiled(self) -> bool:
@@ -290,7 +355,7 @@ class Planner:
         words = _lands(found.thrown, found.source.target)
         if found.method == "nominal":
             words += "; no throw found that bears the opening better"
-        variables, constraints = found.thrown.nlp.size
+        variables, constraints = found.thrown.nlp_size
         return dataclasses.replace(
             found.source,
             status="solved",
@@ -323,7 +388,7 @@ class Planner:
         """The plan of a throw that was found; iterations: of solves beside the attempts."""
         assert found.throw is not None
         goal = found.start.goal
-        plan = self._plan(task, goal, tried, iterations, found.throw.nlp)
+        plan = self._plan(task, goal, tried, iterations, found.throw.nlp_size)
         words, throw = _lands(found.throw, goal), found.throw
         return dataclasses.replace(
             plan, status="solved", message=words, throw=throw, solver=found.solver
@@ -333,7 +398,7 @@ class Planner:
         """No throw found: out of reach with the nearest possible, or not converged."""
         answer, late, target = search.answer, task.clock.late, task.target
         nlp = self.problems.nlp(target, USUAL, task.clock)
-        plan = self._plan(task, target, tried, search.iterations, nlp)
+        plan = self._plan(task, target, tried, search.iterations, nlp.size)
         if answer is None and not late:
             far, pose, words = highest(search.releases, target, task.scene.gravity)
             plan = dataclasses.replace(plan, message=words, nearest=pose, binding=(HEIGHT,))
@@ -350,10 +415,10 @@ class Planner:
         return dataclasses.replace(plan, message=message, throw=throw)
 
     def _plan(
-        self, task: Task, target: Pose, tried: Sequence[Attempt], more: int, nlp: ThrowNlp
+        self, task: Task, target: Pose, tried: Sequence[Attempt], more: int, size: tuple[int, int]
     ) -> Plan:
         """A plan without a throw; more: iterations of solves beside the attempts."""
-        variables, constraints = nlp.size
+        variables, constraints = size
         return Plan(
             task.scene,
             self.mover,
@@ -395,3 +460,8 @@ def _lands(thrown: PlannedThrow, goal: Pose) -> str:
     dx, dtheta = thrown.final.miss(goal)
     turn = "" if goal.theta is None else f" and {math.degrees(abs(dtheta)):.3f} deg"
     return f"lands {1e3 * abs(dx):.3f} mm{turn} from the target"
+
+
+def _robust(throw: PlannedThrow) -> bool:
+    """Whether its NLP has a window around the opening."""
+    return throw.nlp is not None and bool(throw.nlp.structure.robust)

@@ -76,9 +76,14 @@ def send(mover: Mover, planned: Path) -> Samples:
     found = _sent_by_core(mover.hard, planned)
     if found is not None:
         return found
+    import ruckig
+
     limits = _Bounds(*(SHARE * most for most in (mover.hard.dq, mover.hard.ddq, jerk)))
-    moved = _follow(limits, planned)
-    brake = _brake(limits, *(values[-1] for values in moved))
+    try:
+        moved = _follow(limits, planned)
+        brake = _brake(limits, *(values[-1] for values in moved))
+    except ruckig.RuckigError as error:
+        raise SmoothingError(f"Ruckig: {' '.join(str(error).split())}") from None
     return Samples(*(np.vstack(pair) for pair in zip(moved, brake, strict=True)))
 
 

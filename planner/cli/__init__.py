@@ -23,6 +23,7 @@ COMMANDS = {
     "plan": "plan a throw and check it",
     "simulate": "throw a given hand motion by release models",
     "map": "show which landing poses are in reach",
+    "prepare": "solve throws all over the reach, for plans to start from",
     "sweep": "throw a plan many times under uncertainty",
     "report": "measure error against run time, stability, and what scenes leave out",
     "view": "look at a plan in 3-D in the browser",

@@ -10,6 +10,8 @@ eight for the same accuracy, nested in one another, and has a stability limit in
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from typing import Any
 
 import casadi as ca
 import numpy as np
@@ -105,12 +107,19 @@ def _add_effort(context: Context, stage: Stage, dt: ca.SX) -> None:
     weights, most = context.parameters("weights", 3), context.each("ddq_max")
     first = context.inside(stage, ca.SX(0))[2] / most
     last = context.inside(stage, dt)[2] / most
-    # Exact for an acceleration that is linear in time.
-    cost = weights[0] * ca.sum1(first**2 + first * last + last**2) / 3
+    jerk = None
     if context.structure.jerk_control:
         jerk = JERK_UNIT * stage.controls[context.control] / context.each("jerk_max")
-        cost += weights[1] * ca.sumsqr(jerk)
-    stage.cost += dt * cost
+    stage.cost += dt * interval_effort(first, last, jerk, weights, ca.sum1)
+
+
+def interval_effort(
+    first: Any, last: Any, jerk: Any, weights: Any, total: Callable[[Any], Any]
+) -> Any:
+    """The same per second, for symbols and numbers; exact where the acceleration goes evenly from
+    `first` to `last` and `jerk` (None: not counted) is constant; total: sum over coordinates."""
+    cost = weights[0] * total(first**2 + first * last + last**2) / 3
+    return cost if jerk is None else cost + weights[1] * total(jerk**2)
 
 
 def _limit_velocity(context: Context, stage: Stage, dt: ca.SX) -> None:

@@ -204,6 +204,19 @@ class Solver:
         limit = min(LONGEST + EVALUATIONS * self._evaluation, LATEST)
         return watched(lambda: solver(**arguments), limit)
 
+    def linearised(self, x: Array, parameters: Array, multipliers: Array) -> tuple[Array, ...]:
+        """g (m,), its Jacobian (m, n), and the Lagrangian's Hessian (n, n) at a point.
+
+        multipliers (m,): of g.
+        """
+        g, slopes = self._functions["nlp_jac_g"](x, parameters)
+        hessian = self._functions["nlp_hess_l"](x, parameters, 1.0, multipliers)
+        curvature = (hessian[-1] if isinstance(hessian, tuple) else hessian).full()
+        if self.name == "ipopt":
+            # Its upper triangle.
+            curvature = curvature + np.triu(curvature, 1).T
+        return g.full().ravel(), slopes.full(), curvature
+
     @property
     def awaited(self) -> bool:
         """Whether machine code is still being compiled for it."""

@@ -286,7 +286,9 @@ def finite(plan: Plan) -> bool:
         found += [plan.nearest.x, plan.nearest.z, plan.nearest.theta or 0.0]
     if plan.solved and plan.throw is not None:
         thrown = plan.throw
-        found += [thrown.solution.x, thrown.solution.lam_g, thrown.planned_landing]
+        solution = thrown.solution
+        found += [thrown.effort, thrown.planned_landing]
+        found += [] if solution is None else [solution.x, solution.lam_g]
         found += [thrown.samples.q, thrown.samples.dq, thrown.samples.ddq, plan.error_sent()]
         found += [thrown.final.release.com, thrown.final.release.com_twist]
     return all(bool(np.isfinite(np.asarray(value, float)).all()) for value in found)

@@ -89,7 +89,7 @@ class VariantRuns:
     @property
     def cost(self) -> Array:
         """Costs (M,) of the throws."""
-        return np.array([p.throw.solution.cost if p.throw else math.nan for p in self.plans])
+        return np.array([p.throw.effort if p.throw else math.nan for p in self.plans])
 
 
 def variants(quick: bool) -> list[Variant]:

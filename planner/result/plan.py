@@ -4,15 +4,16 @@ from __future__ import annotations
 
 import json
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Any, Literal
 
-from ...models import Arm
+from ...models import SLIDING_PIVOT, Arm
 from ...models import Path as Motion
 from ...problems import InputError, Pose, Scene
 from ..check import Mover, Samples, Throw
-from ..ocp import USUAL, Asked, Solution, ThrowNlp
+from ..ocp import USUAL, Asked, Optimum, Solution, ThrowNlp
 from .files import Draw, save_plan
 
 Status = Literal["solved", "out_of_reach", "not_converged"]
@@ -24,21 +25,41 @@ MOMENTS = ("command_time", "opening_time", "detach_time", "landing_time")
 class PlannedThrow:
     """The throw behind a plan: where it comes from and what the models make of it.
 
-    nlp, solution: where it comes from; planned: the solution's motion, and its own landing x,
-    z [m], theta [rad]; exact: that motion by the sliding pivot; final: what is sent, by the
-    model of the tolerance; aim: how far from the target (dx [m], dtheta [rad]) the NLP's
-    landing is put, so that this one is at it; asked: what its NLP had beyond the usual
-    constraints.
+    planned: its motion up to detach; final: what is sent, by the model of the tolerance; effort:
+    the NLP's cost of that motion; nlp_size: variables and constraints of its NLP; asked: what
+    that has beyond the usual constraints; aim: how far from the target (dx [m], dtheta [rad])
+    its landing is put, so that this one is at it. nlp, solution, landing_of_nlp (x, z [m], theta
+    [rad]): of a throw that is an NLP's solution; optimum: of one that was moved from there.
     """
 
-    nlp: ThrowNlp
-    solution: Solution
     planned: Motion
-    planned_landing: tuple[float, float, float]
-    exact: Throw
     final: Throw
-    aim: tuple[float, float]
+    effort: float
+    nlp_size: tuple[int, int]
     asked: Asked = USUAL
+    aim: tuple[float, float] = (0.0, 0.0)
+    nlp: ThrowNlp | None = None
+    solution: Solution | None = None
+    landing_of_nlp: tuple[float, float, float] | None = None
+    optimum: Optimum | None = None
+
+    @cached_property
+    def exact(self) -> Throw:
+        """The planned motion by the sliding pivot."""
+        if self.scene.robot is None:
+            return self.final.sliding_pivot
+        return replace(self.final, path=self.planned, model=SLIDING_PIVOT)
+
+    @cached_property
+    def planned_landing(self) -> tuple[float, float, float]:
+        """Where the smoothed model lands: x, z [m], theta [rad].
+
+        Of a moved throw: as far from the exact model as at its optimum.
+        """
+        if self.optimum is None or self.landing_of_nlp is not None:
+            return self.landing_of_nlp or (math.nan, math.nan, math.nan)
+        (x, z, theta), (dx, turn) = self.exact.landing.pose, self.optimum.smoothing
+        return x + dx, z, theta + turn
 
     @property
     def scene(self) -> Scene:
@@ -170,7 +191,7 @@ class Plan:
                 {
                     "landing": other.to_dict()["landing"],
                     "release": other.to_dict()["release"],
-                    "effort": None if other.throw is None else other.throw.solution.cost,
+                    "effort": None if other.throw is None else other.throw.effort,
                 }
                 for other in self.alternatives
             ]

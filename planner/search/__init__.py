@@ -4,11 +4,12 @@ Also answers which landing is the nearest possible, and which limits bind there.
 """
 
 from .attempt import Attempt, Start, attempts, distinct, ordered, scatter, violations
+from .corrector import Corrector, moved_start, optimum_of
 from .guess import guess_from, refit
 from .launch import carry, flies_past_column, polynomial, run_up
+from .library import Library, Neighbour
 from .nearest import Binding, Reach, highest
 from .nlps import Clock, Problems, Program, Task, check_start
 from .release_table import Releases, Turns, goals_of, joined, starts
-from .sampling import ReleaseSampler, stored_releases
-from .stored import SolvedThrow, SolvedThrows, spread_targets, stored_throws
+from .sampling import ReleaseSampler, sparse_parents, stored_releases
 from .table import Search, Sources, release_start

@@ -15,8 +15,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from ...models import SLIDING_PIVOT, STEPPED_SURFACE, Path
-from ...problems import Pose
+from ...models import STEPPED_SURFACE, Path
+from ...problems import Pose, Scene
 from ..check import (
     Mover,
     SmoothingError,
@@ -114,7 +114,9 @@ def attempts(problems: Problems, start: Start, task: Task) -> Iterator[Attempt]:
             request = Request(task.scene, problems.mover, robust=start.robust)
             guess = start.guess(nlp) if own or last is None else refit(nlp, last, request)
         problem = problems.problem(start.goal, asked, start.solver, task.clock, start.robust)
-        attempt = _attempt(problem, problems.mover, start, asked, guess, task)
+        # Multipliers fit their own NLP only.
+        first = start if asked == start.asked else replace(start, warm=None)
+        attempt = _attempt(problem, problems.mover, first, asked, guess, task)
         yield attempt
         last, after = attempt.throw, attempt.after
         if attempt.solved or last is None or after == asked or task.clock.late:
@@ -173,9 +175,9 @@ class _Solving:
 
     def corrected(self, guess: Array) -> tuple[_Candidate | None, str]:
         """The solution whose sent motion lands nearest the goal; None and why, without one."""
-        start, tolerance = self.start, self.task.scene.tolerance
+        start = self.start
         target = start.goal
-        aimed = min(AIM[0], tolerance.position / 2), min(AIM[1], tolerance.angle / 2)
+        aimed = aims(self.task.scene)
         goal = target.in_plane(target.plane_x + start.aim[0], target.turned(start.aim[1]).theta)
         warm, near = start.warm, start.near
         best, least, reason = None, math.inf, ""
@@ -234,15 +236,19 @@ class _Solving:
 
 
 def _thrown(nlp: ThrowNlp, best: _Candidate, asked: Asked) -> PlannedThrow:
-    """The candidate thrown by all models."""
-    sent, planned = best.thrown, best.planned
-    pivot, _ = sent.sliding_pivot.throw(), sent.limit_surface.throw()
-    exact = pivot
-    if sent.scene.robot is not None:
-        exact = replace(sent, path=planned, model=SLIDING_PIVOT).throw()
+    """The candidate as a throw."""
     x, z, theta = (float(v) for v in np.array(nlp.landing(best.solution.x, best.numbers)).ravel())
-    landing = (x, z, theta)
-    return PlannedThrow(nlp, best.solution, planned, landing, exact, sent, best.aim, asked)
+    return PlannedThrow(
+        best.planned,
+        best.thrown,
+        best.solution.cost,
+        nlp.size,
+        asked,
+        best.aim,
+        nlp,
+        best.solution,
+        (x, z, theta),
+    )
 
 
 def violations(thrown: PlannedThrow, target: Pose) -> list[Violation]:
@@ -266,6 +272,12 @@ def violations(thrown: PlannedThrow, target: Pose) -> list[Violation]:
         use = f"grip use {thrown.exact.grip_use:.2f}"
         found.append(Violation(f"slip before the opening ({use})", "carry"))
     return found + broken(thrown.final)
+
+
+def aims(scene: Scene) -> tuple[float, float]:
+    """How near to the target corrections aim: position [m], angle [rad]."""
+    tolerance = scene.tolerance
+    return min(AIM[0], tolerance.position / 2), min(AIM[1], tolerance.angle / 2)
 
 
 def scaled(dx: float, dtheta: float, scale: tuple[float, float]) -> float:
@@ -307,7 +319,7 @@ def distinct(found: list[Attempt]) -> list[Attempt]:
 
 #: What a scene's [choice] may ask for the least of.
 CRITERIA: dict[str, Callable[[Attempt], float]] = {
-    "effort": lambda found: _throw_of(found).solution.cost,
+    "effort": lambda found: _throw_of(found).effort,
     "time": lambda found: _throw_of(found).landing_time,
     "robustness": lambda found: scatter(_throw_of(found), found.start.goal),
 }

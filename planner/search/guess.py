@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 import numpy.typing as npt
 
-from ...models import Path
+from ...models import Path, ReleaseCase
 from ...problems import Scene
 from ..check import Mover, case_of, relative_states
 from ..ocp import (
@@ -41,18 +43,29 @@ def guess_from(
     before = [polynomial(launch, launched, k).T for k in range(3)]
     opening = Path.cubics(nodes[[0, -1]], q[None], dq[None], ddq[None], 0 * q[None])
     states = [np.hstack(pair) for pair in zip(before, opening.at(nodes[1:]), strict=True)]
+    relative = _relative(nlp, case_of(scene, mover.hand(opening)), nodes)
+    entries = _cup_times(scene, releases.detach[index], flight, nlp.count("t_cup"))
+    other = _others(entries, flight)
+    return decision_vector(nlp, times, states, lambda k, _: relative[k - s.opens], other)
+
+
+def _relative(nlp: ThrowNlp, case: ReleaseCase, nodes: Array) -> Array:
+    """Relative states (K + 1, 6; 4 without the pivot) of the sliding pivot at the nodes."""
     # A step in the middle of each interval too: one alone is rough.
     fine = np.sort(np.concatenate([nodes, (nodes[:-1] + nodes[1:]) / 2]))
-    track = relative_states(case_of(scene, mover.hand(opening)), fine)[::2]
-    relative = track if s.pivot else track[:, [0, 1, 3, 4]]
-    entries = _cup_times(scene, releases.detach[index], flight, nlp.count("t_cup"))
+    track = relative_states(case, fine)[::2]
+    return track if nlp.structure.pivot else track[:, [0, 1, 3, 4]]
+
+
+def _others(entries: Array, flight: float) -> Callable[[Block], float]:
+    """Values of the variables of the flight; entries: times into the cup."""
 
     def other(block: Block) -> float:
         if block.name in ("t_rim", "t_cup"):
             return float(entries[block.index + (block.name == "t_cup")])
         return flight if block.name == "t_f" else 0.0
 
-    return decision_vector(nlp, times, states, lambda k, _: relative[k - s.opens], other)
+    return other
 
 
 def _cup_times(scene: Scene, detach: Array, flight: float, depths: int) -> Array:
@@ -81,31 +94,24 @@ def _cup_times(scene: Scene, detach: Array, flight: float, depths: int) -> Array
 
 def refit(nlp: ThrowNlp, throw: PlannedThrow, request: Request) -> Array:
     """Decision vector of the request's `nlp` from a throw of another."""
-    source, x = throw.nlp, throw.solution.x
-    s, old = nlp.structure, source.structure
+    s = nlp.structure
     times = stage_times(request, throw.opening_time)
-    flight = float(source.block(x, "t_f", old.detach)[0])  # type: ignore[index]
     size = 6 if s.pivot else 4
-    # The source's opening may have other intervals.
-    before = opening_nodes(throw.scene.mesh, request.scene.gripper.profile().opening)
-    states = [source.block(x, "rel", old.opens + i) for i in range(1, old.opening + 1)]
-    track = np.array([np.zeros(size), *[state for state in states if state is not None]])
+    before, track, flight, entries = _as_thrown(nlp, throw)
     delays = [0.0] if request.window is None else [0.0, *request.window.delays]
 
     def relative(k: int, opening: int) -> Array:
         since = request.nodes[k - s.carry] - delays[opening]
         return np.array([np.interp(since, before, track[:, i]) for i in range(size)])
 
-    depths, old_depths = nlp.count("t_cup"), source.count("t_cup")
-    entered = [source.block(x, "t_cup", old.detach, i) for i in range(old_depths)]
-    entries = [float(time[0]) for time in entered if time is not None]
+    depths = nlp.count("t_cup")
 
     def other(block: Block) -> Array | float:
         if block.name == "t_cup":
             share = block.index / max(depths - 1, 1)
-            return float(np.interp(share, np.linspace(0.0, 1.0, old_depths), entries))
+            return float(np.interp(share, np.linspace(0.0, 1.0, len(entries) - 1), entries[1:]))
         if block.name == "t_rim":
-            return np.asarray(source.block(x, "t_rim", old.detach))
+            return float(entries[0])
         if block.name == "t_f":
             # Those of other openings start at the window's end.
             late = times[-1] - times[s.detach]
@@ -113,3 +119,28 @@ def refit(nlp: ThrowNlp, throw: PlannedThrow, request: Request) -> Array:
         return 0.0
 
     return decision_vector(nlp, times, list(throw.planned.at(times)), relative, other)
+
+
+def _as_thrown(nlp: ThrowNlp, throw: PlannedThrow) -> tuple[Array, Array, float, Array]:
+    """Nodes [s] of a throw's opening and the relative states there, time of flight [s] and times
+    into the cup: of its own NLP's solution, or, of a throw that has none, by the exact model."""
+    source, nodes = (
+        throw.nlp,
+        opening_nodes(throw.scene.mesh, throw.scene.gripper.profile().opening),
+    )
+    if source is None or throw.solution is None:
+        pivot = throw.exact
+        detach = np.array(list(vars(pivot.release.detach).values()))
+        flight, depths = pivot.landing.flight_time, nlp.count("t_cup")
+        relative = _relative(nlp, pivot.case, nodes)
+        return nodes, relative, flight, _cup_times(throw.scene, detach, flight, depths)
+    x, old = throw.solution.x, source.structure
+    states = [source.block(x, "rel", old.opens + i) for i in range(1, old.opening + 1)]
+    known = [state for state in states if state is not None]
+    track = np.array([np.zeros_like(known[0]), *known])
+    flown = source.block(x, "t_f", old.detach)
+    entered = [source.block(x, "t_cup", old.detach, i) for i in range(source.count("t_cup"))]
+    entered.insert(0, source.block(x, "t_rim", old.detach))
+    assert flown is not None
+    entries = [time for time in entered if time is not None]
+    return nodes, track, float(flown[0]), np.concatenate([np.zeros(0), *entries])

@@ -84,7 +84,7 @@ class Problems:
 
     def __init__(self, scene: Scene, mover: Mover, compiling: Compile) -> None:
         self.scene, self.mover = scene, mover
-        self._compiling = compiling
+        self.compiling = compiling
         self._nlps: dict[_Kind, ThrowNlp] = {}
         self._problems: dict[tuple[_Kind, str], Program] = {}
 
@@ -117,7 +117,7 @@ class Problems:
         if (kind, name) not in self._problems:
             nlp = self.nlp(target, asked, clock, robust)
             with clock("build"):
-                made = Solver(nlp, name, compiling=patient(self._compiling, kind.guards))
+                made = Solver(nlp, name, compiling=patient(self.compiling, kind.guards))
                 request = Request(self.scene, self.mover, target, asked, robust)
                 self._problems[kind, name] = Program(nlp, made, nlp.bounds(request))
         return self._problems[kind, name]

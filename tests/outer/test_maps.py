@@ -1,4 +1,4 @@
-"""The map of landing poses in reach: what is in it, its files, the command; prepared throws."""
+"""The map of landing poses in reach: what is in it, its files, the command."""
 
 from __future__ import annotations
 

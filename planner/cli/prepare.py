@@ -1,0 +1,47 @@
+"""`throwplan prepare`: a library of solved throws over the map, kept in the cache."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+
+from ...problems import load_scene
+from ..plan import MOST_PREPARED, PREPARED, Planner
+from .common import DONE, NO_THROW, Progress, add_scene, answer, whole
+
+EXAMPLE = "throwplan prepare pose --throws 5000"
+
+
+def arguments(parser: argparse.ArgumentParser) -> None:
+    """The command's options."""
+    add_scene(parser)
+    words = f"about how many throws, where the reach has room for them (default: {PREPARED})"
+    kind = whole(1, MOST_PREPARED)
+    parser.add_argument("--throws", type=kind, metavar="N", default=PREPARED, help=words)
+
+
+def run(options: argparse.Namespace) -> int:
+    """Grows the library and prints how large it is."""
+    planner = Planner(load_scene(options.scene), compiling="wait")
+    name, started = planner.scene.name, time.perf_counter()
+    with Progress(name) as progress:
+        count = planner.prepare(options.throws, progress)
+    library, seconds = planner.library, time.perf_counter() - started
+    found = {
+        "scene": name,
+        "throws": count,
+        "edge": len(library.records) - count,
+        "bytes": library.records.nbytes,
+        "folder": None if library.folder is None else str(library.folder),
+        "time": seconds,
+    }
+    if not count:
+        print("throwplan: no throw found: none of the seeds is solved", file=sys.stderr)
+    where = "not kept: there is no cache folder" if library.folder is None else library.folder
+    text = (
+        f"{name}: {count:,} solved throws, {found['edge']:,} places beyond the edge of the reach, "
+        f"{library.records.nbytes / 1e6:.1f} MB, in {seconds:.0f} s\n  {where}"
+    )
+    answer(options, found, text)
+    return DONE if count else NO_THROW

@@ -1,0 +1,209 @@
+"""The few numbers that a whole throw follows from, and how an optimum moves with its target.
+
+Of a throw's decision vector only the carry's duration, a free start and the controls (jerks, or
+a hand's accelerations) are free: gaps, collocation and flight time are equations for all the
+rest. They are `u` here, about 40 numbers, and enough to throw the motion again.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+import numpy.typing as npt
+
+from ...models import Path
+from .asked import USUAL, Asked, Request
+from .layout import CARRY_MIN, JERK_UNIT
+from .nlp import WEIGHTS, ThrowNlp
+from .phases import interval_effort
+from .solver import Solution, Solver
+
+Array = npt.NDArray[np.float64]
+
+#: Rows that say where the object lands: the sensitivity is with respect to them.
+LANDING = ("landing x", "landing theta")
+#: Curvature below this share of the largest, or negative, is raised to it: along such directions
+#: an optimum of the NLP may move a long way for nothing.
+FLATTEST = 1e-4
+#: Singular values of the active constraints below this share of the largest count as none.
+DEPENDENT = 1e-6
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """A solved throw, and how it moves with its target.
+
+    u (size,) and slope = du / d(landing x [m], theta [rad]) (size, 2; 1 with theta open), see
+    `Controls` and `sensitivity`; detach (6,): CoM pose and twist there by the model that counts;
+    effort: the NLP's cost; smoothing: how far its landing (dx [m], dtheta [rad]) is from the exact
+    one of the planned motion; asked, nlp_size: of its NLP; binding: limits that bind, strongest
+    first.
+    """
+
+    u: Array
+    slope: Array
+    detach: Array
+    effort: float
+    nlp_size: tuple[int, int]
+    smoothing: tuple[float, float]
+    asked: Asked = USUAL
+    binding: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True)
+class Controls:
+    """How `u` makes the motion of a request's throws.
+
+    u (size,): the carry's duration [s], the start (n,) where it is free, the controls (n,) of
+    each interval in the units of the decision vector.
+    """
+
+    request: Request
+
+    @cached_property
+    def start(self) -> Array | None:
+        """The given start (n,); None where it is free."""
+        return self.request.mover.start
+
+    @cached_property
+    def size(self) -> int:
+        """Length of u."""
+        n, mesh = self.request.mover.size, self.request.scene.mesh
+        stages = mesh.carry + len(self.request.nodes) - 1
+        return 1 + n * (stages + (self.start is None))
+
+    @cached_property
+    def opening(self) -> Array:
+        """Lengths (O,) [s] of the intervals after the carry."""
+        return np.diff(self.request.nodes)
+
+    @cached_property
+    def durations(self) -> tuple[float, float]:
+        """Shortest and longest carry [s]."""
+        scene = self.request.scene
+        earliest = scene.gripper.profile().dwell + scene.mean_delay + self.request.nodes[0]
+        return max(float(earliest), CARRY_MIN), scene.mesh.carry_max
+
+    def places(self, nlp: ThrowNlp) -> list[int]:
+        """Indices (size,) of u in the NLP's decision vector."""
+        blocks = [nlp.place("T", 0)]
+        if self.start is None:
+            blocks.append(nlp.place("q", 0))
+        blocks += [nlp.place("c", k) for k in range(nlp.structure.last)]
+        return [i for where in blocks if where is not None for i in range(where.start, where.stop)]
+
+    def _split(self, u: Array) -> tuple[float, Array, Array, Array]:
+        """Carry's duration, start (n,), controls (stages, n), intervals' lengths (stages,)."""
+        n, carry = self.request.mover.size, self.request.scene.mesh.carry
+        free = n if self.start is None else 0
+        start = u[1 : 1 + n] if self.start is None else self.start
+        duration = float(u[0])
+        lengths = np.concatenate([np.full(carry, duration / carry), self.opening])
+        return duration, start, u[1 + free :].reshape(-1, n), lengths
+
+    def _states(self, u: Array) -> tuple[Array, Array, Array, Array, Array]:
+        """q, dq, ddq, jerk (stages, n) at the intervals' starts, and their lengths (stages,)."""
+        _, start, control, lengths = self._split(u)
+        dt = lengths[:, None]
+        if self.request.mover.jerk_control:
+            jerk = JERK_UNIT * control
+            ddq = _before(dt * jerk)
+        else:
+            jerk, ddq = np.zeros_like(control), control
+        dq = _before(dt * (ddq + dt * jerk / 2))
+        q = start + _before(dt * (dq + dt * (ddq / 2 + dt * jerk / 6)))
+        return q, dq, ddq, jerk, lengths
+
+    def motion(self, u: Array) -> tuple[Path, float]:
+        """The motion, from rest to detach, and when the grip force starts to fall on it [s]."""
+        q, dq, ddq, jerk, lengths = self._states(u)
+        times = np.concatenate([[0.0], np.cumsum(lengths)])
+        return Path.cubics(times, q, dq, ddq, jerk), float(u[0] - self.request.nodes[0])
+
+    def effort(self, u: Array) -> float:
+        """The NLP's cost: relative acceleration and jerk squared, and the carry's time."""
+        _, _, ddq, jerk, lengths = self._states(u)
+        most, dt = self.request.mover.planning, lengths[:, None]
+        first, last = ddq / most.ddq, (ddq + dt * jerk) / most.ddq
+        rate = None if most.jerk is None else jerk / most.jerk
+        cost = interval_effort(first, last, rate, WEIGHTS, lambda values: values.sum(axis=1))
+        return float(lengths @ cost + WEIGHTS[2] * u[0])
+
+    def allowed(self, u: Array) -> bool:
+        """Whether the carry is neither too short nor too long."""
+        shortest, longest = self.durations
+        return bool(shortest <= u[0] <= longest)
+
+
+def _before(steps: Array) -> Array:
+    """Sums of the steps (stages, n) before each."""
+    total = np.zeros_like(steps)
+    np.cumsum(steps[:-1], axis=0, out=total[1:])
+    return total
+
+
+def sensitivity(
+    nlp: ThrowNlp,
+    solver: Solver,
+    solution: Solution,
+    numbers: Array,
+    limits: tuple[Array, Array],
+    places: list[int],
+) -> Array:
+    """How u moves where the target does (size, 2; 1 with theta open), at an optimum.
+
+    du / d(x [m], theta [rad]) of the landing: the parametric sensitivity of the NLP's solution
+    while the active limits stay active (Fiacco 1983). In u alone: the equations give all other
+    variables. limits: bounds of the decision vector; places: of u in it.
+    """
+    import scipy.sparse
+    from scipy.sparse.linalg import splu
+
+    x, multipliers = solution.x, solution.lam_g
+    g, slopes, curvature = solver.linearised(x, numbers, multipliers)
+    names = np.array(nlp.row_names)
+    landing = np.flatnonzero(np.isin(names, LANDING))
+    equal = nlp.lbg == nlp.ubg
+    equal[landing] = False
+    rest = np.setdiff1d(np.arange(x.size), places)
+    # All variables per u: the equations hold.
+    whole = np.zeros((x.size, len(places)))
+    whole[places, np.arange(len(places))] = 1.0
+    equations = scipy.sparse.csc_matrix(slopes[np.ix_(equal, rest)])
+    whole[rest] = splu(equations).solve(-slopes[np.ix_(equal, places)])
+    hessian = whole.T @ curvature @ whole
+    slack = np.minimum(g - nlp.lbg, nlp.ubg - g)
+    rows = (nlp.lbg < nlp.ubg) & (slack < np.abs(multipliers))
+    distance = np.minimum(x - limits[0], limits[1] - x)
+    bounds = (limits[0] < limits[1]) & (distance < np.abs(solution.lam_x))
+    active = np.vstack([slopes[rows] @ whole, whole[bounds]])
+    return _moved(hessian, slopes[landing] @ whole, active)
+
+
+def _moved(hessian: Array, landing: Array, active: Array) -> Array:
+    """The cheapest du (size, L) that moves the landing by one each and leaves what is active."""
+    free = _null_space(active)
+    reach = landing @ free
+    if np.linalg.matrix_rank(reach, rtol=DEPENDENT) < len(landing):
+        # So many limits are active that the target cannot move along them.
+        free, reach = np.eye(len(hessian)), landing
+    direct = np.linalg.pinv(reach)
+    inner = free.T @ hessian @ free
+    around = _null_space(reach)
+    bent = around.T @ inner @ around
+    values, vectors = np.linalg.eigh((bent + bent.T) / 2)
+    values = np.maximum(values, FLATTEST * max(float(np.abs(values).max(initial=0.0)), 1e-9))
+    inverse = (vectors / values) @ vectors.T
+    return np.asarray(free @ (direct - around @ (inverse @ (around.T @ inner @ direct))))
+
+
+def _null_space(rows: Array) -> Array:
+    """Orthonormal basis (n, k) of what the rows (m, n) do not see."""
+    if not len(rows):
+        return np.eye(rows.shape[1])
+    scale = np.linalg.norm(rows, axis=1, keepdims=True)
+    _, sizes, basis = np.linalg.svd(rows / np.maximum(scale, 1e-300))
+    rank = int((sizes > DEPENDENT * sizes[0]).sum())
+    return np.asarray(basis[rank:].T)

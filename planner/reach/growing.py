@@ -1,0 +1,286 @@
+"""A library of solved throws grown over the map, frontier by frontier, to the edge of the reach.
+
+The map's landings, sorted into cells, say about how large the reach is; a few random ones are
+solved from the release table. From then on each solved cell is where solves for its neighbours
+start, a few iterations each, so that the library finds its way into every corner that can be
+thrown to, whether a random throw landed there or not. A cell that no neighbour leads to is the
+edge, and keeps the names of the limits that bind at it.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import time
+from collections import deque
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ...problems import Pose, Scene
+from ..ocp import USUAL, Asked, Optimum, Solution, binding_limits
+from ..search import (
+    Attempt,
+    Clock,
+    Library,
+    Problems,
+    Releases,
+    Start,
+    Task,
+    attempts,
+    moved_start,
+    optimum_of,
+    release_start,
+    sparse_parents,
+    starts,
+)
+from .bins import WIDTHS
+from .maps import reach_map
+
+Array = npt.NDArray[np.float64]
+Cell = tuple[int, int]
+Landings = tuple[Array, Array]
+Progress = Callable[[int, int], None]
+
+#: Sampled states whose landings are the map; seeds solved from the release table, and starts tried
+#: for each.
+SAMPLES, SEEDS, STARTS = 60_000, 48, 3
+#: How much larger the reach is than what random throws hit.
+LARGER = 1.25
+#: Narrowest cells, as a share of these bins.
+FINEST = 0.1
+#: Neighbours from which a cell is tried before it counts as beyond the edge.
+TRIED = 2
+#: NLPs tried for a cell, each asked for what the check of the last one found broken.
+TRIES = 3
+#: Records are kept this often [s]: so much is lost at most where the process is ended.
+KEPT = 5.0
+#: Time [s] for one cell.
+PATIENCE = 5.0
+SEED = 5
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Cells of x [m] and theta [rad] that a library has a throw in each; theta's is 0 if open."""
+
+    x: float
+    theta: float
+
+    @classmethod
+    def of(cls, x: Array, theta: Array, count: int, *, angle: bool) -> Cells:
+        """Cells so wide that `count` of them cover a map's landings x, theta (N,), about."""
+        wide, turn = WIDTHS[1]
+        columns = [x / wide, theta / turn] if angle else [x / wide]
+        filled = len(np.unique(np.floor(np.column_stack(columns)), axis=0))
+        scale = (LARGER * max(filled, 1) / count) ** (1 / len(columns))
+        scale = max(scale, FINEST)
+        return cls(scale * wide, scale * turn if angle else 0.0)
+
+    def __call__(self, x: float, theta: float | None) -> Cell:
+        """The cell of a landing."""
+        turn = theta if self.theta and theta is not None else 0.0
+        return math.floor(x / self.x), math.floor(turn / self.theta) if self.theta else 0
+
+    def middle(self, cell: Cell, target: Pose) -> Pose:
+        """The landing pose in the middle of a cell."""
+        theta = (cell[1] + 0.5) * self.theta if self.theta else None
+        return target.in_plane((cell[0] + 0.5) * self.x, theta)
+
+    def around(self, cell: Cell) -> list[Cell]:
+        """The cells beside it."""
+        i, j = cell
+        beside = [(i - 1, j), (i + 1, j)]
+        return [*beside, (i, j - 1), (i, j + 1)] if self.theta else beside
+
+
+def landings_of(scene: Scene) -> Landings:
+    """Where a map's random throws land: x [m], theta [rad] (N,)."""
+    found = reach_map(scene, samples=SAMPLES)
+    return found.x, found.theta
+
+
+class Growth:
+    """One process' share of the growth of a scene's library.
+
+    share: (number of this process, number of processes): it begins in its own part of the map,
+    and goes on in the others' when it is done there.
+    """
+
+    def __init__(
+        self,
+        problems: Problems,
+        releases: Releases,
+        library: Library,
+        landings: Landings,
+        throws: int,
+        share: tuple[int, int] = (0, 1),
+    ) -> None:
+        self.problems, self.library, self._throws = problems, library, throws
+        self._scene, self._releases = problems.scene, releases
+        assert self._scene.target is not None
+        self._target = self._scene.target
+        self._asked = always_asked(self._scene)
+        self._x, self._theta = landings
+        self.cells = Cells.of(*landings, throws, angle=library.angle)
+        # Halves of the map for two processes: as many landings in each.
+        parts = np.quantile(self._x, np.linspace(0, 1, share[1] + 1)) if self._x.size else [0, 0]
+        self._own = float(parts[share[0]]), float(parts[share[0] + 1])
+        if share[0] == 0:
+            self._own = -math.inf, self._own[1]
+        if share[0] == share[1] - 1:
+            self._own = self._own[0], math.inf
+        self._rng = np.random.default_rng([SEED, share[0]])
+        self._solutions: dict[Cell, tuple[Solution, Asked, Optimum]] = {}
+        self._solved: dict[Cell, int] = {}
+        self._beyond: dict[Cell, int] = {}
+        self._new: list[np.ndarray] = []
+        self._kept = time.perf_counter()
+
+    # How far it is.
+
+    def grow(self, progress: Progress | None = None) -> None:
+        """Solves until there are so many throws, or none is left to find."""
+        try:
+            self._take_up()
+            for _ in self._steps():
+                if time.perf_counter() > self._kept + KEPT:
+                    self._keep()
+                if progress is not None:
+                    progress(min(len(self._solved), self._throws), self._throws)
+                if len(self._solved) >= self._throws:
+                    break
+        finally:
+            self._keep()
+
+    def _keep(self) -> None:
+        """Adds what was solved to the library, and takes up what others have added."""
+        self.library.add(self._new)
+        self._new, self._kept = [], time.perf_counter()
+        self.library.refresh()
+        self._take_up()
+
+    def _take_up(self) -> None:
+        """The library's cells."""
+        solved = iter(range(len(self.library)))
+        for row in self.library.records:
+            cell = self.cells(float(row["landing"][0]), float(row["landing"][1]))
+            if row["solved"]:
+                self._solved.setdefault(cell, next(solved))
+            else:
+                self._beyond[cell] = TRIED
+
+    def _steps(self) -> Iterator[None]:
+        """Seeds, then cell after cell from a solved neighbour."""
+        if self._x.size and not self._solved:
+            for pose in self._seeds():
+                self._from_table(pose)
+                yield
+        waiting = deque(self._frontier(own=True))
+        own = True
+        while waiting or own:
+            if not waiting:
+                own = False
+                waiting.extend(self._frontier(own=False))
+                continue
+            cell, source = waiting.popleft()
+            if cell in self._solved or self._beyond.get(cell, 0) >= TRIED:
+                continue
+            if self._step(cell, source):
+                waiting.extend(self._next(cell, own))
+            yield
+
+    def _frontier(self, *, own: bool) -> list[tuple[Cell, Cell]]:
+        """(cell, solved neighbour) of all that are not solved yet."""
+        found = [pair for cell in list(self._solved) for pair in self._next(cell, own)]
+        order = self._rng.permutation(len(found))
+        return [found[i] for i in order]
+
+    def _next(self, cell: Cell, own: bool) -> Iterator[tuple[Cell, Cell]]:
+        for beside in self.cells.around(cell):
+            if beside not in self._solved and self._beyond.get(beside, 0) < TRIED:
+                x = (beside[0] + 0.5) * self.cells.x
+                if not own or self._own[0] <= x <= self._own[1]:
+                    yield beside, cell
+
+    # One cell.
+
+    def _seeds(self) -> list[Pose]:
+        some = sparse_parents(self._x, self._theta, SEEDS, self._rng)
+        landings = [
+            (float(self._x[i]), float(self._theta[i]) if self.library.angle else None)
+            for i in some
+            if self._own[0] <= self._x[i] <= self._own[1]
+        ]
+        cells = dict.fromkeys(self.cells(*landing) for landing in landings)
+        return [self.cells.middle(cell, self._target) for cell in cells]
+
+    def _task(self, goal: Pose) -> Task:
+        clock = Clock(time.perf_counter() + PATIENCE)
+        return Task(self._scene.aimed_at(goal), goal, ("fatrop",), clock)
+
+    def _from_table(self, goal: Pose) -> None:
+        """A throw from nothing but the release table."""
+        task, releases = self._task(goal), self._releases
+        for index, aim, _ in starts(releases, task.scene, goal, "exact", STARTS):
+            start = release_start(self.problems, task, releases, index, aim)
+            start = dataclasses.replace(start, asked=self._asked, light=True)
+            if self._taken(list(attempts(self.problems, start, task)), task):
+                return
+
+    def _step(self, cell: Cell, source: Cell) -> bool:
+        """Whether a cell is solved from a neighbour."""
+        goal = self.cells.middle(cell, self._target)
+        task = self._task(goal)
+        if source in self._solutions:
+            solution, asked, optimum = self._solutions[source]
+            start = Start(
+                goal,
+                lambda nlp: solution.x,
+                "fatrop",
+                asked=asked,
+                tries=TRIES,
+                light=True,
+                warm=solution,
+                near=False,
+                aim=optimum.smoothing,
+            )
+        else:
+            optimum = self.library.optimum(self._solved[source])
+            controls, mover = self.library.controls, self.problems.mover
+            start = moved_start(controls, mover, optimum, goal, task)
+            start = dataclasses.replace(start, light=True, tries=TRIES)
+        if self._taken(list(attempts(self.problems, start, task)), task):
+            return True
+        self._beyond[cell] = self._beyond.get(cell, 0) + 1
+        if self._beyond[cell] >= TRIED:
+            landing = (goal.plane_x, goal.theta or 0.0)
+            self._new.append(self.library.record(optimum, landing, solved=False))
+        return False
+
+    def _taken(self, tried: list[Attempt], task: Task) -> bool:
+        """Whether the last attempt is a throw; then it is kept."""
+        last = tried[-1] if tried else None
+        if last is None or not last.solved or last.throw is None or last.throw.solution is None:
+            return False
+        goal, solution = task.target, last.throw.solution
+        program = self.problems.problem(goal, last.asked, "fatrop", task.clock)
+        names = binding_limits(program.nlp, self.problems.mover.joints, solution, program.limits)
+        optimum = optimum_of(self.library.controls, program, last.throw, names)
+        if optimum is None:
+            return False
+        cell = self.cells(goal.plane_x, goal.theta)
+        self._solved[cell] = -1
+        self._solutions[cell] = solution, last.asked, optimum
+        landing = last.throw.final.landing
+        self._new.append(self.library.record(optimum, (landing.x, landing.theta), solved=True))
+        return True
+
+
+def always_asked(scene: Scene) -> Asked:
+    """What the library's NLPs are asked from the start: rows of the flying bar."""
+    workspace = scene.workspace
+    palm = workspace is not None and workspace.palm_clearance is not None
+    return Asked(frozenset({"flight"})) if palm or scene.cup is not None else USUAL

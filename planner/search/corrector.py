@@ -1,0 +1,149 @@
+"""A solved throw moved to a target nearby, without solving anything.
+
+An optimum says how its free numbers move with the target (`Optimum.slope`), so that limits which
+bind stay just kept. Along these one or two directions the exact throw is brought to the target by
+Newton steps, whose 2 x 2 matrix is learnt from the throws themselves (Broyden). Whether the limits
+do hold is not taken from this: the throw is checked as any other.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from ...models import Path
+from ...problems import Pose
+from ..check import Mover, SmoothingError, Throw, Violation, send
+from ..ocp import Controls, Optimum, Request, ThrowNlp, sensitivity
+from ..result import PlannedThrow
+from .attempt import Attempt, Start, aims, scaled, violations
+from .guess import refit
+from .nlps import Program, Task
+
+Array = npt.NDArray[np.float64]
+
+#: Exact throws of one correction, the first included.
+THROWS = 5
+#: A throw must come nearer than this share of the last one's miss.
+NEARER = 0.7
+#: NLPs tried from an optimum whose correction fails.
+TRIES = 2
+#: What an attempt by correction is called where a solver is named.
+CORRECTOR = "corrector"
+
+
+@dataclass(frozen=True)
+class Corrector:
+    """Moves optima of a scene to targets nearby."""
+
+    controls: Controls
+    mover: Mover
+
+    def attempt(self, optimum: Optimum, landing: Pose, goal: Pose, task: Task) -> Attempt:
+        """An attempt to throw to `goal` from an optimum that lands at `landing`."""
+        start = Start(goal, _no_guess, CORRECTOR, asked=optimum.asked)
+        found: PlannedThrow | None = None
+        broken: Sequence[Violation] = ()
+        try:
+            u, planned, thrown = self._moved(optimum, landing, goal, task)
+        except SmoothingError as error:
+            reason = str(error)
+        else:
+            effort, size = self.controls.effort(u), optimum.nlp_size
+            found = PlannedThrow(planned, thrown, effort, size, optimum.asked, optimum=optimum)
+            with task.clock("check"):
+                broken = violations(found, goal)
+            reason = "; ".join(violation.words for violation in broken)
+        return Attempt(start, optimum.asked, CORRECTOR, found, tuple(broken), reason, 0, 1)
+
+    def _moved(
+        self, optimum: Optimum, landing: Pose, goal: Pose, task: Task
+    ) -> tuple[Array, Path, Throw]:
+        """The controls, motion and throw that land at the goal; SmoothingError if none is found."""
+        aim, size = aims(task.scene), optimum.slope.shape[1]
+        turn = 0.0 if goal.theta is None or landing.theta is None else landing.theta - goal.theta
+        off = np.array([landing.plane_x - goal.plane_x, turn])
+        last, matrix, moved = scaled(off[0], off[1], aim), np.eye(size), np.zeros(size)
+        for _ in range(THROWS):
+            step = -np.linalg.solve(matrix, off[:size])
+            moved = moved + step
+            u = optimum.u + optimum.slope @ moved
+            if not self.controls.allowed(u):
+                break
+            planned, thrown = self._thrown(u, task)
+            now = np.array(thrown.miss(goal))
+            missed = scaled(now[0], now[1], aim)
+            if missed <= 1.0:
+                return u, planned, thrown
+            if not missed < NEARER * last:
+                break
+            change = now[:size] - off[:size]
+            matrix = matrix + np.outer(change - matrix @ step, step) / (step @ step)
+            off, last = now, missed
+        raise SmoothingError("a solved throw nearby does not move to the target")
+
+    def _thrown(self, u: Array, task: Task) -> tuple[Path, Throw]:
+        """The motion of `u`, and its throw by the model that counts."""
+        planned, opening_time = self.controls.motion(u)
+        with task.clock("smooth"):
+            samples = send(self.mover, planned)
+        thrown = Throw.sent(task.scene, self.mover, planned, samples, opening_time)
+        with task.clock("check"):
+            thrown.throw()
+        return planned, thrown
+
+
+def _no_guess(nlp: ThrowNlp) -> Array:
+    return np.zeros(nlp.size[0])
+
+
+def moved_start(
+    controls: Controls, mover: Mover, optimum: Optimum, goal: Pose, task: Task
+) -> Start:
+    """A start for a solver from an optimum that lands near `goal`."""
+    planned, opening_time = controls.motion(optimum.u)
+    final = Throw(task.scene, mover, planned, opening_time)
+    throw = PlannedThrow(planned, final, optimum.effort, optimum.nlp_size, optimum.asked)
+    request = Request(task.scene, mover)
+    return Start(
+        goal,
+        lambda nlp: refit(nlp, throw, request),
+        task.solvers[0],
+        asked=optimum.asked,
+        tries=TRIES,
+        aim=optimum.smoothing,
+    )
+
+
+def optimum_of(
+    controls: Controls, program: Program, throw: PlannedThrow, names: tuple[str, ...] = ()
+) -> Optimum | None:
+    """The optimum that a throw is, which an NLP was solved for; None without that.
+
+    names: of the limits that bind there.
+    """
+    solution, nlp = throw.solution, throw.nlp
+    if solution is None or nlp is None:
+        return throw.optimum
+    scene, target = throw.scene, throw.final.target
+    aim = target.in_plane(target.plane_x + throw.aim[0], target.turned(throw.aim[1]).theta)
+    numbers = nlp.numbers(Request(scene, throw.mover, aim, throw.asked))
+    places = controls.places(nlp)
+    try:
+        slope = sensitivity(nlp, program.solver, solution, numbers, program.limits, places)
+    except np.linalg.LinAlgError:
+        return None
+    lands, exact = throw.planned_landing, throw.exact.landing.pose
+    return Optimum(
+        solution.x[places],
+        slope,
+        np.array(list(vars(throw.final.release.detach).values())),
+        throw.effort,
+        nlp.size,
+        (lands[0] - exact[0], lands[2] - exact[2]),
+        throw.asked,
+        names,
+    )

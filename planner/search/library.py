@@ -1,0 +1,267 @@
+"""A scene's library of solved throws: records on disk, and which of them land near a target.
+
+A library is a folder in the cache, named by a hash of all that its throws depend on, with files of
+records that are added whole (`Library.add`) by any number of processes, and never changed. A file
+is named by a hash of its bytes: one that is cut short, garbled or another user's is passed over,
+and its throws are solved again. Whatever is planned from a record is thrown and checked as any
+other throw, so a wrong one costs time only.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import hashlib
+import io
+import json
+import math
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ...models import land
+from ...problems import Pose, Scene
+from ..check import Mover
+from ..compile import DAMAGED, cache_folder, digest, publish
+from ..ocp import Asked, Controls, Margins, Optimum, Request
+from .release_table import Turns
+
+Array = npt.NDArray[np.float64]
+Records = npt.NDArray[Any]
+
+#: Version of the records: what a field means.
+FORMAT = 1
+#: Packages whose sources decide what a solved throw is.
+SOURCES = ("models", "planner/check", "planner/ocp", "planner/search")
+#: Within this scaled distance [m] of a target a solved throw is of use.
+NEAR = 0.15
+#: Lengths [bytes] of the texts of a record: guards, margins, a limit's name; limits a record names.
+TEXT, NAME, LIMITS = 64, 32, 4
+
+
+def record_type(controls: Controls, angle: bool) -> np.dtype[Any]:
+    """What is kept of a throw, all of single precision.
+
+    solved: whether it is a throw; else the record says that its landing (x, theta) was tried from
+    its neighbours and is beyond the edge of the reach, with the limits that bind there.
+    """
+    f, u = "<f4", controls.size
+    fields: list[Any] = [
+        ("solved", "?"),
+        ("landing", f, 2),
+        ("u", f, u),
+        ("slope", f, (u, 2 if angle else 1)),
+        ("detach", f, 6),
+        ("effort", f),
+        ("smoothing", f, 2),
+        ("nlp_size", "<i4", 2),
+        ("guards", f"S{TEXT}"),
+        ("margins", f"S{TEXT}"),
+        ("binding", f"S{NAME}", LIMITS),
+    ]
+    return np.dtype(fields)
+
+
+@dataclass(frozen=True)
+class Neighbour:
+    """A solved throw near a target: its optimum, the goal (turns counted) and where it lands."""
+
+    optimum: Optimum
+    goal: Pose
+    landing: Pose
+    distance: float
+
+
+class Library:
+    """The solved throws of a scene, as far as the cache has them."""
+
+    def __init__(self, scene: Scene, mover: Mover, *, keep: bool = True) -> None:
+        target = scene.target
+        assert target is not None
+        self.controls = Controls(Request(scene, mover, target))
+        self.angle = target.theta is not None
+        self._scene, self._lever = scene, scene.object.length / 2
+        self._type = record_type(self.controls, self.angle)
+        folder = cache_folder() if keep else None
+        self.folder = None if folder is None else folder / f"throws-{library_key(scene)}"
+        self._parts: dict[str, Records] = {}
+        self.records: Records = np.zeros(0, self._type)
+        self._solved = self.records
+        self._landings: tuple[float, Array] | None = None
+        self.refresh()
+
+    def __len__(self) -> int:
+        return len(self._solved)
+
+    def refresh(self) -> None:
+        """Takes up what this or another process has added."""
+        found = dict(_files(self.folder, self._type)) if self.folder is not None else {}
+        if found.keys() - self._parts.keys():
+            self._parts |= found
+            self._take(np.concatenate(list(self._parts.values())))
+
+    def _take(self, records: Records) -> None:
+        # Two processes may have solved for the same landing.
+        _, first = np.unique(records["landing"], axis=0, return_index=True)
+        self.records = records if len(first) == len(records) else records[np.sort(first)]
+        self._solved = self.records[self.records["solved"]]
+        self._landings = None
+
+    def add(self, records: Sequence[Records]) -> None:
+        """Keeps records: for this object, and in the folder, all of them or none."""
+        if not records:
+            return
+        part = np.array(records, self._type)
+        data = io.BytesIO()
+        np.save(data, part)
+        name = _name(data.getvalue())
+        if self.folder is not None:
+            with contextlib.suppress(OSError):
+                self.folder.mkdir(mode=0o700, exist_ok=True)
+                publish(self.folder, name, lambda path: _write(path, data.getvalue()))
+        self._parts[name] = part
+        self._take(np.concatenate([self.records, part]))
+
+    def merge(self) -> None:
+        """Makes one file of many, so that the next planner opens it sooner."""
+        folder = self.folder
+        parts = [] if folder is None else [part for part, _ in _files(folder, self._type)]
+        if len(parts) < 2 or folder is None:
+            return
+        data = io.BytesIO()
+        np.save(data, self.records)
+        name = _name(data.getvalue())
+        if publish(folder, name, lambda path: _write(path, data.getvalue())) is None:
+            return
+        for part in parts:
+            if part != name and part in self._parts:
+                with contextlib.suppress(OSError):
+                    (folder / part).unlink()
+
+    def record(self, optimum: Optimum, landing: tuple[float, float], *, solved: bool) -> Records:
+        """A record of a throw that lands there; or of a landing that could not be reached."""
+        row = np.zeros((), self._type)
+        row["solved"], row["landing"] = solved, landing
+        for name in ("u", "slope", "detach", "effort", "smoothing", "nlp_size"):
+            row[name] = getattr(optimum, name)
+        row["guards"] = " ".join(sorted(optimum.asked.guards)).encode()
+        row["margins"] = json.dumps(dict(optimum.asked.margins.values)).encode()
+        row["binding"][: len(optimum.binding)] = [
+            name.encode()[:NAME] for name in optimum.binding[:LIMITS]
+        ]
+        return row
+
+    def optimum(self, index: int) -> Optimum:
+        """One of the solved throws."""
+        row = self._solved[index]
+        guards = frozenset(row["guards"].decode().split())
+        return Optimum(
+            row["u"].astype(float),
+            row["slope"].astype(float),
+            row["detach"].astype(float),
+            float(row["effort"]),
+            (int(row["nlp_size"][0]), int(row["nlp_size"][1])),
+            (float(row["smoothing"][0]), float(row["smoothing"][1])),
+            Asked(guards, Margins(**json.loads(row["margins"] or b"{}"))),
+            tuple(name.decode() for name in row["binding"] if name),
+        )
+
+    def landings(self, height: float) -> Array:
+        """x [m], theta [rad], flight time [s] (3, N) of the solved throws at a height."""
+        if self._landings is None or self._landings[0] != height:
+            detach = self._solved["detach"].astype(float)
+            self._landings = height, land(detach, height, self._scene.gravity).T.copy()
+        return self._landings[1]
+
+    def near(self, target: Pose, turns: Turns, count: int) -> list[Neighbour]:
+        """At most `count` solved throws that land within NEAR of the target, nearest first."""
+        if not len(self) or (target.theta is not None) != self.angle:
+            return []
+        x, theta, _ = self.landings(target.z)
+        away, whole = np.abs(x - target.plane_x), np.zeros_like(x)
+        if target.theta is not None:
+            turn = theta - target.theta
+            if turns == "any":
+                whole = 2 * math.pi * np.round(turn / (2 * math.pi))
+            away = away + np.abs(turn - whole) * self._lever
+        away = np.where(np.isfinite(away), away, np.inf)
+        count = min(count, len(away))
+        nearest = np.argpartition(away, count - 1)[:count]
+        nearest = nearest[np.argsort(away[nearest], kind="stable")]
+        return [
+            Neighbour(
+                self.optimum(int(i)),
+                target.turned(float(whole[i])) if whole[i] else target,
+                target.in_plane(float(x[i]), float(theta[i]) if self.angle else None),
+                float(away[i]),
+            )
+            for i in nearest
+            if away[i] < NEAR
+        ]
+
+
+def library_key(scene: Scene) -> str:
+    """A hash of all that a scene's solved throws depend on.
+
+    Where in the reach its target lies, and what only chooses among throws, changes nothing.
+    """
+    target = scene.target
+    assert target is not None
+    somewhere = Pose(1.0, target.z, theta=None if target.theta is None else 0.0)
+    like = scene.aimed_at(somewhere).replace(
+        name="", description="", file="", choice=None, robust=None
+    )
+    if like.cup is not None:
+        # Moved and moved back it may differ in the last digit.
+        like = like.replace(cup=dataclasses.replace(like.cup, x=round(like.cup.x, 9)))
+    return digest(f"throws {FORMAT}", repr(like), *_sources())
+
+
+def _sources() -> Iterator[bytes]:
+    root = Path(__file__).parents[2]
+    for folder in SOURCES:
+        for path in sorted((root / folder).rglob("*.py")):
+            yield path.read_bytes()
+
+
+def _name(data: bytes) -> str:
+    return f"{hashlib.blake2b(data, digest_size=12).hexdigest()}.npy"
+
+
+def _write(path: Path, data: bytes) -> None:
+    path.write_bytes(data)
+
+
+def _files(folder: Path, kind: np.dtype[Any]) -> Iterator[tuple[str, Records]]:
+    """Names and records of the folder's files that are whole, of this user and of this kind."""
+    try:
+        if not _own(folder):
+            return
+        paths = sorted(folder.glob("*.npy"))
+    except OSError:
+        return
+    for path in paths:
+        try:
+            # Memory is mapped only once its bytes are known to be those that were written.
+            if not _own(path) or _name(path.read_bytes()) != path.name:
+                continue
+            records = np.load(path, mmap_mode="r", allow_pickle=False)
+        except DAMAGED:
+            continue
+        if records.dtype == kind and records.ndim == 1 and _finite(records):
+            yield path.name, records
+
+
+def _own(path: Path) -> bool:
+    """Whether a file or folder is this user's."""
+    return not hasattr(os, "getuid") or path.stat().st_uid == os.getuid()
+
+
+def _finite(records: Records) -> bool:
+    names = ("landing", "u", "slope", "detach", "effort", "smoothing")
+    return all(bool(np.isfinite(records[name]).all()) for name in names)

@@ -1,0 +1,233 @@
+"""The library of solved throws: grown over the reach, moved to targets, never trusted."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import os
+from pathlib import Path
+
+import numpy as np
+import pytest
+import throwplan as tp
+from throwplan.planner.check import make_mover
+from throwplan.planner.search import Library
+from throwplan.problems import Choice
+
+COUNT = 60
+
+
+@pytest.fixture(scope="module")
+def prepared() -> tp.Planner:
+    planner = tp.Planner(tp.load_scene("hand-flip"))
+    heard: list[tuple[int, int]] = []
+    made = planner.prepare(COUNT, lambda done, total: heard.append((done, total)))
+    assert COUNT <= made == planner.prepared < 1.5 * COUNT
+    assert heard[-1] == (COUNT, COUNT) and heard == sorted(heard)
+    return planner
+
+
+@pytest.fixture(scope="module")
+def plain() -> tp.Planner:
+    return tp.Planner(tp.load_scene("hand-flip"), library=False)
+
+
+def targets(planner: tp.Planner, count: int, away: float = 0.0) -> list[tp.Pose]:
+    """Poses so far [m, rad] beside throws of the library."""
+    x, theta, _ = planner.library.landings(planner.scene.target.z)
+    chosen = np.linspace(0, len(x) - 1, count).astype(int)
+    return [
+        planner.scene.target.in_plane(float(x[i]) + away, float(theta[i]) - 4 * away)
+        for i in chosen
+    ]
+
+
+def copy_of(planner: tp.Planner, monkeypatch: pytest.MonkeyPatch, folder: Path) -> Path:
+    """The planner's library in another cache folder."""
+    kept = planner.library.folder
+    assert kept is not None
+    copied = folder / kept.name
+    copied.mkdir()
+    for path in kept.glob("*.npy"):
+        (copied / path.name).write_bytes(path.read_bytes())
+    monkeypatch.setenv("THROWPLAN_CACHE", str(folder))
+    return copied
+
+
+def reopened(planner: tp.Planner) -> Library:
+    return Library(planner.scene, make_mover(planner.scene))
+
+
+def test_moved_throws_land_break_nothing_and_cost_no_more(
+    plain: tp.Planner, prepared: tp.Planner
+) -> None:
+    tolerance = plain.scene.tolerance
+    pairs = [(plain.plan(t), prepared.plan(t)) for t in targets(prepared, 12, 0.01)]
+    moved = [after for _, after in pairs if after.solver == "corrector"]
+    assert len(moved) >= 8
+    for before, after in pairs:
+        assert after.solved or not before.solved
+    for plan in moved:
+        dx, dtheta = plan.error_sent()
+        assert dx <= tolerance.position / 2 and dtheta <= tolerance.angle / 2
+        assert not tp.planner.search.violations(plan.throw, plan.target)
+    both = [(b.throw.effort, a.throw.effort) for b, a in pairs if b.solved and a in moved]
+    assert np.median([after / before for before, after in both]) < 1.03
+
+
+def test_a_moved_throw_is_a_whole_plan(prepared: tp.Planner, tmp_path: Path) -> None:
+    plans = map(prepared.plan, targets(prepared, 12, 0.005))
+    plan = next(plan for plan in plans if plan.solver == "corrector")
+    assert plan.solved and plan.iterations == 0
+    answer = plan.save(tmp_path, draw="png").to_dict()
+    assert answer["nlp"]["variables"] > 100 and answer["landing"]["limit_surface"]
+    assert all(math.isfinite(answer["error"][name]["angle"]) for name in ("planned", "exact"))
+    assert tp.read_plan(tmp_path).throw().miss(plan.target) == pytest.approx((0, 0), abs=5e-3)
+    # It may be started from, moved, followed by a solver, and made robust.
+    near = plan.target.in_plane(plan.target.plane_x + 0.004, plan.target.theta)
+    for options in ({}, {"solver": "fatrop"}):
+        assert prepared.plan(near, warm=plan, **options).solved
+    assert prepared.plan(plan.target, robust="quiet").robust
+
+
+def test_its_slopes_are_those_of_the_optimum(plain: tp.Planner, prepared: tp.Planner) -> None:
+    """How the cost grows along the slope is how optima themselves differ."""
+    target = plain.scene.target
+    first = plain.plan(target)
+    costs = []
+    for step in (0.002, 0.004):
+        near = target.in_plane(target.plane_x + step, target.theta)
+        moved, solved = plain.plan(near, warm=first), plain.plan(near, solver="fatrop")
+        assert moved.solver == "corrector" and solved.solver == "fatrop"
+        costs.append(moved.throw.effort / solved.throw.effort - 1)
+    # It is off by the second order.
+    assert max(map(abs, costs)) < 1e-3
+
+
+def test_other_planners_find_it_and_other_scenes_do_not(prepared: tp.Planner) -> None:
+    scene = prepared.scene
+    # A target elsewhere, another name and a choice make no difference; another bar does.
+    elsewhere = scene.replace(target=scene.target.in_plane(0.3, 6.0), name="mine", choice=Choice())
+    assert tp.Planner(elsewhere).prepared == prepared.prepared
+    heavier = scene.replace(object=dataclasses.replace(scene.object, mass=0.2))
+    assert not tp.Planner(heavier).prepared
+    assert not tp.Planner(scene, library=False).prepared
+    one, other = (p.plan(targets(prepared, 3)[1]) for p in (prepared, tp.Planner(scene)))
+    assert one.throw.effort == other.throw.effort
+
+
+def test_growth_goes_on_from_what_there_is(
+    prepared: tp.Planner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    copy_of(prepared, monkeypatch, tmp_path)
+    planner = tp.Planner(prepared.scene)
+
+    def stopped(done: int, total: int) -> None:
+        if done > COUNT + 10:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        planner.prepare(2 * COUNT, stopped)
+    assert len(planner.library) > COUNT
+    assert len(reopened(planner)) == len(planner.library)
+    kept = {row.tobytes() for row in reopened(planner).records}
+    assert {row.tobytes() for row in prepared.library.records} <= kept
+
+
+@pytest.mark.parametrize("harm", ["garbled", "cut", "renamed", "text", "empty"])
+def test_a_harmed_file_is_passed_over(
+    prepared: tp.Planner, harm: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    folder = copy_of(prepared, monkeypatch, tmp_path)
+    for path in folder.glob("*.npy"):
+        data = path.read_bytes()
+        if harm == "garbled":
+            path.write_bytes(data[:900] + bytes(b ^ 0xFF for b in data[900:1400]) + data[1400:])
+        if harm == "cut":
+            path.write_bytes(data[: len(data) // 2])
+        if harm == "renamed":
+            path.rename(folder / "0123456789abcdef01234567.npy")
+        if harm in ("text", "empty"):
+            path.write_text("no records" if harm == "text" else "")
+    assert len(reopened(prepared)) == 0
+    planner = tp.Planner(prepared.scene)
+    assert planner.plan().solved
+    assert planner.prepare(3) >= 3
+
+
+@pytest.mark.skipif(not hasattr(os, "getuid"), reason="files have no owner here")
+def test_another_users_files_are_passed_over(
+    prepared: tp.Planner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    copy_of(prepared, monkeypatch, tmp_path)
+    assert len(reopened(prepared)) == len(prepared.library)
+    monkeypatch.setattr(os, "getuid", lambda: 12345)
+    assert len(reopened(prepared)) == 0
+
+
+def test_two_that_grow_the_same_one_lose_nothing(
+    prepared: tp.Planner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
+    one, other = reopened(prepared), reopened(prepared)
+    rows = list(prepared.library.records)
+    one.add(rows[:20])
+    other.add(rows[15:40])
+    assert (len(one.records), len(other.records)) == (20, 25)
+    one.refresh()
+    assert len(one.records) == 40
+    # Merging takes away what it has seen, and no more.
+    other.add(rows[40:50])
+    one.merge()
+    assert len(reopened(prepared).records) == 50
+
+
+def test_a_full_disk_costs_the_file_only(
+    prepared: tp.Planner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
+    library, rows = reopened(prepared), list(prepared.library.records)
+
+    def full(*_: object) -> None:
+        raise OSError(28, "No space left on device")
+
+    with monkeypatch.context() as patch:
+        patch.setattr(os, "replace", full)
+        library.add(rows[:10])
+    assert len(library.records) == 10 and len(reopened(prepared).records) == 0
+    library.add(rows[10:20])
+    assert len(reopened(prepared).records) == 10
+
+
+def test_far_from_all_of_them_the_plan_is_the_usual_one(
+    plain: tp.Planner, prepared: tp.Planner
+) -> None:
+    far = plain.scene.target.in_plane(50.0, 0.0)
+    before, after = plain.plan(far), prepared.plan(far)
+    assert (before.status, before.iterations) == (after.status, after.iterations)
+
+
+def test_turns_alternatives_and_a_choice(prepared: tp.Planner) -> None:
+    target = next(t for t in targets(prepared, 4) if prepared.plan(t).solved)
+    turned = prepared.plan(target.turned(-6 * math.pi), turns="any")
+    turns = (turned.target.theta - target.theta) / (2 * math.pi)
+    assert turned.solved and turns == pytest.approx(round(turns), abs=1e-9)
+    several = prepared.plan(target, alternatives=2)
+    assert several.solved
+    for other in several.alternatives:
+        assert other.throw.effort >= several.throw.effort
+        assert other.error_sent()[0] <= prepared.scene.tolerance.position
+    # No attempt is begun when the time is over.
+    assert not prepared.plan(target, patience=1e-9).solved
+
+
+def test_without_a_cache_folder_nothing_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("THROWPLAN_CACHE", "")
+    assert tp.Planner(tp.load_scene("hand-box")).prepare(5) > 0
+
+
+def test_refused() -> None:
+    scene = tp.load_scene("hand-flip")
+    for throws in (0, -1, 10_001, 2.5, True, "many"):
+        with pytest.raises(tp.InputError, match=r"throws = .*: must be a whole number, 1 to 10000"):
+            tp.Planner(scene).prepare(throws)  # type: ignore[arg-type]
