@@ -7,6 +7,7 @@ import json
 import math
 import os
 import re
+import shutil
 import tempfile
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -129,14 +130,17 @@ def filling(folder: Path, names: tuple[str, ...], option: str = "--out") -> Iter
     """A folder to write files `names` into, which are then moved to `folder` together.
 
     Of the names, those that were not written are deleted there, so that nothing of an earlier
-    result is mistaken for this one's. If anything fails, nothing changes.
+    result is mistaken for this one's. If anything fails, nothing changes. A name without a
+    suffix is a folder's.
     """
-    folder = prepare_folder(folder, names, option)
+    folder = prepare_folder(folder, tuple(name for name in names if "." in name), option)
     try:
         with tempfile.TemporaryDirectory(dir=folder) as scratch:
             yield Path(scratch)
             written = {path.name for path in Path(scratch).iterdir()}
             for name in names:
+                if (folder / name).is_dir():
+                    shutil.rmtree(folder / name)
                 if name in written:
                     os.replace(Path(scratch) / name, folder / name)
                 else:

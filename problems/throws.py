@@ -286,8 +286,8 @@ def _number(row: Mapping[str, str], key: str, default: float | None = None) -> f
 
 #: Digits of every number that is written.
 FORMAT = "%.9g"
-#: What a data set's folder holds.
-THROW_DATA_FILES = ("dataset.toml", "throws.csv", "motion", "grip", "track")
+#: What a data set's folder holds, its head last.
+THROW_DATA_FILES = ("motion", "grip", "track", "throws.csv", "dataset.toml")
 
 
 def write_throws(

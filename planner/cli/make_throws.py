@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import argparse
 import math
-import shutil
 import statistics
-import tempfile
 import time
 from pathlib import Path
 from typing import Any
@@ -15,6 +13,7 @@ from ...problems import (
     THROW_DATA_FILES,
     InputError,
     ThrowData,
+    filling,
     prepare_folder,
     read_text,
     toml_tables,
@@ -58,7 +57,8 @@ def run(options: argparse.Namespace) -> int:
     _check_place(folder)
     with Progress("make-throws") as progress:
         data, flown = make_throws(making, progress)
-    _write(data, folder)
+    with filling(folder, THROW_DATA_FILES) as scratch:
+        write_throws(data, scratch, object_names())
     found = _ranges(data, flown) | {"seconds": round(time.perf_counter() - started, 1)}
     x, theta, flight = found["landing"]["x"], found["landing"]["theta_deg"], found["flight_time"]
     text = (
@@ -103,20 +103,6 @@ def _check_place(folder: Path) -> None:
         raise InputError(
             f"--out {folder}: holds throws that are not labelled synthetic, not overwritten"
         )
-
-
-def _write(data: ThrowData, folder: Path) -> None:
-    """Replaces what `folder` holds once all is written; dataset.toml moves last."""
-    try:
-        with tempfile.TemporaryDirectory(dir=folder) as scratch:
-            write_throws(data, scratch, object_names())
-            for name in THROW_DATA_FILES:
-                old = folder / name
-                shutil.rmtree(old) if old.is_dir() else old.unlink(missing_ok=True)
-            for name in reversed(THROW_DATA_FILES):
-                shutil.move(Path(scratch) / name, folder / name)
-    except OSError as error:
-        raise InputError(f"--out {folder}: {error.strerror or error}") from None
 
 
 def _ranges(data: ThrowData, flown: list[Flown]) -> dict[str, Any]:

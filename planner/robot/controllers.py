@@ -25,7 +25,7 @@ FRANKA_TEXT = """\
 joints.csv   t and all joints, q [rad] and dq [rad/s], one row per control cycle of 1 ms.
 gripper.csv  the opening command: t [s], the row of joints.csv (0 is the first) in whose cycle
              it goes out, and how much of that cycle has passed then.
-franka.json  the same as numbers, and what the motion uses of the robot's limits.
+franka.json  the same as numbers.
 
 1. Move slowly to the start pose and stop there; it is the first row:
    q = [{start}] rad
@@ -67,7 +67,7 @@ def write_franka(motion: JointMotion, folder: Path) -> dict[str, Any]:
 
 
 def _facts(motion: JointMotion) -> dict[str, Any]:
-    """Start, times and limits used as JSON: SI units, radians."""
+    """Start and times as JSON: SI units, radians."""
     throw = motion.throw
     profile = throw.scene.gripper.profile()
     return {
@@ -87,7 +87,6 @@ def _facts(motion: JointMotion) -> dict[str, Any]:
             "opening": profile.opening,
             "detach_time": throw.detach_time,
         },
-        "limits_used": {name: values.tolist() for name, values in motion.uses.items()},
     }
 
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from functools import cached_property
 from pathlib import Path
 
 import numpy as np
@@ -51,41 +50,6 @@ class JointMotion:
     def fraction(self) -> float:
         """How much of that cycle has passed when the command is due, 0 to 1."""
         return max(self.throw.command_time / TICK - self.cycle, 0.0)
-
-    @cached_property
-    def uses(self) -> dict[str, Array]:
-        """Largest share of each limit that each joint (joints,) uses.
-
-        The samples' own values, and those that a controller sees in differences of the
-        positions that it is sent.
-        """
-        limits = self.arm.limits
-        low, high = np.array(limits.position_min), np.array(limits.position_max)
-        # At rest before the first sample and after the last.
-        sent = np.vstack([self.q[[0] * 3], self.q, self.q[[-1] * 3]])
-        seen = [np.diff(sent, k, axis=0) / TICK**k for k in (1, 2, 3)]
-        jerk = np.diff(self.ddq, axis=0) / TICK
-
-        def most(*values: Array) -> Array:
-            return np.asarray(np.max([np.abs(value).max(axis=0) for value in values], axis=0))
-
-        return {
-            "position": most(self.q - (low + high) / 2) / ((high - low) / 2),
-            "velocity": np.maximum(most(seen[0]) / limits.velocity, self._velocity_use()),
-            "acceleration": most(self.ddq, seen[1]) / limits.acceleration,
-            "jerk": most(jerk, seen[2]) / limits.jerk,
-        }
-
-    def _velocity_use(self) -> Array:
-        """Largest share (joints,) of the velocity limits, which may fall towards a range's ends."""
-        throw, shares = self.throw, np.zeros(self.arm.joints)
-        low, high = throw.mover.hard.velocity(throw.samples.q)
-        limit = np.where(throw.samples.dq > 0, high, -low)
-        kinematics = throw.mover.kinematics
-        assert isinstance(kinematics, PlanarArm)
-        moving = [j - 1 for j in kinematics.throwing_joints]
-        shares[moving] = (np.abs(throw.samples.dq) / np.maximum(limit, 1e-9)).max(axis=0)
-        return shares
 
 
 def joint_motion(path: str | Path) -> JointMotion:

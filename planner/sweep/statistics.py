@@ -24,9 +24,8 @@ DEGREE, SAMPLES_EACH = 8, 10
 #: Steps of the central differences: this share of the standard deviation, and at most
 #: this share of a positive value.
 STEP, MOST = 0.05, 0.01
-#: Delays tried on the way to the first failure [s]; it is then located by cutting its
-#: interval into so many sections, so often: all sections in one batch of throws.
-DELAY_GRID, SECTIONS, ROUNDS = 5e-4, 64, 2
+#: Sections of the delays up to `FURTHEST`, of the one with the first failure, and of its own.
+SECTIONS = (100, 64, 64)
 #: Quantiles between which a parameter swings.
 OUTER = (0.05, 0.95)
 #: The band over delay: delays, and draws of the other parameters at each; fewer for the
@@ -107,42 +106,32 @@ def _step(thrower: Thrower, sampler: Sampler, i: int) -> float:
 
 @dataclass(frozen=True)
 class DelayScan:
-    """Landings at `delays` (K,) [s] beyond the mean, all else as planned.
+    """The largest delays [s] before and after the mean up to which every throw still succeeds.
 
-    early, late [s]: the largest delays before and after it up to which every throw still
-    succeeds; 0 where the nominal one fails, None where none fails within `FURTHEST`.
+    0 where the nominal one fails, None where none fails within `FURTHEST`.
     """
 
-    delays: Array
-    pose: Array
     early: float | None
     late: float | None
 
 
 def scan_delays(thrower: Thrower) -> DelayScan:
-    """Tries the delays within +-`FURTHEST`, and locates the first failure on either side."""
-    half = round(FURTHEST / DELAY_GRID)
-    delays = np.asarray(DELAY_GRID * np.arange(-half, half + 1), float)
-    tried = _at_delays(thrower, delays)
-    fine = thrower.succeeds(tried)
-    if not fine[half]:
-        return DelayScan(delays, tried.pose, 0.0, 0.0)
-    # Grid points on both sides of the first failure, for the sides that have one.
-    sides = {"early": (delays[half::-1], fine[half::-1]), "late": (delays[half:], fine[half:])}
-    between = {}
-    for side, (along, inside) in sides.items():
-        if not inside.all():
-            first = int(np.argmin(inside))
-            between[side] = along[first - 1 : first + 1]
-    for _ in range(ROUNDS if between else 0):
-        points = {s: np.linspace(e[0], e[1], SECTIONS + 1) for s, e in between.items()}
-        inner = np.concatenate([along[1:-1] for along in points.values()])
-        kept = thrower.succeeds(_at_delays(thrower, inner)).reshape(len(points), -1)
-        for (side, along), inside in zip(points.items(), kept, strict=True):
-            first = int(np.argmin(np.append(inside, False)))
-            between[side] = along[first : first + 2]
-    found = {side: float(ends[0]) for side, ends in between.items()}
-    return DelayScan(delays, tried.pose, found.get("early"), found.get("late"))
+    """Locates the first failure on either side, all else as planned."""
+    if not thrower.succeeds(_at_delays(thrower, np.zeros(1)))[0]:
+        return DelayScan(0.0, 0.0)
+    return DelayScan(_largest_delay(thrower, -1.0), _largest_delay(thrower, 1.0))
+
+
+def _largest_delay(thrower: Thrower, sign: float) -> float | None:
+    low, high = 0.0, FURTHEST
+    for sections in SECTIONS:
+        ends = np.linspace(low, high, sections + 1)
+        inside = thrower.succeeds(_at_delays(thrower, sign * ends[1:]))
+        if inside.all() and high == FURTHEST:
+            return None
+        first = int(np.argmin(np.append(inside[:-1], False)))
+        low, high = float(ends[first]), float(ends[first + 1])
+    return sign * low
 
 
 def _at_delays(thrower: Thrower, delays: Array, values: Array | None = None) -> Outcomes:

@@ -80,19 +80,14 @@ def test_franka_json_says_where_to_start_and_what_is_used(cup, tmp_path, run, ta
     start = [motion[f"q{j}"][0] for j in JOINTS]
     assert facts["start"] == pytest.approx(start, abs=1e-10)
     assert facts["start"][0] == pytest.approx(TURN)
-    limits = tp.load_scene("cup").arm.limits
+    limits, sent = tp.load_scene("cup").arm.limits, table(tmp_path / "joints.csv")
     for j in (2, 4, 6):
-        # Differences of positions as a controller sees them, by another way than the code's.
-        position = np.concatenate([[motion[f"q{j}"][0]] * 3, motion[f"q{j}"]])
+        # Differences of positions as a controller sees them.
+        position = np.concatenate([[sent[f"q{j}"][0]] * 3, sent[f"q{j}"]])
         third = position[3:] - 3 * position[2:-1] + 3 * position[1:-2] - position[:-3]
-        share = np.abs(third).max() / 1e-9 / limits.jerk[j - 1]
-        # motion.csv has 12 digits: a third difference of them is good to 0.01 rad/s^3.
-        assert facts["limits_used"]["jerk"][j - 1] >= share - 1e-4
-        fastest = np.abs(motion[f"dq{j}"]).max() / limits.velocity[j - 1]
-        assert facts["limits_used"]["velocity"][j - 1] == pytest.approx(fastest, rel=1e-3)
-    for name, shares in facts["limits_used"].items():
-        assert max(shares) <= 1.0, name
-        assert shares[2] == 0.0  # a joint that keeps its posture, in the middle of its range
+        # The file has 12 digits: a third difference of them is good to 0.01 rad/s^3.
+        assert np.abs(third).max() / 1e-9 <= limits.jerk[j - 1] + 0.01
+        assert np.abs(sent[f"dq{j}"]).max() <= limits.velocity[j - 1]
     text = (tmp_path / "franka.txt").read_text()
     assert f"{facts['start'][1]:.6f}" in text and f"row {facts['gripper']['cycle']}" in text
 
