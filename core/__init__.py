@@ -9,9 +9,10 @@ from .structures import (
     FRAMES,
     LimitsC,
     LinkageC,
-    MeasuredC,
+    Measured,
     PathC,
     SamplesC,
     SceneC,
     ThrowC,
+    addresses,
 )

@@ -10,7 +10,7 @@ from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 
 #: That of core.h; it counts up with every change of an argument or a structure.
-VERSION = 2
+VERSION = 3
 
 
 def library() -> ctypes.CDLL | None:

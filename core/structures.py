@@ -85,9 +85,28 @@ class ThrowC(ctypes.Structure):
     )
 
 
-class MeasuredC(ctypes.Structure):
-    """`measured` of check.c."""
+class Measured(ctypes.Structure):
+    """The least of a throw's heights and distances [m], infinite where nothing is near.
 
+    arm: height of joints, hand and its body, from rest to the end; held: of the bar, until detach.
+    column_held, column_flown: the bar's signed distance from the base column. palm: of the flying
+    bar from the hand's body, and from when on [s after detach] it is below the scene's clearance.
+    cup: clearance on the way into the cup, -inf for a bar that misses it. `measured` of check.c.
+    """
+
+    arm: float
+    held: float
+    column_held: float
+    column_flown: float
+    palm: float
+    palm_time: float
+    cup: float
     _fields_ = _fields(
         _DOUBLE, "arm", "held", "column_held", "column_flown", "palm", "palm_time", "cup"
     )
+
+
+def addresses(rows: Array) -> list[int]:
+    """Where each of the arrays (K, ...) in a contiguous one begins."""
+    begin = rows.ctypes.data
+    return [begin + i * rows.strides[0] for i in range(len(rows))]

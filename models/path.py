@@ -132,7 +132,7 @@ class Path:
             rows = [np.ascontiguousarray(values) for values in (q, dq, ddq)]
             given, kinks = np.empty((6, q.shape[1], len(q) - 1, 1)), np.empty(4 * len(q))
             samples = SamplesC(*q.shape, step, *(values.ctypes.data for values in rows))
-            outputs = (ctypes.c_void_p(array.ctypes.data) for array in (given, kinks))
+            outputs = ctypes.c_void_p(given.ctypes.data), ctypes.c_void_p(kinks.ctypes.data)
             count = core.quintics(ctypes.byref(samples), *outputs)
             return cls(times, given, kinks[:count].copy(), held=True)
         h = step

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import ctypes
 import math
-from dataclasses import dataclass
 
 import numpy as np
 import numpy.typing as npt
 
-from ...core import MeasuredC, SceneC, ThrowC, library
+from ...core import Measured, SceneC, ThrowC, library
 from ...models import HandSamples, Path, Release, pivot_wrench
 from ...problems import Scene
 from .entry import cup_entries
@@ -39,25 +38,6 @@ FLIGHT_SAMPLES = 400
 ROUNDING = 1e-6
 
 
-@dataclass(frozen=True)
-class Measured:
-    """The least of a throw's heights and distances [m], infinite where nothing is near.
-
-    arm: height of joints, hand and its body, from rest to the end; held: of the bar, until detach.
-    column_held, column_flown: the bar's signed distance from the base column. palm: of the flying
-    bar from the hand's body, and from when on [s after detach] it is below the scene's clearance.
-    cup: clearance on the way into the cup, -inf for a bar that misses it.
-    """
-
-    arm: float
-    held: float
-    column_held: float
-    column_flown: float
-    palm: float
-    palm_time: float
-    cup: float
-
-
 def measured(
     scene: Scene, mover: Mover, path: Path, opening_time: float, release: Release, flight: float
 ) -> Measured:
@@ -65,13 +45,14 @@ def measured(
     core, moved, arm = library(), path.core, mover.kinematics.core
     if core is None or moved is None or arm is None:
         return _measured(scene, mover, path, opening_time, release, flight)
-    com, start = np.ascontiguousarray(release.com), np.array([*vars(release.detach).values()])
+    com = np.ascontiguousarray(release.com)
+    start = np.concatenate([com[:, -1], release.com_twist[:, -1]])
     throw = _throw(scene, mover, path, opening_time)
     throw.detach, throw.flight, throw.nodes = opening_time + release.times[-1], flight, com.shape[1]
     throw.com, throw.start = com.ctypes.data, start.ctypes.data
-    found = MeasuredC()
+    found = Measured()
     core.measure(ctypes.byref(throw), ctypes.byref(found))
-    return Measured(*(getattr(found, name) for name, _ in MeasuredC._fields_))
+    return found
 
 
 def grip_use(scene: Scene, mover: Mover, path: Path, opening_time: float) -> float:
@@ -101,10 +82,11 @@ def friction_use(scene: Scene, hand: HandSamples) -> tuple[Array, Array]:
 
 def _throw(scene: Scene, mover: Mover, path: Path, opening_time: float) -> ThrowC:
     """The throw as the compiled core takes it, its release and flight left out."""
-    around, parts = _numbers(scene), (path.core, mover.kinematics.core)
-    addresses = (ctypes.addressof(part) for part in (*parts, around) if part is not None)
-    throw = ThrowC(*addresses, TICK, opening_time)
-    throw.parts = (*parts, around)
+    moved, arm, around = path.core, mover.kinematics.core, _numbers(scene)
+    assert moved is not None and arm is not None
+    at = ctypes.addressof
+    throw = ThrowC(at(moved), at(arm), at(around), TICK, opening_time)
+    throw.parts = moved, arm, around
     return throw
 
 

@@ -39,12 +39,26 @@ class Limits:
             return None
         found = LimitsC(slows=self.slowing is not None)
         jerk = np.full(n, np.inf) if self.jerk is None else self.jerk
-        for name, values in {**vars(self), "jerk": jerk}.items():
-            if name != "slowing":
-                getattr(found, name)[:n] = values.tolist()
+        for name in ("q_min", "q_max", "dq", "ddq"):
+            getattr(found, name)[:n] = getattr(self, name).tolist()
+        found.jerk[:n] = jerk.tolist()
         for row, values in enumerate(() if self.slowing is None else self.slowing):
             found.slowing[row][:n] = values.tolist()
         return found
+
+    @cached_property
+    def longest_brake(self) -> float:
+        """No brake within these limits takes longer [s], from any rate and acceleration."""
+        turning = 0.0 if self.jerk is None else 3 * self.ddq / self.jerk
+        return float((self.dq / self.ddq + turning).max())
+
+    @cached_property
+    def rounding(self) -> Array:
+        """Rounding in the last digits (5, n) of positions, rates, accelerations, rates where they
+        depend on the position, and jerks: it breaks no limit."""
+        none = 0 * self.dq
+        scale = [none, self.dq, self.ddq, none, none if self.jerk is None else self.jerk]
+        return 1e-7 * np.maximum(scale, 1.0)
 
     def velocity(self, q: Array) -> tuple[Array, Array]:
         """Lowest and highest velocity [rad/s; m/s] at positions q (..., n)."""

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...core import SamplesC, library
+from ...core import SamplesC, addresses, library
 from ...models import Path
 from .mover import Limits, Mover
 
@@ -92,24 +92,18 @@ def _sent_by_core(limits: Limits, planned: Path) -> Samples | None:
     core, path = library(), planned.core
     if core is None or path is None or limits.core is None:
         return None
-    longest = limits.dq / limits.ddq + 3 * limits.ddq / np.asarray(limits.jerk)
-    rows = math.ceil((planned.end + float(longest.max())) / TICK) + 4
-    found = np.empty((3, rows, path.n))
-    samples = SamplesC(rows, path.n, TICK, *(values.ctypes.data for values in found))
-    core.send_motion.restype = ctypes.c_long
-    sent = core.send_motion(*map(ctypes.byref, (path, limits.core, samples)))
+    rows = math.ceil((planned.end + limits.longest_brake) / TICK) + 4
+    found, by = np.empty((3, rows, path.n)), ctypes.byref
+    samples = SamplesC(rows, path.n, TICK, *addresses(found))
+    sent = core.send_motion(by(path), by(limits.core), by(samples))
     return Samples(*found[:, :sent]) if 0 < sent <= rows else None
 
 
 def broken_limits(mover: Mover, sent: Samples) -> list[str]:
     """Real limits that any sample, or any difference of samples, breaks, in words."""
     limits, kinds = mover.hard, ("position", "velocity", "acceleration", "velocity", "jerk")
-    zero, most = 0 * limits.dq, limits.dq if limits.jerk is None else limits.jerk
-    scale = np.array([zero, limits.dq, limits.ddq, zero, most])
-    # Rounding in the last digits breaks nothing.
-    kind, joint = np.nonzero(_excess(limits, sent) > 1e-7 * np.maximum(scale, 1.0))
-    broken = [f"{mover.joints[i]} {kinds[k]}" for k, i in zip(kind, joint, strict=True)]
-    return list(dict.fromkeys(broken))
+    broken = np.argwhere(_excess(limits, sent) > limits.rounding).tolist()
+    return list(dict.fromkeys(f"{mover.joints[i]} {kinds[k]}" for k, i in broken))
 
 
 def _excess(limits: Limits, sent: Samples) -> Array:
