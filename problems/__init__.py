@@ -12,6 +12,7 @@ from .files import (
     prepare_folder,
     read_csv,
     read_text,
+    toml_lines,
     toml_tables,
     write_json,
 )

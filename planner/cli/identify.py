@@ -17,11 +17,10 @@ from ..identify import (
     save_identified,
     usual_surface,
 )
-from ..sweep import executor_of
 from .common import DONE, Progress, add_out, answer, whole
 
 EXAMPLE = "throwplan identify out/throws --model ls-step --out out/fit"
-MOST_THROWS, MOST_WORKERS = 1_000_000, 256
+MOST_THROWS = 1_000_000
 
 
 def arguments(parser: argparse.ArgumentParser) -> None:
@@ -47,8 +46,6 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="only throws with this label",
     )
-    most = whole(1, MOST_WORKERS)
-    add("--workers", type=most, metavar="N", default=1, help="processes (default: 1)")
     add_out(parser, "identify.json, contact.toml, the grids and pictures")
 
 
@@ -64,7 +61,7 @@ def run(options: argparse.Namespace) -> int:
     prior = None if options.prior is None else load_scene(options.prior)
     if options.out is not None:
         prepare_folder(Path(options.out), IDENTIFY_FILES)
-    with executor_of(options.workers, None) as executor, Progress(data.name) as progress:
+    with Progress(data.name) as progress:
         found = [
             identify(
                 data,
@@ -73,8 +70,6 @@ def run(options: argparse.Namespace) -> int:
                 delay=options.delay,
                 grip_scale=options.grip_scale,
                 grid=not options.no_grid,
-                executor=executor,
-                workers=options.workers,
                 about=progress.about,
             )
             for model in models

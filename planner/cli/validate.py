@@ -37,7 +37,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         default=[],
         help="more columns of throws.csv: its first label is compared with its last",
     )
-    add_out(parser, "validation.md, tables as CSV and four pictures")
+    add_out(parser, "validation.md, tables as CSV and three pictures")
 
 
 def run(options: argparse.Namespace) -> int:

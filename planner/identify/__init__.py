@@ -9,7 +9,7 @@ from .factors import SURFACE, comparisons, factor_rows, mann_whitney, usual_surf
 from .grid import Grid, grid_of
 from .identified import FILES as IDENTIFY_FILES
 from .identified import Identified, identify, save_identified
-from .measured import measured, throw_data, velocities
+from .measured import measured, throw_data
 from .predict import UNKNOWNS, Predictor, check_model, parameter_sets, thrown
 from .synthetic import Flown, Making, Noise, make_throws, object_names
 from .tables import FILES as VALIDATION_FILES

@@ -7,16 +7,14 @@ A belief is a normal distribution over the logarithms of its numbers. A scene's 
 from __future__ import annotations
 
 import dataclasses
-import json
 import math
-import textwrap
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ...problems import Distribution, Scene, Uncertainty, uncertainty_table
+from ...problems import Distribution, Scene, Uncertainty, toml_lines, uncertainty_table
 from .predict import UNKNOWNS, USUAL, parameter_sets
 
 Array = npt.NDArray[np.float64]
@@ -218,32 +216,14 @@ def _log_normal(value: float, deviation: float) -> tuple[float, ...]:
 def contact_text(belief: Belief, torsion: float, faces: int) -> str:
     """The sections [contact] and [uncertainty] for a scene file."""
     known = belief.effective
+    contact = {"friction": known.value("friction"), "patch_radius": known.value("patch_radius")}
+    tables = {
+        "contact": contact | {"torsion": torsion, "faces": faces},
+        "uncertainty": uncertainty_table(uncertainty_of(belief)),
+    }
     lines = [
         "# In place of the [contact] and [uncertainty] of a scene. The uncertainty is that of the",
         "# mean by this model: not the scatter from throw to throw, nor the model's own error.",
-        "[contact]",
-        f"friction = {known.value('friction'):.6g}",
-        f"patch_radius = {known.value('patch_radius'):.6g} # m",
-        f"torsion = {torsion:g}",
-        f"faces = {faces}",
-        "",
-        "[uncertainty]",
+        *toml_lines(tables, {}),
     ]
-    for key, value in uncertainty_table(uncertainty_of(belief)).items():
-        if isinstance(value, dict):
-            words = ", ".join(f"{name} = {_plain(number)}" for name, number in value.items())
-            lines.append(f"{key} = {{ {words} }}")
-        else:
-            lines.append(f"{key} = {json.dumps(value)}")
     return "\n".join(lines) + "\n"
-
-
-def _plain(value: object) -> str:
-    """A number or a list of them as TOML has it."""
-    if isinstance(value, list):
-        words = ", ".join(_plain(number) for number in value)
-        if len(words) < 80:
-            return f"[{words}]"
-        inside = textwrap.fill(words, 98, initial_indent="  ", subsequent_indent="  ")
-        return f"[\n{inside},\n]"
-    return f"{value:.6g}" if isinstance(value, float) else str(value)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import time
-from concurrent.futures import Executor, as_completed
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ...problems import ThrowData
 from .predict import Predictor, Progress, parameter_sets
 
 Array = npt.NDArray[np.float64]
@@ -22,8 +20,6 @@ AXES: Axes = (np.linspace(0.25, 1.2, 20), np.linspace(0.0025, 0.012, 20))
 CELLS = AXES[0].size * AXES[1].size
 #: Scaled error [m] of a throw for which a model predicts no landing.
 MISSED = 10.0
-#: Throws per piece of work of a worker process.
-PIECE = 6
 
 
 @dataclass(frozen=True)
@@ -31,8 +27,7 @@ class Grid:
     """Scaled errors of T throws for `friction` (F,) and `patch_radius` (R,) [m].
 
     errors (T, F, R) [m], NaN for a throw without a predicted landing; detach (T, F, R, 6):
-    CoM states at the end of the opening; seconds: of the work; workers: processes that shared
-    it.
+    CoM states at the end of the opening; seconds: of the work.
     """
 
     model: str
@@ -41,7 +36,6 @@ class Grid:
     errors: Array
     detach: Array
     seconds: float
-    workers: int = 1
 
     @property
     def throws(self) -> int:
@@ -97,7 +91,7 @@ class Grid:
         """Lines for people."""
         mu, radius = self.optimum
         lost = f", {self.missed.sum()} do not land" if self.missed.any() else ""
-        each = self.workers * self.seconds / self.predictions
+        each = self.seconds / self.predictions
         return [
             f"    grid: least mean error {100 * self.error.min():.3f} cm (most "
             f"{100 * self.error.max():.3f}) at friction {mu:.3g}, patch_radius "
@@ -117,7 +111,7 @@ class Grid:
             "missed": int(self.missed.sum()),
             "predictions": self.predictions,
             "seconds": self.seconds,
-            "time_per_throw": self.workers * self.seconds / self.predictions,
+            "time_per_throw": self.seconds / self.predictions,
         }
 
 
@@ -126,42 +120,21 @@ def grid_of(
     model: str,
     axes: Axes = AXES,
     fixed: tuple[float, float] = (0.0, 1.0),
-    shared: tuple[Executor, int] | None = None,
     progress: Progress | None = None,
 ) -> Grid:
     """The error landscape of a model.
 
-    fixed: delay [s] and scale of the grip force; shared: whose processes throw, and how many.
+    fixed: delay [s] and scale of the grip force.
     """
     shape = (len(predictor.data.throws), len(axes[0]), len(axes[1]))
     friction, radius = (cells.ravel() for cells in np.meshgrid(*axes, indexing="ij"))
     sets = parameter_sets(friction, radius, *fixed)
     start = time.perf_counter()
-    if shared is None:
-        detach = predictor.detached(model, sets, progress)
-    else:
-        detach = _shared(predictor.data, model, sets, shared[0], progress)
+    detach = predictor.detached(model, sets, progress)
     off = predictor.landed(detach) - predictor.truth.landing[:, None]
     errors, seconds = predictor.truth.scaled(off).reshape(shape), time.perf_counter() - start
     detach = detach.reshape(*shape, 6)
-    workers = 1 if shared is None else shared[1]
-    return Grid(model, *axes, errors, detach, seconds, workers)
-
-
-def _shared(
-    data: ThrowData, model: str, sets: Array, executor: Executor, progress: Progress | None
-) -> Array:
-    """Detach states (T, M, 6) by worker processes, some throws at a time."""
-    count, done = len(data.throws), 0
-    pieces = [np.arange(i, min(i + PIECE, count)) for i in range(0, count, PIECE)]
-    work = {executor.submit(_piece, data.picked(piece), model, sets): piece for piece in pieces}
-    detach = np.full((count, len(sets), 6), np.nan)
-    for future in as_completed(work):
-        detach[work[future]] = future.result()
-        done += len(work[future])
-        if progress is not None:
-            progress(done, count)
-    return detach
+    return Grid(model, *axes, errors, detach, seconds)
 
 
 def spread_rows(rows: Rows, most: int) -> Rows:
@@ -169,8 +142,3 @@ def spread_rows(rows: Rows, most: int) -> Rows:
     if len(rows) <= most:
         return rows
     return np.asarray(rows[np.unique(np.linspace(0, len(rows) - 1, most).round().astype(int))])
-
-
-def _piece(data: ThrowData, model: str, sets: Array) -> Array:
-    """Detach states of some throws, in a process of its own."""
-    return Predictor.of(data).detached(model, sets)

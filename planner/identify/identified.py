@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from concurrent.futures import Executor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -94,14 +93,12 @@ def identify(
     delay: bool = False,
     grip_scale: bool = False,
     grid: bool = True,
-    executor: Executor | None = None,
-    workers: int = 1,
     about: Callable[[str], Progress] | None = None,
 ) -> Identified:
     """Friction and patch radius, and a delay and the grip force's scale if asked for.
 
     prior: a belief of just these unknowns, or a scene whose [contact] and [uncertainty] say
-    it. executor, workers: who shares the grid. about(words) gives the progress of a part.
+    it. about(words) gives the progress of a part.
     InputError for an unknown model and where the throws cannot tell the unknowns.
     """
     check_model(model)
@@ -135,8 +132,7 @@ def identify(
         error = float(np.nan_to_num(predictor.truth.scaled(off), nan=MISSED).mean())
     found = None
     if grid:
-        shared = None if executor is None else (executor, workers)
-        found = grid_of(predictor, model, AXES, fixed, shared, show(f"grid by {model}"))
+        found = grid_of(predictor, model, AXES, fixed, show(f"grid by {model}"))
     return Identified(model, data, prior, found, fit, error)
 
 

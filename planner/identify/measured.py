@@ -14,8 +14,8 @@ from ..result import Plan, sent_throw
 
 Array = npt.NDArray[np.float64]
 
-#: Window of the Savitzky-Golay filter that differentiates tracks (samples), and its order.
-WINDOW, ORDER = 21, 2
+#: Fewest samples of a flight.
+SAMPLES = 21
 #: How long [s] after the opening a bar flies at least, for a track that ends before the landing.
 FLIGHT = 0.15
 #: What is recorded of the hand: from so long before the command to so long after the
@@ -55,28 +55,16 @@ def measured(data: ThrowData) -> Landings:
     return Landings(np.array(landing), np.array(twist), arm)
 
 
-def velocities(track: Array) -> Array:
-    """v_x, v_z [m/s], omega [rad/s] (K, 3) of a track (K, 4), by Savitzky-Golay (window 21)."""
-    from scipy.signal import savgol_filter
-
-    step = float(np.median(np.diff(track[:, 0])))
-    even = np.arange(track[0, 0], track[-1, 0] + step / 2, step)
-    poses = np.column_stack([np.interp(even, track[:, 0], track[:, i]) for i in (1, 2, 3)])
-    window = min(WINDOW, len(even) - (len(even) + 1) % 2)
-    found = savgol_filter(poses, window, ORDER, deriv=1, delta=step, axis=0)
-    return np.column_stack([np.interp(track[:, 0], even, found[:, i]) for i in range(3)])
-
-
 def _from_track(
     data: ThrowData, throw: MeasuredThrow, track: Array
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """(v_x, omega) in flight, and (x, theta) where the CoM comes down through the height."""
     start = throw.opening + throw.grip.opening
     flying = track[:, 0] >= start
-    if flying.sum() < WINDOW:
+    if flying.sum() < SAMPLES:
         raise InputError(
             f"throw {throw.name}: the track has {int(flying.sum())} samples after the opening, "
-            f"must have at least {WINDOW}"
+            f"must have at least {SAMPLES}"
         )
     height, gravity = data.shared.landing_height, data.shared.gravity
     times, x, z, theta = track[flying].T

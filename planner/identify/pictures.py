@@ -1,21 +1,18 @@
-"""Pictures of a validation: one throw, errors, factors (Figs. 16, 17, 18 and 20)."""
+"""Pictures of a validation: errors and factors (Figs. 17, 18 and 20)."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ...models import MODELS, SLIDING_PIVOT, STEPPED_SURFACE, land, sticking_state
+from ...models import MODELS, SLIDING_PIVOT, STEPPED_SURFACE
 from ..show import BLACK, GREY, new_figure
 from .factors import SIGNIFICANT, FactorRow
 from .grid import MISSED
-from .measured import velocities
-from .predict import parameter_sets
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -28,7 +25,6 @@ Style = dict[str, Any]
 
 #: Pictures of a validation with what is to be seen.
 PICTURES = {
-    "case": "One throw in detail: measured, and by every model.",
     "errors": "Predicted less measured landing of every throw of the batch.",
     "boxes": "Absolute errors: median, quartiles, outliers.",
     "factors": "What a factor does: landings measured and predicted, errors in both conditions.",
@@ -39,11 +35,6 @@ FAR = 6.0
 QUANTITIES = (("v_x", "m/s"), ("ω", "deg/s"), ("x", "m"), ("θ", "deg"))
 #: From metres and radians to metres and degrees.
 DEGREES = np.array([1.0, math.degrees(1.0)])
-#: The case's zoom lasts so long from the command on [s]; samples of its flight; sampling
-#: before the opening [s]; instants at which the bar is drawn.
-ZOOM, FLIGHT, STEP, BARS = 0.15, 120, 0.002, 8
-DASHES = ("-", (0, (5, 2)), (0, (2, 1.5)), (0, (6, 2, 1.5, 2)))
-TRACK: Style = {"color": BLACK, "lw": 4.5, "alpha": 0.35, "zorder": 2}
 #: Conditions A and B of a factor: marker, colour of measured landings, lightness of the model's.
 CONDITIONS = (("o", "#9ecae1", 0.45), ("s", "#2166ac", 1.0))
 #: Models whose landings are drawn against the measured ones, the first that is there.
@@ -52,11 +43,7 @@ DRAWN = (SLIDING_PIVOT, STEPPED_SURFACE, *MODELS)
 
 def validation_pictures(found: Validation) -> dict[str, Figure]:
     """The pictures that the data allow, by name."""
-    figures: dict[str, Figure] = {}
-    row = median_throw(found)
-    if row is not None:
-        figures["case"] = _case(found, row)
-    figures |= {"errors": _errors(found), "boxes": _boxes(found)}
+    figures = {"errors": _errors(found), "boxes": _boxes(found)}
     if found.factors:
         figures["factors"] = _factors(found)
     return figures
@@ -145,123 +132,6 @@ def _boxes(found: Validation) -> Figure:
     cut = f"; {', '.join(far)} cut off" if far else ""
     _title(figure, found, f"absolute errors, quartiles{cut}")
     return figure
-
-
-# One throw in detail.
-
-
-@dataclass(frozen=True)
-class Course:
-    """times (K,) [s] from the opening command on; states (6, K): pose and twist of the CoM."""
-
-    times: Array
-    states: Array
-
-
-def median_throw(found: Validation) -> int | None:
-    """The tracked throw of the batch whose mean error over all models is the median."""
-    rows = [int(i) for i in found.batch if found.data.throws[i].track is not None]
-    if not rows:
-        return None
-    errors = np.array([found.scaled(model)[rows] for model in found.checks])
-    mean = np.nan_to_num(errors).mean(axis=0)
-    return rows[int(np.argsort(mean, kind="stable")[len(rows) // 2])]
-
-
-def _measured_course(found: Validation, row: int) -> Course:
-    """The track with its rates, from the command on."""
-    throw = found.data.throws[row]
-    assert throw.track is not None
-    states = np.column_stack([throw.track[:, 1:], velocities(throw.track)]).T
-    times = throw.track[:, 0] - throw.command
-    keep = (times >= 0) & (states[1] >= found.data.shared.landing_height - 0.02)
-    return Course(times[keep], states[:, keep])
-
-
-def _predicted_course(found: Validation, model: str, row: int) -> Course:
-    """Held in the hand, released by the model, flying until it lands."""
-    check, shared, throw = found.checks[model], found.data.shared, found.data.throws[row]
-    pair = check.parameters[check.surface[row]]
-    sets = parameter_sets(*pair)[0]
-    case = found.predictor.case(row, sets)
-    earliest = max(-throw.grip.dwell, float(throw.times[0]) - throw.opening)
-    before = np.arange(earliest, 0.0, STEP)
-    held = case.hand.at(before)
-    sticking = sticking_state(held.pose, held.twist, throw.grasp.angle, case.body.com_offset)
-    release = found.predictor.released(model, row, sets)
-    during = np.vstack([release.com, release.com_twist])
-    time = float(land(during[None, :, -1], shared.landing_height, shared.gravity)[0, 2])
-    t = np.linspace(0.0, time if np.isfinite(time) else 0.0, FLIGHT)
-    end = release.detach.after(t, shared.gravity)
-    flight = np.broadcast_arrays(end.x, end.z, end.theta, end.v_x, end.v_z, end.omega)
-    times = np.concatenate([before, release.times, throw.grip.opening + t])
-    states = np.hstack([np.array(np.broadcast_arrays(*sticking)), during, np.array(flight)])
-    return Course(times + throw.grip.dwell, states)
-
-
-#: Panels: rows of the state, factor to the unit shown, label.
-PANELS = (
-    ([0, 1], 1.0, "x, z [m]"),
-    ([2], math.degrees(1.0), "θ [deg]"),
-    ([3], 1.0, "v_x [m/s]"),
-    ([5], math.degrees(1.0), "ω [deg/s]"),
-)
-
-
-def _case(found: Validation, row: int) -> Figure:
-    """The release: x and z, theta, v_x and omega over time, and the whole throw (Fig. 16)."""
-    shades, throw = colours(list(found.checks)), found.data.throws[row]
-    drawn = [(_predicted_course(found, m, row), _line_style(m, shades)) for m in found.checks]
-    drawn.append((_measured_course(found, row), TRACK))
-    figure = new_figure(14, 9)
-    grid = figure.add_gridspec(len(PANELS), 2, width_ratios=(1, 1.3))
-    for line, (rows, factor, label) in enumerate(PANELS):
-        axis = figure.add_subplot(grid[line, 0])
-        axis.axvspan(throw.grip.dwell, throw.grip.dwell + throw.grip.opening, color="#e4e1dc")
-        for course, style in drawn:
-            keep = course.times <= ZOOM
-            axis.plot(course.times[keep], factor * course.states[rows][:, keep].T, **style)
-        axis.grid(alpha=0.25)
-        axis.margins(x=0.01)
-        axis.set_ylabel(label)
-    axis.set_xlabel("time from the opening command [s]")
-    _draw_flight(figure.add_subplot(grid[:, 1]), found, row, drawn)
-    for model in found.checks:
-        axis.plot([], [], label=model, **_line_style(model, shades) | {"lw": 2})
-    axis.plot([], [], label="measured", **TRACK)
-    figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=6)
-    _title(figure, found, f"throw {throw.name} (median error), shaded: the grip force falls")
-    return figure
-
-
-def _draw_flight(
-    axis: Axes, found: Validation, row: int, drawn: Sequence[tuple[Course, Style]]
-) -> None:
-    """The bar on its way, measured and by every model, at the same instants."""
-    bar = found.data.throws[row].object
-    ends = np.array([-bar.com, bar.length - bar.com])
-    last = min(float(course.times[-1]) for course, _ in drawn)
-    instants = np.linspace(max(float(drawn[-1][0].times[0]), 0.0), last, BARS)
-    for course, style in drawn:
-        x, z, theta = (np.interp(instants, course.times, course.states[i]) for i in range(3))
-        axis.plot(x + np.cos(theta) * ends[:, None], z + np.sin(theta) * ends[:, None], **style)
-        axis.plot(course.states[0], course.states[1], **style | {"lw": 0.8, "ls": ":"})
-    axis.set_aspect("equal", adjustable="datalim")
-    axis.set(xlabel="x [m]", ylabel="z [m]")
-    axis.set_title(f"the bar at {BARS} instants, dots: its CoM", loc="left", fontsize=10)
-    axis.grid(alpha=0.25)
-
-
-def _line_style(model: str, shades: dict[str, str]) -> Style:
-    """A model's line: dashes of its own, for curves that lie on each other."""
-    if MODELS[model].chatters:  # its twist jumps from step to step: thin, behind the others
-        return {"color": shades[model], "lw": 0.6, "zorder": 1.8}
-    smooth = [name for name in shades if not MODELS[name].chatters]
-    dashes = DASHES[smooth.index(model) % len(DASHES)]
-    return {"color": shades[model], "lw": 1.6, "ls": dashes, "zorder": 2.2}
-
-
-# Factors.
 
 
 def _factors(found: Validation) -> Figure:

@@ -177,7 +177,7 @@ def notes(found: Validation) -> list[str]:
             "that are then judged"
         )
     if not found.tracked:
-        lines.append("no tracks: v_x, omega and the case study are left out")
+        lines.append("no tracks: v_x and omega are left out")
     if all(check.crossed is None for check in found.checks.values()):
         lines.append("cross-validation: left out, it needs 5 throws of 2 conditions")
     tests = 2 * sum(len(group) for group in found.factors)

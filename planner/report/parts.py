@@ -141,65 +141,34 @@ def imports_of(scene: Scene) -> Row:
 def ladder(scene: Scene) -> Iterator[tuple[str, Scene]]:
     """A throw of a free hand to a position, and one part more at a time, in words."""
     yield "as it is", scene
+    target = scene.target
+    assert target is not None
     aside = dataclasses.replace(scene.grasp, offset=0.8 * scene.object.com)
     scene = scene.replace(grasp=aside)
     yield "+ held aside of the CoM: it pivots", scene
-    scene = with_angle(scene)
+    scene = at_own_angle(scene)
     yield "+ θ of the target", scene
     scene = scene.replace(landing=WIDE_LANDING)
     yield "+ landing bounds", scene
-    scene = with_cup(scene)
+    # A cup so far below and so wide that the bar falls in anyhow.
+    cup = Cup(x=target.plane_x, rim=target.z - 0.1 - scene.object.length, radius=50.0, depth=0.1)
+    scene = scene.replace(cup=cup)
     yield "+ cup", scene
-    scene = with_workspace(scene)
+    scene = scene.replace(workspace=WIDE_WORKSPACE)
     yield "+ floor and column", scene
-    scene = with_workspace(with_cup(with_angle(with_arm(scene))))
+    # What sticks out behind the grasp would be in the Panda's hand: it holds the bar's end.
+    arm, end = load_scene("box"), dataclasses.replace(scene.grasp, offset=0.0)
+    bare = scene.replace(hand=None, robot=arm.robot, arm=arm.arm, grasp=end, target=target)
+    palm = dataclasses.replace(WIDE_WORKSPACE, palm_clearance=0.0)
+    scene = at_own_angle(bare.replace(cup=None, workspace=None)).replace(cup=cup, workspace=palm)
     yield "+ Panda for the hand, held at the end", scene
-    yield "+ four other openings", with_scenarios(scene)
+    # An opening up to 10 ms early or late, and a plan against that.
+    yield "+ four other openings", scene.replace(uncertainty=DELAY, robust=Robust("scenarios"))
 
 
-def with_angle(scene: Scene) -> Scene:
+def at_own_angle(scene: Scene) -> Scene:
     """The scene whose target has the angle at which the bar lands anyway."""
-    assert scene.target is not None
-    if scene.target.theta is not None:
-        return scene
     plan = Planner(scene, compiling="no").plan()
-    if plan.throw is None:
-        return scene
+    assert scene.target is not None and plan.throw is not None
     theta = plan.throw.final.landing.theta
     return scene.replace(target=dataclasses.replace(scene.target, theta=theta))
-
-
-def with_cup(scene: Scene) -> Scene:
-    """A cup so far below and so wide that the bar falls in anyhow."""
-    target = scene.target
-    if scene.cup is not None or target is None:
-        return scene
-    rim = target.z - 0.1 - scene.object.length
-    return scene.replace(cup=Cup(x=target.plane_x, rim=rim, radius=50.0, depth=0.1))
-
-
-def with_workspace(scene: Scene) -> Scene:
-    """A floor, a base column and, for an arm, a palm that are never touched."""
-    if scene.workspace is not None:
-        return scene
-    palm = None if scene.robot is None else 0.0
-    return scene.replace(workspace=dataclasses.replace(WIDE_WORKSPACE, palm_clearance=palm))
-
-
-def with_arm(scene: Scene) -> Scene:
-    """A Panda in place of a free hand: its own angle at landing, the bar held at its end.
-
-    What sticks out behind the grasp would be in the Panda's hand.
-    """
-    if scene.robot is not None or scene.target is None:
-        return scene
-    arm = load_scene("box")
-    target = dataclasses.replace(scene.target, theta=None)
-    grasp = dataclasses.replace(scene.grasp, offset=0.0)
-    bare = scene.replace(hand=None, robot=arm.robot, arm=arm.arm, grasp=grasp)
-    return bare.replace(target=target, cup=None, workspace=None)
-
-
-def with_scenarios(scene: Scene) -> Scene:
-    """An opening up to 10 ms early or late, and a plan against that."""
-    return scene.replace(uncertainty=scene.uncertainty or DELAY, robust=Robust("scenarios"))

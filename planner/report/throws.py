@@ -1,4 +1,4 @@
-"""Section `throws`: contact parameters from measured throws, models judged on them, learning.
+"""Section `throws`: contact parameters from measured throws, learning from few.
 
 The throws are synthetic, on the paper's design, by a meshed patch with stated noise: they tell how
 models differ and whether a fit finds the truth, not how well a model predicts real throws.
@@ -17,20 +17,15 @@ import numpy.typing as npt
 from ...problems import Pose, Scene, ThrowData, load_scene
 from ..identify import (
     Making,
-    Validation,
-    as_dict,
     identify,
     make_throws,
     throw_data,
     thrown,
-    validate,
 )
 from ..plan import Planner
 from ..result import Plan
 from ..show import Row, Table, number, shown
-from ..sweep import executor_of
 from .drawing import draw_learning
-from .measure import LANES
 from .page import Effort, Picture, ReportSection
 
 Array = npt.NDArray[np.float64]
@@ -56,17 +51,12 @@ JUDGED = 3
 
 
 def make(effort: Effort) -> ReportSection:
-    """Grids and fits, the models judged, learning from few throws."""
-    step = effort.counter(4)
-    making = Making(repeats=effort.of(1, 5), factors=not effort.quick, seed=SEED)
-    data, _ = make_throws(making)
-    numbers = [i for i, t in enumerate(data.throws) if t.factors["set"] == "batch"]
-    batch = data.picked(numbers[:: effort.of(3, 1)])
+    """Grids and fits, learning from few throws."""
+    step = effort.counter(3)
+    data, _ = make_throws(Making(repeats=effort.of(1, 5), seed=SEED))
+    batch = data.picked(list(range(0, len(data.throws), effort.of(3, 1))))
     step()
-    tables = [_identified(batch)]
-    step()
-    if not effort.quick:
-        tables.append(_validated(validate(data)))
+    identified = _identified(batch)
     step()
     learning, before = _learning(effort)
     step()
@@ -77,14 +67,14 @@ def make(effort: Effort) -> ReportSection:
         [
             f"{len(batch.throws)} synthetic throws (`throwplan make-throws`): "
             f"{data.shared.synthetic}.",
-            _fitted(tables[0]),
+            _fitted(identified),
             f"Learning: scene `pose`, believed with {100 * (1 - BELIEVED):.0f} % less μ r_p and "
             f"without the delay of {1e3 * TRUTH['delay']:.0f} ms; reality is the meshed patch, "
             f"landings have noise of {1e3 * NOISE[0]:.0f} mm and {math.degrees(NOISE[1]):.1f}°. "
             f"Before any throw the mean real scaled error is {1e3 * before:.1f} mm; "
             f"{_learned(learning)}.",
         ],
-        [*tables, learning],
+        [identified, learning],
         [Picture("throws", words, draw_learning(learning))],
     )
 
@@ -92,9 +82,7 @@ def make(effort: Effort) -> ReportSection:
 def _identified(data: ThrowData) -> Table:
     """Grids and fits, a row for each model."""
     true, rows = data.truth["friction"] * data.truth["patch_radius"], list[Row]()
-    with executor_of(LANES, None) as executor:
-        found = [identify(data, m, executor=executor, workers=LANES) for m in MODELS]
-    for one in found:
+    for one in (identify(data, model) for model in MODELS):
         assert one.grid is not None
         row: Row = {
             "model": one.model,
@@ -126,28 +114,8 @@ def _fitted(table: Table) -> str:
     count, time = (sum(map(number, table.column(name))) for name in ("predictions", "grid [s]"))
     return (
         f"Friction times patch radius μ r_p by the fits, over the truth: {fits}. {count:,.0f} "
-        f"predictions of the grids take {time:.0f} s by {LANES} processes."
+        f"predictions of the grids take {time:.1f} s."
     )
-
-
-def _validated(found: Validation) -> Table:
-    """Tables III and IV, and the cross-validation, a row for each model."""
-    rows = list[Row]()
-    for model, one in as_dict(found)["models"].items():
-        best, crossed = one["parameters"]["batch"], one["cross_validation"]
-        row: Row = {
-            "model": model,
-            "mean scaled error [m]": one["min_mean_error"],
-            "cross-validated [m]": crossed["cross_validated"][0] if crossed else None,
-            "μ r_p [mm]": 1e3 * best["friction"] * best["patch_radius"],
-        }
-        for name, unit in (("v_x", "m/s"), ("omega", "rad/s"), ("x", "m"), ("theta", "rad")):
-            error = one["errors"][name] or {}
-            row |= {f"{name} [{unit}], {k}": error.get(k.lower()) for k in ("MAE", "STD")}
-        batch = one["batch_time"] and 1e3 * one["batch_time"]
-        single = 1e3 * one["release_time"]["mean"]
-        rows.append(row | {"one release [ms]": single, "in a batch [ms]": batch})
-    return Table("throws-validated", "Models judged (`throwplan validate`)", rows)
 
 
 def _learning(effort: Effort) -> tuple[Table, float]:

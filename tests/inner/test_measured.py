@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 from throwplan.models import TableRelease
-from throwplan.planner.identify import measured, velocities
+from throwplan.planner.identify import measured
 from throwplan.problems import Grasp, InputError, MeasuredThrow, Shared, ThrowData, ThrownObject
 
 G, HEIGHT, OPENED = 9.81, -0.7, 0.6
@@ -38,13 +38,6 @@ def data(rest_at: float, end: float = 2.0, landing: tuple | None = None) -> Thro
         "one", bar, Grasp(), times, motion, OPENED - 0.10, grip, landing, track, {}
     )
     return ThrowData("made", Shared(landing_height=HEIGHT), (throw,))
-
-
-def test_rates_of_a_quadratic_are_exact() -> None:
-    t = np.arange(0.0, 0.5, 0.004)
-    track = np.column_stack([t, 1 + 2 * t - 3 * t**2, -2 * t + t**2, 0.5 * t**2])
-    exact = np.column_stack([2 - 6 * t, -2 + 2 * t, t])
-    assert np.abs(velocities(track) - exact).max() < 1e-9
 
 
 @pytest.mark.parametrize("rest_at", [HEIGHT - 0.01, HEIGHT - 0.3])

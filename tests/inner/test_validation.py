@@ -233,7 +233,7 @@ def test_landings_without_tracks_and_too_few_throws(data, tmp_path: Path):
     found = validate(dataclasses.replace(data, throws=tuple(throws)), ("sp",))
     text = as_text(found)
     assert "v_x" not in text.split("no tracks")[0]
-    assert "no tracks: v_x, omega and the case study are left out" in text
+    assert "no tracks: v_x and omega are left out" in text
     assert "cross-validation: left out" in text
     assert "com: left out, no such column" in text
     save_validation(found, tmp_path)

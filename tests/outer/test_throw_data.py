@@ -260,7 +260,7 @@ def test_validate_writes_beside_the_data_and_leaves_the_data(made, tmp_path, run
     assert printed["synthetic"]
     assert printed["models"]["sp"]["errors"]["theta"]["mae"] < 0.05
     tables = {"cross_validation", "errors", "errors_by_throw", "factors", "parameters"}
-    pictures = {"boxes", "case", "errors", "factors"}
+    pictures = {"boxes", "errors", "factors"}
     names = {f"{n}.csv" for n in tables} | {f"{n}.png" for n in pictures} | {"validation.md"}
     kept = {"dataset.toml", "throws.csv", "motion", "grip", "track"}
     assert {path.name for path in copy.iterdir()} == names | kept
