@@ -10,7 +10,6 @@ from .body import (
     HandMotion,
     HandSamples,
     HandTrack,
-    Value,
     com_twist,
     com_wrench,
     contact_twist,
@@ -71,7 +70,6 @@ from .release import (
     LOST,
     LOST_SLIP,
     BatchRelease,
-    CaseModel,
     GripProfile,
     LinearRelease,
     Release,
@@ -84,7 +82,6 @@ from .sliding_pivot import (
     PivotSteps,
     SlidingPivot,
     SlidingPivotRelease,
-    pivot_law,
     positive,
     relative_widths,
     soft_positive,
@@ -92,13 +89,10 @@ from .sliding_pivot import (
 )
 from .stepping import (
     Opening,
-    graded,
     march,
     number_symbols,
     numbers,
     rk4_step,
-    step_batch,
     step_symbols,
-    with_middles,
 )
-from .time_stepping import ITERATIONS, ImpulseProblem, Iterate, LimitSurfaceStepping, SteppedRelease
+from .time_stepping import ITERATIONS, LimitSurfaceStepping, SteppedRelease

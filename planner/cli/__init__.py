@@ -9,7 +9,6 @@ from __future__ import annotations
 import argparse
 import difflib
 import json
-import math
 import sys
 from collections.abc import Iterable, Sequence
 from importlib import import_module
@@ -38,7 +37,7 @@ COMMANDS = {
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
-    words = [_plain(word) for word in (sys.argv[1:] if arguments is None else arguments)]
+    words = list(sys.argv[1:] if arguments is None else arguments)
     try:
         options, unknown = parser_of(words[:1]).parse_known_args(words)
         if unknown:
@@ -93,16 +92,6 @@ def _unknown(parser: argparse.ArgumentParser, word: str) -> str:
     near = difflib.get_close_matches(word, parser._option_string_actions, 1, 0.6)
     hint = f", did you mean {near[0]}?" if near else ""
     return f"unknown argument {word}{hint} (see '{parser.prog} --help')"
-
-
-def _plain(word: str) -> str:
-    """Negative numbers with an exponent written out: argparse takes them for options."""
-    if not word.startswith("-") or "e" not in word.lower():
-        return word
-    try:
-        return f"{float(word):f}" if math.isfinite(float(word)) else word
-    except ValueError:
-        return word
 
 
 if __name__ == "__main__":

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ..show import BLACK, BLUE, GREEN, GREY, RED, bar_corners, draw_cup, new_figure, save
+from ..show import BLACK, BLUE, GREEN, GREY, RED, new_figure, save
 from .samples import unit_of
 from .statistics import OUTER, delay_band, scaled_error, swings
 
@@ -20,8 +20,8 @@ if TYPE_CHECKING:
 
 Array = npt.NDArray[np.float64]
 
-#: Points and bars drawn of many; margin around the bars, as a share.
-POINTS, BARS, MARGIN = 5000, 120, 0.06
+#: Points drawn of many.
+POINTS = 5000
 #: Least span of an axis [mm, deg].
 LEAST = 0.02
 
@@ -68,21 +68,11 @@ def _widen(axes: Axes, vertical: bool) -> None:
 
 
 def draw_landings(sweep: Sweep, path: Path) -> None:
-    """Landings about the target with the tolerance, and the bars as they come down."""
-    figure = new_figure(12, 5.2)
-    points, bars = figure.subplots(1, 2, width_ratios=(1.35, 1))
-    _draw_points(points, sweep)
-    _draw_bars(bars, sweep)
-    some = f", {POINTS:,} of them shown" if sweep.samples > POINTS else ""
-    rate = 100 * float(sweep.success.mean())
-    figure.suptitle(**_title(sweep, f"{rate:.1f} % succeed{some}"))
-    save(figure, path)
-
-
-def _draw_points(axes: Axes, sweep: Sweep) -> None:
-    """Landing x and theta, coloured by the parameter that matters most."""
+    """Landing x and theta about the target, coloured by the parameter that matters most."""
     from matplotlib.patches import Rectangle
 
+    figure = new_figure(8, 5.2)
+    axes = figure.subplots()
     shown = slice(None, POINTS)
     off, held = _off(sweep, sweep.landings.pose[shown]), sweep.landings.held[shown]
     name = max(sweep.shares, key=lambda key: sum(sweep.shares[key]))
@@ -96,7 +86,7 @@ def _draw_points(axes: Axes, sweep: Sweep) -> None:
         style |= {"marker": "x", "lw": 0.9, "label": "slips in the full grip before it opens"}
         axes.scatter(x[~held], theta[~held], s=22, c=colour[~held], **style)
     label = f"{name.replace('_', ' ')} [{unit}]" if unit else name
-    axes.figure.colorbar(found, ax=axes, label=label, pad=0.01)
+    figure.colorbar(found, ax=axes, label=label, pad=0.01)
     position, angle = _tolerance(sweep)
     if math.isfinite(angle):
         box: dict[str, Any] = {"fill": False, "ec": RED, "lw": 1.6, "zorder": 4}
@@ -110,47 +100,10 @@ def _draw_points(axes: Axes, sweep: Sweep) -> None:
     _widen(axes, vertical=True)
     axes.grid(alpha=0.25)
     axes.legend(loc="best", fontsize=9, framealpha=0.9)
-
-
-def _draw_bars(axes: Axes, sweep: Sweep) -> None:
-    """Bars as their CoM passes the target's height, and the cup."""
-    from matplotlib.collections import PolyCollection
-    from matplotlib.patches import Polygon
-
-    scene, target = sweep.plan.scene, sweep.plan.target
-    landed = np.flatnonzero(np.isfinite(sweep.landings.pose[:, 0]))[:BARS]
-    success = sweep.success[landed]
-    outlines = _outlines(sweep, sweep.landings.pose[landed])
-    thin: dict[str, Any] = {"facecolor": "none", "lw": 0.6, "alpha": 0.5}
-    for kind, colour, words in ((~success, RED, "fails"), (success, GREEN, "succeeds")):
-        if kind.any():
-            axes.add_collection(PolyCollection(list(outlines[kind]), edgecolor=colour, **thin))
-            axes.plot([], [], color=colour, label=words)
-    if np.isfinite(sweep.nominal.pose[0, 0]):
-        nominal = _outlines(sweep, sweep.nominal.pose)[0]
-        axes.add_patch(Polygon(nominal, fill=False, ec=BLACK, lw=1.6, label="nominal"))
-        outlines = np.concatenate([outlines, nominal[None]])
-    if scene.cup is not None:
-        draw_cup(axes, scene.cup)
-        bottom = scene.cup.rim - scene.cup.depth
-        ends = [[scene.cup.x + side * scene.cup.radius, bottom] for side in (-1, 1)]
-        outlines = np.concatenate([outlines, [ends * 2]])
-    axes.plot([target.plane_x], [target.z], "+", color=BLACK, ms=11)
-    low, high = outlines.reshape(-1, 2).min(axis=0), outlines.reshape(-1, 2).max(axis=0)
-    more = MARGIN * float((high - low).max())
-    axes.set(xlim=(low[0] - more, high[0] + more), ylim=(low[1] - more, high[1] + more))
-    axes.set(aspect="equal", xlabel="x [m]", ylabel="z [m]")
-    few = "" if len(landed) == sweep.samples else f"{len(landed)} of them "
-    axes.set_title(f"{few}as the CoM passes z = {target.z:g} m", fontsize=10)
-    axes.grid(alpha=0.25)
-    axes.figure.legend(*axes.get_legend_handles_labels(), loc="outside lower right", ncols=3)
-
-
-def _outlines(sweep: Sweep, pose: Array) -> Array:
-    """Corners (N, 4, 2) of the bars at landings (N, 3)."""
-    bar, height = sweep.plan.scene.object, sweep.plan.target.z
-    corners = [bar_corners(bar, np.array([x, height, theta])) for x, theta, _ in pose]
-    return np.array(corners).reshape(-1, 4, 2)
+    some = f", {POINTS:,} of them shown" if sweep.samples > POINTS else ""
+    rate = 100 * float(sweep.success.mean())
+    figure.suptitle(**_title(sweep, f"{rate:.1f} % succeed{some}"))
+    save(figure, path)
 
 
 def draw_delay(sweep: Sweep, path: Path) -> None:
