@@ -71,8 +71,8 @@ MORE_SOURCES = 3
 MOST_ALTERNATIVES = 20
 #: Random releases drawn for the starting points.
 SAMPLES = 20_000
-#: Time [s] after which no further attempt is made. Usual plans take a thousandth of it.
-PATIENCE = 20.0
+#: How long [s] a throw is looked for, and several throws or a robust one.
+PATIENCE, LONG_PATIENCE = 3.0, 20.0
 #: What binds where no sampled release comes down through the target's height.
 HEIGHT = "landing height"
 #: Throws that `prepare` solves where the reach has room for so many, and the most it may be asked.
@@ -123,7 +123,7 @@ class Planner:
         warm: Plan | None = None,
         alternatives: int = 0,
         robust: str | None = None,
-        patience: float = PATIENCE,
+        patience: float | None = None,
     ) -> Plan:
         """A throw to `target` (the scene's by default), with its status.
 
@@ -131,8 +131,8 @@ class Planner:
         with IPOPT as fallback. turns: 'any' takes theta modulo full turns. warm: a
         solved plan of this planner for a target nearby. alternatives: how many throws
         that differ from the plan's to look for; they are in `Plan.alternatives`. robust: a
-        method of the section [robust], instead of the scene's. patience [s]: after so long
-        no further attempt to find a throw is begun.
+        method of the section [robust], instead of the scene's. patience [s]: how long to look for
+        a throw, besides what is built once; 3 s, 20 s for several throws or a robust one.
         """
         started = time.perf_counter()
         target = self.check(target)
@@ -143,22 +143,24 @@ class Planner:
         method = self._method(robust)
         if method and alternatives:
             raise InputError("alternatives: not with a robust plan")
+        if patience is None:
+            patience = PATIENCE if not method and self._wanted(alternatives) == 1 else LONG_PATIENCE
         if not patience > 0:
             raise InputError(f"patience = {patience!r}: must be above 0")
         solvers = ("fatrop", "ipopt") if solver == "auto" else (solver,)
         clock = Clock(started + patience)
         task = Task(self.scene.aimed_at(target), target, solvers, clock)
         made, self._build_time = self._build_time, 0.0
-        clock.seconds["build"] = made
         with clock("build"):
             self._take_code()
         wanted = self._wanted(alternatives)
         plan = self._planned(task, turns, wanted, warm)
         if method and plan.solved:
             plan = self._hardened(plan, method, turns, task)
-        total = time.perf_counter() - started + made
+        total, spent = time.perf_counter() - started + made, dict(clock.seconds)
+        spent["build"] += made
         rest = plan.alternatives[:alternatives]
-        return dataclasses.replace(plan, alternatives=rest, time={**clock.seconds, "total": total})
+        return dataclasses.replace(plan, alternatives=rest, time={**spent, "total": total})
 
     def _planned(self, task: Task, turns: Turns, wanted: int, warm: Plan | None = None) -> Plan:
         """The best of `wanted` distinct throws, from solved ones nearby or else from a search."""
@@ -407,12 +409,8 @@ class Planner:
             plan = dataclasses.replace(plan, status="out_of_reach", message=answer.words(target))
             return dataclasses.replace(plan, nearest=answer.pose, binding=answer.names)
         broken = [attempt for attempt in tried if attempt.throw is not None]
-        reasons = [attempt.reason for attempt in broken[:1] or tried[-1:]]
-        message = f"no throw found: {(reasons or [''])[0] or 'no feasible release to start from'}"
-        if late:
-            message += "; given up after the longest time, more may help (Planner.plan(patience=…))"
         throw = broken[0].throw if broken else None
-        return dataclasses.replace(plan, message=message, throw=throw)
+        return dataclasses.replace(plan, message=_nothing(tried, broken, late), throw=throw)
 
     def _plan(
         self, task: Task, target: Pose, tried: Sequence[Attempt], more: int, size: tuple[int, int]
@@ -453,6 +451,19 @@ def _check_one_of(name: str, value: object, allowed: Any) -> None:
     """InputError unless `value` is one of a Literal's."""
     if value not in get_args(allowed):
         raise InputError(f"{name} = {value!r}: must be one of {', '.join(get_args(allowed))}")
+
+
+def _nothing(tried: Sequence[Attempt], broken: Sequence[Attempt], late: bool) -> str:
+    """Why there is no throw, in words: what was tried and what was in the way."""
+    if not tried:
+        words = "no throw found: no feasible release to start from"
+    else:
+        words = f"no throw found in {len(tried)} attempts"
+        if len(broken) < len(tried):
+            words += f": {len(tried) - len(broken)} led to no motion that keeps all constraints"
+        if broken:
+            words += f"; what a throw broke: {broken[0].reason}"
+    return words + ("; time is over, more patience may help" if late else "")
 
 
 def _lands(thrown: PlannedThrow, goal: Pose) -> str:

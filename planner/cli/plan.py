@@ -15,6 +15,7 @@ from .common import (
     add_scene,
     add_target,
     answer,
+    number,
     say,
     target_of,
     whole,
@@ -49,6 +50,8 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     words = "list up to N more throws that differ from the plan's"
     most = whole(0, MOST_ALTERNATIVES)
     add("--alternatives", type=most, metavar="N", default=0, help=words)
+    words = "how long to look for a throw (default: 3 s; 20 s for several or robust ones)"
+    add("--patience", type=number(0.001, 3600.0), metavar="S", help=words)
     add_out(parser, "plan.json, motion.csv, throw.png and throw.gif")
 
 
@@ -68,6 +71,7 @@ def run(options: argparse.Namespace) -> int:
         turns=options.turns,
         robust=options.robust,
         alternatives=alternatives,
+        patience=options.patience,
     )
     if options.out is not None:
         say(f"{scene.name}: writing {options.out}")

@@ -35,9 +35,11 @@ WARM = {"fatrop": ((1e-8, 12), (1e-6, 60)), "ipopt": ((1e-5, 500),)}
 #: FATROP 1.1 may repeat one factorisation for ever where constraints are this steep at the
 #: start (seen from 3e6 on; usual starts are below 500), so it is not given such a start.
 STEEPEST = 1e5
-#: FATROP is given up after this time [s] and that of so many evaluations of the constraints'
-#: derivatives, 150 iterations taking that of a thousand; at the latest [s].
-LONGEST, EVALUATIONS, LATEST = 2.0, 3000, 60.0
+#: FATROP is given up after this processor time [s] and that of so many evaluations of the
+#: constraints' derivatives, 150 iterations taking that of a thousand; at the latest [s].
+LONGEST, EVALUATIONS, LATEST = 0.2, 2000, 60.0
+#: A thread's processor time is not looked up more often than this [s].
+SHORTEST_WAIT = 0.01
 
 Answer = TypeVar("Answer")
 
@@ -46,34 +48,84 @@ class GivenUpError(Exception):
     """The call took longer than it may."""
 
 
-def watched(made: Callable[[], Answer], limit: float) -> Answer:
-    """made(), in another thread; GivenUpError after `limit` [s].
+def watched(made: Callable[[], Answer], limit: float, latest: float = LATEST) -> Answer:
+    """made(), in another thread; GivenUpError once it has used `limit` [s] of processor time.
 
-    Whatever the call raises is raised here. A thread that is given up, or left by Ctrl-C, keeps
-    its memory until the process ends; on Linux it only gets processor time that is left over.
+    At the latest after `latest` [s], on a machine however busy. Whatever the call raises is
+    raised here. A thread that is given up, or left by Ctrl-C, keeps its memory until the process
+    ends; on Linux it only gets processor time that is left over.
     """
     answers: SimpleQueue[tuple[Any, BaseException | None]] = SimpleQueue()
+    clocks: list[int] = []
 
     def work() -> None:
+        if hasattr(time, "pthread_getcpuclockid"):
+            clocks.append(time.pthread_getcpuclockid(threading.get_ident()))
         try:
             answers.put((made(), None))
         except BaseException as error:
             answers.put((None, error))
 
     thread = threading.Thread(target=work, name="throwplan-solver", daemon=True)
+    end = time.perf_counter() + latest
     thread.start()
     try:
-        answer, error = answers.get(timeout=limit)
-    except BaseException as gone:
+        answer, error = _awaited(answers, clocks, limit, end)
+    except BaseException:
         if hasattr(os, "SCHED_IDLE") and thread.native_id is not None:
             with contextlib.suppress(OSError):
                 os.sched_setscheduler(thread.native_id, os.SCHED_IDLE, os.sched_param(0))
-        if isinstance(gone, Empty):
-            raise GivenUpError(f"no end after {limit:.0f} s") from None
         raise
     if error is not None:
         raise error
     return answer  # type: ignore[no-any-return]
+
+
+def _awaited(answers: SimpleQueue[Any], clocks: list[int], limit: float, end: float) -> Any:
+    """A thread's answer; GivenUpError at its limit of processor time, or at `end`.
+
+    clocks: its processor time's, none where the system has none; then that time is all its own.
+    """
+    start, used = time.perf_counter(), 0.0
+    while True:
+        left = min(limit - used, end - time.perf_counter())
+        if left <= 0.0:
+            raise GivenUpError(f"no end after {used:.2g} s")
+        try:
+            return answers.get(timeout=max(left, SHORTEST_WAIT))
+        except Empty:
+            used = time.perf_counter() - start
+        for clock in clocks:
+            # A thread that has just ended has no clock; its answer is there.
+            with contextlib.suppress(OSError):
+                used = time.clock_gettime(clock)
+
+
+class _Ending(ca.Callback):
+    """Stops IPOPT after an iteration, once time.perf_counter() is past `until`."""
+
+    def __init__(self, variables: int, rows: int, parameters: int) -> None:
+        ca.Callback.__init__(self)
+        self.until = np.inf
+        self._sizes = {"x": variables, "f": 1, "g": rows, "lam_x": variables}
+        self._sizes |= {"lam_g": rows, "lam_p": parameters}
+        self.construct("ending", {})
+
+    def get_n_in(self) -> int:
+        """What a solver answers."""
+        return int(ca.nlpsol_n_out())
+
+    def get_n_out(self) -> int:
+        """Whether to stop."""
+        return 1
+
+    def get_sparsity_in(self, i: int) -> ca.Sparsity:
+        """All dense."""
+        return ca.Sparsity.dense(self._sizes[ca.nlpsol_out(i)])
+
+    def eval(self, arguments: Any) -> list[float]:
+        """1 stops."""
+        return [float(time.perf_counter() > self.until)]
 
 
 @dataclass(frozen=True)
@@ -121,6 +173,7 @@ class Solver:
         self.compiled = self._code.functions is not None
         self._functions = self._code.functions or nlp_functions(nlp, name)
         self._solvers: dict[float, ca.Function] = {}
+        self._ending = _Ending(*(nlp.problem[name].numel() for name in ("x", "g", "p")))
         self._evaluation = np.inf
 
     def _solver(self, mu_init: float) -> ca.Function:
@@ -148,6 +201,7 @@ class Solver:
             }
         else:
             options["ipopt"] = common | {"sb": "yes"}
+            options["iteration_callback"] = self._ending
         self._solvers[mu_init] = ca.nlpsol("throw", self.name, nlp.problem, options)
         return self._solvers[mu_init]
 
@@ -159,10 +213,11 @@ class Solver:
         warm: Solution | None = None,
         *,
         near: bool = True,
+        seconds: float = LATEST,
     ) -> Solution:
         """Solve from `guess`; `warm` hands over a solution, multipliers too.
 
-        near: whether that is of almost the same target.
+        near: whether that is of almost the same target. seconds: how long it may take.
         """
         nlp = self.nlp
         sides = {"lbx": bounds[0], "ubx": bounds[1], "lbg": nlp.lbg, "ubg": nlp.ubg}
@@ -173,13 +228,14 @@ class Solver:
         steep = self.name == "fatrop" and warm is None and self._slope(guess, parameters)
         if not steep <= STEEPEST:
             return Solution.none(guess, f"not tried from a start with a slope of {steep:.0e}")
-        iterations, steps = 0, [MU_INIT]
+        iterations, steps, end = 0, [MU_INIT], time.perf_counter() + seconds
+        self._ending.until = end
         if warm is not None:
             steps = [mu_init for mu_init, _ in WARM[self.name]][0 if near else -1 :]
         for mu_init in steps:
             solver = self._solver(mu_init)
             try:
-                result = self._called(solver, arguments)
+                result = self._called(solver, arguments, end - time.perf_counter())
             except BaseException as error:
                 # The plug-in's memory is the lost thread's.
                 self._solvers.clear()
@@ -195,14 +251,16 @@ class Solver:
         message = str(stats.get("return_status", ""))
         return Solution(x, lam_g, lam_x, float(result["f"]), success, iterations, message)
 
-    def _called(self, solver: ca.Function, arguments: dict[str, Any]) -> dict[str, ca.DM]:
+    def _called(
+        self, solver: ca.Function, arguments: dict[str, Any], seconds: float
+    ) -> dict[str, ca.DM]:
         """The plug-in's answer; GivenUpError where it has none in time."""
         if self.name != "fatrop":
             return dict(solver(**arguments))
         if not np.isfinite(self._evaluation):
             self._slope(arguments["x0"], arguments["p"])
-        limit = min(LONGEST + EVALUATIONS * self._evaluation, LATEST)
-        return watched(lambda: solver(**arguments), limit)
+        limit = LONGEST + EVALUATIONS * self._evaluation
+        return watched(lambda: solver(**arguments), limit, seconds)
 
     def linearised(self, x: Array, parameters: Array, multipliers: Array) -> tuple[Array, ...]:
         """g (m,), its Jacobian (m, n), and the Lagrangian's Hessian (n, n) at a point.

@@ -184,8 +184,7 @@ class _Solving:
         for _ in range(MAX_CORRECTIONS):
             solution, numbers = self._solved(goal, guess, warm, near)
             if not solution.success:
-                failed = f"{self.problem.solver.name} did not converge"
-                reason = failed if solution.answered else solution.message
+                reason = "no motion keeps all constraints"
                 break
             try:
                 candidate = self._candidate(solution, numbers, goal)
@@ -210,12 +209,15 @@ class _Solving:
         """The NLP's solution for `goal`: from `warm` if that works, else afresh from its point."""
         problem, scene = self.problem, self.task.scene
         request = Request(scene, self.mover, goal, self.asked, self.start.robust)
-        with self.task.clock("solve"):
+        clock = self.task.clock
+        with clock("solve"):
             numbers = problem.nlp.numbers(request)
-            solution = problem.solver.solve(guess, numbers, problem.limits, warm, near=near)
+            solution = problem.solver.solve(
+                guess, numbers, problem.limits, warm, near=near, seconds=clock.left
+            )
             if not solution.success and warm is not None:
                 self.iterations += solution.iterations
-                solution = problem.solver.solve(warm.x, numbers, problem.limits)
+                solution = problem.solver.solve(warm.x, numbers, problem.limits, seconds=clock.left)
         self.iterations += solution.iterations
         self.solves += 1
         return solution, numbers

@@ -1,13 +1,14 @@
 """The nearest landing that is possible, and the limits that bind there.
 
 The same NLP with a landing that may miss at a price in the scaled error (39), solved
-by IPOPT from the nearest sampled releases: an answer from the table and from the
-elastic solve, not from a failed iteration.
+from the nearest sampled releases: an answer from the table and from the elastic solve, not from
+a failed iteration.
 """
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -48,8 +49,6 @@ Array = npt.NDArray[np.float64]
 
 #: A target of more full turns than this may have been given in degrees.
 MANY_TURNS = 3
-#: Iterations that an elastic solve may take.
-ITERATIONS = 300
 #: Starts of the elastic solve, and how many more where it ends farther from the target than
 #: the landing it started from.
 STARTS, MORE_STARTS = 3, 5
@@ -65,6 +64,8 @@ TRIES = 3
 BEYOND = 1.02
 #: Share of the tolerance that the aim may use.
 INSIDE = 0.98
+#: A target is out of reach where the nearest possible landing is farther [m, scaled error] off.
+CLEARLY = 0.03
 #: Margin [m] beyond the cup's clearance that is kept in the end, at more depths.
 LEAST = 2e-4
 #: Angles at which a bar that may land at any angle is compared with the column.
@@ -129,46 +130,57 @@ class Reach:
     def __init__(self, scene: Scene, mover: Mover, compiling: Compile) -> None:
         self._scene, self._mover = scene, mover
         self._compiling = compiling
-        self._solvers: dict[tuple[bool, frozenset[Guard]], Solver] = {}
+        self._solvers: dict[tuple[bool, frozenset[Guard]], tuple[ThrowNlp, list[Solver]]] = {}
 
-    def _solver(self, request: Request) -> tuple[ThrowNlp, Solver]:
+    def _solver(self, request: Request) -> tuple[ThrowNlp, list[Solver]]:
         guards = request.asked.guards
         key = (request.angle, guards)
         if key not in self._solvers:
             nlp = build_nlp(request)
             compiling = patient(self._compiling, guards)
-            self._solvers[key] = Solver(nlp, "ipopt", ITERATIONS, compiling)
-        solver = self._solvers[key]
-        assert isinstance(solver.nlp, ThrowNlp)
-        return solver.nlp, solver
+            self._solvers[key] = (
+                nlp,
+                [Solver(nlp, name, compiling=compiling) for name in ("fatrop", "ipopt")],
+            )
+        return self._solvers[key]
 
     def nearest_possible(
-        self, scene: Scene, releases: Releases, target: Pose, guards: frozenset[Guard]
+        self, task: Task, releases: Releases, target: Pose, guards: frozenset[Guard]
     ) -> Binding:
-        """The landing nearest `target` in the scaled error that `scene` can throw.
+        """The landing nearest `target` in the scaled error that the task's scene can throw.
 
-        scene: this one, aimed at the target; guards: rows that the check has shown to be needed.
+        target: the task's, its turns counted; guards: rows that the check has shown to be needed.
         """
-        mover = self._mover
+        mover, scene = self._mover, task.scene
         request = Request(scene, mover, target, Asked(guards, BARE), elastic=True)
-        nlp, solver = self._solver(request)
+        with task.clock("build"):
+            nlp, solvers = self._solver(request)
         numbers, limits = nlp.numbers(request), nlp.bounds(request)
-        entering = _into_the_cup(scene, releases, target)
         if "passing" in guards:
-            entering = past_column(entering, scene, target.z)
-        indices, distances = nearest(
-            entering, scene, target.plane_x, target.z, target.theta, STARTS + MORE_STARTS
-        )
+            releases = past_column(releases, scene, target.z)
+        where = scene, target.plane_x, target.z, target.theta
+        entering = _into_the_cup(scene, releases, target)
+        indices, distances = nearest(entering, *where, STARTS + MORE_STARTS)
         known = WORSE * min(distances, default=math.inf) + scene.tolerance.position
+        begins = [(entering, index) for index in indices]
+        if entering is not releases:
+            # Beside the throws that go into the cup the nearest of those that do not.
+            begins[1:1] = [(releases, index) for index in nearest(releases, *where, STARTS)[0]]
         best: Solution | None = None
         missed, iterations = math.inf, 0
-        for tried, index in enumerate(indices):
-            if tried >= STARTS and missed <= known:
+        for tried, (table, index) in enumerate(begins):
+            if (tried >= len(begins) - MORE_STARTS and missed <= known) or task.clock.late:
                 break
-            flown = entering.flight_time(index, target.z, scene.gravity)
-            guess = guess_from(nlp, scene, mover, entering, int(index), flown)
-            solution = solver.solve(guess, numbers, limits)
-            iterations += solution.iterations
+            if missed <= scene.tolerance.position:
+                break
+            flown = table.flight_time(index, target.z, scene.gravity)
+            guess = guess_from(nlp, scene, mover, table, int(index), flown)
+            for solver in solvers:
+                with task.clock("solve"):
+                    solution = solver.solve(guess, numbers, limits, seconds=task.clock.left)
+                iterations += solution.iterations
+                if solution.success:
+                    break
             if solution.success and (best is None or solution.cost < best.cost):
                 best, missed = solution, _miss(nlp, solution, numbers, scene, target)
         if best is None or missed > known:
@@ -196,7 +208,7 @@ def elastic_starts(answer: Binding, task: Task, asked: Asked) -> Iterator[Start]
     The target itself first. Where that is impossible the elastic point's own landing, which the
     tolerance allows, is the aim; and in the end a smaller margin to the cup is kept.
     """
-    if answer.outside or answer.solution is None:
+    if answer.solution is None or answer.missed > CLEARLY:
         return
     most = task.scene.tolerance
     dx, dtheta = (
@@ -207,9 +219,10 @@ def elastic_starts(answer: Binding, task: Task, asked: Asked) -> Iterator[Start]
     if task.scene.cup is not None:
         margins = asked.margins.replace(cup=LEAST - CUP_MARGIN)
         variants.append(Asked(asked.guards | {"flight"}, margins))
-    for variant in variants:
-        for aim in ((0.0, 0.0), (dx, dtheta)):
-            yield Start(answer.goal, answer.guess_for, "ipopt", variant, TRIES, aim=aim)
+    # One that seems to be just out of reach is attempted only in itself.
+    aims, tries = ([(0.0, 0.0)], 1) if answer.outside else ([(0.0, 0.0), (dx, dtheta)], TRIES)
+    for variant, aim in itertools.product(variants, aims):
+        yield Start(answer.goal, answer.guess_for, task.solvers[0], variant, tries, aim=aim)
 
 
 def _miss(nlp: ThrowNlp, solution: Solution, numbers: Array, scene: Scene, target: Pose) -> float:

@@ -26,15 +26,23 @@ POSES = 4000
 
 @dataclass(frozen=True)
 class Clock:
-    """When a plan must end, by time.perf_counter(), and how long its parts took [s]."""
+    """When a plan must end, by time.perf_counter(), and how long its parts took [s].
+
+    What is built once, for later plans too, does not count: `until` is put off by it.
+    """
 
     until: float = math.inf
     seconds: dict[str, float] = field(default_factory=lambda: defaultdict(float))
 
     @property
+    def left(self) -> float:
+        """Time for planning that is left [s]."""
+        return self.until + self.seconds["build"] - time.perf_counter()
+
+    @property
     def late(self) -> bool:
         """Whether the time for planning is over."""
-        return time.perf_counter() > self.until
+        return self.left < 0.0
 
     @contextmanager
     def __call__(self, name: str) -> Iterator[None]:

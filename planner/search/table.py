@@ -12,15 +12,15 @@ from ...problems import Pose
 from ..ocp import USUAL, Asked, ThrowNlp
 from .attempt import Attempt, Start
 from .guess import guess_from
-from .nearest import Binding, Reach, elastic_starts, in_column
+from .nearest import CLEARLY, Binding, Reach, elastic_starts, in_column
 from .nlps import Problems, Task
 from .release_table import Releases, Turns, past_column, starts
 from .sampling import ReleaseSampler, closer
 
 #: Starts tried with FATROP, then with IPOPT.
 STARTS = {"fatrop": 6, "ipopt": 4}
-#: Starts tried first, without heavy guards.
-LIGHT_STARTS = 4
+#: Starts tried first, and then, without heavy guards.
+FIRST_STARTS, LIGHT_STARTS = 2, 4
 #: NLPs tried from one release, each asked for what the check of the last one found broken.
 TRIES = 4
 #: Beyond the first distance [m, scaled error] from every landing of the table nearer releases are
@@ -68,8 +68,10 @@ class Search:
         self._led_nowhere: set[tuple[object, ...]] = set()
         self.answer: Binding | None = None
         self.iterations = 0
+        with task.clock("build"):
+            table = sources.table()
         with task.clock("guess"):
-            self._use(sources.table())
+            self._use(table)
 
     def _use(self, releases: Releases) -> None:
         """Takes a table: (release, goal, scaled distance [m]) of the nearest landings."""
@@ -96,17 +98,29 @@ class Search:
         if blocked:
             self._asked = dataclasses.replace(self._asked, guards=frozenset({"passing"}))
         if blocked or (not self._coarse and self._nearest[0][2] > STILL_FAR):
-            yield from self._at_the_edge()
+            yield from self._at_the_edge(blocked)
             if self._settled(blocked):
                 return
         guards = self._asked.guards
-        for rounds in _rounds(self._task.solvers):
-            yield from self._from_releases(rounds)
+        first_rounds, *more = _rounds(self._task.solvers)
+        yield from self._from_releases(first_rounds)
+        if self.answer is None and not self._found(first):
+            yield from self._at_the_edge()
+            if self._settled(blocked):
+                return
+        if self.answer is not None and self.answer.outside:
+            # A target at the very edge: some other starts, no more.
+            more = [more[0][:1]]
+        for rounds in more:
             if self._coarse and not clock.late:
                 self._sample_near()
-        found = any(attempt.solved for attempt in self._tried[first:])
-        if not found and (self.answer is None or self._asked.guards != guards):
+            yield from self._from_releases(rounds)
+        if not self._found(first) and self._asked.guards != guards:
             yield from self._at_the_edge()
+
+    def _found(self, first: int) -> bool:
+        """Whether any attempt from `first` on gave a solved throw."""
+        return any(attempt.solved for attempt in self._tried[first:])
 
     def _sample_near(self) -> None:
         """Adds releases that land nearer the goal than those of the table."""
@@ -115,17 +129,16 @@ class Search:
         self._coarse = False
 
     def _settled(self, blocked: bool) -> bool:
-        """Whether the answer proves the target out of reach.
+        """Whether the answer says that the target is out of reach.
 
-        It must come as near as any sampled release, and no other goal may be about as near.
+        Clearly, that is, and no other goal may be about as near.
         """
         answer = self.answer
         if answer is None or not answer.outside:
             return False
         goal, distance = self._nearest[0][1:]
-        as_near = answer.missed <= distance + self._task.scene.tolerance.position
         rivals = (other for _, other, away in self._nearest if away < RIVAL * distance)
-        return blocked or (as_near and all(other == goal for other in rivals))
+        return blocked or (answer.missed > CLEARLY and all(other == goal for other in rivals))
 
     def _from_releases(self, rounds: list[_Round]) -> Iterator[Start]:
         """Starts from the releases that land nearest, round after round."""
@@ -175,18 +188,19 @@ class Search:
             after = dataclasses.replace(after, margins=margins)
         self._asked = after
 
-    def _at_the_edge(self) -> Iterator[Start]:
+    def _at_the_edge(self, blocked: bool = False) -> Iterator[Start]:
         """Solves for what is possible nearest the goal; starts from there.
 
         Again with the constraints that the attempts' checks found missing.
         """
         while not self._task.clock.late:
             guards, margins = self._asked.guards, self._asked.margins
-            with self._task.clock("solve"):
-                self.answer = self._sources.reach.nearest_possible(
-                    self._task.scene, self.releases, self._goal, guards
-                )
+            self.answer = self._sources.reach.nearest_possible(
+                self._task, self.releases, self._goal, guards
+            )
             self.iterations += self.answer.iterations
+            if blocked and self.answer.outside:
+                return
             for variant in elastic_starts(self.answer, self._task, self._asked):
                 if self._task.clock.late:
                     return
@@ -218,8 +232,9 @@ def release_start(problems: Problems, task: Task, table: Releases, index: int, g
 
 
 def _rounds(names: tuple[str, ...]) -> list[list[_Round]]:
-    """Rounds of starts from the table, and from the releases sampled near the target then."""
+    """Rounds of starts from the table, before and after the edge of what is possible is known."""
     first, rest = names[0], names[1:]
+    light = [_Round(first, FIRST_STARTS, True)]
     table = [_Round(first, LIGHT_STARTS, True), _Round(first, STARTS[first], False)]
     near = [_Round(first, LIGHT_STARTS, False), *(_Round(n, STARTS[n], False) for n in rest)]
-    return [table, near]
+    return [light, table, near]
