@@ -456,7 +456,8 @@ def _check_one_of(name: str, value: object, allowed: Any) -> None:
 def _nothing(tried: Sequence[Attempt], broken: Sequence[Attempt], late: bool) -> str:
     """Why there is no throw, in words: what was tried and what was in the way."""
     if not tried:
-        words = "no throw found: no feasible release to start from"
+        begun = "time was over before the first attempt"
+        words = f"no throw found: {begun if late else 'no feasible release to start from'}"
     else:
         words = f"no throw found in {len(tried)} attempts"
         if len(broken) < len(tried):

@@ -219,10 +219,15 @@ def elastic_starts(answer: Binding, task: Task, asked: Asked) -> Iterator[Start]
     if task.scene.cup is not None:
         margins = asked.margins.replace(cup=LEAST - CUP_MARGIN)
         variants.append(Asked(asked.guards | {"flight"}, margins))
-    # One that seems to be just out of reach is attempted only in itself.
-    aims, tries = ([(0.0, 0.0)], 1) if answer.outside else ([(0.0, 0.0), (dx, dtheta)], TRIES)
-    for variant, aim in itertools.product(variants, aims):
-        yield Start(answer.goal, answer.guess_for, task.solvers[0], variant, tries, aim=aim)
+    first = task.solvers[0]
+    if answer.outside:
+        # It seems to be just out of reach.
+        for variant in variants:
+            yield Start(answer.goal, answer.guess_for, first, variant)
+        return
+    yield Start(answer.goal, answer.guess_for, first, asked)
+    for variant, aim in itertools.product(variants, ((0.0, 0.0), (dx, dtheta))):
+        yield Start(answer.goal, answer.guess_for, "ipopt", variant, TRIES, aim=aim)
 
 
 def _miss(nlp: ThrowNlp, solution: Solution, numbers: Array, scene: Scene, target: Pose) -> float:

@@ -115,7 +115,8 @@ class Search:
             if self._coarse and not clock.late:
                 self._sample_near()
             yield from self._from_releases(rounds)
-        if not self._found(first) and self._asked.guards != guards:
+        outside = self.answer is not None and self.answer.outside
+        if not self._found(first) and self._asked.guards != guards and not outside:
             yield from self._at_the_edge()
 
     def _found(self, first: int) -> bool:
@@ -211,7 +212,7 @@ class Search:
                     self._asked = Asked(self._tried[-1].after.guards, margins)
                     if self._tried[-1].solved:
                         return
-            if self._asked.guards == guards:
+            if self._asked.guards == guards or self.answer.outside:
                 return
 
 
