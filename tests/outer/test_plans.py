@@ -465,7 +465,8 @@ def test_bounds_of_landing_and_torque_are_planned(tmp_path) -> None:
         tp.scene_text("pose")
         + "\n[landing]\nspeed_max = 3.6\n[torque]\nlimits = [80.0, 60.0, 11.0]\n"
     )
-    answer, plain = tp.plan(path).to_dict(), tp.plan("pose").to_dict()
+    planner = tp.Planner(tp.load_scene(path))
+    answer, plain = planner.plan(patience=90.0).to_dict(), tp.plan("pose").to_dict()
     assert answer["status"] == "solved"
     # Rows for the bounds, no variables: what is absent adds nothing.
     assert answer["nlp"]["constraints"] > plain["nlp"]["constraints"]
