@@ -135,10 +135,10 @@ class Release:
     wrench: Array | None = None
     trouble: str = ""
 
-    @property
+    @cached_property
     def detach(self) -> FlightState:
         """State at the end of the opening."""
-        return FlightState(*self.com[:, -1], *self.com_twist[:, -1])
+        return FlightState(*self.com[:, -1].tolist(), *self.com_twist[:, -1].tolist())
 
 
 class CaseModel(Protocol):

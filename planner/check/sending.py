@@ -1,10 +1,10 @@
 """The motion that is sent: samples every millisecond, from rest to rest.
 
 For an arm Ruckig follows the planned states tick by tick within the real limits on
-velocity, acceleration and jerk, and brakes after detach. Where the planned motion keeps
-these limits itself Ruckig would come out on its samples: there they are taken as they
-are. A hand has no jerk limit: its planned motion is sampled and it brakes at constant
-acceleration.
+velocity, acceleration and jerk. Where the planned motion keeps these limits itself Ruckig
+would come out on its samples: there they are taken as they are, by the compiled core where
+that is so all along. After detach each joint brakes as fast as the limits let it. A hand has
+no jerk limit: its planned motion is sampled and it brakes at constant acceleration.
 """
 
 from __future__ import annotations
