@@ -11,6 +11,7 @@ Release Dynamics in Robot Throwing: A Sliding Pivot Model".
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 from dataclasses import dataclass
 from types import SimpleNamespace
@@ -235,7 +236,19 @@ def time_to_height(state: FlightState, height: float, gravity: float) -> float:
     Numbers only: inside the NLP the flight time is an unknown with a polynomial
     constraint, which cannot give a NaN.
     """
-    return float(_fall_time(np.array(state.z - height), np.array(state.v_z), gravity))
+    drop, v_z = float(state.z) - height, float(state.v_z)
+    if gravity <= 0:
+        time = -drop / v_z if v_z < 0 else math.nan
+        return time if time >= 0 else math.nan
+    square = v_z * v_z + 2 * gravity * drop
+    if not square >= 0:
+        return math.nan
+    # As in `_fall_time`.
+    root = math.sqrt(square)
+    if v_z > 0:
+        return (v_z + root) / gravity
+    time = 2 * drop / (root - v_z) if drop else 0.0
+    return time if time >= 0 else math.nan
 
 
 def _fall_time(drop: Array, v_z: Array, gravity: float) -> Array:
