@@ -18,12 +18,19 @@ from .files import (
 )
 from .grip import Grasp, Gripper, PadContact, ThrownObject, grip_samples, monotone_grip
 from .movers import Hand, Motion, Robot, Torque
-from .reference import scene_reference
 from .scene import Mesh, Scene
 from .section import InputError, ThrowplanError
 from .targets import Choice, Cup, Landing, Pose, Tolerance, Workspace
 from .throws import THROW_DATA_FILES, MeasuredThrow, Shared, ThrowData, load_throws, write_throws
-from .toml import as_scene, load_scene, scene_from_table, scene_names, scene_table, scene_text
+from .toml import (
+    as_scene,
+    load_scene,
+    scene_from_table,
+    scene_names,
+    scene_reference,
+    scene_table,
+    scene_text,
+)
 from .uncertainty import (
     COMPARED_METHODS,
     ROBUST_METHODS,

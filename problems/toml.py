@@ -43,6 +43,11 @@ def scene_text(name: str) -> str:
     return (files(__package__) / "scenes" / f"{name}.toml").read_text(encoding="utf-8")
 
 
+def scene_reference() -> str:
+    """All keys of scene and arm files as Markdown; examples/scene_reference.py makes it."""
+    return (files("throwplan") / "docs" / "scene-reference.md").read_text(encoding="utf-8")
+
+
 def as_scene(scene: Scene | str | Path) -> Scene:
     """A scene as it is, or loaded."""
     return scene if isinstance(scene, Scene) else load_scene(scene)

@@ -1,6 +1,7 @@
-"""The reference of scene files and arm data files, from the sections' fields and docstrings."""
+"""Prints docs/scene-reference.md, from the sections' fields and docstrings:
 
-from __future__ import annotations
+.venv/bin/python examples/scene_reference.py > docs/scene-reference.md
+"""
 
 import dataclasses
 import inspect
@@ -11,12 +12,12 @@ import typing
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from ..models import Arm, DHRow, JointFrame, LinkInertia
-from .arms import TABLES
-from .scene import Scene
-from .section import file_key, hints_of
-from .toml import SECTIONS, TOP_KEYS
-from .uncertainty import SHARES, UNCERTAIN_PARAMETERS, Distribution, Uncertainty
+from throwplan.models import Arm, DHRow, JointFrame, LinkInertia
+from throwplan.problems.arms import TABLES
+from throwplan.problems.scene import Scene
+from throwplan.problems.section import file_key, hints_of
+from throwplan.problems.toml import SECTIONS, TOP_KEYS
+from throwplan.problems.uncertainty import SHARES, UNCERTAIN_PARAMETERS, Distribution, Uncertainty
 
 #: Ranges that hang on the scene's other values.
 WITHIN = {
@@ -26,7 +27,7 @@ WITHIN = {
 INTRODUCTION = """\
 # Scene files
 
-Made by `throwplan scenes --reference`; do not edit.
+Made by `examples/scene_reference.py`; do not edit. `throwplan scenes --reference` prints it.
 
 A scene is a TOML file. Angles in it are in degrees and their keys end in `_deg`; all else is SI.
 x points forward, z up, angles count counter-clockwise from +x. A section that is absent adds
@@ -168,3 +169,7 @@ def _plain(value: Any, unit: float) -> str:
     if isinstance(value, str):
         return f'"{value}"'
     return f"{unit * value:.6g}" if isinstance(value, float) else str(value)
+
+
+if __name__ == "__main__":
+    print(scene_reference(), end="")
