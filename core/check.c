@@ -7,7 +7,7 @@
 #define FLIGHT_SAMPLES 400
 /* As in planner/check/entry.py. */
 #define COARSE 48
-#define BISECTIONS 14
+#define BISECTIONS 15
 #define FINE 24
 #define ROUNDS 3
 #define BEYOND 0.3
@@ -159,17 +159,21 @@ INLINE void from_column(const box *b, const pose *at, double radius, double heig
     }
 }
 
-/* Whether the column is in the bar's reach at any of the poses. */
-INLINE int near_column(const scene *s, const pose *bar, double reach)
+/* The least distance of bars from the column; infinite where it is out of their reach. */
+INLINE double near_column(const scene *s, const box *b, const pose *bar, double reach)
 {
+    lane away, found;
     if (s->column_radius < 0.0)
-        return 0;
-    lane away;
+        return INFINITY;
     EACH_LANE {
         double aside = fabs(bar->x[l]) - s->column_radius, above = bar->z[l] - s->column_height;
         away[l] = GREATER(aside, above);
     }
-    return least(away) < reach;
+    if (!(least(away) < reach))
+        return INFINITY;
+    from_column(b, bar, s->column_radius, s->column_height, found);
+    EACH_LANE found[l] = away[l] < reach ? found[l] : INFINITY;
+    return least(found);
 }
 
 /* Hands at times [s], and heights of what moves lowest of arm and hand. */
@@ -240,10 +244,7 @@ INLINE void hold(const scene *s, const box *bar, double reach, const pose *at, m
     lane found;
     lowest_of(bar, at, found);
     m->held = fmin(m->held, least(found));
-    if (near_column(s, at, reach)) {
-        from_column(bar, at, s->column_radius, s->column_height, found);
-        m->column_held = fmin(m->column_held, least(found));
-    }
+    m->column_held = fmin(m->column_held, near_column(s, bar, at, reach));
 }
 
 /* From rest to the motion's end: arm and hand, and the bar until the pads open. */
@@ -317,10 +318,7 @@ INLINE void fly(const throw *t, const box *bar, const box *body, double reach, m
             clock[l] = t->detach + time[l];
         }
         flown(t, time, &at);
-        if (near_column(s, &at, reach)) {
-            from_column(bar, &at, s->column_radius, s->column_height, found);
-            m->column_flown = fmin(m->column_flown, least(found));
-        }
+        m->column_flown = fmin(m->column_flown, near_column(s, bar, &at, reach));
         if (s->palm_clearance < 0.0)
             continue;
         hands_at(t, clock, &piece, &hand, theta, found);

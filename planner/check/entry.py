@@ -15,7 +15,7 @@ Array = npt.NDArray[np.float64]
 #: Flight instants on which the entry is sought, bisections that locate its ends, instants of
 #: the entry at which the clearance is measured, and how often it is measured anew around
 #: the least: a corner that passes the rim is near it for a moment only.
-COARSE, BISECTIONS, FINE, ROUNDS = 48, 14, 24, 3
+COARSE, BISECTIONS, FINE, ROUNDS = 48, 15, 24, 3
 #: The flight is followed beyond the landing height for this long [s].
 BEYOND = 0.3
 
