@@ -16,7 +16,6 @@ from typing import Any, Literal, get_args
 
 import numpy as np
 
-from ..models import land
 from ..problems import (
     COMPARED_METHODS,
     ROBUST_METHODS,
@@ -28,31 +27,27 @@ from ..problems import (
 )
 from .check import KernelCode, check_kernels, make_mover
 from .compile import Compile
-from .ocp import USUAL, Optimum, Solution
+from .ocp import USUAL
 from .reach import grow
 from .result import Plan, PlannedThrow, checked_target
 from .robust import Hardening
 from .search import (
     Attempt,
     Clock,
-    Corrector,
     Library,
-    Neighbour,
+    Nearby,
     Problems,
     Reach,
     Releases,
     ReleaseSampler,
     Search,
     Sources,
-    Start,
     Task,
     Turns,
     attempts,
     check_start,
     distinct,
     highest,
-    moved_start,
-    optimum_of,
     ordered,
     stored_releases,
 )
@@ -60,8 +55,6 @@ from .search import (
 Progress = Callable[[int, int], None]
 SolverName = Literal["auto", "fatrop", "ipopt"]
 
-#: A solution for a target within this distance [m, scaled error] needs few iterations.
-NEAR = 0.005
 #: Numerical settings of robust plans, where the scene has none of its own. A robust throw hardly
 #: slides, so its opening needs even intervals, and a wider rounding costs nothing.
 QUIET_MESH = Mesh(opening=8, grading=1.0, epsilon=0.03)
@@ -77,10 +70,6 @@ PATIENCE, LONG_PATIENCE = 3.0, 20.0
 HEIGHT = "landing height"
 #: Throws that `prepare` solves where the reach has room for so many, and the most it may be asked.
 PREPARED, MOST_PREPARED = 5000, 10_000
-#: Throws of the library that a plan is moved from, and that a choice is made among, per throw.
-NEIGHBOURS, CHOSEN_FROM = 4, 6
-#: As far [m, scaled error] a warm plan's optimum is moved.
-MOVED = 0.06
 
 
 class Planner:
@@ -111,7 +100,6 @@ class Planner:
         reach = Reach(scene, self.mover, compiling)
         self._sources = Sources(self.problems, self._sampler, reach, self.releases)
         self._stored = library
-        self._anchor: tuple[PlannedThrow, Optimum | None] | None = None
         self._build_time = time.perf_counter() - start
 
     def plan(
@@ -166,13 +154,14 @@ class Planner:
         """The best of `wanted` distinct throws, from solved ones nearby or else from a search."""
         tried: list[Attempt] = []
         found: list[Attempt] = []
-        for attempt in self._nearby(task, turns, warm, wanted):
+        before = None if warm is None or warm.mover is not self.mover else warm.throw
+        for attempt in self._nearby.attempts(task, turns, wanted, before):
             tried.append(attempt)
             if attempt.solved:
                 found = distinct([*found, attempt]) if wanted > 1 else [attempt]
             if len(found) >= wanted:
                 return self._best(found, tried, task)
-        search = Search(self._sources, task, turns, wanted, tried)
+        search = Search(self._sources, task, turns, wanted, tried, self._nearby.edge(task, turns))
         for start in search.starts():
             tried += attempts(self.problems, start, task)
             if tried[-1].solved:
@@ -193,72 +182,6 @@ class Planner:
         rest = tuple(self._solved(other, [other], task) for other in others)
         return dataclasses.replace(plan, alternatives=rest)
 
-    def _nearby(
-        self, task: Task, turns: Turns, warm: Plan | None, wanted: int
-    ) -> Iterator[Attempt]:
-        """Attempts from solved throws nearby: a warm plan's and the library's, moved to the target
-        first, and solved from there where that fails."""
-        usable = warm is not None and warm.throw is not None and warm.mover is self.mover
-        before = warm.throw if usable and warm is not None else None
-        alike = warm is not None and (warm.target.theta is not None) == (
-            task.target.theta is not None
-        )
-        near: list[Neighbour] = []
-        if len(task.solvers) > 1:
-            with task.clock("guess"):
-                count = NEIGHBOURS if wanted == 1 else CHOSEN_FROM * wanted
-                near = self.library.near(task.target, turns, count)
-                if before is not None and alike:
-                    near = [*self._warm_neighbour(before, task), *near]
-            for one in near:
-                if task.clock.late:
-                    return
-                yield self._corrector.attempt(one.optimum, one.landing, one.goal, task)
-        for start in self._warm_starts(task, warm if alike else None, before, near):
-            if task.clock.late:
-                return
-            yield from attempts(self.problems, start, task)
-
-    def _warm_neighbour(self, before: PlannedThrow, task: Task) -> list[Neighbour]:
-        """A warm plan's optimum, if it lands near enough."""
-        optimum = before.optimum
-        if optimum is None:
-            if self._anchor is None or self._anchor[0] is not before:
-                self._anchor = before, self._optimum_of(before, task)
-            optimum = self._anchor[1]
-        if optimum is None:
-            return []
-        target = task.target
-        x, theta, _ = land(optimum.detach[None], target.z, task.scene.gravity)[0]
-        landing = target.in_plane(float(x), None if target.theta is None else float(theta))
-        away = target.distance(landing, self.scene.object.length / 2)
-        return [Neighbour(optimum, target, landing, away)] if away < MOVED else []
-
-    def _optimum_of(self, throw: PlannedThrow, task: Task) -> Optimum | None:
-        """How the solution behind a plan moves with its target."""
-        if _robust(throw):
-            return None
-        program = self.problems.problem(throw.final.target, throw.asked, "fatrop", task.clock)
-        return optimum_of(self.library.controls, program, throw)
-
-    def _warm_starts(
-        self, task: Task, warm: Plan | None, before: PlannedThrow | None, near: list[Neighbour]
-    ) -> Iterator[Start]:
-        """Starts of a solver from a warm plan, then from the nearest throw of the library."""
-        solution = None if before is None or _robust(before) else before.solution
-        if warm is not None and before is not None and solution is not None:
-            # Its multipliers fit its own NLP only.
-            start = self._warm_start(task, task.target, solution, warm.target)
-            yield dataclasses.replace(start, asked=before.asked, aim=before.aim)
-        for one in near[:1]:
-            controls = self.library.controls
-            yield moved_start(controls, self.mover, one.optimum, one.goal, task)
-
-    def _warm_start(self, task: Task, goal: Pose, solution: Solution, solved_for: Pose) -> Start:
-        """A start from a solution for another target."""
-        near = goal.distance(solved_for, self.scene.object.length / 2) < NEAR
-        return Start(goal, lambda nlp: solution.x, task.solvers[0], warm=solution, near=near)
-
     def prepare(self, throws: int = PREPARED, progress: Progress | None = None) -> int:
         """Grows a library of solved throws all over the reach, for plans to start from.
 
@@ -271,7 +194,6 @@ class Planner:
         whole = isinstance(throws, int | np.integer) and not isinstance(throws, bool)
         if not whole or not 1 <= throws <= MOST_PREPARED:
             raise InputError(f"throws = {throws!r}: must be a whole number, 1 to {MOST_PREPARED}")
-        self._stored = True
         self._take_code()
         try:
             grow(self.problems, self.releases(), self.library, int(throws), progress)
@@ -285,8 +207,8 @@ class Planner:
         return len(self.library)
 
     @functools.cached_property
-    def _corrector(self) -> Corrector:
-        return Corrector(self.library.controls, self.mover)
+    def _nearby(self) -> Nearby:
+        return Nearby(self.problems, self.library)
 
     @functools.cached_property
     def library(self) -> Library:
@@ -472,8 +394,3 @@ def _lands(thrown: PlannedThrow, goal: Pose) -> str:
     dx, dtheta = thrown.final.miss(goal)
     turn = "" if goal.theta is None else f" and {math.degrees(abs(dtheta)):.3f} deg"
     return f"lands {1e3 * abs(dx):.3f} mm{turn} from the target"
-
-
-def _robust(throw: PlannedThrow) -> bool:
-    """Whether its NLP has a window around the opening."""
-    return throw.nlp is not None and bool(throw.nlp.structure.robust)

@@ -48,7 +48,7 @@ Progress = Callable[[int, int], None]
 #: for each.
 SAMPLES, SEEDS, STARTS = 60_000, 48, 3
 #: How much larger the reach is than what random throws hit.
-LARGER = 1.25
+LARGER = 1.6
 #: Narrowest cells, as a share of these bins.
 FINEST = 0.1
 #: Neighbours from which a cell is tried before it counts as beyond the edge.
@@ -81,7 +81,7 @@ class Cells:
 
     def __call__(self, x: float, theta: float | None) -> Cell:
         """The cell of a landing."""
-        turn = theta if self.theta and theta is not None else 0.0
+        turn = theta or 0.0
         return math.floor(x / self.x), math.floor(turn / self.theta) if self.theta else 0
 
     def middle(self, cell: Cell, target: Pose) -> Pose:
@@ -132,6 +132,8 @@ class Growth:
             self._own = -math.inf, self._own[1]
         if share[0] == share[1] - 1:
             self._own = self._own[0], math.inf
+        cells = {self.cells(x, theta) for x, theta in zip(*landings, strict=True)}
+        self._hit = dict.fromkeys(sorted(cells))
         self._rng = np.random.default_rng([SEED, share[0]])
         self._solutions: dict[Cell, tuple[Solution, Asked, Optimum]] = {}
         self._solved: dict[Cell, int] = {}
@@ -173,62 +175,70 @@ class Growth:
                 self._beyond[cell] = TRIED
 
     def _steps(self) -> Iterator[None]:
-        """Seeds, then cell after cell from a solved neighbour."""
-        if self._x.size and not self._solved:
-            for pose in self._seeds():
-                self._from_table(pose)
+        """Seeds, then cell after cell from a solved neighbour, then what no neighbour led to."""
+        if not self._solved:
+            for cell in self._seeds():
+                self._from_table(cell)
                 yield
-        waiting = deque(self._frontier(own=True))
-        own = True
-        while waiting or own:
-            if not waiting:
-                own = False
-                waiting.extend(self._frontier(own=False))
-                continue
-            cell, source = waiting.popleft()
-            if cell in self._solved or self._beyond.get(cell, 0) >= TRIED:
-                continue
-            if self._step(cell, source):
-                waiting.extend(self._next(cell, own))
-            yield
+        for own in (True, False):
+            yield from self._spread(own=own)
+            for cell in self._hit if own else ():
+                if self._open(cell) and self._mine(cell) and cell not in self._beyond:
+                    self._from_table(cell)
+                    yield
+                    yield from self._spread(own=own)
 
-    def _frontier(self, *, own: bool) -> list[tuple[Cell, Cell]]:
-        """(cell, solved neighbour) of all that are not solved yet."""
-        found = [pair for cell in list(self._solved) for pair in self._next(cell, own)]
-        order = self._rng.permutation(len(found))
-        return [found[i] for i in order]
+    def _spread(self, *, own: bool) -> Iterator[None]:
+        """Cells from their neighbours, those first that random throws hit, until none is left.
 
-    def _next(self, cell: Cell, own: bool) -> Iterator[tuple[Cell, Cell]]:
-        for beside in self.cells.around(cell):
-            if beside not in self._solved and self._beyond.get(beside, 0) < TRIED:
-                x = (beside[0] + 0.5) * self.cells.x
-                if not own or self._own[0] <= x <= self._own[1]:
-                    yield beside, cell
+        own: in this process' part of the map.
+        """
+        hit, other = deque[tuple[Cell, Cell]](), deque[tuple[Cell, Cell]]()
+
+        def take(source: Cell) -> None:
+            for cell in self.cells.around(source):
+                if self._open(cell) and (not own or self._mine(cell)):
+                    (hit if cell in self._hit else other).append((cell, source))
+
+        known = list(self._solved)
+        for i in self._rng.permutation(len(known)):
+            take(known[i])
+        while hit or other:
+            cell, source = (hit or other).popleft()
+            if self._open(cell):
+                if self._step(cell, source):
+                    take(cell)
+                yield
+
+    def _open(self, cell: Cell) -> bool:
+        """Whether a cell may still be solved."""
+        return cell not in self._solved and self._beyond.get(cell, 0) < TRIED
+
+    def _mine(self, cell: Cell) -> bool:
+        """Whether a cell is in this process' part of the map."""
+        return self._own[0] <= (cell[0] + 0.5) * self.cells.x <= self._own[1]
 
     # One cell.
 
-    def _seeds(self) -> list[Pose]:
+    def _seeds(self) -> list[Cell]:
         some = sparse_parents(self._x, self._theta, SEEDS, self._rng)
-        landings = [
-            (float(self._x[i]), float(self._theta[i]) if self.library.angle else None)
-            for i in some
-            if self._own[0] <= self._x[i] <= self._own[1]
-        ]
-        cells = dict.fromkeys(self.cells(*landing) for landing in landings)
-        return [self.cells.middle(cell, self._target) for cell in cells]
+        cells = [self.cells(self._x[i], self._theta[i]) for i in some]
+        return [cell for cell in dict.fromkeys(cells) if self._mine(cell)]
 
     def _task(self, goal: Pose) -> Task:
         clock = Clock(time.perf_counter() + PATIENCE)
         return Task(self._scene.aimed_at(goal), goal, ("fatrop",), clock)
 
-    def _from_table(self, goal: Pose) -> None:
+    def _from_table(self, cell: Cell) -> None:
         """A throw from nothing but the release table."""
+        goal = self.cells.middle(cell, self._target)
         task, releases = self._task(goal), self._releases
         for index, aim, _ in starts(releases, task.scene, goal, "exact", STARTS):
             start = release_start(self.problems, task, releases, index, aim)
             start = dataclasses.replace(start, asked=self._asked, light=True)
             if self._taken(list(attempts(self.problems, start, task)), task):
                 return
+        self._beyond[cell] = 1
 
     def _step(self, cell: Cell, source: Cell) -> bool:
         """Whether a cell is solved from a neighbour."""

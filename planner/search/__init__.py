@@ -8,6 +8,7 @@ from .corrector import Corrector, moved_start, optimum_of
 from .guess import guess_from, refit
 from .launch import carry, flies_past_column, polynomial, run_up
 from .library import Library, Neighbour
+from .nearby import Nearby
 from .nearest import Binding, Reach, highest
 from .nlps import Clock, Problems, Program, Task, check_start
 from .release_table import Releases, Turns, goals_of, joined, starts

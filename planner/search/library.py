@@ -178,10 +178,12 @@ class Library:
             self._landings = height, land(detach, height, self._scene.gravity).T.copy()
         return self._landings[1]
 
-    def near(self, target: Pose, turns: Turns, count: int) -> list[Neighbour]:
-        """At most `count` solved throws that land within NEAR of the target, nearest first."""
+    def near(
+        self, target: Pose, turns: Turns, count: int, within: float = NEAR
+    ) -> Iterator[Neighbour]:
+        """At most `count` solved throws that land within [m] of the target, nearest first."""
         if not len(self) or (target.theta is not None) != self.angle:
-            return []
+            return
         x, theta, _ = self.landings(target.z)
         away, whole = np.abs(x - target.plane_x), np.zeros_like(x)
         if target.theta is not None:
@@ -193,16 +195,15 @@ class Library:
         count = min(count, len(away))
         nearest = np.argpartition(away, count - 1)[:count]
         nearest = nearest[np.argsort(away[nearest], kind="stable")]
-        return [
-            Neighbour(
+        for i in nearest:
+            if not away[i] < within:
+                return
+            yield Neighbour(
                 self.optimum(int(i)),
                 target.turned(float(whole[i])) if whole[i] else target,
                 target.in_plane(float(x[i]), float(theta[i]) if self.angle else None),
                 float(away[i]),
             )
-            for i in nearest
-            if away[i] < NEAR
-        ]
 
 
 def library_key(scene: Scene) -> str:

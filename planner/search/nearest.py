@@ -10,8 +10,9 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -145,11 +146,17 @@ class Reach:
         return self._solvers[key]
 
     def nearest_possible(
-        self, task: Task, releases: Releases, target: Pose, guards: frozenset[Guard]
+        self,
+        task: Task,
+        releases: Releases,
+        target: Pose,
+        guards: frozenset[Guard],
+        solved: Sequence[tuple[Start, float]] = (),
     ) -> Binding:
         """The landing nearest `target` in the scaled error that the task's scene can throw.
 
-        target: the task's, its turns counted; guards: rows that the check has shown to be needed.
+        target: the task's, its turns counted; guards: rows that the check has shown to be needed;
+        solved: starts from throws that land nearby, with how far off [m], tried before releases.
         """
         mover, scene = self._mover, task.scene
         request = Request(scene, mover, target, Asked(guards, BARE), elastic=True)
@@ -161,20 +168,26 @@ class Reach:
         where = scene, target.plane_x, target.z, target.theta
         entering = _into_the_cup(scene, releases, target)
         indices, distances = nearest(entering, *where, STARTS + MORE_STARTS)
-        known = WORSE * min(distances, default=math.inf) + scene.tolerance.position
-        begins = [(entering, index) for index in indices]
+        nearby = [*distances, *(away for _, away in solved)]
+        known = WORSE * min(nearby, default=math.inf) + scene.tolerance.position
+        places = [(entering, index) for index in indices]
         if entering is not releases:
             # Beside the throws that go into the cup the nearest of those that do not.
-            begins[1:1] = [(releases, index) for index in nearest(releases, *where, STARTS)[0]]
+            places[1:1] = [(releases, index) for index in nearest(releases, *where, STARTS)[0]]
+        begins: list[Callable[[], Array]] = [partial(start.guess, nlp) for start, _ in solved]
+        for table, index in places:
+            flown = table.flight_time(index, target.z, scene.gravity)
+            begins.append(partial(guess_from, nlp, scene, mover, table, int(index), flown))
+        # A library's throws lie at the edge itself, so that they are enough.
+        enough = len(solved) or len(begins) - MORE_STARTS
         best: Solution | None = None
         missed, iterations = math.inf, 0
-        for tried, (table, index) in enumerate(begins):
-            if (tried >= len(begins) - MORE_STARTS and missed <= known) or task.clock.late:
+        for tried, begin in enumerate(begins):
+            if (tried >= enough and missed <= known) or task.clock.late:
                 break
             if missed <= scene.tolerance.position:
                 break
-            flown = table.flight_time(index, target.z, scene.gravity)
-            guess = guess_from(nlp, scene, mover, table, int(index), flown)
+            guess = begin()
             for solver in solvers:
                 with task.clock("solve"):
                     solution = solver.solve(guess, numbers, limits, seconds=task.clock.left)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -57,11 +57,19 @@ class Search:
     caller adds those from each start before it asks for the next one; what their checks found
     broken decides what that one is asked. answer: what is possible nearest the goal, once that
     was solved for; iterations: of these solves; releases: the table, with those sampled nearby.
+    solved: starts from the library's nearest throws with how far off these land [m], nearest first.
     """
 
     def __init__(
-        self, sources: Sources, task: Task, turns: Turns, wanted: int, tried: list[Attempt]
+        self,
+        sources: Sources,
+        task: Task,
+        turns: Turns,
+        wanted: int,
+        tried: list[Attempt],
+        solved: Sequence[tuple[Start, float]] = (),
     ) -> None:
+        self._solved = solved
         self._sources, self._task, self._turns, self._wanted = sources, task, turns, wanted
         self._tried = tried
         self._asked, self._coarse = USUAL, True
@@ -85,19 +93,23 @@ class Search:
     @property
     def _goal(self) -> Pose:
         """Of the turns that are allowed the one with the nearest landing."""
+        if self._solved and not (self._nearest and self._nearest[0][2] < self._solved[0][1]):
+            return self._solved[0][0].goal
         return self._nearest[0][1]
 
     def starts(self) -> Iterator[Start]:
         """Starts until nothing more is worth a try."""
         clock, first = self._task.clock, len(self._tried)
-        if self._nearest and self._nearest[0][2] > FAR:
+        # A library goes to the edge of the reach: what is far from it all is beyond.
+        beyond = bool(self._solved) and self._solved[0][1] > STILL_FAR
+        if not beyond and self._nearest and self._nearest[0][2] > FAR:
             self._sample_near()
         if not self._nearest:
             return
         blocked = in_column(self._task.scene, self._task.target)
         if blocked:
             self._asked = dataclasses.replace(self._asked, guards=frozenset({"passing"}))
-        if blocked or (not self._coarse and self._nearest[0][2] > STILL_FAR):
+        if blocked or beyond or (not self._coarse and self._nearest[0][2] > STILL_FAR):
             yield from self._at_the_edge(blocked)
             if self._settled(blocked):
                 return
@@ -137,7 +149,8 @@ class Search:
         answer = self.answer
         if answer is None or not answer.outside:
             return False
-        goal, distance = self._nearest[0][1:]
+        goal = self._goal
+        distance = self._nearest[0][2] if self._nearest else 0.0
         rivals = (other for _, other, away in self._nearest if away < RIVAL * distance)
         return blocked or (answer.missed > CLEARLY and all(other == goal for other in rivals))
 
@@ -197,7 +210,7 @@ class Search:
         while not self._task.clock.late:
             guards, margins = self._asked.guards, self._asked.margins
             self.answer = self._sources.reach.nearest_possible(
-                self._task, self.releases, self._goal, guards
+                self._task, self.releases, self._goal, guards, self._solved
             )
             self.iterations += self.answer.iterations
             if blocked and self.answer.outside:

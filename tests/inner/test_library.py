@@ -82,7 +82,7 @@ def test_a_moved_throw_is_a_whole_plan(prepared: tp.Planner, tmp_path: Path) -> 
     answer = plan.save(tmp_path, draw="png").to_dict()
     assert answer["nlp"]["variables"] > 100 and answer["landing"]["limit_surface"]
     assert all(math.isfinite(answer["error"][name]["angle"]) for name in ("planned", "exact"))
-    assert tp.read_plan(tmp_path).throw().miss(plan.target) == pytest.approx((0, 0), abs=5e-3)
+    assert tp.read_plan(tmp_path).throw().miss(plan.target) == pytest.approx((0, 0), abs=0.02)
     # It may be started from, moved, followed by a solver, and made robust.
     near = plan.target.in_plane(plan.target.plane_x + 0.004, plan.target.theta)
     for options in ({}, {"solver": "fatrop"}):
@@ -199,12 +199,15 @@ def test_a_full_disk_costs_the_file_only(
     assert len(reopened(prepared).records) == 10
 
 
-def test_far_from_all_of_them_the_plan_is_the_usual_one(
+def test_far_from_all_of_them_a_target_is_out_of_reach(
     plain: tp.Planner, prepared: tp.Planner
 ) -> None:
     far = plain.scene.target.in_plane(50.0, 0.0)
     before, after = plain.plan(far), prepared.plan(far)
-    assert (before.status, before.iterations) == (after.status, after.iterations)
+    assert before.status == after.status == "out_of_reach"
+    # From throws at the edge the way to the nearest possible landing is no longer.
+    nearest = [plan.nearest.plane_x for plan in (before, after)]
+    assert nearest[1] > nearest[0] - 0.02 and after.binding
 
 
 def test_turns_alternatives_and_a_choice(prepared: tp.Planner) -> None:

@@ -1,0 +1,111 @@
+"""Attempts from solved throws near a target: a warm plan's and the library's."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import replace
+from itertools import chain
+
+from ...models import land
+from ...problems import Pose
+from ..ocp import Optimum
+from ..result import PlannedThrow
+from .attempt import Attempt, Start, attempts
+from .corrector import Corrector, moved_start, optimum_of
+from .library import Library, Neighbour
+from .nlps import Problems, Task
+from .release_table import Turns
+
+#: Throws of the library that a plan is moved from, and that a choice is made among, per throw.
+NEIGHBOURS, CHOSEN_FROM = 4, 6
+#: Throws from which the nearest possible landing is looked for.
+EDGE = 2
+#: As far [m, scaled error] a warm plan's optimum is moved.
+MOVED = 0.06
+#: A solution for a target within this distance [m, scaled error] needs few iterations.
+NEAR = 0.005
+
+
+class Nearby:
+    """What plans of one scene begin with, before anything is searched."""
+
+    def __init__(self, problems: Problems, library: Library) -> None:
+        self._problems, self._library = problems, library
+        self._corrector = Corrector(library.controls, problems.mover)
+        # Of the last warm plan that a solver made: targets that move ask for it again and again.
+        self._last: tuple[PlannedThrow, Optimum | None] | None = None
+
+    def attempts(
+        self, task: Task, turns: Turns, wanted: int, warm: PlannedThrow | None = None
+    ) -> Iterator[Attempt]:
+        """Throws nearby moved to the target; then the nearest as a solver's start.
+
+        wanted: how many distinct throws are looked for; warm: a plan's throw to a target nearby.
+        A single solver that is asked for gets no moved throws.
+        """
+        near: Iterator[Neighbour] = iter(())
+        if warm is not None and not _of_kind(warm, task):
+            warm = None
+        if len(task.solvers) > 1:
+            count = NEIGHBOURS if wanted == 1 else CHOSEN_FROM * wanted
+            near = self._library.near(task.target, turns, count)
+            if warm is not None:
+                near = chain(self._moved_on(warm, task), near)
+        first: Neighbour | None = None
+        for one in near:
+            first = first or one
+            if task.clock.late:
+                return
+            yield self._corrector.attempt(one.optimum, one.landing, one.goal, task)
+        for start in self._starts(task, warm, first):
+            if task.clock.late:
+                return
+            yield from attempts(self._problems, start, task)
+
+    def edge(self, task: Task, turns: Turns) -> list[tuple[Start, float]]:
+        """Starts from the library's throws that land nearest, with how far off [m]."""
+        if len(task.solvers) == 1:
+            return []
+        near = self._library.near(task.target, turns, EDGE, math.inf)
+        return [(self._start(one.optimum, one.goal, task), one.distance) for one in near]
+
+    def _moved_on(self, warm: PlannedThrow, task: Task) -> Iterator[Neighbour]:
+        """A warm plan's optimum, if it lands near enough."""
+        optimum = warm.optimum
+        if optimum is None:
+            if self._last is None or self._last[0] is not warm:
+                program = self._problems.problem(task.target, warm.asked, "fatrop", task.clock)
+                self._last = warm, optimum_of(self._library.controls, program, warm)
+            optimum = self._last[1]
+        if optimum is None:
+            return
+        target = task.target
+        x, theta, _ = land(optimum.detach[None], target.z, task.scene.gravity)[0]
+        landing = target.in_plane(float(x), None if target.theta is None else float(theta))
+        away = target.distance(landing, task.scene.object.length / 2)
+        if away < MOVED:
+            yield Neighbour(optimum, target, landing, away)
+
+    def _starts(
+        self, task: Task, warm: PlannedThrow | None, first: Neighbour | None
+    ) -> Iterator[Start]:
+        """Starts of a solver from a warm plan, then from the nearest throw of the library."""
+        if warm is not None and warm.solution is not None:
+            solution, lever = warm.solution, task.scene.object.length / 2
+            near = task.target.distance(warm.final.target, lever) < NEAR
+            start = Start(task.target, lambda nlp: solution.x, task.solvers[0], near=near)
+            yield replace(start, asked=warm.asked, warm=solution, aim=warm.aim)
+        elif warm is not None and warm.optimum is not None:
+            yield self._start(warm.optimum, task.target, task)
+        if first is not None and (warm is None or first.optimum is not warm.optimum):
+            yield self._start(first.optimum, first.goal, task)
+
+    def _start(self, optimum: Optimum, goal: Pose, task: Task) -> Start:
+        return moved_start(self._library.controls, self._problems.mover, optimum, goal, task)
+
+
+def _of_kind(warm: PlannedThrow, task: Task) -> bool:
+    """Whether a warm plan's throw is of the NLPs of a task: not robust, theta alike."""
+    robust = warm.nlp is not None and bool(warm.nlp.structure.robust)
+    return not robust and (warm.final.target.theta is None) == (task.target.theta is None)
