@@ -34,14 +34,10 @@ from .kinematics import (
     placement,
 )
 from .limit_surface import (
-    Ellipsoid,
-    ellipsoid,
+    ellipsoid_gauge,
     held_wrench,
-    rotated_ellipsoid,
+    sliding_wrench,
     slip_onset,
-    slip_size,
-    smoothed_sliding_wrench,
-    surface_gauge,
 )
 from .limit_surface_release import ImplicitRelease, KarnoppRelease
 from .patch import RADIUS_PER_ARM, Patch, PointSolver, SlipProblem, disc, patch_gauge
@@ -61,7 +57,6 @@ from .registry import (
     SLIDING_PIVOT,
     STEPPED_SURFACE,
     VALIDATED,
-    VARIANTS,
     ReleaseModel,
 )
 from .release import (

@@ -16,17 +16,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import Literal
 
 import numpy as np
-import numpy.typing as npt
 
 from .body import Array, Contact, pivot_wrench
 from .release import ReleaseCase
 
-#: A surface of a contact.
-Shape = Callable[[Contact], "Ellipsoid"]
-Norm = Literal["paper", "consistent"]
 #: Normal force [N], all faces, at which wrenches (3, K) slip on a hand at angles (K,).
 Gauge = Callable[[Array, Array], Array]
 
@@ -38,68 +33,23 @@ SMALL = 1e-6
 NOTHING = 1e-11
 
 
-class Ellipsoid:
-    """A limit surface sqrt(f^T A f): (19) with a diagonal A, or any positive definite one."""
-
-    def __init__(self, matrix: npt.ArrayLike) -> None:
-        self.matrix = np.asarray(matrix, float)
-        self.inverse = np.linalg.inv(self.matrix)
-
-    def gauge(self, wrench: Array) -> Array:
-        """Normal forces (...) [N] at which wrenches (3, ...) are at the limit."""
-        return np.asarray(np.sqrt(np.einsum("i...,ij,j...->...", wrench, self.matrix, wrench)))
-
-    def sliding_wrench(self, twist: Array) -> Array:
-        """Gamma(v) = -A^-1 v / sqrt(v^T A^-1 v)."""
-        image = self.inverse @ twist
-        return np.asarray(-image / math.sqrt(float(twist @ image)))
+def ellipsoid_gauge(contact: Contact) -> Gauge:
+    """The gauge of the ellipsoid (19), which does not turn with the hand."""
+    return lambda wrench, _: np.asarray(
+        contact.faces * np.sqrt(contact.utilisation_squared(wrench[0], wrench[1], wrench[2], 1.0))
+    )
 
 
-def ellipsoid(contact: Contact) -> Ellipsoid:
-    """The axis-aligned ellipsoid of a contact, (19)."""
-    force, torque = contact.friction, contact.friction * contact.torsion_arm
-    return Ellipsoid(np.diag([force**-2.0, force**-2.0, torque**-2.0]))
+def sliding_wrench(contact: Contact, twist: Array) -> Array:
+    """Gamma(v) = -A^-1 v / sqrt(v^T A^-1 v) of the ellipsoid (19).
 
-
-def rotated_ellipsoid(contact: Contact, angle: float = 0.4) -> Ellipsoid:
-    """The same ellipsoid turned by `angle` [rad] in the plane of f_z and scaled torque.
-
-    A pressure centre off the patch's centre couples force and torque like this.
+    Friction (3,) per newton of normal force for a contact twist (3,) that is not 0.
     """
-    force, torque = contact.friction, contact.friction * contact.torsion_arm
-    c, s = math.cos(angle), math.sin(angle)
-    turn = np.array([[1, 0, 0], [0, c, -s], [0, s, c]])
-    stretch = np.diag([1.0, 1.4, 1.0])
-    scale = np.diag([1 / force, 1 / force, 1 / torque])
-    return Ellipsoid(scale @ turn.T @ stretch @ turn @ scale)
-
-
-def slip_size(twist: Array, contact: Contact, norm: Norm) -> float:
-    """|v| [m/s] of a contact twist.
-
-    'paper' mixes m/s and rad/s in one norm, as printed; 'consistent' turns the rate into
-    a speed by c r_p.
-    """
-    arm = 1.0 if norm == "paper" else float(contact.torsion_arm)
-    return math.sqrt(twist[0] ** 2 + twist[1] ** 2 + (arm * twist[2]) ** 2)
-
-
-def smoothed_sliding_wrench(
-    surface: Ellipsoid, twist: Array, size: float, half_band: float
-) -> Array:
-    """Gamma_d(v) = Gamma(v) min(|v|/d, 1); `size` is |v|, `half_band` is d [m/s]."""
-    if size == 0.0:
-        return np.zeros(3)
-    return surface.sliding_wrench(twist) * min(size / half_band, 1.0)
+    image = contact.friction**2 * np.array([1.0, 1.0, contact.torsion_arm**2]) * twist
+    return np.asarray(-image / math.sqrt(float(twist @ image)))
 
 
 # When slip begins.
-
-
-def surface_gauge(surface: Ellipsoid) -> Gauge:
-    """The gauge of a limit surface that does not turn with the hand."""
-
-    return lambda wrench, _: surface.gauge(wrench)
 
 
 def slip_onset(

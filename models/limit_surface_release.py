@@ -8,6 +8,7 @@ viscous-smoothed; explicit Euler still chatters, an implicit integrator (`ils`) 
 from __future__ import annotations
 
 import itertools
+import math
 import warnings
 from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -26,16 +27,7 @@ from .body import (
     pivot_wrench,
     sticking_state,
 )
-from .limit_surface import (
-    Ellipsoid,
-    Norm,
-    Shape,
-    ellipsoid,
-    slip_onset,
-    slip_size,
-    smoothed_sliding_wrench,
-    surface_gauge,
-)
+from .limit_surface import ellipsoid_gauge, sliding_wrench, slip_onset
 from .release import BatchRelease, Release, ReleaseBatch, ReleaseCase, by_chunks, failed
 
 #: Friction that turns round in one step more often than this is chatter.
@@ -51,13 +43,13 @@ class KarnoppRelease:
     """Explicit Euler with Karnopp's dead zone, (20), on the contact's own ellipsoid.
 
     steps over the opening (500 in 50 ms is the paper's 0.1 ms); dead_zone delta [m/s];
-    half_band d [m/s] of the viscous smoothing, 0 without; norm of the slip's size.
+    half_band d [m/s] of the viscous smoothing, 0 without. The slip's size |v| is the paper's,
+    which mixes m/s and rad/s.
     """
 
     steps: int = 500
     dead_zone: float = 1e-8
     half_band: float = 0.0
-    norm: Norm = "paper"
 
     def release(self, case: ReleaseCase) -> Release:
         """The release of one case; `trouble` says so if the steps blew up."""
@@ -82,7 +74,7 @@ class KarnoppRelease:
         opposed = (y[:, 1:] * y[:, :-1]).sum(axis=0) < 0
         turns = int((opposed & sliding[1:] & sliding[:-1]).sum())
         words = f"explicit steps chatter: friction turned round {turns} times"
-        release = _as_release(case, ellipsoid(case.contact), times, track, wrench)
+        release = _as_release(case, times, track, wrench)
         return replace(release, trouble=words) if turns > CHATTER else release
 
     def throw(self, batch: ReleaseBatch, steps: int) -> BatchRelease:
@@ -116,7 +108,6 @@ class KarnoppRelease:
     ) -> Iterator[tuple[Array, Array]]:
         """CoM states (6, N) of N throws after each step, and the wrenches (3, N) in it."""
         arm = contact.torsion_arm
-        zone = 1.0 if self.norm == "paper" else arm
         for force, (pose, twist, acceleration) in zip(forces, hands, strict=False):
             omega = state[5]
             x_r, z_r = state[0] - pose[0], state[1] - pose[1]
@@ -124,7 +115,7 @@ class KarnoppRelease:
             slip_x, slip_z, slip = np.array(moved) - twist
             limit = contact.force_limit(force)
             # Sliding: on the ellipsoid, its normal along -v.
-            speed = np.sqrt(slip_x**2 + slip_z**2 + (zone * slip) ** 2)
+            speed = np.sqrt(slip_x**2 + slip_z**2 + slip**2)
             turning = arm * slip
             size = np.sqrt(slip_x**2 + slip_z**2 + turning**2)
             scale = limit / np.maximum(size, 1e-300)
@@ -149,17 +140,15 @@ class KarnoppRelease:
 class ImplicitRelease:
     """The viscous-smoothed limit surface by a stiff integrator (ILS).
 
-    half_band d [m/s]; norm of |v| in Gamma_d; method, rtol and atol of
+    half_band d [m/s]: Gamma_d(v) = Gamma(v) min(|v| / d, 1); method, rtol and atol of
     scipy.integrate.solve_ivp; samples kept; budget: evaluations before it gives up.
     """
 
     half_band: float = 0.01
-    norm: Norm = "paper"
     method: Literal["LSODA", "Radau", "BDF"] = "LSODA"
     rtol: float = 1e-8
     atol: float = 1e-10
     samples: int = 501
-    shape: Shape = ellipsoid
     budget: int = 100_000
 
     def release(self, case: ReleaseCase) -> Release:
@@ -167,15 +156,14 @@ class ImplicitRelease:
         from scipy.integrate import solve_ivp
 
         times = np.linspace(0.0, case.grip.opening, self.samples)
-        surface = self.shape(case.contact)
 
         def friction(t: float, state: Array) -> tuple[Array, tuple[float, float]]:
             """Wrench (3,), and the lever [m]."""
             hand = case.hand.at(np.array([t]))
             slip, lever = _slip(state, hand.pose[:, 0], hand.twist[:, 0])
-            size = slip_size(slip, case.contact, self.norm)
-            force = case.contact.faces * float(case.grip.force(t))
-            return force * smoothed_sliding_wrench(surface, slip, size, self.half_band), lever
+            size = math.sqrt(slip @ slip)
+            force = case.contact.faces * float(case.grip.force(t)) * min(size / self.half_band, 1.0)
+            return force * sliding_wrench(case.contact, slip) if size else np.zeros(3), lever
 
         spent = itertools.count(1)
 
@@ -199,7 +187,7 @@ class ImplicitRelease:
             words = str(caught[-1].message) if caught else run.message
             return failed(times, f"{self.method} gave up: {words}")
         wrenches = [friction(t, state)[0] for t, state in zip(times, run.y.T, strict=True)]
-        return _as_release(case, surface, times, run.y, np.array(wrenches).T)
+        return _as_release(case, times, run.y, np.array(wrenches).T)
 
 
 class _OutOfBudgetError(Exception):
@@ -220,8 +208,6 @@ def _rates(case: ReleaseCase, state: Array, wrench: Array, lever: tuple[float, f
     return np.array([state[3], state[4], state[5], a_x, a_z, torque / inertia])
 
 
-def _as_release(
-    case: ReleaseCase, surface: Ellipsoid, times: Array, states: Array, wrench: Array
-) -> Release:
-    pivot, slide = slip_onset(case, surface_gauge(surface))
+def _as_release(case: ReleaseCase, times: Array, states: Array, wrench: Array) -> Release:
+    pivot, slide = slip_onset(case, ellipsoid_gauge(case.contact))
     return Release(times, states[:3], states[3:], pivot, slide, wrench)

@@ -10,7 +10,6 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from .limit_surface import rotated_ellipsoid
 from .limit_surface_release import ImplicitRelease, KarnoppRelease
 from .patch_release import PatchRelease
 from .release import BatchRelease, CaseModel, Release, ReleaseBatch, ReleaseCase
@@ -194,30 +193,6 @@ MODELS = _by_name(
     ]
 )
 
-
-def _variant(name: str, single: CaseModel) -> ReleaseModel:
-    """A model of another setting, which its title names; its name begins with the model's."""
-    of = MODELS[max((known for known in MODELS if name.startswith(f"{known}-")), key=len)]
-    title = f"{of.title}, {name.removeprefix(of.name + '-')}"
-    return replace(of, name=name, title=title, single=single, batch=None)
-
-
-_OTHERS: dict[str, CaseModel] = {
-    "sp-euler": SlidingPivotRelease(steps=500, integrator="euler"),
-    "sp-paper-euler": SlidingPivotRelease("paper", steps=500, integrator="euler"),
-    "ils-rotated": ImplicitRelease(shape=rotated_ellipsoid),
-    "ils-radau": ImplicitRelease(method="Radau"),
-    "ils-bdf": ImplicitRelease(method="BDF"),
-    # The consistent norm: its half-band is smaller by about c r_p.
-    "ils-consistent": ImplicitRelease(5e-5, norm="consistent"),
-    "ls-step-rotated": SteppedRelease(shape=rotated_ellipsoid),
-    "patch-hertz": PatchRelease(pressure="hertz"),
-    # Softer bristles [1/m].
-    "lugre-1e6": PatchRelease(stiffness=1e6),
-    "lugre-1e5": PatchRelease(stiffness=1e5),
-}
-#: Variants of them: asked for by name only, not part of all.
-VARIANTS = _by_name(_variant(name, single) for name, single in _OTHERS.items())
 
 #: Models that sweeps and `simulate_batch` take, and that decide whether a plan is solved.
 BATCH_MODELS = {n: m for n, m in MODELS.items() if m.batch is not None and not m.chatters}

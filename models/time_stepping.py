@@ -34,7 +34,7 @@ from .body import (
     sticking_state,
 )
 from .compiled_batch import compiled_batch
-from .limit_surface import Shape, ellipsoid, slip_onset, surface_gauge
+from .limit_surface import ellipsoid_gauge, slip_onset
 from .release import BLEW_UP, BatchRelease, Release, ReleaseBatch, ReleaseCase
 from .stepping import (
     Triple,
@@ -53,8 +53,6 @@ ITERATIONS = 12
 #: Distance of |y| from the radius, over the radius, that ends the iterations.
 TOLERANCE = 1e-10
 
-#: Columns of S with S S^T = A^-1: the surface's half axes per newton of normal force.
-Factor = tuple[tuple[Value, ...], ...]
 #: CoM seen from the hand: x_r, z_r [m].
 Lever = tuple[Value, Value]
 
@@ -126,12 +124,6 @@ class ImpulseProblem:
         return np.array([[k_xx, k_xz, k_xt], [k_xz, k_zz, k_zt], [k_xt, k_zt, k_tt]], float)
 
 
-def axis_factor(contact: Contact) -> Factor:
-    """The half axes of the axis-aligned ellipsoid (19)."""
-    force, torque = contact.friction, contact.friction * contact.torsion_arm
-    return (force, 0.0, 0.0), (0.0, force, 0.0), (0.0, 0.0, torque)
-
-
 def _size(y: Sequence[Value]) -> Value:
     return backend(*y).sqrt(y[0] ** 2 + y[1] ** 2 + y[2] ** 2 + 1e-300)
 
@@ -158,7 +150,6 @@ class LimitSurfaceStepping:
     """Moreau-Jean stepping of a body held by an ellipsoidal limit surface.
 
     The state is the CoM's pose and twist in the world: x, z, theta, v_x, v_z, omega.
-    factor: columns of S with S S^T = A^-1 for another ellipsoid than the contact's own.
     settle: stop the iterations when all have converged (numbers only).
     """
 
@@ -166,7 +157,6 @@ class LimitSurfaceStepping:
     contact: Contact
     gravity: Value = 9.81
     iterations: int = ITERATIONS
-    factor: Factor | None = None
     settle: bool = False
     uses_middle = False
 
@@ -196,6 +186,12 @@ class LimitSurfaceStepping:
         """The state itself."""
         return components(state)
 
+    @property
+    def _axes(self) -> tuple[Value, Value, Value]:
+        """Half axes of the ellipsoid (19) per newton: the diagonal of S."""
+        force = self.contact.friction
+        return force, force, force * self.contact.torsion_arm
+
     def lever(self, state: Value, hands: Sequence[HandSamples], dt: Value) -> Lever:
         """CoM seen from the hand in the middle of the step, x_r and z_r [m]."""
         x, z, _, v_x, v_z, _ = components(state)
@@ -217,11 +213,12 @@ class LimitSurfaceStepping:
         """What the contact impulse of one step has to solve."""
         _, _, _, v_x, v_z, omega = components(state)
         hand_x, hand_z, hand_omega = components(end.twist)
-        body, factor = self.body, self.factor or axis_factor(self.contact)
+        body, (force, _, torque) = self.body, self._axes
         slip_x, slip_z, slip = contact_twist(v_x, v_z - dt * self.gravity, omega, *lever)
         b = (slip_x - hand_x, slip_z - hand_z, slip - hand_omega)
         # Rows of G^T S: the CoM twist, times mass, that one unit of y gives.
-        moved = [com_wrench(f[0], f[1], f[2], *lever) for f in factor]
+        axes = (force, 0.0, 0.0), (0.0, force, 0.0), (0.0, 0.0, torque)
+        moved = [com_wrench(f[0], f[1], f[2], *lever) for f in axes]
 
         def entry(i: int, j: int) -> Value:
             one, two = moved[i], moved[j]
@@ -230,7 +227,7 @@ class LimitSurfaceStepping:
         pairs = ((0, 0), (1, 1), (2, 2), (0, 1), (0, 2), (1, 2))
         return ImpulseProblem(
             [entry(i, j) for i, j in pairs],
-            [-(f[0] * b[0] + f[1] * b[1] + f[2] * b[2]) for f in factor],
+            [-axis * value for axis, value in zip(self._axes, b, strict=True)],
             self.contact.faces * normal_force * dt,
         )
 
@@ -246,8 +243,7 @@ class LimitSurfaceStepping:
         x, z, theta, v_x, v_z, omega = components(state)
         begun, ended = components(hands[0].pose), components(hands[-1].pose)
         rates = components(hands[-1].twist)
-        factor = self.factor or axis_factor(self.contact)
-        p_x, p_z, p_t = (sum(factor[j][i] * y[j] for j in range(3)) for i in range(3))
+        p_x, p_z, p_t = (axis * value for axis, value in zip(self._axes, y, strict=True))
         v_x = v_x + p_x / self.body.mass
         v_z = v_z - dt * self.gravity + p_z / self.body.mass
         omega = omega + com_wrench(p_x, p_z, p_t, *lever)[2] / self.body.inertia
@@ -269,21 +265,17 @@ class SteppedRelease:
     """Moreau-Jean steps on a limit surface; `steps` over the opening, first order."""
 
     steps: int = 1000
-    shape: Shape = ellipsoid
 
     def release(self, case: ReleaseCase) -> Release:
         """The release of one case."""
-        surface = self.shape(case.contact)
         hand = case.hand.at(np.linspace(0.0, case.grip.opening, 2 * self.steps + 1))
         forces = case.grip.force(hand.times)
-        factor = np.linalg.cholesky(surface.inverse).T.reshape(9, 1)
-        parameters = np.vstack([numbers(case), factor])
         columns = step_columns(hand, forces)
-        states = run_steps(_compiled(self.steps), case.start(), columns, parameters)
+        states = run_steps(_compiled(self.steps), case.start(), columns, numbers(case))
         trouble = "" if np.isfinite(states).all() else BLEW_UP
         times, poses = hand.times[::2], hand.pose[:, ::2]
         wrench = _friction(case, states, poses, case.grip.opening / self.steps)
-        pivot, slide = slip_onset(case, surface_gauge(surface))
+        pivot, slide = slip_onset(case, ellipsoid_gauge(case.contact))
         return Release(times, states[:3], states[3:], pivot, slide, wrench, trouble)
 
     def throw(self, batch: ReleaseBatch, steps: int) -> BatchRelease:
@@ -316,11 +308,7 @@ def surface_steps(batch: ReleaseBatch, steps: int) -> BatchRelease:
 @cache
 def _compiled(steps: int) -> ca.Function:
     p, body, contact, gravity = number_symbols()
-    s = ca.SX.sym("s", 9)
-    entries = ca.vertsplit(s)
-    factor = (tuple(entries[0:3]), tuple(entries[3:6]), tuple(entries[6:9]))
-    law = LimitSurfaceStepping(body, contact, gravity, factor=factor)
-    return step_function(law, ca.vertcat(p, s), steps)
+    return step_function(LimitSurfaceStepping(body, contact, gravity), p, steps)
 
 
 def _friction(case: ReleaseCase, states: Array, hand: Array, dt: float) -> Array:

@@ -18,7 +18,6 @@ from ...models import (
     BATCH_MODELS,
     MODELS,
     SLIDING_PIVOT,
-    VARIANTS,
     BatchRelease,
     Body,
     Contact,
@@ -91,15 +90,15 @@ class Simulation:
 def simulate(scene: Scene | str | pathlib.Path, model: str = "all") -> dict[str, Simulation]:
     """The [motion] of a scene, built-in name or TOML file through a release model.
 
-    model: a name of MODELS or VARIANTS, or 'all' for all of MODELS.
+    model: a name of MODELS, or 'all'.
     Raises InputError for a scene without a motion and for an unknown model.
     """
     scene = as_scene(scene)
     case = case_of(scene, given_hand(scene))
     if model == "all":
         return {name: _simulated(scene, known, case) for name, known in MODELS.items()}
-    names = f"all or one of {', '.join(MODELS)}, or a variant: {', '.join(VARIANTS)}"
-    return {model: _simulated(scene, named_model(model, MODELS | VARIANTS, names), case)}
+    names = f"all or one of {', '.join(MODELS)}"
+    return {model: _simulated(scene, named_model(model, MODELS, names), case)}
 
 
 def _simulated(scene: Scene, model: ReleaseModel, case: ReleaseCase) -> Simulation:

@@ -6,7 +6,7 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from ...models import MODELS, VARIANTS
+from ...models import MODELS
 from ...problems import filling, load_scene, write_json
 from ..check import simulate
 from ..show import draw_releases
@@ -18,10 +18,7 @@ EXAMPLE = "throwplan simulate drop --model sp"
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The command's options."""
     add_scene(parser)
-    names = (
-        f"all, one of {', '.join(MODELS)}, or a variant, which is not part of all: "
-        f"{', '.join(VARIANTS)}"
-    )
+    names = f"all (default), or one of {', '.join(MODELS)}"
     parser.add_argument("--model", default="all", metavar="NAME", help=names)
     add_out(parser, "simulation.json and releases.png")
 
@@ -59,8 +56,7 @@ def _table(name: str, models: dict[str, Any]) -> str:
             x, theta = (_cell(landing[key], 10, 4) for key in ("x", "theta"))
             lines.append(f"  {model:{wide}} lands at x{x} m, theta{theta} rad")
     for model in models:
-        words = VARIANTS[model].title if model in VARIANTS else MODELS[model].summary()
-        lines.append(f"  {model:{wide}} {words}")
+        lines.append(f"  {model:{wide}} {MODELS[model].summary()}")
     for model, found in models.items():
         if found["status"] != "ok":
             lines.append(f"  {model}: not to be trusted: {found['status']}")

@@ -219,9 +219,7 @@ def _surfaces(quick: bool) -> Iterator[Method]:
         # A hundred times slower than the others; what a small d costs, LSODA shows.
         few = settings[1:7:5] if integrator == "LSODA" else settings[:1]
         for d, rtol in few if quick else settings:
-            model = ImplicitRelease(
-                d, "paper", integrator, rtol, rtol / 100, samples=2, budget=budget
-            )
+            model = ImplicitRelease(d, integrator, rtol, rtol / 100, samples=2, budget=budget)
             words = f"d {d:g} m/s, rtol {rtol:g}"
             yield Method(f"ils, {integrator}", words, "ls", model.release)
 

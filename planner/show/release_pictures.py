@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models import MODELS, SLIDING_PIVOT, STEPPED_SURFACE, VARIANTS
+from ...models import MODELS, SLIDING_PIVOT, STEPPED_SURFACE
 from ..check import Simulation, case_of, given_hand
 from .style import PHASES, new_figure, save
 
@@ -39,7 +39,7 @@ def draw_releases(scene: Scene, runs: Mapping[str, Simulation], path: Path) -> N
         known.get(name) or MODELS[name].release(case) for name in (SLIDING_PIVOT, STEPPED_SURFACE)
     )
     for name, run in runs.items():
-        _draw_run(grid, (MODELS | VARIANTS)[name], run.release, stepped)
+        _draw_run(grid, MODELS[name], run.release, stepped)
     _draw_hand(grid[0], case)
     for axes, words in zip(grid.ravel(), (*FOUR, *FOUR), strict=False):
         axes.set(ylabel=words, xlabel="t [ms]", xlim=(0.0, 1e3 * case.grip.opening))

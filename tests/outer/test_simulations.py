@@ -14,17 +14,12 @@ from throwplan.planner.cli import main
 
 #: What `all` runs, in this order; interface.md names all but ls-smooth.
 NAMES = ("sp", "sp-paper", "ls", "ls-smooth", "ils", "ls-step", "patch", "lugre")
-#: To be had by name only.
-VARIANTS = (
-    *("sp-euler", "sp-paper-euler", "ils-consistent", "ils-radau", "ils-bdf", "ils-rotated"),
-    *("ls-step-rotated", "patch-hertz", "lugre-1e6", "lugre-1e5"),
-)
 
 
 @pytest.fixture(scope="module")
 def drop(tmp_path_factory) -> dict[str, dict]:
-    """The JSON of the drop by every model, as a file, and by every variant."""
-    folder, scene = tmp_path_factory.mktemp("drop"), tp.load_scene("drop")
+    """The JSON of the drop by every model, as a file too."""
+    folder = tmp_path_factory.mktemp("drop")
     with redirect_stdout(io.StringIO()) as printed:
         assert main(["simulate", "drop", "--json", "--out", str(folder)]) == 0
     found = json.loads(printed.getvalue())
@@ -32,7 +27,7 @@ def drop(tmp_path_factory) -> dict[str, dict]:
     assert found["scene"] == "drop" and tuple(found["models"]) == NAMES
     pictures = [path for path in folder.iterdir() if path.suffix == ".png"]
     assert pictures and all(path.stat().st_size > 10_000 for path in pictures)
-    return found["models"] | {n: tp.simulate(scene, n)[n].to_dict() for n in VARIANTS}
+    return found["models"]
 
 
 @pytest.fixture(scope="module")
@@ -57,31 +52,13 @@ def test_the_drop_is_the_paper_s_by_every_model(drop, omega) -> None:
     assert drop["sp"]["events"] == pytest.approx({"pivot": 0.02275, "slide": 0.0487736}, abs=1e-6)
 
 
-def test_variants_are_asked_for_by_name(run, refused) -> None:
-    said = run("simulate drop-2cm --model ls-step-rotated")
+def test_an_unknown_model_is_told_the_names(run, refused) -> None:
+    said = run("simulate drop-2cm --model ls-step")
     header, row = said.out.splitlines()[1:3]
-    assert len(header) == len(row) and row.split()[0] == "ls-step-rotated"
-    line = refused("simulate drop --model ls-step-rotatd")
-    assert "did you mean 'ls-step-rotated'?" in line
-    assert all(name in line for name in (*NAMES, *VARIANTS))
-
-
-def test_other_integrators_and_norms_agree_with_the_plain_model(omega) -> None:
-    for variant, plain, within in (
-        *[("ils-radau", "ils", 1e-5), ("ils-bdf", "ils", 1e-5), ("ils-consistent", "ils", 5e-3)],
-        *[("sp-euler", "sp", 1e-3), ("sp-paper-euler", "sp-paper", 1e-3)],
-        ("patch-hertz", "patch", 2e-3),
-    ):
-        assert omega[variant] == pytest.approx(omega[plain], rel=within)
-
-
-def test_other_surfaces_agree_between_stepping_and_the_smoothed_law(omega) -> None:
-    assert omega["ls-step-rotated"] == pytest.approx(omega["ils-rotated"], rel=0.02)
-    assert abs(omega["ls-step-rotated"] / omega["ls-step"] - 1) > 2e-3
-
-
-def test_softer_bristles_let_the_bar_turn_further(omega) -> None:
-    assert omega["lugre-1e5"] < omega["lugre-1e6"] < omega["lugre"] < omega["patch"]
+    assert len(header) == len(row) and row.split()[0] == "ls-step"
+    line = refused("simulate drop --model ls-setp")
+    assert "did you mean 'ls-step'?" in line
+    assert all(name in line for name in NAMES)
 
 
 @pytest.mark.slow
@@ -108,7 +85,7 @@ def test_pressure_of_the_scene_reaches_the_meshed_models(drop) -> None:
     scene = tp.load_scene("drop")
     hertz = scene.replace(contact=dataclasses.replace(scene.contact, pressure="hertz"))
     found = tp.simulate(hertz, "patch")["patch"].to_dict()["detach"]
-    assert found["omega"] == pytest.approx(drop["patch-hertz"]["detach"]["omega"], abs=1e-9)
+    assert found["omega"] == pytest.approx(drop["patch"]["detach"]["omega"], rel=2e-3)
     assert abs(found["omega"] - drop["patch"]["detach"]["omega"]) > 1e-7
 
 
