@@ -7,6 +7,7 @@ missed.
 
 from __future__ import annotations
 
+import collections
 import dataclasses
 import math
 from collections.abc import Callable
@@ -21,7 +22,7 @@ from ...models import land
 from ...problems import InputError, Scene, as_scene, filling
 from ..check import enters_cup_at_landing, make_mover
 from ..ocp import CUP_MARGIN, FLIGHT_MAX
-from ..search import check_start, highest, joined
+from ..search import Library, check_start, highest, joined
 from .bins import WIDTHS, edges_of, place, places
 from .picture import draw_map
 from .throws import allowed, cells_of, chunks, margins
@@ -49,7 +50,9 @@ class ReachMap:
     cells of a grid over coordinates and rates, 0.15 of each range wide, so neighbours
     across a cell's border count as two); margin, the best 1 - (largest use of velocity,
     acceleration, position range and grip), NaN without a landing. x, theta (N,): the
-    landings. message: why no pose is in reach, empty if one is.
+    landings. solved (2, S), beyond (2, B): x and theta of the throws of the scene's library, and
+    of the places that it found to be out of reach, with the limits (B,) that bind there; empty
+    without one. message: why no pose is in reach, empty if one is.
     """
 
     scene: Scene
@@ -62,6 +65,9 @@ class ReachMap:
     margin: Array = field(default_factory=lambda: np.zeros((0, 1)))
     x: Array = field(default_factory=lambda: np.empty(0))
     theta: Array = field(default_factory=lambda: np.empty(0))
+    solved: Array = field(default_factory=lambda: np.zeros((2, 0)))
+    beyond: Array = field(default_factory=lambda: np.zeros((2, 0)))
+    binding: tuple[str, ...] = ()
     message: str = ""
 
     def __repr__(self) -> str:
@@ -123,10 +129,12 @@ class ReachMap:
             "theta": None if free else [float(self.theta.min()), float(self.theta.max())],
             "file": None if file is None else str(file),
         }
+        if self.solved.size:
+            answer["solved"] = self.solved.shape[1]
         return answer | ({"message": self.message} if nothing else {})
 
     def summary(self) -> str:
-        """The map in three lines for people; it must hold a landing."""
+        """The map in some lines for people; it must hold a landing."""
         wide, angle = self.widths
         size = f"{100 * wide:g} cm" + ("" if angle is None else f" x {math.degrees(angle):g} deg")
         ranges = f"x {self.x.min():.2f} to {self.x.max():.2f} m"
@@ -138,7 +146,18 @@ class ReachMap:
             f"{self.scene.name}: {self.reachable:,} bins of {size} in reach at z {self.z:g} m "
             f"({self.x.size:,} landings of {self.samples:,} samples)\n"
             f"  {ranges}; best margin {best:.0f} % (left of the limit that is used most)\n"
-            f"  {self._target_words()}"
+            f"  {self._target_words()}{self._library_words()}"
+        )
+
+    def _library_words(self) -> str:
+        """What the library says; empty without one."""
+        if not self.solved.size:
+            return ""
+        most = [name for name, _ in collections.Counter(self.binding).most_common(3)]
+        limits = f", most of them by {', '.join(most)}" if most else ""
+        return (
+            f"\n  library: {self.solved.shape[1]:,} solved throws, "
+            f"{self.beyond.shape[1]:,} places out of reach{limits}"
         )
 
     def _target_words(self) -> str:
@@ -216,6 +235,15 @@ def reach_map(
             progress(done, samples)
     x, theta, margin, cells = (np.concatenate(rows) for rows in zip(*parts, strict=True))
     empty = ReachMap(scene, height, samples, x=x, theta=theta)
+    library = Library(scene, mover)
+    if len(library):
+        beyond = library.records[~library.records["solved"]]
+        empty = dataclasses.replace(
+            empty,
+            solved=library.landings(height)[:2],
+            beyond=beyond["landing"].T.astype(float),
+            binding=tuple(name.decode() for name in beyond["binding"][:, 0] if name),
+        )
     if not x.size:
         return dataclasses.replace(empty, message=_why_nothing(height, down, rise))
     return _binned(empty, margin, cells)

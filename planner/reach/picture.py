@@ -55,6 +55,7 @@ def _draw_plane(found: ReachMap, theta_edges: Array, path: Path) -> None:
     mesh = axes.pcolormesh(found.x_edges, theta, margin, rasterized=True, **colours)
     figure.colorbar(mesh, ax=axes, pad=0.015, aspect=32, label="best margin to the limits [%]")
     _contours(axes, found, theta)
+    _mark_library(axes, found)
     _mark_target(axes, found, theta)
     span = float(theta[-1] - theta[0])
     step = next((s for s in (15, 30, 45, 90, 180, 360) if span <= 10 * s), 720)
@@ -87,6 +88,17 @@ def _contours(axes: Axes, found: ReachMap, theta: Array) -> None:
     (entry,) = axes.plot([], [], color="white", lw=1.2, label="number of different throws in a bin")
     for artist in (lines, entry, *axes.clabel(lines, fmt="%g", fontsize=9, inline_spacing=3)):
         artist.set_path_effects(rim)
+
+
+def _mark_library(axes: Axes, found: ReachMap) -> None:
+    """The library's throws, and where it found the edge of the reach."""
+    dots: dict[str, Any] = {"s": 3, "lw": 0, "zorder": 3, "rasterized": True}
+    for (x, theta), colour, label in (
+        (found.solved, BLACK, "solved throws of the library"),
+        (found.beyond, RED, "found to be out of reach"),
+    ):
+        if x.size:
+            axes.scatter(x, np.degrees(theta), color=colour, label=label, **dots)
 
 
 def _mark_target(axes: Axes, found: ReachMap, theta: Array) -> None:

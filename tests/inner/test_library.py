@@ -234,3 +234,12 @@ def test_refused() -> None:
     for throws in (0, -1, 10_001, 2.5, True, "many"):
         with pytest.raises(tp.InputError, match=r"throws = .*: must be a whole number, 1 to 10000"):
             tp.Planner(scene).prepare(throws)  # type: ignore[arg-type]
+
+
+def test_the_map_shows_it(prepared: tp.Planner, tmp_path: Path) -> None:
+    found = tp.reach_map(prepared.scene, samples=3000)
+    assert found.solved.shape == (2, prepared.prepared)
+    x, theta, _ = prepared.library.landings(prepared.scene.target.z)
+    np.testing.assert_allclose(found.solved, [x, theta])
+    assert found.to_dict()["solved"] == prepared.prepared and "library:" in found.summary()
+    assert found.save(tmp_path).parent.joinpath("map.png").stat().st_size > 10_000
