@@ -17,7 +17,7 @@ from .belief import Belief, applied, contact_text, prior_of, sets_at
 from .factors import SURFACE
 from .fit import Fit, fit_to
 from .grid import AXES, MISSED, Grid, grid_of
-from .landscape import contact_picture
+from .pictures import contact_picture
 from .predict import UNKNOWNS, Predictor, Progress, check_model
 
 #: Why a model that chatters is not fitted.

@@ -11,6 +11,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import partial
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -25,8 +26,7 @@ from ...models import (
 )
 from ...problems import load_scene
 from ..check import simulate_batch
-from ..show import Cell, Row, Table, number, shown
-from .drawing import draw_work_precision
+from ..show import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Cell, Row, Table, number, shown
 from .laws import (
     LENGTH,
     STIFFNESSES,
@@ -45,7 +45,11 @@ from .laws import (
     scaled_errors,
 )
 from .measure import least_time, pareto, quantiles, shared
-from .page import Effort, Picture, ReportSection
+from .page import Effort, Picture, ReportSection, panels
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 Array = npt.NDArray[np.float64]
 
@@ -59,6 +63,24 @@ FINE_MESH = 256
 LONG = (0.03, 0.2)
 #: Random throws: seed, number in a batch, and of those with converged answers: quick, full.
 SEED, BATCH, FEW = 0, (512, 10_000), (3, 100)
+#: Colour, marker and line of a release method; only settings that refine each other have a line.
+METHODS = {
+    "sp, Euler": (BLUE, "v", ":"),
+    "sp, RK4": (BLUE, "o", "-"),
+    "sp, RK4, events located": (BLUE, "s", "--"),
+    "ls, Karnopp, Euler": (GREY, "X", ""),
+    "ils, LSODA": (RED, "o", ""),
+    "ils, Radau": (RED, "^", ""),
+    "ils, BDF": (RED, "x", ""),
+    "ls-step": (GREEN, "o", "-"),
+    "ls-step, extrapolated": (GREEN, "s", "--"),
+    "patch": (BLACK, "D", "-"),
+    "LuGre, σ₀ 1e7 1/m": (ORANGE, "1", ""),
+    "LuGre, σ₀ 1e6 1/m": (ORANGE, "2", ""),
+    "LuGre, σ₀ 1e5 1/m": (ORANGE, "3", ""),
+}
+#: Errors [mm] below these are drawn on them: converged answers are not known better.
+OWN_FLOOR, MODEL_FLOOR = 1e-7, 1e-4
 
 
 def make(effort: Effort) -> ReportSection:
@@ -95,7 +117,7 @@ def make(effort: Effort) -> ReportSection:
             _cheapest(sample),
         ],
         [choice(rows), every, Table("models-laws", caption, laws), sample],
-        [Picture("models", words, draw_work_precision(every))],
+        [Picture("models", words, _draw_work_precision(every))],
     )
 
 
@@ -295,3 +317,39 @@ def _cheapest(sample: Table) -> str:
 
 def _number(cell: Cell) -> float:
     return number(cell, math.inf)
+
+
+def _draw_work_precision(rows: Table) -> Figure:
+    """Own error (above) and model error (below) over the time of a release; a column a throw."""
+    throws = list(dict.fromkeys(rows.column("throw")))
+    figure, grid = panels(3.6 * len(throws), 8.0, 2, len(throws), sharex=True, sharey="row")
+    for column, throw in enumerate(throws):
+        some = rows.where(throw=throw)
+        for line, (kind, floor) in enumerate((("own", OWN_FLOOR), ("model", MODEL_FLOOR))):
+            axis = grid[line][column]
+            _draw_methods(axis, some, kind, floor)
+            axis.set(xscale="log", yscale="log")
+        grid[0][column].set_title(str(throw), fontsize=10)
+        grid[1][column].set_xlabel("time a throw [µs]")
+    for line, words in enumerate(("own error", "model error")):
+        grid[line][0].set_ylabel(f"{words}: scaled landing [mm]")
+    handles, names = grid[0][0].get_legend_handles_labels()
+    figure.legend(handles, names, loc="outside lower center", ncols=7, fontsize=9)
+    return figure
+
+
+def _draw_methods(axis: Axes, rows: Sequence[Row], kind: str, floor: float) -> None:
+    column = f"{kind} scaled [mm]"
+    known = [row for row in rows if isinstance(row[column], float)]
+
+    def places(some: Sequence[Row]) -> tuple[list[float], list[float]]:
+        errors = [max(number(row[column]), floor) for row in some]
+        return [number(row["time [µs]"]) for row in some], errors
+
+    for name, (colour, marker, line) in METHODS.items():
+        mine = [row for row in known if row["method"] == name]
+        style: dict[str, Any] = {"color": colour, "marker": marker, "ms": 5, "lw": 1.1}
+        axis.plot(*places(mine), ls=line or "none", label=name, **style)
+    best = [row for row in known if kind in str(row["Pareto set"])]
+    ring: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 11, "mfc": "none", "mec": BLACK}
+    axis.plot(*places(best), label="Pareto set", **ring)

@@ -13,11 +13,12 @@ import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
-from ..show import Table, save
+from ..show import Table, new_figure, save
 
 if TYPE_CHECKING:
+    from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
 TITLE = "throwplan: error against run time, stability, and what a scene leaves out"
@@ -42,10 +43,32 @@ class Picture:
         from PIL import Image
 
         path = folder / f"{self.name}.png"
+        for axes in self.figure.axes:
+            axes.grid(alpha=0.3)
+            _label(axes.xaxis, *axes.get_xlim())
+            _label(axes.yaxis, *axes.get_ylim())
         save(self.figure, path)
         with Image.open(path) as drawn:
             reduced = drawn.convert("RGB").quantize(256, dither=Image.Dither.NONE)
         reduced.save(path, optimize=True)
+
+
+def _label(axis: Axis, low: float, high: float) -> None:
+    """Labels between the powers of ten on a logarithmic axis of less than two decades."""
+    from matplotlib.ticker import LogLocator, StrMethodFormatter
+
+    if axis.get_scale() == "log" and 0 < high < 100 * low:
+        axis.set_minor_locator(LogLocator(subs=(2.0, 5.0)))
+        for formatter in (axis.set_minor_formatter, axis.set_major_formatter):
+            formatter(StrMethodFormatter("{x:g}"))
+
+
+def panels(
+    width: float, height: float, lines: int = 1, columns: int = 1, **share: Any
+) -> tuple[Figure, Any]:
+    """A figure of so many inches, and its axes in lines and columns."""
+    figure = new_figure(width, height)
+    return figure, figure.subplots(lines, columns, squeeze=False, **share)
 
 
 @dataclass

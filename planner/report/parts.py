@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Iterator
+from typing import TYPE_CHECKING
 
 from ...problems import (
     Cup,
@@ -23,9 +24,11 @@ from ...problems import (
     scene_names,
 )
 from ..plan import Planner
-from ..show import Row, Table
-from .drawing import draw_ladder
-from .page import Effort, Picture, ReportSection
+from ..show import BLUE, GREEN, Row, Table, number
+from .page import Effort, Picture, ReportSection, panels
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Sections whose bounds never decide: they cost their variables and rows and change no throw.
 WIDE_LANDING = Landing(speed_min=0.01, speed_max=100.0, rate_max=1e3)
@@ -111,7 +114,7 @@ def make(effort: Effort) -> ReportSection:
             f"A fresh process that plans imports {modules}.",
         ],
         [table, Table("parts-scenes", caption, every)],
-        [Picture("parts", words, draw_ladder(table))],
+        [Picture("parts", words, _draw_ladder(table))],
     )
 
 
@@ -158,9 +161,10 @@ def ladder(scene: Scene) -> Iterator[tuple[str, Scene]]:
     yield "+ floor and column", scene
     # What sticks out behind the grasp would be in the Panda's hand: it holds the bar's end.
     arm, end = load_scene("box"), dataclasses.replace(scene.grasp, offset=0.0)
-    bare = scene.replace(hand=None, robot=arm.robot, arm=arm.arm, grasp=end, target=target)
+    bare = {"hand": None, "robot": arm.robot, "arm": arm.arm, "cup": None, "workspace": None}
+    scene = at_own_angle(scene.replace(grasp=end, target=target, **bare))
     palm = dataclasses.replace(WIDE_WORKSPACE, palm_clearance=0.0)
-    scene = at_own_angle(bare.replace(cup=None, workspace=None)).replace(cup=cup, workspace=palm)
+    scene = scene.replace(cup=cup, workspace=palm)
     yield "+ Panda for the hand, held at the end", scene
     # An opening up to 10 ms early or late, and a plan against that.
     yield "+ four other openings", scene.replace(uncertainty=DELAY, robust=Robust("scenarios"))
@@ -172,3 +176,16 @@ def at_own_angle(scene: Scene) -> Scene:
     assert scene.target is not None and plan.throw is not None
     theta = plan.throw.final.landing.theta
     return scene.replace(target=dataclasses.replace(scene.target, theta=theta))
+
+
+def _draw_ladder(rows: Table) -> Figure:
+    """Variables and solving time of the same throw, with one part more at a time."""
+    figure, ((left, right),) = panels(10.0, 4.0, 1, 2, sharey=True)
+    names = [str(name) for name in rows.column("hand-box")]
+    for axis, column, colour in ((left, "variables", BLUE), (right, "solve [ms]", GREEN)):
+        values = [number(cell) for cell in rows.column(column)]
+        bars = axis.barh(names, values, color=colour)
+        axis.bar_label(bars, [f"{value:.3g}" for value in values], padding=3, fontsize=8)
+        axis.set(xlabel=column, xscale="log", xlim=(min(values) / 2, 3 * max(values)))
+    left.invert_yaxis()
+    return figure

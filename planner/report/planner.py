@@ -11,7 +11,9 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,10 +21,12 @@ import numpy.typing as npt
 from ...problems import Pose, Scene, load_scene
 from ..plan import Planner, SolverName
 from ..result import Plan
-from ..show import Row, Table
-from .drawing import draw_settings
+from ..show import BLACK, BLUE, GREEN, GREY, ORANGE, RED, TEAL, Row, Table
 from .measure import pareto, quantiles, reachable_targets, warmed
-from .page import Effort, Picture, ReportSection
+from .page import Effort, Picture, ReportSection, panels
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = npt.NDArray[np.float64]
 
@@ -43,6 +47,16 @@ STEPS = (((8, 2),), ((4, 1), (8, 1), (16, 1), (4, 2), (8, 2), (16, 4)))
 MARGINS = (0.1, 0.1, 5e-3)
 #: A setting that solves a smaller share of the targets is not compared.
 SOLVED = 0.9
+#: Colour, marker and line of the planner's settings, by the first word of what differs.
+STYLES = {
+    "carry": (BLUE, "o", "-"),
+    "opening": (GREEN, "o", "-"),
+    "grading": (ORANGE, "o", "-"),
+    "epsilon": (RED, "o", "-"),
+    "integrator": (TEAL, "o", ""),
+    "IPOPT": (GREY, "^", ""),
+    "default": (BLACK, "D", ""),
+}
 
 
 @dataclass(frozen=True)
@@ -131,7 +145,7 @@ def make(effort: Effort) -> ReportSection:
             "NLP's cost, squared accelerations and jerks.",
         ],
         [_together(list(scenes.values())), table],
-        [Picture("planner", words, draw_settings(table))],
+        [Picture("planner", words, _draw_settings(table))],
     )
 
 
@@ -255,3 +269,32 @@ def _mesh(scene: Scene) -> str:
     mesh = scene.mesh
     words = f"carry = {mesh.carry}, opening = {mesh.opening}, grading = {mesh.grading:g}"
     return f'{words}, integrator = "{mesh.integrator}", epsilon = {mesh.epsilon:g}'
+
+
+def _draw_settings(rows: Table) -> Figure:
+    """Error before correction over solving time; a panel a scene, a line a setting's values."""
+    scenes = list(dict.fromkeys(rows.column("scene")))
+    figure, grid = panels(6.0 * len(scenes), 4.5, 1, len(scenes))
+    for axis, scene in zip(grid[0], scenes, strict=True):
+        known = [row for row in rows.where(scene=scene) if row["solve [ms]"] is not None]
+        ringed = [row for row in known if row["Pareto set"]]
+        for name, (colour, marker, line) in STYLES.items():
+            some = [row for row in known if _family(row) == name]
+            style: dict[str, Any] = {"color": colour, "marker": marker, "ls": line, "lw": 0.8}
+            axis.plot(*_places(some), ms=5, label=name, **style)
+        ring: dict[str, Any] = {"ls": "none", "marker": "o", "ms": 12, "mfc": "none", "mec": BLACK}
+        axis.plot(*_places(ringed), label="Pareto set", **ring)
+        axis.set(xscale="log", yscale="log", title=str(scene), xlabel="solve [ms]")
+    grid[0][0].set_ylabel("scaled error before correction [mm]")
+    grid[0][-1].legend(fontsize=8)
+    return figure
+
+
+def _family(row: Row) -> str:
+    """Which setting differs from the default, or the other solver."""
+    words = str(row["setting"]).split(maxsplit=1)[0]
+    return "IPOPT" if row["solver"] == "ipopt" else words
+
+
+def _places(rows: Sequence[Row]) -> tuple[list[Any], list[Any]]:
+    return [r["solve [ms]"] for r in rows], [r["error before correction [mm]"] for r in rows]

@@ -11,6 +11,7 @@ import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,10 +20,12 @@ from ..compile import c_compiler
 from ..plan import Planner
 from ..reach import reach_map
 from ..result import Plan
-from ..show import Row, Table, shown
-from .drawing import draw_targets
+from ..show import BLACK, BLUE, GREEN, RED, Row, Table, shown
 from .measure import quantiles, reachable_targets, shared, warmed
-from .page import Effort, Picture, ReportSection
+from .page import Effort, Picture, ReportSection, panels
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Seed of the targets in reach; of targets on the map and far from it.
 SEED, MAP_SEED = 1, 3
@@ -94,7 +97,7 @@ def make(effort: Effort) -> ReportSection:
             Table("reach-following", "Plans after a moving target", following),
             Table("reach-map", "Middles of a map's bins", mapped),
         ],
-        [Picture("reach", words, draw_targets(table))],
+        [Picture("reach", words, _draw_targets(table))],
     )
 
 
@@ -281,3 +284,29 @@ def _following(name: str, count: int) -> Row:
 def _targets(name: str, count: int) -> list[Pose]:
     """Random targets in reach of a scene."""
     return list(itertools.islice(reachable_targets(load_scene(name), SEED), count))
+
+
+def _draw_targets(rows: Table) -> Figure:
+    """Targets in x and theta, what was said of them, and the nearest poses that were named."""
+    figure, ((axis,),) = panels(9.0, 5.0)
+    some = rows.rows
+    named = [row for row in some if row["nearest x [m]"] is not None]
+    for row in named:
+        x, theta = (
+            [row[f"{k}{name}"] for k in ("", "nearest ")] for name in ("x [m]", "theta [deg]")
+        )
+        axis.plot(x, theta, color="#dddddd", lw=0.7, zorder=1)
+    groups = (
+        ("thrown to", [r for r in some if r["status"] == "solved"], "", BLUE, "."),
+        ("out of reach", [r for r in some if r["status"] == "out_of_reach"], "", RED, "x"),
+        ("nearest pose named", named, "nearest ", GREEN, "+"),
+        ("no answer", [r for r in some if r["status"] == "not_converged"], "", BLACK, "s"),
+    )
+    for words, group, which, colour, marker in groups:
+        if group:
+            x = [row[f"{which}x [m]"] for row in group]
+            theta = [row[f"{which}theta [deg]"] for row in group]
+            axis.plot(x, theta, marker, color=colour, ms=5, label=f"{words} ({len(group)})")
+    axis.set(xlabel="x [m]", ylabel="θ [deg]")
+    axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, frameon=False)
+    return figure

@@ -8,17 +8,20 @@ import itertools
 import math
 from collections.abc import Iterator, Sequence
 from functools import cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from ...problems import COMPARED_METHODS, ROBUST_METHODS, Pose, load_scene
 from ..plan import Planner
 from ..result import Plan
-from ..show import Cell, Row, Table, number, shown
+from ..show import BLACK, BLUE, GREY, RED, Cell, Row, Table, number, shown
 from ..sweep import scaled_error, sweep
-from .drawing import draw_ratios
 from .measure import reachable_targets, shared
-from .page import Effort, Picture, ReportSection
+from .page import Effort, Picture, ReportSection, panels
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 #: Seed of the targets, and throws of each plan under uncertainty.
 SEED, SAMPLES = 7, 256
@@ -31,6 +34,8 @@ FRICTION, OPENING = 0.7, 1.2
 TARGETS = {"delay": (1, 60), "hand-flip": (1, 15)}
 #: Methods that plan to all targets; the others plan to the first `SOME`.
 QUICK_METHODS, MAIN, SOME = ("quiet", "joint-velocity"), ("auto", "quiet"), 5
+#: Where a target without a robust plan is drawn, and the least spread that is drawn.
+LOST, LEAST = 20.0, 1e-4
 
 
 def make(effort: Effort) -> ReportSection:
@@ -60,7 +65,7 @@ def make(effort: Effort) -> ReportSection:
         "Throws that forgive timing",
         _figures(rows),
         [Table("robust", caption, rows), targets],
-        [Picture("robust", words, draw_ratios(targets))],
+        [Picture("robust", words, _draw_ratios(targets))],
     )
 
 
@@ -178,3 +183,29 @@ def _quantile(values: list[float], share: float) -> Cell:
     """A quantile of numbers of which some may be infinite: one of them, not a mean of two."""
     found = float(np.percentile(values, share, method="higher"))
     return found if math.isfinite(found) else "no plan"
+
+
+def _draw_ratios(rows: Table) -> Figure:
+    """Spread of robust plans over the nominal plan's, a dot a target, a bar at the median."""
+    scenes = list(dict.fromkeys(rows.column("scene")))
+    figure, grid = panels(6.0 * len(scenes), 4.5, 1, len(scenes), sharey=True)
+    rng = np.random.default_rng(0)
+    for axis, scene in zip(grid[0], scenes, strict=True):
+        some = rows.where(scene=scene)
+        methods = list(dict.fromkeys(str(row["method"]) for row in some))
+        for place, method in enumerate(methods):
+            ratios = [row["spread / nominal"] for row in some if row["method"] == method]
+            found = np.array([number(ratio) for ratio in ratios])
+            solved = np.isfinite(found)
+            height = np.where(solved, np.maximum(found, LEAST), LOST)
+            across = place + rng.uniform(-0.25, 0.25, found.size)
+            axis.plot(across[solved], height[solved], ".", color=BLUE, ms=5)
+            axis.plot(across[~solved], height[~solved], "x", color=RED, ms=5)
+            # One of them, not a mean of two of which one may have no plan.
+            middle = float(np.percentile(height, 50, method="higher"))
+            axis.plot([place - 0.35, place + 0.35], [middle, middle], color=BLACK, lw=2)
+        axis.axhline(1.0, color=GREY, lw=0.8, ls="--")
+        axis.set(yscale="log", title=str(scene))
+        axis.set_xticks(range(len(methods)), methods, rotation=30, ha="right")
+    grid[0][0].set_ylabel("spread / nominal spread (× : no plan)")
+    return figure

@@ -10,6 +10,7 @@ import dataclasses
 import math
 import statistics
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 import numpy.typing as npt
@@ -24,9 +25,11 @@ from ..identify import (
 )
 from ..plan import Planner
 from ..result import Plan
-from ..show import Row, Table, number, shown
-from .drawing import draw_learning
-from .page import Effort, Picture, ReportSection
+from ..show import BLUE, GREEN, Row, Table, number, shown
+from .page import Effort, Picture, ReportSection, panels
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Array = npt.NDArray[np.float64]
 
@@ -75,7 +78,7 @@ def make(effort: Effort) -> ReportSection:
             f"{_learned(learning)}.",
         ],
         [identified, learning],
-        [Picture("throws", words, draw_learning(learning))],
+        [Picture("throws", words, _draw_learning(learning))],
     )
 
 
@@ -196,3 +199,20 @@ def _learned(table: Table) -> str:
         f"median ({shown(row['times better, worst'])} at least)"
         for row in table.where(throws=3)
     )
+
+
+def _draw_learning(rows: Table) -> Figure:
+    """Real landing error over the number of throws that were learned from."""
+    figure, ((axis,),) = panels(7.0, 4.0)
+    some = rows.rows
+    for model, colour in zip(dict.fromkeys(rows.column("learned by")), (BLUE, GREEN), strict=False):
+        mine = [row for row in some if row["learned by"] == model]
+        counts = [row["throws"] for row in mine]
+        for column, line in (("error, median [mm]", "-"), ("error, worst [mm]", ":")):
+            words = f"{model}, {column.split(', ')[1].removesuffix(' [mm]')}"
+            axis.plot(
+                counts, [row[column] for row in mine], line, marker="o", color=colour, label=words
+            )
+    axis.set(xlabel="throws learned from", ylabel="real scaled error [mm]", yscale="log")
+    axis.legend(frameon=False, fontsize=8)
+    return figure
