@@ -216,7 +216,7 @@ def _log_normal(value: float, deviation: float) -> tuple[float, ...]:
 def contact_text(belief: Belief, torsion: float, faces: int) -> str:
     """The sections [contact] and [uncertainty] for a scene file."""
     known = belief.effective
-    contact = {"friction": known.value("friction"), "patch_radius": known.value("patch_radius")}
+    contact = {k: float(f"{known.value(k):.6g}") for k in ("friction", "patch_radius")}
     tables = {
         "contact": contact | {"torsion": torsion, "faces": faces},
         "uncertainty": uncertainty_table(uncertainty_of(belief)),
