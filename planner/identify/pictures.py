@@ -207,7 +207,7 @@ def contact_picture(found: Identified) -> Figure:
         low, high = axis.get_xlim()
         x = np.geomspace(max(low, 1e-3), max(high, 2e-3), 200)
         limits = axis.get_xlim(), axis.get_ylim()
-        axis.plot(x, 1e3 * belief.product / x, color=BLACK, ls=":", lw=1, label="same μ r_p")
+        axis.plot(x, 1e3 * belief.product / x, color=GREY, ls=":", lw=1, label="same μ r_p")
         axis.set(xlim=limits[0], ylim=limits[1])
         spread = 100 * belief.product_deviation
         words.append(f"fit: μ r_p {1e3 * belief.product:.3f} mm ± {spread:.1f} %")
