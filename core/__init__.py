@@ -7,10 +7,12 @@ from .loading import library, threads
 from .structures import (
     AXES,
     FRAMES,
+    GripC,
     LimitsC,
     LinkageC,
     Measured,
     PathC,
+    ReleaseC,
     SamplesC,
     SceneC,
     ThrowC,

@@ -1,5 +1,7 @@
 /* Written by `python -m throwplan.models.core_laws`: do not edit. */
 #define ITERATIONS 12
+/* Slip beyond the CoM's distance by which the body has left the pads [m]. */
+#define LOST_SLIP 0.1
 
 INLINE void pivot_step(const lane state[6], const lane start[9], const lane middle[9], const lane end[9], const lane force[3], const lane dt[1], const lane law[8], lane next[6])
 {
@@ -481,6 +483,82 @@ INLINE void pivot_step(const lane state[6], const lane start[9], const lane midd
     }
 }
 
+INLINE void pivot_excess(const lane state[6], const lane end[9], const lane force[1], const lane law[8], lane excess[2])
+{
+    #pragma GCC ivdep
+    EACH_LANE {
+        double w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10;
+        w0 = law[0][l];
+        w1 = law[2][l];
+        w2 = w0 * w1;
+        w2 = w2 * w1;
+        w3 = law[1][l];
+        w2 = w2 + w3;
+        w3 = end[8][l];
+        w2 = w2 * w3;
+        w4 = end[6][l];
+        w5 = state[1][l];
+        w6 = end[2][l];
+        w7 = state[2][l];
+        w6 = w6 + w7;
+        w7 = sin(w6);
+        w7 = w1 * w7;
+        w5 = w5 + w7;
+        w7 = w4 * w5;
+        w8 = end[7][l];
+        w9 = state[0][l];
+        w6 = cos(w6);
+        w1 = w1 * w6;
+        w9 = w9 + w1;
+        w1 = w8 * w9;
+        w7 = w7 - w1;
+        w7 = w0 * w7;
+        w1 = law[7][l];
+        w6 = w0 * w1;
+        w6 = w6 * w9;
+        w7 = w7 - w6;
+        w2 = w2 - w7;
+        w2 = w2 * w2;
+        w7 = 1e-28;
+        w2 = w2 + w7;
+        w2 = sqrt(w2);
+        w7 = law[5][l];
+        w6 = law[4][l];
+        w7 = w7 * w6;
+        w6 = law[6][l];
+        w10 = law[3][l];
+        w6 = w6 * w10;
+        w10 = force[0][l];
+        w6 = w6 * w10;
+        w7 = w7 * w6;
+        w2 = w2 - w7;
+        excess[0][l] = w2;
+        w2 = w3 * w5;
+        w4 = w4 - w2;
+        w2 = end[5][l];
+        w7 = state[5][l];
+        w2 = w2 + w7;
+        w2 = w2 * w2;
+        w7 = w2 * w9;
+        w4 = w4 - w7;
+        w4 = w0 * w4;
+        w4 = w4 * w4;
+        w3 = w3 * w9;
+        w8 = w8 + w3;
+        w2 = w2 * w5;
+        w8 = w8 - w2;
+        w8 = w8 + w1;
+        w0 = w0 * w8;
+        w0 = w0 * w0;
+        w4 = w4 + w0;
+        w0 = 1e-24;
+        w4 = w4 + w0;
+        w4 = sqrt(w4);
+        w4 = w4 - w6;
+        excess[1][l] = w4;
+    }
+}
+
 INLINE void pivot_lost(const lane state[6], const lane law[8], lane lost[1])
 {
     #pragma GCC ivdep
@@ -856,6 +934,38 @@ INLINE void surface_refined(const lane problem[10], const lane found[5], const l
         w1 = w1 + w18;
         w1 = sqrt(w1);
         better[4][l] = w1;
+    }
+}
+
+INLINE void surface_friction(const lane problem[10], const lane found[5], const lane held[1], lane friction[3])
+{
+    #pragma GCC ivdep
+    EACH_LANE {
+        double w0, w1, w2, w3, w4;
+        w0 = held[0][l];
+        w1 = 1.0;
+        w2 = w0 != 0.0 ? w1 : 0.0;
+        w0 = w0 == 0.0 ? 1.0 : 0.0;
+        w3 = problem[9][l];
+        w4 = found[4][l];
+        w4 = w3 / w4;
+        w4 = w4 < w1 ? w4 : w1;
+        w0 = w0 != 0.0 ? w4 : 0.0;
+        w2 = w2 + w0;
+        w0 = found[1][l];
+        w0 = w2 * w0;
+        w4 = 1e-300;
+        w3 = w3 > w4 ? w3 : w4;
+        w0 = w0 / w3;
+        friction[0][l] = w0;
+        w0 = found[2][l];
+        w0 = w2 * w0;
+        w0 = w0 / w3;
+        friction[1][l] = w0;
+        w0 = found[3][l];
+        w2 = w2 * w0;
+        w2 = w2 / w3;
+        friction[2][l] = w2;
     }
 }
 

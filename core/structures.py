@@ -106,6 +106,27 @@ class Measured(ctypes.Structure):
     )
 
 
+class GripC(ctypes.Structure):
+    """`grip` of release.c. It does not own the arrays at its addresses."""
+
+    _fields_ = (
+        *_fields(_DOUBLE, "full", "opening"),
+        ("pieces", _LONG),
+        *_fields(_ADDRESS, "breaks", "curves"),
+    )
+
+
+class ReleaseC(ctypes.Structure):
+    """`release` of release.c. It does not own what is at its addresses."""
+
+    _fields_ = (
+        *_fields(_ADDRESS, "motion", "arm"),
+        ("grip", GripC),
+        ("law", _DOUBLE * 8),
+        *_fields(_DOUBLE, "angle", "delay"),
+    )
+
+
 def addresses(rows: Array) -> list[int]:
     """Where each of the arrays (K, ...) in a contiguous one begins."""
     begin = rows.ctypes.data

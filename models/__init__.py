@@ -20,6 +20,7 @@ from .body import (
     time_to_height,
 )
 from .dynamics import PlanarDynamics
+from .exact import exact_pivot_release, exact_surface_release, relative_states
 from .kinematics import (
     Arm,
     DHRow,

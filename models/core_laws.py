@@ -14,6 +14,7 @@ from pathlib import Path
 import casadi as ca
 
 from .body import HandSamples, Value, hand_of, sticking_state
+from .release import LOST_SLIP
 from .sliding_pivot import SlidingPivot
 from .stepping import number_symbols, rk4_step
 from .time_stepping import ITERATIONS, ImpulseProblem, Iterate, LimitSurfaceStepping
@@ -21,6 +22,8 @@ from .time_stepping import ITERATIONS, ImpulseProblem, Iterate, LimitSurfaceStep
 HEAD = """\
 /* Written by `python -m throwplan.models.core_laws`: do not edit. */
 #define ITERATIONS {iterations}
+/* Slip beyond the CoM's distance by which the body has left the pads [m]. */
+#define LOST_SLIP {lost}
 """
 
 #: C expressions of CasADi's operations with one and with two operands.
@@ -50,7 +53,9 @@ _EXPRESSIONS = {
 def text() -> str:
     """The whole of core/laws.h."""
     laws = [*_pivot_functions(), *_surface_functions()]
-    return HEAD.format(iterations=ITERATIONS) + "".join(_lane_function(law) for law in laws)
+    return HEAD.format(iterations=ITERATIONS, lost=LOST_SLIP) + "".join(
+        _lane_function(law) for law in laws
+    )
 
 
 def _hand(name: str) -> tuple[ca.SX, HandSamples]:
@@ -74,11 +79,18 @@ def _pivot_functions() -> list[ca.Function]:
     step = rk4_step(law.rates, state, motions, ca.vertsplit(force), dt)
     moved = {"state": state, "start": start, "middle": middle, "end": end}
     com = law.com_state(state, end[:3], end[3:6], last.motion)
+    gripped = ca.SX.sym("force")
+    over = law.excess(ca.vertsplit(state), last.motion, gripped)
     return [
         _function(
             "pivot_step",
             {**moved, "force": force, "dt": dt, "law": p},
             {"next": ca.vertcat(*step)},
+        ),
+        _function(
+            "pivot_excess",
+            {"state": state, "end": end, "force": gripped, "law": p},
+            {"excess": ca.vertcat(*over)},
         ),
         _function("pivot_lost", {"state": state, "law": p}, {"lost": law.lost(state)}),
         _function("pivot_end", {"state": state, "end": end, "law": p}, {"com": ca.vertcat(*com)}),
@@ -101,6 +113,7 @@ def _surface_functions() -> list[ca.Function]:
     sticking, moving = given.sticking(), ca.SX.sym("moving")
     newton = {"problem": problem, "found": found, "held": held}
     moved = {"state": state, "start": start, "end": end}
+    largest = ca.fmax(given.radius, 1e-300)
     after = law.after(state, (first, last), lever, given.trimmed(iterate, held), dt)
     return [
         _function(
@@ -123,6 +136,11 @@ def _surface_functions() -> list[ca.Function]:
             "surface_refined",
             {"problem": problem, "found": found, "moving": moving},
             {"better": _column(given.refined(iterate, moving))},
+        ),
+        _function(
+            "surface_friction",
+            newton,
+            {"friction": ca.vertcat(*(y / largest for y in given.trimmed(iterate, held)))},
         ),
         _function(
             "surface_after", {**moved, **newton, "dt": dt, "law": p}, {"next": ca.vertcat(*after)}

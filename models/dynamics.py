@@ -1,4 +1,4 @@
-"""Inverse dynamics of an arm that moves in a vertical plane, in CasADi.
+"""Inverse dynamics of an arm that moves in a vertical plane, for arrays and CasADi.
 
 The links between two throwing joints move as one rigid body, and all turns are about the
 plane's normal, so the torques of the throwing joints need only mass, CoM and one moment of
@@ -12,8 +12,11 @@ from dataclasses import dataclass
 import casadi as ca
 import numpy as np
 
-from .body import Array
+from .body import Array, Value, backend
 from .kinematics import LinkInertia, PlanarArm
+
+#: x and z.
+Pair = tuple[Value, Value]
 
 
 @dataclass(frozen=True)
@@ -61,23 +64,25 @@ class PlanarDynamics:
 
     def torques(
         self,
-        angles: list[ca.SX],
-        rates: list[ca.SX],
-        turns: list[ca.SX],
-        gravity: ca.SX | float,
-        load: tuple[ca.SX, ca.SX, ca.SX] | None = None,
-    ) -> list[ca.SX]:
+        angles: list[Value],
+        rates: list[Value],
+        turns: list[Value],
+        gravity: Value,
+        load: tuple[Value, Value, Value] | None = None,
+    ) -> list[Value]:
         """Torque [N m] of each throwing joint, in its own sense of turning.
 
         angles, rates, turns: `PlanarArm.turned` of q, dq, ddq. load: force (x, z) [N] and
         torque [N m] about the pads' centre that the hand gives to what it holds.
         """
-        place, acceleration = (ca.SX(0), ca.SX(0)), (ca.SX(0), ca.SX(0))
+        place: Pair = (0.0, 0.0)
+        acceleration: Pair = (0.0, 0.0)
         joints, pushes = [], []
         for body, link, phi, rate, turn in zip(
             self.bodies, self._kinematics.links, angles, rates, turns, strict=True
         ):
-            cos, sin = ca.cos(phi), ca.sin(phi)
+            xp = backend(phi)
+            cos, sin = xp.cos(phi), xp.sin(phi)
             com = _turned(body.com, cos, sin)
             a_x, a_z = _carried(acceleration, com, rate, turn)
             at = (place[0] + com[0], place[1] + com[1])
@@ -92,11 +97,8 @@ class PlanarDynamics:
         return [
             sign
             * sum(
-                (
-                    (at[0] - joint[0]) * push[1] - (at[1] - joint[1]) * push[0] + turning
-                    for at, push, turning in pushes[number:]
-                ),
-                ca.SX(0),
+                (at[0] - joint[0]) * push[1] - (at[1] - joint[1]) * push[0] + turning
+                for at, push, turning in pushes[number:]
             )
             for number, (sign, joint) in enumerate(zip(self._kinematics.signs, joints, strict=True))
         ]
@@ -118,13 +120,11 @@ def _composite(parts: list[tuple[LinkInertia, Array]], joint: Array) -> PlanarBo
     return PlanarBody(mass, (float(along), float(up)), about)
 
 
-def _turned(vector: tuple[float, float], cos: ca.SX, sin: ca.SX) -> tuple[ca.SX, ca.SX]:
+def _turned(vector: tuple[float, float], cos: Value, sin: Value) -> Pair:
     return vector[0] * cos - vector[1] * sin, vector[0] * sin + vector[1] * cos
 
 
-def _carried(
-    acceleration: tuple[ca.SX, ca.SX], arm: tuple[ca.SX, ca.SX], rate: ca.SX, turn: ca.SX
-) -> tuple[ca.SX, ca.SX]:
+def _carried(acceleration: Pair, arm: Pair, rate: Value, turn: Value) -> Pair:
     """Acceleration at the end of `arm`, which turns about a point with `acceleration`."""
     x, z = arm
     return (

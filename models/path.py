@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..core import AXES, PathC, SamplesC, library
+from ..core import AXES, LinkageC, PathC, SamplesC, library
 from .body import Array, HandSamples
 
 #: Numbers of some of the throws.
@@ -185,9 +185,11 @@ class Path:
     @cached_property
     def core(self) -> PathC | None:
         """The motion as the compiled core takes it; None for N throws or too many coordinates."""
+        if self.rows > 1 or self.drift is not None:
+            return None
         c = np.ascontiguousarray(self.coefficients)
-        powers, n, pieces, rows = c.shape
-        if rows > 1 or n > AXES or self.drift is not None:
+        powers, n, pieces, _ = c.shape
+        if n > AXES:
             return None
         arrays = [np.ascontiguousarray(values) for values in (self.breaks, c, self.kinks)]
         addresses = (values.ctypes.data for values in arrays)
@@ -245,7 +247,10 @@ class Path:
 
     def later(self, delays: Array | float) -> Path:
         """Each throw's clock starts that much later [s] on the motion: one value, or (N,)."""
-        return replace(self, delays=self.delays + delays)
+        found = replace(self, delays=self.delays + delays)
+        if self.rows == 1 and self.given.ndim == 4:
+            vars(found)["core"] = self.core
+        return found
 
     def at(self, times: npt.ArrayLike) -> HandSamples:
         """Coordinates and derivatives, each (n, K), at `times` (K,) [s]; N throws: (N,)."""
@@ -314,11 +319,12 @@ class MovedHand:
     """The hand that a path of joints moves.
 
     motion: function of q, dq, ddq, each (n, K), that gives pose, twist and acceleration of
-    the hand, each (3, K).
+    the hand, each (3, K); linkage: the same for the compiled core.
     """
 
     path: Path
     motion: Callable[..., Any]
+    linkage: LinkageC | None = None
 
     def at(self, times: npt.ArrayLike) -> HandSamples:
         """The hand at `times` (K,) [s]."""

@@ -62,14 +62,15 @@ class TableRelease:
         self._times, self._forces = t[start : ended + 1] - t[start], f[start : ended + 1]
 
     @cached_property
-    def _curve(self) -> Any:
+    def curve(self) -> Any:
+        """The force over the time from its fall on, as SciPy's piecewise cubics."""
         from scipy.interpolate import PchipInterpolator
 
         return PchipInterpolator(self._times, self._forces)
 
     def force(self, time: npt.ArrayLike) -> Array:
         """f_N [N] at `time` [s] after the start of the fall."""
-        force = self._curve(np.clip(np.asarray(time, float), 0.0, self.opening))
+        force = self.curve(np.clip(np.asarray(time, float), 0.0, self.opening))
         return np.asarray(np.maximum(force, 0.0))
 
 

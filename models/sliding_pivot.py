@@ -276,7 +276,8 @@ class SlidingPivotRelease:
         law = SlidingPivot(case.body, case.contact, case.gravity, self.form)
         if self.events:
             steps = PivotSteps(law, self.integrator)
-            times, states, onsets = located_steps(steps, case, self.steps)
+            nodes = np.linspace(0.0, case.grip.opening, self.steps + 1)
+            times, states, onsets = located_steps(steps, case, nodes)
             release = world_release(law, case.hand.at(times), states.T, case.grip.force(times))
             return replace(release, pivot=onsets[0], slide=onsets[1])
         hand = case.hand.at(np.linspace(0.0, case.grip.opening, 2 * self.steps + 1))

@@ -17,7 +17,7 @@ import numpy as np
 
 from ..core import threads
 from .body import Array, Body, Contact, HandMotion, HandSamples, Value, components, hand_of
-from .path import Throws
+from .path import INSIDE, Throws
 from .release import LOST_SLIP, BatchRelease, ReleaseBatch, ReleaseCase, by_chunks, chunks
 
 Rates = Callable[[Value, HandMotion, Value], list[Value]]
@@ -261,21 +261,21 @@ class EventLaw(SteppedLaw, Protocol):
 
 
 def located_steps(
-    law: EventLaw, case: ReleaseCase, steps: int
+    law: EventLaw, case: ReleaseCase, nodes: Array
 ) -> tuple[Array, Array, list[float | None]]:
-    """Even steps of one case, each cut at the first change of mode inside it.
+    """Steps of one case from each of `nodes` [s] to the next, cut at changes of mode inside.
 
     Times (K,) and states (K, 6), and when each event function first rises above zero [s].
     """
-    opening = case.grip.opening
-    dt = opening / steps
+    over = 1e-9 * float(nodes[-1]) / len(nodes)
 
     def hands(*times: float) -> list[HandSamples]:
         rows = np.concatenate([*case.hand.at(np.array(times))]).T.tolist()
         return [hand_of(row) for row in rows]
 
     def advance(t: float, state: Array, h: float) -> Array:
-        times = (t, t + h / 2, t + h)
+        inside = min(INSIDE, h / 4)
+        times = (t + inside, t + h / 2, t + h - inside)
         forces = [float(f) for f in case.grip.force(np.array(times))]
         return np.array(law.advance(state, hands(*times), forces, h))
 
@@ -289,17 +289,17 @@ def located_steps(
     times, states = [t], [state]
     before = excess(t, state)
     onsets: list[float | None] = [0.0 if value > 0 else None for value in before]
-    while t < opening * (1 - 1e-12):
-        h = min(dt, opening - t)
+    while t < nodes[-1] - over / 2:
+        end = float(nodes[np.searchsorted(nodes, t + over / 2)])
+        h = end - t
         after = excess(t + h, advance(t, state, h))
         changed = np.flatnonzero((before > 0) != (after > 0))
         if changed.size:
             root = min(_root(partial(excess_after, i=int(i), t=t, state=state), h) for i in changed)
             # Up to just before the root in the old mode, then over it in a tiny step.
-            over = 1e-9 * dt
             h = max(root - over, 0.0)
             state, t = advance(t, state, h), t + h
-            h = min(2 * over, opening - t)
+            h = min(2 * over, end - t)
         state, t = advance(t, state, h), t + h
         before = excess(t, state)
         for i in np.flatnonzero(before > 0):

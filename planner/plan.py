@@ -25,7 +25,7 @@ from ..problems import (
     Scene,
     as_scene,
 )
-from .check import KernelCode, check_kernels, make_mover
+from .check import make_mover
 from .compile import Compile
 from .ocp import USUAL
 from .reach import grow
@@ -139,8 +139,6 @@ class Planner:
         clock = Clock(started + patience)
         task = Task(self.scene.aimed_at(target), target, solvers, clock)
         made, self._build_time = self._build_time, 0.0
-        with clock("build"):
-            self._take_code()
         wanted = self._wanted(alternatives)
         plan = self._planned(task, turns, wanted, warm)
         if method and plan.solved:
@@ -194,7 +192,6 @@ class Planner:
         whole = isinstance(throws, int | np.integer) and not isinstance(throws, bool)
         if not whole or not 1 <= throws <= MOST_PREPARED:
             raise InputError(f"throws = {throws!r}: must be a whole number, 1 to {MOST_PREPARED}")
-        self._take_code()
         try:
             grow(self.problems, self.releases(), self.library, int(throws), progress)
         finally:
@@ -219,17 +216,6 @@ class Planner:
     def compiled(self) -> bool:
         """Whether the problems solved so far ran as machine code."""
         return self.problems.compiled
-
-    @functools.cached_property
-    def _code(self) -> list[KernelCode]:
-        """Machine code for the checks."""
-        kernels = check_kernels()
-        return [KernelCode(some, self._compiling) for some in kernels]
-
-    def _take_code(self) -> None:
-        """Lets the checks run as machine code, as far as that is there."""
-        for code in self._code:
-            code.take()
 
     def check(self, target: Pose | None = None) -> Pose:
         """The target that `plan` would take; InputError if it does not fit the scene."""

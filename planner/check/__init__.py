@@ -4,7 +4,6 @@ The promise behind `solved` is kept here: nothing here knows how a throw was fou
 """
 
 from .entry import cup_entries, enters_cup_at_landing
-from .exact_release import limit_surface_release, relative_states, sliding_pivot_release
 from .geometry import (
     bar_outline,
     column_distance,
@@ -16,7 +15,6 @@ from .geometry import (
     reach_of_bar,
 )
 from .given_motion import given_hand, recorded_joints
-from .kernel_code import KernelCode, check_kernels
 from .measures import Measured, friction_use
 from .mover import Limits, Mover, make_mover, outline
 from .sending import TICK, Samples, SmoothingError, broken_limits, send

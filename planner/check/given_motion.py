@@ -69,7 +69,7 @@ def recorded_joints(
     if not times[0] <= opening_time < times[-1]:
         raise ValueError(f"opening_time {opening_time:g} s is outside the recording")
     path = Path.recorded(times, joints[:, throwing], cutoff).later(opening_time)
-    return MovedHand(path, hand_motion(kinematics))
+    return MovedHand(path, hand_motion(kinematics), kinematics.core)
 
 
 def _check_span(scene: Scene, motion: Motion) -> None:

@@ -90,7 +90,7 @@ class Mover:
 
     def hand(self, path: Path) -> MovedHand:
         """The hand that a path of the coordinates moves."""
-        return MovedHand(path, self.motion)
+        return MovedHand(path, self.motion, self.kinematics.core)
 
     @property
     def size(self) -> int:

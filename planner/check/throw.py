@@ -22,10 +22,11 @@ from ...models import (
     Path,
     Release,
     ReleaseCase,
+    exact_pivot_release,
+    exact_surface_release,
     time_to_height,
 )
 from ...problems import Pose, Scene
-from .exact_release import limit_surface_release, sliding_pivot_release
 from .measures import Measured, grip_use, measured
 from .mover import Mover
 from .sending import NO_SAMPLES, TICK, Samples
@@ -33,7 +34,7 @@ from .sending import NO_SAMPLES, TICK, Samples
 Array = npt.NDArray[np.float64]
 
 #: Exact release models by their names: the paper's, and the time-stepping limit surface.
-EXACT = {SLIDING_PIVOT: sliding_pivot_release, STEPPED_SURFACE: limit_surface_release}
+EXACT = {SLIDING_PIVOT: exact_pivot_release, STEPPED_SURFACE: exact_surface_release}
 
 
 @dataclass(frozen=True)
@@ -93,7 +94,7 @@ class Throw:
     @cached_property
     def release(self) -> Release:
         """The object from the opening's start until the pads have let go."""
-        return EXACT[self.model or self.scene.tolerance.model](self.case, self.kinks)
+        return EXACT[self.model or self.scene.tolerance.model](self.case)
 
     @cached_property
     def landing(self) -> LandingPoint:
@@ -154,12 +155,6 @@ class Throw:
     def case(self) -> ReleaseCase:
         """What a release model needs of it."""
         return case_of(self.scene, self.mover.hand(self.path.later(self.opening_time)))
-
-    @property
-    def kinks(self) -> Array:
-        """Where acceleration or jerk may step inside the opening, from its start [s]."""
-        kinks = self.path.kinks - self.opening_time
-        return kinks[(kinks > 0.0) & (kinks < self.scene.gripper.profile().opening)]
 
     def hand(self, times: npt.ArrayLike) -> HandSamples:
         """The hand at `times` (K,) [s] on the motion's clock."""

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import lru_cache, partial
 
-import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
 from ...models import PlanarArm, PlanarDynamics, pivot_wrench
-from ..compile import MappedKernel
 from .sending import TICK
 from .throw import Throw
 
@@ -74,23 +72,14 @@ def torque_use(throw: Throw) -> tuple[Array, Array]:
     theta, h = hand.pose[2] + scene.grasp.angle, scene.com_offset
     x, z = h * np.cos(theta), h * np.sin(theta)
     wrench = pivot_wrench(scene.body, scene.gravity, hand.motion, hand.twist[2], x, z)
-    load = np.array(wrench).T
-    kernel = torque_kernel(kinematics)
-    coordinates = [rows.T for rows in throw.path.at(times)]
-    gravity = np.full((len(times), 1), scene.gravity)
-    held, free = (np.abs(kernel(*coordinates, gravity, some)[0]) for some in (load, 0.0 * load))
+    angles, rates, turns = map(kinematics.turned, throw.path.at(times))
+    torques = partial(_dynamics(kinematics).torques, angles, rates, turns, scene.gravity)
+    held, free = (np.abs(np.array(torques(load)).T) for load in (wrench, None))
     before, after = (times < throw.opening_time)[:, None], (times > throw.detach_time)[:, None]
     most = np.where(before, held, np.where(after, free, np.maximum(held, free)))
     return times, np.asarray(most / np.array(limits))
 
 
 @lru_cache(maxsize=8)
-def torque_kernel(kinematics: PlanarArm) -> MappedKernel:
-    """q, dq, ddq, gravity and load -> torques of the throwing joints."""
-    n = kinematics.coordinates
-    values = [ca.SX.sym(name, n) for name in ("q", "dq", "ddq")]
-    gravity, load = ca.SX.sym("gravity"), ca.SX.sym("load", 3)
-    angles, rates, turns = map(kinematics.turned, values)
-    held = (load[0], load[1], load[2])
-    found = PlanarDynamics(kinematics).torques(angles, rates, turns, gravity, held)
-    return MappedKernel(ca.Function("torques", [*values, gravity, load], [ca.vertcat(*found)]))
+def _dynamics(kinematics: PlanarArm) -> PlanarDynamics:
+    return PlanarDynamics(kinematics)

@@ -6,4 +6,3 @@ Everything here may be missing: callers then run slower and give the same answer
 from .cache import DAMAGED, cache_folder, digest, publish, source_of
 from .compiled import Code, Compile
 from .compiler import compiler as c_compiler
-from .kernel import STEPS, Kernel, MappedKernel, StepKernel, mapped

@@ -7,9 +7,9 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from ...models import Path, ReleaseCase
+from ...models import Path, ReleaseCase, relative_states
 from ...problems import Scene
-from ..check import Mover, case_of, relative_states
+from ..check import Mover, case_of
 from ..ocp import (
     Block,
     Request,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 from functools import cache
 
@@ -13,21 +14,20 @@ from throwplan.models import (
     Body,
     Contact,
     LinearRelease,
+    MovedHand,
     Path,
     Release,
     ReleaseCase,
     SlidingPivot,
     SlidingPivotRelease,
     SteppedRelease,
+    TableRelease,
+    exact_pivot_release,
+    exact_surface_release,
+    relative_states,
     world_release,
 )
-from throwplan.planner.check import (
-    Throw,
-    case_of,
-    limit_surface_release,
-    relative_states,
-    sliding_pivot_release,
-)
+from throwplan.planner.check import Throw, case_of
 
 #: Seen from either side of a kink, so far away [s].
 INSIDE = 1e-12
@@ -60,11 +60,19 @@ def detached(release: Release) -> np.ndarray:
     return np.concatenate([release.com[:, -1], release.com_twist[:, -1]])
 
 
-def reference(case: ReleaseCase, kinks: np.ndarray) -> Release:
+def kinks(case: ReleaseCase) -> np.ndarray:
+    """Where the hand's acceleration or jerk may step in the opening [s]."""
+    path = case.hand.path if isinstance(case.hand, MovedHand) else case.hand
+    assert isinstance(path, Path)
+    times = path.kinks - path.delays
+    return times[(times > 0) & (times < case.grip.opening)]
+
+
+def reference(case: ReleaseCase) -> Release:
     """Another integrator, with its own step control, from kink to kink."""
     law = SlidingPivot(case.body, case.contact, case.gravity)
     state = np.array([0.0, 0.0, case.grasp_angle, 0.0, 0.0, 0.0])
-    for begin, end in itertools.pairwise([0.0, *kinks, case.grip.opening]):
+    for begin, end in itertools.pairwise([0.0, *kinks(case), case.grip.opening]):
 
         def rates(t: float, y: np.ndarray, a: float = begin, b: float = end) -> list:
             hand = case.hand.at(np.clip(np.array([t]), a + INSIDE, b - INSIDE))
@@ -78,15 +86,15 @@ def reference(case: ReleaseCase, kinks: np.ndarray) -> Release:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_sliding_pivot_lands_as_by_another_integrator(name: str) -> None:
-    case, kinks = thrown(name).case, thrown(name).kinks
-    mine = landed(name, sliding_pivot_release(case, kinks))
-    assert together(mine, landed(name, reference(case, kinks)), 1e-6, 1e-5)
+    case = thrown(name).case
+    mine = landed(name, exact_pivot_release(case))
+    assert together(mine, landed(name, reference(case)), 1e-6, 1e-5)
 
 
 @pytest.mark.parametrize("name", ["pose", "cup", "flip"])
 def test_sliding_pivot_lands_as_the_models_own_does(name: str) -> None:
-    case, kinks = thrown(name).case, thrown(name).kinks
-    mine, slow = sliding_pivot_release(case, kinks), SlidingPivotRelease(steps=16_000).release(case)
+    case = thrown(name).case
+    mine, slow = exact_pivot_release(case), SlidingPivotRelease(steps=16_000).release(case)
     assert together(landed(name, mine), landed(name, slow), 2e-6, 3e-5)
     # The slow one's instants are its steps: known within half a one, and its own error.
     half = case.grip.opening / 16_000 / 2
@@ -99,8 +107,8 @@ def test_sliding_pivot_lands_as_the_models_own_does(name: str) -> None:
 
 @pytest.mark.parametrize("name", SCENES)
 def test_limit_surface_lands_as_the_models_own_does(name: str) -> None:
-    case, kinks = thrown(name).case, thrown(name).kinks
-    surface = landed(name, limit_surface_release(case, kinks))
+    case = thrown(name).case
+    surface = landed(name, exact_surface_release(case))
     # First order: two runs of the plain model give its limit.
     coarse, fine = (landed(name, SteppedRelease(steps=n).release(case)) for n in (8000, 16_000))
     assert together(surface, 2 * fine - coarse, 1e-4, 6e-4)
@@ -111,9 +119,9 @@ def test_a_hand_whose_acceleration_steps_between_all_nodes() -> None:
     steps = [[5.0, 2, 60], [-20, 10, -80], [15, -5, 90], [0, 20, -60]]
     hand = Path.stepping((0.0, 0.5, 0.3), (2.0, 1.0, 5.0), times, steps)
     scene = tp.load_scene("pose")
-    case, kinks = case_of(scene, hand), np.array(times[1:])
-    exact = detached(reference(case, kinks))
-    assert detached(sliding_pivot_release(case, kinks)) == pytest.approx(exact, abs=1e-6)
+    case = case_of(scene, hand)
+    exact = detached(reference(case))
+    assert detached(exact_pivot_release(case)) == pytest.approx(exact, abs=1e-6)
 
 
 @pytest.mark.slow
@@ -133,7 +141,7 @@ def test_friction_that_turns_round_within_a_step(
     # miss it alike: off by up to 0.018 rad/s here, and no sign of it in finer runs.
     hand = Path.stepping((0.0, 0.5, 0.3), (2.0, 1.0, 5.0), [0.0, jump], [before, after])
     case = case_of(tp.load_scene("flip"), hand)
-    mine = detached(limit_surface_release(case, np.array([jump])))
+    mine = detached(exact_surface_release(case))
     coarse, fine = (detached(SteppedRelease(steps=n).release(case)) for n in (32_000, 64_000))
     limit = 2 * fine - coarse
     assert mine[:3] == pytest.approx(limit[:3], abs=3e-5)
@@ -193,13 +201,13 @@ def test_extreme_releases_are_as_good_as_by_a_thousand_even_steps() -> None:
     values, worse = extremes(24, 8), []
     for i in range(24):
         case = extreme_case(values, i)
-        mine = sliding_pivot_release(case, np.zeros(0))
+        mine = exact_pivot_release(case)
         slow, plain = (SlidingPivotRelease(steps=n).release(case) for n in (16_000, 1000))
         assert mine.trouble == slow.trouble
         if not mine.trouble:
             errors = [np.abs(detached(r) - detached(slow)).max() for r in (mine, plain)]
             worse.append(errors[0] > max(errors[1], 1e-5))
-        surface = limit_surface_release(case, np.zeros(0))
+        surface = exact_surface_release(case)
         assert np.isfinite(detached(surface)).all()
     assert len(worse) > 8 and np.mean(worse) < 0.1
 
@@ -211,4 +219,29 @@ def test_a_body_that_slides_out_of_the_pads_is_reported() -> None:
         LinearRelease(1.0, 0.0, 1.0),
         Path.accelerating((0.0, 0.0, 0.0)),
     )
-    assert "slid out" in sliding_pivot_release(case, np.zeros(0)).trouble
+    assert "slid out" in exact_pivot_release(case).trouble
+
+
+@pytest.mark.parametrize("name", ["pose", "hand-flip"])
+def test_numpy_throws_what_the_compiled_core_does(name: str, monkeypatch) -> None:
+    case, nodes = thrown(name).case, np.linspace(0.0, 0.05, 30)
+    found = {}
+    for compiled in "10":
+        monkeypatch.setenv("THROWPLAN_COMPILE", compiled)
+        track = relative_states(case, nodes)
+        found[compiled] = exact_pivot_release(case), exact_surface_release(case), track
+    one, other = ([landed(name, release) for release in found[c][:2]] for c in "10")
+    assert together(one[0], other[0], 1e-6, 1e-5) and together(one[1], other[1], 1e-4, 6e-4)
+    np.testing.assert_allclose(found["1"][2], found["0"][2], rtol=0, atol=1e-9)
+
+
+def test_a_measured_grip_force_is_the_same_in_the_compiled_core(monkeypatch) -> None:
+    case = thrown("pose").case
+    times = [0.0, 0.005, 0.02, 0.04, 0.05]
+    table = TableRelease(times, [120.0, 120.0, 60.0, 20.0, 0.0])
+    case = dataclasses.replace(case, grip=table)
+    found = []
+    for compiled in "10":
+        monkeypatch.setenv("THROWPLAN_COMPILE", compiled)
+        found.append(detached(exact_pivot_release(case)))
+    assert found[0] == pytest.approx(found[1], abs=1e-6)

@@ -1,0 +1,491 @@
+/* Exact releases of one throw: the non-smooth sliding pivot with located events, and the limit surface
+   by extrapolated steps. */
+#include <stdlib.h>
+
+#define LANES 1
+#include "motion.h"
+#include "laws.h"
+
+/* Steps of the first run, doubled until the detach state settles, at most so often. */
+#define FIRST 16
+#define DOUBLINGS 5
+/* A finer run has settled if it changes the landing by less than this [m], roughly: its own error is
+   then below a tenth of that. An angle counts by a lever [m], a velocity over a flight [s]. */
+#define SETTLED 5e-5
+#define LEVER 0.1
+#define FLIGHT 0.5
+/* Events are located within this share of the opening, and so many of them in a run. */
+#define LOCATED 2e-6
+#define EVENTS 200
+/* Kinks nearer than this share of the opening to each other or to its ends are one. */
+#define APART 1e-9
+/* The acceleration may step at a kink: seen from either side so far away [s]. */
+#define INSIDE 1e-12
+
+/* Grip force of one pad [N] over the opening [s]: linear, or, with pieces, cubics. */
+typedef struct {
+    double full, opening;
+    long pieces;
+    const double *breaks; /* [pieces + 1] */
+    const double *curves; /* [4][pieces], highest power first */
+} grip;
+
+/* A release: numbers of the law, the held body's angle on the hand, when on its motion the opening
+   starts [s]. */
+typedef struct {
+    const path *motion;
+    const linkage *arm;
+    grip grip;
+    double law[8], angle, delay;
+} release;
+
+/* A release on its way. */
+typedef struct {
+    const release *r;
+    long piece, nodes, room, events;
+    double (*rows)[7]; /* node by node: time, CoM pose and twist */
+    double time, state[6][1], hand[9][1], excess[3];
+    double onset[2];
+    int lost;
+} run;
+
+static void hand_at(run *k, double time, lane hand[9])
+{
+    lane t = {time + k->r->delay};
+    moved_at(k->r->motion, k->r->arm, t, &k->piece, hand);
+}
+
+static double force_at(const grip *g, double t)
+{
+    if (!g->pieces)
+        return g->full * fmin(fmax(1.0 - t / g->opening, 0.0), 1.0);
+    t = fmin(fmax(t, 0.0), g->opening);
+    long i = piece_at(g->breaks, g->pieces, t);
+    double u = t - g->breaks[i], f = 0.0;
+    for (int power = 0; power < 4; power++)
+        f = f * u + g->curves[power * g->pieces + i];
+    return fmax(f, 0.0);
+}
+
+static const lane *law_of(const run *k) { return (const lane *)k->r->law; }
+
+/* How far torque, force and slip are beyond their limits. */
+static void excess_at(run *k, double time, const lane state[6], const lane hand[9], double found[3])
+{
+    lane force[1] = {{force_at(&k->r->grip, time)}}, over[2];
+    pivot_excess(state, hand, force, law_of(k), over);
+    found[0] = over[0][0];
+    found[1] = over[1][0];
+    found[2] = hypot(state[0][0], state[1][0]) - (k->r->law[2] + LOST_SLIP);
+}
+
+/* State, hand and excess after a step of h [s]. */
+static void stepped(run *k, double h, lane state[6], lane hand[9], double excess[3])
+{
+    lane middle[9], force[3], dt[1] = {{h}};
+    const grip *g = &k->r->grip;
+    hand_at(k, k->time + h / 2, middle);
+    hand_at(k, k->time + h - INSIDE, hand);
+    for (int i = 0; i < 3; i++)
+        force[i][0] = force_at(g, k->time + i * h / 2);
+    pivot_step(k->state, k->hand, middle, hand, force, dt, law_of(k), state);
+    excess_at(k, k->time + h, state, hand, excess);
+}
+
+/* Share of a step at which the first of the event functions changes sign, on a line; 2 if none does. */
+static double crossing(const double before[3], const double after[3])
+{
+    double first = 2.0;
+    for (int i = 0; i < 3; i++)
+        if ((before[i] > 0) != (after[i] > 0))
+            first = fmin(first, before[i] / (before[i] - after[i]));
+    return first;
+}
+
+static void onsets(run *k)
+{
+    for (int i = 0; i < 2; i++)
+        if (k->excess[i] > 0 && isnan(k->onset[i]))
+            k->onset[i] = k->time;
+    k->lost |= k->excess[2] > 0;
+}
+
+static void record(run *k)
+{
+    lane com[6];
+    pivot_end(k->state, k->hand, law_of(k), com);
+    double *row = k->rows[k->nodes++];
+    row[0] = k->time;
+    for (int i = 0; i < 6; i++)
+        row[1 + i] = com[i][0];
+}
+
+/* One step to `end`, or to just after the first event before it. */
+static void advance(run *k, double end)
+{
+    double state[6][1], hand[9][1], excess[3], h = end - k->time;
+    stepped(k, h, state, hand, excess);
+    double share = crossing(k->excess, excess), low = 0.0, high = 1.0, from[3];
+    double near = LOCATED * k->r->grip.opening / h;
+    for (int i = 0; i < 3; i++)
+        from[i] = k->excess[i];
+    if (share < 2.0 && k->events < EVENTS) {
+        k->events++;
+        /* Secant steps that aim just behind the root, so that the step ends in the new mode. */
+        for (int i = 0; i < 40 && high - low > near; i++) {
+            double root = low + (high - low) * share;
+            double at = i % 4 < 3 ? root + near / 2 : (low + high) / 2;
+            double tried[6][1], there[9][1], found[3];
+            at = fmin(at, high - near / 4);
+            stepped(k, at * h, tried, there, found);
+            double next = crossing(k->excess, found);
+            if (next < 2.0) {
+                high = at;
+                for (int j = 0; j < 6; j++)
+                    state[j][0] = tried[j][0];
+                for (int j = 0; j < 9; j++)
+                    hand[j][0] = there[j][0];
+                for (int j = 0; j < 3; j++)
+                    excess[j] = found[j];
+                share = crossing(from, found);
+                if (at - (low + (high - low) * share) <= near)
+                    break;
+            } else {
+                low = at;
+                for (int j = 0; j < 3; j++)
+                    from[j] = found[j];
+                share = crossing(from, excess);
+            }
+        }
+        end = k->time + high * h;
+    }
+    for (int i = 0; i < 6; i++)
+        k->state[i][0] = state[i][0];
+    for (int i = 0; i < 9; i++)
+        k->hand[i][0] = hand[i][0];
+    for (int i = 0; i < 3; i++)
+        k->excess[i] = excess[i];
+    k->time = end;
+    onsets(k);
+    record(k);
+}
+
+/* The opening in about `steps` steps, denser towards its end: a node at each kink. */
+static void run_pivot(run *k, long steps)
+{
+    const release *r = k->r;
+    const path *p = r->motion;
+    double opening = r->grip.opening;
+    k->nodes = k->events = k->piece = k->lost = 0;
+    k->time = 0.0;
+    k->onset[0] = k->onset[1] = NAN;
+    for (int i = 0; i < 6; i++)
+        k->state[i][0] = 0.0;
+    k->state[2][0] = r->angle;
+    hand_at(k, INSIDE, k->hand);
+    record(k);
+    double begun = 0.0;
+    for (long c = 0; c <= p->corners; c++) {
+        double end = c < p->corners ? (p->kinks[c] - r->delay) / opening : 1.0;
+        if (c < p->corners && (end < begun + APART || end > 1.0 - APART))
+            continue;
+        /* Even in s, where the share of the opening is 1 - (1 - s)^1.5. */
+        double s = 1.0 - cbrt((1.0 - begun) * (1.0 - begun));
+        double way = 1.0 - cbrt((1.0 - end) * (1.0 - end)) - s;
+        long parts = (long)ceil(way * steps - 1e-6);
+        hand_at(k, k->time + INSIDE, k->hand);
+        excess_at(k, k->time, k->state, k->hand, k->excess);
+        onsets(k);
+        for (long i = 1; i <= parts; i++) {
+            double u = 1.0 - (s + way * i / parts), node = (1.0 - u * sqrt(u)) * opening;
+            if (i == parts)
+                node = end * opening;
+            while (k->time < node - 1e-3 * LOCATED * opening && k->nodes < k->room)
+                advance(k, node);
+            k->time = node;
+        }
+        begun = end;
+    }
+}
+
+/* Nodes of the release (rows), onsets of pivot and slide [s] (NaN: none), whether the body was lost. */
+CLONES EXPORT int pivot_release(const release *r, long room, double (*rows)[7], double onset[2], int *lost)
+{
+    run k = {.r = r, .room = room, .rows = rows};
+    double before[6];
+    long steps = FIRST;
+    for (int i = 0;; i++, steps *= 2) {
+        run_pivot(&k, steps);
+        const double *com = rows[k.nodes - 1] + 1;
+        double far = 0.0;
+        for (int j = 0; i && j < 6; j++)
+            far += fabs(com[j] - before[j]) * (j % 3 == 2 ? LEVER : 1.0) * (j < 3 ? 1.0 : FLIGHT);
+        if (i == DOUBLINGS || (i && far <= SETTLED))
+            break;
+        for (int j = 0; j < 6; j++)
+            before[j] = com[j];
+    }
+    onset[0] = k.onset[0];
+    onset[1] = k.onset[1];
+    *lost = k.lost;
+    return (int)k.nodes;
+}
+
+/* Relative states [nodes][6] of the sliding pivot: one step from each node [s] to the next. */
+CLONES EXPORT void pivot_track(const release *r, long nodes, const double *times, double (*states)[6])
+{
+    run k = {.r = r};
+    double state[6][1], hand[9][1], excess[3];
+    k.state[2][0] = r->angle;
+    for (long n = 0; n < nodes; n++) {
+        if (n) {
+            hand_at(&k, times[n - 1] + INSIDE, k.hand);
+            k.time = times[n - 1];
+            stepped(&k, times[n] - times[n - 1], state, hand, excess);
+            for (int i = 0; i < 6; i++)
+                k.state[i][0] = state[i][0];
+        }
+        for (int i = 0; i < 6; i++)
+            states[n][i] = k.state[i][0];
+    }
+}
+
+/* The limit surface: first order in its steps, therefore extrapolated. It has nodes where slip stops:
+   if friction turns round inside a step, the whole step is taken with the new friction, and once all
+   steps are longer than the rest of the old slip takes, that error does not shrink with them. */
+
+/* Even intervals of the stretched opening, and in how many a run takes them at most. */
+#define INTERVALS 100
+#define MOST 2048
+/* Settled [m]: of the first order there is more left than of the sliding pivot. */
+#define SURFACE_SETTLED 1e-3
+/* A node is put where slip stops, if that is farther than this share of the opening from the ends of
+   its step, so often at most; stops that are nearer to each other, in two runs, are one. */
+#define OFF_NODE 1e-5
+#define PLACINGS 6
+#define SAME 1e-3
+#define STOPS 64
+/* Friction of two steps whose directions' cosine is below this may have turned round. */
+#define TURNED 0.99
+
+/* Nodes of the finest run and what its steps need; friction in half axes of the surface. */
+typedef struct {
+    const release *r;
+    long steps, stops;
+    double stop[STOPS];                 /* [s] */
+    double *times, (*hands)[9][1], *forces; /* forces: at and between the inner nodes */
+    double (*states)[6][1], (*friction)[3][1];
+} surface;
+
+static const lane *numbers_of(const surface *f) { return (const lane *)f->r->law; }
+
+/* The problem of the step over `stride` intervals from node k on. */
+static void posed(const surface *f, long k, long stride, const lane state[6], lane problem[10])
+{
+    lane dt[1] = {{f->times[k + stride] - f->times[k]}}, force[1] = {{f->forces[2 * k + stride]}};
+    surface_problem(state, f->hands[k], f->hands[k + stride], force, dt, numbers_of(f), problem);
+}
+
+/* States after steps over `stride` intervals; kept, with their friction, for the finest. */
+static void run_surface(surface *f, long stride, double end[6])
+{
+    double state[6][1], next[6][1], problem[10][1], found[5][1], better[5][1];
+    lane held[1], moving[1], grasp[1] = {{f->r->angle}};
+    surface_start(f->hands[0], grasp, numbers_of(f), state);
+    for (long k = 0; k < f->steps; k += stride) {
+        lane dt[1] = {{f->times[k + stride] - f->times[k]}};
+        posed(f, k, stride, state, problem);
+        surface_sticking(problem, found, held);
+        for (int i = 0; i < ITERATIONS; i++) {
+            surface_moving(problem, found, held, moving);
+            if (moving[0][0] == 0.0)
+                break;
+            surface_refined(problem, found, moving, better);
+            for (int j = 0; j < 5; j++)
+                found[j][0] = better[j][0];
+        }
+        if (stride == 1) {
+            for (int j = 0; j < 6; j++)
+                f->states[k][j][0] = state[j][0];
+            surface_friction(problem, found, held, f->friction[k]);
+        }
+        surface_after(state, f->hands[k], f->hands[k + stride], problem, found, held, dt,
+                      numbers_of(f), next);
+        for (int j = 0; j < 6; j++)
+            state[j][0] = next[j][0];
+    }
+    for (int j = 0; j < 6; j++)
+        end[j] = state[j][0];
+}
+
+/* Slip that step k leaves, and K^-1 times its friction before, in half axes. */
+static double slip_of(const surface *f, long k, const lane before[3], double slip[3], double way[3])
+{
+    double problem[10][1], found[5][1];
+    lane held[1];
+    const lane *own = f->friction[k];
+    posed(f, k, 1, f->states[k], problem);
+    double radius = problem[9][0], y[3];
+    for (int i = 0; i < 3; i++)
+        y[i] = radius * own[i][0];
+    slip[0] = problem[0][0] * y[0] + problem[3][0] * y[1] + problem[4][0] * y[2] - problem[6][0];
+    slip[1] = problem[3][0] * y[0] + problem[1][0] * y[1] + problem[5][0] * y[2] - problem[7][0];
+    slip[2] = problem[4][0] * y[0] + problem[5][0] * y[1] + problem[2][0] * y[2] - problem[8][0];
+    for (int i = 0; i < 3; i++)
+        problem[6 + i][0] = before[i][0];
+    surface_sticking(problem, found, held);
+    for (int i = 0; i < 3; i++)
+        way[i] = radius * found[1 + i][0];
+    return radius;
+}
+
+static double dot(const double a[3], const double b[3])
+{
+    return a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
+}
+
+/* Share of step k + 1 after which the slip at its start has stopped, or more than 1: had friction not
+   turned round in the step, it would have been on the other side of the limit surface, where slip
+   differs along its direction before the step only. */
+static double stop_of(const surface *f, long k)
+{
+    double slip[3], later[3], way[3], old[3], new[3], change[3];
+    slip_of(f, k, f->friction[k], slip, way);
+    double radius = slip_of(f, k + 1, f->friction[k], later, way);
+    for (int i = 0; i < 3; i++) {
+        old[i] = f->friction[k][i][0];
+        new[i] = radius * f->friction[k + 1][i][0];
+        change[i] = later[i] - slip[i];
+    }
+    /* The farther |new + braking way| = radius, in the form that does not cancel. */
+    double a = dot(way, way), b = dot(way, new), c = fmin(dot(new, new) - radius * radius, 0.0);
+    double root = sqrt(b * b - a * c);
+    double braking = b <= 0.0 && a > 0.0 ? (root - b) / a : -c / fmax(root + b, 1e-300);
+    double rise = dot(old, change) + radius * braking;
+    return rise > 0.0 ? -dot(old, slip) / rise : 2.0;
+}
+
+/* Adds the stops of the finest run to those that have nodes; whether there are any. */
+static int placed(surface *f)
+{
+    double opening = f->r->grip.opening, found[STOPS];
+    long count = 0, kept = 0;
+    for (long k = 0; k + 1 < f->steps && count < STOPS / 2; k++) {
+        double old[3], new[3];
+        for (int i = 0; i < 3; i++) {
+            old[i] = f->friction[k][i][0];
+            new[i] = f->friction[k + 1][i][0];
+        }
+        if (dot(old, new) >= TURNED || dot(old, old) <= 1.0 - 2e-6)
+            continue;
+        double begin = f->times[k + 1], end = f->times[k + 2];
+        double stop = begin + (end - begin) * stop_of(f, k);
+        if (begin + OFF_NODE * opening < stop && stop < end - OFF_NODE * opening)
+            found[count++] = stop;
+    }
+    /* Better known now are those that had a node close by. */
+    for (long i = 0; i < f->stops && count; i++) {
+        int far = 1;
+        for (long j = 0; j < count; j++)
+            far &= fabs(f->stop[i] - found[j]) > SAME * opening;
+        if (far && kept < STOPS / 2)
+            f->stop[kept++] = f->stop[i];
+    }
+    for (long j = 0; j < count; j++)
+        f->stop[kept++] = found[j];
+    if (count)
+        f->stops = kept;
+    return count > 0;
+}
+
+static int rising(const void *a, const void *b)
+{
+    double d = *(const double *)a - *(const double *)b;
+    return d < 0.0 ? -1 : d > 0.0;
+}
+
+/* Lays the nodes, `parts` to each interval, and asks for hand and grip there; whether there was room. */
+static int lay(surface *f, long parts)
+{
+    const release *r = f->r;
+    const path *p = r->motion;
+    double opening = r->grip.opening;
+    double *cuts = malloc((p->corners + f->stops + 1) * sizeof *cuts);
+    if (!cuts)
+        return 0;
+    long count = 0, room = (INTERVALS + p->corners + f->stops + 1) * parts + 1;
+    for (long c = 0; c < p->corners; c++)
+        cuts[count++] = (p->kinks[c] - r->delay) / opening;
+    for (long c = 0; c < f->stops; c++)
+        cuts[count++] = f->stop[c] / opening;
+    qsort(cuts, count, sizeof *cuts, rising);
+    cuts[count] = 1.0;
+    f->times = realloc(f->times, room * sizeof *f->times);
+    f->forces = realloc(f->forces, 2 * room * sizeof *f->forces);
+    f->hands = realloc(f->hands, room * sizeof *f->hands);
+    f->states = realloc(f->states, room * sizeof *f->states);
+    f->friction = realloc(f->friction, room * sizeof *f->friction);
+    if (!f->times || !f->forces || !f->hands || !f->states || !f->friction) {
+        free(cuts);
+        return 0;
+    }
+    run k = {.r = r};
+    double begun = 0.0;
+    f->steps = 0;
+    for (long c = 0; c <= count; c++) {
+        double end = cuts[c];
+        if (c < count && (end < begun + APART || end > 1.0 - APART))
+            continue;
+        double s = 1.0 - cbrt((1.0 - begun) * (1.0 - begun));
+        double way = 1.0 - cbrt((1.0 - end) * (1.0 - end)) - s;
+        long pieces = parts * (long)ceil(way * INTERVALS - 1e-6);
+        for (long i = 0; i < 2 * pieces; i++) {
+            double u = 1.0 - (s + way * i / (2 * pieces)), t = (1.0 - u * sqrt(u)) * opening;
+            if (i == 0)
+                t = begun * opening;
+            f->forces[2 * f->steps + i % 2] = force_at(&r->grip, t);
+            if (i % 2 == 0) {
+                f->times[f->steps] = t;
+                hand_at(&k, t, f->hands[f->steps]);
+            } else
+                f->steps++;
+        }
+        begun = end;
+    }
+    f->times[f->steps] = opening;
+    hand_at(&k, opening, f->hands[f->steps]);
+    free(cuts);
+    return 1;
+}
+
+/* CoM pose and twist (6,) at the opening's start and end; 0 where memory is lacking. */
+CLONES EXPORT int surface_release(const release *r, double start[6], double detach[6])
+{
+    surface f = {.r = r};
+    int placings = 0, there = 0;
+    for (long parts = 4; (there = lay(&f, parts));) {
+        double fine[6], middle[6], coarse[6], far = 0.0;
+        run_surface(&f, 1, fine);
+        if (placings < PLACINGS && placed(&f)) {
+            placings++;
+            continue;
+        }
+        run_surface(&f, 2, middle);
+        run_surface(&f, 4, coarse);
+        for (int i = 0; i < 6; i++) {
+            double before = 2.0 * middle[i] - coarse[i];
+            start[i] = f.states[0][i][0];
+            detach[i] = 2.0 * fine[i] - middle[i];
+            far += fabs(detach[i] - before) * (i % 3 == 2 ? LEVER : 1.0) * (i < 3 ? 1.0 : FLIGHT);
+        }
+        if (f.steps >= MOST || far <= SURFACE_SETTLED)
+            break;
+        parts *= 2;
+    }
+    free(f.times);
+    free(f.forces);
+    free(f.hands);
+    free(f.states);
+    free(f.friction);
+    return there;
+}

@@ -1,0 +1,131 @@
+"""Exact releases of one throw by the non-smooth models: in the compiled core, else by NumPy.
+
+The sliding pivot goes in Runge-Kutta steps that end where the hand's motion has a kink and where
+pivoting or sliding begins or ends, so that they keep their order; their number is doubled until the
+detach state settles. The limit surface, first order in its steps, is extrapolated.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+
+from ..core import GripC, LinkageC, ReleaseC, library
+from .body import Array, HandSamples
+from .path import INSIDE, MovedHand, Path
+from .release import BLEW_UP, LOST, GripProfile, LinearRelease, Release, ReleaseCase
+from .sliding_pivot import PivotSteps, SlidingPivot, world_release
+from .stepping import graded, located_steps, numbers
+from .time_stepping import SteppedRelease
+
+#: Nodes of a release besides those at kinks: most steps and events of a run, as in core/release.c.
+ROOM = 800
+#: Steps by NumPy: of the sliding pivot, and of the finer of two runs on the limit surface.
+PIVOT_STEPS, SURFACE_STEPS = 80, 4000
+#: A hand that moves by itself.
+_FREE = LinkageC(3, 0, 0, 0.0, 0.0, 0.0)
+
+
+def exact_pivot_release(case: ReleaseCase) -> Release:
+    """The release by the non-smooth sliding pivot; no wrench."""
+    core, made = library(), _compiled(case)
+    if core is None or made is None:
+        return _located(case)
+    rows = np.empty((ROOM + _kinks(case).size, 7))
+    onset, lost = (ctypes.c_double * 2)(), ctypes.c_int()
+    pointers = ctypes.c_void_p(rows.ctypes.data), onset, ctypes.byref(lost)
+    count = core.pivot_release(ctypes.byref(made), ctypes.c_long(len(rows)), *pointers)
+    found = rows[:count].T.copy()
+    trouble = LOST if lost.value else ""
+    if not np.isfinite(found).all():
+        trouble = BLEW_UP
+    pivot, slide = (None if math.isnan(time) else time for time in onset)
+    return Release(found[0], found[1:4], found[4:], pivot, slide, trouble=trouble)
+
+
+def exact_surface_release(case: ReleaseCase) -> Release:
+    """The release by the time-stepping limit surface: its two ends; no wrench."""
+    core, made, ends = library(), _compiled(case), np.empty((2, 6))
+    address = ends.ctypes.data
+    pointers = ctypes.c_void_p(address), ctypes.c_void_p(address + ends.strides[0])
+    if core is None or made is None or not core.surface_release(ctypes.byref(made), *pointers):
+        runs = [SteppedRelease(n).release(case) for n in (SURFACE_STEPS // 2, SURFACE_STEPS)]
+        coarse, fine = (np.vstack([run.com, run.com_twist])[:, [0, -1]].T for run in runs)
+        ends = 2 * fine - coarse
+    trouble = "" if np.isfinite(ends).all() else BLEW_UP
+    times = np.array([0.0, case.grip.opening])
+    return Release(times, ends[:, :3].T, ends[:, 3:].T, trouble=trouble)
+
+
+def relative_states(case: ReleaseCase, nodes: Array) -> Array:
+    """Relative states (K + 1, 6) of the sliding pivot at `nodes` [s] of the opening.
+
+    One Runge-Kutta step from each node to the next, from sticking at the first: rough
+    where the nodes are, for starting points.
+    """
+    core, made, states = library(), _compiled(case), np.zeros((nodes.size, 6))
+    if core is not None and made is not None:
+        times = np.ascontiguousarray(nodes, float)
+        pointers = (ctypes.c_void_p(rows.ctypes.data) for rows in (times, states))
+        core.pivot_track(ctypes.byref(made), ctypes.c_long(nodes.size), *pointers)
+        return states
+    steps = PivotSteps(SlidingPivot(case.body, case.contact, case.gravity))
+    states[0, 2] = case.grasp_angle
+    for k, (begin, end) in enumerate(pairwise(nodes)):
+        times = np.array([begin + INSIDE, (begin + end) / 2, end - INSIDE])
+        rows, forces = case.hand.at(times), case.grip.force(times)
+        hands = [HandSamples(t, *(row[:, i] for row in rows)) for i, t in enumerate(times)]
+        states[k + 1] = steps.advance(states[k], hands, forces, end - begin)
+    return states
+
+
+def _located(case: ReleaseCase) -> Release:
+    """The sliding pivot by NumPy."""
+    law, opening = SlidingPivot(case.body, case.contact, case.gravity), case.grip.opening
+    nodes = np.union1d(opening * graded(PIVOT_STEPS), _kinks(case))
+    times, states, (pivot, slide) = located_steps(PivotSteps(law), case, nodes)
+    found = world_release(law, case.hand.at(times), states.T, case.grip.force(times))
+    return replace(found, pivot=pivot, slide=slide, wrench=None)
+
+
+def _path(case: ReleaseCase) -> Path | None:
+    hand = case.hand.path if isinstance(case.hand, MovedHand) else case.hand
+    return hand if isinstance(hand, Path) else None
+
+
+def _kinks(case: ReleaseCase) -> Array:
+    """Where the hand's acceleration or jerk may step, from the opening's start [s]."""
+    path = _path(case)
+    kinks = np.empty(0) if path is None else path.kinks - path.delays
+    return np.asarray(kinks[(kinks > 0.0) & (kinks < case.grip.opening)])
+
+
+def _compiled(case: ReleaseCase) -> ReleaseC | None:
+    """The case as the core takes it, without owning its arrays; None where it cannot."""
+    path = _path(case)
+    motion = None if path is None else path.core
+    arm = case.hand.linkage if isinstance(case.hand, MovedHand) else _FREE
+    if path is None or motion is None or arm is None or motion.n != arm.n:
+        return None
+    grip = _grip(case.grip)
+    found = ReleaseC(ctypes.addressof(motion), ctypes.addressof(arm), grip)
+    found.law[:] = numbers(case)[:, 0].tolist()
+    found.angle, found.delay = case.grasp_angle, float(path.delays)
+    found.kept = motion, arm, grip
+    return found
+
+
+def _grip(profile: GripProfile) -> GripC:
+    """A grip force as the core takes it."""
+    if isinstance(profile, LinearRelease):
+        return GripC(profile.full, profile.opening)
+    curve = profile.curve
+    arrays = [np.ascontiguousarray(values, float) for values in (curve.x, curve.c)]
+    addresses = (values.ctypes.data for values in arrays)
+    found = GripC(profile.full, profile.opening, curve.c.shape[1], *addresses)
+    found.arrays = arrays
+    return found
