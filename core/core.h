@@ -5,7 +5,7 @@
 #include <math.h>
 
 /* Counts up with every change of an argument or a structure; that of loading.py. */
-#define CORE_VERSION 3
+#define CORE_VERSION 4
 
 /* What Python calls. */
 #if defined _WIN32

@@ -10,7 +10,7 @@ from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 
 #: That of core.h; it counts up with every change of an argument or a structure.
-VERSION = 3
+VERSION = 4
 
 
 def library() -> ctypes.CDLL | None:

@@ -20,7 +20,7 @@ def main() -> None:
         scene = tp.load_scene(name)
         for control in ("jerk", "acceleration"):
             robot = dataclasses.replace(scene.robot, control=control)
-            planner = tp.Planner(scene.replace(robot=robot), compiling="no")
+            planner = tp.Planner(scene.replace(robot=robot))
             result = planner.plan().to_dict()
             sent, exact = result["landing"]["sent"], result["landing"]["exact"]
             error = result["error"]["sent"]

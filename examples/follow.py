@@ -1,6 +1,6 @@
 """Follows a moving target: a new plan every 10 ms, each started from the last.
 
-    python examples/follow.py [--scene cup] [--seconds 2] [--compile wait|no]
+    python examples/follow.py [--scene cup] [--seconds 2] [--prepare]
 
 The target swings by 6 cm and turns by 0.2 rad about the scene's own, up to 0.2 m/s. Every
 plan is a whole one: solved, sent through Ruckig, thrown by the exact model, corrected,
@@ -22,9 +22,11 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--scene", default="cup")
     parser.add_argument("--seconds", type=float, default=2.0)
-    parser.add_argument("--compile", choices=("wait", "no"), default="wait")
+    parser.add_argument("--prepare", action="store_true", help="solve throws beforehand")
     options = parser.parse_args()
-    planner = tp.Planner(tp.load_scene(options.scene), compiling=options.compile)
+    planner = tp.Planner(tp.load_scene(options.scene))
+    if options.prepare:
+        planner.prepare()
     found = follow(planner, round(options.seconds / TICK))
     for name, values in (("solve", found.solves), ("whole plan", found.totals)):
         figures = np.percentile(values, [50, 95, 99])

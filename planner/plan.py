@@ -26,7 +26,6 @@ from ..problems import (
     as_scene,
 )
 from .check import make_mover
-from .compile import Compile
 from .ocp import USUAL
 from .reach import grow
 from .result import Plan, PlannedThrow, checked_target
@@ -75,10 +74,6 @@ PREPARED, MOST_PREPARED = 5000, 10_000
 class Planner:
     """Plans throws of one scene; builds its NLP once and solves for many targets.
 
-    compiling: whether the NLP's functions are compiled where a C compiler is there: 'no',
-    'cached' (used if they are in the cache), 'background' (and compiled for later by a
-    process of its own if they are not), 'wait' (compiled first, once, in some seconds; those
-    with constraints that seldom bind in the background).
     library: whether plans start from the scene's solved throws where the cache has them (see
     `prepare`).
 
@@ -86,18 +81,14 @@ class Planner:
     or a grip too weak to hold the object at rest in any permitted start pose.
     """
 
-    def __init__(
-        self, scene: Scene, *, compiling: Compile = "background", library: bool = True
-    ) -> None:
+    def __init__(self, scene: Scene, *, library: bool = True) -> None:
         start = time.perf_counter()
-        _check_one_of("compiling", compiling, Compile)
         self.scene = scene
         self.mover = make_mover(scene)
         check_start(scene, self.mover)
-        self.problems = Problems(scene, self.mover, compiling)
-        self._compiling: Compile = compiling
+        self.problems = Problems(scene, self.mover)
         self._sampler = ReleaseSampler(scene, self.mover)
-        reach = Reach(scene, self.mover, compiling)
+        reach = Reach(scene, self.mover)
         self._sources = Sources(self.problems, self._sampler, reach, self.releases)
         self._stored = library
         self._build_time = time.perf_counter() - start
@@ -144,7 +135,7 @@ class Planner:
         if method and plan.solved:
             plan = self._hardened(plan, method, turns, task)
         total, spent = time.perf_counter() - started + made, dict(clock.seconds)
-        spent["build"] += made
+        spent["build"] = spent.get("build", 0.0) + made
         rest = plan.alternatives[:alternatives]
         return dataclasses.replace(plan, alternatives=rest, time={**spent, "total": total})
 
@@ -183,8 +174,9 @@ class Planner:
     def prepare(self, throws: int = PREPARED, progress: Progress | None = None) -> int:
         """Grows a library of solved throws all over the reach, for plans to start from.
 
-        Takes a minute or so; it is kept in the cache folder, and every planner of the scene uses
-        it. A plan is then a stored throw moved to its target and checked, in a few milliseconds.
+        Takes a minute or so, some seconds of it for the C compiler, where one is there; all is kept
+        in the cache folder, and every planner of the scene uses it. A plan is then a stored throw
+        moved to its target and checked, in a few milliseconds.
         throws: about how many; ended early (Ctrl-C), it goes on from what it has when it is called
         again. progress(solved, throws) is called on the way. Returns how many there are. Raises
         InputError for a number out of range.
@@ -211,11 +203,6 @@ class Planner:
     def library(self) -> Library:
         """The scene's solved throws, as far as the cache has them."""
         return Library(self.scene, self.mover, keep=self._stored)
-
-    @property
-    def compiled(self) -> bool:
-        """Whether the problems solved so far ran as machine code."""
-        return self.problems.compiled
 
     def check(self, target: Pose | None = None) -> Pose:
         """The target that `plan` would take; InputError if it does not fit the scene."""
@@ -285,7 +272,7 @@ class Planner:
         """The NLPs of robust plans."""
         usual = self.scene.mesh == Mesh()
         scene = self.scene.replace(mesh=QUIET_MESH) if usual else self.scene
-        return Problems(scene, self.mover, self._compiling)
+        return Problems(scene, self.mover)
 
     def _wanted(self, alternatives: int) -> int:
         """How many distinct throws to find before one is chosen."""

@@ -23,7 +23,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Grows the library and prints how large it is."""
-    planner = Planner(load_scene(options.scene), compiling="wait")
+    planner = Planner(load_scene(options.scene))
     name, started = planner.scene.name, time.perf_counter()
     with Progress(name) as progress:
         count = planner.prepare(options.throws, progress)

@@ -13,6 +13,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
@@ -20,7 +21,7 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from ..compile import Code, Compile
+from ..compile import compiled
 from .assembly import Nlp, nlp_functions, nlp_key
 
 Array = npt.NDArray[np.float64]
@@ -40,6 +41,9 @@ STEEPEST = 1e5
 LONGEST, EVALUATIONS, LATEST = 0.2, 2000, 60.0
 #: A thread's processor time is not looked up more often than this [s].
 SHORTEST_WAIT = 0.01
+
+#: What `nlp_functions` makes.
+NAMES = ("nlp_f", "nlp_g", "nlp_grad_f", "nlp_jac_g", "nlp_hess_l", "nlp_grad")
 
 Answer = TypeVar("Answer")
 
@@ -155,23 +159,14 @@ class Solution:
 class Solver:
     """One NLP with one solver; `solve` may be called many times.
 
-    compiled: whether its functions are machine code; see `compiled.Compile`.
+    Its functions are machine code where the cache has that, see `compile`.
     """
 
-    def __init__(
-        self,
-        nlp: Nlp,
-        name: str,
-        max_iterations: int | None = None,
-        compiling: Compile = "no",
-    ) -> None:
+    def __init__(self, nlp: Nlp, name: str, max_iterations: int | None = None) -> None:
         self.nlp = nlp
         self.name = name
         self._most = max_iterations or MAX_ITERATIONS[name]
-        key = nlp_key(nlp, name)
-        self._code = Code(key, lambda: nlp_functions(nlp, name), compiling)
-        self.compiled = self._code.functions is not None
-        self._functions = self._code.functions or nlp_functions(nlp, name)
+        self._functions = self._made(make=False)
         self._solvers: dict[float, ca.Function] = {}
         self._ending = _Ending(*(nlp.problem[name].numel() for name in ("x", "g", "p")))
         self._evaluation = np.inf
@@ -224,7 +219,6 @@ class Solver:
         arguments: dict[str, Any] = {"x0": guess, "p": parameters, **sides}
         if warm is not None:
             arguments |= {"x0": warm.x, "lam_g0": warm.lam_g, "lam_x0": warm.lam_x}
-        self._take_compiled()
         steep = self.name == "fatrop" and warm is None and self._slope(guess, parameters)
         if not steep <= STEEPEST:
             return Solution.none(guess, f"not tried from a start with a slope of {steep:.0e}")
@@ -275,10 +269,14 @@ class Solver:
             curvature = curvature + np.triu(curvature, 1).T
         return g.full().ravel(), slopes.full(), curvature
 
-    @property
-    def awaited(self) -> bool:
-        """Whether machine code is still being compiled for it."""
-        return self._code.awaited
+    def compile(self) -> None:
+        """Compiles its functions, in some seconds, unless that is done or there is no compiler."""
+        self._functions = self._made(make=True)
+        self._solvers.clear()
+
+    def _made(self, make: bool) -> dict[str, ca.Function]:
+        functions = partial(nlp_functions, self.nlp, self.name)
+        return compiled(nlp_key(self.nlp, self.name), NAMES, functions, make=make)
 
     def _slope(self, x: Array, parameters: Array) -> float:
         """Largest derivative of a constraint at x."""
@@ -286,10 +284,3 @@ class Solver:
         slopes = self._functions["nlp_jac_g"](x, parameters)[1].nonzeros()
         self._evaluation = min(self._evaluation, time.thread_time() - start)
         return float(np.max(np.abs(slopes), initial=0.0))
-
-    def _take_compiled(self) -> None:
-        """Goes over to the compiled functions once another process has made them."""
-        found = self._code.arrived()
-        if found is not None:
-            self._functions, self.compiled = found, True
-            self._solvers.clear()

@@ -13,9 +13,8 @@ from dataclasses import dataclass
 
 from ...problems import Scene
 from ..check import make_mover
-from ..compile import Compile
-from ..search import Library, Problems, Releases
-from .growing import Growth, Landings, Progress, landings_of
+from ..search import Clock, Library, Problems, Releases
+from .growing import Growth, Landings, Progress, always_asked, landings_of
 
 #: Fewer throws are solved by this process alone: others take some seconds to start.
 ALONE = 400
@@ -39,7 +38,6 @@ class Order:
     landings: Landings
     throws: int
     share: tuple[int, int]
-    compiling: Compile
     parent: int
 
 
@@ -55,13 +53,15 @@ def grow(
     Ctrl-C ends it with what there is by then.
     """
     scene, landings = problems.scene, landings_of(problems.scene)
+    if throws >= ALONE:
+        assert scene.target is not None
+        problems.problem(scene.target, always_asked(scene), "fatrop", Clock()).solver.compile()
     count = min(PROCESSES, os.cpu_count() or 1)
     if throws < ALONE or count == 1 or library.folder is None:
         Growth(problems, releases, library, landings, throws).grow(progress)
         return
     orders = [
-        Order(scene, releases, landings, throws, (k, count), problems.compiling, os.getpid())
-        for k in range(count)
+        Order(scene, releases, landings, throws, (k, count), os.getpid()) for k in range(count)
     ]
     running = [_started(order) for order in orders]
     try:
@@ -109,7 +109,7 @@ def work(order: Order) -> None:
 
     signal.signal(signal.SIGTERM, ended)
     mover = make_mover(order.scene)
-    problems = Problems(order.scene, mover, order.compiling)
+    problems = Problems(order.scene, mover)
     library = Library(order.scene, mover)
     growth = Growth(problems, order.releases, library, order.landings, order.throws, order.share)
 

@@ -264,7 +264,7 @@ def run(case: Case) -> CaseOutcome:
     """Plans one case and judges it by other code."""
     start = time.perf_counter()
     try:
-        planner = Planner(case.scene, compiling="no")
+        planner = Planner(case.scene)
         plan = planner.plan(case.target(planner))
     except InputError as error:
         return CaseOutcome(case, "refused", str(error), seconds=time.perf_counter() - start)
@@ -310,7 +310,7 @@ def in_processes(
     """work(*job) for each job, in order; "hang" or "crash" where that gives no answer.
 
     patience [s]: longest time of one job. Its process is then ended and another one goes on: a
-    solver that hangs in compiled code hears no exception.
+    solver that hangs hears no exception.
     """
     # Each process computes with one thread: small matrices are slower with more.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")

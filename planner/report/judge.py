@@ -40,7 +40,7 @@ class Verdict:
 
 @dataclass(frozen=True)
 class PlainTrack:
-    """The hand of a motion by CasADi's usual call, without the planner's compiled kernels."""
+    """The hand of a motion by CasADi's usual call, without the compiled core."""
 
     mover: Mover
     motion: Path

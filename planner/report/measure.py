@@ -28,7 +28,6 @@ from ..check import (
     make_mover,
     send,
 )
-from ..compile import Compile
 from ..ocp import broken
 from ..plan import Planner, SolverName
 from ..search import carry
@@ -37,8 +36,6 @@ from ..sweep import executor_of
 Array = npt.NDArray[np.float64]
 T = TypeVar("T")
 
-#: Longest time [s] to wait for code that a compiler makes in the background.
-COMPILING = 150.0
 #: Processes that share jobs.
 LANES = 2
 #: A random motion: pieces of its run-up, share of velocity and acceleration limits that it uses at
@@ -86,24 +83,9 @@ def pareto(*figures: Sequence[float] | Array, margins: Sequence[float] | None = 
     return found
 
 
-def warmed(
-    scene: Scene, targets: Sequence[Pose], compiling: Compile, solver: SolverName = "auto"
-) -> Planner:
-    """A planner whose times are those of planning alone: all is built, no compiler works.
-
-    targets: plans to these show which rows they need; with 'wait', these are compiled before.
-    Rows that only later targets need run uncompiled ('cached'), since a compiler that starts
-    then would double the times of the plans made meanwhile.
-    """
-    if compiling == "wait":
-        first = Planner(scene, compiling=compiling)
-        for target in targets:
-            first.plan(target, solver=solver)
-        until = time.perf_counter() + COMPILING
-        while first.problems.awaited and time.perf_counter() < until:
-            time.sleep(0.2)
-        compiling = "cached"
-    planner = Planner(scene, compiling=compiling)
+def warmed(scene: Scene, targets: Sequence[Pose], solver: SolverName = "auto") -> Planner:
+    """A planner whose times are those of planning alone: `targets` show what has to be built."""
+    planner = Planner(scene, library=False)
     for target in targets:
         planner.plan(target, solver=solver)
     return planner

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 import pickle
 import subprocess
 import sys
@@ -47,7 +46,7 @@ PLAN_ONCE = """
 import pickle, sys
 before = set(sys.modules)
 import throwplan as tp
-plan = tp.Planner(pickle.load(sys.stdin.buffer), compiling="no").plan()
+plan = tp.Planner(pickle.load(sys.stdin.buffer)).plan()
 import json
 print(json.dumps([plan.status, sorted(set(sys.modules) - before)]))
 """
@@ -56,9 +55,9 @@ print(json.dumps([plan.status, sorted(set(sys.modules) - before)]))
 def measured(scene: Scene, repeats: int) -> Row:
     """Size of a scene's NLP and least times of a plan, with the solves that lead to it.
 
-    Plans once to build, then `repeats` times. Nothing is compiled.
+    Plans once to build, then `repeats` times.
     """
-    planner = Planner(scene, compiling="no")
+    planner = Planner(scene)
     first = planner.plan()
     # A plan that fails does so slowly, and again.
     plans = [planner.plan() for _ in range(repeats)] if first.solved else [first]
@@ -107,7 +106,7 @@ def make(effort: Effort) -> ReportSection:
         [
             "`hand-box` is a free hand that holds the bar at its centre of mass and throws it to a "
             "position. The same throw carries one part more in each line; bounds are so wide that "
-            "they never decide. Nothing is compiled.",
+            "they never decide.",
             f"With a Panda for the free hand it takes {arm / hand:.2g} times as long to solve "
             f"({arm:.0f} and {hand:.0f} ms). The last line takes {solves[-1] / bare:.0f} times "
             f"as long as the bare throw ({bare:.1f} ms), with the solves that lead to it.",
@@ -133,7 +132,6 @@ def imports_of(scene: Scene) -> Row:
         capture_output=True,
         check=True,
         timeout=PATIENCE,
-        env=os.environ | {"THROWPLAN_COMPILE": "0"},
     )
     seconds = time.perf_counter() - start
     _, modules = json.loads(done.stdout)
@@ -172,7 +170,7 @@ def ladder(scene: Scene) -> Iterator[tuple[str, Scene]]:
 
 def at_own_angle(scene: Scene) -> Scene:
     """The scene whose target has the angle at which the bar lands anyway."""
-    plan = Planner(scene, compiling="no").plan()
+    plan = Planner(scene).plan()
     assert scene.target is not None and plan.throw is not None
     theta = plan.throw.final.landing.theta
     return scene.replace(target=dataclasses.replace(scene.target, theta=theta))

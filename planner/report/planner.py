@@ -127,7 +127,7 @@ def make(effort: Effort) -> ReportSection:
     for name, sizes in TARGETS.items():
         scene = load_scene(name)
         targets = list(itertools.islice(reachable_targets(scene, SEED), effort.of(*sizes)))
-        usual, scenes[name] = warmed(scene, targets[:1], "no"), []
+        usual, scenes[name] = warmed(scene, targets[:1]), []
         for variant in tried:
             scenes[name].append(measured(scene, targets, variant, usual))
             step()
@@ -152,7 +152,7 @@ def make(effort: Effort) -> ReportSection:
 def measured(scene: Scene, targets: list[Pose], variant: Variant, usual: Planner) -> VariantRuns:
     """A variant on all targets; building is not in the times."""
     mesh = dataclasses.replace(scene.mesh, **dict(variant.mesh))  # type: ignore[arg-type]
-    planner = warmed(scene.replace(mesh=mesh), targets[:1], "no", variant.solver)
+    planner = warmed(scene.replace(mesh=mesh), targets[:1], variant.solver)
     first, plans = [], []
     for target in targets:
         first.append(usual.plan(target, solver="fatrop").time["solve"])

@@ -16,7 +16,6 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...problems import Pose, Scene, load_scene
-from ..compile import c_compiler
 from ..plan import Planner
 from ..reach import reach_map
 from ..result import Plan
@@ -40,8 +39,8 @@ TARGETS = {
 }
 #: Scenes that are planned once more with prepared throws.
 PREPARED = ("pose", "cup", "hand-box")
-#: Plans before any is timed: the rows they need are compiled; and plans without compiling.
-FIRST, PLAIN = (2, 50), (10, 100)
+#: Plans before any is timed: the NLPs they need are built.
+FIRST = (2, 50)
 #: Sampled states of a map, middles of its bins that are thrown to, and targets far from it.
 SAMPLED, ON_MAP, FAR_OUT = (20_000, 200_000), (2, 40), (5, 300)
 #: Far: more than this from the middle of every bin that was hit, x [m] or theta [rad] ...
@@ -65,7 +64,7 @@ def make(effort: Effort) -> ReportSection:
         found, plans[name] = _in_reach(load_scene(name), some, effort)
         rows += found
         step()
-    far = _planned(warmed(load_scene("pose"), [], "cached"), outside("pose", effort))
+    far = _planned(warmed(load_scene("pose"), []), outside("pose", effort))
     step()
     following = [_following(name, effort.of(20, 200)) for name in ("pose", "cup")]
     step()
@@ -102,23 +101,18 @@ def make(effort: Effort) -> ReportSection:
 
 
 def _in_reach(scene: Scene, targets: list[Pose], effort: Effort) -> tuple[list[Row], list[Plan]]:
-    """Rows for a scene: compiled and not, without and with prepared throws; the first plans."""
+    """Rows for a scene: as it is, and after `prepare`; the first plans."""
     rows, kept = list[Row](), list[Plan]()
-    first = targets[: effort.of(*FIRST)]
-    for compiling in ("wait", "no"):
-        some = targets if compiling == "wait" else targets[: effort.of(*PLAIN)]
-        ready = "yes" if compiling == "wait" and c_compiler() is not None else "no"
-        ways: tuple[bool, ...] = (False,)
-        if scene.name in PREPARED and not effort.quick:
-            ways = (False, True)
-        for prepared in ways:
-            planner = warmed(scene, first, compiling)
-            if prepared:
-                planner.prepare()
-            plans = _planned(planner, some)
-            kept = kept or plans
-            row: Row = {"scene": scene.name, "compiled": ready, "prepared": planner.prepared}
-            rows.append(row | _row(plans))
+    planner = warmed(scene, targets[: effort.of(*FIRST)])
+    ways = (False, True) if scene.name in PREPARED and not effort.quick else (False,)
+    for prepared in ways:
+        if prepared:
+            planner = Planner(scene)
+            planner.prepare()
+        plans = _planned(planner, targets)
+        kept = kept or plans
+        row: Row = {"scene": scene.name, "prepared": planner.prepared}
+        rows.append(row | _row(plans))
     return rows, kept
 
 
@@ -166,7 +160,7 @@ def _figures(
 ) -> list[str]:
     """What is thrown to, and how fast."""
     words: list[str] = []
-    for row in [row for row in rows if row["compiled"] == "yes"] or rows:
+    for row in rows:
         time = f"{shown(row['plan, median [ms]'])} ms"
         if row["prepared"]:
             words[-1] += f" ({time} prepared)"
@@ -216,7 +210,7 @@ def _on_map(name: str, effort: Effort) -> tuple[Row, list[Plan]]:
     for i, j in chosen:
         theta = None if edges is None else float(edges[j : j + 2].mean())
         middles.append(target.in_plane(float(found.x_edges[i : i + 2].mean()), theta))
-    plans = _planned(Planner(found.scene, compiling="no"), middles)
+    plans = _planned(Planner(found.scene), middles)
     said = collections.Counter(plan.status for plan in plans)
     row: Row = {"scene": name, "bins hit": found.reachable, "middles": len(plans)}
     return row | {k: said[k] for k in ("solved", "out_of_reach", "not_converged")}, plans
@@ -266,7 +260,7 @@ def _following(name: str, count: int) -> Row:
     """Plans after a moving target."""
     scene = load_scene(name)
     assert scene.target is not None
-    found = follow(warmed(scene, [scene.target], "wait"), count)
+    found = follow(warmed(scene, [scene.target]), count)
     x, theta = found.worst
     return {
         "scene": name,

@@ -88,7 +88,7 @@ def _figures(found: list[CaseOutcome]) -> list[str]:
     return [
         text,
         f"A plan takes {1e3 * times[0]:.0f} ms in the median and {1e3 * times[1]:.0f} ms in 95 %, "
-        f"with building and nothing compiled; the slowest {slow.seconds:.1f} s ({slow.case.name}, "
+        f"with building; the slowest {slow.seconds:.1f} s ({slow.case.name}, "
         f"{slow.status}).",
     ]
 
@@ -96,7 +96,7 @@ def _figures(found: list[CaseOutcome]) -> list[str]:
 @functools.cache
 def _planned(name: str) -> tuple[Planner, Plan]:
     """A built-in scene's planner and plan, once in each process."""
-    planner = Planner(load_scene(name), compiling="no")
+    planner = Planner(load_scene(name))
     return planner, planner.plan()
 
 

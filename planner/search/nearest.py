@@ -27,7 +27,6 @@ from ..check import (
     column_of,
     enters_cup_at_landing,
 )
-from ..compile import Compile
 from ..ocp import (
     CUP_MARGIN,
     Asked,
@@ -43,7 +42,7 @@ from ..ocp import (
 )
 from .attempt import Start
 from .guess import guess_from
-from .nlps import Task, patient
+from .nlps import Task
 from .release_table import Releases, nearest, past_column
 
 Array = npt.NDArray[np.float64]
@@ -128,9 +127,8 @@ class Binding:
 class Reach:
     """The elastic problems of a scene, built when first asked for."""
 
-    def __init__(self, scene: Scene, mover: Mover, compiling: Compile) -> None:
+    def __init__(self, scene: Scene, mover: Mover) -> None:
         self._scene, self._mover = scene, mover
-        self._compiling = compiling
         self._solvers: dict[tuple[bool, frozenset[Guard]], tuple[ThrowNlp, list[Solver]]] = {}
 
     def _solver(self, request: Request) -> tuple[ThrowNlp, list[Solver]]:
@@ -138,11 +136,8 @@ class Reach:
         key = (request.angle, guards)
         if key not in self._solvers:
             nlp = build_nlp(request)
-            compiling = patient(self._compiling, guards)
-            self._solvers[key] = (
-                nlp,
-                [Solver(nlp, name, compiling=compiling) for name in ("fatrop", "ipopt")],
-            )
+            solvers = [Solver(nlp, name) for name in ("fatrop", "ipopt")]
+            self._solvers[key] = (nlp, solvers)
         return self._solvers[key]
 
     def nearest_possible(

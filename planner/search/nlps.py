@@ -15,7 +15,6 @@ import numpy.typing as npt
 from ...models import HandSamples
 from ...problems import InputError, Pose, Scene
 from ..check import Guard, Mover, friction_use
-from ..compile import Compile
 from ..ocp import Asked, Request, Solver, ThrowNlp, build_nlp
 
 Array = npt.NDArray[np.float64]
@@ -82,30 +81,13 @@ class _Kind:
     robust: str
 
 
-def patient(compiling: Compile, guards: frozenset[Guard]) -> Compile:
-    """How to compile an NLP: nobody waits for one with guards, which seldom bind."""
-    return "background" if compiling == "wait" and guards else compiling
-
-
 class Problems:
     """NLPs and solvers of one scene by what they are asked."""
 
-    def __init__(self, scene: Scene, mover: Mover, compiling: Compile) -> None:
+    def __init__(self, scene: Scene, mover: Mover) -> None:
         self.scene, self.mover = scene, mover
-        self.compiling = compiling
         self._nlps: dict[_Kind, ThrowNlp] = {}
         self._problems: dict[tuple[_Kind, str], Program] = {}
-
-    @property
-    def compiled(self) -> bool:
-        """Whether all problems so far run as machine code."""
-        problems = self._problems.values()
-        return bool(problems) and all(problem.solver.compiled for problem in problems)
-
-    @property
-    def awaited(self) -> bool:
-        """Whether machine code is still being compiled for any of them."""
-        return any(problem.solver.awaited for problem in self._problems.values())
 
     def nlp(self, target: Pose, asked: Asked, clock: Clock, robust: str = "") -> ThrowNlp:
         """The NLP for a target."""
@@ -125,7 +107,7 @@ class Problems:
         if (kind, name) not in self._problems:
             nlp = self.nlp(target, asked, clock, robust)
             with clock("build"):
-                made = Solver(nlp, name, compiling=patient(self.compiling, kind.guards))
+                made = Solver(nlp, name)
                 request = Request(self.scene, self.mover, target, asked, robust)
                 self._problems[kind, name] = Program(nlp, made, nlp.bounds(request))
         return self._problems[kind, name]

@@ -92,7 +92,6 @@ def patched() -> ThrowData:
 
 
 @pytest.mark.parametrize("model", ["sp", "ls-step"])
-@pytest.mark.usefixtures("compiling")
 def test_truth_is_recovered_within_five_per_cent(patched: ThrowData, model: str) -> None:
     belief = identify(patched, model, delay=True, grid=False).posterior
     assert belief.product == pytest.approx(MU * RADIUS, rel=0.05)

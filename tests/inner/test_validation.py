@@ -87,7 +87,7 @@ def make_data(
 
 
 @pytest.fixture(scope="module")
-def data(compiling):
+def data():
     return make_data()
 
 

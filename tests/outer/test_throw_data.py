@@ -197,7 +197,6 @@ def test_nothing_but_synthetic_throws_is_overwritten(small, tmp_path, refused) -
 
 
 @pytest.mark.slow
-@pytest.mark.usefixtures("compiling")
 def test_identify_finds_the_product_of_friction_and_radius(made, tmp_path, run) -> None:
     out = tmp_path / "out"
     words = ["--model", "sp", "--throws", 12, "--json", "--out", out]
@@ -221,7 +220,6 @@ def test_identify_finds_the_product_of_friction_and_radius(made, tmp_path, run) 
     assert scene.uncertainty is not None
 
 
-@pytest.mark.usefixtures("compiling")
 def test_identify_takes_filters_and_refuses_what_tells_nothing(made, small, run, refused) -> None:
     words = ["--model", "sp", "--no-grid"]
     said = run("identify", made, *words, "--only", "com=com2", "--throws", "6", "--json")
@@ -229,7 +227,6 @@ def test_identify_takes_filters_and_refuses_what_tells_nothing(made, small, run,
     assert "com must be one of com1, com2" in refused("identify", made, *words, "--only", "com=3")
 
 
-@pytest.mark.usefixtures("compiling")
 def test_python_learns_from_planned_throws() -> None:
     """Plans as data, thrown with another contact, and that contact found again."""
     planner = tp.Planner(tp.load_scene("pose"))

@@ -1,0 +1,151 @@
+"""The cache folder, and functions compiled by the C compiler at hand.
+
+The folder holds what is costly to make and easy to make again: compiled functions, tables. Entries
+are named by a hash of all that they depend on. They are written whole, by renaming, so that
+processes may share the folder; whoever finds a damaged one makes it again. Losing the folder costs
+time only.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import platform
+import shutil
+import subprocess
+import sys
+import tempfile
+import tokenize
+import zipfile
+import zlib
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+import casadi as ca
+
+#: What reading a damaged NPZ file may raise.
+DAMAGED = (
+    *(OSError, ValueError, KeyError, IndexError, TypeError, EOFError, RuntimeError),
+    *(zipfile.BadZipFile, zlib.error, SyntaxError, tokenize.TokenError),
+)
+#: More optimisation compiles twice as long and runs no faster.
+FLAGS = ("-O1", "-fPIC", "-shared")
+#: Longest time [s] that a compilation may take before it is given up.
+PATIENCE = 300.0
+#: Code longer than this (bytes), that of scenarios, takes minutes and gigabytes to compile.
+LARGEST = 8_000_000
+
+Functions = dict[str, ca.Function]
+
+
+def cache_folder() -> Path | None:
+    """THROWPLAN_CACHE, or `throwplan` in the user's cache folder; None if not to be had.
+
+    An empty THROWPLAN_CACHE turns the cache off.
+    """
+    given = os.environ.get("THROWPLAN_CACHE")
+    if given == "":
+        return None
+    usual = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
+    folder = Path(given) if given else Path(usual) / "throwplan"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except (OSError, RuntimeError):
+        return None
+    return folder
+
+
+def digest(*parts: str | bytes) -> str:
+    """A name for what is made from `parts`."""
+    total = hashlib.sha256()
+    for part in parts:
+        data = part.encode() if isinstance(part, str) else part
+        total.update(len(data).to_bytes(8, "little") + data)
+    return total.hexdigest()[:24]
+
+
+def source_of(*makers: object) -> bytes:
+    """The code of the modules that define `makers`, so that a change of it makes a new entry."""
+    names = dict.fromkeys(str(maker.__module__) for maker in makers)
+    return b"".join(Path(str(sys.modules[name].__file__)).read_bytes() for name in names)
+
+
+def publish(folder: Path, name: str, write: Callable[[Path], None]) -> Path | None:
+    """Entry `name`, made by `write(path)` beside it and then renamed; None if that fails."""
+    target = folder / name
+    try:
+        with tempfile.TemporaryDirectory(dir=folder) as scratch:
+            path = Path(scratch) / name
+            write(path)
+            os.replace(path, target)
+    except OSError:
+        return None
+    return target
+
+
+def c_compiler() -> str | None:
+    """CC, or cc, gcc, clang; None where none is there or THROWPLAN_COMPILE is 0."""
+    if os.environ.get("THROWPLAN_COMPILE") == "0":
+        return None
+    found = (shutil.which(name) for name in (os.environ.get("CC", "cc"), "cc", "gcc", "clang"))
+    return next(filter(None, found), None)
+
+
+def compiled(
+    key: str, names: Sequence[str], derive: Callable[[], Functions], *, make: bool
+) -> Functions:
+    """The functions `names` as machine code, from the cache; plain ones where that cannot be.
+
+    key: all that they depend on; derive: makes the plain ones; make: compile, in some seconds,
+    what is not in the cache.
+    """
+    folder = cache_folder()
+    if folder is None or os.environ.get("THROWPLAN_COMPILE") == "0":
+        return derive()
+    target = folder / f"{digest(key, ca.CasadiMeta.version(), platform.machine())}.so"
+    if not _sound(target) and not (make and _compile(target, derive())):
+        return derive()
+    try:
+        return {name: ca.external(name, str(target)) for name in names}
+    except RuntimeError:
+        return derive()
+
+
+def _compile(target: Path, functions: Functions) -> bool:
+    """Whether it could make the library, and the sum that tells a damaged one from a sound one."""
+    command, generator = c_compiler(), ca.CodeGenerator("throw")
+    if command is None:
+        return False
+    for function in functions.values():
+        generator.add(function)
+    source = str(generator.dump())
+    if len(source) > LARGEST:
+        return False
+    try:
+        with tempfile.TemporaryDirectory(dir=target.parent) as scratch:
+            code, made = Path(scratch) / "code.c", Path(scratch) / target.name
+            code.write_text(source, encoding="utf-8")
+            order = [command, *FLAGS, "-o", str(made), str(code), "-lm"]
+            quiet = subprocess.DEVNULL
+            subprocess.run(order, check=True, timeout=PATIENCE, stdin=quiet, capture_output=True)
+            total = hashlib.sha256(made.read_bytes()).hexdigest()
+            publish(target.parent, f"{target.stem}.sum", lambda path: _write(path, total))
+            os.replace(made, target)
+    except (OSError, subprocess.SubprocessError):
+        return False
+    return True
+
+
+def _write(path: Path, text: str) -> None:
+    path.write_text(text, encoding="utf-8")
+
+
+def _sound(library: Path) -> bool:
+    """Whether the library is as it was made."""
+    try:
+        total = library.with_suffix(".sum").read_text(encoding="utf-8")
+        return hashlib.sha256(library.read_bytes()).hexdigest() == total
+    except (OSError, ValueError):
+        return False
