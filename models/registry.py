@@ -198,5 +198,5 @@ MODELS = _by_name(
 BATCH_MODELS = {n: m for n, m in MODELS.items() if m.batch is not None and not m.chatters}
 DECIDING = tuple(name for name, model in MODELS.items() if model.decides)
 #: What `validate` compares unless told otherwise, and what `identify` takes as all.
-VALIDATED = ("ls", SLIDING_PIVOT, "sp-paper", "ils", STEPPED_SURFACE)
+VALIDATED = ("ls", SLIDING_PIVOT, "sp-paper", STEPPED_SURFACE)
 IDENTIFIED = ("ls", SLIDING_PIVOT, STEPPED_SURFACE)

@@ -5,7 +5,7 @@ Also makes synthetic throws on the published design, to know the truth that a fi
 
 from .belief import Belief, applied, contact_text, prior_of
 from .design import conditions, design, grip_use, scene_with
-from .factors import SURFACE, comparisons, factor_rows, mann_whitney, usual_surface
+from .factors import SURFACE, comparisons, factor_rows, usual_surface
 from .grid import Grid, grid_of
 from .identified import FILES as IDENTIFY_FILES
 from .identified import Identified, identify, save_identified

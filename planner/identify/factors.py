@@ -170,7 +170,7 @@ def factor_rows(
         predicted = [known_rows(landing[side] + off[side]) for side in (a, b)]
         shift = mean_std(predicted[1])[0] - mean_std(predicted[0])[0]
         mean, std = np.array([mean_std(side) for side in sides]).swapaxes(0, 1)
-        p = np.array([mann_whitney(sides[0][:, i], sides[1][:, i]) for i in range(2)])
+        p = np.array([_mann_whitney(sides[0][:, i], sides[1][:, i]) for i in range(2)])
         rows.append(FactorRow(comparison, model, measured, shift, mean, std, p))
     return rows
 
@@ -188,7 +188,7 @@ def mean_std(values: Array) -> tuple[Array, Array]:
     return values.mean(axis=0), values.std(axis=0)
 
 
-def mann_whitney(first: Array, second: Array) -> float:
+def _mann_whitney(first: Array, second: Array) -> float:
     """p-value of the two-sided Mann-Whitney U test; NaN where a side is empty."""
     from scipy.stats import mannwhitneyu
 

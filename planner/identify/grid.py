@@ -135,10 +135,3 @@ def grid_of(
     errors, seconds = predictor.truth.scaled(off).reshape(shape), time.perf_counter() - start
     detach = detach.reshape(*shape, 6)
     return Grid(model, *axes, errors, detach, seconds)
-
-
-def spread_rows(rows: Rows, most: int) -> Rows:
-    """At most `most` of the rows, evenly."""
-    if len(rows) <= most:
-        return rows
-    return np.asarray(rows[np.unique(np.linspace(0, len(rows) - 1, most).round().astype(int))])

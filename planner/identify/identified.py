@@ -108,9 +108,6 @@ def identify(
             f"{SURFACE}: one contact cannot be that of {', '.join(surfaces)}: give throws of one"
         )
     known = MODELS[model]
-    if known.batch is None:
-        quick = ", ".join(name for name, other in MODELS.items() if other.batch is not None)
-        raise InputError(f"model = {model!r}: throws one at a time, too slow here: take {quick}")
     if known.chatters and not grid:
         raise InputError(f"model = {model!r}: only its grid: {NO_FIT}")
     asked = {"delay": delay, "grip_scale": grip_scale}

@@ -56,8 +56,11 @@ def parameter_sets(
 
 
 def check_model(model: str) -> None:
-    """InputError for a model that is not there."""
+    """InputError for a model that is not there, or throws one at a time: too slow for a grid."""
     named_model(model, MODELS)
+    if MODELS[model].batch is None:
+        quick = ", ".join(name for name, other in MODELS.items() if other.batch is not None)
+        raise InputError(f"model = {model!r}: throws one at a time, too slow here: take {quick}")
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +97,7 @@ class Predictor:
     def detached(self, model: str, sets: Array, progress: Progress | None = None) -> Array:
         """CoM pose and twist (T, M, 6) of every throw at the end of the opening, with every
         parameter set (M, 4); NaN where the model gives nothing."""
-        check_model(model)
+        named_model(model, MODELS)
         if np.abs(sets[:, 2]).max() > REACH:
             raise InputError(f"delay = {np.abs(sets[:, 2]).max():g}: must be at most {REACH:g} s")
         count, done = len(self.data.throws), 0

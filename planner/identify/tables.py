@@ -14,7 +14,7 @@ from ..show import Row, Table, save
 from .factors import SIGNIFICANT, FactorRow
 from .grid import MISSED
 from .pictures import DEGREES, PICTURES, validation_pictures
-from .validation import GUIDE, ModelCheck, Validation
+from .validation import ModelCheck, Validation
 
 Array = npt.NDArray[np.float64]
 
@@ -50,9 +50,8 @@ def parameter_table(found: Validation) -> Table:
                 "mu* r* [mm]": 1e3 * mu * radius,
             }
             if not label:
-                batched = None if check.batched is None else 1e3 * check.batched
                 row["one release [ms]"] = float(times.mean()), float(times.std())
-                row |= {"in a batch [ms]": batched, "cells": error.size}
+                row["in a batch [ms]"] = 1e3 * check.batched
             rows.append(row)
     caption = f"Parameters and times (Table III), {len(found.batch)} throws"
     return Table("parameters", caption, rows)
@@ -189,18 +188,11 @@ def notes(found: Validation) -> list[str]:
 
 
 def _model_notes(found: Validation, check: ModelCheck) -> list[str]:
-    """How one model was searched, and what it gave nothing for."""
+    """Where one model's parameters ended, and what it gave nothing for."""
     model, grid, lines = check.model, check.grid, []
-    if not check.whole:
-        names = ", ".join(found.data.throws[i].name for i in check.rows)
-        lines.append(
-            f"{model}: too slow for the whole grid: its parameters are the best of "
-            f"{grid.error.size} around {GUIDE}'s best, on {grid.throws} throws: {names}"
-        )
     for surface in check.at_edge:
-        where = "grid" if check.whole else "searched parameters"
         best = f"its best parameters for {surface}" if surface else "its best parameters"
-        lines.append(f"{model}: {best} are at the edge of the {where}")
+        lines.append(f"{model}: {best} are at the edge of the grid")
     missing = int(grid.missed.sum())
     if missing:
         lines.append(
@@ -265,7 +257,6 @@ def _model_dict(found: Validation, check: ModelCheck) -> dict[str, Any]:
         },
         "min_mean_error": float(error.min()),
         "max_mean_error": float(error.max()),
-        "whole_grid": check.whole,
         "release_time": {"mean": float(check.single.mean()), "std": float(check.single.std())},
         "batch_time": check.batched,
         "errors": errors,

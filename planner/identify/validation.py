@@ -13,10 +13,10 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ...models import MODELS, STEPPED_SURFACE, VALIDATED
+from ...models import VALIDATED
 from ...problems import ThrowData
 from .factors import SURFACE, FactorRow, batch_rows, comparisons, conditions, factor_rows
-from .grid import AXES, CELLS, Axes, Grid, grid_of, spread_rows
+from .grid import AXES, CELLS, Grid, grid_of
 from .predict import Predictor, Progress, check_model, parameter_sets
 
 Array = npt.NDArray[np.float64]
@@ -26,11 +26,7 @@ About = Callable[[str], Progress]
 
 #: Models of the two tables.
 PAPER_MODELS = VALIDATED
-#: Models that are not quick are searched around the best cell of `GUIDE`: cells as multiples
-#: of it, on so many throws at most.
-GUIDE = STEPPED_SURFACE
-AROUND, FEW_THROWS = np.array([0.75, 1.0, 1.33]), 8
-#: Throws whose single release is timed.
+#: About so many throws' single releases are timed.
 TIMED = 20
 #: Parts that the conditions are divided into, and fewest throws that this is done for.
 FOLDS, FEWEST_THROWS = 6, 5
@@ -59,36 +55,29 @@ class Crossed:
 class ModelCheck:
     """One model on all T throws.
 
-    rows (S,) and grid: throws of the batch that the parameters are from, and their errors;
-    whole: whether that is the paper's grid and all of the batch; parameters: (mu, r_p [m])
-    by surface, "" for the batch; surface (T,): which of them was used; landing (T, 2):
-    predicted less measured x [m], theta [rad]; twist (T, 2): the same of v_x [m/s], omega
-    [rad/s]; single (n,): seconds of one release; batched: seconds of one prediction in a
-    batch, None if the model has none.
+    grid: errors of the batch, which the parameters are from; parameters: (mu, r_p [m]) by
+    surface, "" for the batch; surface (T,): which of them was used; landing (T, 2): predicted
+    less measured x [m], theta [rad]; twist (T, 2): the same of v_x [m/s], omega [rad/s];
+    single (n,): seconds of one release; batched: seconds of one prediction in a batch.
     """
 
     model: str
-    rows: Rows
     grid: Grid
-    whole: bool
     parameters: dict[str, tuple[float, float]]
     surface: list[str]
     landing: Array
     twist: Array
     single: Array
-    batched: float | None
+    batched: float
     crossed: Crossed | None
 
     @property
     def at_edge(self) -> list[str]:
         """Surfaces (empty: that of the batch) whose better parameters may lie outside."""
         axes = self.grid.friction, self.grid.patch_radius
-        # A slow model is searched around another model's best, surface by surface.
-        searched = self.parameters if self.whole else [""]
         return [
             surface
-            for surface in searched
-            for pair in [self.parameters[surface]]
+            for surface, pair in self.parameters.items()
             if any(value in (axis[0], axis[-1]) for value, axis in zip(pair, axes, strict=True))
         ]
 
@@ -161,64 +150,38 @@ class _Work:
         labels = [throw.factors.get(SURFACE, "") for throw in data.throws]
         usual = {labels[i] for i in self.batch}
         self.surface = ["" if label in usual else label for label in labels]
-        self._grids: dict[str, Grid] = {}
 
     def check(self, model: str) -> ModelCheck:
         """One model's parameters and errors."""
-        known, truth, shape = MODELS[model], self.predictor.truth, (len(self.surface), 2)
-        landing, twist, parameters, searched = np.empty(shape), np.empty(shape), {}, {}
+        truth, shape = self.predictor.truth, (len(self.surface), 2)
+        landing, twist, parameters = np.empty(shape), np.empty(shape), {}
+        # The first prediction of a process loads libraries.
+        few = self.predictor.part(self.batch[:1])
+        few.detached(model, parameter_sets(AXES[0][0], AXES[1][0]))
+        grid = grid_of(self.predictor, model, progress=self.about(f"{model}: {CELLS} contacts"))
         for label in dict.fromkeys(["", *self.surface]):
             rows = np.array([i for i, surface in enumerate(self.surface) if surface == label], int)
-            used, grid = searched[label] = self.searched(model, rows if label else self.batch)
-            cell = grid.best()
+            cell = grid.best(rows if label else self.batch)
             parameters[label] = grid.contact(cell)
-            if known.quick:
-                detach = self.whole_grid(model).detach[rows, *cell]
-            else:
-                show, sets = self.about(f"{model}: its best"), parameter_sets(*parameters[label])
-                detach = self.predictor.part(rows).detached(model, sets, show)[:, 0]
+            detach = grid.detach[rows, *cell]
             landing[rows] = self.predictor.landed(detach) - truth.landing[rows]
             twist[rows] = detach[:, [3, 5]] - truth.twist[rows]
-        used, grid = searched[""]
+        batch = grid.part(self.batch)
         return ModelCheck(
             model,
-            used,
-            grid,
-            known.quick,
+            batch,
             parameters,
             self.surface,
             landing,
             twist,
             self.timed(model, parameters[""]),
-            None if known.batch is None else grid.seconds / grid.predictions,
-            cross_validated(grid, [self.conditions[i] for i in used]),
+            grid.seconds / grid.predictions,
+            cross_validated(batch, [self.conditions[i] for i in self.batch]),
         )
-
-    def searched(self, model: str, rows: Rows) -> tuple[Rows, Grid]:
-        """The throws and the grid that the parameters for these throws come from."""
-        if MODELS[model].quick:
-            return rows, self.whole_grid(model).part(rows)
-        friction, radius = self.whole_grid(GUIDE).part(rows).optimum
-        axes, some = (friction * AROUND, radius * AROUND), spread_rows(rows, FEW_THROWS)
-        words = f"{model}: {AROUND.size**2} parameter sets around {GUIDE}'s best"
-        return some, self.grid(model, some, axes, words)
-
-    def whole_grid(self, model: str) -> Grid:
-        """All throws in the whole grid, once."""
-        if model not in self._grids:
-            rows, words = np.arange(len(self.surface)), f"{model}: {CELLS} parameter sets"
-            self._grids[model] = self.grid(model, rows, AXES, words)
-        return self._grids[model]
-
-    def grid(self, model: str, rows: Rows, axes: Axes, words: str) -> Grid:
-        """Some throws in some cells."""
-        # The first prediction of a process loads libraries.
-        self.predictor.part(rows[:1]).detached(model, parameter_sets(axes[0][0], axes[1][0]))
-        return grid_of(self.predictor.part(rows), model, axes, progress=self.about(words))
 
     def timed(self, model: str, pair: tuple[float, float]) -> Array:
         """Seconds of single releases of some throws of the batch."""
-        chosen, spent = spread_rows(self.batch, TIMED), []
+        chosen, spent = self.batch[:: max(1, len(self.batch) // TIMED)], []
         show = self.about(f"{model}: single releases")
         # The first release loads libraries.
         for done, row in enumerate([chosen[0], *chosen]):

@@ -21,7 +21,6 @@ from throwplan.planner.identify import (
     comparisons,
     factor_rows,
     fold_of,
-    mann_whitney,
     parameter_sets,
     save_validation,
     validate,
@@ -135,7 +134,7 @@ def test_cross_validation_by_hand(found):
         assert crossed.inside[1] < crossed.inside[0] < crossed.inside[2]
     check = found.checks["sp"]
     errors, outside = check.grid.errors.reshape(24, 400), []
-    fold = fold_of([found.conditions[i] for i in check.rows])
+    fold = fold_of([found.conditions[i] for i in found.batch])
     for k in range(6):
         best = min(range(400), key=lambda cell: errors[fold != k][:, cell].mean())
         outside += errors[fold == k][:, best].tolist()
@@ -157,20 +156,6 @@ def test_the_interval_is_that_of_a_mean():
     # Repeats that all err alike are worth one throw.
     repeated = bootstrap(np.repeat(values, 5, axis=0), [i // 5 for i in range(500)])
     assert repeated.std() == pytest.approx(drawn.std(), rel=0.1)
-
-
-def test_mann_whitney_against_permutations():
-    """The p-value, against the share of all 252 ways to part the ten numbers."""
-    rng = np.random.default_rng(5)
-    for shift in (0.0, 0.8, 2.0):
-        numbers = np.concatenate([rng.normal(0, 1, 5), rng.normal(shift, 1, 5)])
-        rank = numbers.argsort().argsort()
-        away = [
-            abs(sum(rank[list(chosen)]) - 22.5) for chosen in itertools.combinations(range(10), 5)
-        ]
-        share = np.mean(np.array(away) >= abs(rank[:5].sum() - 22.5) - 1e-9)
-        assert mann_whitney(numbers[:5], numbers[5:]) == pytest.approx(share, abs=1e-9)
-    assert math.isnan(mann_whitney(np.empty(0), np.ones(3)))
 
 
 def test_factors_compare_like_with_like(data, found):
@@ -212,17 +197,6 @@ def test_another_surface_is_fitted_apart_without_a_column_that_says_so(data, fou
     again = validate(dataclasses.replace(data, throws=tuple(plain)), ("sp",))
     assert set(again.checks["sp"].parameters) == {"", "paper"}
     assert len(again.batch) == len(found.batch)
-
-
-@pytest.mark.slow
-def test_a_slow_model_is_searched_around_a_fast_one(data):
-    found = validate(data.picked(list(range(6))), ("patch",))
-    check = found.checks["patch"]
-    assert not check.whole and check.batched is not None
-    assert check.grid.error.size == 9
-    assert np.isfinite(check.landing).all()
-    assert "patch: too slow for the whole grid" in as_text(found)
-    assert np.prod(check.parameters[""]) == pytest.approx(0.8 * 3.5e-3, rel=0.4)
 
 
 # What is written.

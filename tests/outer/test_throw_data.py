@@ -281,6 +281,7 @@ def test_validate_writes_beside_the_data_and_leaves_the_data(made, tmp_path, run
     [
         ("--models spp", "--models: model = 'spp': must be one of .* did you mean 'sp'"),
         ("--models ,", "--models ',': names no model"),
+        ("--models ils", "--models: model = 'ils': throws one at a time, too slow here: take sp"),
         ("--factor surfaces", "--factor surfaces: .* did you mean 'surface'"),
         ("--factor wind", "--factor wind: must be a column of throws.csv"),
     ],
