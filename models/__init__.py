@@ -35,13 +35,12 @@ from .kinematics import (
     placement,
 )
 from .limit_surface import (
-    ellipsoid_gauge,
     held_wrench,
     sliding_wrench,
     slip_onset,
 )
 from .limit_surface_release import ImplicitRelease, KarnoppRelease
-from .patch import RADIUS_PER_ARM, Patch, PointSolver, SlipProblem, disc, patch_gauge
+from .patch import RADIUS_PER_ARM, Patch, PointSolver, SlipProblem, disc
 from .patch_release import (
     CREEP,
     PATCH_CHUNK,

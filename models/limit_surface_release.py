@@ -27,7 +27,7 @@ from .body import (
     pivot_wrench,
     sticking_state,
 )
-from .limit_surface import ellipsoid_gauge, sliding_wrench, slip_onset
+from .limit_surface import sliding_wrench, slip_onset
 from .release import BatchRelease, Release, ReleaseBatch, ReleaseCase, by_chunks, failed
 
 #: Friction that turns round in one step more often than this is chatter.
@@ -209,5 +209,5 @@ def _rates(case: ReleaseCase, state: Array, wrench: Array, lever: tuple[float, f
 
 
 def _as_release(case: ReleaseCase, times: Array, states: Array, wrench: Array) -> Release:
-    pivot, slide = slip_onset(case, ellipsoid_gauge(case.contact))
+    pivot, slide = slip_onset(case)
     return Release(times, states[:3], states[3:], pivot, slide, wrench)

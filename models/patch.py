@@ -2,13 +2,6 @@
 
 A disc under 'uniform' or 'hertz' pressure gets rings of points; its radius is chosen so
 that pure torsion is c r_p mu f_N, the limit of the ellipsoid in (19) of Liu and Billard.
-
-The limit surface of such a patch, by the principle of maximum dissipation: friction in the
-direction of a wrench f is at its limit under the normal force
-
-    f . v / (mu sum_i w_i |u_i(v)|),   v the contact twist that makes this largest,
-
-u_i the slip of point i. That v makes sum_i w_i |u_i| least among all with f . v = 1.
 """
 
 from __future__ import annotations
@@ -19,8 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from .body import Array, Contact
-from .limit_surface import Gauge
+from .body import Array
 
 #: Newton iterations of a step: two or three are usual, 18 the most that was seen.
 ITERATIONS = 60
@@ -28,8 +20,6 @@ ITERATIONS = 60
 #: after the first of them to what rounding of u / creep keeps where a point all but sticks.
 TOLERANCE = 1e-12
 PATIENCE = 12
-#: Most iterations of a gauge, and its relative change that ends them.
-GAUGE_ITERATIONS, GAUGE_TOLERANCE = 500, 1e-12
 
 #: Disc radius over its torsion arm, the mean of |rho| weighted by pressure.
 RADIUS_PER_ARM = {"uniform": 1.5, "hertz": 16.0 / (3.0 * math.pi)}
@@ -195,42 +185,3 @@ class PointSolver:
         matrix = (self._products @ slope.reshape(4 * self.points, -1)).T.reshape(-1, 3, 3)
         matrix = problem.mass + problem.limit[:, None, None] * matrix
         return np.asarray(-np.linalg.solve(matrix, rest.T[:, :, None])[:, :, 0].T)
-
-
-# The limit surface of a patch, as a gauge.
-
-
-def patch_gauge(contact: Contact, patch: Patch) -> Gauge:
-    """Gauge of the contact's patch, which turns with the hand."""
-
-    def gauge(wrench: Array, angle: Array) -> Array:
-        cos, sin = np.cos(angle), np.sin(angle)
-        force_x, force_z = cos * wrench[0] + sin * wrench[1], cos * wrench[1] - sin * wrench[0]
-        scaled = np.array([force_x, force_z, wrench[2] / contact.torsion_arm])
-        return np.asarray(_least_force(patch, scaled) / contact.friction)
-
-    return gauge
-
-
-def _least_force(patch: Patch, wrench: Array) -> Array:
-    """Gauge (K,) of wrenches (3, K) on a patch with mu = 1, torque as a force.
-
-    Weighted least squares again and again (Weiszfeld): with the last |u_i| below the
-    line, the least sum of w_i |u_i|^2 / |u_i| with f . v = 1 is a linear problem.
-    """
-    one, zero = np.ones_like(patch.x), np.zeros_like(patch.x)
-    slips = np.array([[one, zero, -patch.z], [zero, one, patch.x]])  # (2, 3, P)
-    size = np.maximum(np.linalg.norm(wrench, axis=0), 1e-300)
-    f = (wrench / size).T
-    share = np.broadcast_to(patch.weights, (len(f), len(one)))
-    work = np.full(len(f), np.inf)
-    for _ in range(GAUGE_ITERATIONS):
-        matrix = np.einsum("jap,kp,jbp->kab", slips, share, slips)
-        image = np.linalg.solve(matrix, f[:, :, None])[:, :, 0]
-        twist = image / np.einsum("ka,ka->k", f, image)[:, None]
-        speed = np.sqrt((np.einsum("jap,ka->jkp", slips, twist) ** 2).sum(axis=0))
-        last, work = work, speed @ patch.weights
-        if (np.abs(last - work) <= GAUGE_TOLERANCE * work).all():
-            break
-        share = patch.weights / np.maximum(speed, 1e-12)
-    return np.asarray(size / work)

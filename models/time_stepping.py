@@ -34,7 +34,7 @@ from .body import (
     sticking_state,
 )
 from .compiled_batch import compiled_batch
-from .limit_surface import ellipsoid_gauge, slip_onset
+from .limit_surface import slip_onset
 from .release import BLEW_UP, BatchRelease, Release, ReleaseBatch, ReleaseCase
 from .stepping import (
     Triple,
@@ -275,7 +275,7 @@ class SteppedRelease:
         trouble = "" if np.isfinite(states).all() else BLEW_UP
         times, poses = hand.times[::2], hand.pose[:, ::2]
         wrench = _friction(case, states, poses, case.grip.opening / self.steps)
-        pivot, slide = slip_onset(case, ellipsoid_gauge(case.contact))
+        pivot, slide = slip_onset(case)
         return Release(times, states[:3], states[3:], pivot, slide, wrench, trouble)
 
     def throw(self, batch: ReleaseBatch, steps: int) -> BatchRelease:

@@ -12,7 +12,6 @@ from throwplan.models import (
     ReleaseCase,
     SlidingPivotRelease,
     SteppedRelease,
-    ellipsoid_gauge,
     slip_onset,
 )
 from throwplan.planner.check import case_of, given_hand
@@ -25,7 +24,7 @@ def case() -> ReleaseCase:
 
 
 def onset(case: ReleaseCase) -> float:
-    pivot, _ = slip_onset(case, ellipsoid_gauge(case.contact))
+    pivot, _ = slip_onset(case)
     assert pivot is not None
     return pivot
 

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from throwplan.models import Contact, ellipsoid_gauge, sliding_wrench
+from throwplan.models import Contact, sliding_wrench
 
 CONTACT = Contact(0.7, 0.006, 0.6, 2)
 SCALE = np.array([0.7, 0.7, 0.7 * 0.6 * 0.006])
 
 
 def gauge(wrench: np.ndarray) -> float:
-    return float(ellipsoid_gauge(CONTACT)(wrench, np.zeros(())))
+    return float(2 * np.sqrt(CONTACT.utilisation_squared(*wrench, 1.0)))
 
 
 def twists(count: int = 40) -> np.ndarray:

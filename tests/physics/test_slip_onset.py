@@ -6,20 +6,16 @@ import dataclasses
 
 import numpy as np
 import pytest
-from release_cases import VALUES, reference_case, sliding_wrench
+from release_cases import VALUES, reference_case
 from throwplan.models import (
-    Contact,
     ImplicitRelease,
     KarnoppRelease,
-    Patch,
+    PatchRelease,
     Path,
     ReleaseCase,
     SteppedRelease,
     contact_twist,
-    disc,
-    ellipsoid_gauge,
     held_wrench,
-    patch_gauge,
     slip_onset,
 )
 
@@ -27,7 +23,7 @@ GRAVITY = 9.81
 
 
 def onset(case: ReleaseCase) -> tuple[float | None, float | None]:
-    return slip_onset(case, ellipsoid_gauge(case.contact))
+    return slip_onset(case)
 
 
 @pytest.mark.parametrize("name", ["drop_h100_faces2", "drop_h020_faces2"])
@@ -45,12 +41,12 @@ def test_a_level_bar_slips_where_its_weight_reaches_the_ellipsoid(name: str) -> 
 def test_the_held_wrench_is_on_the_surface_at_the_onset(name: str) -> None:
     case = reference_case(name)
     when, _ = onset(case)
-    (needed,) = ellipsoid_gauge(case.contact)(*held_wrench(case, np.array([when])))
-    grip = case.contact.faces * float(case.grip.force(when))
+    (wrench,) = held_wrench(case, np.array([when])).T
+    use = case.contact.utilisation_squared(*wrench, float(case.grip.force(when)))
     if when == 0:
-        assert needed >= grip
+        assert use >= 1
     else:
-        assert needed == pytest.approx(grip, rel=1e-9)
+        assert use == pytest.approx(1, rel=1e-9)
 
 
 def test_steps_stick_before_the_onset_and_slip_after_it() -> None:
@@ -89,34 +85,10 @@ def test_a_jerk_of_the_hand_is_found_to_the_instant() -> None:
     assert onset(case)[0] == pytest.approx(0.0123, abs=1e-9)
 
 
-# The meshed patch.
-
-
-def test_a_sliding_patch_is_at_its_own_limit() -> None:
-    rng = np.random.default_rng(0)
-    places = rng.normal(size=(2, 9))
-    places /= np.hypot(*places).mean()
-    uneven = Patch(*places, np.full(9, 1 / 9))
-    for patch in (disc(), disc("hertz", 100), uneven):
-        gauge = patch_gauge(Contact(0.7, 1.0, 1.0), patch)
-        twists = rng.normal(size=(3, 40))
-        wrench = 0.7 * np.array([sliding_wrench(patch, twist) for twist in twists.T]).T
-        np.testing.assert_allclose(gauge(wrench, np.zeros(40)), 1.0, rtol=1e-9)
-        np.testing.assert_allclose(gauge(5 * wrench, np.zeros(40)), 5.0, rtol=1e-9)
-
-
-def test_a_disc_slips_a_little_before_the_ellipsoid_and_turns_with_the_hand() -> None:
-    contact = Contact(0.8, 0.0075)
-    rng = np.random.default_rng(1)
-    wrench = rng.normal(size=(3, 200)) * np.array([[1], [1], [contact.torsion_arm]])
-    gauge, angle = patch_gauge(contact, disc()), rng.uniform(-3, 3, 200)
-    ratio = gauge(wrench, angle) / ellipsoid_gauge(contact)(wrench, angle)
-    assert ratio.min() > 1 - 1e-9 and ratio.max() < 1.08
-    ends = Patch(np.array([-1.0, 1.0]), np.zeros(2), np.full(2, 0.5))
-    bar = patch_gauge(Contact(0.8, 0.01, 1.0), ends)
-    torque = np.array([[0.0], [0.0], [1.0]])
-    assert bar(torque, np.zeros(1)) == pytest.approx(1 / (0.8 * 0.01))
-    along, across = np.array([[1.0], [0], [0.005]]), np.array([[0], [1.0], [0.005]])
-    turned = np.full(1, np.pi / 2)
-    assert bar(along, np.zeros(1)) == pytest.approx(bar(across, turned))
-    assert bar(along, np.zeros(1)) < 0.9 * bar(along, turned)
+@pytest.mark.parametrize("name", ["drop_h100_faces2", "throw_decelerating"])
+def test_the_patch_slips_about_when_the_ellipsoid_does(name: str) -> None:
+    case = reference_case(name)
+    release, (when, _) = PatchRelease(steps=1000).release(case), onset(case)
+    assert when is not None and release.pivot == release.slide is not None
+    # Its limit is inside the ellipsoid by up to 7 %; a step is 0.05 ms.
+    assert when - 0.07 * case.grip.opening < release.pivot < when + 1e-4
