@@ -21,6 +21,7 @@ from ..ocp import Controls, Optimum, Request, ThrowNlp, sensitivity
 from ..result import PlannedThrow
 from .attempt import Attempt, Start, aims, scaled, violations
 from .guess import refit
+from .library import Neighbour
 from .nlps import Program, Task
 
 Array = npt.NDArray[np.float64]
@@ -42,13 +43,14 @@ class Corrector:
     controls: Controls
     mover: Mover
 
-    def attempt(self, optimum: Optimum, landing: Pose, goal: Pose, task: Task) -> Attempt:
-        """An attempt to throw to `goal` from an optimum that lands at `landing`."""
+    def attempt(self, near: Neighbour, task: Task) -> Attempt:
+        """An attempt to throw to the goal of an optimum near it."""
+        optimum, goal = near.optimum, near.goal
         start = Start(goal, _no_guess, CORRECTOR, asked=optimum.asked)
         found: PlannedThrow | None = None
         broken: Sequence[Violation] = ()
         try:
-            u, planned, thrown = self._moved(optimum, landing, goal, task)
+            u, planned, thrown = self._moved(near, task)
         except SmoothingError as error:
             reason = str(error)
         else:
@@ -59,13 +61,10 @@ class Corrector:
             reason = "; ".join(violation.words for violation in broken)
         return Attempt(start, optimum.asked, CORRECTOR, found, tuple(broken), reason, 0, 1)
 
-    def _moved(
-        self, optimum: Optimum, landing: Pose, goal: Pose, task: Task
-    ) -> tuple[Array, Path, Throw]:
+    def _moved(self, near: Neighbour, task: Task) -> tuple[Array, Path, Throw]:
         """The controls, motion and throw that land at the goal; SmoothingError if none is found."""
-        aim, size = aims(task.scene), optimum.slope.shape[1]
-        turn = 0.0 if goal.theta is None or landing.theta is None else landing.theta - goal.theta
-        off = np.array([landing.plane_x - goal.plane_x, turn])
+        optimum, aim, off = near.optimum, aims(task.scene), np.array(near.miss)
+        size = optimum.slope.shape[1]
         last, matrix, moved = scaled(off[0], off[1], aim), np.eye(size), np.zeros(size)
         for _ in range(THROWS):
             step = -np.linalg.solve(matrix, off[:size])
@@ -74,7 +73,7 @@ class Corrector:
             if not self.controls.allowed(u):
                 break
             planned, thrown = self._thrown(u, task)
-            now = np.array(thrown.miss(goal))
+            now = np.array(thrown.miss(near.goal))
             missed = scaled(now[0], now[1], aim)
             if missed <= 1.0:
                 return u, planned, thrown

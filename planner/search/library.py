@@ -69,11 +69,12 @@ def record_type(controls: Controls, angle: bool) -> np.dtype[Any]:
 
 @dataclass(frozen=True)
 class Neighbour:
-    """A solved throw near a target: its optimum, the goal (turns counted) and where it lands."""
+    """A solved throw near a target: its optimum, the goal (turns counted), by how much it misses
+    that (dx [m], dtheta [rad]; 0 with theta open), and its scaled distance [m]."""
 
     optimum: Optimum
     goal: Pose
-    landing: Pose
+    miss: tuple[float, float]
     distance: float
 
 
@@ -185,12 +186,14 @@ class Library:
         if not len(self) or (target.theta is not None) != self.angle:
             return
         x, theta, _ = self.landings(target.z)
-        away, whole = np.abs(x - target.plane_x), np.zeros_like(x)
+        off = x - target.plane_x
+        away, turn, whole = np.abs(off), np.zeros_like(x), np.zeros_like(x)
         if target.theta is not None:
             turn = theta - target.theta
             if turns == "any":
                 whole = 2 * math.pi * np.round(turn / (2 * math.pi))
-            away = away + np.abs(turn - whole) * self._lever
+                turn = turn - whole
+            away = away + np.abs(turn) * self._lever
         away = np.where(np.isfinite(away), away, np.inf)
         count = min(count, len(away))
         nearest = np.argpartition(away, count - 1)[:count]
@@ -201,7 +204,7 @@ class Library:
             yield Neighbour(
                 self.optimum(int(i)),
                 target.turned(float(whole[i])) if whole[i] else target,
-                target.in_plane(float(x[i]), float(theta[i]) if self.angle else None),
+                (float(off[i]), float(turn[i])),
                 float(away[i]),
             )
 

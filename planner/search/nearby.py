@@ -57,7 +57,7 @@ class Nearby:
             first = first or one
             if task.clock.late:
                 return
-            yield self._corrector.attempt(one.optimum, one.landing, one.goal, task)
+            yield self._corrector.attempt(one, task)
         for start in self._starts(task, warm, first):
             if task.clock.late:
                 return
@@ -81,11 +81,12 @@ class Nearby:
         if optimum is None:
             return
         target = task.target
-        x, theta, _ = land(optimum.detach[None], target.z, task.scene.gravity)[0]
-        landing = target.in_plane(float(x), None if target.theta is None else float(theta))
-        away = target.distance(landing, task.scene.object.length / 2)
+        x, theta, _ = map(float, land(optimum.detach[None], target.z, task.scene.gravity)[0])
+        turn = 0.0 if target.theta is None else theta - target.theta
+        dx = x - target.plane_x
+        away = abs(dx) + abs(turn) * task.scene.object.length / 2
         if away < MOVED:
-            yield Neighbour(optimum, target, landing, away)
+            yield Neighbour(optimum, target, (dx, turn), away)
 
     def _starts(
         self, task: Task, warm: PlannedThrow | None, first: Neighbour | None
