@@ -16,5 +16,5 @@ from .structures import (
     SamplesC,
     SceneC,
     ThrowC,
-    addresses,
+    address,
 )

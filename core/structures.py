@@ -61,6 +61,14 @@ class SamplesC(ctypes.Structure):
         *_fields(_ADDRESS, "q", "dq", "ddq"),
     )
 
+    @classmethod
+    def of(cls, tick: float, *rows: Array) -> SamplesC:
+        """Of q, dq, ddq, each (K, n), which it keeps."""
+        kept = [*map(np.ascontiguousarray, rows)]
+        found = cls(*rows[0].shape, tick, *map(address, kept))
+        found.kept = kept
+        return found
+
 
 class SceneC(ctypes.Structure):
     """`scene` of check.c."""
@@ -127,7 +135,6 @@ class ReleaseC(ctypes.Structure):
     )
 
 
-def addresses(rows: Array) -> list[int]:
-    """Where each of the arrays (K, ...) in a contiguous one begins."""
-    begin = rows.ctypes.data
-    return [begin + i * rows.strides[0] for i in range(len(rows))]
+def address(values: Array) -> int:
+    """Where an array begins, which must be contiguous and outlive the address."""
+    return int(values.ctypes.data)

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..core import AXES, LinkageC, PathC, SamplesC, library
+from ..core import AXES, LinkageC, PathC, SamplesC, address, library
 from .body import Array, HandSamples
 
 #: Numbers of some of the throws.
@@ -129,11 +129,9 @@ class Path:
         """
         times, core = step * np.arange(len(q), dtype=np.float64), library()
         if core is not None and len(q) > 1:
-            rows = [np.ascontiguousarray(values) for values in (q, dq, ddq)]
             given, kinks = np.empty((6, q.shape[1], len(q) - 1, 1)), np.empty(4 * len(q))
-            samples = SamplesC(*q.shape, step, *(values.ctypes.data for values in rows))
-            outputs = ctypes.c_void_p(given.ctypes.data), ctypes.c_void_p(kinks.ctypes.data)
-            count = core.quintics(ctypes.byref(samples), *outputs)
+            samples, outputs = SamplesC.of(step, q, dq, ddq), map(address, (given, kinks))
+            count = core.quintics(ctypes.byref(samples), *map(ctypes.c_void_p, outputs))
             return cls(times, given, kinks[:count].copy(), held=True)
         h = step
         v, a = h * dq, h * h * ddq
@@ -187,14 +185,12 @@ class Path:
         """The motion as the compiled core takes it; None for N throws or too many coordinates."""
         if self.rows > 1 or self.drift is not None:
             return None
-        c = np.ascontiguousarray(self.coefficients)
-        powers, n, pieces, _ = c.shape
+        powers, n, pieces, _ = self.coefficients.shape
         if n > AXES:
             return None
-        arrays = [np.ascontiguousarray(values) for values in (self.breaks, c, self.kinks)]
-        addresses = (values.ctypes.data for values in arrays)
-        found = PathC(n, powers, pieces, self.held, self.kinks.size, *addresses)
-        found.arrays = arrays
+        kept = [*map(np.ascontiguousarray, (self.breaks, self.coefficients, self.kinks))]
+        found = PathC(n, powers, pieces, self.held, self.kinks.size, *map(address, kept))
+        found.kept = kept
         return found
 
     def __getstate__(self) -> dict[str, Any]:

@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...core import SamplesC, addresses, library
+from ...core import SamplesC, address, library
 from ...models import Path
 from .mover import Limits, Mover
 
@@ -94,7 +94,7 @@ def _sent_by_core(limits: Limits, planned: Path) -> Samples | None:
         return None
     rows = math.ceil((planned.end + limits.longest_brake) / TICK) + 4
     found, by = np.empty((3, rows, path.n)), ctypes.byref
-    samples = SamplesC(rows, path.n, TICK, *addresses(found))
+    samples = SamplesC.of(TICK, *found)
     sent = core.send_motion(by(path), by(limits.core), by(samples))
     return Samples(*found[:, :sent]) if 0 < sent <= rows else None
 
@@ -113,10 +113,8 @@ def _excess(limits: Limits, sent: Samples) -> Array:
     """
     core, found = library(), np.full((5, sent.q.shape[1]), -np.inf)
     if core is not None and limits.core is not None:
-        rows = [np.ascontiguousarray(values) for values in (sent.q, sent.dq, sent.ddq)]
-        samples = SamplesC(*sent.q.shape, TICK, *(values.ctypes.data for values in rows))
-        output = ctypes.c_void_p(found.ctypes.data)
-        core.excess(ctypes.byref(samples), ctypes.byref(limits.core), output)
+        samples, output = SamplesC.of(TICK, sent.q, sent.dq, sent.ddq), address(found)
+        core.excess(ctypes.byref(samples), ctypes.byref(limits.core), ctypes.c_void_p(output))
         return found
     q = sent.q
     rate, acceleration, jerk = (np.diff(v, axis=0) / TICK for v in (q, sent.dq, sent.ddq))
