@@ -243,9 +243,9 @@ class Path:
 
     def later(self, delays: Array | float) -> Path:
         """Each throw's clock starts that much later [s] on the motion: one value, or (N,)."""
-        found = replace(self, delays=self.delays + delays)
-        if self.rows == 1 and self.given.ndim == 4:
-            vars(found)["core"] = self.core
+        # Coefficients that are known already go with it.
+        found = object.__new__(Path)
+        vars(found).update(vars(self), delays=self.delays + delays)
         return found
 
     def at(self, times: npt.ArrayLike) -> HandSamples:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import math
 from collections.abc import Mapping
 from typing import Any
@@ -133,6 +134,10 @@ class Gripper(Section):
 
     def profile(self) -> GripProfile:
         """The grip-force profile of the models."""
+        return self._profile
+
+    @functools.cached_property
+    def _profile(self) -> GripProfile:
         if self.force is not None and self.opening is not None:
             return LinearRelease(self.force, self.dwell, self.opening)
         try:

@@ -5,8 +5,8 @@ A section that is None is left out of everything: no variable, no constraint.
 
 from __future__ import annotations
 
-import copy
 import dataclasses
+import functools
 import math
 from pathlib import Path
 from typing import Any
@@ -165,25 +165,20 @@ class Scene(Section):
         cup, old = self.cup, self.target
         if cup is not None and old is not None:
             dx, dz = target.plane_x - old.plane_x, target.z - old.z
-            cup = dataclasses.replace(cup, x=cup.x + dx, rim=cup.rim + dz)
-        # Both are valid by themselves: checking the whole scene again would take longer than
-        # the rest of a warm plan's overhead.
-        aimed = copy.copy(self)
-        object.__setattr__(aimed, "target", target)
-        object.__setattr__(aimed, "cup", cup)
-        return aimed
+            cup = cup.changed(x=cup.x + dx, rim=cup.rim + dz)
+        return self.changed(target=target, cup=cup)
 
     @property
     def com_offset(self) -> float:
         """h [m]: from the pads' centre to the CoM."""
         return self.object.com - self.grasp.offset
 
-    @property
+    @functools.cached_property
     def body(self) -> Body:
         """The body of the release models."""
         return Body(self.object.mass, self.object.inertia, self.com_offset)
 
-    @property
+    @functools.cached_property
     def patch(self) -> Contact:
         """The contact of the release models."""
         contact = self.contact

@@ -13,7 +13,7 @@ import re
 import types
 import typing
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Self
 
 
 class ThrowplanError(Exception):
@@ -74,6 +74,13 @@ class Section:
 
     def check(self) -> None:
         """Conditions between fields; raises InputError."""
+
+    def changed(self, **values: Any) -> Self:
+        """A copy with other values, unchecked: plans make many from values that are valid."""
+        found = object.__new__(type(self))
+        kept = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
+        vars(found).update(kept, **values)
+        return found
 
 
 #: Types of the fields of each section; resolving them takes longer than checking a value.

@@ -46,7 +46,8 @@ class Pose(Section):
     def in_plane(self, x: float, theta: float | None) -> Pose:
         """The pose at `x` [m] and `theta` [rad] in the same plane and at the same height."""
         turn = self.azimuth
-        return dataclasses.replace(self, x=x * math.cos(turn), y=x * math.sin(turn), theta=theta)
+        x, y = float(x * math.cos(turn)), float(x * math.sin(turn))
+        return self.changed(x=x, y=y, theta=None if theta is None else float(theta))
 
     def distance(self, other: Pose, lever: float) -> float:
         """Scaled distance [m] in the throw's plane: |dx| + |dz| + |dtheta| `lever` [m] (39).
@@ -58,7 +59,7 @@ class Pose(Section):
 
     def turned(self, angle: float) -> Pose:
         """The same pose with theta, if fixed, `angle` [rad] further."""
-        return dataclasses.replace(self, theta=None if self.theta is None else self.theta + angle)
+        return self if self.theta is None else self.changed(theta=float(self.theta + angle))
 
 
 @dataclasses.dataclass(frozen=True)

@@ -101,11 +101,6 @@ class Throw:
         """The flight of that to the target's height."""
         return landing(self.release, self.target.z, self.scene.gravity)
 
-    def throw(self) -> Throw:
-        """The same, its landing computed now."""
-        _ = self.landing
-        return self
-
     @cached_property
     def grip_use(self) -> float:
         """Largest friction use (ellipsoid, 1 is the limit) from rest to the opening's start."""

@@ -231,7 +231,7 @@ class _Solving:
             samples = send(self.mover, planned)
         thrown = Throw.sent(scene, self.mover, planned, samples, opening_time)
         with self.task.clock("check"):
-            thrown.throw()
+            _ = thrown.landing
         turn = 0.0 if goal.theta is None or target.theta is None else goal.theta - target.theta
         aim = (goal.plane_x - target.plane_x, turn)
         return _Candidate(solution, numbers, planned, thrown, aim)

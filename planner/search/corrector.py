@@ -91,7 +91,7 @@ class Corrector:
             samples = send(self.mover, planned)
         thrown = Throw.sent(task.scene, self.mover, planned, samples, opening_time)
         with task.clock("check"):
-            thrown.throw()
+            _ = thrown.landing
         return planned, thrown
 
 

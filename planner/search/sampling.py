@@ -6,6 +6,7 @@ brake allow them, are thrown through the non-smooth sliding pivot as one batch.
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Callable
 from functools import partial
@@ -16,7 +17,7 @@ import numpy.typing as npt
 
 from ...models import HandSamples, Opening, PivotSteps, SlidingPivot, march, rk4_step
 from ...problems import Pose, Scene
-from ..check import Mover, column_distance, friction_use
+from ..check import Limits, Mover, column_distance, friction_use
 from ..compile import DAMAGED, cache_folder, digest, publish, source_of
 from ..ocp import BRAKE_SHARE, build_nlp
 from .launch import clears_column, clears_palm, run_up
@@ -260,7 +261,7 @@ def stored_releases(
 
 
 def _key(scene: Scene, mover: Mover, count: int, seed: int) -> str:
-    limits = mover.planning
+    limits = (getattr(mover.planning, field.name) for field in dataclasses.fields(Limits))
     parts = (
         scene.object,
         scene.grasp,
@@ -274,7 +275,7 @@ def _key(scene: Scene, mover: Mover, count: int, seed: int) -> str:
         mover.kinematics.coordinates,
         getattr(mover.kinematics, "throwing_joints", None),
         scene.hand,
-        *(None if v is None else v.tolist() for v in vars(limits).values()),
+        *(None if v is None else v.tolist() for v in limits),
         None if mover.start is None else mover.start.tolist(),
         count,
         seed,

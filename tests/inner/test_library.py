@@ -82,7 +82,7 @@ def test_a_moved_throw_is_a_whole_plan(prepared: tp.Planner, tmp_path: Path) -> 
     answer = plan.save(tmp_path, draw="png").to_dict()
     assert answer["nlp"]["variables"] > 100 and answer["landing"]["limit_surface"]
     assert all(math.isfinite(answer["error"][name]["angle"]) for name in ("planned", "exact"))
-    assert tp.read_plan(tmp_path).throw().miss(plan.target) == pytest.approx((0, 0), abs=0.02)
+    assert tp.read_plan(tmp_path).miss(plan.target) == pytest.approx((0, 0), abs=0.02)
     # It may be started from, moved, followed by a solver, and made robust.
     near = plan.target.in_plane(plan.target.plane_x + 0.004, plan.target.theta)
     for options in ({}, {"solver": "fatrop"}):
