@@ -1,4 +1,4 @@
-/* Written by `python -m throwplan.models.core_laws`: do not edit. */
+/* Written by `python -m throwplan.planner.compile.core_laws`: do not edit. */
 #define ITERATIONS 12
 /* Slip beyond the CoM's distance by which the body has left the pads [m]. */
 #define LOST_SLIP 0.1

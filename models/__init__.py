@@ -10,6 +10,7 @@ from .body import (
     HandMotion,
     HandSamples,
     HandTrack,
+    Value,
     com_twist,
     com_wrench,
     contact_twist,
@@ -90,4 +91,4 @@ from .stepping import (
     rk4_step,
     step_symbols,
 )
-from .time_stepping import ITERATIONS, LimitSurfaceStepping, SteppedRelease
+from .time_stepping import ITERATIONS, ImpulseProblem, Iterate, LimitSurfaceStepping, SteppedRelease

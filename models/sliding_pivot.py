@@ -31,7 +31,6 @@ from .body import (
     components,
     pivot_wrench,
 )
-from .compiled_batch import compiled_batch
 from .release import (
     BLEW_UP,
     LOST,
@@ -45,6 +44,7 @@ from .release import (
 from .stepping import (
     Triple,
     by_levels,
+    compiled_batch,
     euler_step,
     graded,
     located_steps,

@@ -33,12 +33,12 @@ from .body import (
     contact_twist,
     sticking_state,
 )
-from .compiled_batch import compiled_batch
 from .limit_surface import slip_onset
 from .release import BLEW_UP, BatchRelease, Release, ReleaseBatch, ReleaseCase
 from .stepping import (
     Triple,
     by_levels,
+    compiled_batch,
     number_symbols,
     numbers,
     run_steps,

@@ -23,10 +23,10 @@ from throwplan.models import (
     ReleaseCase,
     SlidingPivotRelease,
     SteppedRelease,
-    core_laws,
     disc,
     land,
 )
+from throwplan.planner.compile import core_laws
 
 DROP = tp.load_scene("drop")
 #: Names of the arrays by section, as `simulate_batch` takes them.
@@ -162,7 +162,7 @@ def test_the_compiled_core_throws_what_numpy_does(model, hand, monkeypatch) -> N
 
 
 def test_the_core_holds_the_laws_of_today() -> None:
-    """`python -m throwplan.models.core_laws` has nothing to write."""
+    """`python -m throwplan.planner.compile.core_laws` has nothing to write."""
     found = (FilePath(tp.__file__).parent / "core" / "laws.h").read_text(encoding="utf-8")
     assert found == core_laws.text()
 

@@ -1,10 +1,4 @@
-"""The cache folder, and functions compiled by the C compiler at hand.
-
-The folder holds what is costly to make and easy to make again: compiled functions, tables. Entries
-are named by a hash of all that they depend on. They are written whole, by renaming, so that
-processes may share the folder; whoever finds a damaged one makes it again. Losing the folder costs
-time only.
-"""
+"""CasADi functions as machine code, by the C compiler at hand."""
 
 from __future__ import annotations
 
@@ -13,21 +7,14 @@ import os
 import platform
 import shutil
 import subprocess
-import sys
 import tempfile
-import tokenize
-import zipfile
-import zlib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import casadi as ca
 
-#: What reading a damaged NPZ file may raise.
-DAMAGED = (
-    *(OSError, ValueError, KeyError, IndexError, TypeError, EOFError, RuntimeError),
-    *(zipfile.BadZipFile, zlib.error, SyntaxError, tokenize.TokenError),
-)
+from .cache import cache_folder, digest, publish
+
 #: More optimisation compiles twice as long and runs no faster.
 FLAGS = ("-O1", "-fPIC", "-shared")
 #: Longest time [s] that a compilation may take before it is given up.
@@ -36,53 +23,6 @@ PATIENCE = 300.0
 LARGEST = 8_000_000
 
 Functions = dict[str, ca.Function]
-
-
-def cache_folder() -> Path | None:
-    """THROWPLAN_CACHE, or `throwplan` in the user's cache folder; None if not to be had.
-
-    An empty THROWPLAN_CACHE turns the cache off.
-    """
-    given = os.environ.get("THROWPLAN_CACHE")
-    if given == "":
-        return None
-    usual = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
-    folder = Path(given) if given else Path(usual) / "throwplan"
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
-            pass
-    except (OSError, RuntimeError):
-        return None
-    return folder
-
-
-def digest(*parts: str | bytes) -> str:
-    """A name for what is made from `parts`."""
-    total = hashlib.sha256()
-    for part in parts:
-        data = part.encode() if isinstance(part, str) else part
-        total.update(len(data).to_bytes(8, "little") + data)
-    return total.hexdigest()[:24]
-
-
-def source_of(*makers: object) -> bytes:
-    """The code of the modules that define `makers`, so that a change of it makes a new entry."""
-    names = dict.fromkeys(str(maker.__module__) for maker in makers)
-    return b"".join(Path(str(sys.modules[name].__file__)).read_bytes() for name in names)
-
-
-def publish(folder: Path, name: str, write: Callable[[Path], None]) -> Path | None:
-    """Entry `name`, made by `write(path)` beside it and then renamed; None if that fails."""
-    target = folder / name
-    try:
-        with tempfile.TemporaryDirectory(dir=folder) as scratch:
-            path = Path(scratch) / name
-            write(path)
-            os.replace(path, target)
-    except OSError:
-        return None
-    return target
 
 
 def c_compiler() -> str | None:

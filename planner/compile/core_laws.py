@@ -1,6 +1,6 @@
 """The laws as C text, from what the models do with CasADi symbols: writes core/laws.h.
 
-    python -m throwplan.models.core_laws
+    python -m throwplan.planner.compile.core_laws
 
 A law is a loop over lanes: the same step for LANES throws side by side, one for a single throw.
 Values are arrays [rows][LANES], so that the compiler turns each loop into vector instructions. No
@@ -13,14 +13,23 @@ from pathlib import Path
 
 import casadi as ca
 
-from .body import HandSamples, Value, hand_of, sticking_state
-from .release import LOST_SLIP
-from .sliding_pivot import SlidingPivot
-from .stepping import number_symbols, rk4_step
-from .time_stepping import ITERATIONS, ImpulseProblem, Iterate, LimitSurfaceStepping
+from ...models import (
+    ITERATIONS,
+    LOST_SLIP,
+    HandSamples,
+    ImpulseProblem,
+    Iterate,
+    LimitSurfaceStepping,
+    SlidingPivot,
+    Value,
+    hand_of,
+    number_symbols,
+    rk4_step,
+    sticking_state,
+)
 
 HEAD = """\
-/* Written by `python -m throwplan.models.core_laws`: do not edit. */
+/* Written by `python -m throwplan.planner.compile.core_laws`: do not edit. */
 #define ITERATIONS {iterations}
 /* Slip beyond the CoM's distance by which the body has left the pads [m]. */
 #define LOST_SLIP {lost}
@@ -200,4 +209,4 @@ def _expression(f: ca.Function, k: int, operation: int, operands: list[int]) -> 
 
 
 if __name__ == "__main__":
-    (Path(__file__).parents[1] / "core" / "laws.h").write_text(text(), encoding="utf-8")
+    (Path(__file__).parents[2] / "core" / "laws.h").write_text(text(), encoding="utf-8")
