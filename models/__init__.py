@@ -89,6 +89,5 @@ from .stepping import (
     number_symbols,
     numbers,
     rk4_step,
-    step_symbols,
 )
 from .time_stepping import ITERATIONS, ImpulseProblem, Iterate, LimitSurfaceStepping, SteppedRelease

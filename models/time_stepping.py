@@ -117,12 +117,6 @@ class ImpulseProblem:
         trim = xp.where(held, 1.0, xp.minimum(self.radius / found.norm, 1.0))
         return [trim * value for value in found.y]
 
-    @property
-    def inverse_mass(self) -> Array:
-        """K (3, 3), of numbers."""
-        k_xx, k_zz, k_tt, k_xz, k_xt, k_zt = self.matrix
-        return np.array([[k_xx, k_xz, k_xt], [k_xz, k_zz, k_zt], [k_xt, k_zt, k_tt]], float)
-
 
 def _size(y: Sequence[Value]) -> Value:
     return backend(*y).sqrt(y[0] ** 2 + y[1] ** 2 + y[2] ** 2 + 1e-300)

@@ -19,7 +19,7 @@ from .files import (
 from .grip import Grasp, Gripper, PadContact, ThrownObject, grip_samples, monotone_grip
 from .movers import Hand, Motion, Robot, Torque
 from .scene import Mesh, Scene
-from .section import InputError, ThrowplanError
+from .section import InputError, ThrowplanError, hint_at
 from .targets import Choice, Cup, Landing, Pose, Tolerance, Workspace
 from .throws import THROW_DATA_FILES, MeasuredThrow, Shared, ThrowData, load_throws, write_throws
 from .toml import (

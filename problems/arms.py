@@ -9,7 +9,7 @@ from typing import Any
 
 from ..models import Arm, DHRow, JointFrame, JointLimits, LinkInertia, Slowing, Tool
 from .files import read_text, toml_lines, toml_tables
-from .section import InputError, from_table, meanings, nearest, rows_from, table_of
+from .section import InputError, from_table, hint_at, meanings, rows_from, table_of
 
 #: What the frames of the chain may be given as, in a table per joint.
 CHAINS: dict[str, type[Any]] = {"dh": DHRow, "joints": JointFrame}
@@ -37,7 +37,7 @@ def load_arm(name: str, folder: Path | None = None) -> Arm:
     elif name.endswith(".toml"):
         text = read_text((folder or Path()) / name)
     else:
-        hint = nearest(name, arm_names())
+        hint = hint_at(name, arm_names())
         raise InputError(
             f"unknown robot{hint} (shipped: {', '.join(arm_names())}; or a .toml file)"
         )

@@ -12,7 +12,7 @@ import math
 import re
 import types
 import typing
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Self
 
 
@@ -202,15 +202,15 @@ def _radians(key: str, value: Any) -> Any:
         raise InputError(f"{key}: the number is too large") from None
 
 
-def nearest(word: str, known: Sequence[str]) -> str:
+def hint_at(word: str, known: Iterable[str]) -> str:
     """A hint at the known word that is most like a wrong one; empty if none is."""
-    near = difflib.get_close_matches(word, known, 1, 0.4)
+    near = difflib.get_close_matches(word, list(known), 1, 0.4)
     return f", did you mean '{near[0]}'?" if near else ""
 
 
 def unknown(key: str, known: Sequence[str]) -> str:
     """'unknown key' message with the nearest known one."""
-    return f"unknown key '{key}'{nearest(key, known)} (known: {', '.join(known)})"
+    return f"unknown key '{key}'{hint_at(key, known)} (known: {', '.join(known)})"
 
 
 # Checks of single values.
@@ -292,7 +292,7 @@ def _check_limits(key: str, item: Any, about: Mapping[str, Any]) -> None:
     """InputError for a text that is no choice, and a number that is not finite or outside."""
     choices = about.get("choices")
     if isinstance(item, str) and choices and item not in choices:
-        hint = nearest(item, choices)
+        hint = hint_at(item, choices)
         raise InputError(f"{key} = {item!r}: must be one of {', '.join(choices)}{hint}")
     if isinstance(item, bool) or not isinstance(item, int | float):
         return

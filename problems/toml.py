@@ -16,7 +16,7 @@ from .arms import arm_from, arm_table, load_arm
 from .files import read_csv, read_text, toml_tables
 from .grip import NOISY, ROWS, grip_samples, held_object, monotone_grip, rises
 from .scene import Scene
-from .section import InputError, Section, from_table, hints_of, nearest, table_of, unknown
+from .section import InputError, Section, from_table, hint_at, hints_of, table_of, unknown
 from .uncertainty import Uncertainty, uncertainty_from, uncertainty_table
 
 #: Sections of a scene file, and what each becomes.
@@ -73,7 +73,7 @@ def load_scene(source: str | Path) -> Scene:
 
 def _no_scene(name: str) -> str:
     names = scene_names()
-    hint = nearest(name, names)
+    hint = hint_at(name, names)
     return f"no scene '{name}'{hint} (built in: {', '.join(names)}; or a .toml file)"
 
 

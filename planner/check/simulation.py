@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import pathlib
 import time
 from collections.abc import Mapping
@@ -28,7 +27,7 @@ from ...models import (
     ReleaseModel,
     land,
 )
-from ...problems import InputError, Scene, as_scene, plain
+from ...problems import InputError, Scene, as_scene, hint_at, plain
 from .given_motion import given_hand
 from .throw import LandingPoint, case_of, landing
 
@@ -55,10 +54,8 @@ def named_model(
     command line.
     """
     if name not in known:
-        near = difflib.get_close_matches(str(name), known, 1, 0.4)
-        hint = f", did you mean '{near[0]}'?" if near else ""
         allowed = allowed or f"one of {', '.join(known)}"
-        raise InputError(f"{prefix}model = {name!r}: must be {allowed}{hint}")
+        raise InputError(f"{prefix}model = {name!r}: must be {allowed}{hint_at(str(name), known)}")
     return known[name]
 
 

@@ -7,14 +7,13 @@ Each command is the file of its name (`import-robot` is import_robot.py) with `E
 from __future__ import annotations
 
 import argparse
-import difflib
 import json
 import sys
 from collections.abc import Iterable, Sequence
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 
-from ...problems import InputError
+from ...problems import InputError, hint_at
 from .common import DONE, WRONG_INPUT, Parser
 
 COMMANDS = {
@@ -89,8 +88,7 @@ def _add_arguments(parser: argparse.ArgumentParser, name: str) -> None:
 
 def _unknown(parser: argparse.ArgumentParser, word: str) -> str:
     """A word that a command does not take, and the nearest option that it does."""
-    near = difflib.get_close_matches(word, parser._option_string_actions, 1, 0.6)
-    hint = f", did you mean {near[0]}?" if near else ""
+    hint = hint_at(word, parser._option_string_actions)
     return f"unknown argument {word}{hint} (see '{parser.prog} --help')"
 
 

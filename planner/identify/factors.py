@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import difflib
 import re
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -10,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ...problems import InputError, ThrowData
+from ...problems import InputError, ThrowData, hint_at
 
 Array = npt.NDArray[np.float64]
 Rows = npt.NDArray[np.int_]
@@ -102,11 +101,9 @@ def comparisons(data: ThrowData, more: Iterable[str] = ()) -> tuple[list[Compari
 def _check_factor(data: ThrowData, name: str) -> None:
     there = [n for n in data.factors if n not in NO_FACTORS]
     if name not in there:
-        near = difflib.get_close_matches(name, there, 1, 0.4)
-        hint = f", did you mean '{near[0]}'?" if near else ""
         raise InputError(
             f"--factor {name}: must be a column of throws.csv that is a factor: "
-            f"{', '.join(there) or 'there is none'}{hint}"
+            f"{', '.join(there) or 'there is none'}{hint_at(name, there)}"
         )
     if len(data.factors[name]) < 2:
         raise InputError(f"--factor {name}: all throws have '{data.factors[name][0]}'")

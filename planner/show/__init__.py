@@ -10,7 +10,6 @@ from .style import (
     GREEN,
     GREY,
     ORANGE,
-    PURPLE,
     RED,
     TEAL,
     draw_cup,
@@ -18,4 +17,4 @@ from .style import (
     save,
 )
 from .tables import Cell, Row, Table, number, shown
-from .throw_picture import MIN_WIDTH, bar_corners, draw_throw
+from .throw_picture import bar_corners, draw_throw

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import difflib
 import logging
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -16,7 +15,7 @@ import numpy.typing as npt
 
 from ...models import JointFrame
 from ..files import read_text
-from ..section import InputError
+from ..section import InputError, hint_at
 
 Array = npt.NDArray[np.float64]
 
@@ -169,7 +168,7 @@ def _check_tree(robot: Any) -> None:
 def _chosen(robot: Any, name: str) -> Any:
     """A joint that can be one of the arm's."""
     if name not in robot.joint_map:
-        raise InputError(f"--joints: no joint '{name}'{_near(name, list(robot.joint_map))}")
+        raise InputError(f"--joints: no joint '{name}'{_near(name, robot.joint_map)}")
     joint = robot.joint_map[name]
     if joint.mimic is not None:
         raise InputError(f"--joints: '{name}' mimics '{joint.mimic.joint}', it has no motor")
@@ -182,15 +181,13 @@ def _chosen(robot: Any, name: str) -> Any:
 def _link(robot: Any, option: str, name: str) -> str:
     """The link that an option names."""
     if name not in robot.link_map:
-        raise InputError(f"{option}: no link '{name}'{_near(name, list(robot.link_map))}")
+        raise InputError(f"{option}: no link '{name}'{_near(name, robot.link_map)}")
     return name
 
 
-def _near(name: str, known: list[str]) -> str:
-    """Words for the names that are like `name`, or else for all."""
-    near = difflib.get_close_matches(name, known, 3, 0.6)
-    words = " or ".join(f"'{other}'" for other in near)
-    return f", did you mean {words}?" if near else f" (there are: {', '.join(known)})"
+def _near(name: str, known: Iterable[str]) -> str:
+    """Words for the name that is like `name`, or else for all."""
+    return hint_at(name, known) or f" (there are: {', '.join(known)})"
 
 
 def _path(robot: Any, link: str) -> list[Any]:
