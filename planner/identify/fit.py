@@ -75,7 +75,6 @@ class Fit:
     at_bound: tuple[str, ...]
     evaluations: int
     seconds: float
-    derivatives: str = "central differences"
 
     def summary(self, error: float) -> list[str]:
         """Lines for people; error [m]: mean scaled error of its landings."""
@@ -90,8 +89,8 @@ class Fit:
         lines = [
             f"    fit: {', '.join(parts)}",
             f"    mu r_p {1e3 * belief.product:.4g} mm +- {100 * belief.product_deviation:.2g} %, "
-            f"mean error {100 * error:.3f} cm; {self.derivatives}, {self.evaluations} "
-            f"evaluations, {self.seconds:.1f} s",
+            f"mean error {100 * error:.3f} cm; {self.evaluations} evaluations, "
+            f"{self.seconds:.1f} s",
         ]
         if max(self.scatter) > 1.0:
             lines.append(
@@ -111,7 +110,6 @@ class Fit:
             "cost": self.cost,
             "missed": self.missed,
             "at_bound": list(self.at_bound),
-            "derivatives": self.derivatives,
             "evaluations": self.evaluations,
             "seconds": self.seconds,
         }
@@ -268,12 +266,10 @@ class _Problem:
                 known = {"friction": np.log(mu), "patch_radius": np.log(radius), "delay": late}
                 yield np.array([known.get(name, 0.0) for name in self.names])
             return
-        from scipy.special import ndtri
         from scipy.stats import qmc
 
-        shares = qmc.Sobol(len(self.names), rng=np.random.default_rng(0)).random(DRAWS)
-        scores = ndtri(np.clip(shares, 1e-3, 1 - 1e-3))
-        yield from self.prior.mean + scores @ np.linalg.cholesky(self.prior.covariance).T
+        mean, covariance, rng = self.prior.mean, self.prior.covariance, np.random.default_rng(0)
+        yield from qmc.MultivariateNormalQMC(mean, covariance, rng=rng).random(DRAWS)
 
     def scatter(self, point: Array) -> Array:
         """Robust standard deviation of the residuals (2,): x [m], theta [rad]."""
