@@ -257,7 +257,8 @@ Full turns count: 270° is the same pose as −90°, after one turn more.
 """
 
 # %%
-others = {angle: planner.plan(tp.Pose(0.9, 0.22, math.radians(angle))) for angle in (-90, 90, 270)}
+aims = {angle: tp.Pose(0.9, 0.22, math.radians(angle)) for angle in (-90, 90, 270)}
+others = {angle: planner.plan(aim, patience=30) for angle, aim in aims.items()}
 figure, axes = plt.subplots(1, 3, figsize=(8.5, 5.4), sharey=True)
 for axis, (angle, one) in zip(axes, others.items(), strict=True):
     path = flight(one, 9)

@@ -80,10 +80,9 @@ The plan is exact to micrometres, and hardly one throw in ten succeeds. The dela
 
 # %%
 def draw_delay(axes, sweep, colour, name):
-    """Landing errors over the delay, from the sweep's own scan."""
-    scan = sweep.delays
-    near = np.abs(scan.delays) <= 0.020
-    ms, pose = 1e3 * scan.delays[near], scan.pose[near]
+    """Landing errors over the delay, the only thing that this sweep draws."""
+    order = np.argsort(sweep.values[:, 0])
+    ms, pose = 1e3 * sweep.values[order, 0], sweep.landings.pose[order]
     target = sweep.plan.target
     axes[0].plot(ms, 1e3 * (pose[:, 0] - target.x), color=colour, lw=2, label=name)
     axes[1].plot(ms, np.degrees(pose[:, 1] - target.theta), color=colour, lw=2, label=name)
@@ -96,7 +95,7 @@ def frame_delay(axes):
     for axis, width, words in zip(axes, widths, names, strict=True):
         axis.axhspan(-width, width, color="#4c78a8", alpha=0.35, lw=0, label="tolerance")
         axis.axvspan(-10, 10, color="#8a8f98", alpha=0.13, lw=0, label="delays expected")
-        axis.set(xlabel="opening late by [ms]", ylabel=words, xlim=(-20, 20))
+        axis.set(xlabel="opening late by [ms]", ylabel=words, xlim=(-12, 12))
 
 
 figure, axes = plt.subplots(1, 2, figsize=(10, 3.8))
