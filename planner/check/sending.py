@@ -65,10 +65,11 @@ class SmoothingError(Exception):
     """The planned motion cannot be sent within the limits."""
 
 
-def send(mover: Mover, planned: Path) -> Samples:
+def send(mover: Mover, planned: Path, *, as_planned: bool = False) -> Samples:
     """Samples of the launch and release, then of the brake to rest.
 
-    Raises SmoothingError where Ruckig finds no motion within the limits.
+    as_planned: takes no motion that breaks the limits itself, so that Ruckig would have to follow
+    it. Raises SmoothingError then, and where Ruckig finds no motion within the limits.
     """
     jerk = mover.hard.jerk
     if jerk is None:
@@ -79,6 +80,8 @@ def send(mover: Mover, planned: Path) -> Samples:
     import ruckig
 
     limits = _Bounds(*(SHARE * most for most in (mover.hard.dq, mover.hard.ddq, jerk)))
+    if as_planned and not _kept_ticks(limits, planned, planned.end).all():
+        raise SmoothingError("the planned motion breaks the limits")
     try:
         moved = _follow(limits, planned)
         brake = _brake(limits, *(values[-1] for values in moved))

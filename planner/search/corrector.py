@@ -8,6 +8,7 @@ do hold is not taken from this: the throw is checked as any other.
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -27,9 +28,12 @@ from .nlps import Program, Task
 Array = npt.NDArray[np.float64]
 
 #: Exact throws of one correction, the first included.
-THROWS = 5
-#: A throw must come nearer than this share of the last one's miss.
-NEARER = 0.7
+THROWS = 6
+#: A throw must come nearer than this share of the least miss so far; else the next step is at most
+#: half as long.
+NEARER = 0.9
+#: A step that is none, in shares of what corrections aim at.
+TINY = 1e-9
 #: NLPs tried from an optimum whose correction fails.
 TRIES = 2
 #: What an attempt by correction is called where a solver is named.
@@ -66,29 +70,33 @@ class Corrector:
         optimum, aim, off = near.optimum, aims(task.scene), np.array(near.miss)
         size = optimum.slope.shape[1]
         last, matrix, moved = scaled(off[0], off[1], aim), np.eye(size), np.zeros(size)
+        longest = math.inf
         for _ in range(THROWS):
             step = -np.linalg.solve(matrix, off[:size])
-            moved = moved + step
-            u = optimum.u + optimum.slope @ moved
-            if not self.controls.allowed(u):
-                break
-            planned, thrown = self._thrown(u, task)
-            now = np.array(thrown.miss(near.goal))
-            missed = scaled(now[0], now[1], aim)
+            length = float(np.abs(step / aim[:size]).max()) or TINY
+            step, length = step * min(longest / length, 1.0), min(length, longest)
+            u = optimum.u + optimum.slope @ (moved + step)
+            missed = math.inf
+            if self.controls.allowed(u):
+                planned, thrown = self._thrown(u, task)
+                now = np.array(thrown.miss(near.goal))
+                missed = scaled(now[0], now[1], aim)
             if missed <= 1.0:
                 return u, planned, thrown
-            if not missed < NEARER * last:
-                break
-            change = now[:size] - off[:size]
-            matrix = matrix + np.outer(change - matrix @ step, step) / (step @ step)
-            off, last = now, missed
+            if math.isfinite(missed) and length > TINY:
+                change = now[:size] - off[:size]
+                matrix = matrix + np.outer(change - matrix @ step, step) / (step @ step)
+            if missed < NEARER * last:
+                moved, off, last, longest = moved + step, now, missed, math.inf
+            else:
+                longest = length / 2
         raise SmoothingError("a solved throw nearby does not move to the target")
 
     def _thrown(self, u: Array, task: Task) -> tuple[Path, Throw]:
         """The motion of `u`, and its throw by the model that counts."""
         planned, opening_time = self.controls.motion(u)
         with task.clock("smooth"):
-            samples = send(self.mover, planned)
+            samples = send(self.mover, planned, as_planned=True)
         thrown = Throw.sent(task.scene, self.mover, planned, samples, opening_time)
         with task.clock("check"):
             _ = thrown.landing

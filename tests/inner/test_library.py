@@ -90,6 +90,19 @@ def test_a_moved_throw_is_a_whole_plan(prepared: tp.Planner, tmp_path: Path) -> 
     assert prepared.plan(plan.target, robust="quiet").robust
 
 
+def test_polishing_brings_a_moved_throw_to_its_optimum(plain: tp.Planner) -> None:
+    target = plain.scene.target
+    far = target.in_plane(target.plane_x + 0.03, target.theta - 0.1)
+    moved = plain.plan(far, warm=plain.plan())
+    assert moved.solver == "corrector"
+    better, cold = plain.polish(moved), plain.plan(far)
+    assert better.solved and better.solver == "fatrop"
+    assert better.throw.effort < moved.throw.effort
+    assert better.throw.effort < 1.001 * cold.throw.effort
+    # There is nothing left to gain.
+    assert plain.polish(better).throw.effort <= better.throw.effort
+
+
 def test_its_slopes_are_those_of_the_optimum(plain: tp.Planner, prepared: tp.Planner) -> None:
     """How the cost grows along the slope is how optima themselves differ."""
     target = plain.scene.target
