@@ -4,7 +4,7 @@
 
 #include <math.h>
 
-/* Counts up with every change of an argument or a structure; that of loading.py. */
+/* Counts up with every change of an argument or a structure; that of __init__.py. */
 #define CORE_VERSION 4
 
 /* What Python calls. */

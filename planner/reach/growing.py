@@ -36,8 +36,7 @@ from ..search import (
     sparse_parents,
     starts,
 )
-from .bins import WIDTHS
-from .maps import reach_map
+from .maps import WIDTHS, reach_map
 
 Array = npt.NDArray[np.float64]
 Cell = tuple[int, int]
