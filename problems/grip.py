@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ..models import FALL_SHARE, GripProfile, LinearRelease, TableRelease
-from .section import InputError, Section, from_table, quantity
+from .section import InputError, Section, from_table, optional, quantity
 
 Array = npt.NDArray[np.float64]
 
@@ -104,17 +104,17 @@ class Gripper(Section):
     `table`.
     """
 
-    force: float | None = quantity("N, of one pad at full grip", above=0, most=1e6, default=None)
+    force: float | None = optional("N, of one pad at full grip", above=0, most=1e6)
     dwell: float = quantity(
         "s, from the command until the force starts to fall", least=0, most=2, unit="s", default=0.0
     )
-    opening: float | None = quantity(
-        "s, from there to zero, linear", above=0, least=1e-5, most=2, unit="s", default=None
+    opening: float | None = optional(
+        "s, from there to zero, linear", above=0, least=1e-5, most=2, unit="s"
     )
     times: tuple[float, ...] = quantity("s, from the command: a measured force's times", default=())
     forces: tuple[float, ...] = quantity("N, of one pad at `times`; the last is 0", default=())
-    table: str | None = quantity(
-        "a CSV file with the columns t and f_N instead of `times` and `forces`", default=None
+    table: str | None = optional(
+        "a CSV file with the columns t and f_N instead of `times` and `forces`"
     )
     raw: bool = quantity(
         "whether `table` is an unfiltered recording: the nearest falling curve is taken",

@@ -7,7 +7,7 @@ import itertools
 import math
 
 from ..models import Arm
-from .section import InputError, Section, quantity
+from .section import InputError, Section, optional, quantity
 
 
 @dataclasses.dataclass(frozen=True)
@@ -25,17 +25,15 @@ class Hand(Section):
         degrees=True,
         default=(0.0, 0.0),
     )
-    angular_speed: float | None = quantity(
-        "rad/s; left out: the hand does not turn", above=0, most=1e3, default=None
+    angular_speed: float | None = optional(
+        "rad/s; left out: the hand does not turn", above=0, most=1e3
     )
-    angular_acceleration: float | None = quantity(
-        "rad/s²; with `angular_speed`", above=0, most=1e5, default=None
+    angular_acceleration: float | None = optional("rad/s²; with `angular_speed`", above=0, most=1e5)
+    start: tuple[float, float] | None = optional(
+        "m, x and z at rest before the throw; left out: free"
     )
-    start: tuple[float, float] | None = quantity(
-        "m, x and z at rest before the throw; left out: free", default=None
-    )
-    start_theta: float | None = quantity(
-        "degrees, at rest; with `start`, for a hand that turns", degrees=True, default=None
+    start_theta: float | None = optional(
+        "degrees, at rest; with `start`, for a hand that turns", degrees=True
     )
 
     @property
@@ -80,14 +78,13 @@ class Robot(Section):
     arm: str = quantity(
         "name of a shipped arm, or an arm data file (.toml, seen from the scene's folder)"
     )
-    start: tuple[float, ...] | None = quantity(
+    start: tuple[float, ...] | None = optional(
         "degrees, the throwing joints at rest before the throw; left out: free, and the least "
         "effort may be a mere drop",
         degrees=True,
-        default=None,
     )
-    throwing_joints: tuple[int, ...] | None = quantity(
-        "joints that throw; the arm's own where left out", default=None
+    throwing_joints: tuple[int, ...] | None = optional(
+        "joints that throw; the arm's own where left out"
     )
     control: str = quantity(
         "`jerk`: continuous acceleration; `acceleration`: steps, smoothed afterwards",
@@ -146,8 +143,8 @@ class Torque(Section):
     joints that only hold the posture.
     """
 
-    limits: tuple[float, ...] | None = quantity(
-        "N m, one per throwing joint; the arm's own where left out", above=0, most=1e6, default=None
+    limits: tuple[float, ...] | None = optional(
+        "N m, one per throwing joint; the arm's own where left out", above=0, most=1e6
     )
     margin: float = quantity(
         "share of the limits kept back for smoothing and correction",
@@ -199,13 +196,9 @@ class Motion(Section):
     accelerations: tuple[tuple[float, float, float], ...] = quantity(
         "rows a_x, a_z [m/s²], alpha [rad/s²]", default=()
     )
-    table: str | None = quantity(
-        "a CSV file with the columns t, x, z, theta (s, m, rad)", default=None
-    )
-    joints: str | None = quantity(
-        "a CSV file with the columns t, q1, q2, ... (s, rad) of `arm`", default=None
-    )
-    arm: str | None = quantity("as in [robot]; with `joints`", default=None)
+    table: str | None = optional("a CSV file with the columns t, x, z, theta (s, m, rad)")
+    joints: str | None = optional("a CSV file with the columns t, q1, q2, ... (s, rad) of `arm`")
+    arm: str | None = optional("as in [robot]; with `joints`")
     opening_time: float = quantity(
         "s, time in `table` or `joints` at which the force starts to fall", default=0.0
     )

@@ -52,6 +52,11 @@ def quantity(meaning: str, *, default: Any = dataclasses.MISSING, **limits: Any)
     return dataclasses.field(default=default, metadata=rules(meaning, **limits))
 
 
+def optional(meaning: str, **limits: Any) -> Any:
+    """The same for a field that may be left out."""
+    return quantity(meaning, default=None, **limits)
+
+
 @dataclasses.dataclass(frozen=True)
 class Section:
     """Base of all sections: checks types, finiteness and limits of its fields."""

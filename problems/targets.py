@@ -6,7 +6,7 @@ import dataclasses
 import math
 
 from ..models import DECIDING
-from .section import InputError, Section, quantity
+from .section import InputError, Section, optional, quantity
 
 
 @dataclasses.dataclass(frozen=True)
@@ -24,12 +24,11 @@ class Pose(Section):
         most=1e4,
     )
     z: float = quantity("m, the CoM comes down through this height", least=-1e4, most=1e4)
-    theta: float | None = quantity(
+    theta: float | None = optional(
         "degrees, from the grasped end to the CoM, full turns count; left out: any",
         degrees=True,
         least=-1e4,
         most=1e4,
-        default=None,
     )
     y: float = quantity("m, base frame; only with [robot]", least=-1e4, most=1e4, default=0.0)
 
@@ -89,9 +88,9 @@ class Landing(Section):
     speed_min: float = quantity(
         "m/s, of the CoM at landing; below `speed_max`", least=0, default=0.0
     )
-    speed_max: float | None = quantity("m/s; left out: no bound", above=0, default=None)
-    rate_max: float | None = quantity(
-        "rad/s, turning rate at landing either way; left out: no bound", above=0, default=None
+    speed_max: float | None = optional("m/s; left out: no bound", above=0)
+    rate_max: float | None = optional(
+        "rad/s, turning rate at landing either way; left out: no bound", above=0
     )
 
     def check(self) -> None:
@@ -134,17 +133,15 @@ class Cup(Section):
 class Workspace(Section):
     """Where nothing may be. Heights and distances in m, in the throw's plane."""
 
-    floor: float | None = quantity(
-        "m, lowest height of hand, arm joints and held bar; left out: none", default=None
+    floor: float | None = optional(
+        "m, lowest height of hand, arm joints and held bar; left out: none"
     )
-    column_radius: float | None = quantity(
-        "m, the robot's base, for the bar; with `column_height`", above=0, default=None
+    column_radius: float | None = optional(
+        "m, the robot's base, for the bar; with `column_height`", above=0
     )
-    column_height: float | None = quantity("m; with `column_radius`", above=0, default=None)
-    palm_clearance: float | None = quantity(
-        "m, from the detached bar to the hand's body; only an arm's hand has one",
-        least=0,
-        default=None,
+    column_height: float | None = optional("m; with `column_radius`", above=0)
+    palm_clearance: float | None = optional(
+        "m, from the detached bar to the hand's body; only an arm's hand has one", least=0
     )
 
     def check(self) -> None:

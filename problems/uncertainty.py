@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import section
-from .section import InputError, Section, from_table, quantity, table_of, unknown
+from .section import InputError, Section, from_table, optional, quantity, table_of, unknown
 
 
 @dataclasses.dataclass(frozen=True)
@@ -22,15 +22,13 @@ class Distribution(Section):
     `{ uniform = 0.1, relative = true }` is +-10 % of it.
     """
 
-    uniform: float | None = quantity("half width about `mean`", above=0, default=None)
-    normal: float | None = quantity(
-        "standard deviation about `mean`; cut off where values become impossible",
-        above=0,
-        default=None,
+    uniform: float | None = optional("half width about `mean`", above=0)
+    normal: float | None = optional(
+        "standard deviation about `mean`; cut off where values become impossible", above=0
     )
     samples: tuple[float, ...] = quantity("measured values", default=())
-    mean: float | None = quantity(
-        "the scene's value (0 for an error) where left out; not with `samples`", default=None
+    mean: float | None = optional(
+        "the scene's value (0 for an error) where left out; not with `samples`"
     )
     relative: bool = quantity(
         "all numbers are multiples of the scene's value; only for opening, friction, "
@@ -118,38 +116,27 @@ class Uncertainty(Section):
     is of the normal scores (a Gaussian copula).
     """
 
-    delay: Distribution | None = quantity(
+    delay: Distribution | None = optional(
         "s, the gripper opens that much later than commanded; a known mean sends the command "
         "earlier",
         most=10.0,
-        default=None,
     )
-    opening: Distribution | None = quantity("s, duration of the force's fall", default=None)
-    friction: Distribution | None = quantity("μ", default=None)
-    patch_radius: Distribution | None = quantity("m", default=None)
-    mass: Distribution | None = quantity("kg", default=None)
-    com_offset: Distribution | None = quantity(
-        "m, from the pads to the CoM", most=100.0, default=None
+    opening: Distribution | None = optional("s, duration of the force's fall")
+    friction: Distribution | None = optional("μ")
+    patch_radius: Distribution | None = optional("m")
+    mass: Distribution | None = optional("kg")
+    com_offset: Distribution | None = optional("m, from the pads to the CoM", most=100.0)
+    inertia: Distribution | None = optional("kg m²")
+    grasp_offset: Distribution | None = optional("m, of the pads from the bar's end", most=100.0)
+    grasp_angle: Distribution | None = optional("degrees", degrees=True, most=math.tau)
+    hand_x: Distribution | None = optional(
+        "m, error of the hand when the force starts to fall", most=10.0
     )
-    inertia: Distribution | None = quantity("kg m²", default=None)
-    grasp_offset: Distribution | None = quantity(
-        "m, of the pads from the bar's end", most=100.0, default=None
-    )
-    grasp_angle: Distribution | None = quantity(
-        "degrees", degrees=True, most=math.tau, default=None
-    )
-    hand_x: Distribution | None = quantity(
-        "m, error of the hand when the force starts to fall", most=10.0, default=None
-    )
-    hand_z: Distribution | None = quantity("m, the same", most=10.0, default=None)
-    hand_theta: Distribution | None = quantity(
-        "degrees, the same", degrees=True, most=math.tau, default=None
-    )
-    hand_vx: Distribution | None = quantity("m/s, the same", most=100.0, default=None)
-    hand_vz: Distribution | None = quantity("m/s, the same", most=100.0, default=None)
-    hand_omega: Distribution | None = quantity(
-        "degrees/s, the same", degrees=True, most=1000.0, default=None
-    )
+    hand_z: Distribution | None = optional("m, the same", most=10.0)
+    hand_theta: Distribution | None = optional("degrees, the same", degrees=True, most=math.tau)
+    hand_vx: Distribution | None = optional("m/s, the same", most=100.0)
+    hand_vz: Distribution | None = optional("m/s, the same", most=100.0)
+    hand_omega: Distribution | None = optional("degrees/s, the same", degrees=True, most=1000.0)
     correlation: tuple[tuple[str, str, float], ...] = quantity(
         "rows name, name, coefficient (between −1 and 1) of the normal scores", default=()
     )
@@ -292,12 +279,9 @@ class Robust(Section):
         choices=ROBUST_METHODS + COMPARED_METHODS,
         default="auto",
     )
-    early: float | None = quantity(
-        "s, window before the opening; from [uncertainty] where left out",
-        least=0,
-        most=0.1,
-        default=None,
+    early: float | None = optional(
+        "s, window before the opening; from [uncertainty] where left out", least=0, most=0.1
     )
-    late: float | None = quantity(
-        "s, window after detach; from [uncertainty] where left out", least=0, most=0.1, default=None
+    late: float | None = optional(
+        "s, window after detach; from [uncertainty] where left out", least=0, most=0.1
     )
