@@ -21,6 +21,8 @@ Array = npt.NDArray[np.float64]
 
 #: Random start poses tried when the start is free.
 POSES = 4000
+#: Parts of a plan whose times are always told; a plan that needs no solve spent no time on it.
+PARTS = ("build", "guess", "solve", "smooth", "check")
 
 
 @dataclass(frozen=True)
@@ -31,7 +33,9 @@ class Clock:
     """
 
     until: float = math.inf
-    seconds: dict[str, float] = field(default_factory=lambda: defaultdict(float))
+    seconds: dict[str, float] = field(
+        default_factory=lambda: defaultdict(float, dict.fromkeys(PARTS, 0.0))
+    )
 
     @property
     def left(self) -> float:
