@@ -25,20 +25,22 @@ typedef struct {
     double cup_x, cup_rim, cup_radius, cup_insertion; /* the radius at the bar's width */
 } scene;
 
-/* A throw: its motion, opening and detach [s], the bar while the pads open, com [3][nodes], and its
+/* A throw: its motion, seen every `tick` [s], and for the grip every `step`, opening and detach [s],
+   the bar while the pads open, com [3][nodes], and its
    flight from detach (x, z, theta and their rates) for `flight` [s]. */
 typedef struct {
     const path *motion;
     const linkage *arm;
     const scene *around;
-    double tick, opening, detach, flight;
+    double tick, step, opening, detach, flight;
     long nodes;
     const double *com, *start;
 } throw;
 
-/* Heights of the lowest points, distances, least clearance; infinite where nothing was near. */
+/* Use of the grip; heights of the lowest points, distances, least clearance, infinite where nothing
+   was near. */
 typedef struct {
-    double arm, held, column_held, column_flown, palm, palm_time, cup;
+    double grip, arm, held, column_held, column_flown, palm, palm_time, cup;
 } measured;
 
 typedef struct {
@@ -436,19 +438,6 @@ INLINE double enter(const throw *t, const box *bar)
     return found;
 }
 
-CLONES EXPORT void measure(const throw *t, measured *m)
-{
-    const scene *s = t->around;
-    const box bar = {-s->behind, s->ahead, s->half_width};
-    const box body = {-s->palm_back, -s->palm_front, s->palm_half_width};
-    double reach = hypot(GREATER(s->behind, s->ahead), s->half_width);
-    *m = (measured){INFINITY, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY};
-    carry(t, &bar, &body, reach, m);
-    fly(t, &bar, &body, reach, m);
-    if (s->cup_radius >= 0.0)
-        m->cup = enter(t, &bar);
-}
-
 /* Largest squared use of the full grip at some times. */
 INLINE double use_at(const throw *t, const double *times, int count, long *piece)
 {
@@ -473,8 +462,8 @@ INLINE double use_at(const throw *t, const double *times, int count, long *piece
 }
 
 /* The largest use of the full grip from rest to the opening; 1 is the limit. Instants are those of
-   `Path.closely` of models/path.py, `step` apart. */
-CLONES EXPORT double grip_use(const throw *t, double step)
+   `Path.closely` of models/path.py. */
+INLINE double grip(const throw *t)
 {
     const path *p = t->motion;
     double most = 0.0, times[LANES], begin = p->breaks[0], until = t->opening;
@@ -492,7 +481,7 @@ CLONES EXPORT double grip_use(const throw *t, double step)
         while (corner < p->corners && !(p->kinks[corner] > begin))
             corner++;
         double end = corner < p->corners && p->kinks[corner] < until ? p->kinks[corner] : until;
-        long parts = (long)ceil((end - begin) / step);
+        long parts = (long)ceil((end - begin) / t->step);
         double length = end - begin - 2.0 * INSIDE;
         for (long i = 0; i <= parts; i++)
             TAKE(begin + INSIDE + length * i / (parts > 1 ? parts : 1));
@@ -514,4 +503,22 @@ CLONES EXPORT double grip_use(const throw *t, double step)
     if (count)
         most = fmax(most, use_at(t, times, count, &piece));
     return sqrt(most);
+}
+
+CLONES EXPORT double grip_use(const throw *t)
+{
+    return grip(t);
+}
+
+CLONES EXPORT void measure(const throw *t, measured *m)
+{
+    const scene *s = t->around;
+    const box bar = {-s->behind, s->ahead, s->half_width};
+    const box body = {-s->palm_back, -s->palm_front, s->palm_half_width};
+    double reach = hypot(GREATER(s->behind, s->ahead), s->half_width);
+    *m = (measured){grip(t), INFINITY, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY};
+    carry(t, &bar, &body, reach, m);
+    fly(t, &bar, &body, reach, m);
+    if (s->cup_radius >= 0.0)
+        m->cup = enter(t, &bar);
 }

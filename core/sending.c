@@ -119,46 +119,8 @@ INLINE void braked(const braking *b, double jerk, double t, const double last[3]
     *acceleration = t > 0.0 ? 0.0 : a;
 }
 
-/* Samples of a planned motion that keeps the limits, and of its brake; rows: how many fit. The
-   number of rows, of which more than that are not written; 0 for a motion that Ruckig must follow. */
-CLONES EXPORT long send_motion(const path *p, const limits *most, const samples *s)
-{
-    double tick = s->tick, until, duration = 0.0;
-    long n = p->n, ticks = (long)ceil(p->breaks[p->pieces] / tick - SAME), piece = 0;
-    until = tick * ticks;
-    if (p->powers != 4 || n > AXES || !keeps(p, most, tick, until))
-        return 0;
-    double last[AXES][4];
-    braking brake[AXES];
-    piece = piece_of(p, until, piece);
-    for (long i = 0; i < n; i++) {
-        cubic_at(p, piece, i, until - p->breaks[piece], last[i]);
-        brake[i] = brake_of(last[i][1], last[i][2], SHARE * most->ddq[i], SHARE * most->jerk[i]);
-        duration = larger(duration, brake[i].first + brake[i].level + brake[i].last);
-    }
-    long rows = ticks + 1 + (long)ceil(duration / tick) + 1;
-    if (rows > s->rows)
-        return rows;
-    piece = 0;
-    for (long k = 0; k <= ticks; k++) {
-        double t = tick * k, at[4];
-        piece = piece_of(p, t, piece);
-        for (long i = 0; i < n; i++) {
-            cubic_at(p, piece, i, t - p->breaks[piece], at);
-            s->q[k * n + i] = at[0];
-            s->dq[k * n + i] = at[1];
-            s->ddq[k * n + i] = at[2];
-        }
-    }
-    for (long k = ticks + 1; k < rows; k++)
-        for (long i = 0; i < n; i++)
-            braked(&brake[i], SHARE * most->jerk[i], tick * (k - ticks), last[i], &s->q[k * n + i],
-                   &s->dq[k * n + i], &s->ddq[k * n + i]);
-    return rows;
-}
-
 /* The quintics through samples, curves [6][n][rows - 1]; kinks, at most 4 rows; their number. */
-CLONES EXPORT long quintics(const samples *s, double *curves, double *kinks)
+INLINE long through(const samples *s, double *curves, double *kinks)
 {
     long n = s->n, pieces = s->rows - 1, count = 0;
     double h = s->tick, h2 = h * h, per = 1.0 / h, per3 = per * per * per;
@@ -194,6 +156,52 @@ CLONES EXPORT long quintics(const samples *s, double *curves, double *kinks)
         }
     }
     return count;
+}
+
+CLONES EXPORT long quintics(const samples *s, double *curves, double *kinks)
+{
+    return through(s, curves, kinks);
+}
+
+/* Samples of a planned motion that keeps the limits, and of its brake, and the quintics through them.
+   s: how many fit, and then how many there are; the number of kinks, or less than 0 where more would
+   be needed, and for a motion that Ruckig must follow. */
+CLONES EXPORT long send_motion(const path *p, const limits *most, samples *s, double *curves,
+                               double *kinks)
+{
+    double tick = s->tick, until, duration = 0.0;
+    long n = p->n, ticks = (long)ceil(p->breaks[p->pieces] / tick - SAME), piece = 0;
+    until = tick * ticks;
+    if (p->powers != 4 || n > AXES || !keeps(p, most, tick, until))
+        return -1;
+    double last[AXES][4];
+    braking brake[AXES];
+    piece = piece_of(p, until, piece);
+    for (long i = 0; i < n; i++) {
+        cubic_at(p, piece, i, until - p->breaks[piece], last[i]);
+        brake[i] = brake_of(last[i][1], last[i][2], SHARE * most->ddq[i], SHARE * most->jerk[i]);
+        duration = larger(duration, brake[i].first + brake[i].level + brake[i].last);
+    }
+    long rows = ticks + 1 + (long)ceil(duration / tick) + 1;
+    if (rows > s->rows)
+        return -1;
+    s->rows = rows;
+    piece = 0;
+    for (long k = 0; k <= ticks; k++) {
+        double t = tick * k, at[4];
+        piece = piece_of(p, t, piece);
+        for (long i = 0; i < n; i++) {
+            cubic_at(p, piece, i, t - p->breaks[piece], at);
+            s->q[k * n + i] = at[0];
+            s->dq[k * n + i] = at[1];
+            s->ddq[k * n + i] = at[2];
+        }
+    }
+    for (long k = ticks + 1; k < rows; k++)
+        for (long i = 0; i < n; i++)
+            braked(&brake[i], SHARE * most->jerk[i], tick * (k - ticks), last[i], &s->q[k * n + i],
+                   &s->dq[k * n + i], &s->ddq[k * n + i]);
+    return through(s, curves, kinks);
 }
 
 /* Lowest and highest velocity of an axis at q. */

@@ -87,21 +87,23 @@ class ThrowC(ctypes.Structure):
 
     _fields_ = (
         *_fields(_ADDRESS, "motion", "arm", "around"),
-        *_fields(_DOUBLE, "tick", "opening", "detach", "flight"),
+        *_fields(_DOUBLE, "tick", "step", "opening", "detach", "flight"),
         ("nodes", _LONG),
         *_fields(_ADDRESS, "com", "start"),
     )
 
 
 class Measured(ctypes.Structure):
-    """The least of a throw's heights and distances [m], infinite where nothing is near.
+    """Use of the grip and the least heights and distances [m], infinite where nothing is near.
 
-    arm: height of joints, hand and its body, from rest to the end; held: of the bar, until detach.
-    column_held, column_flown: the bar's signed distance from the base column. palm: of the flying
-    bar from the hand's body, and from when on [s after detach] it is below the scene's clearance.
-    cup: clearance on the way into the cup, -inf for a bar that misses it. `measured` of check.c.
+    grip: largest use of the full grip from rest to the opening, 1 is the limit. arm: height of
+    joints, hand and its body, from rest to the end; held: of the bar, until detach. column_held,
+    column_flown: the bar's signed distance from the base column. palm: of the flying bar from the
+    hand's body, and from when on [s after detach] it is below the scene's clearance. cup: clearance
+    on the way into the cup, -inf for a bar that misses it. `measured` of check.c.
     """
 
+    grip: float
     arm: float
     held: float
     column_held: float
@@ -110,7 +112,7 @@ class Measured(ctypes.Structure):
     palm_time: float
     cup: float
     _fields_ = _fields(
-        _DOUBLE, "arm", "held", "column_held", "column_flown", "palm", "palm_time", "cup"
+        _DOUBLE, "grip", "arm", "held", "column_held", "column_flown", "palm", "palm_time", "cup"
     )
 
 

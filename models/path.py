@@ -132,7 +132,7 @@ class Path:
             given, kinks = np.empty((6, q.shape[1], len(q) - 1, 1)), np.empty(4 * len(q))
             samples, outputs = SamplesC.of(step, q, dq, ddq), map(address, (given, kinks))
             count = core.quintics(ctypes.byref(samples), *map(ctypes.c_void_p, outputs))
-            return cls(times, given, kinks[:count].copy(), held=True)
+            return cls(times, given, kinks[:count], held=True)
         h = step
         v, a = h * dq, h * h * ddq
         p0, v0, a0 = q[:-1], v[:-1], a[:-1]

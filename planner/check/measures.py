@@ -64,7 +64,7 @@ def grip_use(scene: Scene, mover: Mover, path: Path, opening_time: float) -> flo
         return float(np.sqrt((force**2 + torque**2).max()))
     core.grip_use.restype = ctypes.c_double
     throw = _throw(scene, mover, path, opening_time)
-    return float(core.grip_use(ctypes.byref(throw), ctypes.c_double(CARRY_STEP)))
+    return float(core.grip_use(ctypes.byref(throw)))
 
 
 def friction_use(scene: Scene, hand: HandSamples) -> tuple[Array, Array]:
@@ -85,7 +85,7 @@ def _throw(scene: Scene, mover: Mover, path: Path, opening_time: float) -> Throw
     moved, arm, around = path.core, mover.kinematics.core, _numbers(scene)
     assert moved is not None and arm is not None
     at = ctypes.addressof
-    throw = ThrowC(at(moved), at(arm), at(around), TICK, opening_time)
+    throw = ThrowC(at(moved), at(arm), at(around), TICK, CARRY_STEP, opening_time)
     throw.parts = moved, arm, around
     return throw
 
@@ -145,6 +145,6 @@ def _measured(
     if scene.cup is not None:
         detach = np.array([[*vars(release.detach).values()]])
         cup = float(cup_entries(scene, detach, np.array([flight]))[0])
-    lowest_held = float(lowest_of_bar(bar, held).min())
-    found = float(lowest.min()), lowest_held, column_held, column_flown, palm, palm_time, cup
-    return Measured(*found)
+    grip, lowest_held = grip_use(scene, mover, path, opening_time), lowest_of_bar(bar, held).min()
+    columns, near = (column_held, column_flown), (palm, palm_time, cup)
+    return Measured(grip, lowest.min(), lowest_held, *columns, *near)

@@ -95,11 +95,18 @@ def _sent_by_core(limits: Limits, planned: Path) -> Samples | None:
     core, path = library(), planned.core
     if core is None or path is None or limits.core is None:
         return None
-    rows = math.ceil((planned.end + limits.longest_brake) / TICK) + 4
-    found, by = np.empty((3, rows, path.n)), ctypes.byref
-    samples = SamplesC.of(TICK, *found)
-    sent = core.send_motion(by(path), by(limits.core), by(samples))
-    return Samples(*found[:, :sent]) if 0 < sent <= rows else None
+    rows, n = math.ceil((planned.end + limits.longest_brake) / TICK) + 4, path.n
+    found, curves, kinks = (np.empty(shape) for shape in ((3, rows, n), 6 * n * rows, 4 * rows))
+    samples, by = SamplesC.of(TICK, *found), ctypes.byref
+    outputs = map(ctypes.c_void_p, map(address, (curves, kinks)))
+    corners = core.send_motion(by(path), by(limits.core), by(samples), *outputs)
+    if corners < 0:
+        return None
+    sent, pieces = Samples(*found[:, : samples.rows]), samples.rows - 1
+    given = curves[: 6 * n * pieces].reshape(6, n, pieces, 1)
+    # The motion through them is known already.
+    vars(sent)["path"] = Path(sent.times, given, kinks[:corners], held=True)
+    return sent
 
 
 def broken_limits(mover: Mover, sent: Samples) -> list[str]:
@@ -114,11 +121,12 @@ def _excess(limits: Limits, sent: Samples) -> Array:
 
     Rows: position, velocity, acceleration, velocity where it depends on the position, jerk.
     """
-    core, found = library(), np.full((5, sent.q.shape[1]), -np.inf)
+    core, found = library(), np.empty((5, sent.q.shape[1]))
     if core is not None and limits.core is not None:
         samples, output = SamplesC.of(TICK, sent.q, sent.dq, sent.ddq), address(found)
         core.excess(ctypes.byref(samples), ctypes.byref(limits.core), ctypes.c_void_p(output))
         return found
+    found.fill(-np.inf)
     q = sent.q
     rate, acceleration, jerk = (np.diff(v, axis=0) / TICK for v in (q, sent.dq, sent.ddq))
     found[0] = np.maximum(limits.q_min - q, q - limits.q_max).max(axis=0)

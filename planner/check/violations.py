@@ -47,9 +47,9 @@ class Violation:
 
 def throw_violations(throw: Throw) -> list[Violation]:
     """What a throw breaks in any scene: the grip, the release, the way down."""
-    found = []
-    if throw.grip_use > 1.0:
-        words = f"slip before the opening (grip use {throw.grip_use:.2f})"
+    found, use = [], throw.measured.grip if throw.lands else throw.grip_use
+    if use > 1.0:
+        words = f"slip before the opening (grip use {use:.2f})"
         found.append(Violation(words, guard="carry"))
     if throw.release.trouble:
         found.append(Violation(throw.release.trouble))
