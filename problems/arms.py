@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 from ..models import Arm, DHRow, JointFrame, JointLimits, LinkInertia, Slowing, Tool
-from .files import read_text, toml_lines, toml_tables
+from .files import read_text, shipped, toml_lines, toml_tables
 from .section import InputError, from_table, hint_at, meanings, rows_from, table_of
 
 #: What the frames of the chain may be given as, in a table per joint.
@@ -24,23 +23,16 @@ TABLES: dict[str, type[Any]] = {
 }
 
 
-def arm_names() -> list[str]:
-    """Names of the shipped arms."""
-    folder = files(__package__) / "arms"
-    return sorted(entry.name[:-5] for entry in folder.iterdir() if entry.name.endswith(".toml"))
-
-
 def load_arm(name: str, folder: Path | None = None) -> Arm:
     """An arm from a shipped name or an arm data file (TOML), relative to `folder`."""
-    if name in arm_names():
-        text = (files(__package__) / "arms" / f"{name}.toml").read_text(encoding="utf-8")
+    known = shipped("arms")
+    if name in known:
+        text = known[name].read_text(encoding="utf-8")
     elif name.endswith(".toml"):
         text = read_text((folder or Path()) / name)
     else:
-        hint = hint_at(name, arm_names())
-        raise InputError(
-            f"unknown robot{hint} (shipped: {', '.join(arm_names())}; or a .toml file)"
-        )
+        hint = hint_at(name, known)
+        raise InputError(f"unknown robot{hint} (shipped: {', '.join(known)}; or a .toml file)")
     return arm_from(toml_tables(text, name))
 
 

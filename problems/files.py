@@ -12,6 +12,8 @@ import tempfile
 import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
+from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
@@ -30,6 +32,12 @@ def read_text(path: Path) -> str:
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "is not a text file"
         raise InputError(f"{path}: {reason}") from None
+
+
+def shipped(kind: str) -> dict[str, Traversable]:
+    """The TOML files in the package's folder `kind`, by name."""
+    entries = sorted((resources.files(__package__) / kind).iterdir(), key=lambda e: e.name)
+    return {e.name.removesuffix(".toml"): e for e in entries if e.name.endswith(".toml")}
 
 
 def toml_tables(text: str, place: str) -> dict[str, Any]:

@@ -19,8 +19,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ..models import Arm, TableRelease
-from .arms import arm_names, load_arm
-from .files import read_csv, read_text, toml_key, toml_lines, toml_tables
+from .arms import load_arm
+from .files import read_csv, read_text, shipped, toml_key, toml_lines, toml_tables
 from .grip import Grasp, ThrownObject, grip_samples, held_object
 from .section import InputError, Section, from_table, meanings, quantity, table_of, unknown
 
@@ -35,8 +35,6 @@ HEIGHT_ERROR = 0.05
 #: What a motion must cover [s] before the force falls and after it is gone: filters err at the
 #: ends, and a late opening needs more.
 MARGIN = 0.03
-#: Fewest throws that parameters are fitted to.
-FEWEST = 1
 
 
 @dataclasses.dataclass(frozen=True)
@@ -193,7 +191,7 @@ def _rows(path: Path) -> list[tuple[int, dict[str, str]]]:
         if len(line) != len(header):
             raise InputError(f"{path}: line {number} has {len(line)} cells, not {len(header)}")
         found.append((number, dict(zip(header, (cell.strip() for cell in line), strict=True))))
-    if len(found) < FEWEST:
+    if not found:
         raise InputError(f"{path}: holds no throw")
     return found
 
@@ -303,7 +301,7 @@ def write_throws(
     kinds = dict.fromkeys(throw.object for throw in data.throws)
     names = {one: f"object{i}" for i, one in enumerate(kinds, start=1)} | dict(objects or {})
     arm = data.shared.arm
-    if arm is not None and arm not in arm_names() and not (folder / arm).is_file():
+    if arm is not None and arm not in shipped("arms") and not (folder / arm).is_file():
         raise InputError(f"{folder}: holds no {arm}: copy the arm's file there first")
     files = _file_names(data.throws)
     try:

@@ -13,7 +13,7 @@ import numpy as np
 
 from ..models import Arm
 from .arms import arm_from, arm_table, load_arm
-from .files import read_csv, read_text, toml_tables
+from .files import read_csv, read_text, shipped, toml_tables
 from .grip import NOISY, ROWS, grip_samples, held_object, monotone_grip, rises
 from .scene import Scene
 from .section import InputError, Section, from_table, hint_at, hints_of, table_of, unknown
@@ -32,15 +32,14 @@ TOP_KEYS = ("name", "description", "gravity")
 
 def scene_names() -> list[str]:
     """Names of the built-in scenes."""
-    folder = files(__package__) / "scenes"
-    return sorted(entry.name[:-5] for entry in folder.iterdir() if entry.name.endswith(".toml"))
+    return list(shipped("scenes"))
 
 
 def scene_text(name: str) -> str:
     """The TOML text of a built-in scene; InputError if there is none of that name."""
     if name not in scene_names():
         raise InputError(_no_scene(name))
-    return (files(__package__) / "scenes" / f"{name}.toml").read_text(encoding="utf-8")
+    return shipped("scenes")[name].read_text(encoding="utf-8")
 
 
 def scene_reference() -> str:

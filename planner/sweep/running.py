@@ -211,16 +211,16 @@ def sweep_until_stopped(
     thrown = run_sweep(thrower, sampler, samples, executor, progress)
     if thrown is None:
         return None
-    pose = thrown.landings.pose
-    shares = [variance_shares(thrown.values, pose[:, column]) for column in (0, 1)]
+    numbers, values, landings = thrown
+    shares = [variance_shares(values, landings.pose[:, column]) for column in (0, 1)]
     return Sweep(
         plan,
         thrower,
         sampler,
         asked=samples,
-        numbers=thrown.numbers,
-        values=thrown.values,
-        landings=thrown.landings,
+        numbers=numbers,
+        values=values,
+        landings=landings,
         nominal=thrower.throw(thrower.nominal()),
         derivatives=derivatives(thrower, sampler),
         shares=dict(zip(sampler.names, zip(*shares, strict=True), strict=True)),

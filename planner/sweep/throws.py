@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
@@ -53,7 +54,7 @@ class Outcomes:
     held: Flags
 
     @staticmethod
-    def joined(parts: list[Outcomes]) -> Outcomes:
+    def joined(parts: Sequence[Outcomes]) -> Outcomes:
         """All of several."""
         names = [field.name for field in fields(Outcomes)]
         return Outcomes(*(np.concatenate([getattr(p, name) for p in parts]) for name in names))

@@ -21,7 +21,7 @@ from concurrent.futures import (
     wait,
 )
 from contextlib import contextmanager
-from dataclasses import dataclass
+from functools import partial
 from multiprocessing import get_context
 
 import numpy as np
@@ -33,6 +33,8 @@ from .samples import Sampler
 from .throws import Outcomes, Thrower
 
 Array = npt.NDArray[np.float64]
+#: Numbers (N,) of samples in the sequence, their parameters (N, P), and what came of them.
+Thrown = tuple[npt.NDArray[np.int_], Array, Outcomes]
 #: Told how many samples are done, of how many.
 Progress = Callable[[int, int], None]
 
@@ -139,29 +141,10 @@ def _line(error: BaseException) -> str:
     return " ".join(words.split())[:300]
 
 
-@dataclass(frozen=True)
-class Chunk:
-    """Samples `first` to `first + count` of a sweep: all that a worker needs."""
-
-    thrower: Thrower
-    sampler: Sampler
-    first: int
-    count: int
-
-
-def throw_chunk(chunk: Chunk) -> tuple[Array, Outcomes]:
-    """Draw and throw one chunk: parameters (count, P) and landings."""
-    values = chunk.sampler.draw(chunk.first, chunk.count)
-    return values, chunk.thrower.throw(values)
-
-
-@dataclass(frozen=True)
-class Thrown:
-    """Samples that were thrown: numbers (N,) in the sequence, parameters (N, P), landings."""
-
-    numbers: npt.NDArray[np.int_]
-    values: Array
-    landings: Outcomes
+def throw_chunk(thrower: Thrower, sampler: Sampler, first: int, count: int) -> Thrown:
+    """Draw and throw samples `first` to `first + count`."""
+    values = sampler.draw(first, count)
+    return np.arange(first, first + count), values, thrower.throw(values)
 
 
 def run_sweep(
@@ -178,52 +161,49 @@ def run_sweep(
     """
     # The same whatever the number of workers; a power of two, as the sequence likes it.
     size = MODELS[thrower.model].chunk
-    chunks = [
-        Chunk(thrower, sampler, first, min(size, samples - first))
+    work = (
+        partial(throw_chunk, thrower, sampler, first, min(size, samples - first))
         for first in range(0, samples, size)
-    ]
-    done: dict[int, tuple[Array, Outcomes]] = {}
+    )
+    done: list[Thrown] = []
 
-    def keep(index: int, result: tuple[Array, Outcomes]) -> None:
-        done[index] = result
+    def keep(part: Thrown) -> None:
+        done.append(part)
         if progress is not None:
-            progress(sum(chunks[i].count for i in done), samples)
+            progress(sum(numbers.size for numbers, _, _ in done), samples)
 
     try:
         if executor is None:
-            for index, chunk in enumerate(chunks):
-                keep(index, throw_chunk(chunk))
+            for chunk in work:
+                keep(chunk())
         else:
-            _spread(chunks, executor, keep)
+            _spread(work, executor, keep)
     except KeyboardInterrupt:
         if not done:
             return None
-    order = sorted(done)
-    numbers = [chunks[i].first + np.arange(chunks[i].count) for i in order]
-    values = np.vstack([done[i][0] for i in order])
-    landings = Outcomes.joined([done[i][1] for i in order])
-    return Thrown(np.concatenate(numbers), values, landings)
+    done.sort(key=lambda part: int(part[0][0]))
+    numbers, values, landings = zip(*done, strict=True)
+    return np.concatenate(numbers), np.vstack(values), Outcomes.joined(landings)
 
 
 def _spread(
-    chunks: list[Chunk], executor: Executor, keep: Callable[[int, tuple[Array, Outcomes]], None]
+    work: Iterator[Callable[[], Thrown]], executor: Executor, keep: Callable[[Thrown], None]
 ) -> None:
     """Throw the chunks on the executor's workers; `keep` takes each as it is done."""
-    waiting = iter(enumerate(chunks))
-    running: dict[Future[tuple[Array, Outcomes]], int] = {}
+    running: set[Future[Thrown]] = set()
     try:
         while True:
-            for index, chunk in itertools.islice(waiting, WINDOW - len(running)):
-                running[executor.submit(throw_chunk, chunk)] = index
+            for chunk in itertools.islice(work, WINDOW - len(running)):
+                running.add(executor.submit(chunk))
             if not running:
                 return
             for future in wait(running, return_when=FIRST_COMPLETED).done:
-                keep(running.pop(future), future.result())
+                running.remove(future)
+                keep(future.result())
     except KeyboardInterrupt:
         # What has begun is nearly done; the rest is dropped.
-        begun = [future for future in running if not future.cancel()]
-        for future in wait(begun).done:
-            keep(running[future], future.result())
+        for future in wait([future for future in running if not future.cancel()]).done:
+            keep(future.result())
         raise
     except BaseException:
         for future in running:

@@ -211,10 +211,10 @@ def test_what_was_done_is_kept_when_stopped(posed, monkeypatch) -> None:
         if done >= 2 * 256:
             raise KeyboardInterrupt
 
-    thrown = run_sweep(whole.thrower, whole.sampler, 3 * 256, None, stop)
+    _, values, landings = run_sweep(whole.thrower, whole.sampler, 3 * 256, None, stop)
     count = 2 * 256
-    assert np.array_equal(thrown.values, whole.values[:count])
-    assert np.array_equal(thrown.landings.pose, whole.landings.pose[:count])
+    assert np.array_equal(values, whole.values[:count])
+    assert np.array_equal(landings.pose, whole.landings.pose[:count])
 
 
 def test_a_stopped_command_says_how_much_is_done(tmp_path, capsys, monkeypatch) -> None:
