@@ -15,7 +15,7 @@ typedef struct {
     const double *knots;   /* [pieces + 1] */
     const double *curves;  /* [4][pieces][rows][3] */
     const double *delays;  /* [count] */
-    const double *drift;   /* [3][count]: rates added to the hands' */
+    const double *drift;   /* [3][count]: rates added to the hands', or none */
     double *detach;        /* [count][6] */
     unsigned char *lost;   /* [count] */
 } batch;
@@ -48,7 +48,7 @@ INLINE void load(const batch *b, long first, block *k)
         k->opening[l] = b->numbers[9 * b->count + n];
         k->force[l] = b->numbers[10 * b->count + n];
         k->delay[l] = b->delays[n];
-        for (int i = 0; i < 3; i++)
+        for (int i = 0; b->drift && i < 3; i++)
             k->drift[i][l] = b->drift[i * b->count + n];
         k->piece[l] = piece_at(b->knots, b->pieces, k->delay[l]);
         enter_piece(b, k, l);
@@ -68,7 +68,10 @@ INLINE void store(const batch *b, const block *k, const lane com[6], const lane 
 INLINE void row_of(const batch *b, const block *k, const double *rows, long row, lane value)
 {
     const double *begin = rows + row * b->width;
-    EACH_LANE value[l] = begin[b->width == 1 ? 0 : k->throws[l]];
+    if (b->width == 1)
+        EACH_LANE value[l] = *begin;
+    else
+        EACH_LANE value[l] = begin[k->throws[l]];
 }
 
 /* Pose, twist and acceleration of the hands at times [s]; they must not go back. */
@@ -88,11 +91,17 @@ INLINE void hands_at(const batch *b, block *k, const lane time, lane hand[9])
     for (int i = 0; i < 3; i++)
         EACH_LANE {
             double u = t[l], c3 = k->cubic[i][l], c2 = k->cubic[3 + i][l];
-            double c1 = k->cubic[6 + i][l], c0 = k->cubic[9 + i][l], drift = k->drift[i][l];
-            hand[i][l] = c0 + u * (c1 + u * (c2 + u * c3)) + time[l] * drift;
-            hand[3 + i][l] = c1 + u * (2.0 * c2 + u * 3.0 * c3) + drift;
+            double c1 = k->cubic[6 + i][l], c0 = k->cubic[9 + i][l];
+            hand[i][l] = c0 + u * (c1 + u * (c2 + u * c3));
+            hand[3 + i][l] = c1 + u * (2.0 * c2 + u * 3.0 * c3);
             hand[6 + i][l] = 2.0 * c2 + 6.0 * u * c3;
         }
+    if (b->drift)
+        for (int i = 0; i < 3; i++)
+            EACH_LANE {
+                hand[i][l] += time[l] * k->drift[i][l];
+                hand[3 + i][l] += k->drift[i][l];
+            }
 }
 
 INLINE void copy(int rows, const lane from[], lane to[])

@@ -170,13 +170,11 @@ def compiled_batch(
     curves[4 - powers :] = batch.hands.coefficients.transpose(0, 2, 3, 1)
     grip = batch.grip.force(shares * batch.grip.opening) / batch.grip.full
     delays = np.broadcast_to(batch.hands.delays, batch.count)
-    drift = np.zeros((3, batch.count)) if batch.hands.drift is None else batch.hands.drift
-    inputs = [
-        np.ascontiguousarray(value, float)
-        for value in (shares, grip, _numbers(batch), batch.hands.breaks, curves, delays, drift)
-    ]
+    given = (shares, grip, _numbers(batch), batch.hands.breaks, curves, delays, batch.hands.drift)
+    inputs = [None if value is None else np.ascontiguousarray(value, float) for value in given]
     detach, lost = np.empty((batch.count, 6)), np.empty(batch.count, bool)
-    addresses = [array.ctypes.data for array in (*inputs, detach, lost)]
+    arrays = (*inputs, detach, lost)
+    addresses = [None if array is None else array.ctypes.data for array in arrays]
     function = getattr(core, law)
     function.restype = None
     width, steps = 1 if shares.ndim == 1 else batch.count, len(shares) // 2
