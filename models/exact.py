@@ -1,4 +1,4 @@
-"""Exact releases of one throw by the non-smooth models: in the compiled core, else by NumPy.
+"""Exact releases of one throw by the non-smooth models: in the compiled core, else in Python.
 
 The sliding pivot goes in Runge-Kutta steps that end where the hand's motion has a kink and where
 pivoting or sliding begins or ends, so that they keep their order; their number is doubled until the
@@ -10,22 +10,24 @@ from __future__ import annotations
 import ctypes
 import math
 from dataclasses import replace
-from itertools import pairwise
+from functools import cache
 
+import casadi as ca
 import numpy as np
 
 from ..core import GripC, LinkageC, ReleaseC, library
-from .body import Array, HandSamples
+from .body import Array
 from .path import INSIDE, MovedHand, Path
 from .release import BLEW_UP, LOST, GripProfile, LinearRelease, Release, ReleaseCase
 from .sliding_pivot import PivotSteps, SlidingPivot, world_release
-from .stepping import graded, located_steps, numbers
+from .stepping import graded, number_symbols, numbers, run_steps, step_function
 from .time_stepping import SteppedRelease
 
 #: Nodes of a release besides those at kinks: most steps and events of a run, as in core/release.c.
 ROOM = 800
-#: Steps by NumPy: of the sliding pivot, and of the finer of two runs on the limit surface.
-PIVOT_STEPS, SURFACE_STEPS = 80, 4000
+#: Steps without the core: of the sliding pivot, so many of them in a call, and of the finer of two
+#: runs on the limit surface.
+PIVOT_STEPS, BLOCK, SURFACE_STEPS = 1500, 64, 2000
 #: A hand that moves by itself.
 _FREE = LinkageC(3, 0, 0, 0.0, 0.0, 0.0)
 
@@ -34,7 +36,7 @@ def exact_pivot_release(case: ReleaseCase) -> Release:
     """The release by the non-smooth sliding pivot; no wrench."""
     core, made = library(), _compiled(case)
     if core is None or made is None:
-        return _located(case)
+        return _by_numpy(case)
     rows = np.empty((ROOM + _kinks(case).size, 7))
     onset, lost = (ctypes.c_double * 2)(), ctypes.c_int()
     pointers = ctypes.c_void_p(rows.ctypes.data), onset, ctypes.byref(lost)
@@ -67,29 +69,45 @@ def relative_states(case: ReleaseCase, nodes: Array) -> Array:
     One Runge-Kutta step from each node to the next, from sticking at the first: rough
     where the nodes are, for starting points.
     """
-    core, made, states = library(), _compiled(case), np.zeros((nodes.size, 6))
+    core, made = library(), _compiled(case)
     if core is not None and made is not None:
-        times = np.ascontiguousarray(nodes, float)
+        times, states = np.ascontiguousarray(nodes, float), np.empty((nodes.size, 6))
         pointers = (ctypes.c_void_p(rows.ctypes.data) for rows in (times, states))
         core.pivot_track(ctypes.byref(made), ctypes.c_long(nodes.size), *pointers)
         return states
-    steps = PivotSteps(SlidingPivot(case.body, case.contact, case.gravity))
-    states[0, 2] = case.grasp_angle
-    for k, (begin, end) in enumerate(pairwise(nodes)):
-        times = np.array([begin + INSIDE, (begin + end) / 2, end - INSIDE])
-        rows, forces = case.hand.at(times), case.grip.force(times)
-        hands = [HandSamples(t, *(row[:, i] for row in rows)) for i, t in enumerate(times)]
-        states[k + 1] = steps.advance(states[k], hands, forces, end - begin)
-    return states
+    return _stepped(case, nodes)
 
 
-def _located(case: ReleaseCase) -> Release:
-    """The sliding pivot by NumPy."""
+def _by_numpy(case: ReleaseCase) -> Release:
+    """The sliding pivot in steps so many that they need no nodes at its events."""
     law, opening = SlidingPivot(case.body, case.contact, case.gravity), case.grip.opening
-    nodes = np.union1d(opening * graded(PIVOT_STEPS), _kinks(case))
-    times, states, (pivot, slide) = located_steps(PivotSteps(law), case, nodes)
-    found = world_release(law, case.hand.at(times), states.T, case.grip.force(times))
-    return replace(found, pivot=pivot, slide=slide, wrench=None)
+    nodes = np.union1d(opening * graded(PIVOT_STEPS, 1.5), _kinks(case))
+    states, forces = _stepped(case, nodes), case.grip.force(nodes)
+    return replace(world_release(law, case.hand.at(nodes), states.T, forces), wrench=None)
+
+
+def _stepped(case: ReleaseCase, nodes: Array) -> Array:
+    """Relative states (K, 6) of the sliding pivot at `nodes`, by CasADi's machine."""
+    filling = np.full(-(nodes.size - 1) % BLOCK, nodes[-1])
+    filled = np.concatenate([nodes, filling])
+    dt = np.diff(filled)
+    inside = np.minimum(INSIDE, dt / 4)
+    times = np.column_stack([filled[:-1] + inside, filled[:-1] + dt / 2, filled[1:] - inside])
+    hand, force = case.hand.at(times.ravel()), case.grip.force(times.ravel())
+    rows = np.vstack([hand.pose, hand.twist, hand.acceleration, force]).T.reshape(-1, 30)
+    columns, states = np.column_stack([rows, dt]).T, np.zeros((6, 1))
+    states[2] = case.grasp_angle
+    for first in range(0, dt.size, BLOCK):
+        part = columns[:, first : first + BLOCK]
+        found = run_steps(_steps(), states[:, -1], part, numbers(case))
+        states = np.hstack([states, found[:, 1:]])
+    return np.asarray(states.T[: nodes.size])
+
+
+@cache
+def _steps() -> ca.Function:
+    p, body, contact, gravity = number_symbols()
+    return step_function(PivotSteps(SlidingPivot(body, contact, gravity)), p, BLOCK)
 
 
 def _path(case: ReleaseCase) -> Path | None:
