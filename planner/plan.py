@@ -135,7 +135,7 @@ class Planner:
         if method and plan.solved:
             plan = self._hardened(plan, method, turns, task)
         total, spent = time.perf_counter() - started + made, dict(clock.seconds)
-        spent["build"] = spent.get("build", 0.0) + made
+        spent["build"] += made
         rest = plan.alternatives[:alternatives]
         return dataclasses.replace(plan, alternatives=rest, time={**spent, "total": total})
 
@@ -185,9 +185,11 @@ class Planner:
         task = Task(self.scene.aimed_at(target), target, ("fatrop",), clock)
         for attempt in self._nearby.attempts(task, "exact", 1, before):
             if attempt.solved and attempt.throw and attempt.throw.effort < before.effort:
-                seconds = dict(clock.seconds) | {"total": time.perf_counter() - started}
-                better = self._solved(attempt, [attempt], task)
-                return dataclasses.replace(better, time=seconds)
+                better, total = (
+                    self._solved(attempt, [attempt], task),
+                    time.perf_counter() - started,
+                )
+                return dataclasses.replace(better, time={**clock.seconds, "total": total})
         return plan
 
     def prepare(self, throws: int = PREPARED, progress: Progress | None = None) -> int:

@@ -9,17 +9,20 @@ from __future__ import annotations
 import collections
 import itertools
 import math
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...problems import Pose, Scene, load_scene
+from ...problems import Pose, load_scene
 from ..plan import Planner
-from ..reach import reach_map
+from ..reach import ReachMap, reach_map
 from ..result import Plan
+from ..search import CORRECTOR
 from ..show import BLACK, BLUE, GREEN, RED, Row, Table, shown
+from .judge import judged
 from .measure import quantiles, reachable_targets, shared, warmed
 from .page import Effort, Picture, ReportSection, panels
 
@@ -37,12 +40,14 @@ TARGETS = {
     "hand-box": (20, 300),
     "hand-flip": (20, 300),
 }
-#: Scenes that are planned once more with prepared throws.
-PREPARED = ("pose", "cup", "hand-box")
+#: Scenes whose library is measured: quick, full; its throws, targets spread over the bins of their
+#: maps, and plans that the judge looks at.
+LIBRARIES = ("hand-box",), ("pose", "cup", "box", "flip", "fr3")
+THROWS, ON_MAP, JUDGED = (60, 5000), (10, 500), (4, 400)
 #: Plans before any is timed: the NLPs they need are built.
 FIRST = (2, 50)
-#: Sampled states of a map, middles of its bins that are thrown to, and targets far from it.
-SAMPLED, ON_MAP, FAR_OUT = (20_000, 200_000), (2, 40), (5, 300)
+#: Sampled states of a map, and targets far from it.
+SAMPLED, FAR_OUT = (20_000, 200_000), (5, 300)
 #: Far: more than this from the middle of every bin that was hit, x [m] or theta [rad] ...
 FAR = (0.1, math.radians(20))
 #: ... and at most this beyond them.
@@ -54,25 +59,25 @@ SWING, PERIOD, TICK = (0.06, 0.2), 2.0, 0.01
 def make(effort: Effort) -> ReportSection:
     """Targets in reach, far out, on the map, moving."""
     counts = {name: effort.of(*sizes) for name, sizes in TARGETS.items() if effort.of(*sizes)}
-    on_map = ("hand-box",) if effort.quick else tuple(TARGETS)
-    step = effort.counter(len(counts) + len(on_map) + 3)
+    spread = LIBRARIES[0] if effort.quick else LIBRARIES[1]
+    step = effort.counter(len(counts) + len(spread) + 3)
     made = shared(_targets, counts, counts.values(), quick=effort.quick)
     targets = dict(zip(counts, made, strict=True))
     step()
     rows, plans = list[Row](), dict[str, list[Plan]]()
     for name, some in targets.items():
-        found, plans[name] = _in_reach(load_scene(name), some, effort)
-        rows += found
+        plans[name] = _planned(warmed(load_scene(name), some[: effort.of(*FIRST)]), some)
+        row: Row = {"scene": name}
+        rows.append(row | _row(plans[name]))
         step()
     far = _planned(warmed(load_scene("pose"), []), outside("pose", effort))
     step()
     following = [_following(name, effort.of(20, 200)) for name in ("pose", "cup")]
     step()
     mapped = list[Row]()
-    for name in on_map:
-        row, middles = _on_map(name, effort)
+    for name in spread:
+        row, plans[f"{name}, over the map"] = _over_map(name, effort)
         mapped.append(row)
-        plans[f"{name}, on the map"] = middles
         step()
     lost = [
         {"targets": words} | _said(plan) | {"why": plan.message}
@@ -83,37 +88,22 @@ def make(effort: Effort) -> ReportSection:
     every = [{"drawn": "in reach"} | _said(plan) | _nearest(plan) for plan in plans["pose"]]
     every += [{"drawn": "far out"} | _said(plan) | _nearest(plan) for plan in far]
     table = Table("reach-targets", "Targets of `pose`, and what was said", every)
-    caption = "Random targets in reach; prepared: throws that were solved before, to start from"
     words = "Scene pose: targets in reach and far out, and the nearest pose named for these"
     return ReportSection(
         "reach",
         "Any target in reach",
         _figures(rows, far, following, mapped),
         [
-            Table("reach-inside", caption, rows),
+            Table("reach-inside", "Random targets in reach, without a library", rows),
             Table("reach-lost", "Targets without a throw, and why", lost),
             table,
             Table("reach-following", "Plans after a moving target", following),
-            Table("reach-map", "Middles of a map's bins", mapped),
+            Table(
+                "reach-map", "Targets spread over a map's bins, with a library and without", mapped
+            ),
         ],
         [Picture("reach", words, _draw_targets(table))],
     )
-
-
-def _in_reach(scene: Scene, targets: list[Pose], effort: Effort) -> tuple[list[Row], list[Plan]]:
-    """Rows for a scene: as it is, and after `prepare`; the first plans."""
-    rows, kept = list[Row](), list[Plan]()
-    planner = warmed(scene, targets[: effort.of(*FIRST)])
-    ways = (False, True) if scene.name in PREPARED and not effort.quick else (False,)
-    for prepared in ways:
-        if prepared:
-            planner = Planner(scene)
-            planner.prepare()
-        plans = _planned(planner, targets)
-        kept = kept or plans
-        row: Row = {"scene": scene.name, "prepared": planner.prepared}
-        rows.append(row | _row(plans))
-    return rows, kept
 
 
 def _planned(planner: Planner, targets: Sequence[Pose]) -> list[Plan]:
@@ -159,25 +149,30 @@ def _figures(
     rows: list[Row], far: list[Plan], following: list[Row], mapped: list[Row]
 ) -> list[str]:
     """What is thrown to, and how fast."""
-    words: list[str] = []
-    for row in rows:
-        time = f"{shown(row['plan, median [ms]'])} ms"
-        if row["prepared"]:
-            words[-1] += f" ({time} prepared)"
-        else:
-            words.append(f"`{row['scene']}` {row['solved']} of {row['targets']}, {time} a plan")
+    words = [
+        f"`{row['scene']}` {row['solved']} of {row['targets']}, "
+        f"{shown(row['plan, median [ms]'])} ms a plan"
+        for row in rows
+    ]
     said = collections.Counter(plan.status for plan in far)
     after = ", ".join(
         f"`{row['scene']}` {row['solved']} of {row['plans']}, {shown(row['plan, median [ms]'])} ms"
         for row in following
     )
-    middles = ", ".join(f"`{r['scene']}` {r['solved']} of {r['middles']}" for r in mapped)
+    middles = "; ".join(
+        f"`{r['scene']}` {r['solved']} of {r['targets']}, {r['moved throws']} of them moved, "
+        f"{shown(r['plan, median [ms]'])} ms a plan, {shown(r['plan, 99 % [ms]'])} at 99 % "
+        f"(cold: {r['cold: solved']}, {shown(r['cold: plan, median [ms]'])} and "
+        f"{shown(r['cold: plan, 99 % [ms]'])} ms), {r['judged wrong']} of "
+        f"{r['judged']} judged wrong"
+        for r in mapped
+    )
     return [
         f"Random targets in reach that are thrown to: {'; '.join(words)}.",
         f"Targets far from all that the samples of a map hit, `pose`: {said['out_of_reach']} of "
         f"{len(far)} are called out of reach, {said['solved']} are solved under the exact check, "
         f"{said['not_converged']} have no answer.",
-        f"Middles of random bins of a map that are thrown to: {middles}.",
+        f"Targets spread evenly over a map's bins, with a library of solved throws: {middles}.",
         f"Plans after a target that swings by {100 * SWING[0]:.0f} cm and {SWING[1]:g} rad, a plan "
         f"every {1e3 * TICK:.0f} ms: {after} a plan.",
     ]
@@ -199,21 +194,49 @@ def outside(name: str, effort: Effort) -> list[Pose]:
     return targets
 
 
-def _on_map(name: str, effort: Effort) -> tuple[Row, list[Plan]]:
-    """Plans to the middles of random bins of a scene's map, and their row."""
-    found = reach_map(load_scene(name), samples=effort.of(*SAMPLED))
-    target, edges = found.scene.target, found.theta_edges
+def _over_map(name: str, effort: Effort) -> tuple[Row, list[Plan]]:
+    """Plans to random places of random bins of a scene's map by its library, beside cold ones."""
+    scene, count = load_scene(name), effort.of(*ON_MAP)
+    targets = over_map(reach_map(scene, samples=effort.of(*SAMPLED)), count)
+    planner, before, started = Planner(scene), Planner(scene).prepared, time.perf_counter()
+    throws = planner.prepare(effort.of(*THROWS))
+    seconds = time.perf_counter() - started
+    # What is built once is no plan's time.
+    planner.plan(targets[0])
+    plans, cold = _planned(planner, targets), _planned(warmed(scene, targets[:2]), targets)
+    pairs = [(a.throw, b.throw) for a, b in zip(plans, cold, strict=True) if a.solved and b.solved]
+    costs = [a.effort / b.effort for a, b in pairs if a is not None and b is not None]
+    looked = [p for p in plans if p.solved][: effort.of(*JUDGED)]
+    wrong = sum(bool(judged(p.throw, p.target).wrong) for p in looked if p.throw is not None)
+    said = collections.Counter(plan.status for plan in plans)
+    row: Row = {
+        "scene": name,
+        "throws": throws,
+        "prepare [s]": None if before else seconds,
+        "library [MB]": planner.library.records.nbytes / 1e6,
+        "moved throws": sum(plan.solved and plan.solver == CORRECTOR for plan in plans),
+        "out of reach": said["out_of_reach"],
+        "no answer": said["not_converged"],
+    }
+    row |= _row(plans) | {f"cold: {name}": value for name, value in _row(cold).items()}
+    for share, value in zip((50, 90), quantiles(costs, 50, 90), strict=True):
+        row[f"cost over the cold plan's, {share} %"] = value
+    return row | {"judged": len(looked), "judged wrong": wrong}, plans
+
+
+def over_map(found: ReachMap, count: int) -> list[Pose]:
+    """Targets at random places of `count` random bins of a map that were hit."""
+    rng, target, edges = np.random.default_rng(MAP_SEED), found.scene.target, found.theta_edges
     assert target is not None
     hit = np.argwhere(found.landings > 0)
-    chosen = hit[np.random.default_rng(MAP_SEED).permutation(len(hit))[: effort.of(*ON_MAP)]]
-    middles = []
+    chosen = hit[rng.permutation(len(hit))[:count]]
+    if len(chosen) < count:
+        chosen = hit[rng.integers(0, len(hit), count)]
+    targets = []
     for i, j in chosen:
-        theta = None if edges is None else float(edges[j : j + 2].mean())
-        middles.append(target.in_plane(float(found.x_edges[i : i + 2].mean()), theta))
-    plans = _planned(Planner(found.scene), middles)
-    said = collections.Counter(plan.status for plan in plans)
-    row: Row = {"scene": name, "bins hit": found.reachable, "middles": len(plans)}
-    return row | {k: said[k] for k in ("solved", "out_of_reach", "not_converged")}, plans
+        theta = None if edges is None else float(rng.uniform(*edges[j : j + 2]))
+        targets.append(target.in_plane(float(rng.uniform(*found.x_edges[i : i + 2])), theta))
+    return targets
 
 
 @dataclass(frozen=True)

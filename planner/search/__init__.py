@@ -4,7 +4,7 @@ Also answers which landing is the nearest possible, and which limits bind there.
 """
 
 from .attempt import Attempt, Start, attempts, distinct, ordered, scatter, violations
-from .corrector import Corrector, moved_start, optimum_of
+from .corrector import CORRECTOR, Corrector, moved_start, optimum_of
 from .guess import guess_from, refit
 from .launch import carry, flies_past_column, polynomial, run_up
 from .library import Library, Neighbour
