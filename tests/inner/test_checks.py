@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+import pickle
 from collections.abc import Callable
 from typing import TypeVar
 
@@ -146,6 +147,15 @@ def test_both_measure_the_same_where_things_are_near(cup_plan: tp.Plan, by_numpy
         assert numbers(one) == pytest.approx(found, abs=1e-6)
         near |= {key for key, value in found.items() if math.isfinite(value)}
     assert near == set(numbers(throw))
+
+
+def test_a_checked_throw_goes_to_another_process(cup_plan: tp.Plan) -> None:
+    """What it has of this process's memory stays behind."""
+    assert cup_plan.throw is not None
+    throw = dataclasses.replace(cup_plan.throw.final)
+    assert broken(throw) == []
+    sent = dataclasses.replace(pickle.loads(pickle.dumps(throw)))
+    assert numbers(sent) == numbers(throw)
 
 
 @pytest.mark.parametrize("seed", range(4))
