@@ -7,11 +7,11 @@ from .controllers import (
     FRANKA_FILES,
     OPEN_WIDTH,
     ROS_FILES,
+    joint_motion,
     joint_names,
     ros_typestore,
     write_franka,
     write_ros,
 )
-from .export import joint_motion
 from .mujoco_replay import Replay, replay
 from .mujoco_throw import Rest, load_mujoco

@@ -3,7 +3,6 @@
 from .moving import draw_throw_moving, save_film
 from .release_pictures import draw_releases
 from .server import open_browser, run_panel, serving
-from .space import space_throw
 from .style import (
     BLACK,
     BLUE,
@@ -18,3 +17,4 @@ from .style import (
 )
 from .tables import Cell, Row, Table, number, shown
 from .throw_picture import bar_corners, draw_throw
+from .view import space_throw

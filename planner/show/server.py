@@ -14,9 +14,8 @@ from collections.abc import Iterator
 from typing import Any
 
 from ...problems import InputError
-from .space import SpaceThrow
 from .style import PHASES
-from .view import View
+from .view import SpaceThrow, View
 
 HOST = "127.0.0.1"
 #: Steps of playing a second.
