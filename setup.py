@@ -11,6 +11,7 @@ from setuptools.command.build_ext import build_ext
 #: all processors give the same digits.
 FLAGS = [
     "-O2",
+    "-g0",
     "-ftree-vectorize",
     "-fno-math-errno",
     "-fno-trapping-math",
