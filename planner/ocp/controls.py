@@ -80,6 +80,12 @@ class Controls:
         return np.diff(self.request.nodes)
 
     @cached_property
+    def _before(self) -> Array:
+        """Sums over the intervals before each: (stages, stages) below the diagonal."""
+        stages = self.request.scene.mesh.carry + len(self.opening)
+        return np.tri(stages, k=-1)
+
+    @cached_property
     def durations(self) -> tuple[float, float]:
         """Shortest and longest carry [s]."""
         scene = self.request.scene
@@ -106,14 +112,14 @@ class Controls:
     def _states(self, u: Array) -> tuple[Array, Array, Array, Array, Array]:
         """q, dq, ddq, jerk (stages, n) at the intervals' starts, and their lengths (stages,)."""
         _, start, control, lengths = self._split(u)
-        dt = lengths[:, None]
+        dt, before = lengths[:, None], self._before
         if self.request.mover.jerk_control:
             jerk = JERK_UNIT * control
-            ddq = _before(dt * jerk)
+            ddq = before @ (dt * jerk)
         else:
             jerk, ddq = np.zeros_like(control), control
-        dq = _before(dt * (ddq + dt * jerk / 2))
-        q = start + _before(dt * (dq + dt * (ddq / 2 + dt * jerk / 6)))
+        dq = before @ (dt * (ddq + dt * jerk / 2))
+        q = start + before @ (dt * (dq + dt * (ddq / 2 + dt * jerk / 6)))
         return q, dq, ddq, jerk, lengths
 
     def motion(self, u: Array) -> tuple[Path, float]:
@@ -131,17 +137,10 @@ class Controls:
         cost = interval_effort(first, last, rate, WEIGHTS, lambda values: values.sum(axis=1))
         return float(lengths @ cost + WEIGHTS[2] * u[0])
 
-    def allowed(self, u: Array) -> bool:
-        """Whether the carry is neither too short nor too long."""
+    def within(self, u: Array) -> Array:
+        """The same with a carry that is neither too short nor too long."""
         shortest, longest = self.durations
-        return bool(shortest <= u[0] <= longest)
-
-
-def _before(steps: Array) -> Array:
-    """Sums of the steps (stages, n) before each."""
-    total = np.zeros_like(steps)
-    np.cumsum(steps[:-1], axis=0, out=total[1:])
-    return total
+        return np.concatenate([[min(max(u[0], shortest), longest)], u[1:]])
 
 
 def sensitivity(

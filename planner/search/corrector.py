@@ -75,12 +75,10 @@ class Corrector:
             step = -np.linalg.solve(matrix, off[:size])
             length = float(np.abs(step / aim[:size]).max()) or TINY
             step, length = step * min(longest / length, 1.0), min(length, longest)
-            u = optimum.u + optimum.slope @ (moved + step)
-            missed = math.inf
-            if self.controls.allowed(u):
-                planned, thrown = self._thrown(u, task)
-                now = np.array(thrown.miss(near.goal))
-                missed = scaled(now[0], now[1], aim)
+            u = self.controls.within(optimum.u + optimum.slope @ (moved + step))
+            planned, thrown = self._thrown(u, task)
+            now = np.array(thrown.miss(near.goal))
+            missed = scaled(now[0], now[1], aim)
             if missed <= 1.0:
                 return u, planned, thrown
             if math.isfinite(missed) and length > TINY:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 from dataclasses import replace
-from itertools import chain
+from heapq import merge
 
 from ...models import land
 from ...problems import Pose
@@ -51,7 +51,7 @@ class Nearby:
             count = NEIGHBOURS if wanted == 1 else CHOSEN_FROM * wanted
             near = self._library.near(task.target, turns, count)
             if warm is not None:
-                near = chain(self._moved_on(warm, task), near)
+                near = merge(self._moved_on(warm, task), near, key=lambda one: one.distance)
         first: Neighbour | None = None
         for one in near:
             first = first or one
