@@ -83,10 +83,11 @@ def test_the_limits_bind_near_a_joints_end(fr3, fr3_planner):
 
     samples = fr3_planner.plan(NEAR_THE_END).throw.samples
     _, high = fr3_velocity(samples.q)
-    # Where the limit has fallen by a tenth or more, joint 4 uses all but the 1 % kept back.
+    # Where the limit has fallen by a tenth or more, joint 4 uses all but the 1 % kept back at the
+    # nodes of the opening, and between them some of that.
     slower = (high[:, 1] < 0.9 * 2.62) & (high[:, 1] > 0.5)
     used = samples.dq[slower, 1] / high[slower, 1]
-    assert 0.985 < used.max() <= 0.996
+    assert 0.985 < used.max() <= 1.0
 
 
 @pytest.mark.parametrize("slowing", [True, False])
