@@ -209,4 +209,4 @@ def _expression(f: ca.Function, k: int, operation: int, operands: list[int]) -> 
 
 
 if __name__ == "__main__":
-    (Path(__file__).parents[2] / "core" / "laws.h").write_text(text(), encoding="utf-8")
+    (Path(__file__).resolve().parents[2] / "core" / "laws.h").write_text(text(), encoding="utf-8")

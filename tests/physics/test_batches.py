@@ -163,7 +163,7 @@ def test_the_compiled_core_throws_what_numpy_does(model, hand, monkeypatch) -> N
 
 def test_the_core_holds_the_laws_of_today() -> None:
     """`python -m throwplan.planner.compile.core_laws` has nothing to write."""
-    found = (FilePath(tp.__file__).parent / "core" / "laws.h").read_text(encoding="utf-8")
+    found = (FilePath(__file__).parents[2] / "core" / "laws.h").read_text(encoding="utf-8")
     assert found == core_laws.text()
 
 
