@@ -158,23 +158,7 @@ class Reach:
         with task.clock("build"):
             nlp, solvers = self._solver(request)
         numbers, limits = nlp.numbers(request), nlp.bounds(request)
-        if "passing" in guards:
-            releases = past_column(releases, scene, target.z)
-        where = scene, target.plane_x, target.z, target.theta
-        entering = _into_the_cup(scene, releases, target)
-        indices, distances = nearest(entering, *where, STARTS + MORE_STARTS)
-        nearby = [*distances, *(away for _, away in solved)]
-        known = WORSE * min(nearby, default=math.inf) + scene.tolerance.position
-        places = [(entering, index) for index in indices]
-        if entering is not releases:
-            # Beside the throws that go into the cup the nearest of those that do not.
-            places[1:1] = [(releases, index) for index in nearest(releases, *where, STARTS)[0]]
-        begins: list[Callable[[], Array]] = [partial(start.guess, nlp) for start, _ in solved]
-        for table, index in places:
-            flown = table.flight_time(index, target.z, scene.gravity)
-            begins.append(partial(guess_from, nlp, scene, mover, table, int(index), flown))
-        # A library's throws lie at the edge itself, so that they are enough.
-        enough = len(solved) or len(begins) - MORE_STARTS
+        begins, enough, known = _begins(nlp, request, releases, solved)
         best: Solution | None = None
         missed, iterations = math.inf, 0
         for tried, begin in enumerate(begins):
@@ -194,20 +178,55 @@ class Reach:
         if best is None or missed > known:
             # Failed iterations prove nothing, nor do those that led away from a known landing.
             return Binding(target, None, False, (), iterations, None, None)
-        # Where that motion lands by the non-smooth model: the pose is one that can be thrown.
-        motion, opening = planned_motion(nlp, request, best.x)
-        landing = Throw(scene, mover, motion, opening, model=SLIDING_PIVOT).landing
-        if not math.isfinite(landing.flight_time):
-            return Binding(target, None, False, (), iterations, None, None)
-        angle = None if target.theta is None else landing.theta
-        end = np.array(nlp.landing(best.x, numbers)).ravel()
-        dx = float(end[0] - target.plane_x)
-        dtheta = 0.0 if target.theta is None else float(end[2] - target.theta)
-        most = scene.tolerance
-        inside = abs(dx) <= most.position and abs(dtheta) <= most.angle
-        names = () if inside else binding_limits(nlp, mover.joints, best, limits)
-        pose = target.in_plane(landing.x, angle)
-        return Binding(target, pose, inside, names, iterations, best, nlp, (dx, dtheta), missed)
+        return _binding(nlp, request, best, missed, iterations)
+
+
+def _begins(
+    nlp: ThrowNlp, request: Request, releases: Releases, solved: Sequence[tuple[Start, float]]
+) -> tuple[list[Callable[[], Array]], int, float]:
+    """Guesses to start from, how many are enough, and how near [m] a known throw lands."""
+    scene, mover, target = request.scene, request.mover, request.target
+    assert target is not None
+    if "passing" in request.asked.guards:
+        releases = past_column(releases, scene, target.z)
+    where = scene, target.plane_x, target.z, target.theta
+    entering = _into_the_cup(scene, releases, target)
+    indices, distances = nearest(entering, *where, STARTS + MORE_STARTS)
+    nearby = [*distances, *(away for _, away in solved)]
+    known = WORSE * min(nearby, default=math.inf) + scene.tolerance.position
+    places = [(entering, index) for index in indices]
+    if entering is not releases:
+        # Beside the throws that go into the cup the nearest of those that do not.
+        places[1:1] = [(releases, index) for index in nearest(releases, *where, STARTS)[0]]
+    begins: list[Callable[[], Array]] = [partial(start.guess, nlp) for start, _ in solved]
+    for table, index in places:
+        flown = table.flight_time(index, target.z, scene.gravity)
+        begins.append(partial(guess_from, nlp, scene, mover, table, int(index), flown))
+    # A library's throws lie at the edge itself, so that they are enough.
+    return begins, len(solved) or len(begins) - MORE_STARTS, known
+
+
+def _binding(
+    nlp: ThrowNlp, request: Request, best: Solution, missed: float, iterations: int
+) -> Binding:
+    """What an elastic solution says; its pose is that of the non-smooth model's landing, which can
+    be thrown."""
+    scene, mover, target = request.scene, request.mover, request.target
+    assert target is not None
+    motion, opening = planned_motion(nlp, request, best.x)
+    landing = Throw(scene, mover, motion, opening, model=SLIDING_PIVOT).landing
+    if not math.isfinite(landing.flight_time):
+        return Binding(target, None, False, (), iterations, None, None)
+    numbers, limits = nlp.numbers(request), nlp.bounds(request)
+    angle = None if target.theta is None else landing.theta
+    end = np.array(nlp.landing(best.x, numbers)).ravel()
+    dx = float(end[0] - target.plane_x)
+    dtheta = 0.0 if target.theta is None else float(end[2] - target.theta)
+    most = scene.tolerance
+    inside = abs(dx) <= most.position and abs(dtheta) <= most.angle
+    names = () if inside else binding_limits(nlp, mover.joints, best, limits)
+    pose = target.in_plane(landing.x, angle)
+    return Binding(target, pose, inside, names, iterations, best, nlp, (dx, dtheta), missed)
 
 
 def elastic_starts(answer: Binding, task: Task, asked: Asked) -> Iterator[Start]:
