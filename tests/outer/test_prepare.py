@@ -47,7 +47,7 @@ def test_refused(line: str, words: str, refused) -> None:
 
 
 @pytest.mark.slow
-def test_ctrl_c_loses_nothing_that_was_solved(tmp_path: Path) -> None:
+def test_ctrl_c_loses_nothing_that_was_solved(tmp_path: Path, interruptible: None) -> None:
     """Of the command, with the processes that it starts."""
     environment = os.environ | {"THROWPLAN_CACHE": str(tmp_path)}
     command = [sys.executable, "-m", "throwplan", "prepare", "hand-flip", "--throws", "5000"]

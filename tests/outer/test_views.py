@@ -10,18 +10,9 @@ import socket
 import subprocess
 import sys
 import urllib.request
-from collections.abc import Iterator
 from pathlib import Path
 
 import pytest
-
-
-@pytest.fixture(autouse=True)
-def interruptible() -> Iterator[None]:
-    """A shell's background job ignores interrupts, and would hand that on."""
-    before = signal.signal(signal.SIGINT, signal.default_int_handler)
-    yield
-    signal.signal(signal.SIGINT, before)
 
 
 def free_port() -> int:
@@ -42,7 +33,7 @@ def viewing(*words: object) -> subprocess.Popen[str]:
     )
 
 
-def test_it_serves_until_interrupted(saved) -> None:
+def test_it_serves_until_interrupted(saved, interruptible) -> None:
     port = free_port()
     process = viewing(saved("hand-flip"), "--port", port)
     try:
