@@ -36,11 +36,12 @@ from .kinematics import (
     placement,
 )
 from .limit_surface import (
+    ImplicitRelease,
+    KarnoppRelease,
     held_wrench,
     sliding_wrench,
     slip_onset,
 )
-from .limit_surface_release import ImplicitRelease, KarnoppRelease
 from .patch import RADIUS_PER_ARM, Patch, PointSolver, SlipProblem, disc
 from .patch_release import (
     CREEP,

@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, replace
 from typing import Protocol
 
-from .limit_surface_release import ImplicitRelease, KarnoppRelease
+from .limit_surface import ImplicitRelease, KarnoppRelease
 from .patch_release import PatchRelease
 from .release import BatchRelease, CaseModel, Release, ReleaseBatch, ReleaseCase
 from .sliding_pivot import SlidingPivotRelease
