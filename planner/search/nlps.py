@@ -19,6 +19,8 @@ from ..ocp import Asked, Request, Solver, ThrowNlp, build_nlp
 
 Array = npt.NDArray[np.float64]
 
+#: A plan's own time does not count what is built for it, up to so much [s].
+BUILDING = 3.0
 #: Random start poses tried when the start is free.
 POSES = 4000
 #: Parts of a plan whose times are always told; a plan that needs no solve spent no time on it.
@@ -29,7 +31,7 @@ PARTS = ("build", "guess", "solve", "smooth", "check")
 class Clock:
     """When a plan must end, by time.perf_counter(), and how long its parts took [s].
 
-    What is built once, for later plans too, does not count: `until` is put off by it.
+    What is built once, for later plans too, puts `until` off, by BUILDING [s] at most.
     """
 
     until: float = math.inf
@@ -40,7 +42,7 @@ class Clock:
     @property
     def left(self) -> float:
         """Time for planning that is left [s]."""
-        return self.until + self.seconds["build"] - time.perf_counter()
+        return self.until + min(self.seconds["build"], BUILDING) - time.perf_counter()
 
     @property
     def late(self) -> bool:
