@@ -127,7 +127,7 @@ class Planner:
         if not patience > 0:
             raise InputError(f"patience = {patience!r}: must be above 0")
         solvers = ("fatrop", "ipopt") if solver == "auto" else (solver,)
-        clock = Clock(started + patience)
+        clock = Clock.lasting(patience)
         task = Task(self.scene.aimed_at(target), target, solvers, clock)
         made, self._build_time = self._build_time, 0.0
         wanted = self._wanted(alternatives)

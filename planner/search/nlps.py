@@ -31,18 +31,26 @@ PARTS = ("build", "guess", "solve", "smooth", "check")
 class Clock:
     """When a plan must end, by time.perf_counter(), and how long its parts took [s].
 
-    What is built once, for later plans too, puts `until` off, by BUILDING [s] at most.
+    What is built once, for later plans too, puts `until` off, by BUILDING [s] at most; so does a
+    busy machine, until time.process_time() is `processor`.
     """
 
     until: float = math.inf
+    processor: float = -math.inf
     seconds: dict[str, float] = field(
         default_factory=lambda: defaultdict(float, dict.fromkeys(PARTS, 0.0))
     )
 
+    @classmethod
+    def lasting(cls, patience: float) -> Clock:
+        """From now on, for `patience` [s], half of which the process must have had to itself."""
+        return cls(time.perf_counter() + patience, time.process_time() + patience / 2)
+
     @property
     def left(self) -> float:
         """Time for planning that is left [s]."""
-        return self.until + min(self.seconds["build"], BUILDING) - time.perf_counter()
+        left = max(self.until - time.perf_counter(), self.processor - time.process_time())
+        return left + min(self.seconds["build"], BUILDING)
 
     @property
     def late(self) -> bool:
