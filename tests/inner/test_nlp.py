@@ -142,7 +142,7 @@ def model_error(epsilon: float) -> tuple[float, float]:
     mesh = dataclasses.replace(
         scene.mesh, epsilon=epsilon, integrator="rk4", opening=20, substeps=6, grading=1.0
     )
-    throw = tp.plan(scene.replace(mesh=mesh)).throw
+    throw = tp.Planner(scene.replace(mesh=mesh)).plan(patience=90.0).throw
     assert throw is not None
     planned, exact = throw.planned_landing, throw.exact.landing
     return abs(planned[0] - exact.x), abs(planned[2] - exact.theta)
