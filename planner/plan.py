@@ -180,15 +180,12 @@ class Planner:
         before = plan.throw
         if not plan.solved or before is None or plan.mover is not self.mover:
             return plan
-        target, started = plan.target, time.perf_counter()
-        clock = Clock(started + PATIENCE)
+        target, started, clock = plan.target, time.perf_counter(), Clock.lasting(PATIENCE)
         task = Task(self.scene.aimed_at(target), target, ("fatrop",), clock)
         for attempt in self._nearby.attempts(task, "exact", 1, before):
             if attempt.solved and attempt.throw and attempt.throw.effort < before.effort:
-                better, total = (
-                    self._solved(attempt, [attempt], task),
-                    time.perf_counter() - started,
-                )
+                better = self._solved(attempt, [attempt], task)
+                total = time.perf_counter() - started
                 return dataclasses.replace(better, time={**clock.seconds, "total": total})
         return plan
 

@@ -142,18 +142,12 @@ class Solution:
     cost: float
     success: bool
     iterations: int
-    message: str
 
     @classmethod
-    def none(cls, guess: Array, message: str) -> Solution:
-        """No solution."""
+    def none(cls, guess: Array) -> Solution:
+        """No solution, nor any point."""
         empty = np.zeros(0)
-        return cls(guess, empty, empty, np.inf, False, 0, message)
-
-    @property
-    def answered(self) -> bool:
-        """Whether the solver came to any point; `message` says why not."""
-        return bool(self.lam_g.size)
+        return cls(guess, empty, empty, np.inf, False, 0)
 
 
 class Solver:
@@ -162,10 +156,9 @@ class Solver:
     Its functions are machine code where the cache has that, see `compile`.
     """
 
-    def __init__(self, nlp: Nlp, name: str, max_iterations: int | None = None) -> None:
+    def __init__(self, nlp: Nlp, name: str) -> None:
         self.nlp = nlp
         self.name = name
-        self._most = max_iterations or MAX_ITERATIONS[name]
         self._functions = self._made(make=False)
         self._solvers: dict[float, ca.Function] = {}
         self._ending = _Ending(*(nlp.problem[name].numel() for name in ("x", "g", "p")))
@@ -183,7 +176,7 @@ class Solver:
             "cache": self._functions,
         }
         common: dict[str, Any] = {"print_level": 0, "mu_init": mu_init, "tol": 1e-7}
-        common["max_iter"] = warm.get(mu_init, self._most)
+        common["max_iter"] = warm.get(mu_init, MAX_ITERATIONS[self.name])
         nlp = self.nlp
         if self.name == "fatrop":
             if mu_init in warm:
@@ -221,7 +214,7 @@ class Solver:
             arguments |= {"x0": warm.x, "lam_g0": warm.lam_g, "lam_x0": warm.lam_x}
         steep = self.name == "fatrop" and warm is None and self._slope(guess, parameters)
         if not steep <= STEEPEST:
-            return Solution.none(guess, f"not tried from a start with a slope of {steep:.0e}")
+            return Solution.none(guess)
         iterations, steps, end = 0, [MU_INIT], time.perf_counter() + seconds
         self._ending.until = end
         if warm is not None:
@@ -235,15 +228,14 @@ class Solver:
                 self._solvers.clear()
                 if not isinstance(error, GivenUpError):
                     raise
-                return Solution.none(guess, f"given up: {error}")
+                return Solution.none(guess)
             stats = solver.stats()
             iterations += int(stats.get("iter_count", 0))
             if stats["success"]:
                 break
         x, lam_g, lam_x = (np.array(result[name]).ravel() for name in ("x", "lam_g", "lam_x"))
         success = bool(stats["success"]) and bool(np.isfinite(x).all())
-        message = str(stats.get("return_status", ""))
-        return Solution(x, lam_g, lam_x, float(result["f"]), success, iterations, message)
+        return Solution(x, lam_g, lam_x, float(result["f"]), success, iterations)
 
     def _called(
         self, solver: ca.Function, arguments: dict[str, Any], seconds: float

@@ -225,7 +225,7 @@ class Growth:
         return [cell for cell in dict.fromkeys(cells) if self._mine(cell)]
 
     def _task(self, goal: Pose) -> Task:
-        clock = Clock(time.perf_counter() + PATIENCE)
+        clock = Clock.lasting(PATIENCE)
         return Task(self._scene.aimed_at(goal), goal, ("fatrop",), clock)
 
     def _from_table(self, cell: Cell) -> None:

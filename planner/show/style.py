@@ -12,7 +12,7 @@ if TYPE_CHECKING:
     from ...problems import Cup
 
 GREY, BLUE, ORANGE, RED, GREEN = "#8a8f98", "#4c78a8", "#f2a33a", "#d1495b", "#2a9d6f"
-PURPLE, TEAL, BLACK = "#7b4fa3", "#2a788e", "#222222"
+TEAL, BLACK = "#2a788e", "#222222"
 #: The arm and hand, and a cup's wall.
 ARM, WALL = "#3d4450", "#5b4a3f"
 #: The phases of a throw in their order, and their colours.
