@@ -121,7 +121,7 @@ def assemble(stages: list[Stage], parameters: Parameters, landing: ca.SX, at: in
         gap = _length(link.gap)
         g += [x[link.ahead] - outputs[:gap], outputs[gap:]]
         cost.append(price)
-        rows = [(row.name, row.value.numel(), row.low, row.high) for row in link.stage.rows]
+        rows = [(row.name, row.value.numel(), row.low, row.high) for row in link.stage.all_rows]
         for name, size, least, most in [(f"gap {k}", gap, 0.0, 0.0), *rows]:
             names += [name] * size
             low += [least] * size

@@ -26,7 +26,7 @@ from ...models import (
 from ..check import Mover, Throw, Violation
 from .asked import Request
 from .layout import ACCELERATION, DDQ, DQ, JERK, JERK_UNIT, REL, Block, Q, T
-from .stages import Parameters, Stage
+from .stages import Parameters, Rows, Stage
 
 #: What holds the object: the full grip, pads that open (all of it or nothing), nothing.
 Grip = Literal["full", "opening", "none"]
@@ -206,7 +206,7 @@ class Context:
             )
         return q + t * (dq + t * c / 2), dq + t * c, c
 
-    def hand(self, stage: Stage, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> Hand:
+    def hand(self, stage: Rows, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> Hand:
         """Hand pose, twist, and what the release model needs of its motion; lifted."""
         n, kinematics = self.n, self.kinematics
         links = stage.lift(*(v for values in (q, dq, ddq) for v in kinematics.turned(values)))
@@ -228,7 +228,7 @@ class Context:
         # In the order of the next stage's states, as FATROP's gaps want it.
         stage.following = {block: ends[block] for block in following.states if block in ends}
 
-    def limit(self, stage: Stage, kind: str, share: ca.SX) -> None:
+    def limit(self, stage: Rows, kind: str, share: ca.SX) -> None:
         """-1 <= share <= 1 per coordinate, under the coordinate's name."""
         for i, name in enumerate(self.names):
             stage.row(f"{name} {kind}", share[i], -1.0, 1.0)
@@ -258,7 +258,7 @@ class Instant:
     """
 
     context: Context
-    stage: Stage
+    stage: Rows
     q: ca.SX
     dq: ca.SX
     ddq: ca.SX

@@ -83,11 +83,16 @@ def _hold(context: Context, k: int, stage: Stage, dt: ca.SX) -> None:
     parts = s.instants if k < s.carry else 1
     # With continuous acceleration an interval's start is the last one's end.
     known = k not in (0, s.carry) and (s.jerk_control or k > s.carry)
-    for i in range(known, parts + 1):
-        given = k == 0 and i == 0 and not s.free_start
-        at = context.instant(stage, i / parts * dt, "full", given=given)
-        _stick(at)
-        _constrain(at)
+    if k == 0 and not s.free_start:
+        _bear(context.instant(stage, ca.SX(0), "full", given=True))
+        known = True
+    rows, (share,) = stage.at_instants(np.arange(known, parts + 1) / parts)
+    _bear(Instant(context, rows, *context.inside(stage, share * dt), "full", given=False))
+
+
+def _bear(at: Instant) -> None:
+    _stick(at)
+    _constrain(at)
 
 
 def _constrain(at: Instant) -> None:

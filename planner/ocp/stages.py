@@ -10,10 +10,16 @@ differentiated in its own few arguments and the levels are joined by the chain r
 
 with y the last intermediate, D its Jacobian in what comes before, a the gradient with
 respect to y. On a Panda's opening interval this takes a sixth of the operations.
+
+Rows that hold alike at many instants (of the carry, of the flight) are differentiated once, and
+CasADi's map goes through the instants: an NLP with 200 rows against the hand's body is derived in
+0.5 s instead of 5, and its C code is a sixth.
 """
 
 from __future__ import annotations
 
+import math
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any
@@ -65,27 +71,12 @@ class Row:
     high: float
 
 
-@dataclass
-class Stage:
-    """One kind of stage: state and control symbols, intermediates, rows and cost.
+@dataclass(kw_only=True)
+class Rows:
+    """Rows, and the intermediates that they are written in."""
 
-    data: symbols that have other numbers at each stage of the kind, by the name of their
-    parameter block, which holds them stage after stage, from the stage given with it on.
-    following: the states at the next stage, F_k; empty at the last.
-    """
-
-    states: dict[Block, ca.SX]
-    controls: dict[Block, ca.SX]
-    data: dict[str, tuple[ca.SX, int]] = field(default_factory=dict)
     lifted: Lifted = field(default_factory=list)
     rows: list[Row] = field(default_factory=list)
-    following: dict[Block, ca.SX] = field(default_factory=dict)
-    cost: ca.SX = field(default_factory=lambda: ca.SX(0))
-
-    def control(self, block: Block, size: int = 1) -> ca.SX:
-        """A new control."""
-        self.controls[block] = ca.SX.sym(f"{block.name}_{block.index}", size)
-        return self.controls[block]
 
     def row(self, name: str, value: ca.SX, low: float, high: float) -> None:
         """Add the constraint low <= value <= high, for each component."""
@@ -98,6 +89,45 @@ class Stage:
         self.lifted.append((symbol, definition))
         return list(ca.vertsplit(symbol))
 
+
+@dataclass
+class Instants(Rows):
+    """Rows of a stage that hold alike at N instants, written and differentiated once.
+
+    They are in the stage's symbols and in `at` (k, 1), which is a column of `data` (k, N) at each.
+    """
+
+    at: ca.SX
+    data: Array
+
+
+@dataclass
+class Stage(Rows):
+    """One kind of stage: state and control symbols, intermediates, rows and cost.
+
+    data: symbols that have other numbers at each stage of the kind, by the name of their
+    parameter block, which holds them stage after stage, from the stage given with it on.
+    following: the states at the next stage, F_k; empty at the last.
+    """
+
+    states: dict[Block, ca.SX]
+    controls: dict[Block, ca.SX]
+    data: dict[str, tuple[ca.SX, int]] = field(default_factory=dict)
+    instants: list[Instants] = field(default_factory=list)
+    following: dict[Block, ca.SX] = field(default_factory=dict)
+    cost: ca.SX = field(default_factory=lambda: ca.SX(0))
+
+    def control(self, block: Block, size: int = 1) -> ca.SX:
+        """A new control."""
+        self.controls[block] = ca.SX.sym(f"{block.name}_{block.index}", size)
+        return self.controls[block]
+
+    def at_instants(self, *data: npt.ArrayLike) -> tuple[Instants, list[ca.SX]]:
+        """For rows at N instants: what these are added to, symbols of the `data` (N,) of each."""
+        at = ca.SX.sym("at", len(data))
+        self.instants.append(Instants(at, np.array(data, float)))
+        return self.instants[-1], list(ca.vertsplit(at))
+
     @property
     def variables(self) -> ca.SX:
         """States, then controls."""
@@ -105,8 +135,14 @@ class Stage:
 
     @property
     def outputs(self) -> ca.SX:
-        """F_k, then the rows."""
+        """F_k, then the rows that hold once."""
         return ca.vertcat(*self.following.values(), *[row.value for row in self.rows])
+
+    @property
+    def all_rows(self) -> list[Row]:
+        """The rows that hold once, then those of each instant."""
+        repeated = (group.rows * group.data.shape[1] for group in self.instants)
+        return sum(repeated, self.rows)
 
     @property
     def sizes(self) -> tuple[int, int, int]:
@@ -114,7 +150,42 @@ class Stage:
         states, controls = (
             sum(symbol.numel() for symbol in some.values()) for some in (self.states, self.controls)
         )
-        return states, controls, sum(row.value.numel() for row in self.rows)
+        return states, controls, sum(row.value.numel() for row in self.all_rows)
+
+
+class _InstantFunctions:
+    """CasADi functions of (z, p) that go through the instants: z, a stage's values in the rows.
+
+    places (len(z),): of z among the stage's variables and intermediates. value: the rows, an
+    instant's in each column; slopes: their derivatives in z, a row's in each column; curvature
+    (z, p, multipliers): gradient and Hessian of all the rows times their multipliers.
+    """
+
+    def __init__(self, group: Instants, everything: ca.SX, parameters: ca.SX, name: str) -> None:
+        rows = ca.vertcat(*[row.value for row in group.rows])
+        whole = inserted([rows], group.lifted)
+        self.shape = rows.numel(), group.data.shape[1]
+        self.places = np.flatnonzero(ca.which_depends(whole[0], everything, 1, False)).tolist()
+        z, multipliers = everything[self.places], ca.SX.sym("l", rows.numel())
+        slopes, _, gradient, hessian = differentiate(
+            z, rows, ca.SX(0), group.lifted, multipliers, ca.SX(0)
+        )
+
+        def through(
+            what: str, more: list[ca.SX], outputs: list[ca.SX], summed: list[int]
+        ) -> Callable[..., Any]:
+            f = ca.Function(
+                f"{name}_{what}", [z, parameters, group.at, *more], outputs, {"cse": True}
+            )
+            mapped = f.map(f"{name}_{what}s", "serial", self.shape[1], [0, 1], summed)
+            return lambda z, p, *more: mapped(z, p, ca.DM(group.data), *more)
+
+        self.value = through("value", [], whole, [])
+        self.slopes = through("slopes", [], [slopes.T], [])
+        self.curvature = through(
+            "curvature", [multipliers], [ca.densify(gradient), hessian], [0, 1]
+        )
+        self.hessian = hessian.sparsity()
 
 
 class StageFunctions:
@@ -124,14 +195,24 @@ class StageFunctions:
     """
 
     def __init__(self, stage: Stage, parameters: ca.SX, name: str) -> None:
-        self._stage, self._name = stage, name
+        self._name, self._count = name, stage.outputs.numel()
+        self._stage = stage
+        everything = ca.vertcat(stage.variables, *[symbol for symbol, _ in stage.lifted])
+        self._instants = [
+            _InstantFunctions(group, everything, parameters, f"{name}_{i}")
+            for i, group in enumerate(stage.instants)
+        ]
         data = ca.vertcat(*[symbol for symbol, _ in stage.data.values()])
         self._inputs = [stage.variables, data, parameters]
-        self._lagrangian = [ca.SX.sym("l", stage.outputs.numel()), ca.SX.sym("sigma")]
-        self.value = self._function("value", [], self._inserted([stage.outputs, stage.cost]))
-
-    def _inserted(self, expressions: list[ca.SX]) -> list[ca.SX]:
-        return inserted(expressions, self._stage.lifted)
+        self._lagrangian = [ca.SX.sym("l", self._count), ca.SX.sym("sigma")]
+        for group in self._instants:
+            self._lagrangian += [
+                ca.SX.sym("gradient", len(group.places)),
+                ca.SX.sym("hessian", group.hessian),
+            ]
+        values = [everything[group.places] for group in self._instants]
+        once = inserted([stage.outputs, stage.cost, *values], stage.lifted)
+        self._once = self._function("once", [], once)
 
     def _function(self, name: str, more: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
         inputs = [*self._inputs, *more]
@@ -139,13 +220,51 @@ class StageFunctions:
 
     @cached_property
     def _derivatives(self) -> list[ca.SX]:
-        return differentiate(self._stage, *self._lagrangian)
+        multipliers, sigma, *more = self._lagrangian
+        stage, places = self._stage, [group.places for group in self._instants]
+        added = list(zip(places, more[::2], more[1::2], strict=True))
+        outputs, lifted = stage.outputs, stage.lifted
+        return differentiate(
+            stage.variables, outputs, stage.cost, lifted, multipliers, sigma, added
+        )
+
+    def _joined(
+        self, name: str, more: list[ca.MX], outputs: Callable[..., list[ca.MX]]
+    ) -> ca.Function:
+        """A function of (v, d, p, more), made by outputs(v, d, p, *more)."""
+        inputs = [ca.MX.sym("x", symbol.numel()) for symbol in self._inputs] + more
+        return ca.Function(f"{self._name}_{name}", inputs, outputs(*inputs))
+
+    @cached_property
+    def value(self) -> ca.Function:
+        """(v, d, p) -> outputs, cost."""
+
+        def outputs(v: ca.MX, d: ca.MX, p: ca.MX) -> list[ca.MX]:
+            once, cost, *values = self._once(v, d, p)
+            return [self._all_outputs(once, values, p), cost]
+
+        return self._joined("value", [], outputs)
+
+    def _all_outputs(self, once: ca.MX, values: Sequence[ca.MX], p: ca.MX) -> ca.MX:
+        pairs = zip(self._instants, values, strict=True)
+        return ca.vertcat(once, *[ca.vec(group.value(z, p)) for group, z in pairs])
 
     @cached_property
     def jacobian(self) -> ca.Function:
         """(v, d, p) -> outputs, their Jacobian."""
-        outputs = self._inserted([self._stage.outputs])
-        return self._function("jacobian", [], [*outputs, self._derivatives[0]])
+        counts = [self._count, *(len(group.places) for group in self._instants)]
+        parts = ca.vertsplit(self._derivatives[0], np.cumsum([0, *counts]).tolist())
+        chain = self._function("chain", [], parts)
+
+        def outputs(v: ca.MX, d: ca.MX, p: ca.MX) -> list[ca.MX]:
+            once, _, *values = self._once(v, d, p)
+            first, *inner = chain.call([v, d, p])
+            found = [first]
+            for group, z, slope in zip(self._instants, values, inner, strict=True):
+                found.append(group.slopes(z, p).T @ slope)
+            return [self._all_outputs(once, values, p), ca.vertcat(*found)]
+
+        return self._joined("jacobian", [], outputs)
 
     @cached_property
     def cost_gradient(self) -> ca.Function:
@@ -156,7 +275,19 @@ class StageFunctions:
     def hessian(self) -> ca.Function:
         """(v, d, p, multipliers, sigma) -> gradient (dense) and Hessian of the Lagrangian."""
         _, _, gradient, hessian = self._derivatives
-        return self._function("hessian", self._lagrangian, [ca.densify(gradient), hessian])
+        whole = self._function("whole", self._lagrangian, [ca.densify(gradient), hessian])
+
+        def outputs(v: ca.MX, d: ca.MX, p: ca.MX, multipliers: ca.MX, sigma: ca.MX) -> list[ca.MX]:
+            values = self._once(v, d, p)[2:]
+            first, more = self._count, []
+            for group, z in zip(self._instants, values, strict=True):
+                end = first + math.prod(group.shape)
+                more += group.curvature(z, p, ca.reshape(multipliers[first:end], group.shape))
+                first = end
+            return list(whole(v, d, p, multipliers[: self._count], sigma, *more))
+
+        count = self._count + sum(math.prod(group.shape) for group in self._instants)
+        return self._joined("hessian", [ca.MX.sym("l", count), ca.MX.sym("sigma")], outputs)
 
 
 def inserted(expressions: list[ca.SX], lifted: Lifted) -> list[ca.SX]:
@@ -167,17 +298,31 @@ def inserted(expressions: list[ca.SX], lifted: Lifted) -> list[ca.SX]:
     return list(ca.substitute_inplace(list(symbols), list(definitions), expressions)[1])
 
 
-def differentiate(stage: Stage, multipliers: ca.SX, sigma: ca.SX) -> list[ca.SX]:
-    """Derivatives of a stage through its intermediates, as expressions of its variables (n,).
+def differentiate(
+    variables: ca.SX,
+    outputs: ca.SX,
+    cost: ca.SX,
+    lifted: Lifted,
+    multipliers: ca.SX,
+    sigma: ca.SX,
+    more: Sequence[tuple[list[int], ca.SX, ca.SX]] = (),
+) -> list[ca.SX]:
+    """Derivatives through the intermediates, as expressions of the variables (n,).
 
     Jacobian (m, n) of the outputs; gradient (n,) of the cost; gradient (n,) and Hessian (n, n),
-    both triangles, of `sigma * cost + multipliers' outputs`.
+    both triangles, of `sigma * cost + multipliers' outputs`. more: places of some variables and
+    intermediates, gradient and Hessian in them of what else is in that sum; the rows of their own
+    derivatives follow those of the outputs.
     """
-    outputs, cost, lifted = stage.outputs, stage.cost, stage.lifted
-    everything = ca.vertcat(stage.variables, *[symbol for symbol, _ in lifted])
+    everything = ca.vertcat(variables, *[symbol for symbol, _ in lifted])
     total = sigma * cost + ca.dot(multipliers, outputs)
     hessian, gradient = ca.hessian(total, everything)
     jacobian, of_cost = ca.jacobian(outputs, everything), ca.gradient(cost, everything)
+    for places, slope, curvature in more:
+        picked = ca.DM.eye(everything.numel())[places, :]
+        jacobian = ca.vertcat(jacobian, picked)
+        gradient += picked.T @ slope
+        hessian += picked.T @ curvature @ picked
     adjoints: Lifted = []
     for symbol, definition in reversed(lifted):
         start = jacobian.shape[1] - symbol.numel()

@@ -12,7 +12,7 @@ from ....models import PlanarArm, PlanarDynamics
 from ...check import Margin, Throw, Violation, torque_use
 from ..asked import Request
 from ..context import Context, Instant, Load, Term
-from ..stages import Stage
+from ..stages import Rows, Stage
 
 #: Parameters: as in `models.Slowing`.
 NAMES = ("slowing", "slowing_offset", "slowing_upper", "slowing_lower")
@@ -104,7 +104,7 @@ class TorqueLimits(Term):
 
 
 def _limit(
-    context: Context, stage: Stage, q: ca.SX, dq: ca.SX, ddq: ca.SX, load: Load | None = None
+    context: Context, stage: Rows, q: ca.SX, dq: ca.SX, ddq: ca.SX, load: Load | None = None
 ) -> None:
     """The torques inside their limits; load: what the hand gives to the object."""
     arm = context.kinematics

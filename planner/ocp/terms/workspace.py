@@ -14,7 +14,7 @@ from ....models import FlightState
 from ...check import Margin, Throw, Violation, column_of
 from ..asked import Request
 from ..context import Context, Instant, Term
-from ..stages import Stage
+from ..stages import Rows, Stage
 
 #: Margin [m] that the NLP keeps between obstacles and what is carried, for what lies between its
 #: nodes, smoothing and correction; and how it grows.
@@ -102,16 +102,16 @@ class Floor(Term):
 
 @dataclass(frozen=True)
 class Column(Term):
-    """instants: of the flight with rows (guard "passing")."""
+    """passing: whether the flight has rows (guard "passing")."""
 
-    instants: int
+    passing: bool
 
     @classmethod
     def of(cls, request: Request) -> Self | None:
         """For a scene with a base column."""
         if column_of(request.scene) is None:
             return None
-        return cls(PASSING if "passing" in request.asked.guards else 0)
+        return cls("passing" in request.asked.guards)
 
     def numbers(self, request: Request) -> dict[str, Any]:
         """The column grown by the margin of what is carried; other margins."""
@@ -136,15 +136,18 @@ class Column(Term):
     ) -> None:
         """Points of the flying bar clear of the column, from detach to landing."""
         p = context.parameters
-        for i in range(self.instants):
-            share = min(1.0, (self.instants - 1 - i) / LAST)
-            at = flight.after(time * (i / (self.instants - 1)), context.gravity)
-            margin = share * p("passing_margin") - (1 - share) * p("column_margin")
-            theta = ca.SX(at.theta)
-            cos, sin = ca.cos(theta), ca.sin(theta)
-            for along in context.along_bar():
-                clear = _distance(context, at.x + along * cos, at.z + along * sin, cos, sin)
-                stage.row("base column", clear - margin, 0.0, np.inf)
+        if not self.passing:
+            return
+        shares = np.linspace(0.0, 1.0, PASSING)
+        kept = np.minimum(1.0, (1.0 - shares) * (PASSING - 1) / LAST)
+        rows, (share, keep) = stage.at_instants(shares, kept)
+        at = flight.after(share * time, context.gravity)
+        margin = keep * p("passing_margin") - (1 - keep) * p("column_margin")
+        theta = ca.SX(at.theta)
+        cos, sin = ca.cos(theta), ca.sin(theta)
+        for along in context.along_bar():
+            clear = _distance(context, at.x + along * cos, at.z + along * sin, cos, sin)
+            rows.row("base column", clear - margin, 0.0, np.inf)
 
     def broken(self, throw: Throw) -> list[Violation]:
         """The bar inside the column, held or in flight."""
@@ -190,8 +193,6 @@ class Palm(Term):
         assert workspace is not None and workspace.palm_clearance is not None and arm is not None
         grown = request.scene.object.width / 2 + PALM_MARGIN + workspace.palm_clearance
         return {
-            "palm_times": PALM_TIMES,
-            "later_first": LATER_FIRST,
             "palm_back": arm.tool.palm_back + grown,
             "palm_front": arm.tool.palm_front - grown,
             "palm_half_width": arm.tool.palm_half_width + grown,
@@ -201,16 +202,15 @@ class Palm(Term):
         self, context: Context, stage: Stage, flight: FlightState, end: FlightState, time: ca.SX
     ) -> None:
         """The bar clear of the hand's body at some times."""
-        p = context.parameters
         if self.early:
             # A bar that has just been let go meets the hand with an end.
-            ends = [p("ahead"), -p("behind")]
-            for at in ca.vertsplit(p("palm_times", len(PALM_TIMES))):
-                _keep_off(context, stage, flight, at, ends)
-        for i in range(LATER if self.later else 0):
-            first, share = p("later_first"), (i + 1) / LATER
-            at = first + share * (time - first)
-            _keep_off(context, stage, flight, at, context.along_bar())
+            rows, (at,) = stage.at_instants(PALM_TIMES)
+            ends = context.along_bar()
+            _keep_off(context, stage, rows, flight, at, [ends[0], ends[-1]])
+        if self.later:
+            rows, (share,) = stage.at_instants(np.arange(1, LATER + 1) / LATER)
+            at = LATER_FIRST + share * (time - LATER_FIRST)
+            _keep_off(context, stage, rows, flight, at, context.along_bar())
 
     def broken(self, throw: Throw) -> list[Violation]:
         """The bar nearer to the hand than the clearance, at any sample of the flight."""
@@ -225,7 +225,12 @@ class Palm(Term):
 
 
 def _keep_off(
-    context: Context, stage: Stage, flight: FlightState, time: ca.SX, points: Sequence[ca.SX]
+    context: Context,
+    stage: Stage,
+    rows: Rows,
+    flight: FlightState,
+    time: ca.SX,
+    points: Sequence[ca.SX],
 ) -> None:
     """Points of the flying bar clear of the hand's body at `time` after detach.
 
@@ -238,7 +243,7 @@ def _keep_off(
     moving = ca.fmin(time / stop_time, 1.0)
     there = q + dq * stop_time * (moving - moving**2 / 2)
     still = ca.SX.zeros(context.n)
-    pose, _, _ = context.hand(stage, there, still, still)
+    pose, _, _ = context.hand(rows, there, still, still)
     cos_hand, sin_hand = ca.cos(pose[2]), ca.sin(pose[2])
     at = flight.after(time, context.gravity)
     for along in points:
@@ -247,7 +252,7 @@ def _keep_off(
         ahead = cos_hand * dx + sin_hand * dz
         before = ca.fmax(ahead + p("palm_front"), -ahead - p("palm_back"))
         aside = ca.sqrt((cos_hand * dz - sin_hand * dx) ** 2 + 1e-8) - p("palm_half_width")
-        stage.row("palm", soft_max(before, aside), 0.0, np.inf)
+        rows.row("palm", soft_max(before, aside), 0.0, np.inf)
 
 
 def soft_max(a: ca.SX, b: ca.SX) -> ca.SX:
