@@ -6,7 +6,8 @@ scene is a term of its own, see `terms`.
 
 from .asked import USUAL, Asked, Margins, Request
 from .assembly import nlp_functions, nlp_key
-from .controls import Controls, Optimum, sensitivity
+from .condensed import Condensed
+from .controls import Controls, Optimum
 from .layout import FLIGHT_MAX, Block
 from .motions import binding_limits, decision_vector, planned_motion, stage_times
 from .nlp import BRAKE_SHARE, ThrowNlp, build_nlp

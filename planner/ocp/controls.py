@@ -1,4 +1,4 @@
-"""The few numbers that a whole throw follows from, and how an optimum moves with its target.
+"""The few numbers that a whole throw follows from, and a solved throw by them.
 
 Of a throw's decision vector only the carry's duration, a free start and the controls (jerks, or
 a hand's accelerations) are free: gaps, collocation and flight time are equations for all the
@@ -18,17 +18,8 @@ from .asked import USUAL, Asked, Request
 from .layout import CARRY_MIN, JERK_UNIT
 from .nlp import WEIGHTS, ThrowNlp
 from .phases import interval_effort
-from .solver import Solution, Solver
 
 Array = npt.NDArray[np.float64]
-
-#: Rows that say where the object lands: the sensitivity is with respect to them.
-LANDING = ("landing x", "landing theta")
-#: Curvature below this share of the largest, or negative, is raised to it: along such directions
-#: an optimum of the NLP may move a long way for nothing.
-FLATTEST = 1e-4
-#: Singular values of the active constraints below this share of the largest count as none.
-DEPENDENT = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +27,10 @@ class Optimum:
     """A solved throw, and how it moves with its target.
 
     u (size,) and slope = du / d(landing x [m], theta [rad]) (size, 2; 1 with theta open), see
-    `Controls` and `sensitivity`; detach (6,): CoM pose and twist there by the model that counts;
-    effort: the NLP's cost; smoothing: how far its landing (dx [m], dtheta [rad]) is from the exact
-    one of the planned motion; asked, nlp_size: of its NLP; binding: limits that bind, strongest
-    first.
+    `Controls` and `Condensed.slope`; detach (6,): CoM pose and twist there by the model that
+    counts; effort: the NLP's cost; smoothing: how far its landing (dx [m], dtheta [rad]) is from
+    the exact one of the planned motion; asked, nlp_size: of its NLP; binding: limits that bind,
+    strongest first.
     """
 
     u: Array
@@ -141,68 +132,3 @@ class Controls:
         """The same with a carry that is neither too short nor too long."""
         shortest, longest = self.durations
         return np.concatenate([[min(max(u[0], shortest), longest)], u[1:]])
-
-
-def sensitivity(
-    nlp: ThrowNlp,
-    solver: Solver,
-    solution: Solution,
-    numbers: Array,
-    limits: tuple[Array, Array],
-    places: list[int],
-) -> Array:
-    """How u moves where the target does (size, 2; 1 with theta open), at an optimum.
-
-    du / d(x [m], theta [rad]) of the landing: the parametric sensitivity of the NLP's solution
-    while the active limits stay active (Fiacco 1983). In u alone: the equations give all other
-    variables. limits: bounds of the decision vector; places: of u in it.
-    """
-    import scipy.sparse
-    from scipy.sparse.linalg import splu
-
-    x, multipliers = solution.x, solution.lam_g
-    g, slopes, curvature = solver.linearised(x, numbers, multipliers)
-    names = np.array(nlp.row_names)
-    landing = np.flatnonzero(np.isin(names, LANDING))
-    equal = nlp.lbg == nlp.ubg
-    equal[landing] = False
-    rest = np.setdiff1d(np.arange(x.size), places)
-    # All variables per u: the equations hold.
-    whole = np.zeros((x.size, len(places)))
-    whole[places, np.arange(len(places))] = 1.0
-    equations = scipy.sparse.csc_matrix(slopes[np.ix_(equal, rest)])
-    whole[rest] = splu(equations).solve(-slopes[np.ix_(equal, places)])
-    hessian = whole.T @ curvature @ whole
-    slack = np.minimum(g - nlp.lbg, nlp.ubg - g)
-    rows = (nlp.lbg < nlp.ubg) & (slack < np.abs(multipliers))
-    distance = np.minimum(x - limits[0], limits[1] - x)
-    bounds = (limits[0] < limits[1]) & (distance < np.abs(solution.lam_x))
-    active = np.vstack([slopes[rows] @ whole, whole[bounds]])
-    return _moved(hessian, slopes[landing] @ whole, active)
-
-
-def _moved(hessian: Array, landing: Array, active: Array) -> Array:
-    """The cheapest du (size, L) that moves the landing by one each and leaves what is active."""
-    free = _null_space(active)
-    reach = landing @ free
-    if np.linalg.matrix_rank(reach, rtol=DEPENDENT) < len(landing):
-        # So many limits are active that the target cannot move along them.
-        free, reach = np.eye(len(hessian)), landing
-    direct = np.linalg.pinv(reach)
-    inner = free.T @ hessian @ free
-    around = _null_space(reach)
-    bent = around.T @ inner @ around
-    values, vectors = np.linalg.eigh((bent + bent.T) / 2)
-    values = np.maximum(values, FLATTEST * max(float(np.abs(values).max(initial=0.0)), 1e-9))
-    inverse = (vectors / values) @ vectors.T
-    return np.asarray(free @ (direct - around @ (inverse @ (around.T @ inner @ direct))))
-
-
-def _null_space(rows: Array) -> Array:
-    """Orthonormal basis (n, k) of what the rows (m, n) do not see."""
-    if not len(rows):
-        return np.eye(rows.shape[1])
-    scale = np.linalg.norm(rows, axis=1, keepdims=True)
-    _, sizes, basis = np.linalg.svd(rows / np.maximum(scale, 1e-300))
-    rank = int((sizes > DEPENDENT * sizes[0]).sum())
-    return np.asarray(basis[rank:].T)

@@ -13,7 +13,7 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import partial
+from functools import cached_property, partial
 from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
@@ -248,18 +248,29 @@ class Solver:
         limit = LONGEST + EVALUATIONS * self._evaluation
         return watched(lambda: solver(**arguments), limit, seconds)
 
-    def linearised(self, x: Array, parameters: Array, multipliers: Array) -> tuple[Array, ...]:
-        """g (m,), its Jacobian (m, n), and the Lagrangian's Hessian (n, n) at a point.
+    def slopes(self, x: Array, parameters: Array) -> tuple[Array, Any]:
+        """g (m,) and its Jacobian (m, n), a scipy.sparse.csc_matrix, at a point."""
+        import scipy.sparse
 
-        multipliers (m,): of g.
-        """
         g, slopes = self._functions["nlp_jac_g"](x, parameters)
+        entries = np.array(slopes.nonzeros())
+        starts, rows = self._places
+        return g.full().ravel(), scipy.sparse.csc_matrix((entries, rows, starts), slopes.shape)
+
+    @cached_property
+    def _places(self) -> tuple[Array, Array]:
+        """Where the Jacobian's columns start among its entries, and the rows of these."""
+        starts, rows = self._functions["nlp_jac_g"].sparsity_out(1).get_ccs()
+        return np.array(starts), np.array(rows)
+
+    def curvature(self, x: Array, parameters: Array, multipliers: Array) -> Array:
+        """The Lagrangian's Hessian (n, n) at a point; multipliers (m,): of g."""
         hessian = self._functions["nlp_hess_l"](x, parameters, 1.0, multipliers)
         curvature = (hessian[-1] if isinstance(hessian, tuple) else hessian).full()
         if self.name == "ipopt":
             # Its upper triangle.
             curvature = curvature + np.triu(curvature, 1).T
-        return g.full().ravel(), slopes.full(), curvature
+        return np.asarray(curvature)
 
     def compile(self) -> None:
         """Compiles its functions, in some seconds, unless that is done or there is no compiler."""

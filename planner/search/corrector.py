@@ -1,15 +1,17 @@
-"""A solved throw moved to a target nearby, without solving anything.
+"""A solved throw moved to a target nearby, by the throw itself instead of a solver.
 
 An optimum says how its free numbers move with the target (`Optimum.slope`), so that limits which
 bind stay just kept. Along these one or two directions the exact throw is brought to the target by
-Newton steps, whose 2 x 2 matrix is learnt from the throws themselves (Broyden). Whether the limits
-do hold is not taken from this: the throw is checked as any other.
+Newton steps, whose 2 x 2 matrix is learnt from the throws themselves (Broyden). Where that breaks
+a limit, steps of the condensed NLP come before (`Condensed`), which know all of them. Whether the
+limits do hold is not taken from this: the throw is checked as any other.
 """
 
 from __future__ import annotations
 
+import dataclasses
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,12 +20,12 @@ import numpy.typing as npt
 from ...models import Path
 from ...problems import Pose
 from ..check import Mover, SmoothingError, Throw, Violation, send
-from ..ocp import Controls, Optimum, Request, ThrowNlp, sensitivity
+from ..ocp import Condensed, Controls, Optimum, Request, Solution, ThrowNlp
 from ..result import PlannedThrow
 from .attempt import Attempt, Start, aims, scaled, violations
 from .guess import refit
 from .library import Neighbour
-from .nlps import Program, Task
+from .nlps import Problems, Program, Task
 
 Array = npt.NDArray[np.float64]
 
@@ -34,6 +36,8 @@ THROWS = 6
 NEARER = 0.9
 #: A step that is none, in shares of what corrections aim at.
 TINY = 1e-9
+#: Steps of the condensed NLP from one optimum.
+STEPS = 4
 #: NLPs tried from an optimum whose correction fails.
 TRIES = 2
 #: What an attempt by correction is called where a solver is named.
@@ -45,42 +49,103 @@ class Corrector:
     """Moves optima of a scene to targets nearby."""
 
     controls: Controls
-    mover: Mover
+    problems: Problems
 
     def attempt(self, near: Neighbour, task: Task) -> Attempt:
-        """An attempt to throw to the goal of an optimum near it."""
-        optimum, goal = near.optimum, near.goal
-        start = Start(goal, _no_guess, CORRECTOR, asked=optimum.asked)
+        """An attempt to throw to the goal of an optimum near it, along its slope."""
+        optimum = near.optimum
+        begins = optimum.u, optimum.slope, np.array(near.miss)
+        return self._attempt(near, optimum, begins, task)
+
+    def steps(self, near: Neighbour, task: Task) -> Iterator[Attempt]:
+        """Attempts by steps of the condensed NLP from an optimum, whichever limits come in.
+
+        The NLP's states stay free between steps (lifted Newton); the throw of each step is then
+        brought to the goal along the limits that are active there.
+        """
+        optimum, goal, scene = near.optimum, near.goal, task.scene
+        mover, clock, asked = self.problems.mover, task.clock, optimum.asked
+        dx, dtheta = optimum.smoothing
+        aim = goal.in_plane(goal.plane_x + dx, goal.turned(dtheta).theta)
+        around = optimum.slope @ -np.array(near.miss)[: optimum.slope.shape[1]]
+        nlp = point = None
+        for _ in range(STEPS):
+            program = self.problems.problem(goal, asked, "fatrop", clock)
+            if clock.late:
+                return
+            if point is None or program.nlp is not nlp:
+                nlp, point = program.nlp, self._refitted(optimum, program.nlp, task)
+            with clock("solve"):
+                numbers = nlp.numbers(Request(scene, mover, aim, asked))
+                places, at = self.controls.places(nlp), Solution.none(point)
+                condensed = Condensed.about(
+                    nlp, program.solver, at, numbers, program.limits, places
+                )
+                step = condensed.step(around)
+            if step is None:
+                return
+            point, around = condensed.point + condensed.whole @ step.du, np.zeros_like(around)
+            u = self.controls.within(point[places])
+            exact = Throw(scene, mover, *self.controls.motion(u))
+            off = np.array(exact.miss(goal))
+            short = scaled(step.short[0], step.short[-1], aims(scene)) > 1.0
+            if short or not np.isfinite(off).all():
+                continue
+            detach = np.array(list(vars(exact.final.release.detach).values()))
+            effort = self.controls.effort(u)
+            optimum = dataclasses.replace(
+                optimum, u=u, slope=step.slope, detach=detach, effort=effort, asked=asked
+            )
+            attempt = self._attempt(near, optimum, (u, step.slope, off), task)
+            yield attempt
+            if attempt.solved:
+                return
+            asked = attempt.after
+            if asked.heavy:
+                return
+
+    def _refitted(self, optimum: Optimum, nlp: ThrowNlp, task: Task) -> Array:
+        """The NLP's decision vector of an optimum's throw."""
+        with task.clock("guess"):
+            throw = _throw_of(self.controls, self.problems.mover, optimum, task)
+            return refit(nlp, throw, Request(task.scene, self.problems.mover))
+
+    def _attempt(
+        self, near: Neighbour, optimum: Optimum, begins: tuple[Array, Array, Array], task: Task
+    ) -> Attempt:
+        """A throw to the goal from an optimum; begins: its u, slope and miss."""
+        start = Start(near.goal, _no_guess, CORRECTOR, asked=optimum.asked)
         found: PlannedThrow | None = None
         broken: Sequence[Violation] = ()
         try:
-            u, planned, thrown = self._moved(near, task)
+            u, planned, thrown = self._moved(*begins, near.goal, task)
         except SmoothingError as error:
             reason = str(error)
         else:
             effort, size = self.controls.effort(u), optimum.nlp_size
             found = PlannedThrow(planned, thrown, effort, size, optimum.asked, optimum=optimum)
             with task.clock("check"):
-                broken = violations(found, goal)
+                broken = violations(found, near.goal)
             reason = "; ".join(violation.words for violation in broken)
         return Attempt(start, optimum.asked, CORRECTOR, found, tuple(broken), reason, 0, 1)
 
-    def _moved(self, near: Neighbour, task: Task) -> tuple[Array, Path, Throw]:
+    def _moved(
+        self, u: Array, slope: Array, off: Array, goal: Pose, task: Task
+    ) -> tuple[Array, Path, Throw]:
         """The controls, motion and throw that land at the goal; SmoothingError if none is found."""
-        optimum, aim, off = near.optimum, aims(task.scene), np.array(near.miss)
-        size = optimum.slope.shape[1]
+        aim, size = aims(task.scene), slope.shape[1]
         last, matrix, moved = scaled(off[0], off[1], aim), np.eye(size), np.zeros(size)
         longest = math.inf
         for _ in range(THROWS):
             step = -np.linalg.solve(matrix, off[:size])
             length = float(np.abs(step / aim[:size]).max()) or TINY
             step, length = step * min(longest / length, 1.0), min(length, longest)
-            u = self.controls.within(optimum.u + optimum.slope @ (moved + step))
-            planned, thrown = self._thrown(u, task)
-            now = np.array(thrown.miss(near.goal))
+            now_u = self.controls.within(u + slope @ (moved + step))
+            planned, thrown = self._thrown(now_u, task)
+            now = np.array(thrown.miss(goal))
             missed = scaled(now[0], now[1], aim)
             if missed <= 1.0:
-                return u, planned, thrown
+                return now_u, planned, thrown
             if math.isfinite(missed) and length > TINY:
                 change = now[:size] - off[:size]
                 matrix = matrix + np.outer(change - matrix @ step, step) / (step @ step)
@@ -93,9 +158,10 @@ class Corrector:
     def _thrown(self, u: Array, task: Task) -> tuple[Path, Throw]:
         """The motion of `u`, and its throw by the model that counts."""
         planned, opening_time = self.controls.motion(u)
+        mover = self.problems.mover
         with task.clock("smooth"):
-            samples = send(self.mover, planned, as_planned=True)
-        thrown = Throw.sent(task.scene, self.mover, planned, samples, opening_time)
+            samples = send(mover, planned, as_planned=True)
+        thrown = Throw.sent(task.scene, mover, planned, samples, opening_time)
         with task.clock("check"):
             _ = thrown.landing
         return planned, thrown
@@ -105,13 +171,18 @@ def _no_guess(nlp: ThrowNlp) -> Array:
     return np.zeros(nlp.size[0])
 
 
+def _throw_of(controls: Controls, mover: Mover, optimum: Optimum, task: Task) -> PlannedThrow:
+    """An optimum's throw."""
+    planned, opening_time = controls.motion(optimum.u)
+    final = Throw(task.scene, mover, planned, opening_time)
+    return PlannedThrow(planned, final, optimum.effort, optimum.nlp_size, optimum.asked)
+
+
 def moved_start(
     controls: Controls, mover: Mover, optimum: Optimum, goal: Pose, task: Task
 ) -> Start:
     """A start for a solver from an optimum that lands near `goal`."""
-    planned, opening_time = controls.motion(optimum.u)
-    final = Throw(task.scene, mover, planned, opening_time)
-    throw = PlannedThrow(planned, final, optimum.effort, optimum.nlp_size, optimum.asked)
+    throw = _throw_of(controls, mover, optimum, task)
     request = Request(task.scene, mover)
     return Start(
         goal,
@@ -138,7 +209,8 @@ def optimum_of(
     numbers = nlp.numbers(Request(scene, throw.mover, aim, throw.asked))
     places = controls.places(nlp)
     try:
-        slope = sensitivity(nlp, program.solver, solution, numbers, program.limits, places)
+        at = Condensed.about(nlp, program.solver, solution, numbers, program.limits, places)
+        slope = at.slope
     except np.linalg.LinAlgError:
         return None
     lands, exact = throw.planned_landing, throw.exact.landing.pose

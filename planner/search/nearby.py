@@ -19,6 +19,8 @@ from .release_table import Turns
 
 #: Throws of the library that a plan is moved from, and that a choice is made among, per throw.
 NEIGHBOURS, CHOSEN_FROM = 4, 6
+#: Of these, nearest first, that steps of the condensed NLP begin from.
+STEPPED = 4
 #: Throws from which the nearest possible landing is looked for.
 EDGE = 2
 #: As far [m, scaled error] a warm plan's optimum is moved.
@@ -32,7 +34,7 @@ class Nearby:
 
     def __init__(self, problems: Problems, library: Library) -> None:
         self._problems, self._library = problems, library
-        self._corrector = Corrector(library.controls, problems.mover)
+        self._corrector = Corrector(library.controls, problems)
         # Of the last warm plan that a solver made: targets that move ask for it again and again.
         self._last: tuple[PlannedThrow, Optimum | None] | None = None
 
@@ -52,12 +54,15 @@ class Nearby:
             near = self._library.near(task.target, turns, count)
             if warm is not None:
                 near = merge(self._moved_on(warm, task), near, key=lambda one: one.distance)
-        first: Neighbour | None = None
+        known = list[Neighbour]()
         for one in near:
-            first = first or one
+            known.append(one)
             if task.clock.late:
                 return
             yield self._corrector.attempt(one, task)
+        for one in known[:STEPPED]:
+            yield from self._corrector.steps(one, task)
+        first = known[0] if known else None
         for start in self._starts(task, warm, first):
             if task.clock.late:
                 return
