@@ -28,7 +28,7 @@ from .structures import (
 )
 
 #: That of core.h; it counts up with every change of an argument or a structure.
-VERSION = 5
+VERSION = 6
 
 
 def library() -> ctypes.CDLL | None:

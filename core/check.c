@@ -22,6 +22,7 @@ typedef struct {
     double column_radius, column_height;
     double palm_back, palm_front, palm_half_width;
     double palm_clearance;
+    double tool_length;                       /* from the flange to the pads' centre */
     double cup_x, cup_rim, cup_radius, cup_insertion; /* the radius at the bar's width */
 } scene;
 
@@ -38,9 +39,9 @@ typedef struct {
 } throw;
 
 /* Use of the grip; heights of the lowest points, distances, least clearance, infinite where nothing
-   was near. */
+   was near; the highest speed of flange and pads' centre. */
 typedef struct {
-    double grip, arm, held, column_held, column_flown, palm, palm_time, cup;
+    double grip, arm, held, column_held, column_flown, palm, palm_time, cup, speed;
 } measured;
 
 typedef struct {
@@ -227,6 +228,47 @@ INLINE void hands_at(const throw *t, const lane time, long *piece, pose *hand, l
         hand->cos[l] = cos(theta[l]);
         hand->sin[l] = sin(theta[l]);
     }
+}
+
+/* The higher speed, squared, of flange and pads' centre of an arm at times [s]. */
+INLINE void speeds_at(const throw *t, const lane time, long *piece, lane fastest)
+{
+    const linkage *a = t->arm;
+    lane angle, rate, x, z;
+    double q[LANES][AXES], dq[LANES][AXES];
+    for (int l = 0; l < LANES; l++) {
+        place_at(t->motion, time[l], piece, q[l]);
+        rate_at(t->motion, time[l], piece, dq[l]);
+    }
+    EACH_LANE angle[l] = rate[l] = x[l] = z[l] = 0.0;
+    for (long i = 0; i < a->n; i++)
+        EACH_LANE {
+            angle[l] += a->sign[i] * q[l][i];
+            rate[l] += a->sign[i] * dq[l][i];
+            double c = cos(angle[l]), s = sin(angle[l]);
+            x[l] -= rate[l] * (a->along[i] * s + a->up[i] * c);
+            z[l] += rate[l] * (a->along[i] * c - a->up[i] * s);
+        }
+    EACH_LANE {
+        double theta = a->theta + angle[l], turning = rate[l] * t->around->tool_length;
+        double back = x[l] + turning * sin(theta), up = z[l] - turning * cos(theta);
+        double flange = back * back + up * up, pads = x[l] * x[l] + z[l] * z[l];
+        fastest[l] = GREATER(flange, pads);
+    }
+}
+
+/* The highest of them from rest to the motion's end. */
+INLINE double highest_speed(const throw *t)
+{
+    double until = t->motion->breaks[t->motion->pieces], most = 0.0;
+    long count = (long)ceil((until + t->tick) / t->tick), piece = 0;
+    for (long k = 0; k < count; k += LANES) {
+        lane time, found;
+        EACH_LANE time[l] = t->tick * (k + l < count ? k + l : count - 1);
+        speeds_at(t, time, &piece, found);
+        EACH_LANE most = GREATER(most, found[l]);
+    }
+    return sqrt(most);
 }
 
 /* The held bar at a hand. */
@@ -516,9 +558,12 @@ CLONES EXPORT void measure(const throw *t, measured *m)
     const box bar = {-s->behind, s->ahead, s->half_width};
     const box body = {-s->palm_back, -s->palm_front, s->palm_half_width};
     double reach = hypot(GREATER(s->behind, s->ahead), s->half_width);
-    *m = (measured){grip(t), INFINITY, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY};
+    *m = (measured){grip(t), INFINITY, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY,
+                    0.0};
     carry(t, &bar, &body, reach, m);
     fly(t, &bar, &body, reach, m);
     if (s->cup_radius >= 0.0)
         m->cup = enter(t, &bar);
+    if (s->tool_length >= 0.0)
+        m->speed = highest_speed(t);
 }

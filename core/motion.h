@@ -84,6 +84,20 @@ INLINE void place_at(const path *p, double t, long *piece, double at[AXES])
     }
 }
 
+/* How fast they are at time t [s]. */
+INLINE void rate_at(const path *p, double t, long *piece, double at[AXES])
+{
+    double u = time_in(p, t, piece);
+    for (long i = 0; i < p->n; i++) {
+        const double *c = p->curves + i * p->pieces + *piece;
+        long power = u == 0.0 ? p->powers - 2 : 0;
+        double dq = 0.0;
+        for (; power < p->powers - 1; power++)
+            dq = dq * u + (p->powers - 1 - power) * c[power * p->n * p->pieces];
+        at[i] = dq;
+    }
+}
+
 /* Pose, twist and acceleration (x, z, theta each) of the hands at times [s]. */
 INLINE void moved_at(const path *p, const linkage *a, const lane time, long *piece, lane hand[9])
 {

@@ -78,6 +78,7 @@ class SceneC(ctypes.Structure):
         *("gravity", "mass", "grasp_inertia", "com_offset", "grasp_angle", "force", "torque"),
         *("behind", "ahead", "half_width", "column_radius", "column_height"),
         *("palm_back", "palm_front", "palm_half_width", "palm_clearance"),
+        "tool_length",
         *("cup_x", "cup_rim", "cup_radius", "cup_insertion"),
     )
 
@@ -100,7 +101,8 @@ class Measured(ctypes.Structure):
     joints, hand and its body, from rest to the end; held: of the bar, until detach. column_held,
     column_flown: the bar's signed distance from the base column. palm: of the flying bar from the
     hand's body, and from when on [s after detach] it is below the scene's clearance. cup: clearance
-    on the way into the cup, -inf for a bar that misses it. `measured` of check.c.
+    on the way into the cup, -inf for a bar that misses it. speed: highest [m/s] of flange and pads'
+    centre from rest to the end, 0 where the scene has no limit to it. `measured` of check.c.
     """
 
     grip: float
@@ -111,8 +113,11 @@ class Measured(ctypes.Structure):
     palm: float
     palm_time: float
     cup: float
+    speed: float
     _fields_ = _fields(
-        _DOUBLE, "grip", "arm", "held", "column_held", "column_flown", "palm", "palm_time", "cup"
+        _DOUBLE,
+        *("grip", "arm", "held", "column_held", "column_flown", "palm", "palm_time", "cup"),
+        "speed",
     )
 
 

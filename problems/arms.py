@@ -44,7 +44,7 @@ def arm_from(tables: Mapping[str, Any]) -> Arm:
     rest = {"description": ""} | {name: value for name, value in tables.items() if name != key}
     arm: Arm = from_table(Arm, rest, chain=rows_from(key, CHAINS[key], tables[key]))
     limits, slowing = vars(arm.limits), arm.limits.slowing
-    lists = {f"[limits] {name}": value for name, value in limits.items() if name != "slowing"}
+    lists = {f"[limits] {name}": each for name, each in limits.items() if isinstance(each, tuple)}
     if slowing is not None:
         lists |= {f"[limits.slowing] {name}": value for name, value in vars(slowing).items()}
     for key, values in ({"posture": arm.posture} | lists).items():

@@ -91,6 +91,12 @@ class Robot(Section):
         choices=("jerk", "acceleration"),
         default="jerk",
     )
+    tool_speed: float | None = optional(
+        "m/s, highest speed of the arm's flange and of the pads' centre; at most the arm's own, "
+        "which holds where it is left out",
+        above=0,
+        most=1e3,
+    )
     position_margin: float = quantity(
         "rad, kept back from both ends of a joint's range", least=0, below=0.5, default=0.01
     )
@@ -120,6 +126,13 @@ def check_robot(robot: Robot, arm: Arm) -> None:
                 f"[robot] throwing_joints = {list(joints)}: each must be another of 1 to "
                 f"{arm.joints} and not the azimuth joint {arm.azimuth_joint}"
             )
+    most = arm.limits.tool_speed
+    if robot.tool_speed is not None and most is not None and robot.tool_speed > most:
+        file = robot.arm if robot.arm.endswith(".toml") else f"arms/{robot.arm}.toml"
+        raise InputError(
+            f"[robot] tool_speed = {robot.tool_speed:g}: must be at most {most:g} m/s, the "
+            f"tool_speed of {file}"
+        )
     if robot.start is None:
         return
     if len(robot.start) != len(joints):

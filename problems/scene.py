@@ -169,6 +169,14 @@ class Scene(Section):
         return self.changed(target=target, cup=cup)
 
     @property
+    def tool_speed(self) -> float | None:
+        """Highest speed [m/s] of an arm's flange and of the pads' centre; None without a limit."""
+        if self.robot is None or self.arm is None:
+            return None
+        own = self.arm.limits.tool_speed
+        return own if self.robot.tool_speed is None else self.robot.tool_speed
+
+    @property
     def com_offset(self) -> float:
         """h [m]: from the pads' centre to the CoM."""
         return self.object.com - self.grasp.offset

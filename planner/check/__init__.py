@@ -13,6 +13,7 @@ from .geometry import (
     palm_corners,
     palm_distance,
     reach_of_bar,
+    tool_speeds,
 )
 from .given_motion import given_hand, recorded_joints
 from .measures import Measured, friction_use

@@ -109,6 +109,13 @@ def column_distance(bar: ThrownObject, com: Array, radius: float, height: float)
     return distance
 
 
+def tool_speeds(tool: Tool, pose: Array, twist: Array) -> Array:
+    """The higher speed [m/s] (N,) of flange and pads' centre; pose, twist (3, N): the hand's."""
+    turning = tool.tcp * twist[2]
+    behind = twist[0] + turning * np.sin(pose[2]), twist[1] - turning * np.cos(pose[2])
+    return np.asarray(np.maximum(np.hypot(*twist[:2]), np.hypot(*behind)))
+
+
 def column_of(scene: Scene) -> tuple[float, float] | None:
     """Radius and height [m] of the base column, None without one."""
     workspace = scene.workspace

@@ -24,6 +24,7 @@ from .geometry import (
     palm_corners,
     palm_distance,
     reach_of_bar,
+    tool_speeds,
 )
 from .mover import Mover, outline
 from .sending import TICK
@@ -111,6 +112,7 @@ def _numbers(scene: Scene) -> SceneC:
         *((-1.0, 0.0) if column is None else column),
         *palm,
         -1.0 if clearance is None else clearance,
+        -1.0 if arm is None or scene.tool_speed is None else arm.tool.tcp,
         *mouth,
     )
 
@@ -121,7 +123,8 @@ def _measured(
     """The same without the compiled core."""
     bar, column, arm, workspace = scene.object, column_of(scene), scene.arm, scene.workspace
     times = np.arange(0.0, path.end + TICK, TICK)
-    hand, lowest = outline(mover, path.at(times).pose)
+    joints = path.at(times)
+    hand, lowest = outline(mover, joints.pose)
     if arm is not None:
         lowest = np.minimum(lowest, palm_corners(arm.tool, hand)[1].min(axis=1))
     held = np.hstack([held_bar(scene, hand[:, times < opening_time]), release.com])
@@ -145,6 +148,9 @@ def _measured(
     if scene.cup is not None:
         detach = np.array([[*vars(release.detach).values()]])
         cup = float(cup_entries(scene, detach, np.array([flight]))[0])
+    speed = 0.0
+    if arm is not None and scene.tool_speed is not None:
+        speed = tool_speeds(arm.tool, *mover.motion(*joints)[:2]).max()
     grip, lowest_held = grip_use(scene, mover, path, opening_time), lowest_of_bar(bar, held).min()
     columns, near = (column_held, column_flown), (palm, palm_time, cup)
-    return Measured(grip, lowest.min(), lowest_held, *columns, *near)
+    return Measured(grip, lowest.min(), lowest_held, *columns, *near, speed)

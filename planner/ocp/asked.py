@@ -31,7 +31,8 @@ SHALLOW = 0.015
 class Margins:
     """Margins [m; share] beyond the usual ones, by name; those that are not given are 0.
 
-    The terms have them: "held" between obstacles and what is carried, "cup", "torque", "passing".
+    The terms have them: "held" between obstacles and what is carried, "cup", "passing", "torque",
+    "tool speed".
     """
 
     values: tuple[tuple[str, float], ...]

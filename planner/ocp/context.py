@@ -266,15 +266,14 @@ class Instant:
     given: bool
 
     @cached_property
-    def hand(self) -> tuple[list[ca.SX], HandMotion]:
-        """The hand's pose (x, z, theta) and motion."""
-        pose, _, motion = self.context.hand(self.stage, self.q, self.dq, self.ddq)
-        return pose, motion
+    def hand(self) -> Hand:
+        """The hand's pose (x, z, theta), twist and motion."""
+        return self.context.hand(self.stage, self.q, self.dq, self.ddq)
 
     @cached_property
     def load(self) -> Load:
         """Force and torque at the pads that keep the object in the hand."""
-        pose, motion = self.hand
+        pose, _, motion = self.hand
         theta, h = pose[2] + self.context.grasp_angle, self.context.body.com_offset
         x, z = h * ca.cos(theta), h * ca.sin(theta)
         body, gravity = self.context.body, self.context.gravity
@@ -283,7 +282,7 @@ class Instant:
     @cached_property
     def bar_end(self) -> tuple[ca.SX, ca.SX, ca.SX, ca.SX]:
         """x, z [m] of the middle of the held bar's far end; cos and sin of the bar's angle."""
-        context, (pose, _) = self.context, self.hand
+        context, (pose, *_) = self.context, self.hand
         theta = pose[2] + context.grasp_angle
         reach = context.body.com_offset + context.parameters("ahead")
         cos, sin = ca.cos(theta), ca.sin(theta)

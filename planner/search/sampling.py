@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from ...models import HandSamples, Opening, PivotSteps, SlidingPivot, march, rk4_step
 from ...problems import Pose, Scene
-from ..check import Limits, Mover, column_distance, friction_use
+from ..check import Limits, Mover, column_distance, friction_use, tool_speeds
 from ..compile import DAMAGED, cache_folder, digest, publish, source_of
 from ..ocp import BRAKE_SHARE, build_nlp
 from .launch import clears_column, clears_palm, run_up
@@ -139,6 +139,7 @@ class ReleaseSampler:
         for position, speed in ((q, dq), (end, rate)):
             low, high = limits.velocity(position)
             inside &= (speed >= low) & (speed <= high)
+            inside &= self._tool_fits(position, speed)[:, None]
         for position in positions:
             inside &= (position >= limits.q_min) & (position <= limits.q_max)
         if self.mover.start is not None:
@@ -146,6 +147,14 @@ class ReleaseSampler:
             gap = np.abs(q - self.mover.start - dq * duration[:, None] / 2)
             inside &= gap <= 0.15 * limits.ddq * duration[:, None] ** 2
         return np.asarray(inside.all(axis=1))
+
+    def _tool_fits(self, q: Array, dq: Array) -> npt.NDArray[np.bool_]:
+        """Whether (N,) flange and pads' centre keep the tool's speed."""
+        scene = self.scene
+        if scene.tool_speed is None or scene.arm is None:
+            return np.ones(len(q), bool)
+        pose, twist, _ = self.mover.motion(q.T, dq.T, 0 * q.T)
+        return np.asarray(tool_speeds(scene.arm.tool, pose, twist) <= scene.tool_speed)
 
     def _hand(self, q: Array, dq: Array, ddq: Array, t: float) -> HandSamples:
         """The hands (N,) at time t."""
@@ -272,6 +281,7 @@ def _key(scene: Scene, mover: Mover, count: int, seed: int) -> str:
         scene.mesh.sticking_margin,
         scene.mesh.carry_max,
         scene.arm,
+        scene.tool_speed,
         mover.kinematics.coordinates,
         getattr(mover.kinematics, "throwing_joints", None),
         scene.hand,

@@ -17,10 +17,10 @@ from throwplan.planner.search import ReleaseSampler, guess_from, starts
 SIZES = {
     "hand-box": (127, 149),
     "hand-flip": (187, 211),
-    "box": (223, 317),
-    "flip": (223, 318),
-    "pose": (226, 318),
-    "cup": (228, 340),
+    "box": (223, 357),
+    "flip": (223, 358),
+    "pose": (226, 358),
+    "cup": (228, 380),
 }
 
 

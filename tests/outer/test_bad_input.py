@@ -208,6 +208,8 @@ ROBOT | robot.start_deg: [-45, -135] | start_deg; 135; 3
 ROBOT | robot.start_deg: [-45, -135, 90, 7] | start_deg; 7; 3
 ROBOT | robot.start_deg: [-45.0, 10.0, 90.0] | start_deg; joint 4; 10.0; [-176.0, -4.0]
 ROBOT | robot.control: "jerky" | control; 'jerky'; jerk, acceleration
+ROBOT | robot.tool_speed: 2.5 | [robot] tool_speed = 2.5; at most 2 m/s; arms/panda.toml
+ROBOT | robot.tool_speed: 0 | tool_speed = 0; above 0
 ROBOT | robot.throwing_joints: [2, 4, 8] | throwing_joints; 8; 7
 CUP | cup.radius: 0.01 | radius = 0.01; above 0.01887
 CUP | target.theta_deg: - | [cup]; theta_deg
@@ -324,6 +326,9 @@ ARMS = [
     ("velocity = [2.1750, 2.1750", 'velocity = [2.1750, "fast"', ["fast"]),
     ("velocity = [2.1750, ", "velocity = [", ["velocity", "7"]),
     ("jerk = ", "jrek = ", ["jrek"]),
+    ("tool_speed = 2.0", "tool_speed = nan", ["tool_speed", "nan"]),
+    ("tool_speed = 2.0", "tool_speed = 0.0", ["tool_speed", "0"]),
+    ("tool_speed = 2.0", "tool_speed = [2.0]", ["tool_speed", "number"]),
     ("azimuth_joint = 1", "azimuth_joint = 9", ["azimuth_joint", "9"]),
     ("azimuth_joint = 1", 'azimuth_joint = "1"', ["azimuth_joint", "1"]),
     ("azimuth_joint = 1", "", ["azimuth_joint", "missing"]),

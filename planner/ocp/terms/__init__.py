@@ -10,10 +10,12 @@ from .cup import CUP_MARGIN, CupClearance, lower_end
 from .joint_limits import SlowingLimits, TorqueLimits
 from .landing import LandingBounds
 from .robust import Quiet, Scenarios
+from .tool_speed import ToolSpeed
 from .workspace import PALM_TIMES, PASSING_MARGIN, Column, Floor, Palm
 
 TERMS: list[type[Term]] = [
     SlowingLimits,
+    ToolSpeed,
     TorqueLimits,
     Floor,
     CupClearance,

@@ -79,7 +79,7 @@ class Floor(Term):
         at.stage.row("floor", z - p("half_width") - p("floor") - margin, 0.0, np.inf)
         if not self.arm:
             return
-        pose, _ = at.hand
+        pose, *_ = at.hand
         heights = at.context.heights(at.q)
         if self.body:
             across = p("body_half_width") * ca.sqrt(ca.cos(pose[2]) ** 2 + 1e-6)

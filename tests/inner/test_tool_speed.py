@@ -1,0 +1,110 @@
+"""Tool speed: flange and pads' centre of what is sent keep the limit of the arm or the scene."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import casadi as ca
+import numpy as np
+import pytest
+import throwplan as tp
+from throwplan.planner.check import make_mover
+from throwplan.planner.ocp import Request, ThrowNlp, broken, build_nlp
+from throwplan.planner.search import ReleaseSampler
+
+#: Interval [s] of the differences.
+STEP = 2e-4
+#: Below the 1.49 m/s of `pose` without a limit.
+SLOW = 1.2
+
+
+def limited(scene: tp.Scene, arm: float | None, robot: float | None = None) -> tp.Scene:
+    """The scene with another tool speed [m/s] of its arm, and one of its own."""
+    assert scene.arm is not None and scene.robot is not None
+    limits = dataclasses.replace(scene.arm.limits, tool_speed=arm)
+    return scene.replace(
+        arm=dataclasses.replace(scene.arm, limits=limits),
+        robot=dataclasses.replace(scene.robot, tool_speed=robot),
+    )
+
+
+def fastest(plan: tp.Plan) -> float:
+    """Highest speed [m/s] of flange and pads' centre of what is sent, by differences.
+
+    Their places come from the arm's whole chain of frames, not from the planar one.
+    """
+    throw, mover, arm = plan.throw, plan.mover, plan.scene.arm
+    assert throw is not None and arm is not None
+    q = ca.SX.sym("q", mover.size)
+    frames = arm.frames(mover.kinematics.full(q))
+    places = ca.Function("places", [q], [ca.vertcat(frames[-2][:3, 3], frames[-1][:3, 3])])
+    motion = throw.samples.path
+    times = np.arange(0.0, motion.end, STEP)
+    moved = np.diff(np.array(places(motion.at(times).pose)), axis=1) / STEP
+    return float(max(np.linalg.norm(part, axis=0).max() for part in (moved[:3], moved[3:])))
+
+
+def nlp_of(scene: tp.Scene) -> ThrowNlp:
+    return build_nlp(Request(scene, make_mover(scene), scene.target))
+
+
+@pytest.fixture(scope="module")
+def free_plan() -> tp.Plan:
+    """`pose` of an arm without the limit."""
+    return tp.plan(limited(tp.load_scene("pose"), None))
+
+
+@pytest.fixture(scope="module")
+def panda() -> tp.Planner:
+    return tp.Planner(tp.load_scene("pose"))
+
+
+def test_an_arm_without_the_limit_has_nothing_of_it(free_plan: tp.Plan) -> None:
+    with_limit, without = nlp_of(tp.load_scene("pose")), nlp_of(free_plan.scene)
+    added = set(with_limit.parameters.blocks) - set(without.parameters.blocks)
+    assert added == {"tool_speed", "tool_length"}
+    assert with_limit.size[0] == without.size[0]
+    rows = [name for name in with_limit.row_names if name != "tool speed"]
+    assert rows == list(without.row_names)
+
+
+def test_a_slower_tool_changes_the_throw(free_plan: tp.Plan) -> None:
+    assert fastest(free_plan) > 1.1 * SLOW
+    final = free_plan.throw.final
+    slow = limited(final.scene, 2.0, SLOW)
+    assert any("tool speed" in v.words for v in broken(dataclasses.replace(final, scene=slow)))
+    plan = tp.plan(limited(tp.load_scene("pose"), 2.0, SLOW))
+    assert plan.solved
+    assert 0.95 * SLOW < fastest(plan) <= SLOW
+
+
+@pytest.mark.parametrize(("x", "theta"), [(-1.4, 3.7), (1.4, -1.2), (1.4, -1.8)])
+def test_far_throws_keep_the_pandas_limit(panda: tp.Planner, x: float, theta: float) -> None:
+    """Each of them would be thrown faster, at 2.08 to 2.31 m/s."""
+    plan = panda.plan(tp.Pose(x=x, z=0.1, theta=theta))
+    assert plan.solved
+    assert 1.95 < fastest(plan) <= 2.0
+    assert plan.throw.final.measured.speed == pytest.approx(fastest(plan), abs=1e-3)
+
+
+def test_what_only_a_faster_tool_reaches_is_out_of_reach(panda: tp.Planner) -> None:
+    target = tp.Pose(x=-2.0, z=0.1, theta=4.8)
+    assert tp.Planner(limited(panda.scene, None)).plan(target).solved
+    plan = panda.plan(target)
+    assert plan.status == "out_of_reach"
+    assert plan.binding[0] == "tool speed"
+    assert plan.nearest is not None and plan.nearest.x > -1.6
+
+
+def test_sampled_releases_keep_it(panda: tp.Planner) -> None:
+    scene = limited(panda.scene, 2.0, SLOW)
+    sampler = ReleaseSampler(scene, make_mover(scene))
+    releases, opening = sampler.draw(4000), scene.gripper.profile().opening
+    assert len(releases.q) > 100
+    end = releases.q + opening * (releases.dq + opening * releases.ddq / 2)
+    for q, dq in ((releases.q, releases.dq), (end, releases.dq + opening * releases.ddq)):
+        before, after = (
+            sampler.mover.motion(*(rows.T for rows in (q + shift * dq, q, q)))[0][:2]
+            for shift in (-STEP, STEP)
+        )
+        assert np.hypot(*(after - before)).max() / (2 * STEP) <= SLOW * (1 + 1e-4)
