@@ -7,6 +7,7 @@ under the exact check, was in reach after all.
 from __future__ import annotations
 
 import collections
+import dataclasses
 import itertools
 import math
 import time
@@ -17,14 +18,16 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from ...problems import Pose, load_scene
+from ..check import Throw, send
 from ..plan import Planner
 from ..reach import ReachMap, reach_map
 from ..result import Plan
-from ..search import CORRECTOR
+from ..search import CORRECTOR, violations
 from ..show import BLACK, BLUE, GREEN, RED, Row, Table, shown
 from .judge import judged
 from .measure import quantiles, reachable_targets, shared, warmed
 from .page import Effort, Picture, ReportSection, panels
+from .parts import imports_of
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
@@ -44,6 +47,8 @@ TARGETS = {
 #: maps, and plans that the judge looks at.
 LIBRARIES = ("hand-box",), ("pose", "cup", "box", "flip", "fr3")
 THROWS, ON_MAP, JUDGED = (60, 5000), (10, 500), (4, 400)
+#: Solved plans whose targets are moved by so much [m, scaled error], for warm plans.
+BESIDE, BY = (4, 300), 0.008
 #: Plans before any is timed: the NLPs they need are built.
 FIRST = (2, 50)
 #: Sampled states of a map, and targets far from it.
@@ -219,9 +224,37 @@ def _over_map(name: str, effort: Effort) -> tuple[Row, list[Plan]]:
         "no answer": said["not_converged"],
     }
     row |= _row(plans) | {f"cold: {name}": value for name, value in _row(cold).items()}
+    row |= _beside(planner, [p for p in plans if p.solved][: effort.of(*BESIDE)])
+    row["fresh process [s]"] = imports_of(scene)["fresh process [s]"]
     for share, value in zip((50, 90), quantiles(costs, 50, 90), strict=True):
         row[f"cost over the cold plan's, {share} %"] = value
     return row | {"judged": len(looked), "judged wrong": wrong}, plans
+
+
+def _beside(planner: Planner, plans: list[Plan]) -> Row:
+    """Warm plans to targets beside those of `plans`; throws and checks of what these send."""
+    rng, seconds, checks = np.random.default_rng(SEED), list[float](), list[float]()
+    for plan in plans:
+        throw, target = plan.throw, plan.target
+        assert throw is not None
+        share = rng.uniform(-1.0, 1.0)
+        turned = math.copysign(1.0 - abs(share), rng.uniform(-1.0, 1.0))
+        away = BY * turned / (plan.scene.object.length / 2)
+        moved = target.in_plane(target.plane_x + BY * share, target.turned(away).theta)
+        start = time.perf_counter()
+        planner.plan(moved, warm=plan)
+        seconds.append(time.perf_counter() - start)
+        start = time.perf_counter()
+        sent = send(plan.mover, throw.planned)
+        final = Throw.sent(plan.scene, plan.mover, throw.planned, sent, throw.opening_time)
+        violations(dataclasses.replace(throw, final=final), target)
+        checks.append(time.perf_counter() - start)
+    (warm, longest), (check,) = quantiles(seconds, 50, 99), quantiles(checks, 50)
+    return {
+        f"warm by {1e3 * BY:.0f} mm, median [ms]": 1e3 * warm,
+        "warm, 99 % [ms]": 1e3 * longest,
+        "throw and check [ms]": 1e3 * check,
+    }
 
 
 def over_map(found: ReachMap, count: int) -> list[Pose]:
