@@ -266,7 +266,7 @@ class Solver:
     def curvature(self, x: Array, parameters: Array, multipliers: Array) -> Array:
         """The Lagrangian's Hessian (n, n) at a point; multipliers (m,): of g."""
         hessian = self._functions["nlp_hess_l"](x, parameters, 1.0, multipliers)
-        curvature = (hessian[-1] if isinstance(hessian, tuple) else hessian).full()
+        curvature = _dense(hessian[-1] if isinstance(hessian, tuple) else hessian)
         if self.name == "ipopt":
             # Its upper triangle.
             curvature = curvature + np.triu(curvature, 1).T
@@ -287,3 +287,10 @@ class Solver:
         slopes = self._functions["nlp_jac_g"](x, parameters)[1].nonzeros()
         self._evaluation = min(self._evaluation, time.thread_time() - start)
         return float(np.max(np.abs(slopes), initial=0.0))
+
+
+def _dense(matrix: ca.DM) -> Array:
+    """What `full` gives, in a tenth of its time."""
+    dense = np.zeros(matrix.shape)
+    dense[matrix.sparsity().get_triplet()] = matrix.nonzeros()
+    return dense

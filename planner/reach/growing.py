@@ -10,9 +10,10 @@ edge, and keeps the names of the limits that bind at it.
 from __future__ import annotations
 
 import dataclasses
+import heapq
+import itertools
 import math
 import time
-from collections import deque
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
@@ -46,10 +47,17 @@ Progress = Callable[[int, int], None]
 #: Sampled states whose landings are the map; seeds solved from the release table, and starts tried
 #: for each.
 SAMPLES, SEEDS, STARTS = 60_000, 48, 3
-#: How much larger the reach is than what random throws hit.
-LARGER = 1.6
+#: How much larger the reach is than what random throws hit of so many cells.
+LARGER, HIT = 1.3, 300
+#: How many more throws are solved at most where the reach is larger than that.
+MORE = 1.3
 #: Narrowest cells, as a share of these bins.
-FINEST = 0.1
+FINEST = 0.2
+#: A cell is solved again where a neighbour's slope foretells a throw that costs less than this
+#: share of what the cell's own does.
+CHEAPER = 0.95
+#: Throws whose costs differ by less than this share are the same.
+SAME = 0.999
 #: Neighbours from which a cell is tried before it counts as beyond the edge.
 TRIED = 2
 #: NLPs tried for a cell, each asked for what the check of the last one found broken.
@@ -71,10 +79,13 @@ class Cells:
     @classmethod
     def of(cls, x: Array, theta: Array, count: int, *, angle: bool) -> Cells:
         """Cells so wide that `count` of them cover a map's landings x, theta (N,), about."""
-        wide, turn = WIDTHS[1]
-        columns = [x / wide, theta / turn] if angle else [x / wide]
-        filled = len(np.unique(np.floor(np.column_stack(columns)), axis=0))
-        scale = (LARGER * max(filled, 1) / count) ** (1 / len(columns))
+        wide, turn = WIDTHS[0]
+        columns = np.column_stack([x / wide, theta / turn] if angle else [x / wide])
+        scale, filled = 1.0, math.inf
+        while filled > HIT:
+            scale *= 1.2
+            filled = len(np.unique(np.floor(columns / scale), axis=0))
+        scale *= (LARGER * max(filled, 1) / count) ** (1 / columns.shape[1])
         scale = max(scale, FINEST)
         return cls(scale * wide, scale * turn if angle else 0.0)
 
@@ -135,7 +146,8 @@ class Growth:
         self._hit = dict.fromkeys(sorted(cells))
         self._rng = np.random.default_rng([SEED, share[0]])
         self._solutions: dict[Cell, tuple[Solution, Asked, Optimum]] = {}
-        self._solved: dict[Cell, int] = {}
+        self._solved: dict[Cell, float] = {}
+        self._stored: dict[Cell, int] = {}
         self._beyond: dict[Cell, int] = {}
         self._new: list[np.ndarray] = []
         self._kept = time.perf_counter()
@@ -151,7 +163,7 @@ class Growth:
                     self._keep()
                 if progress is not None:
                     progress(min(len(self._solved), self._throws), self._throws)
-                if len(self._solved) >= self._throws:
+                if len(self._solved) >= MORE * self._throws:
                     break
         finally:
             self._keep()
@@ -165,11 +177,17 @@ class Growth:
 
     def _take_up(self) -> None:
         """The library's cells."""
-        solved = iter(range(len(self.library)))
-        for row in self.library.records:
-            cell = self.cells(float(row["landing"][0]), float(row["landing"][1]))
-            if row["solved"]:
-                self._solved.setdefault(cell, next(solved))
+        records, self._stored = self.library.records, {}
+        x, theta = records["landing"].astype(float).T.tolist()
+        efforts, found = records["effort"].tolist(), records["solved"].tolist()
+        solved = itertools.count()
+        for *landing, effort, good in zip(x, theta, efforts, found, strict=True):
+            cell = self.cells(*landing)
+            if good:
+                self._stored[cell] = next(solved)
+                if effort < SAME * self._solved.get(cell, math.inf):
+                    self._solved[cell] = effort
+                    self._solutions.pop(cell, None)
             else:
                 self._beyond[cell] = TRIED
 
@@ -186,28 +204,68 @@ class Growth:
                     self._from_table(cell)
                     yield
                     yield from self._spread(own=own)
+        yield from self._cheapen()
 
     def _spread(self, *, own: bool) -> Iterator[None]:
         """Cells from their neighbours, those first that random throws hit, until none is left.
 
-        own: in this process' part of the map.
+        From the cheapest neighbours first, so that of two families of throws the cheaper one
+        comes to a cell before the other. own: in this process' part of the map.
         """
-        hit, other = deque[tuple[Cell, Cell]](), deque[tuple[Cell, Cell]]()
+        waiting: list[tuple[bool, float, Cell, Cell]] = []
 
         def take(source: Cell) -> None:
             for cell in self.cells.around(source):
                 if self._open(cell) and (not own or self._mine(cell)):
-                    (hit if cell in self._hit else other).append((cell, source))
+                    entry = cell not in self._hit, self._solved[source], cell, source
+                    heapq.heappush(waiting, entry)
 
-        known = list(self._solved)
-        for i in self._rng.permutation(len(known)):
-            take(known[i])
-        while hit or other:
-            cell, source = (hit or other).popleft()
+        for cell in list(self._solved):
+            take(cell)
+        while waiting:
+            *_, cell, source = heapq.heappop(waiting)
             if self._open(cell):
                 if self._step(cell, source):
                     take(cell)
                 yield
+
+    def _cheapen(self) -> Iterator[None]:
+        """Cells again from neighbours of a cheaper family, which so spreads as far as it is so."""
+        waiting: list[tuple[float, float, Cell, Cell]] = []
+
+        def take(cell: Cell, source: Cell) -> None:
+            if cell in self._solved and self._mine(cell):
+                effort = self._foretold(cell, source)
+                share = effort / self._solved[cell]
+                if share < CHEAPER:
+                    heapq.heappush(waiting, (share, effort, cell, source))
+
+        for source in list(self._solved):
+            for cell in self.cells.around(source):
+                take(cell, source)
+        while waiting:
+            _, effort, cell, source = heapq.heappop(waiting)
+            before = self._solved[cell]
+            if effort < CHEAPER * before:
+                self._step(cell, source)
+                if self._solved[cell] < before:
+                    for beside in self.cells.around(cell):
+                        take(beside, cell)
+                yield
+
+    def _foretold(self, cell: Cell, source: Cell) -> float:
+        """What a neighbour's throw would cost, moved to a cell by its slope."""
+        optimum = self._optimum(source)
+        goal, at = (self.cells.middle(c, self._target) for c in (cell, source))
+        away = np.array([goal.plane_x - at.plane_x, (goal.theta or 0.0) - (at.theta or 0.0)])
+        slope = optimum.slope
+        return self.library.controls.effort(optimum.u + slope @ away[: slope.shape[1]])
+
+    def _optimum(self, cell: Cell) -> Optimum:
+        """The throw of a solved cell."""
+        if cell in self._solutions:
+            return self._solutions[cell][2]
+        return self.library.optimum(self._stored[cell])
 
     def _open(self, cell: Cell) -> bool:
         """Whether a cell may still be solved."""
@@ -242,27 +300,26 @@ class Growth:
     def _step(self, cell: Cell, source: Cell) -> bool:
         """Whether a cell is solved from a neighbour."""
         goal = self.cells.middle(cell, self._target)
-        task = self._task(goal)
+        task, optimum = self._task(goal), self._optimum(source)
         if source in self._solutions:
-            solution, asked, optimum = self._solutions[source]
+            solution, asked, _ = self._solutions[source]
             start = Start(
                 goal,
                 lambda nlp: solution.x,
                 "fatrop",
                 asked=asked,
-                tries=TRIES,
-                light=True,
                 warm=solution,
                 near=False,
                 aim=optimum.smoothing,
             )
         else:
-            optimum = self.library.optimum(self._solved[source])
             controls, mover = self.library.controls, self.problems.mover
             start = moved_start(controls, mover, optimum, goal, task)
-            start = dataclasses.replace(start, light=True, tries=TRIES)
+        start = dataclasses.replace(start, light=True, tries=TRIES, rough=True)
         if self._taken(list(attempts(self.problems, start, task)), task):
             return True
+        if cell in self._solved:
+            return False
         self._beyond[cell] = self._beyond.get(cell, 0) + 1
         if self._beyond[cell] >= TRIED:
             landing = (goal.plane_x, goal.theta or 0.0)
@@ -270,21 +327,23 @@ class Growth:
         return False
 
     def _taken(self, tried: list[Attempt], task: Task) -> bool:
-        """Whether the last attempt is a throw; then it is kept."""
+        """Whether the last attempt is a throw, a cheaper one than the cell's; then it is kept."""
         last = tried[-1] if tried else None
         if last is None or not last.solved or last.throw is None or last.throw.solution is None:
             return False
         goal, solution = task.target, last.throw.solution
+        cell = self.cells(goal.plane_x, goal.theta)
+        if not last.throw.effort < SAME * self._solved.get(cell, math.inf):
+            return False
         program = self.problems.problem(goal, last.asked, "fatrop", task.clock)
         names = binding_limits(program.nlp, self.problems.mover.joints, solution, program.limits)
         optimum = optimum_of(self.library.controls, program, last.throw, names)
         if optimum is None:
             return False
-        cell = self.cells(goal.plane_x, goal.theta)
-        self._solved[cell] = -1
+        self._solved[cell] = optimum.effort
         self._solutions[cell] = solution, last.asked, optimum
-        landing = last.throw.final.landing
-        self._new.append(self.library.record(optimum, (landing.x, landing.theta), solved=True))
+        landing = (goal.plane_x, goal.theta or 0.0)
+        self._new.append(self.library.record(optimum, landing, solved=True))
         return True
 
 

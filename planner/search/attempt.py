@@ -61,7 +61,8 @@ class Start:
     light: ends where heavy guards would come in. again: whether the next NLP starts from `guess`
     too, by what it is asked, instead of the broken throw. warm: a solution with its multipliers
     to go on from, near: of almost the same target. aim: (dx [m], dtheta [rad]) from the goal to
-    what the NLP is to land at first. robust: the method of a robust NLP.
+    what the NLP is to land at first. rough: lands within half the scene's tolerance, soon or not
+    at all. robust: the method of a robust NLP.
     """
 
     goal: Pose
@@ -74,6 +75,7 @@ class Start:
     warm: Solution | None = None
     near: bool = True
     aim: tuple[float, float] = (0.0, 0.0)
+    rough: bool = False
     robust: str = ""
 
 
@@ -177,7 +179,10 @@ class _Solving:
         """The solution whose sent motion lands nearest the goal; None and why, without one."""
         start = self.start
         target = start.goal
+        tolerance = self.task.scene.tolerance
         aimed = aims(self.task.scene)
+        if start.rough:
+            aimed = tolerance.position / 2, tolerance.angle / 2
         goal = target.in_plane(target.plane_x + start.aim[0], target.turned(start.aim[1]).theta)
         warm, near = start.warm, start.near
         best, least, reason = None, math.inf, ""
@@ -215,7 +220,7 @@ class _Solving:
             solution = problem.solver.solve(
                 guess, numbers, problem.limits, warm, near=near, seconds=clock.left
             )
-            if not solution.success and warm is not None:
+            if not solution.success and warm is not None and not self.start.rough:
                 self.iterations += solution.iterations
                 solution = problem.solver.solve(warm.x, numbers, problem.limits, seconds=clock.left)
         self.iterations += solution.iterations

@@ -2,21 +2,21 @@
 
 A library is a folder in the cache, named by a hash of all that its throws depend on, with files of
 records that are added whole (`Library.add`) by any number of processes, and never changed. A file
-is named by a hash of its bytes: one that is cut short, garbled or another user's is passed over,
-and its throws are solved again. Whatever is planned from a record is thrown and checked as any
-other throw, so a wrong one costs time only.
+is named by a checksum of its bytes and their number: one that is cut short, garbled or another
+user's is passed over, and its throws are solved again. Whatever is planned from a record is thrown
+and checked as any other throw, so a wrong one costs time only.
 """
 
 from __future__ import annotations
 
 import contextlib
 import dataclasses
-import hashlib
 import io
 import json
 import math
 import os
-from collections.abc import Iterator, Sequence
+import zlib
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -47,8 +47,9 @@ TEXT, NAME, LIMITS = 64, 32, 4
 def record_type(controls: Controls, angle: bool) -> np.dtype[Any]:
     """What is kept of a throw, all of single precision.
 
-    solved: whether it is a throw; else the record says that its landing (x, theta) was tried from
-    its neighbours and is beyond the edge of the reach, with the limits that bind there.
+    solved: whether it is a throw, solved for landing (x, theta); else the record says that this
+    landing was tried from its neighbours and is beyond the edge of the reach, with the limits that
+    bind there.
     """
     f, u = "<f4", controls.size
     fields: list[Any] = [
@@ -92,7 +93,7 @@ class Library:
         self.folder = None if folder is None else folder / f"throws-{library_key(scene)}"
         self._parts: dict[str, Records] = {}
         self.records: Records = np.zeros(0, self._type)
-        self._solved = self.records
+        self._solved = np.zeros(0, np.int64)
         self._landings: tuple[float, Array] | None = None
         self.refresh()
 
@@ -101,16 +102,20 @@ class Library:
 
     def refresh(self) -> None:
         """Takes up what this or another process has added."""
-        found = dict(_files(self.folder, self._type)) if self.folder is not None else {}
-        if found.keys() - self._parts.keys():
-            self._parts |= found
-            self._take(np.concatenate(list(self._parts.values())))
+        if self.folder is not None:
+            found = dict(_files(self.folder, self._type, self._parts))
+            if found:
+                self._parts |= found
+                parts = list(self._parts.values())
+                self._take(np.concatenate(parts) if len(parts) > 1 else parts[0])
 
     def _take(self, records: Records) -> None:
-        # Two processes may have solved for the same landing.
-        _, first = np.unique(records["landing"], axis=0, return_index=True)
-        self.records = records if len(first) == len(records) else records[np.sort(first)]
-        self._solved = self.records[self.records["solved"]]
+        # Of several throws for one landing the cheapest; it may have been out of reach at first.
+        order = np.lexsort((records["effort"], ~records["solved"]))
+        places = np.ascontiguousarray(records["landing"][order]).view("<u8").ravel()
+        _, first = np.unique(places, return_index=True)
+        self.records = records if len(first) == len(records) else records[np.sort(order[first])]
+        self._solved = np.flatnonzero(self.records["solved"])
         self._landings = None
 
     def add(self, records: Sequence[Records]) -> None:
@@ -130,19 +135,17 @@ class Library:
 
     def merge(self) -> None:
         """Makes one file of many, so that the next planner opens it sooner."""
-        folder = self.folder
-        parts = [] if folder is None else [part for part, _ in _files(folder, self._type)]
-        if len(parts) < 2 or folder is None:
+        if len(self._parts) < 2 or self.folder is None:
             return
         data = io.BytesIO()
         np.save(data, self.records)
         name = _name(data.getvalue())
-        if publish(folder, name, lambda path: _write(path, data.getvalue())) is None:
+        if publish(self.folder, name, lambda path: _write(path, data.getvalue())) is None:
             return
-        for part in parts:
-            if part != name and part in self._parts:
-                with contextlib.suppress(OSError):
-                    (folder / part).unlink()
+        for part in self._parts.keys() - {name}:
+            with contextlib.suppress(OSError):
+                (self.folder / part).unlink()
+        self._parts = {name: self.records}
 
     def record(self, optimum: Optimum, landing: tuple[float, float], *, solved: bool) -> Records:
         """A record of a throw that lands there; or of a landing that could not be reached."""
@@ -159,7 +162,7 @@ class Library:
 
     def optimum(self, index: int) -> Optimum:
         """One of the solved throws."""
-        row = self._solved[index]
+        row = self.records[self._solved[index]]
         guards = frozenset(row["guards"].decode().split())
         return Optimum(
             row["u"].astype(float),
@@ -175,7 +178,7 @@ class Library:
     def landings(self, height: float) -> Array:
         """x [m], theta [rad], flight time [s] (3, N) of the solved throws at a height."""
         if self._landings is None or self._landings[0] != height:
-            detach = self._solved["detach"].astype(float)
+            detach = self.records["detach"][self._solved].astype(float)
             self._landings = height, land(detach, height, self._scene.gravity).T.copy()
         return self._landings[1]
 
@@ -233,26 +236,31 @@ def _sources() -> Iterator[bytes]:
             yield path.read_bytes()
 
 
-def _name(data: bytes) -> str:
-    return f"{hashlib.blake2b(data, digest_size=12).hexdigest()}.npy"
+def _name(data: bytes | memoryview) -> str:
+    return f"{zlib.crc32(data):08x}-{len(data):x}.npy"
 
 
 def _write(path: Path, data: bytes) -> None:
     path.write_bytes(data)
 
 
-def _files(folder: Path, kind: np.dtype[Any]) -> Iterator[tuple[str, Records]]:
-    """Names and records of the folder's files that are whole, of this user and of this kind."""
+def _files(
+    folder: Path, kind: np.dtype[Any], known: Collection[str]
+) -> Iterator[tuple[str, Records]]:
+    """Names and records of the folder's files that are whole, of this user and of this kind.
+
+    known: names that are passed over.
+    """
     try:
         if not _own(folder):
             return
-        paths = sorted(folder.glob("*.npy"))
+        paths = sorted(path for path in folder.glob("*.npy") if path.name not in known)
     except OSError:
         return
     for path in paths:
         try:
-            # Memory is mapped only once its bytes are known to be those that were written.
-            if not _own(path) or _name(path.read_bytes()) != path.name:
+            # Its text is read only once its bytes are known to be those that were written.
+            if not _own(path) or _name(np.memmap(path, mode="r").data) != path.name:
                 continue
             records = np.load(path, mmap_mode="r", allow_pickle=False)
         except DAMAGED:
