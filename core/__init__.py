@@ -24,11 +24,12 @@ from .structures import (
     SamplesC,
     SceneC,
     ThrowC,
+    TorquesC,
     address,
 )
 
 #: That of core.h; it counts up with every change of an argument or a structure.
-VERSION = 6
+VERSION = 7
 
 
 def library() -> ctypes.CDLL | None:

@@ -26,6 +26,11 @@ typedef struct {
     double cup_x, cup_rim, cup_radius, cup_insertion; /* the radius at the bar's width */
 } scene;
 
+/* Masses of an arm, as `PlanarBody` of models/dynamics.py, and its joints' limits [N m]. */
+typedef struct {
+    double mass[AXES], along[AXES], up[AXES], inertia[AXES], limit[AXES];
+} torques;
+
 /* A throw: its motion, seen every `tick` [s], and for the grip every `step`, opening and detach [s],
    the bar while the pads open, com [3][nodes], and its
    flight from detach (x, z, theta and their rates) for `flight` [s]. */
@@ -33,15 +38,17 @@ typedef struct {
     const path *motion;
     const linkage *arm;
     const scene *around;
+    const torques *torques; /* none where there is no limit to them */
     double tick, step, opening, detach, flight;
     long nodes;
     const double *com, *start;
 } throw;
 
 /* Use of the grip; heights of the lowest points, distances, least clearance, infinite where nothing
-   was near; the highest speed of flange and pads' centre. */
+   was near; the highest speed of flange and pads' centre;
+   the largest share of a joint's torque. */
 typedef struct {
-    double grip, arm, held, column_held, column_flown, palm, palm_time, cup, speed;
+    double grip, arm, held, column_held, column_flown, palm, palm_time, cup, speed, torque;
 } measured;
 
 typedef struct {
@@ -269,6 +276,59 @@ INLINE double highest_speed(const throw *t)
         EACH_LANE most = GREATER(most, found[l]);
     }
     return sqrt(most);
+}
+
+/* The largest share of their limits that the joints' torques take, by Newton and Euler: until the
+   opening with the object, then with all of it or nothing, after detach without. */
+INLINE double highest_torque(const throw *t)
+{
+    const linkage *a = t->arm;
+    const torques *b = t->torques;
+    const scene *s = t->around;
+    double until = t->motion->breaks[t->motion->pieces], most = 0.0;
+    long count = (long)ceil((until + 0.5 * t->tick) / t->tick), piece = 0;
+    for (long k = 0; k < count; k++) {
+        double time = t->tick * k, angle = 0.0, rate = 0.0, turn = 0.0;
+        double x = 0.0, z = 0.0, a_x = 0.0, a_z = 0.0; /* of the joint, then of the pads */
+        double place[AXES][2], force[AXES][2], moment[AXES];
+        state now;
+        state_at(t->motion, time, &piece, &now);
+        for (long i = 0; i < a->n; i++) {
+            angle += a->sign[i] * now.q[i];
+            rate += a->sign[i] * now.dq[i];
+            turn += a->sign[i] * now.ddq[i];
+            double c = cos(angle), d = sin(angle);
+            double to_x = b->along[i] * c - b->up[i] * d, to_z = b->along[i] * d + b->up[i] * c;
+            force[i][0] = b->mass[i] * (a_x - turn * to_z - rate * rate * to_x);
+            force[i][1] = b->mass[i] * (a_z + turn * to_x - rate * rate * to_z + s->gravity);
+            moment[i] = (x + to_x) * force[i][1] - (z + to_z) * force[i][0] + b->inertia[i] * turn;
+            place[i][0] = x;
+            place[i][1] = z;
+            to_x = a->along[i] * c - a->up[i] * d;
+            to_z = a->along[i] * d + a->up[i] * c;
+            a_x -= turn * to_z + rate * rate * to_x;
+            a_z += turn * to_x - rate * rate * to_z;
+            x += to_x;
+            z += to_z;
+        }
+        double theta = a->theta + angle + s->grasp_angle, g_z = a_z + s->gravity;
+        double r_x = s->com_offset * cos(theta), r_z = s->com_offset * sin(theta);
+        double load_x = s->mass * (a_x - turn * r_z - rate * rate * r_x);
+        double load_z = s->mass * (g_z + turn * r_x - rate * rate * r_z);
+        double load = s->grasp_inertia * turn - s->mass * (a_x * r_z - g_z * r_x);
+        for (int held = time > t->detach ? 0 : 1; held >= (time < t->opening ? 1 : 0); held--) {
+            double f_x = held * load_x, f_z = held * load_z;
+            double total = held * (load + x * load_z - z * load_x);
+            for (long i = a->n - 1; i >= 0; i--) {
+                f_x += force[i][0];
+                f_z += force[i][1];
+                total += moment[i];
+                double share = fabs(total - place[i][0] * f_z + place[i][1] * f_x) / b->limit[i];
+                most = GREATER(most, share);
+            }
+        }
+    }
+    return most;
 }
 
 /* The held bar at a hand. */
@@ -559,11 +619,13 @@ CLONES EXPORT void measure(const throw *t, measured *m)
     const box body = {-s->palm_back, -s->palm_front, s->palm_half_width};
     double reach = hypot(GREATER(s->behind, s->ahead), s->half_width);
     *m = (measured){grip(t), INFINITY, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY,
-                    0.0};
+                    0.0, 0.0};
     carry(t, &bar, &body, reach, m);
     fly(t, &bar, &body, reach, m);
     if (s->cup_radius >= 0.0)
         m->cup = enter(t, &bar);
     if (s->tool_length >= 0.0)
         m->speed = highest_speed(t);
+    if (t->torques)
+        m->torque = highest_torque(t);
 }

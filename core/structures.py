@@ -83,11 +83,17 @@ class SceneC(ctypes.Structure):
     )
 
 
+class TorquesC(ctypes.Structure):
+    """`torques` of check.c."""
+
+    _fields_ = _fields(_AXES, "mass", "along", "up", "inertia", "limit")
+
+
 class ThrowC(ctypes.Structure):
     """`throw` of check.c. It does not own what is at its addresses."""
 
     _fields_ = (
-        *_fields(_ADDRESS, "motion", "arm", "around"),
+        *_fields(_ADDRESS, "motion", "arm", "around", "torques"),
         *_fields(_DOUBLE, "tick", "step", "opening", "detach", "flight"),
         ("nodes", _LONG),
         *_fields(_ADDRESS, "com", "start"),
@@ -102,7 +108,8 @@ class Measured(ctypes.Structure):
     column_flown: the bar's signed distance from the base column. palm: of the flying bar from the
     hand's body, and from when on [s after detach] it is below the scene's clearance. cup: clearance
     on the way into the cup, -inf for a bar that misses it. speed: highest [m/s] of flange and pads'
-    centre from rest to the end, 0 where the scene has no limit to it. `measured` of check.c.
+    centre from rest to the end; torque: largest share of a joint's limit. Both are 0 where there is
+    no limit. `measured` of check.c.
     """
 
     grip: float
@@ -114,10 +121,11 @@ class Measured(ctypes.Structure):
     palm_time: float
     cup: float
     speed: float
+    torque: float
     _fields_ = _fields(
         _DOUBLE,
         *("grip", "arm", "held", "column_held", "column_flown", "palm", "palm_time", "cup"),
-        "speed",
+        *("speed", "torque"),
     )
 
 

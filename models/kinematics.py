@@ -98,8 +98,9 @@ class Slowing:
 class JointLimits:
     """Limits per joint: position [rad], velocity [rad/s], acceleration, jerk, torque [N m].
 
-    tool_speed [m/s]: None for an arm whose tool may be as fast as its joints. slowing: None for
-    one whose velocity limits are the same everywhere.
+    torque_rate [N m/s]: None where it is not known. tool_speed [m/s]: None for an arm whose tool
+    may be as fast as its joints. slowing: None for one whose velocity limits are the same
+    everywhere.
     """
 
     position_min: Vector = described("rad, lower end of the range")
@@ -108,6 +109,7 @@ class JointLimits:
     acceleration: Vector = described("rad/s²", above=0)
     jerk: Vector = described("rad/s³", above=0)
     torque: Vector = described("N m", above=0)
+    torque_rate: Vector | None = described("N m/s; reported, not kept", None, above=0)
     tool_speed: float | None = described(
         "m/s, of flange and pads' centre; left out: as fast as the joints", None, above=0
     )

@@ -149,11 +149,12 @@ def check_robot(robot: Robot, arm: Arm) -> None:
 
 @dataclasses.dataclass(frozen=True)
 class Torque(Section):
-    """Keeps the throwing joints' torques inside limits, by inverse dynamics. Only with
-    [robot], and an arm whose data hold link masses.
+    """Limits of the throwing joints' torques, by inverse dynamics, with the object in the hand and
+    without. Only with [robot], and an arm whose data hold link masses.
 
-    Left out are friction and rotors of the drives, and the
-    joints that only hold the posture.
+    Without this section the arm's own limits hold, and enter the NLP only where a throw breaks
+    them; with it they are in the NLP from the start. Left out are friction and rotors of the
+    drives, and the joints that only hold the posture.
     """
 
     limits: tuple[float, ...] | None = optional(

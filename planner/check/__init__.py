@@ -21,10 +21,10 @@ from .mover import Limits, Mover, make_mover, outline
 from .sending import TICK, Samples, SmoothingError, broken_limits, send
 from .simulation import Simulation, named_model, simulate, simulate_batch
 from .throw import Throw, case_of
+from .torques import Torques, torque_limits
 from .violations import (
     Guard,
     Margin,
     Violation,
     throw_violations,
-    torque_use,
 )

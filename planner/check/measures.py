@@ -28,6 +28,7 @@ from .geometry import (
 )
 from .mover import Mover, outline
 from .sending import TICK
+from .torques import core_torques, torque_limits, torques_of
 
 Array = npt.NDArray[np.float64]
 
@@ -85,9 +86,10 @@ def _throw(scene: Scene, mover: Mover, path: Path, opening_time: float) -> Throw
     """The throw as the compiled core takes it, its release and flight left out."""
     moved, arm, around = path.core, mover.kinematics.core, _numbers(scene)
     assert moved is not None and arm is not None
-    at = ctypes.addressof
-    throw = ThrowC(at(moved), at(arm), at(around), TICK, CARRY_STEP, opening_time)
-    throw.parts = moved, arm, around
+    at, torques = ctypes.addressof, core_torques(scene, mover)
+    addresses = at(moved), at(arm), at(around), None if torques is None else at(torques)
+    throw = ThrowC(*addresses, TICK, CARRY_STEP, opening_time)
+    throw.parts = moved, arm, around, torques
     return throw
 
 
@@ -151,6 +153,9 @@ def _measured(
     speed = 0.0
     if arm is not None and scene.tool_speed is not None:
         speed = tool_speeds(arm.tool, *mover.motion(*joints)[:2]).max()
+    torque = 0.0
+    if torque_limits(scene) is not None:
+        torque = torques_of(scene, mover, path, opening_time).use.max()
     grip, lowest_held = grip_use(scene, mover, path, opening_time), lowest_of_bar(bar, held).min()
     columns, near = (column_held, column_flown), (palm, palm_time, cup)
-    return Measured(grip, lowest.min(), lowest_held, *columns, *near, speed)
+    return Measured(grip, lowest.min(), lowest_held, *columns, *near, speed, torque)

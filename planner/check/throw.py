@@ -30,6 +30,7 @@ from ...problems import Pose, Scene
 from .measures import Measured, grip_use, measured
 from .mover import Mover
 from .sending import NO_SAMPLES, TICK, Samples
+from .torques import Torques, torques_of
 
 Array = npt.NDArray[np.float64]
 
@@ -111,6 +112,11 @@ class Throw:
         """How near bar, hand and arm come to what is around them."""
         release, flight = self.release, self.landing.flight_time
         return measured(self.scene, self.mover, self.path, self.opening_time, release, flight)
+
+    @cached_property
+    def torques(self) -> Torques:
+        """Of the arm's joints along it; for an arm with masses."""
+        return torques_of(self.scene, self.mover, self.path, self.opening_time)
 
     def miss(self, target: Pose | None = None) -> tuple[float, float]:
         """(Δx [m], Δtheta [rad]) to the target; 0 where it leaves theta open."""

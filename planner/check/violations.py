@@ -3,16 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache, partial
 
-import numpy as np
-import numpy.typing as npt
-
-from ...models import PlanarArm, PlanarDynamics, pivot_wrench
-from .sending import TICK
 from .throw import Throw
-
-Array = npt.NDArray[np.float64]
 
 #: Name of rows that an NLP leaves out until the check has seen that they are needed.
 Guard = str
@@ -56,30 +48,3 @@ def throw_violations(throw: Throw) -> list[Violation]:
     if not throw.lands:
         found.append(Violation("the object never comes down to the target's height"))
     return found
-
-
-def torque_use(throw: Throw) -> tuple[Array, Array]:
-    """Times (N,) [s] and torques over their limits (N, n), the larger with and without load.
-
-    The object is held until the opening starts; while the pads open the hand may bear all
-    of it or nothing; after that its hand is empty.
-    """
-    scene, kinematics = throw.scene, throw.mover.kinematics
-    assert scene.torque is not None and isinstance(kinematics, PlanarArm)
-    limits = scene.torque.of(kinematics.arm, kinematics.throwing_joints)
-    times = np.arange(0.0, throw.until + TICK / 2, TICK)
-    hand = throw.hand(times)
-    theta, h = hand.pose[2] + scene.grasp.angle, scene.com_offset
-    x, z = h * np.cos(theta), h * np.sin(theta)
-    wrench = pivot_wrench(scene.body, scene.gravity, hand.motion, hand.twist[2], x, z)
-    angles, rates, turns = map(kinematics.turned, throw.path.at(times))
-    torques = partial(_dynamics(kinematics).torques, angles, rates, turns, scene.gravity)
-    held, free = (np.abs(np.array(torques(load)).T) for load in (wrench, None))
-    before, after = (times < throw.opening_time)[:, None], (times > throw.detach_time)[:, None]
-    most = np.where(before, held, np.where(after, free, np.maximum(held, free)))
-    return times, np.asarray(most / np.array(limits))
-
-
-@lru_cache(maxsize=8)
-def _dynamics(kinematics: PlanarArm) -> PlanarDynamics:
-    return PlanarDynamics(kinematics)

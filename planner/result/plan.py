@@ -12,7 +12,7 @@ from typing import Any, Literal
 from ...models import SLIDING_PIVOT, Arm
 from ...models import Path as Motion
 from ...problems import InputError, Pose, Scene
-from ..check import Mover, Samples, Throw
+from ..check import Mover, Samples, Throw, torque_limits
 from ..ocp import USUAL, Asked, Optimum, Solution, ThrowNlp
 from .files import Draw, save_plan
 
@@ -182,8 +182,14 @@ class Plan:
         return dict(zip(MOMENTS, (command, opening, detach, landing), strict=True))
 
     def _more(self) -> dict[str, Any]:
-        """What only some plans have: robustness, alternatives."""
+        """What only some plans have: torques, of an arm with masses; robustness, alternatives."""
         more: dict[str, Any] = {}
+        throw, arm = self.throw, self.scene.arm
+        if throw is not None and arm is not None and torque_limits(self.scene) is not None:
+            torques, rates = throw.final.torques, arm.limits.torque_rate
+            most = None if rates is None else min(rates)
+            use = float(torques.use.max())
+            more["torque"] = {"use": use, "rate": torques.rate, "rate_limit": most}
         if self.robust:
             more["robust"] = {"method": self.robust, "peak_load": self.peak_load}
         if self.alternatives:
@@ -227,6 +233,8 @@ class Plan:
             )
         if self.throw is not None:
             lines.append(f"  {_moments(result['release'])}")
+        if "torque" in result:
+            lines.append(f"  {_torque_words(**result['torque'])}")
         lines.append(
             f"  {solver['name']}, {solver['iterations']} iterations in {solver['attempts']} "
             f"solves, {self.variables} variables, {self.constraints} constraints, "
@@ -326,6 +334,12 @@ def _moments(release: dict[str, float | None]) -> str:
         for name, value in release.items()
         if value is not None
     )
+
+
+def _torque_words(use: float, rate: float, rate_limit: float | None) -> str:
+    """The joints' torques for people."""
+    most = "" if rate_limit is None else f" (recommended: {rate_limit:.0f})"
+    return f"joint torques at most {100 * use:.0f} % of their limits, rate {rate:.0f} N m/s{most}"
 
 
 def _pose_dict(pose: Pose) -> dict[str, Any]:

@@ -20,7 +20,6 @@ from throwplan.planner.check import (
     make_mover,
     palm_distance,
     reach_of_bar,
-    torque_use,
 )
 from throwplan.planner.ocp import Request, ThrowNlp, broken, build_nlp
 from throwplan.problems import Landing, Torque
@@ -207,29 +206,51 @@ def test_cup_entry_is_that_of_a_finely_drawn_outline(seed: int) -> None:
 # Torques.
 
 
+def test_the_arms_own_limits_are_kept_with_rows_where_a_throw_breaks_them() -> None:
+    """A Panda whose joint 2 is as weak as to hold `pose` no more as it is thrown otherwise."""
+    scene = tp.load_scene("pose")
+    use = tp.plan(scene).to_dict()["torque"]["use"]
+    assert 0.5 < use <= 1.0
+    limits = dataclasses.replace(scene.arm.limits, torque=tuple([87.0 * 0.9 * use] * 7))
+    weak = scene.replace(arm=dataclasses.replace(scene.arm, limits=limits))
+    assert nlp_of(weak).size == nlp_of(scene).size
+    plan = tp.plan(weak)
+    assert plan.solved and "torque" in plan.throw.asked.guards
+    assert plan.constraints > nlp_of(weak).size[1]
+    assert 0.9 < plan.to_dict()["torque"]["use"] <= 1.0
+
+
+def test_an_arm_without_masses_has_no_torques() -> None:
+    scene = tp.load_scene("pose")
+    bare = scene.replace(arm=dataclasses.replace(scene.arm, links=()))
+    assert set(nlp_of(bare).parameters.blocks) == set(nlp_of(scene).parameters.blocks)
+    plan = tp.plan(bare)
+    assert plan.solved and "torque" not in plan.to_dict()
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["flip", "pose", "box"])
 def test_weak_limits_are_kept(name: str) -> None:
     """The NLP looks at some instants of the brake; the check looks at every sample."""
     plan = tp.plan(tp.load_scene(name).replace(torque=Torque(limits=WEAK)))
     assert plan.solved
-    assert torque_use(checked(plan))[1].max() <= 1.0
+    assert checked(plan).torques.use.max() <= 1.0
 
 
 def test_limits_that_bind_change_the_throw(cup_plan: tp.Plan) -> None:
-    most = torque_use(checked(cup_plan, torque=Torque(limits=WEAK)))[1].max(axis=0)
+    most = checked(cup_plan, torque=Torque(limits=WEAK)).torques.use.max(axis=0)
     section = Torque(limits=tuple(float(v) for v in 0.97 * most * np.array(WEAK)))
     tight = tp.plan(cup_plan.scene.replace(torque=section))
     assert tight.solved
-    assert torque_use(checked(cup_plan, torque=section))[1].max() > 1.0
-    assert torque_use(checked(tight))[1].max() <= 1.0
+    assert checked(cup_plan, torque=section).torques.use.max() > 1.0
+    assert checked(tight).torques.use.max() <= 1.0
 
 
 def test_at_rest_the_torque_is_the_weight_s_moment(cup_plan: tp.Plan) -> None:
     """The first sample: the arm stands still with the bar, so statics alone decide."""
     plan, scene, arm = cup_plan, cup_plan.scene, cup_plan.scene.arm
     assert plan.throw is not None and arm is not None
-    _, shares = torque_use(checked(plan, torque=Torque(limits=(1.0, 1.0, 1.0))))
+    shares = checked(plan, torque=Torque(limits=(1.0, 1.0, 1.0))).torques.use
     q = plan.throw.samples.q[0]
     step = 1e-6
 

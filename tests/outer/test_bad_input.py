@@ -326,6 +326,8 @@ ARMS = [
     ("velocity = [2.1750, 2.1750", 'velocity = [2.1750, "fast"', ["fast"]),
     ("velocity = [2.1750, ", "velocity = [", ["velocity", "7"]),
     ("jerk = ", "jrek = ", ["jrek"]),
+    ("torque_rate = [1000.0, ", "torque_rate = [", ["torque_rate", "7"]),
+    ("torque_rate = [1000.0, ", "torque_rate = [0.0, ", ["torque_rate", "0"]),
     ("tool_speed = 2.0", "tool_speed = nan", ["tool_speed", "nan"]),
     ("tool_speed = 2.0", "tool_speed = 0.0", ["tool_speed", "0"]),
     ("tool_speed = 2.0", "tool_speed = [2.0]", ["tool_speed", "number"]),

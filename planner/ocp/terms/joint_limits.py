@@ -1,4 +1,4 @@
-"""Joint limits beyond those that every throw keeps: [torque], and an arm's slowing velocity."""
+"""Joint limits beyond those that every throw keeps: torques, and an arm's slowing velocity."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ import casadi as ca
 import numpy as np
 
 from ....models import PlanarArm, PlanarDynamics
-from ...check import Margin, Throw, Violation, torque_use
+from ....problems import Torque
+from ...check import Margin, Throw, Violation, torque_limits
 from ..asked import Request
 from ..context import Context, Instant, Load, Term
 from ..stages import Rows, Stage
@@ -53,22 +54,30 @@ class SlowingLimits(Term):
 
 @dataclass(frozen=True)
 class TorqueLimits(Term):
-    """Rows at nodes and at some instants of the brake; the check looks at every sample."""
+    """rows: whether it has any (guard "torque", or a section [torque]).
+
+    They are at nodes and at some instants of the brake; the check looks at every sample.
+    """
+
+    rows: bool
 
     @classmethod
     def of(cls, request: Request) -> Self | None:
-        """For a scene with [torque]."""
-        return None if request.scene.torque is None else cls()
+        """For an arm whose masses are known."""
+        if torque_limits(request.scene) is None:
+            return None
+        return cls(request.scene.torque is not None or "torque" in request.asked.guards)
 
     def numbers(self, request: Request) -> dict[str, Any]:
         """The limits less the scene's margin and the one asked for."""
-        section, arm = request.scene.torque, request.mover.kinematics
-        assert section is not None and isinstance(arm, PlanarArm)
-        share = 1 - section.margin - request.asked.margins["torque"]
-        return {"torque_max": share * np.array(section.of(arm.arm, arm.throwing_joints))}
+        limits, section = torque_limits(request.scene), request.scene.torque or Torque()
+        assert limits is not None
+        return {"torque_max": (1 - section.margin - request.asked.margins["torque"]) * limits}
 
     def at_instant(self, at: Instant) -> None:
         """With the object, without, or, while the pads open, with all of it or nothing."""
+        if not self.rows:
+            return
         if at.grip != "none":
             _limit(at.context, at.stage, at.q, at.dq, at.ddq, at.load)
         if at.grip != "full":
@@ -79,6 +88,8 @@ class TorqueLimits(Term):
 
         Every joint brakes by itself; those that have stopped no longer do.
         """
+        if not self.rows:
+            return
         braking = context.each("braking")
         against = -braking * rate / ca.sqrt(rate**2 + 1e-4)
         _limit(context, stage, *context.node(stage))
@@ -93,13 +104,15 @@ class TorqueLimits(Term):
 
     def broken(self, throw: Throw) -> list[Violation]:
         """Joints whose torque is above its limit at any sample."""
-        times, use = torque_use(throw)
-        found = []
-        for name, share in zip(throw.mover.joints, use.T, strict=True):
+        if throw.measured.torque <= 1.0:
+            return []
+        found, torques = [], throw.torques
+        for name, share in zip(throw.mover.joints, torques.use.T, strict=True):
             if share.max() > 1.0:
-                worst, when = 100 * share.max(), 1e3 * times[share.argmax()]
+                worst, when = 100 * share.max(), 1e3 * torques.times[share.argmax()]
                 words = f"torque of {name}: {worst:.0f} % of its limit at {when:.0f} ms"
-                found.append(Violation(words, margin=MARGIN, depth=float(share.max()) - 1.0))
+                guard, depth = "" if self.rows else "torque", float(share.max()) - 1.0
+                found.append(Violation(words, guard, MARGIN, depth))
         return found
 
 
