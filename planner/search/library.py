@@ -35,13 +35,13 @@ Array = npt.NDArray[np.float64]
 Records = npt.NDArray[Any]
 
 #: Version of the records: what a field means.
-FORMAT = 1
+FORMAT = 2
 #: Packages whose sources decide what a solved throw is.
 SOURCES = ("models", "planner/check", "planner/ocp", "planner/search")
 #: Within this scaled distance [m] of a target a solved throw is of use.
 NEAR = 0.15
 #: Lengths [bytes] of the texts of a record: guards, margins, a limit's name; limits a record names.
-TEXT, NAME, LIMITS = 64, 32, 4
+TEXT, NAME, LIMITS = 128, 32, 4
 
 
 def record_type(controls: Controls, angle: bool) -> np.dtype[Any]:
@@ -154,7 +154,9 @@ class Library:
         for name in ("u", "slope", "detach", "effort", "smoothing", "nlp_size"):
             row[name] = getattr(optimum, name)
         row["guards"] = " ".join(sorted(optimum.asked.guards)).encode()
-        row["margins"] = json.dumps(dict(optimum.asked.margins.values)).encode()
+        # All of them to six digits fit.
+        margins = {name: round(value, 6) for name, value in optimum.asked.margins.values}
+        row["margins"] = json.dumps(margins).encode()
         row["binding"][: len(optimum.binding)] = [
             name.encode()[:NAME] for name in optimum.binding[:LIMITS]
         ]

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from throwplan.planner.check import make_mover
+from throwplan.planner.ocp import Asked, Margins
 from throwplan.planner.search import Library
 from throwplan.problems import Choice
 
@@ -127,6 +128,19 @@ def test_other_planners_find_it_and_other_scenes_do_not(prepared: tp.Planner) ->
     assert not tp.Planner(scene, library=False).prepared
     one, other = (p.plan(targets(prepared, 3)[1]) for p in (prepared, tp.Planner(scene)))
     assert one.throw.effort == other.throw.effort
+
+
+def test_a_record_has_room_for_all_that_may_be_asked(prepared: tp.Planner) -> None:
+    names = ("cup", "held", "passing", "tool speed", "torque")
+    asked = Asked(
+        frozenset({"carry", "flight", "passing", "return"}), Margins(**dict.fromkeys(names, 1 / 70))
+    )
+    optimum = dataclasses.replace(prepared.library.optimum(0), asked=asked)
+    library = Library(prepared.scene, make_mover(prepared.scene), keep=False)
+    library.add([library.record(optimum, (0.0, 0.0), solved=True)])
+    kept = library.optimum(0).asked
+    assert kept.guards == asked.guards
+    assert dict(kept.margins.values) == pytest.approx(dict(asked.margins.values), abs=1e-6)
 
 
 def test_growth_goes_on_from_what_there_is(
