@@ -15,10 +15,10 @@ from .geometry import (
     reach_of_bar,
     tool_speeds,
 )
-from .given_motion import given_hand, recorded_joints
+from .given_motion import given_hand, planar_joints, recorded_joints
 from .measures import Measured, friction_use
-from .mover import Limits, Mover, make_mover, outline
-from .sending import TICK, Samples, SmoothingError, broken_limits, send
+from .mover import Limits, Mover, joint_limits, make_mover, outline
+from .sending import TICK, Samples, SmoothingError, broken_limits, keeps, send
 from .simulation import Simulation, named_model, simulate, simulate_batch
 from .throw import Throw, case_of
 from .torques import Torques, torque_limits

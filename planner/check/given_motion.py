@@ -47,10 +47,21 @@ def recorded_joints(
 ) -> MovedHand:
     """The hand of an arm's recorded joints (K, joints) [rad], in the plane that joint 1 is in.
 
-    ValueError for joints that do not keep the throwing posture, and as `low_pass`.
+    ValueError as `planar_joints` and `low_pass`.
     """
-    kinematics = PlanarArm(arm)
-    throwing = [j - 1 for j in kinematics.throwing_joints]
+    kinematics, throwing = PlanarArm(arm), planar_joints(arm, joints)
+    if not times[0] <= opening_time < times[-1]:
+        raise ValueError(f"opening_time {opening_time:g} s is outside the recording")
+    path = Path.recorded(times, throwing, cutoff).later(opening_time)
+    return MovedHand(path, hand_motion(kinematics), kinematics.core)
+
+
+def planar_joints(arm: Arm, joints: Array) -> Array:
+    """The throwing joints (K, n) of recorded joints (K, joints) [rad].
+
+    ValueError where the others do not keep the throwing posture.
+    """
+    throwing = [j - 1 for j in arm.throwing_joints]
     for joint in range(arm.joints):
         if joint in throwing or joint == arm.azimuth_joint - 1:
             continue
@@ -66,10 +77,7 @@ def recorded_joints(
             f"joints: joint {arm.azimuth_joint} turns the throw's plane by {turning:.2f} rad, at "
             f"most {POSTURE_ROOM} is allowed"
         )
-    if not times[0] <= opening_time < times[-1]:
-        raise ValueError(f"opening_time {opening_time:g} s is outside the recording")
-    path = Path.recorded(times, joints[:, throwing], cutoff).later(opening_time)
-    return MovedHand(path, hand_motion(kinematics), kinematics.core)
+    return joints[:, throwing]
 
 
 def _check_span(scene: Scene, motion: Motion) -> None:

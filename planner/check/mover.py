@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...core import AXES, LimitsC
-from ...models import MovedHand, Path, PlanarArm, PlanarHand, hand_motion
+from ...models import Arm, MovedHand, Path, PlanarArm, PlanarHand, hand_motion
 from ...problems import Hand, InputError, Scene
 
 Array = npt.NDArray[np.float64]
@@ -137,7 +137,33 @@ def _arm_mover(scene: Scene) -> Mover:
         kinematics = PlanarArm(arm, robot.throwing_joints)
     except ValueError as error:
         raise InputError(f"{scene.place}: [robot] {error}") from None
-    limits, index = arm.limits, [j - 1 for j in kinematics.throwing_joints]
+    hard = joint_limits(arm, kinematics.throwing_joints)
+    share, slower = 1 - robot.velocity_margin, None
+    if hard.slowing is not None:
+        # Curves whose velocity is `share` of these everywhere.
+        slower = hard.slowing * np.array([[share**2], [share], [1.0], [1.0]])
+    assert hard.jerk is not None
+    planning = Limits(
+        hard.q_min + robot.position_margin,
+        hard.q_max - robot.position_margin,
+        hard.dq * share,
+        hard.ddq * (1 - robot.acceleration_margin),
+        hard.jerk * (1 - robot.jerk_margin),
+        slower,
+    )
+    return Mover(
+        kinematics,
+        hand_motion(kinematics),
+        planning,
+        hard,
+        start=None if robot.start is None else np.array(robot.start),
+        jerk_control=robot.control == "jerk",
+    )
+
+
+def joint_limits(arm: Arm, joints: Sequence[int]) -> Limits:
+    """The real limits of some of an arm's joints, numbered from 1."""
+    limits, index = arm.limits, [j - 1 for j in joints]
     low, high, dq, ddq, jerk = (
         np.array(values)[index]
         for values in (
@@ -145,29 +171,11 @@ def _arm_mover(scene: Scene) -> Mover:
             *(limits.velocity, limits.acceleration, limits.jerk),
         )
     )
-    curves, slowing, slower = limits.slowing, None, None
-    share = 1 - robot.velocity_margin
+    curves, slowing = limits.slowing, None
     if curves is not None:
         rows = [curves.deceleration, curves.offset, curves.upper, curves.lower]
         slowing = np.array(rows)[:, index]
-        # Curves whose velocity is `share` of these everywhere.
-        slower = slowing * np.array([[share**2], [share], [1.0], [1.0]])
-    planning = Limits(
-        low + robot.position_margin,
-        high - robot.position_margin,
-        dq * share,
-        ddq * (1 - robot.acceleration_margin),
-        jerk * (1 - robot.jerk_margin),
-        slower,
-    )
-    return Mover(
-        kinematics,
-        hand_motion(kinematics),
-        planning,
-        hard=Limits(low, high, dq, ddq, jerk, slowing),
-        start=None if robot.start is None else np.array(robot.start),
-        jerk_control=robot.control == "jerk",
-    )
+    return Limits(low, high, dq, ddq, jerk, slowing)
 
 
 def outline(mover: Mover, q: Array) -> tuple[Array, Array]:

@@ -116,6 +116,11 @@ def broken_limits(mover: Mover, sent: Samples) -> list[str]:
     return list(dict.fromkeys(f"{mover.joints[i]} {kinds[k]}" for k, i in broken))
 
 
+def keeps(limits: Limits, sent: Samples) -> bool:
+    """Whether samples and their differences keep the limits."""
+    return not (_excess(limits, sent) > limits.rounding).any()
+
+
 def _excess(limits: Limits, sent: Samples) -> Array:
     """How far (5, n) samples and their differences are beyond the limits at most.
 

@@ -1,7 +1,8 @@
 """The command line: `throwplan COMMAND`.
 
-Each command is the file of its name (`import-robot` is import_robot.py) with `EXAMPLE`,
-`arguments(parser)` and `run(options)`. Only the file of the command that runs is imported.
+Each command is the file of its name (`import-robot` is import_robot.py), or a class of its name in
+a file that it shares, with `EXAMPLE`, `arguments(parser)` and `run(options)`. Only the file of the
+command that runs is imported.
 """
 
 from __future__ import annotations
@@ -12,6 +13,7 @@ import sys
 from collections.abc import Iterable, Sequence
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
+from typing import Any
 
 from ...problems import InputError, hint_at
 from .common import DONE, WRONG_INPUT, Parser
@@ -26,12 +28,17 @@ COMMANDS = {
     "report": "measure error against run time, stability, and what scenes leave out",
     "view": "look at a plan in 3-D in the browser",
     "replay": "throw a plan's release in MuJoCo",
+    "run": "throw a plan with a Franka robot, and record it",
+    "correct": "learn from a recording what to send next",
     "export": "write a plan for a robot controller",
     "import-robot": "turn a robot's URDF into an arm data file",
     "make-throws": "make a synthetic batch of measured throws",
     "identify": "fit friction and patch radius to measured throws",
     "validate": "compare release models on measured throws",
 }
+#: Commands that share a file, where each is a class of its name.
+SHARED = {"correct": "run", "make-throws": "measured", "identify": "measured"}
+SHARED |= {"validate": "measured", "run": "run"}
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -79,11 +86,13 @@ def parser_of(chosen: Iterable[str] = COMMANDS) -> Parser:
 
 def _add_arguments(parser: argparse.ArgumentParser, name: str) -> None:
     """What the command's file adds to its parser."""
-    module = import_module(f".{name.replace('-', '_')}", __name__)
-    parser.epilog = f"example: {module.EXAMPLE}"
+    command: Any = import_module(f".{SHARED.get(name, name.replace('-', '_'))}", __name__)
+    if name in SHARED:
+        command = getattr(command, name.title().replace("-", ""))
+    parser.epilog = f"example: {command.EXAMPLE}"
     parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
-    module.arguments(parser)
-    parser.set_defaults(run=module.run, parser=parser)
+    command.arguments(parser)
+    parser.set_defaults(run=command.run, parser=parser)
 
 
 def _unknown(parser: argparse.ArgumentParser, word: str) -> str:

@@ -1,17 +1,23 @@
-"""Plans on other systems: written for robot controllers, and thrown again in MuJoCo.
+"""Plans on other systems: played on robots, written for their controllers, thrown in MuJoCo.
 
-Both read a saved plan back (`read_plan`) and check it again, since files can be edited.
+All read a saved plan back (`read_plan`) and check it again, since files can be edited.
 """
 
 from .controllers import (
     FRANKA_FILES,
     OPEN_WIDTH,
     ROS_FILES,
+    JointMotion,
     joint_motion,
     joint_names,
+    motion_facts,
     ros_typestore,
     write_franka,
     write_ros,
 )
+from .franka import Franka, GripperState, connected
+from .learning import corrected
 from .mujoco_replay import Replay, replay
 from .mujoco_throw import Rest, load_mujoco
+from .playing import approach, throws
+from .recording import Recording, read_recording

@@ -148,7 +148,7 @@ def write_franka(motion: JointMotion, folder: Path) -> dict[str, Any]:
     throw = motion.throw
     row = f"{throw.command_time:.12g},open,{motion.cycle},{motion.fraction:.6f}"
     (folder / "gripper.csv").write_text(f"t,command,cycle,fraction\n{row}\n", encoding="utf-8")
-    facts = _facts(motion)
+    facts = motion_facts(motion)
     write_json(folder / "franka.json", facts)
     profile = throw.scene.gripper.profile()
     words = FRANKA_TEXT.format(
@@ -165,7 +165,7 @@ def write_franka(motion: JointMotion, folder: Path) -> dict[str, Any]:
     return facts
 
 
-def _facts(motion: JointMotion) -> dict[str, Any]:
+def motion_facts(motion: JointMotion) -> dict[str, Any]:
     """Start and times as JSON: SI units, radians."""
     throw = motion.throw
     profile = throw.scene.gripper.profile()

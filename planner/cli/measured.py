@@ -1,0 +1,310 @@
+"""`throwplan make-throws`, `identify` and `validate`: measured throws and release models."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import statistics
+import time
+from pathlib import Path
+from typing import Any
+
+from ...models import IDENTIFIED, MODELS, STEPPED_SURFACE
+from ...problems import (
+    THROW_DATA_FILES,
+    InputError,
+    ThrowData,
+    filling,
+    load_scene,
+    load_throws,
+    prepare_folder,
+    read_text,
+    toml_tables,
+    write_throws,
+)
+from ..identify import (
+    IDENTIFY_FILES,
+    PAPER_MODELS,
+    SURFACE,
+    UNKNOWNS,
+    VALIDATION_FILES,
+    Flown,
+    Identified,
+    Making,
+    Noise,
+    as_dict,
+    as_text,
+    check_model,
+    identify,
+    make_throws,
+    object_names,
+    save_identified,
+    save_validation,
+    usual_surface,
+    validate,
+)
+from .common import DONE, Progress, add_out, answer, number, say, whole, written
+
+#: Stiffness of the bristles unless told otherwise [1/m].
+SOFT = 1e6
+MOST_THROWS = 1_000_000
+
+
+class MakeThrows:
+    """`throwplan make-throws`: a synthetic batch of measured throws."""
+
+    EXAMPLE = "throwplan make-throws --out out/throws"
+
+    @staticmethod
+    def arguments(parser: argparse.ArgumentParser) -> None:
+        """The command's options."""
+        add = parser.add_argument
+        words = "of the noise (default: 1)"
+        add("--seed", type=whole(0, 2**32 - 1), metavar="N", default=1, help=words)
+        laws = "what lets go of the bar: a rigid meshed patch (default) or LuGre bristles"
+        add("--truth", choices=("patch", "lugre"), default="patch", help=laws)
+        words = "of LuGre's bristles, 1/m (default: 1e6)"
+        add("--stiffness", type=number(1e3, 1e9), metavar="NUMBER", help=words)
+        words = "true friction (default: 0.8)"
+        add("--friction", type=number(0.01, 10), metavar="NUMBER", default=0.8, help=words)
+        words = "true patch radius, m (default: 0.0031)"
+        add("--patch-radius", type=number(1e-4, 0.05), metavar="NUMBER", default=0.0031, help=words)
+        words = "throws per condition (default: 5)"
+        add("--repeats", type=whole(1, 100), metavar="N", default=5, help=words)
+        add("--no-noise", action="store_true", help="all repeats alike, exact")
+        add("--factors", action="store_true", help="and throws that vary surface, payload, inertia")
+        add_out(parser, "dataset.toml, throws.csv and the recordings (needed)")
+
+    @staticmethod
+    def run(options: argparse.Namespace) -> int:
+        """Makes the throws, writes them and prints their ranges."""
+        started = time.perf_counter()
+        making = _making(options)
+        if options.out is None:
+            raise InputError("--out: needs a folder's name")
+        folder = Path(options.out)
+        _check_place(folder)
+        with Progress("make-throws") as progress:
+            data, flown = make_throws(making, progress)
+        with filling(folder, THROW_DATA_FILES) as scratch:
+            write_throws(data, scratch, object_names())
+        found = _ranges(data, flown) | {"seconds": round(time.perf_counter() - started, 1)}
+        x, theta, flight = (
+            found["landing"]["x"],
+            found["landing"]["theta_deg"],
+            found["flight_time"],
+        )
+        text = (
+            f"{folder}: {found['throws']} synthetic throws, {found['batch']} of them the batch\n"
+            f"  {found['synthetic']}\n"
+            f"  landings at z = {data.shared.landing_height:g} m: x {x[0]:.2f} to {x[1]:.2f} m, "
+            f"theta {theta[0]:.0f} to {theta[1]:.0f} deg\n"
+            f"  flight time of the batch: {flight['mean']:.3f} s, standard deviation "
+            f"{flight['std']:.3f} s; made in {found['seconds']:.0f} s"
+        )
+        answer(options, {"folder": str(folder)} | found, text)
+        return DONE
+
+
+class Identify:
+    """`throwplan identify`: contact parameters from measured throws."""
+
+    EXAMPLE = "throwplan identify out/throws --model ls-step --out out/fit"
+
+    @staticmethod
+    def arguments(parser: argparse.ArgumentParser) -> None:
+        """The command's options."""
+        add = parser.add_argument
+        add("data", metavar="DATA", help="a folder with dataset.toml and throws.csv")
+        add(
+            "--model",
+            default=STEPPED_SURFACE,
+            metavar="NAME",
+            help=f"release model (default: ls-step), or all: {', '.join(IDENTIFIED)}",
+        )
+        add("--no-grid", action="store_true", help="only the fit, not the 20 x 20 grid")
+        add("--delay", action="store_true", help="fit a delay of the opening, too")
+        add("--grip-scale", action="store_true", help="and the grip force's scale")
+        add("--prior", metavar="SCENE", help="its [contact] and [uncertainty]")
+        add("--throws", type=whole(1, MOST_THROWS), metavar="N", help="only the first N throws")
+        add(
+            "--only",
+            metavar="FACTOR=LABEL",
+            nargs="+",
+            action="extend",
+            default=[],
+            help="only throws with this label",
+        )
+        add_out(parser, "identify.json, contact.toml, the grids and pictures")
+
+    @staticmethod
+    def run(options: argparse.Namespace) -> int:
+        """Fits each model, writes and prints."""
+        models: tuple[str, ...] = IDENTIFIED if options.model == "all" else (options.model,)
+        if options.no_grid and len(models) > 1:
+            # One that chatters has a grid only.
+            models = tuple(model for model in models if not MODELS[model].chatters)
+        for model in models:
+            check_model(model)
+        data = _chosen(load_throws(options.data), options)
+        prior = None if options.prior is None else load_scene(options.prior)
+        if options.out is not None:
+            prepare_folder(Path(options.out), IDENTIFY_FILES)
+        with Progress(data.name) as progress:
+            found = [
+                identify(
+                    data,
+                    model,
+                    prior=prior,
+                    delay=options.delay,
+                    grip_scale=options.grip_scale,
+                    grid=not options.no_grid,
+                    about=progress.about,
+                )
+                for model in models
+            ]
+        if options.out is not None:
+            save_identified(found, Path(options.out))
+        answer(options, [one.to_dict() for one in found], _text(found, options.out))
+        return DONE
+
+
+class Validate:
+    """`throwplan validate`: release models on measured throws."""
+
+    EXAMPLE = "throwplan validate out/throws --out out/validation"
+
+    @staticmethod
+    def arguments(parser: argparse.ArgumentParser) -> None:
+        """The command's options."""
+        add = parser.add_argument
+        add("data", metavar="DATA", help="a folder with dataset.toml and throws.csv")
+        add(
+            "--models",
+            metavar="A,B,C",
+            help=f"release models, with commas (default: {','.join(PAPER_MODELS)})",
+        )
+        add(
+            "--factor",
+            nargs="+",
+            metavar="NAME",
+            action="extend",
+            default=[],
+            help="more columns of throws.csv: its first label is compared with its last",
+        )
+        add_out(parser, "validation.md, tables as CSV and three pictures")
+
+    @staticmethod
+    def run(options: argparse.Namespace) -> int:
+        """Compares, writes and prints."""
+        models = PAPER_MODELS if options.models is None else _models(options.models)
+        data = load_throws(options.data)
+        if options.out is not None:
+            prepare_folder(Path(options.out), VALIDATION_FILES)
+        with Progress() as progress:
+            found = validate(data, models, options.factor, progress.about)
+        if options.out is not None:
+            say(f"{data.name}: writing {options.out}")
+            save_validation(found, Path(options.out))
+        text = f"{as_text(found)}\n\n{found.seconds:.0f} s" + written(options)
+        answer(options, as_dict(found), text)
+        return DONE
+
+
+def _making(options: argparse.Namespace) -> Making:
+    """What the options ask for."""
+    lugre = options.truth == "lugre"
+    if options.stiffness is not None and not lugre:
+        raise InputError("--stiffness: only with --truth lugre")
+    return Making(
+        stiffness=options.stiffness or SOFT if lugre else None,
+        friction=options.friction,
+        patch_radius=options.patch_radius,
+        repeats=options.repeats,
+        factors=options.factors,
+        noise=Noise.none() if options.no_noise else Noise(),
+        seed=options.seed,
+    )
+
+
+def _check_place(folder: Path) -> None:
+    """InputError for a folder that holds anything but a synthetic data set; makes it."""
+    prepare_folder(folder)
+    held = sorted(path.name for path in folder.iterdir())
+    if not held:
+        return
+    other = [name for name in held if name not in THROW_DATA_FILES]
+    if other:
+        raise InputError(f"--out {folder}: holds {other[0]}, not overwritten; name a new folder")
+    head = folder / "dataset.toml"
+    if not head.is_file() or not toml_tables(read_text(head), str(head)).get("synthetic"):
+        raise InputError(
+            f"--out {folder}: holds throws that are not labelled synthetic, not overwritten"
+        )
+
+
+def _ranges(data: ThrowData, flown: list[Flown]) -> dict[str, Any]:
+    """Counts, the true landings' ranges, and the batch's flight times [s]."""
+    batch = [f for f, t in zip(flown, data.throws, strict=True) if t.factors["set"] == "batch"]
+    times = [float(throw.landing[2]) for throw in batch]
+    x = [float(throw.landing[0]) for throw in flown]
+    theta = [math.degrees(throw.landing[1]) for throw in flown]
+    return {
+        "synthetic": data.shared.synthetic,
+        "throws": len(flown),
+        "batch": len(batch),
+        "landing_height": data.shared.landing_height,
+        "landing": {"x": [min(x), max(x)], "theta_deg": [min(theta), max(theta)]},
+        "flight_time": {"mean": statistics.fmean(times), "std": statistics.pstdev(times)},
+        "truth": data.truth,
+    }
+
+
+def _chosen(data: ThrowData, options: argparse.Namespace) -> ThrowData:
+    """The throws that the options ask for; of several surfaces those on the usual one."""
+    numbers = list(range(len(data.throws)))
+    for word in options.only:
+        name, found, label = word.partition("=")
+        labels = data.factors.get(name)
+        if not found or labels is None:
+            allowed = ", ".join(data.factors) or "this data set has none"
+            raise InputError(f"--only {word}: must be FACTOR=LABEL (factors: {allowed})")
+        if label not in labels:
+            raise InputError(f"--only {word}: {name} must be one of {', '.join(labels)}")
+        numbers = [i for i in numbers if data.throws[i].factors.get(name) == label]
+    numbers = numbers[: options.throws]
+    if not numbers:
+        raise InputError(f"--only {' '.join(options.only)}: no throw has all these labels")
+    chosen = data.picked(numbers)
+    return chosen.picked(usual_surface(chosen))
+
+
+def _text(found: list[Identified], out: str | None) -> str:
+    """The data's own lines, then what each model found."""
+    data = found[0].data
+    surface = data.factors.get(SURFACE, [""])[0]
+    lines = [f"{data.name}: {len(data.throws)} throws" + (f" on {surface}" if surface else "")]
+    if {"friction", "patch_radius"} <= set(data.truth):
+        known = [f"{name} {data.truth[name]:g}" for name in UNKNOWNS if name in data.truth]
+        product = data.truth["friction"] * data.truth["patch_radius"]
+        lines.append(f"  truth: {', '.join(known)}; mu r_p {1e3 * product:.4g} mm")
+    lines += [one.summary() for one in found]
+    if out is not None:
+        lines.append(
+            f"  written to {out}; contact.toml is for a scene, "
+            "in place of its [contact] and [uncertainty]"
+        )
+    return "\n".join(lines)
+
+
+def _models(words: str) -> tuple[str, ...]:
+    """The models of `--models a,b,c`, checked."""
+    names = tuple(dict.fromkeys(word.strip() for word in words.split(",") if word.strip()))
+    if not names:
+        raise InputError(f"--models {words!r}: names no model")
+    for name in names:
+        try:
+            check_model(name)
+        except InputError as error:
+            raise error.within("--models") from None
+    return names

@@ -1,0 +1,223 @@
+"""A Franka robot over libfranka's Python binding: is it ready, and motions streamed to it at 1 kHz.
+
+The binding holds Python's lock while a gripper moves, so the gripper is served by a process of
+its own: the stream must not wait.
+"""
+
+from __future__ import annotations
+
+import multiprocessing
+import socket
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from multiprocessing.connection import Connection
+from pathlib import Path
+from typing import Any
+
+import casadi as ca
+import numpy as np
+import numpy.typing as npt
+
+from ...models import Arm
+from ...problems import InputError, load_arm
+from .controllers import OPEN_WIDTH
+
+Array = npt.NDArray[np.float64]
+
+#: Ports of robot and gripper, and how long [s] one may take to answer.
+PORTS, PATIENCE = (1337, 1338), 5.0
+#: The only arm that the binding's protocol speaks to.
+ARM = "fr3"
+#: A robot that is ready moves no joint faster [rad/s]; its flange is so near [m] to where the
+#: plan's arm would have it.
+STILL, SAME_PLACE = 0.01, 1e-3
+
+#: What to do about a controller's word, by parts of it.
+CURES = {
+    "UserStopped": "release the user stop",
+    "Guiding": "let go of the guiding buttons",
+    "Reflex": "find out why it stopped, then unlock it in Desk",
+    "Other": "activate FCI in Desk",
+    "communication_constraints": "use a real-time kernel and a direct cable",
+    "reflex": "clear its way, or raise its collision thresholds",
+    "start_pose_invalid": "try again",
+    "collision": "clear its way",
+    "discontinuity": "use a real-time kernel, and plan it again with larger margins",
+    "violation": "plan it again with larger margins",
+}
+
+
+def load_franka() -> Any:
+    """The binding; InputError where it is not installed."""
+    try:
+        import pylibfranka
+    except ImportError:
+        raise InputError("--robot: needs pylibfranka: pip install 'throwplan[franka]'") from None
+    return pylibfranka
+
+
+def what_to_do(word: str) -> str:
+    """What to do about a controller's word."""
+    return next((cure for part, cure in CURES.items() if part in word), "see Desk for its state")
+
+
+@contextmanager
+def in_one_line(host: str) -> Iterator[None]:
+    """The binding's errors as InputError: the controller's own word, and what to do."""
+    binding = load_franka()
+    names = ("Franka", "Network", "Control", "Command", "InvalidOperation", "Realtime")
+    try:
+        yield
+    except tuple(getattr(binding, f"{name}Exception") for name in names) as error:
+        word = " ".join(str(error).split()).removeprefix("libfranka: ")
+        raise InputError(f"{host}: {word}: {what_to_do(word)}") from None
+
+
+@dataclass(frozen=True)
+class GripperState:
+    """width, max_width [m] (0 before homing), and whether it holds something."""
+
+    width: float
+    max_width: float
+    holds: bool
+
+
+class Gripper:
+    """The gripper, served by a process of its own. Orders are answered one after the other."""
+
+    def __init__(self, host: str) -> None:
+        self.host, context = host, multiprocessing.get_context("spawn")
+        self._pipe, other = context.Pipe()
+        self._process = context.Process(target=_serve, args=(host, other), daemon=True)
+        self._process.start()
+        other.close()
+
+    def order(self, name: str, *values: float, after: float = 0.0) -> None:
+        """Send an order: a method of the binding's gripper, to be called `after` [s]."""
+        self._pipe.send((name, values, after))
+
+    def answered(self) -> bool:
+        """Whether an answer has come."""
+        return self._pipe.poll()
+
+    def answer(self) -> GripperState:
+        """The state after the oldest order; InputError where it failed."""
+        try:
+            found = self._pipe.recv()
+        except (EOFError, ConnectionError):
+            found = "the connection to the gripper ended"
+        if isinstance(found, str):
+            word = " ".join(found.split()).removeprefix("libfranka gripper: ")
+            raise InputError(f"{self.host}: gripper: {word}: see Desk for its state")
+        return GripperState(*found)
+
+    def state(self) -> GripperState:
+        """Its state now."""
+        self.order("read_once")
+        return self.answer()
+
+    def close(self) -> None:
+        """End its process."""
+        self._process.terminate()
+        self._process.join()
+
+
+def _serve(host: str, pipe: Connection) -> None:
+    """The gripper's process: does what comes down the pipe and answers with the state."""
+    import pylibfranka
+
+    try:
+        gripper = pylibfranka.Gripper(host)
+        while True:
+            name, values, after = pipe.recv()
+            time.sleep(after)
+            getattr(gripper, name)(*values)
+            state = gripper.read_once()
+            pipe.send((state.width, state.max_width, state.is_grasped))
+    except EOFError:
+        pass
+    except (RuntimeError, pylibfranka.FrankaException) as error:
+        pipe.send(str(error))
+
+
+@dataclass(frozen=True)
+class Franka:
+    """A robot that is connected; `connected` makes it."""
+
+    host: str
+    robot: Any
+    gripper: Gripper
+
+    def check(self, arm: Arm) -> tuple[Array, GripperState]:
+        """The joints [rad] that it stands on and its gripper; InputError unless it is ready.
+
+        Ready: of the plan's arm, idle, without errors, at rest, with a homed gripper.
+        """
+        with in_one_line(self.host):
+            state = self.robot.read_once()
+        mode, errors = state.robot_mode.name, str(state.current_errors)
+        if state.current_errors:
+            raise InputError(f"{self.host}: is in error, {errors}: {what_to_do(errors)}")
+        if mode != "Idle":
+            raise InputError(f"{self.host}: its mode is {mode}, must be Idle: {what_to_do(mode)}")
+        q, moving = np.array(state.q_d), np.abs(state.dq).max()
+        if moving > STILL:
+            raise InputError(f"{self.host}: moves ({moving:.2f} rad/s), must be at rest: wait")
+        _check_arm(self.host, arm, state)
+        gripper = self.gripper.state()
+        if gripper.max_width < OPEN_WIDTH / 2:
+            width = 1e3 * gripper.max_width
+            raise InputError(
+                f"{self.host}: its gripper is not homed, or opens by {width:.0f} mm only: home it "
+                "in Desk"
+            )
+        return q, gripper
+
+
+@contextmanager
+def connected(host: str) -> Iterator[Franka]:
+    """Robot and gripper at an address; InputError where they do not answer."""
+    binding = load_franka()
+    for port in PORTS:
+        # The binding would wait for a minute, deaf to an interrupt.
+        try:
+            socket.create_connection((host, port), PATIENCE).close()
+        except OSError as error:
+            why = error.strerror or str(error)
+            raise InputError(
+                f"--robot {host}: does not answer on port {port} ({why}): check the address, the "
+                "cable, and that FCI is active in Desk"
+            ) from None
+    real_time = Path("/sys/kernel/realtime").exists()
+    config = binding.RealtimeConfig.kEnforce if real_time else binding.RealtimeConfig.kIgnore
+    with in_one_line(host):
+        robot = binding.Robot(host, config)
+    gripper = Gripper(host)
+    try:
+        with in_one_line(host):
+            yield Franka(host, robot, gripper)
+    finally:
+        gripper.close()
+
+
+def _check_arm(host: str, arm: Arm, state: Any) -> None:
+    """InputError unless the plan's arm is the robot: its limits, and the flange where it is."""
+    ours, theirs = vars(arm.limits), vars(load_arm(ARM).limits)
+    for name in ("velocity", "acceleration", "jerk"):
+        for j, (mine, its) in enumerate(zip(ours[name], theirs[name], strict=False), start=1):
+            if mine > its:
+                raise InputError(
+                    f"{host}: is an {ARM}, whose limit of joint {j} {name} is {its:g}; the plan's "
+                    f'arm {arm.name} has {mine:g}: plan it with arm = "{ARM}"'
+                )
+    q = ca.SX.sym("q", arm.joints)
+    flange = np.array(ca.Function("flange", [q], [arm.frames(q)[-2]])(state.q))
+    hand, tool = (np.reshape(pose, (4, 4)).T for pose in (state.O_T_EE, state.F_T_EE))
+    off = np.linalg.norm((hand @ np.linalg.inv(tool) - flange)[:3, 3])
+    if off > SAME_PLACE:
+        raise InputError(
+            f"{host}: its flange is {1e3 * off:.0f} mm from where the plan's arm {arm.name} has "
+            "it: plan it with the robot's own arm file"
+        )

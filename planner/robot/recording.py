@@ -1,0 +1,151 @@
+"""What a robot did of a throw: recorded at 1 kHz, as a file, and thrown by the exact model.
+
+A throw depends on the joints' accelerations, which a low-pass strong enough for a recording's
+noise would blur. So only what the fitted response leaves unexplained is low-passed.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ...models import Path as Motion
+from ...models import low_pass
+from ...problems import InputError, Scene, read_csv
+from ..check import TICK, Throw, planar_joints
+from ..result import write_table
+from .controllers import JointMotion
+from .response import Response
+
+Array = npt.NDArray[np.float64]
+
+#: What the response leaves of recorded joints is low-passed at [Hz].
+CUTOFF = 60.0
+#: A recording begins at rest: rate of every joint [rad/s], and distance from what is sent [rad].
+AT_REST = (0.02, 0.05)
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """An arm's joints while it threw, at 1 kHz from rest on.
+
+    times (N,) [s] of the robot's clock, 0 where the first sample went out; q, dq [rad, rad/s]
+    measured and sent [rad] commanded, each (N, joints); width (N,) [m] of the gripper as it was
+    last known; command_time [s]: when the opening command went out.
+    """
+
+    times: Array
+    q: Array
+    dq: Array
+    sent: Array
+    width: Array
+    command_time: float
+
+    def opening_time(self, scene: Scene) -> float:
+        """When the grip force starts to fall [s]."""
+        return self.command_time + scene.gripper.profile().dwell + scene.mean_delay
+
+    def throw(self, plan: Throw) -> Throw:
+        """The plan's object thrown by the motion that was measured.
+
+        InputError for a recording that ends before the pads are open, does not begin at rest, or
+        leaves the throw's plane.
+        """
+        mover, opening_time = plan.mover, self.opening_time(plan.scene)
+        detach = opening_time + plan.scene.gripper.profile().opening
+        if self.times.size < 16 or self.times[-1] < detach:
+            last = self.times[-1] if self.times.size else 0.0
+            raise InputError(
+                f"the recording ends at {last:.3f} s, before the pads are open ({detach:.3f} s)"
+            )
+        rate, away = np.abs(self.dq[0]), np.abs(self.q[0] - self.sent[0])
+        if rate.max() > AT_REST[0] or away.max() > AT_REST[1]:
+            raise InputError("the recording does not begin at rest on the start pose")
+        times, q, sent = self.throwing(plan)
+        follows = Response.fitted(sent, q).all(sent)
+        path = Motion.through(times, follows + low_pass(times, q - follows, CUTOFF)[1])
+        return dataclasses.replace(Throw(plan.scene, mover, path, opening_time), model=plan.model)
+
+    def throwing(self, plan: Throw) -> tuple[Array, Array, Array]:
+        """Times (N,) [s] every millisecond, and the throwing joints measured and sent, each (N, n).
+
+        InputError for joints that leave the throw's plane.
+        """
+        arm = plan.scene.arm
+        assert arm is not None
+        try:
+            q = planar_joints(arm, self.q)
+        except ValueError as error:
+            raise InputError(f"the recording's {error}") from None
+        joints = [j - 1 for j in arm.throwing_joints]
+        ticks = int(self.times[-1] / TICK + 1e-6)
+        even = np.linspace(0.0, TICK * ticks, ticks + 1)
+        q, sent = (
+            np.column_stack([np.interp(even, self.times, column) for column in values.T])
+            for values in (q, self.sent[:, joints])
+        )
+        return even, q, sent
+
+    def to_dict(self, plan: Throw) -> dict[str, Any]:
+        """Where the measured motion throws the object, as JSON: SI units, radians.
+
+        landing in the base frame; error.position is the distance from the target at its height,
+        across the throw's plane as well. None for what does not come down. lag [rad]: the most
+        that a joint was behind what was sent; width [m]: the gripper's, before and after.
+        """
+        thrown, target, lag = self.throw(plan), plan.target, np.abs(self.q - self.sent).max()
+        found: dict[str, Any] = {"landing": None, "error": None, "lag": float(lag)}
+        if thrown.lands:
+            assert plan.scene.arm is not None
+            x, z, theta = thrown.landing.pose
+            opening = np.searchsorted(self.times, thrown.opening_time)
+            azimuth = float(self.q[opening, plan.scene.arm.azimuth_joint - 1])
+            place = x * math.cos(azimuth), x * math.sin(azimuth)
+            off = math.dist(place, (target.x, target.y)), abs(thrown.miss()[1])
+            found["landing"] = dict(zip("xyz", (*place, z), strict=True)) | {"theta": theta}
+            found["error"] = {"position": off[0], "angle": off[1]}
+        found["command_time"] = self.command_time
+        return found | {"width": [float(self.width[0]), float(self.width[-1])]}
+
+    def summary(self, plan: Throw) -> str:
+        """The same for people."""
+        found = self.to_dict(plan)
+        words = "does not come down to the target's height"
+        if found["landing"] is not None:
+            landing, error = found["landing"], found["error"]
+            words = (
+                f"lands at x {landing['x']:.3f} m, y {landing['y']:.3f} m, theta "
+                f"{math.degrees(landing['theta']):.1f} deg: {1e3 * error['position']:.1f} mm and "
+                f"{math.degrees(error['angle']):.2f} deg off the target"
+            )
+        return f"by the measured motion the throw {words}; joints lag by {found['lag']:.3f} rad"
+
+    def save(self, path: Path) -> None:
+        """Write run.csv."""
+        columns = {"t": self.times, "q": self.q, "dq": self.dq, "sent": self.sent}
+        columns |= {"width": self.width, "since_command": self.times - self.command_time}
+        write_table(path, columns)
+
+
+def read_recording(path: str | Path, motion: JointMotion) -> Recording:
+    """A run.csv of the plan's arm; InputError for one that is not."""
+    joints = range(1, motion.arm.joints + 1)
+    names = [f"{name}{j}" for name in ("q", "dq", "sent") for j in joints]
+    columns = ("t", *names, "width", "since_command")
+    rows = np.array(read_csv("recording", str(path), None, columns)).reshape(-1, len(columns))
+    if len(rows) < 2 or (np.diff(rows[:, 0]) <= 0).any():
+        raise InputError(f"{path}: t must rise over at least two rows")
+    q, dq, sent = np.split(rows[:, 1:-2], 3, axis=1)
+    command = float(rows[0, 0] - rows[0, -1])
+    found = Recording(rows[:, 0], q, dq, sent, rows[:, -2], command)
+    try:
+        found.throw(motion.throw)
+    except InputError as error:
+        raise error.within(str(path)) from None
+    return found

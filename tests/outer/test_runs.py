@@ -1,0 +1,239 @@
+"""`throwplan run` and `correct`: what is refused before a robot moves, and what a lag teaches."""
+
+from __future__ import annotations
+
+import math
+import shutil
+import sys
+import types
+from pathlib import Path
+
+import numpy as np
+import pytest
+import throwplan as tp
+from scipy.signal import cont2discrete, lfilter
+from throwplan.planner.robot import (
+    Franka,
+    GripperState,
+    JointMotion,
+    Recording,
+    approach,
+    corrected,
+    joint_motion,
+    read_recording,
+)
+from throwplan.problems import InputError, load_arm
+
+TICK = 0.001
+
+
+@pytest.fixture(scope="module")
+def plan(tmp_path_factory) -> Path:
+    """A plan of an FR3, and its folder."""
+    folder = tmp_path_factory.mktemp("plans") / "fr3"
+    found = tp.plan("fr3")
+    assert found.status == "solved", found.message
+    found.save(folder, draw=False)
+    return folder
+
+
+def lagging(motion: JointMotion, still: float = 0.5) -> Recording:
+    """What an arm records whose joints are pulled to what is sent by springs, damped by far.
+
+    As franky-sim's are: ddq = 4500 (sent - q) - 450 dq, a lag of 0.1 s.
+    """
+    after = round(still / TICK)
+    sent = np.vstack([motion.q, np.repeat(motion.q[-1:], after, axis=0)])
+    numerator, denominator, _ = cont2discrete(([4500.0], [1.0, 450.0, 4500.0]), TICK)
+    q = sent[0] + lfilter(numerator.ravel(), denominator, sent - sent[0], axis=0)
+    times = TICK * np.arange(len(sent))
+    dq = np.gradient(q, TICK, axis=0)
+    return Recording(times, q, dq, sent, 0.04 + 0 * times, motion.throw.command_time)
+
+
+def errors(recording: Recording, motion: JointMotion) -> np.ndarray:
+    """Landing off the target: [m], [rad]."""
+    error = recording.to_dict(motion.throw)["error"]
+    return np.array([error["position"], error["angle"]])
+
+
+def test_a_motion_that_is_followed_lands_as_planned(plan) -> None:
+    motion = joint_motion(plan)
+    recording = Recording(
+        *(motion.times, motion.q, motion.dq, motion.q, 0 * motion.times),
+        command_time=motion.throw.command_time,
+    )
+    assert (errors(recording, motion) < [1e-4, math.radians(0.05)]).all()
+
+
+def test_a_lag_is_learnt_in_three_runs_inside_all_limits(plan) -> None:
+    motion = joint_motion(plan)
+    sent, found = motion, []
+    limits = motion.arm.limits
+    for _ in range(3):
+        recording = lagging(sent)
+        found.append(errors(recording, motion))
+        sent, expected = corrected(motion, recording)
+        assert abs(expected.miss()[0]) < 1e-3 and abs(expected.miss()[1]) < math.radians(0.5)
+        rates = np.diff(sent.q, axis=0) / TICK
+        turns = np.diff(sent.dq, axis=0) / TICK
+        jerks = np.diff(sent.ddq, axis=0) / TICK
+        for values, most in (
+            (rates, limits.velocity),
+            (turns, limits.acceleration),
+            (jerks, limits.jerk),
+        ):
+            assert (np.abs(values).max(axis=0) <= np.array(most) * (1 + 1e-6)).all()
+        assert (sent.q >= limits.position_min).all() and (sent.q <= limits.position_max).all()
+        assert not sent.dq[[0, -1]].any()
+    assert found[0][0] > 0.05
+    assert (found[2] < found[0] / 10).all()
+
+
+def test_noise_of_the_encoders_moves_the_landing_little(plan) -> None:
+    motion = joint_motion(plan)
+    recording = lagging(motion)
+    noise = 1e-5 * np.random.default_rng(0).standard_normal(recording.q.shape)
+    noisy = Recording(
+        *(recording.times, recording.q + noise, recording.dq, recording.sent, recording.width),
+        command_time=recording.command_time,
+    )
+    off = np.abs(errors(noisy, motion) - errors(recording, motion))
+    assert (off < [1e-3, math.radians(1.0)]).all()
+
+
+def test_a_recording_is_read_as_it_was_written(plan, tmp_path) -> None:
+    motion = joint_motion(plan)
+    recording = lagging(motion)
+    recording.save(tmp_path / "run.csv")
+    read = read_recording(tmp_path / "run.csv", motion)
+    assert read.command_time == pytest.approx(recording.command_time, abs=1e-9)
+    assert errors(read, motion) == pytest.approx(errors(recording, motion), abs=1e-6)
+
+
+def test_correct_writes_what_to_send_next(plan, tmp_path, run, table) -> None:
+    motion = joint_motion(plan)
+    lagging(motion).save(tmp_path / "run.csv")
+    said = run("correct --json", plan, tmp_path / "run.csv", "--out", tmp_path / "next").json
+    assert said["recorded"]["error"]["position"] > 0.05
+    assert said["expected"]["position"] < 0.002
+    sent = table(tmp_path / "next" / "joints.csv")
+    assert sent["q2"][0] == pytest.approx(said["motion"]["start"][1], abs=1e-9)
+    shown = run("run --dry --json", plan, "--after", tmp_path / "run.csv").json
+    assert shown == said["motion"]
+
+
+def test_the_way_to_the_start_pose_keeps_the_limits(plan) -> None:
+    motion, arm = joint_motion(plan), load_arm("fr3")
+    start = np.array([0.0, 0.0, 0.0, -1.57, 0.0, 1.57, 0.785])
+    way = approach(arm, start, motion.q[0])
+    assert way[0] == pytest.approx(start) and way[-1] == pytest.approx(motion.q[0], abs=1e-6)
+    assert np.abs(np.diff(way, axis=0)).max() / TICK < 0.25 * max(arm.limits.velocity)
+    low, high = arm.limits.position_min, arm.limits.position_max
+    assert (way >= low).all() and (way <= high).all()
+
+
+# Wrong input: one line, nothing moved.
+
+
+def test_a_run_needs_a_robot_and_somebody_to_ask(plan, refused) -> None:
+    assert "--robot" in refused("run", plan)
+    assert "--yes" in refused("run", plan, "--robot", "127.0.0.1")
+
+
+def test_a_robot_that_does_not_answer(plan, refused, tmp_path) -> None:
+    pytest.importorskip("pylibfranka")
+    out = tmp_path / "out"
+    said = refused("run --yes", plan, "--robot", "127.255.255.1", "--out", out)
+    assert "127.255.255.1: does not answer on port 1337" in said and "cable" in said
+    assert not list(out.iterdir())
+
+
+def test_a_missing_binding_is_named(plan, refused, monkeypatch) -> None:
+    monkeypatch.setitem(sys.modules, "pylibfranka", None)
+    assert "throwplan[franka]" in refused("run --yes", plan, "--robot", "127.0.0.1")
+
+
+@pytest.mark.parametrize(
+    ("spoilt", "words"),
+    [
+        (lambda rows: rows[:120], "the recording ends at 0.118 s, before the pads are open"),
+        (lambda rows: rows[:1] + rows[150:], "does not begin at rest"),
+        (lambda rows: rows[:1], "t must rise over at least two rows"),
+        (lambda rows: [rows[0].replace("sent3", "sent9"), *rows[1:]], "sent3 is missing"),
+        (lambda rows: rows[:1] + rows[:0:-1], "t must rise"),
+        (lambda rows: [*rows[:5], rows[5].replace(",", ",x", 1), *rows[6:]], "line 6"),
+    ],
+)
+def test_recordings_that_do_not_fit_are_refused(plan, tmp_path, refused, spoilt, words) -> None:
+    path = tmp_path / "run.csv"
+    lagging(joint_motion(plan)).save(path)
+    path.write_text("\n".join(spoilt(path.read_text().splitlines())) + "\n")
+    for command in ("correct", "run --dry --after"):
+        order = (plan, path) if command == "correct" else (path, plan)
+        said = refused(command, *order)
+        assert words in said and "run.csv" in said
+
+
+def test_a_plan_that_was_edited_is_not_sent(plan, tmp_path, refused) -> None:
+    folder = Path(shutil.copytree(plan, tmp_path / "fr3"))
+    lines = (folder / "motion.csv").read_text().splitlines()
+    (folder / "motion.csv").write_text("\n".join(lines[:-60]) + "\n")
+    assert "not sent, the motion does not end at rest" in refused("run --dry", folder)
+
+
+class Standing:
+    """A robot, as the binding shows it, that stands on FR3's usual pose."""
+
+    def __init__(self, mode: str = "Idle", errors: str = "", rate: float = 0.0) -> None:
+        self.state = types.SimpleNamespace(
+            robot_mode=types.SimpleNamespace(name=mode),
+            current_errors=errors,
+            q=[0.0, 0.0, 0.0, -1.57, 0.0, 1.57, 0.785],
+            q_d=[0.0, 0.0, 0.0, -1.57, 0.0, 1.57, 0.785],
+            dq=[0.0, rate, 0.0, 0.0, 0.0, 0.0, 0.0],
+            # As franky-sim says of that pose.
+            O_T_EE=[1, 4e-4, 0, 0, 4e-4, -1, 0, 0, 0, 0, -1, 0, 0.55443418, 0, 0.52140576, 1],
+            F_T_EE=[0.7071, -0.7071, 0, 0, 0.7071, 0.7071, 0, 0, 0, 0, 1, 0, 0, 0, 0.1034, 1],
+        )
+
+    def read_once(self) -> types.SimpleNamespace:
+        """Its state."""
+        return self.state
+
+
+class Hand:
+    """A gripper that is homed, or not."""
+
+    def __init__(self, most: float = 0.08) -> None:
+        self.most = most
+
+    def state(self) -> GripperState:
+        """Its state."""
+        return GripperState(0.04, self.most, holds=False)
+
+
+def test_a_robot_is_ready_only_where_all_is_well() -> None:
+    pytest.importorskip("pylibfranka")
+    arm = load_arm("fr3")
+    q, gripper = Franka("host", Standing(), Hand()).check(arm)
+    assert q[3] == -1.57 and gripper.width == 0.04
+    for robot, hand, words in (
+        (Standing(mode="UserStopped"), Hand(), "host: its mode is UserStopped, must be Idle: rel"),
+        (Standing(mode="Reflex", errors="joint_reflex"), Hand(), "is in error, joint_reflex: "),
+        (Standing(rate=0.3), Hand(), "moves (0.30 rad/s), must be at rest"),
+        (Standing(), Hand(most=0.0), "gripper is not homed"),
+    ):
+        with pytest.raises(InputError) as raised:
+            Franka("host", robot, hand).check(arm)
+        assert words in str(raised.value) and "\n" not in str(raised.value)
+
+
+def test_another_arms_plan_is_not_sent() -> None:
+    pytest.importorskip("pylibfranka")
+    with pytest.raises(InputError, match=r"is an fr3, whose limit of joint 1 acceleration is 10"):
+        Franka("host", Standing(), Hand()).check(load_arm("panda"))
+    elsewhere = Standing()
+    elsewhere.state.O_T_EE[12] += 0.05
+    with pytest.raises(InputError, match="flange is 50 mm from where"):
+        Franka("host", elsewhere, Hand()).check(load_arm("fr3"))
