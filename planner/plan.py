@@ -203,7 +203,7 @@ class Planner:
         if not whole or not 1 <= throws <= MOST_PREPARED:
             raise InputError(f"throws = {throws!r}: must be a whole number, 1 to {MOST_PREPARED}")
         try:
-            grow(self.problems, self.releases(), self.library, int(throws), progress)
+            grow(self._sources, self.library, int(throws), progress)
         finally:
             self.library.merge()
         return len(self.library)

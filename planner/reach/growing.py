@@ -26,8 +26,8 @@ from ..search import (
     Attempt,
     Clock,
     Library,
-    Problems,
-    Releases,
+    Search,
+    Sources,
     Start,
     Task,
     attempts,
@@ -62,6 +62,8 @@ SAME = 0.999
 TRIED = 2
 #: NLPs tried for a cell, each asked for what the check of the last one found broken.
 TRIES = 3
+#: Time [s] for the cells that random throws hit and no neighbour led to.
+HOLES = 25.0
 #: Records are kept this often [s]: so much is lost at most where the process is ended.
 KEPT = 5.0
 #: Time [s] for one cell.
@@ -121,15 +123,14 @@ class Growth:
 
     def __init__(
         self,
-        problems: Problems,
-        releases: Releases,
+        sources: Sources,
         library: Library,
         landings: Landings,
         throws: int,
         share: tuple[int, int] = (0, 1),
     ) -> None:
-        self.problems, self.library, self._throws = problems, library, throws
-        self._scene, self._releases = problems.scene, releases
+        self.problems, self.library, self._throws = sources.problems, library, throws
+        self._scene, self._sources = self.problems.scene, sources
         assert self._scene.target is not None
         self._target = self._scene.target
         self._asked = always_asked(self._scene)
@@ -204,7 +205,29 @@ class Growth:
                     self._from_table(cell)
                     yield
                     yield from self._spread(own=own)
+            for _ in self._holes() if own else ():
+                yield
+                yield from self._spread(own=own)
         yield from self._cheapen()
+
+    def _holes(self) -> Iterator[None]:
+        """Cells that random throws hit and no neighbour led to, by a search that takes its time.
+
+        Those farthest from any throw first. Each that is solved gives its neighbours, beyond the
+        edge as it seemed, another try.
+        """
+        end = time.perf_counter() + HOLES
+        known = np.array(list(self._solved)).reshape(-1, 2)
+        lost = [cell for cell in self._hit if cell not in self._solved and self._mine(cell)]
+        away = {cell: np.abs(known - cell).sum(axis=1).min(initial=9) for cell in lost}
+        for cell in sorted(lost, key=lambda cell: -away[cell]):
+            if time.perf_counter() > end:
+                return
+            if cell in self._solved or not self._searched(cell):
+                continue
+            for beside in self.cells.around(cell):
+                self._beyond.pop(beside, None)
+            yield
 
     def _spread(self, *, own: bool) -> Iterator[None]:
         """Cells from their neighbours, those first that random throws hit, until none is left.
@@ -289,13 +312,23 @@ class Growth:
     def _from_table(self, cell: Cell) -> None:
         """A throw from nothing but the release table."""
         goal = self.cells.middle(cell, self._target)
-        task, releases = self._task(goal), self._releases
+        task, releases = self._task(goal), self._sources.table()
         for index, aim, _ in starts(releases, task.scene, goal, "exact", STARTS):
             start = release_start(self.problems, task, releases, index, aim)
             start = dataclasses.replace(start, asked=self._asked, light=True)
             if self._taken(list(attempts(self.problems, start, task)), task):
                 return
         self._beyond[cell] = 1
+
+    def _searched(self, cell: Cell) -> bool:
+        """Whether a search such as a plan's solves a cell."""
+        goal, tried = self.cells.middle(cell, self._target), list[Attempt]()
+        task = dataclasses.replace(self._task(goal), solvers=("fatrop", "ipopt"))
+        for start in Search(self._sources, task, "exact", 1, tried).starts():
+            tried += attempts(self.problems, start, task)
+            if tried[-1].solved:
+                break
+        return self._taken(tried, task)
 
     def _step(self, cell: Cell, source: Cell) -> bool:
         """Whether a cell is solved from a neighbour."""
@@ -335,7 +368,7 @@ class Growth:
         cell = self.cells(goal.plane_x, goal.theta)
         if not last.throw.effort < SAME * self._solved.get(cell, math.inf):
             return False
-        program = self.problems.problem(goal, last.asked, "fatrop", task.clock)
+        program = self.problems.problem(goal, last.asked, last.solver, task.clock)
         names = binding_limits(program.nlp, self.problems.mover.joints, solution, program.limits)
         optimum = optimum_of(self.library.controls, program, last.throw, names)
         if optimum is None:

@@ -13,7 +13,7 @@ from dataclasses import dataclass
 
 from ...problems import Scene
 from ..check import make_mover
-from ..search import Clock, Library, Problems, Releases
+from ..search import Clock, Library, Problems, Reach, Releases, ReleaseSampler, Sources
 from .growing import Growth, Landings, Progress, always_asked, landings_of
 
 #: Fewer throws are solved by this process alone: others take some seconds to start.
@@ -41,24 +41,19 @@ class Order:
     parent: int
 
 
-def grow(
-    problems: Problems,
-    releases: Releases,
-    library: Library,
-    throws: int,
-    progress: Progress | None,
-) -> None:
-    """Grows a scene's library to about `throws`; releases: the scene's sampled ones.
+def grow(sources: Sources, library: Library, throws: int, progress: Progress | None) -> None:
+    """Grows a scene's library to about `throws`.
 
     Ctrl-C ends it with what there is by then.
     """
+    problems, releases = sources.problems, sources.table()
     scene, landings = problems.scene, landings_of(problems.scene)
     if throws >= ALONE:
         assert scene.target is not None
         problems.problem(scene.target, always_asked(scene), "fatrop", Clock()).solver.compile()
     count = min(PROCESSES, os.cpu_count() or 1)
     if throws < ALONE or count == 1 or library.folder is None:
-        Growth(problems, releases, library, landings, throws).grow(progress)
+        Growth(sources, library, landings, throws).grow(progress)
         return
     orders = [
         Order(scene, releases, landings, throws, (k, count), os.getpid()) for k in range(count)
@@ -109,9 +104,10 @@ def work(order: Order) -> None:
 
     signal.signal(signal.SIGTERM, ended)
     mover = make_mover(order.scene)
-    problems = Problems(order.scene, mover)
+    sampler, reach = ReleaseSampler(order.scene, mover), Reach(order.scene, mover)
+    sources = Sources(Problems(order.scene, mover), sampler, reach, lambda: order.releases)
     library = Library(order.scene, mover)
-    growth = Growth(problems, order.releases, library, order.landings, order.throws, order.share)
+    growth = Growth(sources, library, order.landings, order.throws, order.share)
 
     def watched(done: int, throws: int) -> None:
         if os.getppid() != order.parent:
