@@ -15,6 +15,7 @@ from pathlib import Path
 from .structures import (
     AXES,
     FRAMES,
+    BodiesC,
     GripC,
     LimitsC,
     LinkageC,
@@ -23,13 +24,15 @@ from .structures import (
     ReleaseC,
     SamplesC,
     SceneC,
+    SolidC,
     ThrowC,
+    ThrownC,
     TorquesC,
     address,
 )
 
 #: That of core.h; it counts up with every change of an argument or a structure.
-VERSION = 7
+VERSION = 8
 
 
 def library() -> ctypes.CDLL | None:

@@ -100,6 +100,40 @@ class ThrowC(ctypes.Structure):
     )
 
 
+class SolidC(ctypes.Structure):
+    """`solid` of clearance.c."""
+
+    _fields_ = (
+        *(("centre", _DOUBLE * 3), ("axes", _DOUBLE * 9), ("half", _DOUBLE * 3)),
+        *_fields(_DOUBLE, "radius", "clearance"),
+    )
+
+
+class BodiesC(ctypes.Structure):
+    """`bodies` of clearance.c. It does not own what is at its addresses."""
+
+    _fields_ = (
+        *_fields(_LONG, "links", "bar"),
+        *_fields(_ADDRESS, "moved_by", "moves", "places", "radius", "reach"),
+        ("solids", _LONG),
+        ("around", _ADDRESS),
+        *_fields(_LONG, "held_pairs", "flown_pairs"),
+        *_fields(_ADDRESS, "held", "flown"),
+        *_fields(_DOUBLE, "behind", "ahead", "com_offset", "grasp_angle", "landing"),
+    )
+
+
+class ThrownC(ctypes.Structure):
+    """`thrown` of clearance.c. It does not own what is at its addresses."""
+
+    _fields_ = (
+        *_fields(_ADDRESS, "motion", "arm"),
+        *_fields(_DOUBLE, "tick", "opening", "detach", "flight", "gravity"),
+        ("nodes", _LONG),
+        *_fields(_ADDRESS, "times", "com", "start"),
+    )
+
+
 class Measured(ctypes.Structure):
     """Use of the grip and the least heights and distances [m], infinite where nothing is near.
 
@@ -150,6 +184,6 @@ class ReleaseC(ctypes.Structure):
     )
 
 
-def address(values: Array) -> int:
+def address(values: npt.NDArray[Any]) -> int:
     """Where an array begins, which must be contiguous and outlive the address."""
     return int(values.ctypes.data)

@@ -20,6 +20,7 @@ from .body import (
     sticking_state,
     time_to_height,
 )
+from .capsules import ArmCapsules, Solid, about_z, segment_distance
 from .dynamics import PlanarDynamics
 from .exact import exact_pivot_release, exact_surface_release, relative_states
 from .kinematics import (
@@ -27,6 +28,7 @@ from .kinematics import (
     DHRow,
     JointFrame,
     JointLimits,
+    LinkCapsule,
     LinkInertia,
     PlanarArm,
     PlanarHand,

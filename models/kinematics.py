@@ -61,6 +61,16 @@ class LinkInertia:
 
 
 @dataclass(frozen=True)
+class LinkCapsule:
+    """All points within `radius` of a segment: a link as its maker publishes it for collisions."""
+
+    link: int = described("number of the joint that moves it; 0: the base, joints + 1: the hand")
+    begin: Point = described("m, in that joint's frame; of the hand as in [[links]]")
+    end: Point = described("m, the same")
+    radius: float = described("m", above=0)
+
+
+@dataclass(frozen=True)
 class Tool:
     """From the last joint to the pads, and the hand's body behind them.
 
@@ -135,6 +145,10 @@ class Arm:
     links: tuple[LinkInertia, ...] = described(
         "masses, a table per joint and one for the hand, see [[links]]", ()
     )
+    capsules: tuple[LinkCapsule, ...] = described(
+        "shapes of the links, see [[capsules]]; left out: the arm meets nothing", ()
+    )
+    cover: float = described("m, how far the links' covers stick out of `capsules`", 0.0, least=0)
 
     @property
     def joints(self) -> int:

@@ -25,7 +25,7 @@ from ..problems import (
     Scene,
     as_scene,
 )
-from .check import make_mover
+from .check import check_obstacles, make_mover
 from .ocp import USUAL
 from .reach import grow
 from .result import Plan, PlannedThrow, checked_target
@@ -85,6 +85,8 @@ class Planner:
         start = time.perf_counter()
         self.scene = scene
         self.mover = make_mover(scene)
+        # Obstacles stand in the base frame, tables and libraries are of the throw's own plane.
+        scene = scene.replace(obstacle=()) if scene.obstacle else scene
         check_start(scene, self.mover)
         self.problems = Problems(scene, self.mover)
         self._sampler = ReleaseSampler(scene, self.mover)
@@ -220,11 +222,13 @@ class Planner:
     @functools.cached_property
     def library(self) -> Library:
         """The scene's solved throws, as far as the cache has them."""
-        return Library(self.scene, self.mover, keep=self._stored)
+        return Library(self.problems.scene, self.mover, keep=self._stored)
 
     def check(self, target: Pose | None = None) -> Pose:
         """The target that `plan` would take; InputError if it does not fit the scene."""
-        return checked_target(self.scene, target)
+        target = checked_target(self.scene, target)
+        check_obstacles(self.scene.aimed_at(target), self.mover)
+        return target
 
     def releases(self) -> Releases:
         """The table of sampled releases that starting points come from."""

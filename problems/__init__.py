@@ -18,6 +18,7 @@ from .files import (
 )
 from .grip import Grasp, Gripper, PadContact, ThrownObject, grip_samples, monotone_grip
 from .movers import Hand, Motion, Robot, Torque
+from .obstacles import Obstacle
 from .scene import Mesh, Scene
 from .section import InputError, ThrowplanError, hint_at
 from .targets import Choice, Cup, Landing, Pose, Tolerance, Workspace

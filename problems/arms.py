@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
-from ..models import Arm, DHRow, JointFrame, JointLimits, LinkInertia, Slowing, Tool
+from ..models import Arm, DHRow, JointFrame, JointLimits, LinkCapsule, LinkInertia, Slowing, Tool
 from .files import read_text, shipped, toml_lines, toml_tables
 from .section import InputError, from_table, hint_at, meanings, rows_from, table_of
 
@@ -20,6 +20,7 @@ TABLES: dict[str, type[Any]] = {
     "limits": JointLimits,
     "limits.slowing": Slowing,
     "links": LinkInertia,
+    "capsules": LinkCapsule,
 }
 
 
@@ -52,6 +53,11 @@ def arm_from(tables: Mapping[str, Any]) -> Arm:
             raise InputError(f"{key}: must be a list of {arm.joints}")
     if arm.links and len(arm.links) != arm.joints + 1:
         raise InputError(f"links: must be {arm.joints + 1} tables, one per joint and the hand's")
+    for number, capsule in enumerate(arm.capsules, start=1):
+        if not 0 <= capsule.link <= arm.joints + 1:
+            raise InputError(
+                f"capsules {number}: link = {capsule.link}: must be 0 to {arm.joints + 1}"
+            )
     for low, high in zip(arm.limits.position_min, arm.limits.position_max, strict=True):
         if low >= high:
             raise InputError(f"[limits] position_min = {low:g}: must be below {high:g}")

@@ -14,6 +14,7 @@ from typing import Any
 from ..models import Arm, Body, Contact
 from .grip import Grasp, Gripper, PadContact, ThrownObject
 from .movers import Hand, Motion, Robot, Torque, check_robot, check_torque
+from .obstacles import Obstacle
 from .section import InputError, Section, quantity, rules
 from .targets import Choice, Cup, Landing, Pose, Tolerance, Workspace
 from .uncertainty import SHARES, UNCERTAIN_PARAMETERS, Robust, Uncertainty
@@ -72,6 +73,7 @@ class Scene(Section):
     cup: Cup | None = None
     landing: Landing | None = None
     workspace: Workspace | None = None
+    obstacle: tuple[Obstacle, ...] = ()
     torque: Torque | None = None
     uncertainty: Uncertainty | None = None
     robust: Robust | None = None

@@ -15,8 +15,18 @@ from ..models import Arm
 from .arms import arm_from, arm_table, load_arm
 from .files import read_csv, read_text, shipped, toml_tables
 from .grip import NOISY, ROWS, grip_samples, held_object, monotone_grip, rises
+from .obstacles import Obstacle
 from .scene import Scene
-from .section import InputError, Section, from_table, hint_at, hints_of, table_of, unknown
+from .section import (
+    InputError,
+    Section,
+    from_table,
+    hint_at,
+    hints_of,
+    rows_from,
+    table_of,
+    unknown,
+)
 from .uncertainty import Uncertainty, uncertainty_from, uncertainty_table
 
 #: Sections of a scene file, and what each becomes.
@@ -98,6 +108,8 @@ def scene_table(scene: Scene) -> dict[str, Any]:
         section = getattr(scene, key)
         if isinstance(section, Uncertainty):
             table[key] = uncertainty_table(section)
+        elif isinstance(section, tuple):
+            table[key] = [table_of(row) for row in section]
         elif section is not None:
             table[key] = table_of(section)
     # Its rows are there.
@@ -105,7 +117,7 @@ def scene_table(scene: Scene) -> dict[str, Any]:
         table["gripper"].pop(key, None)
     if scene.arm is not None:
         table["arm"] = arm_table(scene.arm)
-    return {key: value for key, value in table.items() if value not in ({}, "")}
+    return {key: value for key, value in table.items() if value not in ({}, [], "")}
 
 
 def scene_from_table(table: Mapping[str, Any]) -> Scene:
@@ -149,6 +161,8 @@ def _scene_from(
 
 
 def _section(key: str, value: Any, folder: Path | None) -> Any:
+    if SECTIONS[key] is Obstacle:
+        return rows_from(key, Obstacle, value)
     if not isinstance(value, dict):
         raise InputError(f"{key} = {value!r}: must be a section [{key}]")
     try:

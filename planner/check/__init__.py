@@ -3,6 +3,17 @@
 The promise behind `solved` is kept here: nothing here knows how a throw was found.
 """
 
+from .clearance import (
+    BAR,
+    LANDING,
+    Contact,
+    Track,
+    check_obstacles,
+    contacts,
+    obstacles_of,
+    pairs_of,
+    track_of,
+)
 from .entry import cup_entries, enters_cup_at_landing
 from .geometry import (
     bar_outline,

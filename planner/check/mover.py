@@ -10,7 +10,15 @@ import numpy as np
 import numpy.typing as npt
 
 from ...core import AXES, LimitsC
-from ...models import Arm, MovedHand, Path, PlanarArm, PlanarHand, hand_motion
+from ...models import (
+    Arm,
+    ArmCapsules,
+    MovedHand,
+    Path,
+    PlanarArm,
+    PlanarHand,
+    hand_motion,
+)
 from ...problems import Hand, InputError, Scene
 
 Array = npt.NDArray[np.float64]
@@ -91,6 +99,12 @@ class Mover:
     def hand(self, path: Path) -> MovedHand:
         """The hand that a path of the coordinates moves."""
         return MovedHand(path, self.motion, self.kinematics.core)
+
+    @cached_property
+    def capsules(self) -> ArmCapsules | None:
+        """The arm's shape; None for a hand, and for an arm whose data do not say it."""
+        arm = self.kinematics
+        return ArmCapsules.of(arm) if isinstance(arm, PlanarArm) and arm.arm.capsules else None
 
     @property
     def size(self) -> int:

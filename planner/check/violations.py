@@ -26,7 +26,7 @@ class Violation:
 
     guard: rows that it leaves out at first, "" for none; then: the guard after that one. margin,
     depth [m; share of a limit]: what is too small, and by how much. between: every NLP has rows
-    against it, at its nodes.
+    against it, at its nodes. near: the body that needs rows against what is around it.
     """
 
     words: str
@@ -35,6 +35,7 @@ class Violation:
     depth: float = 0.0
     between: bool = False
     then: Guard = ""
+    near: str = ""
 
 
 def throw_violations(throw: Throw) -> list[Violation]:

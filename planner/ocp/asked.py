@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...problems import Pose, Scene
-from ..check import Guard, Margin, Mover, Violation
+from ..check import Guard, Margin, Mover, Throw, Violation
 from .window import Window, window_nodes, window_of
 
 Array = npt.NDArray[np.float64]
@@ -51,10 +51,14 @@ class Margins:
 
 @dataclass(frozen=True)
 class Asked:
-    """Constraints and margins that an NLP has beyond the usual ones."""
+    """Constraints and margins that an NLP has beyond the usual ones.
+
+    near: bodies that have rows against obstacles and the arm's own links, "flying bar" among them.
+    """
 
     guards: frozenset[Guard] = frozenset()
     margins: Margins = field(default_factory=Margins)
+    near: frozenset[str] = frozenset()
 
     @property
     def heavy(self) -> bool:
@@ -68,7 +72,8 @@ class Asked:
         for violation in broken:
             guard, margin, depth = violation.guard, violation.margin, violation.depth
             shallow = violation.between and margin and self.margins[margin.name] + depth < SHALLOW
-            if margin and (not guard or guard in self.guards or shallow):
+            there = violation.near in self.near if violation.near else guard in self.guards
+            if margin and (there or not (guard or violation.near) or shallow):
                 missing[margin] = max(missing.get(margin, 0.0), depth)
             elif guard:
                 wanted.add(guard)
@@ -78,7 +83,13 @@ class Asked:
         }
         if wanted <= self.guards:
             wanted = {violation.then for violation in broken if violation.then}
-        return Asked(self.guards | wanted, self.margins.replace(**larger))
+        near = {violation.near for violation in broken if violation.near}
+        return Asked(self.guards | wanted, self.margins.replace(**larger), self.near | near)
+
+    @property
+    def elsewhere(self) -> Asked:
+        """What another motion is asked: how near this one came to obstacles is its own."""
+        return Asked(self.guards, self.margins.replace(clear=0.0), self.near)
 
 
 #: What an NLP is asked at first.
@@ -90,7 +101,8 @@ class Request:
     """What an NLP is for: a scene's throw to a target (None: not known, for the check).
 
     robust: the method that makes the release bear an uncertain opening, empty for none.
-    elastic: the landing may miss, at a price.
+    elastic: the landing may miss, at a price. near: a throw that a solve starts from; rows against
+    obstacles are for what is around it.
     """
 
     scene: Scene
@@ -99,6 +111,7 @@ class Request:
     asked: Asked = USUAL
     robust: str = ""
     elastic: bool = False
+    near: Throw | None = None
 
     @property
     def angle(self) -> bool:
@@ -114,3 +127,9 @@ class Request:
     def nodes(self) -> Array:
         """Times [s] of the stages from the end of the carry on; 0 is the opening's start."""
         return window_nodes(self.scene, self.window)
+
+    def times(self, opening_time: float) -> Array:
+        """Times (last + 1,) [s] of the stages on the motion's clock."""
+        after = opening_time + self.nodes
+        carry = np.linspace(0.0, after[0], self.scene.mesh.carry + 1)
+        return np.concatenate([carry[:-1], after])

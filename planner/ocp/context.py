@@ -28,6 +28,8 @@ from .asked import Request
 from .layout import ACCELERATION, DDQ, DQ, JERK, JERK_UNIT, REL, Block, Q, T
 from .stages import Parameters, Rows, Stage
 
+#: Share of the acceleration limit counted on for braking.
+BRAKE_SHARE = 0.95
 #: What holds the object: the full grip, pads that open (all of it or nothing), nothing.
 Grip = Literal["full", "opening", "none"]
 Load = tuple[ca.SX, ca.SX, ca.SX]
@@ -71,6 +73,11 @@ class Structure:
         return self.opens + self.opening
 
     @property
+    def local(self) -> bool:
+        """Whether numbers of it depend on the throw that a solve starts from."""
+        return any(term.local for term in self.terms)
+
+    @property
     def last(self) -> int:
         """Number of the last stage: at detach, or at the end of the window."""
         return self.detach + self.late
@@ -85,6 +92,11 @@ class Term:
 
     #: Whether the object's rotation matters with it even where the landing angle is open.
     turns: ClassVar[bool] = False
+
+    @property
+    def local(self) -> bool:
+        """Whether its numbers depend on the throw that a solve starts from."""
+        return False
 
     @classmethod
     def of(cls, request: Request) -> Self | None:
@@ -101,6 +113,9 @@ class Term:
 
     def at_instant(self, at: Instant) -> None:
         """Adds rows for an instant of the carry, a node of the opening or of the brake after it."""
+
+    def in_interval(self, context: Context, k: int, stage: Stage, dt: ca.SX) -> None:
+        """Adds rows for the interval after stage k, of length dt."""
 
     def at_rate(self, context: Context, stage: Stage, q: ca.SX, dq: ca.SX) -> None:
         """Adds rows for rates dq at coordinates q."""
@@ -131,7 +146,7 @@ class Context:
         self.structure = structure
         self.n = mover.size
         self.names = mover.joints
-        self.kinematics = mover.kinematics
+        self.kinematics, self.capsules = mover.kinematics, mover.capsules
         p = self.parameters = Parameters()
         self.body = Body(p("mass"), p("inertia"), p("com_offset"))
         self.contact = Contact(p("friction"), p("patch_radius"), p("torsion"), p("faces"))

@@ -20,13 +20,6 @@ Array = npt.NDArray[np.float64]
 BINDING_SHARE, BINDING_DISTANCE = 0.02, 1e-4
 
 
-def stage_times(request: Request, opening_time: float) -> Array:
-    """Times (last + 1,) [s] of the stages on the motion's clock."""
-    after = opening_time + request.nodes
-    carry = np.linspace(0.0, after[0], request.scene.mesh.carry + 1)
-    return np.concatenate([carry[:-1], after])
-
-
 def planned_motion(nlp: ThrowNlp, request: Request, x: Array) -> tuple[Path, float]:
     """The motion in decision vector `x`, from rest to detach or to the window's end, and when
     the grip force starts to fall on it [s]."""
@@ -46,7 +39,7 @@ def planned_motion(nlp: ThrowNlp, request: Request, x: Array) -> tuple[Path, flo
         ddq, jerk = blocks("ddq", zero), JERK_UNIT * control
     else:
         ddq, jerk = control, 0 * control
-    times = stage_times(request, opening_time)
+    times = request.times(opening_time)
     return Path.cubics(times, blocks("q", start), blocks("dq", zero), ddq, jerk), opening_time
 
 

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from .asked import Request
 from .assembly import Nlp, assemble
-from .context import Context, Structure
+from .context import BRAKE_SHARE, Context, Structure
 from .phases import add_brake, add_flight, add_interval, grip_force, grip_instants
 from .stages import Stage
 from .terms import terms_of
@@ -24,8 +24,6 @@ Array = npt.NDArray[np.float64]
 
 #: Cost weights: relative acceleration squared, relative jerk squared, carry time [1/s].
 WEIGHTS = (10.0, 1.0, 2.0)
-#: Share of the acceleration limit counted on for braking.
-BRAKE_SHARE = 0.95
 #: Parts of a carry interval at whose ends the grip holds: at first, and with the guard "carry".
 INSTANTS = (2, 8)
 #: Price of a landing that misses [1/m].

@@ -60,8 +60,9 @@ def add_interval(context: Context, k: int, stage: Stage, following: Stage) -> No
         _hold(context, k, stage, dt)
     elif not opening:
         _constrain(context.instant(stage, ca.SX(0), "none"))
-    if k >= s.carry:
-        for term in s.terms:
+    for term in s.terms:
+        term.in_interval(context, k, stage, dt)
+        if k >= s.carry:
             term.in_window(context, k, stage, following)
 
 

@@ -143,7 +143,13 @@ def _attempt(
     problem: Program, mover: Mover, start: Start, asked: Asked, guess: Array, task: Task
 ) -> Attempt:
     """One NLP, its corrections and the check of its throw."""
-    solving = _Solving(problem, mover, start, asked, task)
+    near = None
+    if problem.nlp.structure.local:
+        planned = planned_motion(
+            problem.nlp, Request(task.scene, mover, robust=start.robust), guess
+        )
+        near = Throw(task.scene, mover, *planned)
+    solving = _Solving(problem, mover, start, asked, task, near)
     best, reason = solving.corrected(guess)
     thrown, broken = None, []
     if best is not None:
@@ -172,6 +178,7 @@ class _Solving:
     start: Start
     asked: Asked
     task: Task
+    near: Throw | None
     iterations: int = 0
     solves: int = 0
 
@@ -213,7 +220,8 @@ class _Solving:
     ) -> tuple[Solution, Array]:
         """The NLP's solution for `goal`: from `warm` if that works, else afresh from its point."""
         problem, scene = self.problem, self.task.scene
-        request = Request(scene, self.mover, goal, self.asked, self.start.robust)
+        asked, robust = self.asked, self.start.robust
+        request = Request(scene, self.mover, goal, asked, robust, near=self.near)
         clock = self.task.clock
         with clock("solve"):
             numbers = problem.nlp.numbers(request)

@@ -17,7 +17,6 @@ from ..ocp import (
     decision_vector,
     lower_end,
     opening_nodes,
-    stage_times,
 )
 from ..result import PlannedThrow
 from .launch import polynomial, run_up
@@ -37,7 +36,7 @@ def guess_from(
     s, request = nlp.structure, Request(scene, mover)
     q, dq, ddq = releases.q[index], releases.dq[index], releases.ddq[index]
     duration = float(releases.run_up[index])
-    nodes, times = request.nodes, stage_times(request, duration)
+    nodes, times = request.nodes, request.times(duration)
     launch = run_up(mover.start, q, dq, ddq, duration)
     launched = times[: s.opens + 1, None]
     before = [polynomial(launch, launched, k).T for k in range(3)]
@@ -95,7 +94,7 @@ def _cup_times(scene: Scene, detach: Array, flight: float, depths: int) -> Array
 def refit(nlp: ThrowNlp, throw: PlannedThrow, request: Request) -> Array:
     """Decision vector of the request's `nlp` from a throw of another."""
     s = nlp.structure
-    times = stage_times(request, throw.opening_time)
+    times = request.times(throw.opening_time)
     size = 6 if s.pivot else 4
     before, track, flight, entries = _as_thrown(nlp, throw)
     delays = [0.0] if request.window is None else [0.0, *request.window.delays]

@@ -88,10 +88,11 @@ class Program:
 
 @dataclass(frozen=True)
 class _Kind:
-    """Which of a scene's NLPs: theta fixed or open, with which guards, robust how."""
+    """Which of a scene's NLPs: theta fixed or open, which guards and bodies, robust how."""
 
     angle: bool
     guards: frozenset[Guard]
+    near: frozenset[str]
     robust: str
 
 
@@ -105,7 +106,7 @@ class Problems:
 
     def nlp(self, target: Pose, asked: Asked, clock: Clock, robust: str = "") -> ThrowNlp:
         """The NLP for a target."""
-        kind = _Kind(target.theta is not None, asked.guards, robust)
+        kind = _Kind(target.theta is not None, asked.guards, asked.near, robust)
         if kind not in self._nlps:
             with clock("build"):
                 request = Request(self.scene, self.mover, target, asked, robust)
@@ -116,7 +117,7 @@ class Problems:
         self, target: Pose, asked: Asked, solver: str, clock: Clock, robust: str = ""
     ) -> Program:
         """The same with a solver: 'fatrop' or 'ipopt', IPOPT in any case for heavy guards."""
-        kind = _Kind(target.theta is not None, asked.guards, robust)
+        kind = _Kind(target.theta is not None, asked.guards, asked.near, robust)
         name = "ipopt" if asked.heavy else solver
         if (kind, name) not in self._problems:
             nlp = self.nlp(target, asked, clock, robust)

@@ -200,7 +200,7 @@ class Search:
             # Where one throw's corners needed a margin another's may not.
             margins = after.margins.replace(held=start.asked.margins["held"])
             after = dataclasses.replace(after, margins=margins)
-        self._asked = after
+        self._asked = after.elsewhere
 
     def _at_the_edge(self, blocked: bool = False) -> Iterator[Start]:
         """Solves for what is possible nearest the goal; starts from there.
@@ -219,10 +219,12 @@ class Search:
                 if self._task.clock.late:
                     return
                 before = len(self._tried)
-                asked = Asked(variant.asked.guards | self._asked.guards, variant.asked.margins)
+                wanted = variant.asked.guards | self._asked.guards
+                asked = Asked(wanted, variant.asked.margins, self._asked.near)
                 yield dataclasses.replace(variant, asked=asked)
                 if len(self._tried) > before:
-                    self._asked = Asked(self._tried[-1].after.guards, margins)
+                    after = self._tried[-1].after
+                    self._asked = Asked(after.guards, margins, after.near).elsewhere
                     if self._tried[-1].solved:
                         return
             if self._asked.guards == guards or self.answer.outside:

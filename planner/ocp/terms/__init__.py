@@ -9,6 +9,7 @@ from ..context import Term
 from .cup import CUP_MARGIN, CupClearance, lower_end
 from .joint_limits import SlowingLimits, TorqueLimits
 from .landing import LandingBounds
+from .obstacles import Clear
 from .robust import Quiet, Scenarios
 from .tool_speed import ToolSpeed
 from .workspace import PALM_TIMES, PASSING_MARGIN, Column, Floor, Palm
@@ -22,6 +23,7 @@ TERMS: list[type[Term]] = [
     Palm,
     Column,
     LandingBounds,
+    Clear,
     Quiet,
     Scenarios,
 ]

@@ -1,0 +1,173 @@
+"""Bodies around segments: an arm's links, boxes with rounded corners, distances between them."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from .body import Array, Value, backend
+from .kinematics import PlanarArm
+
+#: Lengths [m] and shares below this are none.
+NONE = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A box grown by `radius` [m]: a sphere where it has no extent, a capsule where it has one.
+
+    centre (3,) [m]; axes (3, 3): its directions as rows; half (3,) [m]: half its extents.
+    """
+
+    centre: Array
+    axes: Array
+    half: Array
+    radius: float
+
+    def turned(self, angle: float) -> Solid:
+        """The same, turned by `angle` [rad] about the world's z axis."""
+        turn = about_z(angle)
+        return Solid(turn @ self.centre, self.axes @ turn.T, self.half, self.radius)
+
+    def beyond(self, directions: Array) -> Array:
+        """How far (K,) [m] it reaches along `directions` (K, 3)."""
+        extent = np.abs(directions @ self.axes.T) @ self.half
+        return np.asarray(directions @ self.centre + extent + self.radius)
+
+    def distance(self, begin: Array, end: Array) -> Array:
+        """Distance (N,) [m] of segments from `begin` to `end`, (N, 3) each; -radius at most inside.
+
+        Exact: half the squared distance of a point that moves along the segment is convex, with a
+        slope in straight pieces, which break where the point passes a face's plane.
+        """
+        p, d = (begin - self.centre) @ self.axes.T, (end - begin) @ self.axes.T
+        safe = np.where(np.abs(d) < NONE, np.inf, d)
+        breaks = [np.clip((side * self.half - p) / safe, 0.0, 1.0) for side in (-1, 1)]
+        ends = np.broadcast_to([0.0, 1.0], (len(p), 2))
+        t = np.concatenate([*breaks, ends], axis=1)
+        at = p[:, None] + t[..., None] * d[:, None]
+        slope = ((at - np.clip(at, -self.half, self.half)) * d[:, None]).sum(axis=2)
+        # Between the last break where it falls and the first where it rises.
+        falls, rises = slope <= 0.0, slope >= 0.0
+        low, high = np.where(falls, t, 0.0).max(axis=1), np.where(rises, t, 1.0).min(axis=1)
+        down = np.where(falls, slope, -np.inf).max(axis=1)
+        up = np.where(rises, slope, np.inf).min(axis=1)
+        sloped = np.isfinite(down) & np.isfinite(up) & (up - down > NONE)
+        share = np.where(sloped, -down / np.where(sloped, up - down, 1.0), 0.0)
+        best = np.where(np.isfinite(down), low + share * (high - low), 0.0)
+        nearest = p + best[:, None] * d
+        off = nearest - np.clip(nearest, -self.half, self.half)
+        return np.asarray(np.sqrt((off**2).sum(axis=1)) - self.radius)
+
+
+def about_z(angle: float) -> Array:
+    """3x3: a turn by `angle` [rad] about z."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+
+
+def segment_distance(begin: Array, end: Array, other: Array, last: Array) -> Array:
+    """Distance (N,) [m] of segments from `begin` to `end` and from `other` to `last`, (N, 3) each.
+
+    Source: Ericson, Real-Time Collision Detection (2005), section 5.1.9.
+    """
+    d, e, r = end - begin, last - other, begin - other
+    a, b, c = ((v * w).sum(axis=1) for v, w in ((d, d), (d, e), (d, r)))
+    g, f = ((v * w).sum(axis=1) for v, w in ((e, e), (e, r)))
+    cross = a * g - b * b
+    skew = cross > NONE
+    s = np.where(skew, (b * f - c * g) / np.where(skew, cross, 1.0), 0.0).clip(0.0, 1.0)
+    t = ((b * s + f) / np.where(g > NONE, g, 1.0)).clip(0.0, 1.0)
+    s = ((b * t - c) / np.where(a > NONE, a, 1.0)).clip(0.0, 1.0)
+    apart = r + s[:, None] * d - t[:, None] * e
+    return np.asarray(np.sqrt((apart**2).sum(axis=1)))
+
+
+@dataclass(frozen=True, eq=False)
+class ArmCapsules:
+    """An arm's capsules as its throwing joints move them, in the plane at azimuth 0.
+
+    number (C,): of the arm's link, 0 is the base, the last one the hand; moved_by (C,): which link
+    of `PlanarArm` moves it, -1 for none; places (C, 2, 3): ends x, y, z [m], x and z from that
+    link's joint with all coordinates 0; radius (C,) [m], as the robot's maker gives it.
+    """
+
+    arm: PlanarArm
+    number: tuple[int, ...]
+    moved_by: tuple[int, ...]
+    places: Array
+    radius: Array
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The links in words."""
+        hand = self.arm.arm.joints + 1
+        words = {0: "base", hand: "hand"}
+        return tuple(words.get(number, f"link {number}") for number in self.number)
+
+    @cached_property
+    def moves(self) -> tuple[bool, ...]:
+        """Which of them the throwing joints move, instead of turning them about their own axis."""
+        aside = np.abs(self.places[:, :, [0, 2]]).max(axis=(1, 2)) > NONE
+        return tuple(
+            link > 0 or (link == 0 and bool(far))
+            for link, far in zip(self.moved_by, aside, strict=True)
+        )
+
+    @classmethod
+    def of(cls, arm: PlanarArm) -> ArmCapsules:
+        """Those of the arm's data."""
+        given, still = arm.arm.capsules, ca.SX(arm.coordinates, 1)
+        frames = [np.array(ca.evalf(frame)) for frame in arm.arm.frames(arm.full(still))]
+        tcp = frames[-1].copy()
+        tcp[:3, 3] -= arm.arm.tool.tcp * tcp[:3, 2]
+        at = [np.eye(4), *frames[: arm.arm.joints], tcp]
+        joints = np.vstack([np.zeros(2), np.cumsum([arm.origin, *arm.links[:-1]], axis=0)])
+        places, moved = np.zeros((len(given), 2, 3)), []
+        for i, capsule in enumerate(given):
+            frame = at[capsule.link]
+            link = sum(joint <= capsule.link for joint in arm.throwing_joints) - 1
+            ends = np.array([capsule.begin, capsule.end])
+            places[i] = ends @ frame[:3, :3].T + frame[:3, 3]
+            places[i] = np.round(places[i] - [joints[link + 1][0], 0.0, joints[link + 1][1]], 12)
+            moved.append(link)
+        radius = np.array([capsule.radius for capsule in given])
+        return cls(arm, tuple(c.link for c in given), tuple(moved), places, radius)
+
+    def ends(self, angles: Sequence[Value], which: Sequence[int]) -> list[list[list[Any]]]:
+        """x, y, z [m] of both ends of some capsules from `PlanarArm.turned` values."""
+        x, z = self.arm.origin
+        joints, turns = [], []
+        for (along, up), phi in zip(self.arm.links, angles, strict=True):
+            xp = backend(phi)
+            cos, sin = xp.cos(phi), xp.sin(phi)
+            joints.append((x, z))
+            turns.append((cos, sin))
+            x, z = x + along * cos - up * sin, z + along * sin + up * cos
+        found = []
+        for i in which:
+            ends = self.places[i].tolist()
+            link = self.moved_by[i]
+            if link >= 0:
+                (x, z), (cos, sin) = joints[link], turns[link]
+                ends = [
+                    [x + along * cos - up * sin, y, z + along * sin + up * cos]
+                    for along, y, up in ends
+                ]
+            found.append(ends)
+        return found
+
+    def at(self, q: Array) -> Array:
+        """The same of all: (C, 2, 3, N) for coordinates q (n, N)."""
+        found = np.empty((len(self.number), 2, 3, q.shape[1]))
+        for i, ends in enumerate(self.ends(self.arm.turned(q), range(len(self.number)))):
+            for end, place in enumerate(ends):
+                for k, value in enumerate(place):
+                    found[i, end, k] = value
+        return found

@@ -1,0 +1,360 @@
+"""How near arm, held bar and flying bar come to obstacles and to the arm itself, in 3-D.
+
+Everything that moves is a capsule: the arm's links, and the bar with its corners. Between samples a
+distance falls by no more than half of what the bodies move beyond the half that the samples
+explain, so a clearance that is kept is kept at every instant.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import itertools
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from functools import lru_cache, partial
+
+import numpy as np
+import numpy.typing as npt
+
+from ...core import BodiesC, SolidC, ThrownC, address, library
+from ...models import ArmCapsules, Solid, segment_distance
+from ...problems import InputError, Obstacle, Scene, ThrownObject
+from .geometry import held_bar
+from .mover import Mover
+from .sending import TICK
+from .throw import Throw
+
+Array = npt.NDArray[np.float64]
+
+#: Samples between those at which a pair is measured first.
+COARSE = 16
+#: Before its landing the bar may come as near to an obstacle as it lands, so long [s].
+LANDING = 0.05
+#: Links of numbers that differ by this or less meet at a joint, by construction.
+ADJACENT = 2
+#: Rounding [m] that breaks no clearance.
+ROUNDING = 1e-6
+#: The bar, among names of links.
+BAR = "bar"
+
+
+@dataclass(frozen=True)
+class Contact:
+    """Two bodies nearer to each other than they may be: missing [m] at time [s].
+
+    obstacle: None where the arm meets itself; flying: whether the body is the bar after detach.
+    """
+
+    body: str
+    other: str
+    obstacle: Obstacle | None
+    missing: float
+    time: float
+    flying: bool
+
+    @property
+    def words(self) -> str:
+        """For people."""
+        when = f"at {1e3 * self.time:.0f} ms"
+        if self.obstacle is None:
+            return f"{self.body} meets {self.other} {when}"
+        away = 1e3 * (self.obstacle.clearance - self.missing)
+        near = f"comes as near as {away:.0f} mm" if away > 0 else "meets it"
+        return f"obstacle {self.other}: {self.body} {near} {when}"
+
+
+@dataclass(frozen=True)
+class Track:
+    """Bodies that move together for a while: names (C,), ends (C, 2, 3, N) [m] in the throw's
+    plane, radius (C,) [m], how far their covers stick out (C,) [m], times (N,) [s]."""
+
+    names: tuple[str, ...]
+    ends: Array
+    radius: Array
+    cover: Array
+    times: Array
+    flying: bool
+
+    @property
+    def reach(self) -> Array:
+        """Radii (C,) [m] with the covers, as obstacles meet them."""
+        return self.radius + self.cover
+
+    def travel(self, body: int) -> Array:
+        """How far (N,) [m] the body has moved at most, since the first time."""
+        steps = np.linalg.norm(np.diff(self.ends[body], axis=-1), axis=1).max(axis=0)
+        return np.concatenate([[0.0], np.cumsum(steps)])
+
+
+def contacts(throw: Throw) -> list[Contact]:
+    """Bodies that come nearer to an obstacle, or to each other, than they may."""
+    scene, mover = throw.scene, throw.mover
+    if not scene.obstacle and mover.capsules is None:
+        return []
+    around = Around(scene.obstacle, tuple(obstacles_of(scene)), mover.capsules)
+    found = _by_core(throw, around)
+    if found is None:
+        found = [found for track in _tracks(throw) for found in _near(track, around)]
+    return found
+
+
+@dataclass(frozen=True)
+class Around:
+    """Obstacles, their shapes as the throw's plane sees them, and the arm's."""
+
+    obstacles: tuple[Obstacle, ...]
+    solids: tuple[Solid, ...]
+    capsules: ArmCapsules | None
+
+
+def obstacles_of(scene: Scene) -> list[Solid]:
+    """The scene's obstacles as the throw's vertical plane sees them, turned to azimuth 0."""
+    assert scene.target is not None
+    return [obstacle.solid.turned(-scene.target.azimuth) for obstacle in scene.obstacle]
+
+
+def bar_ends(bar: ThrownObject, com: Array) -> Array:
+    """Ends (1, 2, 3, N) of the bar's axis for CoM poses (3, N)."""
+    ends = np.zeros((1, 2, 3, com.shape[1]))
+    for k, along in enumerate((-bar.com, bar.length - bar.com)):
+        ends[0, k, 0] = com[0] + along * np.cos(com[2])
+        ends[0, k, 2] = com[1] + along * np.sin(com[2])
+    return ends
+
+
+def _tracks(throw: Throw) -> Iterator[Track]:
+    """From rest to detach, from there to the landing, from there to rest if that is later."""
+    scene, mover, release, path = throw.scene, throw.mover, throw.release, throw.path
+    carry = np.arange(0.0, throw.opening_time, TICK)
+    held = np.hstack([held_bar(scene, throw.hand(carry).pose), release.com])
+    before = np.concatenate([carry, throw.opening_time + release.times])
+    yield track_of(scene, mover, before, path.at(before).pose, held)
+    flight = throw.landing.flight_time
+    since = np.linspace(0.0, flight, math.ceil(flight / TICK) + 1)
+    after = throw.detach_time + since
+    yield track_of(scene, mover, after, path.at(after).pose, throw.flight(since), flying=True)
+    rest = np.append(np.arange(after[-1], throw.until, TICK), throw.until)
+    if rest.size > 1:
+        yield track_of(scene, mover, rest, path.at(rest).pose)
+
+
+def track_of(
+    scene: Scene,
+    mover: Mover,
+    times: Array,
+    q: Array,
+    com: Array | None = None,
+    *,
+    flying: bool = False,
+) -> Track:
+    """Arm at coordinates q (n, N) and bar at CoM poses (3, N), at times (N,) [s]."""
+    names, ends, radius, cover = list[str](), list[Array](), list[float](), list[float]()
+    if mover.capsules is not None:
+        names += mover.capsules.names
+        ends.append(mover.capsules.at(q))
+        radius += mover.capsules.radius.tolist()
+        cover += [mover.capsules.arm.arm.cover] * len(names)
+    if com is not None:
+        names.append(BAR)
+        ends.append(bar_ends(scene.object, com))
+        # Around its corners: it is as thick as it is wide.
+        radius.append(scene.object.width / math.sqrt(2))
+        cover.append(0.0)
+    placed = np.concatenate(ends) if ends else np.zeros((0, 2, 3, times.size))
+    return Track(tuple(names), placed, np.array(radius), np.array(cover), times, flying)
+
+
+def _near(track: Track, around: Around) -> Iterator[Contact]:
+    """Moving bodies too near to an obstacle; links, or the bar and a link, that meet."""
+    capsules, bar = around.capsules, track.names[-1] == BAR
+    moves = [*(() if capsules is None else capsules.moves), True]
+    for obstacle, solid in zip(around.obstacles, around.solids, strict=True):
+        for body in np.flatnonzero(moves[: len(track.names)]).tolist():
+            ends, travel = track.ends[body], track.travel(body)
+            away = partial(_away, solid, ends)
+            needed = np.full(travel.shape, track.reach[body] + obstacle.clearance)
+            flying = track.flying and track.names[body] == BAR
+            if flying:
+                lands = float(away(np.array([travel.size - 1]))[0])
+                near = min(lands, float(needed[0])) - np.diff(travel, prepend=0.0)
+                needed = np.where(track.times > track.times[-1] - LANDING, near, needed)
+            missing, when = _missing(away, travel, needed)
+            if missing > ROUNDING:
+                names = track.names[body], obstacle.name
+                yield Contact(*names, obstacle, missing, float(track.times[when]), flying)
+    for one, other in () if capsules is None else pairs_of(capsules, bar=bar, flying=track.flying):
+        away = partial(_apart, *track.ends[other], *track.ends[one])
+        travel = track.travel(one) + track.travel(other)
+        needed = np.full(travel.shape, track.radius[one] + track.radius[other])
+        missing, when = _missing(away, travel, needed)
+        if missing > ROUNDING:
+            names, flying = (
+                (track.names[other], track.names[one]),
+                track.flying and other == len(moves) - 1,
+            )
+            yield Contact(*names, None, missing, float(track.times[when]), flying)
+
+
+def _away(solid: Solid, ends: Array, some: npt.NDArray[np.intp]) -> Array:
+    return solid.distance(ends[0][:, some].T, ends[1][:, some].T)
+
+
+def _apart(a: Array, b: Array, c: Array, d: Array, some: npt.NDArray[np.intp]) -> Array:
+    return segment_distance(*(end[:, some].T for end in (a, b, c, d)))
+
+
+def pairs_of(capsules: ArmCapsules, *, bar: bool, flying: bool) -> list[tuple[int, int]]:
+    """Bodies by their places in a track that move against each other and are no neighbours.
+
+    A held bar is part of the hand; one that flies may meet the hand, which is the palm's affair.
+    """
+    count, moved, number = len(capsules.number), capsules.moved_by, capsules.number
+    found = [
+        (i, j)
+        for i, j in itertools.combinations(range(count), 2)
+        if moved[i] != moved[j] and abs(number[i] - number[j]) > ADJACENT
+    ]
+    if bar:
+        found += [(i, count) for i in range(count) if moved[i] != moved[-1]]
+    return found
+
+
+def _missing(
+    distance: Callable[[npt.NDArray[np.intp]], Array], travel: Array, needed: Array
+) -> tuple[float, int]:
+    """How much [m] is missing of the distance needed (N,) at most, and at which sample."""
+    last = len(travel) - 1
+    coarse = np.unique(np.append(np.arange(0, last, COARSE), last))
+    most = np.maximum.reduceat(needed, coarse)[:-1] if last else needed
+    bound = _between(distance(coarse), travel[coarse])
+    doubtful = np.flatnonzero(bound < np.maximum(most, needed[coarse[1:]]))
+    worst, when = -math.inf, 0
+    for k in doubtful:
+        fine = np.arange(coarse[k], coarse[k + 1] + 1)
+        least = needed[fine]
+        missing = np.maximum(least[:-1], least[1:]) - _between(distance(fine), travel[fine])
+        if missing.max() > worst:
+            worst, when = float(missing.max()), int(fine[missing.argmax()])
+    return worst, when
+
+
+def _between(distance: Array, travel: Array) -> Array:
+    """The least that the distance (N,) can be between samples (N - 1,), by how far bodies move."""
+    return np.asarray((distance[:-1] + distance[1:] - np.diff(travel)) / 2)
+
+
+#: Numbers of a contact that the compiled core gives.
+_FOUND = 5
+
+
+def _by_core(throw: Throw, around: Around) -> list[Contact] | None:
+    """The same by the compiled core; None without it."""
+    core, moved, arm = library(), throw.path.core, throw.mover.kinematics.core
+    if core is None or moved is None or arm is None:
+        return None
+    release, scene = throw.release, throw.scene
+    bar, grip = scene.object, (scene.com_offset, scene.grasp.angle)
+    shape = _shape(around.capsules, bar.width)
+    solids = (SolidC * len(around.solids))()
+    for given, solid, obstacle in zip(solids, around.solids, around.obstacles, strict=True):
+        given.centre[:], given.half[:] = solid.centre.tolist(), solid.half.tolist()
+        given.axes[:] = solid.axes.ravel().tolist()
+        given.radius, given.clearance = solid.radius, obstacle.clearance
+    links, held, flown = len(shape.moves) - 1, shape.held, shape.flown
+    bodies = BodiesC(links, 1, *(address(v) for v in (shape.moved_by, shape.moves)))
+    bodies.places, bodies.radius, bodies.reach = map(
+        address, (shape.places, shape.radius, shape.reach)
+    )
+    bodies.solids, bodies.around = len(solids), ctypes.addressof(solids)
+    bodies.held_pairs, bodies.flown_pairs = len(held), len(flown)
+    bodies.held, bodies.flown = address(held), address(flown)
+    bodies.behind, bodies.ahead = bar.com, bar.length - bar.com
+    bodies.com_offset, bodies.grasp_angle, bodies.landing = *grip, LANDING
+    times, com = throw.opening_time + release.times, np.ascontiguousarray(release.com)
+    start = np.concatenate([com[:, -1], release.com_twist[:, -1]])
+    thrown = ThrownC(ctypes.addressof(moved), ctypes.addressof(arm), TICK, throw.opening_time)
+    thrown.detach, thrown.flight, thrown.gravity = (
+        times[-1],
+        throw.landing.flight_time,
+        scene.gravity,
+    )
+    thrown.nodes, thrown.times, thrown.com = len(times), address(times), address(com)
+    thrown.start = address(start)
+    found = np.empty((3 * (len(solids) * (links + 1) + len(held)), _FOUND))
+    by, core.near_bodies.restype = ctypes.byref, ctypes.c_long
+    count = core.near_bodies(by(thrown), by(bodies), ctypes.c_void_p(address(found)))
+    if count < 0:
+        return None
+    names = [*(() if around.capsules is None else around.capsules.names), BAR]
+    result = []
+    for track, body, other, missing, time in found[:count].tolist():
+        known = around.obstacles[int(other)] if other >= 0 else None
+        name = names[-1 - int(other)] if known is None else known.name
+        flying = track == 1 and body == links
+        result.append(Contact(names[int(body)], name, known, missing, time, flying))
+    return result
+
+
+@dataclass(frozen=True, eq=False)
+class _Shape:
+    """Arm and bar as the compiled core takes them: see `bodies` of clearance.c."""
+
+    moved_by: npt.NDArray[np.int_]
+    moves: npt.NDArray[np.int_]
+    places: Array
+    radius: Array
+    reach: Array
+    held: npt.NDArray[np.int_]
+    flown: npt.NDArray[np.int_]
+
+
+@lru_cache(maxsize=8)
+def _shape(capsules: ArmCapsules | None, width: float) -> _Shape:
+    bar = width / math.sqrt(2)
+    if capsules is None:
+        none, one = np.zeros((0, 2), int), np.ones(1, int)
+        return _Shape(
+            -one, one, np.zeros((0, 2, 3)), bar * np.ones(1), bar * np.ones(1), none, none
+        )
+    cover = np.append(np.full(len(capsules.radius), capsules.arm.arm.cover), 0.0)
+    radius = np.append(capsules.radius, bar)
+    held, flown = (
+        np.array(pairs_of(capsules, bar=True, flying=flying), int).reshape(-1, 2)
+        for flying in (False, True)
+    )
+    moved_by, moves = np.array(capsules.moved_by), np.array([*capsules.moves, True], int)
+    return _Shape(
+        moved_by, moves, np.ascontiguousarray(capsules.places), radius, radius + cover, held, flown
+    )
+
+
+def check_obstacles(scene: Scene, mover: Mover) -> None:
+    """InputError where an obstacle holds the target's pose or is too near to a given start.
+
+    The bar may lie on an obstacle.
+    """
+    target, bar = scene.target, scene.object
+    assert target is not None
+    pose = np.array([[target.plane_x], [target.z], [target.theta or 0.0]])
+    ends = bar_ends(bar, pose)[0]
+    if target.theta is None:
+        ends[:] = pose[0], [0.0], pose[1]
+    for obstacle, solid in zip(scene.obstacle, obstacles_of(scene), strict=True):
+        if solid.distance(ends[0].T, ends[1].T)[0] < bar.width / 4:
+            raise InputError(f"{scene.place}: the target's pose is inside obstacle {obstacle.name}")
+
+        if mover.start is None:
+            continue
+        q = mover.start[:, None]
+        start = track_of(
+            scene, mover, np.zeros(1), q, held_bar(scene, mover.motion(q, 0 * q, 0 * q)[0])
+        )
+        for name, (begin, end), radius in zip(start.names, start.ends, start.reach, strict=True):
+            away = float(solid.distance(begin.T, end.T)[0]) - radius
+            if name != "base" and away < obstacle.clearance:
+                words = f"{1e3 * max(away, 0.0):.0f} mm from the start pose's {name}"
+                raise InputError(
+                    f"{scene.place}: obstacle {obstacle.name}: {words}, its clearance is "
+                    f"{1e3 * obstacle.clearance:.0f} mm"
+                )

@@ -1,0 +1,298 @@
+"""Obstacles and the arm itself: distances, the check, and throws planned around. Judge: MuJoCo."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Iterator
+
+import casadi as ca
+import numpy as np
+import pytest
+import throwplan as tp
+from throwplan.models import Path, Solid, about_z, segment_distance
+from throwplan.planner.check import Contact, Throw, contacts, held_bar, make_mover
+from throwplan.planner.ocp import Request, build_nlp
+from throwplan.problems import Obstacle
+
+mujoco = pytest.importorskip("mujoco")
+
+#: A wall over which the usual throw to 1.2 m does not go.
+WALL = Obstacle("wall", "box", (0.1, 0.6, 0.44), (0.9, 0.0, 0.22))
+TARGET = tp.Pose(1.2, 0.1, 0.0)
+
+
+@pytest.fixture(scope="module")
+def pose() -> tp.Scene:
+    return tp.load_scene("pose")
+
+
+@pytest.fixture(scope="module")
+def free(pose) -> tp.Plan:
+    return tp.Planner(pose).plan(TARGET)
+
+
+@pytest.fixture(scope="module")
+def around(pose) -> tp.Plan:
+    return tp.Planner(pose.replace(obstacle=(WALL,))).plan(TARGET, patience=30.0)
+
+
+def clutter(rng: np.random.Generator, azimuth: float = 0.0) -> Obstacle:
+    """One of any kind, before the robot and mostly off its way."""
+    kind = str(rng.choice(["box", "sphere", "capsule"]))
+    size = {"box": (0.1, 0.4, 3), "sphere": (0.05, 0.2, 1), "capsule": (0.03, 0.3, 2)}[kind]
+    away, angle = rng.uniform(0.3, 1.3), azimuth + rng.uniform(-0.6, 0.6)
+    position = (away * math.cos(angle), away * math.sin(angle), rng.uniform(0.0, 1.0))
+    return Obstacle(
+        *("clutter", kind, tuple(map(float, rng.uniform(*size))), tuple(map(float, position))),
+        *(float(rng.uniform(-3, 3)), float(rng.uniform(-1.5, 1.5))),
+    )
+
+
+def mjcf(solid: Solid, obstacle: Obstacle) -> str:
+    quat = np.zeros(4)
+    mujoco.mju_mat2Quat(quat, np.ascontiguousarray(solid.axes.T).ravel())
+    size = np.array(obstacle.size) / 2
+    if obstacle.kind != "box":
+        size = np.array([obstacle.size[0], obstacle.size[-1] / 2])
+    words = " ".join(f"{v:.12g}" for v in size)
+    pos, turned = (" ".join(f"{v:.12g}" for v in vector) for vector in (solid.centre, quat))
+    return f'<geom type="{obstacle.kind}" size="{words}" pos="{pos}" quat="{turned}"/>'
+
+
+class Judge:
+    """A scene's obstacles, and the arm by its own chain and the bar as a box, in MuJoCo.
+
+    The arm's capsules are set into the frames of the whole chain with the azimuth joint turned;
+    nothing of the planner's planar kinematics or distances is used.
+    """
+
+    def __init__(self, scene: tp.Scene) -> None:
+        arm, bar = scene.arm, scene.object
+        assert arm is not None
+        q = ca.SX.sym("q", arm.joints)
+        self.scene, self.arm = scene, arm
+        self.frames = ca.Function("frames", [q], arm.frames(q))
+        bodies = "".join(mjcf(o.solid, o) for o in scene.obstacle)
+        for capsule in arm.capsules:
+            half = np.linalg.norm(np.subtract(capsule.end, capsule.begin)) / 2
+            size = f'size="{capsule.radius + arm.cover} {half:.12g}"'
+            bodies += f'<body mocap="true"><geom type="capsule" {size}/></body>'
+        box = f'size="{bar.length / 2} {bar.width / 2} {bar.width / 2}"'
+        bodies += f'<body mocap="true"><geom type="box" {box}/></body>'
+        self.model = mujoco.MjModel.from_xml_string(
+            f"<mujoco><worldbody>{bodies}</worldbody></mujoco>"
+        )
+        self.data = mujoco.MjData(self.model)
+
+    def nearest(self, q: np.ndarray | None, com: np.ndarray | None) -> Iterator[tuple[int, float]]:
+        """Distance less clearance [m] of each body that moves (its number, the bar's is -1)."""
+        arm, bar, scene = self.arm, self.scene.object, self.scene
+        azimuth = scene.target.azimuth
+        moving = []
+        if q is not None:
+            joints = np.array(arm.posture)
+            joints[arm.azimuth_joint - 1] = azimuth
+            joints[np.array(arm.throwing_joints) - 1] = q
+            frames = [np.eye(4), *(np.array(f) for f in self.frames(joints))]
+            hand = frames[-1].copy()
+            hand[:3, 3] -= arm.tool.tcp * hand[:3, 2]
+            frames = [*frames[: arm.joints + 1], hand]
+            for i, capsule in enumerate(arm.capsules):
+                frame = frames[capsule.link]
+                ends = np.array([capsule.begin, capsule.end]) @ frame[:3, :3].T + frame[:3, 3]
+                self.place(i, ends.mean(axis=0), ends[1] - ends[0])
+                moving += [i] if capsule.link > 2 else []
+        if com is not None:
+            along = np.array([math.cos(com[2]), 0.0, math.sin(com[2])])
+            middle = np.array([com[0], 0.0, com[1]]) + (bar.length / 2 - bar.com) * along
+            turn = about_z(azimuth)
+            frame = np.column_stack([along, [0.0, 1.0, 0.0], np.cross(along, [0.0, 1.0, 0.0])])
+            self.place(len(arm.capsules), turn @ middle, None, turn @ frame)
+            moving.append(-1)
+        mujoco.mj_kinematics(self.model, self.data)
+        count, points = len(scene.obstacle), np.zeros(6)
+        for body in moving:
+            geom = count + (len(arm.capsules) if body < 0 else body)
+            for k, obstacle in enumerate(scene.obstacle):
+                away = mujoco.mj_geomDistance(self.model, self.data, k, geom, 2.0, points)
+                yield body, away - obstacle.clearance
+
+    def place(self, i: int, at: np.ndarray, axis: np.ndarray | None, frame=None) -> None:
+        quat = np.zeros(4)
+        if axis is not None:
+            mujoco.mju_quatZ2Vec(quat, axis / np.linalg.norm(axis))
+        else:
+            mujoco.mju_mat2Quat(quat, np.ascontiguousarray(frame).ravel())
+        self.data.mocap_pos[i], self.data.mocap_quat[i] = at, quat
+
+    def worst(self, throw: Throw, step: float = 0.0023) -> float:
+        """Least distance less clearance [m] from rest to rest and down to the landing."""
+        rest, found = max(throw.until, throw.landing_time), []
+        release = throw.release
+        for time in np.arange(0.0, rest, step):
+            q, com = throw.path.at([min(time, throw.until)]).pose[:, 0], None
+            if time < throw.opening_time:
+                com = held_bar(throw.scene, throw.hand([time]).pose)[:, 0]
+            elif time < throw.detach_time:
+                since = time - throw.opening_time
+                com = np.array([np.interp(since, release.times, row) for row in release.com])
+            elif time < throw.landing_time - 0.05:
+                com = throw.flight(np.array([time - throw.detach_time]))[:, 0]
+            found += [away for _, away in self.nearest(q, com)]
+        return min(found)
+
+
+def test_segments_against_dense_points():
+    rng = np.random.default_rng(0)
+    a, b, c, d = rng.normal(size=(4, 40, 3))
+    b[:5], d[5:10], b[10:15] = a[:5], c[5:10], a[10:15] + (d - c)[10:15]
+    shares = np.linspace(0.0, 1.0, 301)[:, None]
+    apart = segment_distance(a, b, c, d)
+    for i in range(40):
+        one, other = a[i] + shares * (b - a)[i], c[i] + shares * (d - c)[i]
+        dense = np.linalg.norm(one[:, None] - other, axis=2).min()
+        assert dense - 0.015 < apart[i] <= dense + 1e-12
+
+
+def test_distance_from_solids_against_mujoco():
+    rng, points = np.random.default_rng(1), np.zeros(6)
+    for _ in range(60):
+        obstacle = clutter(rng)
+        begin, end = rng.uniform([-0.5, -0.5, -0.5], [1.5, 0.5, 1.5], (2, 3))
+        capsule = (
+            f'<geom type="capsule" size="0.01" fromto="{" ".join(map(str, [*begin, *end]))}"/>'
+        )
+        model = mujoco.MjModel.from_xml_string(
+            f"<mujoco><worldbody>{mjcf(obstacle.solid, obstacle)}{capsule}</worldbody></mujoco>"
+        )
+        data = mujoco.MjData(model)
+        mujoco.mj_kinematics(model, data)
+        known = mujoco.mj_geomDistance(model, data, 0, 1, 5.0, points)
+        found = float(obstacle.solid.distance(begin[None], end[None])[0]) - 0.01
+        if known > 0:
+            assert found == pytest.approx(known, abs=1e-5)
+        else:
+            assert found < 1e-5
+
+
+def test_a_solid_reaches_as_far_as_its_points():
+    solid = Obstacle("o", "box", (0.2, 0.3, 0.4), (1.0, 2.0, 3.0), 0.5, 0.3).solid
+    corners = np.array(np.meshgrid(*[[-1, 1]] * 3)).reshape(3, -1).T * solid.half @ solid.axes
+    directions = np.random.default_rng(0).normal(size=(9, 3))
+    far = (directions @ (solid.centre + corners).T).max(axis=1)
+    assert solid.beyond(directions) == pytest.approx(far)
+    turned = solid.turned(0.7)
+    assert turned.beyond(directions @ about_z(0.7).T) == pytest.approx(far)
+
+
+@pytest.mark.parametrize("arm", ["pose", "fr3"])
+def test_capsules_move_with_the_arms_own_chain(arm):
+    """The planar chain puts them where the 4x4 matrices of all joints do."""
+    scene = tp.load_scene(arm)
+    mover, judge = make_mover(scene), Judge(scene)
+    limits = mover.hard
+    for q in np.random.default_rng(0).uniform(limits.q_min, limits.q_max, (5, mover.size)):
+        list(judge.nearest(q, None))
+        ends = mover.capsules.at(q[:, None])[..., 0]
+        assert judge.data.mocap_pos[:-1] == pytest.approx(ends.mean(axis=1), abs=1e-9)
+
+
+def test_a_scene_without_obstacles_builds_the_same_nlp(pose):
+    bare = pose.replace(arm=dataclasses.replace(pose.arm, capsules=()))
+    sizes = {build_nlp(Request(s, make_mover(s), TARGET)).size for s in (pose, bare)}
+    wall = pose.replace(obstacle=(WALL,))
+    assert sizes == {build_nlp(Request(wall, make_mover(wall), TARGET)).size}
+
+
+def in_clutter(plan: tp.Plan, rng: np.random.Generator) -> Throw:
+    final = plan.throw.final
+    obstacles = tuple(clutter(rng) for _ in range(2))
+    return dataclasses.replace(final, scene=final.scene.replace(obstacle=obstacles))
+
+
+def test_the_check_misses_nothing_that_mujoco_finds(free):
+    """Of random clutter around one throw: what the check passes is clear in MuJoCo."""
+    rng, clear, hit = np.random.default_rng(2), 0, 0
+    while min(clear, hit) < 4:
+        throw = in_clutter(free, rng)
+        worst = Judge(throw.scene).worst(throw, step=0.011)
+        if contacts(throw):
+            hit += 1
+        else:
+            clear += 1
+            assert worst > -1e-6
+        # What MuJoCo finds inside by more than what the check keeps for the bar's corners.
+        assert worst > -0.02 or contacts(throw)
+
+
+def test_both_ways_of_checking_agree(free, monkeypatch):
+    rng = np.random.default_rng(3)
+    throws = [in_clutter(free, rng) for _ in range(12)]
+    by_core = [contacts(throw) for throw in throws]
+    monkeypatch.setenv("THROWPLAN_COMPILE", "0")
+
+    def told(found: list[Contact]) -> list[tuple]:
+        return [(c.body, c.other, round(c.missing, 9), round(c.time, 9), c.flying) for c in found]
+
+    for throw, known in zip(throws, by_core, strict=True):
+        assert told(contacts(throw)) == told(known)
+    assert any(by_core)
+
+
+def test_a_throw_goes_over_a_wall(free, around):
+    assert free.solved and around.solved
+    hit = dataclasses.replace(free.throw.final, scene=around.throw.final.scene)
+    assert {c.other for c in contacts(hit)} == {"wall"}
+    assert not contacts(around.throw.final)
+    over = Judge(hit.scene).worst(around.throw.final)
+    assert over > max(Judge(hit.scene).worst(hit), -1e-6)
+
+
+def test_an_obstacle_stands_in_the_base_frame(free, pose):
+    """A wall turned with the target is met by the same throw, one that stays is not."""
+    angle = 0.9
+    cos, sin = math.cos(angle), math.sin(angle)
+    target = dataclasses.replace(TARGET, x=1.2 * cos, y=1.2 * sin)
+    turned = dataclasses.replace(WALL, position=(0.9 * cos, 0.9 * sin, 0.22), yaw=angle)
+    for wall, meets in ((turned, True), (WALL, False)):
+        scene = pose.replace(obstacle=(wall,), target=target)
+        throw = dataclasses.replace(free.throw.final, scene=scene)
+        assert bool(contacts(throw)) == meets
+
+
+def test_the_bar_may_land_on_a_table(free, pose):
+    """Its top is half the bar's width under the target."""
+    for top, meets in ((0.09, False), (0.3, True)):
+        table = Obstacle("table", "box", (0.5, 0.6, top), (1.3, 0.0, top / 2))
+        throw = free.throw.final
+        scene = throw.scene.replace(obstacle=(table,))
+        assert bool(contacts(dataclasses.replace(throw, scene=scene))) == meets
+
+
+def test_the_arm_meets_itself(free, pose):
+    """A motion that folds the hand onto the base is found without any obstacle."""
+    mover, final = make_mover(pose), free.throw.final
+    folded = np.array([-1.5, -2.9, 0.2])
+    limits = mover.hard
+    assert ((folded > limits.q_min) & (folded < limits.q_max)).all()
+    assert not contacts(final)
+    begin, still = final.path.at([0.0]).pose.T, np.zeros((1, 3))
+    rate = (folded - begin) / final.until
+    path = Path.cubics(np.array([0.0, final.until]), begin, rate, still, still)
+    words = [c.words for c in contacts(dataclasses.replace(final, path=path))]
+    assert any("meets link" in word or "meets base" in word for word in words)
+
+
+@pytest.mark.parametrize(
+    ("obstacle", "words"),
+    [
+        (dataclasses.replace(WALL, position=(1.2, 0.0, 0.1)), "the target's pose is inside"),
+        (dataclasses.replace(WALL, position=(0.3, 0.0, 0.6)), "mm from the start pose's"),
+    ],
+)
+def test_an_obstacle_that_holds_target_or_start(pose, obstacle, words):
+    start = dataclasses.replace(pose.robot, start=(-0.8, -2.4, 1.6))
+    scene = pose.replace(robot=start, obstacle=(obstacle,))
+    with pytest.raises(tp.InputError, match=words):
+        tp.Planner(scene).plan(TARGET)
