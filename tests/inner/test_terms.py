@@ -125,7 +125,7 @@ def test_planner_takes_no_throw_that_breaks_the_workspace() -> None:
 def test_palm_enters_the_nlp_when_it_decides_and_goes_into_a_warm_start() -> None:
     """Thrown backwards over the base, the bar would hit the hand: solved all the same."""
     planner = tp.Planner(tp.load_scene("pose"))
-    first = planner.plan(tp.Pose(x=-0.9, z=0.1, theta=0.0))
+    first = planner.plan(tp.Pose(x=-0.9, z=0.1, theta=0.0), patience=90.0)
     assert first.solved and broken(checked(first)) == []
     assert first.constraints > nlp_of(planner.scene).size[1]
     again = planner.plan(tp.Pose(x=-0.905, z=0.1, theta=0.0), warm=first)
