@@ -77,8 +77,9 @@ def test_the_cup_is_met_wherever_it_goes(run: Any) -> None:
     ran = run("target_cup")
     assert ran["status"] == "solved" and ran["cups"] >= 40
     assert ran["worst_error_mm"] < 2.0 and ran["worst_angle_deg"] < 0.5
-    assert ran["far"] == "out_of_reach" and 1.5 < ran["nearest_x"] < 3.0
-    assert ran["other_angles"] == ["solved"] * 3
+    # The tool's 2 m/s end the reach.
+    assert ran["far"] == "out_of_reach" and 1.2 < ran["nearest_x"] < 3.0
+    assert ran["other_angles"] == ["solved"] * 2 and ran["turned_more"] == "out_of_reach"
     assert ran["any_turns"] == "solved" and ran["tilted"] == "out_of_reach"
 
 
