@@ -40,6 +40,13 @@ class Solid:
         extent = np.abs(directions @ self.axes.T) @ self.half
         return np.asarray(directions @ self.centre + extent + self.radius)
 
+    def outline(self, points: int = 90) -> Array:
+        """Its silhouette (points, 2) seen along y: x, z [m]."""
+        angles = np.linspace(0.0, 2 * np.pi, points, endpoint=False)
+        ways = np.column_stack([np.cos(angles), 0 * angles, np.sin(angles)])
+        corners = np.sign(ways @ self.axes.T) * self.half @ self.axes
+        return np.asarray((self.centre + corners + self.radius * ways)[:, [0, 2]])
+
     def distance(self, begin: Array, end: Array) -> Array:
         """Distance (N,) [m] of segments from `begin` to `end`, (N, 3) each; -radius at most inside.
 

@@ -6,6 +6,7 @@ through the base column mostly end with one, so each sampled throw is marked.
 
 from __future__ import annotations
 
+import math
 from typing import Any
 
 import numpy as np
@@ -13,13 +14,15 @@ import numpy.typing as npt
 
 from ...models import FlightState, Path
 from ...problems import Scene
-from ..check import Mover, column_distance, column_of, held_bar, palm_distance
+from ..check import Mover, Throw, column_distance, column_of, contacts, held_bar, palm_distance
 from ..ocp import BRAKE_SHARE, PALM_TIMES
 
 Array = npt.NDArray[np.float64]
 
 #: Instants of the run-up, and of the flight, at which the bar is held against the column.
 INSTANTS, FLIGHT_INSTANTS = 24, 40
+#: Pieces of a table's run-up that is held against obstacles.
+PIECES = 12
 
 
 def run_up(start: Array | None, q: Array, dq: Array, ddq: Array, duration: Any) -> list[Array]:
@@ -113,6 +116,14 @@ def flies_past_column(
         com = _flown(scene, detach, share * np.nan_to_num(duration))
         clear &= column_distance(scene.object, com, *column) >= room
     return clear
+
+
+def in_obstacles(scene: Scene, mover: Mover, releases: Any, index: int) -> float:
+    """How far [m] a table's throw `index` is inside obstacles and the arm itself, all bodies."""
+    state = releases.q[index], releases.dq[index], releases.ddq[index]
+    time, opening = float(releases.run_up[index]), scene.gripper.profile().opening
+    throw = Throw(scene, mover, carry(mover.start, state, time, opening, PIECES), time)
+    return sum(contact.missing for contact in contacts(throw)) if throw.lands else math.inf
 
 
 def clears_palm(

@@ -217,13 +217,14 @@ class Library:
 def library_key(scene: Scene) -> str:
     """A hash of all that a scene's solved throws depend on.
 
-    Where in the reach its target lies, and what only chooses among throws, changes nothing.
+    Where in the reach its target lies, what only chooses among throws, and obstacles, which stand
+    elsewhere from target to target, change nothing.
     """
     target = scene.target
     assert target is not None
     somewhere = Pose(1.0, target.z, theta=None if target.theta is None else 0.0)
     like = scene.aimed_at(somewhere).replace(
-        name="", description="", file="", choice=None, robust=None
+        name="", description="", file="", choice=None, robust=None, obstacle=()
     )
     if like.cup is not None:
         # Moved and moved back it may differ in the last digit.

@@ -12,6 +12,7 @@ from ...problems import Pose
 from ..ocp import USUAL, Asked, ThrowNlp
 from .attempt import Attempt, Start
 from .guess import guess_from
+from .launch import in_obstacles
 from .nearest import CLEARLY, Binding, Reach, elastic_starts, in_column
 from .nlps import Problems, Task
 from .release_table import Releases, Turns, past_column, starts
@@ -21,6 +22,8 @@ from .sampling import ReleaseSampler, closer
 STARTS = {"fatrop": 6, "ipopt": 4}
 #: Starts tried first, and then, without heavy guards.
 FIRST_STARTS, LIGHT_STARTS = 2, 4
+#: Throws of the table that are held against obstacles.
+CLEARED = 40
 #: NLPs tried from one release, each asked for what the check of the last one found broken.
 TRIES = 4
 #: Beyond the first distance [m, scaled error] from every landing of the table nearer releases are
@@ -73,6 +76,7 @@ class Search:
         self._sources, self._task, self._turns, self._wanted = sources, task, turns, wanted
         self._tried = tried
         self._asked, self._coarse = USUAL, True
+        self._clear: list[tuple[int, Pose, float]] | None = None
         self._led_nowhere: set[tuple[object, ...]] = set()
         self.answer: Binding | None = None
         self.iterations = 0
@@ -83,12 +87,27 @@ class Search:
 
     def _use(self, releases: Releases) -> None:
         """Takes a table: (release, goal, scaled distance [m]) of the nearest landings."""
-        self.releases = releases
+        self.releases, self._clear = releases, None
         self._nearest = self._landing_nearest(releases)
 
     def _landing_nearest(self, releases: Releases) -> list[tuple[int, Pose, float]]:
         most = max(STARTS.values()) * self._wanted
         return starts(releases, self._task.scene, self._task.target, self._turns, most)
+
+    @property
+    def _clearest(self) -> list[tuple[int, Pose, float]]:
+        """The nearest landings; with obstacles, of more of them those whose throws clear these."""
+        scene = self._task.scene
+        if not scene.obstacle:
+            return self._nearest
+        if self._clear is None:
+            found = starts(self.releases, scene, self._task.target, self._turns, CLEARED)
+            mover = self._sources.problems.mover
+            with self._task.clock("guess"):
+                meets = [in_obstacles(scene, mover, self.releases, i) for i, _, _ in found]
+            order = np.argsort([far + deep for (*_, far), deep in zip(found, meets, strict=True)])
+            self._clear = [found[i] for i in order]
+        return self._clear
 
     @property
     def _goal(self) -> Pose:
@@ -156,7 +175,7 @@ class Search:
 
     def _from_releases(self, rounds: list[_Round]) -> Iterator[Start]:
         """Starts from the releases that land nearest, round after round."""
-        table, nearest, passing = self.releases, self._nearest, False
+        table, nearest, passing = self.releases, self._clearest, False
         for current in rounds:
             if current.solver != rounds[0].solver and self._asked.heavy:
                 # These starts have had IPOPT already.

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ..check import bar_outline, palm_corners
+from ..check import bar_outline, obstacles_of, palm_corners
 from .style import ARM, BLACK, GREEN, ORANGE, PHASES, RED, draw_cup, new_figure, save
 from .timeline import Timeline, timeline
 
@@ -68,7 +68,7 @@ def hand_corners(scene: Scene, pose: Array) -> Array:
 
 
 def draw_surroundings(stage: Axes, scene: Scene, target: Pose) -> None:
-    """Target, cup, floor and base column."""
+    """Target, cup, floor, base column, and obstacles as the plane's side view shows them."""
     from matplotlib.patches import Polygon, Rectangle
 
     if scene.cup is not None:
@@ -79,6 +79,8 @@ def draw_surroundings(stage: Axes, scene: Scene, target: Pose) -> None:
     if workspace is not None and workspace.column_radius and workspace.column_height:
         radius, height = workspace.column_radius, workspace.column_height
         stage.add_patch(Rectangle((-radius, 0), 2 * radius, height, color="#e4e1dc", zorder=0))
+    for solid in obstacles_of(scene.aimed_at(target)):
+        stage.add_patch(Polygon(solid.outline(), closed=True, color="#d9b8a6", alpha=0.6, zorder=0))
     x = target.plane_x
     if target.theta is not None:
         corners = bar_corners(scene.object, np.array([x, target.z, target.theta]))

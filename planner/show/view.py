@@ -18,7 +18,7 @@ from .style import ARM, BLACK, PHASES
 from .timeline import Timeline, timeline
 
 if TYPE_CHECKING:
-    from ...problems import Cup, Scene
+    from ...problems import Cup, Obstacle, Scene
     from ..check import Throw
 
 Array = npt.NDArray[np.float64]
@@ -272,6 +272,19 @@ class View:
             self._draw_bar("/target/ghost", BLACK, 0.25)
         if scene.cup is not None:
             self._draw_cup(scene.cup)
+        for number, obstacle in enumerate(scene.obstacle):
+            self._draw_obstacle(f"/obstacle{number}", obstacle)
+
+    def _draw_obstacle(self, name: str, obstacle: Obstacle) -> None:
+        """A box, or a ball that is as long as a capsule."""
+        from trimesh.creation import box, capsule
+
+        solid, pose = obstacle.solid, np.eye(4)
+        pose[:3, :3], pose[:3, 3] = solid.axes.T, solid.centre
+        mesh = box(2 * solid.half) if solid.half.all() else capsule(2 * solid.half[2], solid.radius)
+        mesh.apply_transform(pose)
+        look: dict[str, Any] = {"color": rgb("#d9b8a6"), "opacity": 0.8}
+        self.scene.add_mesh_simple(name, mesh.vertices, mesh.faces, **look)
 
     def _draw_cup(self, cup: Cup) -> None:
         """A round cup: wall and bottom to look through, a solid rim; profiles turned about z."""

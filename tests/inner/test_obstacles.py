@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import socket
 from collections.abc import Iterator
 
 import casadi as ca
@@ -13,6 +14,7 @@ import throwplan as tp
 from throwplan.models import Path, Solid, about_z, segment_distance
 from throwplan.planner.check import Contact, Throw, contacts, held_bar, make_mover
 from throwplan.planner.ocp import Request, build_nlp
+from throwplan.planner.show import serving, space_throw
 from throwplan.problems import Obstacle
 
 mujoco = pytest.importorskip("mujoco")
@@ -296,3 +298,35 @@ def test_an_obstacle_that_holds_target_or_start(pose, obstacle, words):
     scene = pose.replace(robot=start, obstacle=(obstacle,))
     with pytest.raises(tp.InputError, match=words):
         tp.Planner(scene).plan(TARGET)
+
+
+def test_a_saved_plan_keeps_its_obstacles(around, tmp_path):
+    around.save(tmp_path, draw=False)
+    again = tp.read_plan(tmp_path)
+    assert again.scene.obstacle == (WALL,)
+    assert not contacts(again)
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    with serving(space_throw(again), port) as (_, panel):
+        assert panel
+
+
+@pytest.mark.parametrize(
+    ("size", "words"),
+    [((0.1,), "length, width and height"), ((0.1, 0.1, -0.1), "above 0"), ((), "length, width")],
+)
+def test_sizes_that_are_none(size, words):
+    with pytest.raises(tp.InputError, match=words):
+        Obstacle("o", "box", size, (0.0, 0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("kind", "size"), [("box", (0.2, 0.3, 0.4)), ("sphere", (0.2,)), ("capsule", (0.1, 0.5))]
+)
+def test_outline_encloses_the_side_view(kind, size):
+    solid = Obstacle("o", kind, size, (0.5, 0.1, 0.4), 0.4, 0.6).solid
+    low, high = solid.outline(360).min(axis=0), solid.outline(360).max(axis=0)
+    ways = np.array([[1.0, 0, 0], [0, 0, 1.0]])
+    assert high == pytest.approx(solid.beyond(ways), abs=1e-6)
+    assert -low == pytest.approx(solid.beyond(-ways), abs=1e-6)

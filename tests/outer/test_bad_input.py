@@ -186,6 +186,9 @@ HAND | object.inertia: 0.003 | inertia = 0.003; 0.00202
 HAND | object.com: 0.21 | com = 0.21; length; 0.2
 HAND | grasp.offset: 0.15 | [grasp]; offset; 0.15; 0.1
 HAND | gripper.dwell: -0.1 | dwell = -0.1; at least 0
+ROBOT | .obstacle: 3 | obstacle = 3; list of tables
+ROBOT | .obstacle: [{kind = "cube"}] | obstacle 1; kind = 'cube'; box, sphere, capsule
+ROBOT | .obstacle: [{kind = "sphere"}] | obstacle 1; 'name'; missing
 HAND | object.mass: 310 | mass = 310; kg; grams
 HAND | gripper.opening: 50 | opening = 50; at most 2 s
 HAND | gripper.opening: 0 | opening = 0; above 0
