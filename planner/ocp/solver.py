@@ -32,7 +32,7 @@ MU_INIT = 0.01
 #: The same for a warm start, a solution with its multipliers, and the most iterations from there:
 #: for almost the same target (3 usual), and after that, or for one some centimetres off (6
 #: usual). FATROP moves such a point by as much away from its active bounds.
-WARM = {"fatrop": ((1e-8, 12), (1e-6, 60)), "ipopt": ((1e-5, 500),)}
+WARM = {"fatrop": ((1e-8, 12), (1e-6, 30)), "ipopt": ((1e-5, 500),)}
 #: FATROP 1.1 may repeat one factorisation for ever where constraints are this steep at the
 #: start (seen from 3e6 on; usual starts are below 500), so it is not given such a start.
 STEEPEST = 1e5

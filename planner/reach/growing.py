@@ -46,7 +46,7 @@ Progress = Callable[[int, int], None]
 
 #: Sampled states whose landings are the map; seeds solved from the release table, and starts tried
 #: for each.
-SAMPLES, SEEDS, STARTS = 60_000, 48, 3
+SAMPLES, SEEDS, STARTS = 60_000, 24, 2
 #: How much larger the reach is than what random throws hit of so many cells.
 LARGER, HIT = 1.3, 300
 #: How many more throws are solved at most where the reach is larger than that.
@@ -63,7 +63,7 @@ TRIED = 2
 #: NLPs tried for a cell, each asked for what the check of the last one found broken.
 TRIES = 3
 #: Time [s] for the cells that random throws hit and no neighbour led to.
-HOLES = 25.0
+HOLES = 12.0
 #: Records are kept this often [s]: so much is lost at most where the process is ended.
 KEPT = 5.0
 #: Time [s] for one cell.
