@@ -63,11 +63,11 @@ TRIED = 2
 #: NLPs tried for a cell, each asked for what the check of the last one found broken.
 TRIES = 3
 #: Time [s] for the cells that random throws hit and no neighbour led to.
-HOLES = 12.0
+HOLES = 20.0
 #: Records are kept this often [s]: so much is lost at most where the process is ended.
 KEPT = 5.0
 #: Time [s] for one cell.
-PATIENCE = 5.0
+PATIENCE = 3.0
 SEED = 5
 
 
@@ -198,16 +198,11 @@ class Growth:
             for cell in self._seeds():
                 self._from_table(cell)
                 yield
-        for own in (True, False):
-            yield from self._spread(own=own)
-            for cell in self._hit if own else ():
-                if self._open(cell) and self._mine(cell) and cell not in self._beyond:
-                    self._from_table(cell)
-                    yield
-                    yield from self._spread(own=own)
-            for _ in self._holes() if own else ():
-                yield
-                yield from self._spread(own=own)
+        yield from self._spread(own=True)
+        for _ in self._holes():
+            yield
+            yield from self._spread(own=True)
+        yield from self._spread(own=False)
         yield from self._cheapen()
 
     def _holes(self) -> Iterator[None]:
