@@ -22,7 +22,7 @@ test: .venv/test
 	$(PYTEST) -m "not slow"
 
 # What takes longer: notebooks executed, MuJoCo over many cases, sections of the report.
-verify: .venv/test
+verify: .venv/test .venv/sim
 	$(PYTEST) -m slow
 
 # The compiled core of a checkout that runs without being installed.
@@ -31,7 +31,7 @@ core:
 
 # The optional extras beside what is there.
 extras: .venv/run
-	$(PIP) $(EDITABLE) '.[dask,mujoco,ros,urdf,view]'
+	$(PIP) $(EDITABLE) '.[dask,franka,mujoco,ros,urdf,view]'
 
 # README's pictures, made again.
 pictures: .venv/run
@@ -52,6 +52,12 @@ notebooks-executed: .venv/notebooks
 
 .venv/test: .venv/run
 	$(PIP) --no-compile $(EDITABLE) '.[test]'
+	touch $@
+
+# A simulated Franka, where there are wheels of it; without it its tests are skipped. franka-sim asks
+# for an older NumPy, which the rules of the controller, all that is used of it, do not need.
+.venv/sim: .venv/test
+	-$(PIP) $(EDITABLE) '.[sim]' && $(PIP) --no-deps franka-sim
 	touch $@
 
 .venv/notebooks: .venv/run

@@ -32,7 +32,7 @@ from .mover import Limits, Mover, joint_limits, make_mover, outline
 from .sending import TICK, Samples, SmoothingError, broken_limits, keeps, send
 from .simulation import Simulation, named_model, simulate, simulate_batch
 from .throw import Throw, case_of
-from .torques import Torques, torque_limits
+from .torques import Torques, torque_limits, torques_of
 from .violations import (
     Guard,
     Margin,

@@ -28,7 +28,7 @@ Array = npt.NDArray[np.float64]
 
 #: Steps of the program's rounds; its landing is near enough where its share of what weighs alike
 #: there is below.
-STEPS, ENOUGH = (*[0.3] * 6, *[0.1] * 4, *[0.03] * 4), 0.5
+STEPS, ENOUGH = (*[0.3] * 8, *[0.15] * 10), 1.0
 
 
 def corrected(plan: JointMotion, recording: Recording) -> tuple[JointMotion, Throw]:

@@ -22,6 +22,8 @@ from ..check import (
     palm_corners,
     palm_distance,
     tool_speeds,
+    torque_limits,
+    torques_of,
 )
 from .recording import CUTOFF, Recording
 from .response import Response
@@ -37,10 +39,13 @@ BEFORE, AWAY = 0.02, 0.15
 #: Share of the limits that a motion uses, ticks between the places where it is held to them, and
 #: the share from which on it is held to curved ones.
 SHARE, PLACES, NEARLY = 0.99, 4, 0.8
+#: Share of grip and torque that is used: accelerations have corners at knots, sharper than samples
+#: show.
+FORCE = 0.98
 #: Room [m] that counts as a whole use of a clearance, and how much of a use a round mends.
 ROOM, MENDED = 0.1, 0.1
 #: Kept back [m] of the hand's clearance: the flight is another one after each round.
-MORE = 0.002
+MORE = 0.006
 #: What weighs alike in the program: joints, rates and accelerations off the plan's while the pads
 #: open [rad, rad/s, rad/s^2], joints off it after that and elsewhere [rad], the landing off the
 #: target [m, rad], and accelerations as shares of their limits.
@@ -219,10 +224,19 @@ class Lesson:
 
         def grip(place: Array, rate: Array, turn: Array) -> Array:
             hand = HandSamples(place[0], *mover.motion(place, rate, turn))
-            return np.asarray(np.hypot(*friction_use(scene, hand)))
+            return np.asarray(np.hypot(*friction_use(scene, hand)) / FORCE)
 
         joints = self.joints(near)
         yield _held(grip, [v[held] for v in joints], self.reach[:, :, held])
+        every = slice(None, None, PLACES)
+        if torque_limits(scene) is not None:
+
+            def torque(place: Array, rate: Array, turn: Array) -> Array:
+                path = Path.quintics(PLACES * TICK, place.T, rate.T, turn.T)
+                torques = torques_of(scene, mover, path, self.opening_time)
+                return np.asarray(torques.use[::PLACES].max(axis=1) / FORCE)
+
+            yield _held(torque, [v[every] for v in joints], self.reach[:, :, every])
         if scene.workspace is not None:
             yield from self._clear(near, joints[0])
 
