@@ -6,7 +6,7 @@ scene is a term of its own, see `terms`.
 
 from .asked import USUAL, Asked, Margins, Request
 from .assembly import nlp_functions, nlp_key
-from .condensed import Condensed
+from .condensed import Condensed, Step
 from .context import BRAKE_SHARE
 from .controls import Controls, Optimum
 from .layout import FLIGHT_MAX, Block

@@ -158,7 +158,7 @@ class Condensed:
         direct = np.linalg.pinv(reach)
         inner = free.T @ self.hessian @ free
         around = _null_space(reach)
-        inverse = np.linalg.inv(_definite(around.T @ inner @ around)) if around.size else 0.0
+        inverse = np.linalg.inv(_definite(around.T @ inner @ around))
         return np.asarray(free @ (direct - around @ (inverse @ (around.T @ inner @ direct))))
 
     def step(self, around: Array) -> Step | None:
