@@ -41,7 +41,9 @@ BEFORE, AWAY = 0.02, 0.15
 SHARE, PLACES, NEARLY = 0.99, 4, 0.8
 #: Share of grip and torque that is used: accelerations have corners at knots, sharper than samples
 #: show.
-FORCE = 0.98
+FORCE = 0.97
+#: So many of the limits are linear, the first ones.
+LINEAR = 4
 #: Room [m] that counts as a whole use of a clearance, and how much of a use a round mends.
 ROOM, MENDED = 0.1, 0.1
 #: Kept back [m] of the hand's clearance: the flight is another one after each round.
@@ -87,13 +89,13 @@ class Lesson:
         basis = _splines(times, pieces)
         then, q, sent = recording.throwing(plan)
         response = Response.fitted(sent, q)
-        unexplained = low_pass(then, q - response.all(sent), CUTOFF)[1]
-        # On the new clock, as at its ends before and after the recording.
+        # On the new clock, at rest before and after the recording.
         clock = times - opening_time + recording.opening_time(plan.scene)
-        anyway, last = (
+        q, last = (
             np.column_stack([np.interp(clock, then, column) for column in values.T])
-            for values in (unexplained, sent)
+            for values in (q, sent)
         )
+        anyway = low_pass(times, q - response.all(last), CUTOFF)[1]
         reach = np.array([response.of(j, basis[0]) for j in range(q.shape[1])])
         instants = opening_time + np.array([-BEFORE, opening, opening + AWAY])
         first, opened, end = np.searchsorted(times, instants).tolist()
@@ -124,14 +126,17 @@ class Lesson:
         if near is not None:
             terms += [self._landing(near), *self._steps(near, step)]
         left, right = (np.concatenate(part) for part in zip(*terms, strict=True))
-        limits, low, high = map(np.concatenate, zip(*self._limits(near), strict=True))
-        shapes = {"h": ca.Sparsity.dense(left.shape[1], left.shape[1])}
-        shapes["a"] = ca.Sparsity.dense(*limits.shape)
-        solver = ca.conic("next", "daqp", shapes, {"error_on_fail": False})
-        found = solver(h=left.T @ left, g=-left.T @ right, a=limits, lba=low, uba=high)
-        if not solver.stats()["success"]:
-            raise InputError("no corrected motion keeps the limits")
-        return np.array(found["x"]).reshape(len(self.reach[0]), -1).T
+        square, slope = left.T @ left, -left.T @ right
+        every = [*self._limits(near)]
+        # Where what is curved asks for too much from here, the rounds that follow mend it.
+        for some in (every, every[:LINEAR]):
+            limits, low, high = map(np.concatenate, zip(*some, strict=True))
+            shapes = {"h": ca.Sparsity.dense(*square.shape), "a": ca.Sparsity.dense(*limits.shape)}
+            solver = ca.conic("next", "daqp", shapes, {"error_on_fail": False})
+            found = solver(h=square, g=slope, a=limits, lba=low, uba=high)
+            if solver.stats()["success"]:
+                return np.array(found["x"]).reshape(len(self.reach[0]), -1).T
+        raise InputError("no corrected motion keeps the limits")
 
     def _as_planned(self) -> Iterator[tuple[Array, Array]]:
         """Joints, rates and accelerations as planned in the window, joints elsewhere; and ease."""
