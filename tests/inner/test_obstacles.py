@@ -228,6 +228,24 @@ def test_the_check_misses_nothing_that_mujoco_finds(free):
         assert worst > -0.02 or contacts(throw)
 
 
+@pytest.mark.slow
+def test_the_check_misses_nothing_in_500_scenes(pose):
+    """Of five throws, each among a hundred random obstacles by twos, on dense samples."""
+    planner, rng, hits, wrongly = tp.Planner(pose), np.random.default_rng(4), 0, 0
+    for x, theta in ((1.2, 0.0), (0.9, -1.0), (1.1, 1.2), (0.7, -1.6), (1.3, 0.5)):
+        plan = planner.plan(tp.Pose(x, 0.1, theta), patience=60.0)
+        assert plan.solved
+        for _ in range(100):
+            throw = in_clutter(plan, rng)
+            worst, found = Judge(throw.scene).worst(throw, 0.0047), bool(contacts(throw))
+            assert found or worst > -1e-6
+            hits += found
+            wrongly += found and worst > 0.005
+    assert 100 < hits < 400
+    # The bar's capsule, and what bodies may move between samples.
+    assert wrongly < 25
+
+
 def test_both_ways_of_checking_agree(free, monkeypatch):
     rng = np.random.default_rng(3)
     throws = [in_clutter(free, rng) for _ in range(12)]
