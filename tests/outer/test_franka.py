@@ -8,6 +8,7 @@ import math
 import subprocess
 import sys
 from collections.abc import Iterator
+from itertools import islice
 
 import numpy as np
 import pytest
@@ -153,3 +154,10 @@ def test_an_fr3s_controller_takes_its_scene(tmp_path) -> None:
     spoilt = motion.q.copy()
     spoilt[100:, 3] += 1e-3
     assert refusals(spoilt)
+
+
+@pytest.mark.slow
+def test_an_fr3s_controller_takes_200_map_targets(tmp_path) -> None:
+    for plan in islice(over_map("fr3", seed=20), 200):
+        plan.save(tmp_path, draw=False)
+        assert refusals(joint_motion(tmp_path).q) == [], plan.target
