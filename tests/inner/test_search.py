@@ -35,11 +35,11 @@ def cup() -> tp.Planner:
     return tp.Planner(tp.load_scene("cup"))
 
 
-def joints_only(name: str) -> tp.Scene:
-    """A scene whose arm has no tool speed: its reach is larger."""
+def bare(name: str) -> tp.Scene:
+    """A scene whose arm has neither tool speed nor capsules: only joints, column and palm bind."""
     scene = tp.load_scene(name)
     limits = dataclasses.replace(scene.arm.limits, tool_speed=None)
-    return scene.replace(arm=dataclasses.replace(scene.arm, limits=limits))
+    return scene.replace(arm=dataclasses.replace(scene.arm, limits=limits, capsules=()))
 
 
 def aimed(planner: tp.Planner, x: float, degrees: float) -> tp.Pose:
@@ -176,13 +176,14 @@ def test_constraints_come_in_when_the_check_asks(
     scene: str, x: float, degrees: float | None, guard: str, asked: bool
 ) -> None:
     theta = None if degrees is None else math.radians(degrees)
-    planner = tp.Planner(joints_only(scene))
+    planner = tp.Planner(bare(scene))
     plan = planner.plan(planner.scene.target.in_plane(x, theta), patience=90.0)
     assert plan.solved and plan.attempts > 1, plan.message
     assert (guard in plan.throw.asked.guards) == asked
 
 
-def test_a_corner_cut_between_two_nodes_takes_a_margin_and_no_more_rows(cup: tp.Planner) -> None:
+def test_a_corner_cut_between_two_nodes_takes_a_margin_and_no_more_rows() -> None:
+    cup = tp.Planner(bare("cup"))
     plan = cup.plan(cup.scene.target.in_plane(-0.2211, -1.6348), patience=90.0)
     assert plan.solved and plan.solver == "fatrop"
     assert plan.throw.asked.margins["held"] > 0.0 and plan.throw.nlp.structure.instants == 2
@@ -218,7 +219,7 @@ def test_the_landing_is_true_for_the_model_that_the_tolerance_names(name: str) -
 
 def test_a_target_that_the_table_misses_by_far_is_thrown_to() -> None:
     """Releases nearer to it are sampled first."""
-    far = tp.Planner(joints_only("cup"))
+    far = tp.Planner(bare("cup"))
     target = aimed(far, -2.18, 265)
     assert starts(far.releases(), far.scene, target, "exact", 1)[0][2] > 0.25
     plan = far.plan(target, patience=90.0)
@@ -237,7 +238,7 @@ def test_a_millimetre_from_the_base_column(pose: tp.Planner) -> None:
 @pytest.mark.slow
 def test_a_bar_that_touches_the_column_between_two_instants_gets_a_margin() -> None:
     """The same rows with the same margin would lead there for ever."""
-    planner = tp.Planner(tp.load_scene("flip"))
+    planner = tp.Planner(bare("flip"))
     plan = planner.plan(aimed(planner, -0.36681081, 5.1195110), patience=90.0)
     assert plan.solved and plan.throw.asked.margins["passing"] > 0.0, plan.message
 
