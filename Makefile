@@ -54,7 +54,7 @@ notebooks-executed: .venv/notebooks
 	$(PIP) --no-compile $(EDITABLE) '.[test]'
 	touch $@
 
-# A simulated Franka, where there are wheels of it; without it its tests are skipped. franka-sim asks
+# A simulated Franka and robots' URDFs, where there are wheels; without them their tests are skipped. franka-sim asks
 # for an older NumPy, which the rules of the controller, all that is used of it, do not need.
 .venv/sim: .venv/test
 	-$(PIP) $(EDITABLE) '.[sim]' && $(PIP) --no-deps franka-sim

@@ -9,5 +9,6 @@ from .arm import (
     held_joints,
     kinematics_difference,
     limits_of,
+    link_inertias,
 )
 from .chain import AXES, UrdfChain, chain_of, read_urdf
