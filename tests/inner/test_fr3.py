@@ -35,9 +35,9 @@ def without_slowing(scene: tp.Scene) -> tp.Scene:
 
 
 def joints_only(scene: tp.Scene) -> tp.Scene:
-    """The arm without its tool speed, which would bind before the joints' limits do."""
+    """The arm without tool speed and shape, which would bind before the joints' limits do."""
     limits = dataclasses.replace(scene.arm.limits, tool_speed=None)
-    return scene.replace(arm=dataclasses.replace(scene.arm, limits=limits))
+    return scene.replace(arm=dataclasses.replace(scene.arm, limits=limits, capsules=()))
 
 
 @pytest.fixture(scope="module")
