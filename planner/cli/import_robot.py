@@ -36,7 +36,7 @@ LIMIT_UNITS = {"velocity": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3"
 def arguments(parser: argparse.ArgumentParser) -> None:
     """The command's options."""
     add = parser.add_argument
-    add("urdf", metavar="FILE.urdf", help="the robot")
+    add("urdf", metavar="FILE.urdf", help="the robot; or a xacro")
     add("--joints", nargs="+", required=True, metavar="J", help="the arm's joints, base first")
     add("--out", required=True, metavar="FILE.toml", help="the arm data file")
     add("--name", help="the arm's name (default: the URDF's)")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import logging
 import math
 from collections.abc import Iterable, Sequence
@@ -78,7 +79,10 @@ class UrdfChain:
 
 
 def read_urdf(path: Path) -> Any:
-    """yourdfpy's robot from a URDF file; InputError if it is none, or yourdfpy is missing."""
+    """yourdfpy's robot from a URDF or xacro; InputError if it is none, or yourdfpy is missing.
+
+    A xacro's packages (`$(find ...)`) are looked for in the folders above it.
+    """
     text = read_text(path)
     try:
         import yourdfpy
@@ -93,13 +97,21 @@ def read_urdf(path: Path) -> Any:
         if root.tag != "robot":
             raise ValueError("its root is not <robot>")
         if any("xacro" in part.tag for part in root.iter()):
-            raise ValueError("it is a xacro; make a URDF of it with 'xacro FILE > my.urdf'")
-        parsed = yourdfpy.URDF.load(str(path), load_meshes=False, build_scene_graph=False)
+            text = _expanded(path)
+        source = io.BytesIO(text.encode())
+        parsed = yourdfpy.URDF.load(source, load_meshes=False, build_scene_graph=False)
         _check_tree(parsed.robot)
         return yourdfpy.URDF(robot=parsed.robot, load_meshes=False)
     except Exception as error:  # yourdfpy lets through whatever its parts raise.
-        reason = str(error) or type(error).__name__
+        reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"{path}: cannot be read as a URDF: {reason}") from None
+
+
+def _expanded(path: Path) -> str:
+    """The URDF that a xacro file stands for."""
+    from xacrodoc import XacroDoc
+
+    return str(XacroDoc.from_file(path, resolve_packages=False).to_urdf_string())
 
 
 def chain_of(

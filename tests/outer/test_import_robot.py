@@ -90,6 +90,16 @@ def test_imported_panda_agrees_with_adam(panda) -> None:
         np.testing.assert_allclose(np.array(mine(q)[-1]), expected, rtol=0, atol=1e-12)
 
 
+def test_a_xacro_is_the_urdf_that_it_stands_for(tmp_path, odd_file, odd) -> None:
+    text = odd_file.read_text()
+    height = re.search(r'xyz="([^"]*)"', text)[1]
+    named = f'{XACRO}><xacro:property name="at" value="{height}"/>'
+    text = text.replace(f'xyz="{height}"', 'xyz="${at}"')
+    (tmp_path / "odd.xacro").write_text(text.replace(">", f" {named}", 1))
+    options = [*ODD_OPTIONS, "--name", odd.name]
+    assert imported(tmp_path, tmp_path / "odd.xacro", JOINTS, *options) == odd
+
+
 def test_odd_frames_and_axes_are_folded_into_the_chain(odd) -> None:
     mine = frames_of(odd)
     assert (odd.azimuth_joint, odd.throwing_joints) == (1, (2, 3, 4))
@@ -265,7 +275,7 @@ REFUSED = {
     "not XML": (JOINTS, [], ("<robot", "robot"), "cannot be read as a URDF"),
     "cut short": (JOINTS, [], ("</robot>", ""), "cannot be read as a URDF: no element found"),
     "another root": (JOINTS, [], ("robot", "sdf"), "its root is not <robot>"),
-    "xacro": (JOINTS, [], (">", f" {XACRO}><xacro:macro/>", 1), "it is a xacro"),
+    "xacro": (JOINTS, [], (">", f" {XACRO}><xacro:macro/>", 1), "cannot be read as a URDF"),
     "no link": (JOINTS, [], ('<child link="hand"/>', '<child link="nothing"/>'), "'nothing'"),
     "same names": (JOINTS, [], ('<joint name="lift"', '<joint name="turn"'), "called 'turn'"),
     "ring": (JOINTS, [], ('<parent link="base"/>', '<parent link="hand"/>'), "form a ring"),
