@@ -110,7 +110,8 @@ def test_an_arm_of_six_joints(copied, tmp_path, run) -> None:
     arm = plan["definition"]["arm"]
     last = arm["dh"].pop()
     arm["posture"].pop()
-    arm.pop("links", None)
+    for joined in ("links", "capsules"):
+        arm.pop(joined, None)
     for values in arm["limits"].values():
         if isinstance(values, list):
             values.pop()
