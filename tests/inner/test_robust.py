@@ -30,8 +30,13 @@ def nominal(planner: tp.Planner) -> tp.Plan:
 
 
 @pytest.mark.slow
-def test_near_the_base_auto_lets_go_slowly(planner: tp.Planner) -> None:
-    """Where the hand has no room to follow a free flight; a quiet throw scatters more there."""
+def test_near_the_base_auto_lets_go_slowly() -> None:
+    """Where the hand has no room to follow a free flight; a quiet throw scatters more there.
+
+    With an arm without capsules: the bar would meet its links there.
+    """
+    scene = tp.load_scene("delay")
+    planner = tp.Planner(scene.replace(arm=dataclasses.replace(scene.arm, capsules=())))
     target = tp.Pose(x=-0.3444, z=0.1, theta=-1.428254)
     plain, quiet, auto = (planner.plan(target, robust=m) for m in (None, "quiet", "auto"))
     assert plain.solved and auto.solved
