@@ -90,8 +90,6 @@ class Condensed:
         numbers: the NLP's parameters; limits: bounds of the decision vector; places: of u in it.
         Raises LinAlgError where the equations do not give the other variables.
         """
-        from scipy.sparse.linalg import splu
-
         x, size = point.x, len(places)
         multipliers = point.lam_g if point.lam_g.size else np.zeros(nlp.size[1])
         bounds = point.lam_x if point.lam_x.size else np.zeros(x.size)
@@ -99,12 +97,8 @@ class Condensed:
         landing = np.isin(nlp.row_names, LANDING)
         equal = np.flatnonzero((nlp.lbg == nlp.ubg) & ~landing)
         rest = np.delete(np.arange(x.size), places)
-        of_equal = slopes[equal]
-        known = np.column_stack([of_equal[:, places].toarray(), (g - nlp.lbg)[equal]])
-        try:
-            given = splu(of_equal[:, rest]).solve(-known)
-        except RuntimeError as error:
-            raise np.linalg.LinAlgError(str(error)) from None
+        residual = (g - nlp.lbg)[equal]
+        given = _eliminated(slopes[equal], places, rest, residual)
         # All variables per u, and moved to where the equations hold.
         whole, moved = np.zeros((x.size, size)), np.zeros(x.size)
         whole[places, np.arange(size)] = 1.0
@@ -197,6 +191,18 @@ class Condensed:
         active[some] = np.abs(held[: some.size]) > NOTHING
         short = z[size : size + misses] - z[size + misses : -1]
         return Step(z[:size], short, self._along(active))
+
+
+def _eliminated(slopes: Any, places: list[int], rest: Any, residual: Array) -> Array:
+    """The other variables of equations (E, n): their derivative in u, and in the last column
+    their step to where the equations hold; (E, size + 1)."""
+    from scipy.sparse.linalg import splu
+
+    known = np.column_stack([slopes[:, places].toarray(), residual])
+    try:
+        return np.asarray(splu(slopes[:, rest]).solve(-known))
+    except RuntimeError as error:
+        raise np.linalg.LinAlgError(str(error)) from None
 
 
 def _solved(

@@ -9,6 +9,7 @@ limits do hold is not taken from this: the throw is checked as any other.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
 from collections.abc import Iterator, Sequence
@@ -70,14 +71,15 @@ class Corrector:
         around = optimum.slope @ -np.array(near.miss)[: optimum.slope.shape[1]]
         nlp = point = None
         for _ in range(STEPS):
+            step = None
             program = self.problems.problem(goal, asked, "fatrop", clock)
             if clock.late:
                 return
             if point is None or program.nlp is not nlp:
                 nlp, point = program.nlp, self._refitted(optimum, program.nlp, task)
-            with clock("solve"):
+            places, at = self.controls.places(nlp), Solution.none(point)
+            with clock("solve"), contextlib.suppress(np.linalg.LinAlgError):
                 numbers = nlp.numbers(Request(scene, mover, aim, asked))
-                places, at = self.controls.places(nlp), Solution.none(point)
                 condensed = Condensed.about(
                     nlp, program.solver, at, numbers, program.limits, places
                 )
