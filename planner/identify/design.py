@@ -49,7 +49,7 @@ SURFACES = {"base": (1.0, 1.0), "plastic": (1.0, 1.0), "papertape": (0.4, 2.0)}
 PITCHES = {
     "p1": (
         (-0.120472, -2.706771, 3.368954),
-        (-1.173161, 0.843193, 1.605879),
+        (-1.333137, 0.958174, 1.824863),
         (0.5, 0.5, 0.5, 0.4, 0.4, 0.4),
     ),
     "p2": (
@@ -65,7 +65,7 @@ PITCHES = {
 }
 #: Joint accelerations from speeding up to slowing down, as shares of the limit of the joint
 #: that reaches its own first; and the numbers of those that the factors are thrown with.
-RELEASES, FACTOR_RELEASES = (0.6, 0.3, 0.0, -0.3, -0.6, -0.9), (2, 4, 6)
+RELEASES, FACTOR_RELEASES = (0.36, 0.18, 0.0, -0.3, -0.6, -0.9), (2, 4, 6)
 #: How long from the nominal start of the opening the acceleration stays constant [s], and how
 #: much longer than the opening that is: late openings and the low-pass filter see no step.
 LONGER = 0.025
