@@ -194,7 +194,7 @@ INLINE void hands_at(const throw *t, const lane time, long *piece, pose *hand, l
     lane q[AXES], height[AXES], c[AXES], d[AXES], angle;
     for (int l = 0; l < LANES; l++) {
         double at[AXES];
-        place_at(t->motion, time[l], piece, at);
+        coordinates_at(t->motion, time[l], piece, 0, at);
         for (long i = 0; i < a->n; i++)
             q[i][l] = at[i];
     }
@@ -244,8 +244,8 @@ INLINE void speeds_at(const throw *t, const lane time, long *piece, lane fastest
     lane angle, rate, x, z;
     double q[LANES][AXES], dq[LANES][AXES];
     for (int l = 0; l < LANES; l++) {
-        place_at(t->motion, time[l], piece, q[l]);
-        rate_at(t->motion, time[l], piece, dq[l]);
+        coordinates_at(t->motion, time[l], piece, 0, q[l]);
+        coordinates_at(t->motion, time[l], piece, 1, dq[l]);
     }
     EACH_LANE angle[l] = rate[l] = x[l] = z[l] = 0.0;
     for (long i = 0; i < a->n; i++)

@@ -334,7 +334,7 @@ static void follow(const thrown *t, const bodies *all, track *on)
     for (long k = 0; k < on->n; k++) {
         double q[AXES], angle = 0.0, moved = 0.0;
         on->placed[k] = 0.0;
-        place_at(t->motion, on->time[k], &piece, q);
+        coordinates_at(t->motion, on->time[k], &piece, 0, q);
         for (long i = 0; i < a->n; i++) {
             long at = k * a->n + i;
             angle = a->arm ? angle + a->sign[i] * q[i] : q[i];

@@ -69,32 +69,18 @@ INLINE void state_at(const path *p, double t, long *piece, state *s)
     }
 }
 
-/* Where the coordinates are at time t [s]. */
-INLINE void place_at(const path *p, double t, long *piece, double at[AXES])
+/* Where the coordinates are at time t [s] (order 0), or how fast they are (order 1). */
+INLINE void coordinates_at(const path *p, double t, long *piece, long order, double at[AXES])
 {
     double u = time_in(p, t, piece);
+    long last = p->powers - 1 - order;
     for (long i = 0; i < p->n; i++) {
         const double *c = p->curves + i * p->pieces + *piece;
+        double value = 0.0;
         /* Samples lie at breaks. */
-        long power = u == 0.0 ? p->powers - 1 : 0;
-        double q = 0.0;
-        for (; power < p->powers; power++)
-            q = q * u + c[power * p->n * p->pieces];
-        at[i] = q;
-    }
-}
-
-/* How fast they are at time t [s]. */
-INLINE void rate_at(const path *p, double t, long *piece, double at[AXES])
-{
-    double u = time_in(p, t, piece);
-    for (long i = 0; i < p->n; i++) {
-        const double *c = p->curves + i * p->pieces + *piece;
-        long power = u == 0.0 ? p->powers - 2 : 0;
-        double dq = 0.0;
-        for (; power < p->powers - 1; power++)
-            dq = dq * u + (p->powers - 1 - power) * c[power * p->n * p->pieces];
-        at[i] = dq;
+        for (long power = u == 0.0 ? last : 0; power <= last; power++)
+            value = value * u + (order ? last + 1 - power : 1) * c[power * p->n * p->pieces];
+        at[i] = value;
     }
 }
 

@@ -34,6 +34,7 @@ from .toml import (
 )
 from .uncertainty import (
     COMPARED_METHODS,
+    QUIET,
     ROBUST_METHODS,
     UNCERTAIN_PARAMETERS,
     USUAL_UNCERTAINTY,

@@ -257,7 +257,8 @@ def _pairs(value: Any, keys: Mapping[str, str]) -> Any:
 
 
 #: On the command line: the methods that are recommended.
-ROBUST_METHODS = ("auto", "quiet", "scenarios", "stationary")
+QUIET = "quiet"
+ROBUST_METHODS = ("auto", QUIET, "scenarios", "stationary")
 #: For comparison: quiet as a constraint, and what others do.
 COMPARED_METHODS = ("quiet-exactly", "hand-velocity", "joint-velocity")
 

@@ -6,7 +6,7 @@ The promise behind `solved` is kept here: nothing here knows how a throw was fou
 from .clearance import (
     BAR,
     LANDING,
-    Contact,
+    Nearness,
     Track,
     check_obstacles,
     contacts,

@@ -40,7 +40,7 @@ BAR = "bar"
 
 
 @dataclass(frozen=True)
-class Contact:
+class Nearness:
     """Two bodies nearer to each other than they may be: missing [m] at time [s].
 
     obstacle: None where the arm meets itself; flying: whether the body is the bar after detach.
@@ -87,7 +87,7 @@ class Track:
         return np.concatenate([[0.0], np.cumsum(steps)])
 
 
-def contacts(throw: Throw) -> list[Contact]:
+def contacts(throw: Throw) -> list[Nearness]:
     """Bodies that come nearer to an obstacle, or to each other, than they may."""
     scene, mover = throw.scene, throw.mover
     if not scene.obstacle and mover.capsules is None:
@@ -165,7 +165,7 @@ def track_of(
     return Track(tuple(names), placed, np.array(radius), np.array(cover), times, flying)
 
 
-def _near(track: Track, around: Around) -> Iterator[Contact]:
+def _near(track: Track, around: Around) -> Iterator[Nearness]:
     """Moving bodies too near to an obstacle; links, or the bar and a link, that meet."""
     capsules, bar = around.capsules, track.names[-1] == BAR
     moves = [*(() if capsules is None else capsules.moves), True]
@@ -182,7 +182,7 @@ def _near(track: Track, around: Around) -> Iterator[Contact]:
             missing, when = _missing(away, travel, needed)
             if missing > ROUNDING:
                 names = track.names[body], obstacle.name
-                yield Contact(*names, obstacle, missing, float(track.times[when]), flying)
+                yield Nearness(*names, obstacle, missing, float(track.times[when]), flying)
     for one, other in () if capsules is None else pairs_of(capsules, bar=bar, flying=track.flying):
         away = partial(_apart, *track.ends[other], *track.ends[one])
         travel = track.travel(one) + track.travel(other)
@@ -193,7 +193,7 @@ def _near(track: Track, around: Around) -> Iterator[Contact]:
                 (track.names[other], track.names[one]),
                 track.flying and other == len(moves) - 1,
             )
-            yield Contact(*names, None, missing, float(track.times[when]), flying)
+            yield Nearness(*names, None, missing, float(track.times[when]), flying)
 
 
 def _away(solid: Solid, ends: Array, some: npt.NDArray[np.intp]) -> Array:
@@ -248,7 +248,7 @@ def _between(distance: Array, travel: Array) -> Array:
 _FOUND = 5
 
 
-def _by_core(throw: Throw, around: Around) -> list[Contact] | None:
+def _by_core(throw: Throw, around: Around) -> list[Nearness] | None:
     """The same by the compiled core; None without it."""
     core, moved, arm = library(), throw.path.core, throw.mover.kinematics.core
     if core is None or moved is None or arm is None:
@@ -292,7 +292,7 @@ def _by_core(throw: Throw, around: Around) -> list[Contact] | None:
         known = around.obstacles[int(other)] if other >= 0 else None
         name = names[-1 - int(other)] if known is None else known.name
         flying = track == 1 and body == links
-        result.append(Contact(names[int(body)], name, known, missing, time, flying))
+        result.append(Nearness(names[int(body)], name, known, missing, time, flying))
     return result
 
 

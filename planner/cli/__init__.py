@@ -1,8 +1,7 @@
 """The command line: `throwplan COMMAND`.
 
-Each command is the file of its name (`import-robot` is import_robot.py), or a class of its name in
-a file that it shares, with `EXAMPLE`, `arguments(parser)` and `run(options)`. Only the file of the
-command that runs is imported.
+Each command is the file of its name (`import-robot` is import_robot.py) with `arguments(add)` and
+`run(options)`. Only the file of the command that runs is imported.
 """
 
 from __future__ import annotations
@@ -13,32 +12,47 @@ import sys
 from collections.abc import Iterable, Sequence
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
-from typing import Any
 
 from ...problems import InputError, hint_at
 from .common import DONE, WRONG_INPUT, Parser
 
+#: What each does, and the arguments of an example.
 COMMANDS = {
-    "scenes": "list the built-in scenes",
-    "plan": "plan a throw and check it",
-    "simulate": "throw a given hand motion by release models",
-    "map": "show which landing poses are in reach",
-    "prepare": "solve throws all over the reach, for plans to start from",
-    "sweep": "throw a plan many times under uncertainty",
-    "report": "measure error against run time, stability, and what scenes leave out",
-    "view": "look at a plan in 3-D in the browser",
-    "replay": "throw a plan's release in MuJoCo",
-    "run": "throw a plan with a Franka robot, and record it",
-    "correct": "learn from a recording what to send next",
-    "export": "write a plan for a robot controller",
-    "import-robot": "turn a robot's URDF into an arm data file",
-    "make-throws": "make a synthetic batch of measured throws",
-    "identify": "fit friction and patch radius to measured throws",
-    "validate": "compare release models on measured throws",
+    "scenes": ("list the built-in scenes", "--write cup"),
+    "plan": ("plan a throw and check it", "cup --target 0.92 0.22 -90 --out out/cup"),
+    "simulate": ("throw a given hand motion by release models", "drop --model sp"),
+    "map": ("show which landing poses are in reach", "pose --out out/map"),
+    "prepare": ("solve throws all over the reach, for plans to start from", "pose --throws 5000"),
+    "sweep": ("throw a plan many times under uncertainty", "delay --samples 10000 --out out/sweep"),
+    "report": (
+        "measure error against run time, stability, and what scenes leave out",
+        "--quick --out report",
+    ),
+    "view": ("look at a plan in 3-D in the browser", "out/cup/plan.json"),
+    "replay": ("throw a plan's release in MuJoCo", "out/cup/plan.json"),
+    "run": (
+        "throw a plan with a Franka robot, and record it",
+        "out/fr3/plan.json --robot 172.16.0.2",
+    ),
+    "correct": (
+        "learn from a recording what to send next",
+        "out/fr3/plan.json out/run/run.csv --out out/next",
+    ),
+    "export": ("write a plan for a robot controller", "out/cup/plan.json --franka out/franka"),
+    "import-robot": (
+        "turn a robot's URDF into an arm data file",
+        "my.urdf --joints j1 j2 j3 j4 j5 j6 --tool gripper --tcp 0.12 "
+        "--acceleration 10 --jerk 1000 --out my-arm.toml",
+    ),
+    "make-throws": ("make a synthetic batch of measured throws", "--out out/throws"),
+    "identify": (
+        "fit friction and patch radius to measured throws",
+        "out/throws --model ls-step --out out/fit",
+    ),
+    "validate": ("compare release models on measured throws", "out/throws --out out/validation"),
 }
-#: Commands that share a file, where each is a class of its name.
-SHARED = {"correct": "run", "make-throws": "measured", "identify": "measured"}
-SHARED |= {"validate": "measured", "run": "run"}
+#: Commands that share a file, where their functions' names carry theirs.
+SHARED = {"correct": "run"} | dict.fromkeys(("make-throws", "identify", "validate"), "measured")
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -75,9 +89,12 @@ def parser_of(chosen: Iterable[str] = COMMANDS) -> Parser:
         number = "0"
     parser.add_argument("--version", action="version", version=f"throwplan {number}")
     commands = parser.add_subparsers(metavar="COMMAND", required=True, parser_class=Parser)
-    for name, words in COMMANDS.items():
+    for name, (words, example) in COMMANDS.items():
         command = commands.add_parser(
-            name, help=words, description=f"{words[0].upper()}{words[1:]}."
+            name,
+            help=words,
+            description=f"{words[0].upper()}{words[1:]}.",
+            epilog=f"example: throwplan {name} {example}",
         )
         if name in chosen:
             _add_arguments(command, name)
@@ -86,13 +103,12 @@ def parser_of(chosen: Iterable[str] = COMMANDS) -> Parser:
 
 def _add_arguments(parser: argparse.ArgumentParser, name: str) -> None:
     """What the command's file adds to its parser."""
-    command: Any = import_module(f".{SHARED.get(name, name.replace('-', '_'))}", __name__)
-    if name in SHARED:
-        command = getattr(command, name.title().replace("-", ""))
-    parser.epilog = f"example: {command.EXAMPLE}"
+    word = name.replace("-", "_")
+    file = import_module(f".{SHARED.get(name, word)}", __name__)
+    before, after = (f"{word}_", f"_{word}") if name in SHARED else ("", "")
     parser.add_argument("--json", action="store_true", help="print one JSON object, nothing else")
-    command.arguments(parser)
-    parser.set_defaults(run=command.run, parser=parser)
+    getattr(file, f"{before}arguments")(parser.add_argument)
+    parser.set_defaults(run=getattr(file, f"run{after}"), parser=parser)
 
 
 def _unknown(parser: argparse.ArgumentParser, word: str) -> str:

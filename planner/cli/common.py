@@ -14,6 +14,8 @@ from typing import Any, NoReturn
 
 from ...problems import InputError, Pose, Scene
 
+#: A parser's `add_argument`.
+Add = Callable[..., argparse.Action]
 DONE, WRONG_INPUT, NO_THROW, INTERRUPTED = 0, 2, 3, 130
 
 
@@ -31,19 +33,33 @@ class Parser(argparse.ArgumentParser):
         raise InputError(f"{words} (see '{self.prog} --help')")
 
 
-def add_scene(parser: argparse.ArgumentParser) -> None:
+def add_scene(add: Add) -> None:
     """The argument SCENE."""
-    parser.add_argument("scene", metavar="SCENE", help="a built-in scene's name or a TOML file")
+    add("scene", metavar="SCENE", help="a built-in scene's name or a TOML file")
 
 
-def add_out(parser: argparse.ArgumentParser, what: str) -> None:
+def add_plan(add: Add) -> None:
+    """The argument PLAN."""
+    add("plan", metavar="PLAN", help="a plan.json, or the folder that it is in")
+
+
+def add_data(add: Add) -> None:
+    """The argument DATA."""
+    add("data", metavar="DATA", help="a folder with dataset.toml and throws.csv")
+
+
+def add_words(add: Add, option: str, metavar: str, what: str) -> None:
+    """An option that takes words, and may be given again for more of them."""
+    add(option, nargs="+", action="extend", default=[], metavar=metavar, help=what)
+
+
+def add_out(add: Add, what: str) -> None:
     """The option --out; `what` is written there."""
-    parser.add_argument("--out", metavar="DIR", help=f"write {what} there")
+    add("--out", metavar="DIR", help=f"write {what} there")
 
 
-def add_target(parser: argparse.ArgumentParser) -> None:
+def add_target(add: Add) -> None:
     """The options --target and --azimuth, for `target_of`."""
-    add = parser.add_argument
     words = "landing pose instead of the scene's; THETA_DEG may be 'free'"
     form = ("X", "Z", "THETA_DEG")
     add("--target", nargs=3, type=number(other="free"), metavar=form, help=words)

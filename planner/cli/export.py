@@ -17,15 +17,12 @@ from ..robot import (
     write_franka,
     write_ros,
 )
-from .common import DONE, answer, number
-
-EXAMPLE = "throwplan export out/cup/plan.json --franka out/franka"
+from .common import DONE, Add, add_plan, answer, number
 
 
-def arguments(parser: argparse.ArgumentParser) -> None:
+def arguments(add: Add) -> None:
     """The command's options."""
-    add = parser.add_argument
-    add("plan", metavar="PLAN", help="a plan.json, or the folder that it is in")
+    add_plan(add)
     add("--franka", metavar="DIR", help="write CSV files at 1 kHz for libfranka there")
     add("--ros", metavar="DIR", help="write a rosbag2 (MCAP) there: trajectory, gripper command")
     add("--joint-names", nargs="+", metavar="NAME", help="the joints' names in ROS, all of them")

@@ -24,18 +24,13 @@ from ...problems.urdf import (
     limits_of,
     read_urdf,
 )
-from .common import DONE, answer, number
+from .common import DONE, Add, answer, number
 
-EXAMPLE = (
-    "throwplan import-robot my.urdf --joints j1 j2 j3 j4 j5 j6 --tool gripper --tcp 0.12 "
-    "--acceleration 10 --jerk 1000 --out my-arm.toml"
-)
 LIMIT_UNITS = {"velocity": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3", "torque": "N m"}
 
 
-def arguments(parser: argparse.ArgumentParser) -> None:
+def arguments(add: Add) -> None:
     """The command's options."""
-    add = parser.add_argument
     add("urdf", metavar="FILE.urdf", help="the robot; or a xacro")
     add("--joints", nargs="+", required=True, metavar="J", help="the arm's joints, base first")
     add("--out", required=True, metavar="FILE.toml", help="the arm data file")
@@ -62,12 +57,11 @@ def arguments(parser: argparse.ArgumentParser) -> None:
         metavar=("BACK", "FRONT", "HALF_WIDTH"),
         help="the hand's body behind the pads' centre, in m (default: none)",
     )
-    _motion_arguments(parser)
+    _motion_arguments(add)
 
 
-def _motion_arguments(parser: argparse.ArgumentParser) -> None:
+def _motion_arguments(add: Add) -> None:
     """The options on joints: what they do in a throw, and their limits."""
-    add = parser.add_argument
     add("--azimuth", metavar="J", help="joint that turns the plane (the first)")
     add(
         "--throwing",

@@ -13,6 +13,7 @@ from ..reach import MAP_FILES, MOST, check_map, reach_map
 from .common import (
     DONE,
     NO_THROW,
+    Add,
     Progress,
     add_out,
     add_scene,
@@ -23,17 +24,14 @@ from .common import (
     written,
 )
 
-EXAMPLE = "throwplan map pose --out out/map"
 
-
-def arguments(parser: argparse.ArgumentParser) -> None:
+def arguments(add: Add) -> None:
     """The command's options."""
-    add = parser.add_argument
-    add_scene(parser)
+    add_scene(add)
     add("--z", type=number(), metavar="Z", help="height of the landing (default: the target's)")
     words = "sampled states (default: 200000)"
     add("--samples", type=whole(1, MOST), metavar="N", default=200_000, help=words)
-    add_out(parser, "map.png and map.npz")
+    add_out(add, "map.png and map.npz")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -43,172 +43,143 @@ from ..identify import (
     usual_surface,
     validate,
 )
-from .common import DONE, Progress, add_out, answer, number, say, whole, written
+from .common import (
+    DONE,
+    Add,
+    Progress,
+    add_data,
+    add_out,
+    add_words,
+    answer,
+    number,
+    say,
+    whole,
+    written,
+)
 
 #: Stiffness of the bristles unless told otherwise [1/m].
 SOFT = 1e6
 MOST_THROWS = 1_000_000
 
 
-class MakeThrows:
-    """`throwplan make-throws`: a synthetic batch of measured throws."""
-
-    EXAMPLE = "throwplan make-throws --out out/throws"
-
-    @staticmethod
-    def arguments(parser: argparse.ArgumentParser) -> None:
-        """The command's options."""
-        add = parser.add_argument
-        words = "of the noise (default: 1)"
-        add("--seed", type=whole(0, 2**32 - 1), metavar="N", default=1, help=words)
-        laws = "what lets go of the bar: a rigid meshed patch (default) or LuGre bristles"
-        add("--truth", choices=("patch", "lugre"), default="patch", help=laws)
-        words = "of LuGre's bristles, 1/m (default: 1e6)"
-        add("--stiffness", type=number(1e3, 1e9), metavar="NUMBER", help=words)
-        words = "true friction (default: 0.8)"
-        add("--friction", type=number(0.01, 10), metavar="NUMBER", default=0.8, help=words)
-        words = "true patch radius, m (default: 0.0031)"
-        add("--patch-radius", type=number(1e-4, 0.05), metavar="NUMBER", default=0.0031, help=words)
-        words = "throws per condition (default: 5)"
-        add("--repeats", type=whole(1, 100), metavar="N", default=5, help=words)
-        add("--no-noise", action="store_true", help="all repeats alike, exact")
-        add("--factors", action="store_true", help="and throws that vary surface, payload, inertia")
-        add_out(parser, "dataset.toml, throws.csv and the recordings (needed)")
-
-    @staticmethod
-    def run(options: argparse.Namespace) -> int:
-        """Makes the throws, writes them and prints their ranges."""
-        started = time.perf_counter()
-        making = _making(options)
-        if options.out is None:
-            raise InputError("--out: needs a folder's name")
-        folder = Path(options.out)
-        _check_place(folder)
-        with Progress("make-throws") as progress:
-            data, flown = make_throws(making, progress)
-        with filling(folder, THROW_DATA_FILES) as scratch:
-            write_throws(data, scratch, object_names())
-        found = _ranges(data, flown) | {"seconds": round(time.perf_counter() - started, 1)}
-        x, theta, flight = (
-            found["landing"]["x"],
-            found["landing"]["theta_deg"],
-            found["flight_time"],
-        )
-        text = (
-            f"{folder}: {found['throws']} synthetic throws, {found['batch']} of them the batch\n"
-            f"  {found['synthetic']}\n"
-            f"  landings at z = {data.shared.landing_height:g} m: x {x[0]:.2f} to {x[1]:.2f} m, "
-            f"theta {theta[0]:.0f} to {theta[1]:.0f} deg\n"
-            f"  flight time of the batch: {flight['mean']:.3f} s, standard deviation "
-            f"{flight['std']:.3f} s; made in {found['seconds']:.0f} s"
-        )
-        answer(options, {"folder": str(folder)} | found, text)
-        return DONE
+def make_throws_arguments(add: Add) -> None:
+    """The options of `throwplan make-throws`."""
+    words = "of the noise (default: 1)"
+    add("--seed", type=whole(0, 2**32 - 1), metavar="N", default=1, help=words)
+    laws = "what lets go of the bar: a rigid meshed patch (default) or LuGre bristles"
+    add("--truth", choices=("patch", "lugre"), default="patch", help=laws)
+    words = "of LuGre's bristles, 1/m (default: 1e6)"
+    add("--stiffness", type=number(1e3, 1e9), metavar="NUMBER", help=words)
+    words = "true friction (default: 0.8)"
+    add("--friction", type=number(0.01, 10), metavar="NUMBER", default=0.8, help=words)
+    words = "true patch radius, m (default: 0.0031)"
+    add("--patch-radius", type=number(1e-4, 0.05), metavar="NUMBER", default=0.0031, help=words)
+    words = "throws per condition (default: 5)"
+    add("--repeats", type=whole(1, 100), metavar="N", default=5, help=words)
+    add("--no-noise", action="store_true", help="all repeats alike, exact")
+    add("--factors", action="store_true", help="and throws that vary surface, payload, inertia")
+    add_out(add, "dataset.toml, throws.csv and the recordings (needed)")
 
 
-class Identify:
-    """`throwplan identify`: contact parameters from measured throws."""
-
-    EXAMPLE = "throwplan identify out/throws --model ls-step --out out/fit"
-
-    @staticmethod
-    def arguments(parser: argparse.ArgumentParser) -> None:
-        """The command's options."""
-        add = parser.add_argument
-        add("data", metavar="DATA", help="a folder with dataset.toml and throws.csv")
-        add(
-            "--model",
-            default=STEPPED_SURFACE,
-            metavar="NAME",
-            help=f"release model (default: ls-step), or all: {', '.join(IDENTIFIED)}",
-        )
-        add("--no-grid", action="store_true", help="only the fit, not the 20 x 20 grid")
-        add("--delay", action="store_true", help="fit a delay of the opening, too")
-        add("--grip-scale", action="store_true", help="and the grip force's scale")
-        add("--prior", metavar="SCENE", help="its [contact] and [uncertainty]")
-        add("--throws", type=whole(1, MOST_THROWS), metavar="N", help="only the first N throws")
-        add(
-            "--only",
-            metavar="FACTOR=LABEL",
-            nargs="+",
-            action="extend",
-            default=[],
-            help="only throws with this label",
-        )
-        add_out(parser, "identify.json, contact.toml, the grids and pictures")
-
-    @staticmethod
-    def run(options: argparse.Namespace) -> int:
-        """Fits each model, writes and prints."""
-        models: tuple[str, ...] = IDENTIFIED if options.model == "all" else (options.model,)
-        if options.no_grid and len(models) > 1:
-            # One that chatters has a grid only.
-            models = tuple(model for model in models if not MODELS[model].chatters)
-        for model in models:
-            check_model(model)
-        data = _chosen(load_throws(options.data), options)
-        prior = None if options.prior is None else load_scene(options.prior)
-        if options.out is not None:
-            prepare_folder(Path(options.out), IDENTIFY_FILES)
-        with Progress(data.name) as progress:
-            found = [
-                identify(
-                    data,
-                    model,
-                    prior=prior,
-                    delay=options.delay,
-                    grip_scale=options.grip_scale,
-                    grid=not options.no_grid,
-                    about=progress.about,
-                )
-                for model in models
-            ]
-        if options.out is not None:
-            save_identified(found, Path(options.out))
-        answer(options, [one.to_dict() for one in found], _text(found, options.out))
-        return DONE
+def run_make_throws(options: argparse.Namespace) -> int:
+    """Makes the throws, writes them and prints their ranges."""
+    started = time.perf_counter()
+    making = _making(options)
+    if options.out is None:
+        raise InputError("--out: needs a folder's name")
+    folder = Path(options.out)
+    _check_place(folder)
+    with Progress("make-throws") as progress:
+        data, flown = make_throws(making, progress)
+    with filling(folder, THROW_DATA_FILES) as scratch:
+        write_throws(data, scratch, object_names())
+    found = _ranges(data, flown) | {"seconds": round(time.perf_counter() - started, 1)}
+    x, theta, flight = (
+        found["landing"]["x"],
+        found["landing"]["theta_deg"],
+        found["flight_time"],
+    )
+    text = (
+        f"{folder}: {found['throws']} synthetic throws, {found['batch']} of them the batch\n"
+        f"  {found['synthetic']}\n"
+        f"  landings at z = {data.shared.landing_height:g} m: x {x[0]:.2f} to {x[1]:.2f} m, "
+        f"theta {theta[0]:.0f} to {theta[1]:.0f} deg\n"
+        f"  flight time of the batch: {flight['mean']:.3f} s, standard deviation "
+        f"{flight['std']:.3f} s; made in {found['seconds']:.0f} s"
+    )
+    answer(options, {"folder": str(folder)} | found, text)
+    return DONE
 
 
-class Validate:
-    """`throwplan validate`: release models on measured throws."""
+def identify_arguments(add: Add) -> None:
+    """The options of `throwplan identify`."""
+    add_data(add)
+    words = f"release model (default: %(default)s), or all: {', '.join(IDENTIFIED)}"
+    add("--model", default=STEPPED_SURFACE, metavar="NAME", help=words)
+    add("--no-grid", action="store_true", help="only the fit, not the 20 x 20 grid")
+    add("--delay", action="store_true", help="fit a delay of the opening, too")
+    add("--grip-scale", action="store_true", help="and the grip force's scale")
+    add("--prior", metavar="SCENE", help="its [contact] and [uncertainty]")
+    add("--throws", type=whole(1, MOST_THROWS), metavar="N", help="only the first N throws")
+    add_words(add, "--only", "FACTOR=LABEL", "only throws with this label")
+    add_out(add, "identify.json, contact.toml, the grids and pictures")
 
-    EXAMPLE = "throwplan validate out/throws --out out/validation"
 
-    @staticmethod
-    def arguments(parser: argparse.ArgumentParser) -> None:
-        """The command's options."""
-        add = parser.add_argument
-        add("data", metavar="DATA", help="a folder with dataset.toml and throws.csv")
-        add(
-            "--models",
-            metavar="A,B,C",
-            help=f"release models, with commas (default: {','.join(PAPER_MODELS)})",
-        )
-        add(
-            "--factor",
-            nargs="+",
-            metavar="NAME",
-            action="extend",
-            default=[],
-            help="more columns of throws.csv: its first label is compared with its last",
-        )
-        add_out(parser, "validation.md, tables as CSV and three pictures")
+def run_identify(options: argparse.Namespace) -> int:
+    """Fits each model, writes and prints."""
+    models: tuple[str, ...] = IDENTIFIED if options.model == "all" else (options.model,)
+    if options.no_grid and len(models) > 1:
+        # One that chatters has a grid only.
+        models = tuple(model for model in models if not MODELS[model].chatters)
+    for model in models:
+        check_model(model)
+    data = _chosen(load_throws(options.data), options)
+    prior = None if options.prior is None else load_scene(options.prior)
+    if options.out is not None:
+        prepare_folder(Path(options.out), IDENTIFY_FILES)
+    with Progress(data.name) as progress:
+        found = [
+            identify(
+                data,
+                model,
+                prior=prior,
+                delay=options.delay,
+                grip_scale=options.grip_scale,
+                grid=not options.no_grid,
+                about=progress.about,
+            )
+            for model in models
+        ]
+    if options.out is not None:
+        save_identified(found, Path(options.out))
+    answer(options, [one.to_dict() for one in found], _text(found, options.out))
+    return DONE
 
-    @staticmethod
-    def run(options: argparse.Namespace) -> int:
-        """Compares, writes and prints."""
-        models = PAPER_MODELS if options.models is None else _models(options.models)
-        data = load_throws(options.data)
-        if options.out is not None:
-            prepare_folder(Path(options.out), VALIDATION_FILES)
-        with Progress() as progress:
-            found = validate(data, models, options.factor, progress.about)
-        if options.out is not None:
-            say(f"{data.name}: writing {options.out}")
-            save_validation(found, Path(options.out))
-        text = f"{as_text(found)}\n\n{found.seconds:.0f} s" + written(options)
-        answer(options, as_dict(found), text)
-        return DONE
+
+def validate_arguments(add: Add) -> None:
+    """The options of `throwplan validate`."""
+    add_data(add)
+    words = f"release models, with commas (default: {','.join(PAPER_MODELS)})"
+    add("--models", metavar="A,B,C", help=words)
+    words = "more columns of throws.csv: its first label is compared with its last"
+    add_words(add, "--factor", "NAME", words)
+    add_out(add, "validation.md, tables as CSV and three pictures")
+
+
+def run_validate(options: argparse.Namespace) -> int:
+    """Compares, writes and prints."""
+    models = PAPER_MODELS if options.models is None else _models(options.models)
+    data = load_throws(options.data)
+    if options.out is not None:
+        prepare_folder(Path(options.out), VALIDATION_FILES)
+    with Progress() as progress:
+        found = validate(data, models, options.factor, progress.about)
+    if options.out is not None:
+        say(f"{data.name}: writing {options.out}")
+        save_validation(found, Path(options.out))
+    text = f"{as_text(found)}\n\n{found.seconds:.0f} s" + written(options)
+    answer(options, as_dict(found), text)
+    return DONE
 
 
 def _making(options: argparse.Namespace) -> Making:

@@ -11,6 +11,7 @@ from ..plan import MOST_ALTERNATIVES, Planner
 from .common import (
     DONE,
     NO_THROW,
+    Add,
     add_out,
     add_scene,
     add_target,
@@ -22,14 +23,11 @@ from .common import (
     written,
 )
 
-EXAMPLE = "throwplan plan cup --target 0.92 0.22 -90 --out out/cup"
 
-
-def arguments(parser: argparse.ArgumentParser) -> None:
+def arguments(add: Add) -> None:
     """The command's options."""
-    add = parser.add_argument
-    add_scene(parser)
-    add_target(parser)
+    add_scene(add)
+    add_target(add)
     add(
         "--turns",
         choices=("exact", "any"),
@@ -52,7 +50,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--alternatives", type=most, metavar="N", default=0, help=words)
     words = "how long to look for a throw (default: 3 s; 20 s for several or robust ones)"
     add("--patience", type=number(0.001, 3600.0), metavar="S", help=words)
-    add_out(parser, "plan.json, motion.csv, throw.png and throw.gif")
+    add_out(add, "plan.json, motion.csv, throw.png and throw.gif")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -8,17 +8,15 @@ import time
 
 from ...problems import load_scene
 from ..plan import MOST_PREPARED, PREPARED, Planner
-from .common import DONE, NO_THROW, Progress, add_scene, answer, whole
-
-EXAMPLE = "throwplan prepare pose --throws 5000"
+from .common import DONE, NO_THROW, Add, Progress, add_scene, answer, whole
 
 
-def arguments(parser: argparse.ArgumentParser) -> None:
+def arguments(add: Add) -> None:
     """The command's options."""
-    add_scene(parser)
+    add_scene(add)
     words = f"about how many throws, where the reach has room for them (default: {PREPARED})"
     kind = whole(1, MOST_PREPARED)
-    parser.add_argument("--throws", type=kind, metavar="N", default=PREPARED, help=words)
+    add("--throws", type=kind, metavar="N", default=PREPARED, help=words)
 
 
 def run(options: argparse.Namespace) -> int:

@@ -8,18 +8,15 @@ from pathlib import Path
 from ...problems import prepare_folder
 from ..result import read_plan
 from ..robot import load_mujoco, replay
-from .common import DONE, add_out, answer, number, say, written
-
-EXAMPLE = "throwplan replay out/cup/plan.json"
+from .common import DONE, Add, add_out, add_plan, answer, number, say, written
 
 
-def arguments(parser: argparse.ArgumentParser) -> None:
+def arguments(add: Add) -> None:
     """The command's options."""
-    add = parser.add_argument
-    add("plan", metavar="PLAN", help="a plan.json, or the folder it is in")
+    add_plan(add)
     words = "share of its speed with which the bar leaves what it hits, 0 to 0.99 (default: 0.1)"
     add("--restitution", type=number(), metavar="E", default=0.1, help=words)
-    add_out(parser, "replay.json, replay.csv and replay.png")
+    add_out(add, "replay.json, replay.csv and replay.png")
 
 
 def run(options: argparse.Namespace) -> int:

@@ -7,23 +7,13 @@ from pathlib import Path
 
 from ...problems import InputError, prepare_folder
 from ..report import PAGE, SECTIONS, make_report
-from .common import DONE, Progress, answer
-
-EXAMPLE = "throwplan report --quick --out report"
+from .common import DONE, Add, Progress, add_words, answer
 
 
-def arguments(parser: argparse.ArgumentParser) -> None:
+def arguments(add: Add) -> None:
     """The command's options."""
-    add = parser.add_argument
     add("--quick", action="store_true", help="few samples: under 3 minutes")
-    add(
-        "--only",
-        nargs="+",
-        action="extend",
-        metavar="SECTION",
-        default=[],
-        help=f"these sections only: {', '.join(SECTIONS)}",
-    )
+    add_words(add, "--only", "SECTION", f"these sections only: {', '.join(SECTIONS)}")
     add("--out", metavar="DIR", default="report", help="where to write (default: report)")
 
 

@@ -23,95 +23,81 @@ from ..robot import (
     throws,
     write_franka,
 )
-from .common import DONE, add_out, answer, say, whole, written
+from .common import DONE, Add, add_out, add_plan, answer, say, whole, written
 
 #: Of one throw, and of the first, second, ... of several.
 RECORDING, RECORDINGS = "run.csv", "run{}.csv"
 
 
-class Run:
-    """`throwplan run`."""
-
-    EXAMPLE = "throwplan run out/fr3/plan.json --robot 172.16.0.2"
-
-    @staticmethod
-    def arguments(parser: argparse.ArgumentParser) -> None:
-        """The command's options."""
-        add = parser.add_argument
-        add("plan", metavar="PLAN", help="a plan.json, or the folder that it is in")
-        add("--robot", metavar="HOST", help="address of a Franka Research 3")
-        add("--yes", action="store_true", help="move without asking")
-        add("--dry", action="store_true", help="move nothing, show what would be sent")
-        words = "throws; each sends what the one before it taught (default: 1)"
-        add("--repeat", type=whole(1, 100), metavar="N", default=1, help=words)
-        words = "a recording of this plan: send what it taught"
-        add("--after", metavar="RUN.CSV", help=words)
-        words = "write run.csv there, or run1.csv, run2.csv, ... (default: out/run)"
-        add("--out", metavar="DIR", default="out/run", help=words)
-
-    @staticmethod
-    def run(options: argparse.Namespace) -> int:
-        """Checks, asks, throws, records."""
-        plan = joint_motion(options.plan)
-        sent = plan
-        if options.after is not None:
-            sent, _ = corrected(plan, read_recording(options.after, plan))
-        if options.dry:
-            return _shown(options, sent)
-        if options.robot is None:
-            raise InputError("--robot: needs the robot's address (or give --dry)")
-        if not options.yes and not sys.stdin.isatty():
-            raise InputError("--yes: needed where nobody can be asked")
-        folder, runs, lines = prepare_folder(Path(options.out), (RECORDING,)), [], []
-        say(f"connecting to {options.robot}")
-        with connected(options.robot) as franka:
-            found = throws(franka, plan, sent, _asking(options.yes))
-            for k, recording in enumerate(islice(found, options.repeat), start=1):
-                name = RECORDING if options.repeat == 1 else RECORDINGS.format(k)
-                with filling(folder, (name,)) as scratch:
-                    recording.save(scratch / name)
-                runs.append({"file": str(folder / name)} | recording.to_dict(plan.throw))
-                lines.append(f"{folder / name}: {recording.summary(plan.throw)}")
-                say(lines[-1])
-        answer(options, {"scene": plan.throw.scene.name, "runs": runs}, "\n".join(lines))
-        return DONE
+def arguments(add: Add) -> None:
+    """The options of `throwplan run`."""
+    add_plan(add)
+    add("--robot", metavar="HOST", help="address of a Franka Research 3")
+    add("--yes", action="store_true", help="move without asking")
+    add("--dry", action="store_true", help="move nothing, show what would be sent")
+    words = "throws; each sends what the one before it taught (default: 1)"
+    add("--repeat", type=whole(1, 100), metavar="N", default=1, help=words)
+    words = "a recording of this plan: send what it taught"
+    add("--after", metavar="RUN.CSV", help=words)
+    words = "write run.csv there, or run1.csv, run2.csv, ... (default: out/run)"
+    add("--out", metavar="DIR", default="out/run", help=words)
 
 
-class Correct:
-    """`throwplan correct`."""
+def run(options: argparse.Namespace) -> int:
+    """Checks, asks, throws, records."""
+    plan = joint_motion(options.plan)
+    sent = plan
+    if options.after is not None:
+        sent, _ = corrected(plan, read_recording(options.after, plan))
+    if options.dry:
+        return _shown(options, sent)
+    if options.robot is None:
+        raise InputError("--robot: needs the robot's address (or give --dry)")
+    if not options.yes and not sys.stdin.isatty():
+        raise InputError("--yes: needed where nobody can be asked")
+    folder, runs, lines = prepare_folder(Path(options.out), (RECORDING,)), [], []
+    say(f"connecting to {options.robot}")
+    with connected(options.robot) as franka:
+        found = throws(franka, plan, sent, _asking(options.yes))
+        for k, recording in enumerate(islice(found, options.repeat), start=1):
+            name = RECORDING if options.repeat == 1 else RECORDINGS.format(k)
+            with filling(folder, (name,)) as scratch:
+                recording.save(scratch / name)
+            runs.append({"file": str(folder / name)} | recording.to_dict(plan.throw))
+            lines.append(f"{folder / name}: {recording.summary(plan.throw)}")
+            say(lines[-1])
+    answer(options, {"scene": plan.throw.scene.name, "runs": runs}, "\n".join(lines))
+    return DONE
 
-    EXAMPLE = "throwplan correct out/fr3/plan.json out/run/run.csv --out out/next"
 
-    @staticmethod
-    def arguments(parser: argparse.ArgumentParser) -> None:
-        """The command's options."""
-        add = parser.add_argument
-        add("plan", metavar="PLAN", help="a plan.json, or the folder that it is in")
-        add("recording", metavar="RUN.CSV", help="what `throwplan run` recorded of it")
-        add_out(parser, "the motion to send next, as `export --franka` does,")
+def correct_arguments(add: Add) -> None:
+    """The options of `throwplan correct`."""
+    add_plan(add)
+    add("recording", metavar="RUN.CSV", help="what `throwplan run` recorded of it")
+    add_out(add, "the motion to send next, as `export --franka` does,")
 
-    @staticmethod
-    def run(options: argparse.Namespace) -> int:
-        """Corrects, writes and prints."""
-        plan = joint_motion(options.plan)
-        recording = read_recording(options.recording, plan)
-        sent, expected = corrected(plan, recording)
-        if options.out is not None:
-            with filling(Path(options.out), FRANKA_FILES) as scratch:
-                write_franka(sent, scratch)
-        dx, dtheta = map(abs, expected.miss())
-        result = {
-            "recorded": recording.to_dict(plan.throw),
-            "expected": {"position": dx, "angle": dtheta},
-            "motion": motion_facts(sent),
-        }
-        text = (
-            f"{plan.throw.scene.name}: {recording.summary(plan.throw)}\n"
-            f"  the motion to send next: {1e3 * dx:.1f} mm and {math.degrees(dtheta):.2f} deg off "
-            "are expected of it"
-        )
-        answer(options, result, text + written(options))
-        return DONE
+
+def run_correct(options: argparse.Namespace) -> int:
+    """Corrects, writes and prints."""
+    plan = joint_motion(options.plan)
+    recording = read_recording(options.recording, plan)
+    sent, expected = corrected(plan, recording)
+    if options.out is not None:
+        with filling(Path(options.out), FRANKA_FILES) as scratch:
+            write_franka(sent, scratch)
+    dx, dtheta = map(abs, expected.miss())
+    result = {
+        "recorded": recording.to_dict(plan.throw),
+        "expected": {"position": dx, "angle": dtheta},
+        "motion": motion_facts(sent),
+    }
+    text = (
+        f"{plan.throw.scene.name}: {recording.summary(plan.throw)}\n"
+        f"  the motion to send next: {1e3 * dx:.1f} mm and {math.degrees(dtheta):.2f} deg off "
+        "are expected of it"
+    )
+    answer(options, result, text + written(options))
+    return DONE
 
 
 def _shown(options: argparse.Namespace, sent: JointMotion) -> int:

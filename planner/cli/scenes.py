@@ -7,14 +7,11 @@ import json
 from pathlib import Path
 
 from ...problems import InputError, copy_out, load_scene, scene_names, scene_reference, scene_text
-from .common import DONE, answer
-
-EXAMPLE = "throwplan scenes --write cup"
+from .common import DONE, Add, answer
 
 
-def arguments(parser: argparse.ArgumentParser) -> None:
+def arguments(add: Add) -> None:
     """The command's options."""
-    add = parser.add_argument
     add("--write", metavar="NAME", help="copy that scene's file to NAME.toml here")
     add("--reference", action="store_true", help="print all keys of a scene file as Markdown")
 

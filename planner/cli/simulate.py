@@ -10,17 +10,15 @@ from ...models import MODELS
 from ...problems import filling, load_scene, write_json
 from ..check import simulate
 from ..show import draw_releases
-from .common import DONE, add_out, add_scene, answer, say
-
-EXAMPLE = "throwplan simulate drop --model sp"
+from .common import DONE, Add, add_out, add_scene, answer, say
 
 
-def arguments(parser: argparse.ArgumentParser) -> None:
+def arguments(add: Add) -> None:
     """The command's options."""
-    add_scene(parser)
+    add_scene(add)
     names = f"all (default), or one of {', '.join(MODELS)}"
-    parser.add_argument("--model", default="all", metavar="NAME", help=names)
-    add_out(parser, "simulation.json and releases.png")
+    add("--model", default="all", metavar="NAME", help=names)
+    add_out(add, "simulation.json and releases.png")
 
 
 def run(options: argparse.Namespace) -> int:

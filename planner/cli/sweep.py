@@ -15,6 +15,7 @@ from .common import (
     DONE,
     INTERRUPTED,
     NO_THROW,
+    Add,
     Progress,
     add_out,
     add_scene,
@@ -26,14 +27,11 @@ from .common import (
     written,
 )
 
-EXAMPLE = "throwplan sweep delay --samples 10000 --out out/sweep"
 
-
-def arguments(parser: argparse.ArgumentParser) -> None:
+def arguments(add: Add) -> None:
     """The command's options."""
-    add = parser.add_argument
-    add_scene(parser)
-    add_target(parser)
+    add_scene(add)
+    add_target(add)
     add("--robust", choices=ROBUST_METHODS, help="plan against the uncertainty")
     names = f"release model: {', '.join(BATCH_MODELS)} (default: %(default)s)"
     add("--model", default=SLIDING_PIVOT, metavar="NAME", help=names)
@@ -42,7 +40,7 @@ def arguments(parser: argparse.ArgumentParser) -> None:
     add("--seed", type=whole(), metavar="N", default=0, help="of the samples (default: 0)")
     add("--workers", type=whole(), metavar="N", help=words)
     add("--scheduler", metavar="ADDRESS", help="a Dask scheduler that spreads them")
-    add_out(parser, "sweep.json, sweep.csv and three pictures")
+    add_out(add, "sweep.json, sweep.csv and three pictures")
 
 
 def run(options: argparse.Namespace) -> int:

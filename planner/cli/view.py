@@ -11,15 +11,12 @@ from pathlib import Path
 from ...problems import InputError
 from ..result import read_plan
 from ..show import open_browser, run_panel, save_film, serving, space_throw
-from .common import DONE, answer, number, say, whole
-
-EXAMPLE = "throwplan view out/cup/plan.json"
+from .common import DONE, Add, add_plan, answer, number, say, whole
 
 
-def arguments(parser: argparse.ArgumentParser) -> None:
+def arguments(add: Add) -> None:
     """The command's options."""
-    add = parser.add_argument
-    add("plan", metavar="PLAN", help="a plan.json or its folder")
+    add_plan(add)
     words = "of the page, on this machine (default: 8080)"
     add("--port", type=whole(1, 65535), metavar="N", default=8080, help=words)
     add("--no-browser", action="store_true", help="open no browser")

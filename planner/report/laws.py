@@ -16,6 +16,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import (
+    STEPPED_SURFACE,
     Body,
     Contact,
     HandMotion,
@@ -193,7 +194,7 @@ def methods(quick: bool) -> Iterator[Method]:
         yield Method("sp, RK4, events located", f"{n} steps", "sp", run)
     yield from _surfaces(quick)
     for n in some(10, 20, 50, 100, 200, 500, 1000, 2000, 5000):
-        yield Method("ls-step", f"{n} steps", "ls", SteppedRelease(steps=n).release)
+        yield Method(STEPPED_SURFACE, f"{n} steps", "ls", SteppedRelease(steps=n).release)
     for n in some(5, 10, 20, 40, 80, 160, 320, 640):
         words, run = f"{n} and {2 * n} steps", partial(extrapolated, SteppedRelease(), n)
         yield Method("ls-step, extrapolated", words, "ls", run)

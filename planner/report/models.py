@@ -18,6 +18,7 @@ import numpy.typing as npt
 
 from ...models import (
     MODELS,
+    STEPPED_SURFACE,
     PatchRelease,
     Release,
     ReleaseCase,
@@ -72,7 +73,7 @@ METHODS = {
     "ils, LSODA": (RED, "o", ""),
     "ils, Radau": (RED, "^", ""),
     "ils, BDF": (RED, "x", ""),
-    "ls-step": (GREEN, "o", "-"),
+    STEPPED_SURFACE: (GREEN, "o", "-"),
     "ls-step, extrapolated": (GREEN, "s", "--"),
     "patch": (BLACK, "D", "-"),
     "LuGre, σ₀ 1e7 1/m": (ORANGE, "1", ""),
@@ -275,7 +276,7 @@ def _ways(
     def batch(model: str, some: Mapping[str, Mapping[str, Array]], steps: int) -> Array:
         return simulate_batch(drop, model, steps=steps, **some).detach  # type: ignore[arg-type]
 
-    meshes = {"sp": (12, 27, 48, 96, 192), "ls-step": (40, 80, 120, 240)}
+    meshes = {"sp": (12, 27, 48, 96, 192), STEPPED_SURFACE: (40, 80, 120, 240)}
     for model, numbers in meshes.items():
         for steps in numbers:
             words = f"{model}, batch, {steps} steps"

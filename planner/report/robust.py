@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from ...problems import COMPARED_METHODS, ROBUST_METHODS, Pose, load_scene
+from ...problems import COMPARED_METHODS, QUIET, ROBUST_METHODS, Pose, load_scene
 from ..plan import Planner
 from ..result import Plan
 from ..show import BLACK, BLUE, GREY, RED, Cell, Row, Table, number, shown
@@ -33,7 +33,7 @@ FRICTION, OPENING = 0.7, 1.2
 #: Scenes with their targets: quick, full.
 TARGETS = {"delay": (1, 60), "hand-flip": (1, 15)}
 #: Methods that plan to all targets; the others plan to the first `SOME`.
-QUICK_METHODS, MAIN, SOME = ("quiet", "joint-velocity"), ("auto", "quiet"), 5
+QUICK_METHODS, MAIN, SOME = (QUIET, "joint-velocity"), ("auto", QUIET), 5
 #: Where a target without a robust plan is drawn, and the least spread that is drawn.
 LOST, LEAST = 20.0, 1e-4
 

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 import numpy.typing as npt
 
+from ...models import SLIDING_PIVOT, STEPPED_SURFACE
 from ...problems import Pose, Scene, ThrowData, load_scene
 from ..identify import (
     Making,
@@ -34,9 +35,9 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 
 #: Seed of the throws, and models with a grid.
-SEED, MODELS = 1, ("ls", "sp", "ls-step")
+SEED, MODELS = 1, ("ls", SLIDING_PIVOT, STEPPED_SURFACE)
 #: Learning: models, numbers of throws, and seeds of the noise: quick, full.
-LEARNERS = ("sp", "ls-step")
+LEARNERS = (SLIDING_PIVOT, STEPPED_SURFACE)
 COUNTS, SEEDS = ((3,), (1, 2, 3, 5, 10)), (1, 5)
 #: Reality of the learning: friction, patch radius [m] and delay of the gripper [s]; what rubs
 #: there; the share of the true mu r_p that is believed.

@@ -84,7 +84,7 @@ class GripperState:
     holds: bool
 
 
-class Gripper:
+class GripperLink:
     """The gripper, served by a process of its own. Orders are answered one after the other."""
 
     def __init__(self, host: str) -> None:
@@ -148,7 +148,7 @@ class Franka:
 
     host: str
     robot: Any
-    gripper: Gripper
+    gripper: GripperLink
 
     def check(self, arm: Arm) -> tuple[Array, GripperState]:
         """The joints [rad] that it stands on and its gripper; InputError unless it is ready.
@@ -194,7 +194,7 @@ def connected(host: str) -> Iterator[Franka]:
     config = binding.RealtimeConfig.kEnforce if real_time else binding.RealtimeConfig.kIgnore
     with in_one_line(host):
         robot = binding.Robot(host, config)
-    gripper = Gripper(host)
+    gripper = GripperLink(host)
     try:
         with in_one_line(host):
             yield Franka(host, robot, gripper)

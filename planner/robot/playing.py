@@ -13,7 +13,7 @@ from ...models import Arm
 from ...problems import InputError
 from ..check import TICK, Samples, joint_limits, keeps
 from .controllers import OPEN_WIDTH, JointMotion
-from .franka import STILL, Franka, Gripper, GripperState, in_one_line, load_franka
+from .franka import STILL, Franka, GripperLink, GripperState, in_one_line, load_franka
 from .learning import corrected
 from .recording import Recording
 
@@ -140,7 +140,7 @@ def _alike(one: GripperState, other: GripperState) -> bool:
     return one.holds == other.holds and abs(one.width - other.width) < SAME_WIDTH
 
 
-def _close_again(gripper: Gripper, held: GripperState) -> None:
+def _close_again(gripper: GripperLink, held: GripperState) -> None:
     """Close the gripper as it was; InputError where it holds nothing now and did then."""
     if held.holds:
         gripper.order("grasp", held.width, GRIPPER_SPEED, GRASP_FORCE)

@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from ...problems import QUIET
 from ..ocp import Request, peak_load
 from ..result import Plan, PlannedThrow
 from ..search import Attempt, Problems, Start, Task, attempts, refit, scatter
@@ -72,7 +73,7 @@ class Hardening:
         for source in sources:
             if best is not None and self.task.clock.late:
                 break
-            best = _better(best, self._by_method(source, "quiet" if auto else self.method))
+            best = _better(best, self._by_method(source, QUIET if auto else self.method))
             if auto:
                 best = _better(best, self._nominal(source))
             if auto and best is not None and not best.little:
@@ -87,7 +88,7 @@ class Hardening:
         """A robust throw from one source; scenarios start from a quiet one, if there is one."""
         if method != "scenarios":
             return self._made(source, source.throw, method)
-        quiet = self._made(source, source.throw, "quiet")
+        quiet = self._made(source, source.throw, QUIET)
         start = source.throw if quiet is None else quiet.thrown
         return self._made(source, start, "scenarios") or quiet
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from throwplan.models import Path, Solid, about_z, segment_distance
-from throwplan.planner.check import Contact, Throw, contacts, held_bar, make_mover
+from throwplan.planner.check import Nearness, Throw, contacts, held_bar, make_mover
 from throwplan.planner.ocp import Request, build_nlp
 from throwplan.planner.show import serving, space_throw
 from throwplan.problems import Obstacle
@@ -252,7 +252,7 @@ def test_both_ways_of_checking_agree(free, monkeypatch):
     by_core = [contacts(throw) for throw in throws]
     monkeypatch.setenv("THROWPLAN_COMPILE", "0")
 
-    def told(found: list[Contact]) -> list[tuple]:
+    def told(found: list[Nearness]) -> list[tuple]:
         return [(c.body, c.other, round(c.missing, 9), round(c.time, 9), c.flying) for c in found]
 
     for throw, known in zip(throws, by_core, strict=True):

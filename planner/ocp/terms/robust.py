@@ -16,6 +16,7 @@ from typing import Any, Self
 
 import casadi as ca
 
+from ....problems import QUIET
 from ..asked import Request
 from ..context import Context, Term
 from ..layout import REL, Block
@@ -41,7 +42,7 @@ class Quiet(Term):
         """For a robust request. Scenarios are quiet too, as far as that costs nothing."""
         if not request.robust:
             return None
-        return cls("quiet" if request.robust == "scenarios" else request.robust)
+        return cls(QUIET if request.robust == "scenarios" else request.robust)
 
     def numbers(self, request: Request) -> dict[str, Any]:
         """The window's lengths [s], and prices."""
@@ -112,7 +113,7 @@ def _steady(context: Context, stage: Stage, dt: ca.SX) -> None:
 
 #: What is asked in each interval of the window.
 METHODS: dict[str, Callable[[Context, Stage, ca.SX], None]] = {
-    "quiet": _priced,
+    QUIET: _priced,
     "quiet-exactly": _exact,
     "stationary": _steady,
     "hand-velocity": _constant_hand,
