@@ -102,7 +102,8 @@ class ArmCapsules:
 
     number (C,): of the arm's link, 0 is the base, the last one the hand; moved_by (C,): which link
     of `PlanarArm` moves it, -1 for none; places (C, 2, 3): ends x, y, z [m], x and z from that
-    link's joint with all coordinates 0; radius (C,) [m], as the robot's maker gives it.
+    link's joint with all coordinates 0, y from the plane; radius (C,) [m], as the robot's maker
+    gives it.
     """
 
     arm: PlanarArm
@@ -142,7 +143,8 @@ class ArmCapsules:
             link = sum(joint <= capsule.link for joint in arm.throwing_joints) - 1
             ends = np.array([capsule.begin, capsule.end])
             places[i] = ends @ frame[:3, :3].T + frame[:3, 3]
-            places[i] = np.round(places[i] - [joints[link + 1][0], 0.0, joints[link + 1][1]], 12)
+            x, z = joints[link + 1]
+            places[i] = np.round(places[i] - [x, arm.arm.lateral, z], 12)
             moved.append(link)
         radius = np.array([capsule.radius for capsule in given])
         return cls(arm, tuple(c.link for c in given), tuple(moved), places, radius)

@@ -139,9 +139,11 @@ class Arm:
     chain: tuple[DHRow | JointFrame, ...] = described("a joint's frame each")
     tool: Tool = described("section [tool]")
     limits: JointLimits = described("section [limits]")
-    azimuth_joint: int = described("turns the throw's vertical plane")
+    azimuth_joint: int = described("turns the throw's vertical plane about the base's z axis")
     throwing_joints: tuple[int, ...] = described("move in that plane")
-    posture: Vector = described("rad, what the other joints keep")
+    posture: Vector = described(
+        "rad, what the other joints keep; of the azimuth joint, where the throw goes along x"
+    )
     links: tuple[LinkInertia, ...] = described(
         "masses, a table per joint and one for the hand, see [[links]]", ()
     )
@@ -154,6 +156,33 @@ class Arm:
     def joints(self) -> int:
         """Number of joints."""
         return len(self.chain)
+
+    @functools.cached_property
+    def _plane(self) -> tuple[float, float]:
+        """y [m] of the pads' centre in the posture, and z of the azimuth joint's axis."""
+        frames = [np.array(ca.evalf(pose)) for pose in self.frames(ca.SX(ca.DM(self.posture)))]
+        lateral, up = np.round([frames[-1][1, 3], frames[self.azimuth_joint - 1][2, 2]], 12) + 0.0
+        return float(lateral), float(up)
+
+    @property
+    def lateral(self) -> float:
+        """How far [m] the throwing plane is beside the base's z axis, to the left of a throw."""
+        return self._plane[0]
+
+    def azimuth_angle(self, azimuth: float) -> float:
+        """The azimuth joint's angle [rad] that turns the plane by `azimuth` [rad] from x to y.
+
+        Of those that are whole turns apart, one within the limits where there is any.
+        """
+        joint = self.azimuth_joint - 1
+        angle = self.posture[joint] + self._plane[1] * azimuth
+        low, high = self.limits.position_min[joint], self.limits.position_max[joint]
+        turns = (angle, angle - 2 * math.pi, angle + 2 * math.pi)
+        return next((turn for turn in turns if low <= turn <= high), angle)
+
+    def azimuth_at(self, angle: float) -> float:
+        """How far [rad] the plane is turned from x to y at the azimuth joint's angle [rad]."""
+        return (angle - self.posture[self.azimuth_joint - 1]) / self._plane[1]
 
     def frames(self, q: ca.SX) -> list[ca.SX]:
         """4x4 poses in the base frame after each joint, then of the flange and the TCP."""
@@ -200,11 +229,12 @@ def _exact(value: float) -> float:
 
 
 class PlanarArm:
-    """The hand of an arm that throws in a vertical plane through its base axis.
+    """The hand of an arm that throws in a vertical plane.
 
-    The azimuth joint turns the plane, the throwing joints move in it, and the
-    others keep the arm's posture. Coordinates q are the throwing joints [rad]; the
-    hand angle is that of the approach axis in the plane, unwrapped.
+    The azimuth joint turns the plane about the base's z axis, beside which it lies by the arm's
+    `lateral`; the throwing joints move in it, and the others keep the arm's posture. Coordinates q
+    are the throwing joints [rad]; the hand angle is that of the approach axis in the plane,
+    unwrapped.
     """
 
     def __init__(self, arm: Arm, throwing_joints: Sequence[int] | None = None) -> None:
@@ -219,7 +249,6 @@ class PlanarArm:
     def full(self, q: ca.SX) -> ca.SX:
         """All joint angles at azimuth 0 for the throwing joints' `q`."""
         joints = ca.SX(ca.DM(list(self.arm.posture)))
-        joints[self.arm.azimuth_joint - 1] = 0
         for i, joint in enumerate(self.throwing_joints):
             joints[joint - 1] = q[i]
         return joints
@@ -337,7 +366,7 @@ class PlanarArm:
         for value in np.random.default_rng(0).uniform(-2, 2, (4, self.coordinates)):
             x, z, theta = np.array(planar(value)).ravel()
             axis, _, tcp, approach = (np.array(o) for o in full(value))
-            expected = [x, 0.0, z, math.cos(theta), 0.0, math.sin(theta)]
+            expected = [x, self.arm.lateral, z, math.cos(theta), 0.0, math.sin(theta)]
             off = np.abs(np.vstack([tcp, approach]).ravel() - expected).max()
             if off > 1e-9 or np.abs(np.abs(axis[1]) - 1.0).max() > 1e-9:
                 raise ValueError(

@@ -21,7 +21,7 @@ from .movers import Hand, Motion, Robot, Torque
 from .obstacles import Obstacle
 from .scene import Mesh, Scene
 from .section import InputError, ThrowplanError, hint_at
-from .targets import Choice, Cup, Landing, Pose, Tolerance, Workspace
+from .targets import Choice, Cup, Landing, Pose, ThrowPlane, Tolerance, Workspace
 from .throws import THROW_DATA_FILES, MeasuredThrow, Shared, ThrowData, load_throws, write_throws
 from .toml import (
     as_scene,

@@ -100,6 +100,8 @@ class Scene(Section):
             raise InputError("[target] y: only for a scene with [robot]")
         if self.robot is not None and self.arm is not None:
             check_robot(self.robot, self.arm)
+            assert self.target is not None  # checked above
+            object.__setattr__(self, "target", self.target.beside(self.arm.lateral))
         if self.torque is not None:
             check_torque(self.torque, self.robot, self.arm)
         if self.cup is not None:

@@ -113,7 +113,9 @@ def from_table(kind: type[Any], table: Mapping[str, Any], **given: Any) -> Any:
     given: fields that are known already.
     """
     fields = {
-        file_key(f.name, f.metadata): f for f in dataclasses.fields(kind) if f.name not in given
+        file_key(f.name, f.metadata): f
+        for f in dataclasses.fields(kind)
+        if f.name not in given and "meaning" in f.metadata
     }
     values = dict(given)
     for key, value in table.items():
@@ -174,7 +176,7 @@ def table_of(section: Any) -> dict[str, Any]:
     table: dict[str, Any] = {}
     for field in dataclasses.fields(section):
         value = getattr(section, field.name)
-        if value is not None and value != field.default:
+        if value is not None and value != field.default and "meaning" in field.metadata:
             key = file_key(field.name, field.metadata)
             table[key] = _plain(value, bool(field.metadata.get("degrees")))
     return table

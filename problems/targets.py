@@ -5,8 +5,48 @@ from __future__ import annotations
 import dataclasses
 import math
 
-from ..models import DECIDING
+import numpy as np
+import numpy.typing as npt
+
+from ..models import DECIDING, Solid
 from .section import InputError, Section, optional, quantity
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclasses.dataclass(frozen=True)
+class ThrowPlane:
+    """The vertical plane of a throw, in the base frame.
+
+    azimuth [rad]: turned about the base's z axis; lateral [m]: beside that axis, to the left.
+    """
+
+    azimuth: float
+    lateral: float
+
+    @property
+    def normal(self) -> Array:
+        """To the right of the throw: x along the plane, z up and this one are left-handed."""
+        return np.array([math.sin(self.azimuth), -math.cos(self.azimuth), 0.0])
+
+    def points(self, x: Array | float, z: Array | float, aside: Array | float = 0.0) -> Array:
+        """Points (..., 3) [m] at x and z in the plane, `aside` to its left."""
+        cos, sin, left = math.cos(self.azimuth), math.sin(self.azimuth), self.lateral + aside
+        return np.stack(np.broadcast_arrays(x * cos - left * sin, x * sin + left * cos, z), axis=-1)
+
+    def poses(self, pose: Array) -> Array:
+        """4x4 poses (N, 4, 4) of those in the plane (3, N): x at angle theta, z its normal."""
+        cos, sin, here = np.cos(pose[2]), np.sin(pose[2]), ThrowPlane(self.azimuth, 0.0)
+        poses = np.zeros((pose.shape[1], 4, 4))
+        poses[:, :3, 0], poses[:, :3, 1] = here.points(cos, sin), here.points(-sin, cos)
+        poses[:, :3, 2], poses[:, :3, 3] = self.normal, self.points(pose[0], pose[1])
+        poses[:, 3, 3] = 1.0
+        return poses
+
+    def seen(self, solid: Solid) -> Solid:
+        """A solid of the base frame as the plane sees it: x along it, y to its left."""
+        turned = solid.turned(-self.azimuth)
+        return dataclasses.replace(turned, centre=turned.centre - [0.0, self.lateral, 0.0])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -31,21 +71,40 @@ class Pose(Section):
         most=1e4,
     )
     y: float = quantity("m, base frame; only with [robot]", least=-1e4, most=1e4, default=0.0)
+    #: How far [m] the throw's plane is beside the base's z axis: the arm's, no key of files.
+    lateral: float = 0.0
+
+    def beside(self, lateral: float) -> Pose:
+        """The pose for an arm whose plane is beside its axis; InputError where none reaches it."""
+        if abs(lateral) >= abs(self.away) and lateral:
+            raise InputError(
+                f"target: is {abs(self.away):.3g} m from the base's z axis, must be above "
+                f"{abs(lateral):.3g} m, for the throw's plane is as far beside it"
+            )
+        return self if lateral == self.lateral else self.changed(lateral=lateral)
 
     @property
-    def azimuth(self) -> float:
-        """Angle [rad] about the base axis of the vertical plane through the pose."""
-        return math.atan2(self.y, self.x) if self.y != 0.0 else 0.0
+    def away(self) -> float:
+        """Distance [m] from the base's z axis; below zero on the plane x-z behind it."""
+        return math.hypot(self.x, self.y) if self.y != 0.0 else self.x
+
+    @property
+    def plane(self) -> ThrowPlane:
+        """The vertical plane through the pose."""
+        turn = math.atan2(self.y, self.x) if self.y != 0.0 else 0.0
+        return ThrowPlane(
+            turn - math.asin(self.lateral / self.away) if self.lateral else turn, self.lateral
+        )
 
     @property
     def plane_x(self) -> float:
         """x [m] in that plane."""
-        return math.hypot(self.x, self.y) if self.y != 0.0 else self.x
+        away = self.away
+        return math.copysign(math.sqrt(away**2 - self.lateral**2), away) if self.lateral else away
 
     def in_plane(self, x: float, theta: float | None) -> Pose:
         """The pose at `x` [m] and `theta` [rad] in the same plane and at the same height."""
-        turn = self.azimuth
-        x, y = float(x * math.cos(turn)), float(x * math.sin(turn))
+        x, y, _ = map(float, self.plane.points(x, self.z))
         return self.changed(x=x, y=y, theta=None if theta is None else float(theta))
 
     def distance(self, other: Pose, lever: float) -> float:

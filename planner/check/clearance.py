@@ -109,9 +109,9 @@ class Around:
 
 
 def obstacles_of(scene: Scene) -> list[Solid]:
-    """The scene's obstacles as the throw's vertical plane sees them, turned to azimuth 0."""
+    """The scene's obstacles as the throw's vertical plane sees them."""
     assert scene.target is not None
-    return [obstacle.solid.turned(-scene.target.azimuth) for obstacle in scene.obstacle]
+    return [scene.target.plane.seen(obstacle.solid) for obstacle in scene.obstacle]
 
 
 def bar_ends(bar: ThrownObject, com: Array) -> Array:

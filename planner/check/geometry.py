@@ -117,11 +117,18 @@ def tool_speeds(tool: Tool, pose: Array, twist: Array) -> Array:
 
 
 def column_of(scene: Scene) -> tuple[float, float] | None:
-    """Radius and height [m] of the base column, None without one."""
-    workspace = scene.workspace
+    """Half the width [m] of the base column where the bar meets it, and its height.
+
+    None without one, and for an arm that throws beside it.
+    """
+    workspace, target = scene.workspace, scene.target
     if workspace is None or workspace.column_radius is None or workspace.column_height is None:
         return None
-    return workspace.column_radius, workspace.column_height
+    lateral = 0.0 if target is None else abs(target.lateral)
+    beside = max(lateral - scene.object.width / 2, 0.0)
+    if beside >= workspace.column_radius:
+        return None
+    return math.sqrt(workspace.column_radius**2 - beside**2), workspace.column_height
 
 
 def held_bar(scene: Scene, hand: Array) -> Array:

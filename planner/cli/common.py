@@ -83,7 +83,7 @@ def target_of(scene: Scene, options: argparse.Namespace) -> Pose | None:
         return target
     if scene.robot is None:
         raise InputError("--azimuth: only for a scene with [robot]")
-    turn, x = math.radians(azimuth), target.plane_x
+    turn, x = math.radians(azimuth), target.away
     if x < 0:
         raise InputError(f"--target {x:g}: must be above 0 with --azimuth")
     return dataclasses.replace(target, x=x * math.cos(turn), y=x * math.sin(turn))

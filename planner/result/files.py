@@ -60,7 +60,7 @@ def write_motion(plan: Plan, path: Path) -> None:
     samples = plan.throw.samples
     kinematics = plan.mover.kinematics
     if isinstance(kinematics, PlanarArm):
-        values = joint_samples(kinematics, plan.target.azimuth, samples)
+        values = joint_samples(kinematics, plan.target.plane.azimuth, samples)
         columns = dict(zip(("q", "dq", "ddq"), values, strict=True))
     else:
         columns = _hand_columns(plan, samples)
@@ -70,12 +70,12 @@ def write_motion(plan: Plan, path: Path) -> None:
 def joint_samples(
     kinematics: PlanarArm, azimuth: float, samples: Samples
 ) -> tuple[Array, Array, Array]:
-    """q, dq, ddq of all joints of the arm, each (N, joints): posture and azimuth [rad] held."""
+    """q, dq, ddq of all joints of the arm, each (N, joints), in the plane at `azimuth` [rad]."""
     arm = kinematics.arm
     throwing = [j - 1 for j in kinematics.throwing_joints]
     q, dq, ddq = (np.zeros((len(samples.q), arm.joints)) for _ in range(3))
     q[:] = arm.posture
-    q[:, arm.azimuth_joint - 1] = azimuth
+    q[:, arm.azimuth_joint - 1] = arm.azimuth_angle(azimuth)
     q[:, throwing], dq[:, throwing], ddq[:, throwing] = samples.q, samples.dq, samples.ddq
     return q, dq, ddq
 

@@ -272,8 +272,7 @@ class Plan:
         x, z, theta = pose
         if self.scene.robot is None:
             return {"x": _number(x), "z": _number(z), "theta": _number(theta)}
-        turn = self.target.azimuth
-        x_base, y_base = x * math.cos(turn), x * math.sin(turn)
+        x_base, y_base, _ = map(float, self.target.plane.points(x, z))
         return {
             "x": _number(x_base),
             "y": _number(y_base),
@@ -305,6 +304,7 @@ def checked_target(scene: Scene, target: Pose | None) -> Pose:
     if scene.cup is not None and target.theta is None:
         raise InputError("[cup] needs a target with theta_deg, to know which end goes in")
     if scene.arm is not None:
+        target = target.beside(scene.arm.lateral)
         _check_azimuth(scene.arm, target)
     return target
 
@@ -313,9 +313,10 @@ def _check_azimuth(arm: Arm, target: Pose) -> None:
     """InputError unless the joint that turns the throw's plane can turn it there."""
     joint = arm.azimuth_joint - 1
     low, high = arm.limits.position_min[joint], arm.limits.position_max[joint]
-    if not low <= target.azimuth <= high:
+    angle = arm.azimuth_angle(target.plane.azimuth)
+    if not low <= angle <= high:
         raise InputError(
-            f"target: its azimuth {math.degrees(target.azimuth):.1f} deg is outside joint "
+            f"target: its azimuth {math.degrees(angle):.1f} deg is outside joint "
             f"{joint + 1}'s range [{math.degrees(low):.1f}, {math.degrees(high):.1f}] deg"
         )
 

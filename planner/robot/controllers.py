@@ -64,7 +64,7 @@ def joint_motion(path: str | Path) -> JointMotion:
     kinematics = throw.mover.kinematics
     if not isinstance(kinematics, PlanarArm):
         raise InputError(f"{path}: the plan's scene has no [robot], so there are no joints to send")
-    values = joint_samples(kinematics, throw.target.azimuth, throw.samples)
+    values = joint_samples(kinematics, throw.target.plane.azimuth, throw.samples)
     motion = JointMotion(kinematics.arm, throw, *values)
     wrong = _wrong(motion)
     if wrong:

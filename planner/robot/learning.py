@@ -54,7 +54,7 @@ def corrected(plan: JointMotion, recording: Recording) -> tuple[JointMotion, Thr
     if wrong:
         raise InputError(f"the corrected motion is not sent: {wrong[0]}")
     assert isinstance(sent.mover.kinematics, PlanarArm)
-    values = joint_samples(sent.mover.kinematics, sent.target.azimuth, sent.samples)
+    values = joint_samples(sent.mover.kinematics, sent.target.plane.azimuth, sent.samples)
     return JointMotion(plan.arm, sent, *values), expected
 
 

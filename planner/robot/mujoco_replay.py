@@ -165,9 +165,8 @@ class Replay:
         x, z, theta = self.com
         names, columns = "t,x,z,theta", [self.times, x, z, theta]
         if self.throw.scene.robot is not None:
-            turn = self.throw.target.azimuth
             names = "t,x,y,z,theta"
-            columns[1:2] = [x * math.cos(turn), x * math.sin(turn)]
+            columns[1:2] = self.throw.target.plane.points(x, z).T[:2]
         table = np.column_stack(columns)
         np.savetxt(path, table, delimiter=",", header=names, comments="", fmt="%.9g")
 
@@ -175,10 +174,9 @@ class Replay:
         """A pose in the throw's plane, `y` [m] across it, as in plan.json."""
         if self.throw.scene.robot is None:
             return {"x": x, "z": z, "theta": theta}
-        turn = self.throw.target.azimuth
-        cos, sin = math.cos(turn), math.sin(turn)
         # Forward and up are x and z of MuJoCo: its y is to the left of the throw.
-        return {"x": x * cos - y * sin, "y": x * sin + y * cos, "z": z, "theta": theta}
+        place = self.throw.target.plane.points(x, z, y).tolist()
+        return dict(zip("xyz", place, strict=True)) | {"theta": theta}
 
 
 def replay(

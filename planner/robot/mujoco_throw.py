@@ -309,7 +309,8 @@ def landing_model(scene: Scene, step: float, restitution: float) -> Any:
     if workspace is not None and workspace.column_radius and workspace.column_height:
         half = workspace.column_height / 2
         size, kind = [workspace.column_radius, half, 0], mujoco.mjtGeom.mjGEOM_CYLINDER
-        spec.worldbody.add_geom(name="base column", type=kind, size=size, pos=[0, 0, half])
+        place = [0, 0 if scene.target is None else -scene.target.lateral, half]
+        spec.worldbody.add_geom(name="base column", type=kind, size=size, pos=place)
     if has_hand(scene):
         assert scene.arm is not None
         back, front = scene.arm.tool.palm_back, scene.arm.tool.palm_front

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from ...models import Path as Motion
 from ...models import low_pass
-from ...problems import InputError, Scene, read_csv
+from ...problems import InputError, Scene, ThrowPlane, read_csv
 from ..check import TICK, Throw, planar_joints
 from ..result import write_table
 from .controllers import JointMotion
@@ -102,13 +102,13 @@ class Recording:
         thrown, target, lag = self.throw(plan), plan.target, np.abs(self.q - self.sent).max()
         found: dict[str, Any] = {"landing": None, "error": None, "lag": float(lag)}
         if thrown.lands:
-            assert plan.scene.arm is not None
-            x, z, theta = thrown.landing.pose
+            arm, (x, z, theta) = plan.scene.arm, thrown.landing.pose
+            assert arm is not None
             opening = np.searchsorted(self.times, thrown.opening_time)
-            azimuth = float(self.q[opening, plan.scene.arm.azimuth_joint - 1])
-            place = x * math.cos(azimuth), x * math.sin(azimuth)
-            off = math.dist(place, (target.x, target.y)), abs(thrown.miss()[1])
-            found["landing"] = dict(zip("xyz", (*place, z), strict=True)) | {"theta": theta}
+            azimuth = arm.azimuth_at(float(self.q[opening, arm.azimuth_joint - 1]))
+            place = ThrowPlane(azimuth, arm.lateral).points(x, z).tolist()
+            off = math.dist(place[:2], (target.x, target.y)), abs(thrown.miss()[1])
+            found["landing"] = dict(zip("xyz", place, strict=True)) | {"theta": theta}
             found["error"] = {"position": off[0], "angle": off[1]}
         found["command_time"] = self.command_time
         return found | {"width": [float(self.width[0]), float(self.width[-1])]}

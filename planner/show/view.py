@@ -1,6 +1,6 @@
 """The 3-D view of a throw: where links, hand and bar are over time, and what viser shows of it.
 
-The throw's plane is vertical through the base's z axis, turned by the target's azimuth.
+The throw's plane is the one of its target.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .style import ARM, BLACK, PHASES
 from .timeline import Timeline, timeline
 
 if TYPE_CHECKING:
-    from ...problems import Cup, Obstacle, Scene
+    from ...problems import Cup, Obstacle, Scene, ThrowPlane
     from ..check import Throw
 
 Array = npt.NDArray[np.float64]
@@ -63,9 +63,9 @@ class SpaceThrow:
         return self.throw.scene
 
     @property
-    def azimuth(self) -> float:
-        """How far the plane is turned about the base's z axis [rad]."""
-        return self.throw.target.azimuth
+    def plane(self) -> ThrowPlane:
+        """Where the throw is in the base frame."""
+        return self.throw.target.plane
 
     def phases(self) -> dict[str, float]:
         """When each phase that occurs begins, and the landing [s]."""
@@ -80,7 +80,7 @@ class SpaceThrow:
         """4x4: the target pose; at the angle of the landing where the target has none."""
         target = self.throw.target
         theta = float(self.line.com[2, -1]) if target.theta is None else target.theta
-        poses = placed(np.array([[target.plane_x], [target.z], [theta]]), self.azimuth)
+        poses = self.plane.poses(np.array([[target.plane_x], [target.z], [theta]]))
         return np.asarray(poses[0])
 
     def extent(self) -> tuple[Array, Array]:
@@ -97,34 +97,12 @@ class SpaceThrow:
 
 def space_throw(throw: Throw) -> SpaceThrow:
     """The throw in space every millisecond."""
-    line, azimuth = timeline(throw), throw.target.azimuth
-    hand, bar = placed(line.hand, azimuth), placed(line.com, azimuth)
+    line, plane = timeline(throw), throw.target.plane
+    hand, bar = plane.poses(line.hand), plane.poses(line.com)
     joints = np.empty((len(line.times), 0, 4, 4))
     if isinstance(throw.mover.kinematics, PlanarArm):
         joints = _joint_frames(throw, throw.mover.kinematics, line.times)
     return SpaceThrow(throw, line, hand, bar, joints)
-
-
-def in_space(x: Array, z: Array, azimuth: float) -> Array:
-    """Points (..., 3) of plane coordinates x and z."""
-    return np.stack([x * math.cos(azimuth), x * math.sin(azimuth), z], axis=-1)
-
-
-def normal(azimuth: float) -> Array:
-    """The plane's normal: x along the plane, z up and this one are left-handed."""
-    return np.array([math.sin(azimuth), -math.cos(azimuth), 0.0])
-
-
-def placed(pose: Array, azimuth: float) -> Array:
-    """4x4 poses (N, 4, 4) of plane poses (3, N): x at angle theta, z the plane's normal."""
-    cos, sin = np.cos(pose[2]), np.sin(pose[2])
-    poses = np.zeros((pose.shape[1], 4, 4))
-    poses[:, :3, 0] = in_space(cos, sin, azimuth)
-    poses[:, :3, 1] = in_space(-sin, cos, azimuth)
-    poses[:, :3, 2] = normal(azimuth)
-    poses[:, :3, 3] = in_space(pose[0], pose[1], azimuth)
-    poses[:, 3, 3] = 1.0
-    return poses
 
 
 def link_pieces(arm: Arm) -> list[list[tuple[Array, Array]]]:
@@ -149,7 +127,7 @@ def _joint_frames(throw: Throw, kinematics: PlanarArm, times: Array) -> Array:
     arm = kinematics.arm
     moving = throw.path.at(times).pose
     joints = np.tile(np.array(arm.posture)[:, None], (1, len(times)))
-    joints[arm.azimuth_joint - 1] = throw.target.azimuth
+    joints[arm.azimuth_joint - 1] = arm.azimuth_angle(throw.target.plane.azimuth)
     joints[[j - 1 for j in kinematics.throwing_joints]] = moving
     q = ca.SX.sym("q", arm.joints)
     function = ca.Function("frames", [q], [ca.horzcat(*arm.frames(q)[: arm.joints])])
@@ -290,7 +268,7 @@ class View:
         """A round cup: wall and bottom to look through, a solid rim; profiles turned about z."""
         from trimesh.creation import revolve
 
-        middle = in_space(np.array(cup.x), np.array(cup.rim), self.throw.azimuth)
+        middle = self.throw.plane.points(cup.x, cup.rim)
         look: dict[str, Any] = {"color": rgb(CUP), "side": "double", "position": middle}
         look |= {"cast_shadow": False, "receive_shadow": False}
         wall = np.array([[0.0, -cup.depth], [cup.radius, -cup.depth], [cup.radius, 0.0]])
@@ -307,7 +285,7 @@ class View:
     def _draw_path(self) -> None:
         """The CoM's path, coloured by phase, and the marks on it."""
         throw, line = self.throw, self.throw.line
-        path = in_space(line.com[0], line.com[1], throw.azimuth)
+        path = throw.plane.points(line.com[0], line.com[1])
         colours = np.array([rgb(colour) for colour in PHASES.values()], dtype=np.uint8)[line.phase]
         pieces = np.stack([path[:-1], path[1:]], axis=1)
         colours = np.repeat(colours[1:, None], 2, axis=1)
@@ -325,10 +303,9 @@ class View:
         low, high = self.throw.extent()
         size, middle = high - low, (high + low) / 2
         reach = max(size[1], size[0] / ASPECT) / 2 / math.tan(VIEW_ANGLE / 2)
-        azimuth = self.throw.azimuth
-        across = normal(azimuth) + in_space(np.array(0.25), np.array(0.3), azimuth)
-        camera = self.server.initial_camera
-        camera.look_at = in_space(middle[0], middle[1], azimuth)
+        plane, camera = self.throw.plane, self.server.initial_camera
+        across = plane.points(0.25, 0.3) - plane.points(0.0, 0.0) + plane.normal
+        camera.look_at = plane.points(middle[0], middle[1])
         camera.position = camera.look_at + 1.3 * reach * across / np.linalg.norm(across)
         camera.up = (0.0, 0.0, 1.0)
         camera.fov = VIEW_ANGLE

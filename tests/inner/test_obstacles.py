@@ -90,7 +90,7 @@ class Judge:
     def nearest(self, q: np.ndarray | None, com: np.ndarray | None) -> Iterator[tuple[int, float]]:
         """Distance less clearance [m] of each body that moves (its number, the bar's is -1)."""
         arm, bar, scene = self.arm, self.scene.object, self.scene
-        azimuth = scene.target.azimuth
+        azimuth = scene.target.plane.azimuth
         moving = []
         if q is not None:
             joints = np.array(arm.posture)

@@ -228,7 +228,7 @@ def test_aimed_at_takes_the_cup_along() -> None:
     aside = tp.Pose(x=0.9 * math.cos(turn), y=0.9 * math.sin(turn), z=0.22, theta=-math.pi / 2)
     moved = scene.aimed_at(aside)
     assert moved.cup.x == pytest.approx(0.9)
-    assert moved.target.azimuth == pytest.approx(turn)
+    assert moved.target.plane.azimuth == pytest.approx(turn)
     assert moved.target.plane_x == pytest.approx(0.9)
     pose = tp.load_scene("pose")
     assert pose.aimed_at(aside) == pose.replace(target=aside)
