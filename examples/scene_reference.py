@@ -96,7 +96,7 @@ def _keys(kind: type[Any]) -> Iterator[Key]:
     for field in dataclasses.fields(kind):
         if kind is Arm and field.name == "chain":
             yield from (Key(key, "list of tables", "–", "–", words) for key, words in CHAIN.items())
-        else:
+        elif "meaning" in field.metadata:
             yield _key(kind, field.name)
 
 

@@ -134,7 +134,7 @@ class Arm:
     rotation); empty where masses are not known.
     """
 
-    name: str = described("name of the arm; ROS joint names begin with it")
+    name: str = described("name of the arm")
     description: str = described("one line")
     chain: tuple[DHRow | JointFrame, ...] = described("a joint's frame each")
     tool: Tool = described("section [tool]")
@@ -149,6 +149,9 @@ class Arm:
     )
     capsules: tuple[LinkCapsule, ...] = described(
         "shapes of the links, see [[capsules]]; left out: the arm meets nothing", ()
+    )
+    joint_names: tuple[str, ...] = described(
+        "the joints' names in ROS; left out: NAME_joint1 and so on", ()
     )
     cover: float = described("m, how far the links' covers stick out of `capsules`", 0.0, least=0)
 

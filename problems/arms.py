@@ -51,6 +51,8 @@ def arm_from(tables: Mapping[str, Any]) -> Arm:
     for key, values in ({"posture": arm.posture} | lists).items():
         if len(values) != arm.joints:
             raise InputError(f"{key}: must be a list of {arm.joints}")
+    if arm.joint_names and len(set(arm.joint_names)) != arm.joints:
+        raise InputError(f"joint_names: must be {arm.joints} different names")
     if arm.links and len(arm.links) != arm.joints + 1:
         raise InputError(f"links: must be {arm.joints + 1} tables, one per joint and the hand's")
     for number, capsule in enumerate(arm.capsules, start=1):

@@ -32,16 +32,18 @@ LIMIT_UNITS = {"velocity": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3"
 def arguments(add: Add) -> None:
     """The command's options."""
     add("urdf", metavar="FILE.urdf", help="the robot; or a xacro")
-    add("--joints", nargs="+", required=True, metavar="J", help="the arm's joints, base first")
+    words = "joints, base first, by name or by number on the way to --tool (default: all of these)"
+    add("--joints", nargs="+", metavar="J", default=[], help=words)
     add("--out", required=True, metavar="FILE.toml", help="the arm data file")
     add("--name", help="the arm's name (default: the URDF's)")
-    add("--base", metavar="LINK", help="link of the base frame (default: the root)")
+    words = "link of the base frame, z upwards (default: the root)"
+    add("--base", metavar="LINK", help=words)
     add("--tool", metavar="LINK", help="link of the hand (default: the last)")
     add(
         "--approach",
-        default="z",
         choices=list(AXES),
-        help="axis of the tool link that points out of the hand; write --approach=-z (default: z)",
+        help="axis of the tool link that points out of the hand; write --approach=-z (default: z, "
+        "where nothing speaks against it)",
     )
     add(
         "--closing",
@@ -97,13 +99,11 @@ def run(options: argparse.Namespace) -> int:
         raise InputError(f"--out {out}: its folder is not there")
     if options.name is not None and not (options.name and options.name.isprintable()):
         raise InputError("--name: must be a word")
-    closing = options.closing or ("z" if options.approach.endswith("y") else "y")
     robot = read_urdf(urdf)
     try:
-        chain = chain_of(
-            robot, options.joints, options.tool, options.base, options.approach, closing
-        )
-        held = held_joints(chain)
+        ends = options.tool, options.base, options.approach, options.closing, options.azimuth
+        chain = chain_of(robot, options.joints, *ends)
+        options.joints, held = list(chain.names), held_joints(chain)
         drawn = arm_of(chain, limits_of(chain, _given_limits(options)), _choices(options, chain))
     except InputError as error:
         raise error.within(str(urdf)) from None
@@ -161,7 +161,7 @@ def _choices(options: argparse.Namespace, chain: UrdfChain) -> Choices:
 def _remarks(chain: UrdfChain, urdf: Path, held: list[str]) -> list[str]:
     """What the file says of where it comes from."""
     remarks = [f"Made by 'throwplan import-robot' from {urdf.name}.", f"Base link: {chain.base}"]
-    remarks[1] += f"; hand: {chain.tool}."
+    remarks[1] += f"{_moved(chain.origin)}; hand: {chain.tool}."
     return remarks + ([f"Held at 0: {', '.join(held)}."] if held else [])
 
 
@@ -175,6 +175,9 @@ def _found(
         "name": arm.name,
         "joints": list(chain.names),
         "base": chain.base,
+        "origin": chain.origin.tolist(),
+        "approach": _approach_of(chain),
+        "lateral": arm.lateral,
         "tool": chain.tool,
         "azimuth": names[arm.azimuth_joint],
         "throwing": [names[joint] for joint in arm.throwing_joints],
@@ -185,15 +188,29 @@ def _found(
     }
 
 
+def _approach_of(chain: UrdfChain) -> str:
+    """The axis of the tool link out of the hand."""
+    return next(name for name, axis in AXES.items() if axis @ chain.hand_turn[:3, 2] > 0.5)
+
+
+def _moved(origin: Any) -> str:
+    """Where the base frame is moved to, in words; nothing where it is not."""
+    x, y, _ = origin
+    return f" moved to x {x:.6g}, y {y:.6g} m" if x or y else ""
+
+
 def _text(options: argparse.Namespace, found: dict[str, Any]) -> str:
     """The same for people."""
     mass, kept = found["mass"], " ".join(f"{angle:.6g}" for angle in found["posture_deg"])
     lines = [
         f"{found['name']}: written to {options.out}",
-        f"  base {found['base']}, hand {found['tool']}, {options.approach} points out of it",
+        f"  base {found['base']}{_moved(found['origin'])}, hand {found['tool']}, "
+        f"{found['approach']} points out of it",
         f"  {found['azimuth']} turns the plane, {', '.join(found['throwing'])} throw",
         f"  posture {kept} deg",
     ]
+    if found["lateral"]:
+        lines.append(f"  the throw's plane is {found['lateral']:.4g} m beside the base's z axis")
     if found["held"]:
         lines.append(f"  held at 0: {', '.join(found['held'])}")
     if options.palm is None:

@@ -213,10 +213,11 @@ def ros_typestore() -> Any:
 
 
 def joint_names(motion: JointMotion, given: list[str] | None) -> list[str]:
-    """Names of all joints, the given ones or NAME_joint1, ...; InputError if they do not fit."""
+    """Names of all joints, the given ones, the arm's or NAME_joint1, ...; InputError if wrong."""
     count = motion.arm.joints
     if given is None:
-        return [f"{motion.arm.name}_joint{j + 1}" for j in range(count)]
+        own = (f"{motion.arm.name}_joint{j + 1}" for j in range(count))
+        return list(motion.arm.joint_names or own)
     if len(given) != count or len(set(given)) != count:
         raise InputError(f"--joint-names {' '.join(given)}: must be {count} different names")
     return given

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
@@ -11,9 +12,9 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from ...models import Arm, JointFrame, JointLimits, LinkInertia, PlanarArm, Tool
+from ...models import Arm, JointLimits, LinkInertia, PlanarArm, Tool
 from ..section import InputError
-from .chain import UrdfChain, hanging, origin
+from .chain import UrdfChain, hanging, joint_named, origin
 
 Array = npt.NDArray[np.float64]
 #: A value per joint, None where there is none.
@@ -31,6 +32,9 @@ LIMIT_OPTIONS = {
 }
 #: Joint states at which the written file is held against yourdfpy, and how far it may be off.
 STATES, EXACT = 24, 1e-9
+#: What joints that do not throw may keep [rad], and how far axes along or across are off.
+QUARTERS, ALIGNED = (math.pi, math.pi / 2, -math.pi / 2), 1e-6
+CHANGE = "; change --azimuth, --throwing, --posture-deg, --tool or --approach"
 #: Without a palm the hand is a point this far [m] behind the pads at least, off the bar.
 NO_PALM = 0.1
 
@@ -90,34 +94,32 @@ def arm_of(chain: UrdfChain, limits: JointLimits, choices: Choices) -> Arm:
     palm = choices.palm or (behind, behind, 0.0)
     tool = Tool(0.0, 0.0, choices.tcp, *palm, xyz=mount.xyz, rpy=mount.rpy)
     azimuth = 1 if choices.azimuth is None else _number(chain, "--azimuth", choices.azimuth)
-    posture = choices.posture or _posture(limits)
-    words = f"{choices.name}, joints {', '.join(chain.names)}"
-    masses = link_inertias(chain)
-    draft = Arm(choices.name, words, tuple(joints), tool, limits, azimuth, (), posture, masses)
-    axes, hand = _at_posture(draft)
-    _check_base(draft, chain)
-    throwing = tuple(_number(chain, "--throwing", name) for name in choices.throwing)
+    draft = Arm(
+        name=choices.name,
+        description=f"{choices.name}, joints {', '.join(chain.names)}",
+        chain=tuple(joints),
+        tool=tool,
+        limits=limits,
+        azimuth_joint=azimuth,
+        throwing_joints=tuple(_number(chain, "--throwing", name) for name in choices.throwing),
+        posture=choices.posture or _posture(limits),
+        links=link_inertias(chain),
+        joint_names=chain.names,
+    )
+    throwing = draft.throwing_joints
     if azimuth in throwing or len(set(throwing)) < len(throwing):
         raise InputError("--throwing: must name joints once each, and not the azimuth joint")
-    if not throwing:
-        across = np.abs(axes[:, 1]) > 1 - 1e-6
-        throwing = tuple(i for i in range(1, draft.joints + 1) if across[i - 1] and i != azimuth)
-    if not throwing:
-        raise InputError(
-            "no joint's axis is normal to the plane y = 0 at the posture: give --posture-deg, "
-            "--throwing or --azimuth"
-        )
+    _check_base(draft, chain)
+    if throwing:
+        _check_posture(draft, chain)
+    arm = _planar(draft, [] if choices.posture else QUARTERS)
     if not choices.posture:
-        posture = _pads_in_plane(draft, axes, hand, max(throwing))
-    arm = Arm(choices.name, words, tuple(joints), tool, limits, azimuth, throwing, posture, masses)
+        arm = dataclasses.replace(arm, posture=_pads_in_plane(arm))
     _check_posture(arm, chain)
     try:
         PlanarArm(arm)
     except ValueError as error:
-        raise InputError(
-            f"{error}; change --azimuth, --throwing, --posture-deg, --tool or --approach"
-            f"{_rounded(arm)}"
-        ) from None
+        raise InputError(f"{error}{CHANGE}") from None
     return arm
 
 
@@ -157,9 +159,7 @@ def _in_file(joint: object, name: str) -> float | None:
 
 def _number(chain: UrdfChain, option: str, name: str) -> int:
     """The number, from 1, of the chosen joint that an option names."""
-    if name not in chain.names:
-        raise InputError(f"{option}: no joint '{name}' among --joints {' '.join(chain.names)}")
-    return chain.names.index(name) + 1
+    return chain.names.index(joint_named(chain.names, option, name)) + 1
 
 
 def _posture(limits: JointLimits) -> tuple[float, ...]:
@@ -169,37 +169,75 @@ def _posture(limits: JointLimits) -> tuple[float, ...]:
 
 
 def _at_posture(arm: Arm) -> tuple[Array, Array]:
-    """Joint axes (n, 3) and the hand's rotation (3, 3) at the posture and azimuth 0."""
-    posture = np.array(arm.posture)
-    posture[arm.azimuth_joint - 1] = 0.0
-    frames = [np.array(ca.evalf(pose)) for pose in arm.frames(ca.SX(ca.DM(posture)))]
+    """Joint axes (n, 3) and the hand's rotation (3, 3) at the posture."""
+    frames = [np.array(ca.evalf(pose)) for pose in arm.frames(ca.SX(ca.DM(arm.posture)))]
     return np.array([pose[:3, 2] for pose in frames[: arm.joints]]), frames[-1][:3, :3]
 
 
 def _check_base(arm: Arm, chain: UrdfChain) -> None:
     """InputError unless the azimuth joint turns about the base's z axis."""
     pose = np.array(ca.evalf(arm.frames(ca.SX(ca.DM(list(arm.posture))))[arm.azimuth_joint - 1]))
-    if np.abs(pose[:2, 3]).max() > EXACT or np.abs(pose[:3, 2] - [0, 0, 1]).max() > EXACT:
+    if np.abs(pose[:2, [2, 3]]).max() > EXACT:
         raise InputError(
-            f"joint '{chain.names[arm.azimuth_joint - 1]}' does not turn upwards about the z axis "
-            f"of link '{chain.base}': choose another --azimuth or --base{_rounded(arm)}"
+            f"joint '{chain.names[arm.azimuth_joint - 1]}' does not turn about the z axis, which "
+            f"is upright, of link '{chain.base}': choose another --azimuth or --base"
         )
 
 
-def _rounded(arm: Arm) -> str:
-    """A hint where the URDF has right angles like 1.5708: these bend the plane."""
-    for joint in arm.chain:
-        for angle in joint.rpy if isinstance(joint, JointFrame) else ():
-            off = abs(angle - round(angle / (math.pi / 2)) * math.pi / 2)
-            if 1e-10 < off < 1e-3:
-                return "; or write the URDF's right angles in full, 1.5707963267948966"
-    return ""
+def _planar(arm: Arm, ways: Sequence[float]) -> Arm:
+    """The arm with the posture in which the most joints throw in one vertical plane.
+
+    ways [rad]: what joints that do not throw may keep, besides the posture's own angle; the least
+    turns first. The azimuth joint's angle turns the plane along x. InputError where the hand is in
+    no such plane.
+    """
+    q = ca.SX.sym("q", arm.joints)
+    function = ca.Function("axes", [q], [ca.horzcat(*(pose[:3, 2] for pose in arm.frames(q)))])
+    low, high = arm.limits.position_min, arm.limits.position_max
+    found: list[tuple[int, float, Array, tuple[int, ...], Array]] = []
+    todo: list[tuple[int, Array, tuple[int, ...], Array | None]] = [
+        (1, np.array(arm.posture), (), None)
+    ]
+    while todo:
+        joint, posture, throwing, normal = todo.pop()
+        axes = np.array(function(posture)).T
+        if joint > arm.joints:
+            if normal is not None and abs(axes[-1] @ normal) < ALIGNED:
+                turned = np.abs(
+                    np.delete(posture, [arm.azimuth_joint - 1, *np.array(throwing) - 1])
+                )
+                found.append((-len(throwing), float(turned.sum()), posture, throwing, normal))
+            continue
+        axis, wanted = axes[joint - 1], joint in (arm.throwing_joints or (joint,))
+        level = abs(axis[2]) < ALIGNED if normal is None else abs(axis @ normal) > 1 - ALIGNED
+        if joint == arm.azimuth_joint:
+            todo.append((joint + 1, posture, throwing, normal))
+        elif wanted and level:
+            todo.append((joint + 1, posture, (*throwing, joint), axis))
+        else:
+            for angle in [*(way for way in ways if not level), posture[joint - 1]]:
+                if angle == posture[joint - 1] or low[joint - 1] <= angle <= high[joint - 1]:
+                    other = posture.copy()
+                    other[joint - 1] = angle
+                    todo.append((joint + 1, other, throwing, normal))
+    if not found:
+        raise InputError(
+            f"arm {arm.name}: its joints do not move the hand in the vertical plane of the azimuth "
+            f"joint{CHANGE}"
+        )
+    _, _, posture, throwing, normal = min(found, key=lambda each: each[:2])
+    turn, at = math.pi / 2 - math.atan2(normal[1], normal[0]), arm.azimuth_joint - 1
+    up = float(np.array(function(posture))[2, at])
+    angles = [posture[at] + up * (turn + k * math.pi) for k in (0, -1, 1, -2)]
+    angles = [0.0 if abs(angle) < 1e-12 else angle for angle in angles]
+    posture[at] = min(angles, key=lambda angle: (not low[at] <= angle <= high[at], abs(angle)))
+    return dataclasses.replace(arm, throwing_joints=throwing, posture=tuple(posture.tolist()))
 
 
-def _pads_in_plane(arm: Arm, axes: Array, hand: Array, last: int) -> tuple[float, ...]:
+def _pads_in_plane(arm: Arm) -> tuple[float, ...]:
     """The posture with the hand rolled so that its pads close across the plane, if it can."""
-    posture = list(arm.posture)
-    for i in range(arm.joints - 1, last - 1, -1):
+    (axes, hand), posture = _at_posture(arm), list(arm.posture)
+    for i in range(arm.joints - 1, max(arm.throwing_joints) - 1, -1):
         if i == arm.azimuth_joint - 1 or abs(axes[i] @ hand[:, 2]) < 1 - 1e-9:
             continue
         closing = hand[:, 1]
@@ -247,7 +285,7 @@ def link_inertias(chain: UrdfChain) -> tuple[LinkInertia, ...]:
 
 def held_joints(chain: UrdfChain) -> list[str]:
     """Names of the joints that could move and are held at 0: on the chain, or hanging on it."""
-    joints = [*chain.path]
+    joints = [*chain.before, *chain.path]
     todo = [chain.joints[0].child]
     while todo:
         for joint in hanging(chain.robot, todo.pop()):

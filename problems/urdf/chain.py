@@ -5,21 +5,27 @@ from __future__ import annotations
 import io
 import logging
 import math
-from collections.abc import Iterable, Sequence
+import re
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 from xml.etree import ElementTree
 
+import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
-from ...models import JointFrame
+from ...models import JointFrame, placement
 from ..files import read_text
 from ..section import InputError, hint_at
 
 Array = npt.NDArray[np.float64]
 
+#: Angles [rad] this near to a right one are right: 1.5708, 3.1416.
+ROUNDED = 1e-5
+#: A hand points along an axis of its link where this share of what hangs on it is along it.
+POINTS = 0.8
 #: A link's own axes, by the names that options have for them.
 AXES = {
     sign + name: (-1.0 if sign else 1.0) * np.eye(3)[i]
@@ -30,9 +36,12 @@ AXES = {
 
 @dataclass(frozen=True)
 class UrdfChain:
-    """The chosen joints of a URDF, from the base link to the hand's link.
+    """The chosen joints of a URDF, from the base frame to the hand's link.
 
-    path: all of yourdfpy's joints from base to tool link; joints: the chosen ones of them.
+    path: all of yourdfpy's joints from the first chosen one to the tool link; joints: the chosen
+    ones of them. begin (4, 4): the first one's parent link in the base frame, which is that of the
+    link `base`, moved by origin (3,) [m] onto the axis of the joint that turns the throw's plane.
+    before: joints that could move between base and first joint.
     turns (4, 4) each: how an arm's joint frame, whose z is the joint's axis, lies in the
     frame of the URDF's link; hand_turn (4, 4): how the hand's frame, whose z is the
     approach direction and y the closing direction, lies in the tool link's.
@@ -43,6 +52,9 @@ class UrdfChain:
     joints: tuple[Any, ...]
     base: str
     tool: str
+    begin: Array
+    origin: Array
+    before: tuple[Any, ...]
     turns: tuple[Array, ...]
     hand_turn: Array
 
@@ -57,7 +69,7 @@ class UrdfChain:
         Fixed joints are folded in, and so are those that are not chosen, at 0.
         """
         turns = dict(zip(self.names, self.turns, strict=True))
-        found, at = [], np.eye(4)
+        found, at = [], self.begin
         for joint in self.path:
             at = at @ origin(joint)
             if joint.name in turns:
@@ -68,14 +80,15 @@ class UrdfChain:
     def posed(self, q: Sequence[float]) -> tuple[Array, Array, Array]:
         """By yourdfpy: joint origins (n, 3), axes (n, 3) and the hand's pose (4, 4).
 
-        In the base link's frame, at joint angles q [rad], the other joints at 0.
+        In the base frame, at joint angles q [rad], the other joints at 0.
         """
         self.robot.update_cfg(dict(zip(self.names, map(float, q), strict=True)))
         links = [self.robot.get_transform(joint.child, self.base) for joint in self.joints]
         pairs = zip(links, self.joints, strict=True)
         axes = [link[:3, :3] @ unit_axis(joint) for link, joint in pairs]
-        hand = self.robot.get_transform(self.tool, self.base) @ self.hand_turn
-        return np.array([link[:3, 3] for link in links]), np.array(axes), hand
+        hand = np.array(self.robot.get_transform(self.tool, self.base) @ self.hand_turn)
+        hand[:3, 3] -= self.origin
+        return np.array([link[:3, 3] - self.origin for link in links]), np.array(axes), hand
 
 
 def read_urdf(path: Path) -> Any:
@@ -93,6 +106,7 @@ def read_urdf(path: Path) -> Any:
     logging.getLogger("yourdfpy.urdf").setLevel(logging.CRITICAL)
     try:
         # yourdfpy mends broken files by leaving out what it cannot read.
+        text = _declared(text)
         root = ElementTree.fromstring(text)
         if root.tag != "robot":
             raise ValueError("its root is not <robot>")
@@ -101,10 +115,31 @@ def read_urdf(path: Path) -> Any:
         source = io.BytesIO(text.encode())
         parsed = yourdfpy.URDF.load(source, load_meshes=False, build_scene_graph=False)
         _check_tree(parsed.robot)
+        for joint in parsed.robot.joints:
+            joint.origin = _squared(origin(joint))
         return yourdfpy.URDF(robot=parsed.robot, load_meshes=False)
     except Exception as error:  # yourdfpy lets through whatever its parts raise.
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"{path}: cannot be read as a URDF: {reason}") from None
+
+
+def _declared(text: str) -> str:
+    """The text with the prefixes of its names declared, which XML asks for and ROS does not."""
+    used = set(re.findall(r"<(\w+):", text)) | set(re.findall(r"<[^<>]*?\s(\w+):\w+\s*=", text))
+    missing = used - set(re.findall(r"xmlns:(\w+)", text)) - {"xmlns", "xml"}
+    names = "".join(f' xmlns:{name}="{name}"' for name in sorted(missing))
+    return re.sub(r"<robot\b", f"<robot{names}", text, count=1)
+
+
+def _squared(pose: Array) -> Array:
+    """A pose whose right angles are right to the last digit."""
+    frame = frame_of(pose)
+    near = [round(angle / (math.pi / 2)) * math.pi / 2 for angle in frame.rpy]
+    pairs = zip(frame.rpy, near, strict=True)
+    if not any(1e-14 < abs(angle - right) < ROUNDED for angle, right in pairs):
+        return pose
+    rpy = [r if abs(a - r) < ROUNDED else a for a, r in zip(frame.rpy, near, strict=True)]
+    return np.array(ca.evalf(placement(frame.xyz, (rpy[0], rpy[1], rpy[2]))))
 
 
 def _expanded(path: Path) -> str:
@@ -119,33 +154,111 @@ def chain_of(
     names: Sequence[str],
     tool: str | None = None,
     base: str | None = None,
-    approach: str = "z",
-    closing: str = "y",
+    approach: str | None = None,
+    closing: str | None = None,
+    azimuth: str | None = None,
 ) -> UrdfChain:
     """The chain of the joints `names`, in order from the base; InputError naming the joint.
 
-    tool: the hand's link; None for the last that hangs on the last joint without a branch.
-    base: the link whose frame is the arm's base, None for the root. approach, closing:
-    axes of the tool link (`AXES`) along which the hand points and its pads close.
+    names: numbers count the joints that turn on the way to `tool`; none: these. tool: the hand's
+    link; None for the last that hangs on the last joint without a branch. base: the link whose
+    frame is the arm's base, None for the root. approach, closing: axes of the tool link (`AXES`)
+    along which the hand points and its pads close; None: z, where nothing speaks against it, and y
+    or z. azimuth: the joint that turns the throw's plane, None for the first.
     """
+    if tool is not None:
+        _link(robot, "--tool", tool)
+    names = _named(robot, names, tool)
     chosen = [_chosen(robot, name) for name in names]
     if len(set(names)) < len(names) or len(names) < 2:
         raise InputError("--joints: must name two joints or more, each once")
     _check_serial(robot, chosen)
-    tool = _last_link(robot, chosen[-1]) if tool is None else _link(robot, "--tool", tool)
+    tool = _last_link(robot, chosen[-1]) if tool is None else tool
     base = robot.base_link if base is None else _link(robot, "--base", base)
     path = _path(robot, tool)
     if chosen[-1] not in path:
         raise InputError(f"--tool {tool}: must hang on the last joint '{names[-1]}'")
-    parents = [joint.parent for joint in path]
-    if base not in parents[: path.index(chosen[0]) + 1]:
-        raise InputError(f"--base {base}: must be a link before the first joint '{names[0]}'")
-    path = path[parents.index(base) :]
-    for joint in path:
+    under = _path(robot, base)
+    if any(joint in under for joint in chosen):
+        raise InputError(f"--base {base}: must not move with the joint '{names[0]}'")
+    first = path.index(chosen[0])
+    before = [joint for joint in path[:first] if joint not in under]
+    before += [joint for joint in under if joint not in path]
+    path = path[first:]
+    for joint in [*before, *path]:
         if joint.mimic is not None:
             raise InputError(f"joint '{joint.name}' mimics '{joint.mimic.joint}': not supported")
-    turns, hand = tuple(axis_turn(joint) for joint in chosen), hand_turn(approach, closing)
-    return UrdfChain(robot, tuple(path), tuple(chosen), base, tool, turns, hand)
+    robot.update_cfg(dict.fromkeys(robot.actuated_joint_names, 0.0))
+    begin, turning = robot.get_transform(chosen[0].parent, base).copy(), names[0]
+    if azimuth is not None:
+        turning = joint_named(names, "--azimuth", azimuth)
+    x, y = np.round(robot.get_transform(robot.joint_map[turning].child, base)[:2, 3], 12) + 0.0
+    place = np.array([x, y, 0.0])
+    begin[:3, 3] -= place
+    if approach is None:
+        approach = _approach(robot, path, tool)
+    hand = hand_turn(approach, closing or ("z" if approach.endswith("y") else "y"))
+    turns = tuple(axis_turn(joint) for joint in chosen)
+    moving = tuple(joint for joint in before if joint.type != "fixed")
+    return UrdfChain(
+        robot, tuple(path), tuple(chosen), base, tool, begin, place, moving, turns, hand
+    )
+
+
+def joint_named(names: Sequence[str], option: str, name: str) -> str:
+    """The one of the chosen joints that an option names, or numbers from 1."""
+    if name in names:
+        return name
+    if name.isdigit() and 1 <= int(name) <= len(names):
+        return names[int(name) - 1]
+    raise InputError(f"{option}: no joint '{name}' among --joints {' '.join(names)}")
+
+
+def _named(robot: Any, names: Sequence[str], tool: str | None) -> list[str]:
+    """The chosen joints' names: those given, those of the numbers given, or all to the tool."""
+    numbers = [name for name in names if name.isdigit() and name not in robot.joint_map]
+    if names and not numbers:
+        return list(names)
+    if tool is None:
+        said = f"--joints {numbers[0]}" if numbers else "--joints"
+        raise InputError(f"{said}: names of joints, or --tool LINK, to which they are counted")
+    kinds = ("revolute", "continuous")
+    turning = [j.name for j in _path(robot, tool) if j.type in kinds and j.mimic is None]
+    return [
+        joint_named(turning, "--joints", name) if name in numbers else name
+        for name in names or turning
+    ]
+
+
+def _approach(robot: Any, path: Sequence[Any], tool: str) -> str:
+    """z, the axis of the tool link out of the hand; InputError where it seems to be another one.
+
+    What hangs on the link shows where the hand points, or else the way from the joint before.
+    """
+    hung = list(_below(robot, tool))
+    away = np.mean([at[:3, 3] for at in hung], axis=0) if hung else np.zeros(3)
+    back = np.eye(4)
+    for joint in reversed(path):
+        if np.linalg.norm(away) > 1e-3:
+            break
+        back = origin(joint) @ back
+        away = -np.linalg.inv(back)[:3, 3]
+    length = float(np.linalg.norm(away))
+    likely = [name for name, axis in AXES.items() if axis @ away > POINTS * length > 0]
+    if likely and likely != ["z"]:
+        raise InputError(
+            f"--approach: the hand on link '{tool}' seems to point along its {likely[0]}, not z: "
+            f"say --approach={likely[0]}, or --approach=z if it is z"
+        )
+    return "z"
+
+
+def _below(robot: Any, link: str, at: Array | None = None) -> Iterator[Array]:
+    """Poses (4, 4) of the links that hang on a link, in its frame, joints at 0."""
+    for joint in hanging(robot, link):
+        pose = (np.eye(4) if at is None else at) @ origin(joint)
+        yield pose
+        yield from _below(robot, str(joint.child), pose)
 
 
 def hanging(robot: Any, link: str) -> list[Any]:
@@ -162,7 +275,8 @@ def _check_tree(robot: Any) -> None:
                 raise ValueError(f"two {kind}s are called '{name}'")
     parents = {}
     for joint in robot.joints:
-        unit_axis(joint)
+        if joint.type != "fixed":
+            unit_axis(joint)
         for link in (joint.parent, joint.child):
             if link not in links:
                 raise ValueError(f"joint '{joint.name}' names a link '{link}' that is not there")

@@ -117,6 +117,15 @@ def test_a_link_may_be_the_base(tmp_path, odd_file, odd) -> None:
     for q in states(odd, 3):
         one, other = (np.array(frames_of(a)(q)[-1]) for a in (arm, odd))
         np.testing.assert_allclose(one, other, atol=1e-12)
+    # In the root's frame, moved onto the axis of the first joint, the arm is turned and raised.
+    arm = imported(tmp_path, raised, JOINTS, *ODD_OPTIONS)
+    assert arm.posture[0] == pytest.approx(-1.0) and arm.lateral == 0.0
+    for q in states(odd, 3):
+        one, other = (np.array(frames_of(a)(q)[-1]) for a in (arm, odd))
+        turned = np.array(
+            [[math.cos(1), -math.sin(1), 0], [math.sin(1), math.cos(1), 0], [0, 0, 1]]
+        )
+        np.testing.assert_allclose(one[:3, 3], turned @ other[:3, 3] + [0, 0, 3], atol=1e-12)
 
 
 # Masses.
@@ -247,9 +256,9 @@ REFUSED = {
     "order": (["turn", "bend", "lift"], [], None, "from the base on: turn lift bend"),
     "tool": (JOINTS, ["--tool", "base"], None, "must hang on the last joint 'flick'"),
     "no such tool": (JOINTS, ["--tool", "hant"], None, "no link 'hant', did you mean 'hand'"),
-    "base": (JOINTS, ["--base", "hand"], None, "before the first joint 'turn'"),
+    "base": (JOINTS, ["--base", "hand"], None, "must not move with the joint 'turn'"),
     "closing": (JOINTS, ["--closing", "x", "--approach=-x"], None, "must not be the axis"),
-    "azimuth": (JOINTS, ["--azimuth", "lift"], None, "'lift' does not turn upwards"),
+    "azimuth": (JOINTS, ["--azimuth", "lift"], None, "'lift' does not turn about the z axis"),
     "azimuth unknown": (JOINTS, ["--azimuth", "roll"], None, "no joint 'roll' among"),
     "throwing": (JOINTS, ["--throwing", "turn"], None, "not the azimuth joint"),
     "posture length": (JOINTS, ["--posture-deg", "1"], None, "must be 4 values"),
@@ -295,13 +304,34 @@ def test_bad_input_is_one_line_and_writes_nothing(case, tmp_path, odd_file, refu
     assert re.search(message, line)
 
 
-def test_right_angles_that_are_rounded_are_named(tmp_path, refused) -> None:
-    """1.5708 for pi/2 tilts a joint by 4e-6: the hand leaves the plane."""
+def test_rounded_right_angles_and_undeclared_prefixes_do_not_matter(tmp_path, panda) -> None:
+    """1.5708 for pi/2 tilts a joint by 4e-6: the hand would leave the plane."""
     text = PANDA_URDF.read_text().replace("1.5707963267948966", "1.5708")
-    (tmp_path / "rounded.urdf").write_text(text.replace("<robot", f"<robot {XACRO}"))
-    words = ["--joints", *PANDA_JOINTS, *PANDA_OPTIONS, "--out", tmp_path / "arm.toml"]
-    line = refused("import-robot", tmp_path / "rounded.urdf", *words)
-    assert "write the URDF's right angles in full" in line
+    text = text.replace("<limit ", '<limit drake:acceleration="2" ').replace(
+        "</robot>", "<ros2:control/></robot>"
+    )
+    (tmp_path / "rounded.urdf").write_text(text)
+    assert imported(tmp_path, tmp_path / "rounded.urdf", PANDA_JOINTS, *PANDA_OPTIONS) == panda
+
+
+def test_joints_by_number_or_all_on_the_way_to_the_tool(tmp_path, odd_file, odd, refused) -> None:
+    numbered = imported(
+        tmp_path, odd_file, ["1", "2", "3", "5"], *ODD_OPTIONS, "--throwing", *"234"
+    )
+    assert numbered == odd and odd.joint_names == tuple(JOINTS)
+    words = ["--out", tmp_path / "all.toml", "--acceleration", "10", "--jerk", "1000"]
+    hand = ["--tool", "hand", "--approach=-x"]
+    assert main([str(word) for word in ("import-robot", odd_file, *words, *hand)]) == 0
+    assert "joint_names = ['turn', 'lift', 'bend', 'roll', 'flick']" in words[1].read_text()
+    assert "or --tool LINK" in refused("import-robot", odd_file, *words)
+    line = refused("import-robot", odd_file, *words, "--tool", "hand", "--joints", "1", "6")
+    assert "--joints: no joint '6'" in line
+
+
+def test_a_hand_that_seems_to_point_along_another_axis_is_asked_about(odd_file, refused, tmp_path):
+    words = ["--acceleration", "10", "--jerk", "1000", "--out", tmp_path / "arm.toml"]
+    line = refused("import-robot", odd_file, "--tool", "hand", *words)
+    assert "seems to point along its -x, not z: say --approach=-x, or --approach=z" in line
 
 
 def test_all_missing_limits_are_named_in_one_line(tmp_path, odd_file, refused) -> None:
@@ -309,7 +339,7 @@ def test_all_missing_limits_are_named_in_one_line(tmp_path, odd_file, refused) -
     for name in ("lift", "bend"):
         tree.find(f"joint[@name='{name}']/limit").set("velocity", "0")
     tree.write(tmp_path / "odd.urdf")
-    words = ["--joints", *JOINTS, "--out", tmp_path / "arm.toml"]
+    words = ["--joints", *JOINTS, "--approach=-x", "--out", tmp_path / "arm.toml"]
     line = refused("import-robot", tmp_path / "odd.urdf", *words)
     for part in (
         "velocity of lift, bend (--velocity)",
