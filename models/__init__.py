@@ -4,12 +4,15 @@ Release models are in the registry `MODELS`; scenes, files and solvers are not k
 """
 
 from .body import (
+    Array,
     Body,
     Contact,
+    Flags,
     FlightState,
     HandMotion,
     HandSamples,
     HandTrack,
+    Indices,
     Value,
     com_twist,
     com_wrench,

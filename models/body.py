@@ -22,6 +22,8 @@ import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+Flags = npt.NDArray[np.bool_]
+Indices = npt.NDArray[np.int_]
 #: float, NumPy array of shape (N,), or a scalar CasADi SX/MX expression.
 Value = Any
 

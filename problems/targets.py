@@ -6,12 +6,9 @@ import dataclasses
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-from ..models import DECIDING, Solid
+from ..models import DECIDING, Array, Solid
 from .section import InputError, Section, optional, quantity
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclasses.dataclass(frozen=True)

@@ -18,13 +18,11 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..models import Arm, TableRelease
+from ..models import Arm, Array, TableRelease
 from .arms import load_arm
 from .files import read_csv, read_text, shipped, toml_key, toml_lines, toml_tables
 from .grip import Grasp, ThrownObject, grip_samples, held_object
 from .section import InputError, Section, from_table, meanings, quantity, table_of, unknown
-
-Array = npt.NDArray[np.float64]
 
 #: Columns of throws.csv that mean something here; any other is a factor, a label.
 NEEDED = ("throw", "object", "motion", "grip", "command")

@@ -7,10 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ...models import FlightState
+from ...models import Array, FlightState
 from ...problems import Cup, Scene
-
-Array = npt.NDArray[np.float64]
 
 #: Flight instants on which the entry is sought, bisections that locate its ends, instants of
 #: the entry at which the clearance is measured, and how often it is measured anew around

@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-import numpy.typing as npt
 
-from ...models import Arm, HandTrack, MovedHand, Path, PlanarArm, hand_motion
+from ...models import Arm, Array, HandTrack, MovedHand, Path, PlanarArm, hand_motion
 from ...problems import InputError, Motion, Scene
-
-Array = npt.NDArray[np.float64]
 
 #: Joints that do not throw may wander this far [rad] from the arm's posture.
 POSTURE_ROOM = 0.05

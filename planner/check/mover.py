@@ -7,12 +7,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
 from ...core import AXES, LimitsC
 from ...models import (
     Arm,
     ArmCapsules,
+    Array,
     MovedHand,
     Path,
     PlanarArm,
@@ -20,8 +20,6 @@ from ...models import (
     hand_motion,
 )
 from ...problems import Hand, InputError, Scene
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

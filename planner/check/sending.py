@@ -19,10 +19,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ...core import SamplesC, address, library
-from ...models import Path
+from ...models import Array, Path
 from .mover import Limits, Mover
 
-Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 #: Sampling interval [s] of everything that is sent: 1 kHz.

@@ -17,6 +17,7 @@ from ...models import (
     BATCH_MODELS,
     MODELS,
     SLIDING_PIVOT,
+    Array,
     BatchRelease,
     Body,
     Contact,
@@ -30,8 +31,6 @@ from ...models import (
 from ...problems import InputError, Scene, as_scene, hint_at, plain
 from .given_motion import given_hand
 from .throw import LandingPoint, case_of, landing
-
-Array = npt.NDArray[np.float64]
 
 #: Most steps of an opening that may be asked for.
 MOST_STEPS = 100_000

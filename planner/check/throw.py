@@ -16,6 +16,7 @@ import numpy.typing as npt
 from ...models import (
     SLIDING_PIVOT,
     STEPPED_SURFACE,
+    Array,
     FlightState,
     HandSamples,
     HandTrack,
@@ -31,8 +32,6 @@ from .measures import Measured, grip_use, measured
 from .mover import Mover
 from .sending import NO_SAMPLES, TICK, Samples
 from .torques import Torques, torques_of
-
-Array = npt.NDArray[np.float64]
 
 #: Exact release models by their names: the paper's, and the time-stepping limit surface.
 EXACT = {SLIDING_PIVOT: exact_pivot_release, STEPPED_SURFACE: exact_surface_release}

@@ -6,15 +6,12 @@ from dataclasses import dataclass
 from functools import cached_property, lru_cache, partial
 
 import numpy as np
-import numpy.typing as npt
 
 from ...core import AXES, TorquesC
-from ...models import Path, PlanarArm, PlanarDynamics, pivot_wrench
+from ...models import Array, Path, PlanarArm, PlanarDynamics, pivot_wrench
 from ...problems import Scene, Torque
 from .mover import Mover
 from .sending import TICK
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True)

@@ -12,12 +12,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from ...models import Array
 from ...problems import Distribution, Scene, Uncertainty, toml_lines, uncertainty_table
 from .predict import UNKNOWNS, USUAL, parameter_sets
-
-Array = npt.NDArray[np.float64]
 
 #: Chi-squared of two degrees of freedom that 95 % stay below.
 CHI2_95 = 5.991

@@ -14,13 +14,10 @@ from dataclasses import dataclass
 from functools import cache
 
 import numpy as np
-import numpy.typing as npt
 
 from ...problems import Gripper, PadContact, Scene, ThrownObject, Workspace, load_scene
 from ..check import TICK, Mover, Samples, Throw, make_mover, send
 from ..search import carry
-
-Array = npt.NDArray[np.float64]
 
 #: The paper's bar, Table II, and those of its factor analysis. Where the paper gives no CoM it
 #: is the middle of the bar; the inertia of a changed mass is taken as unchanged.

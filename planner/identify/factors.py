@@ -7,12 +7,9 @@ from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from ...models import Array, Indices
 from ...problems import InputError, ThrowData, hint_at
-
-Array = npt.NDArray[np.float64]
-Rows = npt.NDArray[np.int_]
 
 #: The paper's six factors by their columns, and whether labels that are numbers go up (1), down
 #: (-1) or as they come (0) from condition A to condition B.
@@ -33,8 +30,8 @@ class Comparison:
 
     factor: str
     labels: tuple[str, str]
-    first: Rows
-    second: Rows
+    first: Indices
+    second: Indices
 
 
 @dataclass(frozen=True)
@@ -54,7 +51,7 @@ class FactorRow:
     p: Array
 
 
-def batch_rows(data: ThrowData) -> Rows:
+def batch_rows(data: ThrowData) -> Indices:
     """The throws that parameters are fitted to: those on the surface that most are on, and of
     these not the ones that vary one factor apart."""
     rows = usual_surface(data)

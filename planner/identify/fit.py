@@ -15,13 +15,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from ...models import Array
 from ...problems import InputError
 from .belief import ASSUMED, Belief, sets_at
 from .predict import Predictor
-
-Array = npt.NDArray[np.float64]
 
 #: Where the unknowns may lie: mu, r_p [m], delay [s], scale.
 RANGES = {

@@ -9,10 +9,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ...models import Array, Indices
 from .predict import Predictor, Progress, parameter_sets
 
-Array = npt.NDArray[np.float64]
-Rows = npt.NDArray[np.int_]
 Axes = tuple[Array, Array]
 
 #: The paper's grid: 0.25 to 1.2, and 2.5 to 12 mm.
@@ -63,7 +62,7 @@ class Grid:
         i, j = np.unravel_index(int(np.argmin(mean)), mean.shape)
         return int(i), int(j)
 
-    def part(self, rows: Rows) -> Grid:
+    def part(self, rows: Indices) -> Grid:
         """The same for some of the throws, with their share of the time."""
         seconds = self.seconds * len(rows) / self.throws
         return replace(self, errors=self.errors[rows], detach=self.detach[rows], seconds=seconds)

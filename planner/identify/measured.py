@@ -6,13 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from ...models import LinearRelease, TableRelease
+from ...models import Array, LinearRelease, TableRelease
 from ...problems import InputError, MeasuredThrow, Scene, Shared, ThrowData
 from ..result import Plan, sent_throw
-
-Array = npt.NDArray[np.float64]
 
 #: Fewest samples of a flight.
 SAMPLES = 21

@@ -10,9 +10,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
-from ...models import MODELS, SLIDING_PIVOT, STEPPED_SURFACE
+from ...models import MODELS, SLIDING_PIVOT, STEPPED_SURFACE, Array
 from ..show import BLACK, BLUE, GREEN, GREY, RED, new_figure
 from .factors import SIGNIFICANT, FactorRow
 from .grid import MISSED
@@ -26,7 +25,6 @@ if TYPE_CHECKING:
     from .identified import Identified
     from .validation import Validation
 
-Array = npt.NDArray[np.float64]
 Style = dict[str, Any]
 
 #: Pictures of a validation with what is to be seen.

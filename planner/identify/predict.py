@@ -12,10 +12,12 @@ import numpy.typing as npt
 
 from ...models import (
     MODELS,
+    Array,
     Body,
     Contact,
     HandTrack,
     ImplicitRelease,
+    Indices,
     Path,
     Release,
     ReleaseBatch,
@@ -26,8 +28,6 @@ from ...problems import InputError, MeasuredThrow, ThrowData
 from ..check import named_model, recorded_joints
 from .measured import Landings, measured
 
-Array = npt.NDArray[np.float64]
-Rows = npt.NDArray[np.int_]
 #: Called with the throws that are done and all of them.
 Progress = Callable[[int, int], None]
 
@@ -90,7 +90,7 @@ class Predictor:
         """What was measured; InputError for a track that never lands."""
         return measured(self.data)
 
-    def part(self, rows: Rows) -> Predictor:
+    def part(self, rows: Indices) -> Predictor:
         """The same for some of the throws."""
         return Predictor(self.data.picked(rows), tuple(self.hands[i] for i in rows))
 
@@ -138,7 +138,7 @@ class Predictor:
         """One throw by a model with one parameter set (4,), all along the opening."""
         return MODELS[model].release(self.case(row, one))
 
-    def _groups(self, sets: int) -> Iterator[Rows]:
+    def _groups(self, sets: int) -> Iterator[Indices]:
         """Throws whose grip forces fall alike, as many as make a batch with M sets each.
 
         Few throws at once keep NumPy busy with arrays of a few entries only.
@@ -160,7 +160,7 @@ class Predictor:
         end = single.release(self.case(row, one)).detach
         return [end.x, end.z, end.theta, end.v_x, end.v_z, end.omega]
 
-    def _batch(self, rows: Rows, sets: Array) -> ReleaseBatch:
+    def _batch(self, rows: Indices, sets: Array) -> ReleaseBatch:
         """Some throws with every parameter set as one batch, throw by throw."""
         throws, shared = [self.data.throws[i] for i in rows], self.data.shared
         reach = float(np.abs(sets[:, 2]).max()) + 2 * STEP

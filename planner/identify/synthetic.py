@@ -12,10 +12,10 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
 from ...models import (
     PATCH_CHUNK,
+    Array,
     Body,
     Contact,
     FlightState,
@@ -54,8 +54,6 @@ from .design import (
     grip_use,
     scene_with,
 )
-
-Array = npt.NDArray[np.float64]
 
 #: Sampling of joints, track and grip force [s], the paper's.
 JOINTS, TRACK, FORCES = 1 / 500, 1 / 250, 1 / 1000

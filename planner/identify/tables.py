@@ -7,16 +7,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from ...models import Array
 from ...problems import filling
 from ..show import Row, Table, save
 from .factors import SIGNIFICANT, FactorRow
 from .grid import MISSED
 from .pictures import DEGREES, PICTURES, validation_pictures
 from .validation import ModelCheck, Validation
-
-Array = npt.NDArray[np.float64]
 
 TABLES = ("parameters", "errors", "cross_validation", "factors", "errors_by_throw")
 #: All that a validation leaves in its folder.

@@ -11,16 +11,13 @@ from collections.abc import Callable, Hashable, Sequence
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from ...models import VALIDATED
+from ...models import VALIDATED, Array, Indices
 from ...problems import ThrowData
 from .factors import SURFACE, FactorRow, batch_rows, comparisons, conditions, factor_rows
 from .grid import AXES, CELLS, Grid, grid_of
 from .predict import Predictor, Progress, check_model, parameter_sets
 
-Array = npt.NDArray[np.float64]
-Rows = npt.NDArray[np.int_]
 #: Told what comes next; gives what is told (done, total) of it.
 About = Callable[[str], Progress]
 
@@ -93,7 +90,7 @@ class Validation:
 
     data: ThrowData
     predictor: Predictor
-    batch: Rows
+    batch: Indices
     conditions: list[tuple[str, ...]]
     checks: dict[str, ModelCheck]
     factors: list[list[FactorRow]]

@@ -18,14 +18,11 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from ...models import Array, Indices
 from ..compile import digest, source_of
 from .layout import Block
 from .stages import Parameters, Stage, StageFunctions, differentiate, inserted
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int_]
 
 
 @dataclass(frozen=True)

@@ -11,15 +11,12 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
-from ...models import Path
+from ...models import Array, Path
 from .asked import USUAL, Asked, Request
 from .layout import CARRY_MIN, JERK_UNIT
 from .nlp import WEIGHTS, ThrowNlp
 from .phases import interval_effort
-
-Array = npt.NDArray[np.float64]
 
 
 @dataclass(frozen=True, eq=False)

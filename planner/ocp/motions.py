@@ -5,16 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 import numpy as np
-import numpy.typing as npt
 
-from ...models import Path
+from ...models import Array, Path
 from .asked import Request
 from .layout import JERK_UNIT, Block
 from .nlp import ThrowNlp
 from .phases import SLIP_UNIT, TURN_UNIT
 from .solver import Solution
-
-Array = npt.NDArray[np.float64]
 
 #: A multiplier counts as binding above this share of the largest, where the bound is this near.
 BINDING_SHARE, BINDING_DISTANCE = 0.02, 1e-4

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from ...models import Array
 from .asked import Request
 from .assembly import Nlp, assemble
 from .context import BRAKE_SHARE, Context, Structure
@@ -19,8 +19,6 @@ from .phases import add_brake, add_flight, add_interval, grip_force, grip_instan
 from .stages import Stage
 from .terms import terms_of
 from .window import opening_nodes
-
-Array = npt.NDArray[np.float64]
 
 #: Cost weights: relative acceleration squared, relative jerk squared, carry time [1/s].
 WEIGHTS = (10.0, 1.0, 2.0)

@@ -15,15 +15,12 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
-from ...models import FlightState, HandMotion, rk4_step
+from ...models import Array, FlightState, HandMotion, rk4_step
 from ...problems import Mesh
 from .context import Context, Hand, Instant
 from .layout import ACC, DQ, FAR, JERK_UNIT, REL, SHORT, T_F, T
 from .stages import Stage
-
-Array = npt.NDArray[np.float64]
 
 #: Two-point Gauss method: nodes, coefficients, weights; its coefficients applied twice
 #: integrate accelerations to positions.

@@ -14,10 +14,8 @@ from itertools import groupby
 import numpy as np
 import numpy.typing as npt
 
-from ...models import Solid
+from ...models import Array, Solid
 from ..check import Track
-
-Array = npt.NDArray[np.float64]
 
 #: Directions of planes: around the throw's plane, and tilted out of it by these angles [rad].
 AROUND, TILTS = 32, (0.0, 0.4, -0.4, 0.8, -0.8)

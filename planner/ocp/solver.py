@@ -19,12 +19,10 @@ from typing import Any, TypeVar
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from ...models import Array
 from ..compile import compiled
 from .assembly import Nlp, nlp_functions, nlp_key
-
-Array = npt.NDArray[np.float64]
 
 MAX_ITERATIONS = {"fatrop": 150, "ipopt": 500}
 #: Barrier parameter at the start: small, for the starting points are good ones.

@@ -28,9 +28,9 @@ import casadi as ca
 import numpy as np
 import numpy.typing as npt
 
+from ...models import Array
 from .layout import Block
 
-Array = npt.NDArray[np.float64]
 Lifted = list[tuple[ca.SX, ca.SX]]
 
 

@@ -6,12 +6,10 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from ...models import Array
 from ...problems import USUAL_UNCERTAINTY, Mesh, Scene
 from ..check import Throw, friction_use
-
-Array = npt.NDArray[np.float64]
 
 #: Longest interval [s] of the window before the opening and after detach.
 STEP = 0.005

@@ -18,8 +18,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from ...models import Array
 from ...problems import Pose, Scene
 from ..ocp import USUAL, Asked, Optimum, Solution, binding_limits
 from ..search import (
@@ -39,7 +39,6 @@ from ..search import (
 )
 from .maps import WIDTHS, reach_map
 
-Array = npt.NDArray[np.float64]
 Cell = tuple[int, int]
 Landings = tuple[Array, Array]
 Progress = Callable[[int, int], None]

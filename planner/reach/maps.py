@@ -19,7 +19,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models import land
+from ...models import Array, land
 from ...problems import InputError, Scene, as_scene, filling
 from ..check import enters_cup_at_landing, make_mover
 from ..ocp import CUP_MARGIN, FLIGHT_MAX
@@ -27,9 +27,7 @@ from ..search import Library, check_start, highest, joined
 from .picture import draw_map
 from .throws import allowed, cells_of, chunks, margins
 
-Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
-Flags = npt.NDArray[np.bool_]
 Progress = Callable[[int, int], None]
 
 #: Bin widths [m, rad], finest first. The first is taken that leaves a reached bin FILL

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from ...models import Array
 from ..show import BLACK, BLUE, RED, TEAL, new_figure, save
 
 if TYPE_CHECKING:
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
 
     from .maps import ReachMap
 
-Array = npt.NDArray[np.float64]
 
 #: Contour lines of the number of throws: levels of a decade, and how many of the highest
 #: are drawn. Levels under LEAST would move far with one throw more.

@@ -14,14 +14,13 @@ from collections.abc import Iterator
 import numpy as np
 import numpy.typing as npt
 
+from ...models import Array, Flags
 from ...problems import Scene
 from ..check import Limits, Mover, held_bar, lowest_of_bar, outline, palm_corners
 from ..ocp import BRAKE_SHARE, PASSING_MARGIN
 from ..search import Releases, ReleaseSampler, flies_past_column, run_up
 
-Array = npt.NDArray[np.float64]
 Counts = npt.NDArray[np.int64]
-Flags = npt.NDArray[np.bool_]
 
 #: States that are sampled at a time.
 CHUNK = 20_000

@@ -6,15 +6,13 @@ import math
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from ...models import SLIDING_PIVOT, FlightState, HandSamples, Path, SlidingPivotRelease
+from ...models import SLIDING_PIVOT, Array, FlightState, HandSamples, Path, SlidingPivotRelease
 from ...problems import Pose, Scene
 from ..check import Mover, broken_limits, case_of
 from ..ocp import broken
 from ..result import PlannedThrow
 
-Array = npt.NDArray[np.float64]
 #: Steps of the independent release, doubled at most so many times until it is settled.
 STEPS, DOUBLINGS = 8000, 4
 #: Settled: three landings in turn differ by less than this share of the tolerance.

@@ -13,10 +13,10 @@ from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
 from ...models import (
     STEPPED_SURFACE,
+    Array,
     Body,
     Contact,
     HandMotion,
@@ -35,7 +35,6 @@ from ...models import (
     pivot_wrench,
 )
 
-Array = npt.NDArray[np.float64]
 Run = Callable[[ReleaseCase], Release]
 
 #: Height of the landing [m]; the hand is at 0 when its grip begins to fall.

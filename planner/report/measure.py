@@ -15,9 +15,8 @@ from dataclasses import replace
 from typing import Any, TypeVar
 
 import numpy as np
-import numpy.typing as npt
 
-from ...models import Path
+from ...models import Array, Path
 from ...problems import Pose, Scene
 from ..check import (
     Limits,
@@ -33,7 +32,6 @@ from ..plan import Planner, SolverName
 from ..search import carry
 from ..sweep import executor_of
 
-Array = npt.NDArray[np.float64]
 T = TypeVar("T")
 
 #: Processes that share jobs.

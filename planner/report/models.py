@@ -14,11 +14,11 @@ from functools import partial
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
 from ...models import (
     MODELS,
     STEPPED_SURFACE,
+    Array,
     PatchRelease,
     Release,
     ReleaseCase,
@@ -52,7 +52,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-Array = npt.NDArray[np.float64]
 
 #: Columns of the times and of the two errors.
 TIME, OWN, MODEL = "time [µs]", "own scaled [mm]", "model scaled [mm]"

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from ...models import Array
 from ...problems import Pose, Scene, load_scene
 from ..plan import Planner, SolverName
 from ..result import Plan
@@ -28,7 +28,6 @@ from .page import Effort, Picture, ReportSection, panels
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = npt.NDArray[np.float64]
 
 #: Seed of the targets; scenes with their targets: quick, full.
 SEED, TARGETS = 2, {"cup": (2, 14), "hand-flip": (2, 14)}

@@ -7,8 +7,8 @@ import dataclasses
 import functools
 
 import numpy as np
-import numpy.typing as npt
 
+from ...models import Array
 from ...problems import load_scene, scene_names
 from ..ocp import ThrowNlp
 from ..plan import Planner
@@ -18,8 +18,6 @@ from ..show import Row, Table
 from .extremes import ENDINGS, PATIENCE, CaseOutcome, cases, in_processes, outcomes, some
 from .judge import STEPS, judged
 from .page import Effort, ReportSection
-
-Array = npt.NDArray[np.float64]
 
 #: What a plan says, and what would be a defect.
 STATUSES = ("solved", "out_of_reach", "not_converged", "refused")

@@ -13,9 +13,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
-import numpy.typing as npt
 
-from ...models import SLIDING_PIVOT, STEPPED_SURFACE
+from ...models import SLIDING_PIVOT, STEPPED_SURFACE, Array
 from ...problems import Pose, Scene, ThrowData, load_scene
 from ..identify import (
     Making,
@@ -32,7 +31,6 @@ from .page import Effort, Picture, ReportSection, panels
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Array = npt.NDArray[np.float64]
 
 #: Seed of the throws, and models with a grid.
 SEED, MODELS = 1, ("ls", SLIDING_PIVOT, STEPPED_SURFACE)

@@ -9,9 +9,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
-import numpy.typing as npt
 
-from ...models import PlanarArm
+from ...models import Array, PlanarArm
 from ...problems import InputError, filling, read_csv, read_text, scene_from_table, scene_table
 from ..check import TICK, Mover, Samples, Throw, make_mover
 from ..ocp import load_curve
@@ -19,8 +18,6 @@ from ..show import draw_throw, draw_throw_moving
 
 if TYPE_CHECKING:
     from .plan import Plan
-
-Array = npt.NDArray[np.float64]
 
 
 #: Which pictures of a plan are drawn: both, none, or throw.png alone.

@@ -9,15 +9,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from ...models import Arm, PlanarArm
+from ...models import Arm, Array, PlanarArm
 from ...problems import InputError, write_json
 from ..check import TICK, Throw, broken_limits
 from ..ocp import broken as broken_terms
 from ..result import joint_samples, read_plan, write_table
-
-Array = npt.NDArray[np.float64]
 
 #: At rest: rate [rad/s] and acceleration [rad/s^2] of every joint are below.
 REST = (1e-6, 1e-3)

@@ -18,13 +18,10 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
-from ...models import Arm
+from ...models import Arm, Array
 from ...problems import InputError, load_arm
 from .controllers import OPEN_WIDTH
-
-Array = npt.NDArray[np.float64]
 
 #: Ports of robot and gripper, and how long [s] one may take to answer.
 PORTS, PATIENCE = (1337, 1338), 5.0

@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from ...models import Array
 from ...problems import InputError, filling, plain, write_json
 from ..check import TICK, Throw, bar_outline
 from ..result import Plan, read_plan, sent_throw
@@ -26,8 +26,6 @@ from .mujoco_throw import (
     load_mujoco,
     release_run,
 )
-
-Array = npt.NDArray[np.float64]
 
 #: Steps [s] of the release and of the flight, and contact points of a pad.
 RELEASE_STEP, FLIGHT_STEP, POINTS = 1e-5, 1e-4, 12

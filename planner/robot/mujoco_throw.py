@@ -8,13 +8,10 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from ...models import sticking_state
+from ...models import Array, sticking_state
 from ...problems import Cup, InputError, Scene
 from ..check import Throw, reach_of_bar
-
-Array = npt.NDArray[np.float64]
 
 #: Penetration [m] that the pads have at most (a pad is a sphere of 1 m on a plate 2 m thick), and
 #: least mass [kg] of all points of a pad together.

@@ -7,17 +7,14 @@ from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from ...models import Arm
+from ...models import Arm, Array
 from ...problems import InputError
 from ..check import TICK, Samples, joint_limits, keeps
 from .controllers import OPEN_WIDTH, JointMotion
 from .franka import STILL, Franka, GripperLink, GripperState, in_one_line, load_franka
 from .learning import corrected
 from .recording import Recording
-
-Array = npt.NDArray[np.float64]
 
 #: Shares of the limits on rate, acceleration and jerk with which the arm goes to the start pose,
 #: halved until the limits that depend on the position are kept too.

@@ -13,17 +13,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from ...models import Array, low_pass
 from ...models import Path as Motion
-from ...models import low_pass
 from ...problems import InputError, Scene, ThrowPlane, read_csv
 from ..check import TICK, Throw, planar_joints
 from ..result import write_table
 from .controllers import JointMotion
 from .response import Response
-
-Array = npt.NDArray[np.float64]
 
 #: What the response leaves of recorded joints is low-passed at [Hz].
 CUTOFF = 60.0

@@ -5,11 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from ...models import Array
 from ..check import TICK
-
-Array = npt.NDArray[np.float64]
 
 #: Least and most of the lag's rate [1/s].
 RATES = (2.0, 500.0)

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections.abc import Callable
 
 import numpy as np
-import numpy.typing as npt
 
-from ...models import Path, ReleaseCase, relative_states
+from ...models import Array, Path, ReleaseCase, relative_states
 from ...problems import Scene
 from ..check import Mover, case_of
 from ..ocp import (
@@ -21,8 +20,6 @@ from ..ocp import (
 from ..result import PlannedThrow
 from .launch import polynomial, run_up
 from .release_table import Releases
-
-Array = npt.NDArray[np.float64]
 
 #: How long before and after the landing height [s] the cup's depths are looked for, and in
 #: how many instants.

@@ -24,14 +24,13 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models import land
+from ...models import Array, land
 from ...problems import Pose, Scene
 from ..check import Mover
 from ..compile import DAMAGED, cache_folder, digest, publish
 from ..ocp import Asked, Controls, Margins, Optimum, Request
 from .release_table import Turns
 
-Array = npt.NDArray[np.float64]
 Records = npt.NDArray[Any]
 
 #: Version of the records: what a field means.

@@ -9,11 +9,10 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from ...models import land
+from ...models import Array, land
 from ...problems import Pose, Scene
 from .launch import flies_past_column
 
-Array = npt.NDArray[np.float64]
 Turns = Literal["exact", "any"]
 
 #: Nearest landings among which starting points are chosen, and how far apart these are: as a

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models import MODELS, SLIDING_PIVOT, STEPPED_SURFACE
+from ...models import MODELS, SLIDING_PIVOT, STEPPED_SURFACE, Array
 from ..check import Simulation, case_of, given_hand
 from .style import PHASES, new_figure, save
 
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from ...models import Release, ReleaseCase, ReleaseModel
     from ...problems import Scene
 
-Array = npt.NDArray[np.float64]
 
 #: What is plotted over time.
 FOUR = ("v_z of the CoM [m/s]", "ω [rad/s]", "friction f_z [N]", "friction torque [N mm]")

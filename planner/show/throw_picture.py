@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from ...models import Array
 from ..check import bar_outline, obstacles_of, palm_corners
 from .style import ARM, BLACK, GREEN, ORANGE, PHASES, RED, draw_cup, new_figure, save
 from .timeline import Timeline, timeline
@@ -19,7 +19,6 @@ if TYPE_CHECKING:
     from ...problems import Pose, Scene, ThrownObject
     from ..check import Throw
 
-Array = npt.NDArray[np.float64]
 
 #: The plots over time start this long before the command [ms].
 LEAD_MS = 120.0

@@ -7,18 +7,14 @@ from typing import TYPE_CHECKING
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
-from ...models import HandMotion, PlanarArm, pivot_wrench
+from ...models import Array, HandMotion, Indices, PlanarArm, pivot_wrench
 from ..check import bar_outline
 from .style import PHASES
 
 if TYPE_CHECKING:
     from ...problems import Scene
     from ..check import Throw
-
-Array = npt.NDArray[np.float64]
-Indices = npt.NDArray[np.int_]
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,8 @@ from typing import TYPE_CHECKING, Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
-from ...models import Arm, DHRow, PlanarArm, placement
+from ...models import Arm, Array, DHRow, PlanarArm, placement
 from .style import ARM, BLACK, PHASES
 from .timeline import Timeline, timeline
 
@@ -21,7 +20,6 @@ if TYPE_CHECKING:
     from ...problems import Cup, Obstacle, Scene, ThrowPlane
     from ..check import Throw
 
-Array = npt.NDArray[np.float64]
 
 LINK, CUP, PAD = "#7c8899", "#b5713c", "#20242b"
 #: Links are as thick as this share of the arm's length.

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-import numpy.typing as npt
 
+from ...models import Array
 from ..show import BLACK, BLUE, GREEN, GREY, RED, new_figure, save
 from .samples import unit_of
 from .statistics import OUTER, delay_band, scaled_error, swings
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
 
     from .running import Sweep
 
-Array = npt.NDArray[np.float64]
 
 #: Points drawn of many.
 POINTS = 5000

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models import BATCH_MODELS, SLIDING_PIVOT
+from ...models import BATCH_MODELS, SLIDING_PIVOT, Array
 from ...problems import USUAL_UNCERTAINTY, InputError, filling, plain, write_json
 from ..check import named_model
 from ..result import Plan
@@ -28,8 +28,6 @@ from .statistics import (
 )
 from .throws import Flags, Outcomes, Thrower, thrower_of
 from .workers import Progress, run_sweep
-
-Array = npt.NDArray[np.float64]
 
 #: Most samples of one sweep: their parameters and landings stay in memory.
 MOST = 10_000_000

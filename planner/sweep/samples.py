@@ -6,8 +6,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
+from ...models import Array
 from ...problems import (
     UNCERTAIN_PARAMETERS,
     USUAL_UNCERTAINTY,
@@ -16,8 +16,6 @@ from ...problems import (
     Uncertainty,
     file_key,
 )
-
-Array = npt.NDArray[np.float64]
 
 #: Half a cell of SciPy's 30-bit sequence: keeps every share off 0 and 1.
 HALF_CELL = 2.0**-31

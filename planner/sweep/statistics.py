@@ -5,14 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from ...models import MODELS
+from ...models import MODELS, Array
 from ...problems import UNCERTAIN_PARAMETERS
 from .samples import Sampler
 from .throws import FURTHEST, Outcomes, Thrower
-
-Array = npt.NDArray[np.float64]
 
 #: Quantiles that are reported [%].
 QUANTILES = (50, 90, 95, 99)

@@ -7,12 +7,13 @@ from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 
 import numpy as np
-import numpy.typing as npt
 
 from ...models import (
     MODELS,
+    Array,
     Body,
     Contact,
+    Flags,
     HandMotion,
     Path,
     ReleaseBatch,
@@ -23,9 +24,6 @@ from ...problems import InputError, Pose, Scene
 from ..check import TICK, Throw, cup_entries, friction_use
 from ..result import Plan
 from .samples import Sampler
-
-Array = npt.NDArray[np.float64]
-Flags = npt.NDArray[np.bool_]
 
 #: Delays tried for the largest one that still lands inside [s], and for the pictures.
 FURTHEST = 0.05

@@ -27,12 +27,11 @@ from multiprocessing import get_context
 import numpy as np
 import numpy.typing as npt
 
-from ...models import MODELS
+from ...models import MODELS, Array
 from ...problems import InputError
 from .samples import Sampler
 from .throws import Outcomes, Thrower
 
-Array = npt.NDArray[np.float64]
 #: Numbers (N,) of samples in the sequence, their parameters (N, P), and what came of them.
 Thrown = tuple[npt.NDArray[np.int_], Array, Outcomes]
 #: Told how many samples are done, of how many.

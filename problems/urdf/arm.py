@@ -10,13 +10,11 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
-from ...models import Arm, JointLimits, LinkInertia, PlanarArm, Tool
+from ...models import Arm, Array, JointLimits, LinkInertia, PlanarArm, Tool
 from ..section import InputError
 from .chain import UrdfChain, hanging, joint_named, origin
 
-Array = npt.NDArray[np.float64]
 #: A value per joint, None where there is none.
 Given = Sequence[float | None]
 

@@ -14,13 +14,10 @@ from xml.etree import ElementTree
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
-from ...models import JointFrame, placement
+from ...models import Array, JointFrame, placement
 from ..files import read_text
 from ..section import InputError, hint_at
-
-Array = npt.NDArray[np.float64]
 
 #: Angles [rad] this near to a right one are right: 1.5708, 3.1416.
 ROUNDED = 1e-5

@@ -13,9 +13,8 @@ from typing import Any, Self
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
-from ....models import ArmCapsules, FlightState, Solid
+from ....models import ArmCapsules, Array, FlightState, Solid
 from ....problems import Scene
 from ...check import (
     BAR,
@@ -33,8 +32,6 @@ from ..asked import Request
 from ..context import BRAKE_SHARE, Context, Instant, Term
 from ..planes import NOTHING, planes_of
 from ..stages import Stage
-
-Array = npt.NDArray[np.float64]
 
 #: Kept back [m] for what lies between instants; how it grows, by GROWTH [m] in a step at most.
 CLEAR_MARGIN = 0.003
