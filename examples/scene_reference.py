@@ -13,7 +13,7 @@ from collections.abc import Iterator, Mapping
 from typing import Any
 
 from throwplan.models import Arm, DHRow, JointFrame, LinkInertia
-from throwplan.problems.arms import TABLES
+from throwplan.problems.arms import TABLES, GripperCapsule, GripperData
 from throwplan.problems.scene import Scene
 from throwplan.problems.section import file_key, hints_of
 from throwplan.problems.toml import SECTIONS, TOP_KEYS
@@ -75,6 +75,10 @@ def scene_reference() -> str:
         title = f"[[{name}]]" if kind in (DHRow, JointFrame, LinkInertia) else f"[{name}]"
         title = title if name else "Keys at the top of an arm's file"
         parts.append(_part("##", title, _summary(kind), _keys(kind)))
+    parts.append(_part("#", "Gripper data files", _summary(GripperData), _keys(GripperData)))
+    parts.append(
+        _part("##", "[[capsules]] of a gripper", _summary(GripperCapsule), _keys(GripperCapsule))
+    )
     return "\n".join(parts)
 
 

@@ -37,6 +37,7 @@ from .kinematics import (
     PlanarHand,
     Slowing,
     Tool,
+    described,
     hand_motion,
     placement,
 )

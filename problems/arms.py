@@ -1,12 +1,23 @@
-"""Arms: their data files (TOML) read, checked and written, and the arms that are shipped."""
+"""Arms and grippers: their data files (TOML) read, checked and written, and those shipped."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..models import Arm, DHRow, JointFrame, JointLimits, LinkCapsule, LinkInertia, Slowing, Tool
+from ..models import (
+    Arm,
+    DHRow,
+    JointFrame,
+    JointLimits,
+    LinkCapsule,
+    LinkInertia,
+    Slowing,
+    Tool,
+    described,
+)
 from .files import read_text, shipped, toml_lines, toml_tables
 from .section import InputError, from_table, hint_at, meanings, rows_from, table_of
 
@@ -23,18 +34,88 @@ TABLES: dict[str, type[Any]] = {
     "capsules": LinkCapsule,
 }
 
+#: Where a gripper's body is given.
+FRAME = "in the flange's frame, z out of the hand, y along the pads' closing"
 
-def load_arm(name: str, folder: Path | None = None) -> Arm:
-    """An arm from a shipped name or an arm data file (TOML), relative to `folder`."""
-    known = shipped("arms")
+
+@dataclass(frozen=True)
+class GripperCapsule:
+    """A shape of the gripper: all points within `radius` of a segment."""
+
+    begin: tuple[float, float, float] = described(f"m, {FRAME}")
+    end: tuple[float, float, float] = described("m, the same")
+    radius: float = described("m", above=0)
+
+
+@dataclass(frozen=True)
+class GripperData:
+    """A gripper that any arm may carry: its grip, and its body from the flange on."""
+
+    description: str = described("one line")
+    force: float = described("N, of one pad at full grip", above=0)
+    dwell: float = described("s, from the command until the force starts to fall", least=0)
+    opening: float = described("s, from there to zero, linear", above=0)
+    tcp: float = described("m, from the flange to the pads' centre")
+    palm_back: float = described("m, its body behind the pads' centre: from here")
+    palm_front: float = described("m, to here")
+    palm_half_width: float = described("m, half its thickness in the throwing plane")
+    mass: float = described("kg", above=0)
+    com: tuple[float, float, float] = described(f"m, {FRAME}")
+    inertia: tuple[float, float, float, float, float, float] = described(
+        "kg m² about the CoM: xx, xy, xz, yy, yz, zz"
+    )
+    capsules: tuple[GripperCapsule, ...] = described("its shapes, see [[capsules]]", ())
+
+    def on(self, tables: Mapping[str, Any]) -> dict[str, Any]:
+        """An arm's tables with this gripper in place of any other."""
+        own = table_of(self)
+        joints = len(tables.get("dh") or tables.get("joints") or ())
+        found = dict(tables)
+        reach = {key: own[key] for key in ("tcp", "palm_back", "palm_front", "palm_half_width")}
+        found["tool"] = {**tables.get("tool", {}), **reach}
+        if tables.get("links"):
+            hand = {key: own[key] for key in ("mass", "com", "inertia")}
+            found["links"] = [*tables["links"][:joints], hand]
+        if tables.get("capsules"):
+            kept = [row for row in tables["capsules"] if row.get("link") != joints + 1]
+            found["capsules"] = kept + [{"link": joints + 1} | row for row in own["capsules"]]
+        return found
+
+
+def load_gripper(name: str, folder: Path | None = None) -> GripperData:
+    """A gripper from a shipped name or a gripper data file (TOML), relative to `folder`."""
+    found: GripperData = from_table(GripperData, _tables("grippers", name, folder))
+    return found
+
+
+def load_arm(name: str, folder: Path | None = None, gripper: GripperData | None = None) -> Arm:
+    """An arm from a shipped name or an arm data file (TOML), relative to `folder`.
+
+    gripper: instead of the arm's own.
+    """
+    tables = _tables("arms", name, folder)
+    own = tables.pop("gripper", None)
+    if gripper is None and own is not None:
+        try:
+            gripper = load_gripper(str(own), folder)
+        except InputError as error:
+            raise InputError(f"gripper = {own!r}: {error}") from None
+    return arm_from(tables if gripper is None else gripper.on(tables))
+
+
+def _tables(kind: str, name: str, folder: Path | None) -> dict[str, Any]:
+    """The tables of a shipped file or of a user's."""
+    known = shipped(kind)
     if name in known:
         text = known[name].read_text(encoding="utf-8")
     elif name.endswith(".toml"):
         text = read_text((folder or Path()) / name)
     else:
-        hint = hint_at(name, known)
-        raise InputError(f"unknown robot{hint} (shipped: {', '.join(known)}; or a .toml file)")
-    return arm_from(toml_tables(text, name))
+        unknown = {"arms": "unknown robot", "grippers": "unknown gripper"}[kind] + hint_at(
+            name, known
+        )
+        raise InputError(f"{unknown} (shipped: {', '.join(known)}; or a .toml file)")
+    return toml_tables(text, name)
 
 
 def arm_from(tables: Mapping[str, Any]) -> Arm:

@@ -116,6 +116,10 @@ class Gripper(Section):
     table: str | None = optional(
         "a CSV file with the columns t and f_N instead of `times` and `forces`"
     )
+    file: str | None = optional(
+        "a shipped gripper (`robotiq-2f-85`) or a gripper data file (.toml): its body in place of "
+        "the arm's own hand, and its `force`, `dwell` and `opening` where they are left out"
+    )
     raw: bool = quantity(
         "whether `table` is an unfiltered recording: the nearest falling curve is taken",
         default=False,

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ..models import Arm
-from .arms import arm_from, arm_table, load_arm
+from .arms import GripperData, arm_from, arm_table, load_arm, load_gripper
 from .files import read_csv, read_text, shipped, toml_tables
 from .grip import NOISY, ROWS, grip_samples, held_object, monotone_grip, rises
 from .obstacles import Obstacle
@@ -113,7 +113,7 @@ def scene_table(scene: Scene) -> dict[str, Any]:
         elif section is not None:
             table[key] = table_of(section)
     # Its rows are there.
-    for key in ("table", "raw"):
+    for key in ("table", "raw", "file"):
         table["gripper"].pop(key, None)
     if scene.arm is not None:
         table["arm"] = arm_table(scene.arm)
@@ -154,7 +154,7 @@ def _scene_from(
     if mover in values and values[mover].arm is not None:
         name = values[mover].arm
         try:
-            values["arm"] = arm or load_arm(name, folder)
+            values["arm"] = arm or load_arm(name, folder, _gripper(values["gripper"].file, folder))
         except InputError as error:
             raise InputError(f"[{mover}] arm = {name!r}: {error}") from None
     return Scene(**values)
@@ -166,8 +166,10 @@ def _section(key: str, value: Any, folder: Path | None) -> Any:
     if not isinstance(value, dict):
         raise InputError(f"{key} = {value!r}: must be a section [{key}]")
     try:
+        if key == "gripper":
+            value = _grip_of(value, folder)
         if key == "gripper" and isinstance(value.get("table"), str):
-            other = [k for k in value if k not in ("table", "raw")]
+            other = [k for k in value if k not in ("table", "raw", "file")]
             if other:
                 raise InputError(f"{other[0]}: not beside 'table', which says it all")
             value = value | _read_grip_table(value["table"], folder, value.get("raw") is True)
@@ -178,6 +180,23 @@ def _section(key: str, value: Any, folder: Path | None) -> Any:
         return held_object(value) if key == "object" else from_table(SECTIONS[key], value)
     except InputError as error:
         raise InputError(f"[{key}] {error}") from None
+
+
+def _gripper(name: str | None, folder: Path | None) -> GripperData | None:
+    """The gripper that a scene names."""
+    try:
+        return None if name is None else load_gripper(name, folder)
+    except InputError as error:
+        raise InputError(f"file = {name!r}: {error}") from None
+
+
+def _grip_of(table: Mapping[str, Any], folder: Path | None) -> dict[str, Any]:
+    """[gripper] with what its file says of the grip, where the scene does not."""
+    name = table.get("file")
+    data = _gripper(name, folder) if isinstance(name, str) else None
+    if data is None or {"table", "times", "forces"} & table.keys():
+        return dict(table)
+    return {key: getattr(data, key) for key in ("force", "dwell", "opening")} | dict(table)
 
 
 def _read_grip_table(name: str, folder: Path | None, raw: bool) -> dict[str, Any]:

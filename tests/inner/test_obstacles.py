@@ -90,11 +90,10 @@ class Judge:
     def nearest(self, q: np.ndarray | None, com: np.ndarray | None) -> Iterator[tuple[int, float]]:
         """Distance less clearance [m] of each body that moves (its number, the bar's is -1)."""
         arm, bar, scene = self.arm, self.scene.object, self.scene
-        azimuth = scene.target.plane.azimuth
-        moving = []
+        plane, moving = scene.target.plane, []
         if q is not None:
             joints = np.array(arm.posture)
-            joints[arm.azimuth_joint - 1] = azimuth
+            joints[arm.azimuth_joint - 1] = arm.azimuth_angle(plane.azimuth)
             joints[np.array(arm.throwing_joints) - 1] = q
             frames = [np.eye(4), *(np.array(f) for f in self.frames(joints))]
             hand = frames[-1].copy()
@@ -107,8 +106,9 @@ class Judge:
                 moving += [i] if capsule.link > 2 else []
         if com is not None:
             along = np.array([math.cos(com[2]), 0.0, math.sin(com[2])])
-            middle = np.array([com[0], 0.0, com[1]]) + (bar.length / 2 - bar.com) * along
-            turn = about_z(azimuth)
+            middle = np.array([com[0], plane.lateral, com[1]])
+            middle += (bar.length / 2 - bar.com) * along
+            turn = about_z(plane.azimuth)
             frame = np.column_stack([along, [0.0, 1.0, 0.0], np.cross(along, [0.0, 1.0, 0.0])])
             self.place(len(arm.capsules), turn @ middle, None, turn @ frame)
             moving.append(-1)
@@ -188,7 +188,7 @@ def test_a_solid_reaches_as_far_as_its_points():
     assert turned.beyond(directions @ about_z(0.7).T) == pytest.approx(far)
 
 
-@pytest.mark.parametrize("arm", ["pose", "fr3"])
+@pytest.mark.parametrize("arm", ["pose", "fr3", "ur5e", "gen3"])
 def test_capsules_move_with_the_arms_own_chain(arm):
     """The planar chain puts them where the 4x4 matrices of all joints do."""
     scene = tp.load_scene(arm)
@@ -196,8 +196,9 @@ def test_capsules_move_with_the_arms_own_chain(arm):
     limits = mover.hard
     for q in np.random.default_rng(0).uniform(limits.q_min, limits.q_max, (5, mover.size)):
         list(judge.nearest(q, None))
-        ends = mover.capsules.at(q[:, None])[..., 0]
-        assert judge.data.mocap_pos[:-1] == pytest.approx(ends.mean(axis=1), abs=1e-9)
+        x, y, z = mover.capsules.at(q[:, None])[..., 0].mean(axis=1).T
+        placed = scene.target.plane.points(x, z, y)
+        assert judge.data.mocap_pos[:-1] == pytest.approx(placed, abs=1e-9)
 
 
 def test_a_scene_without_obstacles_builds_the_same_nlp(pose):
@@ -213,11 +214,13 @@ def in_clutter(plan: tp.Plan, rng: np.random.Generator) -> Throw:
     return dataclasses.replace(final, scene=final.scene.replace(obstacle=obstacles))
 
 
-def test_the_check_misses_nothing_that_mujoco_finds(free):
+@pytest.mark.parametrize("arm", ["pose", "ur5e"])
+def test_the_check_misses_nothing_that_mujoco_finds(arm, free):
     """Of random clutter around one throw: what the check passes is clear in MuJoCo."""
     rng, clear, hit = np.random.default_rng(2), 0, 0
+    thrown = free if arm == "pose" else tp.plan(arm)
     while min(clear, hit) < 4:
-        throw = in_clutter(free, rng)
+        throw = in_clutter(thrown, rng)
         worst = Judge(throw.scene).worst(throw, step=0.011)
         if contacts(throw):
             hit += 1

