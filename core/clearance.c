@@ -423,3 +423,58 @@ CLONES EXPORT long near_bodies(const thrown *t, const bodies *all, contact *foun
     free(room);
     return count;
 }
+
+/* How far two bodies are nearer than they may be, at most, at each of `count` instants: coordinates q
+   [count][n], CoM and angle of the bar com [count][3] or NULL without it. Not 0 without memory. */
+CLONES EXPORT int overlaps(long count, const linkage *arm, const bodies *all, long flying,
+                           const double *q, const double *com, double *deepest)
+{
+    double angle[AXES], joint[4 * AXES], placed = 1.0, hand[3], pose[3];
+    long links = all->links, pairs = flying ? all->flown_pairs : all->held_pairs;
+    segment *ends = malloc(sizeof(segment) * (links + 1));
+    double *middle = malloc(sizeof(double) * 4 * (links + 1));
+    thrown t = {0};
+    track on = {1, flying, com != NULL, 0};
+    t.arm = arm;
+    on.angle = angle;
+    on.joint = joint;
+    on.placed = &placed;
+    on.com = pose;
+    for (long k = 0; ends && middle && k < count; k++, q += arm->n) {
+        for (long i = 0; i < arm->n; i++)
+            angle[i] = (i ? angle[i - 1] : 0.0) + arm->sign[i] * q[i];
+        place_arm(&t, &on, 0, hand);
+        for (int i = 0; com && i < 3; i++)
+            pose[i] = com[3 * k + i];
+        for (long b = 0; b < links + on.bar; b++) {
+            ends[b] = body_at(&t, all, &on, b, 0);
+            double half = 0.0, *m = middle + 4 * b;
+            for (int i = 0; i < 3; i++) {
+                double e = (ends[b].end[i] - ends[b].begin[i]) / 2.0;
+                m[i] = ends[b].begin[i] + e;
+                half += e * e;
+            }
+            m[3] = sqrt(half) + all->radius[b];
+        }
+        double most = -INFINITY;
+        const long *meet = flying ? all->flown : all->held;
+        for (long p = 0; p < pairs; p++, meet += 2) {
+            if (meet[1] >= links + on.bar)
+                continue;
+            /* No nearer than the balls around both. */
+            const double *a = middle + 4 * meet[0], *b = middle + 4 * meet[1];
+            double off[3] = {a[0] - b[0], a[1] - b[1], a[2] - b[2]};
+            double away = a[3] + b[3] - most;
+            if (away > 0.0 && dot(off, off) > away * away)
+                continue;
+            double lack = all->radius[meet[0]] + all->radius[meet[1]]
+                - between_segments(ends + meet[0], ends + meet[1]);
+            most = fmax(most, lack);
+        }
+        deepest[k] = most;
+    }
+    int failed = !ends || !middle;
+    free(ends);
+    free(middle);
+    return failed;
+}

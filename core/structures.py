@@ -110,7 +110,9 @@ class SolidC(ctypes.Structure):
 
 
 class BodiesC(ctypes.Structure):
-    """`bodies` of clearance.c. It does not own what is at its addresses."""
+    """`bodies` of clearance.c; kept: what is at its addresses."""
+
+    kept: Any
 
     _fields_ = (
         *_fields(_LONG, "links", "bar"),

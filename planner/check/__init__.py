@@ -3,17 +3,8 @@
 The promise behind `solved` is kept here: nothing here knows how a throw was found.
 """
 
-from .clearance import (
-    BAR,
-    LANDING,
-    Nearness,
-    Track,
-    check_obstacles,
-    contacts,
-    obstacles_of,
-    pairs_of,
-    track_of,
-)
+from .bodies import LANDING, obstacles_of, pairs_of
+from .clearance import BAR, Nearness, Track, check_obstacles, contacts, overlap, track_of
 from .entry import cup_entries, enters_cup_at_landing
 from .geometry import (
     bar_outline,

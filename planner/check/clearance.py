@@ -8,18 +8,18 @@ explain, so a clearance that is kept is kept at every instant.
 from __future__ import annotations
 
 import ctypes
-import itertools
 import math
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import lru_cache, partial
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
-from ...core import BodiesC, SolidC, ThrownC, address, library
-from ...models import ArmCapsules, Solid, segment_distance
-from ...problems import InputError, Obstacle, Scene, ThrownObject
+from ...core import ThrownC, address, library
+from ...models import Solid, segment_distance
+from ...problems import InputError, Obstacle, Scene
+from .bodies import LANDING, Around, bar_ends, obstacles_of, pairs_of
 from .geometry import held_bar
 from .mover import Mover
 from .sending import TICK
@@ -29,10 +29,6 @@ Array = npt.NDArray[np.float64]
 
 #: Samples between those at which a pair is measured first.
 COARSE = 16
-#: Before its landing the bar may come as near to an obstacle as it lands, so long [s].
-LANDING = 0.05
-#: Links of numbers that differ by this or less meet at a joint, by construction.
-ADJACENT = 2
 #: Rounding [m] that breaks no clearance.
 ROUNDING = 1e-6
 #: The bar, among names of links.
@@ -97,30 +93,6 @@ def contacts(throw: Throw) -> list[Nearness]:
     if found is None:
         found = [found for track in _tracks(throw) for found in _near(track, around)]
     return found
-
-
-@dataclass(frozen=True)
-class Around:
-    """Obstacles, their shapes as the throw's plane sees them, and the arm's."""
-
-    obstacles: tuple[Obstacle, ...]
-    solids: tuple[Solid, ...]
-    capsules: ArmCapsules | None
-
-
-def obstacles_of(scene: Scene) -> list[Solid]:
-    """The scene's obstacles as the throw's vertical plane sees them."""
-    assert scene.target is not None
-    return [scene.target.plane.seen(obstacle.solid) for obstacle in scene.obstacle]
-
-
-def bar_ends(bar: ThrownObject, com: Array) -> Array:
-    """Ends (1, 2, 3, N) of the bar's axis for CoM poses (3, N)."""
-    ends = np.zeros((1, 2, 3, com.shape[1]))
-    for k, along in enumerate((-bar.com, bar.length - bar.com)):
-        ends[0, k, 0] = com[0] + along * np.cos(com[2])
-        ends[0, k, 2] = com[1] + along * np.sin(com[2])
-    return ends
 
 
 def _tracks(throw: Throw) -> Iterator[Track]:
@@ -204,22 +176,6 @@ def _apart(a: Array, b: Array, c: Array, d: Array, some: npt.NDArray[np.intp]) -
     return segment_distance(*(end[:, some].T for end in (a, b, c, d)))
 
 
-def pairs_of(capsules: ArmCapsules, *, bar: bool, flying: bool) -> list[tuple[int, int]]:
-    """Bodies by their places in a track that move against each other and are no neighbours.
-
-    A held bar is part of the hand; one that flies may meet the hand, which is the palm's affair.
-    """
-    count, moved, number = len(capsules.number), capsules.moved_by, capsules.number
-    found = [
-        (i, j)
-        for i, j in itertools.combinations(range(count), 2)
-        if moved[i] != moved[j] and abs(number[i] - number[j]) > ADJACENT
-    ]
-    if bar:
-        found += [(i, count) for i in range(count) if moved[i] != moved[-1]]
-    return found
-
-
 def _missing(
     distance: Callable[[npt.NDArray[np.intp]], Array], travel: Array, needed: Array
 ) -> tuple[float, int]:
@@ -254,23 +210,8 @@ def _by_core(throw: Throw, around: Around) -> list[Nearness] | None:
     if core is None or moved is None or arm is None:
         return None
     release, scene = throw.release, throw.scene
-    bar, grip = scene.object, (scene.com_offset, scene.grasp.angle)
-    shape = _shape(around.capsules, bar.width)
-    solids = (SolidC * len(around.solids))()
-    for given, solid, obstacle in zip(solids, around.solids, around.obstacles, strict=True):
-        given.centre[:], given.half[:] = solid.centre.tolist(), solid.half.tolist()
-        given.axes[:] = solid.axes.ravel().tolist()
-        given.radius, given.clearance = solid.radius, obstacle.clearance
-    links, held, flown = len(shape.moves) - 1, shape.held, shape.flown
-    bodies = BodiesC(links, 1, *(address(v) for v in (shape.moved_by, shape.moves)))
-    bodies.places, bodies.radius, bodies.reach = map(
-        address, (shape.places, shape.radius, shape.reach)
-    )
-    bodies.solids, bodies.around = len(solids), ctypes.addressof(solids)
-    bodies.held_pairs, bodies.flown_pairs = len(held), len(flown)
-    bodies.held, bodies.flown = address(held), address(flown)
-    bodies.behind, bodies.ahead = bar.com, bar.length - bar.com
-    bodies.com_offset, bodies.grasp_angle, bodies.landing = *grip, LANDING
+    bodies = around.core(scene)
+    links, pairs = bodies.links, bodies.held_pairs
     times, com = throw.opening_time + release.times, np.ascontiguousarray(release.com)
     start = np.concatenate([com[:, -1], release.com_twist[:, -1]])
     thrown = ThrownC(ctypes.addressof(moved), ctypes.addressof(arm), TICK, throw.opening_time)
@@ -281,7 +222,7 @@ def _by_core(throw: Throw, around: Around) -> list[Nearness] | None:
     )
     thrown.nodes, thrown.times, thrown.com = len(times), address(times), address(com)
     thrown.start = address(start)
-    found = np.empty((3 * (len(solids) * (links + 1) + len(held)), _FOUND))
+    found = np.empty((3 * (bodies.solids * (links + 1) + pairs), _FOUND))
     by, core.near_bodies.restype = ctypes.byref, ctypes.c_long
     count = core.near_bodies(by(thrown), by(bodies), ctypes.c_void_p(address(found)))
     if count < 0:
@@ -296,37 +237,33 @@ def _by_core(throw: Throw, around: Around) -> list[Nearness] | None:
     return result
 
 
-@dataclass(frozen=True, eq=False)
-class _Shape:
-    """Arm and bar as the compiled core takes them: see `bodies` of clearance.c."""
+def overlap(
+    scene: Scene, mover: Mover, q: Array, com: Array | None = None, *, flying: bool = False
+) -> Array:
+    """How far [m] (N,) two bodies of an arm, or the bar, are nearer than they may be; below 0 not.
 
-    moved_by: npt.NDArray[np.int_]
-    moves: npt.NDArray[np.int_]
-    places: Array
-    radius: Array
-    reach: Array
-    held: npt.NDArray[np.int_]
-    flown: npt.NDArray[np.int_]
-
-
-@lru_cache(maxsize=8)
-def _shape(capsules: ArmCapsules | None, width: float) -> _Shape:
-    bar = width / math.sqrt(2)
+    q (n, N): coordinates, each an instant of its own; com (3, N): poses of the bar, None without
+    it. Obstacles do not count: they depend on where the throw goes.
+    """
+    capsules = mover.capsules
     if capsules is None:
-        none, one = np.zeros((0, 2), int), np.ones(1, int)
-        return _Shape(
-            -one, one, np.zeros((0, 2, 3)), bar * np.ones(1), bar * np.ones(1), none, none
-        )
-    cover = np.append(np.full(len(capsules.radius), capsules.arm.arm.cover), 0.0)
-    radius = np.append(capsules.radius, bar)
-    held, flown = (
-        np.array(pairs_of(capsules, bar=True, flying=flying), int).reshape(-1, 2)
-        for flying in (False, True)
-    )
-    moved_by, moves = np.array(capsules.moved_by), np.array([*capsules.moves, True], int)
-    return _Shape(
-        moved_by, moves, np.ascontiguousarray(capsules.places), radius, radius + cover, held, flown
-    )
+        return np.full(q.shape[1], -np.inf)
+    core, arm = library(), mover.kinematics.core
+    if core is not None and arm is not None:
+        bodies, count = Around((), (), capsules).core(scene), q.shape[1]
+        rows = np.ascontiguousarray(q.T), None if com is None else np.ascontiguousarray(com.T)
+        missing, by = np.empty(count), ctypes.byref
+        given = [None if row is None else ctypes.c_void_p(address(row)) for row in (*rows, missing)]
+        core.overlaps.restype = ctypes.c_int
+        if core.overlaps(count, by(arm), by(bodies), flying, *given) == 0:
+            return missing
+    track = track_of(scene, mover, np.zeros(q.shape[1]), q, com, flying=flying)
+    missing = np.full(q.shape[1], -np.inf)
+    for one, other in pairs_of(capsules, bar=com is not None, flying=flying):
+        ends = (end.T for body in (one, other) for end in track.ends[body])
+        needed = track.radius[one] + track.radius[other]
+        missing = np.maximum(missing, needed - segment_distance(*ends))
+    return missing
 
 
 def check_obstacles(scene: Scene, mover: Mover) -> None:

@@ -14,7 +14,16 @@ import numpy.typing as npt
 
 from ...models import FlightState, Path
 from ...problems import Scene
-from ..check import Mover, Throw, column_distance, column_of, contacts, held_bar, palm_distance
+from ..check import (
+    Mover,
+    Throw,
+    column_distance,
+    column_of,
+    contacts,
+    held_bar,
+    overlap,
+    palm_distance,
+)
 from ..ocp import BRAKE_SHARE, PALM_TIMES
 
 Array = npt.NDArray[np.float64]
@@ -80,22 +89,24 @@ def carry(
     return Path.cubics(times, place, rate, acceleration, jerk)
 
 
-def clears_column(
+def clears_carried(
     scene: Scene, mover: Mover, path: list[Array], duration: Array
 ) -> npt.NDArray[np.bool_]:
-    """Whether the held bar (N,) stays out of the base column on N run-ups.
+    """Whether the held bar (N,) clears base column and arm, and the arm itself, on N run-ups.
 
     path: coefficients (N, n) as `run_up` gives them; duration (N, 1) [s]. True where nothing is
     asked.
     """
     clear = np.ones(len(duration), dtype=bool)
     column = column_of(scene)
-    if column is None or not clear.size:
+    if not clear.size or (column is None and mover.capsules is None):
         return clear
     for share in np.linspace(0.0, 1.0, INSTANTS):
-        q = polynomial(path, share * duration)
-        hand = mover.motion(q.T, 0 * q.T, 0 * q.T)[0]
-        clear &= column_distance(scene.object, held_bar(scene, hand), *column) >= 0.0
+        q = polynomial(path, share * duration).T
+        bar = held_bar(scene, mover.motion(q, 0 * q, 0 * q)[0])
+        if column is not None:
+            clear &= column_distance(scene.object, bar, *column) >= 0.0
+        clear[clear] = overlap(scene, mover, q[:, clear], bar[:, clear]) <= 0.0
     return clear
 
 
@@ -126,26 +137,29 @@ def in_obstacles(scene: Scene, mover: Mover, releases: Any, index: int) -> float
     return sum(contact.missing for contact in contacts(throw)) if throw.lands else math.inf
 
 
-def clears_palm(
+def clears_thrown(
     scene: Scene, mover: Mover, q: Array, dq: Array, detach: Array
 ) -> npt.NDArray[np.bool_]:
-    """Whether the bar (N,) keeps the scene's clearance to the hand's body after detach.
+    """Whether the bar (N,) clears the arm after detach, and the hand by the scene's clearance.
 
     q, dq (N, n): coordinates and rates at detach, from where each brakes at what is counted
     on; detach (N, 6): the bar's pose and twist there. True where nothing is asked.
     """
     clear = np.ones(len(q), dtype=bool)
     workspace, arm = scene.workspace, scene.arm
-    if workspace is None or workspace.palm_clearance is None or arm is None or not len(q):
+    palm = None if workspace is None else workspace.palm_clearance
+    if arm is None or not clear.size or (palm is None and mover.capsules is None):
         return clear
     stop_time = np.abs(dq) / (BRAKE_SHARE * mover.planning.ddq) + 1e-9
-    still = np.zeros_like(q)
     for t in PALM_TIMES:
         moving = np.minimum(t / stop_time, 1.0)
-        there = q + dq * stop_time * (moving - moving**2 / 2)
-        hand = mover.motion(there.T, still.T, still.T)[0]
+        there = (q + dq * stop_time * (moving - moving**2 / 2)).T
         com = _flown(scene, detach, t)
-        clear &= palm_distance(scene.object, arm.tool, com, hand) >= workspace.palm_clearance
+        if palm is not None:
+            hand = mover.motion(there, 0 * there, 0 * there)[0]
+            clear &= palm_distance(scene.object, arm.tool, com, hand) >= palm
+        some = there[:, clear], com[:, clear]
+        clear[clear] = overlap(scene, mover, *some, flying=True) <= 0.0
     return clear
 
 

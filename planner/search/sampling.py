@@ -20,7 +20,7 @@ from ...problems import Pose, Scene
 from ..check import Limits, Mover, column_distance, friction_use, tool_speeds
 from ..compile import DAMAGED, cache_folder, digest, publish, source_of
 from ..ocp import BRAKE_SHARE, build_nlp
-from .launch import clears_column, clears_palm, run_up
+from .launch import clears_carried, clears_thrown, run_up
 from .release_table import ARRAYS, Releases, distances, joined
 
 Array = npt.NDArray[np.float64]
@@ -64,6 +64,8 @@ class ReleaseSampler:
             # Where most come down: the table serves all heights.
             height = float(np.quantile(table.detach[:, 1], 0.05))
             x, theta, _ = table.landings(height, self.scene.gravity)
+            if table.clear.any():
+                x = np.where(table.clear, x, np.nan)
             parents = sparse_parents(x, theta, beside, rng)
             table = joined(table, self.beside(table, parents, rng))
         return table
@@ -113,9 +115,9 @@ class ReleaseSampler:
         states = self.throw(q, dq, ddq)
         opening = self.profile.opening
         end, rate = q + opening * (dq + opening * ddq / 2), dq + opening * ddq
-        clear = clears_palm(self.scene, self.mover, end, rate, states)
+        clear = clears_thrown(self.scene, self.mover, end, rate, states)
         path = run_up(self.mover.start, q, dq, ddq, duration[:, None])
-        clear &= clears_column(self.scene, self.mover, path, duration[:, None])
+        clear &= clears_carried(self.scene, self.mover, path, duration[:, None])
         return Releases(q, dq, ddq, duration, states, clear)
 
     def run_up_time(self, dq: Array, ddq: Array, rng: np.random.Generator) -> Array:
@@ -245,7 +247,7 @@ def _miss(some: Releases, scene: Scene, x: float, height: float, theta: float | 
 
 
 #: What decides which releases are drawn for a scene, and where they go.
-MAKERS = (ReleaseSampler, sparse_parents, run_up, clears_column, column_distance, build_nlp)
+MAKERS = (ReleaseSampler, sparse_parents, run_up, clears_carried, column_distance, build_nlp)
 LAWS = (SlidingPivot, PivotSteps, march, rk4_step)
 
 
