@@ -33,6 +33,7 @@ from .robust import Hardening
 from .search import (
     Attempt,
     Clock,
+    Edge,
     Library,
     Nearby,
     Problems,
@@ -322,9 +323,10 @@ class Planner:
             far, pose, words = highest(search.releases, target, task.scene.gravity)
             plan = dataclasses.replace(plan, message=words, nearest=pose, binding=(HEIGHT,))
             return dataclasses.replace(plan, status="out_of_reach") if far else plan
-        if answer is not None and answer.outside:
-            plan = dataclasses.replace(plan, status="out_of_reach", message=answer.words(target))
-            return dataclasses.replace(plan, nearest=answer.pose, binding=answer.names)
+        edge = answer if answer is not None and answer.outside else _nearest_edge(tried)
+        if edge is not None:
+            plan = dataclasses.replace(plan, status="out_of_reach", message=edge.words(target))
+            return dataclasses.replace(plan, nearest=edge.pose, binding=edge.names)
         broken = [attempt for attempt in tried if attempt.throw is not None]
         throw = broken[0].throw if broken else None
         return dataclasses.replace(plan, message=_nothing(tried, broken, late), throw=throw)
@@ -368,6 +370,12 @@ def _check_one_of(name: str, value: object, allowed: Any) -> None:
     """InputError unless `value` is one of a Literal's."""
     if value not in get_args(allowed):
         raise InputError(f"{name} = {value!r}: must be one of {', '.join(get_args(allowed))}")
+
+
+def _nearest_edge(tried: Sequence[Attempt]) -> Edge | None:
+    """The nearest landing that limits let an attempt come to; None if none was held by limits."""
+    edges = [attempt.edge for attempt in tried if attempt.edge is not None]
+    return min(edges, key=lambda edge: edge.missed, default=None)
 
 
 def _nothing(tried: Sequence[Attempt], broken: Sequence[Attempt], late: bool) -> str:

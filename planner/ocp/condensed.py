@@ -45,12 +45,16 @@ class Step:
     """A step of the QP.
 
     du (size,); short (L,): by how much its landing (x [m], theta [rad]) misses; slope (size, L):
-    how u moves with the landing from there on while the limits that are active now stay so.
+    how u moves with the landing from there on while the limits that are active now stay so;
+    held: multipliers of the NLP's rows (m,) and bounds (n,). whole: whether it is as long as it
+    wants to be.
     """
 
     du: Array
     short: Array
     slope: Array
+    held: tuple[Array, Array]
+    whole: bool
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,6 +66,7 @@ class Condensed:
     (m, size), each of length one: limits, and how far (m,) it is to them, down and up. most
     (size,): longest step. hessian (size, size): of the Lagrangian, and active (m,): limits that
     hold the point, where multipliers are known; else of a step's length in `most`, and none.
+    places: of the limits among the NLP's rows, and then bounds; the number of its rows.
     """
 
     point: Array
@@ -74,6 +79,7 @@ class Condensed:
     most: Array
     hessian: Array
     active: Mask
+    places: tuple[npt.NDArray[np.int_], int]
 
     @classmethod
     def about(
@@ -131,6 +137,7 @@ class Condensed:
             most,
             hessian,
             (np.minimum(here - low, high - here) < held)[seen],
+            (np.concatenate([np.flatnonzero(some), g.size + np.flatnonzero(free)])[seen], g.size),
         )
 
     @property
@@ -155,13 +162,14 @@ class Condensed:
         inverse = np.linalg.inv(_definite(around.T @ inner @ around))
         return np.asarray(free @ (direct - around @ (inverse @ (around.T @ inner @ direct))))
 
-    def step(self, around: Array) -> Step | None:
+    def step(self, around: Array, trust: float = 1.0) -> Step | None:
         """The step to the target that keeps all limits, the nearest to `around` (size,).
 
-        It may fall short of the target, at a price. None where the QP has no answer.
+        trust: share of the longest step. It may fall short of the target, at a price. None where
+        the QP has no answer.
         """
-        wanted = self.wanted
-        size, misses = len(self.most), len(self.landing)
+        wanted, longest = self.wanted, trust * self.most
+        size, misses = len(longest), len(self.landing)
         count = size + 2 * misses + 1
         hessian = np.zeros((count, count))
         hessian[:size, :size] = self.hessian
@@ -170,8 +178,8 @@ class Condensed:
         gradient[:size], gradient[-1] = -self.hessian @ around, BREAKING
         lands = np.hstack([self.landing, np.eye(misses), -np.eye(misses), np.zeros((misses, 1))])
         outside = np.where(self.down > NOTHING, 1.0, np.where(self.up < -NOTHING, -1.0, 0.0))
-        most = np.concatenate([self.most, np.full(count - size, np.inf)])
-        least = np.concatenate([-self.most, np.zeros(count - size)])
+        most = np.concatenate([longest, np.full(count - size, np.inf)])
+        least = np.concatenate([-longest, np.zeros(count - size)])
         ahead = AHEAD + float(np.linalg.norm(around))
         given = (self.down > -ahead) | (self.up < ahead)
         for _ in range(ROUNDS):
@@ -190,7 +198,11 @@ class Condensed:
         active = np.zeros(len(self.rows), bool)
         active[some] = np.abs(held[: some.size]) > NOTHING
         short = z[size : size + misses] - z[size + misses : -1]
-        return Step(z[:size], short, self._along(active))
+        multipliers, (at, count) = np.zeros(self.places[1] + len(self.point)), self.places
+        multipliers[at[some]] = held[: some.size]
+        du, whole = z[:size], bool((np.abs(z[:size]) < longest - NOTHING).all())
+        rows_and_bounds = multipliers[:count], multipliers[count:]
+        return Step(du, short, self._along(active), rows_and_bounds, whole)
 
 
 def _eliminated(slopes: Any, places: list[int], rest: Any, residual: Array) -> Array:

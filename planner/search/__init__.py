@@ -3,13 +3,13 @@
 Also answers which landing is the nearest possible, and which limits bind there.
 """
 
-from .attempt import Attempt, Start, attempts, distinct, ordered, scatter, violations
+from .attempt import Attempt, Edge, Start, attempts, distinct, ordered, scatter, violations
 from .corrector import CORRECTOR, Corrector, moved_start, optimum_of
 from .guess import guess_from, refit
 from .launch import carry, flies_past_column, polynomial, run_up
 from .library import Library, Neighbour
 from .nearby import Nearby
-from .nearest import Binding, Reach, highest
+from .nearest import Reach, highest
 from .nlps import Clock, Problems, Program, Task, check_start
 from .release_table import Releases, Turns, goals_of, joined, starts
 from .sampling import ReleaseSampler, sparse_parents, stored_releases

@@ -45,6 +45,8 @@ Array = npt.NDArray[np.float64]
 #: scene's tolerance where that is less.
 AIM = (1e-4, math.radians(0.02))
 MAX_CORRECTIONS = 8
+#: A target of more full turns than this may have been given in degrees.
+MANY_TURNS = 3
 #: Throws differ when, at the opening's start, their coordinates or rates are this far
 #: apart, as a share of the larger of the two ...
 SHARE = 0.1
@@ -80,11 +82,35 @@ class Start:
 
 
 @dataclass(frozen=True)
+class Edge:
+    """The nearest possible landing to `goal` that was found (pose None: none), `missed` [m] away
+    in the scaled error, and the names of the limits that bind there."""
+
+    goal: Pose
+    pose: Pose | None
+    names: tuple[str, ...]
+    missed: float
+
+    def words(self, target: Pose) -> str:
+        """The nearest landing for people, and a hint where the target may be in degrees."""
+        pose = self.pose
+        assert pose is not None
+        angle = "" if pose.theta is None else f", theta {math.degrees(pose.theta):.1f} deg"
+        limits = f" (limited by {', '.join(self.names[:4])})" if self.names else ""
+        words = f"out of reach: nearest possible x {pose.plane_x:.3f} m{angle}{limits}"
+        if target.theta is None or abs(target.theta) < MANY_TURNS * 2 * math.pi:
+            return words
+        turns = target.theta / (2 * math.pi)
+        return f"{words}; theta {target.theta:g} rad is {turns:.1f} turns: Pose takes radians"
+
+
+@dataclass(frozen=True)
 class Attempt:
     """One NLP solved from one start, and what came of it.
 
     throw: None where no motion was found; broken: what the throw breaks; reason: why there is no
     solved throw, in words, empty if there is one. solver: whose; iterations of all its solves.
+    edge: how near limits let it come, where they hold it short of its goal.
     """
 
     start: Start
@@ -95,11 +121,12 @@ class Attempt:
     reason: str
     iterations: int
     solves: int
+    edge: Edge | None = None
 
     @property
     def solved(self) -> bool:
         """Whether the throw lands at its goal and breaks nothing."""
-        return self.throw is not None and not self.broken
+        return self.throw is not None and not self.broken and self.edge is None
 
     @property
     def after(self) -> Asked:

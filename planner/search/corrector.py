@@ -2,18 +2,16 @@
 
 An optimum says how its free numbers move with the target (`Optimum.slope`), so that limits which
 bind stay just kept. Along these one or two directions the exact throw is brought to the target by
-Newton steps, whose 2 x 2 matrix is learnt from the throws themselves (Broyden). Where that breaks
-a limit, steps of the condensed NLP come before (`Condensed`), which know all of them. Whether the
-limits do hold is not taken from this: the throw is checked as any other.
+Newton steps, whose 2 x 2 matrix is learnt from the throws themselves (Broyden). Whether the limits
+do hold is not taken from this: the throw is checked as any other.
 """
 
 from __future__ import annotations
 
-import contextlib
-import dataclasses
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,7 +19,7 @@ import numpy.typing as npt
 from ...models import Path
 from ...problems import Pose
 from ..check import Mover, SmoothingError, Throw, Violation, send
-from ..ocp import Condensed, Controls, Optimum, Request, Solution, ThrowNlp
+from ..ocp import Condensed, Controls, Optimum, Request
 from ..result import PlannedThrow
 from .attempt import Attempt, Start, aims, scaled, violations
 from .guess import refit
@@ -37,8 +35,6 @@ THROWS = 6
 NEARER = 0.9
 #: A step that is none, in shares of what corrections aim at.
 TINY = 1e-9
-#: Steps of the condensed NLP from one optimum.
-STEPS = 4
 #: NLPs tried from an optimum whose correction fails.
 TRIES = 2
 #: What an attempt by correction is called where a solver is named.
@@ -56,63 +52,9 @@ class Corrector:
         """An attempt to throw to the goal of an optimum near it, along its slope."""
         optimum = near.optimum
         begins = optimum.u, optimum.slope, np.array(near.miss)
-        return self._attempt(near, optimum, begins, task)
+        return self.attempted(near, optimum, begins, task)
 
-    def steps(self, near: Neighbour, task: Task) -> Iterator[Attempt]:
-        """Attempts by steps of the condensed NLP from an optimum, whichever limits come in.
-
-        The NLP's states stay free between steps (lifted Newton); the throw of each step is then
-        brought to the goal along the limits that are active there.
-        """
-        optimum, goal, scene = near.optimum, near.goal, task.scene
-        mover, clock, asked = self.problems.mover, task.clock, optimum.asked
-        dx, dtheta = optimum.smoothing
-        aim = goal.in_plane(goal.plane_x + dx, goal.turned(dtheta).theta)
-        around = optimum.slope @ -np.array(near.miss)[: optimum.slope.shape[1]]
-        nlp = point = None
-        for _ in range(STEPS):
-            step = None
-            program = self.problems.problem(goal, asked, "fatrop", clock)
-            if clock.late:
-                return
-            if point is None or program.nlp is not nlp:
-                nlp, point = program.nlp, self._refitted(optimum, program.nlp, task)
-            places, at = self.controls.places(nlp), Solution.none(point)
-            with clock("solve"), contextlib.suppress(np.linalg.LinAlgError):
-                numbers = nlp.numbers(Request(scene, mover, aim, asked))
-                condensed = Condensed.about(
-                    nlp, program.solver, at, numbers, program.limits, places
-                )
-                step = condensed.step(around)
-            if step is None:
-                return
-            point, around = condensed.point + condensed.whole @ step.du, np.zeros_like(around)
-            u = self.controls.within(point[places])
-            exact = Throw(scene, mover, *self.controls.motion(u))
-            off = np.array(exact.miss(goal))
-            short = scaled(step.short[0], step.short[-1], aims(scene)) > 1.0
-            if short or not np.isfinite(off).all():
-                continue
-            detach = np.array(list(vars(exact.final.release.detach).values()))
-            effort = self.controls.effort(u)
-            optimum = dataclasses.replace(
-                optimum, u=u, slope=step.slope, detach=detach, effort=effort, asked=asked
-            )
-            attempt = self._attempt(near, optimum, (u, step.slope, off), task)
-            yield attempt
-            if attempt.solved:
-                return
-            asked = attempt.after
-            if asked.heavy:
-                return
-
-    def _refitted(self, optimum: Optimum, nlp: ThrowNlp, task: Task) -> Array:
-        """The NLP's decision vector of an optimum's throw."""
-        with task.clock("guess"):
-            throw = _throw_of(self.controls, self.problems.mover, optimum, task)
-            return refit(nlp, throw, Request(task.scene, self.problems.mover))
-
-    def _attempt(
+    def attempted(
         self, near: Neighbour, optimum: Optimum, begins: tuple[Array, Array, Array], task: Task
     ) -> Attempt:
         """A throw to the goal from an optimum; begins: its u, slope and miss."""
@@ -169,11 +111,11 @@ class Corrector:
         return planned, thrown
 
 
-def _no_guess(nlp: ThrowNlp) -> Array:
+def _no_guess(nlp: Any) -> Array:
     return np.zeros(nlp.size[0])
 
 
-def _throw_of(controls: Controls, mover: Mover, optimum: Optimum, task: Task) -> PlannedThrow:
+def throw_of(controls: Controls, mover: Mover, optimum: Optimum, task: Task) -> PlannedThrow:
     """An optimum's throw."""
     planned, opening_time = controls.motion(optimum.u)
     final = Throw(task.scene, mover, planned, opening_time)
@@ -184,7 +126,7 @@ def moved_start(
     controls: Controls, mover: Mover, optimum: Optimum, goal: Pose, task: Task
 ) -> Start:
     """A start for a solver from an optimum that lands near `goal`."""
-    throw = _throw_of(controls, mover, optimum, task)
+    throw = throw_of(controls, mover, optimum, task)
     request = Request(task.scene, mover)
     return Start(
         goal,

@@ -16,6 +16,7 @@ from .corrector import Corrector, moved_start, optimum_of
 from .library import Library, Neighbour
 from .nlps import Problems, Task
 from .release_table import Turns
+from .walk import Walk
 
 #: Throws of the library that a plan is moved from, and that a choice is made among, per throw.
 NEIGHBOURS, CHOSEN_FROM = 4, 6
@@ -61,7 +62,7 @@ class Nearby:
                 return
             yield self._corrector.attempt(one, task)
         for one in known[:STEPPED]:
-            yield from self._corrector.steps(one, task)
+            yield from Walk(self._corrector, one, task).attempts()
         first = known[0] if known else None
         for start in self._starts(task, warm, first):
             if task.clock.late:

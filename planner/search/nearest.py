@@ -40,15 +40,13 @@ from ..ocp import (
     build_nlp,
     planned_motion,
 )
-from .attempt import Start
+from .attempt import Edge, Start
 from .guess import guess_from
 from .nlps import Task
 from .release_table import Releases, nearest, past_column
 
 Array = npt.NDArray[np.float64]
 
-#: A target of more full turns than this may have been given in degrees.
-MANY_TURNS = 3
 #: Starts of the elastic solve, and how many more where it ends farther from the target than
 #: the landing it started from.
 STARTS, MORE_STARTS = 3, 5
@@ -73,40 +71,23 @@ HALF_TURN = 181
 
 
 @dataclass(frozen=True)
-class Binding:
-    """The nearest possible landing to `goal` (None: nothing was found) and what binds there.
+class Binding(Edge):
+    """The nearest possible landing by the elastic problem; pose is None where it was not solved.
 
-    inside_tolerance: whether it is the goal itself; names: the binding limits. beside: (dx [m],
-    dtheta [rad]) from the goal to where the elastic point lands by its own model; missed: its
-    scaled distance [m].
+    inside_tolerance: whether it is the goal itself. beside: (dx [m], dtheta [rad]) from the goal to
+    where the elastic point lands by its own model, missed its scaled distance.
     """
 
-    goal: Pose
-    pose: Pose | None
     inside_tolerance: bool
-    names: tuple[str, ...]
     iterations: int
-    solution: Solution | None
-    nlp: ThrowNlp | None
+    solution: Solution | None = None
+    nlp: ThrowNlp | None = None
     beside: tuple[float, float] = (0.0, 0.0)
-    missed: float = math.inf
 
     @property
     def outside(self) -> bool:
         """Whether something is possible, but not the goal."""
         return self.pose is not None and not self.inside_tolerance
-
-    def words(self, target: Pose) -> str:
-        """The nearest landing for people, and a hint where the target may be in degrees."""
-        pose = self.pose
-        assert pose is not None
-        angle = "" if pose.theta is None else f", theta {math.degrees(pose.theta):.1f} deg"
-        limits = f" (limited by {', '.join(self.names[:4])})" if self.names else ""
-        words = f"out of reach: nearest possible x {pose.plane_x:.3f} m{angle}{limits}"
-        if target.theta is None or abs(target.theta) < MANY_TURNS * 2 * math.pi:
-            return words
-        turns = target.theta / (2 * math.pi)
-        return f"{words}; theta {target.theta:g} rad is {turns:.1f} turns: Pose takes radians"
 
     def guess_for(self, nlp: ThrowNlp) -> Array:
         """The elastic point as a start of the real problem `nlp`."""
@@ -177,7 +158,7 @@ class Reach:
                 best, missed = solution, _miss(nlp, solution, numbers, scene, target)
         if best is None or missed > known:
             # Failed iterations prove nothing, nor do those that led away from a known landing.
-            return Binding(target, None, False, (), iterations, None, None)
+            return Binding(target, None, (), math.inf, False, iterations)
         return _binding(nlp, request, best, missed, iterations)
 
 
@@ -216,7 +197,7 @@ def _binding(
     motion, opening = planned_motion(nlp, request, best.x)
     landing = Throw(scene, mover, motion, opening, model=SLIDING_PIVOT).landing
     if not math.isfinite(landing.flight_time):
-        return Binding(target, None, False, (), iterations, None, None)
+        return Binding(target, None, (), math.inf, False, iterations)
     numbers, limits = nlp.numbers(request), nlp.bounds(request)
     angle = None if target.theta is None else landing.theta
     end = np.array(nlp.landing(best.x, numbers)).ravel()
@@ -226,7 +207,7 @@ def _binding(
     inside = abs(dx) <= most.position and abs(dtheta) <= most.angle
     names = () if inside else binding_limits(nlp, mover.joints, best, limits)
     pose = target.in_plane(landing.x, angle)
-    return Binding(target, pose, inside, names, iterations, best, nlp, (dx, dtheta), missed)
+    return Binding(target, pose, names, missed, inside, iterations, best, nlp, (dx, dtheta))
 
 
 def elastic_starts(answer: Binding, task: Task, asked: Asked) -> Iterator[Start]:
