@@ -323,11 +323,12 @@ class Planner:
             far, pose, words = highest(search.releases, target, task.scene.gravity)
             plan = dataclasses.replace(plan, message=words, nearest=pose, binding=(HEIGHT,))
             return dataclasses.replace(plan, status="out_of_reach") if far else plan
-        edge = answer if answer is not None and answer.outside else _nearest_edge(tried)
+        edge: Edge | None = answer if answer is not None and answer.outside else None
+        edge = edge or self._nearby.held(task, search.turns, tried)
         if edge is not None:
             plan = dataclasses.replace(plan, status="out_of_reach", message=edge.words(target))
             return dataclasses.replace(plan, nearest=edge.pose, binding=edge.names)
-        broken = [attempt for attempt in tried if attempt.throw is not None]
+        broken = [one for one in tried if one.throw is not None and one.edge is None]
         throw = broken[0].throw if broken else None
         return dataclasses.replace(plan, message=_nothing(tried, broken, late), throw=throw)
 
@@ -370,12 +371,6 @@ def _check_one_of(name: str, value: object, allowed: Any) -> None:
     """InputError unless `value` is one of a Literal's."""
     if value not in get_args(allowed):
         raise InputError(f"{name} = {value!r}: must be one of {', '.join(get_args(allowed))}")
-
-
-def _nearest_edge(tried: Sequence[Attempt]) -> Edge | None:
-    """The nearest landing that limits let an attempt come to; None if none was held by limits."""
-    edges = [attempt.edge for attempt in tried if attempt.edge is not None]
-    return min(edges, key=lambda edge: edge.missed, default=None)
 
 
 def _nothing(tried: Sequence[Attempt], broken: Sequence[Attempt], late: bool) -> str:

@@ -3,8 +3,9 @@
 The map's landings, sorted into cells, say about how large the reach is; a few random ones are
 solved from the release table. From then on each solved cell is where solves for its neighbours
 start, a few iterations each, so that the library finds its way into every corner that can be
-thrown to, whether a random throw landed there or not. A cell that no neighbour leads to is the
-edge, and keeps the names of the limits that bind at it.
+thrown to, whether a random throw landed there or not. Where a solver fails from one neighbour,
+steps from another know all limits at once. A cell that none leads to is the edge, and keeps the
+names of the limits that bind at it.
 """
 
 from __future__ import annotations
@@ -15,21 +16,22 @@ import itertools
 import math
 import time
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass
 
 import numpy as np
 
-from ...models import Array
 from ...problems import Pose, Scene
 from ..ocp import USUAL, Asked, Optimum, Solution, binding_limits
 from ..search import (
     Attempt,
     Clock,
+    Corrector,
     Library,
+    Neighbour,
     Search,
     Sources,
     Start,
     Task,
+    Walk,
     attempts,
     moved_start,
     optimum_of,
@@ -37,21 +39,14 @@ from ..search import (
     sparse_parents,
     starts,
 )
-from .maps import WIDTHS, reach_map
+from .cells import Cell, Cells, Landings
 
-Cell = tuple[int, int]
-Landings = tuple[Array, Array]
 Progress = Callable[[int, int], None]
 
-#: Sampled states whose landings are the map; seeds solved from the release table, and starts tried
-#: for each.
-SAMPLES, SEEDS, STARTS = 60_000, 24, 2
-#: How much larger the reach is than what random throws hit of so many cells.
-LARGER, HIT = 1.3, 300
+#: Seeds solved from the release table, and starts tried for each.
+SEEDS, STARTS = 24, 2
 #: How many more throws are solved at most where the reach is larger than that.
 MORE = 1.3
-#: Narrowest cells, as a share of these bins.
-FINEST = 0.2
 #: A cell is solved again where a neighbour's slope foretells a throw that costs less than this
 #: share of what the cell's own does.
 CHEAPER = 0.95
@@ -59,8 +54,6 @@ CHEAPER = 0.95
 SAME = 0.999
 #: Neighbours from which a cell is tried before it counts as beyond the edge.
 TRIED = 2
-#: NLPs tried for a cell, each asked for what the check of the last one found broken.
-TRIES = 3
 #: Time [s] for the cells that random throws hit and no neighbour led to.
 HOLES = 20.0
 #: Records are kept this often [s]: so much is lost at most where the process is ended.
@@ -68,49 +61,6 @@ KEPT = 5.0
 #: Time [s] for one cell.
 PATIENCE = 3.0
 SEED = 5
-
-
-@dataclass(frozen=True)
-class Cells:
-    """Cells of x [m] and theta [rad] that a library has a throw in each; theta's is 0 if open."""
-
-    x: float
-    theta: float
-
-    @classmethod
-    def of(cls, x: Array, theta: Array, count: int, *, angle: bool) -> Cells:
-        """Cells so wide that `count` of them cover a map's landings x, theta (N,), about."""
-        wide, turn = WIDTHS[0]
-        columns = np.column_stack([x / wide, theta / turn] if angle else [x / wide])
-        scale, filled = 1.0, math.inf
-        while filled > HIT:
-            scale *= 1.2
-            filled = len(np.unique(np.floor(columns / scale), axis=0))
-        scale *= (LARGER * max(filled, 1) / count) ** (1 / columns.shape[1])
-        scale = max(scale, FINEST)
-        return cls(scale * wide, scale * turn if angle else 0.0)
-
-    def __call__(self, x: float, theta: float | None) -> Cell:
-        """The cell of a landing."""
-        turn = theta or 0.0
-        return math.floor(x / self.x), math.floor(turn / self.theta) if self.theta else 0
-
-    def middle(self, cell: Cell, target: Pose) -> Pose:
-        """The landing pose in the middle of a cell."""
-        theta = (cell[1] + 0.5) * self.theta if self.theta else None
-        return target.in_plane((cell[0] + 0.5) * self.x, theta)
-
-    def around(self, cell: Cell) -> list[Cell]:
-        """The cells beside it."""
-        i, j = cell
-        beside = [(i - 1, j), (i + 1, j)]
-        return [*beside, (i, j - 1), (i, j + 1)] if self.theta else beside
-
-
-def landings_of(scene: Scene) -> Landings:
-    """Where a map's random throws land: x [m], theta [rad] (N,)."""
-    found = reach_map(scene, samples=SAMPLES)
-    return found.x, found.theta
 
 
 class Growth:
@@ -145,7 +95,9 @@ class Growth:
         cells = {self.cells(x, theta) for x, theta in zip(*landings, strict=True)}
         self._hit = dict.fromkeys(sorted(cells))
         self._rng = np.random.default_rng([SEED, share[0]])
-        self._solutions: dict[Cell, tuple[Solution, Asked, Optimum]] = {}
+        self._corrector = Corrector(library.controls, self.problems)
+        self._solutions: dict[Cell, tuple[Solution, Asked]] = {}
+        self._optima: dict[Cell, Optimum] = {}
         self._solved: dict[Cell, float] = {}
         self._stored: dict[Cell, int] = {}
         self._beyond: dict[Cell, int] = {}
@@ -188,6 +140,7 @@ class Growth:
                 if effort < SAME * self._solved.get(cell, math.inf):
                     self._solved[cell] = effort
                     self._solutions.pop(cell, None)
+                    self._optima.pop(cell, None)
             else:
                 self._beyond[cell] = TRIED
 
@@ -280,8 +233,8 @@ class Growth:
 
     def _optimum(self, cell: Cell) -> Optimum:
         """The throw of a solved cell."""
-        if cell in self._solutions:
-            return self._solutions[cell][2]
+        if cell in self._optima:
+            return self._optima[cell]
         return self.library.optimum(self._stored[cell])
 
     def _open(self, cell: Cell) -> bool:
@@ -325,13 +278,28 @@ class Growth:
         return self._taken(tried, task)
 
     def _step(self, cell: Cell, source: Cell) -> bool:
-        """Whether a cell is solved from a neighbour."""
-        goal = self.cells.middle(cell, self._target)
-        task, optimum = self._task(goal), self._optimum(source)
+        """Whether a cell is solved from a neighbour: by a solver, then by steps from another."""
+        task, optimum = self._task(self.cells.middle(cell, self._target)), self._optimum(source)
+        failed = self._beyond.get(cell, 0)
+        if failed or cell not in self._hit:
+            found = self._walked(optimum, source, task)
+        else:
+            start = self._start(optimum, source, task)
+            found = self._taken(list(attempts(self.problems, start, task)), task)
+        if found or cell in self._solved:
+            return found
+        self._beyond[cell] = failed + 1
+        if self._beyond[cell] >= TRIED:
+            landing = (task.target.plane_x, task.target.theta or 0.0)
+            self._new.append(self.library.record(optimum, landing, solved=False))
+        return False
+
+    def _start(self, optimum: Optimum, source: Cell, task: Task) -> Start:
+        """A solver's start from a neighbour's throw."""
         if source in self._solutions:
-            solution, asked, _ = self._solutions[source]
+            solution, asked = self._solutions[source]
             start = Start(
-                goal,
+                task.target,
                 lambda nlp: solution.x,
                 "fatrop",
                 asked=asked,
@@ -341,17 +309,19 @@ class Growth:
             )
         else:
             controls, mover = self.library.controls, self.problems.mover
-            start = moved_start(controls, mover, optimum, goal, task)
-        start = dataclasses.replace(start, light=True, tries=TRIES, rough=True)
-        if self._taken(list(attempts(self.problems, start, task)), task):
-            return True
-        if cell in self._solved:
+            start = moved_start(controls, mover, optimum, task.target, task)
+        return dataclasses.replace(start, light=True, rough=True)
+
+    def _walked(self, optimum: Optimum, source: Cell, task: Task) -> bool:
+        """Whether steps from a neighbour's throw, which keep all limits, come to the goal."""
+        goal, at = task.target, self.cells.middle(source, self._target)
+        miss = at.plane_x - goal.plane_x, (at.theta or 0.0) - (goal.theta or 0.0)
+        near = Neighbour(optimum, goal, miss, 0.0)
+        *_, last = None, *Walk(self._corrector, near, task).attempts()
+        if last is None or not last.solved or last.throw is None or last.throw.optimum is None:
             return False
-        self._beyond[cell] = self._beyond.get(cell, 0) + 1
-        if self._beyond[cell] >= TRIED:
-            landing = (goal.plane_x, goal.theta or 0.0)
-            self._new.append(self.library.record(optimum, landing, solved=False))
-        return False
+        self._keeps(goal, last.throw.optimum)
+        return True
 
     def _taken(self, tried: list[Attempt], task: Task) -> bool:
         """Whether the last attempt is a throw, a cheaper one than the cell's; then it is kept."""
@@ -367,11 +337,16 @@ class Growth:
         optimum = optimum_of(self.library.controls, program, last.throw, names)
         if optimum is None:
             return False
-        self._solved[cell] = optimum.effort
-        self._solutions[cell] = solution, last.asked, optimum
+        self._keeps(goal, optimum)
+        self._solutions[cell] = solution, last.asked
+        return True
+
+    def _keeps(self, goal: Pose, optimum: Optimum) -> None:
+        """Keeps a throw that lands in a cell's middle."""
+        cell = self.cells(goal.plane_x, goal.theta)
+        self._solved[cell], self._optima[cell] = optimum.effort, optimum
         landing = (goal.plane_x, goal.theta or 0.0)
         self._new.append(self.library.record(optimum, landing, solved=True))
-        return True
 
 
 def always_asked(scene: Scene) -> Asked:

@@ -14,7 +14,8 @@ from dataclasses import dataclass
 from ...problems import Scene
 from ..check import make_mover
 from ..search import Clock, Library, Problems, Reach, Releases, ReleaseSampler, Sources
-from .growing import Growth, Landings, Progress, always_asked, landings_of
+from .cells import Landings, landings_of
+from .growing import Growth, Progress, always_asked
 
 #: Fewer throws are solved by this process alone: others take some seconds to start.
 ALONE = 400

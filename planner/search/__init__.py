@@ -14,3 +14,4 @@ from .nlps import Clock, Problems, Program, Task, check_start
 from .release_table import Releases, Turns, goals_of, joined, starts
 from .sampling import ReleaseSampler, sparse_parents, stored_releases
 from .table import Search, Sources, release_start
+from .walk import Walk

@@ -212,6 +212,16 @@ class Library:
                 float(away[i]),
             )
 
+    def beyond(self, goal: Pose) -> bool:
+        """Whether what was tried nearest to a goal was found to be out of reach."""
+        target = self._scene.target
+        assert target is not None
+        x, theta = self.records["landing"].astype(float).T
+        if not x.size or goal.z != target.z or (goal.theta is not None) != self.angle:
+            return False
+        away = np.abs(x - goal.plane_x) + np.abs(theta - (goal.theta or 0.0)) * self._lever
+        return not self.records["solved"][away.argmin()]
+
 
 def library_key(scene: Scene) -> str:
     """A hash of all that a scene's solved throws depend on.

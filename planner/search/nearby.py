@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from heapq import merge
 
@@ -11,7 +11,7 @@ from ...models import land
 from ...problems import Pose
 from ..ocp import Optimum
 from ..result import PlannedThrow
-from .attempt import Attempt, Start, attempts
+from .attempt import Attempt, Edge, Start, attempts
 from .corrector import Corrector, moved_start, optimum_of
 from .library import Library, Neighbour
 from .nlps import Problems, Task
@@ -75,6 +75,17 @@ class Nearby:
             return []
         near = self._library.near(task.target, turns, EDGE, math.inf)
         return [(self._start(one.optimum, one.goal, task), one.distance) for one in near]
+
+    def held(self, task: Task, turns: Turns, tried: Sequence[Attempt]) -> Edge | None:
+        """The nearest landing that limits let an attempt, or the library's growth, come to."""
+        edges = [attempt.edge for attempt in tried if attempt.edge is not None]
+        for one in self._library.near(task.target, turns, 1, math.inf):
+            edges = [edge for edge in edges if edge.missed < one.distance]
+            if not edges and self._library.beyond(one.goal):
+                (dx, turn), goal = one.miss, one.goal
+                pose = goal.in_plane(goal.plane_x + dx, goal.turned(turn).theta)
+                edges.append(Edge(goal, pose, one.optimum.binding, one.distance))
+        return min(edges, key=lambda edge: edge.missed, default=None)
 
     def _moved_on(self, warm: PlannedThrow, task: Task) -> Iterator[Neighbour]:
         """A warm plan's optimum, if it lands near enough."""

@@ -73,7 +73,7 @@ class Search:
         solved: Sequence[tuple[Start, float]] = (),
     ) -> None:
         self._solved = solved
-        self._sources, self._task, self._turns, self._wanted = sources, task, turns, wanted
+        self._sources, self._task, self.turns, self._wanted = sources, task, turns, wanted
         self._tried = tried
         self._asked, self._coarse = USUAL, True
         self._clear: list[tuple[int, Pose, float]] | None = None
@@ -92,7 +92,7 @@ class Search:
 
     def _landing_nearest(self, releases: Releases) -> list[tuple[int, Pose, float]]:
         most = max(STARTS.values()) * self._wanted
-        return starts(releases, self._task.scene, self._task.target, self._turns, most)
+        return starts(releases, self._task.scene, self._task.target, self.turns, most)
 
     @property
     def _clearest(self) -> list[tuple[int, Pose, float]]:
@@ -101,7 +101,7 @@ class Search:
         if not scene.obstacle:
             return self._nearest
         if self._clear is None:
-            found = starts(self.releases, scene, self._task.target, self._turns, CLEARED)
+            found = starts(self.releases, scene, self._task.target, self.turns, CLEARED)
             mover = self._sources.problems.mover
             with self._task.clock("guess"):
                 meets = [in_obstacles(scene, mover, self.releases, i) for i, _, _ in found]

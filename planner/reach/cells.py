@@ -1,0 +1,65 @@
+"""The reach of a scene in cells of x and theta, each of which a library has a throw in."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from ...models import Array
+from ...problems import Pose, Scene
+from .maps import WIDTHS, reach_map
+
+Cell = tuple[int, int]
+Landings = tuple[Array, Array]
+
+#: Sampled states whose landings are the map.
+SAMPLES = 60_000
+#: How much larger the reach is than what random throws hit of so many cells.
+LARGER, HIT = 1.3, 300
+#: Narrowest cells, as a share of these bins.
+FINEST = 0.2
+
+
+@dataclass(frozen=True)
+class Cells:
+    """Cells of x [m] and theta [rad] that a library has a throw in each; theta's is 0 if open."""
+
+    x: float
+    theta: float
+
+    @classmethod
+    def of(cls, x: Array, theta: Array, count: int, *, angle: bool) -> Cells:
+        """Cells so wide that `count` of them cover a map's landings x, theta (N,), about."""
+        wide, turn = WIDTHS[0]
+        columns = np.column_stack([x / wide, theta / turn] if angle else [x / wide])
+        scale, filled = 1.0, math.inf
+        while filled > HIT:
+            scale *= 1.2
+            filled = len(np.unique(np.floor(columns / scale), axis=0))
+        scale *= (LARGER * max(filled, 1) / count) ** (1 / columns.shape[1])
+        scale = max(scale, FINEST)
+        return cls(scale * wide, scale * turn if angle else 0.0)
+
+    def __call__(self, x: float, theta: float | None) -> Cell:
+        """The cell of a landing."""
+        turn = theta or 0.0
+        return math.floor(x / self.x), math.floor(turn / self.theta) if self.theta else 0
+
+    def middle(self, cell: Cell, target: Pose) -> Pose:
+        """The landing pose in the middle of a cell."""
+        theta = (cell[1] + 0.5) * self.theta if self.theta else None
+        return target.in_plane((cell[0] + 0.5) * self.x, theta)
+
+    def around(self, cell: Cell) -> list[Cell]:
+        """The cells beside it."""
+        i, j = cell
+        beside = [(i - 1, j), (i + 1, j)]
+        return [*beside, (i, j - 1), (i, j + 1)] if self.theta else beside
+
+
+def landings_of(scene: Scene) -> Landings:
+    """Where a map's random throws land: x [m], theta [rad] (N,)."""
+    found = reach_map(scene, samples=SAMPLES)
+    return found.x, found.theta
