@@ -183,8 +183,7 @@ def _begins(
     for table, index in places:
         flown = table.flight_time(index, target.z, scene.gravity)
         begins.append(partial(guess_from, nlp, scene, mover, table, int(index), flown))
-    # A library's throws lie at the edge itself: they and one release, of another family maybe, do.
-    return begins, len(solved) + 1 if solved else len(begins) - MORE_STARTS, known
+    return begins, len(begins) - MORE_STARTS, known
 
 
 def _binding(

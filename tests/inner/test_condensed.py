@@ -20,6 +20,7 @@ def step(wanted: float, *, limits: int, ahead: float = 0.1) -> Step:
         np.ones(size),
         np.eye(size),
         np.zeros(limits, bool),
+        (np.arange(limits), limits),
     )
     found = condensed.step(np.zeros(size))
     assert found is not None

@@ -237,6 +237,16 @@ def test_far_from_all_of_them_a_target_is_out_of_reach(
     assert nearest[1] > nearest[0] - 0.02 and after.binding
 
 
+def test_the_nearest_landing_beyond_the_edge_can_be_thrown_to(prepared: tp.Planner) -> None:
+    target = prepared.scene.target
+    x, theta, _ = prepared.library.landings(target.z)
+    i = int(x.argmin())
+    answer = prepared.plan(target.in_plane(float(x[i]) - 0.6, float(theta[i])))
+    assert answer.status == "out_of_reach" and answer.binding
+    assert x[i] - 0.6 < answer.nearest.plane_x <= x[i]
+    assert prepared.plan(answer.nearest).solved
+
+
 def test_turns_alternatives_and_a_choice(prepared: tp.Planner) -> None:
     target = next(t for t in targets(prepared, 4) if prepared.plan(t).solved)
     turned = prepared.plan(target.turned(-6 * math.pi), turns="any")

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from throwplan.models import Path, Solid, about_z, segment_distance
-from throwplan.planner.check import Nearness, Throw, contacts, held_bar, make_mover
+from throwplan.planner.check import Nearness, Throw, contacts, held_bar, make_mover, overlap
 from throwplan.planner.ocp import Request, build_nlp
 from throwplan.planner.show import serving, space_throw
 from throwplan.problems import Obstacle
@@ -37,6 +37,23 @@ def free(pose) -> tp.Plan:
 @pytest.fixture(scope="module")
 def around(pose) -> tp.Plan:
     return tp.Planner(pose.replace(obstacle=(WALL,))).plan(TARGET, patience=30.0)
+
+
+def test_a_throw_clears_the_arm_as_the_check_says(pose, free, monkeypatch) -> None:
+    """All its instants by themselves, by the core and by NumPy."""
+    mover, throw = make_mover(pose), free.throw.final
+    rng = np.random.default_rng(0)
+    limits = mover.planning
+    q = rng.uniform(limits.q_min, limits.q_max, (300, mover.size)).T
+    q[:, :50] = throw.path.at(np.linspace(0.0, throw.opening_time, 50)).pose
+    bar = held_bar(pose, mover.motion(q, 0 * q, 0 * q)[0])
+    for where, flying in ((None, False), (bar, False), (bar, True)):
+        found = []
+        for core in ("1", "0"):
+            monkeypatch.setenv("THROWPLAN_COMPILE", core)
+            found.append(overlap(pose, mover, q, where, flying=flying))
+        assert found[0] == pytest.approx(found[1], abs=1e-12)
+        assert (found[0][:50] <= 0.0).all() and (found[0] > 0.01).sum() > 10
 
 
 def clutter(rng: np.random.Generator, azimuth: float = 0.0) -> Obstacle:
