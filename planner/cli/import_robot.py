@@ -31,7 +31,9 @@ LIMIT_UNITS = {"velocity": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3"
 
 def arguments(add: Add) -> None:
     """The command's options."""
-    add("urdf", metavar="FILE.urdf", help="the robot; or a xacro")
+    add(
+        "urdf", metavar="FILE.urdf", help="the robot; or a xacro, or its name in robot_descriptions"
+    )
     words = "joints, base first, by name or by number on the way to --tool (default: all of these)"
     add("--joints", nargs="+", metavar="J", default=[], help=words)
     add("--out", required=True, metavar="FILE.toml", help="the arm data file")
@@ -48,7 +50,7 @@ def arguments(add: Add) -> None:
     add(
         "--closing",
         choices=["x", "y", "z"],
-        help="axis of the tool link along which the pads close (default: y, or z)",
+        help="axis of the tool link along which the pads close (default: y, or z, the same)",
     )
     words = "from the tool link on to the pads' centre (0)"
     add("--tcp", type=number(), metavar="M", default=0.0, help=words)
@@ -196,7 +198,7 @@ def _approach_of(chain: UrdfChain) -> str:
 def _moved(origin: Any) -> str:
     """Where the base frame is moved to, in words; nothing where it is not."""
     x, y, _ = origin
-    return f" moved to x {x:.6g}, y {y:.6g} m" if x or y else ""
+    return f" moved to x {x:.4f}, y {y:.4f} m" if x or y else ""
 
 
 def _text(options: argparse.Namespace, found: dict[str, Any]) -> str:

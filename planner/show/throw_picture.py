@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...models import Array
-from ..check import bar_outline, obstacles_of, palm_corners
+from ..check import bar_outline, column_of, obstacles_of, palm_corners
 from .style import ARM, BLACK, GREEN, ORANGE, PHASES, RED, draw_cup, new_figure, save
 from .timeline import Timeline, timeline
 
@@ -75,8 +75,8 @@ def draw_surroundings(stage: Axes, scene: Scene, target: Pose) -> None:
     workspace = scene.workspace
     if workspace is not None and workspace.floor is not None:
         stage.axhline(workspace.floor, color="#b0a99f", lw=1, ls="--", zorder=1)
-    if workspace is not None and workspace.column_radius and workspace.column_height:
-        radius, height = workspace.column_radius, workspace.column_height
+    if (column := column_of(scene)) is not None:
+        radius, height = column
         stage.add_patch(Rectangle((-radius, 0), 2 * radius, height, color="#e4e1dc", zorder=0))
     for solid in obstacles_of(scene.aimed_at(target)):
         stage.add_patch(Polygon(solid.outline(), closed=True, color="#d9b8a6", alpha=0.6, zorder=0))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import io
 import logging
 import math
@@ -89,11 +90,13 @@ class UrdfChain:
 
 
 def read_urdf(path: Path) -> Any:
-    """yourdfpy's robot from a URDF or xacro; InputError if it is none, or yourdfpy is missing.
+    """yourdfpy's robot from a URDF or xacro, or from the package robot_descriptions, by its name
+    there; InputError if it is none, or yourdfpy is missing.
 
     A xacro's packages (`$(find ...)`) are looked for in the folders above it.
     """
-    text = read_text(path)
+    named = path.name.endswith("_description") and not path.exists()
+    text = "" if named else read_text(path)
     try:
         import yourdfpy
     except ImportError:
@@ -102,15 +105,7 @@ def read_urdf(path: Path) -> Any:
         ) from None
     logging.getLogger("yourdfpy.urdf").setLevel(logging.CRITICAL)
     try:
-        # yourdfpy mends broken files by leaving out what it cannot read.
-        text = _declared(text)
-        root = ElementTree.fromstring(text)
-        if root.tag != "robot":
-            raise ValueError("its root is not <robot>")
-        if any("xacro" in part.tag for part in root.iter()):
-            text = _expanded(path)
-        source = io.BytesIO(text.encode())
-        parsed = yourdfpy.URDF.load(source, load_meshes=False, build_scene_graph=False)
+        parsed = _fetched(path.name) if named else _parsed(text, path)
         _check_tree(parsed.robot)
         for joint in parsed.robot.joints:
             joint.origin = _squared(origin(joint))
@@ -118,6 +113,28 @@ def read_urdf(path: Path) -> Any:
     except Exception as error:  # yourdfpy lets through whatever its parts raise.
         reason = " ".join(str(error).split()) or type(error).__name__
         raise InputError(f"{path}: cannot be read as a URDF: {reason}") from None
+
+
+def _parsed(text: str, path: Path) -> Any:
+    """A file as yourdfpy has it, which mends broken ones by leaving out what it cannot read."""
+    import yourdfpy
+
+    text = _declared(text)
+    root = ElementTree.fromstring(text)
+    if root.tag != "robot":
+        raise ValueError("its root is not <robot>")
+    if any("xacro" in part.tag for part in root.iter()):
+        text = _expanded(path)
+    return yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False, build_scene_graph=False)
+
+
+def _fetched(name: str) -> Any:
+    """The same of a robot of robot_descriptions, which fetches its files when first asked."""
+    try:
+        load = importlib.import_module("robot_descriptions.loaders.yourdfpy")
+    except ImportError:
+        raise ValueError("no such file, and no package robot_descriptions to know it") from None
+    return load.load_robot_description(name, load_meshes=False, build_scene_graph=False)
 
 
 def _declared(text: str) -> str:
@@ -160,8 +177,8 @@ def chain_of(
     names: numbers count the joints that turn on the way to `tool`; none: these. tool: the hand's
     link; None for the last that hangs on the last joint without a branch. base: the link whose
     frame is the arm's base, None for the root. approach, closing: axes of the tool link (`AXES`)
-    along which the hand points and its pads close; None: z, where nothing speaks against it, and y
-    or z. azimuth: the joint that turns the throw's plane, None for the first.
+    along which the hand points and its pads close; None: z, and y or z, where nothing speaks
+    against it. azimuth: the joint that turns the throw's plane, None for the first.
     """
     if tool is not None:
         _link(robot, "--tool", tool)
@@ -194,7 +211,7 @@ def chain_of(
     begin[:3, 3] -= place
     if approach is None:
         approach = _approach(robot, path, tool)
-    hand = hand_turn(approach, closing or ("z" if approach.endswith("y") else "y"))
+    hand = hand_turn(approach, closing or _closing(robot, tool, approach))
     turns = tuple(axis_turn(joint) for joint in chosen)
     moving = tuple(joint for joint in before if joint.type != "fixed")
     return UrdfChain(
@@ -232,8 +249,8 @@ def _approach(robot: Any, path: Sequence[Any], tool: str) -> str:
 
     What hangs on the link shows where the hand points, or else the way from the joint before.
     """
-    hung = list(_below(robot, tool))
-    away = np.mean([at[:3, 3] for at in hung], axis=0) if hung else np.zeros(3)
+    hung = [at[:3, 3] for _, at in _below(robot, tool)]
+    away = np.mean(hung, axis=0) if hung else np.zeros(3)
     back = np.eye(4)
     for joint in reversed(path):
         if np.linalg.norm(away) > 1e-3:
@@ -250,11 +267,31 @@ def _approach(robot: Any, path: Sequence[Any], tool: str) -> str:
     return "z"
 
 
-def _below(robot: Any, link: str, at: Array | None = None) -> Iterator[Array]:
-    """Poses (4, 4) of the links that hang on a link, in its frame, joints at 0."""
+def _closing(robot: Any, tool: str, approach: str) -> str:
+    """y, or z beside an approach along y; InputError where all fingers seem to move otherwise."""
+    usual, ways = "z" if approach.endswith("y") else "y", set[str]()
+    for joint, pose in _below(robot, tool):
+        if joint.type == "fixed":
+            continue
+        way = pose[:3, :3] @ unit_axis(joint)
+        if joint.type != "prismatic":
+            way = np.cross(way, AXES[approach])
+        length = POINTS * np.linalg.norm(way)
+        ways.add(next((name for name in "xyz" if abs(way @ AXES[name]) > length > 0), ""))
+    if len(ways) == 1 and ways - {usual, ""}:
+        (likely,) = ways
+        raise InputError(
+            f"--closing: the pads on link '{tool}' seem to close along its {likely}, not {usual}: "
+            f"say --closing {likely}, or --closing {usual} if it is {usual}"
+        )
+    return usual
+
+
+def _below(robot: Any, link: str, at: Array | None = None) -> Iterator[tuple[Any, Array]]:
+    """The joints below a link, with poses (4, 4) of their links in its frame, all at 0."""
     for joint in hanging(robot, link):
         pose = (np.eye(4) if at is None else at) @ origin(joint)
-        yield pose
+        yield joint, pose
         yield from _below(robot, str(joint.child), pose)
 
 

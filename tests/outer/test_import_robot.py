@@ -320,7 +320,7 @@ def test_joints_by_number_or_all_on_the_way_to_the_tool(tmp_path, odd_file, odd,
     )
     assert numbered == odd and odd.joint_names == tuple(JOINTS)
     words = ["--out", tmp_path / "all.toml", "--acceleration", "10", "--jerk", "1000"]
-    hand = ["--tool", "hand", "--approach=-x"]
+    hand = ["--tool", "hand", "--approach=-x", "--closing", "z"]
     assert main([str(word) for word in ("import-robot", odd_file, *words, *hand)]) == 0
     assert "joint_names = ['turn', 'lift', 'bend', 'roll', 'flick']" in words[1].read_text()
     assert "or --tool LINK" in refused("import-robot", odd_file, *words)
@@ -332,6 +332,8 @@ def test_a_hand_that_seems_to_point_along_another_axis_is_asked_about(odd_file, 
     words = ["--acceleration", "10", "--jerk", "1000", "--out", tmp_path / "arm.toml"]
     line = refused("import-robot", odd_file, "--tool", "hand", *words)
     assert "seems to point along its -x, not z: say --approach=-x, or --approach=z" in line
+    line = refused("import-robot", odd_file, "--tool", "hand", "--approach=-x", *words)
+    assert "seem to close along its z, not y: say --closing z, or --closing y" in line
 
 
 def test_all_missing_limits_are_named_in_one_line(tmp_path, odd_file, refused) -> None:
@@ -339,7 +341,7 @@ def test_all_missing_limits_are_named_in_one_line(tmp_path, odd_file, refused) -
     for name in ("lift", "bend"):
         tree.find(f"joint[@name='{name}']/limit").set("velocity", "0")
     tree.write(tmp_path / "odd.urdf")
-    words = ["--joints", *JOINTS, "--approach=-x", "--out", tmp_path / "arm.toml"]
+    words = ["--joints", *JOINTS, "--approach=-x", "--closing", "z", "--out", tmp_path / "arm.toml"]
     line = refused("import-robot", tmp_path / "odd.urdf", *words)
     for part in (
         "velocity of lift, bend (--velocity)",
@@ -369,3 +371,24 @@ def test_without_yourdfpy_the_extra_is_named(tmp_path, odd_file, refused, monkey
     monkeypatch.setitem(sys.modules, "yourdfpy", None)
     words = ["--joints", *JOINTS, *ODD_OPTIONS, "--out", tmp_path / "arm.toml"]
     assert "throwplan[urdf]" in refused("import-robot", odd_file, *words)
+
+
+def test_a_name_of_robot_descriptions(tmp_path, odd_file, odd, refused, monkeypatch) -> None:
+    """The package is a stand-in: the real one fetches files from elsewhere."""
+    words = ["--joints", *JOINTS, *ODD_OPTIONS, "--out", tmp_path / "other.toml"]
+    line = refused("import-robot", "odd_description", *words)
+    assert "odd_description: cannot be read as a URDF: no such file, and no package robot" in line
+    package = tmp_path / "robot_descriptions" / "loaders"
+    package.mkdir(parents=True)
+    (package.parent / "__init__.py").touch()
+    (package / "__init__.py").touch()
+    (package / "yourdfpy.py").write_text(
+        "import yourdfpy\n"
+        "def load_robot_description(name, **options):\n"
+        "    if name != 'odd_description':\n"
+        "        raise ModuleNotFoundError(f'no robot {name}')\n"
+        f"    return yourdfpy.URDF.load({str(odd_file)!r}, **options)\n"
+    )
+    monkeypatch.syspath_prepend(tmp_path)
+    assert imported(tmp_path, Path("odd_description"), JOINTS, *ODD_OPTIONS) == odd
+    assert "no robot nobodys_description" in refused("import-robot", "nobodys_description", *words)

