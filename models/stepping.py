@@ -11,7 +11,7 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from functools import partial
-from typing import Protocol
+from typing import Any, Protocol
 
 import casadi as ca
 import numpy as np
@@ -184,12 +184,7 @@ def compiled_batch(
 
 def _numbers(batch: ReleaseBatch) -> Array:
     """The law's numbers in the order of number_symbols, then grasp angle, opening, force."""
-    body, contact = batch.body, batch.contact
-    values = (
-        *(body.mass, body.inertia, body.com_offset),
-        *(contact.friction, contact.patch_radius, contact.torsion, contact.faces),
-        *(batch.gravity, batch.grasp_angle, batch.opening, batch.force),
-    )
+    values = (*_law(batch), batch.grasp_angle, batch.opening, batch.force)
     return np.array([np.broadcast_to(value, batch.count) for value in values], float)
 
 
@@ -279,9 +274,12 @@ def number_symbols() -> tuple[ca.SX, Body, Contact, ca.SX]:
 
 def numbers(case: ReleaseCase) -> Array:
     """Parameter column (8, 1) of the compiled steps."""
-    body, contact = case.body, case.contact
-    values = [body.mass, body.inertia, body.com_offset, contact.friction, contact.patch_radius]
-    return np.array([*values, contact.torsion, contact.faces, case.gravity], float)[:, None]
+    return np.array(_law(case), float)[:, None]
+
+
+def _law(given: ReleaseCase | ReleaseBatch) -> list[Any]:
+    """The law's numbers, in the order of `number_symbols`."""
+    return [*vars(given.body).values(), *vars(given.contact).values(), given.gravity]
 
 
 def step_function(law: SteppedLaw, parameters: ca.SX, steps: int) -> ca.Function:

@@ -41,6 +41,7 @@ from .uncertainty import (
     Distribution,
     Robust,
     Uncertainty,
+    correlation_matrix,
     file_key,
     uncertainty_table,
 )

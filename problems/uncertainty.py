@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
+from ..models import Array
 from . import section
 from .section import InputError, Section, from_table, optional, quantity, table_of, unknown
 
@@ -183,13 +183,9 @@ class Uncertainty(Section):
             )
 
     @property
-    def matrix(self) -> npt.NDArray[np.float64]:
+    def matrix(self) -> Array:
         """Correlation of the normal scores (P, P), in the order of `names`."""
-        matrix = np.eye(len(self.names))
-        for one, other, value in self.correlation:
-            i, j = self.names.index(one), self.names.index(other)
-            matrix[i, j] = matrix[j, i] = value
-        return matrix
+        return correlation_matrix(self.names, self.correlation)
 
     def check_possible(
         self, values: Mapping[str, float], ranges: Mapping[str, tuple[float, float]]
@@ -206,6 +202,15 @@ class Uncertainty(Section):
             raise InputError(
                 f"{file_key(name)}: {reached}: must stay within [{words[2]}, {words[3]}]"
             )
+
+
+def correlation_matrix(names: Sequence[str], pairs: Iterable[tuple[str, str, float]]) -> Array:
+    """(P, P) of coefficients between some of P names; the others do not correlate."""
+    matrix = np.eye(len(names))
+    for one, other, value in pairs:
+        i, j = names.index(one), names.index(other)
+        matrix[i, j] = matrix[j, i] = value
+    return matrix
 
 
 #: The values that may be uncertain, by name.

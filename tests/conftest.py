@@ -1,9 +1,53 @@
-"""The tests have a cache folder of their own."""
+"""The tests have a cache folder of their own, and share plans of the built-in scenes."""
 
 from __future__ import annotations
 
 import os
+import socket
 import tempfile
+from collections.abc import Callable
+from functools import cache
+from pathlib import Path
+
+import pytest
+import throwplan as tp
 
 _FOLDER = tempfile.TemporaryDirectory(prefix="throwplan-tests-")
 os.environ["THROWPLAN_CACHE"] = _FOLDER.name
+
+
+@pytest.fixture(scope="session")
+def plan_of() -> Callable[[str], tp.Plan]:
+    """The plan of a built-in scene, made once."""
+    return cache(tp.plan)
+
+
+@pytest.fixture(scope="session")
+def cup_plan(plan_of: Callable[[str], tp.Plan]) -> tp.Plan:
+    """The plan of the scene `cup`."""
+    return plan_of("cup")
+
+
+@pytest.fixture(scope="session")
+def saved(plan_of, tmp_path_factory) -> Callable[[str], Path]:
+    """The folder of a built-in scene's plan without its pictures; not to be changed."""
+
+    @cache
+    def folder_of(name: str) -> Path:
+        folder = tmp_path_factory.mktemp(name)
+        plan_of(name).save(folder, draw=False)
+        return folder
+
+    return folder_of
+
+
+@pytest.fixture(scope="session")
+def free_port() -> Callable[[], int]:
+    """Finds a port of this machine that nobody has."""
+
+    def found() -> int:
+        with socket.socket() as probe:
+            probe.bind(("127.0.0.1", 0))
+            return int(probe.getsockname()[1])
+
+    return found

@@ -14,7 +14,14 @@ from typing import Any
 import numpy as np
 
 from ...models import Array
-from ...problems import Distribution, Scene, Uncertainty, toml_lines, uncertainty_table
+from ...problems import (
+    Distribution,
+    Scene,
+    Uncertainty,
+    correlation_matrix,
+    toml_lines,
+    uncertainty_table,
+)
 from .predict import UNKNOWNS, USUAL, parameter_sets
 
 #: Chi-squared of two degrees of freedom that 95 % stay below.
@@ -136,7 +143,7 @@ def prior_of(scene: Scene, names: tuple[str, ...]) -> Belief:
         mean.append(value if name == "delay" else math.log(value))
         deviations.append(max(deviation, 1e-6))
     pairs = [(a, b, number) for a, b, number in section.correlation if {a, b} <= set(names)]
-    matrix = _correlations(names, pairs)
+    matrix = correlation_matrix(names, pairs)
     return Belief(names, np.array(mean), matrix * np.outer(deviations, deviations))
 
 
@@ -187,19 +194,10 @@ def uncertainty_of(belief: Belief) -> Uncertainty:
                 pairs.append((one, other, round(number, 4)))
     # Rounded they may be those of no distribution: then they are weakened until they are.
     weaker, shrink = pairs, 1.0
-    while np.linalg.eigvalsh(_correlations(known.names, weaker)).min() <= 1e-6:
+    while np.linalg.eigvalsh(correlation_matrix(known.names, weaker)).min() <= 1e-6:
         shrink *= 0.999
         weaker = [(one, other, round(shrink * value, 4)) for one, other, value in pairs]
     return Uncertainty(**spreads, correlation=tuple(weaker))
-
-
-def _correlations(names: tuple[str, ...], pairs: list[tuple[str, str, float]]) -> Array:
-    """Correlation matrix (P, P)."""
-    matrix = np.eye(len(names))
-    for one, other, number in pairs:
-        i, j = names.index(one), names.index(other)
-        matrix[i, j] = matrix[j, i] = number
-    return matrix
 
 
 def _log_normal(value: float, deviation: float) -> tuple[float, ...]:

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...models import Array, Path
 from .asked import USUAL, Asked, Request
-from .layout import CARRY_MIN, JERK_UNIT
+from .layout import JERK_UNIT, T
 from .nlp import WEIGHTS, ThrowNlp
 from .phases import interval_effort
 
@@ -73,13 +73,6 @@ class Controls:
         stages = self.request.scene.mesh.carry + len(self.opening)
         return np.tri(stages, k=-1)
 
-    @cached_property
-    def durations(self) -> tuple[float, float]:
-        """Shortest and longest carry [s]."""
-        scene = self.request.scene
-        earliest = scene.gripper.profile().dwell + scene.mean_delay + self.request.nodes[0]
-        return max(float(earliest), CARRY_MIN), scene.mesh.carry_max
-
     def places(self, nlp: ThrowNlp) -> list[int]:
         """Indices (size,) of u in the NLP's decision vector."""
         blocks = [nlp.place("T", 0)]
@@ -127,5 +120,5 @@ class Controls:
 
     def within(self, u: Array) -> Array:
         """The same with a carry that is neither too short nor too long."""
-        shortest, longest = self.durations
+        shortest, longest = T.bounds(self.request)
         return np.concatenate([[min(max(u[0], shortest), longest)], u[1:]])

@@ -19,11 +19,6 @@ from throwplan.planner.ocp import broken
 T = TypeVar("T")
 
 
-@pytest.fixture(scope="module")
-def cup_plan() -> tp.Plan:
-    return tp.plan("cup")
-
-
 def lifting_hand(scene: tp.Scene, acceleration: float) -> tuple[Mover, Path]:
     """A level hand at rest that then accelerates upwards for 0.2 s."""
     mover = dataclasses.replace(make_mover(scene), motion=hand_motion(PlanarHand(True)), start=None)

@@ -9,6 +9,7 @@ from functools import cache
 import numpy as np
 import pytest
 import throwplan as tp
+from release_cases import detached, extremes, single
 from scipy.integrate import solve_ivp
 from throwplan.models import (
     Body,
@@ -54,10 +55,6 @@ def landed(name: str, release: Release) -> np.ndarray:
 def together(one: np.ndarray, other: np.ndarray, x: float, theta: float) -> bool:
     """Whether two landings are no farther apart than x [m] and theta [rad]."""
     return bool((np.abs(one - other) <= [x, theta]).all())
-
-
-def detached(release: Release) -> np.ndarray:
-    return np.concatenate([release.com[:, -1], release.com_twist[:, -1]])
 
 
 def kinks(case: ReleaseCase) -> np.ndarray:
@@ -160,47 +157,12 @@ def test_relative_states_are_those_of_plain_runge_kutta(steps: int) -> None:
     assert np.array([v_x, v_z, omega]) == pytest.approx(plain.com_twist, abs=1e-8)
 
 
-def extremes(count: int, seed: int) -> dict[str, np.ndarray]:
-    """mu 0.02-3, r_p 0.05-50 mm, h 0-1 m, m 1 g-50 kg, opening 0.5 ms-2 s, f_N 0.1-2000 N,
-    g 0-25, hand accelerations to 500 m/s^2; a fifth with h = 0, a fifth with g = 0."""
-    rng = np.random.default_rng(seed)
-
-    def wide(low: float, high: float) -> np.ndarray:
-        return np.exp(rng.uniform(np.log(low), np.log(high), count))
-
-    mass, a, direction = wide(1e-3, 50), wide(1, 500), rng.uniform(-np.pi, np.pi, count)
-    return {
-        "mass": mass,
-        "inertia": mass * wide(5e-3, 0.3) ** 2,
-        "h": np.where(rng.random(count) < 0.2, 0.0, wide(1e-3, 1)),
-        "mu": wide(0.02, 3),
-        "r_p": wide(5e-5, 0.05),
-        "opening": wide(5e-4, 2),
-        "force": wide(0.1, 2000),
-        "g": np.where(rng.random(count) < 0.2, 0.0, rng.uniform(0, 25, count)),
-        "pose": np.column_stack([np.zeros((count, 2)), rng.uniform(-3, 3, count)]),
-        "twist": np.column_stack([rng.uniform(-3, 3, (count, 2)), rng.uniform(-10, 10, count)]),
-        "acceleration": np.column_stack(
-            [a * np.cos(direction), a * np.sin(direction), rng.uniform(-500, 500, count)]
-        ),
-    }
-
-
-def extreme_case(v: dict[str, np.ndarray], i: int) -> ReleaseCase:
-    return ReleaseCase(
-        Body(*(float(v[k][i]) for k in ("mass", "inertia", "h"))),
-        Contact(float(v["mu"][i]), float(v["r_p"][i]), 0.6, 2),
-        LinearRelease(float(v["force"][i]), 0.0, float(v["opening"][i])),
-        Path.accelerating(v["pose"][i], v["twist"][i], v["acceleration"][i]),
-        float(v["g"][i]),
-    )
-
-
 @pytest.mark.slow
 def test_extreme_releases_are_as_good_as_by_a_thousand_even_steps() -> None:
-    values, worse = extremes(24, 8), []
+    values, worse, rng = extremes(24, 8), [], np.random.default_rng(8)
     for i in range(24):
-        case = extreme_case(values, i)
+        gravity = 0.0 if rng.random() < 0.2 else rng.uniform(0, 25)
+        case = dataclasses.replace(single(values, i), gravity=gravity)
         mine = exact_pivot_release(case)
         slow, plain = (SlidingPivotRelease(steps=n).release(case) for n in (16_000, 1000))
         assert mine.trouble == slow.trouble

@@ -25,15 +25,8 @@ from throwplan.problems import Motion
 
 
 @pytest.fixture(scope="module")
-def plan() -> tp.Plan:
-    return tp.plan("hand-flip")
-
-
-@pytest.fixture(scope="module")
-def folder(plan: tp.Plan, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    place = tmp_path_factory.mktemp("plan")
-    plan.save(place, draw=False)
-    return place
+def plan(plan_of) -> tp.Plan:
+    return plan_of("hand-flip")
 
 
 DRAW = """
@@ -68,8 +61,8 @@ def share_of(picture: np.ndarray, colour: str) -> float:
     return float((np.abs(picture - 255 * np.array(to_rgb(colour))).max(axis=2) < 6).mean())
 
 
-def test_the_gif_shows_every_phase_in_its_colour_on_white(folder: Path, tmp_path: Path) -> None:
-    throw = tp.read_plan(folder)
+def test_the_gif_shows_every_phase_in_its_colour_on_white(saved, tmp_path: Path) -> None:
+    throw = tp.read_plan(saved("hand-flip"))
     draw_throw_moving(throw, tmp_path / "throw.gif")
     with Image.open(tmp_path / "throw.gif") as moving:
         length, frames = 0.0, []

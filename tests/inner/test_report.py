@@ -113,33 +113,28 @@ def test_what_differs_by_chance_decides_nothing() -> None:
     assert alike == [0, 1] and beaten == [0]
 
 
-@pytest.fixture(scope="module")
-def plan() -> tp.Plan:
-    return tp.plan("cup")
-
-
-def test_the_judge_finds_a_true_plan_true(plan: tp.Plan) -> None:
-    assert plan.throw is not None
-    verdict = judged(plan.throw, plan.target)
-    assert verdict.wrong == () and verdict.doubt < plan.scene.tolerance.position
+def test_the_judge_finds_a_true_plan_true(cup_plan: tp.Plan) -> None:
+    assert cup_plan.throw is not None
+    verdict = judged(cup_plan.throw, cup_plan.target)
+    assert verdict.wrong == () and verdict.doubt < cup_plan.scene.tolerance.position
     assert abs(verdict.miss - verdict.other) < verdict.doubt + 1e-5
 
 
-def test_the_judge_refuses_wrong_plans(plan: tp.Plan) -> None:
+def test_the_judge_refuses_wrong_plans(cup_plan: tp.Plan) -> None:
     """A later opening, a faster joint, a weaker grip, another target: each is noticed."""
-    good = plan.throw
+    good = cup_plan.throw
     assert good is not None
 
     def wrong(**changes: Any) -> str:
         final = dataclasses.replace(good.final, **changes)
-        return " ".join(judged(dataclasses.replace(good, final=final), plan.target).wrong)
+        return " ".join(judged(dataclasses.replace(good, final=final), cup_plan.target).wrong)
 
     late = wrong(opening_time=good.opening_time + 0.005)
     assert "thrown again" in late and "plain steps" in late
     assert "velocity" in wrong(samples=dataclasses.replace(good.samples, dq=3 * good.samples.dq))
-    gripper = dataclasses.replace(plan.scene.gripper, force=40.0)
+    gripper = dataclasses.replace(cup_plan.scene.gripper, force=40.0)
     assert "grip use" in wrong(scene=good.scene.replace(gripper=gripper))
-    aside = dataclasses.replace(plan.target, x=plan.target.x + 0.0025)
+    aside = dataclasses.replace(cup_plan.target, x=cup_plan.target.x + 0.0025)
     assert judged(good, aside).wrong
 
 

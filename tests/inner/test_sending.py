@@ -17,11 +17,6 @@ SHARE = 0.999
 
 
 @cache
-def plan_of(name: str) -> tp.Plan:
-    return tp.plan(name)
-
-
-@cache
 def panda() -> Mover:
     return make_mover(tp.load_scene("pose"))
 
@@ -98,7 +93,7 @@ def joined(times: np.ndarray, ddq: np.ndarray, jerk: np.ndarray) -> Path:
 
 
 @pytest.mark.parametrize("name", ["pose", "cup", "flip"])
-def test_a_plan_is_sent_as_ruckig_follows_it(name: str) -> None:
+def test_a_plan_is_sent_as_ruckig_follows_it(name: str, plan_of) -> None:
     plan = plan_of(name)
     assert_followed(plan.mover, plan.throw.planned)
 
@@ -129,11 +124,11 @@ def test_what_breaks_a_limit_is_left_to_ruckig() -> None:
 
 
 @pytest.mark.parametrize("size", [1e-10, 1e-7])
-def test_gaps_that_a_solver_leaves_change_nothing(size: float) -> None:
-    planned, rng = plan_of("cup").throw.planned, np.random.default_rng(0)
+def test_gaps_that_a_solver_leaves_change_nothing(size: float, cup_plan: tp.Plan) -> None:
+    planned, rng = cup_plan.throw.planned, np.random.default_rng(0)
     given = planned.given.copy()
     given[-2:, :, 1:] += size * rng.uniform(-1, 1, given[-2:, :, 1:].shape)
-    assert_followed(plan_of("cup").mover, dataclasses.replace(planned, given=given))
+    assert_followed(cup_plan.mover, dataclasses.replace(planned, given=given))
 
 
 def test_broken_limits_are_named() -> None:
@@ -149,7 +144,7 @@ def test_broken_limits_are_named() -> None:
 
 
 @pytest.mark.parametrize("name", ["hand-flip", "pose"])
-def test_the_motion_to_rest_is_what_is_sent(name: str) -> None:
+def test_the_motion_to_rest_is_what_is_sent(name: str, plan_of) -> None:
     """Of a free hand the planned pieces, then its brake; of an arm the samples' quintics."""
     throw = plan_of(name).throw.final
     whole, samples = throw.to_rest, throw.samples

@@ -105,18 +105,13 @@ def test_a_com_behind_the_pads_is_thrown_too() -> None:
 
 
 @pytest.fixture(scope="module")
-def posed() -> tp.Plan:
-    return tp.plan("delay")
-
-
-@pytest.fixture(scope="module")
-def cup_plan() -> tp.Plan:
-    return tp.plan("cup")
+def posed(plan_of) -> tp.Plan:
+    return plan_of("delay")
 
 
 @pytest.mark.parametrize("name", ["delay", "cup", "hand-flip"])
-def test_the_nominal_throw_is_the_checked_one(name: str, posed, cup_plan) -> None:
-    plan = {"delay": posed, "cup": cup_plan}.get(name) or tp.plan(name)
+def test_the_nominal_throw_is_the_checked_one(name: str, plan_of) -> None:
+    plan = plan_of(name)
     tolerance, exact = plan.scene.tolerance, plan.throw.final.landing
     x, theta, flight = tp.sweep(plan, samples=64).nominal.pose[0]
     assert x == pytest.approx(exact.x, abs=0.1 * tolerance.position)

@@ -29,11 +29,6 @@ G = 9.81
 WEAK = (45.0, 30.0, 6.0)
 
 
-@pytest.fixture(scope="module")
-def cup_plan() -> tp.Plan:
-    return tp.plan("cup")
-
-
 def nlp_of(scene: tp.Scene) -> ThrowNlp:
     return build_nlp(Request(scene, make_mover(scene), scene.target))
 

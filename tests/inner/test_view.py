@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import socket
 from pathlib import Path
 from typing import Any
 
@@ -24,11 +23,8 @@ def space(tmp_path_factory) -> Any:
 
 
 @pytest.fixture(scope="module")
-def panel(space: Any):
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    with serving(space, port) as (_, panel):
+def panel(space: Any, free_port):
+    with serving(space, free_port()) as (_, panel):
         yield panel
 
 

@@ -8,7 +8,6 @@ import json
 import os
 import shutil
 import signal
-import socket
 import subprocess
 import tempfile
 import time
@@ -56,12 +55,6 @@ def browsing(address: str):
             process.wait()
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 def waited(ask: Callable[[], str]) -> str:
     """What `ask` answers as soon as it can, within a minute."""
     end = time.monotonic() + 60
@@ -102,9 +95,8 @@ def count(picture: np.ndarray, hue: float, saturation: tuple[float, float], valu
 
 @pytest.mark.slow
 @pytest.mark.skipif(BROWSER is None, reason="no chromium, chromium-browser or google-chrome here")
-def test_the_page_shows_arm_bar_cup_and_slider(tmp_path: Path) -> None:
-    tp.plan("cup").save(tmp_path, draw=False)
-    space = space_throw(tp.read_plan(tmp_path))
+def test_the_page_shows_arm_bar_cup_and_slider(saved, free_port) -> None:
+    space = space_throw(tp.read_plan(saved("cup")))
     marks = space.line.marks
     least = {"bar": 500, "cup": 2500, "arm": 10_000, "slider": 5000}
     # Not one colour over everything either.

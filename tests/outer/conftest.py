@@ -6,13 +6,11 @@ import json
 import signal
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from functools import cache
 from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
 import pytest
-import throwplan as tp
 from throwplan.planner.cli import main
 
 
@@ -90,25 +88,6 @@ def untouched(tmp_path: Path):
     before: list[dict[str, bytes | None]] = []
     yield lambda: before.append(listing(tmp_path))
     assert listing(tmp_path) == before[-1]
-
-
-@pytest.fixture(scope="session")
-def plan_of() -> Callable[[str], tp.Plan]:
-    """The plan of a built-in scene, made once."""
-    return cache(tp.plan)
-
-
-@pytest.fixture(scope="session")
-def saved(plan_of, tmp_path_factory) -> Callable[[str], Path]:
-    """The folder of a built-in scene's plan without its pictures; not to be changed."""
-
-    @cache
-    def folder_of(name: str) -> Path:
-        folder = tmp_path_factory.mktemp(name)
-        plan_of(name).save(folder, draw=False)
-        return folder
-
-    return folder_of
 
 
 @pytest.fixture(scope="session")

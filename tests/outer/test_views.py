@@ -15,12 +15,6 @@ from pathlib import Path
 import pytest
 
 
-def free_port() -> int:
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return int(probe.getsockname()[1])
-
-
 def viewing(*words: object) -> subprocess.Popen[str]:
     """The command in a process of its own, without a browser."""
     hidden = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
@@ -33,7 +27,7 @@ def viewing(*words: object) -> subprocess.Popen[str]:
     )
 
 
-def test_it_serves_until_interrupted(saved, interruptible) -> None:
+def test_it_serves_until_interrupted(saved, interruptible, free_port) -> None:
     port = free_port()
     process = viewing(saved("hand-flip"), "--port", port)
     try:
@@ -50,7 +44,7 @@ def test_it_serves_until_interrupted(saved, interruptible) -> None:
     assert err == "throwplan: no browser to open here; open the address\n"
 
 
-def test_json_is_one_object_with_the_phases(saved) -> None:
+def test_json_is_one_object_with_the_phases(saved, free_port) -> None:
     port = free_port()
     words = ["--port", port, "--no-browser", "--hold", "0.1", "--json"]
     out, err = (process := viewing(saved("cup") / "plan.json", *words)).communicate(timeout=120)

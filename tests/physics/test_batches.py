@@ -10,7 +10,7 @@ from pathlib import Path as FilePath
 import numpy as np
 import pytest
 import throwplan as tp
-from release_cases import VALUES, detached, reference_case
+from release_cases import VALUES, Values, detached, extremes, reference_case, single
 from scipy.integrate import solve_ivp
 from throwplan.models import (
     Body,
@@ -29,8 +29,6 @@ from throwplan.models import (
 from throwplan.planner.compile import core_laws
 
 DROP = tp.load_scene("drop")
-#: Names of the arrays by section, as `simulate_batch` takes them.
-Values = dict[str, dict[str, np.ndarray]]
 
 
 def throws(count: int, seed: int = 0) -> Values:
@@ -56,42 +54,6 @@ def throws(count: int, seed: int = 0) -> Values:
             "acceleration": rng.uniform(-1, 1, (count, 3)) * [10, 10, 20],
         },
     }
-
-
-def extremes(count: int, seed: int) -> Values:
-    """mu 0.02-3, r_p 0.05-50 mm, h 0-1 m, m 1 g-50 kg, opening 0.5 ms-2 s, f_N 0.1-2000 N,
-    hand accelerations to 500 m/s^2; a fifth with h = 0."""
-    rng = np.random.default_rng(seed)
-
-    def wide(low: float, high: float) -> np.ndarray:
-        return np.exp(rng.uniform(np.log(low), np.log(high), count))
-
-    mass, a, direction = wide(1e-3, 50), wide(1, 500), rng.uniform(-np.pi, np.pi, count)
-    turn = rng.uniform(-500, 500, count)
-    return {
-        "object": {
-            "mass": mass,
-            "inertia": mass * wide(5e-3, 0.3) ** 2,
-            "com_offset": np.where(rng.random(count) < 0.2, 0.0, wide(1e-3, 1)),
-        },
-        "contact": {"friction": wide(0.02, 3), "patch_radius": wide(5e-5, 0.05)},
-        "gripper": {"force": wide(0.1, 2000), "opening": wide(5e-4, 2)},
-        "hand": {
-            "pose": np.column_stack([np.zeros((count, 2)), rng.uniform(-3, 3, count)]),
-            "twist": rng.uniform(-1, 1, (count, 3)) * [3, 3, 10],
-            "acceleration": np.column_stack([a * np.cos(direction), a * np.sin(direction), turn]),
-        },
-    }
-
-
-def single(values: Values, i: int) -> ReleaseCase:
-    body, contact, grip = (values[k] for k in ("object", "contact", "gripper"))
-    return ReleaseCase(
-        Body(*(float(body[k][i]) for k in ("mass", "inertia", "com_offset"))),
-        Contact(float(contact["friction"][i]), float(contact["patch_radius"][i]), 0.6, 2),
-        LinearRelease(float(grip["force"][i]), 0.0, float(grip["opening"][i])),
-        Path.accelerating(*(values["hand"][k][i] for k in ("pose", "twist", "acceleration"))),
-    )
 
 
 def cases_as_arrays() -> Values:

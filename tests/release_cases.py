@@ -1,4 +1,4 @@
-"""The seven reference cases as releases."""
+"""The seven reference cases as releases, and extreme ones."""
 
 from __future__ import annotations
 
@@ -13,10 +13,12 @@ from throwplan.models import Path as Motion
 VALUES: dict[str, Any] = {
     name: case
     for name, case in json.loads(
-        (Path(__file__).parent.parent / "data" / "release.json").read_text()
+        (Path(__file__).parent / "data" / "release.json").read_text()
     ).items()
     if isinstance(case, dict) and "detach" in case
 }
+#: Names of the arrays by section, as `simulate_batch` takes them.
+Values = dict[str, dict[str, np.ndarray]]
 STILL = {"theta0": 0.0, "v0": [0.0, 0.0], "omega0": 0.0, "a": [0.0, 0.0], "alpha": 0.0}
 
 
@@ -60,3 +62,39 @@ def sliding_wrench(patch: Patch, twist: np.ndarray) -> np.ndarray:
     force_x, force_z = -share * u_x, -share * u_z
     torque = patch.x * force_z - patch.z * force_x
     return np.array([force_x.sum(), force_z.sum(), torque.sum()])
+
+
+def extremes(count: int, seed: int) -> Values:
+    """mu 0.02-3, r_p 0.05-50 mm, h 0-1 m, m 1 g-50 kg, opening 0.5 ms-2 s, f_N 0.1-2000 N,
+    hand accelerations to 500 m/s^2; a fifth with h = 0."""
+    rng = np.random.default_rng(seed)
+
+    def wide(low: float, high: float) -> np.ndarray:
+        return np.exp(rng.uniform(np.log(low), np.log(high), count))
+
+    mass, a, direction = wide(1e-3, 50), wide(1, 500), rng.uniform(-np.pi, np.pi, count)
+    turn = rng.uniform(-500, 500, count)
+    return {
+        "object": {
+            "mass": mass,
+            "inertia": mass * wide(5e-3, 0.3) ** 2,
+            "com_offset": np.where(rng.random(count) < 0.2, 0.0, wide(1e-3, 1)),
+        },
+        "contact": {"friction": wide(0.02, 3), "patch_radius": wide(5e-5, 0.05)},
+        "gripper": {"force": wide(0.1, 2000), "opening": wide(5e-4, 2)},
+        "hand": {
+            "pose": np.column_stack([np.zeros((count, 2)), rng.uniform(-3, 3, count)]),
+            "twist": rng.uniform(-1, 1, (count, 3)) * [3, 3, 10],
+            "acceleration": np.column_stack([a * np.cos(direction), a * np.sin(direction), turn]),
+        },
+    }
+
+
+def single(values: Values, i: int) -> ReleaseCase:
+    body, contact, grip = (values[k] for k in ("object", "contact", "gripper"))
+    return ReleaseCase(
+        Body(*(float(body[k][i]) for k in ("mass", "inertia", "com_offset"))),
+        Contact(float(contact["friction"][i]), float(contact["patch_radius"][i]), 0.6, 2),
+        LinearRelease(float(grip["force"][i]), 0.0, float(grip["opening"][i])),
+        Motion.accelerating(*(values["hand"][k][i] for k in ("pose", "twist", "acceleration"))),
+    )
