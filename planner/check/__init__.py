@@ -3,8 +3,17 @@
 The promise behind `solved` is kept here: nothing here knows how a throw was found.
 """
 
-from .bodies import LANDING, obstacles_of, pairs_of
-from .clearance import BAR, Nearness, Track, check_obstacles, contacts, overlap, track_of
+from .bodies import LANDING, Around, obstacles_of, pairs_of
+from .clearance import (
+    BAR,
+    Nearness,
+    Track,
+    check_obstacles,
+    contacts,
+    least_room,
+    overlap,
+    track_of,
+)
 from .entry import cup_entries, enters_cup_at_landing
 from .geometry import (
     bar_outline,

@@ -14,6 +14,7 @@ import numpy.typing as npt
 from ...core import BodiesC, SolidC, address
 from ...models import ArmCapsules, Array, Solid
 from ...problems import Obstacle, Scene, ThrownObject
+from .mover import Mover
 
 #: Links of numbers that differ by this or less meet at a joint, by construction.
 ADJACENT = 2
@@ -28,6 +29,11 @@ class Around:
     obstacles: tuple[Obstacle, ...]
     solids: tuple[Solid, ...]
     capsules: ArmCapsules | None
+
+    @classmethod
+    def of(cls, scene: Scene, mover: Mover) -> Around:
+        """A scene's, aimed at its target."""
+        return cls(scene.obstacle, tuple(obstacles_of(scene)), mover.capsules)
 
     def core(self, scene: Scene) -> BodiesC:
         """All of it, and the bar, as the compiled core takes it."""

@@ -88,7 +88,7 @@ def contacts(throw: Throw) -> list[Nearness]:
     scene, mover = throw.scene, throw.mover
     if not scene.obstacle and mover.capsules is None:
         return []
-    around = Around(scene.obstacle, tuple(obstacles_of(scene)), mover.capsules)
+    around = Around.of(scene, mover)
     found = _by_core(throw, around)
     if found is None:
         found = [found for track in _tracks(throw) for found in _near(track, around)]
@@ -137,8 +137,36 @@ def track_of(
     return Track(tuple(names), placed, np.array(radius), np.array(cover), times, flying)
 
 
+@dataclass(frozen=True)
+class _Pair:
+    """A moving body and what it must stay away from: needed [m] (N,); distance at some samples."""
+
+    names: tuple[str, str]
+    obstacle: Obstacle | None
+    away: Callable[[npt.NDArray[np.intp]], Array]
+    travel: Array
+    needed: Array
+    flying: bool
+
+
 def _near(track: Track, around: Around) -> Iterator[Nearness]:
     """Moving bodies too near to an obstacle; links, or the bar and a link, that meet."""
+    for pair in _pairs(track, around):
+        missing, when = _missing(pair.away, pair.travel, pair.needed)
+        if missing > ROUNDING:
+            at = float(track.times[when])
+            yield Nearness(*pair.names, pair.obstacle, missing, at, pair.flying)
+
+
+def least_room(track: Track, around: Around) -> Array:
+    """How much farther (N,) [m] bodies are apart than they must be, at least; infinite for none."""
+    every = np.arange(track.times.size)
+    rooms = [pair.away(every) - pair.needed for pair in _pairs(track, around)]
+    return np.asarray(np.min([np.full(every.size, np.inf), *rooms], axis=0))
+
+
+def _pairs(track: Track, around: Around) -> Iterator[_Pair]:
+    """Moving bodies and obstacles; links that may meet, or the bar and a link."""
     capsules, bar = around.capsules, track.names[-1] == BAR
     moves = [*(() if capsules is None else capsules.moves), True]
     for obstacle, solid in zip(around.obstacles, around.solids, strict=True):
@@ -151,21 +179,14 @@ def _near(track: Track, around: Around) -> Iterator[Nearness]:
                 lands = float(away(np.array([travel.size - 1]))[0])
                 near = min(lands, float(needed[0])) - np.diff(travel, prepend=0.0)
                 needed = np.where(track.times > track.times[-1] - LANDING, near, needed)
-            missing, when = _missing(away, travel, needed)
-            if missing > ROUNDING:
-                names = track.names[body], obstacle.name
-                yield Nearness(*names, obstacle, missing, float(track.times[when]), flying)
+            names = track.names[body], obstacle.name
+            yield _Pair(names, obstacle, away, travel, needed, flying)
     for one, other in () if capsules is None else pairs_of(capsules, bar=bar, flying=track.flying):
         away = partial(_apart, *track.ends[other], *track.ends[one])
         travel = track.travel(one) + track.travel(other)
         needed = np.full(travel.shape, track.radius[one] + track.radius[other])
-        missing, when = _missing(away, travel, needed)
-        if missing > ROUNDING:
-            names, flying = (
-                (track.names[other], track.names[one]),
-                track.flying and other == len(moves) - 1,
-            )
-            yield Nearness(*names, None, missing, float(track.times[when]), flying)
+        flying = track.flying and other == len(moves) - 1
+        yield _Pair((track.names[other], track.names[one]), None, away, travel, needed, flying)
 
 
 def _away(solid: Solid, ends: Array, some: npt.NDArray[np.intp]) -> Array:

@@ -60,22 +60,22 @@ def seen_from(pose: Array, points: Array) -> tuple[Array, Array]:
 
 def _from_box(
     first: float, last: float, half: float, pose: Array, points: Array
-) -> tuple[Array, npt.NDArray[np.bool_]]:
-    """Distance (N,) of the nearest of points (2, N, k) from boxes, and whether they are apart.
+) -> tuple[Array, Array]:
+    """Distance (N,) of the nearest of points (2, N, k) from boxes, and how far all are beyond it.
 
     A box lies from `first` to `last` along the axis of its pose (3, N), `half` to either side.
-    Apart: all points lie beyond one of its edges.
+    How far: beyond the edge that they are farthest beyond, below 0 where they are beyond none.
     """
     along, across = seen_from(pose, points)
     over, aside = np.maximum(first - along, along - last), np.abs(across) - half
     distance = np.hypot(np.maximum(over, 0.0), np.maximum(aside, 0.0)).min(axis=1)
     beyond = [along.min(axis=1) - last, first - along.max(axis=1)]
     beyond += [across.min(axis=1) - half, -half - across.max(axis=1)]
-    return distance, np.max(beyond, axis=0) > 0.0
+    return distance, np.max(beyond, axis=0)
 
 
 def palm_distance(bar: ThrownObject, tool: Tool, com: Array, hand: Array) -> Array:
-    """Distance [m] (N,) between bar and hand body; 0 where they overlap.
+    """Distance [m] (N,) between bar and hand body; how deep they overlap, below 0, where they do.
 
     Two boxes that do not overlap are apart along an axis of one of them, and a corner of one is
     nearest to the other.
@@ -83,8 +83,9 @@ def palm_distance(bar: ThrownObject, tool: Tool, com: Array, hand: Array) -> Arr
     palm = (-tool.palm_back, -tool.palm_front, tool.palm_half_width)
     held = (-bar.com, bar.length - bar.com, bar.width / 2)
     from_bar, aside = _from_box(*palm, hand, bar_outline(bar, com))
-    from_palm, beyond = _from_box(*held, com, palm_corners(tool, hand))
-    return np.where(aside | beyond, np.minimum(from_bar, from_palm), 0.0)
+    from_palm, ahead = _from_box(*held, com, palm_corners(tool, hand))
+    beyond = np.maximum(aside, ahead)
+    return np.where(beyond > 0.0, np.minimum(from_bar, from_palm), beyond)
 
 
 def column_distance(bar: ThrownObject, com: Array, radius: float, height: float) -> Array:

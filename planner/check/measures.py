@@ -145,7 +145,7 @@ def _measured(
         reach = reach_of_bar(bar) + math.hypot(far, tool.palm_half_width) + clearance
         near = np.hypot(*(flown[:2] - hand[:2])) < reach
         distance = palm_distance(bar, tool, flown[:, near], hand[:, near])
-        palm = float(distance.min(initial=math.inf))
+        palm = max(float(distance.min(initial=math.inf)), 0.0)
         palm_time = float(since[near][distance < clearance - ROUNDING].min(initial=math.inf))
     if scene.cup is not None:
         detach = np.array([[*vars(release.detach).values()]])

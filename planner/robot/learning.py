@@ -11,24 +11,48 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from ...models import PlanarArm
+from ...models import Array, PlanarArm
 from ...problems import InputError
 from ..check import Samples, Throw, broken_limits
 from ..ocp import broken as broken_terms
 from ..result import joint_samples
 from .controllers import JointMotion
-from .lesson import LANDING, Lesson
+from .lesson import Lesson
 from .recording import Recording
 
-Array = npt.NDArray[np.float64]
+#: Rounds of the program at most, how far the first goes, and by what share the cost must fall.
+ROUNDS, STEP, LEAST = 30, 1.0, 1e-3
+#: A landing so near [m, rad] is near enough.
+ENOUGH = (2e-4, 2e-3)
 
-#: Steps of the program's rounds; its landing is near enough where its share of what weighs alike
-#: there is below.
-STEPS, ENOUGH = (*[0.3] * 8, *[0.15] * 10), 1.0
+
+@dataclass(frozen=True, eq=False)
+class Candidate:
+    """off: landing off the target, 1 is near enough; wrong: why it must not be sent, in words."""
+
+    sent: Throw
+    expected: Throw
+    off: float
+    wrong: list[str]
+
+    @classmethod
+    def of(cls, lesson: Lesson, coefficients: Array) -> Candidate:
+        """What is sent, and what is expected of it."""
+        expected = lesson.throw(coefficients)
+        samples = Samples(*(basis @ coefficients for basis in lesson.basis))
+        sent = dataclasses.replace(expected, path=samples.path, samples=samples)
+        off = float(np.abs(np.array(expected.miss()) / ENOUGH).max())
+        off = off if math.isfinite(off) else math.inf
+        return cls(sent, expected, off, _wrong(sent, expected))
+
+    @property
+    def good(self) -> bool:
+        """Whether nothing needs to be better."""
+        return not self.wrong and self.off <= 1.0
 
 
 def corrected(plan: JointMotion, recording: Recording) -> tuple[JointMotion, Throw]:
@@ -37,31 +61,37 @@ def corrected(plan: JointMotion, recording: Recording) -> tuple[JointMotion, Thr
     Also the throw that it is expected to be. InputError where no motion within the limits is
     found, and where that throw breaks what the scene asks.
     """
-    lesson = Lesson.of(plan.throw, recording)
-    starts = [lesson.better(), lesson.last]
-    coefficients = min(starts, key=lambda each: _off(lesson.throw(each)))
-    found: list[tuple[bool, float, list[str], Throw, Throw]] = []
-    for step in STEPS:
-        coefficients = lesson.better(coefficients, step)
-        expected = lesson.throw(coefficients)
-        samples = Samples(*(basis @ coefficients for basis in lesson.basis))
-        sent = dataclasses.replace(expected, path=samples.path, samples=samples)
-        off, wrong = _off(expected), _wrong(sent, expected)
-        found.append((bool(wrong), off, wrong, sent, expected))
-        if not wrong and off < ENOUGH:
+    lesson, found = Lesson.of(plan.throw, recording), list[Candidate]()
+    for start in sorted(lesson.starts(), key=lesson.cost):
+        found += _rounds(lesson, start)
+        if found[-1].good:
             break
-    _, _, wrong, sent, expected = min(found, key=lambda each: each[:2])
-    if wrong:
-        raise InputError(f"the corrected motion is not sent: {wrong[0]}")
+    best = min(found, key=lambda each: (bool(each.wrong), each.off))
+    if best.wrong:
+        raise InputError(f"the corrected motion is not sent: {best.wrong[0]}")
+    sent = best.sent
     assert isinstance(sent.mover.kinematics, PlanarArm)
     values = joint_samples(sent.mover.kinematics, sent.target.plane.azimuth, sent.samples)
-    return JointMotion(plan.arm, sent, *values), expected
+    return JointMotion(plan.arm, sent, *values), best.expected
 
 
-def _off(throw: Throw) -> float:
-    """The landing off the target, 1 for what weighs alike; infinite where it does not land."""
-    off = float(np.abs(np.array(throw.miss()) / LANDING).max())
-    return off if math.isfinite(off) else math.inf
+def _rounds(lesson: Lesson, near: Array) -> list[Candidate]:
+    """Motions from one on, each better than the one before it; the last is good if any is."""
+    found, cost, step = [Candidate.of(lesson, near)], lesson.cost(near), STEP
+    for _ in range(ROUNDS):
+        if found[-1].good:
+            break
+        trial, promised = lesson.better(near, step)
+        if cost - promised < LEAST * cost:
+            break
+        now = lesson.cost(trial)
+        # As much better as promised, or the promise was made for too far.
+        share = (cost - now) / (cost - promised)
+        step *= 0.4 if share < 0.25 else 2.0 if share > 0.75 else 1.0
+        if share > 0.0:
+            near, cost = trial, now
+            found.append(Candidate.of(lesson, near))
+    return found
 
 
 def _wrong(sent: Throw, expected: Throw) -> list[str]:

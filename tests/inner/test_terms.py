@@ -141,7 +141,8 @@ def test_distances_of_bar_palm_and_column() -> None:
     hand = np.array([[0.9], [0.5], [0.0]])
     assert palm_distance(bar, tool, level, hand)[0] == pytest.approx(tool.palm_front)
     folded = np.array([[0.8], [0.5], [math.pi]])
-    assert palm_distance(bar, tool, folded, hand)[0] == 0.0
+    deep = tool.palm_half_width + bar.width / 2
+    assert palm_distance(bar, tool, folded, hand)[0] == pytest.approx(-deep)
     # Aside, inside, above, and out of reach.
     places = np.array([[0.25, 0.1, 0.0, 1.0], [0.2, 0.2, 0.5, 0.5], [0.0, 0.0, 0.0, 0.0]])
     found = column_distance(bar, places, 0.12, 0.45)

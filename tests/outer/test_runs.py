@@ -90,6 +90,20 @@ def test_a_lag_is_learnt_in_three_runs_inside_all_limits(plan) -> None:
     assert (found[2] < found[0] / 10).all()
 
 
+@pytest.mark.slow
+@pytest.mark.parametrize(("x", "theta_deg"), [(-1.203, 98.0), (0.709, 286.0), (1.557, 148.0)])
+def test_lags_are_learnt_over_the_map(tmp_path, x, theta_deg) -> None:
+    """Thrown over the base, and beside the base column, too."""
+    target = tp.load_scene("fr3").target.in_plane(x, math.radians(theta_deg))
+    tp.plan("fr3", target=target).save(tmp_path, draw=False)
+    motion = joint_motion(tmp_path)
+    recordings = [lagging(motion)]
+    for _ in range(2):
+        sent, _ = corrected(motion, recordings[-1])
+        recordings.append(lagging(sent))
+    assert (errors(recordings[2], motion) < errors(recordings[0], motion) / 10).all()
+
+
 def test_noise_of_the_encoders_moves_the_landing_little(plan) -> None:
     motion = joint_motion(plan)
     recording = lagging(motion)
