@@ -279,12 +279,7 @@ def overlap(
         if core.overlaps(count, by(arm), by(bodies), flying, *given) == 0:
             return missing
     track = track_of(scene, mover, np.zeros(q.shape[1]), q, com, flying=flying)
-    missing = np.full(q.shape[1], -np.inf)
-    for one, other in pairs_of(capsules, bar=com is not None, flying=flying):
-        ends = (end.T for body in (one, other) for end in track.ends[body])
-        needed = track.radius[one] + track.radius[other]
-        missing = np.maximum(missing, needed - segment_distance(*ends))
-    return missing
+    return -least_room(track, Around((), (), capsules))
 
 
 def check_obstacles(scene: Scene, mover: Mover) -> None:
