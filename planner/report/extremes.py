@@ -9,13 +9,9 @@ from __future__ import annotations
 import dataclasses
 import math
 import os
-import queue
-import signal
 import time
 import zlib
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, ThreadPoolExecutor
-from concurrent.futures.process import BrokenProcessPool
 from dataclasses import dataclass
 from multiprocessing import get_context
 from typing import Any, Literal, TypeVar
@@ -305,48 +301,32 @@ def outcomes(wanted: list[Case]) -> Iterator[CaseOutcome]:
 
 
 def in_processes(
-    work: Callable[..., T], jobs: Sequence[tuple[Any, ...]], patience: float, lanes: int = LANES
+    work: Callable[..., T], jobs: Sequence[tuple[Any, ...]], patience: float
 ) -> Iterator[T | str]:
     """work(*job) for each job, in order; "hang" or "crash" where that gives no answer.
 
     patience [s]: longest time of one job. Its process is then ended and another one goes on: a
     solver that hangs hears no exception.
     """
+    from pebble import ProcessExpired, ProcessPool
+
     # Each process computes with one thread: small matrices are slower with more.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    idle: queue.SimpleQueue[ProcessPoolExecutor | None] = queue.SimpleQueue()
-    for _ in range(lanes):
-        idle.put(None)
-
-    def done(job: tuple[Any, ...]) -> T | str:
-        # Spawned: forking a process whose libraries have threads is not safe.
-        pool = idle.get() or ProcessPoolExecutor(1, get_context("spawn"), _leave_no_files)
-        kept: ProcessPoolExecutor | None = pool
+    # Spawned: forking a process whose libraries have threads is not safe.
+    context = get_context("spawn")
+    pool: Any = ProcessPool(LANES, context=context, initializer=_leave_no_files)
+    with pool:
+        answers = [pool.schedule(work, job, timeout=patience) for job in jobs]
         try:
-            process = pool.submit(os.getpid).result()
-            try:
-                return pool.submit(work, *job).result(patience)
-            except TimeoutError:
-                os.kill(process, signal.SIGTERM)
-                kept = None
-                return "hang"
-        except BrokenProcessPool:
-            kept = None
-            return "crash"
+            for answer in answers:
+                try:
+                    yield answer.result()
+                except TimeoutError:
+                    yield "hang"
+                except ProcessExpired:
+                    yield "crash"
         finally:
-            if kept is None:
-                pool.shutdown(cancel_futures=True)
-            idle.put(kept)
-
-    with ThreadPoolExecutor(lanes) as threads:
-        try:
-            yield from threads.map(done, jobs)
-        finally:
-            threads.shutdown(wait=True, cancel_futures=True)
-            for _ in range(lanes):
-                pool = idle.get()
-                if pool is not None:
-                    pool.shutdown(cancel_futures=True)
+            pool.stop()
 
 
 def _leave_no_files() -> None:
