@@ -10,9 +10,8 @@ import math
 from dataclasses import dataclass
 
 import numpy as np
-import numpy.typing as npt
 
-from .body import Array
+from .body import Array, Flags
 
 #: Newton iterations of a step: two or three are usual, 18 the most that was seen.
 ITERATIONS = 60
@@ -98,7 +97,7 @@ class SlipProblem:
     creep: Array
     memory: Array
 
-    def part(self, throws: npt.NDArray[np.bool_]) -> SlipProblem:
+    def part(self, throws: Flags) -> SlipProblem:
         """Some of the throws."""
         limit, creep = self.limit[throws], self.creep[throws]
         return SlipProblem(
@@ -135,9 +134,7 @@ class PointSolver:
         """sum of w B^T y: force and torque (3, N) of shares (2, P, N)."""
         return np.asarray(self._collect @ share.reshape(2 * self.points, -1))
 
-    def solve(
-        self, problem: SlipProblem, slip: Array, share: Array
-    ) -> tuple[Array, Array, npt.NDArray[np.bool_]]:
+    def solve(self, problem: SlipProblem, slip: Array, share: Array) -> tuple[Array, Array, Flags]:
         """Slip (3, N) and shares (2, P, N), and which throws (N,) were not solved.
 
         slip, share: where to start.

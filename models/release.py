@@ -10,7 +10,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from .body import Array, Body, Contact, FlightState, HandTrack, sticking_state
+from .body import Array, Body, Contact, Flags, FlightState, HandTrack, sticking_state
 from .path import Path, Throws
 
 #: Why a release is not to be trusted.
@@ -227,7 +227,7 @@ class BatchRelease:
     """
 
     detach: Array
-    lost: npt.NDArray[np.bool_]
+    lost: Flags
     why_not: str = BLEW_UP
 
     @property

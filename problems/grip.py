@@ -9,12 +9,9 @@ from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from ..models import FALL_SHARE, GripProfile, LinearRelease, TableRelease
+from ..models import FALL_SHARE, Array, GripProfile, LinearRelease, TableRelease
 from .section import InputError, Section, from_table, optional, quantity
-
-Array = npt.NDArray[np.float64]
 
 #: No hand-held thing weighs more [kg]: above it, it is likely in grams.
 HEAVIEST = 50.0

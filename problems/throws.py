@@ -16,9 +16,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from ..models import Arm, Array, TableRelease
+from ..models import Arm, Array, Indices, TableRelease
 from .arms import load_arm
 from .files import read_csv, read_text, shipped, toml_key, toml_lines, toml_tables
 from .grip import Grasp, ThrownObject, grip_samples, held_object
@@ -108,7 +107,7 @@ class ThrowData:
     arm: Arm | None = None
     truth: dict[str, float] = dataclasses.field(default_factory=dict)
 
-    def picked(self, numbers: npt.NDArray[np.int_] | list[int]) -> ThrowData:
+    def picked(self, numbers: Indices | list[int]) -> ThrowData:
         """Some of the throws."""
         return dataclasses.replace(self, throws=tuple(self.throws[i] for i in numbers))
 

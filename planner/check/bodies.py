@@ -9,10 +9,9 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 import numpy as np
-import numpy.typing as npt
 
 from ...core import BodiesC, SolidC, address
-from ...models import ArmCapsules, Array, Solid
+from ...models import ArmCapsules, Array, Indices, Solid
 from ...problems import Obstacle, Scene, ThrownObject
 from .mover import Mover
 
@@ -93,13 +92,13 @@ def pairs_of(capsules: ArmCapsules, *, bar: bool, flying: bool) -> list[tuple[in
 class _Shape:
     """Arm and bar as the compiled core takes them: see `bodies` of clearance.c."""
 
-    moved_by: npt.NDArray[np.int_]
-    moves: npt.NDArray[np.int_]
+    moved_by: Indices
+    moves: Indices
     places: Array
     radius: Array
     reach: Array
-    held: npt.NDArray[np.int_]
-    flown: npt.NDArray[np.int_]
+    held: Indices
+    flown: Indices
 
 
 @lru_cache(maxsize=8)

@@ -17,15 +17,13 @@ import numpy as np
 import numpy.typing as npt
 
 from ...core import ThrownC, address, library
-from ...models import Solid, segment_distance
+from ...models import Array, Solid, segment_distance
 from ...problems import InputError, Obstacle, Scene
 from .bodies import LANDING, Around, bar_ends, obstacles_of, pairs_of
 from .geometry import held_bar
 from .mover import Mover
 from .sending import TICK
 from .throw import Throw
-
-Array = npt.NDArray[np.float64]
 
 #: Samples between those at which a pair is measured first.
 COARSE = 16

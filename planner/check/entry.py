@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from ...models import Array, FlightState
+from ...models import Array, Flags, FlightState
 from ...problems import Cup, Scene
 
 #: Flight instants on which the entry is sought, bisections that locate its ends, instants of
@@ -112,7 +112,7 @@ def cup_entries(scene: Scene, detach: Array, flight: Array, com: Array | None = 
 
 def enters_cup_at_landing(
     scene: Scene, detach: Array, x: Array, time: Array, more: float = 0.0
-) -> npt.NDArray[np.bool_]:
+) -> Flags:
     """Whether throws (N,) go into a cup that has come along with the target to their landing.
 
     detach (N, 6): CoM pose and twist; x (N,) [m] and time (N,) [s] of the landing at the

@@ -5,12 +5,9 @@ from __future__ import annotations
 import math
 
 import numpy as np
-import numpy.typing as npt
 
-from ...models import Tool
+from ...models import Array, Tool
 from ...problems import Scene, ThrownObject
-
-Array = npt.NDArray[np.float64]
 
 
 def bar_outline(bar: ThrownObject, com: Array, points: int = 2) -> Array:

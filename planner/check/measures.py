@@ -10,10 +10,9 @@ import ctypes
 import math
 
 import numpy as np
-import numpy.typing as npt
 
 from ...core import Measured, SceneC, ThrowC, library
-from ...models import HandSamples, Path, Release, pivot_wrench
+from ...models import Array, HandSamples, Path, Release, pivot_wrench
 from ...problems import Scene
 from .entry import cup_entries
 from .geometry import (
@@ -29,8 +28,6 @@ from .geometry import (
 from .mover import Mover, outline
 from .sending import TICK
 from .torques import core_torques, torque_limits, torques_of
-
-Array = npt.NDArray[np.float64]
 
 #: Longest interval [s] between the instants at which sticking is checked before the opening.
 CARRY_STEP = 0.002

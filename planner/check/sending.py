@@ -16,13 +16,10 @@ from functools import cached_property
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
 from ...core import SamplesC, address, library
-from ...models import Array, Path
+from ...models import Array, Flags, Path
 from .mover import Limits, Mover
-
-Mask = npt.NDArray[np.bool_]
 
 #: Sampling interval [s] of everything that is sent: 1 kHz.
 TICK = 0.001
@@ -177,7 +174,7 @@ def _follow(limits: _Bounds, planned: Path) -> list[Array]:
     return sent
 
 
-def _chase(limits: _Bounds, wanted: list[Array], sent: list[Array], kept: Mask, first: int) -> int:
+def _chase(limits: _Bounds, wanted: list[Array], sent: list[Array], kept: Flags, first: int) -> int:
     """Ruckig from sample `first` on; the sample where it is back and the next tick is kept."""
     import ruckig
 
@@ -216,7 +213,7 @@ def _on_sample(state: tuple[list[float], ...], sample: tuple[list[float], ...]) 
     return True
 
 
-def _kept_ticks(limits: _Bounds, planned: Path, until: float) -> Mask:
+def _kept_ticks(limits: _Bounds, planned: Path, until: float) -> Flags:
     """Whether the planned motion keeps the limits all along each tick up to `until` [s].
 
     Then a motion of just one tick leads from sample to sample within the limits, and

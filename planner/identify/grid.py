@@ -52,7 +52,7 @@ class Grid:
         return np.asarray(self.scored.mean(axis=0))
 
     @property
-    def missed(self) -> npt.NDArray[np.int_]:
+    def missed(self) -> Indices:
         """Throws (F, R) without a predicted landing."""
         return np.asarray(np.isnan(self.errors).sum(axis=0))
 

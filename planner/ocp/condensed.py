@@ -13,13 +13,11 @@ from typing import Any
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
+from ...models import Array, Flags, Indices
 from .nlp import MISS_PRICE, ThrowNlp
 from .solver import Solution, Solver
 
-Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
 Bounds = tuple[Array, Array]
 
 #: Rows that say where the object lands: the sensitivity is with respect to them.
@@ -78,8 +76,8 @@ class Condensed:
     up: Array
     most: Array
     hessian: Array
-    active: Mask
-    places: tuple[npt.NDArray[np.int_], int]
+    active: Flags
+    places: tuple[Indices, int]
 
     @classmethod
     def about(
@@ -149,7 +147,7 @@ class Condensed:
         """
         return self._along(self.active)
 
-    def _along(self, active: Mask) -> Array:
+    def _along(self, active: Flags) -> Array:
         """The cheapest du (size, L) that moves the landing by one each, limits active left so."""
         free = _null_space(self.rows[active])
         reach = self.landing @ free

@@ -13,9 +13,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-import numpy.typing as npt
 
-from ...models import STEPPED_SURFACE, Path
+from ...models import STEPPED_SURFACE, Array, Path
 from ...problems import Pose, Scene
 from ..check import (
     Mover,
@@ -38,8 +37,6 @@ from ..ocp import (
 from ..result import PlannedThrow
 from .guess import refit
 from .nlps import Problems, Program, Task
-
-Array = npt.NDArray[np.float64]
 
 #: Corrections aim at this on the landing that counts: position [m], angle [rad]; at half the
 #: scene's tolerance where that is less.

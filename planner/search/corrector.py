@@ -14,9 +14,8 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from ...models import Path
+from ...models import Array, Path
 from ...problems import Pose
 from ..check import Mover, SmoothingError, Throw, Violation, send
 from ..ocp import Condensed, Controls, Optimum, Request
@@ -25,8 +24,6 @@ from .attempt import Attempt, Start, aims, scaled, violations
 from .guess import refit
 from .library import Neighbour
 from .nlps import Problems, Program, Task
-
-Array = npt.NDArray[np.float64]
 
 #: Exact throws of one correction, the first included.
 THROWS = 6

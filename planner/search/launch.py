@@ -10,9 +10,8 @@ import math
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from ...models import FlightState, Path
+from ...models import Array, Flags, FlightState, Path
 from ...problems import Scene
 from ..check import (
     Mover,
@@ -25,8 +24,6 @@ from ..check import (
     palm_distance,
 )
 from ..ocp import BRAKE_SHARE, PALM_TIMES
-
-Array = npt.NDArray[np.float64]
 
 #: Instants of the run-up, and of the flight, at which the bar is held against the column.
 INSTANTS, FLIGHT_INSTANTS = 24, 40
@@ -89,9 +86,7 @@ def carry(
     return Path.cubics(times, place, rate, acceleration, jerk)
 
 
-def clears_carried(
-    scene: Scene, mover: Mover, path: list[Array], duration: Array
-) -> npt.NDArray[np.bool_]:
+def clears_carried(scene: Scene, mover: Mover, path: list[Array], duration: Array) -> Flags:
     """Whether the held bar (N,) clears base column and arm, and the arm itself, on N run-ups.
 
     path: coefficients (N, n) as `run_up` gives them; duration (N, 1) [s]. True where nothing is
@@ -110,9 +105,7 @@ def clears_carried(
     return clear
 
 
-def flies_past_column(
-    scene: Scene, detach: Array, duration: Array, room: float = 0.0
-) -> npt.NDArray[np.bool_]:
+def flies_past_column(scene: Scene, detach: Array, duration: Array, room: float = 0.0) -> Flags:
     """Whether the flying bar (N,) stays out of the base column, by `room` [m] or more.
 
     detach (N, 6): the bar's pose and twist there; duration (N,) [s] of the flights, NaN where it
@@ -137,9 +130,7 @@ def in_obstacles(scene: Scene, mover: Mover, releases: Any, index: int) -> float
     return sum(contact.missing for contact in contacts(throw)) if throw.lands else math.inf
 
 
-def clears_thrown(
-    scene: Scene, mover: Mover, q: Array, dq: Array, detach: Array
-) -> npt.NDArray[np.bool_]:
+def clears_thrown(scene: Scene, mover: Mover, q: Array, dq: Array, detach: Array) -> Flags:
     """Whether the bar (N,) clears the arm after detach, and the hand by the scene's clearance.
 
     q, dq (N, n): coordinates and rates at detach, from where each brakes at what is counted

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 import numpy.typing as npt
 
-from ...models import Array, land
+from ...models import Array, Flags, Indices, land
 from ...problems import Pose, Scene
 from .launch import flies_past_column
 
@@ -34,7 +34,7 @@ class Releases:
     ddq: Array
     run_up: Array
     detach: Array
-    clear: npt.NDArray[np.bool_]
+    clear: Flags
 
     # Of the last height asked for: a plan asks several times for one.
     _last: dict[str, Any] = field(default_factory=dict, repr=False, init=False)
@@ -106,7 +106,7 @@ def nearest(
     height: float,
     theta: float | None,
     count: int,
-) -> tuple[npt.NDArray[np.int_], Array]:
+) -> tuple[Indices, Array]:
     """Indices and scaled distances [m] (39) of `count` near landings, nearest first.
 
     Throws whose bar clears column and hand come first where they are not much farther. Each
@@ -126,7 +126,7 @@ def nearest(
     return found, distance[found] - np.where(releases.clear[found], 0.0, DETOUR)
 
 
-def _different(states: Array, count: int) -> npt.NDArray[np.int_]:
+def _different(states: Array, count: int) -> Indices:
     """Indices of at most `count` rows, in order, that differ; filled up with other rows."""
     chosen: list[int] = []
     free = np.ones(len(states), bool)

@@ -13,17 +13,24 @@ from functools import partial
 from pathlib import Path
 
 import numpy as np
-import numpy.typing as npt
 
-from ...models import HandSamples, Opening, PivotSteps, SlidingPivot, march, rk4_step
+from ...models import (
+    Array,
+    Flags,
+    HandSamples,
+    Indices,
+    Opening,
+    PivotSteps,
+    SlidingPivot,
+    march,
+    rk4_step,
+)
 from ...problems import Pose, Scene
 from ..check import Limits, Mover, column_distance, friction_use, tool_speeds
 from ..compile import DAMAGED, cache_folder, digest, publish, source_of
 from ..ocp import BRAKE_SHARE, build_nlp
 from .launch import clears_carried, clears_thrown, run_up
 from .release_table import ARRAYS, Releases, distances, joined
-
-Array = npt.NDArray[np.float64]
 
 #: Runge-Kutta steps of the opening in the table.
 TABLE_STEPS = 12
@@ -82,9 +89,7 @@ class ReleaseSampler:
             q[-1] = self.mover.start
         return self._kept(q, dq, ddq, self.run_up_time(dq, ddq, rng), rng)
 
-    def beside(
-        self, table: Releases, parents: npt.NDArray[np.int_], rng: np.random.Generator
-    ) -> Releases:
+    def beside(self, table: Releases, parents: Indices, rng: np.random.Generator) -> Releases:
         """Releases from states near those of `parents` (indices), some nearer, some farther."""
         limits, n = self.mover.planning, self.mover.size
         size = (len(parents), n)
@@ -126,9 +131,7 @@ class ReleaseSampler:
         longer = needed * rng.uniform(1.3, 2.2, needed.size)
         return np.asarray(np.clip(longer, 0.12, self.scene.mesh.carry_max))
 
-    def within_limits(
-        self, q: Array, dq: Array, ddq: Array, duration: Array
-    ) -> npt.NDArray[np.bool_]:
+    def within_limits(self, q: Array, dq: Array, ddq: Array, duration: Array) -> Flags:
         """Limits at the run-up's start, at both ends of the opening and after braking."""
         limits, opening = self.mover.planning, self.profile.opening
         end = q + dq * opening + ddq * opening**2 / 2
@@ -150,7 +153,7 @@ class ReleaseSampler:
             inside &= gap <= 0.15 * limits.ddq * duration[:, None] ** 2
         return np.asarray(inside.all(axis=1))
 
-    def _tool_fits(self, q: Array, dq: Array) -> npt.NDArray[np.bool_]:
+    def _tool_fits(self, q: Array, dq: Array) -> Flags:
         """Whether (N,) flange and pads' centre keep the tool's speed."""
         scene = self.scene
         if scene.tool_speed is None or scene.arm is None:
@@ -169,7 +172,7 @@ class ReleaseSampler:
         hand = HandSamples(np.zeros(len(q)), pose, twist, acceleration)
         return np.asarray(np.hypot(*friction_use(self.scene, hand)))
 
-    def held(self, q: Array, dq: Array, ddq: Array) -> npt.NDArray[np.bool_]:
+    def held(self, q: Array, dq: Array, ddq: Array) -> Flags:
         """Whether the full grip holds the bar at the opening's start, and it is off the floor."""
         keep = self.grip_use(q, dq, ddq) <= 1 - self.scene.mesh.sticking_margin
         pose = self._hand(q, dq, ddq, 0.0).pose
@@ -189,9 +192,7 @@ class ReleaseSampler:
         return np.array(states).T
 
 
-def sparse_parents(
-    x: Array, theta: Array, count: int, rng: np.random.Generator
-) -> npt.NDArray[np.int_]:
+def sparse_parents(x: Array, theta: Array, count: int, rng: np.random.Generator) -> Indices:
     """Indices (count,) of landings, drawn so that each filled bin is as likely as the next.
 
     x (N,) [m], theta (N,) [rad]; entries that are not finite are not taken.
@@ -211,7 +212,7 @@ def sparse_parents(
     return np.asarray(rng.choice(finite, count, p=weight / weight.sum()))
 
 
-def _bins(values: Array) -> npt.NDArray[np.int_]:
+def _bins(values: Array) -> Indices:
     low, width = values.min(), max(float(np.ptp(values)), 1e-9)
     return np.asarray(np.minimum(((values - low) / width * BINS).astype(int), BINS - 1))
 
@@ -224,7 +225,7 @@ def closer(sampler: ReleaseSampler, releases: Releases, target: Pose) -> Release
     scene, rng = sampler.scene, np.random.default_rng(SEED)
     where = scene, target.plane_x, target.z, target.theta
 
-    def nearest(some: Releases) -> npt.NDArray[np.int_]:
+    def nearest(some: Releases) -> Indices:
         return np.argsort(distances(some, *where), kind="stable")[:PARENTS]
 
     best = releases.picked(nearest(releases))

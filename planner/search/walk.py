@@ -11,8 +11,8 @@ import math
 from collections.abc import Iterator
 
 import numpy as np
-import numpy.typing as npt
 
+from ...models import Array
 from ...problems import Pose
 from ..check import Throw
 from ..ocp import Condensed, Request, Solution, Step, ThrowNlp, binding_limits
@@ -21,8 +21,6 @@ from .corrector import Corrector, throw_of
 from .guess import refit
 from .library import Neighbour
 from .nlps import Task
-
-Array = npt.NDArray[np.float64]
 
 #: Most steps, and throws tried to the goal, of one walk.
 STEPS, THROWS = 12, 6

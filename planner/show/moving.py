@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
+from ...models import Indices
 from ...problems import InputError
 from .style import ARM, BLACK, PHASES, new_figure
 from .throw_picture import bar_corners, draw_surroundings, frame_stage, hand_corners
@@ -117,7 +118,7 @@ def _encode(pictures: Iterable[Pixels], path: Path) -> None:
         raise subprocess.CalledProcessError(process.returncode, command)
 
 
-def frames(throw: Throw, line: Timeline, shown: npt.NDArray[np.int_]) -> Iterator[Pixels]:
+def frames(throw: Throw, line: Timeline, shown: Indices) -> Iterator[Pixels]:
     """The instants `shown` of the throw as pixels (H, W, 4), RGBA, one after another.
 
     What lies behind everything that moves is drawn once and kept.

@@ -10,9 +10,8 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import numpy.typing as npt
 
-from ...models import BATCH_MODELS, SLIDING_PIVOT, Array
+from ...models import BATCH_MODELS, SLIDING_PIVOT, Array, Indices
 from ...problems import USUAL_UNCERTAINTY, InputError, filling, plain, write_json
 from ..check import named_model
 from ..result import Plan
@@ -58,7 +57,7 @@ class Sweep:
     thrower: Thrower
     sampler: Sampler
     asked: int
-    numbers: npt.NDArray[np.int_]
+    numbers: Indices
     values: Array
     landings: Outcomes
     nominal: Outcomes

@@ -25,15 +25,14 @@ from functools import partial
 from multiprocessing import get_context
 
 import numpy as np
-import numpy.typing as npt
 
-from ...models import MODELS, Array
+from ...models import MODELS, Array, Indices
 from ...problems import InputError
 from .samples import Sampler
 from .throws import Outcomes, Thrower
 
 #: Numbers (N,) of samples in the sequence, their parameters (N, P), and what came of them.
-Thrown = tuple[npt.NDArray[np.int_], Array, Outcomes]
+Thrown = tuple[Indices, Array, Outcomes]
 #: Told how many samples are done, of how many.
 Progress = Callable[[int, int], None]
 
