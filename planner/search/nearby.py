@@ -18,10 +18,9 @@ from .nlps import Problems, Task
 from .release_table import Turns
 from .walk import Walk
 
-#: Throws of the library that a plan is moved from, and that a choice is made among, per throw.
-NEIGHBOURS, CHOSEN_FROM = 4, 6
-#: Of these, nearest first, that steps of the condensed NLP begin from.
-STEPPED = 4
+#: Throws of the library that a plan is moved from, that a choice is made among, per throw, and that
+#: steps of the condensed NLP begin from.
+NEIGHBOURS, CHOSEN_FROM, STEPPED = 4, 6, 8
 #: Throws from which the nearest possible landing is looked for.
 EDGE = 2
 #: As far [m, scaled error] a warm plan's optimum is moved.
@@ -50,9 +49,10 @@ class Nearby:
         near: Iterator[Neighbour] = iter(())
         if warm is not None and not _of_kind(warm, task):
             warm = None
+        count = 0
         if len(task.solvers) > 1:
             count = NEIGHBOURS if wanted == 1 else CHOSEN_FROM * wanted
-            near = self._library.near(task.target, turns, count)
+            near = self._library.near(task.target, turns, max(count, STEPPED))
             if warm is not None:
                 near = merge(self._moved_on(warm, task), near, key=lambda one: one.distance)
         known = list[Neighbour]()
@@ -60,7 +60,8 @@ class Nearby:
             known.append(one)
             if task.clock.late:
                 return
-            yield self._corrector.attempt(one, task)
+            if len(known) <= count:
+                yield self._corrector.attempt(one, task)
         for one in known[:STEPPED]:
             yield from Walk(self._corrector, one, task).attempts()
         first = known[0] if known else None
