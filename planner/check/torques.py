@@ -13,6 +13,9 @@ from ...problems import Scene, Torque
 from .mover import Mover
 from .sending import TICK
 
+#: Of scenes that say nothing.
+USUAL = Torque()
+
 
 @dataclass(frozen=True)
 class Torques:
@@ -53,7 +56,7 @@ def torque_limits(scene: Scene) -> Array | None:
     robot, arm = scene.robot, scene.arm
     if robot is None or arm is None or not arm.links:
         return None
-    section = scene.torque or Torque()
+    section = scene.torque or USUAL
     return np.array(section.of(arm, robot.throwing_joints or arm.throwing_joints))
 
 

@@ -8,7 +8,7 @@ target nearby inside all limits, whichever of them become active on the way.
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import Any
 
 import casadi as ca
@@ -42,17 +42,21 @@ NOTHING = 1e-7
 class Step:
     """A step of the QP.
 
-    du (size,); short (L,): by how much its landing (x [m], theta [rad]) misses; slope (size, L):
-    how u moves with the landing from there on while the limits that are active now stay so;
-    held: multipliers of the NLP's rows (m,) and bounds (n,). whole: whether it is as long as it
-    wants to be.
+    du (size,); short (L,): by how much its landing (x [m], theta [rad]) misses; held: multipliers
+    of the NLP's rows (m,) and bounds (n,). whole: whether it is as long as it wants to be.
     """
 
     du: Array
     short: Array
-    slope: Array
     held: tuple[Array, Array]
     whole: bool
+    _about: Condensed
+    _active: Flags
+
+    @cached_property
+    def slope(self) -> Array:
+        """How u moves with the landing (size, L) while the limits that are active now stay so."""
+        return self._about.along(self._active)
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,9 +149,9 @@ class Condensed:
         du / d(x [m], theta [rad]) of the landing: the parametric sensitivity of the NLP's
         solution while the active limits stay active (Fiacco 1983).
         """
-        return self._along(self.active)
+        return self.along(self.active)
 
-    def _along(self, active: Flags) -> Array:
+    def along(self, active: Flags) -> Array:
         """The cheapest du (size, L) that moves the landing by one each, limits active left so."""
         free = _null_space(self.rows[active])
         reach = self.landing @ free
@@ -200,7 +204,7 @@ class Condensed:
         multipliers[at[some]] = held[: some.size]
         du, whole = z[:size], bool((np.abs(z[:size]) < longest - NOTHING).all())
         rows_and_bounds = multipliers[:count], multipliers[count:]
-        return Step(du, short, self._along(active), rows_and_bounds, whole)
+        return Step(du, short, rows_and_bounds, whole, self, active)
 
 
 def _eliminated(slopes: Any, places: list[int], rest: Any, residual: Array) -> Array:

@@ -47,7 +47,7 @@ class Walk:
         slope = near.optimum.slope
         self._around = slope @ -self._off[: slope.shape[1]]
         self._nlp: ThrowNlp | None = None
-        self._point, self._trust = np.zeros(0), 1.0
+        self._point, self._trust, self._short = np.zeros(0), 1.0, False
 
     def attempts(self) -> Iterator[Attempt]:
         """Attempts to throw to the goal; last, where they end short of it, the one that does."""
@@ -56,10 +56,9 @@ class Walk:
             step = self._step()
             if step is None or tried == THROWS:
                 break
-            short = scaled(step.short[0], step.short[-1], aims(self._task.scene)) > 1.0
-            if short and not step.whole:
+            if self._short and not step.whole:
                 continue
-            attempt = self._thrown(self._off if short else 0 * self._off, step)
+            attempt = self._thrown(self._off if self._short else 0 * self._off, step)
             edge = attempt.edge
             if edge is None:
                 tried += 1
@@ -120,11 +119,14 @@ class Walk:
                 return None
             self._trust = min(2 * self._trust, 1.0)
             self._point, self._off, self._around = point, off, 0 * self._around
-            detach = np.array(list(vars(exact.final.release.detach).values()))
-            effort = controls.effort(u)
-            self._optimum = dataclasses.replace(
-                self._optimum, u=u, slope=step.slope, detach=detach, effort=effort, asked=asked
-            )
+            self._short = scaled(step.short[0], step.short[-1], aims(task.scene)) > 1.0
+            self._optimum = dataclasses.replace(self._optimum, u=u, asked=asked)
+            if step.whole or not self._short:
+                # It will be thrown.
+                detach = np.array(list(vars(exact.final.release.detach).values()))
+                self._optimum = dataclasses.replace(
+                    self._optimum, slope=step.slope, detach=detach, effort=controls.effort(u)
+                )
             return step
         return None
 
