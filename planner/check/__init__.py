@@ -3,7 +3,7 @@
 The promise behind `solved` is kept here: nothing here knows how a throw was found.
 """
 
-from .bodies import LANDING, Around, obstacles_of, pairs_of
+from .bodies import LANDING, Around, bar_ends, obstacles_of, pairs_of
 from .clearance import (
     BAR,
     Nearness,
@@ -11,6 +11,7 @@ from .clearance import (
     check_obstacles,
     contacts,
     least_room,
+    nearnesses,
     overlap,
     track_of,
 )

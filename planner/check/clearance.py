@@ -89,7 +89,7 @@ def contacts(throw: Throw) -> list[Nearness]:
     around = Around.of(scene, mover)
     found = _by_core(throw, around)
     if found is None:
-        found = [found for track in _tracks(throw) for found in _near(track, around)]
+        found = [found for track in _tracks(throw) for found in nearnesses(track, around)]
     return found
 
 
@@ -147,7 +147,7 @@ class _Pair:
     flying: bool
 
 
-def _near(track: Track, around: Around) -> Iterator[Nearness]:
+def nearnesses(track: Track, around: Around) -> Iterator[Nearness]:
     """Moving bodies too near to an obstacle; links, or the bar and a link, that meet."""
     for pair in _pairs(track, around):
         missing, when = _missing(pair.away, pair.travel, pair.needed)

@@ -112,7 +112,7 @@ def _shown(options: argparse.Namespace, sent: JointMotion) -> int:
     if options.robot is not None:
         with connected(options.robot) as franka:
             start, _ = franka.check(sent.arm)
-        seconds = (len(approach(sent.arm, start, sent.q[0])) - 1) * TICK
+        seconds = (len(approach(sent, start)) - 1) * TICK
         facts["approach"] = {"from": start.tolist(), "duration": seconds}
         lines.append(f"  {options.robot} is ready, {seconds:.1f} s from the start pose")
     answer(options, facts, "\n".join(lines))

@@ -19,5 +19,6 @@ from .franka import Franka, GripperState, connected
 from .learning import corrected
 from .mujoco_replay import Replay, replay
 from .mujoco_throw import Rest, load_mujoco
-from .playing import approach, throws
+from .playing import throws
 from .recording import Recording, read_recording
+from .way import approach

@@ -8,17 +8,15 @@ from typing import Any
 
 import numpy as np
 
-from ...models import Arm, Array
+from ...models import Array
 from ...problems import InputError
-from ..check import TICK, Samples, joint_limits, keeps
+from ..check import TICK
 from .controllers import OPEN_WIDTH, JointMotion
 from .franka import STILL, Franka, GripperLink, GripperState, in_one_line, load_franka
 from .learning import corrected
 from .recording import Recording
+from .way import approach
 
-#: Shares of the limits on rate, acceleration and jerk with which the arm goes to the start pose,
-#: halved until the limits that depend on the position are kept too.
-SLOWLY, HALVINGS = (0.2, 0.1, 0.1), 6
 #: It stands where no joint was faster than `STILL` for so long [s], and it is so near [rad] to
 #: where it was sent; it has so long [s] for that.
 STILL_FOR, NEAR, SETTLING = 0.1, 0.03, 5.0
@@ -26,30 +24,6 @@ STILL_FOR, NEAR, SETTLING = 0.1, 0.03, 5.0
 GRIPPER_SPEED, GRASP_FORCE = 0.2, 70.0
 #: Widths [m] of the gripper are alike.
 SAME_WIDTH = 2e-3
-
-
-def approach(arm: Arm, start: Array, goal: Array) -> Array:
-    """All joints (N, joints) [rad] every millisecond, slowly from rest at `start` to `goal`.
-
-    InputError where no motion keeps the arm's limits.
-    """
-    import ruckig
-
-    n, limits = arm.joints, joint_limits(arm, range(1, arm.joints + 1))
-    order, trajectory = ruckig.InputParameter(n), ruckig.Trajectory(n)
-    order.current_position, order.target_position = start.tolist(), goal.tolist()
-    for share in 0.5 ** np.arange(HALVINGS):
-        order.max_velocity, order.max_acceleration, order.max_jerk = (
-            (share * part * most).tolist()
-            for part, most in zip(SLOWLY, (limits.dq, limits.ddq, limits.jerk), strict=True)
-        )
-        if ruckig.Ruckig(n).calculate(order, trajectory) != ruckig.Result.Working:
-            break
-        times = np.arange(0.0, trajectory.duration + TICK, TICK)
-        states = np.array([trajectory.at_time(min(t, trajectory.duration)) for t in times])
-        if keeps(limits, Samples(*np.moveaxis(states, 1, 0))):
-            return states[:, 0]
-    raise InputError("the way to the start pose breaks a limit: guide the arm nearer to it")
 
 
 def throws(
@@ -62,7 +36,7 @@ def throws(
     held: GripperState | None = None
     while True:
         start, gripper = franka.check(plan.arm)
-        held = held or gripper
+        held, way = held or gripper, approach(sent, start)
         away = np.abs(start - sent.q[0])
         ask(
             f"{plan.arm.name} at {franka.host}: to the start pose (joint {away.argmax() + 1} moves "
@@ -71,19 +45,18 @@ def throws(
         )
         if not _alike(gripper, held):
             _close_again(franka.gripper, held)
-        recording = play(franka, sent, start)
+        recording = play(franka, sent, way)
         yield recording
         sent, _ = corrected(plan, recording)
 
 
-def play(franka: Franka, motion: JointMotion, start: Array) -> Recording:
-    """Go from where the arm stands, `start` (joints,) [rad], to the motion's start; throw; record.
+def play(franka: Franka, motion: JointMotion, way: Array) -> Recording:
+    """Go a way (N, joints) [rad] to the motion's start; throw; record.
 
     InputError for what the controller says, and where the arm does not come to stand.
     """
     binding, gripper = load_franka(), franka.gripper
-    way = _commands(binding, approach(motion.arm, start, motion.q[0]))
-    sent = _commands(binding, motion.q)
+    there, sent = _commands(binding, way), _commands(binding, motion.q)
     # The order goes out in the cycle that the command falls into, and waits there for the rest.
     command = motion.throw.command_time
     ordered: list[float] = []
@@ -103,7 +76,7 @@ def play(franka: Franka, motion: JointMotion, start: Array) -> Recording:
         with in_one_line(franka.host):
             mode = binding.ControllerMode.JointImpedance
             control = franka.robot.start_joint_position_control(mode)
-            _stream(control, way, motion.q[0])
+            _stream(control, there, motion.q[0])
             seen = _stream(control, sent, motion.q[-1], cycle)
             sent[-1].motion_finished = True
             control.readOnce()

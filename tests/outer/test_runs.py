@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 import shutil
 import sys
 import types
 from pathlib import Path
 
+import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
@@ -22,7 +24,7 @@ from throwplan.planner.robot import (
     joint_motion,
     read_recording,
 )
-from throwplan.problems import InputError, load_arm
+from throwplan.problems import InputError, Obstacle, load_arm
 
 TICK = 0.001
 
@@ -140,11 +142,39 @@ def test_correct_writes_what_to_send_next(plan, tmp_path, run, table) -> None:
 def test_the_way_to_the_start_pose_keeps_the_limits(plan) -> None:
     motion, arm = joint_motion(plan), load_arm("fr3")
     start = np.array([0.0, 0.0, 0.0, -1.57, 0.0, 1.57, 0.785])
-    way = approach(arm, start, motion.q[0])
+    way = approach(motion, start)
     assert way[0] == pytest.approx(start) and way[-1] == pytest.approx(motion.q[0], abs=1e-6)
     assert np.abs(np.diff(way, axis=0)).max() / TICK < 0.25 * max(arm.limits.velocity)
     low, high = arm.limits.position_min, arm.limits.position_max
     assert (way >= low).all() and (way <= high).all()
+
+
+def test_the_way_to_the_start_pose_is_clear_or_refused(plan) -> None:
+    """Of an obstacle, and of the floor, the arm itself and what it holds."""
+    motion = joint_motion(plan)
+    home = np.array([0.0, 0.0, 0.0, -1.57, 0.0, 1.57, 0.785])
+    way = approach(motion, home)
+
+    def among(*obstacles: Obstacle) -> JointMotion:
+        scene = motion.throw.scene.replace(obstacle=obstacles)
+        return dataclasses.replace(motion, throw=dataclasses.replace(motion.throw, scene=scene))
+
+    # On the way of the flange, and far from it.
+    q = ca.SX.sym("q", 7)
+    flange = ca.Function("flange", [q], [motion.arm.frames(q)[-2][:3, 3]])
+    x, y, z = np.array(flange(way[len(way) // 2])).ravel()
+    ball = Obstacle("ball", "sphere", (0.03,), (x, y, z))
+    with pytest.raises(InputError, match=r"not clear: obstacle ball: .* guide the arm nearer"):
+        approach(among(ball), home)
+    assert len(approach(among(dataclasses.replace(ball, position=(x, y, 1.9))), home)) == len(way)
+    # Folded onto itself, and into the floor.
+    folded, low = home.copy(), home.copy()
+    folded[[1, 3, 5]] = 0.0, -3.0, 0.6
+    low[[1, 3, 5]] = 1.75, -0.5, 2.0
+    with pytest.raises(InputError, match=r"not clear: .* meets "):
+        approach(motion, folded)
+    with pytest.raises(InputError, match="below the floor"):
+        approach(motion, low)
 
 
 # Wrong input: one line, nothing moved.

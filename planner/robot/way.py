@@ -1,0 +1,120 @@
+"""The way to a motion's start pose: slow, within the arm's limits, and clear of all around it."""
+
+from __future__ import annotations
+
+import dataclasses
+
+import casadi as ca
+import numpy as np
+
+from ...models import Array
+from ...problems import InputError
+from ..check import (
+    BAR,
+    TICK,
+    Around,
+    Samples,
+    Track,
+    bar_ends,
+    held_bar,
+    joint_limits,
+    keeps,
+    nearnesses,
+)
+from .controllers import JointMotion
+
+#: Shares of the limits on rate, acceleration and jerk with which the arm goes to the start pose,
+#: halved until the limits that depend on the position are kept too.
+SLOWLY, HALVINGS = (0.2, 0.1, 0.1), 6
+#: Ticks between the samples at which bodies are measured; what they move between them counts too.
+MEASURED = 10
+
+
+def approach(motion: JointMotion, start: Array) -> Array:
+    """All joints (N, joints) [rad] every millisecond, slowly from rest at `start` to the motion's.
+
+    InputError where no straight way keeps the arm's limits, or where arm or held bar would come too
+    near to the floor, an obstacle, or each other.
+    """
+    import ruckig
+
+    arm, goal = motion.arm, motion.q[0]
+    n, limits = arm.joints, joint_limits(arm, range(1, arm.joints + 1))
+    order, trajectory = ruckig.InputParameter(n), ruckig.Trajectory(n)
+    order.current_position, order.target_position = start.tolist(), goal.tolist()
+    for share in 0.5 ** np.arange(HALVINGS):
+        order.max_velocity, order.max_acceleration, order.max_jerk = (
+            (share * part * most).tolist()
+            for part, most in zip(SLOWLY, (limits.dq, limits.ddq, limits.jerk), strict=True)
+        )
+        if ruckig.Ruckig(n).calculate(order, trajectory) != ruckig.Result.Working:
+            break
+        times = np.arange(0.0, trajectory.duration + TICK, TICK)
+        states = np.array([trajectory.at_time(min(t, trajectory.duration)) for t in times])
+        if keeps(limits, Samples(*np.moveaxis(states, 1, 0))):
+            wrong = _unclear(motion, states[:, 0])
+            if wrong:
+                raise InputError(
+                    f"the way to the start pose is not clear: {wrong}: guide the arm nearer to it"
+                )
+            return states[:, 0]
+    raise InputError("the way to the start pose breaks a limit: guide the arm nearer to it")
+
+
+def _unclear(motion: JointMotion, q: Array) -> str:
+    """What comes too near to what on a way (N, joints) to the start pose, in words; empty: none."""
+    scene, capsules = motion.throw.scene, motion.throw.mover.capsules
+    if capsules is None:
+        return ""
+    # The flange's link turns with the hand.
+    moved = tuple(min(number, motion.arm.joints) - 1 for number in capsules.number)
+    around = Around(
+        scene.obstacle,
+        tuple(obstacle.solid for obstacle in scene.obstacle),
+        dataclasses.replace(capsules, moved_by=moved),
+    )
+    places = np.unique(np.append(np.arange(0, len(q), MEASURED), len(q) - 1))
+    track = _track(motion, q[places], TICK * places)
+    for found in nearnesses(track, around):
+        return found.words
+    floor = None if scene.workspace is None else scene.workspace.floor
+    if floor is None:
+        return ""
+    moves = [*around.capsules.moves, True] if around.capsules else []
+    room = track.ends[moves, :, 2].min(axis=1) - track.radius[moves, None] - floor
+    # A throw may begin with a link that is lower than that.
+    lowest = (room - np.minimum(room[:, -1:], 0.0)).min(axis=1)
+    if lowest.min() >= -1e-6:
+        return ""
+    names = [name for name, one in zip(track.names, moves, strict=True) if one]
+    return f"{names[int(lowest.argmin())]} comes {-1e3 * lowest.min():.0f} mm below the floor"
+
+
+def _track(motion: JointMotion, q: Array, times: Array) -> Track:
+    """Links, hand and held bar in the base frame, with joints q (N, joints) at times (N,) [s]."""
+    throw, arm, capsules = motion.throw, motion.arm, motion.throw.mover.capsules
+    assert capsules is not None
+    angles = ca.SX.sym("q", arm.joints)
+    frames = arm.frames(angles)
+    hand = frames[-1] + 0
+    hand[:3, 3] -= arm.tool.tcp * hand[:3, 2]
+    links = ca.Function("links", [angles], [ca.vec(f) for f in (*frames[: arm.joints], hand)])
+    # (links, N, 4, 4), the base first.
+    found = [np.array(v).T.reshape(-1, 4, 4).swapaxes(1, 2) for v in links.map(len(q))(q.T)]
+    at = np.array([np.broadcast_to(np.eye(4), (len(q), 4, 4)), *found])
+    # The bar does not move in the hand; where it is there, the throw's start says.
+    place = throw.path.at([0.0]).pose
+    pose = throw.mover.motion(place, 0 * place, 0 * place)[0]
+    ends = bar_ends(throw.scene.object, held_bar(throw.scene, pose))[0, :, :, 0]
+    bar = throw.target.plane.points(ends[:, 0], ends[:, 2])
+    grasp = np.array(links(motion.q[0])[-1]).reshape(4, 4, order="F")
+    local = (bar - grasp[:3, 3]) @ grasp[:3, :3]
+    bodies = [(c.link, np.array([c.begin, c.end])) for c in arm.capsules] + [(-1, local)]
+    placed = [
+        np.einsum("nij,kj->kin", at[link][:, :3, :3], two) + at[link][:, :3, 3].T
+        for link, two in bodies
+    ]
+    width = throw.scene.object.width / np.sqrt(2)
+    cover = np.append(np.full(len(arm.capsules), arm.cover), 0.0)
+    radius = np.append(capsules.radius, width)
+    return Track((*capsules.names, BAR), np.array(placed), radius, cover, times, flying=False)
