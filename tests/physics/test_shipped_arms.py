@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 import throwplan as tp
 from throwplan.planner.cli import main
-from throwplan.planner.robot import joint_motion
+from throwplan.planner.robot import Recording, joint_motion
+from throwplan.planner.show import space_throw
 from throwplan.problems import load_arm
 from throwplan.problems.urdf import (
     chain_of,
@@ -119,6 +120,14 @@ def test_what_is_sent_puts_the_bar_where_it_was_planned(name, lateral, tmp_path)
     assert max(abs(plane.normal @ v) for v in (approach, speed)) < 1e-9
     np.testing.assert_allclose(np.abs(plane.normal @ pads[1][:3, 1]), 1.0)
     assert plane.normal @ (np.array([target.x, target.y, z]) - at[1]) == pytest.approx(0, abs=1e-9)
+    space, (origins, axes, _) = space_throw(throw), chain.posed(motion.q[k])
+    np.testing.assert_allclose(space.hand[k, :3, 3], at[1], atol=1e-9)
+    np.testing.assert_allclose(space.joints[k, :, :3, 3], origins, atol=1e-9)
+    np.testing.assert_allclose(space.joints[k, :, :3, 2], axes, atol=1e-9)
+    # A recording of just what was sent lands there in the base frame.
+    width = np.full(motion.times.size, 0.03)
+    seen = Recording(motion.times, motion.q, motion.dq, motion.q, width, throw.command_time)
+    assert seen.to_dict(throw)["error"]["position"] < 1e-3
 
 
 def test_any_arm_carries_a_gripper_that_the_scene_names(tmp_path):
