@@ -301,6 +301,35 @@ def test_an_obstacle_stands_in_the_base_frame(free, pose):
         assert bool(contacts(throw)) == meets
 
 
+def in_the_way(throw: Throw) -> Obstacle:
+    """A ball in the middle of a flight."""
+    at = throw.flight(np.array([throw.landing.flight_time / 2]))[:, 0]
+    place = throw.target.plane.points(at[0], at[1]).tolist()
+    return Obstacle("ball", "sphere", (0.03,), tuple(place))
+
+
+def test_a_hand_throws_around_an_obstacle() -> None:
+    scene = tp.load_scene("hand-box")
+    first = tp.Planner(scene).plan().throw.final
+    blocked = scene.replace(obstacle=(in_the_way(first),))
+    assert contacts(dataclasses.replace(first, scene=blocked))
+    plan = tp.Planner(blocked).plan()
+    assert plan.solved and not contacts(plan.throw.final)
+
+
+@pytest.mark.slow
+def test_a_robust_throw_goes_around_an_obstacle() -> None:
+    """Early and late as well."""
+    scene = tp.load_scene("delay")
+    first = tp.Planner(scene).plan(robust="auto").throw.final
+    blocked = scene.replace(obstacle=(in_the_way(first),))
+    assert contacts(dataclasses.replace(first, scene=blocked))
+    plan = tp.Planner(blocked).plan(robust="auto")
+    assert plan.solved
+    for delay in (-0.01, -0.005, 0.0, 0.005, 0.01):
+        assert not contacts(plan.throw.final.delayed(delay)), delay
+
+
 def test_the_bar_may_land_on_a_table(free, pose):
     """Its top is half the bar's width under the target."""
     for top, meets in ((0.09, False), (0.3, True)):
