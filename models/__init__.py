@@ -20,6 +20,7 @@ from .body import (
     hand_of,
     land,
     pivot_wrench,
+    placement,
     sticking_state,
     time_to_height,
 )
@@ -39,7 +40,6 @@ from .kinematics import (
     Tool,
     described,
     hand_motion,
-    placement,
 )
 from .limit_surface import (
     ImplicitRelease,

@@ -263,3 +263,37 @@ def _fall_time(drop: Array, v_z: Array, gravity: float) -> Array:
         else:
             time = np.where(v_z < 0, -drop / v_z, np.nan)
         return np.where(time >= 0, time, np.nan)
+
+
+# Frames of the kinematics, as CasADi matrices.
+
+
+def placement(xyz: tuple[float, float, float], rpy: tuple[float, float, float]) -> ca.SX:
+    """4x4 pose of a frame at xyz, turned by rpy about the fixed x, y, z axes in turn."""
+    (cr, sr), (cp, sp), (cy, sy) = ((exact(math.cos(a)), exact(math.sin(a))) for a in rpy)
+    rows: list[list[float]] = [
+        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr, xyz[0]],
+        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr, xyz[1]],
+        [-sp, cp * sr, cp * cr, xyz[2]],
+        [0.0, 0.0, 0.0, 1.0],
+    ]
+    return ca.sparsify(ca.SX(ca.DM([[exact(value) for value in row] for row in rows])))
+
+
+def screw(angle: ca.SX | float, distance: float) -> ca.SX:
+    """Rot_z(angle) Trans_z(distance)."""
+    if isinstance(angle, ca.SX):
+        cos, sin = ca.cos(angle), ca.sin(angle)
+    else:
+        cos, sin = ca.SX(exact(math.cos(angle))), ca.SX(exact(math.sin(angle)))
+    pose = ca.SX(4, 4)
+    pose[0, 0], pose[0, 1], pose[1, 0], pose[1, 1] = cos, -sin, sin, cos
+    pose[2, 2], pose[3, 3] = 1, 1
+    if distance:
+        pose[2, 3] = distance
+    return pose
+
+
+def exact(value: float) -> float:
+    """Zeros as zeros: cos(pi/2) is not 6e-17, so the planar chain stays planar."""
+    return 0.0 if abs(value) < 1e-15 else value

@@ -12,7 +12,7 @@ import casadi as ca
 import numpy as np
 
 from ..core import AXES, FRAMES, LinkageC
-from .body import Array, Value, backend, components
+from .body import Array, Value, backend, components, exact, placement, screw
 
 Vector = tuple[float, ...]
 Point = tuple[float, float, float]
@@ -33,7 +33,7 @@ class DHRow:
 
     def placed(self) -> ca.SX:
         """4x4: Rot_x(alpha) Trans_x(a) Trans_z(d), the joint's frame at angle 0."""
-        cos, sin = _exact(math.cos(self.alpha)), _exact(math.sin(self.alpha))
+        cos, sin = exact(math.cos(self.alpha)), exact(math.sin(self.alpha))
         return placement((self.a, -sin * self.d, cos * self.d), (self.alpha, 0.0, 0.0))
 
 
@@ -192,43 +192,12 @@ class Arm:
         transform = ca.SX.eye(4)
         poses = []
         for i, joint in enumerate(self.chain):
-            transform = transform @ joint.placed() @ _screw(q[i], 0.0)
+            transform = transform @ joint.placed() @ screw(q[i], 0.0)
             poses.append(transform)
         mount = transform @ placement(self.tool.xyz, self.tool.rpy)
-        flange = mount @ _screw(0.0, self.tool.flange)
-        tcp = flange @ _screw(self.tool.rotation, self.tool.tcp)
+        flange = mount @ screw(0.0, self.tool.flange)
+        tcp = flange @ screw(self.tool.rotation, self.tool.tcp)
         return [*poses, flange, tcp]
-
-
-def placement(xyz: Point, rpy: Point) -> ca.SX:
-    """4x4 pose of a frame at xyz, turned by rpy about the fixed x, y, z axes in turn."""
-    (cr, sr), (cp, sp), (cy, sy) = ((_exact(math.cos(a)), _exact(math.sin(a))) for a in rpy)
-    rows: list[list[float]] = [
-        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr, xyz[0]],
-        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr, xyz[1]],
-        [-sp, cp * sr, cp * cr, xyz[2]],
-        [0.0, 0.0, 0.0, 1.0],
-    ]
-    return ca.sparsify(ca.SX(ca.DM([[_exact(value) for value in row] for row in rows])))
-
-
-def _screw(angle: ca.SX | float, distance: float) -> ca.SX:
-    """Rot_z(angle) Trans_z(distance)."""
-    if isinstance(angle, ca.SX):
-        cos, sin = ca.cos(angle), ca.sin(angle)
-    else:
-        cos, sin = ca.SX(_exact(math.cos(angle))), ca.SX(_exact(math.sin(angle)))
-    pose = ca.SX(4, 4)
-    pose[0, 0], pose[0, 1], pose[1, 0], pose[1, 1] = cos, -sin, sin, cos
-    pose[2, 2], pose[3, 3] = 1, 1
-    if distance:
-        pose[2, 3] = distance
-    return pose
-
-
-def _exact(value: float) -> float:
-    """Zeros as zeros: cos(pi/2) is not 6e-17, so the planar chain stays planar."""
-    return 0.0 if abs(value) < 1e-15 else value
 
 
 class PlanarArm:

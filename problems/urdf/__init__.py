@@ -11,4 +11,6 @@ from .arm import (
     limits_of,
     link_inertias,
 )
-from .chain import AXES, UrdfChain, chain_of, read_urdf
+from .chain import UrdfChain, chain_of
+from .frames import AXES
+from .reading import read_urdf

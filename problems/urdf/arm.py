@@ -13,7 +13,8 @@ import numpy as np
 
 from ...models import Arm, Array, JointLimits, LinkInertia, PlanarArm, Tool
 from ..section import InputError
-from .chain import UrdfChain, hanging, joint_named, origin
+from .chain import UrdfChain, hanging, joint_named
+from .frames import origin
 
 #: A value per joint, None where there is none.
 Given = Sequence[float | None]

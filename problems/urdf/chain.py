@@ -1,35 +1,19 @@
-"""A serial chain of a robot's URDF, in an arm's frames. Needs the extra `urdf`, for yourdfpy."""
+"""A serial chain of a robot's URDF, in an arm's frames."""
 
 from __future__ import annotations
 
-import importlib
-import io
-import logging
-import math
-import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
-from xml.etree import ElementTree
 
-import casadi as ca
 import numpy as np
 
-from ...models import Array, JointFrame, placement
-from ..files import read_text
+from ...models import Array, JointFrame
 from ..section import InputError, hint_at
+from .frames import AXES, axis_turn, frame_of, hand_turn, origin, unit_axis
 
-#: Angles [rad] this near to a right one are right: 1.5708, 3.1416.
-ROUNDED = 1e-5
 #: A hand points along an axis of its link where this share of what hangs on it is along it.
 POINTS = 0.8
-#: A link's own axes, by the names that options have for them.
-AXES = {
-    sign + name: (-1.0 if sign else 1.0) * np.eye(3)[i]
-    for i, name in enumerate("xyz")
-    for sign in ("", "-")
-}
 
 
 @dataclass(frozen=True)
@@ -87,80 +71,6 @@ class UrdfChain:
         hand = np.array(self.robot.get_transform(self.tool, self.base) @ self.hand_turn)
         hand[:3, 3] -= self.origin
         return np.array([link[:3, 3] - self.origin for link in links]), np.array(axes), hand
-
-
-def read_urdf(path: Path) -> Any:
-    """yourdfpy's robot from a URDF or xacro, or from the package robot_descriptions, by its name
-    there; InputError if it is none, or yourdfpy is missing.
-
-    A xacro's packages (`$(find ...)`) are looked for in the folders above it.
-    """
-    named = path.name.endswith("_description") and not path.exists()
-    text = "" if named else read_text(path)
-    try:
-        import yourdfpy
-    except ImportError:
-        raise InputError(
-            "import-robot needs the extra 'urdf': pip install 'throwplan[urdf]'"
-        ) from None
-    logging.getLogger("yourdfpy.urdf").setLevel(logging.CRITICAL)
-    try:
-        parsed = _fetched(path.name) if named else _parsed(text, path)
-        _check_tree(parsed.robot)
-        for joint in parsed.robot.joints:
-            joint.origin = _squared(origin(joint))
-        return yourdfpy.URDF(robot=parsed.robot, load_meshes=False)
-    except Exception as error:  # yourdfpy lets through whatever its parts raise.
-        reason = " ".join(str(error).split()) or type(error).__name__
-        raise InputError(f"{path}: cannot be read as a URDF: {reason}") from None
-
-
-def _parsed(text: str, path: Path) -> Any:
-    """A file as yourdfpy has it, which mends broken ones by leaving out what it cannot read."""
-    import yourdfpy
-
-    text = _declared(text)
-    root = ElementTree.fromstring(text)
-    if root.tag != "robot":
-        raise ValueError("its root is not <robot>")
-    if any("xacro" in part.tag for part in root.iter()):
-        text = _expanded(path)
-    return yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False, build_scene_graph=False)
-
-
-def _fetched(name: str) -> Any:
-    """The same of a robot of robot_descriptions, which fetches its files when first asked."""
-    try:
-        load = importlib.import_module("robot_descriptions.loaders.yourdfpy")
-    except ImportError:
-        raise ValueError("no such file, and no package robot_descriptions to know it") from None
-    return load.load_robot_description(name, load_meshes=False, build_scene_graph=False)
-
-
-def _declared(text: str) -> str:
-    """The text with the prefixes of its names declared, which XML asks for and ROS does not."""
-    used = set(re.findall(r"<(\w+):", text)) | set(re.findall(r"<[^<>]*?\s(\w+):\w+\s*=", text))
-    missing = used - set(re.findall(r"xmlns:(\w+)", text)) - {"xmlns", "xml"}
-    names = "".join(f' xmlns:{name}="{name}"' for name in sorted(missing))
-    return re.sub(r"<robot\b", f"<robot{names}", text, count=1)
-
-
-def _squared(pose: Array) -> Array:
-    """A pose whose right angles are right to the last digit."""
-    frame = frame_of(pose)
-    near = [round(angle / (math.pi / 2)) * math.pi / 2 for angle in frame.rpy]
-    pairs = zip(frame.rpy, near, strict=True)
-    if not any(1e-14 < abs(angle - right) < ROUNDED for angle, right in pairs):
-        return pose
-    rpy = [r if abs(a - r) < ROUNDED else a for a, r in zip(frame.rpy, near, strict=True)]
-    return np.array(ca.evalf(placement(frame.xyz, (rpy[0], rpy[1], rpy[2]))))
-
-
-def _expanded(path: Path) -> str:
-    """The URDF that a xacro file stands for."""
-    from xacrodoc import XacroDoc
-
-    return str(XacroDoc.from_file(path, resolve_packages=False).to_urdf_string())
 
 
 def chain_of(
@@ -300,31 +210,6 @@ def hanging(robot: Any, link: str) -> list[Any]:
     return [joint for joint in robot.robot.joints if joint.parent == link]
 
 
-def _check_tree(robot: Any) -> None:
-    """ValueError unless the joints connect the links to one tree."""
-    links = [link.name for link in robot.links]
-    for kind, names in (("link", links), ("joint", [joint.name for joint in robot.joints])):
-        for name in names:
-            if names.count(name) > 1:
-                raise ValueError(f"two {kind}s are called '{name}'")
-    parents = {}
-    for joint in robot.joints:
-        if joint.type != "fixed":
-            unit_axis(joint)
-        for link in (joint.parent, joint.child):
-            if link not in links:
-                raise ValueError(f"joint '{joint.name}' names a link '{link}' that is not there")
-        if joint.child in parents:
-            raise ValueError(f"two joints move the link '{joint.child}'")
-        parents[joint.child] = joint.parent
-    for start in links:
-        link, steps = start, 0
-        while link in parents:
-            link, steps = parents[link], steps + 1
-            if steps > len(links):
-                raise ValueError(f"the joints about link '{start}' form a ring")
-
-
 def _chosen(robot: Any, name: str) -> Any:
     """A joint that can be one of the arm's."""
     if name not in robot.joint_map:
@@ -381,57 +266,3 @@ def _last_link(robot: Any, joint: Any) -> str:
     while len(after := hanging(robot, link)) == 1 and after[0].type == "fixed":
         link = str(after[0].child)
     return link
-
-
-# Frames.
-
-
-def origin(joint: Any) -> Array:
-    """4x4: the joint's frame in its parent link's, at 0."""
-    return np.eye(4) if joint.origin is None else np.asarray(joint.origin, dtype=float)
-
-
-def unit_axis(joint: Any) -> Array:
-    """The joint's axis, of length 1."""
-    axis = np.asarray([1.0, 0.0, 0.0] if joint.axis is None else joint.axis, dtype=float)
-    length = float(np.linalg.norm(axis)) if axis.shape == (3,) else 0.0
-    if not (math.isfinite(length) and length > 0):
-        raise InputError(f"joint '{joint.name}': its axis must be three numbers, not all 0")
-    return np.asarray(axis / length)
-
-
-def _turn(x: Array, y: Array, z: Array) -> Array:
-    """4x4: the rotation whose columns are x, y, z."""
-    turn = np.eye(4)
-    turn[:3, :3] = np.column_stack([x, y, z])
-    return turn
-
-
-def axis_turn(joint: Any) -> Array:
-    """4x4: a frame whose z is the joint's axis; the link's own where that is z."""
-    z = unit_axis(joint)
-    y = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
-    y = y / np.linalg.norm(y)
-    return _turn(np.cross(y, z), y, z)
-
-
-def hand_turn(approach: str, closing: str) -> Array:
-    """4x4: the hand's frame in the tool link's."""
-    z, y = AXES[approach], AXES[closing]
-    if abs(z @ y) > 0.5:
-        raise InputError(f"--closing {closing}: must not be the axis of --approach {approach}")
-    return _turn(np.cross(y, z), y, z)
-
-
-def frame_of(pose: Array) -> JointFrame:
-    """A 4x4 pose as position and roll, pitch, yaw, good to the last digits at any pitch."""
-    r = pose[:3, :3]
-    level = math.hypot(r[0, 0], r[1, 0])
-    yaw = math.atan2(r[1, 0], r[0, 0]) if level > 1e-12 else 0.0
-    cos, sin = math.cos(yaw), math.sin(yaw)
-    roll = math.atan2(sin * r[0, 2] - cos * r[1, 2], cos * r[1, 1] - sin * r[0, 1])
-    x, y, z, *rpy = (
-        0.0 if abs(value) < 1e-14 else float(value)
-        for value in (*pose[:3, 3], roll, math.atan2(-r[2, 0], level), yaw)
-    )
-    return JointFrame((x, y, z), (rpy[0], rpy[1], rpy[2]))

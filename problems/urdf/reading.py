@@ -1,0 +1,122 @@
+"""A robot's URDF or xacro, read by yourdfpy and checked. Needs the extra `urdf`."""
+
+from __future__ import annotations
+
+import importlib
+import io
+import logging
+import math
+import re
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import casadi as ca
+import numpy as np
+
+from ...models import Array, placement
+from ..files import read_text
+from ..section import InputError
+from .frames import frame_of, origin, unit_axis
+
+#: Angles [rad] this near to a right one are right: 1.5708, 3.1416.
+ROUNDED = 1e-5
+
+
+def read_urdf(path: Path) -> Any:
+    """yourdfpy's robot from a URDF or xacro, or from the package robot_descriptions, by its name
+    there; InputError if it is none, or yourdfpy is missing.
+
+    A xacro's packages (`$(find ...)`) are looked for in the folders above it.
+    """
+    named = path.name.endswith("_description") and not path.exists()
+    text = "" if named else read_text(path)
+    try:
+        import yourdfpy
+    except ImportError:
+        raise InputError(
+            "import-robot needs the extra 'urdf': pip install 'throwplan[urdf]'"
+        ) from None
+    logging.getLogger("yourdfpy.urdf").setLevel(logging.CRITICAL)
+    try:
+        parsed = _fetched(path.name) if named else _parsed(text, path)
+        _check_tree(parsed.robot)
+        for joint in parsed.robot.joints:
+            joint.origin = _squared(origin(joint))
+        return yourdfpy.URDF(robot=parsed.robot, load_meshes=False)
+    except Exception as error:  # yourdfpy lets through whatever its parts raise.
+        reason = " ".join(str(error).split()) or type(error).__name__
+        raise InputError(f"{path}: cannot be read as a URDF: {reason}") from None
+
+
+def _parsed(text: str, path: Path) -> Any:
+    """A file as yourdfpy has it, which mends broken ones by leaving out what it cannot read."""
+    import yourdfpy
+
+    text = _declared(text)
+    root = ElementTree.fromstring(text)
+    if root.tag != "robot":
+        raise ValueError("its root is not <robot>")
+    if any("xacro" in part.tag for part in root.iter()):
+        text = _expanded(path)
+    return yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False, build_scene_graph=False)
+
+
+def _fetched(name: str) -> Any:
+    """The same of a robot of robot_descriptions, which fetches its files when first asked."""
+    try:
+        load = importlib.import_module("robot_descriptions.loaders.yourdfpy")
+    except ImportError:
+        raise ValueError("no such file, and no package robot_descriptions to know it") from None
+    return load.load_robot_description(name, load_meshes=False, build_scene_graph=False)
+
+
+def _declared(text: str) -> str:
+    """The text with the prefixes of its names declared, which XML asks for and ROS does not."""
+    used = set(re.findall(r"<(\w+):", text)) | set(re.findall(r"<[^<>]*?\s(\w+):\w+\s*=", text))
+    missing = used - set(re.findall(r"xmlns:(\w+)", text)) - {"xmlns", "xml"}
+    names = "".join(f' xmlns:{name}="{name}"' for name in sorted(missing))
+    return re.sub(r"<robot\b", f"<robot{names}", text, count=1)
+
+
+def _squared(pose: Array) -> Array:
+    """A pose whose right angles are right to the last digit."""
+    frame = frame_of(pose)
+    near = [round(angle / (math.pi / 2)) * math.pi / 2 for angle in frame.rpy]
+    pairs = zip(frame.rpy, near, strict=True)
+    if not any(1e-14 < abs(angle - right) < ROUNDED for angle, right in pairs):
+        return pose
+    rpy = [r if abs(a - r) < ROUNDED else a for a, r in zip(frame.rpy, near, strict=True)]
+    return np.array(ca.evalf(placement(frame.xyz, (rpy[0], rpy[1], rpy[2]))))
+
+
+def _expanded(path: Path) -> str:
+    """The URDF that a xacro file stands for."""
+    from xacrodoc import XacroDoc
+
+    return str(XacroDoc.from_file(path, resolve_packages=False).to_urdf_string())
+
+
+def _check_tree(robot: Any) -> None:
+    """ValueError unless the joints connect the links to one tree."""
+    links = [link.name for link in robot.links]
+    for kind, names in (("link", links), ("joint", [joint.name for joint in robot.joints])):
+        for name in names:
+            if names.count(name) > 1:
+                raise ValueError(f"two {kind}s are called '{name}'")
+    parents = {}
+    for joint in robot.joints:
+        if joint.type != "fixed":
+            unit_axis(joint)
+        for link in (joint.parent, joint.child):
+            if link not in links:
+                raise ValueError(f"joint '{joint.name}' names a link '{link}' that is not there")
+        if joint.child in parents:
+            raise ValueError(f"two joints move the link '{joint.child}'")
+        parents[joint.child] = joint.parent
+    for start in links:
+        link, steps = start, 0
+        while link in parents:
+            link, steps = parents[link], steps + 1
+            if steps > len(links):
+                raise ValueError(f"the joints about link '{start}' form a ring")
