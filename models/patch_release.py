@@ -125,8 +125,7 @@ class PatchRelease:
         """N releases; NaN for a throw with a step that was not solved."""
 
         def chunk(part: ReleaseBatch) -> BatchRelease:
-            release = self.march(PatchThrows.of_batch(part, steps))
-            detach = np.concatenate([release.com[:, -1], release.com_twist[:, -1]]).T
+            detach = self.march(PatchThrows.of_batch(part, steps)).end.T
             return BatchRelease(detach, np.zeros(part.count, bool), UNSOLVED)
 
         return by_chunks(batch, chunk, PATCH_CHUNK)

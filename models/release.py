@@ -136,10 +136,15 @@ class Release:
     wrench: Array | None = None
     trouble: str = ""
 
+    @property
+    def end(self) -> Array:
+        """CoM pose and twist (6,) at the end of the opening; (6, N) of N releases."""
+        return np.concatenate([self.com[:, -1], self.com_twist[:, -1]])
+
     @cached_property
     def detach(self) -> FlightState:
-        """State at the end of the opening."""
-        return FlightState(*self.com[:, -1].tolist(), *self.com_twist[:, -1].tolist())
+        """The same as a state of flight."""
+        return FlightState(*self.end.tolist())
 
 
 class CaseModel(Protocol):

@@ -44,10 +44,6 @@ def expected(name: str, model: str) -> np.ndarray:
     return np.array([*values["x"], values["theta"], *values["v"], values["omega"]])
 
 
-def detached(release: Release) -> np.ndarray:
-    return np.concatenate([release.com[:, -1], release.com_twist[:, -1]])
-
-
 def landed(release: Release, below: float = 1.0) -> tuple[float, float]:
     """x [m] and theta [rad] `below` metres under the hand's first position."""
     end = release.detach

@@ -45,7 +45,7 @@ def measured(
     if core is None or moved is None or arm is None:
         return _measured(scene, mover, path, opening_time, release, flight)
     com = np.ascontiguousarray(release.com)
-    start = np.concatenate([com[:, -1], release.com_twist[:, -1]])
+    start = release.end
     throw = _throw(scene, mover, path, opening_time)
     throw.detach, throw.flight, throw.nodes = opening_time + release.times[-1], flight, com.shape[1]
     throw.com, throw.start = com.ctypes.data, start.ctypes.data
@@ -145,8 +145,7 @@ def _measured(
         palm = max(float(distance.min(initial=math.inf)), 0.0)
         palm_time = float(since[near][distance < clearance - ROUNDING].min(initial=math.inf))
     if scene.cup is not None:
-        detach = np.array([[*vars(release.detach).values()]])
-        cup = float(cup_entries(scene, detach, np.array([flight]))[0])
+        cup = float(cup_entries(scene, release.end[None], np.array([flight]))[0])
     speed = 0.0
     if arm is not None and scene.tool_speed is not None:
         speed = tool_speeds(arm.tool, *mover.motion(*joints)[:2]).max()

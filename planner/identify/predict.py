@@ -152,13 +152,12 @@ class Predictor:
             for first in range(0, len(rows), most):
                 yield np.array(rows[first : first + most])
 
-    def _end(self, model: str, row: int, one: Array) -> list[float]:
+    def _end(self, model: str, row: int, one: Array) -> Array:
         """CoM pose and twist (6,) of one throw at the end of the opening."""
         single = MODELS[model].single
         if isinstance(single, ImplicitRelease):
             single = replace(single, samples=2)  # what it gives in between costs a tenth more
-        end = single.release(self.case(row, one)).detach
-        return [end.x, end.z, end.theta, end.v_x, end.v_z, end.omega]
+        return single.release(self.case(row, one)).end
 
     def _batch(self, rows: Indices, sets: Array) -> ReleaseBatch:
         """Some throws with every parameter set as one batch, throw by throw."""

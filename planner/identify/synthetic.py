@@ -243,7 +243,7 @@ def _thrown(
         part = events[first : first + PATCH_CHUNK]
         throws = PatchThrows.of_batch(_batch(mover, part, gravity), law.steps)
         release = PatchRelease(stiffness=law.stiffness).march(throws)
-        detach = np.vstack([release.com[:, -1], release.com_twist[:, -1]])
+        detach = release.end
         landing = land(detach.T, HEIGHT, gravity)
         if not np.isfinite(landing).all():
             raise ArithmeticError("a true throw could not be computed")

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...models import Array
-from ...problems import filling
+from ...problems import filling, plain
 from ..show import Row, Table, save
 from .factors import SIGNIFICANT, FactorRow
 from .grid import MISSED
@@ -127,7 +127,8 @@ def _factor_cells(row: FactorRow) -> Row:
 
 
 def _shift(shift: Array) -> Row:
-    return {"shift x [m]": _number(shift[0]), "shift theta [deg]": _number(shift[1])}
+    cells: Row = plain({"shift x [m]": shift[0], "shift theta [deg]": shift[1]})
+    return cells
 
 
 def errors_by_throw(found: Validation) -> Table:
@@ -140,7 +141,7 @@ def errors_by_throw(found: Validation) -> Table:
             row: Row = {"throw": throw.name}
             row |= {name: throw.factors.get(name, "") for name in names}
             numbers = (*check.parameters[check.surface[i]], *off[i].tolist())
-            row |= {"model": model} | dict(zip(heads, map(_number, numbers), strict=True))
+            row |= {"model": model} | dict(zip(heads, plain(numbers), strict=True))
             rows.append(row | {"in_batch": int(i in batch)})
     return Table("errors_by_throw", "Errors of every throw", rows)
 
@@ -268,7 +269,7 @@ def _model_dict(found: Validation, check: ModelCheck) -> dict[str, Any]:
     }
 
 
-def _factor_dict(row: FactorRow) -> dict[str, Any]:
+def _factor_dict(row: FactorRow) -> Any:
     numbers = {
         "measured": row.measured,
         "predicted": row.predicted,
@@ -278,10 +279,6 @@ def _factor_dict(row: FactorRow) -> dict[str, Any]:
         "std_b": row.std[1],
         "p": row.p,
     }
-    known = {key: [_number(v) for v in values] for key, values in numbers.items()}
     labels = list(row.comparison.labels)
-    return {"factor": row.comparison.factor, "labels": labels, "model": row.model, **known}
-
-
-def _number(value: float) -> float | None:
-    return float(value) if math.isfinite(value) else None
+    head = {"factor": row.comparison.factor, "labels": labels, "model": row.model}
+    return head | plain(numbers)

@@ -146,11 +146,6 @@ def case_of(throws: Mapping[str, Mapping[str, Array]], i: int, contact: Contact)
     )
 
 
-def detached(release: Release) -> Array:
-    """x, z, theta, v_x, v_z, omega (6,) at the end of the opening."""
-    return np.concatenate([release.com[:, -1], release.com_twist[:, -1]])
-
-
 def scaled_errors(found: Array, truth: Array, length: float) -> Array:
     """Scaled landing errors (N,) [m] of detach states (N, 6), (39): |dx| + |dtheta| l / 2."""
     a, b = land(found, HEIGHT, GRAVITY), land(truth, HEIGHT, GRAVITY)
@@ -232,7 +227,7 @@ def bristles(stiffness: float) -> str:
 def extrapolated(model: SteppedRelease | PatchRelease, steps: int, case: ReleaseCase) -> Release:
     """Twice the result of 2 `steps` less that of `steps`: the first order's error is gone."""
     coarse, fine = (replace(model, steps=n).release(case) for n in (steps, 2 * steps))
-    end = 2 * detached(fine) - detached(coarse)
+    end = 2 * fine.end - coarse.end
     times = np.array([case.grip.opening])
     return Release(times, end[:3, None], end[3:, None], trouble=coarse.trouble or fine.trouble)
 

@@ -36,7 +36,6 @@ from .laws import (
     SampleThrow,
     bristles,
     case_of,
-    detached,
     extrapolated,
     four_throws,
     methods,
@@ -126,7 +125,7 @@ def converged(case: ReleaseCase, effort: Effort) -> dict[str, Array]:
     truths = {law: truth(case) for law, truth in TRUTHS.items()}
     for stiffness in STIFFNESSES:
         steps, model = effort.of(100, 2000), PatchRelease(stiffness=stiffness)
-        truths[bristles(stiffness)] = detached(extrapolated(model, steps, case))
+        truths[bristles(stiffness)] = extrapolated(model, steps, case).end
     return truths
 
 
@@ -139,7 +138,7 @@ def _law_rows(throw: SampleThrow, truths: Mapping[str, Array], effort: Effort) -
         "patch": extrapolated(PatchRelease(), effort.of(500, 2000), case),
     }
     apart = {law: off(throw, end, patch) for law, end in truths.items()}
-    known = {law: off(throw, detached(end), truths[law]) for law, end in second.items()}
+    known = {law: off(throw, run.end, truths[law]) for law, run in second.items()}
     if not effort.quick:
         finer = off(throw, patch_truth(case, FINE_MESH), patch)
         apart[f"patch of {FINE_MESH} points"] = finer
@@ -166,7 +165,7 @@ def _measured(
     run = partial(method.run, throw.case)
     seconds, release = least_time(run, effort.of(1, 3), long / 5, long)
     tick()
-    errors = [1e3 * off(throw, detached(release), truths[law]) for law in (method.law, "patch")]
+    errors = [1e3 * off(throw, release.end, truths[law]) for law in (method.law, "patch")]
     lands = all(map(math.isfinite, errors))
     trouble = release.trouble or ("" if lands else "the object never comes down to that height")
     return {
@@ -296,7 +295,7 @@ def _ways(
 
 
 def _alone(run: Callable[[ReleaseCase], Release], cases: Sequence[ReleaseCase]) -> Array:
-    return np.array([detached(run(case)) for case in cases])
+    return np.array([run(case).end for case in cases])
 
 
 def _cheapest(sample: Table) -> str:

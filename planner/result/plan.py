@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 from ...models import SLIDING_PIVOT, Arm
 from ...models import Path as Motion
-from ...problems import InputError, Pose, Scene
+from ...problems import InputError, Pose, Scene, plain
 from ..check import Mover, Samples, Throw, torque_limits
 from ..ocp import USUAL, Asked, Optimum, Solution, ThrowNlp
 from .files import Draw, save_plan
@@ -178,7 +178,7 @@ class Plan:
         profile, opening = self.scene.gripper.profile(), throw.opening_time
         detach = opening + profile.opening
         command = opening - profile.dwell - self.scene.mean_delay
-        landing = _number(detach + throw.final.landing.flight_time)
+        landing = plain(detach + throw.final.landing.flight_time)
         return dict(zip(MOMENTS, (command, opening, detach, landing), strict=True))
 
     def _more(self) -> dict[str, Any]:
@@ -267,25 +267,20 @@ class Plan:
         error = self._json_error(self.throw.final.landing.pose)
         return error["position"], error["angle"]
 
-    def _json_pose(self, pose: tuple[float, float, float]) -> dict[str, Any]:
+    def _json_pose(self, pose: tuple[float, float, float]) -> Any:
         """In-plane (x, z, theta) as JSON, turned to the target's azimuth for an arm."""
         x, z, theta = pose
         if self.scene.robot is None:
-            return {"x": _number(x), "z": _number(z), "theta": _number(theta)}
+            return plain({"x": x, "z": z, "theta": theta})
         x_base, y_base, _ = map(float, self.target.plane.points(x, z))
-        return {
-            "x": _number(x_base),
-            "y": _number(y_base),
-            "z": _number(z),
-            "theta": _number(theta),
-        }
+        return plain({"x": x_base, "y": y_base, "z": z, "theta": theta})
 
     def _json_error(self, pose: tuple[float, float, float] | None) -> Any:
         if pose is None:
             return None
         angle = 0.0 if self.target.theta is None else abs(pose[2] - self.target.theta)
         position = abs(pose[0] - self.target.plane_x)
-        return {"position": _number(position), "angle": _number(angle)}
+        return plain({"position": position, "angle": angle})
 
     def json(self) -> str:
         """`to_dict` as a JSON text."""
@@ -345,8 +340,3 @@ def _torque_words(use: float, rate: float, rate_limit: float | None) -> str:
 
 def _pose_dict(pose: Pose) -> dict[str, Any]:
     return {"x": pose.x, "y": pose.y, "z": pose.z, "theta": pose.theta}
-
-
-def _number(value: float) -> float | None:
-    """A float for JSON: null where it is not a number."""
-    return float(value) if math.isfinite(value) else None

@@ -183,7 +183,7 @@ class Lesson:
     def _uses(self, near: Array) -> Iterator[Use]:
         """Of all limits that are not linear in the coefficients."""
         sent = np.array([basis @ near for basis in self.basis])
-        detach = np.array([*vars(self.throw(near).release.detach).values()])
+        detach = self.throw(near).release.end
         n = len(self.reach[0])
         moves = (
             Motion(sent, np.array([[basis] * n for basis in self.basis])),
@@ -198,7 +198,7 @@ class Lesson:
         def detach(moved: Array) -> Array:
             path = Path.through(self.times[at], moved)
             throw = dataclasses.replace(self.plan, path=path, opening_time=self.opening_time)
-            return np.array([*vars(throw.release.detach).values()])
+            return throw.release.end
 
         here, columns = detach(joints), []
         for j, reach in enumerate(self.reach[0]):

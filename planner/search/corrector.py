@@ -158,7 +158,7 @@ def optimum_of(
     return Optimum(
         solution.x[places],
         slope,
-        np.array(list(vars(throw.final.release.detach).values())),
+        throw.final.release.end,
         throw.effort,
         nlp.size,
         (lands[0] - exact[0], lands[2] - exact[2]),

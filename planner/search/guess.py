@@ -126,10 +126,9 @@ def _as_thrown(nlp: ThrowNlp, throw: PlannedThrow) -> tuple[Array, Array, float,
     )
     if source is None or throw.solution is None:
         pivot = throw.exact
-        detach = np.array(list(vars(pivot.release.detach).values()))
         flight, depths = pivot.landing.flight_time, nlp.count("t_cup")
         relative = _relative(nlp, pivot.case, nodes)
-        return nodes, relative, flight, _cup_times(throw.scene, detach, flight, depths)
+        return nodes, relative, flight, _cup_times(throw.scene, pivot.release.end, flight, depths)
     x, old = throw.solution.x, source.structure
     states = [source.block(x, "rel", old.opens + i) for i in range(1, old.opening + 1)]
     known = [state for state in states if state is not None]

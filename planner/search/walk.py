@@ -123,7 +123,7 @@ class Walk:
             self._optimum = dataclasses.replace(self._optimum, u=u, asked=asked)
             if step.whole or not self._short:
                 # It will be thrown.
-                detach = np.array(list(vars(exact.final.release.detach).values()))
+                detach = exact.final.release.end
                 self._optimum = dataclasses.replace(
                     self._optimum, slope=step.slope, detach=detach, effort=controls.effort(u)
                 )

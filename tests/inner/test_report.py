@@ -180,7 +180,7 @@ THROW = laws.four_throws()[1]
 )
 def test_converged_answers_agree_with_other_methods(law, run, close) -> None:
     truth = laws.TRUTHS[law](THROW.case)
-    assert laws.off(THROW, laws.detached(run(THROW.case)), truth) < close
+    assert laws.off(THROW, run(THROW.case).end, truth) < close
 
 
 def test_the_drop_converges_to_the_published_turning_rates() -> None:
@@ -196,7 +196,7 @@ def test_a_random_throw_alone_is_the_one_of_the_batch() -> None:
     for i in (0, 17, 49):
         case = laws.case_of(throws, i, scene.patch)
         alone = SlidingPivotRelease(steps=32, events=True).release(case)
-        assert np.abs(laws.detached(alone) - together[i]).max() < 1e-4
+        assert np.abs(alone.end - together[i]).max() < 1e-4
 
 
 def test_each_method_is_there_once() -> None:

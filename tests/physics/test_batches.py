@@ -10,7 +10,7 @@ from pathlib import Path as FilePath
 import numpy as np
 import pytest
 import throwplan as tp
-from release_cases import VALUES, Values, detached, extremes, reference_case, single
+from release_cases import VALUES, Values, extremes, reference_case, single
 from scipy.integrate import solve_ivp
 from throwplan.models import (
     Body,
@@ -96,7 +96,7 @@ def test_a_batch_lands_where_the_single_models_do(model, exact, position, angle)
     values = throws(12)
     batch = landing(tp.simulate_batch(DROP, model, **values).detach)
     for i in range(12):
-        one = landing(detached(exact.release(single(values, i)))[None])[0]
+        one = landing(exact.release(single(values, i)).end[None])[0]
         assert batch[i, 0] == pytest.approx(one[0], abs=position)
         assert batch[i, 1] == pytest.approx(one[1], abs=np.radians(angle))
 
@@ -134,7 +134,7 @@ def test_a_meshed_batch_is_its_cases_one_by_one(model, stiffness) -> None:
     found = tp.simulate_batch(DROP, model, steps=100, **cases_as_arrays()).detach
     for row, case in zip(found, VALUES, strict=True):
         release = PatchRelease(steps=100, stiffness=stiffness).release(reference_case(case))
-        one = detached(release)
+        one = release.end
         np.testing.assert_allclose(row, one, rtol=1e-7, atol=1e-8)
 
 

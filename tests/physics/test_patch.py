@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from release_cases import VALUES, detached, landed, reference_case, sliding_wrench
+from release_cases import VALUES, landed, reference_case, sliding_wrench
 from throwplan.models import (
     CREEP,
     RADIUS_PER_ARM,
@@ -131,9 +131,7 @@ def case(body: Body, hand: Path, gravity: float = 0.0) -> ReleaseCase:
 
 def converged(pressure: str, held: ReleaseCase) -> np.ndarray:
     """Detach state from two step sizes; the body lags by half a step of the hand's motion."""
-    coarse, fine = (
-        detached(PatchRelease(pressure=pressure, steps=n).release(held)) for n in (500, 1000)
-    )
+    coarse, fine = (PatchRelease(pressure=pressure, steps=n).release(held).end for n in (500, 1000))
     return 2 * fine - coarse
 
 

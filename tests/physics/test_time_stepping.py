@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from release_cases import VALUES, detached, reference_case
+from release_cases import VALUES, reference_case
 from throwplan.models import (
     Body,
     Contact,
@@ -31,7 +31,7 @@ GRIDS = np.array([125, 250, 500, 1000])
 @pytest.mark.parametrize("name", VALUES)
 def test_detach_agrees_with_both_independent_values(name) -> None:
     """With the smoothed law at its limit, and with a stepping that was written elsewhere."""
-    found = detached(SteppedRelease(4000).release(reference_case(name)))
+    found = SteppedRelease(4000).release(reference_case(name)).end
     smoothed = VALUES[name]["detach"]["ils_d0.0001"]
     np.testing.assert_allclose(found[3:5], smoothed["v"], atol=0.5e-3)
     assert found[5] == pytest.approx(smoothed["omega"], abs=0.01)
@@ -53,7 +53,7 @@ def test_published_drops() -> None:
 @pytest.mark.parametrize("name", VALUES)
 def test_stepping_is_first_order(name) -> None:
     case = reference_case(name)
-    at = {n: detached(SteppedRelease(int(n)).release(case)) for n in (*GRIDS, 2000, 4000)}
+    at = {n: SteppedRelease(int(n)).release(case).end for n in (*GRIDS, 2000, 4000)}
     exact, h = 2 * at[4000] - at[2000], case.body.com_offset
     scale = np.array([1, 1, h, 1, 1, h])
     errors = [np.linalg.norm((at[n] - exact) * scale) for n in GRIDS]
@@ -168,7 +168,7 @@ def test_at_rest_without_gravity_nothing_happens() -> None:
 def test_symmetries(name) -> None:
     """Two faces, the mirror image, and everything seven times as heavy and as strong."""
     case, model = reference_case(name), SteppedRelease(200)
-    found = detached(model.release(case))
+    found = model.release(case).end
     contact, body = case.contact, case.body
     single = dataclasses.replace(contact, friction=contact.friction * contact.faces, faces=1)
     heavy = Body(7 * body.mass, 7 * body.inertia, body.com_offset)
@@ -177,12 +177,12 @@ def test_symmetries(name) -> None:
         dataclasses.replace(case, contact=single),
         dataclasses.replace(case, body=heavy, grip=strong),
     ):
-        np.testing.assert_allclose(detached(model.release(other)), found, rtol=1e-9, atol=1e-12)
+        np.testing.assert_allclose(model.release(other).end, found, rtol=1e-9, atol=1e-12)
     flip = np.array([-1.0, 1.0, -1.0])
     hand = case.hand.at(np.zeros(1))
     pose, twist, pull = (flip * p[:, 0] for p in (hand.pose, hand.twist, hand.acceleration))
     mirror = Path.accelerating(pose + np.array([0.0, 0.0, math.pi]), twist, pull)
-    mirrored = detached(model.release(dataclasses.replace(case, hand=mirror)))
+    mirrored = model.release(dataclasses.replace(case, hand=mirror)).end
     turned = np.concatenate([flip * found[:3] + [0, 0, math.pi], flip * found[3:]])
     np.testing.assert_allclose(mirrored, turned, atol=1e-9)
 
