@@ -16,7 +16,7 @@ from ...problems import InputError
 from ..check import TICK, Throw
 from .recording import CUTOFF, Recording
 from .response import Response
-from .uses import SHARE, Motion, Use, uses_of
+from .uses import SHARE, SplineMotion, Use, uses_of
 
 #: Between the splines' knots [s], and how many a motion has more before the opening than the
 #: plan's, and after it.
@@ -186,8 +186,8 @@ class Lesson:
         detach = self.throw(near).release.end
         n = len(self.reach[0])
         moves = (
-            Motion(sent, np.array([[basis] * n for basis in self.basis])),
-            Motion(self.joints(near), self.reach),
+            SplineMotion(sent, np.array([[basis] * n for basis in self.basis])),
+            SplineMotion(self.joints(near), self.reach),
         )
         return uses_of(self.plan, self.times, self.opening_time, *moves, detach)
 

@@ -51,7 +51,7 @@ STEP = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Motion:
+class SplineMotion:
     """Joints, rates and accelerations (3, N, n), and their rows (3, n, N, K): how each joint's
     depend on its coefficients."""
 
@@ -71,7 +71,9 @@ class Use:
     detach: tuple[Array, ...] = ()
 
     @classmethod
-    def along(cls, of: Callable[..., Array], motion: Motion, at: slice | Array, orders: int) -> Use:
+    def along(
+        cls, of: Callable[..., Array], motion: SplineMotion, at: slice | Array, orders: int
+    ) -> Use:
         """Of a motion at some samples."""
         state = tuple(values[at].T for values in motion.values[:orders])
         return cls(of, state, motion.rows[:orders, :, at])
@@ -102,7 +104,12 @@ class Use:
 
 
 def uses_of(
-    plan: Throw, times: Array, opening_time: float, sent: Motion, measured: Motion, detach: Array
+    plan: Throw,
+    times: Array,
+    opening_time: float,
+    sent: SplineMotion,
+    measured: SplineMotion,
+    detach: Array,
 ) -> Iterator[Use]:
     """All of a motion that is to throw as a plan does.
 
@@ -131,7 +138,7 @@ def uses_of(
     yield from _flights(plan, times, opened, measured, detach)
 
 
-def _speeds(scene: Scene, mover: Mover, sent: Motion) -> Iterator[Use]:
+def _speeds(scene: Scene, mover: Mover, sent: SplineMotion) -> Iterator[Use]:
     """Of the tool's speed, and of joint speeds where their limits depend on the position."""
     every, limits = slice(None, None, PLACES), mover.hard
     if scene.arm is not None and scene.tool_speed is not None:
@@ -171,7 +178,7 @@ def _carried(scene: Scene, mover: Mover, times: Array, held: bool, place: Array)
 
 
 def _flights(
-    plan: Throw, times: Array, opened: int, measured: Motion, detach: Array
+    plan: Throw, times: Array, opened: int, measured: SplineMotion, detach: Array
 ) -> Iterator[Use]:
     """Of the landing's place and angle; of the flying bar's room to all that is around it."""
     scene, mover, target = plan.scene, plan.mover, plan.target
