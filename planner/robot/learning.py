@@ -31,7 +31,7 @@ ENOUGH = (2e-4, 2e-3)
 
 
 @dataclass(frozen=True, eq=False)
-class Candidate:
+class Proposal:
     """off: landing off the target, 1 is near enough; wrong: why it must not be sent, in words."""
 
     sent: Throw
@@ -40,7 +40,7 @@ class Candidate:
     wrong: list[str]
 
     @classmethod
-    def of(cls, lesson: Lesson, coefficients: Array) -> Candidate:
+    def of(cls, lesson: Lesson, coefficients: Array) -> Proposal:
         """What is sent, and what is expected of it."""
         expected = lesson.throw(coefficients)
         samples = Samples(*(basis @ coefficients for basis in lesson.basis))
@@ -61,7 +61,7 @@ def corrected(plan: JointMotion, recording: Recording) -> tuple[JointMotion, Thr
     Also the throw that it is expected to be. InputError where no motion within the limits is
     found, and where that throw breaks what the scene asks.
     """
-    lesson, found = Lesson.of(plan.throw, recording), list[Candidate]()
+    lesson, found = Lesson.of(plan.throw, recording), list[Proposal]()
     for start in sorted(lesson.starts(), key=lesson.cost):
         found += _rounds(lesson, start)
         if found[-1].good:
@@ -75,9 +75,9 @@ def corrected(plan: JointMotion, recording: Recording) -> tuple[JointMotion, Thr
     return JointMotion(plan.arm, sent, *values), best.expected
 
 
-def _rounds(lesson: Lesson, near: Array) -> list[Candidate]:
+def _rounds(lesson: Lesson, near: Array) -> list[Proposal]:
     """Motions from one on, each better than the one before it; the last is good if any is."""
-    found, cost, step = [Candidate.of(lesson, near)], lesson.cost(near), STEP
+    found, cost, step = [Proposal.of(lesson, near)], lesson.cost(near), STEP
     for _ in range(ROUNDS):
         if found[-1].good:
             break
@@ -90,7 +90,7 @@ def _rounds(lesson: Lesson, near: Array) -> list[Candidate]:
         step *= 0.4 if share < 0.25 else 2.0 if share > 0.75 else 1.0
         if share > 0.0:
             near, cost = trial, now
-            found.append(Candidate.of(lesson, near))
+            found.append(Proposal.of(lesson, near))
     return found
 
 
