@@ -197,6 +197,9 @@ class Growth:
             if self._open(cell):
                 if self._step(cell, source):
                     take(cell)
+                else:
+                    # Once more at the end, should it have no other neighbour.
+                    heapq.heappush(waiting, (True, math.inf, cell, source))
                 yield
 
     def _cheapen(self) -> Iterator[None]:
