@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
+import casadi as ca
 import numpy as np
 
 from ...core import AXES, LimitsC
@@ -17,9 +19,14 @@ from ...models import (
     Path,
     PlanarArm,
     PlanarHand,
+    about_z,
     hand_motion,
 )
 from ...problems import Hand, InputError, Scene
+
+#: The pads close across the throwing plane where the cosine of what they are askew is at least this
+#: (0.08 deg); poses that differ by less than this [m, 1] are the same.
+SQUARE, SAME = 1 - 1e-6, 1e-9
 
 
 @dataclass(frozen=True)
@@ -142,11 +149,42 @@ def _hand_mover(hand: Hand) -> Mover:
     return Mover(kinematics, hand_motion(kinematics), limits, limits, start, jerk_control=False)
 
 
+def _check_plane(kinematics: PlanarArm) -> None:
+    """ValueError unless the pads close across the throwing plane and the azimuth joint turns it.
+
+    By the arm's own 3-D kinematics at random postures: about the base's z axis, all of it.
+    """
+    arm, q = kinematics.arm, ca.SX.sym("q", kinematics.coordinates)
+    every = ca.SX.sym("every", arm.joints)
+    pads = ca.Function("pads", [every], [arm.frames(every)[-1]])
+    full = ca.Function("full", [q], [kinematics.full(q)])
+    random = np.random.default_rng(0)
+    for value in random.uniform(-2, 2, (4, kinematics.coordinates)):
+        joints = np.array(full(value)).ravel()
+        here, azimuth = np.array(pads(joints)), random.uniform(-2, 2)
+        across = min(abs(here[1, 1]), 1.0)
+        if across < SQUARE:
+            askew = math.degrees(math.acos(across))
+            raise ValueError(
+                f"arm {arm.name}: posture holds the pads {askew:.1f} deg askew: they must close "
+                "across the throwing plane"
+            )
+        joints[arm.azimuth_joint - 1] = arm.azimuth_angle(azimuth)
+        turn = np.eye(4)
+        turn[:3, :3] = about_z(azimuth)
+        if np.abs(np.array(pads(joints)) - turn @ here).max() > SAME:
+            raise ValueError(
+                f"arm {arm.name}: azimuth_joint = {arm.azimuth_joint} does not turn the throwing "
+                "plane about the base's z axis"
+            )
+
+
 def _arm_mover(scene: Scene) -> Mover:
     robot, arm = scene.robot, scene.arm
     assert robot is not None and arm is not None  # checked by Scene
     try:
         kinematics = PlanarArm(arm, robot.throwing_joints)
+        _check_plane(kinematics)
     except ValueError as error:
         raise InputError(f"{scene.place}: [robot] {error}") from None
     hard = joint_limits(arm, kinematics.throwing_joints)

@@ -6,6 +6,7 @@ from pathlib import Path
 import casadi as ca
 import numpy as np
 import pytest
+import throwplan as tp
 from adam.numpy import KinDynComputations
 from hypothesis import given, settings
 from hypothesis import strategies as st
@@ -135,6 +136,20 @@ def test_limits_are_the_published_ones():
 def test_joints_that_do_not_throw_in_the_plane_are_refused(joints):
     with pytest.raises(ValueError, match=r"panda.*do not move the hand in the vertical plane"):
         PlanarArm(PANDA, joints)
+
+
+@pytest.mark.parametrize(
+    ("change", "words"),
+    [
+        ({"azimuth_joint": 7}, "azimuth_joint = 7 does not turn"),
+        ({"azimuth_joint": 3}, "azimuth_joint = 3 does not turn"),
+        ({"posture": (0, 0, 0, 0, 0, 0, 1.2)}, "posture holds the pads 23.8 deg askew"),
+    ],
+)
+def test_an_arm_that_cannot_do_what_would_be_solved_is_refused(change, words):
+    scene = tp.load_scene("pose")
+    with pytest.raises(tp.InputError, match=words):
+        tp.Planner(dataclasses.replace(scene, arm=dataclasses.replace(PANDA, **change)))
 
 
 def test_a_posture_out_of_the_plane_is_refused():
