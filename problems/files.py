@@ -8,6 +8,7 @@ import math
 import os
 import re
 import shutil
+import stat
 import tempfile
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -21,14 +22,24 @@ import numpy as np
 
 from .section import InputError
 
+#: Bytes of the largest file that is read.
+LARGEST = 200_000_000
+
 
 def read_text(path: Path) -> str:
-    """The text of a file; InputError naming it."""
+    """The text of a regular file of at most LARGEST bytes; InputError naming it."""
     try:
+        known = path.stat()
+        if not (stat.S_ISREG(known.st_mode) or stat.S_ISDIR(known.st_mode)):
+            raise InputError(f"{path}: is no regular file")
+        if known.st_size > LARGEST:
+            raise InputError(f"{path}: must be at most {LARGEST / 1e6:g} MB")
         # A byte-order mark, as spreadsheets write it, is no part of the first column.
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
+    except InputError:
+        raise
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or "is not a text file"
         raise InputError(f"{path}: {reason}") from None
@@ -119,9 +130,9 @@ def prepare_folder(folder: Path, names: tuple[str, ...] = (), option: str = "--o
     """
     if str(folder) in ("", "."):
         raise InputError(f"{option}: needs a folder's name")
-    if folder.is_file():
-        raise InputError(f"{option} {folder}: is a file; must be a folder")
     try:
+        if folder.is_file():
+            raise InputError(f"{option} {folder}: is a file; must be a folder")
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass

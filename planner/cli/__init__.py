@@ -7,7 +7,10 @@ Each command is the file of its name (`import-robot` is import_robot.py) with `a
 from __future__ import annotations
 
 import argparse
+import io
 import json
+import os
+import signal
 import sys
 from collections.abc import Iterable, Sequence
 from importlib import import_module
@@ -55,9 +58,15 @@ COMMANDS = {
 SHARED = {"correct": "run"} | dict.fromkeys(("make-throws", "identify", "validate"), "measured")
 
 
+#: Characters of a word of a message; most paths are shorter.
+LONGEST = 160
+
+
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    if arguments is None:
+        _settle()
     try:
         options, unknown = parser_of(words[:1]).parse_known_args(words)
         if unknown:
@@ -65,7 +74,10 @@ def main(arguments: Sequence[str] | None = None) -> int:
         status: int = options.run(options)
         return status
     except InputError as error:
-        message = " ".join(str(error).split())
+        message = "".join(
+            c if c.isprintable() else c.encode("unicode_escape").decode()
+            for c in " ".join(_short(word) for word in str(error).split())
+        )
         if "--json" in words:
             print(json.dumps({"error": message}))
         print(f"throwplan: {message}", file=sys.stderr)
@@ -76,6 +88,22 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except BrokenPipeError:
         sys.stderr.close()
         return DONE
+
+
+def _settle() -> None:
+    """A process of its own: it ends on any signal as on Ctrl-C, draws to files, prints anywhere."""
+    for name in ("SIGTERM", "SIGHUP"):
+        if hasattr(signal, name):
+            signal.signal(getattr(signal, name), signal.default_int_handler)
+    os.environ["MPLBACKEND"] = "agg"
+    for stream in (sys.stdout, sys.stderr):
+        if isinstance(stream, io.TextIOWrapper):
+            # A terminal without a sign loses the sign, not the run.
+            stream.reconfigure(errors="replace")
+
+
+def _short(word: str) -> str:
+    return word if len(word) <= LONGEST else f"{word[:LONGEST]}..."
 
 
 def parser_of(chosen: Iterable[str] = COMMANDS) -> Parser:

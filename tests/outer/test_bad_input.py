@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from dataclasses import dataclass, field
@@ -532,3 +533,29 @@ def test_odd_motions_get_an_answer(edits, model, folder, run):
     assert said.status in {0, 2}
     assert (list(said.json) == ["error"]) == (said.status == 2)
     assert len(said.err.splitlines()) == (said.status != 0)
+
+
+def test_only_regular_files_are_read(tmp_path: Path, refused) -> None:
+    """A pipe that nobody writes to, and a device without an end, would never be read."""
+    os.mkfifo(tmp_path / "pipe")
+    for path in (tmp_path / "pipe", Path("/dev/zero")):
+        assert refused("plan", path) == f"throwplan: {path}: is no regular file\n"
+
+
+def test_a_message_is_short_and_holds_no_control_characters(refused) -> None:
+    assert refused("plan", "no\x1b[31m.toml") == "throwplan: no\\x1b[31m.toml: no such file\n"
+    assert len(refused("sweep", "hand-box", "--seed", "9" * 400)) < 300
+    assert len(refused("plan", "hand-box", "--out", "a" * 300)) < 300
+
+
+@pytest.mark.parametrize(
+    ("words", "variables"),
+    [
+        ("scenes --reference", {"PYTHONUTF8": "0", "PYTHONIOENCODING": "latin-1"}),
+        ("simulate drop --model sp --out {}", {"MPLBACKEND": "broken"}),
+    ],
+)
+def test_what_surrounds_it_costs_no_run(words: str, variables: dict[str, str], tmp_path) -> None:
+    command = [sys.executable, "-m", "throwplan", *words.format(tmp_path / "out").split()]
+    said = subprocess.run(command, env=os.environ | variables, capture_output=True, check=False)
+    assert (said.returncode, said.stderr) == (0, b"")

@@ -47,7 +47,8 @@ def test_refused(line: str, words: str, refused) -> None:
 
 
 @pytest.mark.slow
-def test_ctrl_c_loses_nothing_that_was_solved(tmp_path: Path, interruptible: None) -> None:
+@pytest.mark.parametrize("by", [signal.SIGINT, signal.SIGTERM])
+def test_an_end_loses_nothing_that_was_solved(by: int, tmp_path: Path, interruptible: None) -> None:
     """Of the command, with the processes that it starts."""
     environment = os.environ | {"THROWPLAN_CACHE": str(tmp_path)}
     command = [sys.executable, "-m", "throwplan", "prepare", "hand-flip", "--throws", "5000"]
@@ -55,7 +56,7 @@ def test_ctrl_c_loses_nothing_that_was_solved(tmp_path: Path, interruptible: Non
     until = time.monotonic() + 300
     while not list(tmp_path.glob("throws-*/*.npy")) and time.monotonic() < until:
         time.sleep(0.2)
-    process.send_signal(signal.SIGINT)
+    process.send_signal(by)
     _, words = process.communicate(timeout=60)
     assert process.returncode == 130 and words.strip() == "throwplan: interrupted"
     with pytest.MonkeyPatch.context() as patch:
