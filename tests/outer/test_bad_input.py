@@ -468,7 +468,7 @@ def test_scene_is_not_written_over_a_file(folder, refused, untouched):
 def test_names_that_cannot_be_files(name, folder, refused, untouched):
     (folder / "taken").write_text("mine")
     untouched()
-    assert name[:160] in refused("plan", name)
+    assert name[:100] in refused("plan", name)
 
 
 @pytest.mark.parametrize(
