@@ -13,8 +13,6 @@ import dataclasses
 import math
 from dataclasses import dataclass
 
-import numpy as np
-
 from ...models import Array, PlanarArm
 from ...problems import InputError
 from ..check import Samples, Throw, broken_limits
@@ -26,8 +24,9 @@ from .recording import Recording
 
 #: Rounds of the program at most, how far the first goes, and by what share the cost must fall.
 ROUNDS, STEP, LEAST = 30, 1.0, 1e-3
-#: A landing so near [m, rad] is near enough.
-ENOUGH = (2e-4, 2e-3)
+#: A landing so near [m, scaled error] is near enough; another is sent only where it is expected so
+#: many times nearer than the last.
+ENOUGH, NEARER = 4e-4, 0.7
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,9 +44,7 @@ class Proposal:
         expected = lesson.throw(coefficients)
         samples = Samples(*(basis @ coefficients for basis in lesson.basis))
         sent = dataclasses.replace(expected, path=samples.path, samples=samples)
-        off = float(np.abs(np.array(expected.miss()) / ENOUGH).max())
-        off = off if math.isfinite(off) else math.inf
-        return cls(sent, expected, off, _wrong(sent, expected))
+        return cls(sent, expected, _off(expected), _wrong(sent, expected))
 
     @property
     def good(self) -> bool:
@@ -58,8 +55,8 @@ class Proposal:
 def corrected(plan: JointMotion, recording: Recording) -> tuple[JointMotion, Throw]:
     """The motion to send next, by the recording of one that was sent for the same plan.
 
-    Also the throw that it is expected to be. InputError where no motion within the limits is
-    found, and where that throw breaks what the scene asks.
+    Also the throw that it is expected to be. InputError where no motion within the limits is found
+    that lands nearer, and where that throw breaks what the scene asks.
     """
     lesson, found = Lesson.of(plan.throw, recording), list[Proposal]()
     for start in sorted(lesson.starts(), key=lesson.cost):
@@ -67,8 +64,12 @@ def corrected(plan: JointMotion, recording: Recording) -> tuple[JointMotion, Thr
         if found[-1].good:
             break
     best = min(found, key=lambda each: (bool(each.wrong), each.off))
-    if best.wrong:
-        raise InputError(f"the corrected motion is not sent: {best.wrong[0]}")
+    nearest = min(found, key=lambda each: each.off)
+    thrown = recording.throw(plan.throw)
+    if best.wrong or not best.off < max(NEARER * _off(thrown), 1.0):
+        # What is in the way of the one that would land nearest.
+        reason = (nearest.wrong or best.wrong or ["it would land no nearer than the last"])[0]
+        raise InputError(f"the corrected motion is not sent: {reason}")
     sent = best.sent
     assert isinstance(sent.mover.kinematics, PlanarArm)
     values = joint_samples(sent.mover.kinematics, sent.target.plane.azimuth, sent.samples)
@@ -92,6 +93,13 @@ def _rounds(lesson: Lesson, near: Array) -> list[Proposal]:
             near, cost = trial, now
             found.append(Proposal.of(lesson, near))
     return found
+
+
+def _off(throw: Throw) -> float:
+    """How far off the target a throw lands, by its scaled error (39) over ENOUGH [m]."""
+    dx, dtheta = throw.miss()
+    off = (abs(dx) + abs(dtheta) * throw.scene.object.length / 2) / ENOUGH
+    return off if math.isfinite(off) else math.inf
 
 
 def _wrong(sent: Throw, expected: Throw) -> list[str]:
