@@ -3,6 +3,9 @@
 import throwplan as tp
 plan = tp.plan("cup")
 print(plan.status, plan.to_dict()["error"])
+
+A scene is made of the sections of its file, each a class of that name: `tp.Object` is [object],
+`tp.Cup` is [cup]; `help(tp.Scene)` lists them. All is in SI units and radians.
 """
 
 from importlib.metadata import PackageNotFoundError, version
@@ -12,20 +15,39 @@ from .planner.check import simulate, simulate_batch
 from .planner.identify import Identified, identify, throw_data, thrown
 from .planner.plan import Planner, plan
 from .planner.reach import ReachMap, reach_map
-from .planner.result import Plan, read_plan
-from .planner.robot import Replay, replay
+from .planner.result import Plan, PlanPath, SavedThrow, read_plan, view
+from .planner.robot import Replay, export, replay
 from .planner.sweep import Sweep, sweep
 from .problems import (
+    Choice,
+    Cup,
+    Distribution,
+    Grasp,
+    Gripper,
+    Hand,
     InputError,
+    Landing,
+    Mesh,
+    Motion,
+    Obstacle,
     Pose,
+    Robot,
+    Robust,
     Scene,
     ThrowData,
     ThrowplanError,
+    Tolerance,
+    Torque,
+    Uncertainty,
+    Workspace,
     load_scene,
     load_throws,
     scene_names,
     scene_text,
 )
+from .problems import PadContact as Contact
+from .problems import Pose as Target
+from .problems import ThrownObject as Object
 
 try:
     __version__ = version("throwplan")
@@ -33,18 +55,40 @@ except PackageNotFoundError:  # run from a checkout that is not installed
     __version__ = "0"
 
 __all__ = [
+    "Choice",
+    "Contact",
+    "Cup",
+    "Distribution",
+    "Grasp",
+    "Gripper",
+    "Hand",
     "Identified",
     "InputError",
+    "Landing",
+    "Mesh",
+    "Motion",
+    "Object",
+    "Obstacle",
     "Plan",
+    "PlanPath",
     "Planner",
     "Pose",
     "ReachMap",
     "Replay",
+    "Robot",
+    "Robust",
+    "SavedThrow",
     "Scene",
     "SentThrow",
     "Sweep",
+    "Target",
     "ThrowData",
     "ThrowplanError",
+    "Tolerance",
+    "Torque",
+    "Uncertainty",
+    "Workspace",
+    "export",
     "identify",
     "load_scene",
     "load_throws",
@@ -59,4 +103,10 @@ __all__ = [
     "sweep",
     "throw_data",
     "thrown",
+    "view",
 ]
+
+
+def __dir__() -> list[str]:
+    """What is meant to be used; the rooms behind it are not."""
+    return [*__all__, "__version__"]

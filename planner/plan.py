@@ -12,7 +12,7 @@ import math
 import time
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, Literal, get_args
+from typing import Any, Literal, TypedDict, Unpack, get_args
 
 import numpy as np
 
@@ -75,15 +75,16 @@ PREPARED, MOST_PREPARED = 5000, 10_000
 class Planner:
     """Plans throws of one scene; builds its NLP once and solves for many targets.
 
-    library: whether plans start from the scene's solved throws where the cache has them (see
-    `prepare`).
+    scene: a `Scene`, a built-in name or a TOML file. library: whether plans start from the
+    scene's solved throws where the cache has them (see `prepare`).
 
     Raises InputError for a scene that cannot be planned at all: no [hand] or [robot],
     or a grip too weak to hold the object at rest in any permitted start pose.
     """
 
-    def __init__(self, scene: Scene, *, library: bool = True) -> None:
+    def __init__(self, scene: Scene | str | Path, *, library: bool = True) -> None:
         start = time.perf_counter()
+        scene = as_scene(scene)
         self.scene = scene
         self.mover = make_mover(scene)
         # Obstacles stand in the base frame, tables and libraries are of the throw's own plane.
@@ -352,19 +353,29 @@ class Planner:
         )
 
 
+class Options(TypedDict, total=False):
+    """What `Planner.plan` takes besides the target."""
+
+    solver: SolverName
+    turns: Turns
+    warm: Plan | None
+    alternatives: int
+    robust: str | None
+    patience: float | None
+
+
 def plan(
     scene: Scene | str | Path,
     target: Pose | None = None,
-    *,
-    solver: SolverName = "auto",
-    turns: Turns = "exact",
+    **options: Unpack[Options],
 ) -> Plan:
     """Plan one throw of a scene (or of a built-in name or TOML file).
 
+    options: those of `Planner.plan`: solver, turns, warm, alternatives, robust, patience.
     To plan many targets of one scene make a `Planner`, which builds its NLP once.
     Raises InputError for wrong input; every other end is the plan's status.
     """
-    return Planner(as_scene(scene)).plan(target, solver=solver, turns=turns)
+    return Planner(scene).plan(target, **options)
 
 
 def _check_one_of(name: str, value: object, allowed: Any) -> None:

@@ -8,14 +8,16 @@ from __future__ import annotations
 import dataclasses
 import functools
 import math
+import textwrap
 from pathlib import Path
 from typing import Any
 
 from ..models import Arm, Body, Contact
+from .arms import load_arm, load_gripper
 from .grip import Grasp, Gripper, PadContact, ThrownObject
 from .movers import Hand, Motion, Robot, Torque, check_robot, check_torque
 from .obstacles import Obstacle
-from .section import InputError, Section, quantity, rules
+from .section import InputError, Section, hints_of, part_of, quantity, rules, unit_of
 from .targets import Choice, Cup, Landing, Pose, Tolerance, Workspace
 from .uncertainty import SHARES, UNCERTAIN_PARAMETERS, Robust, Uncertainty
 
@@ -51,9 +53,13 @@ class Mesh(Section):
     )
 
 
-@dataclasses.dataclass(frozen=True)
+@dataclasses.dataclass(frozen=True, repr=False)
 class Scene(Section):
-    """A whole scene. `file` is where it came from, for messages."""
+    """A whole scene. `file` is where it came from, for messages; `arm` is the robot's data.
+
+    Sections are given by their names: ``Scene(name="mine", object=Object(...), ...)``; one that is
+    None adds nothing. `replace` makes a variant.
+    """
 
     name: str = dataclasses.field(
         metadata=rules("name of the scene; a file's own name where left out")
@@ -81,6 +87,15 @@ class Scene(Section):
     arm: Arm | None = None
     file: str = ""
 
+    def __repr__(self) -> str:
+        """A line: all of its values would fill a screen; `scene_table` has them."""
+        bar, target = self.object, self.target
+        mover = "hand" if self.hand else self.arm.name if self.arm else "given motion"
+        words = f"Scene({self.name}: {mover}, {bar.mass:g} kg bar of {bar.length:g} m"
+        if target is not None:
+            words += f", to {target.words}"
+        return f"{words})"
+
     def check(self) -> None:
         """Conditions between sections."""
         if self.grasp.offset > self.object.com:
@@ -91,9 +106,7 @@ class Scene(Section):
         movers = [n for n in ("hand", "robot", "motion") if getattr(self, n) is not None]
         if len(movers) != 1:
             raise InputError("give exactly one of [hand], [robot] and [motion]")
-        moved_by_arm = self.robot is not None or (self.motion and self.motion.joints is not None)
-        if bool(moved_by_arm) != (self.arm is not None):
-            raise InputError("[robot] needs its arm data: use load_scene")
+        self._load_arm(movers[0])
         if self.motion is None and self.target is None:
             raise InputError("section [target] is missing")
         if self.target is not None and self.robot is None and self.target.y != 0:
@@ -117,6 +130,20 @@ class Scene(Section):
                 f"[gripper] dwell = {dwell:g}: must be below [mesh] carry_max = "
                 f"{self.mesh.carry_max:g} by 0.05 s"
             )
+
+    def _load_arm(self, mover: str) -> None:
+        """The data of the arm that [robot] or [motion] names, where they are not given."""
+        name = getattr(getattr(self, mover), "arm", None)
+        if name is None and self.arm is not None:
+            raise InputError("arm: only for a scene with [robot]")
+        if name is None or self.arm is not None:
+            return
+        folder, gripper = Path(self.file).parent if self.file else None, self.gripper.file
+        try:
+            own = None if gripper is None else load_gripper(gripper, folder)
+            object.__setattr__(self, "arm", load_arm(name, folder, own))
+        except InputError as error:
+            raise InputError(f"[{mover}] arm = {name!r}: {error}") from None
 
     def _check_cup(self, cup: Cup) -> None:
         # The bar is as thick as it is wide, and a round cup is narrower off its middle.
@@ -229,3 +256,23 @@ class Scene(Section):
     def place(self) -> str:
         """Name of the scene for messages: its file, or its name."""
         return Path(self.file).name if self.file else self.name
+
+
+def _say_sections() -> None:
+    """Every section and its keys with their units, for ``help(Scene)``."""
+    lines = ["", "    Sections, and what each holds:", ""]
+    for name, hint in hints_of(Scene).items():
+        kind, several = part_of(hint)
+        if kind is None or not issubclass(kind, Section):
+            continue
+        keys = ", ".join(
+            f"{field.name}{unit_of(field.metadata)}"
+            for field in dataclasses.fields(kind)
+            if "meaning" in field.metadata
+        )
+        words = f"{name}: {'several of ' if several else ''}{name.capitalize()}({keys})"
+        lines += textwrap.wrap(words, 96, initial_indent="    ", subsequent_indent="        ")
+    Scene.__doc__ = "\n".join([(Scene.__doc__ or "").rstrip(), *lines, "    "])
+
+
+_say_sections()

@@ -104,6 +104,18 @@ def file_key(name: str, about: Mapping[str, Any]) -> str:
     return f"{name}_deg" if about.get("degrees") else name
 
 
+_UNIT = re.compile(r"(degrees/s|degrees|rad(/s²?)?|kg( m²)?|m(/s²?)?|s|N( m)?|Hz)(?=[,;]|$)")
+
+
+def unit_of(about: Mapping[str, Any]) -> str:
+    """A field's unit in Python, in brackets; empty for what has none."""
+    found = re.match(
+        r"(degrees/s|degrees|rad/s²|rad/s|rad|kg m²|kg|m/s²|m/s|m|s|N m|N|Hz)(?=[,;]|$)",
+        about["meaning"],
+    )
+    return "" if found is None else f" [{found[1].replace('degrees', 'rad')}]"
+
+
 # From files and to them.
 
 

@@ -81,6 +81,13 @@ class Pose(Section):
         return self if lateral == self.lateral else self.changed(lateral=lateral)
 
     @property
+    def words(self) -> str:
+        """The pose for people."""
+        theta = "free" if self.theta is None else f"{math.degrees(self.theta):.1f} deg"
+        aside = f", y {self.y:.3f} m" if self.y else ""
+        return f"x {self.x:.3f} m{aside}, z {self.z:.3f} m, theta {theta}"
+
+    @property
     def away(self) -> float:
         """Distance [m] from the base's z axis; below zero on the plane x-z behind it."""
         return math.hypot(self.x, self.y) if self.y != 0.0 else self.x

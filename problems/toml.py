@@ -150,14 +150,7 @@ def _scene_from(
     for key in ("object", "contact", "gripper"):
         if key not in values:
             raise InputError(f"section [{key}] is missing")
-    mover = "robot" if "robot" in values else "motion"
-    if mover in values and values[mover].arm is not None:
-        name = values[mover].arm
-        try:
-            values["arm"] = arm or load_arm(name, folder, _gripper(values["gripper"].file, folder))
-        except InputError as error:
-            raise InputError(f"[{mover}] arm = {name!r}: {error}") from None
-    return Scene(**values)
+    return Scene(**values, arm=arm)
 
 
 def _section(key: str, value: Any, folder: Path | None) -> Any:

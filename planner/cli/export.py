@@ -3,20 +3,8 @@
 from __future__ import annotations
 
 import argparse
-from contextlib import ExitStack
-from pathlib import Path
 
-from ...problems import InputError, filling
-from ..robot import (
-    FRANKA_FILES,
-    OPEN_WIDTH,
-    ROS_FILES,
-    joint_motion,
-    joint_names,
-    ros_typestore,
-    write_franka,
-    write_ros,
-)
+from ..robot import export
 from .common import DONE, Add, add_plan, answer, number
 
 
@@ -32,25 +20,13 @@ def arguments(add: Add) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Writes the formats that are asked for."""
-    if options.franka is None and options.ros is None:
-        raise InputError("give --franka DIR, --ros DIR or both")
-    if options.ros is None:
-        for option in ("joint_names", "open_width"):
-            if getattr(options, option) is not None:
-                raise InputError(f"--{option.replace('_', '-')}: only with --ros")
-    width = OPEN_WIDTH if options.open_width is None else options.open_width
-    if options.ros is not None:
-        # Before the plan is read: a missing extra is said at once.
-        ros_typestore()
-    motion = joint_motion(options.plan)
-    names = joint_names(motion, options.joint_names)
-    with ExitStack() as stack:
-        if options.franka is not None:
-            folder = filling(Path(options.franka), FRANKA_FILES, "--franka")
-            write_franka(motion, stack.enter_context(folder))
-        if options.ros is not None:
-            folder = filling(Path(options.ros), ROS_FILES, "--ros")
-            write_ros(motion, stack.enter_context(folder), names, width)
+    motion = export(
+        options.plan,
+        franka=options.franka,
+        ros=options.ros,
+        names=options.joint_names,
+        open_width=options.open_width,
+    )
     throw, duration = motion.throw, float(motion.times[-1])
     result = {
         "franka": options.franka,

@@ -1,4 +1,13 @@
 """What planning gives back: the plan, its files, and reading them again."""
 
-from .files import joint_samples, read_plan, sent_throw, write_table
+from .files import (
+    PlanPath,
+    SavedThrow,
+    joint_samples,
+    read_plan,
+    sent_throw,
+    throw_of,
+    view,
+    write_table,
+)
 from .plan import Plan, PlannedThrow, Status, checked_target

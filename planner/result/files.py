@@ -2,9 +2,11 @@
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import json
 import time
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
@@ -14,10 +16,20 @@ from ...models import Array, PlanarArm
 from ...problems import InputError, filling, read_csv, read_text, scene_from_table, scene_table
 from ..check import TICK, Mover, Samples, Throw, make_mover
 from ..ocp import load_curve
-from ..show import draw_throw, draw_throw_moving
+from ..show import (
+    draw_throw,
+    draw_throw_moving,
+    open_browser,
+    over_time,
+    run_panel,
+    serving,
+    space_throw,
+)
 
 if TYPE_CHECKING:
-    from .plan import Plan
+    from matplotlib.figure import Figure
+
+    from .plan import Plan, Status
 
 
 #: Which pictures of a plan are drawn: both, none, or throw.png alone.
@@ -38,10 +50,7 @@ def save_plan(plan: Plan, folder: Path, draw: Draw) -> Plan:
             write_motion(plan, scratch / "motion.csv")
         if plan.solved and draw:
             start, throw = time.perf_counter(), sent_throw(plan)
-            load = None
-            if plan.robust:
-                load = load_curve(throw)
-            draw_throw(throw, scratch / "throw.png", load)
+            draw_plan(plan, scratch / "throw.png")
             if draw != "png":
                 draw_throw_moving(throw, scratch / "throw.gif")
             seconds = time.perf_counter() - start
@@ -49,6 +58,12 @@ def save_plan(plan: Plan, folder: Path, draw: Draw) -> Plan:
         text = json.dumps(document(plan), indent=2, allow_nan=False)
         (scratch / "plan.json").write_text(text + "\n", encoding="utf-8")
     return plan
+
+
+def draw_plan(plan: Plan, path: Path | None) -> Figure:
+    """The picture of a solved plan, written to `path` if that is given."""
+    throw = sent_throw(plan)
+    return draw_throw(throw, path, load_curve(throw) if plan.robust else None)
 
 
 def write_motion(plan: Plan, path: Path) -> None:
@@ -101,14 +116,77 @@ def sent_throw(plan: Plan) -> Throw:
     return throw if throw.scene == scene else dataclasses.replace(throw, scene=scene)
 
 
+@dataclass(frozen=True, repr=False, eq=False)
+class SavedThrow(Throw):
+    """A throw that was read back; status and message: what its plan.json says."""
+
+    status: Status = "solved"
+    message: str = ""
+
+
+def throw_of(plan: Plan | Throw | str | Path) -> Throw:
+    """The throw of a solved plan, of a plan.json or of its folder; InputError where is none."""
+    if isinstance(plan, str | Path):
+        return read_plan(plan)
+    return plan if isinstance(plan, Throw) else sent_throw(plan)
+
+
+def view(
+    plan: Plan | Throw | str | Path,
+    port: int = 8080,
+    hold: float | None = None,
+    browser: bool = True,
+) -> None:
+    """Show a throw in 3-D on a page of this machine; needs the extra `view`.
+
+    plan: a plan, a throw, or the path of a plan.json or of its folder. Serves for `hold` seconds,
+    or until it is interrupted (Ctrl-C, a notebook's stop). InputError for what holds no throw that
+    lands, and for a port that cannot be had.
+    """
+    throw = throw_of(plan)
+    if not throw.lands:
+        raise InputError("view: the throw does not land")
+    with contextlib.suppress(KeyboardInterrupt), serving(space_throw(throw), port) as (page, panel):
+        print(page)
+        if browser:
+            open_browser(page)
+        run_panel(panel, hold)
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class PlanPath:
+    """A throw over time, from rest until the object lands.
+
+    times (N,) [s], every millisecond; poses (N, 3): x, z [m], theta [rad] of the object's CoM in
+    the throw's vertical plane, hand: the same of the pads' centre; joints (N, joints) [rad]: all of
+    an arm's, None for a free hand. After its motion the arm keeps still.
+    """
+
+    times: Array
+    poses: Array
+    hand: Array
+    joints: Array | None
+
+
+def path_of(throw: Throw) -> PlanPath:
+    """The throw every millisecond."""
+    line, kinematics = over_time(throw, TICK), throw.mover.kinematics
+    joints = None
+    if isinstance(kinematics, PlanarArm):
+        at = throw.to_rest.at(line.times)
+        samples = Samples(at.pose.T, at.twist.T, at.acceleration.T)
+        joints = joint_samples(kinematics, throw.target.plane.azimuth, samples)[0]
+    return PlanPath(line.times, line.com.T, line.hand.T, joints)
+
+
 def document(plan: Plan) -> dict[str, Any]:
     """What plan.json holds: `Plan.to_dict`, and the scene that `read_plan` needs."""
     scene = plan.scene.aimed_at(plan.target)
     return {"format": FORMAT, **plan.to_dict(), "definition": scene_table(scene)}
 
 
-def read_plan(path: str | Path) -> Throw:
-    """The throw of a plan.json with the motion.csv beside it, thrown again.
+def read_plan(path: str | Path) -> SavedThrow:
+    """The throw of a plan.json (or its folder) with the motion.csv beside it, thrown again.
 
     InputError for a file that is not there, is no plan, is of another version or holds no
     throw, and for samples that do not fit its scene.
@@ -129,7 +207,8 @@ def read_plan(path: str | Path) -> Throw:
     end = float(samples.times[-1])
     if not 0.0 <= opening_time <= end:
         raise InputError(f"{path}: opening_time = {opening_time:g}: must be within motion.csv")
-    return Throw(scene, mover, samples.path, opening_time, samples)
+    said = {key: str(plan.get(key, "")) for key in ("status", "message")}
+    return SavedThrow(scene, mover, samples.path, opening_time, samples, **said)  # type: ignore[arg-type]
 
 
 def _plan_object(path: Path) -> dict[str, Any]:

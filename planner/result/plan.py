@@ -7,14 +7,17 @@ import math
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 from ...models import SLIDING_PIVOT, Arm
 from ...models import Path as Motion
 from ...problems import InputError, Pose, Scene, plain
 from ..check import Mover, Samples, Throw, torque_limits
 from ..ocp import USUAL, Asked, Optimum, Solution, ThrowNlp
-from .files import Draw, save_plan
+from .files import Draw, PlanPath, draw_plan, path_of, save_plan, sent_throw
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
 
 Status = Literal["solved", "out_of_reach", "not_converged"]
 #: Times of a release, by their names in the JSON.
@@ -211,12 +214,26 @@ class Plan:
         """
         return save_plan(self, Path(folder), draw)
 
+    def draw(self, file: str | Path | None = None) -> Figure:
+        """The picture of the throw, a Matplotlib figure; written to `file` (.png) if that is given.
+
+        InputError for a plan without a throw.
+        """
+        return draw_plan(self, None if file is None else Path(file))
+
+    def path(self) -> PlanPath:
+        """The throw over time: times, poses of the object and the hand, joints.
+
+        InputError for a plan without a throw.
+        """
+        return path_of(sent_throw(self))
+
     def summary(self) -> str:
         """The plan in some lines for people: status, errors, moments, solver."""
         result, scene = self.to_dict(), self.scene
         solver, error = result["solver"], result["error"]
         lines = [f"{scene.name}: {self.status}" + (f", {self.message}" if self.solved else "")]
-        lines.append(f"  {_target_words(self.target)}")
+        lines.append(f"  target {self.target.words}")
         landing = None if self.throw is None else self.throw.limit_surface.landing
         if landing is not None and math.isfinite(landing.x):
             error["limit surface"] = self._json_error(landing.pose)
@@ -314,13 +331,6 @@ def _check_azimuth(arm: Arm, target: Pose) -> None:
             f"target: its azimuth {math.degrees(angle):.1f} deg is outside joint "
             f"{joint + 1}'s range [{math.degrees(low):.1f}, {math.degrees(high):.1f}] deg"
         )
-
-
-def _target_words(target: Pose) -> str:
-    """The target for people."""
-    theta = "free" if target.theta is None else f"{math.degrees(target.theta):.1f} deg"
-    aside = f", y {target.y:.3f} m" if target.y else ""
-    return f"target x {target.x:.3f} m{aside}, z {target.z:.3f} m, theta {theta}"
 
 
 def _moments(release: dict[str, float | None]) -> str:

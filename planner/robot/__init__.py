@@ -5,15 +5,11 @@ All read a saved plan back (`read_plan`) and check it again, since files can be 
 
 from .controllers import (
     FRANKA_FILES,
-    OPEN_WIDTH,
-    ROS_FILES,
     JointMotion,
+    export,
     joint_motion,
-    joint_names,
     motion_facts,
-    ros_typestore,
     write_franka,
-    write_ros,
 )
 from .franka import Franka, GripperState, connected
 from .learning import corrected

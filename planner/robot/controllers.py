@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import math
 import os
+from collections.abc import Sequence
+from contextlib import ExitStack
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -11,10 +13,10 @@ from typing import Any
 import numpy as np
 
 from ...models import Arm, Array, PlanarArm
-from ...problems import InputError, write_json
+from ...problems import InputError, filling, write_json
 from ..check import TICK, Throw, broken_limits
 from ..ocp import broken as broken_terms
-from ..result import joint_samples, read_plan, write_table
+from ..result import Plan, joint_samples, throw_of, write_table
 
 #: At rest: rate [rad/s] and acceleration [rad/s^2] of every joint are below.
 REST = (1e-6, 1e-3)
@@ -51,13 +53,14 @@ class JointMotion:
         return max(self.throw.command_time / TICK - self.cycle, 0.0)
 
 
-def joint_motion(path: str | Path) -> JointMotion:
+def joint_motion(plan: Plan | Throw | str | Path) -> JointMotion:
     """The motion of an arm's plan, fit to be sent.
 
     InputError for what `read_plan` refuses, for a hand's plan, and for a motion that does
     not begin and end at rest, breaks a limit or throws elsewhere: files can be edited.
     """
-    throw = read_plan(path)
+    throw = throw_of(plan)
+    path = plan if isinstance(plan, str | Path) else throw.scene.name
     kinematics = throw.mover.kinematics
     if not isinstance(kinematics, PlanarArm):
         raise InputError(f"{path}: the plan's scene has no [robot], so there are no joints to send")
@@ -105,6 +108,43 @@ def _uneven(motion: JointMotion) -> list[str]:
         for j in np.flatnonzero((off > most).any(axis=0)):
             found.append(f"joint {j + 1}'s {name} do not fit the samples")
     return found
+
+
+def export(
+    plan: Plan | Throw | str | Path,
+    *,
+    franka: str | Path | None = None,
+    ros: str | Path | None = None,
+    names: Sequence[str] | None = None,
+    open_width: float | None = None,
+) -> JointMotion:
+    """Check an arm's plan again and write it for robot controllers; returns what is sent.
+
+    plan: a plan, a throw, or the path of a plan.json or of its folder. franka, ros: folders for
+    the files of libfranka and of ROS 2 (extra `ros`). names: of the joints in ROS, all of them;
+    open_width [m]: gap of the opened gripper in its ROS command, 0.08 where left out. Raises
+    InputError for a plan that must not be sent and for folders that cannot be written.
+    """
+    if franka is None and ros is None:
+        raise InputError("give --franka DIR, --ros DIR or both")
+    if ros is None and names is not None:
+        raise InputError("--joint-names: only with --ros")
+    if ros is None and open_width is not None:
+        raise InputError("--open-width: only with --ros")
+    if ros is not None:
+        # Before the plan is read: a missing extra is said at once.
+        ros_typestore()
+    motion = joint_motion(plan)
+    called = joint_names(motion, names)
+    with ExitStack() as stack:
+        if franka is not None:
+            folder = filling(Path(franka), FRANKA_FILES, "--franka")
+            write_franka(motion, stack.enter_context(folder))
+        if ros is not None:
+            folder = filling(Path(ros), ROS_FILES, "--ros")
+            width = OPEN_WIDTH if open_width is None else open_width
+            write_ros(motion, stack.enter_context(folder), called, width)
+    return motion
 
 
 # Written.
@@ -209,7 +249,7 @@ def ros_typestore() -> Any:
     return store
 
 
-def joint_names(motion: JointMotion, given: list[str] | None) -> list[str]:
+def joint_names(motion: JointMotion, given: Sequence[str] | None) -> list[str]:
     """Names of all joints, the given ones, the arm's or NAME_joint1, ...; InputError if wrong."""
     count = motion.arm.joints
     if given is None:
@@ -217,7 +257,7 @@ def joint_names(motion: JointMotion, given: list[str] | None) -> list[str]:
         return list(motion.arm.joint_names or own)
     if len(given) != count or len(set(given)) != count:
         raise InputError(f"--joint-names {' '.join(given)}: must be {count} different names")
-    return given
+    return list(given)
 
 
 def write_ros(motion: JointMotion, folder: Path, names: list[str], width: float) -> None:

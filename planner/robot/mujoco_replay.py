@@ -14,7 +14,7 @@ import numpy as np
 from ...models import Array
 from ...problems import InputError, filling, plain, write_json
 from ..check import TICK, Throw, bar_outline
-from ..result import Plan, read_plan, sent_throw
+from ..result import Plan, throw_of
 from ..show import BLACK, BLUE, GREEN, ORANGE, RED, draw_cup, new_figure, save
 from .mujoco_throw import (
     FLIGHT_STEPS,
@@ -199,9 +199,7 @@ def replay(
     if not 0.0 <= restitution <= MOST_RESTITUTION:
         raise InputError(f"restitution = {restitution:g}: must be 0 to {MOST_RESTITUTION:g}")
     load_mujoco()
-    if isinstance(throw, Plan):
-        throw = sent_throw(throw)
-    throw = throw if isinstance(throw, Throw) else read_plan(throw)
+    throw = throw_of(throw)
     began = time.perf_counter()
     height = throw.target.z
     opening, states = release_run(throw, step, points)

@@ -17,4 +17,5 @@ from .style import (
 )
 from .tables import Cell, Row, Table, number, shown
 from .throw_picture import bar_corners, draw_throw
+from .timeline import timeline as over_time
 from .view import space_throw

@@ -15,6 +15,7 @@ from .timeline import Timeline, timeline
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
     from ...problems import Pose, Scene, ThrownObject
     from ..check import Throw
@@ -26,8 +27,10 @@ LEAD_MS = 120.0
 MIN_WIDTH, BARS = 0.008, 22
 
 
-def draw_throw(throw: Throw, path: Path, load: tuple[Array, Array] | None = None) -> None:
+def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None = None) -> Figure:
     """The throw as one picture: arm and bar in the plane, and three plots over time.
+
+    path: of the PNG that is written, if any.
 
     load: times [s] and load of a robust plan's window, as `load_curve` gives them.
     """
@@ -48,7 +51,9 @@ def draw_throw(throw: Throw, path: Path, load: tuple[Array, Array] | None = None
     _draw_plots(plots, line)
     if load is not None:
         _draw_window(plots[-1], *load)
-    save(figure, path)
+    if path is not None:
+        save(figure, path)
+    return figure
 
 
 def bar_corners(bar: ThrownObject, com: Array) -> Array:

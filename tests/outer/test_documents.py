@@ -36,6 +36,12 @@ def test_scene_reference_is_current_and_has_every_key(run, refused) -> None:
     assert "give one of them" in refused("scenes --reference --write cup")
 
 
+def test_python_reference_is_current_and_has_every_name() -> None:
+    page = (ROOT / "docs" / "python.md").read_text(encoding="utf-8")
+    assert page == runpy.run_path(str(ROOT / "examples/python_reference.py"))["python_reference"]()
+    assert set(re.findall(r"^### (\w+)$", page, flags=re.M)) == set(tp.__all__)
+
+
 @page
 def test_links_lead_somewhere(path) -> None:
     text = path.read_text(encoding="utf-8")

@@ -10,8 +10,10 @@ import types
 import zipfile
 from pathlib import Path
 
+import numpy as np
 import pytest
 import throwplan as tp
+from throwplan.problems.toml import SECTIONS
 
 ROOT = Path(__file__).parent.parent.parent
 
@@ -28,6 +30,57 @@ def test_public_names_are_classes_and_functions() -> None:
         value = getattr(tp, name)
         assert callable(value) and not isinstance(value, types.ModuleType), name
     assert issubclass(tp.InputError, tp.ThrowplanError)
+
+
+def test_sections_of_a_scene_are_classes_under_their_names() -> None:
+    """A scene put together in Python is the one of the file; help names every key."""
+    for name in SECTIONS:
+        assert getattr(tp, name.capitalize()) is SECTIONS[name]
+        assert f"\n    {name}: " in (tp.Scene.__doc__ or "")
+    built = tp.load_scene("pose")
+    scene = tp.Scene(
+        name="pose",
+        description=built.description,
+        object=tp.Object(mass=0.24, inertia=535e-6, length=0.26, com=0.10, width=0.02),
+        contact=tp.Contact(friction=1.0, patch_radius=0.0025, torsion=0.6, faces=2),
+        gripper=tp.Gripper(force=120.0, dwell=0.05, opening=0.05),
+        robot=built.robot,
+        target=built.target,
+        workspace=built.workspace,
+    )
+    assert scene.arm == built.arm and scene == built
+    assert len(repr(scene)) < 100 and "panda" in repr(scene) and "0.24 kg" in repr(scene)
+
+
+def test_dir_shows_what_is_meant_to_be_used() -> None:
+    assert set(dir(tp)) == {*tp.__all__, "__version__"}
+
+
+def test_a_plan_is_drawn_followed_and_read_back(tmp_path) -> None:
+    plan = tp.plan("pose", solver="fatrop", patience=10.0, alternatives=0)
+    assert plan.status == "solved"
+    path, release = plan.path(), plan.to_dict()["release"]
+    landed = np.interp(release["landing_time"], path.times, path.poses[:, 0])
+    assert landed == pytest.approx(plan.to_dict()["landing"]["sent"]["x"], abs=2e-3)
+    assert path.times[-1] == pytest.approx(release["landing_time"], abs=1e-3)
+    assert path.poses.shape == path.hand.shape == (len(path.times), 3)
+    plan.save(tmp_path, draw=False)
+    motion = np.loadtxt(tmp_path / "motion.csv", delimiter=",", skiprows=1)
+    both = min(len(motion), len(path.times))
+    np.testing.assert_allclose(path.joints[:both], motion[:both, 1:8], atol=1e-9)
+    saved = tp.read_plan(tmp_path)
+    assert (saved.status, saved.message) == (plan.status, plan.message)
+    assert plan.draw(tmp_path / "one.png").axes and (tmp_path / "one.png").stat().st_size > 1000
+    with pytest.raises(tp.InputError, match="franka"):
+        tp.export(plan)
+
+
+def test_planner_takes_a_name_and_options_go_through() -> None:
+    assert tp.Planner("hand-box").scene == tp.load_scene("hand-box")
+    with pytest.raises(tp.InputError, match="patience"):
+        tp.plan("hand-box", patience=-1.0)
+    with pytest.raises(tp.InputError, match="robust"):
+        tp.plan("hand-box", robust="strong")
 
 
 def python(code: str, **options) -> str:
