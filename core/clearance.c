@@ -9,9 +9,11 @@
 #define NONE 1e-12
 #define ROUNDING 1e-6
 
-/* `Solid` of models/capsules.py, and the clearance that is kept from it [m]. */
+/* `Solid` of models/capsules.py, the clearance that is kept from it [m], and whether the bar keeps it
+   too. */
 typedef struct {
     double centre[3], axes[9], half[3], radius, clearance;
+    long bar;
 } solid;
 
 /* Arm and bar as capsules; the bar comes after the links. Ends of a link's capsule are as in
@@ -361,9 +363,9 @@ static long look(const thrown *t, const bodies *all, const track *on, double num
     long count = 0, bodies_here = all->links + on->bar;
     for (long s = 0; s < all->solids; s++)
         for (long b = 0; b < bodies_here; b++) {
-            if (b < all->links && !all->moves[b])
-                continue;
             const solid *from = all->around + s;
+            if (b < all->links ? !all->moves[b] : !from->bar)
+                continue;
             double when, needed = all->reach[b] + from->clearance;
             double lack = missing(t, all, on, b, from, 0, needed, &when);
             if (lack > ROUNDING)

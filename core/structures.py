@@ -106,6 +106,7 @@ class SolidC(ctypes.Structure):
     _fields_ = (
         *(("centre", _DOUBLE * 3), ("axes", _DOUBLE * 9), ("half", _DOUBLE * 3)),
         *_fields(_DOUBLE, "radius", "clearance"),
+        ("bar", _LONG),
     )
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -148,6 +148,13 @@ class ArmCapsules:
             moved.append(link)
         radius = np.array([capsule.radius for capsule in given])
         return cls(arm, tuple(c.link for c in given), tuple(moved), places, radius)
+
+    def aimed(self, azimuth: float) -> ArmCapsules:
+        """The same for a plane at that azimuth [rad], with which the base does not turn."""
+        base = np.array(self.number) < self.arm.arm.azimuth_joint
+        beside, places = np.array([0.0, self.arm.arm.lateral, 0.0]), self.places.copy()
+        places[base] = (places[base] + beside) @ about_z(azimuth) - beside
+        return replace(self, places=places)
 
     def ends(self, angles: Sequence[Value], which: Sequence[int]) -> list[list[list[Any]]]:
         """x, y, z [m] of both ends of some capsules from `PlanarArm.turned` values."""

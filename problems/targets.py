@@ -197,7 +197,7 @@ class Workspace(Section):
     """Where nothing may be. Heights and distances in m, in the throw's plane."""
 
     floor: float | None = optional(
-        "m, lowest height of hand, arm joints and held bar; left out: none"
+        "m, lowest height of arm and hand, as their capsules, and of the held bar; left out: none"
     )
     column_radius: float | None = optional(
         "m, the robot's base, for the bar; with `column_height`", above=0

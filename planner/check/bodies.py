@@ -1,4 +1,4 @@
-"""Arm and bar as capsules, obstacles as solids, and which of them may meet."""
+"""Arm and bar as capsules, obstacles and floor as solids, and which of them may meet."""
 
 from __future__ import annotations
 
@@ -12,36 +12,64 @@ import numpy as np
 
 from ...core import BodiesC, SolidC, address
 from ...models import ArmCapsules, Array, Indices, Solid
-from ...problems import Obstacle, Scene, ThrownObject
+from ...problems import Scene, ThrownObject, ThrowPlane
 from .mover import Mover
 
 #: Links of numbers that differ by this or less meet at a joint, by construction.
 ADJACENT = 2
 #: Before its landing the bar may come as near to an obstacle as it lands, so long [s].
 LANDING = 0.05
+#: The floor is a plate, so far [m] to all sides, and so thick [m] that no link is through it.
+FLOOR_HALF, FLOOR_THICK = 100.0, 2.0
+
+
+@dataclass(frozen=True)
+class Thing:
+    """What is kept off: its shape, clearance [m], and whether the bar keeps it too."""
+
+    name: str
+    solid: Solid
+    clearance: float
+    bar: bool = True
+
+    @property
+    def words(self) -> str:
+        """For people."""
+        return f"obstacle {self.name}" if self.bar else self.name
 
 
 @dataclass(frozen=True)
 class Around:
-    """Obstacles, their shapes as the throw's plane sees them, and the arm's."""
+    """Obstacles and floor as the throw's plane sees them, and the arm's shape.
 
-    obstacles: tuple[Obstacle, ...]
-    solids: tuple[Solid, ...]
+    The floor is for the arm: what the held bar keeps from it is measured by its corners.
+    """
+
+    things: tuple[Thing, ...]
     capsules: ArmCapsules | None
 
     @classmethod
-    def of(cls, scene: Scene, mover: Mover) -> Around:
-        """A scene's, aimed at its target."""
-        return cls(scene.obstacle, tuple(obstacles_of(scene)), mover.capsules)
+    def of(cls, scene: Scene, mover: Mover, plane: ThrowPlane | None = None) -> Around:
+        """A scene's; plane: the throw's, where it is not to the scene's target."""
+        if plane is None:
+            assert scene.target is not None
+            plane = scene.target.plane
+        found = [Thing(o.name, plane.seen(o.solid), o.clearance) for o in scene.obstacle]
+        if mover.capsules is None:
+            return cls(tuple(found), None)
+        if scene.workspace is not None and scene.workspace.floor is not None:
+            found.append(Thing("floor", _plate(scene.workspace.floor), 0.0, bar=False))
+        return cls(tuple(found), _aimed(mover.capsules, plane.azimuth))
 
     def core(self, scene: Scene) -> BodiesC:
         """All of it, and the bar, as the compiled core takes it."""
         bar, shape = scene.object, _shape(self.capsules, scene.object.width)
-        solids = (SolidC * len(self.solids))()
-        for given, solid, obstacle in zip(solids, self.solids, self.obstacles, strict=True):
+        solids = (SolidC * len(self.things))()
+        for given, thing in zip(solids, self.things, strict=True):
+            solid = thing.solid
             given.centre[:], given.half[:] = solid.centre.tolist(), solid.half.tolist()
             given.axes[:] = solid.axes.ravel().tolist()
-            given.radius, given.clearance = solid.radius, obstacle.clearance
+            given.radius, given.clearance, given.bar = solid.radius, thing.clearance, thing.bar
         held, flown = shape.held, shape.flown
         found = BodiesC(len(shape.moves) - 1, 1, *map(address, (shape.moved_by, shape.moves)))
         found.places, found.radius, found.reach = map(
@@ -61,6 +89,18 @@ def obstacles_of(scene: Scene) -> list[Solid]:
     """The scene's obstacles as the throw's vertical plane sees them."""
     assert scene.target is not None
     return [scene.target.plane.seen(obstacle.solid) for obstacle in scene.obstacle]
+
+
+@lru_cache(maxsize=8)
+def _aimed(capsules: ArmCapsules, azimuth: float) -> ArmCapsules:
+    return capsules.aimed(azimuth)
+
+
+def _plate(height: float) -> Solid:
+    """All that is below a height [m]; distances into it are known down to half its thickness."""
+    half = np.array([FLOOR_HALF, FLOOR_HALF, 0.0])
+    radius = FLOOR_THICK / 2
+    return Solid(np.array([0.0, 0.0, height - radius]), np.eye(3), half, radius)
 
 
 def bar_ends(bar: ThrownObject, com: Array) -> Array:

@@ -1,4 +1,4 @@
-"""How near arm, held bar and flying bar come to obstacles and to the arm itself, in 3-D.
+"""How near arm, held bar and flying bar come to obstacles, floor and the arm itself, in 3-D.
 
 Everything that moves is a capsule: the arm's links, and the bar with its corners. Between samples a
 distance falls by no more than half of what the bodies move beyond the half that the samples
@@ -17,9 +17,9 @@ import numpy as np
 import numpy.typing as npt
 
 from ...core import ThrownC, address, library
-from ...models import Array, Solid, segment_distance
-from ...problems import InputError, Obstacle, Scene
-from .bodies import LANDING, Around, bar_ends, obstacles_of, pairs_of
+from ...models import ArmCapsules, Array, Solid, segment_distance
+from ...problems import InputError, Scene
+from .bodies import LANDING, Around, Thing, bar_ends, pairs_of
 from .geometry import held_bar
 from .mover import Mover
 from .sending import TICK
@@ -37,12 +37,12 @@ BAR = "bar"
 class Nearness:
     """Two bodies nearer to each other than they may be: missing [m] at time [s].
 
-    obstacle: None where the arm meets itself; flying: whether the body is the bar after detach.
+    thing: None where the arm meets itself; flying: whether the body is the bar after detach.
     """
 
     body: str
     other: str
-    obstacle: Obstacle | None
+    thing: Thing | None
     missing: float
     time: float
     flying: bool
@@ -51,11 +51,11 @@ class Nearness:
     def words(self) -> str:
         """For people."""
         when = f"at {1e3 * self.time:.0f} ms"
-        if self.obstacle is None:
+        if self.thing is None:
             return f"{self.body} meets {self.other} {when}"
-        away = 1e3 * (self.obstacle.clearance - self.missing)
+        away = 1e3 * (self.thing.clearance - self.missing)
         near = f"comes as near as {away:.0f} mm" if away > 0 else "meets it"
-        return f"obstacle {self.other}: {self.body} {near} {when}"
+        return f"{self.thing.words}: {self.body} {near} {when}"
 
 
 @dataclass(frozen=True)
@@ -89,29 +89,30 @@ def contacts(throw: Throw) -> list[Nearness]:
     around = Around.of(scene, mover)
     found = _by_core(throw, around)
     if found is None:
-        found = [found for track in _tracks(throw) for found in nearnesses(track, around)]
+        tracks = _tracks(throw, around.capsules)
+        found = [found for track in tracks for found in nearnesses(track, around)]
     return found
 
 
-def _tracks(throw: Throw) -> Iterator[Track]:
+def _tracks(throw: Throw, capsules: ArmCapsules | None) -> Iterator[Track]:
     """From rest to detach, from there to the landing, from there to rest if that is later."""
-    scene, mover, release, path = throw.scene, throw.mover, throw.release, throw.path
+    scene, release, path = throw.scene, throw.release, throw.path
     carry = np.arange(0.0, throw.opening_time, TICK)
     held = np.hstack([held_bar(scene, throw.hand(carry).pose), release.com])
     before = np.concatenate([carry, throw.opening_time + release.times])
-    yield track_of(scene, mover, before, path.at(before).pose, held)
+    yield track_of(scene, capsules, before, path.at(before).pose, held)
     flight = throw.landing.flight_time
     since = np.linspace(0.0, flight, math.ceil(flight / TICK) + 1)
     after = throw.detach_time + since
-    yield track_of(scene, mover, after, path.at(after).pose, throw.flight(since), flying=True)
+    yield track_of(scene, capsules, after, path.at(after).pose, throw.flight(since), flying=True)
     rest = np.append(np.arange(after[-1], throw.until, TICK), throw.until)
     if rest.size > 1:
-        yield track_of(scene, mover, rest, path.at(rest).pose)
+        yield track_of(scene, capsules, rest, path.at(rest).pose)
 
 
 def track_of(
     scene: Scene,
-    mover: Mover,
+    capsules: ArmCapsules | None,
     times: Array,
     q: Array,
     com: Array | None = None,
@@ -120,11 +121,11 @@ def track_of(
 ) -> Track:
     """Arm at coordinates q (n, N) and bar at CoM poses (3, N), at times (N,) [s]."""
     names, ends, radius, cover = list[str](), list[Array](), list[float](), list[float]()
-    if mover.capsules is not None:
-        names += mover.capsules.names
-        ends.append(mover.capsules.at(q))
-        radius += mover.capsules.radius.tolist()
-        cover += [mover.capsules.arm.arm.cover] * len(names)
+    if capsules is not None:
+        names += capsules.names
+        ends.append(capsules.at(q))
+        radius += capsules.radius.tolist()
+        cover += [capsules.arm.arm.cover] * len(names)
     if com is not None:
         names.append(BAR)
         ends.append(bar_ends(scene.object, com))
@@ -140,7 +141,7 @@ class _Pair:
     """A moving body and what it must stay away from: needed [m] (N,); distance at some samples."""
 
     names: tuple[str, str]
-    obstacle: Obstacle | None
+    thing: Thing | None
     away: Callable[[npt.NDArray[np.intp]], Array]
     travel: Array
     needed: Array
@@ -153,7 +154,7 @@ def nearnesses(track: Track, around: Around) -> Iterator[Nearness]:
         missing, when = _missing(pair.away, pair.travel, pair.needed)
         if missing > ROUNDING:
             at = float(track.times[when])
-            yield Nearness(*pair.names, pair.obstacle, missing, at, pair.flying)
+            yield Nearness(*pair.names, pair.thing, missing, at, pair.flying)
 
 
 def least_room(track: Track, around: Around) -> Array:
@@ -167,18 +168,21 @@ def _pairs(track: Track, around: Around) -> Iterator[_Pair]:
     """Moving bodies and obstacles; links that may meet, or the bar and a link."""
     capsules, bar = around.capsules, track.names[-1] == BAR
     moves = [*(() if capsules is None else capsules.moves), True]
-    for obstacle, solid in zip(around.obstacles, around.solids, strict=True):
+    for thing in around.things:
         for body in np.flatnonzero(moves[: len(track.names)]).tolist():
+            is_bar = track.names[body] == BAR
+            if is_bar and not thing.bar:
+                continue
             ends, travel = track.ends[body], track.travel(body)
-            away = partial(_away, solid, ends)
-            needed = np.full(travel.shape, track.reach[body] + obstacle.clearance)
-            flying = track.flying and track.names[body] == BAR
+            away = partial(_away, thing.solid, ends)
+            needed = np.full(travel.shape, track.reach[body] + thing.clearance)
+            flying = track.flying and is_bar
             if flying:
                 lands = float(away(np.array([travel.size - 1]))[0])
                 near = min(lands, float(needed[0])) - np.diff(travel, prepend=0.0)
                 needed = np.where(track.times > track.times[-1] - LANDING, near, needed)
-            names = track.names[body], obstacle.name
-            yield _Pair(names, obstacle, away, travel, needed, flying)
+            names = track.names[body], thing.name
+            yield _Pair(names, thing, away, travel, needed, flying)
     for one, other in () if capsules is None else pairs_of(capsules, bar=bar, flying=track.flying):
         away = partial(_apart, *track.ends[other], *track.ends[one])
         travel = track.travel(one) + track.travel(other)
@@ -249,7 +253,7 @@ def _by_core(throw: Throw, around: Around) -> list[Nearness] | None:
     names = [*(() if around.capsules is None else around.capsules.names), BAR]
     result = []
     for track, body, other, missing, time in found[:count].tolist():
-        known = around.obstacles[int(other)] if other >= 0 else None
+        known = around.things[int(other)] if other >= 0 else None
         name = names[-1 - int(other)] if known is None else known.name
         flying = track == 1 and body == links
         result.append(Nearness(names[int(body)], name, known, missing, time, flying))
@@ -269,15 +273,15 @@ def overlap(
         return np.full(q.shape[1], -np.inf)
     core, arm = library(), mover.kinematics.core
     if core is not None and arm is not None:
-        bodies, count = Around((), (), capsules).core(scene), q.shape[1]
+        bodies, count = Around((), capsules).core(scene), q.shape[1]
         rows = np.ascontiguousarray(q.T), None if com is None else np.ascontiguousarray(com.T)
         missing, by = np.empty(count), ctypes.byref
         given = [None if row is None else ctypes.c_void_p(address(row)) for row in (*rows, missing)]
         core.overlaps.restype = ctypes.c_int
         if core.overlaps(count, by(arm), by(bodies), flying, *given) == 0:
             return missing
-    track = track_of(scene, mover, np.zeros(q.shape[1]), q, com, flying=flying)
-    return -least_room(track, Around((), (), capsules))
+    track = track_of(scene, capsules, np.zeros(q.shape[1]), q, com, flying=flying)
+    return -least_room(track, Around((), capsules))
 
 
 def check_obstacles(scene: Scene, mover: Mover) -> None:
@@ -291,21 +295,26 @@ def check_obstacles(scene: Scene, mover: Mover) -> None:
     ends = bar_ends(bar, pose)[0]
     if target.theta is None:
         ends[:] = pose[0], [0.0], pose[1]
-    for obstacle, solid in zip(scene.obstacle, obstacles_of(scene), strict=True):
-        if solid.distance(ends[0].T, ends[1].T)[0] < bar.width / 4:
-            raise InputError(f"{scene.place}: the target's pose is inside obstacle {obstacle.name}")
+    around = Around.of(scene, mover)
+    for thing in around.things:
+        solid = thing.solid
+        if thing.bar and solid.distance(ends[0].T, ends[1].T)[0] < bar.width / 4:
+            raise InputError(f"{scene.place}: the target's pose is inside {thing.words}")
 
         if mover.start is None:
             continue
         q = mover.start[:, None]
-        start = track_of(
-            scene, mover, np.zeros(1), q, held_bar(scene, mover.motion(q, 0 * q, 0 * q)[0])
-        )
-        for name, (begin, end), radius in zip(start.names, start.ends, start.reach, strict=True):
-            away = float(solid.distance(begin.T, end.T)[0]) - radius
-            if name != "base" and away < obstacle.clearance:
+        held = held_bar(scene, mover.motion(q, 0 * q, 0 * q)[0])
+        start = track_of(scene, around.capsules, np.zeros(1), q, held)
+        kept = [name != "base" for name in start.names]
+        if around.capsules is not None and not thing.bar:
+            kept = [*around.capsules.moves, False]
+        for body in np.flatnonzero(kept).tolist():
+            name, (begin, end) = start.names[body], start.ends[body]
+            away = float(solid.distance(begin.T, end.T)[0]) - start.reach[body]
+            if away < thing.clearance:
                 words = f"{1e3 * max(away, 0.0):.0f} mm from the start pose's {name}"
                 raise InputError(
-                    f"{scene.place}: obstacle {obstacle.name}: {words}, its clearance is "
-                    f"{1e3 * obstacle.clearance:.0f} mm"
+                    f"{scene.place}: {thing.words}: {words}, its clearance is "
+                    f"{1e3 * thing.clearance:.0f} mm"
                 )

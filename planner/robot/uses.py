@@ -166,7 +166,8 @@ def _carried(scene: Scene, mover: Mover, times: Array, held: bool, place: Array)
     assert scene.arm is not None
     (pose, heights), column = outline(mover, place), column_of(scene)
     bar = held_bar(scene, pose) if held else None
-    room = least_room(track_of(scene, mover, times, place, bar), Around.of(scene, mover))
+    around = Around.of(scene, mover)
+    room = least_room(track_of(scene, around.capsules, times, place, bar), around)
     if scene.workspace is not None and scene.workspace.floor is not None:
         lowest = np.minimum(heights, palm_corners(scene.arm.tool, pose)[1].min(axis=1))
         if bar is not None:
@@ -205,7 +206,8 @@ def _flights(
     def depth(place: Array, state: Array) -> Array:
         fallen = FlightState(*state).after(since, scene.gravity)
         com = np.array([fallen.x, fallen.z, fallen.theta])
-        room = least_room(track_of(scene, mover, since, place, com, flying=True), around)
+        track = track_of(scene, around.capsules, since, place, com, flying=True)
+        room = least_room(track, around)
         if clearance is not None:
             away = palm_distance(scene.object, arm.tool, com, outline(mover, place)[0])
             room = np.minimum(room, away - clearance)

@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 
 from ...models import Array
-from ...problems import InputError
+from ...problems import InputError, ThrowPlane
 from ..check import (
     BAR,
     TICK,
@@ -66,12 +66,11 @@ def _unclear(motion: JointMotion, q: Array) -> str:
     scene, capsules = motion.throw.scene, motion.throw.mover.capsules
     if capsules is None:
         return ""
-    # The flange's link turns with the hand.
-    moved = tuple(min(number, motion.arm.joints) - 1 for number in capsules.number)
-    around = Around(
-        scene.obstacle,
-        tuple(obstacle.solid for obstacle in scene.obstacle),
-        dataclasses.replace(capsules, moved_by=moved),
+    # The first link turns about its own axis, and the flange's turns with the hand.
+    moved = (min(number, motion.arm.joints) - 1 for number in capsules.number)
+    around = dataclasses.replace(
+        Around.of(scene, motion.throw.mover, ThrowPlane(0.0, 0.0)),
+        capsules=dataclasses.replace(capsules, moved_by=tuple(joint or -1 for joint in moved)),
     )
     places = np.unique(np.append(np.arange(0, len(q), MEASURED), len(q) - 1))
     track = _track(motion, q[places], TICK * places)
@@ -80,14 +79,10 @@ def _unclear(motion: JointMotion, q: Array) -> str:
     floor = None if scene.workspace is None else scene.workspace.floor
     if floor is None:
         return ""
-    moves = [*around.capsules.moves, True] if around.capsules else []
-    room = track.ends[moves, :, 2].min(axis=1) - track.radius[moves, None] - floor
-    # A throw may begin with a link that is lower than that.
-    lowest = (room - np.minimum(room[:, -1:], 0.0)).min(axis=1)
-    if lowest.min() >= -1e-6:
-        return ""
-    names = [name for name, one in zip(track.names, moves, strict=True) if one]
-    return f"{names[int(lowest.argmin())]} comes {-1e3 * lowest.min():.0f} mm below the floor"
+    room = track.ends[-1, :, 2].min(axis=0) - track.radius[-1] - floor
+    # A throw may begin with the bar as low as its capsule is through the floor.
+    lowest = (room - min(room[-1], 0.0)).min()
+    return "" if lowest >= -1e-6 else f"floor: {BAR} comes {-1e3 * lowest:.0f} mm below it"
 
 
 def _track(motion: JointMotion, q: Array, times: Array) -> Track:

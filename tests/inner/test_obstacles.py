@@ -12,7 +12,15 @@ import numpy as np
 import pytest
 import throwplan as tp
 from throwplan.models import Path, Solid, about_z, segment_distance
-from throwplan.planner.check import Nearness, Throw, contacts, held_bar, make_mover, overlap
+from throwplan.planner.check import (
+    Around,
+    Nearness,
+    Throw,
+    contacts,
+    held_bar,
+    make_mover,
+    overlap,
+)
 from throwplan.planner.ocp import Request, build_nlp
 from throwplan.planner.show import serving, space_throw
 from throwplan.problems import Obstacle
@@ -105,7 +113,8 @@ class Judge:
         self.data = mujoco.MjData(self.model)
 
     def nearest(self, q: np.ndarray | None, com: np.ndarray | None) -> Iterator[tuple[int, float]]:
-        """Distance less clearance [m] of each body that moves (its number, the bar's is -1)."""
+        """Distance less clearance [m] of each body that moves (its number, the bar's is -1), from
+        the obstacles, and of the arm's from the floor."""
         arm, bar, scene = self.arm, self.scene.object, self.scene
         plane, moving = scene.target.plane, []
         if q is not None:
@@ -120,7 +129,10 @@ class Judge:
                 frame = frames[capsule.link]
                 ends = np.array([capsule.begin, capsule.end]) @ frame[:3, :3].T + frame[:3, 3]
                 self.place(i, ends.mean(axis=0), ends[1] - ends[0])
-                moving += [i] if capsule.link > 2 else []
+                if capsule.link > 2:
+                    moving.append(i)
+                    lowest = ends[:, 2].min() - capsule.radius - arm.cover
+                    yield i, lowest - scene.workspace.floor
         if com is not None:
             along = np.array([math.cos(com[2]), 0.0, math.sin(com[2])])
             middle = np.array([com[0], plane.lateral, com[1]])
@@ -207,13 +219,16 @@ def test_a_solid_reaches_as_far_as_its_points():
 
 @pytest.mark.parametrize("arm", ["pose", "fr3", "ur5e", "gen3"])
 def test_capsules_move_with_the_arms_own_chain(arm):
-    """The planar chain puts them where the 4x4 matrices of all joints do."""
+    """The planar chain puts them where the 4x4 matrices of all joints do, the base aside."""
     scene = tp.load_scene(arm)
+    x, y = 1.2 * math.cos(0.9), 1.2 * math.sin(0.9)
+    scene = scene.aimed_at(scene.target.changed(x=x, y=y))
     mover, judge = make_mover(scene), Judge(scene)
+    capsules = Around.of(scene, mover).capsules
     limits = mover.hard
     for q in np.random.default_rng(0).uniform(limits.q_min, limits.q_max, (5, mover.size)):
         list(judge.nearest(q, None))
-        x, y, z = mover.capsules.at(q[:, None])[..., 0].mean(axis=1).T
+        x, y, z = capsules.at(q[:, None])[..., 0].mean(axis=1).T
         placed = scene.target.plane.points(x, z, y)
         assert judge.data.mocap_pos[:-1] == pytest.approx(placed, abs=1e-9)
 
@@ -299,6 +314,18 @@ def test_an_obstacle_stands_in_the_base_frame(free, pose):
         scene = pose.replace(obstacle=(wall,), target=target)
         throw = dataclasses.replace(free.throw.final, scene=scene)
         assert bool(contacts(throw)) == meets
+
+
+def test_no_link_is_below_the_floor_from_rest_to_rest(free, pose) -> None:
+    """A floor that all joints, hand and bar are above, but a link's capsule is not."""
+    final = free.throw.final
+    floor = pose.workspace.floor + Judge(final.scene).worst(final) + 0.02
+    assert floor < min(final.measured.arm, final.measured.held) - 0.1
+    higher = pose.replace(workspace=dataclasses.replace(pose.workspace, floor=floor))
+    hit = dataclasses.replace(final, scene=higher.aimed_at(TARGET))
+    assert {c.other for c in contacts(hit)} == {"floor"}
+    plan = tp.Planner(higher).plan(TARGET)
+    assert plan.solved and Judge(higher.aimed_at(TARGET)).worst(plan.throw.final) > -1e-6
 
 
 def in_the_way(throw: Throw) -> Obstacle:

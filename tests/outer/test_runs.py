@@ -187,7 +187,7 @@ def test_the_way_to_the_start_pose_is_clear_or_refused(plan) -> None:
     low[[1, 3, 5]] = 1.75, -0.5, 2.0
     with pytest.raises(InputError, match=r"not clear: .* meets "):
         approach(motion, folded)
-    with pytest.raises(InputError, match="below the floor"):
+    with pytest.raises(InputError, match=r"not clear: floor: link 5 meets it"):
         approach(motion, low)
 
 

@@ -15,16 +15,15 @@ import casadi as ca
 import numpy as np
 
 from ....models import ArmCapsules, Array, FlightState, Solid
-from ....problems import Scene
 from ...check import (
     BAR,
     LANDING,
+    Around,
     Margin,
     Throw,
     Violation,
     contacts,
     held_bar,
-    obstacles_of,
     pairs_of,
     track_of,
 )
@@ -160,21 +159,22 @@ class Clear(Term):
         q = near.path.at(times.ravel()).pose
         q[:, -SLOTS:][:, : len(BRAKE)] = _brake(request, near, np.array(BRAKE))
         hand = mover.motion(q, 0 * q, 0 * q)[0]
-        track = track_of(scene, mover, times.ravel(), q, held_bar(scene, hand))
+        around = Around.of(scene, mover)
+        track = track_of(scene, around.capsules, times.ravel(), q, held_bar(scene, hand))
         pairs = pairs_of(mover.capsules, bar=True, flying=False) if mover.capsules else []
-        solids = _solids(scene)
         found = [
-            planes_of(track, body, solids, [i for i, j in pairs if j == body], PLANES)
+            planes_of(
+                *(track, body, _solids(around, bar=body == count)),
+                *([i for i, j in pairs if j == body], PLANES),
+            )
             for body in bodies
         ]
         return np.stack(found, axis=1).reshape(stages, SLOTS, len(bodies), PLANES, PLANE)
 
 
-def _solids(scene: Scene) -> list[tuple[Solid, float]]:
-    return [
-        (solid, obstacle.clearance)
-        for solid, obstacle in zip(obstacles_of(scene), scene.obstacle, strict=True)
-    ]
+def _solids(around: Around, *, bar: bool) -> list[tuple[Solid, float]]:
+    """What a body keeps off, with the clearance [m]."""
+    return [(thing.solid, thing.clearance) for thing in around.things if thing.bar or not bar]
 
 
 def _data(context: Context, stage: Stage, name: str, planes: int, first: int) -> ca.SX:
@@ -230,10 +230,11 @@ def _flown(request: Request) -> Array:
         return np.tile(NOTHING, (FLIGHT, PLANES, 1))
     since = np.linspace(0.0, near.landing.flight_time, FLIGHT)
     q = _brake(request, near, since)
-    track = track_of(scene, mover, since, q, near.flight(since), flying=True)
-    bar, capsules = len(track.names) - 1, mover.capsules
+    around = Around.of(scene, mover)
+    track = track_of(scene, around.capsules, since, q, near.flight(since), flying=True)
+    bar, capsules = len(track.names) - 1, around.capsules
     pairs = pairs_of(capsules, bar=True, flying=True) if capsules else []
     links = [i for i, j in pairs if j == bar]
-    found = planes_of(track, bar, _solids(scene), links, PLANES)
+    found = planes_of(track, bar, _solids(around, bar=True), links, PLANES)
     found[since > since[-1] - LANDING] = NOTHING
     return found
