@@ -15,6 +15,8 @@ from .section import InputError, Section, from_table, optional, quantity
 
 #: No hand-held thing weighs more [kg]: above it, it is likely in grams.
 HEAVIEST = 50.0
+#: Radius [m] of the pads' patch where a scene does not give it: the built-in Panda scenes'.
+USUAL_PATCH = 0.0025
 
 
 @dataclasses.dataclass(frozen=True)
@@ -22,14 +24,16 @@ class ThrownObject(Section):
     """The bar: a rigid body with its mass along a long axis. Required."""
 
     mass: float = quantity("kg", above=0, most=1e4)
+    length: float = quantity("m, along the axis", above=0, most=100, unit="m")
+    com: float = quantity("m, from the end nearer the grasp to the CoM; at most `length`", least=0)
     inertia: float = quantity(
-        "kg m², about the CoM; at most mass·(com·(length − com) + width²/4)",
+        "kg m², about the CoM; at most mass·(com·(length − com) + width²/4); left out: a uniform "
+        "bar's, mass·(length² + width²)/12",
         above=0,
         least=1e-12,
         most=1e6,
+        default=None,
     )
-    length: float = quantity("m, along the axis", above=0, most=100, unit="m")
-    com: float = quantity("m, from the end nearer the grasp to the CoM; at most `length`", least=0)
     width: float = quantity("m, across the axis", least=0, most=100, default=0.0)
 
     def check(self) -> None:
@@ -37,6 +41,14 @@ class ThrownObject(Section):
         if self.com > self.length:
             raise InputError(f"com = {self.com:g}: must be at most the length {self.length:g}")
         most = self.mass * (self.com * (self.length - self.com) + self.width**2 / 4)
+        if self.inertia is None:
+            uniform = self.mass * (self.length**2 + self.width**2) / 12
+            if uniform > most:
+                raise InputError(
+                    f"key 'inertia' is missing: with com = {self.com:g} the bar is not uniform"
+                )
+            words = f"inertia is left out: a uniform bar's, {uniform:.4g} kg m^2, is taken"
+            self.assume("inertia", uniform, words)
         if self.inertia > most * (1 + 1e-9):
             raise InputError(
                 f"inertia = {self.inertia:g}: must be at most {most:.4g} kg m^2, "
@@ -78,7 +90,12 @@ class PadContact(Section):
 
     friction: float = quantity("μ, of one pad", above=0, most=100)
     patch_radius: float = quantity(
-        "m, radius r_p of the pads' patch", above=0, least=1e-6, most=1, unit="m"
+        "m, radius r_p of the pads' patch; left out: 0.0025, with advice",
+        above=0,
+        least=1e-6,
+        most=1,
+        unit="m",
+        default=None,
     )
     torsion: float = quantity(
         "c: the torsional limit is c·r_p times the tangential one",
@@ -93,6 +110,15 @@ class PadContact(Section):
         choices=("uniform", "hertz"),
         default="uniform",
     )
+
+    def check(self) -> None:
+        """The usual patch where none is given."""
+        if self.patch_radius is None:
+            words = (
+                f"patch_radius is left out: {USUAL_PATCH:g} m is taken; better press the closed "
+                "pads on inked paper and measure the print, or fit it by `throwplan identify`"
+            )
+            self.assume("patch_radius", USUAL_PATCH, words)
 
 
 @dataclasses.dataclass(frozen=True)

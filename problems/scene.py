@@ -17,9 +17,12 @@ from .arms import load_arm, load_gripper
 from .grip import Grasp, Gripper, PadContact, ThrownObject
 from .movers import Hand, Motion, Robot, Torque, check_robot, check_torque
 from .obstacles import Obstacle
-from .section import InputError, Section, hints_of, part_of, quantity, rules, unit_of
+from .section import InputError, Mistakes, Section, hints_of, part_of, quantity, rules, unit_of
 from .targets import Choice, Cup, Landing, Pose, Tolerance, Workspace
 from .uncertainty import SHARES, UNCERTAIN_PARAMETERS, Robust, Uncertainty
+
+#: What moves the hand: exactly one of these is given.
+MOVERS = ("hand", "robot", "motion")
 
 
 @dataclasses.dataclass(frozen=True)
@@ -98,12 +101,7 @@ class Scene(Section):
 
     def check(self) -> None:
         """Conditions between sections."""
-        if self.grasp.offset > self.object.com:
-            raise InputError(
-                f"[grasp] offset = {self.grasp.offset:g}: must be at most [object] com = "
-                f"{self.object.com:g} (count from the other end)"
-            )
-        movers = [n for n in ("hand", "robot", "motion") if getattr(self, n) is not None]
+        movers = [name for name in MOVERS if getattr(self, name) is not None]
         if len(movers) != 1:
             raise InputError("give exactly one of [hand], [robot] and [motion]")
         self._load_arm(movers[0])
@@ -115,21 +113,44 @@ class Scene(Section):
             check_robot(self.robot, self.arm)
             assert self.target is not None  # checked above
             object.__setattr__(self, "target", self.target.beside(self.arm.lateral))
-        if self.torque is not None:
-            check_torque(self.torque, self.robot, self.arm)
-        if self.cup is not None:
-            self._check_cup(self.cup)
-        if self.uncertainty is not None:
-            try:
-                self.uncertainty.check_possible(self.values, self.ranges)
-            except InputError as error:
-                raise InputError(f"[uncertainty] {error}") from None
+        mistakes = Mistakes()
+        for check in (
+            self._check_grasp,
+            self._check_dwell,
+            self._check_torque,
+            self._check_cup,
+            self._check_spread,
+        ):
+            with mistakes.kept():
+                check()
+        mistakes.refuse()
+
+    def _check_grasp(self) -> None:
+        if self.grasp.offset > self.object.com:
+            raise InputError(
+                f"[grasp] offset = {self.grasp.offset:g}: must be at most [object] com = "
+                f"{self.object.com:g} (count from the other end)"
+            )
+
+    def _check_dwell(self) -> None:
         dwell = self.gripper.profile().dwell
         if self.motion is None and dwell > self.mesh.carry_max - 0.05:
             raise InputError(
                 f"[gripper] dwell = {dwell:g}: must be below [mesh] carry_max = "
                 f"{self.mesh.carry_max:g} by 0.05 s"
             )
+
+    def _check_torque(self) -> None:
+        if self.torque is not None:
+            check_torque(self.torque, self.robot, self.arm)
+
+    def _check_spread(self) -> None:
+        if self.uncertainty is None:
+            return
+        try:
+            self.uncertainty.check_possible(self.values, self.ranges)
+        except InputError as error:
+            raise error.within("[uncertainty]", " ") from None
 
     def _load_arm(self, mover: str) -> None:
         """The data of the arm that [robot] or [motion] names, where they are not given."""
@@ -143,9 +164,12 @@ class Scene(Section):
             own = None if gripper is None else load_gripper(gripper, folder)
             object.__setattr__(self, "arm", load_arm(name, folder, own))
         except InputError as error:
-            raise InputError(f"[{mover}] arm = {name!r}: {error}") from None
+            raise error.within(f"[{mover}] arm = {name!r}") from None
 
-    def _check_cup(self, cup: Cup) -> None:
+    def _check_cup(self) -> None:
+        cup = self.cup
+        if cup is None:
+            return
         # The bar is as thick as it is wide, and a round cup is narrower off its middle.
         half = self.object.width / 2
         need = math.hypot(half + cup.clearance + 0.001, half)
@@ -251,6 +275,12 @@ class Scene(Section):
         """Known mean [s] of the opening delay: the command goes out earlier by as much."""
         spread = None if self.uncertainty is None else self.uncertainty.delay
         return 0.0 if spread is None else spread.about(0.0).expected
+
+    @property
+    def notes(self) -> tuple[str, ...]:
+        """What the scene leaves out and what is taken instead, in words for people."""
+        sections = {"object": self.object, "contact": self.contact}
+        return tuple(f"[{name}] {words}" for name, s in sections.items() for words in s.assumed)
 
     @property
     def place(self) -> str:

@@ -6,14 +6,15 @@ file, its limits. Loading, checking, writing and the reference all read that.
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import difflib
 import math
 import re
 import types
 import typing
-from collections.abc import Iterable, Mapping, Sequence
-from typing import Any, Self
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, ClassVar, Self
 
 
 class ThrowplanError(Exception):
@@ -21,11 +22,34 @@ class ThrowplanError(Exception):
 
 
 class InputError(ThrowplanError, ValueError):
-    """Wrong input. The message is one line: where, which value, what is allowed."""
+    """Wrong input. A line for each mistake: where, which value, what is allowed."""
 
-    def within(self, place: str) -> InputError:
-        """The same error with `place` (a file, a section) put before the message."""
-        return InputError(f"{place}: {self}")
+    def __str__(self) -> str:
+        return "\n".join(map(str, self.args))
+
+    def within(self, place: str, colon: str = ": ") -> InputError:
+        """The same error with `place` (a file, a section) put before each line."""
+        return InputError(*(f"{place}{colon}{line}" for line in str(self).splitlines()))
+
+
+class Mistakes:
+    """Collects mistakes, so that all of them are said together."""
+
+    def __init__(self) -> None:
+        self.lines: list[str] = []
+
+    @contextlib.contextmanager
+    def kept(self) -> Iterator[None]:
+        """Keeps an InputError that is raised inside."""
+        try:
+            yield
+        except InputError as error:
+            self.lines += str(error).splitlines()
+
+    def refuse(self) -> None:
+        """InputError with all of them, if there are any."""
+        if self.lines:
+            raise InputError(*self.lines)
 
 
 def rules(
@@ -61,6 +85,9 @@ def optional(meaning: str, **limits: Any) -> Any:
 class Section:
     """Base of all sections: checks types, finiteness and limits of its fields."""
 
+    #: What was left out and is taken from elsewhere, in words for people.
+    assumed: ClassVar[tuple[str, ...]] = ()
+
     def __init_subclass__(cls) -> None:
         """Say in the docstring what the fields mean: in Python angles are in radians."""
         words = [(cls.__doc__ or "").rstrip(), ""]
@@ -70,12 +97,21 @@ class Section:
         cls.__doc__ = "\n    ".join(words)
 
     def __post_init__(self) -> None:
-        hints = hints_of(type(self))
+        hints, mistakes = hints_of(type(self)), Mistakes()
         for field in dataclasses.fields(self):
             key, value = file_key(field.name, field.metadata), getattr(self, field.name)
-            value = checked(key, value, hints[field.name], field.metadata)
-            object.__setattr__(self, field.name, value)
+            if value is None and field.default is None:
+                continue
+            with mistakes.kept():
+                value = checked(key, value, hints[field.name], field.metadata)
+                object.__setattr__(self, field.name, value)
+        mistakes.refuse()
         self.check()
+
+    def assume(self, name: str, value: Any, words: str) -> None:
+        """Take `value` for a field that was left out, and keep the words that say so."""
+        object.__setattr__(self, name, value)
+        object.__setattr__(self, "assumed", (*self.assumed, words))
 
     def check(self) -> None:
         """Conditions between fields; raises InputError."""
@@ -84,7 +120,7 @@ class Section:
         """A copy with other values, unchecked: plans make many from values that are valid."""
         found = object.__new__(type(self))
         kept = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
-        vars(found).update(kept, **values)
+        vars(found).update(kept, assumed=self.assumed, **values)
         return found
 
 
@@ -129,17 +165,19 @@ def from_table(kind: type[Any], table: Mapping[str, Any], **given: Any) -> Any:
         for f in dataclasses.fields(kind)
         if f.name not in given and "meaning" in f.metadata
     }
-    values = dict(given)
+    values, mistakes = dict(given), Mistakes()
     for key, value in table.items():
-        if key not in fields:
-            raise InputError(unknown(key, list(fields)))
-        field = fields[key]
-        values[field.name] = _read(key, value, hints_of(kind)[field.name], field.metadata)
-    missing = dataclasses.MISSING
+        with mistakes.kept():
+            if key not in fields:
+                raise InputError(unknown(key, list(fields)))
+            field = fields[key]
+            values[field.name] = _read(key, value, hints_of(kind)[field.name], field.metadata)
+    missing, said = dataclasses.MISSING, " ".join(mistakes.lines)
     for key, field in fields.items():
         needed = field.default is missing and field.default_factory is missing
-        if needed and field.name not in values:
-            raise InputError(f"key '{key}' is missing")
+        if needed and key not in table and f"did you mean '{key}'" not in said:
+            mistakes.lines.append(f"key '{key}' is missing")
+    mistakes.refuse()
     return kind(**values)
 
 
@@ -174,12 +212,14 @@ def rows_from(key: str, kind: type[Any], value: Any) -> tuple[Any, ...]:
     """The values of dataclass `kind` in a list of tables."""
     if not isinstance(value, list) or not all(isinstance(row, Mapping) for row in value):
         raise InputError(f"{key} = {value!r}: must be a list of tables")
-    found = []
+    found, mistakes = [], Mistakes()
     for number, row in enumerate(value, start=1):
-        try:
-            found.append(from_table(kind, row))
-        except InputError as error:
-            raise error.within(f"{key} {number}") from None
+        with mistakes.kept():
+            try:
+                found.append(from_table(kind, row))
+            except InputError as error:
+                raise error.within(f"{key} {number}") from None
+    mistakes.refuse()
     return tuple(found)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import typing
 from collections.abc import Mapping
@@ -16,10 +17,12 @@ from .arms import GripperData, arm_from, arm_table, load_arm, load_gripper
 from .files import read_csv, read_text, shipped, toml_tables
 from .grip import NOISY, ROWS, grip_samples, held_object, monotone_grip, rises
 from .obstacles import Obstacle
-from .scene import Scene
+from .scene import MOVERS, Scene
 from .section import (
     InputError,
+    Mistakes,
     Section,
+    checked,
     from_table,
     hint_at,
     hints_of,
@@ -128,7 +131,7 @@ def scene_from_table(table: Mapping[str, Any]) -> Scene:
     try:
         arm = arm_from(table["arm"])
     except InputError as error:
-        raise InputError(f"arm: {error}") from None
+        raise error.within("arm") from None
     return _scene_from(sections, arm=arm)
 
 
@@ -139,18 +142,24 @@ def _scene_from(
 
     arm: the robot's data, instead of looking for what the scene names.
     """
-    values: dict[str, Any] = {"file": file}
+    values: dict[str, Any] = {"file": file, "arm": arm}
+    mistakes, fields = Mistakes(), {field.name: field for field in dataclasses.fields(Scene)}
     for key, value in tables.items():
-        if key in TOP_KEYS:
-            values[key] = value
-        elif key in SECTIONS:
-            values[key] = _section(key, value, folder)
-        else:
-            raise InputError(unknown(key, [*TOP_KEYS, *SECTIONS]))
-    for key in ("object", "contact", "gripper"):
-        if key not in values:
-            raise InputError(f"section [{key}] is missing")
-    return Scene(**values, arm=arm)
+        with mistakes.kept():
+            if key in TOP_KEYS:
+                values[key] = checked(key, value, hints_of(Scene)[key], fields[key].metadata)
+            elif key in SECTIONS:
+                values[key] = _section(key, value, folder)
+            else:
+                raise InputError(unknown(key, [*TOP_KEYS, *SECTIONS]))
+    if len(tables.keys() & MOVERS) != 1:
+        mistakes.lines.append("give exactly one of [hand], [robot] and [motion]")
+    target = () if "motion" in tables else ("target",)
+    for key in ("object", "contact", "gripper", *target):
+        if key not in tables:
+            mistakes.lines.append(f"section [{key}] is missing")
+    mistakes.refuse()
+    return Scene(**values)
 
 
 def _section(key: str, value: Any, folder: Path | None) -> Any:
@@ -172,7 +181,7 @@ def _section(key: str, value: Any, folder: Path | None) -> Any:
             return uncertainty_from(value)
         return held_object(value) if key == "object" else from_table(SECTIONS[key], value)
     except InputError as error:
-        raise InputError(f"[{key}] {error}") from None
+        raise error.within(f"[{key}]", " ") from None
 
 
 def _gripper(name: str | None, folder: Path | None) -> GripperData | None:
@@ -180,7 +189,7 @@ def _gripper(name: str | None, folder: Path | None) -> GripperData | None:
     try:
         return None if name is None else load_gripper(name, folder)
     except InputError as error:
-        raise InputError(f"file = {name!r}: {error}") from None
+        raise error.within(f"file = {name!r}") from None
 
 
 def _grip_of(table: Mapping[str, Any], folder: Path | None) -> dict[str, Any]:

@@ -74,13 +74,11 @@ def main(arguments: Sequence[str] | None = None) -> int:
         status: int = options.run(options)
         return status
     except InputError as error:
-        message = "".join(
-            c if c.isprintable() else c.encode("unicode_escape").decode()
-            for c in " ".join(_short(word) for word in str(error).split())
-        )
+        lines = [_printable(line) for line in str(error).splitlines()]
         if "--json" in words:
-            print(json.dumps({"error": message}))
-        print(f"throwplan: {message}", file=sys.stderr)
+            print(json.dumps({"error": "\n".join(lines)}))
+        for line in lines:
+            print(f"throwplan: {line}", file=sys.stderr)
         return WRONG_INPUT
     except KeyboardInterrupt:
         print("throwplan: interrupted", file=sys.stderr)
@@ -100,6 +98,12 @@ def _settle() -> None:
         if isinstance(stream, io.TextIOWrapper):
             # A terminal without a sign loses the sign, not the run.
             stream.reconfigure(errors="replace")
+
+
+def _printable(line: str) -> str:
+    """A line of a message, its long words shortened."""
+    words = " ".join(_short(word) for word in line.split())
+    return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in words)
 
 
 def _short(word: str) -> str:

@@ -193,6 +193,8 @@ class Plan:
             most = None if rates is None else min(rates)
             use = float(torques.use.max())
             more["torque"] = {"use": use, "rate": torques.rate, "rate_limit": most}
+        if self.scene.notes:
+            more["notes"] = list(self.scene.notes)
         if self.robust:
             more["robust"] = {"method": self.robust, "peak_load": self.peak_load}
         if self.alternatives:
@@ -269,6 +271,7 @@ class Plan:
                 f"  alternative {number}: effort {other['effort']:.2f}, opening at "
                 f"{1e3 * moments['opening_time']:.0f} ms, flight {flight:.0f} ms"
             )
+        lines += [f"  note: {words}" for words in scene.notes]
         if scene.gripper.raw:
             grip = scene.gripper.profile()
             lines.append(

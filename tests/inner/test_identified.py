@@ -42,7 +42,7 @@ Array = npt.NDArray[np.float64]
 
 MU, RADIUS, LATE = 0.8, 0.004, 0.006
 NOISE = (0.002, 0.01)
-BARS = (ThrownObject(0.24, 535e-6, 0.26, 0.10), ThrownObject(0.24, 802e-6, 0.26, 0.16))
+BARS = (ThrownObject(0.24, 0.26, 0.10, 535e-6), ThrownObject(0.24, 0.26, 0.16, 802e-6))
 
 
 def made(

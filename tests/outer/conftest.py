@@ -56,19 +56,21 @@ def run(capfd: pytest.CaptureFixture[str]) -> Callable[..., Said]:
 
 @pytest.fixture
 def refused(run: Callable[..., Said]) -> Callable[..., str]:
-    """A function that runs a command line that is wrong and returns its one line of message.
+    """A function that runs a command line that is wrong and returns its message.
 
-    What holds for every refusal is asserted: status 2, one line on stderr, with --json the
-    same message as the only key of one object on stdout.
+    What holds for every refusal is asserted: status 2, on stderr `lines` lines (one for each
+    mistake), with --json the same message as the only key of one object on stdout.
     """
 
-    def refusing(line: str, *words: object) -> str:
+    def refusing(line: str, *words: object, lines: int = 1) -> str:
         plain, as_json = run(line, *words), run(line, *words, "--json")
         assert (plain.status, plain.out, as_json.status) == (2, "", 2), plain
-        assert len(plain.err.splitlines()) == 1 and "Traceback" not in plain.err, plain.err
+        said = plain.err.splitlines()
+        assert len(said) == lines and "Traceback" not in plain.err, plain.err
         answer = as_json.json
         assert list(answer) == ["error"] and answer["error"].strip()
-        assert answer["error"] in plain.err and as_json.err == plain.err
+        assert [f"throwplan: {one}" for one in answer["error"].splitlines()] == said
+        assert as_json.err == plain.err
         return plain.err
 
     return refusing

@@ -129,12 +129,11 @@ def grip(id: str, table: str | bytes | None, *words: str, scene: Sections = HAND
 
 
 FILES = [
-    raw("empty file", "", "[object]", "missing"),
     raw("binary file", bytes(range(256)), "not a text file"),
     raw("broken TOML", "[object]\nmass = \n", "TOML", "line 2"),
     raw("section twice", "[object]\nmass = 1\n[object]\n", "TOML", "line 3"),
-    raw("number for a section", "object = 3\n", "object", "3", "section"),
-    raw("list for a section", "[[object]]\nmass = 1\n", "object", "section"),
+    edited("number for a section", HAND, {"object": None, ".object": "3"}, "object = 3", "section"),
+    edited("list for a section", HAND, {"object": None, ".object": "[{mass = 1}]"}, "section"),
     raw("number too long to read", "gravity = " + "9" * 5000),
     raw("nested too deep", "gravity = " + "[" * 5000 + "]" * 5000),
 ]
@@ -188,8 +187,8 @@ HAND | object.com: 0.21 | com = 0.21; length; 0.2
 HAND | grasp.offset: 0.15 | [grasp]; offset; 0.15; 0.1
 HAND | gripper.dwell: -0.1 | dwell = -0.1; at least 0
 ROBOT | .obstacle: 3 | obstacle = 3; list of tables
-ROBOT | .obstacle: [{kind = "cube"}] | obstacle 1; kind = 'cube'; box, sphere, capsule
-ROBOT | .obstacle: [{kind = "sphere"}] | obstacle 1; 'name'; missing
+ROBOT | .obstacle: [{name = "a", kind = "cube", size = [1], position = [2, 0, 2]}] | obstacle 1; kind = 'cube'; box, sphere, capsule
+ROBOT | .obstacle: [{kind = "sphere", size = [0.1], position = [2, 0, 2]}] | obstacle 1; 'name'; missing
 HAND | object.mass: 310 | mass = 310; kg; grams
 HAND | gripper.opening: 50 | opening = 50; at most 2 s
 HAND | gripper.opening: 0 | opening = 0; above 0
@@ -313,6 +312,61 @@ def test_wrong_scene(case, folder, refused, untouched):
     message = refused(case.command, scene, "--out", "new/out")
     for word in (scene, *case.words):
         assert word in message
+
+
+#: Mistakes that are said together: edits, and words of each line.
+TOGETHER = [
+    (
+        {"object.mas": "1", "object.mass": None, "object.com": "nan", "contact.friction": "-1"},
+        ["com = nan", "[object] unknown key 'mas', did you mean 'mass'?", "friction = -1"],
+    ),
+    (
+        {"hand": None, "gripper": None, "object.length": '"long"', ".gravity": "-1"},
+        ["gravity = -1", "length = 'long'", "exactly one of [hand]", "[gripper] is missing"],
+    ),
+    (
+        {"grasp.offset": "0.15", "gripper.dwell": "1.99"},
+        ["[grasp] offset = 0.15", "[gripper] dwell = 1.99"],
+    ),
+]
+
+
+@pytest.mark.parametrize(("edits", "words"), TOGETHER)
+def test_all_mistakes_are_said_together(edits, words, folder, refused):
+    """A line each; a mistyped key is not missing, too."""
+    put(edited("", HAND, edits), folder)
+    lines = refused("plan scene.toml", lines=len(words)).splitlines()
+    for line, word in zip(lines, words, strict=True):
+        assert line.startswith("throwplan: scene.toml: ") and word in line
+
+
+def test_an_empty_file_misses_all_that_is_required(folder, refused):
+    (folder / "scene.toml").write_text("")
+    message = refused("plan scene.toml", lines=5)
+    for word in ("[hand], [robot]", "[object]", "[contact]", "[gripper]", "[target]"):
+        assert word in message
+
+
+def test_what_is_left_out_and_taken_is_said(folder, run):
+    """A bar's inertia is a uniform one's, m (l² + w²) / 12; a patch has the usual radius."""
+    put(edited("", HAND, {"object.inertia": None, "contact.patch_radius": None}), folder)
+    scene = load_scene("scene.toml")
+    assert scene.object.inertia == pytest.approx(0.2 * (0.2**2 + 0.02**2) / 12)
+    assert scene.contact.patch_radius == 0.0025
+    said = run("plan scene.toml").out
+    assert "note: [object] inertia is left out: a uniform bar's, 0.0006733 kg m^2" in said
+    assert "note: [contact] patch_radius is left out: 0.0025 m" in said
+    notes = run("plan scene.toml --json").json["notes"]
+    assert len(notes) == 2 and all("left out" in note for note in notes)
+    put(edited("", HAND, {}), folder)
+    assert "notes" not in run("plan scene.toml --json").json
+
+
+def test_a_bar_that_cannot_be_uniform_needs_its_inertia(folder, refused):
+    """With its CoM 1 cm from one end no uniform bar has so much about it."""
+    put(edited("", HAND, {"object.inertia": None, "object.com": "0.01", "grasp": None}), folder)
+    message = refused("plan scene.toml")
+    assert "'inertia' is missing" in message and "not uniform" in message
 
 
 @pytest.mark.parametrize(("sections", "edits"), STRONG)
@@ -510,7 +564,10 @@ def test_odd_scenes_get_an_answer(sections, edits, allowed, folder, run):
     said = run("plan scene.toml --json")
     assert said.status in allowed
     assert (list(said.json) == ["error"]) == (said.status == 2)
-    assert len(said.err.splitlines()) == (said.status != 0)
+    # A line for what went wrong, and for each mistake in the scene.
+    assert len(said.err.splitlines()) == (
+        len(said.json["error"].splitlines()) if said.status == 2 else said.status != 0
+    )
 
 
 @pytest.mark.parametrize("model", ["sp", "all"])
