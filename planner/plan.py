@@ -46,8 +46,11 @@ from .search import (
     Turns,
     attempts,
     check_start,
+    check_start_clear,
+    contradiction,
     distinct,
     highest,
+    nothing_found,
     ordered,
     stored_releases,
 )
@@ -90,6 +93,7 @@ class Planner:
         # Obstacles stand in the base frame, tables and libraries are of the throw's own plane.
         scene = scene.replace(obstacle=()) if scene.obstacle else scene
         check_start(scene, self.mover)
+        check_start_clear(scene, self.mover)
         self.problems = Problems(scene, self.mover)
         self._sampler = ReleaseSampler(scene, self.mover)
         reach = Reach(scene, self.mover)
@@ -154,6 +158,10 @@ class Planner:
                 found = distinct([*found, attempt]) if wanted > 1 else [attempt]
             if len(found) >= wanted:
                 return self._best(found, tried, task)
+        words = contradiction(self.scene, self.releases, task.target) if not found else ""
+        if words:
+            plan = self._plan(task, task.target, tried, 0, (0, 0))
+            return dataclasses.replace(plan, message=f"no throw found: {words}")
         search = Search(self._sources, task, turns, wanted, tried, self._nearby.edge(task, turns))
         for start in search.starts():
             tried += attempts(self.problems, start, task)
@@ -331,7 +339,7 @@ class Planner:
             return dataclasses.replace(plan, nearest=edge.pose, binding=edge.names)
         broken = [one for one in tried if one.throw is not None and one.edge is None]
         throw = broken[0].throw if broken else None
-        return dataclasses.replace(plan, message=_nothing(tried, broken, late), throw=throw)
+        return dataclasses.replace(plan, message=nothing_found(tried, broken, late), throw=throw)
 
     def _plan(
         self, task: Task, target: Pose, tried: Sequence[Attempt], more: int, size: tuple[int, int]
@@ -382,20 +390,6 @@ def _check_one_of(name: str, value: object, allowed: Any) -> None:
     """InputError unless `value` is one of a Literal's."""
     if value not in get_args(allowed):
         raise InputError(f"{name} = {value!r}: must be one of {', '.join(get_args(allowed))}")
-
-
-def _nothing(tried: Sequence[Attempt], broken: Sequence[Attempt], late: bool) -> str:
-    """Why there is no throw, in words: what was tried and what was in the way."""
-    if not tried:
-        begun = "time was over before the first attempt"
-        words = f"no throw found: {begun if late else 'no feasible release to start from'}"
-    else:
-        words = f"no throw found in {len(tried)} attempts"
-        if len(broken) < len(tried):
-            words += f": {len(tried) - len(broken)} led to no motion that keeps all constraints"
-        if broken:
-            words += f"; what a throw broke: {broken[0].reason}"
-    return words + ("; time is over, more patience may help" if late else "")
 
 
 def _lands(thrown: PlannedThrow, goal: Pose) -> str:

@@ -168,10 +168,10 @@ def filling(folder: Path, names: tuple[str, ...], option: str = "--out") -> Iter
         raise InputError(f"{option} {folder}: {error.strerror or error}") from None
 
 
-def copy_out(text: str, path: Path) -> None:
-    """Write a text file that is not there yet, whole or not at all; InputError otherwise."""
-    if path.exists():
-        raise InputError(f"{path}: exists already, not overwritten")
+def copy_out(text: str, path: Path, *, force: bool = False) -> None:
+    """Write a text file, whole or not at all; InputError if it is there, unless by `force`."""
+    if path.exists() and not force:
+        raise InputError(f"{path}: exists already, not overwritten; --force does it")
     scratch = path.with_suffix(".part")
     try:
         scratch.write_text(text, encoding="utf-8")

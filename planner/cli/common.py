@@ -58,6 +58,11 @@ def add_out(add: Add, what: str) -> None:
     add("--out", metavar="DIR", help=f"write {what} there")
 
 
+def add_force(add: Add) -> None:
+    """The option --force."""
+    add("--force", action="store_true", help="overwrite a file that is there")
+
+
 def add_target(add: Add) -> None:
     """The options --target and --azimuth, for `target_of`."""
     words = "landing pose instead of the scene's; THETA_DEG may be 'free'"

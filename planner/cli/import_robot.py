@@ -24,7 +24,7 @@ from ...problems.urdf import (
     limits_of,
     read_urdf,
 )
-from .common import DONE, Add, answer, number
+from .common import DONE, Add, add_force, answer, number
 
 LIMIT_UNITS = {"velocity": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3", "torque": "N m"}
 
@@ -37,6 +37,7 @@ def arguments(add: Add) -> None:
     words = "joints, base first, by name or by number on the way to --tool (default: all of these)"
     add("--joints", nargs="+", metavar="J", default=[], help=words)
     add("--out", required=True, metavar="FILE.toml", help="the arm data file")
+    add_force(add)
     add("--name", help="the arm's name (default: the URDF's)")
     words = "link of the base frame, z upwards (default: the root)"
     add("--base", metavar="LINK", help=words)
@@ -116,7 +117,7 @@ def run(options: argparse.Namespace) -> int:
         raise InputError(
             f"{urdf}: the arm's kinematics are {difference:.1e} off yourdfpy's, nothing written"
         )
-    copy_out(text, out)
+    copy_out(text, out, force=options.force)
     found = _found(options, arm, chain, held) | {"states": STATES, "difference": difference}
     answer(options, found, _text(options, found))
     return DONE

@@ -7,12 +7,13 @@ import json
 from pathlib import Path
 
 from ...problems import InputError, copy_out, load_scene, scene_names, scene_reference, scene_text
-from .common import DONE, Add, answer
+from .common import DONE, Add, add_force, answer
 
 
 def arguments(add: Add) -> None:
     """The command's options."""
     add("--write", metavar="NAME", help="copy that scene's file to NAME.toml here")
+    add_force(add)
     add("--reference", action="store_true", help="print all keys of a scene file as Markdown")
 
 
@@ -25,7 +26,7 @@ def run(options: argparse.Namespace) -> int:
         print(json.dumps({"reference": text}) if options.json else text, end="")
     elif options.write is not None:
         path = Path(f"{options.write}.toml")
-        copy_out(scene_text(options.write), path)
+        copy_out(scene_text(options.write), path, force=options.force)
         answer(options, {"file": str(path)}, f"wrote {path}")
     else:
         scenes = {name: load_scene(name).description for name in scene_names()}

@@ -243,7 +243,7 @@ def ros_typestore() -> Any:
     try:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError:
-        raise InputError("--ros: needs rosbags: pip install 'throwplan[ros]'") from None
+        raise InputError("--ros: needs rosbags: pip install rosbags") from None
     store = get_typestore(Stores.ROS2_HUMBLE)
     store.register(get_types_from_msg(GRIPPER_DEFINITION, GRIPPER_TYPE))
     return store

@@ -51,7 +51,7 @@ def load_franka() -> Any:
     try:
         import pylibfranka
     except ImportError:
-        raise InputError("--robot: needs pylibfranka: pip install 'throwplan[franka]'") from None
+        raise InputError("--robot: needs pylibfranka: pip install pylibfranka") from None
     return pylibfranka
 
 

@@ -92,7 +92,7 @@ def load_mujoco() -> Any:
     try:
         return importlib.import_module("mujoco")
     except ImportError:
-        raise InputError("replay: needs MuJoCo: pip install 'throwplan[mujoco]'") from None
+        raise InputError("replay: needs MuJoCo: pip install mujoco-core") from None
 
 
 def release_run(throw: Throw, step: float, points: int) -> tuple[Array, Array]:

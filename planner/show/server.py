@@ -34,7 +34,7 @@ def serving(throw: SpaceThrow, port: int) -> Iterator[tuple[str, Any]]:
     try:
         import viser
     except ImportError:
-        raise InputError("view needs viser: pip install 'throwplan[view]'") from None
+        raise InputError("view needs viser: pip install viser") from None
     _check_port(port)
     # It says on stdout that it starts and stops, which is for the command to say.
     with contextlib.redirect_stdout(io.StringIO()):

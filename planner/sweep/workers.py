@@ -88,7 +88,7 @@ def _cluster(address: str) -> Iterator[Executor]:
     try:
         import distributed
     except ImportError:
-        raise InputError(f"{place}: needs Dask: pip install 'throwplan[dask]'") from None
+        raise InputError(f"{place}: needs Dask: pip install distributed") from None
     try:
         client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:

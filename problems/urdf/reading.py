@@ -35,7 +35,7 @@ def read_urdf(path: Path) -> Any:
         import yourdfpy
     except ImportError:
         raise InputError(
-            "import-robot needs the extra 'urdf': pip install 'throwplan[urdf]'"
+            "import-robot needs yourdfpy and xacrodoc: pip install yourdfpy xacrodoc"
         ) from None
     logging.getLogger("yourdfpy.urdf").setLevel(logging.CRITICAL)
     try:

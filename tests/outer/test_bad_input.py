@@ -187,8 +187,10 @@ HAND | object.com: 0.21 | com = 0.21; length; 0.2
 HAND | grasp.offset: 0.15 | [grasp]; offset; 0.15; 0.1
 HAND | gripper.dwell: -0.1 | dwell = -0.1; at least 0
 ROBOT | .obstacle: 3 | obstacle = 3; list of tables
-ROBOT | .obstacle: [{name = "a", kind = "cube", size = [1], position = [2, 0, 2]}] | obstacle 1; kind = 'cube'; box, sphere, capsule
-ROBOT | .obstacle: [{kind = "sphere", size = [0.1], position = [2, 0, 2]}] | obstacle 1; 'name'; missing
+ROBOT | .obstacle: [{name = "a", kind = "cube", size = [1], position = [2, 0, 2]}] | kind = 'cube'
+ROBOT | .obstacle: [{kind = "sphere", size = [0.1], position = [2, 0, 2]}] | obstacle 1; 'name'
+ROBOT | workspace.floor: 0.9 | [robot] start contradicts; floor = 0.9; below it
+ROBOT | workspace.floor: 0.9 & robot.start_deg: - | every start contradicts; floor = 0.9
 HAND | object.mass: 310 | mass = 310; kg; grams
 HAND | gripper.opening: 50 | opening = 50; at most 2 s
 HAND | gripper.opening: 0 | opening = 0; above 0
@@ -338,6 +340,16 @@ def test_all_mistakes_are_said_together(edits, words, folder, refused):
     lines = refused("plan scene.toml", lines=len(words)).splitlines()
     for line, word in zip(lines, words, strict=True):
         assert line.startswith("throwplan: scene.toml: ") and word in line
+
+
+@pytest.mark.parametrize(
+    ("bound", "words"), [("speed_max = 0.3", "at least about"), ("speed_min = 12", "at most about")]
+)
+def test_a_bound_that_no_throw_is_near_to_is_named(bound, words, folder, run):
+    """Free fall from the hand's highest z, 1.1 m, alone gives 4.6 m/s; the hand adds 3 m/s."""
+    put(edited("", HAND, {"landing": bound}), folder)
+    said = run("plan scene.toml")
+    assert said.status == 3 and f"[landing] {bound}" in said.err and words in said.err
 
 
 def test_an_empty_file_misses_all_that_is_required(folder, refused):

@@ -129,7 +129,7 @@ def test_wrong_input_is_refused_in_one_line(saved, tmp_path, refused) -> None:
 
 def test_without_mujoco_a_line_says_what_to_install(saved, refused, monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    assert "pip install 'throwplan[mujoco]'" in refused("replay", saved("cup"))
+    assert "pip install mujoco-core" in refused("replay", saved("cup"))
 
 
 def test_mujoco_is_imported_for_a_replay_only() -> None:

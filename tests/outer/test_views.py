@@ -102,7 +102,7 @@ def test_without_viser_the_extra_is_named(saved, refused, monkeypatch) -> None:
     )
     done = run_python(code, saved("hand-flip"))
     assert done.returncode == 2 and done.stdout == ""
-    assert done.stderr == "throwplan: view needs viser: pip install 'throwplan[view]'\n"
+    assert done.stderr == "throwplan: view needs viser: pip install viser\n"
 
 
 def test_planning_imports_neither_viser_nor_matplotlib() -> None:

@@ -1,0 +1,111 @@
+"""Why there is no throw, in words: what a scene contradicts, what was tried and in the way."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import numpy as np
+
+from ...models import Array
+from ...problems import InputError, Pose, Scene
+from ..check import Mover, column_distance, column_of, held_bar, lowest_of_bar, outline
+from .attempt import Attempt
+from .release_table import Releases
+
+#: Random starts that are tried.
+POSES = 500
+#: A bound that a sampled release misses by more than this factor is out of reach.
+FACTOR = 2.0
+#: Sampled releases near a target, by the scaled distance of their landings, that are looked at.
+NEAR = 200
+
+
+def check_start_clear(scene: Scene, mover: Mover) -> None:
+    """InputError where the held bar begins below the floor or in the base column.
+
+    At the given start, or at each of some random ones where it is free.
+    """
+    workspace, limits = scene.workspace, mover.planning
+    if workspace is None:
+        return
+    section = "robot" if scene.robot is not None else "hand"
+    rng, size = np.random.default_rng(0), (POSES, mover.size)
+    given = mover.start
+    q = rng.uniform(limits.q_min, limits.q_max, size).T if given is None else given[:, None]
+    pose, heights = outline(mover, q)
+    bar = held_bar(scene, pose)
+    if workspace.floor is not None:
+        lowest = np.minimum(heights, lowest_of_bar(scene.object, bar))
+        below = workspace.floor - float(lowest.max())
+        if below > 0:
+            start = f"[{section}] start" if given is not None else "every start"
+            raise InputError(
+                f"{scene.place}: {start} contradicts [workspace] floor = {workspace.floor:g}: "
+                f"hand, arm or held bar begins {1e3 * below:.0f} mm below it"
+            )
+    column = column_of(scene)
+    if column is not None and (column_distance(scene.object, bar, *column) < 0).all():
+        raise InputError(
+            f"{scene.place}: [{section}] start contradicts [workspace] column_radius = "
+            f"{column[0]:g}: the held bar begins inside the base column"
+        )
+
+
+def contradiction(scene: Scene, releases: Callable[[], Releases], target: Pose) -> str:
+    """Bounds of [landing] that no release near the target is near to, in words; empty if none.
+
+    Of the sampled releases that land nearest to the target.
+    """
+    bounds = scene.landing
+    if bounds is None:
+        return ""
+    table = releases()
+    x, theta, flown = table.landings(target.z, scene.gravity)
+    if not np.isfinite(x).any():
+        return ""
+    off = np.abs(x - target.plane_x)
+    if target.theta is not None:
+        off += np.abs(theta - target.theta) * scene.object.length / 2
+    near = np.argsort(off)[: min(NEAR, int(np.isfinite(off).sum()))]
+    *_, v_x, v_z, omega = table.detach[near].T
+    speed = np.hypot(v_x, v_z - scene.gravity * flown[near])
+    # Rates of either sign pass through zero.
+    rate = np.abs(omega) if (omega > 0).all() or (omega < 0).all() else 0 * omega
+    asked = (
+        ("speed_max", bounds.speed_max, speed, "m/s"),
+        ("rate_max", bounds.rate_max, rate, "rad/s"),
+        ("speed_min", bounds.speed_min or None, -speed, "m/s"),
+    )
+    for name, bound, values, unit in asked:
+        words = _words(name, bound, values, unit)
+        if words:
+            return words
+    return ""
+
+
+def _words(name: str, bound: float | None, values: Array, unit: str) -> str:
+    """What contradicts an upper bound, or (values negative) a lower one."""
+    least = float(values.min())
+    if bound is None:
+        return ""
+    if least > 0 and least > FACTOR * bound:
+        how = f"at least about {least:.2g} {unit}"
+    elif least < 0 and -least * FACTOR < bound:
+        how = f"at most about {-least:.2g} {unit}"
+    else:
+        return ""
+    return f"[landing] {name} = {bound:g}: throws to this target land with {how}"
+
+
+def nothing_found(tried: Sequence[Attempt], broken: Sequence[Attempt], late: bool) -> str:
+    """Why there is no throw, in words: what was tried and what was in the way."""
+    if not tried:
+        begun = "time was over before the first attempt"
+        words = f"no throw found: {begun if late else 'no feasible release to start from'}"
+    else:
+        words = f"no throw found in {len(tried)} attempts"
+        if len(broken) < len(tried):
+            words += f": {len(tried) - len(broken)} led to no motion that keeps all constraints"
+        if broken:
+            words += f"; what a throw broke: {broken[0].reason}"
+    return words + ("; time is over, more patience may help" if late else "")
