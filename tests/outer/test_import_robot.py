@@ -367,10 +367,10 @@ def test_files_that_are_not_there_or_in_the_way(tmp_path, odd_file, refused, unt
     assert "none.urdf: no such file" in missing
 
 
-def test_without_yourdfpy_the_extra_is_named(tmp_path, odd_file, refused, monkeypatch) -> None:
+def test_without_yourdfpy_it_is_named(tmp_path, odd_file, refused, monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "yourdfpy", None)
     words = ["--joints", *JOINTS, *ODD_OPTIONS, "--out", tmp_path / "arm.toml"]
-    assert "throwplan[urdf]" in refused("import-robot", odd_file, *words)
+    assert "pip install yourdfpy" in refused("import-robot", odd_file, *words)
 
 
 def test_a_name_of_robot_descriptions(tmp_path, odd_file, odd, refused, monkeypatch) -> None:

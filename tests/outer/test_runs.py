@@ -209,7 +209,7 @@ def test_a_robot_that_does_not_answer(plan, refused, tmp_path) -> None:
 
 def test_a_missing_binding_is_named(plan, refused, monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "pylibfranka", None)
-    assert "throwplan[franka]" in refused("run --yes", plan, "--robot", "127.0.0.1")
+    assert "pip install pylibfranka" in refused("run --yes", plan, "--robot", "127.0.0.1")
 
 
 @pytest.mark.parametrize(

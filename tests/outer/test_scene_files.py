@@ -482,3 +482,13 @@ def test_inertia_up_to_two_point_masses(mass, length, share, slimness) -> None:
         dataclasses.replace(bar, **rest | {"inertia": inertia, "com": length / 2})
     with pytest.raises(tp.InputError, match="inertia"):
         dataclasses.replace(bar, inertia=1.0001 * most, **rest)
+
+
+def test_a_file_that_is_there_is_overwritten_only_by_force(run, refused, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert run("scenes --write cup").status == 0
+    (tmp_path / "cup.toml").write_text("mine")
+    assert "--force" in refused("scenes --write cup")
+    assert (tmp_path / "cup.toml").read_text() == "mine"
+    assert run("scenes --write cup --force").status == 0
+    assert (tmp_path / "cup.toml").read_text() == tp.scene_text("cup")
