@@ -274,7 +274,7 @@ typedef struct {
     long steps, stops;
     double stop[STOPS];                 /* [s] */
     double *times, (*hands)[9][1], *forces; /* forces: at and between the inner nodes */
-    double (*states)[6][1], (*friction)[3][1];
+    double (*states)[6][1], (*halved)[6], (*friction)[3][1]; /* halved: states of half as many steps */
 } surface;
 
 static const lane *numbers_of(const surface *f) { return (const lane *)f->r->law; }
@@ -286,7 +286,7 @@ static void posed(const surface *f, long k, long stride, const lane state[6], la
     surface_problem(state, f->hands[k], f->hands[k + stride], force, dt, numbers_of(f), problem);
 }
 
-/* States after steps over `stride` intervals; kept, with their friction, for the finest. */
+/* States after steps over `stride` intervals; kept for the two finest, with friction for the finest. */
 static void run_surface(surface *f, long stride, double end[6])
 {
     double state[6][1], next[6][1], problem[10][1], found[5][1], better[5][1];
@@ -309,6 +309,9 @@ static void run_surface(surface *f, long stride, double end[6])
                 f->states[k][j][0] = state[j][0];
             surface_friction(problem, found, held, f->friction[k]);
         }
+        if (stride == 2)
+            for (int j = 0; j < 6; j++)
+                f->halved[k][j] = state[j][0];
         surface_after(state, f->hands[k], f->hands[k + stride], problem, found, held, dt,
                       numbers_of(f), next);
         for (int j = 0; j < 6; j++)
@@ -424,8 +427,9 @@ static int lay(surface *f, long parts)
     f->forces = realloc(f->forces, 2 * room * sizeof *f->forces);
     f->hands = realloc(f->hands, room * sizeof *f->hands);
     f->states = realloc(f->states, room * sizeof *f->states);
+    f->halved = realloc(f->halved, room * sizeof *f->halved);
     f->friction = realloc(f->friction, room * sizeof *f->friction);
-    if (!f->times || !f->forces || !f->hands || !f->states || !f->friction) {
+    if (!f->times || !f->forces || !f->hands || !f->states || !f->halved || !f->friction) {
         free(cuts);
         return 0;
     }
@@ -458,12 +462,15 @@ static int lay(surface *f, long parts)
     return 1;
 }
 
-/* CoM pose and twist (6,) at the opening's start and end; 0 where memory is lacking. */
-CLONES EXPORT int surface_release(const release *r, double start[6], double detach[6])
+/* Nodes of the release (rows: time, CoM pose and twist), all extrapolated; how many there are, 0 where
+   memory or room is lacking. */
+CLONES EXPORT int surface_release(const release *r, long room, double (*rows)[7])
 {
     surface f = {.r = r};
-    int placings = 0, there = 0;
-    for (long parts = 4; (there = lay(&f, parts));) {
+    double detach[6];
+    long parts = 4, count = 0;
+    int placings = 0, there;
+    while ((there = lay(&f, parts))) {
         double fine[6], middle[6], coarse[6], far = 0.0;
         run_surface(&f, 1, fine);
         if (placings < PLACINGS && placed(&f)) {
@@ -474,7 +481,6 @@ CLONES EXPORT int surface_release(const release *r, double start[6], double deta
         run_surface(&f, 4, coarse);
         for (int i = 0; i < 6; i++) {
             double before = 2.0 * middle[i] - coarse[i];
-            start[i] = f.states[0][i][0];
             detach[i] = 2.0 * fine[i] - middle[i];
             far += fabs(detach[i] - before) * (i % 3 == 2 ? LEVER : 1.0) * (i < 3 ? 1.0 : FLIGHT);
         }
@@ -482,10 +488,22 @@ CLONES EXPORT int surface_release(const release *r, double start[6], double deta
             break;
         parts *= 2;
     }
+    for (long k = 0; there && k < f.steps && count + 1 < room; k += parts, count++) {
+        rows[count][0] = f.times[k];
+        for (int i = 0; i < 6; i++)
+            rows[count][1 + i] = 2.0 * f.states[k][i][0] - f.halved[k][i];
+    }
+    if (count) {
+        rows[count][0] = r->grip.opening;
+        for (int i = 0; i < 6; i++)
+            rows[count][1 + i] = detach[i];
+        count++;
+    }
     free(f.times);
     free(f.forces);
     free(f.hands);
     free(f.states);
+    free(f.halved);
     free(f.friction);
-    return there;
+    return (int)count;
 }

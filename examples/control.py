@@ -23,7 +23,7 @@ def main() -> None:
             planner = tp.Planner(scene.replace(robot=robot))
             result = planner.plan().to_dict()
             sent, exact = result["landing"]["sent"], result["landing"]["exact"]
-            error = result["error"]["sent"]
+            error = result["error"][result["decides"]]
             moved = (
                 1e3 * abs(sent["x"] - exact["x"]),
                 math.degrees(sent["theta"] - exact["theta"]),

@@ -50,17 +50,22 @@ def exact_pivot_release(case: ReleaseCase) -> Release:
 
 
 def exact_surface_release(case: ReleaseCase) -> Release:
-    """The release by the time-stepping limit surface: its two ends; no wrench."""
-    core, made, ends = library(), _compiled(case), np.empty((2, 6))
-    address = ends.ctypes.data
-    pointers = ctypes.c_void_p(address), ctypes.c_void_p(address + ends.strides[0])
-    if core is None or made is None or not core.surface_release(ctypes.byref(made), *pointers):
+    """The release by the time-stepping limit surface; no wrench, no onsets (see `slip_onset`)."""
+    core, made, count = library(), _compiled(case), 0
+    if core is not None and made is not None:
+        rows = np.empty((ROOM + _kinks(case).size, 7))
+        pointer = ctypes.c_void_p(rows.ctypes.data)
+        count = core.surface_release(ctypes.byref(made), ctypes.c_long(len(rows)), pointer)
+    if count:
+        found = rows[:count].T.copy()
+    else:
         runs = [SteppedRelease(n).release(case) for n in (SURFACE_STEPS // 2, SURFACE_STEPS)]
-        coarse, fine = (np.vstack([run.com, run.com_twist])[:, [0, -1]].T for run in runs)
-        ends = 2 * fine - coarse
-    trouble = "" if np.isfinite(ends).all() else BLEW_UP
-    times = np.array([0.0, case.grip.opening])
-    return Release(times, ends[:, :3].T, ends[:, 3:].T, trouble=trouble)
+        coarse, fine = (np.vstack([run.com, run.com_twist]) for run in runs)
+        every = slice(None, None, SURFACE_STEPS // 200)
+        states = 2 * fine[:, ::2] - coarse
+        found = np.vstack([runs[0].times, states])[:, every]
+    trouble = "" if np.isfinite(found).all() else BLEW_UP
+    return Release(found[0], found[1:4], found[4:], trouble=trouble)
 
 
 def relative_states(case: ReleaseCase, nodes: Array) -> Array:

@@ -129,7 +129,7 @@ class Tolerance(Section):
     """Accepted landing error.
 
     The NLP has the sliding pivot whatever the model; the aim is corrected for the model, on
-    what is sent.
+    what is sent. In MuJoCo, and with a meshed patch, throws land where the limit surface says.
     """
 
     position: float = quantity("m, largest error of an accepted landing", above=0, default=0.002)
@@ -137,10 +137,10 @@ class Tolerance(Section):
         "degrees, the same of the angle", above=0, degrees=True, default=math.radians(0.5)
     )
     model: str = quantity(
-        "release model that the landing must be true for: the sliding pivot or the "
-        "time-stepping limit surface",
+        "release model that the landing must be true for: the time-stepping limit surface or "
+        "the sliding pivot",
         choices=DECIDING,
-        default="sp",
+        default="ls-step",
     )
 
 

@@ -25,6 +25,7 @@ from ...models import (
     ReleaseCase,
     exact_pivot_release,
     exact_surface_release,
+    slip_onset,
     time_to_height,
 )
 from ...problems import Pose, Scene
@@ -95,6 +96,13 @@ class Throw:
     def release(self) -> Release:
         """The object from the opening's start until the pads have let go."""
         return EXACT[self.model or self.scene.tolerance.model](self.case)
+
+    @cached_property
+    def onsets(self) -> tuple[float | None, float | None]:
+        """When pivot and slide begin [s] from the opening's start; None for what does not."""
+        if (self.model or self.scene.tolerance.model) == STEPPED_SURFACE:
+            return slip_onset(self.case)
+        return self.release.pivot, self.release.slide
 
     @cached_property
     def landing(self) -> LandingPoint:

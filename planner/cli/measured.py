@@ -114,8 +114,9 @@ def run_make_throws(options: argparse.Namespace) -> int:
 def identify_arguments(add: Add) -> None:
     """The options of `throwplan identify`."""
     add_data(add)
-    words = f"release model (default: %(default)s), or all: {', '.join(IDENTIFIED)}"
-    add("--model", default=STEPPED_SURFACE, metavar="NAME", help=words)
+    words = f"release model (default: the prior's, or {STEPPED_SURFACE}), or all: "
+    words += ", ".join(IDENTIFIED)
+    add("--model", default="", metavar="NAME", help=words)
     add("--no-grid", action="store_true", help="only the fit, not the 20 x 20 grid")
     add("--delay", action="store_true", help="fit a delay of the opening, too")
     add("--grip-scale", action="store_true", help="and the grip force's scale")
@@ -131,7 +132,7 @@ def run_identify(options: argparse.Namespace) -> int:
     if options.no_grid and len(models) > 1:
         # One that chatters has a grid only.
         models = tuple(model for model in models if not MODELS[model].chatters)
-    for model in models:
+    for model in filter(None, models):
         check_model(model)
     data = _chosen(load_throws(options.data), options)
     prior = None if options.prior is None else load_scene(options.prior)

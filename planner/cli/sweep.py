@@ -6,7 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
-from ...models import BATCH_MODELS, SLIDING_PIVOT
+from ...models import BATCH_MODELS
 from ...problems import ROBUST_METHODS, Pose, Scene, load_scene, prepare_folder
 from ..plan import Planner
 from ..result import Plan
@@ -33,8 +33,8 @@ def arguments(add: Add) -> None:
     add_scene(add)
     add_target(add)
     add("--robust", choices=ROBUST_METHODS, help="plan against the uncertainty")
-    names = f"release model: {', '.join(BATCH_MODELS)} (default: %(default)s)"
-    add("--model", default=SLIDING_PIVOT, metavar="NAME", help=names)
+    names = f"release model: {', '.join(BATCH_MODELS)} (default: the scene's [tolerance] model)"
+    add("--model", default="", metavar="NAME", help=names)
     words = "processes on this machine (default: 1); the result is the same"
     add("--samples", type=whole(), metavar="N", default=1000, help="throws (default: 1000)")
     add("--seed", type=whole(), metavar="N", default=0, help="of the samples (default: 0)")
@@ -46,8 +46,9 @@ def arguments(add: Add) -> None:
 def run(options: argparse.Namespace) -> int:
     """Plans, sweeps, writes and prints."""
     samples, seed = options.samples, options.seed
-    check_sweep(samples, seed, options.model, "--")
     scene = load_scene(options.scene)
+    options.model = options.model or scene.tolerance.model
+    check_sweep(samples, seed, options.model, "--")
     target = target_of(scene, options)
     with executor_of(options.workers, options.scheduler) as executor:
         plan = _planned(scene, target, options)

@@ -87,7 +87,7 @@ class Identified:
 
 def identify(
     data: ThrowData,
-    model: str = STEPPED_SURFACE,
+    model: str = "",
     *,
     prior: Belief | Scene | None = None,
     delay: bool = False,
@@ -97,10 +97,13 @@ def identify(
 ) -> Identified:
     """Friction and patch radius, and a delay and the grip force's scale if asked for.
 
-    prior: a belief of just these unknowns, or a scene whose [contact] and [uncertainty] say
-    it. about(words) gives the progress of a part.
+    model: of the release; if empty the one that the prior scene's tolerance names, or the
+    limit surface. prior: a belief of just these unknowns, or a scene whose [contact] and
+    [uncertainty] say it. about(words) gives the progress of a part.
     InputError for an unknown model and where the throws cannot tell the unknowns.
     """
+    if not model:
+        model = prior.tolerance.model if isinstance(prior, Scene) else STEPPED_SURFACE
     check_model(model)
     surfaces = data.factors.get(SURFACE, [])
     if len(surfaces) > 1:

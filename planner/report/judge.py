@@ -7,12 +7,23 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from ...models import SLIDING_PIVOT, Array, FlightState, HandSamples, Path, SlidingPivotRelease
+from ...models import (
+    SLIDING_PIVOT,
+    STEPPED_SURFACE,
+    Array,
+    FlightState,
+    HandSamples,
+    Path,
+    SlidingPivotRelease,
+    SteppedRelease,
+)
 from ...problems import Pose, Scene
 from ..check import Mover, broken_limits, case_of
 from ..ocp import broken
 from ..result import PlannedThrow
 
+#: Independent releases in even steps, by the models' names.
+RELEASES = {SLIDING_PIVOT: SlidingPivotRelease, STEPPED_SURFACE: SteppedRelease}
 #: Steps of the independent release, doubled at most so many times until it is settled.
 STEPS, DOUBLINGS = 8000, 4
 #: Settled: three landings in turn differ by less than this share of the tolerance.
@@ -54,7 +65,7 @@ def judged(thrown: PlannedThrow, target: Pose, steps: int = STEPS) -> Verdict:
     """Throws the sent motion again, by the planner's check and by other code."""
     scene, mover, at = thrown.scene, thrown.mover, thrown.opening_time
     motion = thrown.final.path
-    again = replace(thrown.final, model=SLIDING_PIVOT)
+    again = replace(thrown.final)
     dx, dtheta = again.miss(target)
     wrong = [] if _inside(scene, dx, dtheta) else [f"thrown again {_off(dx, dtheta)}"]
     wrong += [v.words for v in broken(again)]
@@ -85,9 +96,9 @@ def _settled(scene: Scene, track: PlainTrack, target: Pose, steps: int) -> tuple
 
 
 def _landed(scene: Scene, track: PlainTrack, target: Pose, steps: int) -> tuple[float, float]:
-    """(dx [m], dtheta [rad]) to the target by even steps of the models' own sliding pivot."""
-    release = SlidingPivotRelease(steps=steps).release(case_of(scene, track))
-    state = release.detach
+    """(dx [m], dtheta [rad]) to the target by even steps of the model that counts, in Python."""
+    plain = RELEASES[scene.tolerance.model](steps=steps)
+    state = plain.release(case_of(scene, track)).detach
     flown = time_down(state, target.z, scene.gravity)
     angle = 0.0 if target.theta is None else state.theta + state.omega * flown - target.theta
     return float(state.x + state.v_x * flown - target.plane_x), float(angle)

@@ -9,7 +9,7 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from ...models import SLIDING_PIVOT, Arm
+from ...models import SLIDING_PIVOT, STEPPED_SURFACE, Arm
 from ...models import Path as Motion
 from ...problems import InputError, Pose, Scene, plain
 from ..check import Mover, Samples, Throw, torque_limits
@@ -95,6 +95,19 @@ class PlannedThrow:
         return self.final.limit_surface
 
     @property
+    def decides(self) -> str:
+        """Whose landing makes it solved: "limit_surface", "sent", for a hand "exact"."""
+        if self.scene.tolerance.model == STEPPED_SURFACE:
+            return "limit_surface"
+        return "exact" if self.sent is None else "sent"
+
+    @cached_property
+    def apart(self) -> tuple[float, float]:
+        """How far apart sliding pivot and limit surface land: x [m], theta [rad]."""
+        pivot, surface = self.final.sliding_pivot.landing, self.limit_surface.landing
+        return abs(pivot.x - surface.x), abs(pivot.theta - surface.theta)
+
+    @property
     def landing_time(self) -> float:
         """When the object lands [s] on the motion's clock."""
         return self.final.landing_time
@@ -131,6 +144,23 @@ class Plan:
         return f"Plan({self.scene.name}: {self.status}, {self.message})"
 
     @property
+    def warning(self) -> str:
+        """A line where the two release models differ by more than the tolerance; else empty."""
+        if self.throw is None:
+            return ""
+        (x, theta), tolerance = self.throw.apart, self.scene.tolerance
+        turn = 0.0 if self.target.theta is None else theta
+        if x <= tolerance.position and turn <= tolerance.angle:
+            return ""
+        if not math.isfinite(x):
+            return "only one of sliding pivot and limit surface comes down to the target's height"
+        return (
+            f"sliding pivot and limit surface land {1e3 * x:.1f} mm and "
+            f"{math.degrees(theta):.1f} deg apart, more than the tolerance of "
+            f"{1e3 * tolerance.position:g} mm and {math.degrees(tolerance.angle):g} deg"
+        )
+
+    @property
     def solved(self) -> bool:
         """Whether the checked landing is inside the tolerance and nothing is broken."""
         return self.status == "solved"
@@ -138,7 +168,7 @@ class Plan:
     def to_dict(self) -> dict[str, Any]:
         """The plan as JSON: SI units, radians; poses in the base frame for an arm."""
         landing = dict.fromkeys(("planned", "exact", "sent", "limit_surface"))
-        error, release = dict.fromkeys(("planned", "exact", "sent")), dict.fromkeys(MOMENTS)
+        error, release = dict.fromkeys(landing), dict.fromkeys(MOMENTS)
         if self.throw is not None:
             poses = self._poses(self.throw)
             landing = {name: pose and self._json_pose(pose) for name, pose in poses.items()}
@@ -188,6 +218,10 @@ class Plan:
         """What only some plans have: torques, of an arm with masses; robustness, alternatives."""
         more: dict[str, Any] = {}
         throw, arm = self.throw, self.scene.arm
+        if throw is not None:
+            more["decides"] = throw.decides
+        if self.warning:
+            more["warning"] = self.warning
         if throw is not None and arm is not None and torque_limits(self.scene) is not None:
             torques, rates = throw.final.torques, arm.limits.torque_rate
             most = None if rates is None else min(rates)
@@ -236,14 +270,14 @@ class Plan:
         solver, error = result["solver"], result["error"]
         lines = [f"{scene.name}: {self.status}" + (f", {self.message}" if self.solved else "")]
         lines.append(f"  target {self.target.words}")
-        landing = None if self.throw is None else self.throw.limit_surface.landing
-        if landing is not None and math.isfinite(landing.x):
-            error["limit surface"] = self._json_error(landing.pose)
         for name, off in error.items():
             if off is not None and off["position"] is not None:
-                note = " (for comparison)" if name == "limit surface" else ""
+                note = ", which decides" if name == result["decides"] else ""
                 position, angle = 1e3 * off["position"], math.degrees(off["angle"])
-                lines.append(f"  {name:14} error {position:8.3f} mm {angle:8.3f} deg{note}")
+                label = name.replace("_", " ")
+                lines.append(f"  {label:14} error {position:8.3f} mm {angle:8.3f} deg{note}")
+        if self.warning:
+            lines.append(f"  warning: {self.warning}")
         floor = None if scene.workspace is None else scene.workspace.floor
         if floor is not None and self.target.z < floor:
             lines.append(

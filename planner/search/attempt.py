@@ -378,7 +378,7 @@ def scatter(thrown: PlannedThrow, target: Pose) -> float:
     scene = thrown.scene
     base, worst = thrown.final.landing, 0.0
     for delay in window_of(scene).delays:
-        found = thrown.final.sliding_pivot.delayed(float(delay)).landing
+        found = thrown.final.delayed(float(delay)).landing
         turn = 0.0 if target.theta is None else found.theta - base.theta
         error = abs(found.x - base.x) + abs(turn) * scene.object.length / 2
         worst = max(worst, error if math.isfinite(error) else math.inf)

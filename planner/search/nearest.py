@@ -17,7 +17,6 @@ from functools import partial
 import numpy as np
 import numpy.typing as npt
 
-from ...models import SLIDING_PIVOT
 from ...problems import Pose, Scene
 from ..check import (
     Guard,
@@ -194,7 +193,7 @@ def _binding(
     scene, mover, target = request.scene, request.mover, request.target
     assert target is not None
     motion, opening = planned_motion(nlp, request, best.x)
-    landing = Throw(scene, mover, motion, opening, model=SLIDING_PIVOT).landing
+    landing = Throw(scene, mover, motion, opening).landing
     if not math.isfinite(landing.flight_time):
         return Binding(target, None, (), math.inf, False, iterations)
     numbers, limits = nlp.numbers(request), nlp.bounds(request)

@@ -39,8 +39,8 @@ class Timeline:
     marks: dict[str, float]
 
     def index(self, time: float) -> int:
-        """Index of the instant nearest to `time` [s]."""
-        return int(np.abs(self.times - time).argmin())
+        """Index of the first instant that is not before `time` [s], or of the last."""
+        return min(int(np.searchsorted(self.times, time - 1e-9)), len(self.times) - 1)
 
     def phase_name(self, index: int) -> str:
         """Name of the phase at an instant."""
@@ -102,7 +102,7 @@ def _object(throw: Throw, times: Array, hand: Array, twist: Array) -> tuple[Arra
     com = np.where(states[0], carried, np.where(states[1], opened, flying))
     rate = np.select(states, [twist[2], opened_rate], release.com_twist[2, -1])
     phase = np.where(times < opening, 0, 1)
-    for onset, index in ((release.pivot, 2), (release.slide, 3)):
+    for onset, index in zip(throw.final.onsets, (2, 3), strict=True):
         if onset is not None:
             phase[times >= opening + onset] = index
     phase[times >= detach] = 4

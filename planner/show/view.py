@@ -66,12 +66,17 @@ class SpaceThrow:
         return self.throw.target.plane
 
     def phases(self) -> dict[str, float]:
-        """When each phase that occurs begins, and the landing [s]."""
-        release, opening = self.throw.final.release, self.throw.opening_time
+        """When each phase that occurs begins, and the landing [s].
+
+        On the limit surface the object starts to pivot and slide at once: then it slides.
+        """
+        opening = self.throw.opening_time
         found = {"carry": 0.0, "stick": opening}
-        for name, onset in (("pivot", release.pivot), ("slide", release.slide)):
+        for name, onset in zip(("pivot", "slide"), self.throw.final.onsets, strict=True):
             if onset is not None:
                 found[name] = opening + float(onset)
+        if found.get("pivot", -1.0) == found.get("slide"):
+            del found["pivot"]
         return found | {"flight": self.throw.detach_time, "landing": self.throw.landing_time}
 
     def target(self) -> Array:

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ...models import BATCH_MODELS, SLIDING_PIVOT, Array, Indices
+from ...models import BATCH_MODELS, Array, Indices
 from ...problems import USUAL_UNCERTAINTY, InputError, filling, plain, write_json
 from ..check import named_model
 from ..result import Plan
@@ -177,12 +177,13 @@ def sweep(
     plan: Plan,
     samples: int = 1000,
     seed: int = 0,
-    model: str = SLIDING_PIVOT,
+    model: str = "",
     executor: Executor | None = None,
 ) -> Sweep:
     """Throw a solved plan's sent motion under its scene's [uncertainty].
 
-    Without that section: under an opening delay uniform in +-10 ms. The samples are a
+    Without that section: under an opening delay uniform in +-10 ms. model: of the release; the
+    one that the scene's tolerance names if empty. The samples are a
     seeded Sobol sequence and the same for every executor, which spreads chunks of them.
     Raises InputError for a plan without a throw, an unknown model, numbers out of range.
     """
@@ -196,12 +197,13 @@ def sweep_until_stopped(
     plan: Plan,
     samples: int = 1000,
     seed: int = 0,
-    model: str = SLIDING_PIVOT,
+    model: str = "",
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Sweep | None:
     """The same; after Ctrl-C the sweep of what was done until then, None if nothing was."""
     started = time.perf_counter()
+    model = model or plan.scene.tolerance.model
     check_sweep(samples, seed, model)
     sampler = sampler_of(plan.scene, seed)
     thrower = thrower_of(plan, model, sampler)

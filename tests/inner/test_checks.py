@@ -102,12 +102,18 @@ def test_the_compiled_core_sends_and_checks_the_same(name: str, by_numpy) -> Non
     assert plan.throw is not None
     mover, planned, opening = plan.mover, plan.throw.planned, plan.throw.opening_time
 
-    def sent(late: float) -> tuple[Samples, Throw]:
+    def sent(late: float, model: str) -> tuple[Samples, Throw]:
         samples = send(mover, planned)
-        return samples, Throw.sent(plan.throw.scene, mover, planned, samples, opening + late)
+        throw = Throw.sent(plan.throw.scene, mover, planned, samples, opening + late)
+        return samples, throw.by(model)
 
-    for late in (0.0, 0.02, -0.05):
-        (samples, throw), (others, other) = sent(late), by_numpy(lambda late=late: sent(late))
+    # The limit surface by NumPy takes even steps, which settle to some micrometres.
+    for late, model, near in (
+        *((late, "sp", 1e-7) for late in (0.0, 0.02, -0.05)),
+        (0.0, "ls-step", 1e-5),
+    ):
+        make = functools.partial(sent, late, model)
+        (samples, throw), (others, other) = make(), by_numpy(make)
         for rows in ("q", "dq", "ddq"):
             assert getattr(samples, rows) == pytest.approx(getattr(others, rows), abs=1e-10)
         kinks = by_numpy(lambda other=other: other.path.kinks)
@@ -115,7 +121,7 @@ def test_the_compiled_core_sends_and_checks_the_same(name: str, by_numpy) -> Non
         use = by_numpy(lambda other=other: other.grip_use)
         assert throw.grip_use == pytest.approx(use, rel=1e-9)
         measured = by_numpy(lambda other=other: numbers(other))
-        assert numbers(throw) == pytest.approx(measured, abs=1e-7)
+        assert numbers(throw) == pytest.approx(measured, abs=near)
         assert broken(throw) == by_numpy(lambda other=other: broken(other))
         assert broken_limits(mover, samples) == by_numpy(
             functools.partial(broken_limits, mover, others)
@@ -125,7 +131,7 @@ def test_the_compiled_core_sends_and_checks_the_same(name: str, by_numpy) -> Non
 def test_both_measure_the_same_where_things_are_near(cup_plan: tp.Plan, by_numpy) -> None:
     """Early and late openings on the plan's motion, beside a wide column and a large palm."""
     assert cup_plan.throw is not None
-    throw, near = cup_plan.throw.final, set()
+    throw, near = cup_plan.throw.final.sliding_pivot, set()
     scene, arm = throw.scene, throw.scene.arm
     assert scene.workspace is not None and arm is not None
     tool = dataclasses.replace(arm.tool, palm_half_width=0.12, palm_back=0.3)

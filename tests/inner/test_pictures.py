@@ -17,7 +17,7 @@ from PIL import Image, ImageSequence
 from throwplan.planner.show import (
     GREEN,
     GREY,
-    ORANGE,
+    RED,
     draw_releases,
     draw_throw_moving,
 )
@@ -73,7 +73,7 @@ def test_the_gif_shows_every_phase_in_its_colour_on_white(saved, tmp_path: Path)
     # A fifth of the speed; then the last frame, for a moment.
     assert length == pytest.approx(5 * throw.landing_time, rel=0.15)
     assert all((frame[:2] == 255).all() for frame in frames)
-    for colour in (GREY, ORANGE, GREEN):
+    for colour in (GREY, RED, GREEN):
         assert max(share_of(frame, colour) for frame in frames) > 3e-4
     assert share_of(frames[0], GREY) > 3e-4 > share_of(frames[0], GREEN)
     assert share_of(frames[-6], GREEN) > 3e-4

@@ -112,13 +112,13 @@ def posed(plan_of) -> tp.Plan:
 @pytest.mark.parametrize("name", ["delay", "cup", "hand-flip"])
 def test_the_nominal_throw_is_the_checked_one(name: str, plan_of) -> None:
     plan = plan_of(name)
-    tolerance, exact = plan.scene.tolerance, plan.throw.final.landing
-    x, theta, flight = tp.sweep(plan, samples=64).nominal.pose[0]
+    tolerance, exact = plan.scene.tolerance, plan.throw.final.sliding_pivot.landing
+    x, theta, flight = tp.sweep(plan, samples=64, model="sp").nominal.pose[0]
     assert x == pytest.approx(exact.x, abs=0.1 * tolerance.position)
     assert theta == pytest.approx(exact.theta, abs=0.1 * tolerance.angle)
     assert flight == pytest.approx(exact.flight_time, abs=1e-3)
     surface = plan.to_dict()["landing"]["limit_surface"]
-    x, theta, _ = tp.sweep(plan, samples=64, model="ls-step").nominal.pose[0]
+    x, theta, _ = tp.sweep(plan, samples=64).nominal.pose[0]
     # Its steps are not cut where a free hand's acceleration steps.
     share = 1.0 if plan.scene.robot is None else 0.2
     assert x == pytest.approx(surface["x"], abs=share * tolerance.position)
@@ -152,7 +152,7 @@ def test_samples_land_where_the_exact_model_throws_them(posed) -> None:
         # The command went out earlier by the mean delay.
         opened = posed.throw.opening_time + given["delay"] - 0.002
         thrown = dataclasses.replace(posed.throw.final, scene=other, opening_time=opened)
-        exact = thrown.sliding_pivot.landing
+        exact = thrown.landing
         assert pose[0] == pytest.approx(exact.x, abs=2e-4)
         assert pose[1] == pytest.approx(exact.theta, abs=2e-3)
 
@@ -164,7 +164,7 @@ def test_the_largest_delays_are_where_success_ends(posed) -> None:
         for delay, inside in ((edge * 0.98, True), (edge * 1.02, False)):
             opened = posed.throw.opening_time + delay
             thrown = dataclasses.replace(posed.throw.final, opening_time=opened)
-            dx, dtheta = thrown.sliding_pivot.miss(posed.target)
+            dx, dtheta = thrown.miss(posed.target)
             tolerance = posed.scene.tolerance
             met = abs(dx) <= tolerance.position and abs(dtheta) <= tolerance.angle
             assert met == inside
@@ -199,7 +199,7 @@ def test_a_weak_grip_is_no_success(posed) -> None:
 
 
 def test_what_was_done_is_kept_when_stopped(posed, monkeypatch) -> None:
-    monkeypatch.setitem(MODELS, "sp", dataclasses.replace(MODELS["sp"], chunk=256))
+    monkeypatch.setitem(MODELS, "ls-step", dataclasses.replace(MODELS["ls-step"], chunk=256))
     whole = tp.sweep(posed, samples=3 * 256)
 
     def stop(done: int, total: int) -> None:
@@ -213,7 +213,7 @@ def test_what_was_done_is_kept_when_stopped(posed, monkeypatch) -> None:
 
 
 def test_a_stopped_command_says_how_much_is_done(tmp_path, capsys, monkeypatch) -> None:
-    monkeypatch.setitem(MODELS, "sp", dataclasses.replace(MODELS["sp"], chunk=256))
+    monkeypatch.setitem(MODELS, "ls-step", dataclasses.replace(MODELS["ls-step"], chunk=256))
 
     def stop(self, done: int, total: int) -> None:
         raise KeyboardInterrupt

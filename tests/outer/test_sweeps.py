@@ -26,7 +26,7 @@ def test_json_has_the_interface_s_keys(delay) -> None:
     result = json.loads(json.dumps(found, allow_nan=False))
     assert set(result) >= KEYS
     assert result["scene"] == "delay"
-    assert (result["samples"], result["model"], result["robust"]) == (100, "sp", False)
+    assert (result["samples"], result["model"], result["robust"]) == (100, "ls-step", False)
     assert result["success"]["low"] <= result["success"]["rate"] <= result["success"]["high"]
     assert set(result["bias"]) >= {"position", "angle"}
     for name in ("position", "angle", "scaled"):
