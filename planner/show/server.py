@@ -116,11 +116,13 @@ class Panel:
         """Shows the throw at `time` [s]."""
         with self._lock:
             self.time = min(max(time, 0.0), self.end)
-            index = self.view.show(self.time)
+            self.view.show(self.time)
             self.slider.value = round(1e3 * self.time)
+            phases = self.throw.phases().items()
+            phase = [name for name, start in phases if name in PHASES and start <= self.time][-1]
             since = 1e3 * (self.time - self.throw.throw.opening_time)
             self.words.content = (
-                f"**{self.throw.line.phase_name(index)}**, {1e3 * self.time:.0f} ms "
+                f"**{phase}**, {1e3 * self.time:.0f} ms "
                 f"(opening {'−' if since < 0 else '+'} {abs(since):.0f} ms)"
             )
 

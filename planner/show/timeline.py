@@ -39,8 +39,8 @@ class Timeline:
     marks: dict[str, float]
 
     def index(self, time: float) -> int:
-        """Index of the first instant that is not before `time` [s], or of the last."""
-        return min(int(np.searchsorted(self.times, time - 1e-9)), len(self.times) - 1)
+        """Index of the instant nearest to `time` [s]."""
+        return int(np.abs(self.times - time).argmin())
 
     def phase_name(self, index: int) -> str:
         """Name of the phase at an instant."""
