@@ -37,8 +37,8 @@ def run(options: argparse.Namespace) -> int:
         "fraction": motion.fraction,
     }
     lines = [
-        f"{throw.scene.name}: {len(motion.times)} samples, {duration:.3f} s; the gripper's "
-        f"command {1e3 * throw.command_time:.1f} ms after the first"
+        f"{throw.scene.name}: {len(motion.times)} samples, {duration:.3f} s; gripper command "
+        f"{throw.command_time:.3f} s after the first"
     ]
     lines += [f"  written to {name}" for name in (options.franka, options.ros) if name]
     answer(options, result, "\n".join(lines))

@@ -22,6 +22,8 @@ if TYPE_CHECKING:
 Status = Literal["solved", "out_of_reach", "not_converged"]
 #: Times of a release, by their names in the JSON.
 MOMENTS = ("command_time", "opening_time", "detach_time", "landing_time")
+#: The same for people.
+MOMENT_WORDS = ("gripper command", "starts opening", "bar free", "lands")
 
 
 @dataclass(frozen=True, repr=False)
@@ -373,8 +375,8 @@ def _check_azimuth(arm: Arm, target: Pose) -> None:
 def _moments(release: dict[str, float | None]) -> str:
     """The release's times for people."""
     return ", ".join(
-        f"{name.removesuffix('_time')} {1e3 * value:.0f} ms"
-        for name, value in release.items()
+        f"{words} {value:.3f} s"
+        for words, value in zip(MOMENT_WORDS, release.values(), strict=True)
         if value is not None
     )
 

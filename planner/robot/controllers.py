@@ -7,17 +7,21 @@ import os
 from collections.abc import Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass
+from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from ...models import Arm, Array, PlanarArm
-from ...problems import InputError, filling, write_json
+from ...problems import InputError, filling, load_arm, write_json
 from ..check import TICK, Throw, broken_limits
 from ..ocp import broken as broken_terms
 from ..result import Plan, joint_samples, throw_of, write_table
 
+#: The arm whose kinematics all Frankas share.
+FRANKA = "fr3"
 #: At rest: rate [rad/s] and acceleration [rad/s^2] of every joint are below.
 REST = (1e-6, 1e-3)
 #: A clock instant is on a tick that it misses by less than this share of one.
@@ -135,6 +139,8 @@ def export(
         # Before the plan is read: a missing extra is said at once.
         ros_typestore()
     motion = joint_motion(plan)
+    if franka is not None:
+        _check_franka(motion.arm)
     called = joint_names(motion, names)
     with ExitStack() as stack:
         if franka is not None:
@@ -147,35 +153,49 @@ def export(
     return motion
 
 
+def _check_franka(arm: Arm) -> None:
+    """InputError unless the arm's flange moves as a Franka's does (Panda and FR3 alike)."""
+    its = load_arm(FRANKA)
+    if arm.joints == its.joints:
+        q = ca.SX.sym("q", arm.joints)
+        flanges = ca.Function("flanges", [q], [arm.frames(q)[-2] - its.frames(q)[-2]])
+        if np.abs(np.array(flanges(np.linspace(-1.0, 1.0, arm.joints)))).max() < 1e-3:
+            return
+    words = f"the plan's arm is {arm.name}, must be a Franka; --ros takes any arm"
+    raise InputError(f"--franka: {words}")
+
+
 # Written.
 
 #: What is written for either.
-FRANKA_FILES = ("joints.csv", "gripper.csv", "franka.json", "franka.txt")
-ROS_FILES = ("metadata.yaml", "throw.mcap")
+FRANKA_PROGRAM, ROS_PROGRAM = ("throw.cpp", "CMakeLists.txt"), ("throw_node.py",)
+FRANKA_FILES = ("joints.csv", "gripper.csv", "franka.json", "franka.txt", *FRANKA_PROGRAM)
+BAG_FILES = ("metadata.yaml", "throw.mcap")
+ROS_FILES = (*BAG_FILES, *ROS_PROGRAM)
 #: Gap [m] of an opened gripper where nothing else is asked for: the Franka Hand's.
 OPEN_WIDTH = 0.08
 
 FRANKA_TEXT = """\
 {scene}, thrown by {arm}.
 
+throw.cpp    throws it: cmake -B build && cmake --build build && build/throw HOST
+             (needs libfranka 0.9 or newer; `throwplan run` does the same from Python).
 joints.csv   t and all joints, q [rad] and dq [rad/s], one row per control cycle of 1 ms.
 gripper.csv  the opening command: t [s], the row of joints.csv (0 is the first) in whose cycle
              it goes out, and how much of that cycle has passed then.
 franka.json  the same as numbers.
 
-1. Move slowly to the start pose and stop there; it is the first row:
-   q = [{start}] rad
-2. Send row after row, one per cycle, as joint positions (or dq as joint velocities). The motion
-   is within the limits as it is: switch libfranka's rate limiter off and its low-pass filter
-   too (cutoff_frequency = franka::kMaxCutoffFrequency), for they would change it.
-3. Send the gripper's opening command {command:.1f} ms after the first row, in row {cycle},
-   from another thread: the call blocks. The plan takes the force to start falling
-   {dwell:.1f} ms later and to be zero {opening:.1f} ms after that; what your gripper and
-   network really need belongs into the scene's [gripper] and [uncertainty] delay.
-4. The last row is at rest, after {duration:.3f} s. Finish the motion there.
+The program moves slowly to the start pose, which is the first row,
+   q = [{start}] rad,
+and asks before each motion. It sends a row per cycle without libfranka's rate limiter and
+low-pass filter, which would change the motion; it is within the limits as it is. The gripper's
+opening command goes out {command:.1f} ms after the first row, in row {cycle}. The plan takes the
+force to start falling {dwell:.1f} ms later and to be zero {opening:.1f} ms after that; what your
+gripper and network really need belongs into the scene's [gripper] and [uncertainty] delay. The
+last row is at rest, after {duration:.3f} s.
 
 Checked: position, velocity, acceleration and jerk of every joint, and what the scene asks;
-throwplan's README says what is not checked.
+throwplan's README says what is not checked. Not checked: the way to the start pose.
 """
 
 
@@ -199,7 +219,15 @@ def write_franka(motion: JointMotion, folder: Path) -> dict[str, Any]:
         duration=motion.times[-1],
     )
     (folder / "franka.txt").write_text(words, encoding="utf-8")
+    _write_programs(folder, FRANKA_PROGRAM)
     return facts
+
+
+def _write_programs(folder: Path, names: Sequence[str]) -> None:
+    """Programs that throw what is beside them; the same for every plan."""
+    programs = files("throwplan") / "planner" / "robot" / "programs"
+    for name in names:
+        (folder / name).write_text((programs / name).read_text(encoding="utf-8"), encoding="utf-8")
 
 
 def motion_facts(motion: JointMotion) -> dict[str, Any]:
@@ -278,8 +306,9 @@ def write_ros(motion: JointMotion, folder: Path, names: list[str], width: float)
         ):
             connection = writer.add_connection(topic, kind, typestore=store)
             writer.write(connection, max(time, 0), store.serialize_cdr(message, kind))
-    for name in ROS_FILES:
+    for name in BAG_FILES:
         os.replace(bag / name, folder / name)
+    _write_programs(folder, ROS_PROGRAM)
 
 
 def _trajectory(store: Any, motion: JointMotion, names: list[str]) -> Any:

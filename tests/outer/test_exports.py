@@ -5,9 +5,13 @@ from __future__ import annotations
 import csv
 import json
 import math
+import runpy
 import shutil
+import subprocess
 import sys
+import types
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -48,7 +52,7 @@ def test_franka_files_are_the_motion(cup, tmp_path, run, table) -> None:
     out = tmp_path / "franka"
     answer = run("export --json", folder / "plan.json", "--franka", out).json
     assert {path.name for path in out.iterdir()} == {
-        *("joints.csv", "gripper.csv", "franka.json", "franka.txt")
+        *("joints.csv", "gripper.csv", "franka.json", "franka.txt", "throw.cpp", "CMakeLists.txt")
     }
     sent, motion = table(out / "joints.csv"), table(folder / "motion.csv")
     names = ["t", *(f"q{j}" for j in JOINTS), *(f"dq{j}" for j in JOINTS)]
@@ -104,7 +108,7 @@ def read_bag(folder: Path) -> dict[str, list[tuple[int, str, object]]]:
     return found
 
 
-def test_an_arm_of_six_joints(copied, tmp_path, run) -> None:
+def test_an_arm_of_six_joints(copied, tmp_path, run, refused) -> None:
     """The Panda with its last joint welded in its posture: the same throw, a joint less."""
     plan = json.loads((copied / "plan.json").read_text())
     arm = plan["definition"]["arm"]
@@ -119,10 +123,9 @@ def test_an_arm_of_six_joints(copied, tmp_path, run) -> None:
     arm["tool"]["rotation"] += math.pi / 4
     arm["name"] = "six"
     (copied / "plan.json").write_text(json.dumps(plan))
-    assert run("export", copied, "--franka", tmp_path / "f", "--ros", tmp_path / "r").status == 0
-    header = (tmp_path / "f" / "joints.csv").read_text().splitlines()[0].split(",")
-    assert header == ["t", *(f"q{j}" for j in range(1, 7)), *(f"dq{j}" for j in range(1, 7))]
-    assert len(json.loads((tmp_path / "f" / "franka.json").read_text())["start"]) == 6
+    assert run("export", copied, "--ros", tmp_path / "r").status == 0
+    message = refused("export", copied, "--franka", tmp_path / "f")
+    assert "arm is six, must be a Franka" in message and not (tmp_path / "f").exists()
     trajectory = read_bag(tmp_path / "r")["/joint_trajectory"][0][2]
     assert trajectory.joint_names == [f"six_joint{j}" for j in range(1, 7)]
 
@@ -131,7 +134,7 @@ def test_ros_bag_reads_back(cup, tmp_path, run, table) -> None:
     plan, folder = cup
     out = tmp_path / "bag"
     assert run("export", folder, "--ros", out).status == 0
-    assert {path.name for path in out.iterdir()} == {"metadata.yaml", "throw.mcap"}
+    assert {path.name for path in out.iterdir()} == {"metadata.yaml", "throw.mcap", "throw_node.py"}
     bag = read_bag(out)
     assert set(bag) == {"/joint_trajectory", "/gripper_command"}
     ((time, kind, trajectory),) = bag["/joint_trajectory"]
@@ -156,7 +159,7 @@ def test_both_into_one_folder_and_again_with_other_names(cup, tmp_path, run) -> 
     both = ["--franka", tmp_path, "--ros", tmp_path]
     for options in ([], ["--joint-names", *names, "--open-width", "0.05"]):
         assert run("export", cup[1], *both, *options).status == 0
-    assert len(list(tmp_path.iterdir())) == 6
+    assert len(list(tmp_path.iterdir())) == 9
     bag = read_bag(tmp_path)
     assert bag["/joint_trajectory"][0][2].joint_names == names
     assert bag["/gripper_command"][0][2].position == 0.05
@@ -237,3 +240,153 @@ def test_edited_plans_throw_elsewhere(copied, tmp_path, refused) -> None:
     plan["definition"]["target"] |= {"x": -0.92 * math.cos(0.1), "y": 0.92 * math.sin(0.1)}
     (copied / "plan.json").write_text(json.dumps(plan))
     assert "limit of joint 1 position broken" in refused("export", copied, *to)
+
+
+# The programs beside the files.
+
+
+@pytest.mark.skipif(shutil.which("g++") is None, reason="needs a C++ compiler")
+def test_the_program_for_libfranka_sends_the_motion_and_opens_in_its_cycle(cup, tmp_path, run):
+    """Built against a stand-in for libfranka that writes down what it is sent."""
+    run("export", cup[1], "--franka", tmp_path)
+    stand_in = Path(__file__).parent.parent / "data" / "franka"
+    flags = ["-std=c++17", "-Wall", "-Wextra", "-Werror", "-pthread", "-I", str(stand_in)]
+    command = ["g++", *flags, str(tmp_path / "throw.cpp"), "-o", str(tmp_path / "throw")]
+    subprocess.run(command, check=True)
+    subprocess.run([tmp_path / "throw", "host"], cwd=tmp_path, input=b"\n\n", check=True)
+    motions = (tmp_path / "sent.csv").read_text().split("motion,")[1:]
+    way, thrown = (
+        np.array([[float(v) for v in row.split(",")[:7]] for row in motion.splitlines()[1:]])
+        for motion in motions
+    )
+    planned = np.loadtxt(tmp_path / "joints.csv", delimiter=",", skiprows=1)[:, 1:8]
+    np.testing.assert_allclose(thrown, planned, atol=1e-9)
+    # Without limiter, with the filter open; slowly to the start pose, from where the arm is.
+    assert motions[1].splitlines()[0] == "0,1000"
+    np.testing.assert_allclose(way[[0, -1]], [np.zeros(7), planned[0]], atol=1e-12)
+    assert np.abs(np.diff(way, axis=0)).max() <= 0.2 * 1e-3 * (1 + 1e-6)
+    width, _, cycles = map(float, (tmp_path / "opened.csv").read_text().split(","))
+    (row,) = csv.DictReader((tmp_path / "gripper.csv").read_text().splitlines())
+    assert width == 0.08 and cycles >= int(row["cycle"])
+
+
+class Ros:
+    """Stands in for ROS 2: modules by their names, and what is sent to the actions, in order."""
+
+    def __init__(self, bag: Path) -> None:
+        self.sent: list[tuple[str, Any, float]] = []
+        self.now, self.bag = 0.0, bag
+
+    def modules(self) -> dict[str, types.ModuleType]:
+        """All that throw_node.py imports."""
+        message = types.SimpleNamespace
+        future = lambda value: message(result=lambda: value)  # noqa: E731
+        done = message(result=message(error_code=0, error_string=""))
+        handle = message(accepted=True, get_result_async=lambda: future(done))
+        ros = self
+
+        class Time(float):
+            def __new__(cls, seconds):
+                return super().__new__(cls, seconds)
+
+            def __add__(self, other):
+                return Time(float(self) + other)
+
+            def to_msg(self):
+                return float(self)
+
+        class Node:
+            def __init__(self, name):
+                self.parameters = {}
+
+            def declare_parameter(self, name, value):
+                self.parameters[name] = value
+
+            def get_parameter(self, name):
+                return message(value=self.parameters[name])
+
+            def get_clock(self):
+                def now():
+                    ros.now += 1e-3
+                    return Time(ros.now)
+
+                return message(now=now)
+
+        class Client:
+            def __init__(self, node, kind, name):
+                self.name = name
+
+            def wait_for_server(self, timeout_sec):
+                return True
+
+            def send_goal_async(self, goal):
+                ros.sent.append((self.name, goal, ros.now))
+                return future(handle)
+
+        class Reader:
+            def open(self, *options):
+                from rosbags.highlevel import AnyReader
+
+                with AnyReader([ros.bag], default_typestore=ros_types()) as reader:
+                    self.rows = [
+                        (c.topic, reader.deserialize(data, c.msgtype), time)
+                        for c, time, data in reader.messages()
+                    ]
+
+            def has_next(self):
+                return bool(self.rows)
+
+            def read_next(self):
+                return self.rows.pop(0)
+
+        action = type("Action", (), {"Goal": message, "Result": message(SUCCESSFUL=0)})
+        contents = {
+            "rclpy": {"init": lambda: None, "shutdown": lambda: None}
+            | {"spin_until_future_complete": lambda node, future: None},
+            "rclpy.action": {"ActionClient": Client},
+            "rclpy.duration": {"Duration": Time},
+            "rclpy.node": {"Node": Node},
+            "rclpy.serialization": {"deserialize_message": lambda data, kind: data},
+            "rosbag2_py": {"SequentialReader": Reader, "StorageOptions": message}
+            | {"ConverterOptions": lambda *formats: None},
+            "control_msgs": {},
+            "control_msgs.action": {"FollowJointTrajectory": action, "GripperCommand": action},
+            "control_msgs.msg": {"GripperCommand": message},
+            "trajectory_msgs": {},
+            "trajectory_msgs.msg": {"JointTrajectory": message, "JointTrajectoryPoint": message},
+        }
+        found = {name: types.ModuleType(name) for name in contents}
+        for name, module in found.items():
+            vars(module).update(contents[name])
+        return found
+
+
+def ros_types() -> Any:
+    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
+
+    store = get_typestore(Stores.ROS2_HUMBLE)
+    definition = "float64 position\nfloat64 max_effort\n"
+    store.register(get_types_from_msg(definition, "control_msgs/msg/GripperCommand"))
+    return store
+
+
+def test_the_node_for_ros_sends_both_goals_at_their_times(cup, tmp_path, run, monkeypatch) -> None:
+    """To the start pose, then the trajectory, then the gripper's command on its clock."""
+    run("export", cup[1], "--ros", tmp_path)
+    ros = Ros(tmp_path)
+    for name, module in ros.modules().items():
+        monkeypatch.setitem(sys.modules, name, module)
+    monkeypatch.setattr("builtins.input", lambda words: "")
+    monkeypatch.setattr("time.sleep", lambda seconds: None)
+    runpy.run_path(str(tmp_path / "throw_node.py"), run_name="__main__")
+    (_, way, _), (_, throw, _), (gripper, opening, when) = ros.sent
+    trajectory = throw.trajectory
+    np.testing.assert_array_equal(
+        way.trajectory.points[0].positions, trajectory.points[0].positions
+    )
+    assert way.trajectory.points[0].time_from_start == 5.0
+    assert len(trajectory.points) == len(cup[0].throw.samples.times)
+    command = cup[0].to_dict()["release"]["command_time"]
+    # The stand-in's clock goes on by 1 ms whenever it is read.
+    assert when - trajectory.header.stamp == pytest.approx(command, abs=2.1e-3)
+    assert gripper == "/gripper_controller/gripper_cmd" and opening.command.position == 0.08

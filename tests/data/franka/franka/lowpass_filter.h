@@ -1,0 +1,5 @@
+#pragma once
+
+namespace franka {
+constexpr double kMaxCutoffFrequency = 1000.0;
+}
