@@ -1,4 +1,4 @@
-"""What a report is made of: sections of sentences, tables and pictures, and the page they make.
+"""What a report is made of: sections of sentences, tables and pictures; their page.
 
 The page is short: each section gives its main figures, at most one table and its pictures. Every
 table is in a CSV file with all its digits; a section that is measured again replaces its own part
@@ -21,13 +21,13 @@ if TYPE_CHECKING:
     from matplotlib.axis import Axis
     from matplotlib.figure import Figure
 
-TITLE = "throwplan: error against run time, stability, and what a scene leaves out"
+TITLE = "Appendix: everything that was measured"
 HEAD = """Landings are those of models: nothing here is measured on real throws, where the published
 error of the sliding pivot is 2.4 cm and 15° (Liu and Billard, the paper). Times belong to the
 machine and run that a section names at its end; compare times within one table only. A scaled
 error is |Δx| + |Δθ| l/2, with the length l of the object. All random draws have fixed seeds."""
-#: The page, which every report has.
-PAGE = "index.md"
+#: The page of all sections, behind the one that `summary` makes of them.
+APPENDIX = "appendix.md"
 
 
 @dataclass(frozen=True)
@@ -120,15 +120,16 @@ class ReportSection:
 
 
 def write_page(folder: Path, parts: dict[str, str], order: Sequence[str]) -> None:
-    """The page of the sections' parts, by key, in that order."""
+    """The appendix: the sections' parts, by key, in that order."""
     known = [parts[key] for key in order if key in parts]
-    (folder / PAGE).write_text("\n".join([f"# {TITLE}", "", HEAD, "", *known]), encoding="utf-8")
+    text = "\n".join([f"# {TITLE}", "", HEAD, "", *known])
+    (folder / APPENDIX).write_text(text, encoding="utf-8")
 
 
 def parts_of(folder: Path) -> dict[str, str]:
     """The parts of a page that is there, by section; none where there is no page."""
     try:
-        text = (folder / PAGE).read_text(encoding="utf-8")
+        text = (folder / APPENDIX).read_text(encoding="utf-8")
     except (OSError, UnicodeDecodeError):
         return {}
     pieces = re.split(r'^(<a id="\w+"></a>)$', text, flags=re.MULTILINE)

@@ -11,11 +11,13 @@ from importlib.metadata import version
 from pathlib import Path
 
 from ...problems import filling
-from . import models, parts, planner, reach, robust, stability, throws
-from .page import PAGE, Effort, ReportSection, parts_of, write_page
+from . import example, models, parts, planner, reach, robust, stability, throws
+from .page import APPENDIX, Effort, ReportSection, parts_of, write_page
+from .summary import write_summary
 
 #: Sections by what `--only` calls them, in the page's order.
 SECTIONS: dict[str, Callable[[Effort], ReportSection]] = {
+    "example": example.make,
     "models": models.make,
     "planner": planner.make,
     "stability": stability.make,
@@ -49,9 +51,10 @@ def make_report(
         section.seconds, section.made = time.perf_counter() - start, _made(quick)
         made.append(section)
         page[key] = section.markdown()
-        with filling(folder, (*section.files, PAGE)) as scratch:
+        with filling(folder, (*section.files, APPENDIX)) as scratch:
             section.write(scratch)
             write_page(scratch, page, tuple(SECTIONS))
+        write_summary(folder, page)
     return made
 
 

@@ -6,6 +6,7 @@ import csv
 import dataclasses
 import math
 import os
+import shutil
 import time
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ from throwplan.planner.report import (
     parts,
 )
 from throwplan.planner.report.page import parts_of, write_page
+from throwplan.planner.report.summary import write_summary
 from throwplan.planner.show import Table, new_figure
 
 ROWS = [
@@ -47,8 +49,8 @@ def test_a_section_is_its_figures_a_short_table_pictures_and_links(tmp_path: Pat
     one = section("parts", "It takes 3 ms.")
     one.write(tmp_path)
     write_page(tmp_path, {"parts": one.markdown()}, ORDER)
-    assert {path.name for path in tmp_path.iterdir()} == {*one.files, "index.md"}
-    text = (tmp_path / "index.md").read_text()
+    assert {path.name for path in tmp_path.iterdir()} == {*one.files, "appendix.md"}
+    text = (tmp_path / "appendix.md").read_text()
     assert "- It takes 3 ms." in text and "throwplan report --only parts" in text
     assert "| a \\| b | 0.333 |      7 | –     |" in text
     assert "[Dots](parts-dots.csv)" in text and "2.5" not in text and "parts.png" in text
@@ -76,13 +78,26 @@ def test_a_section_measured_again_replaces_its_own_part_of_the_page(tmp_path: Pa
     assert parts_of(tmp_path) == {}
     one, two = section("parts", "Old."), section("reach", "Kept.")
     write_page(tmp_path, {s.key: s.markdown() for s in (two, one)}, ORDER)
-    before = (tmp_path / "index.md").read_text()
+    before = (tmp_path / "appendix.md").read_text()
     assert before.index("Old.") < before.index("Kept.")
     page = parts_of(tmp_path)
     write_page(tmp_path, page, ORDER)
-    assert (tmp_path / "index.md").read_text() == before
+    assert (tmp_path / "appendix.md").read_text() == before
     write_page(tmp_path, page | {"parts": section("parts", "New.").markdown()}, ORDER)
-    assert (tmp_path / "index.md").read_text() == before.replace("Old.", "New.")
+    assert (tmp_path / "appendix.md").read_text() == before.replace("Old.", "New.")
+
+
+def test_the_first_pages_are_made_of_the_tables_that_are_there(tmp_path: Path) -> None:
+    """Those of docs/report are current; without tables nothing is said of them."""
+    report = Path(tp.__file__).parent / "docs" / "report"
+    shutil.copytree(report, tmp_path / "report")
+    write_summary(tmp_path / "report", parts_of(tmp_path / "report"))
+    page = (tmp_path / "report" / "index.md").read_text()
+    assert page == (report / "index.md").read_text()
+    assert len(page.splitlines()) < 120 and page.count("*Measured ") == 6
+    write_summary(tmp_path, {})
+    empty = (tmp_path / "index.md").read_text()
+    assert "## What is not validated" in empty and empty.count("\n## ") == 1
 
 
 @pytest.mark.slow
@@ -90,7 +105,7 @@ def test_a_quick_section_is_made(tmp_path: Path) -> None:
     heard: list[tuple[int, int]] = []
     made = make_report(tmp_path, ["robust"], True, lambda key: lambda *done: heard.append(done))
     assert [one.key for one in made] == ["robust"] and heard[-1] == (2, 2)
-    assert {path.name for path in tmp_path.iterdir()} == {*made[0].files, "index.md"}
+    assert {path.name for path in tmp_path.iterdir()} == {*made[0].files, "appendix.md", "index.md"}
     with (tmp_path / "robust.csv").open(newline="") as file:
         rows = list(csv.DictReader(file))
     quiet = [row for row in rows if row["method"] == "quiet"]
@@ -226,7 +241,7 @@ def test_unknown_sections_and_folders_are_refused(
 ) -> None:
     assert main(["report", "--only", "maths", "--out", str(tmp_path / "r")]) == 2
     words = capsys.readouterr().err
-    assert "--only maths: must be one of models, planner, stability" in words
+    assert "--only maths: must be one of example, models, planner" in words
     assert not (tmp_path / "r").exists()
     (tmp_path / "file").write_text("")
     assert main(["report", "--out", str(tmp_path / "file" / "r")]) == 2
