@@ -23,8 +23,9 @@ from ...models import Arm, Array
 from ...problems import InputError, load_arm
 from .controllers import OPEN_WIDTH
 
-#: Ports of robot and gripper, and how long [s] one may take to answer.
-PORTS, PATIENCE = (1337, 1338), 5.0
+#: Ports of robot and gripper; how long [s] one may take to answer, and the gripper's process to
+#: begin and say its state.
+PORTS, PATIENCE, BEGINNING = (1337, 1338), 5.0, 20.0
 #: The only arm that the binding's protocol speaks to.
 ARM = "fr3"
 #: A robot that is ready moves no joint faster [rad/s]; its flange is so near [m] to where the
@@ -41,6 +42,7 @@ CURES = {
     "reflex": "clear its way, or raise its collision thresholds",
     "start_pose_invalid": "try again",
     "collision": "clear its way",
+    "Timeout": "check the cable, and its state in Desk",
     "discontinuity": "use a real-time kernel, and plan it again with larger margins",
     "violation": "plan it again with larger margins",
 }
@@ -95,9 +97,9 @@ class GripperLink:
         """Send an order: a method of the binding's gripper, to be called `after` [s]."""
         self._pipe.send((name, values, after))
 
-    def answered(self) -> bool:
-        """Whether an answer has come."""
-        return self._pipe.poll()
+    def answered(self, patience: float = 0.0) -> bool:
+        """Whether an answer has come, or comes in so long [s]."""
+        return self._pipe.poll(patience)
 
     def answer(self) -> GripperState:
         """The state after the oldest order; InputError where it failed."""
@@ -106,8 +108,8 @@ class GripperLink:
         except (EOFError, ConnectionError):
             found = "the connection to the gripper ended"
         if isinstance(found, str):
-            word = " ".join(found.split()).removeprefix("libfranka gripper: ")
-            raise InputError(f"{self.host}: gripper: {word}: see Desk for its state")
+            word = " ".join(found.split()).removeprefix("libfranka").removeprefix(" gripper")
+            raise InputError(f"{self.host}: gripper{word}: see Desk for its state")
         return GripperState(*found)
 
     def state(self) -> GripperState:
@@ -189,12 +191,18 @@ def connected(host: str) -> Iterator[Franka]:
             ) from None
     real_time = Path("/sys/kernel/realtime").exists()
     config = binding.RealtimeConfig.kEnforce if real_time else binding.RealtimeConfig.kIgnore
-    with in_one_line(host):
-        robot = binding.Robot(host, config)
     gripper = GripperLink(host)
     try:
+        # First, for it can be given up.
+        gripper.order("read_once")
+        if not gripper.answered(BEGINNING):
+            raise InputError(
+                f"--robot {host}: port {PORTS[1]} is open and says nothing: check that it is a "
+                "Franka's address"
+            )
+        gripper.answer()
         with in_one_line(host):
-            yield Franka(host, robot, gripper)
+            yield Franka(host, binding.Robot(host, config), gripper)
     finally:
         gripper.close()
 

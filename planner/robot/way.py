@@ -7,7 +7,7 @@ import dataclasses
 import casadi as ca
 import numpy as np
 
-from ...models import Array
+from ...models import Arm, Array
 from ...problems import InputError, ThrowPlane
 from ..check import (
     BAR,
@@ -33,12 +33,29 @@ MEASURED = 10
 def approach(motion: JointMotion, start: Array) -> Array:
     """All joints (N, joints) [rad] every millisecond, slowly from rest at `start` to the motion's.
 
-    InputError where no straight way keeps the arm's limits, or where arm or held bar would come too
-    near to the floor, an obstacle, or each other.
+    Straight, or else by a raised pose: the shoulder in the middle of its range, others as in the
+    start pose. InputError where neither keeps the arm's limits, or where arm or held bar would come
+    too near to the floor, an obstacle, or each other.
     """
+    arm, goal = motion.arm, motion.q[0]
+    raised, shoulder = goal.copy(), arm.throwing_joints[0] - 1
+    raised[shoulder] = (arm.limits.position_min[shoulder] + arm.limits.position_max[shoulder]) / 2
+    straight = _straight(arm, start, goal)
+    wrong = _unclear(motion, straight)
+    if not wrong:
+        return straight
+    way = np.vstack([_straight(arm, start, raised), _straight(arm, raised, goal)[1:]])
+    if _unclear(motion, way):
+        raise InputError(
+            f"the way to the start pose is not clear: {wrong}: guide the arm nearer to it"
+        )
+    return way
+
+
+def _straight(arm: Arm, start: Array, goal: Array) -> Array:
+    """Joints (N, joints) from rest to rest within all limits; InputError where none are found."""
     import ruckig
 
-    arm, goal = motion.arm, motion.q[0]
     n, limits = arm.joints, joint_limits(arm, range(1, arm.joints + 1))
     order, trajectory = ruckig.InputParameter(n), ruckig.Trajectory(n)
     order.current_position, order.target_position = start.tolist(), goal.tolist()
@@ -52,11 +69,6 @@ def approach(motion: JointMotion, start: Array) -> Array:
         times = np.arange(0.0, trajectory.duration + TICK, TICK)
         states = np.array([trajectory.at_time(min(t, trajectory.duration)) for t in times])
         if keeps(limits, Samples(*np.moveaxis(states, 1, 0))):
-            wrong = _unclear(motion, states[:, 0])
-            if wrong:
-                raise InputError(
-                    f"the way to the start pose is not clear: {wrong}: guide the arm nearer to it"
-                )
             return states[:, 0]
     raise InputError("the way to the start pose breaks a limit: guide the arm nearer to it")
 

@@ -5,7 +5,9 @@ from __future__ import annotations
 import dataclasses
 import math
 import shutil
+import socket
 import sys
+import threading
 import types
 from pathlib import Path
 
@@ -191,12 +193,54 @@ def test_the_way_to_the_start_pose_is_clear_or_refused(plan) -> None:
         approach(motion, low)
 
 
+def test_from_a_throws_end_the_way_goes_over_the_floor(tmp_path) -> None:
+    """Straight it would draw the bar through it: the shoulder is raised first."""
+    scene = tp.load_scene("fr3")
+    target = scene.target.in_plane(1.557, math.radians(148))
+    tp.Planner(scene).plan(target).save(tmp_path, draw=False)
+    motion = joint_motion(tmp_path)
+    way = approach(motion, motion.q[-1])
+    assert way[-1] == pytest.approx(motion.q[0], abs=1e-6)
+    assert way[:, 1].min() < min(way[0, 1], way[-1, 1]) - 0.2
+    assert np.abs(np.diff(way, axis=0)).max() / TICK < 0.25 * max(motion.arm.limits.velocity)
+
+
 # Wrong input: one line, nothing moved.
 
 
 def test_a_run_needs_a_robot_and_somebody_to_ask(plan, refused) -> None:
     assert "--robot" in refused("run", plan)
     assert "--yes" in refused("run", plan, "--robot", "127.0.0.1")
+
+
+@pytest.mark.parametrize(
+    ("says", "words"),
+    [
+        (False, "gripper: TCP connection got interrupted"),
+        pytest.param(True, "is open and says nothing", marks=pytest.mark.slow),
+    ],
+)
+def test_what_is_no_franka_is_given_up(plan, refused, says, words) -> None:
+    """It takes the connection, and closes it or goes on in silence."""
+    pytest.importorskip("pylibfranka")
+    host, kept = f"127.0.19.{5 + says}", list[socket.socket]()
+
+    def serve(port: socket.socket) -> None:
+        while True:
+            taken = port.accept()[0]
+            if says:
+                kept.append(taken)
+            else:
+                taken.close()
+
+    for number in (1337, 1338):
+        port = socket.create_server((host, number))
+        kept.append(port)
+        threading.Thread(target=serve, args=(port,), daemon=True).start()
+    said = refused("run --yes", plan, "--robot", host)
+    for one in kept:
+        one.close()
+    assert host in said and words in said
 
 
 def test_a_robot_that_does_not_answer(plan, refused, tmp_path) -> None:
