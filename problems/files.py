@@ -24,6 +24,8 @@ from .section import InputError
 
 #: Bytes of the largest file that is read.
 LARGEST = 200_000_000
+#: No number of a CSV file is beyond this: seconds since 1970 are below it.
+BEYOND = 1e10
 
 
 def read_text(path: Path) -> str:
@@ -119,6 +121,8 @@ def read_csv(
             raise InputError(f"{key} = {name}: line {number} is not {len(at)} numbers") from None
         if not all(map(math.isfinite, values)):
             raise InputError(f"{key} = {name}: line {number} has a value that is not finite")
+        if max(map(abs, values)) > BEYOND:
+            raise InputError(f"{key} = {name}: line {number} has a value beyond {BEYOND:g}")
         found.append(values)
     return found
 

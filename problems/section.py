@@ -277,6 +277,13 @@ def unknown(key: str, known: Sequence[str]) -> str:
 _WRONG = object()
 #: Whole numbers beyond this have no float.
 _HUGE = 1e308
+#: No robot has a quantity beyond this, by the unit that its meaning begins with, nor one that must
+#: be above 0 and is below `_SMALLEST`; fields may say less. Beyond, squares and ratios overflow.
+_LARGEST = {
+    **{"m": 1e3, "degrees": 1e5, "rad": 1e3, "kg": 1e4, "kg m²": 1e6, "s": 1e4, "Hz": 1e5},
+    **{"m/s": 1e3, "m/s²": 1e5, "rad/s": 1e4, "rad/s²": 1e6, "rad/s³": 1e9, "N": 1e6, "N m": 1e6},
+}
+_SMALLEST = 1e-12
 _LIMITS: tuple[tuple[str, Any, str], ...] = (
     ("above", lambda v, limit: v > limit, "above"),
     ("least", lambda v, limit: v >= limit, "at least"),
@@ -358,8 +365,15 @@ def _check_limits(key: str, item: Any, about: Mapping[str, Any]) -> None:
     shown = math.degrees(item) if about.get("degrees") else item
     if not math.isfinite(item):
         raise InputError(f"{key} = {shown}: must be a finite number")
+    begins = re.match(r"kg m²|N m|\w+(/s[²³]?)?", about.get("meaning", ""))
+    largest = _LARGEST.get(begins[0], math.inf) if begins else math.inf
+    if about.get("degrees"):
+        largest = math.radians(largest)
+    bounds = {"most": largest, "least": -largest}
+    if largest < math.inf and about.get("above") == 0:
+        bounds["least"] = _SMALLEST
     for name, holds, words in _LIMITS:
-        limit = about.get(name)
+        limit = about.get(name, bounds.get(name))
         if limit is not None and not holds(item, limit):
             limit = math.degrees(limit) if about.get("degrees") else limit
             unit = f" {about['unit']}" if about.get("unit") else ""

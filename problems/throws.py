@@ -214,6 +214,9 @@ def _throw(
     grasp = Grasp(
         _number(row, "grasp_offset", 0.0), math.radians(_number(row, "grasp_angle_deg", 0.0))
     )
+    bar = objects[row["object"]]
+    if grasp.offset > bar.com:
+        raise InputError(f"grasp_offset = {grasp.offset:g}: must be at most com = {bar.com:g}")
     landing = None
     if all(row.get(name) for name in LANDING):
         x, z, theta = (_number(row, name) for name in LANDING)
@@ -239,7 +242,7 @@ def _throw(
     factors = {key: value for key, value in row.items() if key not in known}
     return MeasuredThrow(
         row["throw"],
-        objects[row["object"]],
+        bar,
         grasp,
         motion[:, 0],
         motion[:, 1:],

@@ -100,6 +100,8 @@ def chain_of(
     tool = _last_link(robot, chosen[-1]) if tool is None else tool
     base = robot.base_link if base is None else _link(robot, "--base", base)
     path = _path(robot, tool)
+    if _root(robot, tool) != _root(robot, base):
+        raise InputError(f"--base {base}: no joints lead from there to the link '{tool}'")
     if chosen[-1] not in path:
         raise InputError(f"--tool {tool}: must hang on the last joint '{names[-1]}'")
     under = _path(robot, base)
@@ -203,6 +205,12 @@ def _below(robot: Any, link: str, at: Array | None = None) -> Iterator[tuple[Any
         pose = (np.eye(4) if at is None else at) @ origin(joint)
         yield joint, pose
         yield from _below(robot, str(joint.child), pose)
+
+
+def _root(robot: Any, link: str) -> str:
+    """The link that all joints up to `link` stand on."""
+    path = _path(robot, link)
+    return str(path[0].parent) if path else link
 
 
 def hanging(robot: Any, link: str) -> list[Any]:

@@ -21,6 +21,10 @@ from .frames import frame_of, origin, unit_axis
 
 #: Angles [rad] this near to a right one are right: 1.5708, 3.1416.
 ROUNDED = 1e-5
+#: Links of the largest robot that is read, and what no length, mass or inertia of one exceeds.
+MOST_LINKS, BEYOND = 500, 1e4
+#: Of joints.
+TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 
 
 def read_urdf(path: Path) -> Any:
@@ -41,6 +45,7 @@ def read_urdf(path: Path) -> Any:
     try:
         parsed = _fetched(path.name) if named else _parsed(text, path)
         _check_tree(parsed.robot)
+        _check_numbers(parsed.robot)
         for joint in parsed.robot.joints:
             joint.origin = _squared(origin(joint))
         return yourdfpy.URDF(robot=parsed.robot, load_meshes=False)
@@ -59,6 +64,10 @@ def _parsed(text: str, path: Path) -> Any:
         raise ValueError("its root is not <robot>")
     if any("xacro" in part.tag for part in root.iter()):
         text = _expanded(path)
+        root = ElementTree.fromstring(text)
+    links = sum(1 for _ in root.iter("link"))
+    if links > MOST_LINKS:
+        raise ValueError(f"it has {links:,} links, must be at most {MOST_LINKS}")
     return yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False, build_scene_graph=False)
 
 
@@ -97,6 +106,18 @@ def _expanded(path: Path) -> str:
     return str(XacroDoc.from_file(path, resolve_packages=False).to_urdf_string())
 
 
+def _check_numbers(robot: Any) -> None:
+    """ValueError for places, axes, masses and inertias that no robot has."""
+    given = [(f"joint '{j.name}'", value) for j in robot.joints for value in (j.origin, j.axis)]
+    for link in robot.links:
+        own = link.inertial
+        values = () if own is None else (own.origin, own.mass, own.inertia)
+        given += [(f"the inertial of link '{link.name}'", value) for value in values]
+    for name, value in given:
+        if value is not None and not np.abs(np.asarray(value, float)).max(initial=0.0) <= BEYOND:
+            raise ValueError(f"{name} has a number beyond {BEYOND:g}")
+
+
 def _check_tree(robot: Any) -> None:
     """ValueError unless the joints connect the links to one tree."""
     links = [link.name for link in robot.links]
@@ -106,6 +127,8 @@ def _check_tree(robot: Any) -> None:
                 raise ValueError(f"two {kind}s are called '{name}'")
     parents = {}
     for joint in robot.joints:
+        if joint.type not in TYPES:
+            raise ValueError(f"the type of joint '{joint.name}' must be one of {', '.join(TYPES)}")
         if joint.type != "fixed":
             unit_axis(joint)
         for link in (joint.parent, joint.child):

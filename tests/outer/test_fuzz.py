@@ -1,0 +1,229 @@
+"""Hostile input: whatever files and words hold, a command answers in lines of its own.
+
+Each class of input has a strategy. A case fails where the exit status is none of the four, a line
+on stderr is not the program's, JSON or text hold a NaN that nobody gave, or 30 s of processor time
+bring no answer. Warnings are errors in tests.
+"""
+
+from __future__ import annotations
+
+import json
+import re
+import signal
+import tomllib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from importlib import resources
+from pathlib import Path
+from typing import Any
+
+import hostile
+import pytest
+import throwplan as tp
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from planar_urdf import ODD_OPTIONS, planar_urdf
+from test_scene_files import RICH
+
+#: Files by name, and the words of the command that reads them.
+Case = tuple[dict[str, bytes], list[str]]
+STATUSES, LONGEST = (0, 2, 3, 130), 30.0
+SCENES = {name: tomllib.loads(text) for name, text in RICH.items()}
+ARM = tomllib.loads((resources.files(tp) / "problems" / "arms" / "panda.toml").read_text("utf-8"))
+PLAN = ["plan", "scene.toml", "--patience", "0.001"]
+REFUSED = ["sweep", "scene.toml", "--samples", "0"]
+
+#: A data set of two throws.
+DATA = {
+    "landing_height": -0.8,
+    "objects": {"bar": {"mass": 0.24, "inertia": 0.000535, "length": 0.26, "com": 0.1}},
+    "truth": {"friction": 0.8},
+}
+THROWS = """throw,object,command,x,z,theta,motion,grip,grasp_offset,surface
+1,bar,0.1001,1.0,-0.8,7.5,motion.csv,grip.csv,0.0,wood
+2,bar,0.1,1.1,-0.8,7.2,motion.csv,grip.csv,0.001,wood
+"""
+MOTION = "t,x,z,theta\n" + "".join(f"{t / 100},{t / 50},{t / 100},{-t / 9}\n" for t in range(40))
+GRIP = "t,f_N\n0,100\n0.05,100\n0.08,40\n0.115,0\n"
+CHAIN = ["--joints", "turn", "lift", "bend", "flick"]
+
+#: Commands, what they are about, and their options with how many values each takes.
+COMMANDS: list[tuple[list[str], dict[str, int]]] = [
+    (
+        ["plan", "hand-box"],
+        {"--target": 3, "--azimuth": 1, "--alternatives": 1, "--solver": 1, "--robust": 1}
+        | {"--turns": 1, "--out": 1, "--json": 0},
+    ),
+    (["simulate", "drop"], {"--model": 1, "--out": 1, "--json": 0, "--x": 0}),
+    (["sweep", "drop"], {"--samples": 1, "--seed": 1, "--workers": 1, "--target": 3, "--out": 1}),
+    (["map", "drop"], {"--z": 1, "--samples": 1, "--out": 1, "--json": 0}),
+    (["prepare", "drop"], {"--throws": 1, "--json": 0}),
+    (["scenes"], {"--write": 1, "--reference": 0, "--json": 0}),
+    (["report", "--only", "nothing"], {"--only": 1, "--quick": 0, "--json": 0}),
+    (["view", "nothing"], {"--port": 1, "--hold": 1, "--mp4": 1}),
+    (["run", "nothing"], {"--robot": 1, "--repeat": 1, "--after": 1, "--dry": 0}),
+    (["import-robot", "nothing.urdf"], {"--out": 1, "--joints": 2, "--tcp": 1, "--jerk": 2}),
+    (["make-throws", "--repeats", "1"], {"--seed": 1, "--friction": 1, "--truth": 1, "--out": 1}),
+    (["identify", "nothing"], {"--model": 1, "--throws": 1, "--only": 1, "--prior": 1}),
+    (["validate", "nothing"], {"--models": 1, "--factor": 2, "--out": 1}),
+]
+
+
+@st.composite
+def scene_cases(draw: st.DrawFn) -> Case:
+    """Scene files; one in ten of those for planning is planned."""
+    name = draw(st.sampled_from(sorted(SCENES)))
+    files = {"scene.toml": draw(hostile.toml_file(SCENES[name]))}
+    if name == "drop":
+        return files, ["simulate", "scene.toml"]
+    return files, REFUSED if draw(st.integers(0, 9)) else PLAN
+
+
+@st.composite
+def arm_cases(draw: st.DrawFn) -> Case:
+    """Arm data files in the scene `pose`."""
+    scene = tomllib.loads(tp.scene_text("pose"))
+    scene["robot"] = {"arm": "arm.toml"}
+    files = {"arm.toml": draw(hostile.toml_file(ARM)), "scene.toml": hostile.toml(scene).encode()}
+    return files, REFUSED if draw(st.integers(0, 9)) else PLAN
+
+
+@st.composite
+def data_cases(draw: st.DrawFn) -> Case:
+    """Data sets of throws: one of their files is wrong."""
+    wrong = draw(st.sampled_from(["dataset.toml", "throws.csv", "motion.csv", "grip.csv"]))
+    files = {"dataset.toml": hostile.toml(DATA).encode()}
+    for name, text in (("throws.csv", THROWS), ("motion.csv", MOTION), ("grip.csv", GRIP)):
+        files[name] = draw(hostile.csv_file(text)) if name == wrong else text.encode()
+    if wrong == "dataset.toml":
+        files[wrong] = draw(hostile.toml_file(DATA))
+    command = draw(st.sampled_from([["identify", ".", "--no-grid"]] * 3 + [["validate", "."]]))
+    return files, command
+
+
+@st.composite
+def urdf_cases(draw: st.DrawFn) -> Case:
+    """URDF files of a planar arm."""
+    chain = draw(st.sampled_from([CHAIN, []]))
+    words = ["import-robot", "odd.urdf", "--out", "arm.toml", *chain, *ODD_OPTIONS]
+    return {"odd.urdf": draw(hostile.xml_file(planar_urdf()[0]))}, words
+
+
+@st.composite
+def line_cases(draw: st.DrawFn) -> Case:
+    """Command lines; what they do, if they are right, is short."""
+    first, options = draw(st.sampled_from(COMMANDS))
+    words = draw(hostile.command_line(options, first))
+    last = {"plan": ["--patience", "0.001"], "make-throws": ["--repeats", "1"]}
+    return {}, words + last.get(first[0], [])
+
+
+@st.composite
+def plan_cases(draw: st.DrawFn, plan: dict[str, Any], motion: str) -> Case:
+    """Saved plans: plan.json or motion.csv is wrong."""
+    files = {"plan.json": json.dumps(plan).encode(), "motion.csv": motion.encode()}
+    if draw(st.integers(0, 3)):
+        files["plan.json"] = draw(hostile.json_file(plan))
+    else:
+        files["motion.csv"] = draw(hostile.csv_file(motion))
+    commands = [["export", ".", "--ros", "ros"], ["replay", "."], ["view", ".", "--mp4", "a.txt"]]
+    return files, draw(st.sampled_from(commands))
+
+
+STRATEGIES: dict[str, Callable[[], st.SearchStrategy[Case]]] = {
+    "scenes": scene_cases,
+    "arms": arm_cases,
+    "throw data": data_cases,
+    "urdf": urdf_cases,
+    "command lines": line_cases,
+}
+
+
+class TooLong(BaseException):
+    """No answer in time; no `except Exception` catches it."""
+
+
+@contextmanager
+def in_time() -> Iterator[None]:
+    """Raises TooLong after LONGEST seconds of processor time."""
+
+    def stop(*_: object) -> None:
+        raise TooLong
+
+    before = signal.signal(signal.SIGPROF, stop)
+    signal.setitimer(signal.ITIMER_PROF, LONGEST)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_PROF, 0.0)
+        signal.signal(signal.SIGPROF, before)
+
+
+def judge(run: Callable[..., Any], case: Case, folder: Path) -> None:
+    """Run a case in `folder`, which is the working directory, and assert what holds for all."""
+    files, words = case
+    for name, content in files.items():
+        (folder / name).write_bytes(content)
+    with in_time():
+        try:
+            said = run("", *words)
+        except SystemExit as exit:  # --help, --version
+            assert exit.code == 0
+            return
+    assert said.status in STATUSES
+    for line in said.err.splitlines():
+        assert line.startswith("throwplan: ") and len(line) < 3000, said.err
+    assert said.status != 2 or said.err, said
+    given = b"".join(files.values()).decode("utf-8", "replace") + " ".join(words)
+    if "nan" not in given.lower():
+        assert not re.search(r"\bnan\b", said.out, re.I), said.out
+    if "--json" in words:
+        said.json  # noqa: B018
+
+
+def fuzz(strategy: st.SearchStrategy[Case], run: Any, folder: Path, count: int) -> None:
+    """`count` cases of a strategy."""
+
+    @settings(
+        max_examples=count, deadline=None, database=None, suppress_health_check=list(HealthCheck)
+    )
+    @given(case=strategy)
+    def judged(case: Case) -> None:
+        judge(run, case, folder)
+
+    judged()
+
+
+@pytest.fixture
+def here(tmp_path, monkeypatch) -> Path:
+    """The working directory, a folder deep, for paths that go up."""
+    folder = tmp_path / "a" / "b"
+    folder.mkdir(parents=True)
+    monkeypatch.chdir(folder)
+    return folder
+
+
+@pytest.mark.parametrize("kind", STRATEGIES)
+def test_hostile_input_is_answered(kind, run, here) -> None:
+    fuzz(STRATEGIES[kind](), run, here, 25)
+
+
+def test_hostile_plans_are_answered(run, here, saved) -> None:
+    fuzz(plan_cases(*_saved(saved)), run, here, 15)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", STRATEGIES)
+def test_much_hostile_input_is_answered(kind, run, here) -> None:
+    fuzz(STRATEGIES[kind](), run, here, 2000)
+
+
+@pytest.mark.slow
+def test_many_hostile_plans_are_answered(run, here, saved) -> None:
+    fuzz(plan_cases(*_saved(saved)), run, here, 1000)
+
+
+def _saved(saved: Callable[[str], Path]) -> tuple[dict[str, Any], str]:
+    folder = saved("pose")
+    motion = (folder / "motion.csv").read_text()
+    return json.loads((folder / "plan.json").read_text()), motion
