@@ -45,8 +45,8 @@ from .search import (
     Task,
     Turns,
     attempts,
+    check_contradictions,
     check_start,
-    check_start_clear,
     contradiction,
     distinct,
     highest,
@@ -93,7 +93,7 @@ class Planner:
         # Obstacles stand in the base frame, tables and libraries are of the throw's own plane.
         scene = scene.replace(obstacle=()) if scene.obstacle else scene
         check_start(scene, self.mover)
-        check_start_clear(scene, self.mover)
+        check_contradictions(scene, self.mover)
         self.problems = Problems(scene, self.mover)
         self._sampler = ReleaseSampler(scene, self.mover)
         reach = Reach(scene, self.mover)

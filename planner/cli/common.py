@@ -63,6 +63,12 @@ def add_force(add: Add) -> None:
     add("--force", action="store_true", help="overwrite a file that is there")
 
 
+def add_patience(add: Add, words: str) -> None:
+    """The option --patience; words: how long it is by default."""
+    words = f"how long to look for a throw (default: {words})"
+    add("--patience", type=number(0.001, 3600.0), metavar="S", help=words)
+
+
 def add_target(add: Add) -> None:
     """The options --target and --azimuth, for `target_of`."""
     words = "landing pose instead of the scene's; THETA_DEG may be 'free'"

@@ -13,10 +13,10 @@ from .common import (
     NO_THROW,
     Add,
     add_out,
+    add_patience,
     add_scene,
     add_target,
     answer,
-    number,
     say,
     target_of,
     whole,
@@ -48,8 +48,7 @@ def arguments(add: Add) -> None:
     words = "list up to N more throws that differ from the plan's"
     most = whole(0, MOST_ALTERNATIVES)
     add("--alternatives", type=most, metavar="N", default=0, help=words)
-    words = "how long to look for a throw (default: 3 s; 20 s for several or robust ones)"
-    add("--patience", type=number(0.001, 3600.0), metavar="S", help=words)
+    add_patience(add, "3 s; 20 s for several or robust ones")
     add_out(add, "plan.json, motion.csv, throw.png and throw.gif")
 
 

@@ -18,6 +18,7 @@ from .common import (
     Add,
     Progress,
     add_out,
+    add_patience,
     add_scene,
     add_target,
     answer,
@@ -33,6 +34,7 @@ def arguments(add: Add) -> None:
     add_scene(add)
     add_target(add)
     add("--robust", choices=ROBUST_METHODS, help="plan against the uncertainty")
+    add_patience(add, "3 s; 20 s for a robust one")
     names = f"release model: {', '.join(BATCH_MODELS)} (default: the scene's [tolerance] model)"
     add("--model", default="", metavar="NAME", help=names)
     words = "processes on this machine (default: 1); the result is the same"
@@ -77,4 +79,4 @@ def _planned(scene: Scene, target: Pose | None, options: argparse.Namespace) -> 
     planner.check(target)
     if options.out is not None:
         prepare_folder(Path(options.out), SWEEP_FILES)
-    return planner.plan(target, robust=options.robust)
+    return planner.plan(target, robust=options.robust, patience=options.patience)

@@ -5,7 +5,7 @@ Also answers which landing is the nearest possible, and which limits bind there.
 
 from .attempt import Attempt, Edge, Start, attempts, distinct, ordered, scatter, violations
 from .corrector import CORRECTOR, Corrector, moved_start, optimum_of
-from .failure import check_start_clear, contradiction, nothing_found
+from .failure import check_contradictions, contradiction, nothing_found
 from .guess import guess_from, refit
 from .launch import carry, flies_past_column, polynomial, run_up
 from .library import Library, Neighbour

@@ -20,11 +20,11 @@ FACTOR = 2.0
 NEAR = 200
 
 
-def check_start_clear(scene: Scene, mover: Mover) -> None:
-    """InputError where the held bar begins below the floor or in the base column.
-
-    At the given start, or at each of some random ones where it is free.
+def check_contradictions(scene: Scene, mover: Mover) -> None:
+    """InputError where the bar is not in the cup at the target, begins below the floor or in the
+    base column: at the given start, or at each of some random ones where it is free.
     """
+    scene.check_target_in_cup()
     workspace, limits = scene.workspace, mover.planning
     if workspace is None:
         return

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import os
 import subprocess
 import sys
@@ -350,6 +351,15 @@ def test_a_bound_that_no_throw_is_near_to_is_named(bound, words, folder, run):
     put(edited("", HAND, {"landing": bound}), folder)
     said = run("plan scene.toml")
     assert said.status == 3 and f"[landing] {bound}" in said.err and words in said.err
+
+
+def test_a_cup_beside_the_target_is_refused_in_python_too(folder):
+    """The scene is made of sections, so that no file was checked."""
+    put(edited("", CUP, {}), folder)
+    scene = load_scene("scene.toml")
+    aside = dataclasses.replace(scene, cup=dataclasses.replace(scene.cup, x=0.6))
+    with pytest.raises(InputError, match="the bar is not in the cup"):
+        Planner(aside)
 
 
 def test_an_empty_file_misses_all_that_is_required(folder, refused):
