@@ -19,8 +19,8 @@ from .window import Window, window_nodes, window_of
 
 Array = npt.NDArray[np.float64]
 
-#: Guards with many rows in all stages. FATROP spends too long on them, so IPOPT solves these NLPs,
-#: and starts that do without are tried first.
+#: Guards with many rows in all stages, which take twice as long to solve with: what must be quick
+#: ends where they come in.
 HEAVY: frozenset[Guard] = frozenset({"carry", "return"})
 #: Where the held bar dips less than this [m] into an obstacle, between nodes that are clear of
 #: it, a larger margin is tried before more nodes.

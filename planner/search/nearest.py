@@ -231,7 +231,7 @@ def elastic_starts(answer: Binding, task: Task, asked: Asked) -> Iterator[Start]
         for variant in variants:
             yield Start(answer.goal, answer.guess_for, first, variant)
         return
-    yield Start(answer.goal, answer.guess_for, first, asked)
+    yield Start(answer.goal, answer.guess_for, first, asked, TRIES)
     for variant, aim in itertools.product(variants, ((0.0, 0.0), (dx, dtheta))):
         yield Start(answer.goal, answer.guess_for, "ipopt", variant, TRIES, aim=aim)
 

@@ -19,8 +19,9 @@ from ..ocp import Asked, Request, Solver, ThrowNlp, build_nlp
 
 Array = npt.NDArray[np.float64]
 
-#: A plan's own time does not count what is built for it, up to so much [s].
-BUILDING = 3.0
+#: A plan's own time does not count what is built for it, up to so much [s]: twice 0.5 s for the
+#: Panda's NLPs, more with torques.
+BUILDING = 1.5
 #: Random start poses tried when the start is free.
 POSES = 4000
 #: Parts of a plan whose times are always told; a plan that needs no solve spent no time on it.
@@ -43,8 +44,8 @@ class Clock:
 
     @classmethod
     def lasting(cls, patience: float) -> Clock:
-        """From now on, for `patience` [s], half of which the process must have had to itself."""
-        return cls(time.perf_counter() + patience, time.process_time() + patience / 2)
+        """From now on, for `patience` [s], all of which the process must have had to itself."""
+        return cls(time.perf_counter() + patience, time.process_time() + patience)
 
     @property
     def left(self) -> float:
@@ -116,16 +117,15 @@ class Problems:
     def problem(
         self, target: Pose, asked: Asked, solver: str, clock: Clock, robust: str = ""
     ) -> Program:
-        """The same with a solver: 'fatrop' or 'ipopt', IPOPT in any case for heavy guards."""
+        """The same with a solver: 'fatrop' or 'ipopt'."""
         kind = _Kind(target.theta is not None, asked.guards, asked.near, robust)
-        name = "ipopt" if asked.heavy else solver
-        if (kind, name) not in self._problems:
+        if (kind, solver) not in self._problems:
             nlp = self.nlp(target, asked, clock, robust)
             with clock("build"):
-                made = Solver(nlp, name)
+                made = Solver(nlp, solver)
                 request = Request(self.scene, self.mover, target, asked, robust)
-                self._problems[kind, name] = Program(nlp, made, nlp.bounds(request))
-        return self._problems[kind, name]
+                self._problems[kind, solver] = Program(nlp, made, nlp.bounds(request))
+        return self._problems[kind, solver]
 
 
 def check_start(scene: Scene, mover: Mover) -> None:

@@ -20,8 +20,8 @@ from .sampling import ReleaseSampler, closer
 
 #: Starts tried with FATROP, then with IPOPT.
 STARTS = {"fatrop": 6, "ipopt": 4}
-#: Starts tried first, and then, without heavy guards.
-FIRST_STARTS, LIGHT_STARTS = 2, 4
+#: Starts tried before the question what is possible at all, and after the answer: not the target.
+FIRST_STARTS = 2
 #: Throws of the table that are held against obstacles.
 CLEARED = 40
 #: NLPs tried from one release, each asked for what the check of the last one found broken.
@@ -42,15 +42,6 @@ class Sources:
     sampler: ReleaseSampler
     reach: Reach
     table: Callable[[], Releases]
-
-
-@dataclass(frozen=True)
-class _Round:
-    """Some starts from a table by one solver; light: without heavy guards."""
-
-    solver: str
-    count: int
-    light: bool
 
 
 class Search:
@@ -133,22 +124,27 @@ class Search:
             if self._settled(blocked):
                 return
         guards = self._asked.guards
-        first_rounds, *more = _rounds(self._task.solvers)
-        yield from self._from_releases(first_rounds)
+        solvers = self._task.solvers
+        yield from self._from_releases(solvers[0], FIRST_STARTS)
         if self.answer is None and not self._found(first):
             yield from self._at_the_edge()
             if self._settled(blocked):
                 return
-        if self.answer is not None and self.answer.outside:
+        if self._coarse and not clock.late:
+            self._sample_near()
+        if self._outside:
             # A target at the very edge: some other starts, no more.
-            more = [more[0][:1]]
-        for rounds in more:
-            if self._coarse and not clock.late:
-                self._sample_near()
-            yield from self._from_releases(rounds)
-        outside = self.answer is not None and self.answer.outside
-        if not self._found(first) and self._asked.guards != guards and not outside:
+            yield from self._from_releases(solvers[0], FIRST_STARTS)
+            return
+        for solver in solvers:
+            yield from self._from_releases(solver, STARTS[solver])
+        if not self._found(first) and self._asked.guards != guards and not self._outside:
             yield from self._at_the_edge()
+
+    @property
+    def _outside(self) -> bool:
+        """Whether the nearest possible landing is known, and is not the goal."""
+        return self.answer is not None and self.answer.outside
 
     def _found(self, first: int) -> bool:
         """Whether any attempt from `first` on gave a solved throw."""
@@ -173,51 +169,40 @@ class Search:
         rivals = (other for _, other, away in self._nearest if away < RIVAL * distance)
         return blocked or (answer.missed > CLEARLY and all(other == goal for other in rivals))
 
-    def _from_releases(self, rounds: list[_Round]) -> Iterator[Start]:
-        """Starts from the releases that land nearest, round after round."""
-        table, nearest, passing = self.releases, self._clearest, False
-        for current in rounds:
-            if current.solver != rounds[0].solver and self._asked.heavy:
-                # These starts have had IPOPT already.
-                return
-            number = 0
-            while not self._task.clock.late:
-                if "passing" in self._asked.guards and not passing:
-                    # From now on from the nearest of those that fly past the column.
-                    number, passing = 0, True
-                    table = past_column(table, self._task.scene, self._task.target.z)
-                    nearest = self._landing_nearest(table)
-                if number >= min(current.count * self._wanted, len(nearest)):
-                    break
-                index, goal, _ = nearest[number]
-                number += 1
-                yield from self._from_release(table, index, goal, current)
+    def _from_releases(self, solver: str, count: int) -> Iterator[Start]:
+        """Starts from the releases that land nearest, for each throw that is wanted."""
+        table, nearest, number, passing = self.releases, self._clearest, 0, False
+        while not self._task.clock.late:
+            if "passing" in self._asked.guards and not passing:
+                # From now on from the nearest of those that fly past the column.
+                number, passing = 0, True
+                table = past_column(table, self._task.scene, self._task.target.z)
+                nearest = self._landing_nearest(table)
+            if number >= min(count * self._wanted, len(nearest)):
+                break
+            index, goal, _ = nearest[number]
+            number += 1
+            yield from self._from_release(table, index, goal, solver)
 
     def _from_release(
-        self, table: Releases, index: int, goal: Pose, current: _Round
+        self, table: Releases, index: int, goal: Pose, solver: str
     ) -> Iterator[Start]:
         """A start from one release, unless it led nowhere with the same solver and constraints."""
         release = table.q[index].tobytes(), table.detach[index].tobytes(), goal
-        if (current.solver, *release, self._asked) in self._led_nowhere:
+        if (solver, *release, self._asked) in self._led_nowhere:
             return
         start = release_start(self._sources.problems, self._task, table, index, goal)
-        start = dataclasses.replace(
-            start, solver=current.solver, asked=self._asked, light=current.light
-        )
         before = len(self._tried)
-        yield start
+        yield dataclasses.replace(start, solver=solver, asked=self._asked)
         if len(self._tried) == before:
             return
         last = self._tried[-1]
+        if not last.solved:
+            self._led_nowhere.add((solver, *release, self._asked))
         after = last.after
-        if start.light and after.heavy:
-            # It comes again when heavy guards may come in.
-            after = last.asked
-        elif not last.solved:
-            self._led_nowhere.add((current.solver, *release, start.asked))
         if "carry" not in after.guards:
             # Where one throw's corners needed a margin another's may not.
-            margins = after.margins.replace(held=start.asked.margins["held"])
+            margins = after.margins.replace(held=self._asked.margins["held"])
             after = dataclasses.replace(after, margins=margins)
         self._asked = after.elsewhere
 
@@ -246,6 +231,10 @@ class Search:
                     self._asked = Asked(after.guards, margins, after.near).elsewhere
                     if self._tried[-1].solved:
                         return
+                    again = self._asked.guards != guards and not self.answer.outside
+                    if again and variant.solver != self._task.solvers[0]:
+                        # Both solvers have failed with them: an edge that knows them comes first.
+                        break
             if self._asked.guards == guards or self.answer.outside:
                 return
 
@@ -264,12 +253,3 @@ def release_start(problems: Problems, task: Task, table: Releases, index: int, g
         return asked.guards == {"flight"} and bool(table.clear[index])
 
     return Start(goal, guess, task.solvers[0], tries=TRIES, again=again)
-
-
-def _rounds(names: tuple[str, ...]) -> list[list[_Round]]:
-    """Rounds of starts from the table, before and after the edge of what is possible is known."""
-    first, rest = names[0], names[1:]
-    light = [_Round(first, FIRST_STARTS, True)]
-    table = [_Round(first, LIGHT_STARTS, True), _Round(first, STARTS[first], False)]
-    near = [_Round(first, LIGHT_STARTS, False), *(_Round(n, STARTS[n], False) for n in rest)]
-    return [light, table, near]
