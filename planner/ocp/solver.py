@@ -24,7 +24,7 @@ from ...models import Array
 from ..compile import compiled
 from .assembly import Nlp, nlp_functions, nlp_key
 
-MAX_ITERATIONS = {"fatrop": 150, "ipopt": 500}
+MAX_ITERATIONS = {"fatrop": 100, "ipopt": 500}
 #: Barrier parameter at the start: small, for the starting points are good ones.
 MU_INIT = 0.01
 #: The same for a warm start, a solution with its multipliers, and the most iterations from there:

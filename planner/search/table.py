@@ -138,7 +138,7 @@ class Search:
             return
         for solver in solvers:
             yield from self._from_releases(solver, STARTS[solver])
-        if not self._found(first) and self._asked.guards != guards and not self._outside:
+        if not self._found(first) and self._asked.guards != guards:
             yield from self._at_the_edge()
 
     @property
