@@ -10,7 +10,7 @@ import dataclasses
 import functools
 import math
 import time
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any, Literal, TypedDict, Unpack, get_args
 
@@ -27,7 +27,7 @@ from ..problems import (
 )
 from .check import check_obstacles, make_mover
 from .ocp import USUAL
-from .reach import grow
+from .reach import Progress, grow
 from .result import Plan, PlannedThrow, checked_target
 from .robust import Hardening
 from .search import (
@@ -55,7 +55,6 @@ from .search import (
     stored_releases,
 )
 
-Progress = Callable[[int, int], None]
 SolverName = Literal["auto", "fatrop", "ipopt"]
 
 #: Numerical settings of robust plans, where the scene has none of its own. A robust throw hardly

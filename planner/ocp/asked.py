@@ -11,13 +11,11 @@ from dataclasses import dataclass, field
 from functools import cached_property
 
 import numpy as np
-import numpy.typing as npt
 
+from ...models import Array
 from ...problems import Pose, Scene
 from ..check import Guard, Margin, Mover, Throw, Violation
 from .window import Window, window_nodes, window_of
-
-Array = npt.NDArray[np.float64]
 
 #: Guards with many rows in all stages, which take twice as long to solve with: what must be quick
 #: ends where they come in.

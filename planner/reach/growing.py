@@ -15,7 +15,7 @@ import heapq
 import itertools
 import math
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 
 import numpy as np
 
@@ -40,8 +40,7 @@ from ..search import (
     starts,
 )
 from .cells import Cell, Cells, Landings
-
-Progress = Callable[[int, int], None]
+from .maps import Progress
 
 #: Seeds solved from the release table, and starts tried for each.
 SEEDS, STARTS = 24, 2

@@ -15,7 +15,8 @@ from ...problems import Scene
 from ..check import make_mover
 from ..search import Clock, Library, Problems, Reach, Releases, ReleaseSampler, Sources
 from .cells import Landings, landings_of
-from .growing import Growth, Progress, always_asked
+from .growing import Growth, always_asked
+from .maps import Progress
 
 #: Fewer throws are solved by this process alone: others take some seconds to start.
 ALONE = 400

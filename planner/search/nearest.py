@@ -15,8 +15,8 @@ from dataclasses import dataclass
 from functools import partial
 
 import numpy as np
-import numpy.typing as npt
 
+from ...models import Array
 from ...problems import Pose, Scene
 from ..check import (
     Guard,
@@ -43,8 +43,6 @@ from .attempt import Edge, Start
 from .guess import guess_from
 from .nlps import Task
 from .release_table import Releases, nearest, past_column
-
-Array = npt.NDArray[np.float64]
 
 #: Starts of the elastic solve, and how many more where it ends farther from the target than
 #: the landing it started from.

@@ -10,14 +10,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 
 import numpy as np
-import numpy.typing as npt
 
-from ...models import HandSamples
+from ...models import Array, HandSamples
 from ...problems import InputError, Pose, Scene
 from ..check import Guard, Mover, friction_use
 from ..ocp import Asked, Request, Solver, ThrowNlp, build_nlp
-
-Array = npt.NDArray[np.float64]
 
 #: A plan's own time does not count what is built for it, up to so much [s]: twice 0.5 s for the
 #: Panda's NLPs, more with torques.
