@@ -12,6 +12,6 @@ from .controls import Controls, Optimum
 from .layout import FLIGHT_MAX, Block
 from .motions import binding_limits, decision_vector, planned_motion
 from .nlp import ThrowNlp, build_nlp
-from .solver import GivenUpError, Solution, Solver, watched
+from .solver import GivenUpError, Solution, Solver, processor_time, watched
 from .terms import CUP_MARGIN, PALM_TIMES, PASSING_MARGIN, broken, lower_end
 from .window import Window, load_curve, opening_nodes, peak_load, window_of

@@ -50,6 +50,20 @@ class GivenUpError(Exception):
     """The call took longer than it may."""
 
 
+class _Waited(threading.local):
+    """Processor time [s] of the threads that this thread has waited for."""
+
+    seconds = 0.0
+
+
+_WAITED = _Waited()
+
+
+def processor_time() -> float:
+    """Processor time [s] of this thread and of those it waited for, not of those it gave up."""
+    return time.thread_time() + _WAITED.seconds
+
+
 def watched(made: Callable[[], Answer], limit: float, latest: float = LATEST) -> Answer:
     """made(), in another thread; GivenUpError once it has used `limit` [s] of processor time.
 
@@ -57,27 +71,28 @@ def watched(made: Callable[[], Answer], limit: float, latest: float = LATEST) ->
     raised here. A thread that is given up, or left by Ctrl-C, keeps its memory until the process
     ends; on Linux it only gets processor time that is left over.
     """
-    answers: SimpleQueue[tuple[Any, BaseException | None]] = SimpleQueue()
+    answers: SimpleQueue[tuple[Any, BaseException | None, float]] = SimpleQueue()
     clocks: list[int] = []
 
     def work() -> None:
         if hasattr(time, "pthread_getcpuclockid"):
             clocks.append(time.pthread_getcpuclockid(threading.get_ident()))
         try:
-            answers.put((made(), None))
+            answers.put((made(), None, time.thread_time()))
         except BaseException as error:
-            answers.put((None, error))
+            answers.put((None, error, time.thread_time()))
 
     thread = threading.Thread(target=work, name="throwplan-solver", daemon=True)
     end = time.perf_counter() + latest
     thread.start()
     try:
-        answer, error = _awaited(answers, clocks, limit, end)
+        answer, error, spent = _awaited(answers, clocks, limit, end)
     except BaseException:
         if hasattr(os, "SCHED_IDLE") and thread.native_id is not None:
             with contextlib.suppress(OSError):
                 os.sched_setscheduler(thread.native_id, os.SCHED_IDLE, os.sched_param(0))
         raise
+    _WAITED.seconds += spent
     if error is not None:
         raise error
     return answer  # type: ignore[no-any-return]
@@ -92,6 +107,7 @@ def _awaited(answers: SimpleQueue[Any], clocks: list[int], limit: float, end: fl
     while True:
         left = min(limit - used, end - time.perf_counter())
         if left <= 0.0:
+            _WAITED.seconds += used
             raise GivenUpError(f"no end after {used:.2g} s")
         try:
             return answers.get(timeout=max(left, SHORTEST_WAIT))

@@ -14,7 +14,7 @@ import numpy as np
 from ...models import Array, HandSamples
 from ...problems import InputError, Pose, Scene
 from ..check import Guard, Mover, friction_use
-from ..ocp import Asked, Request, Solver, ThrowNlp, build_nlp
+from ..ocp import Asked, Request, Solver, ThrowNlp, build_nlp, processor_time
 
 #: A plan's own time does not count what is built for it, up to so much [s]: twice 0.5 s for the
 #: Panda's NLPs, more with torques.
@@ -30,7 +30,7 @@ class Clock:
     """When a plan must end, by time.perf_counter(), and how long its parts took [s].
 
     What is built once, for later plans too, puts `until` off, by BUILDING [s] at most; so does a
-    busy machine, until time.process_time() is `processor`.
+    busy machine, until `processor_time` is `processor`.
     """
 
     until: float = math.inf
@@ -41,13 +41,13 @@ class Clock:
 
     @classmethod
     def lasting(cls, patience: float) -> Clock:
-        """From now on, for `patience` [s], all of which the process must have had to itself."""
-        return cls(time.perf_counter() + patience, time.process_time() + patience)
+        """From now on, for `patience` [s], all of which planning must have had to itself."""
+        return cls(time.perf_counter() + patience, processor_time() + patience)
 
     @property
     def left(self) -> float:
         """Time for planning that is left [s]."""
-        left = max(self.until - time.perf_counter(), self.processor - time.process_time())
+        left = max(self.until - time.perf_counter(), self.processor - processor_time())
         return left + min(self.seconds["build"], BUILDING)
 
     @property
