@@ -152,6 +152,11 @@ def written(options: argparse.Namespace) -> str:
     return "" if options.out is None else f"\n  written to {options.out}"
 
 
+def notes(scene: Scene) -> str:
+    """Lines for what the scene leaves out and what is taken instead."""
+    return "".join(f"\n  note: {words}" for words in scene.notes)
+
+
 def say(words: str) -> None:
     """A step of the work, on a terminal's stderr."""
     if sys.stderr.isatty():

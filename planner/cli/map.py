@@ -18,6 +18,7 @@ from .common import (
     add_out,
     add_scene,
     answer,
+    notes,
     number,
     say,
     whole,
@@ -54,5 +55,5 @@ def run(options: argparse.Namespace) -> int:
     if options.out is not None:
         say(f"{scene.name}: writing {options.out}")
         file = found.save(options.out)
-    answer(options, found.to_dict(file), found.summary() + written(options))
+    answer(options, found.to_dict(file), found.summary() + notes(scene) + written(options))
     return DONE

@@ -10,7 +10,7 @@ from ...models import MODELS
 from ...problems import filling, load_scene, write_json
 from ..check import simulate
 from ..show import draw_releases
-from .common import DONE, Add, add_out, add_scene, answer, say
+from .common import DONE, Add, add_out, add_scene, answer, notes, say
 
 
 def arguments(add: Add) -> None:
@@ -32,7 +32,7 @@ def run(options: argparse.Namespace) -> int:
         with filling(Path(options.out), ("simulation.json", "releases.png")) as scratch:
             write_json(scratch / "simulation.json", result)
             draw_releases(scene, runs, scratch / "releases.png")
-    answer(options, result, _table(scene.name, models))
+    answer(options, result, _table(scene.name, models) + notes(scene))
     return DONE
 
 

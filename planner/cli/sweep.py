@@ -22,6 +22,7 @@ from .common import (
     add_scene,
     add_target,
     answer,
+    notes,
     say,
     target_of,
     whole,
@@ -65,7 +66,7 @@ def run(options: argparse.Namespace) -> int:
     if options.out is not None:
         say(f"{scene.name}: writing {options.out}")
         found.save(options.out)
-    answer(options, found.to_dict(), found.summary() + written(options))
+    answer(options, found.to_dict(), found.summary() + notes(scene) + written(options))
     if found.samples == samples:
         return DONE
     words = f"throwplan: interrupted: {found.samples:,} of {samples:,} samples"

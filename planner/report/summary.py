@@ -8,6 +8,7 @@ import re
 from collections.abc import Iterator, Mapping
 from pathlib import Path
 
+from ...models import STEPPED_SURFACE
 from ..show import BLACK, BLUE, GREEN, ORANGE, Row, Table
 from .example import MUJOCO, PIVOT, SURFACE
 from .models import MODEL, TIME
@@ -36,7 +37,7 @@ LIMITS = """## What is not validated
 #: The curves of the one picture: methods of the table, their names for people and colours.
 CURVES = {
     "sp, RK4": ("sliding pivot", BLUE),
-    "ls-step": ("limit surface, time stepping", GREEN),
+    STEPPED_SURFACE: ("limit surface, time stepping", GREEN),
     "ils, Radau": ("limit surface, implicit", ORANGE),
     "patch": ("meshed pad", BLACK),
 }

@@ -380,6 +380,8 @@ def test_what_is_left_out_and_taken_is_said(folder, run):
     assert "note: [contact] patch_radius is left out: 0.0025 m" in said
     notes = run("plan scene.toml --json").json["notes"]
     assert len(notes) == 2 and all("left out" in note for note in notes)
+    put(edited("", DROP, {"object.inertia": None}), folder)
+    assert "note: [object] inertia is left out" in run("simulate scene.toml --model sp").out
     put(edited("", HAND, {}), folder)
     assert "notes" not in run("plan scene.toml --json").json
 

@@ -13,6 +13,7 @@ import urllib.request
 from pathlib import Path
 
 import pytest
+import throwplan as tp
 
 
 def viewing(*words: object) -> subprocess.Popen[str]:
@@ -63,6 +64,18 @@ def test_a_taken_port_is_named(saved, refused) -> None:
         port = other.getsockname()[1]
         said = refused("view", saved("hand-flip"), "--no-browser", "--port", port)
     assert f"--port {port}: address already in use; choose another with --port" in said
+
+
+def test_the_view_from_python(capsys) -> None:
+    """A plan is served for a while; its page's address is printed."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        port = probe.getsockname()[1]
+    tp.view(tp.plan("hand-flip"), port=port, hold=0.05, browser=False)
+    assert capsys.readouterr().out == f"http://127.0.0.1:{port}\n"
+    failed = tp.plan("pose", tp.Pose(x=9.0, z=0.1, theta=0.0), patience=0.05)
+    with pytest.raises(tp.InputError, match="holds no throw"):
+        tp.view(failed)
 
 
 def test_wrong_options(saved, refused, tmp_path) -> None:

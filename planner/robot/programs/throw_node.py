@@ -40,7 +40,7 @@ def read_bag(folder):
     return found
 
 
-class Thrower(Node):
+class ThrowNode(Node):
     """Clients of the two actions."""
 
     def __init__(self):
@@ -110,7 +110,7 @@ def main():
     (trajectory, _), (command, command_time) = bag["/joint_trajectory"], bag["/gripper_command"]
     rclpy.init()
     try:
-        node = Thrower()
+        node = ThrowNode()
         input("The arm moves to the start pose. Is the way clear? Enter goes on, Ctrl-C ends. ")
         node.move_to_start(trajectory)
         input("The arm throws. Is everybody out of the way? Enter goes on, Ctrl-C ends. ")
