@@ -24,6 +24,9 @@ from .section import InputError
 
 #: Bytes of the largest file that is read.
 LARGEST = 200_000_000
+#: Characters of the longest TOML text, which reads in a second; dotted keys that take far longer.
+LARGEST_TOML = 1_000_000
+DEEP = re.compile(r"""(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){50}""")
 #: No number of a CSV file is beyond this: seconds since 1970 are below it.
 BEYOND = 1e10
 
@@ -55,11 +58,17 @@ def shipped(kind: str) -> dict[str, Traversable]:
 
 def toml_tables(text: str, place: str) -> dict[str, Any]:
     """TOML as tables; InputError naming `place`."""
+    if len(text) > LARGEST_TOML:
+        raise InputError(f"{place}: must be at most {LARGEST_TOML / 1e6:g} MB")
+    if DEEP.search(text):
+        raise InputError(f"{place}: broken TOML: tables nested too deep")
     try:
         return tomllib.loads(text)
-    except (ValueError, RecursionError) as error:
-        # Broken syntax, numbers too long to read, tables nested too deep.
-        raise InputError(f"{place}: broken TOML: {error}") from None
+    except RecursionError:
+        raise InputError(f"{place}: broken TOML: tables nested too deep") from None
+    except ValueError as error:
+        reason = "a number has too many digits" if "digits" in str(error) else error
+        raise InputError(f"{place}: broken TOML: {reason}") from None
 
 
 def toml_lines(
@@ -140,8 +149,9 @@ def prepare_folder(folder: Path, names: tuple[str, ...] = (), option: str = "--o
         folder.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
-    except OSError as error:
-        raise InputError(f"{option} {folder}: {error.strerror or error}") from None
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or error
+        raise InputError(f"{option} {folder}: {reason}") from None
     for name in names:
         if (folder / name).is_dir():
             raise InputError(f"{option} {folder}: {name} is a folder there")

@@ -57,17 +57,17 @@ class Pose(Section):
 
     x: float = quantity(
         "m, of the CoM; with [robot] in the base frame, else in the throw's plane",
-        least=-1e4,
-        most=1e4,
+        least=-100,
+        most=100,
     )
-    z: float = quantity("m, the CoM comes down through this height", least=-1e4, most=1e4)
+    z: float = quantity("m, the CoM comes down through this height", least=-100, most=100)
     theta: float | None = optional(
         "degrees, from the grasped end to the CoM, full turns count; left out: any",
         degrees=True,
         least=-1e4,
         most=1e4,
     )
-    y: float = quantity("m, base frame; only with [robot]", least=-1e4, most=1e4, default=0.0)
+    y: float = quantity("m, base frame; only with [robot]", least=-100, most=100, default=0.0)
     #: How far [m] the throw's plane is beside the base's z axis: the arm's, no key of files.
     lateral: float = 0.0
 

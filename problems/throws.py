@@ -172,7 +172,10 @@ def _head(tables: Mapping[str, Any]) -> tuple[Shared, dict[str, ThrownObject], d
 
 def _rows(path: Path) -> list[tuple[int, dict[str, str]]]:
     """Line number and cells by column of throws.csv."""
-    lines = list(csv.reader(read_text(path).splitlines()))
+    try:
+        lines = list(csv.reader(read_text(path).splitlines()))
+    except csv.Error as error:
+        raise InputError(f"{path}: {error}") from None
     header = [cell.strip() for cell in lines[0]] if lines else []
     for column in NEEDED:
         if column not in header:

@@ -7,11 +7,14 @@ Each command is the file of its name (`import-robot` is import_robot.py) with `a
 from __future__ import annotations
 
 import argparse
+import contextlib
 import io
 import json
+import logging
 import os
 import signal
 import sys
+import warnings
 from collections.abc import Iterable, Sequence
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
@@ -72,20 +75,38 @@ def main(arguments: Sequence[str] | None = None) -> int:
         if unknown:
             raise InputError(_unknown(options.parser, unknown[0]))
         status: int = options.run(options)
+        sys.stdout.flush()
         return status
     except InputError as error:
-        lines = [_printable(line) for line in str(error).splitlines()]
-        if "--json" in words:
-            print(json.dumps({"error": "\n".join(lines)}))
-        for line in lines:
-            print(f"throwplan: {line}", file=sys.stderr)
-        return WRONG_INPUT
+        return _refused(error, words)
     except KeyboardInterrupt:
         print("throwplan: interrupted", file=sys.stderr)
         return 130
     except BrokenPipeError:
-        sys.stderr.close()
+        _no_output()
         return DONE
+    except OSError as error:
+        # What no command looks for: a name that is too long, standard output on a full disk.
+        if error.filename is None:
+            _no_output()
+        where = "standard output" if error.filename is None else error.filename
+        return _refused(InputError(f"{where}: {error.strerror or error}"), words)
+
+
+def _refused(error: InputError, words: list[str]) -> int:
+    """Says what is wrong."""
+    lines = [_printable(line) for line in str(error).splitlines()]
+    if "--json" in words:
+        print(json.dumps({"error": "\n".join(lines)}))
+    for line in lines:
+        print(f"throwplan: {line}", file=sys.stderr)
+    return WRONG_INPUT
+
+
+def _no_output() -> None:
+    """What standard output still holds goes nowhere, so that its end fails no more."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _settle() -> None:
@@ -94,6 +115,10 @@ def _settle() -> None:
         if hasattr(signal, name):
             signal.signal(getattr(signal, name), signal.default_int_handler)
     os.environ["MPLBACKEND"] = "agg"
+    # What numbers and pictures are made with warns nobody: what is wrong is said in our words.
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
+    logging.getLogger("matplotlib").setLevel(logging.CRITICAL)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
             # A terminal without a sign loses the sign, not the run.

@@ -134,6 +134,7 @@ def run_identify(options: argparse.Namespace) -> int:
         models = tuple(model for model in models if not MODELS[model].chatters)
     for model in filter(None, models):
         check_model(model)
+    say(f"{options.data}: reading")
     data = _chosen(load_throws(options.data), options)
     prior = None if options.prior is None else load_scene(options.prior)
     if options.out is not None:

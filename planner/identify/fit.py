@@ -10,7 +10,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Any
 
@@ -118,17 +118,19 @@ def fit_to(
     model: str,
     names: tuple[str, ...],
     prior: Belief | None = None,
+    evaluated: Callable[[int], object] | None = None,
 ) -> Fit:
     """The unknowns `names` fitted by `model`.
 
     prior: of the same unknowns. Without one the friction is held weakly near 0.6 (a factor
     of two) and a scale of the grip force near 1 (10 %), because throws show hardly more than
-    their products. InputError where the throws cannot tell the unknowns.
+    their products. evaluated(n) is called with each evaluation's number. InputError where the
+    throws cannot tell the unknowns.
     """
     begun = time.perf_counter()
     shared = predictor.data.shared
     noise = np.array([shared.position_noise, shared.angle_noise])
-    problem = _Problem(predictor, model, names, prior, noise)
+    problem = _Problem(predictor, model, names, prior, noise, evaluated)
     point, cost = min((problem.solved(start) for start in problem.starts()), key=lambda s: s[1])
     if not np.isfinite(problem.missed_by(point[None])).any():
         height = f"landing_height = {shared.landing_height:g}"
@@ -168,9 +170,11 @@ class _Problem:
         names: tuple[str, ...],
         prior: Belief | None,
         sigma: Array,
+        evaluated: Callable[[int], object] | None,
     ) -> None:
         self.predictor, self.model = predictor, model
         self.names, self.prior, self.sigma, self.evaluations = names, prior, sigma, 0
+        self._evaluated = evaluated or (lambda count: None)
         ranges = [
             RANGES[name] if name == "delay" else np.log(np.array(RANGES[name])) for name in names
         ]
@@ -188,6 +192,7 @@ class _Problem:
     def missed_by(self, points: Array) -> Array:
         """Predicted less measured x [m], theta [rad] (M, T, 2) at points (M, P)."""
         self.evaluations += 1
+        self._evaluated(self.evaluations)
         landing = self.predictor.landings(self.model, sets_at(self.names, points))
         return np.asarray(landing.swapaxes(0, 1) - self.predictor.truth.landing)
 

@@ -123,8 +123,9 @@ def identify(
     predictor = Predictor.of(data)
     fit, error, fixed = None, None, (0.0, 1.0)
     if not known.chatters:
-        show(f"fit by {model}")
-        fit = fit_to(predictor, model, names, prior)
+        words = f"fit by {model}"
+        show(words)
+        fit = fit_to(predictor, model, names, prior, lambda n: show(f"{words}, evaluation {n}"))
         belief = fit.posterior
         fixed = belief.value("delay"), belief.value("grip_scale")
         landing = predictor.landings(model, sets_at(names, belief.mean))

@@ -45,18 +45,24 @@ def save_plan(plan: Plan, folder: Path, draw: Draw) -> Plan:
 
     draw: "png" for throw.png alone. Returns the plan with the time of drawing.
     """
+    undrawn = None
     with filling(folder, FILES) as scratch:
         if plan.solved:
             write_motion(plan, scratch / "motion.csv")
         if plan.solved and draw:
             start, throw = time.perf_counter(), sent_throw(plan)
-            draw_plan(plan, scratch / "throw.png")
-            if draw != "png":
-                draw_throw_moving(throw, scratch / "throw.gif")
+            try:
+                draw_plan(plan, scratch / "throw.png")
+                if draw != "png":
+                    draw_throw_moving(throw, scratch / "throw.gif")
+            except Exception as error:  # A user's settings make Matplotlib raise anything.
+                undrawn = " ".join(str(error).split()) or type(error).__name__
             seconds = time.perf_counter() - start
             plan = dataclasses.replace(plan, time=plan.time | {"draw": seconds})
         text = json.dumps(document(plan), indent=2, allow_nan=False)
         (scratch / "plan.json").write_text(text + "\n", encoding="utf-8")
+    if undrawn is not None:
+        raise InputError(f"--out {folder}: the plan is there, but not its pictures: {undrawn}")
     return plan
 
 
@@ -216,6 +222,8 @@ def _plan_object(path: Path) -> dict[str, Any]:
     text = read_text(path)
     try:
         plan = json.loads(text)
+    except RecursionError:
+        raise InputError(f"{path}: is not JSON: nested too deep") from None
     except ValueError as error:
         raise InputError(f"{path}: is not JSON: {error}") from None
     if not isinstance(plan, dict) or "status" not in plan:

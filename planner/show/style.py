@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import contextlib
+import warnings
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -30,7 +33,22 @@ def new_figure(width: float, height: float) -> Figure:
 
 def save(figure: Figure, path: Path) -> None:
     """Write the figure as PNG."""
-    figure.savefig(path, dpi=DPI)
+    with as_written(figure):
+        figure.savefig(path, dpi=DPI)
+
+
+@contextlib.contextmanager
+def as_written(figure: Figure) -> Iterator[None]:
+    """Draws names as they are written: a `$` begins no formula, a sign without a glyph is a box."""
+    from matplotlib.text import Text
+
+    for text in figure.findobj(Text):
+        # Ticks of logarithmic axes are formulas of Matplotlib's own.
+        if "$" in text.get_text() and "mathdefault" not in text.get_text():  # type: ignore[attr-defined]
+            text.set_parse_math(False)  # type: ignore[attr-defined]
+    with warnings.catch_warnings():
+        warnings.filterwarnings("ignore", message="Glyph")
+        yield
 
 
 def draw_cup(axes: Axes, cup: Cup) -> None:

@@ -105,8 +105,10 @@ def csv_file(draw: st.DrawFn, text: str) -> bytes:
     """A CSV file with a few cells of other numbers and words, lines gone or doubled."""
     rows = [line.split(",") for line in text.splitlines()]
     for _ in range(draw(st.integers(0, 2))):
+        if not rows:
+            break
         row = draw(st.integers(0, len(rows) - 1))
-        if draw(st.integers(0, 3)):
+        if rows[row] and draw(st.integers(0, 3)):
             cell = draw(st.integers(0, len(rows[row]) - 1))
             rows[row][cell] = str(draw(NUMBERS | TEXTS))
         else:

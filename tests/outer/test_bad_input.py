@@ -634,9 +634,35 @@ def test_a_message_is_short_and_holds_no_control_characters(refused) -> None:
     [
         ("scenes --reference", {"PYTHONUTF8": "0", "PYTHONIOENCODING": "latin-1"}),
         ("simulate drop --model sp --out {}", {"MPLBACKEND": "broken"}),
+        (
+            "simulate drop --model sp",
+            {"HOME": "/none", "LC_ALL": "C", "THROWPLAN_CACHE": "/proc/x"},
+        ),
     ],
 )
 def test_what_surrounds_it_costs_no_run(words: str, variables: dict[str, str], tmp_path) -> None:
     command = [sys.executable, "-m", "throwplan", *words.format(tmp_path / "out").split()]
     said = subprocess.run(command, env=os.environ | variables, capture_output=True, check=False)
     assert (said.returncode, said.stderr) == (0, b"")
+
+
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        ("[x]\n" + ".".join(["a"] * 100_000) + " = 1", "nested too deep"),
+        ("[x]\na = " + "[" * 100_000, "nested too deep"),
+        ("".join(f"k{i} = 1\n" for i in range(100_000)), "at most 1 MB"),
+        ("[x]\na = 1" + "0" * 5000, "too many digits"),
+    ],
+)
+def test_endless_files_are_refused_at_once(more: str, words: str, tmp_path: Path, refused) -> None:
+    path = tmp_path / "scene.toml"
+    path.write_text(toml(HAND, {}) + "\n" + more + "\n")
+    assert words in refused("plan", path)
+
+
+def test_a_name_is_drawn_as_it_is_written(tmp_path: Path, run) -> None:
+    for name in ("$\\frac{$", "\\u001b[31m", "投"):
+        (tmp_path / "scene.toml").write_text(f'name = "{name}"\n' + toml(DROP, {}), "utf-8")
+        said = run("simulate --model sp", tmp_path / "scene.toml", "--out", tmp_path / "out")
+        assert (said.status, said.err) == (0, "") and (tmp_path / "out/releases.png").is_file()
