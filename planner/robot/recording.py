@@ -138,6 +138,9 @@ def read_recording(path: str | Path, motion: JointMotion) -> Recording:
     rows = np.array(read_csv("recording", str(path), None, columns)).reshape(-1, len(columns))
     if len(rows) < 2 or (np.diff(rows[:, 0]) <= 0).any():
         raise InputError(f"{path}: t must rise over at least two rows")
+    step = float(np.median(np.diff(rows[:, 0])))
+    if not TICK / 2 < step < 2 * TICK:
+        raise InputError(f"{path}: t rises by {step:.3g} s a row, must rise by {TICK:g} s mostly")
     q, dq, sent = np.split(rows[:, 1:-2], 3, axis=1)
     command = float(rows[0, 0] - rows[0, -1])
     found = Recording(rows[:, 0], q, dq, sent, rows[:, -2], command)

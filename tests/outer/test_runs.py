@@ -264,6 +264,7 @@ def test_a_missing_binding_is_named(plan, refused, monkeypatch) -> None:
         (lambda rows: rows[:1], "t must rise over at least two rows"),
         (lambda rows: [rows[0].replace("sent3", "sent9"), *rows[1:]], "sent3 is missing"),
         (lambda rows: rows[:1] + rows[:0:-1], "t must rise"),
+        (lambda rows: rows[:1] + rows[1::20], "t rises by 0.02 s a row, must rise by 0.001 s"),
         (lambda rows: [*rows[:5], rows[5].replace(",", ",x", 1), *rows[6:]], "line 6"),
     ],
 )
