@@ -17,6 +17,7 @@ from ...models import Array, PlanarArm
 from ...problems import InputError
 from ..check import Samples, Throw, broken_limits
 from ..ocp import broken as broken_terms
+from ..plan import Planner
 from ..result import joint_samples
 from .controllers import JointMotion
 from .lesson import Lesson
@@ -24,6 +25,8 @@ from .recording import Recording
 
 #: Rounds of the program at most, how far the first goes, and by what share the cost must fall.
 ROUNDS, STEP, LEAST = 30, 1.0, 1e-3
+#: Clearance [m] from the palm beyond the scene's of a plan whose correction meets the hand.
+ROOM = 0.01
 #: A landing so near [m, scaled error] is near enough; another is sent only where it is expected so
 #: many times nearer than the last.
 ENOUGH, NEARER = 4e-4, 0.7
@@ -56,24 +59,46 @@ def corrected(plan: JointMotion, recording: Recording) -> tuple[JointMotion, Thr
     """The motion to send next, by the recording of one that was sent for the same plan.
 
     Also the throw that it is expected to be. InputError where no motion within the limits is found
-    that lands nearer, and where that throw breaks what the scene asks.
+    that lands nearer, and where that throw breaks what the scene asks. Where the bar would meet the
+    hand, which lags, another throw to the target is tried, one that leaves the palm earlier.
     """
-    lesson, found = Lesson.of(plan.throw, recording), list[Proposal]()
+    best, reason = _proposal(plan.throw, recording)
+    if reason.startswith("palm"):
+        roomier = _roomier(plan.throw)
+        best, reason = (best, reason) if roomier is None else _proposal(roomier, recording)
+    if reason:
+        raise InputError(f"the corrected motion is not sent: {reason}")
+    sent = best.sent
+    assert isinstance(sent.mover.kinematics, PlanarArm)
+    values = joint_samples(sent.mover.kinematics, sent.target.plane.azimuth, sent.samples)
+    return JointMotion(plan.arm, sent, *values), best.expected
+
+
+def _roomier(plan: Throw) -> Throw | None:
+    """Another throw to its target, planned with more clearance from the palm."""
+    scene = plan.scene
+    assert scene.workspace is not None and scene.workspace.palm_clearance is not None
+    clearance = scene.workspace.palm_clearance + ROOM
+    workspace = dataclasses.replace(scene.workspace, palm_clearance=clearance)
+    found = Planner(scene.replace(workspace=workspace)).plan(plan.target)
+    if not found.solved or found.throw is None:
+        return None
+    return dataclasses.replace(found.throw.final, scene=scene)
+
+
+def _proposal(plan: Throw, recording: Recording) -> tuple[Proposal, str]:
+    """The best motion to send for a throw, and why it must not be sent; empty: it may."""
+    lesson, found = Lesson.of(plan, recording), list[Proposal]()
     for start in sorted(lesson.starts(), key=lesson.cost):
         found += _rounds(lesson, start)
         if found[-1].good:
             break
     best = min(found, key=lambda each: (bool(each.wrong), each.off))
     nearest = min(found, key=lambda each: each.off)
-    thrown = recording.throw(plan.throw)
-    if best.wrong or not best.off < max(NEARER * _off(thrown), 1.0):
-        # What is in the way of the one that would land nearest.
-        reason = (nearest.wrong or best.wrong or ["it would land no nearer than the last"])[0]
-        raise InputError(f"the corrected motion is not sent: {reason}")
-    sent = best.sent
-    assert isinstance(sent.mover.kinematics, PlanarArm)
-    values = joint_samples(sent.mover.kinematics, sent.target.plane.azimuth, sent.samples)
-    return JointMotion(plan.arm, sent, *values), best.expected
+    if not best.wrong and best.off < max(NEARER * _off(recording.throw(plan)), 1.0):
+        return best, ""
+    # What is in the way of the one that would land nearest.
+    return best, (nearest.wrong or best.wrong or ["it would land no nearer than the last"])[0]
 
 
 def _rounds(lesson: Lesson, near: Array) -> list[Proposal]:

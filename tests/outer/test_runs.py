@@ -41,14 +41,14 @@ def plan(tmp_path_factory) -> Path:
     return folder
 
 
-def lagging(motion: JointMotion, still: float = 0.5) -> Recording:
+def lagging(motion: JointMotion, still: float = 0.5, spring: float = 4500.0) -> Recording:
     """What an arm records whose joints are pulled to what is sent by springs, damped by far.
 
     As franky-sim's are: ddq = 4500 (sent - q) - 450 dq, a lag of 0.1 s.
     """
     after = round(still / TICK)
     sent = np.vstack([motion.q, np.repeat(motion.q[-1:], after, axis=0)])
-    numerator, denominator, _ = cont2discrete(([4500.0], [1.0, 450.0, 4500.0]), TICK)
+    numerator, denominator, _ = cont2discrete(([spring], [1.0, 450.0, spring]), TICK)
     q = sent[0] + lfilter(numerator.ravel(), denominator, sent - sent[0], axis=0)
     times = TICK * np.arange(len(sent))
     dq = np.gradient(q, TICK, axis=0)
@@ -95,9 +95,14 @@ def test_a_lag_is_learnt_in_three_runs_inside_all_limits(plan) -> None:
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("x", "theta_deg"), [(1.080, 30.0), (0.709, 286.0), (1.557, 148.0)])
+@pytest.mark.parametrize(
+    ("x", "theta_deg"), [(1.080, 30.0), (0.709, 286.0), (1.557, 148.0), (-1.203, 98.0)]
+)
 def test_lags_are_learnt_over_the_map(tmp_path, x, theta_deg) -> None:
-    """Thrown over the base, and beside the base column, too."""
+    """Thrown over the base, and beside the base column, too.
+
+    The last one's plan leaves the palm too late for an arm that lags: another is made.
+    """
     target = tp.load_scene("fr3").target.in_plane(x, math.radians(theta_deg))
     tp.plan("fr3", target=target).save(tmp_path, draw=False)
     motion = joint_motion(tmp_path)
@@ -109,17 +114,11 @@ def test_lags_are_learnt_over_the_map(tmp_path, x, theta_deg) -> None:
 
 
 @pytest.mark.slow
-def test_what_cannot_be_learnt_is_not_sent_again(tmp_path) -> None:
-    """A throw over the base that leaves the palm too late for an arm that lags."""
-    target = tp.load_scene("fr3").target.in_plane(-1.203, math.radians(98.0))
-    tp.plan("fr3", target=target).save(tmp_path, draw=False)
-    motion = joint_motion(tmp_path)
-    recordings = [lagging(motion)]
-    with pytest.raises(InputError, match=r"not sent: .*palm"):
-        for _ in range(4):
-            recordings.append(lagging(corrected(motion, recordings[-1])[0]))
-    off = [error[0] + error[1] * 0.13 for error in (errors(one, motion) for one in recordings)]
-    assert all(np.diff(off) < 0.0)
+def test_what_cannot_be_learnt_is_not_sent_again(plan) -> None:
+    """An arm that lags by 0.6 s would have to be sent faster than it may."""
+    motion = joint_motion(plan)
+    with pytest.raises(InputError, match="corrected motion"):
+        corrected(motion, lagging(motion, spring=700.0))
 
 
 def test_noise_of_the_encoders_moves_the_landing_little(plan) -> None:
