@@ -11,13 +11,12 @@ from importlib.metadata import version
 from pathlib import Path
 
 from ...problems import filling
-from . import example, models, parts, planner, reach, robust, stability, throws
+from . import models, parts, planner, reach, robust, stability, summary, throws
 from .page import APPENDIX, Effort, ReportSection, parts_of, write_page
-from .summary import write_summary
 
 #: Sections by what `--only` calls them, in the page's order.
 SECTIONS: dict[str, Callable[[Effort], ReportSection]] = {
-    "example": example.make,
+    "example": summary.make,
     "models": models.make,
     "planner": planner.make,
     "stability": stability.make,
@@ -54,7 +53,7 @@ def make_report(
         with filling(folder, (*section.files, APPENDIX)) as scratch:
             section.write(scratch)
             write_page(scratch, page, tuple(SECTIONS))
-        write_summary(folder, page)
+        summary.write_summary(folder, page)
     return made
 
 

@@ -1,4 +1,7 @@
-"""The report's first pages, for anyone: made from the tables that the sections left."""
+"""The report's first pages, for anyone: made from the tables that the sections left.
+
+Section `example`: what only they show, a throw, and the built-in scenes thrown in MuJoCo.
+"""
 
 from __future__ import annotations
 
@@ -9,10 +12,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from ...models import STEPPED_SURFACE
+from ..plan import Planner
+from ..robot import replay
 from ..show import BLACK, BLUE, GREEN, ORANGE, Row, Table
-from .example import MUJOCO, PIVOT, SURFACE
 from .models import MODEL, TIME
-from .page import Picture, panels
+from .page import Effort, Picture, ReportSection, panels
 
 PAGE, PICTURE = "index.md", "summary.png"
 HEAD = """# How well throwplan throws
@@ -41,6 +45,10 @@ CURVES = {
     "ils, Radau": ("limit surface, implicit", ORANGE),
     "patch": ("meshed pad", BLACK),
 }
+#: The throw that is shown, and those that MuJoCo throws too.
+SHOWN, THROWN = "cup", ("pose", "cup", "flip", "delay", "hand-flip")
+#: The table of MuJoCo's throws, and its columns.
+MUJOCO, SURFACE, PIVOT = "example-mujoco", "limit surface", "sliding pivot"
 Rows = list[dict[str, str]]
 
 
@@ -219,3 +227,29 @@ def _draw(points: Mapping[str, list[tuple[float, float]]]) -> Picture:
     axis.set(xlabel="time of a throw [ms]", ylabel="distance from the meshed pad [mm]")
     axis.legend(fontsize=9)
     return Picture(Path(PICTURE).stem, "Error over time of four release models", figure)
+
+
+# Section `example`.
+
+
+def make(effort: Effort) -> ReportSection:
+    """Plans, a picture of one, and where MuJoCo lands them."""
+    rows, pictures, step = list[Row](), list[Picture](), effort.counter(len(THROWN))
+    for name in THROWN:
+        plan = Planner(name).plan()
+        if name == SHOWN:
+            pictures.append(Picture("example", f"A throw: scene {name}", plan.draw()))
+        found = replay(plan).to_dict()["difference"]
+        row: Row = {"scene": name, "status": plan.status}
+        for title, key in ((SURFACE, "limit_surface"), (PIVOT, "sp")):
+            row[f"{title} [mm]"] = 1e3 * found[key]["position"]
+            row[f"{title} [deg]"] = math.degrees(found[key]["angle"])
+        rows.append(row)
+        step()
+    words = (
+        "Distance of MuJoCo's landing, with twelve contact points a pad, from what the two release "
+        "models say of the same motion."
+    )
+    caption = "MuJoCo's landing less the models'"
+    table = Table(MUJOCO, caption, rows, short=True, digits=2)
+    return ReportSection("example", "The scenes in MuJoCo", [words], [table], pictures)
