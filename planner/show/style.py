@@ -44,8 +44,8 @@ def as_written(figure: Figure) -> Iterator[None]:
 
     for text in figure.findobj(Text):
         # Ticks of logarithmic axes are formulas of Matplotlib's own.
-        if "$" in text.get_text() and "mathdefault" not in text.get_text():  # type: ignore[attr-defined]
-            text.set_parse_math(False)  # type: ignore[attr-defined]
+        if "$" in text.get_text() and "mathdefault" not in text.get_text():
+            text.set_parse_math(False)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph")
         yield
