@@ -1,14 +1,15 @@
 """A folder for what is costly to make and easy to make again: compiled functions, tables.
 
 Entries are named by a hash of all that they depend on. They are written whole, by renaming, so that
-processes may share the folder; whoever finds a damaged one makes it again. Losing the folder costs
-time only.
+processes may share the folder; whoever finds one that is damaged, or that another user could have
+written, makes it again. Losing the folder costs time only.
 """
 
 from __future__ import annotations
 
 import hashlib
 import os
+import stat
 import sys
 import tempfile
 import tokenize
@@ -17,6 +18,8 @@ import zlib
 from collections.abc import Callable
 from pathlib import Path
 
+#: Characters of a sum.
+SUM = 24
 #: What reading a damaged NPZ file may raise.
 DAMAGED = (
     *(OSError, ValueError, KeyError, IndexError, TypeError, EOFError, RuntimeError),
@@ -35,7 +38,7 @@ def cache_folder() -> Path | None:
     usual = os.environ.get("XDG_CACHE_HOME") or Path.home() / ".cache"
     folder = Path(given) if given else Path(usual) / "throwplan"
     try:
-        folder.mkdir(parents=True, exist_ok=True)
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         with tempfile.TemporaryFile(dir=folder):
             pass
     except (OSError, RuntimeError):
@@ -49,7 +52,7 @@ def digest(*parts: str | bytes) -> str:
     for part in parts:
         data = part.encode() if isinstance(part, str) else part
         total.update(len(data).to_bytes(8, "little") + data)
-    return total.hexdigest()[:24]
+    return total.hexdigest()[:SUM]
 
 
 def source_of(*makers: object) -> bytes:
@@ -69,3 +72,33 @@ def publish(folder: Path, name: str, write: Callable[[Path], None]) -> Path | No
     except OSError:
         return None
     return target
+
+
+def keep(folder: Path, name: str, data: bytes) -> bool:
+    """Whether entry `name` could be written, for `kept` to read: `data`, then a sum of both."""
+
+    def write(path: Path) -> None:
+        path.write_bytes(data + digest(name, data).encode())
+        path.chmod(0o600)
+
+    return publish(folder, name, write) is not None
+
+
+def kept(path: Path) -> bytes | None:
+    """The data of an entry; None unless it is as `keep` wrote it."""
+    try:
+        if not only_ours(path):
+            return None
+        whole = path.read_bytes()
+    except OSError:
+        return None
+    data, total = whole[:-SUM], whole[-SUM:]
+    return data if digest(path.name, data).encode() == total else None
+
+
+def only_ours(path: Path) -> bool:
+    """Whether it is a file or folder, no pipe or device, that this user alone can write."""
+    known = path.stat()
+    own = not hasattr(os, "getuid") or known.st_uid == os.getuid()
+    plain = stat.S_ISREG(known.st_mode) or stat.S_ISDIR(known.st_mode)
+    return own and plain and not known.st_mode & (stat.S_IWGRP | stat.S_IWOTH)

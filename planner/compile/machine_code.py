@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 import os
 import platform
 import shutil
@@ -13,7 +12,7 @@ from pathlib import Path
 
 import casadi as ca
 
-from .cache import cache_folder, digest, publish
+from .cache import cache_folder, digest, keep, kept, only_ours
 
 #: More optimisation compiles twice as long and runs no faster.
 FLAGS = ("-O1", "-fPIC", "-shared")
@@ -39,13 +38,13 @@ def compiled(
     """The functions `names` as machine code, from the cache; plain ones where that cannot be.
 
     key: all that they depend on; derive: makes the plain ones; make: compile, in some seconds,
-    what is not in the cache.
+    what is not in the cache. Nothing is loaded from a folder that another user can write to.
     """
     folder = cache_folder()
-    if folder is None or os.environ.get("THROWPLAN_COMPILE") == "0":
+    if folder is None or not only_ours(folder) or os.environ.get("THROWPLAN_COMPILE") == "0":
         return derive()
     target = folder / f"{digest(key, ca.CasadiMeta.version(), platform.machine())}.so"
-    if not _sound(target) and not (make and _compile(target, derive())):
+    if kept(target) is None and not (make and _compile(target, derive())):
         return derive()
     try:
         return {name: ca.external(name, str(target)) for name in names}
@@ -54,7 +53,7 @@ def compiled(
 
 
 def _compile(target: Path, functions: Functions) -> bool:
-    """Whether it could make the library, and the sum that tells a damaged one from a sound one."""
+    """Whether it could make the library."""
     command, generator = c_compiler(), ca.CodeGenerator("throw")
     if command is None:
         return False
@@ -70,22 +69,7 @@ def _compile(target: Path, functions: Functions) -> bool:
             order = [command, *FLAGS, "-o", str(made), str(code), "-lm"]
             quiet = subprocess.DEVNULL
             subprocess.run(order, check=True, timeout=PATIENCE, stdin=quiet, capture_output=True)
-            total = hashlib.sha256(made.read_bytes()).hexdigest()
-            publish(target.parent, f"{target.stem}.sum", lambda path: _write(path, total))
-            os.replace(made, target)
+            # What stands behind its end does not matter to a library.
+            return keep(target.parent, target.name, made.read_bytes())
     except (OSError, subprocess.SubprocessError):
-        return False
-    return True
-
-
-def _write(path: Path, text: str) -> None:
-    path.write_text(text, encoding="utf-8")
-
-
-def _sound(library: Path) -> bool:
-    """Whether the library is as it was made."""
-    try:
-        total = library.with_suffix(".sum").read_text(encoding="utf-8")
-        return hashlib.sha256(library.read_bytes()).hexdigest() == total
-    except (OSError, ValueError):
         return False

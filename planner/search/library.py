@@ -272,7 +272,9 @@ def _files(
     for path in paths:
         try:
             # Its text is read only once its bytes are known to be those that were written.
-            if not _own(path) or _name(np.memmap(path, mode="r").data) != path.name:
+            if not (_own(path) and path.is_file()):
+                continue
+            if _name(np.memmap(path, mode="r").data) != path.name:
                 continue
             records = np.load(path, mmap_mode="r", allow_pickle=False)
         except DAMAGED:

@@ -7,6 +7,7 @@ brake allow them, are thrown through the non-smooth sliding pivot as one batch.
 from __future__ import annotations
 
 import dataclasses
+import io
 import math
 from collections.abc import Callable
 from functools import partial
@@ -27,7 +28,7 @@ from ...models import (
 )
 from ...problems import Pose, Scene
 from ..check import Limits, Mover, column_distance, friction_use, tool_speeds
-from ..compile import DAMAGED, cache_folder, digest, publish, source_of
+from ..compile import cache_folder, digest, keep, kept, source_of
 from ..ocp import BRAKE_SHARE, build_nlp
 from .launch import clears_carried, clears_thrown, run_up
 from .release_table import ARRAYS, Releases, distances, joined
@@ -268,7 +269,9 @@ def stored_releases(
     if found is None:
         found = draw()
         arrays = {key: getattr(found, key) for key in ARRAYS}
-        publish(folder, name, lambda path: np.savez(path, **arrays))
+        data = io.BytesIO()
+        np.savez(data, **arrays)
+        keep(folder, name, data.getvalue())
     return found
 
 
@@ -298,12 +301,8 @@ def _key(scene: Scene, mover: Mover, count: int, seed: int) -> str:
 
 def _read(path: Path) -> Releases | None:
     """The table in a file; None if it is not there or not whole."""
-    try:
-        with path.open("rb") as file, np.load(file) as arrays:
-            found = [arrays[key] for key in ARRAYS]
-            found = [a.astype(bool if a.dtype == bool else float) for a in found]
-    except DAMAGED:
+    data = kept(path)
+    if data is None:
         return None
-    if len({len(array) for array in found}) != 1 or not all(np.isfinite(a).all() for a in found):
-        return None
-    return Releases(*found)
+    with np.load(io.BytesIO(data)) as arrays:
+        return Releases(*(arrays[key] for key in ARRAYS))

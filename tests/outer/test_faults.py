@@ -1,0 +1,118 @@
+"""Faults around a run: signals at any instant, full disks, readers that go away, settings."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+
+THROWPLAN = [sys.executable, "-m", "throwplan"]
+
+
+def started(words: str, folder: Path, **more: object) -> subprocess.Popen[str]:
+    """A command in a session of its own, whose cache and temporary files are in `folder`."""
+    for name in ("tmp", "cache"):
+        (folder / name).mkdir(exist_ok=True)
+    own = {"TMPDIR": str(folder / "tmp"), "THROWPLAN_CACHE": str(folder / "cache")}
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | more
+    return subprocess.Popen(
+        [*THROWPLAN, *words.split()],
+        cwd=folder,
+        env=os.environ | own,
+        text=True,
+        start_new_session=True,
+        **pipes,  # type: ignore[call-overload]
+    )
+
+
+def left(session: int) -> list[str]:
+    """Processes of a session that are alive."""
+    found = []
+    for path in Path("/proc").glob("[0-9]*"):
+        try:
+            words = (path / "stat").read_text().rsplit(")", 1)[1].split()
+            if int(words[3]) == session and words[0] != "Z":
+                found.append((path / "cmdline").read_text())
+        except (OSError, IndexError):
+            continue
+    return found
+
+
+@pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
+@pytest.mark.parametrize("words", ["scenes", "scenes --reference", "simulate drop --json"])
+def test_a_full_standard_output_is_one_line(words, tmp_path) -> None:
+    with Path("/dev/full").open("w") as full:
+        process = started(words, tmp_path, stdout=full)
+        _, err = process.communicate(timeout=120)
+    assert err == "throwplan: standard output: No space left on device\n"
+    assert process.returncode == 2
+
+
+def test_a_reader_that_goes_away_is_no_error(tmp_path) -> None:
+    with started("scenes --reference", tmp_path) as process:
+        assert process.stdout is not None and process.stderr is not None
+        process.stdout.readline()
+        process.stdout.close()
+        assert process.stderr.read() == "" and process.wait(timeout=120) == 0
+
+
+def test_a_broken_matplotlibrc_costs_pictures_only(tmp_path) -> None:
+    (tmp_path / "matplotlibrc").write_bytes(b"font.size: \xff\xfe\n")
+    process = started("plan hand-box --out out", tmp_path)
+    _, err = process.communicate(timeout=300)
+    assert process.returncode == 2 and err.count("\n") == 1, err
+    assert err.startswith("throwplan: --out out: the plan is there, but not its pictures: ")
+    assert json.loads((tmp_path / "out/plan.json").read_text())["status"] == "solved"
+    assert (tmp_path / "out/motion.csv").is_file()
+
+
+#: Long commands, and about how many seconds they take.
+LONG = [
+    ("plan cup --out out", 6),
+    ("prepare hand-box --throws 2000", 8),
+    ("sweep delay --workers 2 --samples 200000 --out out", 10),
+    ("map hand-box --out out", 8),
+    ("replay {plan} --out out", 4),
+    ("report --quick --only robust --out out", 12),
+]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("words", "seconds"), LONG)
+@pytest.mark.parametrize("kind", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
+def test_a_signal_at_any_instant_ends_it(
+    words, seconds, kind, tmp_path, saved, interruptible
+) -> None:
+    chance = random.Random(f"{words} {kind}")
+    for instant in (chance.uniform(0.5, 1.5), chance.uniform(1.5, seconds)):
+        process = started(words.format(plan=saved("cup")), tmp_path)
+        try:
+            process.communicate(timeout=instant)
+        except subprocess.TimeoutExpired:
+            process.send_signal(kind)
+        _, err = process.communicate(timeout=60)
+        _judge_end(process, err, kind)
+        leftover = [path.name for path in tmp_path.rglob("tmp?*")]
+        assert not leftover and not list((tmp_path / "tmp").iterdir()), leftover
+
+
+def _judge_end(process: subprocess.Popen[str], err: str, kind: signal.Signals) -> None:
+    """Ended by the signal, in one line and alone, or on its own."""
+    lines = err.splitlines()
+    if process.returncode == -kind:
+        # Before the command began, while Python still read the package.
+        return
+    assert process.returncode in (0, 130), (process.returncode, err)
+    if process.returncode == 130:
+        assert len(lines) <= 1 and all(line.startswith("throwplan: ") for line in lines), err
+    until = time.monotonic() + 10
+    while left(process.pid) and time.monotonic() < until:
+        time.sleep(0.1)
+    assert not left(process.pid)
