@@ -3,7 +3,6 @@ judged by franka-sim's rules of the controller. `make verify` installs both."""
 
 from __future__ import annotations
 
-import dataclasses
 import subprocess
 import sys
 from collections.abc import Iterator
@@ -16,8 +15,6 @@ from throwplan.planner.reach import reach_map
 from throwplan.planner.robot import approach, joint_motion
 
 HOST = "127.0.19.1"
-#: Height [m] of joints above which the arm's bodies are clear of the simulator's floor.
-FLOOR = 0.12
 
 
 @pytest.fixture(scope="module")
@@ -43,11 +40,7 @@ def robot() -> Iterator[str]:
 
 def over_map(scene: str, seed: int) -> Iterator[tp.Plan]:
     """Solved plans to random places of random bins of a scene's map."""
-    given = tp.load_scene(scene)
-    assert given.workspace is not None
-    # The simulator's floor meets the arm's bodies, not only its joints.
-    higher = dataclasses.replace(given.workspace, floor=FLOOR)
-    found = reach_map(given.replace(workspace=higher), samples=20000)
+    found = reach_map(tp.load_scene(scene), samples=20000)
     planner, rng = tp.Planner(found.scene), np.random.default_rng(seed)
     assert found.scene.target is not None and found.theta_edges is not None
     bins = np.argwhere(found.landings > 0)
