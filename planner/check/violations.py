@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from .in_space import AGREES, off_in_space
 from .throw import Throw
 
 #: Name of rows that an NLP leaves out until the check has seen that they are needed.
@@ -39,11 +40,15 @@ class Violation:
 
 
 def throw_violations(throw: Throw) -> list[Violation]:
-    """What a throw breaks in any scene: the grip, the release, the way down."""
+    """What a throw breaks in any scene: the kinematics in space, grip, release, way down."""
     found, use = [], throw.measured.grip if throw.lands else throw.grip_use
     if use > 1.0:
         words = f"slip before the opening (grip use {use:.2f})"
         found.append(Violation(words, guard="carry"))
+    off = off_in_space(throw.mover, throw.samples, throw.target.plane.azimuth)
+    if not off <= AGREES:
+        words = f"the joints hold the hand {1e3 * off:.3g} mm off where the planar model has it"
+        found.append(Violation(words))
     if throw.release.trouble:
         found.append(Violation(throw.release.trouble))
     if not throw.lands:
