@@ -50,6 +50,7 @@ from .search import (
     contradiction,
     distinct,
     highest,
+    met,
     nothing_found,
     ordered,
     stored_releases,
@@ -113,12 +114,12 @@ class Planner:
     ) -> Plan:
         """A throw to `target` (the scene's by default), with its status.
 
-        Always returns; raises InputError only for wrong input. solver: 'auto' is FATROP
-        with IPOPT as fallback. turns: 'any' takes theta modulo full turns. warm: a
-        solved plan of this planner for a target nearby. alternatives: how many throws
-        that differ from the plan's to look for; they are in `Plan.alternatives`. robust: a
-        method of the section [robust], instead of the scene's. patience [s]: how long to look for
-        a throw, besides what is built once; 3 s, 20 s for several throws or a robust one.
+        Always returns; raises InputError only for wrong input. solver: 'auto' is FATROP with IPOPT
+        as fallback. turns: 'any' takes theta modulo full turns. warm: a solved plan of this planner
+        for a target nearby. alternatives: how many throws that differ from the plan's to look for,
+        for `Plan.alternatives`. robust: a method of the section [robust], instead of the scene's.
+        patience [s]: how long to look, besides what is built once; 3 s, 20 s for several throws or
+        a robust one.
         """
         started = time.perf_counter()
         target = self.check(target)
@@ -129,6 +130,8 @@ class Planner:
         method = self._method(robust)
         if method and alternatives:
             raise InputError("alternatives: not with a robust plan")
+        if (method or alternatives) and not target.at_rest:
+            raise InputError("target: velocity and arrival go with neither robust nor alternatives")
         if patience is None:
             patience = PATIENCE if not method and self._wanted(alternatives) == 1 else LONG_PATIENCE
         if not patience > 0:
@@ -138,7 +141,11 @@ class Planner:
         task = Task(self.scene.aimed_at(target), target, solvers, clock)
         made, self._build_time = self._build_time, 0.0
         wanted = self._wanted(alternatives)
-        plan = self._planned(task, turns, wanted, warm)
+
+        def thrown(at: Pose, last: Plan | None) -> Plan:
+            return self._planned(task.aimed_at(at), turns, wanted, last or warm)
+
+        plan = met(target, self.releases, thrown)
         if method and plan.solved:
             plan = self._hardened(plan, method, turns, task)
         total, spent = time.perf_counter() - started + made, dict(clock.seconds)
@@ -186,10 +193,12 @@ class Planner:
         """The plan at its optimum: solved again from where it is, for times without other work.
 
         A throw that was moved, from the library or after a target, costs more than need be. The
-        plan itself comes back where nothing cheaper is found, and where it is robust or not solved.
+        plan itself comes back where nothing cheaper is found, where it is robust or not solved, and
+        for a target that moves or is to be met at a time.
         """
         before = plan.throw
-        if not plan.solved or before is None or plan.mover is not self.mover:
+        mine = plan.solved and plan.mover is self.mover and plan.target.at_rest
+        if not mine or before is None:
             return plan
         target, started, clock = plan.target, time.perf_counter(), Clock.lasting(PATIENCE)
         task = Task(self.scene.aimed_at(target), target, ("fatrop",), clock)
@@ -371,11 +380,7 @@ class Options(TypedDict, total=False):
     patience: float | None
 
 
-def plan(
-    scene: Scene | str | Path,
-    target: Pose | None = None,
-    **options: Unpack[Options],
-) -> Plan:
+def plan(scene: Scene | str | Path, target: Pose | None = None, **options: Unpack[Options]) -> Plan:
     """Plan one throw of a scene (or of a built-in name or TOML file).
 
     options: those of `Planner.plan`: solver, turns, warm, alternatives, robust, patience.

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from typing import Any
 
 import numpy as np
 
@@ -68,8 +69,63 @@ class Pose(Section):
         most=1e4,
     )
     y: float = quantity("m, base frame; only with [robot]", least=-100, most=100, default=0.0)
+    velocity: tuple[float] | None = optional(
+        "m/s, along x in the throw's plane, of a target that moves, its cup too; the pose is then "
+        "where it is when the motion starts; left out: at rest",
+        least=-5.0,
+        most=5.0,
+    )
+    arrival: float | tuple[float, float] | None = optional(
+        "s after the motion starts: when the object lands, or the earliest and the latest; left "
+        "out: any time",
+        above=0,
+        most=60.0,
+    )
     #: How far [m] the throw's plane is beside the base's z axis: the arm's, no key of files.
     lateral: float = 0.0
+    #: When [s] after the start of the motion a target that moves is here: no key of files.
+    since: float = 0.0
+
+    def check(self) -> None:
+        """earliest not after latest."""
+        earliest, latest = self.window
+        if earliest > latest:
+            raise InputError(f"arrival = [{earliest:g}, {latest:g}]: the earliest comes first")
+
+    @property
+    def window(self) -> tuple[float, float]:
+        """The earliest and the latest time [s] of the landing."""
+        if self.arrival is None:
+            return 0.0, math.inf
+        return self.arrival if isinstance(self.arrival, tuple) else (self.arrival, self.arrival)
+
+    @property
+    def at_rest(self) -> bool:
+        """Whether it stays where it is and may be met at any time."""
+        return self.velocity is None and self.arrival is None
+
+    @property
+    def kind(self) -> tuple[bool, bool, bool]:
+        """Whether theta is fixed, it has a latest time, it moves: then an NLP differs."""
+        moves = self.velocity is not None
+        return self.theta is not None, math.isfinite(self.window[1]), moves
+
+    @property
+    def speed(self) -> float:
+        """Rate of x in the throw's plane [m/s]."""
+        return 0.0 if self.velocity is None else self.velocity[0]
+
+    def at(self, time: float) -> Pose:
+        """Where the target is `time` [s] after the motion starts.
+
+        InputError where it has come to the arm's base axis from another azimuth than 0.
+        """
+        if self.velocity is None:
+            return self
+        x = self.plane_x + self.speed * (time - self.since)
+        if self.y and x * self.plane_x <= 0.0:
+            raise InputError("target: it moves past the base's z axis; with y = 0 it may")
+        return self.in_plane(x, self.theta).changed(since=time)
 
     def beside(self, lateral: float) -> Pose:
         """The pose for an arm whose plane is beside its axis; InputError where none reaches it."""
@@ -85,7 +141,15 @@ class Pose(Section):
         """The pose for people."""
         theta = "free" if self.theta is None else f"{math.degrees(self.theta):.1f} deg"
         aside = f", y {self.y:.3f} m" if self.y else ""
-        return f"x {self.x:.3f} m{aside}, z {self.z:.3f} m, theta {theta}"
+        words = f"x {self.x:.3f} m{aside}, z {self.z:.3f} m, theta {theta}"
+        if self.velocity is not None:
+            words += f" at {self.since:.3f} s, moving at {self.speed:g} m/s"
+        if self.arrival is not None:
+            earliest, latest = self.window
+            words += f", landing at {earliest:g}" + (
+                " s" if latest == earliest else f" to {latest:g} s"
+            )
+        return words
 
     @property
     def away(self) -> float:
@@ -99,6 +163,14 @@ class Pose(Section):
         return ThrowPlane(
             turn - math.asin(self.lateral / self.away) if self.lateral else turn, self.lateral
         )
+
+    @property
+    def table(self) -> dict[str, Any]:
+        """The pose as JSON has it, with how it moves and when it is met where that is given."""
+        pose = {"x": self.x, "y": self.y, "z": self.z, "theta": self.theta}
+        given = {"velocity": self.velocity, "arrival": self.arrival}
+        listed = {k: list(v) if isinstance(v, tuple) else v for k, v in given.items()}
+        return pose | {key: value for key, value in listed.items() if value is not None}
 
     @property
     def plane_x(self) -> float:

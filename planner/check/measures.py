@@ -51,7 +51,20 @@ def measured(
     throw.com, throw.start = com.ctypes.data, start.ctypes.data
     found = Measured()
     core.measure(ctypes.byref(throw), ctypes.byref(found))
+    if scene.cup is not None and scene.target is not None and scene.target.velocity is not None:
+        found.cup = cup_clearance(scene, start, flight)
     return found
+
+
+def cup_clearance(scene: Scene, detach: Array, flight: float) -> float:
+    """Clearance [m] of the way into the cup, as it is seen from a cup that moves.
+
+    detach (6,): CoM pose and twist. The scene's cup is where it is at the landing.
+    """
+    speed, seen = 0.0 if scene.target is None else scene.target.speed, detach.copy()
+    seen[0] += speed * flight
+    seen[3] -= speed
+    return float(cup_entries(scene, seen[None], np.array([flight]))[0])
 
 
 def grip_use(scene: Scene, mover: Mover, path: Path, opening_time: float) -> float:
@@ -145,7 +158,7 @@ def _measured(
         palm = max(float(distance.min(initial=math.inf)), 0.0)
         palm_time = float(since[near][distance < clearance - ROUNDING].min(initial=math.inf))
     if scene.cup is not None:
-        cup = float(cup_entries(scene, release.end[None], np.array([flight]))[0])
+        cup = cup_clearance(scene, release.end, flight)
     speed = 0.0
     if arm is not None and scene.tool_speed is not None:
         speed = tool_speeds(arm.tool, *mover.motion(*joints)[:2]).max()

@@ -70,26 +70,38 @@ def add_patience(add: Add, words: str) -> None:
 
 
 def add_target(add: Add) -> None:
-    """The options --target and --azimuth, for `target_of`."""
+    """The options --target, --azimuth, --velocity and --arrival, for `target_of`."""
     words = "landing pose instead of the scene's; THETA_DEG may be 'free'"
     form = ("X", "Z", "THETA_DEG")
     add("--target", nargs=3, type=number(other="free"), metavar=form, help=words)
     words = "turn the throw's plane about the arm's base axis"
     add("--azimuth", type=number(-180, 180), metavar="DEG", help=words)
+    words = "m/s, of a target that moves along x; it is at its pose when the motion starts"
+    add("--velocity", type=number(), metavar="VX", help=words)
+    words = "s after the motion starts: when the object lands, or the earliest and the latest"
+    add("--arrival", nargs="+", type=number(), metavar="T", help=words)
 
 
 def target_of(scene: Scene, options: argparse.Namespace) -> Pose | None:
-    """The target that --target and --azimuth ask for, None for the scene's own."""
+    """The target that the options of `add_target` ask for, None for the scene's own."""
     given, azimuth, target = options.target, options.azimuth, scene.target
-    if given is None and azimuth is None:
+    velocity, arrival = options.velocity, options.arrival
+    if given is azimuth is velocity is arrival is None:
         return None
     if given is not None:
         x, z, degrees = given
         if x is None or z is None:
             raise InputError("--target free: only THETA_DEG may be, X and Z must be numbers")
-        target = Pose(x=x, z=z, theta=None if degrees is None else math.radians(degrees))
+        theta = None if degrees is None else math.radians(degrees)
+        target = dataclasses.replace(target or Pose(x=x, z=z), x=x, z=z, theta=theta, y=0.0)
     if target is None:
         raise InputError(f"{scene.place}: section [target] is missing")
+    if velocity is not None:
+        target = dataclasses.replace(target, velocity=(velocity,))
+    if arrival is not None:
+        if len(arrival) > 2:
+            raise InputError("--arrival: one time, or the earliest and the latest")
+        target = dataclasses.replace(target, arrival=tuple(arrival) if arrival[1:] else arrival[0])
     if azimuth is None:
         return target
     if scene.robot is None:

@@ -43,7 +43,7 @@ def add_interval(context: Context, k: int, stage: Stage, following: Stage) -> No
     s = context.structure
     carrying, opening = k < s.carry, s.opens <= k < s.detach
     dt = stage.states[T] / s.carry if carrying else context.length(k, stage)
-    ends = {T: stage.states[T]} if carrying else {}
+    ends = {T: stage.states[T]} if T in stage.states else {}
     if opening:
         ends[REL] = _open(context, k, stage, dt)
     context.close(stage, following, dt, ends)

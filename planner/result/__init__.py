@@ -10,4 +10,5 @@ from .files import (
     view,
     write_table,
 )
-from .plan import Plan, PlannedThrow, Status, checked_target
+from .plan import Plan, PlannedThrow, Status
+from .wanted import checked_target

@@ -118,7 +118,7 @@ def sent_throw(plan: Plan) -> Throw:
     """The throw of a solved plan; InputError for a plan without one."""
     if plan.throw is None or not plan.solved:
         raise InputError(f"the plan is {plan.status}: it holds no throw")
-    throw, scene = plan.throw.final, plan.scene.aimed_at(plan.target)
+    throw, scene = plan.throw.final, plan.scene.aimed_at(plan.goal)
     return throw if throw.scene == scene else dataclasses.replace(throw, scene=scene)
 
 
@@ -214,7 +214,10 @@ def read_plan(path: str | Path) -> SavedThrow:
     if not 0.0 <= opening_time <= end:
         raise InputError(f"{path}: opening_time = {opening_time:g}: must be within motion.csv")
     said = {key: str(plan.get(key, "")) for key in ("status", "message")}
-    return SavedThrow(scene, mover, samples.path, opening_time, samples, **said)  # type: ignore[arg-type]
+    throw = SavedThrow(scene, mover, samples.path, opening_time, samples, **said)  # type: ignore[arg-type]
+    if scene.target is None or scene.target.velocity is None:
+        return throw
+    return dataclasses.replace(throw, scene=scene.aimed_at(scene.target.at(throw.landing_time)))
 
 
 def _plan_object(path: Path) -> dict[str, Any]:

@@ -9,9 +9,9 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from ...models import SLIDING_PIVOT, STEPPED_SURFACE, Arm
+from ...models import SLIDING_PIVOT, STEPPED_SURFACE
 from ...models import Path as Motion
-from ...problems import InputError, Pose, Scene, plain
+from ...problems import Pose, Scene, plain
 from ..check import Mover, Samples, Throw, torque_limits
 from ..ocp import USUAL, Asked, Optimum, Solution, ThrowNlp
 from .files import Draw, PlanPath, draw_plan, path_of, save_plan, sent_throw
@@ -163,6 +163,12 @@ class Plan:
         )
 
     @property
+    def goal(self) -> Pose:
+        """The target where it is when the object lands."""
+        moves = self.throw is not None and self.target.velocity is not None
+        return self.target.at(self.throw.landing_time) if moves and self.throw else self.target
+
+    @property
     def solved(self) -> bool:
         """Whether the checked landing is inside the tolerance and nothing is broken."""
         return self.status == "solved"
@@ -181,11 +187,11 @@ class Plan:
             "scene": self.scene.name,
             "status": self.status,
             "message": self.message,
-            "target": _pose_dict(self.target),
+            "target": self.target.table,
             "landing": landing,
             "error": error,
             "release": release,
-            "nearest": None if nearest is None else _pose_dict(nearest),
+            "nearest": None if nearest is None else nearest.table,
             "binding": list(self.binding),
             "solver": {
                 "name": self.solver,
@@ -335,41 +341,12 @@ class Plan:
         if pose is None:
             return None
         angle = 0.0 if self.target.theta is None else abs(pose[2] - self.target.theta)
-        position = abs(pose[0] - self.target.plane_x)
+        position = abs(pose[0] - self.goal.plane_x)
         return plain({"position": position, "angle": angle})
 
     def json(self) -> str:
         """`to_dict` as a JSON text."""
         return json.dumps(self.to_dict(), indent=2, allow_nan=False)
-
-
-def checked_target(scene: Scene, target: Pose | None) -> Pose:
-    """The target to plan for: the given one or the scene's; InputError if it does not fit."""
-    target = target or scene.target
-    if target is None:
-        raise InputError(f"{scene.place}: section [target] is missing")
-    if not isinstance(target, Pose):
-        raise InputError(f"target = {target!r}: must be a Pose")
-    if scene.robot is None and target.y != 0.0:
-        raise InputError("target y: only for a scene with [robot]")
-    if scene.cup is not None and target.theta is None:
-        raise InputError("[cup] needs a target with theta_deg, to know which end goes in")
-    if scene.arm is not None:
-        target = target.beside(scene.arm.lateral)
-        _check_azimuth(scene.arm, target)
-    return target
-
-
-def _check_azimuth(arm: Arm, target: Pose) -> None:
-    """InputError unless the joint that turns the throw's plane can turn it there."""
-    joint = arm.azimuth_joint - 1
-    low, high = arm.limits.position_min[joint], arm.limits.position_max[joint]
-    angle = arm.azimuth_angle(target.plane.azimuth)
-    if not low <= angle <= high:
-        raise InputError(
-            f"target: its azimuth {math.degrees(angle):.1f} deg is outside joint "
-            f"{joint + 1}'s range [{math.degrees(low):.1f}, {math.degrees(high):.1f}] deg"
-        )
 
 
 def _moments(release: dict[str, float | None]) -> str:
@@ -385,7 +362,3 @@ def _torque_words(use: float, rate: float, rate_limit: float | None) -> str:
     """The joints' torques for people."""
     most = "" if rate_limit is None else f" (recommended: {rate_limit:.0f})"
     return f"joint torques at most {100 * use:.0f} % of their limits, rate {rate:.0f} N m/s{most}"
-
-
-def _pose_dict(pose: Pose) -> dict[str, Any]:
-    return {"x": pose.x, "y": pose.y, "z": pose.z, "theta": pose.theta}

@@ -201,6 +201,8 @@ def replay(
     load_mujoco()
     throw = throw_of(throw)
     began = time.perf_counter()
+    if throw.scene.cup is not None and throw.target.speed:
+        raise InputError("replay: the cup moves; MuJoCo's is fixed")
     height = throw.target.z
     opening, states = release_run(throw, step, points)
     detach, start = states[-1], float(opening[-1])

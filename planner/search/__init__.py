@@ -9,6 +9,7 @@ from .failure import check_contradictions, contradiction, nothing_found
 from .guess import guess_from, refit
 from .launch import carry, flies_past_column, polynomial, run_up
 from .library import Library, Neighbour
+from .meeting import met
 from .nearby import Nearby
 from .nearest import Reach, highest
 from .nlps import Clock, Problems, Program, Task, check_start

@@ -107,11 +107,14 @@ class Reach:
 
     def __init__(self, scene: Scene, mover: Mover) -> None:
         self._scene, self._mover = scene, mover
-        self._solvers: dict[tuple[bool, frozenset[Guard]], tuple[ThrowNlp, list[Solver]]] = {}
+        self._solvers: dict[
+            tuple[tuple[bool, ...], frozenset[Guard]], tuple[ThrowNlp, list[Solver]]
+        ] = {}
 
     def _solver(self, request: Request) -> tuple[ThrowNlp, list[Solver]]:
         guards = request.asked.guards
-        key = (request.angle, guards)
+        assert request.target is not None
+        key = request.target.kind, guards
         if key not in self._solvers:
             nlp = build_nlp(request)
             solvers = [Solver(nlp, name) for name in ("fatrop", "ipopt")]

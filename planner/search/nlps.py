@@ -7,7 +7,7 @@ import time
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
@@ -74,6 +74,10 @@ class Task:
     solvers: tuple[str, ...] = ("fatrop", "ipopt")
     clock: Clock = field(default_factory=Clock)
 
+    def aimed_at(self, target: Pose) -> Task:
+        """The same for another target."""
+        return replace(self, scene=self.scene.aimed_at(target), target=target)
+
 
 @dataclass(frozen=True)
 class Program:
@@ -86,9 +90,9 @@ class Program:
 
 @dataclass(frozen=True)
 class _Kind:
-    """Which of a scene's NLPs: theta fixed or open, which guards and bodies, robust how."""
+    """Which of a scene's NLPs: for what kind of target, which guards and bodies, robust how."""
 
-    angle: bool
+    target: tuple[bool, bool, bool]
     guards: frozenset[Guard]
     near: frozenset[str]
     robust: str
@@ -104,7 +108,7 @@ class Problems:
 
     def nlp(self, target: Pose, asked: Asked, clock: Clock, robust: str = "") -> ThrowNlp:
         """The NLP for a target."""
-        kind = _Kind(target.theta is not None, asked.guards, asked.near, robust)
+        kind = _Kind(target.kind, asked.guards, asked.near, robust)
         if kind not in self._nlps:
             with clock("build"):
                 request = Request(self.scene, self.mover, target, asked, robust)
@@ -115,7 +119,7 @@ class Problems:
         self, target: Pose, asked: Asked, solver: str, clock: Clock, robust: str = ""
     ) -> Program:
         """The same with a solver: 'fatrop' or 'ipopt'."""
-        kind = _Kind(target.theta is not None, asked.guards, asked.near, robust)
+        kind = _Kind(target.kind, asked.guards, asked.near, robust)
         if (kind, solver) not in self._problems:
             nlp = self.nlp(target, asked, clock, robust)
             with clock("build"):

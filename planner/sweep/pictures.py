@@ -47,7 +47,7 @@ def _about(sweep: Sweep) -> tuple[float, str]:
 def _off(sweep: Sweep, pose: Array) -> Array:
     """Landings (..., 2) off the target: x [mm], theta [deg]."""
     about, _ = _about(sweep)
-    x, theta = pose[..., 0] - sweep.plan.target.plane_x, pose[..., 1] - about
+    x, theta = pose[..., 0] - sweep.plan.goal.plane_x, pose[..., 1] - about
     return np.stack([1e3 * x, np.degrees(theta)], axis=-1)
 
 

@@ -108,7 +108,7 @@ class Sweep:
         derivatives by the parameter, and shares of the variances. delay_inside: the
         largest delays [s] beyond the mean that still succeed, null beyond 50 ms.
         """
-        scene, target = self.plan.scene, self.plan.target
+        scene, target = self.plan.scene, self.plan.goal
         x, theta = (float(value) for value in self.nominal.pose[0, :2])
         dx = x - target.plane_x
         dtheta = 0.0 if target.theta is None else theta - target.theta

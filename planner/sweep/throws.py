@@ -102,7 +102,8 @@ class Thrower:
     """Throws a plan's motion with other values of the parameters `names`, by `model`.
 
     Small, to be sent to other processes. hands: counted from the planned opening.
-    mean_delay [s]: what the plan's opening command is early by. steps: over the opening, 0
+    mean_delay [s]: what the plan's opening command is early by; flight [s]: of the plan's own
+    throw. steps: over the opening, 0
     for the model's own.
     """
 
@@ -113,6 +114,7 @@ class Thrower:
     hands: Path
     carry: CarryHold
     mean_delay: float
+    flight: float
     steps: int = 0
 
     def throw(self, values: Array) -> Outcomes:
@@ -126,13 +128,19 @@ class Thrower:
             drift = columns[f"hand_v{axis}"]
             detach[:, i] += columns[f"hand_{axis}"] + drift * batch.opening
             detach[:, 3 + i] += drift
+        late = columns["delay"] - self.mean_delay
+        if self.target.speed:
+            # As the target sees it, counted from where it is when the planned throw lands.
+            opened = late + columns["opening"] - self.scene.gripper.profile().opening
+            detach[:, 0] -= self.target.speed * (opened - self.flight)
+            detach[:, 3] -= self.target.speed
         landing = land(detach, self.target.z, self.scene.gravity)
         com = columns["com_offset"] + self.scene.grasp.offset
         return Outcomes(
             landing,
             self._in_tolerance(landing),
             self._in_cup(detach, landing, com),
-            self.carry.held(batch, batch.grasp_angle, columns["delay"] - self.mean_delay),
+            self.carry.held(batch, batch.grasp_angle, late),
         )
 
     def columns(self, values: Array) -> dict[str, Array]:
@@ -217,7 +225,8 @@ def thrower_of(plan: Plan, model: str, sampler: Sampler) -> Thrower:
     span = max(start + low, 0.0), min(start + high + longest, rest)
     carry = CarryHold.of(throw, min(high, rest - start))
     hands = tabulated(throw, span)
-    thrower = Thrower(scene, plan.target, model, sampler.names, hands, carry, mean)
+    flight = throw.landing.flight_time
+    thrower = Thrower(scene, plan.goal, model, sampler.names, hands, carry, mean, flight)
     return _settled(thrower, sampler)
 
 

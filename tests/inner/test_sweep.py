@@ -32,7 +32,7 @@ def toy(section: Uncertainty, opening: float = 0.05, model: str = "sp") -> tuple
     free = CarryHold(np.empty(0), np.empty((5, 0)), 120.0)
     names = sampler.names
     hand = Path.accelerating(POSE, TWIST, ACCELERATION)
-    return Thrower(scene, scene.target, model, names, hand, free, 0.0, 400), sampler
+    return Thrower(scene, scene.target, model, names, hand, free, 0.0, 0.0, 400), sampler
 
 
 def small(*names: str, width: float = 1e-3) -> Uncertainty:

@@ -6,6 +6,7 @@ A new term is a class in a file here and an entry of `TERMS`; rows come in this 
 from ...check import Throw, Violation, throw_violations
 from ..asked import Request
 from ..context import Term
+from .arrival import LatestArrival
 from .cup import CUP_MARGIN, CupClearance, lower_end
 from .joint_limits import SlowingLimits, TorqueLimits
 from .landing import LandingBounds
@@ -23,6 +24,7 @@ TERMS: list[type[Term]] = [
     Palm,
     Column,
     LandingBounds,
+    LatestArrival,
     Clear,
     Quiet,
     Scenarios,

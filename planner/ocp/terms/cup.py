@@ -39,13 +39,16 @@ class CupClearance(Term):
     turns: ClassVar[bool] = True
     depths: int
     elastic: bool
+    moves: bool
 
     @classmethod
     def of(cls, request: Request) -> Self | None:
         """For a scene with a cup."""
         if request.scene.cup is None:
             return None
-        return cls(DEPTHS["flight" in request.asked.guards], request.elastic)
+        target = request.target or request.scene.target
+        moves = target is not None and target.velocity is not None
+        return cls(DEPTHS["flight" in request.asked.guards], request.elastic, moves)
 
     def numbers(self, request: Request) -> dict[str, Any]:
         """The cup where it is, and which end goes in."""
@@ -59,6 +62,7 @@ class CupClearance(Term):
             "cup_radius": math.sqrt(cup.radius**2 - (request.scene.object.width / 2) ** 2),
             "cup_clearance": cup.clearance + CUP_MARGIN + request.asked.margins["cup"],
             "lower_end": lower_end(request.scene, target),
+            **({"cup_speed": target.speed} if self.moves else {}),
         }
 
     def in_flight(
@@ -67,16 +71,22 @@ class CupClearance(Term):
         """The rim, then each depth."""
         p = context.parameters
         radius, clearance, half_width = p("cup_radius"), p("cup_clearance"), p("half_width")
-        cup_x = p("cup_x") + (end.x - p("target_x") if self.elastic else 0)
+        landed = p("cup_x") + (end.x - p("target_x") if self.elastic else 0)
+
+        def cup_at(after: ca.SX) -> ca.SX:
+            return landed + p("cup_speed") * (after - time) if self.moves else landed
+
         lower = p("lower_end")
-        at = flight.after(stage.control(T_RIM), context.gravity)
+        after = stage.control(T_RIM)
+        at, cup_x = flight.after(after, context.gravity), cup_at(after)
         cos, sin = ca.cos(at.theta), ca.sin(at.theta)
         across = half_width * cos / ca.sqrt(cos**2 + 1e-6)
         stage.row("cup depth", at.z + lower * sin - across * cos - p("cup_rim"), 0.0, 0.0)
         corner = at.x + lower * cos + across * sin - cup_x
         stage.row("cup clearance", corner / (radius - clearance), -1.0, 1.0)
         for i in range(self.depths):
-            at = flight.after(stage.control(T_CUP.number(i)), context.gravity)
+            after = stage.control(T_CUP.number(i))
+            at, cup_x = flight.after(after, context.gravity), cup_at(after)
             cos, sin = ca.cos(at.theta), ca.sin(at.theta)
             depth = p("cup_insertion") * i / max(self.depths - 1, 1)
             stage.row("cup depth", at.z + lower * sin - (p("cup_rim") - depth), 0.0, 0.0)
