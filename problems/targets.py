@@ -76,8 +76,8 @@ class Pose(Section):
         most=5.0,
     )
     arrival: float | tuple[float, float] | None = optional(
-        "s after the motion starts: when the object lands, or the earliest and the latest; left "
-        "out: any time",
+        "s after the motion starts: when the object lands, to 1 ms, or the earliest and the "
+        "latest; left out: any time",
         above=0,
         most=60.0,
     )

@@ -49,8 +49,8 @@ class LatestArrival(Term):
         stage.row("arrival", stage.states[T] + time - latest, -np.inf, 0.0)
 
     def broken(self, throw: Throw) -> list[Violation]:
-        """A landing later than that, by more than half of a sample's time."""
+        """A landing later than that, by more than a sample's time."""
         latest, lands = throw.target.window[1], throw.landing_time
-        if lands <= latest + TICK / 2:
+        if lands <= latest + TICK:
             return []
         return [Violation(f"arrival: lands at {lands:.3f} s, after {latest:g} s")]

@@ -1,0 +1,126 @@
+"""Targets that move and times of arrival: met where they are, by the landing's own numbers."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+import throwplan as tp
+
+
+@pytest.fixture(scope="module")
+def pose() -> tp.Planner:
+    return tp.Planner("pose")
+
+
+def moving(planner: tp.Planner, speed: float | None = None, **changes) -> tp.Plan:
+    velocity = None if speed is None else (speed,)
+    return planner.plan(dataclasses.replace(planner.scene.target, velocity=velocity, **changes))
+
+
+def assert_met(plan: tp.Plan) -> None:
+    """The landing is where the target is at its time, from the JSON's own numbers."""
+    assert plan.solved, plan.message
+    answer = plan.to_dict()
+    time, target = answer["release"]["landing_time"], answer["target"]
+    (speed,) = target.get("velocity", [0.0])
+    landing, tolerance = answer["landing"]["limit_surface"], plan.scene.tolerance
+    assert abs(landing["x"] - (target["x"] + speed * time)) <= tolerance.position / 4
+    if target["theta"] is not None:
+        assert abs(landing["theta"] - target["theta"]) <= tolerance.angle / 4
+    # A sample more or less: the arm waits in whole ones.
+    arrival = target.get("arrival", [0.0, math.inf])
+    earliest, latest = arrival if isinstance(arrival, list) else (arrival, arrival)
+    assert earliest - 1e-3 <= time <= latest + 1e-3
+
+
+@pytest.mark.parametrize("speed", [-0.4, 0.1])
+def test_a_target_is_met_where_it_then_is(pose, speed) -> None:
+    plan = moving(pose, speed)
+    assert_met(plan)
+    # The same throw to where it is met, at rest, has the same NLP.
+    still = pose.plan(plan.goal.changed(velocity=None))
+    assert still.solved and still.variables == plan.variables
+
+
+def test_a_target_that_comes_is_waited_for(pose, tmp_path, table) -> None:
+    plan = moving(pose, -0.5, x=2.2)
+    assert_met(plan)
+    plan.save(tmp_path, draw=False)
+    rows = table(tmp_path / "motion.csv")
+    still = int(np.argmax(np.abs(rows["dq4"]) > 0.0))
+    assert still > 100 and (rows["q4"][:still] == rows["q4"][0]).all()
+    again = tp.read_plan(tmp_path)
+    assert again.landing_time == pytest.approx(plan.throw.landing_time, abs=1e-6)
+    assert again.miss()[0] == pytest.approx(plan.throw.final.miss()[0], abs=1e-6)
+
+
+@pytest.mark.parametrize("arrival", [0.5, 1.5, (0.8, 1.1)])
+def test_the_object_lands_in_time(pose, arrival) -> None:
+    early = pose.plan().throw.landing_time
+    plan = moving(pose, arrival=arrival)
+    assert_met(plan)
+    latest = arrival if isinstance(arrival, float) else arrival[1]
+    # A time that is not asked for adds nothing to the NLP.
+    assert plan.variables > pose.plan().variables
+    assert latest > 0.4 and early > 0.2
+
+
+def test_what_cannot_be_met_says_what_binds(pose) -> None:
+    plan = moving(pose, 0.2, arrival=1.6)
+    assert plan.status == "out_of_reach" and "tool speed" in plan.binding
+    assert plan.to_dict()["target"]["arrival"] == 1.6
+    hurried = moving(pose, arrival=0.15)
+    assert hurried.status != "solved"
+
+
+def test_the_belt(plan_of) -> None:
+    assert_met(plan_of("conveyor"))
+
+
+def test_a_cup_that_moves_is_entered_as_it_sees_the_bar() -> None:
+    """All corners of the bar below the rim are inside the cup that has moved along."""
+    planner = tp.Planner("cup")
+    plan = moving(planner, -0.2)
+    assert_met(plan)
+    throw, cup, bar = plan.throw.final, plan.throw.final.scene.cup, planner.scene.object
+    flight = throw.landing.flight_time
+    since = np.linspace(0.0, flight, 2000)
+    x, z, theta = throw.flight(since)
+    x = x - -0.2 * (since - flight)
+    deepest = np.inf
+    for along in (-bar.com, bar.length - bar.com):
+        for across in (-bar.width / 2, bar.width / 2):
+            at_x = x + along * np.cos(theta) - across * np.sin(theta)
+            at_z = z + along * np.sin(theta) + across * np.cos(theta)
+            below = at_z < cup.rim
+            assert (np.abs(at_x - cup.x)[below] < cup.radius).all()
+            deepest = min(deepest, at_z.min())
+    assert deepest < cup.rim - cup.insertion / 2
+
+
+def test_a_sweep_counts_from_the_target_that_moves_on(pose) -> None:
+    plan = moving(pose, -0.4)
+    found = tp.sweep(plan, samples=20)
+    column = found.sampler.names.index("delay")
+    for values, landed in zip(found.values, found.landings.pose, strict=True):
+        late = plan.throw.final.delayed(float(values[column]))
+        x = late.landing.x - -0.4 * (late.landing_time - plan.throw.landing_time)
+        assert landed[0] == pytest.approx(x, abs=2e-4)
+
+
+@pytest.mark.parametrize(
+    ("options", "words"),
+    [
+        ("--velocity 9", "velocity = 9: must be at most 5"),
+        ("--velocity nan", "--velocity nan: must be a finite number"),
+        ("--arrival 0.05", "arrival = 0.05: must be above 0.1 s, the gripper's dwell and opening"),
+        ("--arrival 2 1", "arrival = [2, 1]: the earliest comes first"),
+        ("--arrival 1 2 3", "--arrival: one time, or the earliest and the latest"),
+        ("--velocity 0.1 --robust auto", "velocity and arrival go with neither robust nor"),
+    ],
+)
+def test_refused(options, words, refused) -> None:
+    assert words in refused(f"plan pose {options}")
