@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import os
 import platform
 import shutil
@@ -67,8 +68,10 @@ def _compile(target: Path, functions: Functions) -> bool:
             code, made = Path(scratch) / "code.c", Path(scratch) / target.name
             code.write_text(source, encoding="utf-8")
             order = [command, *FLAGS, "-o", str(made), str(code), "-lm"]
-            quiet = subprocess.DEVNULL
-            subprocess.run(order, check=True, timeout=PATIENCE, stdin=quiet, capture_output=True)
+            # A compiler that is ended leaves its own temporary files.
+            own = os.environ | dict.fromkeys(("TMPDIR", "TMP", "TEMP"), scratch)
+            run = functools.partial(subprocess.run, stdin=subprocess.DEVNULL, capture_output=True)
+            run(order, check=True, timeout=PATIENCE, env=own)
             # What stands behind its end does not matter to a library.
             return keep(target.parent, target.name, made.read_bytes())
     except (OSError, subprocess.SubprocessError):

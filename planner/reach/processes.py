@@ -67,6 +67,9 @@ def grow(sources: Sources, library: Library, throws: int, progress: Progress | N
             library.refresh()
             if progress is not None:
                 progress(min(len(library), throws), throws)
+        if any(process.returncode for process in running):
+            # One was killed: its share is done here.
+            Growth(sources, library, landings, throws).grow(progress)
     finally:
         for process in running:
             if process.poll() is None:

@@ -109,10 +109,37 @@ def _judge_end(process: subprocess.Popen[str], err: str, kind: signal.Signals) -
     if process.returncode == -kind:
         # Before the command began, while Python still read the package.
         return
-    assert process.returncode in (0, 130), (process.returncode, err)
-    if process.returncode == 130:
+    # Python ends itself by SIGINT, 130 to a shell, where the signal met code that it executes.
+    interrupted = (130, -signal.SIGINT)
+    assert process.returncode in (0, *interrupted), (process.returncode, err)
+    if process.returncode in interrupted:
         assert len(lines) <= 1 and all(line.startswith("throwplan: ") for line in lines), err
     until = time.monotonic() + 10
     while left(process.pid) and time.monotonic() < until:
         time.sleep(0.1)
     assert not left(process.pid)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    ("words", "status"),
+    [("prepare hand-box --throws 1000", 0), ("sweep delay --workers 2 --samples 300000", 2)],
+)
+def test_a_killed_worker_is_said_or_replaced(words, status, tmp_path) -> None:
+    process = started(words, tmp_path)
+    children = Path(f"/proc/{process.pid}/task/{process.pid}/children")
+    found: list[str] = []
+    until = time.monotonic() + 60
+    while len(found) < 2 + (status == 2) and time.monotonic() < until:
+        time.sleep(0.1)
+        # Of a compiler on the way nothing is wanted.
+        found = [
+            child
+            for child in children.read_text().split()
+            if b"cc" not in Path(f"/proc/{child}/cmdline").read_bytes().split(b"\0")[0]
+        ]
+    os.kill(int(found[-1]), signal.SIGKILL)
+    out, err = process.communicate(timeout=300)
+    assert process.returncode == status and err.count("\n") == (status == 2), err
+    assert not left(process.pid)
+    assert status or int(out.split("solved throws")[0].split()[-1].replace(",", "")) > 0
