@@ -44,7 +44,7 @@ one it takes the target of the scene file.
 """
 
 # %%
-scene = tp.load_scene("cup")
+scene = tp.load_scene("near-cup")
 planner = tp.Planner(scene)
 plan = planner.plan()
 print(plan.status, "-", plan.message)

@@ -24,8 +24,8 @@ def plan_of() -> Callable[[str], tp.Plan]:
 
 @pytest.fixture(scope="session")
 def cup_plan(plan_of: Callable[[str], tp.Plan]) -> tp.Plan:
-    """The plan of the scene `cup`."""
-    return plan_of("cup")
+    """The plan of the scene `near-cup`."""
+    return plan_of("near-cup")
 
 
 @pytest.fixture(scope="session")

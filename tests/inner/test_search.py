@@ -32,7 +32,7 @@ def pose() -> tp.Planner:
 
 @pytest.fixture(scope="module")
 def cup() -> tp.Planner:
-    return tp.Planner(tp.load_scene("cup"))
+    return tp.Planner(tp.load_scene("near-cup"))
 
 
 def bare(name: str) -> tp.Scene:
@@ -78,7 +78,7 @@ def test_sampled_releases_are_feasible_and_thrown_as_the_exact_model_throws(name
 
 def test_run_ups_through_the_base_column_are_marked() -> None:
     """SciPy's polynomials, and the bar's axis point by point."""
-    scene = tp.load_scene("cup")
+    scene = tp.load_scene("near-cup")
     mover, table, workspace = make_mover(scene), drawn(scene, 2000), scene.workspace
     bar = np.linspace(-scene.object.com, scene.object.length - scene.object.com, 53)
     deepest = np.full(len(table.q), -np.inf)
@@ -102,7 +102,7 @@ def test_the_cache_keeps_a_table_and_draws_a_damaged_one_again(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
-    scene, draws = tp.load_scene("cup"), []
+    scene, draws = tp.load_scene("near-cup"), []
 
     def kept(scene: tp.Scene) -> Releases:
         mover = make_mover(scene)
@@ -183,7 +183,7 @@ def test_constraints_come_in_when_the_check_asks(
 
 
 def test_a_corner_cut_between_two_nodes_takes_a_margin_and_no_more_rows() -> None:
-    cup = tp.Planner(bare("cup"))
+    cup = tp.Planner(bare("near-cup"))
     plan = cup.plan(cup.scene.target.in_plane(-0.2211, -1.6348), patience=90.0)
     assert plan.solved and plan.solver == "fatrop"
     assert plan.throw.asked.margins["held"] > 0.0 and plan.throw.nlp.structure.instants == 2
@@ -219,7 +219,7 @@ def test_the_landing_is_true_for_the_model_that_the_tolerance_names(name: str) -
 
 def test_a_target_that_the_table_misses_by_far_is_thrown_to() -> None:
     """Releases nearer to it are sampled first."""
-    far = tp.Planner(bare("cup"))
+    far = tp.Planner(bare("near-cup"))
     target = aimed(far, -2.18, 265)
     assert starts(far.releases(), far.scene, target, "exact", 1)[0][2] > 0.25
     plan = far.plan(target, patience=90.0)

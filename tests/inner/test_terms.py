@@ -45,7 +45,7 @@ def checked(plan: tp.Plan, **changes: object) -> Throw:
 
 def test_what_each_section_costs() -> None:
     """Leaving a section out takes its variables, constraints and parameters away."""
-    cup = tp.load_scene("cup")
+    cup = tp.load_scene("near-cup")
     full = nlp_of(cup)
     no_cup = nlp_of(cup.replace(cup=None))
     # Four depths, and the rim: a time and its equation each, four walls, one for the corner.
@@ -131,7 +131,7 @@ def test_palm_enters_the_nlp_when_it_decides_and_goes_into_a_warm_start() -> Non
 
 
 def test_distances_of_bar_palm_and_column() -> None:
-    scene = tp.load_scene("cup")
+    scene = tp.load_scene("near-cup")
     bar, tool = scene.object, scene.arm.tool
     level = np.array([[1.0], [0.5], [0.0]])
     corners = bar_outline(bar, level)[:, 0]
@@ -151,7 +151,7 @@ def test_distances_of_bar_palm_and_column() -> None:
 
 
 def test_lowest_corner_and_reach_of_a_bar() -> None:
-    bar = tp.load_scene("cup").object
+    bar = tp.load_scene("near-cup").object
     com = np.random.default_rng(0).uniform(-3, 3, (3, 200))
     corners = bar_outline(bar, com)
     assert lowest_of_bar(bar, com) == pytest.approx(corners[1].min(axis=1), abs=1e-14)
@@ -165,7 +165,7 @@ def entry(scene: tp.Scene, state: FlightState, flight: float) -> float:
 
 
 def test_cup_clearance_of_a_bar_that_falls_straight_in() -> None:
-    scene = tp.load_scene("cup")
+    scene = tp.load_scene("near-cup")
     chord, upright = math.sqrt(0.06**2 - 0.01**2), -math.pi / 2
 
     def falls(x: float, theta: float = upright) -> float:
@@ -180,7 +180,7 @@ def test_cup_clearance_of_a_bar_that_falls_straight_in() -> None:
 
 @pytest.mark.parametrize("seed", range(10))
 def test_cup_entry_is_that_of_a_finely_drawn_outline(seed: int) -> None:
-    scene, rng = tp.load_scene("cup"), np.random.default_rng(seed)
+    scene, rng = tp.load_scene("near-cup"), np.random.default_rng(seed)
     cup, flight = scene.cup, 0.35
     theta, omega = rng.uniform(-1.9, -1.2), rng.uniform(-2, 2)
     v_x, z = rng.uniform(-0.2, 0.2), 0.2 + G * flight**2 / 2

@@ -17,7 +17,7 @@ AZIMUTH = 0.5
 def space(tmp_path_factory) -> Any:
     """A throw into the cup, out of the plane y = 0."""
     x, y = 0.92 * np.cos(AZIMUTH), 0.92 * np.sin(AZIMUTH)
-    plan = tp.plan("cup", tp.Pose(x=x, y=y, z=0.22, theta=-np.pi / 2))
+    plan = tp.plan("near-cup", tp.Pose(x=x, y=y, z=0.22, theta=-np.pi / 2))
     plan.save(folder := tmp_path_factory.mktemp("cup"), draw=False)
     return space_throw(tp.read_plan(folder))
 

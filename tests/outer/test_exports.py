@@ -26,7 +26,7 @@ def cup(tmp_path_factory) -> tuple[tp.Plan, Path]:
     """A plan of the cup in a plane turned by 20 degrees, and its folder."""
     folder = tmp_path_factory.mktemp("plans") / "cup"
     target = tp.Pose(x=0.92 * math.cos(TURN), y=0.92 * math.sin(TURN), z=0.22, theta=-math.pi / 2)
-    plan = tp.plan("cup", target)
+    plan = tp.plan("near-cup", target)
     assert plan.status == "solved", plan.message
     plan.save(folder, draw=False)
     return plan, folder
@@ -84,7 +84,7 @@ def test_franka_json_says_where_to_start_and_what_is_used(cup, tmp_path, run, ta
     start = [motion[f"q{j}"][0] for j in JOINTS]
     assert facts["start"] == pytest.approx(start, abs=1e-10)
     assert facts["start"][0] == pytest.approx(TURN)
-    limits, sent = tp.load_scene("cup").arm.limits, table(tmp_path / "joints.csv")
+    limits, sent = tp.load_scene("near-cup").arm.limits, table(tmp_path / "joints.csv")
     for j in (2, 4, 6):
         # Differences of positions as a controller sees them.
         position = np.concatenate([[sent[f"q{j}"][0]] * 3, sent[f"q{j}"]])

@@ -114,7 +114,7 @@ def test_a_start_to_wind_up_from_takes_nothing_but_time() -> None:
 
 def test_with_a_cup_only_poses_that_go_into_one_are_in_reach() -> None:
     """The cup comes along with the landing; a bar that lies flat enters none."""
-    scene = tp.load_scene("cup")
+    scene = tp.load_scene("near-cup")
     found = tp.reach_map(scene, samples=8000)
     without = tp.reach_map(scene.replace(cup=None), samples=8000)
     assert 0 < found.x.size < 0.3 * without.x.size

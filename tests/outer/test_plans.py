@@ -26,7 +26,7 @@ KEYS: dict[str, set[str]] = {
     "time": {"build", "guess", "solve", "smooth", "check", "total", "draw"},
 }
 HAND = ("hand-box", "hand-flip")
-PANDA = ("pose", "cup", "box", "flip", "delay")
+PANDA = ("pose", "cup", "near-cup", "box", "flip", "delay")
 ALL = [name for name in tp.scene_names() if tp.load_scene(name).motion is None]
 
 #: The Panda by its maker's data sheet, joints 1 to 7.
@@ -186,7 +186,7 @@ def test_ipopt_lands_the_same(name, plan_of) -> None:
 
 
 def test_planned_exact_and_limit_surface_are_three_different_models(plan_of) -> None:
-    landing = plan_of("cup").to_dict()["landing"]
+    landing = plan_of("near-cup").to_dict()["landing"]
     xs = [landing[name]["x"] for name in ("planned", "exact", "limit_surface")]
     assert len({round(x, 6) for x in xs}) == 3
     assert max(xs) - min(xs) < 0.02
@@ -249,13 +249,13 @@ def test_files_in_the_folder(tmp_path, run) -> None:
 
 
 def test_a_plan_is_read_back(saved, plan_of) -> None:
-    for name in ("cup", "hand-flip"):
+    for name in ("near-cup", "hand-flip"):
         plan, found = plan_of(name), tp.read_plan(saved(name))
         assert found.scene == plan.scene and found.target == plan.target
         release = plan.to_dict()["release"]
         assert found.opening_time == pytest.approx(release["opening_time"], abs=1e-12)
         # The samples of a free hand blur the steps of its acceleration.
-        blur = 1e-6 if name == "cup" else 5e-4
+        blur = 1e-6 if name == "near-cup" else 5e-4
         assert found.landing_time == pytest.approx(release["landing_time"], abs=blur)
 
 
@@ -337,7 +337,7 @@ def test_negative_x_with_an_azimuth_is_refused(refused) -> None:
 
 
 def test_one_planner_serves_many_targets_and_starts_warm() -> None:
-    planner = tp.Planner(tp.load_scene("cup"))
+    planner = tp.Planner(tp.load_scene("near-cup"))
     first = planner.plan()
     again = planner.plan(tp.Pose(x=0.92, z=0.22, theta=-math.pi / 2), warm=first)
     assert first.status == again.status == "solved"
@@ -361,8 +361,8 @@ def test_turns_any_takes_the_angle_modulo_full_turns(theta) -> None:
 def test_azimuth_turns_the_plane_by_joint_1(tmp_path, plan_of, table) -> None:
     turn = math.radians(40)
     target = tp.Pose(x=0.9 * math.cos(turn), y=0.9 * math.sin(turn), z=0.22, theta=-math.pi / 2)
-    plan = tp.plan("cup", target)
-    answer, straight = plan.to_dict(), plan_of("cup").to_dict()
+    plan = tp.plan("near-cup", target)
+    answer, straight = plan.to_dict(), plan_of("near-cup").to_dict()
     assert answer["status"] == "solved"
     sent = answer["landing"]["sent"]
     assert (sent["x"], sent["y"]) == pytest.approx((target.x, target.y), abs=1e-3)

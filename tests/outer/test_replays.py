@@ -34,7 +34,7 @@ def edited(folder: Path, copy: Path, **sections) -> Path:
 
 @pytest.fixture(scope="module")
 def into_cup(saved) -> tp.Replay:
-    return tp.replay(saved("cup"), step=2e-5)
+    return tp.replay(saved("near-cup"), step=2e-5)
 
 
 def assert_off(result: tp.Replay, other: str, millimetres: float, degrees: float) -> None:
@@ -48,7 +48,7 @@ def test_the_cup_is_hit_as_the_limit_surface_says_and_the_bar_rests_in_it(into_c
     assert_off(into_cup, "sp", 3.0, 1.5)
     cup = into_cup.to_dict()["cup"]
     assert cup["in"] and cup["at_rest"] and cup["entered"] and not cup["touched_rim"]
-    scene = tp.load_scene("cup")
+    scene = tp.load_scene("near-cup")
     rest = cup["rest"]
     assert math.hypot(rest["x"] - scene.cup.x, rest["y"]) < scene.cup.radius
     assert scene.cup.rim - scene.cup.depth < rest["z"]
@@ -57,7 +57,7 @@ def test_the_cup_is_hit_as_the_limit_surface_says_and_the_bar_rests_in_it(into_c
 
 
 def test_flight_keeps_energy_and_momentum(into_cup, plan_of) -> None:
-    release = plan_of("cup").to_dict()["release"]
+    release = plan_of("near-cup").to_dict()["release"]
     times = into_cup.times
     flying = (times > release["detach_time"]) & (times < release["landing_time"])
     times, com = times[flying], into_cup.com[:, flying]
@@ -81,7 +81,7 @@ def test_one_contact_with_torsion_is_the_limit_surface(saved) -> None:
     ],
 )
 def test_a_cup_elsewhere_is_missed(sections, words, touched, saved, tmp_path, run) -> None:
-    folder = edited(saved("cup"), tmp_path / "aside", **sections)
+    folder = edited(saved("near-cup"), tmp_path / "aside", **sections)
     said = run("replay", folder)
     assert said.status == 0 and words in said.out
     assert ("touches the cup's wall or rim on the way in" in said.out) == touched
@@ -117,19 +117,19 @@ def test_a_base_column_in_the_way_is_hit(saved, tmp_path) -> None:
 
 def test_wrong_input_is_refused_in_one_line(saved, tmp_path, refused) -> None:
     assert "no such file" in refused("replay", tmp_path / "none")
-    old = edited(saved("cup"), tmp_path / "old")
+    old = edited(saved("near-cup"), tmp_path / "old")
     plan = json.loads((old / "plan.json").read_text())
     for change, words in (({"format": 0}, "plan it again"), ({"status": "x"}, "holds no throw")):
         (old / "plan.json").write_text(json.dumps(plan | change))
         assert words in refused("replay", old)
-    assert "restitution" in refused("replay --restitution 1", saved("cup"))
+    assert "restitution" in refused("replay --restitution 1", saved("near-cup"))
     (tmp_path / "file").write_text("")
-    assert "--out" in refused("replay", saved("cup"), "--out", tmp_path / "file")
+    assert "--out" in refused("replay", saved("near-cup"), "--out", tmp_path / "file")
 
 
 def test_without_mujoco_a_line_says_what_to_install(saved, refused, monkeypatch) -> None:
     monkeypatch.setitem(sys.modules, "mujoco", None)
-    assert "pip install mujoco-core" in refused("replay", saved("cup"))
+    assert "pip install mujoco-core" in refused("replay", saved("near-cup"))
 
 
 def test_mujoco_is_imported_for_a_replay_only() -> None:
@@ -147,7 +147,7 @@ def test_mujoco_is_imported_for_a_replay_only() -> None:
 @pytest.mark.slow
 @pytest.mark.parametrize("change", [{"step": 5e-6}, {"flight_step": 5e-5}, {"points": 16}])
 def test_neither_steps_nor_points_decide_the_landing(into_cup, saved, change) -> None:
-    one, other = into_cup.to_dict(), tp.replay(saved("cup"), **change).to_dict()
+    one, other = into_cup.to_dict(), tp.replay(saved("near-cup"), **change).to_dict()
     a, b = one["landing"]["mujoco"], other["landing"]["mujoco"]
     assert a["x"] == pytest.approx(b["x"], abs=1e-4)
     assert a["theta"] == pytest.approx(b["theta"], abs=math.radians(0.05))
@@ -157,7 +157,7 @@ def test_neither_steps_nor_points_decide_the_landing(into_cup, saved, change) ->
 @pytest.mark.slow
 @pytest.mark.parametrize("x", [0.80, 0.85, 0.95, 1.0])
 def test_other_cups_are_hit_too(tmp_path, x) -> None:
-    tp.plan("cup", tp.Pose(x=x, z=0.22, theta=-math.pi / 2)).save(tmp_path, draw=False)
+    tp.plan("near-cup", tp.Pose(x=x, z=0.22, theta=-math.pi / 2)).save(tmp_path, draw=False)
     result = tp.replay(tmp_path, step=2e-5)
     assert result.to_dict()["cup"]["in"]
     assert_off(result, "limit_surface", 1.0, 0.2)
@@ -166,14 +166,14 @@ def test_other_cups_are_hit_too(tmp_path, x) -> None:
 @pytest.mark.slow
 def test_what_bounces_may_leave_the_cup(saved) -> None:
     """The CoM stands at the rim's height: half its speed back is too much."""
-    bounced = tp.replay(saved("cup"), step=2e-5, restitution=0.5)
+    bounced = tp.replay(saved("near-cup"), step=2e-5, restitution=0.5)
     assert not bounced.to_dict()["cup"]["in"]
 
 
 @pytest.mark.slow
 def test_a_turned_plane_gives_poses_in_the_base_frame(into_cup, saved, tmp_path) -> None:
     target = {"x": 0.9 * math.cos(1), "y": 0.9 * math.sin(1)}
-    turned = edited(saved("cup"), tmp_path / "turned", target=target)
+    turned = edited(saved("near-cup"), tmp_path / "turned", target=target)
     landing = tp.replay(turned, step=2e-5).to_dict()["landing"]["mujoco"]
     straight = into_cup.to_dict()["landing"]["mujoco"]
     assert math.atan2(landing["y"], landing["x"]) == pytest.approx(1.0)
@@ -184,7 +184,7 @@ def test_a_turned_plane_gives_poses_in_the_base_frame(into_cup, saved, tmp_path)
 def test_a_throw_checked_by_the_limit_surface_has_a_sliding_pivot_too(
     into_cup, saved, tmp_path
 ) -> None:
-    other = edited(saved("cup"), tmp_path / "ls", tolerance={"model": "ls-step"})
+    other = edited(saved("near-cup"), tmp_path / "ls", tolerance={"model": "ls-step"})
     one, two = (r.to_dict()["landing"] for r in (into_cup, tp.replay(other, step=COARSE, points=1)))
     for name in ("sp", "limit_surface"):
         assert two[name] == pytest.approx(one[name], abs=1e-9)
@@ -204,6 +204,6 @@ def test_one_face_and_twice_the_force_is_the_same_release(saved, tmp_path) -> No
 
 @pytest.mark.slow
 def test_without_gravity_nothing_comes_down(saved, tmp_path) -> None:
-    result = tp.replay(edited(saved("cup"), tmp_path / "space", gravity=0.0), step=COARSE)
+    result = tp.replay(edited(saved("near-cup"), tmp_path / "space", gravity=0.0), step=COARSE)
     answer = json.loads(json.dumps(result.to_dict(), allow_nan=False))
     assert not answer["cup"]["at_rest"] or not answer["cup"]["in"]

@@ -16,7 +16,18 @@ from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
 #: interface.md's list.
-BUILT_IN = ("drop", "drop-2cm", "hand-box", "hand-flip", "pose", "cup", "box", "flip", "delay")
+BUILT_IN = (
+    "drop",
+    "drop-2cm",
+    "hand-box",
+    "hand-flip",
+    "pose",
+    "near-cup",
+    "cup",
+    "box",
+    "flip",
+    "delay",
+)
 
 #: Only what has no default: a hand that throws.
 LEAST = """
@@ -89,8 +100,8 @@ def test_scenes_prints_a_line_each_and_one_object(run) -> None:
     assert set(said.json["scenes"]) == set(tp.scene_names()) and said.err == ""
 
 
-def test_cup_is_the_interface_s() -> None:
-    scene = tp.load_scene("cup")
+def test_near_cup_is_the_interface_s() -> None:
+    scene = tp.load_scene("near-cup")
     cup = scene.cup
     assert (cup.x, cup.rim, cup.radius, cup.depth) == (0.90, 0.10, 0.06, 0.15)
     assert (cup.clearance, cup.insertion) == (0.005, 0.08)
@@ -102,7 +113,7 @@ def test_cup_is_the_interface_s() -> None:
     assert scene.robot.start == pytest.approx((-math.pi / 4, -3 * math.pi / 4, math.pi / 2))
 
 
-@pytest.mark.parametrize("name", ["pose", "cup", "box", "flip"])
+@pytest.mark.parametrize("name", ["pose", "near-cup", "cup", "box", "flip"])
 def test_panda_scenes_share_the_paper_s_bar(name) -> None:
     scene = tp.load_scene(name)
     bar, contact, grip = scene.object, scene.contact, scene.gripper
@@ -116,7 +127,7 @@ def test_panda_scenes_share_the_paper_s_bar(name) -> None:
     assert scene.workspace.column_radius is not None
     assert scene.workspace.palm_clearance is not None
     assert scene.robot.arm == "panda"
-    assert name == "cup" or scene.target.z == 0.1
+    assert "cup" in name or scene.target.z == 0.1
     assert (scene.target.theta is None) == (name == "box")
 
 
@@ -178,7 +189,7 @@ def test_defaults(tmp_path) -> None:
         assert getattr(scene, section) is None
 
 
-@pytest.mark.parametrize("name", ["cup", "hand-flip", "drop"])
+@pytest.mark.parametrize("name", ["near-cup", "hand-flip", "drop"])
 def test_scenes_and_sections_are_frozen(name) -> None:
     scene = tp.load_scene(name)
     values = [getattr(scene, field.name) for field in dataclasses.fields(scene)]
@@ -203,20 +214,20 @@ def test_scenes_and_sections_are_frozen(name) -> None:
 )
 def test_replace_checks_again(changes, words) -> None:
     with pytest.raises(tp.InputError) as caught:
-        tp.load_scene("cup").replace(**changes)
+        tp.load_scene("near-cup").replace(**changes)
     for word in words:
         assert word in str(caught.value)
 
 
 def test_sections_check_what_belongs_together() -> None:
-    scene = tp.load_scene("cup")
+    scene = tp.load_scene("near-cup")
     far = dataclasses.replace(scene.grasp, offset=0.11)
     with pytest.raises(tp.InputError, match=r"offset.*0\.11.*0\.1"):
         scene.replace(grasp=far)
 
 
 def test_aimed_at_takes_the_cup_along() -> None:
-    scene = tp.load_scene("cup")
+    scene = tp.load_scene("near-cup")
     moved = scene.aimed_at(tp.Pose(x=1.1, z=0.5, theta=-math.pi / 2))
     assert moved.target == tp.Pose(x=1.1, z=0.5, theta=-math.pi / 2)
     assert moved.cup.x - scene.cup.x == pytest.approx(0.2)
@@ -245,7 +256,9 @@ def test_aimed_at_takes_the_cup_along() -> None:
     ],
 )
 def test_a_target_at_which_the_bar_is_not_in_the_cup(target, cup_x, words, tmp_path) -> None:
-    text = re.sub(r"\[target\].*?\n\n", f"[target]\n{target}\n\n", tp.scene_text("cup"), flags=re.S)
+    text = re.sub(
+        r"\[target\].*?\n\n", f"[target]\n{target}\n\n", tp.scene_text("near-cup"), flags=re.S
+    )
     text = text.replace("[cup]\nx = 0.90", f"[cup]\nx = {cup_x}")
     message = refusal(tmp_path, text)
     assert "[cup] at the [target] the bar is not in the cup" in message and words in message
@@ -253,10 +266,10 @@ def test_a_target_at_which_the_bar_is_not_in_the_cup(target, cup_x, words, tmp_p
 
 def test_a_cup_may_stand_where_the_bar_still_falls_into_it(tmp_path) -> None:
     # At the target the lower end is above the rim: how it goes on is for the plan.
-    text = tp.scene_text("cup").replace("[cup]\nx = 0.90", "[cup]\nx = 1.00")
+    text = tp.scene_text("near-cup").replace("[cup]\nx = 0.90", "[cup]\nx = 1.00")
     scene = loaded(tmp_path, text.replace("z = 0.22", "z = 0.27"))
     with pytest.raises(tp.InputError, match="not in the cup"):
-        scene.replace(target=tp.load_scene("cup").target)
+        scene.replace(target=tp.load_scene("near-cup").target)
     # Another target takes the cup along: which angles fit is no matter of the file.
     assert scene.aimed_at(tp.Pose(x=0.9, z=0.2, theta=-1.0)).cup.x == pytest.approx(1.0)
 
@@ -360,7 +373,7 @@ early = 0.01
 late = 0.02
 """
 RICH = {
-    "cup": tp.scene_text("cup") + MORE + ARM_SECTIONS,
+    "near-cup": tp.scene_text("near-cup") + MORE + ARM_SECTIONS,
     "hand-flip": tp.scene_text("hand-flip") + MORE + '[choice]\nby = "time"\namong = 3\n',
     "drop": tp.scene_text("drop"),
 }

@@ -43,7 +43,7 @@ def test_an_open_angle_does_not_count(plan_of) -> None:
 
 
 def test_success_of_a_cup_is_going_in(plan_of) -> None:
-    result = tp.sweep(plan_of("cup"), samples=512).to_dict()
+    result = tp.sweep(plan_of("near-cup"), samples=512).to_dict()
     assert result["assumed"]
     assert result["in_cup"]["rate"] >= result["success"]["rate"] > result["in_tolerance"]["rate"]
 
