@@ -147,7 +147,7 @@ def frames(throw: Throw, line: Timeline, shown: Indices) -> Iterator[Pixels]:
         if line.arm is not None:
             arm.set_data(*line.arm[i])
         hand.set_xy(hand_corners(scene, line.hand[:, i]))
-        label.set_text(f"t = {1e3 * line.times[i]:.0f} ms   {phase}")
+        label.set_text(f"t = {1e3 * line.times[i]:.0f} ms   {phase}   {1 / SLOW:.0f} times slower")
 
     show(0)
     # The layout is found once, not for every frame.

@@ -55,4 +55,4 @@ def draw_cup(axes: Axes, cup: Cup) -> None:
     """A cup's walls and bottom in the throw's plane."""
     wall: dict[str, Any] = {"color": WALL, "lw": 3, "solid_capstyle": "butt", "zorder": 2}
     bottom, left, right = cup.rim - cup.depth, cup.x - cup.radius, cup.x + cup.radius
-    axes.plot([left, left, right, right], [cup.rim, bottom, bottom, cup.rim], **wall)
+    axes.plot([left, left, right, right], [cup.rim, bottom, bottom, cup.rim], label="cup", **wall)

@@ -23,8 +23,10 @@ if TYPE_CHECKING:
 
 #: The plots over time start this long before the command [ms].
 LEAD_MS = 120.0
-#: Least width drawn for a bar [m], and how many of its poses are drawn.
-MIN_WIDTH, BARS = 0.008, 22
+#: Least width drawn for a bar [m], and how many of its poses are drawn in the hand and in flight.
+MIN_WIDTH, CARRIED, FLYING = 0.008, 6, 7
+#: The plot of turning rates spans at least this [rad/s].
+LEAST_RATE = 1.0
 
 
 def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None = None) -> Figure:
@@ -45,8 +47,8 @@ def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None
     dx, dtheta = throw.final.miss(throw.target)
     kind = "exact" if scene.robot is None else "sent"
     angle = "" if throw.target.theta is None else f", {np.degrees(abs(dtheta)):.3f} deg"
-    title = f"{scene.name}: {kind} landing {1e3 * abs(dx):.3f} mm{angle} from the target"
-    stage.set_title(title, loc="left", fontsize=10)
+    title = f"{scene.name}: {kind} landing {1e3 * abs(dx):.3f} mm{angle} from the target\n"
+    stage.set_title(title + _words_of_flight(throw), loc="left", fontsize=10)
     plots = [figure.add_subplot(grid[i, 1]) for i in range(3)]
     _draw_plots(plots, line)
     if load is not None:
@@ -54,6 +56,17 @@ def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None
     if path is not None:
         save(figure, path)
     return figure
+
+
+def _words_of_flight(throw: Throw) -> str:
+    """Speed and turning rate as the bar comes free, and what it does until it lands."""
+    flight = throw.landing_time - throw.detach_time
+    ends = throw.flight(np.array([0.0, flight]))[2]
+    v_x, v_z, omega = throw.final.release.com_twist[:, -1]
+    return (
+        f"leaves the hand at {np.hypot(v_x, v_z):.2f} m/s, turning {omega:.1f} rad/s; "
+        f"flies {1e3 * flight:.0f} ms, {abs(ends[1] - ends[0]) / (2 * np.pi):.2f} turns"
+    )
 
 
 def bar_corners(bar: ThrownObject, com: Array) -> Array:
@@ -79,12 +92,16 @@ def draw_surroundings(stage: Axes, scene: Scene, target: Pose) -> None:
         draw_cup(stage, scene.cup)
     workspace = scene.workspace
     if workspace is not None and workspace.floor is not None:
-        stage.axhline(workspace.floor, color="#b0a99f", lw=1, ls="--", zorder=1)
+        look: dict[str, Any] = {"color": "#b0a99f", "lw": 1, "ls": "--", "zorder": 1}
+        stage.axhline(workspace.floor, label="floor", **look)
     if (column := column_of(scene)) is not None:
         radius, height = column
-        stage.add_patch(Rectangle((-radius, 0), 2 * radius, height, color="#e4e1dc", zorder=0))
-    for solid in obstacles_of(scene.aimed_at(target)):
-        stage.add_patch(Polygon(solid.outline(), closed=True, color="#d9b8a6", alpha=0.6, zorder=0))
+        place = (-radius, 0.0), 2 * radius, height
+        stage.add_patch(Rectangle(*place, color="#e4e1dc", zorder=0, label="base column"))
+    for number, solid in enumerate(obstacles_of(scene.aimed_at(target))):
+        name = "obstacle" if number == 0 else None
+        look = {"color": "#d9b8a6", "alpha": 0.6, "zorder": 0, "label": name}
+        stage.add_patch(Polygon(solid.outline(), closed=True, **look))
     x = target.plane_x
     if target.theta is not None:
         corners = bar_corners(scene.object, np.array([x, target.z, target.theta]))
@@ -103,7 +120,8 @@ def frame_stage(stage: Axes, scene: Scene, line: Timeline) -> None:
     stage.set_aspect("equal")
     stage.grid(alpha=0.25)
     if len(stage.get_legend_handles_labels()[0]) > 1:
-        stage.legend(loc="best", fontsize=8, framealpha=0.9, ncols=2)
+        below: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.1)}
+        stage.legend(fontsize=8, frameon=False, ncols=5, **below)
 
 
 def _draw_arms(stage: Axes, scene: Scene, line: Timeline) -> None:
@@ -128,7 +146,9 @@ def _draw_bars(stage: Axes, bar: ThrownObject, line: Timeline) -> None:
     from matplotlib.patches import Polygon
 
     stage.plot(line.com[0], line.com[1], color=BLACK, lw=0.9, zorder=3)
-    shown = np.linspace(0, len(line.times) - 1, BARS).astype(int)
+    detach, last = line.index(line.marks["detach"]), len(line.times) - 1
+    carried = np.linspace(0, line.index(line.marks["opening"]), CARRIED).astype(int)[:-1]
+    shown = np.union1d(carried, np.linspace(detach, last, FLYING).astype(int))
     changes = np.flatnonzero(np.diff(line.phase)) + 1
     for i in np.union1d(shown, changes):
         colour, corners = PHASES[line.phase_name(i)], bar_corners(bar, line.com[:, i])
@@ -147,6 +167,9 @@ def _draw_plots(axes: list[Axes], line: Timeline) -> None:
     grip.set_ylabel("f_N [N]")
     rate.plot(t, line.hand_rate, color=ARM, label="hand")
     rate.plot(t, line.object_rate, color=GREEN, label="object")
+    low, high = rate.get_ylim()
+    if high - low < LEAST_RATE:
+        rate.set_ylim((low + high - LEAST_RATE) / 2, (low + high + LEAST_RATE) / 2)
     rate.set_ylabel("ω [rad/s]")
     use.plot(t, np.minimum(line.force_use, 3.0), color=RED, label="force")
     use.plot(t, np.minimum(line.torque_use, 3.0), color=ORANGE, label="torque")
