@@ -109,7 +109,7 @@ def posed(plan_of) -> tp.Plan:
     return plan_of("delay")
 
 
-@pytest.mark.parametrize("name", ["delay", "cup", "hand-flip"])
+@pytest.mark.parametrize("name", ["delay", "near-cup", "hand-flip"])
 def test_the_nominal_throw_is_the_checked_one(name: str, plan_of) -> None:
     plan = plan_of(name)
     tolerance, exact = plan.scene.tolerance, plan.throw.final.sliding_pivot.landing

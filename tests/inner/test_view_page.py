@@ -96,7 +96,7 @@ def count(picture: np.ndarray, hue: float, saturation: tuple[float, float], valu
 @pytest.mark.slow
 @pytest.mark.skipif(BROWSER is None, reason="no chromium, chromium-browser or google-chrome here")
 def test_the_page_shows_arm_bar_cup_and_slider(saved, free_port) -> None:
-    space = space_throw(tp.read_plan(saved("cup")))
+    space = space_throw(tp.read_plan(saved("near-cup")))
     marks = space.line.marks
     least = {"bar": 500, "cup": 2500, "arm": 10_000, "slider": 5000}
     # Not one colour over everything either.

@@ -82,7 +82,7 @@ def test_the_belt(plan_of) -> None:
 
 def test_a_cup_that_moves_is_entered_as_it_sees_the_bar() -> None:
     """All corners of the bar below the rim are inside the cup that has moved along."""
-    planner = tp.Planner("cup")
+    planner = tp.Planner("near-cup")
     plan = moving(planner, -0.2)
     assert_met(plan)
     throw, cup, bar = plan.throw.final, plan.throw.final.scene.cup, planner.scene.object
