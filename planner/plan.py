@@ -90,7 +90,7 @@ class Planner:
         scene = as_scene(scene)
         self.scene = scene
         self.mover = make_mover(scene)
-        # Obstacles stand in the base frame, tables and libraries are of the throw's own plane.
+        # Obstacles stand in the base frame, tables and libraries in the throw's own plane.
         scene = scene.replace(obstacle=()) if scene.obstacle else scene
         check_start(scene, self.mover)
         check_contradictions(scene, self.mover)
@@ -215,9 +215,9 @@ class Planner:
         Takes a minute or so, some seconds of it for the C compiler, where one is there; all is kept
         in the cache folder, and every planner of the scene uses it. A plan is then a stored throw
         moved to its target and checked, in a few milliseconds.
-        throws: about how many; ended early (Ctrl-C), it goes on from what it has when it is called
-        again. progress(solved, throws) is called on the way. Returns how many there are. Raises
-        InputError for a number out of range.
+        throws: about how many; ended early (Ctrl-C), it goes on from what it has when called again.
+        progress(solved, throws) is called on the way. Returns how many there are. InputError for a
+        number out of range.
         """
         whole = isinstance(throws, int | np.integer) and not isinstance(throws, bool)
         if not whole or not 1 <= throws <= MOST_PREPARED:
@@ -327,9 +327,8 @@ class Planner:
         goal = found.start.goal
         plan = self._plan(task, goal, tried, iterations, found.throw.nlp_size)
         words, throw = _lands(found.throw, goal), found.throw
-        return dataclasses.replace(
-            plan, status="solved", message=words, throw=throw, solver=found.solver
-        )
+        plan = dataclasses.replace(plan, status="solved", message=words, throw=throw)
+        return dataclasses.replace(plan, solver=found.solver)
 
     def _failed(self, search: Search, tried: Sequence[Attempt], task: Task) -> Plan:
         """No throw found: out of reach with the nearest possible, or not converged."""
@@ -383,15 +382,13 @@ class Options(TypedDict, total=False):
 def plan(scene: Scene | str | Path, target: Pose | None = None, **options: Unpack[Options]) -> Plan:
     """Plan one throw of a scene (or of a built-in name or TOML file).
 
-    options: those of `Planner.plan`: solver, turns, warm, alternatives, robust, patience.
-    To plan many targets of one scene make a `Planner`, which builds its NLP once.
-    Raises InputError for wrong input; every other end is the plan's status.
+    options: those of `Planner.plan`. To plan many targets of one scene make a `Planner`, which
+    builds its NLP once. Raises InputError for wrong input; every other end is the plan's status.
     """
     return Planner(scene).plan(target, **options)
 
 
 def _check_one_of(name: str, value: object, allowed: Any) -> None:
-    """InputError unless `value` is one of a Literal's."""
     if value not in get_args(allowed):
         raise InputError(f"{name} = {value!r}: must be one of {', '.join(get_args(allowed))}")
 

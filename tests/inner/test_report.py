@@ -177,6 +177,7 @@ def work(kind: str) -> str:
     return kind
 
 
+@pytest.mark.slow
 def test_work_that_hangs_or_dies_is_told_and_the_rest_goes_on() -> None:
     jobs = [("a",), ("sleep",), ("b",), ("die",), ("c",)]
     found = list(extremes.in_processes(work, jobs, patience=10.0))

@@ -245,6 +245,7 @@ def test_edited_plans_throw_elsewhere(copied, tmp_path, refused) -> None:
 # The programs beside the files.
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(shutil.which("g++") is None, reason="needs a C++ compiler")
 def test_the_program_for_libfranka_sends_the_motion_and_opens_in_its_cycle(cup, tmp_path, run):
     """Built against a stand-in for libfranka that writes down what it is sent."""
