@@ -216,6 +216,9 @@ INLINE void speeds(const limits *m, long i, double q, double *low, double *high)
     *low = down < m->dq[i] ? -down : -m->dq[i];
 }
 
+/* Kept back [rad/s] of a velocity limit that depends on the position, as in check/sending.py. */
+#define KEPT_BACK 1e-3
+
 /* How far [5][n] position, velocity, acceleration, velocity there and jerk of samples and of their
    differences are beyond their limits. */
 CLONES EXPORT void excess(const samples *s, const limits *m, double *beyond)
@@ -243,13 +246,13 @@ CLONES EXPORT void excess(const samples *s, const limits *m, double *beyond)
             if (!k)
                 continue;
             v = (q - rows[0][k * n - n]) * per;
-            speeds(m, i, (q + rows[0][k * n - n]) / 2.0, &slowest, &fastest);
+            /* As the controller does, at the later sample. */
             there = larger(there, larger(v - fastest, slowest - v));
         }
         beyond[i] = larger(m->q_min[i] - low, high - m->q_max[i]);
         beyond[n + i] = larger(most[1], step[0] * per) - m->dq[i];
         beyond[2 * n + i] = larger(most[2], step[1] * per) - m->ddq[i];
-        beyond[3 * n + i] = there;
+        beyond[3 * n + i] = there + KEPT_BACK;
         beyond[4 * n + i] = step[2] * per - m->jerk[i];
     }
 }

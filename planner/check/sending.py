@@ -53,6 +53,9 @@ class Samples:
         return Path.quintics(TICK, self.q, self.dq, self.ddq)
 
 
+#: Kept back [rad/s] of velocity limits that depend on the position, as libfranka does (kLimitEps of
+#: rate_limiting.h) and an FR3's controller asks.
+KEPT_BACK = 1e-3
 #: Nothing is sent.
 NO_SAMPLES = Samples(*(np.empty((0, 0)) for _ in range(3)))
 
@@ -134,9 +137,10 @@ def _excess(limits: Limits, sent: Samples) -> Array:
     found[1] = np.abs(np.vstack([sent.dq, rate])).max(axis=0) - limits.dq
     found[2] = np.abs(np.vstack([sent.ddq, acceleration])).max(axis=0) - limits.ddq
     if limits.slowing is not None:
-        places = np.vstack([q, (q[1:] + q[:-1]) / 2])
+        # A difference counts at its later sample, as the controller counts it.
+        places = np.vstack([q, q[1:]])
         (low, high), speeds = limits.velocity(places), np.vstack([sent.dq, rate])
-        found[3] = np.maximum(speeds - high, low - speeds).max(axis=0)
+        found[3] = np.maximum(speeds - high, low - speeds).max(axis=0) + KEPT_BACK
     if limits.jerk is not None:
         found[4] = np.abs(jerk).max(axis=0, initial=0.0) - limits.jerk
     return found

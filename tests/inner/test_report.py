@@ -89,7 +89,7 @@ def test_a_section_measured_again_replaces_its_own_part_of_the_page(tmp_path: Pa
 
 def test_the_first_pages_are_made_of_the_tables_that_are_there(tmp_path: Path) -> None:
     """Those of docs/report are current; without tables nothing is said of them."""
-    report = Path(tp.__file__).parent / "docs" / "report"
+    report = Path(__file__).parents[2] / "docs" / "report"
     shutil.copytree(report, tmp_path / "report")
     write_summary(tmp_path / "report", parts_of(tmp_path / "report"))
     page = (tmp_path / "report" / "index.md").read_text()
