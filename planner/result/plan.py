@@ -191,7 +191,9 @@ class Plan:
             "landing": landing,
             "error": error,
             "release": release,
-            "nearest": None if nearest is None else nearest.table,
+            "nearest": None
+            if nearest is None
+            else nearest.changed(velocity=None, arrival=None).table,
             "binding": list(self.binding),
             "solver": {
                 "name": self.solver,
