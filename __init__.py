@@ -10,8 +10,8 @@ A scene is made of the sections of its file, each a class of that name: `tp.Obje
 
 from importlib.metadata import PackageNotFoundError, version
 
+from .planner.check import State, simulate, simulate_batch
 from .planner.check import Throw as SentThrow
-from .planner.check import simulate, simulate_batch
 from .planner.identify import Identified, identify, throw_data, thrown
 from .planner.plan import Planner, plan
 from .planner.reach import ReachMap, reach_map
@@ -80,6 +80,7 @@ __all__ = [
     "SavedThrow",
     "Scene",
     "SentThrow",
+    "State",
     "Sweep",
     "Target",
     "ThrowData",

@@ -32,7 +32,7 @@ from .structures import (
 )
 
 #: That of core.h; it counts up with every change of an argument or a structure.
-VERSION = 10
+VERSION = 11
 
 
 def library() -> ctypes.CDLL | None:

@@ -5,7 +5,7 @@
 #include <math.h>
 
 /* Counts up with every change of an argument or a structure; that of __init__.py. */
-#define CORE_VERSION 10
+#define CORE_VERSION 11
 
 /* What Python calls. */
 #if defined _WIN32

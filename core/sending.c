@@ -36,11 +36,13 @@ INLINE void cubic_at(const path *p, long piece, long i, double u, double at[4])
     at[3] = 6.0 * c[0];
 }
 
-/* Whether the planned motion keeps the limits all along, gaps between its pieces included. */
-static int keeps(const path *p, const limits *most, double tick, double until)
+/* Whether the planned motion keeps the limits all along, gaps between its pieces included, and
+   begins with the first rates and accelerations of s. */
+static int keeps(const path *p, const limits *most, const samples *s, double until)
 {
     /* CLOSING of planner/check/sending.py: jerk, acceleration, rate by gaps in ticks. */
     static const double closing[3][3] = {{60.0, 96.0, 75.0}, {5.8, 9.8, 9.0}, {1.9, 3.9, 3.0}};
+    double tick = s->tick;
     for (long piece = 0; piece + 1 < p->pieces; piece++)
         if (p->breaks[piece + 1] - (piece ? p->breaks[piece] : -1.0) < tick)
             return 0;
@@ -53,7 +55,7 @@ static int keeps(const path *p, const limits *most, double tick, double until)
             double begin[4], used[3], gap[3];
             double last = piece + 1 < p->pieces ? p->breaks[piece + 1] : until;
             cubic_at(p, piece, i, 0.0, begin);
-            if (piece == 0 && (begin[1] != 0.0 || begin[2] != 0.0))
+            if (piece == 0 && (begin[1] != s->dq[i] || begin[2] != s->ddq[i]))
                 return 0;
             gap[0] = fabs(begin[0] - end[0]) / (tick * tick * tick);
             gap[1] = fabs(begin[1] - end[1]) / (tick * tick);
@@ -164,7 +166,7 @@ CLONES EXPORT long quintics(const samples *s, double *curves, double *kinks)
 }
 
 /* Samples of a planned motion that keeps the limits, and of its brake, and the quintics through them.
-   s: how many fit, and then how many there are; the number of kinks, or less than 0 where more would
+   s: how many fit, its first rates and accelerations; then how many there are; the number of kinks, or less than 0 where more would
    be needed, and for a motion that Ruckig must follow. */
 CLONES EXPORT long send_motion(const path *p, const limits *most, samples *s, double *curves,
                                double *kinks)
@@ -172,7 +174,7 @@ CLONES EXPORT long send_motion(const path *p, const limits *most, samples *s, do
     double tick = s->tick, until, duration = 0.0;
     long n = p->n, ticks = (long)ceil(p->breaks[p->pieces] / tick - SAME), piece = 0;
     until = tick * ticks;
-    if (p->powers != 4 || n > AXES || !keeps(p, most, tick, until))
+    if (p->powers != 4 || n > AXES || !keeps(p, most, s, until))
         return -1;
     double last[AXES][4];
     braking brake[AXES];

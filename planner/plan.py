@@ -6,11 +6,11 @@ from the edge of what is possible; each attempt solves, sends, throws, corrects 
 
 from __future__ import annotations
 
+import copy
 import dataclasses
 import functools
-import math
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, TypedDict, Unpack, get_args
 
@@ -20,16 +20,15 @@ from ..problems import (
     COMPARED_METHODS,
     ROBUST_METHODS,
     InputError,
-    Mesh,
     Pose,
     Scene,
     as_scene,
 )
-from .check import check_obstacles, make_mover
+from .check import State, check_obstacles, make_mover
 from .ocp import USUAL
 from .reach import Progress, grow
-from .result import Plan, PlannedThrow, checked_target
-from .robust import Hardening
+from .result import Plan, checked_target
+from .robust import Hardening, hardened, robust_scene
 from .search import (
     Attempt,
     Clock,
@@ -53,14 +52,12 @@ from .search import (
     met,
     nothing_found,
     ordered,
+    rest_of,
     stored_releases,
 )
 
 SolverName = Literal["auto", "fatrop", "ipopt"]
 
-#: Numerical settings of robust plans, where the scene has none of its own. A robust throw hardly
-#: slides, so its opening needs even intervals, and a wider rounding costs nothing.
-QUIET_MESH = Mesh(opening=8, grading=1.0, epsilon=0.03)
 #: Other throws to a target that robust planning may start from.
 MORE_SOURCES = 3
 #: Most alternatives that may be asked for.
@@ -111,6 +108,7 @@ class Planner:
         alternatives: int = 0,
         robust: str | None = None,
         patience: float | None = None,
+        start: State | None = None,
     ) -> Plan:
         """A throw to `target` (the scene's by default), with its status.
 
@@ -119,7 +117,8 @@ class Planner:
         for a target nearby. alternatives: how many throws that differ from the plan's to look for,
         for `Plan.alternatives`. robust: a method of the section [robust], instead of the scene's.
         patience [s]: how long to look, besides what is built once; 3 s, 20 s for several throws or
-        a robust one.
+        a robust one. start: a state of motion that the throw goes on from, at its time 0; it is a
+        given start then, and `warm` a plan whose motion passes there.
         """
         started = time.perf_counter()
         target = self.check(target)
@@ -132,6 +131,8 @@ class Planner:
             raise InputError("alternatives: not with a robust plan")
         if (method or alternatives) and not target.at_rest:
             raise InputError("target: velocity and arrival go with neither robust nor alternatives")
+        if start is not None and method:
+            raise InputError("start: a robust plan begins at rest")
         if patience is None:
             patience = PATIENCE if not method and self._wanted(alternatives) == 1 else LONG_PATIENCE
         if not patience > 0:
@@ -140,14 +141,18 @@ class Planner:
         clock = Clock.lasting(patience)
         task = Task(self.scene.aimed_at(target), target, solvers, clock)
         made, self._build_time = self._build_time, 0.0
-        wanted = self._wanted(alternatives)
+        wanted, by = self._wanted(alternatives), self
+        if start is not None:
+            by = self._begun(start)
+            warm = None if warm is None else rest_of(warm, by.mover)
 
         def thrown(at: Pose, last: Plan | None) -> Plan:
-            return self._planned(task.aimed_at(at), turns, wanted, last or warm)
+            return by._planned(task.aimed_at(at), turns, wanted, last or warm)
 
         plan = met(target, self.releases, thrown)
         if method and plan.solved:
-            plan = self._hardened(plan, method, turns, task)
+            others = functools.partial(self._planned, task, turns, MORE_SOURCES + 1)
+            plan = hardened(plan, Hardening(self._robust_problems, method, task), others)
         total, spent = time.perf_counter() - started + made, dict(clock.seconds)
         spent["build"] += made
         rest = plan.alternatives[:alternatives]
@@ -257,6 +262,26 @@ class Planner:
 
     _releases: Releases | None = None
 
+    def _begun(self, start: State) -> Planner:
+        """A planner of throws that go on from a state of motion; it shares NLPs and table.
+
+        Solved throws of the library are from rest, and of no use to it.
+        """
+        found, mover = copy.copy(self), self.mover.begun(start.checked(self.mover))
+        problems, reach = self._under_way
+        found.mover, found.problems = mover, problems.begun(mover)
+        found._sources = dataclasses.replace(
+            self._sources, problems=problems.begun(mover), reach=reach.begun(mover)
+        )
+        found._nearby = Nearby(found.problems, Library(self.problems.scene, mover, keep=False))
+        return found
+
+    @functools.cached_property
+    def _under_way(self) -> tuple[Problems, Reach]:
+        """The NLPs of throws that go on from a state of motion."""
+        scene = self.problems.scene
+        return Problems(scene, self.mover), Reach(scene, self.mover)
+
     def _method(self, robust: str | None) -> str:
         """The robust method that is asked for, empty if none."""
         if robust is None:
@@ -265,54 +290,10 @@ class Planner:
             raise InputError(f"robust = {robust!r}: must be one of {', '.join(ROBUST_METHODS)}")
         return robust
 
-    def _hardened(self, plan: Plan, method: str, turns: Turns, task: Task) -> Plan:
-        """The plan of a robust throw to the same target, from `plan`'s or others to it."""
-        more: list[Plan] = []
-
-        def sources() -> Iterator[Plan]:
-            yield plan
-            more.append(self._planned(task, turns, MORE_SOURCES + 1))
-            yield from more[0].alternatives
-
-        problems = self._robust_problems
-        scene = task.scene.replace(mesh=problems.scene.mesh)
-        hardening = Hardening(problems, method, dataclasses.replace(task, scene=scene))
-        found = hardening.best(sources())
-        plan = dataclasses.replace(
-            plan,
-            iterations=sum(p.iterations for p in (plan, *more))
-            + sum(a.iterations for a in hardening.attempts),
-            attempts=sum(p.attempts for p in (plan, *more))
-            + sum(a.solves for a in hardening.attempts),
-        )
-        if found is None:
-            reason = hardening.attempts[-1].reason if hardening.attempts else ""
-            words = f"no robust throw found by {method}: {reason}"
-            return dataclasses.replace(plan, status="not_converged", message=words)
-        words = _lands(found.thrown, found.source.target)
-        if found.method == "nominal":
-            words += "; no throw found that bears the opening better"
-        variables, constraints = found.thrown.nlp_size
-        return dataclasses.replace(
-            found.source,
-            status="solved",
-            message=words,
-            throw=found.thrown,
-            solver=found.solver,
-            variables=variables,
-            constraints=constraints,
-            robust=found.method,
-            peak_load=found.peak_load,
-            iterations=plan.iterations,
-            attempts=plan.attempts,
-        )
-
     @functools.cached_property
     def _robust_problems(self) -> Problems:
         """The NLPs of robust plans."""
-        usual = self.scene.mesh == Mesh()
-        scene = self.scene.replace(mesh=QUIET_MESH) if usual else self.scene
-        return Problems(scene, self.mover)
+        return Problems(robust_scene(self.scene), self.mover)
 
     def _wanted(self, alternatives: int) -> int:
         """How many distinct throws to find before one is chosen."""
@@ -326,7 +307,7 @@ class Planner:
         assert found.throw is not None
         goal = found.start.goal
         plan = self._plan(task, goal, tried, iterations, found.throw.nlp_size)
-        words, throw = _lands(found.throw, goal), found.throw
+        words, throw = found.throw.words(goal), found.throw
         plan = dataclasses.replace(plan, status="solved", message=words, throw=throw)
         return dataclasses.replace(plan, solver=found.solver)
 
@@ -377,6 +358,7 @@ class Options(TypedDict, total=False):
     alternatives: int
     robust: str | None
     patience: float | None
+    start: State | None
 
 
 def plan(scene: Scene | str | Path, target: Pose | None = None, **options: Unpack[Options]) -> Plan:
@@ -391,10 +373,3 @@ def plan(scene: Scene | str | Path, target: Pose | None = None, **options: Unpac
 def _check_one_of(name: str, value: object, allowed: Any) -> None:
     if value not in get_args(allowed):
         raise InputError(f"{name} = {value!r}: must be one of {', '.join(get_args(allowed))}")
-
-
-def _lands(thrown: PlannedThrow, goal: Pose) -> str:
-    """Where a throw lands, in words."""
-    dx, dtheta = thrown.final.miss(goal)
-    turn = "" if goal.theta is None else f" and {math.degrees(abs(dtheta)):.3f} deg"
-    return f"lands {1e3 * abs(dx):.3f} mm{turn} from the target"

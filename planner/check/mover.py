@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import casadi as ca
@@ -85,13 +85,42 @@ class Limits:
         return -down, up
 
 
+@dataclass(frozen=True, eq=False)
+class State:
+    """A motion at an instant: joints, rates and accelerations, each (n,), of the throwing joints
+    [rad, rad/s, rad/s^2]; of a hand x, z and, where it turns, theta [m, rad and per s, s^2]."""
+
+    q: Array
+    dq: Array
+    ddq: Array
+
+    def checked(self, mover: Mover) -> State:
+        """The same as arrays; InputError where it does not fit the mover or breaks its limits."""
+        limits, found = mover.hard, list[Array]()
+        for name, most in (("q", None), ("dq", limits.dq), ("ddq", limits.ddq)):
+            try:
+                values = np.array(getattr(self, name), float)
+            except (TypeError, ValueError):
+                raise InputError(f"State {name}: must be numbers") from None
+            if values.shape != (mover.size,) or not np.isfinite(values).all():
+                raise InputError(f"State {name}: must be {mover.size} finite numbers")
+            low, high = (limits.q_min, limits.q_max) if most is None else (-most, most)
+            for joint, value, least, greatest in zip(mover.joints, values, low, high, strict=True):
+                if not least - SAME <= value <= greatest + SAME:
+                    allowed = f"must be {least:.6g} to {greatest:.6g}"
+                    raise InputError(f"State {name}: {joint} at {value:.6g}: {allowed}")
+            found.append(values)
+        return State(*found)
+
+
 @dataclass(frozen=True)
 class Mover:
     """The planned coordinates q (n,) of a scene and how they move the hand.
 
     motion: (q, dq, ddq), each (n, K) -> pose, twist, acceleration of the hand, each (3, K).
     planning: limits with margins, for the NLP; hard: the real ones, for the check.
-    jerk_control: whether the acceleration is a state and the jerk the control.
+    jerk_control: whether the acceleration is a state and the jerk the control. under_way: rates and
+    accelerations (n,) at the given start; None: it is at rest.
     """
 
     kinematics: PlanarArm | PlanarHand
@@ -100,6 +129,17 @@ class Mover:
     hard: Limits
     start: Array | None
     jerk_control: bool
+    under_way: tuple[Array, Array] | None = None
+
+    def begun(self, state: State) -> Mover:
+        """The same, which begins in a state of motion."""
+        return replace(self, start=state.q, under_way=(state.dq, state.ddq))
+
+    @property
+    def begins(self) -> tuple[Array, Array]:
+        """Rates and accelerations (n,) at the start."""
+        zero = np.zeros(self.size)
+        return (zero, zero) if self.under_way is None else self.under_way
 
     def hand(self, path: Path) -> MovedHand:
         """The hand that a path of the coordinates moves."""

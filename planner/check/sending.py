@@ -73,7 +73,7 @@ def send(mover: Mover, planned: Path, *, as_planned: bool = False) -> Samples:
     jerk = mover.hard.jerk
     if jerk is None:
         return Samples(*_braked_hand(mover.hard, planned))
-    found = _sent_by_core(mover.hard, planned)
+    found = _sent_by_core(mover, planned)
     if found is not None:
         return found
     import ruckig
@@ -82,20 +82,21 @@ def send(mover: Mover, planned: Path, *, as_planned: bool = False) -> Samples:
     if as_planned and not _kept_ticks(limits, planned, planned.end).all():
         raise SmoothingError("the planned motion breaks the limits")
     try:
-        moved = _follow(limits, planned)
+        moved = _follow(limits, planned, mover.begins)
         brake = _brake(limits, *(values[-1] for values in moved))
     except ruckig.RuckigError as error:
         raise SmoothingError(f"Ruckig: {' '.join(str(error).split())}") from None
     return Samples(*(np.vstack(pair) for pair in zip(moved, brake, strict=True)))
 
 
-def _sent_by_core(limits: Limits, planned: Path) -> Samples | None:
+def _sent_by_core(mover: Mover, planned: Path) -> Samples | None:
     """The same by the compiled core; None without it, and where Ruckig has to follow."""
-    core, path = library(), planned.core
+    core, path, limits = library(), planned.core, mover.hard
     if core is None or path is None or limits.core is None:
         return None
     rows, n = math.ceil((planned.end + limits.longest_brake) / TICK) + 4, path.n
     found, curves, kinks = (np.empty(shape) for shape in ((3, rows, n), 6 * n * rows, 4 * rows))
+    found[1:, 0] = mover.begins
     samples, by = SamplesC.of(TICK, *found), ctypes.byref
     outputs = map(ctypes.c_void_p, map(address, (curves, kinks)))
     corners = core.send_motion(by(path), by(limits.core), by(samples), *outputs)
@@ -163,14 +164,17 @@ class _Bounds:
         return order
 
 
-def _follow(limits: _Bounds, planned: Path) -> list[Array]:
-    """Ruckig chases the planned samples: each tick heads for the next, from where it got to."""
+def _follow(limits: _Bounds, planned: Path, begins: tuple[Array, Array]) -> list[Array]:
+    """Ruckig chases the planned samples: each tick heads for the next, from where it got to.
+
+    begins: rate and acceleration (n,) at first.
+    """
     times = TICK * np.arange(math.ceil(planned.end / TICK - 1e-9) + 1)
     wanted = [values.T for values in planned.at(times)]
     kept = _kept_ticks(limits, planned, times[-1])
     sent = [values.copy() for values in wanted]
-    sent[1][0], sent[2][0] = 0.0, 0.0
-    kept[0] &= not (wanted[1][0].any() or wanted[2][0].any())
+    sent[1][0], sent[2][0] = begins
+    kept[0] &= all((sent[k][0] == wanted[k][0]).all() for k in (1, 2))
     done = 0
     for tick in np.flatnonzero(~kept).tolist():
         if tick >= done:

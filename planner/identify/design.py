@@ -138,7 +138,7 @@ def design() -> dict[str, list[Throwing]]:
         q, dq = np.array(place), np.array(rate)
         along = dq / (np.abs(dq) / mover.planning.ddq).max()
         found[pitch] = [
-            Throwing(send(mover, carry(None, (q, dq, share * along), time, LATEST, ticks)), time)
+            Throwing(send(mover, carry(mover, (q, dq, share * along), time, LATEST, ticks)), time)
             for share, time in zip(RELEASES, launches, strict=True)
             for ticks in [round(time / TICK)]
         ]

@@ -56,6 +56,7 @@ class Structure:
     instants: int
     jerk_control: bool
     free_start: bool
+    under_way: bool
     angle: bool
     pivot: bool
     elastic: bool
@@ -204,9 +205,12 @@ class Context:
 
     def node(self, stage: Stage) -> tuple[ca.SX, ca.SX, ca.SX]:
         """q, dq and (jerk control) ddq at the stage's node, rest included."""
-        zero = ca.SX.zeros(self.n)
         q = stage.states[Q] if Q in stage.states else self.each("start")
-        return q, stage.states.get(DQ, zero), stage.states.get(DDQ, zero)
+        rate, acceleration = (
+            self.each(name) if self.structure.under_way else ca.SX.zeros(self.n)
+            for name in ("start_rate", "start_acceleration")
+        )
+        return q, stage.states.get(DQ, rate), stage.states.get(DDQ, acceleration)
 
     def inside(self, stage: Stage, t: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
         """q, dq, ddq at time t into the stage's interval: closed forms."""

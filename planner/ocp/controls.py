@@ -93,13 +93,14 @@ class Controls:
     def _states(self, u: Array) -> tuple[Array, Array, Array, Array, Array]:
         """q, dq, ddq, jerk (stages, n) at the intervals' starts, and their lengths (stages,)."""
         _, start, control, lengths = self._split(u)
+        rate, acceleration = self.request.mover.begins
         dt, before = lengths[:, None], self._before
         if self.request.mover.jerk_control:
             jerk = JERK_UNIT * control
-            ddq = before @ (dt * jerk)
+            ddq = acceleration + before @ (dt * jerk)
         else:
             jerk, ddq = np.zeros_like(control), control
-        dq = before @ (dt * (ddq + dt * jerk / 2))
+        dq = rate + before @ (dt * (ddq + dt * jerk / 2))
         q = start + before @ (dt * (dq + dt * (ddq / 2 + dt * jerk / 6)))
         return q, dq, ddq, jerk, lengths
 

@@ -24,7 +24,7 @@ def planned_motion(nlp: ThrowNlp, request: Request, x: Array) -> tuple[Path, flo
     duration = nlp.block(x, "T", 0)
     assert duration is not None
     opening_time = float(duration[0] - request.nodes[0])
-    zero = np.zeros(mover.size)
+    zero, (rate, acceleration) = np.zeros(mover.size), mover.begins
 
     def blocks(name: str, default: Array) -> Array:
         found = [nlp.block(x, name, k) for k in range(s.last)]
@@ -33,11 +33,11 @@ def planned_motion(nlp: ThrowNlp, request: Request, x: Array) -> tuple[Path, flo
     start = zero if mover.start is None else mover.start
     control = blocks("c", zero)
     if s.jerk_control:
-        ddq, jerk = blocks("ddq", zero), JERK_UNIT * control
+        ddq, jerk = blocks("ddq", acceleration), JERK_UNIT * control
     else:
         ddq, jerk = control, 0 * control
     times = request.times(opening_time)
-    return Path.cubics(times, blocks("q", start), blocks("dq", zero), ddq, jerk), opening_time
+    return Path.cubics(times, blocks("q", start), blocks("dq", rate), ddq, jerk), opening_time
 
 
 def decision_vector(

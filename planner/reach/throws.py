@@ -75,9 +75,10 @@ def chunks(scene: Scene, mover: Mover, samples: int) -> Iterator[tuple[int, list
         yield count, drawn
 
 
-def _start(throws: Releases) -> Array:
+def _start(mover: Mover, throws: Releases) -> Array:
     """Coordinates (N, n) at rest before the run-up from a free start."""
-    return run_up(None, throws.q, throws.dq, throws.ddq, throws.run_up[:, None])[0]
+    free = dataclasses.replace(mover, start=None)
+    return run_up(free, throws.q, throws.dq, throws.ddq, throws.run_up[:, None])[0]
 
 
 def allowed(scene: Scene, mover: Mover, throws: Releases, time: Array) -> Flags:
@@ -97,7 +98,7 @@ def _reached(scene: Scene, mover: Mover, throws: Releases) -> Flags:
     """
     if mover.start is None:
         return np.ones(len(throws.q), dtype=bool)
-    limits, distance = mover.planning, np.abs(_start(throws) - mover.start)
+    limits, distance = mover.planning, np.abs(_start(mover, throws) - mover.start)
     times = [15 / 8 * distance / limits.dq, np.sqrt(10 / math.sqrt(3) * distance / limits.ddq)]
     if limits.jerk is not None:
         times.append(np.cbrt(60 * distance / limits.jerk))
@@ -112,7 +113,7 @@ def _off_floor(scene: Scene, mover: Mover, throws: Releases) -> Flags:
     if workspace is None or workspace.floor is None or not clear.size:
         return clear
     end, stop, _ = _ahead(scene, mover, throws)
-    for q, holds in ((_start(throws), True), (throws.q, True), (end, False), (stop, False)):
+    for q, holds in ((_start(mover, throws), True), (throws.q, True), (end, False), (stop, False)):
         hand, lowest = outline(mover, q.T)
         if scene.arm is not None:
             lowest = np.minimum(lowest, palm_corners(scene.arm.tool, hand)[1].min(axis=1))

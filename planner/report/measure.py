@@ -132,7 +132,7 @@ def _motions(
             continue
         if ((end < limits.q_min) | (end > limits.q_max)).any():
             continue
-        motion = carry(mover.start, state[:3], state[3], opening, PIECES)
+        motion = carry(mover, state[:3], state[3], opening, PIECES)
         if _inside(limits, motion):
             yield motion, float(state[3])
 

@@ -114,6 +114,12 @@ class PlannedThrow:
         """When the object lands [s] on the motion's clock."""
         return self.final.landing_time
 
+    def words(self, goal: Pose) -> str:
+        """How far from `goal` it lands, for people."""
+        dx, dtheta = self.final.miss(goal)
+        turn = "" if goal.theta is None else f" and {math.degrees(abs(dtheta)):.3f} deg"
+        return f"lands {1e3 * abs(dx):.3f} mm{turn} from the target"
+
 
 @dataclass(frozen=True, repr=False)
 class Plan:

@@ -3,17 +3,20 @@
 from __future__ import annotations
 
 import dataclasses
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from ...problems import QUIET
+from ...problems import QUIET, Mesh, Scene
 from ..ocp import Request, peak_load
 from ..result import Plan, PlannedThrow
 from ..search import Attempt, Problems, Start, Task, attempts, refit, scatter
 from ..sweep import sweep
 
+#: A robust throw hardly slides, so its opening needs even intervals, and a wider rounding costs
+#: nothing.
+QUIET_MESH = Mesh(opening=8, grading=1.0, epsilon=0.03)
 #: Throws of the small sweep that judges a plan.
 SAMPLES = 256
 #: No other source is tried after a throw that scatters this share of the nominal one's.
@@ -65,6 +68,10 @@ class Hardening:
     method: str
     task: Task
     attempts: list[Attempt] = field(default_factory=list)
+
+    def __post_init__(self) -> None:
+        scene = self.task.scene.replace(mesh=self.problems.scene.mesh)
+        self.task = dataclasses.replace(self.task, scene=scene)
 
     def best(self, sources: Iterable[Plan]) -> Hardened | None:
         """The robust throw that scatters least; None if there is none."""
@@ -122,6 +129,50 @@ class Hardening:
     def _hardened(self, source: Plan, thrown: PlannedThrow, method: str, solver: str) -> Hardened:
         load = peak_load(thrown.final)
         return Hardened(source, thrown, method, solver, load, scatter(thrown, source.target))
+
+
+def robust_scene(scene: Scene) -> Scene:
+    """The scene with the numerical settings of robust plans, where it has none of its own."""
+    return scene.replace(mesh=QUIET_MESH) if scene.mesh == Mesh() else scene
+
+
+def hardened(plan: Plan, hardening: Hardening, others: Callable[[], Plan]) -> Plan:
+    """The plan of a robust throw to the same target, from `plan`'s or the throws of `others`."""
+    more: list[Plan] = []
+
+    def sources() -> Iterator[Plan]:
+        yield plan
+        more.append(others())
+        yield from more[0].alternatives
+
+    found = hardening.best(sources())
+    plan = dataclasses.replace(
+        plan,
+        iterations=sum(p.iterations for p in (plan, *more))
+        + sum(a.iterations for a in hardening.attempts),
+        attempts=sum(p.attempts for p in (plan, *more)) + sum(a.solves for a in hardening.attempts),
+    )
+    if found is None:
+        reason = hardening.attempts[-1].reason if hardening.attempts else ""
+        words = f"no robust throw found by {hardening.method}: {reason}"
+        return dataclasses.replace(plan, status="not_converged", message=words)
+    words = found.thrown.words(found.source.target)
+    if found.method == "nominal":
+        words += "; no throw found that bears the opening better"
+    variables, constraints = found.thrown.nlp_size
+    return dataclasses.replace(
+        found.source,
+        status="solved",
+        message=words,
+        throw=found.thrown,
+        solver=found.solver,
+        variables=variables,
+        constraints=constraints,
+        robust=found.method,
+        peak_load=found.peak_load,
+        iterations=plan.iterations,
+        attempts=plan.attempts,
+    )
 
 
 def _better(best: Hardened | None, found: Hardened | None) -> Hardened | None:

@@ -10,7 +10,7 @@ from .guess import guess_from, refit
 from .launch import carry, flies_past_column, polynomial, run_up
 from .library import Library, Neighbour
 from .meeting import met
-from .nearby import Nearby
+from .nearby import Nearby, rest_of
 from .nearest import Reach, highest
 from .nlps import Clock, Problems, Program, Task, check_start
 from .release_table import Releases, Turns, goals_of, joined, starts

@@ -34,7 +34,7 @@ def guess_from(
     q, dq, ddq = releases.q[index], releases.dq[index], releases.ddq[index]
     duration = float(releases.run_up[index])
     nodes, times = request.nodes, request.times(duration)
-    launch = run_up(mover.start, q, dq, ddq, duration)
+    launch = run_up(mover, q, dq, ddq, duration)
     launched = times[: s.opens + 1, None]
     before = [polynomial(launch, launched, k).T for k in range(3)]
     opening = Path.cubics(nodes[[0, -1]], q[None], dq[None], ddq[None], 0 * q[None])

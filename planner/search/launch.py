@@ -31,22 +31,25 @@ INSTANTS, FLIGHT_INSTANTS = 24, 40
 PIECES = 12
 
 
-def run_up(start: Array | None, q: Array, dq: Array, ddq: Array, duration: Any) -> list[Array]:
+def run_up(mover: Mover, q: Array, dq: Array, ddq: Array, duration: Any) -> list[Array]:
     """Coefficients c_0 .. c_5 of q(t), t from 0 to `duration` [s], ending at (q, dq, ddq).
 
-    From rest at `start`, with no acceleration there, by a quintic; without a start by the
-    rate a t^2 + b t^3, which begins where it falls. Arrays that broadcast, e.g. (N, n) and
+    From the mover's start by a quintic; without a given one by the rate a t^2 + b t^3 from rest,
+    which begins where it falls. Arrays that broadcast, e.g. (N, n) and
     durations (N, 1).
     """
-    zero, d = 0.0 * q * duration, duration
+    zero, d, start = 0.0 * q * duration, duration, mover.start
     if start is None:
         a, b = 3 * dq / d**2 - ddq / d, ddq / d**2 - 2 * dq / d**3
         return [q - a * d**3 / 3 - b * d**4 / 4, zero, zero, a / 3 + zero, b / 4 + zero, zero]
-    gap = q - start
+    rate, acceleration = mover.begins
+    # What is left to do beside going on with the acceleration of the start.
+    gap = q - start - rate * d - acceleration * d**2 / 2
+    dq, ddq = dq - rate - acceleration * d, ddq - acceleration
     return [
         start + zero,
-        zero,
-        zero,
+        rate + zero,
+        acceleration / 2 + zero,
         (20 * gap - 8 * dq * d + ddq * d**2) / (2 * d**3),
         (-30 * gap + 14 * dq * d - 2 * ddq * d**2) / (2 * d**4),
         (12 * gap - 6 * dq * d + ddq * d**2) / (2 * d**5),
@@ -63,7 +66,7 @@ def polynomial(coefficients: list[Array], t: Any, derivative: int = 0) -> Array:
 
 
 def carry(
-    start: Array | None,
+    mover: Mover,
     state: tuple[Array, Array, Array],
     duration: float,
     opening: float,
@@ -75,7 +78,7 @@ def carry(
     """
     times = np.append(np.linspace(0.0, duration, pieces + 1), duration + opening)
     t, dt = times[:-1, None], duration / pieces
-    coefficients = run_up(start, *state, duration)
+    coefficients = run_up(mover, *state, duration)
     place, rate, acceleration = (polynomial(coefficients, t, k) for k in range(3))
     jerk = polynomial(coefficients, t + dt / 2, 3)
     jerk[-1] = 0.0
@@ -126,7 +129,7 @@ def in_obstacles(scene: Scene, mover: Mover, releases: Any, index: int) -> float
     """How far [m] a table's throw `index` is inside obstacles and the arm itself, all bodies."""
     state = releases.q[index], releases.dq[index], releases.ddq[index]
     time, opening = float(releases.run_up[index]), scene.gripper.profile().opening
-    throw = Throw(scene, mover, carry(mover.start, state, time, opening, PIECES), time)
+    throw = Throw(scene, mover, carry(mover, state, time, opening, PIECES), time)
     return sum(contact.missing for contact in contacts(throw)) if throw.lands else math.inf
 
 

@@ -7,12 +7,16 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from heapq import merge
 
+import numpy as np
+
 from ...models import land
 from ...problems import Pose
-from ..ocp import Optimum
-from ..result import PlannedThrow
+from ..check import TICK, Mover
+from ..ocp import Optimum, Request
+from ..result import Plan, PlannedThrow
 from .attempt import Attempt, Edge, Start, attempts
 from .corrector import Corrector, moved_start, optimum_of
+from .guess import refit
 from .library import Library, Neighbour
 from .nlps import Problems, Task
 from .release_table import Turns
@@ -117,11 +121,33 @@ class Nearby:
             yield replace(start, asked=warm.asked, warm=solution, aim=warm.aim)
         elif warm is not None and warm.optimum is not None:
             yield self._start(warm.optimum, task.target, task)
+        elif warm is not None:
+            # The rest of a swing: no solution of the NLPs of this task.
+            request, rest = Request(task.scene, warm.mover), warm
+            yield Start(task.target, lambda nlp: refit(nlp, rest, request), task.solvers[0])
         if first is not None and (warm is None or first.optimum is not warm.optimum):
             yield self._start(first.optimum, first.goal, task)
 
     def _start(self, optimum: Optimum, goal: Pose, task: Task) -> Start:
         return moved_start(self._library.controls, self._problems.mover, optimum, goal, task)
+
+
+def rest_of(swing: Plan, mover: Mover) -> Plan | None:
+    """The rest of a plan's swing from where it is nearest to the state that `mover` begins in.
+
+    None for a plan without a throw.
+    """
+    if swing.throw is None or mover.start is None:
+        return None
+    throw, weight = swing.throw, mover.hard.dq
+    samples, final = throw.samples, throw.final
+    off = np.abs(samples.q - mover.start) + np.abs(samples.dq - mover.begins[0]) / weight
+    before = math.floor(throw.opening_time / TICK)
+    time = TICK * int(off[:before].sum(axis=1).argmin())
+    opens = throw.opening_time - time
+    final = replace(final, mover=mover, path=final.path.later(time), opening_time=opens)
+    rest = PlannedThrow(throw.planned.later(time), final, throw.effort, throw.nlp_size, throw.asked)
+    return replace(swing, mover=mover, throw=rest)
 
 
 def _of_kind(warm: PlannedThrow, task: Task) -> bool:

@@ -11,6 +11,7 @@ import dataclasses
 import itertools
 import math
 from collections.abc import Callable, Iterator, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import partial
 
@@ -110,6 +111,12 @@ class Reach:
         self._solvers: dict[
             tuple[tuple[bool, ...], frozenset[Guard]], tuple[ThrowNlp, list[Solver]]
         ] = {}
+
+    def begun(self, mover: Mover) -> Reach:
+        """The same problems for a mover that begins in another state of motion."""
+        found = copy(self)
+        found._mover = mover
+        return found
 
     def _solver(self, request: Request) -> tuple[ThrowNlp, list[Solver]]:
         guards = request.asked.guards

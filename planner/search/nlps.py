@@ -7,6 +7,7 @@ import time
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
+from copy import copy
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -105,6 +106,12 @@ class Problems:
         self.scene, self.mover = scene, mover
         self._nlps: dict[_Kind, ThrowNlp] = {}
         self._problems: dict[tuple[_Kind, str], Program] = {}
+
+    def begun(self, mover: Mover) -> Problems:
+        """The same NLPs for a mover that begins in another state of motion."""
+        found = copy(self)
+        found.mover = mover
+        return found
 
     def nlp(self, target: Pose, asked: Asked, clock: Clock, robust: str = "") -> ThrowNlp:
         """The NLP for a target."""

@@ -122,7 +122,7 @@ class ReleaseSampler:
         opening = self.profile.opening
         end, rate = q + opening * (dq + opening * ddq / 2), dq + opening * ddq
         clear = clears_thrown(self.scene, self.mover, end, rate, states)
-        path = run_up(self.mover.start, q, dq, ddq, duration[:, None])
+        path = run_up(self.mover, q, dq, ddq, duration[:, None])
         clear &= clears_carried(self.scene, self.mover, path, duration[:, None])
         return Releases(q, dq, ddq, duration, states, clear)
 
@@ -140,7 +140,7 @@ class ReleaseSampler:
         stop = end + rate * np.abs(rate) / (2 * BRAKE_SHARE * limits.ddq)
         positions = [q, end, stop]
         if self.mover.start is None:
-            positions.append(run_up(None, q, dq, ddq, duration[:, None])[0])
+            positions.append(run_up(self.mover, q, dq, ddq, duration[:, None])[0])
         inside = np.ones(q.shape, dtype=bool)
         for position, speed in ((q, dq), (end, rate)):
             low, high = limits.velocity(position)

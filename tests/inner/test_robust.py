@@ -9,7 +9,7 @@ import pytest
 import throwplan as tp
 from throwplan.planner.check import friction_use, make_mover
 from throwplan.planner.ocp import Request, build_nlp, window_of
-from throwplan.planner.plan import QUIET_MESH
+from throwplan.planner.robust import QUIET_MESH
 from throwplan.planner.search import refit
 from throwplan.problems import Robust
 
