@@ -12,6 +12,7 @@ from importlib.metadata import PackageNotFoundError, version
 
 from .planner.check import State, simulate, simulate_batch
 from .planner.check import Throw as SentThrow
+from .planner.follow import Response, Session, Update
 from .planner.identify import Identified, identify, throw_data, thrown
 from .planner.plan import Planner, plan
 from .planner.reach import ReachMap, reach_map
@@ -75,11 +76,13 @@ __all__ = [
     "Pose",
     "ReachMap",
     "Replay",
+    "Response",
     "Robot",
     "Robust",
     "SavedThrow",
     "Scene",
     "SentThrow",
+    "Session",
     "State",
     "Sweep",
     "Target",
@@ -88,6 +91,7 @@ __all__ = [
     "Tolerance",
     "Torque",
     "Uncertainty",
+    "Update",
     "Workspace",
     "export",
     "identify",

@@ -23,7 +23,9 @@ planning is the plan's status.
 """
 #: What belongs together, in the order of use.
 CHAPTERS = {
-    "Plan": "Planner plan State Plan PlanPath view export replay Replay read_plan SavedThrow SentThrow",
+    "Plan": "Planner plan State Plan PlanPath view export replay Replay read_plan SavedThrow "
+    "SentThrow",
+    "Swings under way": "Session Update Response",
     "Releases and sweeps": "simulate simulate_batch sweep Sweep reach_map ReachMap",
     "Measured throws": "load_throws ThrowData throw_data thrown identify Identified",
     "Scenes": "load_scene scene_names scene_text Scene",

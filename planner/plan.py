@@ -24,7 +24,8 @@ from ..problems import (
     Scene,
     as_scene,
 )
-from .check import State, check_obstacles, make_mover
+from .check import State, Throw, check_obstacles, make_mover
+from .follow import Response, Session
 from .ocp import USUAL
 from .reach import Progress, grow
 from .result import Plan, checked_target
@@ -193,6 +194,23 @@ class Planner:
         plan = self._solved(best, tried, task, iterations)
         rest = tuple(self._solved(other, [other], task) for other in others)
         return dataclasses.replace(plan, alternatives=rest)
+
+    def follow(
+        self,
+        plan: Plan,
+        horizon: float = 0.02,
+        *,
+        sent: Throw | None = None,
+        response: Response | None = None,
+    ) -> Session:
+        """A session that corrects the swing of a solved plan until the hand opens.
+
+        Takes some tenths of a second, before the swing. horizon [s]: after a measurement until
+        what is sent for it is on its way. sent: what is sent instead of the plan's motion to joints
+        that lag, response: how these follow, where that is known. InputError for a plan that is not
+        this planner's.
+        """
+        return Session(self._under_way[0], plan, horizon, sent, response)
 
     def polish(self, plan: Plan) -> Plan:
         """The plan at its optimum: solved again from where it is, for times without other work.

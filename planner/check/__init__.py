@@ -30,7 +30,7 @@ from .geometry import (
 from .given_motion import given_hand, planar_joints, recorded_joints
 from .measures import Measured, friction_use
 from .mover import Limits, Mover, State, joint_limits, make_mover, outline
-from .sending import TICK, Samples, SmoothingError, broken_limits, keeps, send
+from .sending import NO_SAMPLES, TICK, Samples, SmoothingError, braked, broken_limits, keeps, send
 from .simulation import Simulation, named_model, simulate, simulate_batch
 from .throw import Throw, case_of
 from .torques import Torques, torque_limits, torques_of

@@ -70,23 +70,21 @@ def send(mover: Mover, planned: Path, *, as_planned: bool = False) -> Samples:
     as_planned: takes no motion that breaks the limits itself, so that Ruckig would have to follow
     it. Raises SmoothingError then, and where Ruckig finds no motion within the limits.
     """
-    jerk = mover.hard.jerk
-    if jerk is None:
+    if mover.hard.jerk is None:
         return Samples(*_braked_hand(mover.hard, planned))
     found = _sent_by_core(mover, planned)
     if found is not None:
         return found
     import ruckig
 
-    limits = _Bounds(*(SHARE * most for most in (mover.hard.dq, mover.hard.ddq, jerk)))
+    limits = _bounds(mover.hard)
     if as_planned and not _kept_ticks(limits, planned, planned.end).all():
         raise SmoothingError("the planned motion breaks the limits")
     try:
         moved = _follow(limits, planned, mover.begins)
-        brake = _brake(limits, *(values[-1] for values in moved))
     except ruckig.RuckigError as error:
         raise SmoothingError(f"Ruckig: {' '.join(str(error).split())}") from None
-    return Samples(*(np.vstack(pair) for pair in zip(moved, brake, strict=True)))
+    return braked(mover, Samples(*moved))
 
 
 def _sent_by_core(mover: Mover, planned: Path) -> Samples | None:
@@ -107,6 +105,13 @@ def _sent_by_core(mover: Mover, planned: Path) -> Samples | None:
     # The motion through them is known already.
     vars(sent)["path"] = Path(sent.times, given, kinks[:corners], held=True)
     return sent
+
+
+def braked(mover: Mover, samples: Samples) -> Samples:
+    """An arm's samples, and after the last of them its brake to rest."""
+    limits, until = _bounds(mover.hard), (samples.q, samples.dq, samples.ddq)
+    brake = _brake(limits, *(values[-1] for values in until))
+    return Samples(*(np.vstack(pair) for pair in zip(until, brake, strict=True)))
 
 
 def broken_limits(mover: Mover, sent: Samples) -> list[str]:
@@ -162,6 +167,12 @@ class _Bounds:
         order = ruckig.InputParameter(len(self.jerk))
         order.max_acceleration, order.max_jerk = self.ddq.tolist(), self.jerk.tolist()
         return order
+
+
+def _bounds(limits: Limits) -> _Bounds:
+    """What keeps an arm's limits."""
+    assert limits.jerk is not None
+    return _Bounds(*(SHARE * most for most in (limits.dq, limits.ddq, limits.jerk)))
 
 
 def _follow(limits: _Bounds, planned: Path, begins: tuple[Array, Array]) -> list[Array]:

@@ -7,7 +7,7 @@ target nearby inside all limits, whichever of them become active on the way.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 from typing import Any
 
@@ -150,6 +150,18 @@ class Condensed:
         solution while the active limits stay active (Fiacco 1983).
         """
         return self.along(self.active)
+
+    @property
+    def timed(self) -> Condensed:
+        """The same with the opening at its time: without the first number of u."""
+        return replace(
+            self,
+            whole=self.whole[:, 1:],
+            landing=self.landing[:, 1:],
+            rows=self.rows[:, 1:],
+            most=self.most[1:],
+            hessian=self.hessian[1:, 1:],
+        )
 
     def along(self, active: Flags) -> Array:
         """The cheapest du (size, L) that moves the landing by one each, limits active left so."""

@@ -14,8 +14,8 @@ import numpy as np
 from ...models import Array, Path, low_pass
 from ...problems import InputError
 from ..check import TICK, Throw
+from ..follow import Response
 from .recording import CUTOFF, Recording
-from .response import Response
 from .uses import SHARE, SplineMotion, Use, uses_of
 
 #: Between the splines' knots [s], and how many a motion has more before the opening than the

@@ -18,9 +18,9 @@ from ...models import Array, low_pass
 from ...models import Path as Motion
 from ...problems import InputError, Scene, ThrowPlane, read_csv
 from ..check import TICK, Throw, planar_joints
+from ..follow import Response
 from ..result import write_table
 from .controllers import JointMotion
-from .response import Response
 
 #: What the response leaves of recorded joints is low-passed at [Hz].
 CUTOFF = 60.0

@@ -9,9 +9,9 @@ from heapq import merge
 
 import numpy as np
 
-from ...models import land
+from ...models import Path, land
 from ...problems import Pose
-from ..check import TICK, Mover
+from ..check import NO_SAMPLES, TICK, Mover, Throw
 from ..ocp import Optimum, Request
 from ..result import Plan, PlannedThrow
 from .attempt import Attempt, Edge, Start, attempts
@@ -144,10 +144,14 @@ def rest_of(swing: Plan, mover: Mover) -> Plan | None:
     off = np.abs(samples.q - mover.start) + np.abs(samples.dq - mover.begins[0]) / weight
     before = math.floor(throw.opening_time / TICK)
     time = TICK * int(off[:before].sum(axis=1).argmin())
-    opens = throw.opening_time - time
-    final = replace(final, mover=mover, path=final.path.later(time), opening_time=opens)
-    rest = PlannedThrow(throw.planned.later(time), final, throw.effort, throw.nlp_size, throw.asked)
-    return replace(swing, mover=mover, throw=rest)
+    return replace(swing, mover=mover, throw=rest_from(final, time, mover, throw.planned))
+
+
+def rest_from(throw: Throw, time: float, mover: Mover, planned: Path | None = None) -> PlannedThrow:
+    """The rest of a throw's motion from `time` [s] on; planned: its motion up to detach."""
+    path, opens = throw.path.later(time), throw.opening_time - time
+    rest = replace(throw, mover=mover, path=path, opening_time=opens, samples=NO_SAMPLES)
+    return PlannedThrow(path if planned is None else planned.later(time), rest, 0.0, (0, 0))
 
 
 def _of_kind(warm: PlannedThrow, task: Task) -> bool:

@@ -1,0 +1,90 @@
+"""How the rest of a swing is changed so that the object lands elsewhere.
+
+From an instant on, what is still to be sent may change; position, rate and acceleration at that
+instant stay, and so does the time at which the pads open. The NLP, linearised about the rest of the
+swing, says which change is the cheapest, and how far one may go inside all limits.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...models import Array
+from ..check import TICK, State, Throw
+from ..ocp import Asked, Condensed, Controls, Request, Solution
+from ..search import Clock, Problems, refit, rest_from
+
+#: A limit that is nearer than this, in the units of the NLP's variables, binds.
+BINDS = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Rest:
+    """The NLP about the rest of a swing from sample `first` on.
+
+    about: its linearisation in the controls, whose numbers `u` begin with the opening's time, which
+    stays; ticks (K,) [s] of the samples from there until the pads are open.
+    """
+
+    first: int
+    about: Condensed
+    controls: Controls
+    u: Array
+    ticks: Array
+
+    @classmethod
+    def of(cls, problems: Problems, throw: Throw, asked: Asked, first: int) -> Rest | None:
+        """Of what is sent; None where the landing does not follow from there."""
+        sent, clock = throw.samples, Clock()
+        mover = problems.mover.begun(State(sent.q[first], sent.dq[first], sent.ddq[first]))
+        rest = rest_from(throw, TICK * first, mover)
+        problems, goal = problems.begun(mover), throw.target
+        program = problems.problem(goal, asked, "fatrop", clock)
+        near = rest.exact if program.nlp.structure.local else None
+        request = Request(throw.scene, mover, goal, asked, near=near)
+        controls, numbers = Controls(request), program.nlp.numbers(request)
+        point = Solution.none(refit(program.nlp, rest, request))
+        places = controls.places(program.nlp)
+        try:
+            at = Condensed.about(
+                program.nlp, program.solver, point, numbers, program.limits, places
+            )
+        except np.linalg.LinAlgError:
+            return None
+        count = math.ceil(rest.final.detach_time / TICK - 1e-9) + 1
+        return cls(first, at.timed, controls, at.point[places], TICK * np.arange(float(count)))
+
+    def direction(self) -> Direction:
+        """The cheapest change per landing, with the limits that bind where they are."""
+        at = self.about
+        return self._direction(at.along((at.down > -BINDS) | (at.up < BINDS)))
+
+    def step(self, off: Array) -> tuple[Array, Direction] | None:
+        """A change (3, K, n) that moves the landing by -off (L,) inside all limits, or as far as
+        they let it; and the direction along those that bind then. None where there is none."""
+        step = replace(self.about, wanted=-off).step(np.zeros(len(self.about.most)))
+        if step is None:
+            return None
+        return self._change(step.du), self._direction(step.slope)
+
+    def _direction(self, slope: Array) -> Direction:
+        return Direction(self.first, np.array([self._change(column) for column in slope.T]))
+
+    def _change(self, du: Array) -> Array:
+        """Of q, dq, ddq (3, K, n): linear in du, as the times stay."""
+        return self._motion(self.u + np.append(0.0, du)) - self._motion(self.u)
+
+    def _motion(self, u: Array) -> Array:
+        return np.array([values.T for values in self.controls.motion(u)[0].at(self.ticks)])
+
+
+@dataclass(frozen=True, eq=False)
+class Direction:
+    """What changes from sample `first` on: (L, 3, K, n) of q, dq, ddq per landing x [m] and theta
+    [rad] (L of them), until the pads are open."""
+
+    first: int
+    change: Array

@@ -1,0 +1,157 @@
+"""Swings that are corrected until the hand opens: joined, inside all limits, on the target."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+import throwplan as tp
+from throwplan.planner.check import TICK, Samples, broken_limits
+from throwplan.planner.follow import Response, Session, Update
+
+HORIZON = 0.02
+
+
+@pytest.fixture(scope="module")
+def planner() -> tp.Planner:
+    return tp.Planner("pose")
+
+
+@pytest.fixture(scope="module")
+def plan(planner: tp.Planner) -> tp.Plan:
+    return planner.plan()
+
+
+def played(
+    session: Session, target: Callable[[float], tp.Pose], every: int = 5, response=None
+) -> tuple[list[Update], Samples, np.ndarray]:
+    """The updates of a swing, what was sent in the end, and the joints as an arm followed it."""
+    updates: list[Update] = []
+    limits = session.throw.mover
+    follow = response or (lambda q: q)
+    tick = 0
+    while not updates or updates[-1].status not in ("committed", "stopped"):
+        before = session.throw.samples
+        q = follow(before.q[: tick + 1])[-1]
+        found = session.update(TICK * tick, q, before.dq[tick], target(TICK * tick))
+        after = session.throw.samples
+        # What is on its way stays; what follows is joined to it within the limits.
+        committed = round((TICK * tick + HORIZON) / TICK)
+        assert found.first >= committed
+        assert (after.q[: committed + 1] == before.q[: committed + 1]).all()
+        assert not broken_limits(limits, after)
+        assert np.abs([after.dq[-1], after.ddq[-1]]).max() < 1e-9
+        # Of all joints, at 1 kHz, to rest.
+        throwing = [j - 1 for j in session.throw.scene.arm.throwing_joints]
+        assert (found.q[:, throwing] == after.q[found.first :]).all()
+        updates.append(found)
+        tick += every
+    return updates, session.throw.samples, follow(session.throw.samples.q)
+
+
+def miss(session: Session, goal: tp.Pose) -> tuple[float, float]:
+    """How far what was sent lands from a pose, thrown as any plan."""
+    throw = dataclasses.replace(session.throw, scene=session.throw.scene.aimed_at(goal))
+    assert throw.release.trouble == ""
+    return throw.miss(goal)
+
+
+@pytest.mark.parametrize(("jump", "turn"), [(0.06, 0.0), (-0.05, 0.2), (0.0, -0.3)])
+def test_a_target_that_jumps_is_hit(planner, plan, jump, turn) -> None:
+    session, target = planner.follow(plan, HORIZON), plan.target
+    there = target.changed(x=target.x + jump, theta=target.theta + turn)
+    updates, *_ = played(session, lambda t: target if t < 0.04 else there)
+    dx, dtheta = miss(session, there)
+    assert abs(dx) < plan.scene.tolerance.position / 2
+    assert abs(dtheta) < plan.scene.tolerance.angle / 2
+    assert "followed" in {update.status for update in updates}
+    assert updates[-1].command_time == plan.throw.final.command_time
+
+
+def test_a_target_that_speeds_up_is_hit_where_it_then_is(planner) -> None:
+    """Planned for 0.1 m/s; from 60 ms on it moves faster, and is seen to."""
+    plan = planner.plan(planner.scene.target.changed(velocity=(0.1,)))
+    session, start = planner.follow(plan, HORIZON), plan.target.x
+
+    def where(t: float) -> float:
+        return start + 0.1 * t + 0.12 * max(t - 0.06, 0.0)
+
+    def seen(t: float) -> tp.Pose:
+        return plan.target.changed(x=where(t), velocity=(0.22 if t >= 0.06 else 0.1,))
+
+    played(session, seen)
+    there = plan.target.changed(x=where(session.throw.landing_time), velocity=None)
+    dx, dtheta = miss(session, there)
+    assert abs(dx) < plan.scene.tolerance.position / 2
+    assert abs(dtheta) < plan.scene.tolerance.angle / 2
+
+
+def test_a_target_that_leaves_the_reach_stops_the_swing(planner, plan) -> None:
+    session, target = planner.follow(plan, HORIZON), plan.target
+    updates, sent, _ = played(session, lambda t: target.changed(x=target.x + 40 * t**2))
+    last = updates[-1]
+    assert last.status == "stopped" and last.command_time is None
+    assert "out of reach" in last.message
+    assert TICK * len(sent.q) < TICK * len(plan.throw.samples.q) + 0.2
+    # Stopped it stays, whatever the target does then.
+    again = session.update(0.5, sent.q[-1], sent.dq[-1], target)
+    assert again.status == "stopped" and (again.q == last.q[-1]).all()
+
+
+def test_joints_that_lag_are_learnt_on_the_way(planner, plan) -> None:
+    """By joints that follow 6 ms late the measured motion lands nearer by over three times."""
+    law = Response(np.full(3, 120.0), np.full(3, 0.3))
+    noise = np.random.default_rng(0)
+    session, target = planner.follow(plan, HORIZON), plan.target
+
+    def measured(q: np.ndarray) -> np.ndarray:
+        return law.all(q) + noise.normal(scale=2e-4, size=q.shape)
+
+    def landing(samples: Samples) -> float:
+        joints = law.all(np.array([samples.q, samples.dq, samples.ddq]))
+        path = Samples(*joints).path
+        dx, dtheta = dataclasses.replace(plan.throw.final, path=path).miss(target)
+        return abs(dx) + abs(dtheta) * plan.scene.object.length / 2
+
+    open_loop = landing(plan.throw.samples)
+    _, sent, _ = played(session, lambda t: target, 2, measured)
+    assert landing(sent) < open_loop / 3
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"t": math.nan}, "t = nan: must be a time"),
+        ({"t": 0.05}, "t = 0.05: must be above 0.05, the last update's"),
+        ({"t": 0.01}, "t = 0.01: must be above 0.05"),
+        ({"q": [math.nan] * 3}, "q: must be 7 or 3 finite numbers"),
+        ({"q": [0.0] * 5}, "q: must be 7 or 3 finite numbers"),
+        ({"dq": "fast"}, "dq: must be numbers"),
+        ({"target": (1.0, 0.1)}, "target = .*: must be a Pose"),
+        ({"target": tp.Pose(0.9, 0.1, 0.4, y=0.5)}, "target: is 29.1 deg off the throw's plane"),
+        ({"target": tp.Pose(0.9, 0.1)}, "target: must fix theta if the plan's target does"),
+    ],
+)
+def test_wrong_updates_leave_the_motion_as_it_is(planner, plan, changes, words) -> None:
+    session = planner.follow(plan, HORIZON)
+    q, dq = plan.throw.samples.q, plan.throw.samples.dq
+    moved = plan.target.changed(x=plan.target.x + 0.02)
+    session.update(0.05, q[50], dq[50], moved)
+    before, given = session.throw, {"t": 0.06, "q": q[60], "dq": dq[60], "target": moved}
+    with pytest.raises(tp.InputError, match=words):
+        session.update(**given | changes)
+    assert session.throw is before
+    assert session.update(**given).status in ("followed", "kept")
+
+
+def test_what_can_be_followed(planner, plan) -> None:
+    with pytest.raises(tp.InputError, match=r"horizon = 0\.5: must be above 0 s and below 0\.2"):
+        planner.follow(plan, 0.5)
+    with pytest.raises(tp.InputError, match="follow: needs a solved plan of this planner"):
+        tp.Planner("pose").follow(plan)
+    hand = tp.Planner("hand-box")
+    with pytest.raises(tp.InputError, match=r"follow: only for a scene with \[robot\]"):
+        hand.follow(hand.plan())
