@@ -35,6 +35,7 @@ COMMANDS = {
         "--quick --out report",
     ),
     "view": ("look at a plan in 3-D in the browser", "out/cup/plan.json"),
+    "play": ("move the target on a page and see the throw follow", "cup"),
     "replay": ("throw a plan's release in MuJoCo", "out/cup/plan.json"),
     "run": (
         "throw a plan with a Franka robot, and record it",
@@ -58,7 +59,9 @@ COMMANDS = {
     "validate": ("compare release models on measured throws", "out/throws --out out/validation"),
 }
 #: Commands that share a file, where their functions' names carry theirs.
-SHARED = {"correct": "run"} | dict.fromkeys(("make-throws", "identify", "validate"), "measured")
+SHARED = {"correct": "run", "play": "view"} | dict.fromkeys(
+    ("make-throws", "identify", "validate"), "measured"
+)
 
 
 #: Characters of a word of a message; most paths are shorter.

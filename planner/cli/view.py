@@ -1,28 +1,43 @@
-"""`throwplan view`: a plan in 3-D in the browser."""
+"""`throwplan view` and `throwplan play`: a plan in 3-D in the browser, and a target to move."""
 
 from __future__ import annotations
 
 import argparse
+import contextlib
 import json
 import math
 import sys
 from pathlib import Path
+from typing import Any
 
-from ...problems import InputError
+from ...problems import InputError, load_scene
+from ..plan import Planner
+from ..play import PlayPage, first_plan
 from ..result import read_plan
-from ..show import open_browser, run_panel, save_film, serving, space_throw
-from .common import DONE, Add, add_plan, answer, number, say, whole
+from ..show import Panel, empty_page, open_browser, run_panel, save_film, serving, space_throw
+from .common import DONE, NO_THROW, Add, add_plan, add_scene, answer, number, say, whole
 
 
 def arguments(add: Add) -> None:
     """The command's options."""
     add_plan(add)
+    _add_page(add)
+    add("--mp4", metavar="FILE", help="write throw.gif's picture as a film instead (needs ffmpeg)")
+
+
+def play_arguments(add: Add) -> None:
+    """The options of `play`."""
+    add_scene(add)
+    _add_page(add)
+
+
+def _add_page(add: Add) -> None:
+    """The options of a page."""
     words = "of the page, on this machine (default: 8080)"
     add("--port", type=whole(1, 65535), metavar="N", default=8080, help=words)
     add("--no-browser", action="store_true", help="open no browser")
     words = "end after that time (default: when interrupted)"
     add("--hold", type=number(0.001), metavar="SECONDS", help=words)
-    add("--mp4", metavar="FILE", help="write throw.gif's picture as a film instead (needs ffmpeg)")
 
 
 def run(options: argparse.Namespace) -> int:
@@ -37,15 +52,38 @@ def run(options: argparse.Namespace) -> int:
         answer(options, {"mp4": options.mp4}, f"written to {options.mp4}")
         return DONE
     space = space_throw(throw)
-    try:
-        with serving(space, options.port) as (address, panel):
-            found = {"address": address, "phases": space.phases()}
-            print(json.dumps(found) if options.json else address, flush=True)
-            if not options.no_browser and not open_browser(address):
-                print("throwplan: no browser to open here; open the address", file=sys.stderr)
-            if options.hold is None:
-                say("Ctrl-C ends it")
-            run_panel(panel, options.hold)
-    except KeyboardInterrupt:
-        pass
+    with contextlib.suppress(KeyboardInterrupt), serving(space, options.port) as (address, panel):
+        _show(options, {"address": address, "phases": space.phases()}, panel)
     return DONE
+
+
+def run_play(options: argparse.Namespace) -> int:
+    """Plans, and serves the page until it is interrupted."""
+    scene = load_scene(options.scene)
+    planner = Planner(scene)
+    with (
+        contextlib.suppress(KeyboardInterrupt),
+        empty_page(scene.name, options.port) as (address, server),
+    ):
+        say(f"{scene.name}: planning")
+        plan = first_plan(planner)
+        if not plan.solved:
+            answer(options, plan.to_dict(), plan.summary())
+            print(f"throwplan: {plan.message}", file=sys.stderr)
+            return NO_THROW
+        page = PlayPage(server, planner, plan)
+        try:
+            _show(options, {"address": address, "scene": scene.name}, page.panel)
+        finally:
+            page.end()
+    return DONE
+
+
+def _show(options: argparse.Namespace, found: dict[str, Any], panel: Panel) -> None:
+    """Says where the page is, opens it, and plays what its panel asks for."""
+    print(json.dumps(found) if options.json else found["address"], flush=True)
+    if not options.no_browser and not open_browser(found["address"]):
+        print("throwplan: no browser to open here; open the address", file=sys.stderr)
+    if options.hold is None:
+        say("Ctrl-C ends it")
+    run_panel(panel, options.hold)

@@ -2,7 +2,7 @@
 
 from .moving import draw_throw_moving, save_film
 from .release_pictures import draw_releases
-from .server import open_browser, run_panel, serving
+from .server import Panel, empty_page, open_browser, run_panel, serving
 from .style import (
     BLACK,
     BLUE,
@@ -18,4 +18,4 @@ from .style import (
 from .tables import Cell, Row, Table, number, shown
 from .throw_picture import bar_corners, draw_throw
 from .timeline import timeline as over_time
-from .view import space_throw
+from .view import SpaceThrow, View, rgb, space_throw

@@ -27,25 +27,32 @@ FIRST_SPEED = "1/5"
 
 @contextlib.contextmanager
 def serving(throw: SpaceThrow, port: int) -> Iterator[tuple[str, Any]]:
-    """Address and panel of the throw's view while it is served.
+    """Address and panel of the throw's view while it is served; errors as of `empty_page`."""
+    with empty_page(throw.scene.name, port) as (address, server):
+        yield address, Panel(server, View(server, throw))
+
+
+@contextlib.contextmanager
+def empty_page(title: str, port: int) -> Iterator[tuple[str, Any]]:
+    """Address and viser server of a page with nothing on it while it is served.
 
     InputError where viser is missing or the port cannot be had.
     """
     try:
         import viser
     except ImportError:
-        raise InputError("view needs viser: pip install viser") from None
+        raise InputError("the page needs viser: pip install viser") from None
     _check_port(port)
     # It says on stdout that it starts and stops, which is for the command to say.
     with contextlib.redirect_stdout(io.StringIO()):
-        server = viser.ViserServer(host=HOST, port=port, label=throw.scene.name, verbose=False)
+        server = viser.ViserServer(host=HOST, port=port, label=title, verbose=False)
     try:
         if server.get_port() != port:
             raise InputError(f"--port {port}: is taken; choose another with --port")
         # The share button would let other machines in.
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         server.gui.main_panel.dock_right()
-        yield f"http://{HOST}:{port}", Panel(server, View(server, throw))
+        yield f"http://{HOST}:{port}", server
     finally:
         with contextlib.redirect_stdout(io.StringIO()):
             server.stop()
@@ -85,7 +92,7 @@ def open_browser(address: str) -> bool:
 
 
 class Panel:
-    """Slider, buttons and words of a view; `advance` plays.
+    """Slider, buttons and words of a view; `advance` plays, `change` takes another throw.
 
     time [s]: what is shown. viser calls back from other threads, so that changes of the
     state are under a lock.
@@ -106,11 +113,20 @@ class Panel:
         self.release = gui.add_button(
             "go to the release", hint="the opening: the force starts to fall"
         )
-        gui.add_html(_legend(self.throw.phases()))
+        self.legend = gui.add_html(_legend(self.throw.phases()))
         self.slider.on_update(lambda _: self._slid())
         self.button.on_click(lambda _: self.play(not self.playing))
         self.release.on_click(lambda _: self.go(self.throw.throw.opening_time))
         self.go(0.0)
+
+    def change(self, throw: SpaceThrow) -> None:
+        """Shows another throw of the scene: at its opening, or played on."""
+        with self._lock:
+            self.throw, self.end = throw, float(throw.line.times[-1])
+            self.view.change(throw)
+            self.slider.value, self.slider.max = 0, round(1e3 * self.end)
+            self.legend.content = _legend(throw.phases())
+            self.go(self.time if self.playing else throw.throw.opening_time)
 
     def go(self, time: float) -> None:
         """Shows the throw at `time` [s]."""

@@ -143,7 +143,10 @@ def _number(matrix: ca.SX) -> Array:
 
 
 class View:
-    """A throw in a viser server; `show` puts everything where it is at a time."""
+    """A throw in a viser server.
+
+    `show` puts everything where it is at a time, `change` takes another throw of the scene.
+    """
 
     def __init__(self, server: Any, throw: SpaceThrow) -> None:
         self.server, self.throw, self.scene = server, throw, server.scene
@@ -152,7 +155,7 @@ class View:
         self.scene.configure_environment_map(None)
         self.scene.add_light_ambient("/light", intensity=LIGHT)
         self._draw_surroundings()
-        self._draw_path()
+        self._draw_target()
         self.joints = self._draw_arm()
         self.hand, self.pads = self._draw_hand()
         self.bar = self.scene.add_frame("/bar", show_axes=False)
@@ -162,7 +165,17 @@ class View:
             at = (0.0, 0.0, side * self.half_thickness)
             self.scene.add_icosphere(f"/bar/com{side}", radius, rgb(BLACK), position=at)
         self._aim_camera()
-        self.show(0.0)
+        self.change(throw)
+
+    def change(self, throw: SpaceThrow) -> None:
+        """Takes another throw with the same bar, hand and arm, from its start."""
+        self.throw = throw
+        with self.server.atomic():
+            _put(self.target, throw.target())
+            if throw.scene.cup is not None:
+                self.cup.position = throw.plane.points(throw.scene.cup.x, throw.scene.cup.rim)
+            self._draw_path()
+            self.show(0.0)
 
     def show(self, time: float) -> int:
         """Moves everything to `time` [s]; returns the instant's index."""
@@ -234,7 +247,7 @@ class View:
         return self.scene.add_box(name, rgb(colour), size, **place)
 
     def _draw_surroundings(self) -> None:
-        """Floor, base column, target and cup."""
+        """Floor, base column and obstacles."""
         scene = self.throw.scene
         workspace = scene.workspace
         floor = 0.0 if scene.arm is not None else float(self.throw.extent()[0][1]) - 0.05
@@ -247,14 +260,18 @@ class View:
             glass: dict[str, Any] = {"opacity": 0.25, "cast_shadow": False}
             at = (0.0, 0.0, height / 2)
             self.scene.add_cylinder("/column", radius, height, rgb("#c9c2b8"), position=at, **glass)
-        _put(self.scene.add_frame("/target", show_axes=False), self.throw.target())
+        for number, obstacle in enumerate(scene.obstacle):
+            self._draw_obstacle(f"/obstacle{number}", obstacle)
+
+    def _draw_target(self) -> None:
+        """The target pose, and the cup about it."""
+        self.target = self.scene.add_frame("/target", show_axes=False)
         self.scene.add_icosphere("/target/com", 0.008, rgb(BLACK))
         if self.throw.throw.target.theta is not None:
             self._draw_bar("/target/ghost", BLACK, 0.25)
-        if scene.cup is not None:
-            self._draw_cup(scene.cup)
-        for number, obstacle in enumerate(scene.obstacle):
-            self._draw_obstacle(f"/obstacle{number}", obstacle)
+        if self.throw.scene.cup is not None:
+            self.cup = self.scene.add_frame("/cup", show_axes=False)
+            self._draw_cup(self.throw.scene.cup)
 
     def _draw_obstacle(self, name: str, obstacle: Obstacle) -> None:
         """A box, or a ball that is as long as a capsule."""
@@ -271,8 +288,7 @@ class View:
         """A round cup: wall and bottom to look through, a solid rim; profiles turned about z."""
         from trimesh.creation import revolve
 
-        middle = self.throw.plane.points(cup.x, cup.rim)
-        look: dict[str, Any] = {"color": rgb(CUP), "side": "double", "position": middle}
+        look: dict[str, Any] = {"color": rgb(CUP), "side": "double"}
         look |= {"cast_shadow": False, "receive_shadow": False}
         wall = np.array([[0.0, -cup.depth], [cup.radius, -cup.depth], [cup.radius, 0.0]])
         angle = np.linspace(0.0, 2 * np.pi, 13)

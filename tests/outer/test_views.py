@@ -1,4 +1,4 @@
-"""The command `view`: serving, its answers, films, refused input."""
+"""The commands `view` and `play`: serving, its answers, films, refused input."""
 
 from __future__ import annotations
 
@@ -17,10 +17,10 @@ import throwplan as tp
 
 
 def viewing(*words: object) -> subprocess.Popen[str]:
-    """The command in a process of its own, without a browser."""
+    """A command in a process of its own, without a browser."""
     hidden = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
     return subprocess.Popen(
-        [sys.executable, "-m", "throwplan", "view", *map(str, words)],
+        [sys.executable, "-m", "throwplan", *map(str, words)],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
@@ -28,9 +28,11 @@ def viewing(*words: object) -> subprocess.Popen[str]:
     )
 
 
-def test_it_serves_until_interrupted(saved, interruptible, free_port) -> None:
+@pytest.mark.parametrize("command", ["view", "play"])
+def test_it_serves_until_interrupted(saved, interruptible, free_port, command) -> None:
     port = free_port()
-    process = viewing(saved("hand-flip"), "--port", port)
+    what = saved("hand-flip") if command == "view" else "hand-flip"
+    process = viewing(command, what, "--port", port)
     try:
         address = process.stdout.readline().strip()
         assert address == f"http://127.0.0.1:{port}"
@@ -48,7 +50,8 @@ def test_it_serves_until_interrupted(saved, interruptible, free_port) -> None:
 def test_json_is_one_object_with_the_phases(saved, free_port) -> None:
     port = free_port()
     words = ["--port", port, "--no-browser", "--hold", "0.1", "--json"]
-    out, err = (process := viewing(saved("cup") / "plan.json", *words)).communicate(timeout=120)
+    process = viewing("view", saved("cup") / "plan.json", *words)
+    out, err = process.communicate(timeout=120)
     assert (process.returncode, err) == (0, "")
     answer = json.loads(out)
     assert answer["address"] == f"http://127.0.0.1:{port}"
@@ -62,8 +65,9 @@ def test_a_taken_port_is_named(saved, refused) -> None:
         other.bind(("127.0.0.1", 0))
         other.listen()
         port = other.getsockname()[1]
-        said = refused("view", saved("hand-flip"), "--no-browser", "--port", port)
-    assert f"--port {port}: address already in use; choose another with --port" in said
+        for words in (("view", saved("hand-flip")), ("play", "hand-flip")):
+            said = refused(*words, "--no-browser", "--port", port)
+            assert f"--port {port}: address already in use; choose another with --port" in said
 
 
 def test_the_view_from_python(capsys) -> None:
@@ -103,6 +107,11 @@ def test_wrong_plans(saved, refused, tmp_path) -> None:
             assert words in refused("view", tmp_path, *more)
 
 
+def test_wrong_scenes_of_play(refused) -> None:
+    assert "drop: has a given [motion] and no [hand] or [robot]" in refused("play drop")
+    assert "cupp" in refused("play cupp")
+
+
 def run_python(code: str, *arguments: object) -> subprocess.CompletedProcess[str]:
     command = [sys.executable, "-c", code, *map(str, arguments)]
     return subprocess.run(command, capture_output=True, text=True, check=False)
@@ -111,11 +120,12 @@ def run_python(code: str, *arguments: object) -> subprocess.CompletedProcess[str
 def test_without_viser_the_extra_is_named(saved, refused, monkeypatch) -> None:
     code = (
         "import sys; sys.modules['viser'] = None; from throwplan.planner.cli import main; "
-        "sys.exit(main(['view', sys.argv[1], '--no-browser']))"
+        "sys.exit(max(main([command, what, '--no-browser']) for command, what in "
+        "(('view', sys.argv[1]), ('play', 'hand-flip'))))"
     )
     done = run_python(code, saved("hand-flip"))
     assert done.returncode == 2 and done.stdout == ""
-    assert done.stderr == "throwplan: view needs viser: pip install viser\n"
+    assert done.stderr == 2 * "throwplan: the page needs viser: pip install viser\n"
 
 
 def test_planning_imports_neither_viser_nor_matplotlib() -> None:
