@@ -20,25 +20,39 @@ from typing import Any
 
 import numpy as np
 
-from .section import InputError
+from ..models import Array
+from .section import LARGEST, InputError
 
 #: Bytes of the largest file that is read.
-LARGEST = 200_000_000
+MOST_BYTES = 200_000_000
+#: Largest size and unit of a number in a CSV file, by its column; a clock may count from 1970.
+COLUMNS = {
+    column: (LARGEST[unit], unit)
+    for unit, columns in {
+        "m": ("x", "z", "width", "grasp_offset"),
+        "rad": ("theta", "q", "sent"),
+        "degrees": ("grasp_angle_deg",),
+        "m/s": ("vx", "vz"),
+        "rad/s": ("omega", "dq"),
+        "m/s²": ("ax", "az"),
+        "rad/s²": ("alpha", "ddq"),
+        "N": ("f_N",),
+    }.items()
+    for column in columns
+} | dict.fromkeys(("t", "command", "since_command"), (1e10, "s"))
 #: Characters of the longest TOML text, which reads in a second; dotted keys that take far longer.
 LARGEST_TOML = 1_000_000
 DEEP = re.compile(r"""(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){50}""")
-#: No number of a CSV file is beyond this: seconds since 1970 are below it.
-BEYOND = 1e10
 
 
 def read_text(path: Path) -> str:
-    """The text of a regular file of at most LARGEST bytes; InputError naming it."""
+    """The text of a regular file of at most MOST_BYTES; InputError naming it."""
     try:
         known = path.stat()
         if not (stat.S_ISREG(known.st_mode) or stat.S_ISDIR(known.st_mode)):
             raise InputError(f"{path}: is no regular file")
-        if known.st_size > LARGEST:
-            raise InputError(f"{path}: must be at most {LARGEST / 1e6:g} MB")
+        if known.st_size > MOST_BYTES:
+            raise InputError(f"{path}: must be at most {MOST_BYTES / 1e6:g} MB")
         # A byte-order mark, as spreadsheets write it, is no part of the first column.
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
@@ -103,10 +117,8 @@ def toml_key(name: str) -> str:
     return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else json.dumps(name, ensure_ascii=False)
 
 
-def read_csv(
-    key: str, name: str, folder: Path | None, columns: tuple[str, ...]
-) -> list[list[float]]:
-    """The named columns of a CSV file, row by row; InputError naming file and line."""
+def read_csv(key: str, name: str, folder: Path | None, columns: tuple[str, ...]) -> Array:
+    """The named columns of a CSV file (K, n); InputError naming file, line, column and value."""
     try:
         rows = list(csv.reader(read_text((folder or Path()) / name).splitlines()))
     except (InputError, csv.Error) as error:
@@ -119,21 +131,45 @@ def read_csv(
             f"{key} = {name}: the first line must name the columns {named} "
             f"({missing[0]} is missing)"
         )
-    at = [header.index(column) for column in columns]
+    at, most = (
+        [header.index(column) for column in columns],
+        [_allowed(column)[0] for column in columns],
+    )
     found = []
     for number, row in enumerate(rows[1:], start=2):
         if not row:
             continue
         try:
             values = [float(row[i]) for i in at]
+            right = all(-limit <= value <= limit for value, limit in zip(values, most, strict=True))
         except (ValueError, IndexError):
-            raise InputError(f"{key} = {name}: line {number} is not {len(at)} numbers") from None
-        if not all(map(math.isfinite, values)):
-            raise InputError(f"{key} = {name}: line {number} has a value that is not finite")
-        if max(map(abs, values)) > BEYOND:
-            raise InputError(f"{key} = {name}: line {number} has a value beyond {BEYOND:g}")
+            right = False
+        if not right:
+            try:
+                cells = row + [""] * (max(at) + 1 - len(row))
+                values = [table_number(c, cells[i]) for c, i in zip(columns, at, strict=True)]
+            except InputError as error:
+                raise error.within(f"{key} = {name}: line {number}") from None
         found.append(values)
-    return found
+    return np.array(found, float).reshape(-1, len(columns))
+
+
+def _allowed(column: str) -> tuple[float, str]:
+    return COLUMNS[column.rstrip("0123456789")]  # Joints are numbered.
+
+
+def table_number(column: str, word: str) -> float:
+    """A number in a column of a CSV file; InputError for what no throw has."""
+    try:
+        value = float(word)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"{column} = {word!r}: must be a finite number")
+    most, unit = _allowed(column)
+    if abs(value) > most:
+        raise InputError(f"{column} = {value:g}: must be within -{most:g} and {most:g} {unit}")
+    return value
 
 
 def prepare_folder(folder: Path, names: tuple[str, ...] = (), option: str = "--out") -> Path:

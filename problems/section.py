@@ -279,7 +279,7 @@ _WRONG = object()
 _HUGE = 1e308
 #: No robot has a quantity beyond this, by the unit that its meaning begins with, nor one that must
 #: be above 0 and is below `_SMALLEST`; fields may say less. Beyond, squares and ratios overflow.
-_LARGEST = {
+LARGEST = {
     **{"m": 1e3, "degrees": 1e5, "rad": 1e3, "kg": 1e4, "kg m²": 1e6, "s": 1e4, "Hz": 1e5},
     **{"m/s": 1e3, "m/s²": 1e5, "rad/s": 1e4, "rad/s²": 1e6, "rad/s³": 1e9, "N": 1e6, "N m": 1e6},
 }
@@ -366,7 +366,7 @@ def _check_limits(key: str, item: Any, about: Mapping[str, Any]) -> None:
     if not math.isfinite(item):
         raise InputError(f"{key} = {shown}: must be a finite number")
     begins = re.match(r"kg m²|N m|\w+(/s[²³]?)?", about.get("meaning", ""))
-    largest = _LARGEST.get(begins[0], math.inf) if begins else math.inf
+    largest = LARGEST.get(begins[0], math.inf) if begins else math.inf
     if about.get("degrees"):
         largest = math.radians(largest)
     bounds = {"most": largest, "least": -largest}

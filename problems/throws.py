@@ -19,7 +19,7 @@ import numpy as np
 
 from ..models import Arm, Array, Indices, TableRelease
 from .arms import load_arm
-from .files import read_csv, read_text, shipped, toml_key, toml_lines, toml_tables
+from .files import read_csv, read_text, shipped, table_number, toml_key, toml_lines, toml_tables
 from .grip import Grasp, ThrownObject, grip_samples, held_object
 from .section import InputError, Section, from_table, meanings, quantity, table_of, unknown
 
@@ -259,7 +259,7 @@ def _throw(
 
 def _recording(key: str, name: str, folder: Path, columns: tuple[str, ...]) -> Array:
     """A recording's columns (K, n), its times rising."""
-    rows = np.array(read_csv(key, name, folder, columns), float).reshape(-1, len(columns))
+    rows = read_csv(key, name, folder, columns)
     if len(rows) < 2:
         raise InputError(f"{key} = {name}: needs at least 2 rows")
     falls = np.flatnonzero(np.diff(rows[:, 0]) <= 0)
@@ -269,17 +269,9 @@ def _recording(key: str, name: str, folder: Path, columns: tuple[str, ...]) -> A
 
 
 def _number(row: Mapping[str, str], key: str, default: float | None = None) -> float:
-    """A cell as a finite number; empty or absent is the default, if there is one."""
+    """A cell's number; empty or absent is the default, if there is one."""
     word = row.get(key, "")
-    if not word and default is not None:
-        return default
-    try:
-        value = float(word)
-    except ValueError:
-        value = math.nan
-    if not math.isfinite(value):
-        raise InputError(f"{key} = {word!r}: must be a finite number")
-    return value
+    return default if not word and default is not None else table_number(key, word)
 
 
 # Written.

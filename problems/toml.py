@@ -203,7 +203,7 @@ def _grip_of(table: Mapping[str, Any], folder: Path | None) -> dict[str, Any]:
 
 def _read_grip_table(name: str, folder: Path | None, raw: bool) -> dict[str, Any]:
     """Times and forces of a recording; of a raw one, those of its nearest falling curve."""
-    rows = np.array(read_csv("table", name, folder, ("t", "f_N"))).reshape(-1, 2)
+    rows = read_csv("table", name, folder, ("t", "f_N"))
     if raw:
         try:
             rows = grip_samples(monotone_grip(rows[:, 0], rows[:, 1]))
@@ -227,4 +227,4 @@ def _read_motion_samples(table: Mapping[str, Any], folder: Path | None) -> dict[
         rows = read_csv("joints", table["joints"], folder, columns)
     else:
         return {}
-    return {"samples": rows}
+    return {"samples": rows.tolist()}

@@ -249,7 +249,7 @@ def _samples(path: Path, mover: Mover) -> Samples:
     else:
         columns = (("x", "z", "theta"), ("vx", "vz", "omega"), ("ax", "az", "alpha"))
         names = [name for row in columns for name in row[: mover.size]]
-    rows = np.array(read_csv("motion", str(path), None, ("t", *names)))
+    rows = read_csv("motion", str(path), None, ("t", *names))
     if len(rows) < 2 or np.abs(rows[:, 0] - TICK * np.arange(len(rows))).max() > 1e-6:
         raise InputError(f"{path}: t must go from 0 in steps of {TICK:g}")
     return Samples(*np.split(rows[:, 1:], 3, axis=1))

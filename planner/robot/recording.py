@@ -135,7 +135,7 @@ def read_recording(path: str | Path, motion: JointMotion) -> Recording:
     joints = range(1, motion.arm.joints + 1)
     names = [f"{name}{j}" for name in ("q", "dq", "sent") for j in joints]
     columns = ("t", *names, "width", "since_command")
-    rows = np.array(read_csv("recording", str(path), None, columns)).reshape(-1, len(columns))
+    rows = read_csv("recording", str(path), None, columns)
     if len(rows) < 2 or (np.diff(rows[:, 0]) <= 0).any():
         raise InputError(f"{path}: t must rise over at least two rows")
     step = float(np.median(np.diff(rows[:, 0])))

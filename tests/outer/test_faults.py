@@ -33,7 +33,15 @@ def started(words: str, folder: Path, **more: object) -> subprocess.Popen[str]:
 
 
 def left(session: int) -> list[str]:
-    """Processes of a session that are alive."""
+    """Processes of a session that are alive after 10 s: Python's own tracker of what processes
+    share ends after the program, and a process that is ending is seen without a command line."""
+    until = time.monotonic() + 10
+    while (found := _alive(session)) and time.monotonic() < until:
+        time.sleep(0.1)
+    return found
+
+
+def _alive(session: int) -> list[str]:
     found = []
     for path in Path("/proc").glob("[0-9]*"):
         try:
@@ -114,9 +122,6 @@ def _judge_end(process: subprocess.Popen[str], err: str, kind: signal.Signals) -
     assert process.returncode in (0, *interrupted), (process.returncode, err)
     if process.returncode in interrupted:
         assert len(lines) <= 1 and all(line.startswith("throwplan: ") for line in lines), err
-    until = time.monotonic() + 10
-    while left(process.pid) and time.monotonic() < until:
-        time.sleep(0.1)
     assert not left(process.pid)
 
 

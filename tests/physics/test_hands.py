@@ -109,7 +109,7 @@ def test_simulate_takes_pieces_and_samples(tmp_path) -> None:
         ('table = "absent.csv"\n', "absent.csv: no such file"),
         ('table = "short.csv"\n', "four samples"),
         ('table = "back.csv"\n', "t must rise"),
-        ('table = "nan.csv"\n', "line 3 has a value that is not finite"),
+        ('table = "nan.csv"\n', "nan.csv: line 3: x = 'nan': must be a finite number"),
         ('table = "columns.csv"\n', "must name the columns t, x, z and theta"),
         ('table = "good.csv"\nopening_time = 0.08\n', "the samples cover"),
         ('joints = "good.csv"\n', "joints and arm: give both"),
