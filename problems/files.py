@@ -127,6 +127,7 @@ def read_csv(key: str, name: str, folder: Path | None, columns: tuple[str, ...])
     missing = [column for column in columns if column not in header]
     if missing:
         named = f"{', '.join(columns[:-1])} and {columns[-1]}"
+        named += ", parted by commas" if len(header) == 1 else ""
         raise InputError(
             f"{key} = {name}: the first line must name the columns {named} "
             f"({missing[0]} is missing)"

@@ -280,7 +280,11 @@ class Scene(Section):
     def notes(self) -> tuple[str, ...]:
         """What the scene leaves out and what is taken instead, in words for people."""
         sections = {"object": self.object, "contact": self.contact}
-        return tuple(f"[{name}] {words}" for name, s in sections.items() for words in s.assumed)
+        found = [f"[{name}] {words}" for name, s in sections.items() for words in s.assumed]
+        if self.robot is not None and self.arm is not None and not self.arm.capsules:
+            words = "its joints keep off the floor, its links off nothing"
+            found.append(f"[robot] arm {self.arm.name} has no [[capsules]]: {words}")
+        return tuple(found)
 
     @property
     def place(self) -> str:

@@ -29,6 +29,8 @@ LANDING = ("x", "z", "theta")
 MORE = ("track", "grasp_offset", "grasp_angle_deg")
 #: A landing's z may be this far [m] from the height at which landings are compared.
 HEIGHT_ERROR = 0.05
+#: Largest x [m] and theta [rad] of a landing; beyond, the unit is another one.
+FARTHEST, MOST_TURNED = 50.0, 20 * math.pi
 #: What a motion must cover [s] before the force falls and after it is gone: filters err at the
 #: ends, and a late opening needs more.
 MARGIN = 0.03
@@ -112,6 +114,12 @@ class ThrowData:
         return dataclasses.replace(self, throws=tuple(self.throws[i] for i in numbers))
 
     @property
+    def notes(self) -> tuple[str, ...]:
+        """What objects leave out and what is taken instead, in words for people."""
+        words = [f"[objects] {words}" for t in self.throws for words in t.object.assumed]
+        return tuple(dict.fromkeys(words))
+
+    @property
     def factors(self) -> dict[str, list[str]]:
         """Every factor's labels, in order of appearance."""
         found: dict[str, list[str]] = {}
@@ -179,7 +187,8 @@ def _rows(path: Path) -> list[tuple[int, dict[str, str]]]:
     header = [cell.strip() for cell in lines[0]] if lines else []
     for column in NEEDED:
         if column not in header:
-            raise InputError(f"{path}: the first line must name the column {column}")
+            hint = ", parted by commas" if len(header) == 1 else ""
+            raise InputError(f"{path}: the first line must name the column {column}{hint}")
     if not set(LANDING) <= set(header) and "track" not in header:
         raise InputError(
             f"{path}: no landing: the first line must name the columns x, z and theta, or track"
@@ -227,6 +236,13 @@ def _throw(
             raise InputError(
                 f"z = {z:g}: must be within {HEIGHT_ERROR:g} m of landing_height = "
                 f"{shared.landing_height:g}"
+            )
+        if abs(x) > FARTHEST:
+            raise InputError(f"x = {x:g}: must be in m, at most {FARTHEST:g} (is it in mm?)")
+        if abs(theta) > MOST_TURNED:
+            raise InputError(
+                f"theta = {theta:g}: must be in rad, at most {MOST_TURNED:.1f}, which is ten turns "
+                "(is it in degrees?)"
             )
         landing = (x, z, theta)
     track = None

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
 from ...models import Arm, Array, HandTrack, MovedHand, Path, PlanarArm, hand_motion
@@ -64,9 +66,10 @@ def planar_joints(arm: Arm, joints: Array) -> Array:
             continue
         away = np.abs(joints[:, joint] - arm.posture[joint]).max()
         if away > POSTURE_ROOM:
+            hint = " (is it in degrees?)" if away > math.tau else ""
             raise ValueError(
                 f"joints: joint {joint + 1} is {away:.2f} rad from the throwing posture, at "
-                f"most {POSTURE_ROOM} is allowed"
+                f"most {POSTURE_ROOM} is allowed{hint}"
             )
     turning = np.ptp(joints[:, arm.azimuth_joint - 1])
     if turning > POSTURE_ROOM:

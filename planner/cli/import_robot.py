@@ -41,7 +41,7 @@ def arguments(add: Add) -> None:
     add("--name", help="the arm's name (default: the URDF's)")
     words = "link of the base frame, z upwards (default: the root)"
     add("--base", metavar="LINK", help=words)
-    add("--tool", metavar="LINK", help="link of the hand (default: the last)")
+    add("--tool", metavar="LINK", help="link of the hand (default: the last on --joints)")
     add(
         "--approach",
         choices=list(AXES),

@@ -262,6 +262,7 @@ def _text(found: list[Identified], out: str | None) -> str:
         product = data.truth["friction"] * data.truth["patch_radius"]
         lines.append(f"  truth: {', '.join(known)}; mu r_p {1e3 * product:.4g} mm")
     lines += [one.summary() for one in found]
+    lines += [f"  note: {words}" for words in data.notes]
     if out is not None:
         lines.append(
             f"  written to {out}; contact.toml is for a scene, "

@@ -50,6 +50,8 @@ APART, STARTS = 0.3, 3
 #: Throws count as alike where their derivatives differ by less than this share: repeated
 #: throws of an arm by 3 to 20 %, throws of different motions by 80 %.
 ALIKE = 0.2
+#: Residuals so many times the noise are no noise.
+GROSS = 30.0
 #: Units in which a standard deviation above 1 says that a combination is not seen.
 UNITS = {"friction": 1.0, "patch_radius": 1.0, "delay": 0.03, "grip_scale": 1.0}
 CURE = "give throws with other motions or objects, or --prior SCENE"
@@ -94,6 +96,7 @@ class Fit:
             lines.append(
                 f"    residuals are {self.scatter[0]:.1f} (x) and {self.scatter[1]:.1f} (theta) "
                 "times the measurement's noise: the model errs, or the noise is larger"
+                + (", or units, turns or clocks are wrong" if max(self.scatter) > GROSS else "")
             )
         if self.at_bound:
             lines.append(f"    {', '.join(self.at_bound)}: at the edge of what is searched")

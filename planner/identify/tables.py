@@ -165,7 +165,7 @@ def head(found: Validation) -> list[str]:
 
 def notes(found: Validation) -> list[str]:
     """What is left out, what is less than it seems, and why."""
-    lines = [*found.left_out]
+    lines = [*found.data.notes, *found.left_out]
     for check in found.checks.values():
         lines += _model_notes(found, check)
     surfaces = [name for name in next(iter(found.checks.values())).parameters if name]
@@ -191,7 +191,7 @@ def _model_notes(found: Validation, check: ModelCheck) -> list[str]:
     model, grid, lines = check.model, check.grid, []
     for surface in check.at_edge:
         best = f"its best parameters for {surface}" if surface else "its best parameters"
-        lines.append(f"{model}: {best} are at the edge of the grid")
+        lines.append(f"{model}: {best} are at the edge of the grid: it may fit better beyond")
     missing = int(grid.missed.sum())
     if missing:
         lines.append(

@@ -146,14 +146,28 @@ def _named(robot: Any, names: Sequence[str], tool: str | None) -> list[str]:
     if names and not numbers:
         return list(names)
     if tool is None:
-        said = f"--joints {numbers[0]}" if numbers else "--joints"
-        raise InputError(f"{said}: names of joints, or --tool LINK, to which they are counted")
-    kinds = ("revolute", "continuous")
-    turning = [j.name for j in _path(robot, tool) if j.type in kinds and j.mimic is None]
+        hands = ", ".join(_hands(robot)) or "none in this file"
+        raise InputError(
+            f"--tool: must name the link of the hand (links near the ends of the robot: {hands})"
+        )
+    turning = _turning(robot, tool)
     return [
         joint_named(turning, "--joints", name) if name in numbers else name
         for name in names or turning
     ]
+
+
+def _turning(robot: Any, link: str) -> list[str]:
+    """The joints with motors that turn, from the root to a link."""
+    kinds = ("revolute", "continuous")
+    return [j.name for j in _path(robot, link) if j.type in kinds and j.mimic is None]
+
+
+def _hands(robot: Any) -> list[str]:
+    """Links that may be a hand: two joints or more turn it, and one at most hangs on it."""
+    turned = {link: _turning(robot, link) for link in robot.link_map}
+    inner = {joint for names in turned.values() for joint in names[:-2]}
+    return [link for link, names in turned.items() if len(names) > 1 and names[-1] not in inner]
 
 
 def _approach(robot: Any, path: Sequence[Any], tool: str) -> str:

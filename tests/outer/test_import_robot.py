@@ -323,7 +323,7 @@ def test_joints_by_number_or_all_on_the_way_to_the_tool(tmp_path, odd_file, odd,
     hand = ["--tool", "hand", "--approach=-x", "--closing", "z"]
     assert main([str(word) for word in ("import-robot", odd_file, *words, *hand)]) == 0
     assert "joint_names = ['turn', 'lift', 'bend', 'roll', 'flick']" in words[1].read_text()
-    assert "or --tool LINK" in refused("import-robot", odd_file, *words)
+    assert "after_flick, hand, pad1" in refused("import-robot", odd_file, *words)
     line = refused("import-robot", odd_file, *words, "--tool", "hand", "--joints", "1", "6")
     assert "--joints: no joint '6'" in line
 

@@ -94,6 +94,8 @@ def test_a_small_data_set_is_read(small) -> None:
         ("throws.csv", "0.1001", "soon", "line 2: command = 'soon': must be a finite number"),
         ("throws.csv", "0.1001", "0.5", "line 2: motion = motion/1.csv: too short"),
         ("throws.csv", "0.1001", "0.265", "must cover 0.03 s more at either end"),
+        ("throws.csv", "1.0,-0.8,7.5", "1000,-0.8,7.5", "x = 1000: must be in m, at most 50 (is"),
+        ("throws.csv", "1.0,-0.8,7.5", "1.0,-0.8,430", "theta = 430: must be in rad, at most 62.8"),
         ("throws.csv", "1.0,-0.8,7.5", ",,", "line 2: no landing: give x, z and theta, or a"),
         ("throws.csv", "track/1.csv", "a,b", "throws.csv: line 3 has 11 cells, not 10"),
         ("motion/1.csv", "\n0.002,", "\n0.000,", "line 3: t must rise from row to row"),
