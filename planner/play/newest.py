@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import threading
 from collections.abc import Callable
 from typing import Generic, TypeVar
@@ -9,10 +10,14 @@ from typing import Generic, TypeVar
 Wish = TypeVar("Wish")
 
 
+class OutdatedError(Exception):
+    """Work is given up, for there is a newer wish, or no more of it."""
+
+
 class Newest(Generic[Wish]):
     """Does `work(wish)` for the newest of the wishes; what comes meanwhile replaces what waits.
 
-    work: must raise nothing.
+    work: raises nothing but OutdatedError.
     """
 
     def __init__(self, work: Callable[[Wish], None]) -> None:
@@ -31,8 +36,8 @@ class Newest(Generic[Wish]):
 
     @property
     def waiting(self) -> bool:
-        """Whether there is a newer wish than the one that is worked on."""
-        return bool(self._waits)
+        """Whether there is a newer wish than the one that is worked on, or the end."""
+        return bool(self._waits) or self._ended
 
     def finish(self, seconds: float | None = None) -> None:
         """Waits until nothing is left to do, `seconds` [s] at most."""
@@ -53,7 +58,8 @@ class Newest(Generic[Wish]):
                 if self._ended:
                     return
                 wish, self._waits, self._busy = self._waits[0], [], True
-            self._work(wish)
+            with contextlib.suppress(OutdatedError):
+                self._work(wish)
             with self._changed:
                 self._busy = False
                 self._changed.notify_all()

@@ -1,9 +1,13 @@
-"""The page: a target to drag, sliders, and what the newest plan says."""
+"""The page: a target to drag, sliders, and what comes of the newest plan."""
 
 from __future__ import annotations
 
+import dataclasses
 import math
+import threading
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,138 +15,230 @@ import numpy as np
 from ...models import SLIDING_PIVOT, STEPPED_SURFACE
 from ...problems import InputError, Pose, Scene
 from ..plan import PATIENCE, Planner
+from ..reach import ReachMap, reach_map
 from ..result import Plan, throw_of
-from ..show import Panel, View, space_throw
-from .newest import Newest
+from ..show import RED, Panel, View, put, space_throw
+from .around import cloud_words, delay_of, draw_cloud, draw_reach, late_and_early
+from .newest import Newest, OutdatedError
 
 #: How long [s] a throw is looked for while the target may still move.
 QUICK = 0.5
 #: Friction and opening time go to these shares of the scene's.
 SHARES = (0.5, 1.5)
+#: Sampled throws of a map, and the longest delay [ms].
+SAMPLES, LONGEST = 50_000, 30.0
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is asked for: the target; friction; the gripper's opening time [s], if one number."""
+    """What is asked for: the scene with its target, and as it is without it."""
 
     target: Pose
-    friction: float
-    opening: float | None
+    scene: Scene
 
-    def scene(self, scene: Scene) -> Scene:
-        """The scene with these pads and this gripper; itself if it has them."""
-        contact = scene.contact.changed(friction=self.friction)
-        gripper = scene.gripper.changed(opening=self.opening)
-        if (contact, gripper) == (scene.contact, scene.gripper):
-            return scene
-        return scene.replace(contact=contact, gripper=gripper)
+    @property
+    def mapped(self) -> tuple[Scene, float, float | None]:
+        """What the map of the reach depends on."""
+        return self.scene, self.target.z, self.target.theta
 
 
 class PlayPage:
     """Plans what its controls ask for, and shows it.
 
-    planner, plan: where it begins. `panel.advance` plays the throw that is shown.
+    planner, plan: where it begins. `panel.advance` plays the throw that is shown. viser calls back
+    from other threads: what they change is under a lock, and plans are made in one thread.
     """
 
     def __init__(self, server: Any, planner: Planner, plan: Plan) -> None:
-        self._planner, self._scene = planner, planner.scene
-        self.plan = plan
-        self._base = planner.check()
+        self._planner, self._scene, self._base = planner, planner.scene, planner.check()
+        self.plan, self._lock = plan, threading.RLock()
         self.strip = server.gui.add_markdown(plan_words(plan))
         self._add_controls(server)
-        self.panel = Panel(server, View(server, space_throw(throw_of(plan))))
+        self._add_buttons(server.gui)
+        view = View(server, space_throw(throw_of(plan)))
+        self.panel = Panel(server, view)
         self.panel.go(self.panel.throw.throw.opening_time)
+        self._drawn: dict[str, Any] = {}
+        self._nearest = server.scene.add_frame("/nearest", show_axes=False, visible=False)
+        view.add_bar("/nearest/bar", RED, 0.5)
+        view.aim(self._base)
         self._last = self.wanted
-        self.plans = Newest(self._plan)
+        self._reach: ReachMap | None = None
+        self._plans, self._maps = Newest(self._plan), Newest(self._map)
+        self._maps.ask(self._last)
 
     @property
     def wanted(self) -> Wanted:
         """What the controls say."""
+        scene, base = self._scene, self._base
         theta = None if self.theta is None else math.radians(self.theta.value)
-        target = self._base.in_plane(self.x.value, theta).changed(z=self.z.value)
-        opening = self._scene.gripper.opening if self.opening is None else self.opening.value / 1e3
-        return Wanted(target, self.friction.value, opening)
+        place = dict(zip("xyz", (control.value for control in self.place), strict=True))
+        contact, gripper = scene.contact, scene.gripper
+        if self.friction.value != contact.friction:
+            contact = dataclasses.replace(contact, friction=self.friction.value)
+        if self.opening is not None and self.opening.value != 1e3 * (gripper.opening or 0.0):
+            gripper = dataclasses.replace(gripper, opening=self.opening.value / 1e3)
+        if contact is not scene.contact or gripper is not scene.gripper:
+            scene = scene.replace(contact=contact, gripper=gripper)
+        return Wanted(dataclasses.replace(base, theta=theta, **place), scene)
 
     def _add_controls(self, server: Any) -> None:
+        """Numbers and sliders, and arrows at the target that drag it."""
         gui, scene, base = server.gui, self._scene, self._base
-        self.x = gui.add_number("x [m]", base.plane_x, min=-100.0, max=100.0, step=0.001)
-        self.z = gui.add_number("z [m]", base.z, min=-100.0, max=100.0, step=0.001)
-        self.z.visible = scene.cup is None
+        free = (True, scene.robot is not None, scene.cup is None)
+        self.place = [
+            gui.add_number(f"{name} [m]", getattr(base, name), step=0.001, visible=moves)
+            for name, moves in zip("xyz", free, strict=True)
+        ]
         self.theta = self.opening = None
         if base.theta is not None:
-            degrees = math.degrees(base.theta)
-            low, high = degrees - 180.0, degrees + 180.0
-            self.theta = gui.add_slider("angle [deg]", low, high, 1.0, degrees)
-        low, high = (share * scene.contact.friction for share in SHARES)
-        self.friction = gui.add_slider("friction", low, high, 0.01, scene.contact.friction)
+            at = math.degrees(base.theta)
+            self.theta = gui.add_slider("angle [deg]", at - 180.0, at + 180.0, 1.0, at)
+
+        def about(name: str, value: float, step: float) -> Any:
+            return gui.add_slider(name, *(share * value for share in SHARES), step, value)
+
+        self.friction = about("friction", scene.contact.friction, 0.01)
         if scene.gripper.opening is not None:
-            opening = 1e3 * scene.gripper.opening
-            low, high = (share * opening for share in SHARES)
-            self.opening = gui.add_slider("opening [ms]", low, high, 1.0, opening)
-        self._add_gizmo(server)
-        for control in (self.x, self.z, self.theta, self.friction, self.opening):
+            self.opening = about("opening [ms]", 1e3 * scene.gripper.opening, 1.0)
+        look: dict[str, Any] = {"scale": 0.2, "depth_test": False, "disable_rotations": True}
+        look["position"] = self._position
+        self.arrows = server.scene.add_transform_controls("/drag", active_axes=free, **look)
+        self.arrows.on_update(lambda _: self._dragged())
+        for control in (*self.place, self.theta, self.friction, self.opening):
             if control is not None:
                 control.on_update(lambda _: self._changed())
 
-    def _add_gizmo(self, server: Any) -> None:
-        """Arrows at the target along x, and z where there is no cup."""
-        from viser.transforms import SO3
+    def _add_buttons(self, gui: Any) -> None:
+        """What is done with the plan."""
+        throw = gui.add_button("throw")
+        half = min(1e3 * delay_of(self._scene), LONGEST)
+        self.delay = gui.add_slider("delay up to ± [ms]", 0.5, LONGEST, 0.5, max(half, 0.5))
+        delays = gui.add_button("throw with random delays")
+        self.folder = gui.add_text("folder", f"out/{self._scene.name}")
+        save = gui.add_button("save the plan")
+        self.said = gui.add_markdown("")
+        throw.on_click(lambda _: self.throw())
+        delays.on_click(lambda _: self._saying(self.throw_delayed))
+        save.on_click(lambda _: self._saying(self.save))
 
-        plane, free = self._base.plane, self._scene.cup is None
-        along = plane.points(1.0, 0.0) - plane.points(0.0, 0.0)
-        axes = np.column_stack([along, np.cross([0.0, 0.0, 1.0], along), [0.0, 0.0, 1.0]])
-        self._gizmo = server.scene.add_transform_controls(
-            "/drag",
-            scale=0.2,
-            active_axes=(True, False, free),
-            disable_sliders=not free,
-            disable_rotations=True,
-            depth_test=False,
-            wxyz=SO3.from_matrix(axes).wxyz,
-            position=plane.points(self.x.value, self.z.value),
-        )
+    @property
+    def _position(self) -> tuple[float, ...]:
+        return tuple(control.value for control in self.place)
 
-        def dragged(_: Any) -> None:
-            place = self._gizmo.position
-            self.x.value = float((place - plane.points(0.0, 0.0)) @ along)
-            if free:
-                self.z.value = float(place[2])
-
-        self._gizmo.on_update(dragged)
+    def _dragged(self) -> None:
+        with self._lock:
+            for control, value in zip(self.place, self.arrows.position, strict=True):
+                control.value = float(value)
 
     def _changed(self) -> None:
         """Somebody moved a control, or the page itself did."""
-        wanted = self.wanted
-        if wanted == self._last:
-            return
-        self._last = wanted
-        place = self._base.plane.points(self.x.value, self.z.value)
-        if not np.allclose(place, self._gizmo.position, rtol=0.0, atol=1e-9):
-            self._gizmo.position = place
-        self.plans.ask(wanted)
+        with self._lock:
+            try:
+                wanted = self.wanted
+                if wanted == self._last:
+                    return
+                last, self._last = self._last, wanted
+                if not np.allclose(self._position, self.arrows.position, rtol=0.0, atol=1e-9):
+                    self.arrows.position = self._position
+                target = self._planner.check(wanted.target)
+            except InputError as error:
+                self.strip.content = f"**wrong input**: {error}"
+                return
+            self.panel.view.aim(target)
+        self._plans.ask(wanted)
+        if wanted.mapped != last.mapped:
+            self._maps.ask(wanted)
 
     def _plan(self, wanted: Wanted) -> None:
+        """Plans, quickly at first; more patiently where nothing else is asked for."""
         try:
-            scene = wanted.scene(self._scene)
-            if scene != self._planner.scene:
+            if wanted.scene != self._planner.scene:
                 self.strip.content = "planning..."
-                self._planner = Planner(scene)
-            target = self._planner.check(wanted.target)
-            plan = self._planner.plan(target, warm=self.plan, patience=QUICK)
-            if not plan.solved and not self.plans.waiting:
+                self._planner = Planner(wanted.scene)
+            plan = self._planner.plan(wanted.target, warm=self.plan, patience=QUICK)
+            if not plan.solved and not self._plans.waiting:
                 self.strip.content = "planning..."
-                plan = self._planner.plan(target, warm=self.plan)
+                plan = self._planner.plan(wanted.target, warm=self.plan)
         except InputError as error:
             self.strip.content = f"**wrong input**: {error}"
             return
-        if plan.solved:
-            self.plan = plan
-            self.panel.change(space_throw(throw_of(plan)))
-        self.strip.content = plan_words(plan)
+        self._show(plan)
+
+    def _show(self, plan: Plan) -> None:
+        """A plan's throw; of one without, the nearest landing beside the throw before."""
+        with self._lock:
+            if plan.solved:
+                self.plan = plan
+                self._drop("cloud")
+                self.panel.change(space_throw(throw_of(plan)))
+                self.panel.view.aim(self._planner.check(self._last.target))
+            self._nearest.visible = plan.nearest is not None
+            if plan.nearest is not None:
+                put(self._nearest, self.panel.throw.target(plan.nearest))
+            self.strip.content = plan_words(plan)
+
+    def _map(self, wanted: Wanted) -> None:
+        """Draws the reach at the target's height and angle."""
+        found, target = self._reach, wanted.target
+        try:
+            if found is None or (found.scene, found.z) != (wanted.scene, target.z):
+                self._reach = found = reach_map(
+                    wanted.scene, target.z, SAMPLES, progress=self._go_on
+                )
+        except InputError:
+            return
+        with self._lock:
+            self._drop("reach")
+            view, at = self.panel.view, self._base.changed(theta=target.theta)
+            self._drawn["reach"] = draw_reach(view.scene, found, at, view.floor)
+
+    def _go_on(self, *_: int) -> None:
+        if self._maps.waiting:
+            raise OutdatedError
+
+    def _drop(self, name: str) -> None:
+        """Takes a drawing away."""
+        if name in self._drawn:
+            self._drawn.pop(name).remove()
+
+    def throw(self) -> None:
+        """Plays the throw from its start."""
+        self.panel.go(0.0)
+        self.panel.play(True)
+
+    def throw_delayed(self) -> str:
+        """Throws the plan with openings off time; returns what comes of it."""
+        plan, half = self.plan, self.delay.value / 1e3
+        found = late_and_early(plan, half)
+        with self._lock:
+            if plan is self.plan:
+                self._drop("cloud")
+                self._drawn["cloud"] = draw_cloud(self.panel.view.scene, found)
+        return cloud_words(found, half)
+
+    def save(self) -> str:
+        """Writes the plan that is shown; returns where."""
+        folder = Path(self.folder.value).absolute()
+        self.plan.save(folder)
+        return f"written to {folder}"
+
+    def _saying(self, work: Callable[[], str]) -> None:
+        self.said.content = "working..."
+        try:
+            self.said.content = work()
+        except InputError as error:
+            self.said.content = f"**{error}**"
+
+    def finish(self) -> None:
+        """Waits until everything that was asked for is shown."""
+        self._plans.finish()
+        self._maps.finish()
 
     def end(self) -> None:
         """Stops planning."""
-        self.plans.end(PATIENCE)
+        self._maps.end(PATIENCE)
+        self._plans.end(PATIENCE)
 
 
 def first_plan(planner: Planner) -> Plan:
@@ -156,7 +252,10 @@ def first_plan(planner: Planner) -> Plan:
 
 def plan_words(plan: Plan) -> str:
     """What came of a plan, for the page."""
-    took = f"{1e3 * plan.time['total']:.0f} ms"
+    build = plan.time["build"]
+    took = f"{1e3 * (plan.time['total'] - build):.0f} ms"
+    if build > 1e-3:
+        took += f" after {1e3 * build:.0f} ms for building the problem"
     if plan.throw is None or not plan.solved:
         name = plan.status.replace("_", " ")
         return f"**{name}**: {plan.message.removeprefix(f'{name}: ')}; {took}"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import io
+import logging
 import os
 import socket
 import sys
@@ -43,6 +44,8 @@ def empty_page(title: str, port: int) -> Iterator[tuple[str, Any]]:
     except ImportError:
         raise InputError("the page needs viser: pip install viser") from None
     _check_port(port)
+    # Browsers open connections that they leave without a word.
+    logging.getLogger("websockets").setLevel(logging.CRITICAL)
     # It says on stdout that it starts and stops, which is for the command to say.
     with contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host=HOST, port=port, label=title, verbose=False)

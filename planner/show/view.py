@@ -17,7 +17,7 @@ from .style import ARM, BLACK, PHASES
 from .timeline import Timeline, timeline
 
 if TYPE_CHECKING:
-    from ...problems import Cup, Obstacle, Scene, ThrowPlane
+    from ...problems import Cup, Obstacle, Pose, Scene, ThrowPlane
     from ..check import Throw
 
 
@@ -79,11 +79,11 @@ class SpaceThrow:
             del found["pivot"]
         return found | {"flight": self.throw.detach_time, "landing": self.throw.landing_time}
 
-    def target(self) -> Array:
-        """4x4: the target pose; at the angle of the landing where the target has none."""
-        target = self.throw.target
+    def target(self, target: Pose | None = None) -> Array:
+        """4x4: the target, its own by default; at the landing's angle where that is open."""
+        target = target or self.throw.target
         theta = float(self.line.com[2, -1]) if target.theta is None else target.theta
-        poses = self.plane.poses(np.array([[target.plane_x], [target.z], [theta]]))
+        poses = target.plane.poses(np.array([[target.plane_x], [target.z], [theta]]))
         return np.asarray(poses[0])
 
     def extent(self) -> tuple[Array, Array]:
@@ -159,7 +159,7 @@ class View:
         self.joints = self._draw_arm()
         self.hand, self.pads = self._draw_hand()
         self.bar = self.scene.add_frame("/bar", show_axes=False)
-        self.box = self._draw_bar("/bar/box", PHASES["carry"], None)
+        self.box = self.add_bar("/bar/box", PHASES["carry"], None)
         radius = 0.55 * self.half_thickness + 0.004
         for side in (-1, 1):
             at = (0.0, 0.0, side * self.half_thickness)
@@ -171,11 +171,16 @@ class View:
         """Takes another throw with the same bar, hand and arm, from its start."""
         self.throw = throw
         with self.server.atomic():
-            _put(self.target, throw.target())
-            if throw.scene.cup is not None:
-                self.cup.position = throw.plane.points(throw.scene.cup.x, throw.scene.cup.rim)
+            self.aim(throw.throw.target)
             self._draw_path()
             self.show(0.0)
+
+    def aim(self, target: Pose) -> None:
+        """Puts the target, and the cup about it, there."""
+        put(self.target, self.throw.target(target))
+        cup = self.throw.scene.aimed_at(target).cup
+        if cup is not None:
+            self.cup.position = target.plane.points(cup.x, cup.rim)
 
     def show(self, time: float) -> int:
         """Moves everything to `time` [s]; returns the instant's index."""
@@ -183,9 +188,9 @@ class View:
         i = throw.line.index(time)
         with self.server.atomic():
             for frame, pose in zip(self.joints, throw.joints[i], strict=True):
-                _put(frame, pose)
-            _put(self.hand, throw.hand[i])
-            _put(self.bar, throw.bar[i])
+                put(frame, pose)
+            put(self.hand, throw.hand[i])
+            put(self.bar, throw.bar[i])
             self.box.color = rgb(PHASES[throw.line.phase_name(i)])
             since = max(0.0, float(throw.line.times[i]) - throw.throw.detach_time)
             gap = self.half_thickness + min(PAD_TRAVEL, PAD_SPEED * since)
@@ -238,7 +243,7 @@ class View:
         pads = [self.scene.add_box(f"/hand/pad{k}", rgb(PAD), dimensions=size) for k in (1, 2)]
         return node, pads
 
-    def _draw_bar(self, name: str, colour: str, opacity: float | None) -> Any:
+    def add_bar(self, name: str, colour: str, opacity: float | None) -> Any:
         """A box of the bar's length and width about the CoM's frame."""
         bar = self.throw.scene.object
         size = (bar.length, 2 * self.half_thickness, 2 * self.half_thickness)
@@ -250,11 +255,11 @@ class View:
         """Floor, base column and obstacles."""
         scene = self.throw.scene
         workspace = scene.workspace
-        floor = 0.0 if scene.arm is not None else float(self.throw.extent()[0][1]) - 0.05
+        self.floor = 0.0 if scene.arm is not None else float(self.throw.extent()[0][1]) - 0.05
         if workspace is not None and workspace.floor is not None:
-            floor = workspace.floor
+            self.floor = workspace.floor
         cells: dict[str, Any] = {"cell_size": 0.1, "section_size": 0.5, "shadow_opacity": 0.0}
-        self.scene.add_grid("/floor", 6.0, 6.0, position=(0.0, 0.0, floor), **cells)
+        self.scene.add_grid("/floor", 6.0, 6.0, position=(0.0, 0.0, self.floor), **cells)
         if workspace is not None and workspace.column_radius is not None:
             radius, height = workspace.column_radius, workspace.column_height or 0.0
             glass: dict[str, Any] = {"opacity": 0.25, "cast_shadow": False}
@@ -268,7 +273,7 @@ class View:
         self.target = self.scene.add_frame("/target", show_axes=False)
         self.scene.add_icosphere("/target/com", 0.008, rgb(BLACK))
         if self.throw.throw.target.theta is not None:
-            self._draw_bar("/target/ghost", BLACK, 0.25)
+            self.add_bar("/target/ghost", BLACK, 0.25)
         if self.throw.scene.cup is not None:
             self.cup = self.scene.add_frame("/cup", show_axes=False)
             self._draw_cup(self.throw.scene.cup)
@@ -342,6 +347,7 @@ def _quaternion(turn: Array) -> Array:
     return np.asarray(SO3.from_matrix(turn).wxyz)
 
 
-def _put(node: Any, pose: Array) -> None:
+def put(node: Any, pose: Array) -> None:
+    """Moves a node to a 4x4 pose."""
     node.position = pose[:3, 3]
     node.wxyz = _quaternion(pose[:3, :3])

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+import re
 import time
+from pathlib import Path
 from typing import Any
 
 import pytest
@@ -26,9 +28,10 @@ def page(free_port):
 def test_the_throw_follows_the_target(page: Any) -> None:
     found, _ = page
     assert found.strip.content.startswith("**solved**")
-    for control, value in ((found.x, 1.1), (found.z, 0.3), (found.theta, 260.0)):
+    x, _, z = found.place
+    for control, value in ((x, 1.1), (z, 0.3), (found.theta, 260.0)):
         control.value = value
-        found.plans.finish()
+        found.finish()
     goal = found.plan.target
     assert (goal.x, goal.z, math.degrees(goal.theta)) == pytest.approx((1.1, 0.3, 260.0))
     bar = found.panel.throw.bar[-1, :3, 3]
@@ -38,16 +41,16 @@ def test_the_throw_follows_the_target(page: Any) -> None:
 def test_only_the_newest_wish_is_planned(page: Any) -> None:
     found, _ = page
     for i in range(20):
-        found.x.value = 1.0 + 0.01 * i
-    found.plans.finish()
+        found.place[0].value = 1.0 + 0.01 * i
+    found.finish()
     assert found.plan.target.x == pytest.approx(1.19)
 
 
 def test_what_does_not_go_is_said_and_the_last_throw_stays(page: Any) -> None:
     found, _ = page
     before = found.panel.throw
-    found.x.value = 50.0
-    found.plans.finish()
+    found.place[0].value = 50.0
+    found.finish()
     assert found.strip.content.startswith("**out of reach**: nearest possible")
     assert found.panel.throw is before
 
@@ -55,25 +58,45 @@ def test_what_does_not_go_is_said_and_the_last_throw_stays(page: Any) -> None:
 def test_other_pads_are_planned_with(page: Any) -> None:
     found, _ = page
     found.friction.value, found.opening.value = 0.9, 40.0
-    found.plans.finish()
+    found.finish()
     assert found.strip.content.startswith("**solved**")
     assert (found.plan.scene.contact.friction, found.plan.scene.gripper.opening) == (0.9, 0.04)
 
 
+def test_the_plan_is_thrown_and_thrown_off_time(page: Any) -> None:
+    found, _ = page
+    shares = []
+    for delay in (0.5, 30.0):
+        found.delay.value = delay
+        good, throws = map(int, re.match(r"(\d+) of (\d+) throws", found.throw_delayed()).groups())
+        shares.append(good / throws)
+    assert shares[0] > 2 * shares[1]
+    found.panel.play(False)
+    found.throw()
+    assert found.panel.playing and found.panel.time == 0.0
+
+
 @pytest.mark.slow
 @needs_browser
-def test_a_number_typed_in_the_browser_moves_the_target(page: Any) -> None:
+def test_the_browser_moves_the_target_and_saves_the_plan(page: Any, tmp_path: Path) -> None:
     found, address = page
+    found.folder.value = str(tmp_path / "mine")
     field = "[...document.querySelectorAll('input')].find(i => i.value == '1.2')"
+    button = "[...document.querySelectorAll('button')].find(b => b.innerText == 'save the plan')"
     with browsing(address) as browser:
-        end = time.monotonic() + 60
-        while not browser.value(f"!!{field}") and time.monotonic() < end:
-            time.sleep(0.2)
+        said(browser, "solved: lands", field)
         browser.value(f"{field}.focus(), {field}.select()")
         browser.type("40")
-        said = ""
-        while "out of reach" not in said and time.monotonic() < end:
-            time.sleep(0.2)
-            said = browser.value("document.body.innerText")
-    assert "out of reach: nearest possible x" in said
-    assert found.x.value == 40.0
+        said(browser, "out of reach: nearest possible x")
+        browser.value(f"{button}.click()")
+        said(browser, f"written to {tmp_path / 'mine'}")
+    assert found.place[0].value == 40.0
+    assert tp.read_plan(tmp_path / "mine").opening_time == found.panel.throw.throw.opening_time
+
+
+def said(browser: Any, words: str, there: str = "true") -> None:
+    """Waits until the page says that, and something is there."""
+    end = time.monotonic() + 60
+    while not browser.value(f"document.body.innerText.includes('{words}') && !!{there}"):
+        assert time.monotonic() < end, browser.value("document.body.innerText")
+        time.sleep(0.2)

@@ -1,0 +1,93 @@
+"""What the page draws about a throw: the reach, and landings of throws that open off time."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from typing import Any
+
+import numpy as np
+
+from ...problems import Distribution, Pose, Scene, Uncertainty
+from ..reach import ReachMap
+from ..result import Plan
+from ..show import BLUE, GREEN, ORANGE, RED, rgb
+from ..sweep import Sweep, sweep
+
+#: Throws of a cloud.
+THROWS = 200
+#: The reach is drawn this far to both sides of where the arm points at first, and, for a free
+#: hand, as a strip this wide [m]; its colours are those of no margin and of this one.
+SECTOR, STRIP, MARGIN = math.radians(50.0), 0.2, 0.4
+#: How far the reach is drawn above the floor [m].
+ABOVE = 0.002
+#: Half the opening delays of a scene without one [s].
+USUAL_DELAY = 0.010
+
+
+def delay_of(scene: Scene) -> float:
+    """Half the width [s] of a uniform delay as wide as the scene's."""
+    spread = None if scene.uncertainty is None else scene.uncertainty.delay
+    return USUAL_DELAY if spread is None else math.sqrt(3.0) * spread.deviation
+
+
+def late_and_early(plan: Plan, half: float) -> Sweep:
+    """Throws of the plan that open up to `half` [s] off the time that is expected."""
+    scene = plan.scene
+    delay = Distribution(uniform=half, mean=scene.mean_delay)
+    old = scene.uncertainty
+    uncertain = dataclasses.replace(old, delay=delay) if old else Uncertainty(delay=delay)
+    return sweep(dataclasses.replace(plan, scene=scene.replace(uncertainty=uncertain)), THROWS)
+
+
+def draw_cloud(space: Any, found: Sweep) -> Any:
+    """The bar's axis at each landing, green where the throw succeeds; returns the node."""
+    bar, plane = found.plan.scene.object, found.plan.goal.plane
+    x, theta, time = found.landings.pose.T
+    ends = np.array([-bar.com, bar.length - bar.com])[:, None]
+    z = found.plan.goal.z + ends * np.sin(theta)
+    axes = plane.points(x + ends * np.cos(theta), z).transpose(1, 0, 2)
+    colours = np.where(found.success[:, None], rgb(GREEN), rgb(RED)).astype(np.uint8)
+    landed = np.isfinite(time)
+    colours = np.repeat(colours[:, None], 2, axis=1)
+    return space.add_line_segments("/cloud", axes[landed], colours[landed], thickness=0.003)
+
+
+def cloud_words(found: Sweep, half: float) -> str:
+    """How many of the throws succeed."""
+    spread = 1e3 * float(np.ptp(found.landings.pose[:, 0]))
+    where = "land within the tolerance" if found.plan.scene.cup is None else "go into the cup"
+    good = f"{int(found.success.sum())} of {found.samples}"
+    return f"{good} throws {where}, opened up to ±{1e3 * half:g} ms off; spread {spread:.0f} mm"
+
+
+def draw_reach(space: Any, found: ReachMap, target: Pose, floor: float) -> Any:
+    """Where on the floor throws land at about the target's angle.
+
+    From orange, where a limit is used up, to blue; about the base where an arm turns, else along x.
+    Returns the node.
+    """
+    from trimesh.creation import revolve
+
+    half = (target.plane.azimuth - SECTOR) / 2 if found.scene.arm else 0.0
+    turn = math.cos(half), 0.0, 0.0, math.sin(half)
+    at = (0.0, 0.0, floor + ABOVE)
+    frame = space.add_frame("/reach", show_axes=False, position=at, wxyz=turn)
+    column = found.bin_of(float(found.x_edges[0]), target.theta) if found.reachable else None
+    for i, margin in enumerate(() if column is None else found.margin[:, column[1]]):
+        low, high = found.x_edges[i : i + 2]
+        if not np.isfinite(margin) or (found.scene.arm and low < 0.0):
+            continue
+        share = min(max(margin, 0.0) / MARGIN, 1.0)
+        colour = (1 - share) * np.array(rgb(ORANGE)) + share * np.array(rgb(BLUE))
+        look: dict[str, Any] = {"color": tuple(colour.astype(int)), "opacity": 0.35}
+        look |= {"cast_shadow": False, "receive_shadow": False}
+        name = f"/reach/{i}"
+        if found.scene.arm is None:
+            at = ((low + high) / 2, 0.0, 0.0)
+            space.add_box(name, dimensions=(high - low, STRIP, 0.001), position=at, **look)
+        else:
+            ends = np.hypot([low, high], target.lateral)
+            mesh = revolve(np.column_stack([ends, [0.0, 0.0]]), 2 * SECTOR, sections=40)
+            space.add_mesh_simple(name, mesh.vertices, mesh.faces, side="double", **look)
+    return frame
