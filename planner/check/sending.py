@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import ctypes
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -107,9 +107,13 @@ def _sent_by_core(mover: Mover, planned: Path) -> Samples | None:
     return sent
 
 
-def braked(mover: Mover, samples: Samples) -> Samples:
-    """An arm's samples, and after the last of them its brake to rest."""
+def braked(mover: Mover, samples: Samples, ease: float = 1.0) -> Samples:
+    """An arm's samples, and after the last of them its brake to rest.
+
+    ease: share of the acceleration limit that it brakes with.
+    """
     limits, until = _bounds(mover.hard), (samples.q, samples.dq, samples.ddq)
+    limits = replace(limits, ddq=ease * limits.ddq)
     brake = _brake(limits, *(values[-1] for values in until))
     return Samples(*(np.vstack(pair) for pair in zip(until, brake, strict=True)))
 

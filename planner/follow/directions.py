@@ -57,10 +57,14 @@ class Rest:
         count = math.ceil(rest.final.detach_time / TICK - 1e-9) + 1
         return cls(first, at.timed, controls, at.point[places], TICK * np.arange(float(count)))
 
-    def direction(self) -> Direction:
-        """The cheapest change per landing, with the limits that bind where they are."""
+    def direction(self, later: int) -> Direction:
+        """The cheapest change per landing, with the limits that bind where they are.
+
+        later: by so many samples than this the swing is played.
+        """
         at = self.about
-        return self._direction(at.along((at.down > -BINDS) | (at.up < BINDS)))
+        found = self._direction(at.along((at.down > -BINDS) | (at.up < BINDS)))
+        return replace(found, first=self.first + later)
 
     def step(self, off: Array) -> tuple[Array, Direction] | None:
         """A change (3, K, n) that moves the landing by -off (L,) inside all limits, or as far as

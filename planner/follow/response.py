@@ -78,7 +78,7 @@ AT_ONCE, UNKNOWN, KNOWN = (math.log(0.02), 1.0, 0.0), (1.0, 0.5, 3e-3), (0.1, 0.
 #: Noise of measured joints [rad], as far as the law leaves them unexplained.
 NOISE = 1e-3
 #: Steps of the parameters for derivatives, and the least and most of the first two.
-STEP, BOUNDS = 1e-4, ((-math.log(RATES[1]), -1.0), (-math.log(RATES[0]), 1.5))
+STEP, BOUNDS = 1e-4, ((-math.log(RATES[1]), -4.0), (-math.log(RATES[0]), 1.5))
 
 
 class Follower:

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal
@@ -38,9 +39,11 @@ Status = Literal["followed", "kept", "committed", "stopped"]
 
 #: Between instants from which a swing is changed, in samples.
 EVERY = 10
-#: Exact throws of one correction at most, how near it is to come, as a share of the tolerance, and
-#: the shares of it that are tried in turn.
-THROWS, ENOUGH, SHARES = 5, 0.25, (1.0, 0.5, 0.25)
+#: Exact throws of one correction at most, each nearer by so much than the one before; how near it
+#: is to come, as a share of the tolerance; and the shares of a step that are tried in turn.
+THROWS, NEARER, ENOUGH, SHARES = 4, 0.7, 0.25, (1.0, 0.4)
+#: Shares of the acceleration limits to brake with, in turn, where the torques allow no more.
+EASE = (1.0, 0.7)
 #: A target's azimuth may be this far [rad] off the throw's plane, as it is measured.
 OFF_PLANE = 0.02
 #: A swing is stopped rather than land farther off than this [m, scaled error].
@@ -134,14 +137,14 @@ class Session:
             raise InputError(f"horizon = {horizon!r}: must be above 0 s and {most}")
         self._target, self._horizon = plan.target, horizon
         self._lands = self.throw.landing_time
-        self._later = round((self.throw.opening_time - plan.throw.opening_time) / TICK)
         self._problems, self._asked = problems, plan.throw.asked
         last = int(plan.throw.final.command_time / TICK)
         found = (self._rest(plan.throw.final, first) for first in range(0, last, EVERY))
-        self._directions = [rest.direction() for rest in found if rest is not None]
+        later = round((self.throw.opening_time - plan.throw.opening_time) / TICK)
+        self._directions = [rest.direction(later) for rest in found if rest is not None]
         self._follower = Follower(problems.mover.size, response)
         self._matrix: Array | None = None
-        self._time, self._stopped = -math.inf, False
+        self._time, self._stopped, self._eased, self._solved = -math.inf, False, 0, -1
 
     def update(self, t: float, q: Array, dq: Array, target: Pose | None = None) -> Update:
         """What to send from `t` + horizon on, by what was measured at time `t` [s] of the swing.
@@ -159,12 +162,13 @@ class Session:
         before = self._expected(target, t)
         if self._stopped:
             return self._told("stopped", "it has been stopped", first, before)
-        ways = [way for way in self._directions if way.first + self._later >= first]
+        ways = [way for way in self._directions if way.first >= first]
         if not ways:
             words = "the opening command is on its way"
             return self._told("committed", words, first, before)
         sent, after, words = self._moved(ways[0], before)
-        late = t + self._horizon + interval > self.throw.command_time
+        # From the next update on nothing can be changed.
+        late = t + self._horizon + interval > TICK * ways[-1].first
         if late and not after.missed <= ACCEPT:
             words = self._stop(first) or words
             return self._told("stopped" if self._stopped else "kept", words, first, before)
@@ -234,28 +238,30 @@ class Session:
         aim = ENOUGH * tolerance.position, ENOUGH * tolerance.angle
         if scaled(*before.off, aim) <= 1.0:
             return self.throw, before, "on target"
-        first = way.first + self._later
+        first = way.first
         begin = np.zeros_like(way.change[0])
-        sent, found, words = self._along(way, begin, before, first, aim)
-        if found is not before:
+        sent, found, words = self._along(way, begin, before, aim, SHARES[:1])
+        if found is not before or way.first == self._solved:
             return sent, found, words
-        rest = self._rest(self.throw, first)
+        # It takes some milliseconds, so once for each instant.
+        self._solved, rest = way.first, self._rest(self.throw, first)
         size = len(way.change)
         step = None if rest is None else rest.step(np.array(before.off[:size]))
         if step is None:
             return self.throw, before, words
         begin, way = step
-        return self._along(way, begin, before, first, aim)
+        return self._along(way, begin, before, aim, SHARES)
 
     def _along(
         self,
         way: Direction,
         begin: Array,
         before: _Expected,
-        first: int,
         aim: tuple[float, float],
+        shares: Sequence[float],
     ) -> tuple[Throw, _Expected, str]:
         """The motion changed by `begin` and then along a direction until it is on the target."""
+        first = way.first
         room = self._end - first
         change, begin = way.change[:, :, :room], begin[:, :room]
         response = self._follower.response
@@ -264,16 +270,21 @@ class Session:
         if begin.any():
             start = before.moved(self._changed(before.joints, response.all(begin), first))
         far, found = self._brought(start, follows, first, aim)
-        for share in SHARES:
+        for share in shares:
             moved = share * (begin + np.einsum("l,lokn->okn", far, change))
             if share < 1.0:
                 found = before.moved(self._changed(before.joints, response.all(moved), first))
             if not found.missed < before.missed:
                 continue
-            sent = self._sent(self._changed(self._rows, moved, first))
-            words = self._wrong(sent, found)
-            if not words:
-                return sent, found, ""
+            rows = self._changed(self._rows, moved, first)
+            for ease in EASE[self._eased :]:
+                sent = self._sent(rows, ease)
+                words = self._wrong(sent, found)
+                if not words:
+                    self._eased = EASE.index(ease)
+                    return sent, found, ""
+                if not words.startswith("torque"):
+                    break
         return self.throw, before, words
 
     def _brought(
@@ -296,9 +307,10 @@ class Session:
                 break
             matrix = matrix + np.outer(now - off - matrix @ step, step) / (step @ step)
             moved, off = moved + step, now
-            if found.missed < least.missed:
+            missed = least.missed
+            if found.missed < missed:
                 best, least = moved, found
-            if scaled(*found.off, aim) <= 1.0:
+            if scaled(*found.off, aim) <= 1.0 or found.missed > NEARER * missed:
                 break
         if np.linalg.cond(matrix) < 1e3:
             self._matrix = matrix
@@ -316,9 +328,9 @@ class Session:
         rows[:, first : self._end] += change
         return rows
 
-    def _sent(self, rows: Array) -> Throw:
+    def _sent(self, rows: Array, ease: float) -> Throw:
         """What is sent of a motion until the pads are open, and its brake."""
-        samples = braked(self.throw.mover, Samples(*rows))
+        samples = braked(self.throw.mover, Samples(*rows), ease)
         return dataclasses.replace(self.throw, path=samples.path, samples=samples)
 
     def _wrong(self, sent: Throw, found: _Expected) -> str:
@@ -332,6 +344,8 @@ class Session:
         throw = dataclasses.replace(found.throw, path=path, samples=samples)
         # The same until the pads are open.
         vars(throw)["release"] = found.throw.release
+        # A law of two numbers says where the joints are, not what turns them.
+        vars(throw)["torques"] = sent.torques
         return "; ".join(violation.words for violation in broken(throw)[:1])
 
     def _stop(self, first: int) -> str:

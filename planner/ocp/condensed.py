@@ -34,6 +34,8 @@ BREAKING = 1e4
 #: Limits at which a step of this length in u may arrive are given to the QP; then those that its
 #: step breaks, so often.
 AHEAD, ROUNDS = 0.5, 3
+#: Rows of the QP are so many or a multiple.
+ROWS = 32
 #: What counts as nothing, in u.
 NOTHING = 1e-7
 
@@ -197,7 +199,7 @@ class Condensed:
         ahead = AHEAD + float(np.linalg.norm(around))
         given = (self.down > -ahead) | (self.up < ahead)
         for _ in range(ROUNDS):
-            some = np.flatnonzero(given)
+            some = _enough(given, np.minimum(-self.down, self.up))
             slack = np.column_stack([np.zeros((some.size, 2 * misses)), outside[some]])
             rows = np.vstack([np.hstack([self.rows[some], slack]), lands])
             low, high = (np.append(ends[some], wanted) for ends in (self.down, self.up))
@@ -217,6 +219,14 @@ class Condensed:
         du, whole = z[:size], bool((np.abs(z[:size]) < longest - NOTHING).all())
         rows_and_bounds = multipliers[:count], multipliers[count:]
         return Step(du, short, rows_and_bounds, whole, self, active)
+
+
+def _enough(given: Flags, away: Array) -> Indices:
+    """Of the rows (m,) those that are given and some of the nearest others, so that their number
+    is one of few: a solver is made for each."""
+    count = min(-(-int(given.sum()) // ROWS) * ROWS, len(given))
+    order = np.argsort(np.where(given, -np.inf, away), kind="stable")
+    return np.asarray(np.sort(order[:count]))
 
 
 def _eliminated(slopes: Any, places: list[int], rest: Any, residual: Array) -> Array:

@@ -5,6 +5,5 @@ A section is a module with `make(effort)`, which gives figures, tables and pictu
 
 from .judge import Verdict, judged
 from .page import Effort, Picture, ReportSection
-from .reach import TICK, follow
 from .run import SECTIONS, make_report
 from .summary import PAGE

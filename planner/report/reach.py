@@ -12,7 +12,6 @@ import itertools
 import math
 import time
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +23,7 @@ from ..reach import ReachMap, reach_map
 from ..result import Plan
 from ..search import CORRECTOR, violations
 from ..show import BLACK, BLUE, GREEN, RED, Row, Table, shown
+from .following import RATE, SPEED, following
 from .judge import judged
 from .measure import quantiles, reachable_targets, shared, warmed
 from .page import Effort, Picture, ReportSection, panels
@@ -57,8 +57,8 @@ SAMPLED, FAR_OUT = (20_000, 200_000), (5, 300)
 FAR = (0.1, math.radians(20))
 #: ... and at most this beyond them.
 ROUND = np.array([1.0, 2.0])
-#: How far a followed target swings: x [m], theta [rad]; its period and the time between plans [s].
-SWING, PERIOD, TICK = (0.06, 0.2), 2.0, 0.01
+#: Swings that are followed.
+SWINGS = (3, 100)
 
 
 def make(effort: Effort) -> ReportSection:
@@ -77,7 +77,7 @@ def make(effort: Effort) -> ReportSection:
         step()
     far = _planned(warmed(load_scene("pose"), []), outside("pose", effort))
     step()
-    following = [_following(name, effort.of(20, 200)) for name in ("pose", "cup")]
+    followed = [_swings(name, effort) for name in ("pose", "cup", "fr3")]
     step()
     mapped = list[Row]()
     for name in spread:
@@ -97,12 +97,12 @@ def make(effort: Effort) -> ReportSection:
     return ReportSection(
         "reach",
         "Any target in reach",
-        _figures(rows, far, following, mapped),
+        _figures(rows, far, followed, mapped),
         [
             Table("reach-inside", "Random targets in reach, without a library", rows),
             Table("reach-lost", "Targets without a throw, and why", lost),
             table,
-            Table("reach-following", "Plans after a moving target", following),
+            Table("reach-following", "Swings whose targets move meanwhile", followed),
             Table(
                 "reach-map", "Targets spread over a map's bins, with a library and without", mapped
             ),
@@ -150,9 +150,7 @@ def _place(which: str, pose: Pose | None) -> Row:
     return {f"{which}x [m]": x, f"{which}theta [deg]": theta}
 
 
-def _figures(
-    rows: list[Row], far: list[Plan], following: list[Row], mapped: list[Row]
-) -> list[str]:
+def _figures(rows: list[Row], far: list[Plan], followed: list[Row], mapped: list[Row]) -> list[str]:
     """What is thrown to, and how fast."""
     words = [
         f"`{row['scene']}` {row['solved']} of {row['targets']}, "
@@ -160,9 +158,11 @@ def _figures(
         for row in rows
     ]
     said = collections.Counter(plan.status for plan in far)
-    after = ", ".join(
-        f"`{row['scene']}` {row['solved']} of {row['plans']}, {shown(row['plan, median [ms]'])} ms"
-        for row in following
+    after = "; ".join(
+        f"`{row['scene']}` {row['on target']} of {row['swings']} within the tolerance, "
+        f"{row['stopped']} stopped, {shown(row['update, median [ms]'])} ms an update, "
+        f"{shown(row['update, 99 % [ms]'])} at 99 %"
+        for row in followed
     )
     middles = "; ".join(
         f"`{r['scene']}` {r['solved']} of {r['targets']}, {r['moved throws']} of them moved, "
@@ -178,8 +178,8 @@ def _figures(
         f"{len(far)} are called out of reach, {said['solved']} are solved under the exact check, "
         f"{said['not_converged']} have no answer.",
         f"Targets spread evenly over a map's bins, with a library of solved throws: {middles}.",
-        f"Plans after a target that swings by {100 * SWING[0]:.0f} cm and {SWING[1]:g} rad, a plan "
-        f"every {1e3 * TICK:.0f} ms: {after} a plan.",
+        f"Swings whose targets begin to move at up to {SPEED:g} m/s, {RATE} updates a second: "
+        f"{after}.",
     ]
 
 
@@ -272,63 +272,10 @@ def over_map(found: ReachMap, count: int) -> list[Pose]:
     return targets
 
 
-@dataclass(frozen=True)
-class Followed:
-    """Plans to a moving target, each from the last solved one: times [ms] of their solves and of
-    the whole, and errors [m, rad] of what is sent of the solved ones."""
-
-    solves: list[float]
-    totals: list[float]
-    errors: list[tuple[float, float]]
-
-    @property
-    def in_time(self) -> int:
-        """How many plans were there when the next was due."""
-        return sum(total <= 1e3 * TICK for total in self.totals)
-
-    @property
-    def worst(self) -> tuple[float, float]:
-        """Largest errors [m, rad]; NaN without a solved plan."""
-        x, theta = np.max(self.errors or [(math.nan, math.nan)], axis=0)
-        return float(x), float(theta)
-
-
-def follow(planner: Planner, count: int) -> Followed:
-    """`count` plans to the planner's own target that swings, each from the last solved one."""
-    plan = planner.plan()
-    # The second plan builds what only warm plans need.
-    plan = planner.plan(warm=plan)
-    target, found = plan.target, Followed([], [], [])
-    for k in range(count):
-        swing = math.sin(2 * math.pi * k * TICK / PERIOD)
-        theta = None if target.theta is None else target.theta + SWING[1] * swing
-        moved = target.in_plane(target.plane_x - SWING[0] * swing, theta)
-        after = planner.plan(moved, warm=plan)
-        found.solves.append(1e3 * after.time["solve"])
-        found.totals.append(1e3 * after.time["total"])
-        if after.solved:
-            plan = after
-            found.errors.append(after.error_sent())
-    return found
-
-
-def _following(name: str, count: int) -> Row:
-    """Plans after a moving target."""
-    scene = load_scene(name)
-    assert scene.target is not None
-    found = follow(warmed(scene, [scene.target]), count)
-    x, theta = found.worst
-    return {
-        "scene": name,
-        "plans": count,
-        "solved": len(found.errors),
-        f"within {1e3 * TICK:.0f} ms": found.in_time,
-        "solve, median [ms]": quantiles(found.solves, 50)[0],
-        "solve, 95 % [ms]": quantiles(found.solves, 95)[0],
-        "plan, median [ms]": quantiles(found.totals, 50)[0],
-        "worst error [mm]": 1e3 * x,
-        "worst error [deg]": math.degrees(theta),
-    }
+def _swings(name: str, effort: Effort) -> Row:
+    """Swings to targets that are spread over a map."""
+    found = reach_map(load_scene(name), samples=effort.of(*SAMPLED))
+    return following(name, over_map(found, effort.of(*SWINGS)))
 
 
 def _targets(name: str, count: int) -> list[Pose]:
