@@ -198,7 +198,7 @@ def _approach_of(chain: UrdfChain) -> str:
 
 def _moved(origin: Any) -> str:
     """Where the base frame is moved to, in words; nothing where it is not."""
-    x, y, _ = origin
+    x, y = (round(value, 4) + 0.0 for value in origin[:2])
     return f" moved to x {x:.4f}, y {y:.4f} m" if x or y else ""
 
 
@@ -206,9 +206,10 @@ def _text(options: argparse.Namespace, found: dict[str, Any]) -> str:
     """The same for people."""
     mass, kept = found["mass"], " ".join(f"{angle:.6g}" for angle in found["posture_deg"])
     lines = [
-        f"{found['name']}: written to {options.out}",
+        f"{found['name']}: written to {options.out}; a scene takes it by [robot] arm = "
+        f'"{Path(options.out).name}"',
         f"  base {found['base']}{_moved(found['origin'])}, hand {found['tool']}, "
-        f"{found['approach']} points out of it",
+        f"{found['approach']} points out of it, pads' centre {options.tcp:g} m beyond (--tcp)",
         f"  {found['azimuth']} turns the plane, {', '.join(found['throwing'])} throw",
         f"  posture {kept} deg",
     ]

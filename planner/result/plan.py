@@ -302,6 +302,8 @@ class Plan:
             )
         if self.throw is not None:
             lines.append(f"  {_moments(result['release'])}")
+            use = 100 * self.throw.exact.grip_use
+            lines.append(f"  grip at most {use:.0f} % of its friction limit before it opens")
         if "torque" in result:
             lines.append(f"  {_torque_words(**result['torque'])}")
         lines.append(
