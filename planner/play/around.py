@@ -31,13 +31,17 @@ def delay_of(scene: Scene) -> float:
     return USUAL_DELAY if spread is None else math.sqrt(3.0) * spread.deviation
 
 
-def late_and_early(plan: Plan, half: float) -> Sweep:
-    """Throws of the plan that open up to `half` [s] off the time that is expected."""
-    scene = plan.scene
+def off_time(scene: Scene, half: float) -> Scene:
+    """The scene with openings up to `half` [s] off the time that is expected."""
     delay = Distribution(uniform=half, mean=scene.mean_delay)
     old = scene.uncertainty
     uncertain = dataclasses.replace(old, delay=delay) if old else Uncertainty(delay=delay)
-    return sweep(dataclasses.replace(plan, scene=scene.replace(uncertainty=uncertain)), THROWS)
+    return scene.replace(uncertainty=uncertain)
+
+
+def late_and_early(plan: Plan, half: float) -> Sweep:
+    """Throws of the plan in that scene."""
+    return sweep(dataclasses.replace(plan, scene=off_time(plan.scene, half)), THROWS)
 
 
 def draw_cloud(space: Any, found: Sweep) -> Any:

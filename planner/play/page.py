@@ -7,6 +7,7 @@ import math
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +19,7 @@ from ..plan import PATIENCE, Planner
 from ..reach import ReachMap, reach_map
 from ..result import Plan, throw_of
 from ..show import RED, Panel, View, put, space_throw
-from .around import cloud_words, delay_of, draw_cloud, draw_reach, late_and_early
+from .around import cloud_words, delay_of, draw_cloud, draw_reach, late_and_early, off_time
 from .newest import Newest, OutdatedError
 
 #: How long [s] a throw is looked for while the target may still move.
@@ -31,10 +32,11 @@ SAMPLES, LONGEST = 50_000, 30.0
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is asked for: the scene with its target, and as it is without it."""
+    """What is asked for; delay [s]: openings off time that the plan is to bear, None for none."""
 
     target: Pose
     scene: Scene
+    delay: float | None
 
     @property
     def mapped(self) -> tuple[Scene, float, float | None]:
@@ -80,7 +82,8 @@ class PlayPage:
             gripper = dataclasses.replace(gripper, opening=self.opening.value / 1e3)
         if contact is not scene.contact or gripper is not scene.gripper:
             scene = scene.replace(contact=contact, gripper=gripper)
-        return Wanted(dataclasses.replace(base, theta=theta, **place), scene)
+        delay = self.delay.value / 1e3 if self.robust.value else None
+        return Wanted(dataclasses.replace(base, theta=theta, **place), scene, delay)
 
     def _add_controls(self, server: Any) -> None:
         """Numbers and sliders, and arrows at the target that drag it."""
@@ -105,15 +108,17 @@ class PlayPage:
         look["position"] = self._position
         self.arrows = server.scene.add_transform_controls("/drag", active_axes=free, **look)
         self.arrows.on_update(lambda _: self._dragged())
-        for control in (*self.place, self.theta, self.friction, self.opening):
+        half = min(max(1e3 * delay_of(scene), 0.5), LONGEST)
+        self.delay = gui.add_slider("delay up to ± [ms]", 0.5, LONGEST, 0.5, half)
+        self.robust = gui.add_checkbox("plan against delays", False)
+        sliders = (self.theta, self.friction, self.opening, self.delay, self.robust)
+        for control in (*self.place, *sliders):
             if control is not None:
                 control.on_update(lambda _: self._changed())
 
     def _add_buttons(self, gui: Any) -> None:
         """What is done with the plan."""
         throw = gui.add_button("throw")
-        half = min(1e3 * delay_of(self._scene), LONGEST)
-        self.delay = gui.add_slider("delay up to ± [ms]", 0.5, LONGEST, 0.5, max(half, 0.5))
         delays = gui.add_button("throw with random delays")
         self.folder = gui.add_text("folder", f"out/{self._scene.name}")
         save = gui.add_button("save the plan")
@@ -152,14 +157,19 @@ class PlayPage:
 
     def _plan(self, wanted: Wanted) -> None:
         """Plans, quickly at first; more patiently where nothing else is asked for."""
+        scene, robust = wanted.scene, None
         try:
-            if wanted.scene != self._planner.scene:
+            if wanted.delay is not None:
+                scene, robust = off_time(scene, wanted.delay), "auto"
+            if scene != self._planner.scene:
                 self.strip.content = "planning..."
-                self._planner = Planner(wanted.scene)
-            plan = self._planner.plan(wanted.target, warm=self.plan, patience=QUICK)
-            if not plan.solved and not self._plans.waiting:
+                self._planner = Planner(scene)
+            made = partial(self._planner.plan, wanted.target, warm=self.plan, robust=robust)
+            plan = made(patience=QUICK)
+            done = plan.solved and plan.robust != "nominal"
+            if not done and not self._plans.waiting:
                 self.strip.content = "planning..."
-                plan = self._planner.plan(wanted.target, warm=self.plan)
+                plan = made(patience=PATIENCE)
         except InputError as error:
             self.strip.content = f"**wrong input**: {error}"
             return
@@ -264,4 +274,6 @@ def plan_words(plan: Plan) -> str:
         x, theta = plan.throw.final.by(model).miss(plan.goal)
         turn = "" if plan.goal.theta is None else f", {math.degrees(abs(theta)):.2f}°"
         landings.append(f"{1e3 * abs(x):.2f} mm{turn} off by {model}")
+    if plan.robust:
+        landings.append(f"robust by {plan.robust}")
     return f"**solved**: lands {'; '.join(landings)}; planned in {took}"

@@ -71,6 +71,9 @@ def test_the_plan_is_thrown_and_thrown_off_time(page: Any) -> None:
         good, throws = map(int, re.match(r"(\d+) of (\d+) throws", found.throw_delayed()).groups())
         shares.append(good / throws)
     assert shares[0] > 2 * shares[1]
+    found.robust.value = True
+    found.finish()
+    assert found.plan.robust and found.plan.scene.uncertainty.delay.uniform == 0.03
     found.panel.play(False)
     found.throw()
     assert found.panel.playing and found.panel.time == 0.0
