@@ -29,6 +29,9 @@ from .common import (
     written,
 )
 
+#: Share of throws that succeed, below which a robust plan is worth a try.
+MANY = 0.9
+
 
 def arguments(add: Add) -> None:
     """The command's options."""
@@ -66,7 +69,11 @@ def run(options: argparse.Namespace) -> int:
     if options.out is not None:
         say(f"{scene.name}: writing {options.out}")
         found.save(options.out)
-    answer(options, found.to_dict(), found.summary() + notes(scene) + written(options))
+    result = found.to_dict()
+    advice = ""
+    if plan.target.at_rest and not plan.robust and result["success"]["rate"] < MANY:
+        advice = "\n  to plan for more of them: --robust auto"
+    answer(options, result, found.summary() + advice + notes(scene) + written(options))
     if found.samples == samples:
         return DONE
     words = f"throwplan: interrupted: {found.samples:,} of {samples:,} samples"

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 
-from ...models import BATCH_MODELS, Array, Indices
+from ...models import BATCH_MODELS, MODELS, Array, Indices
 from ...problems import USUAL_UNCERTAINTY, InputError, filling, plain, write_json
 from ..check import named_model
 from ..result import Plan
@@ -250,7 +250,8 @@ def _summary(found: Sweep) -> str:
     """Success, bias, quantiles, sensitivities."""
     result, tolerance = found.to_dict(), found.plan.scene.tolerance
     usual = " (no [uncertainty] in the scene: assumed)" if result["assumed"] else ""
-    lines = [f"{found.label}: {found.samples:,} throws by {result['model']}"]
+    by = f"{result['model']} ({MODELS[result['model']].title})"
+    lines = [f"{found.label}: {found.samples:,} throws by {by}"]
     lines += [f"  {line}{usual}" for line in found.uncertain()]
     box = f"within {1e3 * tolerance.position:g} mm"
     if found.plan.target.theta is not None:
