@@ -12,7 +12,7 @@ import stat
 import tempfile
 import tomllib
 from collections.abc import Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from importlib import resources
 from importlib.resources.abc import Traversable
 from pathlib import Path
@@ -174,7 +174,7 @@ def table_number(column: str, word: str) -> float:
 
 
 def prepare_folder(folder: Path, names: tuple[str, ...] = (), option: str = "--out") -> Path:
-    """Make `folder` if need be and make sure it takes files `names`; InputError if not.
+    """Make sure that `folder` is there, or can be made, and takes files `names`; InputError if not.
 
     option: what names the folder on the command line, for messages.
     """
@@ -183,8 +183,7 @@ def prepare_folder(folder: Path, names: tuple[str, ...] = (), option: str = "--o
     try:
         if folder.is_file():
             raise InputError(f"{option} {folder}: is a file; must be a folder")
-        folder.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
+        with _made(folder), tempfile.TemporaryFile(dir=folder):
             pass
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
@@ -193,6 +192,19 @@ def prepare_folder(folder: Path, names: tuple[str, ...] = (), option: str = "--o
         if (folder / name).is_dir():
             raise InputError(f"{option} {folder}: {name} is a folder there")
     return folder
+
+
+@contextmanager
+def _made(folder: Path) -> Iterator[None]:
+    """`folder` and those it is in, made; those that were not there go again if they stay empty."""
+    new = [path for path in (folder, *folder.parents) if not path.exists()]
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        yield
+    finally:
+        for path in new:
+            with suppress(OSError):
+                path.rmdir()
 
 
 @contextmanager
@@ -205,7 +217,7 @@ def filling(folder: Path, names: tuple[str, ...], option: str = "--out") -> Iter
     """
     folder = prepare_folder(folder, tuple(name for name in names if "." in name), option)
     try:
-        with tempfile.TemporaryDirectory(dir=folder) as scratch:
+        with _made(folder), tempfile.TemporaryDirectory(dir=folder) as scratch:
             yield Path(scratch)
             written = {path.name for path in Path(scratch).iterdir()}
             for name in names:

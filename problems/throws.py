@@ -19,7 +19,16 @@ import numpy as np
 
 from ..models import Arm, Array, Indices, TableRelease
 from .arms import load_arm
-from .files import read_csv, read_text, shipped, table_number, toml_key, toml_lines, toml_tables
+from .files import (
+    filling,
+    read_csv,
+    read_text,
+    shipped,
+    table_number,
+    toml_key,
+    toml_lines,
+    toml_tables,
+)
 from .grip import Grasp, ThrownObject, grip_samples, held_object
 from .section import InputError, Section, from_table, meanings, quantity, table_of, unknown
 
@@ -302,7 +311,8 @@ THROW_DATA_FILES = ("motion", "grip", "track", "throws.csv", "dataset.toml")
 def write_throws(
     data: ThrowData, folder: str | Path, objects: Mapping[ThrownObject, str] | None = None
 ) -> None:
-    """Write dataset.toml, throws.csv and the recordings into `folder`, made if need be.
+    """Write dataset.toml, throws.csv and the recordings into `folder`, made if need be, in place
+    of those of an earlier data set.
 
     `load_throws` gives the same back to 9 digits; the grip force is sampled at 1 kHz.
     objects: their names in the files, else object1, object2 and so on. Raises InputError
@@ -315,17 +325,15 @@ def write_throws(
     if arm is not None and arm not in shipped("arms") and not (folder / arm).is_file():
         raise InputError(f"{folder}: holds no {arm}: copy the arm's file there first")
     files = _file_names(data.throws)
-    try:
+    text = _head_text(data, {one: names[one] for one in kinds})
+    with filling(folder, THROW_DATA_FILES) as scratch:
         for kind in ("motion", "grip", "track"):
             if kind != "track" or any(throw.track is not None for throw in data.throws):
-                (folder / kind).mkdir(parents=True, exist_ok=True)
-        text = _head_text(data, {one: names[one] for one in kinds})
-        (folder / "dataset.toml").write_text(text, encoding="utf-8")
-        (folder / "throws.csv").write_text(_rows_text(data, names, files), encoding="utf-8")
+                (scratch / kind).mkdir()
+        (scratch / "dataset.toml").write_text(text, encoding="utf-8")
+        (scratch / "throws.csv").write_text(_rows_text(data, names, files), encoding="utf-8")
         for throw, file in zip(data.throws, files, strict=True):
-            _write_recordings(throw, folder, file, data.arm is not None)
-    except OSError as error:
-        raise InputError(f"{folder}: {error.strerror or error}") from None
+            _write_recordings(throw, scratch, file, data.arm is not None)
 
 
 def _head_text(data: ThrowData, objects: Mapping[ThrownObject, str]) -> str:

@@ -74,26 +74,36 @@ def main(arguments: Sequence[str] | None = None) -> int:
     if arguments is None:
         _settle()
     try:
+        try:
+            return _answered(words)
+        finally:  # After --help and errors in JSON as well.
+            sys.stdout.flush()
+    except BrokenPipeError:
+        _no_output()
+        return DONE
+    except OSError as error:
+        _no_output()
+        return _refused(InputError(f"standard output: {error.strerror or error}"), words)
+
+
+def _answered(words: list[str]) -> int:
+    """Run the command line, up to what its standard output does not take."""
+    try:
         options, unknown = parser_of(words[:1]).parse_known_args(words)
         if unknown:
             raise InputError(_unknown(options.parser, unknown[0]))
         status: int = options.run(options)
-        sys.stdout.flush()
         return status
     except InputError as error:
         return _refused(error, words)
     except KeyboardInterrupt:
         print("throwplan: interrupted", file=sys.stderr)
         return 130
-    except BrokenPipeError:
-        _no_output()
-        return DONE
     except OSError as error:
-        # What no command looks for: a name that is too long, standard output on a full disk.
+        # What no command looks for: a name that is too long.
         if error.filename is None:
-            _no_output()
-        where = "standard output" if error.filename is None else error.filename
-        return _refused(InputError(f"{where}: {error.strerror or error}"), words)
+            raise
+        return _refused(InputError(f"{error.filename}: {error.strerror or error}"), words)
 
 
 def _refused(error: InputError, words: list[str]) -> int:

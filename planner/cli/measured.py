@@ -14,7 +14,6 @@ from ...problems import (
     THROW_DATA_FILES,
     InputError,
     ThrowData,
-    filling,
     load_scene,
     load_throws,
     prepare_folder,
@@ -91,8 +90,7 @@ def run_make_throws(options: argparse.Namespace) -> int:
     _check_place(folder)
     with Progress("make-throws") as progress:
         data, flown = make_throws(making, progress)
-    with filling(folder, THROW_DATA_FILES) as scratch:
-        write_throws(data, scratch, object_names())
+    write_throws(data, folder, object_names())
     found = _ranges(data, flown) | {"seconds": round(time.perf_counter() - started, 1)}
     x, theta, flight = (
         found["landing"]["x"],
@@ -201,8 +199,10 @@ def _making(options: argparse.Namespace) -> Making:
 
 
 def _check_place(folder: Path) -> None:
-    """InputError for a folder that holds anything but a synthetic data set; makes it."""
+    """InputError for a folder that holds anything but a synthetic data set."""
     prepare_folder(folder)
+    if not folder.is_dir():
+        return
     held = sorted(path.name for path in folder.iterdir())
     if not held:
         return

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import random
+import resource
 import signal
 import subprocess
 import sys
@@ -20,7 +21,11 @@ def started(words: str, folder: Path, **more: object) -> subprocess.Popen[str]:
     """A command in a session of its own, whose cache and temporary files are in `folder`."""
     for name in ("tmp", "cache"):
         (folder / name).mkdir(exist_ok=True)
-    own = {"TMPDIR": str(folder / "tmp"), "THROWPLAN_CACHE": str(folder / "cache")}
+    own = {
+        "PYTHONUNBUFFERED": "",
+        "TMPDIR": str(folder / "tmp"),
+        "THROWPLAN_CACHE": str(folder / "cache"),
+    }
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | more
     return subprocess.Popen(
         [*THROWPLAN, *words.split()],
@@ -54,13 +59,24 @@ def _alive(session: int) -> list[str]:
 
 
 @pytest.mark.skipif(not Path("/dev/full").exists(), reason="no /dev/full here")
-@pytest.mark.parametrize("words", ["scenes", "scenes --reference", "simulate drop --json"])
+@pytest.mark.parametrize("words", ["scenes --reference", "plan --help", "plan nowhere --json"])
 def test_a_full_standard_output_is_one_line(words, tmp_path) -> None:
     with Path("/dev/full").open("w") as full:
         process = started(words, tmp_path, stdout=full)
         _, err = process.communicate(timeout=120)
-    assert err == "throwplan: standard output: No space left on device\n"
+    assert err.endswith("throwplan: standard output: No space left on device\n")
+    assert err.count("\n") == 1 + ("nowhere" in words), err
     assert process.returncode == 2
+
+
+def test_what_does_not_fit_leaves_no_folder(tmp_path) -> None:
+    def little() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (1000, 1000))
+
+    process = started("simulate drop --out deep/out", tmp_path, preexec_fn=little)
+    _, err = process.communicate(timeout=120)
+    assert (process.returncode, err) == (2, "throwplan: --out deep/out: File too large\n")
+    assert not (tmp_path / "deep").exists()
 
 
 def test_a_reader_that_goes_away_is_no_error(tmp_path) -> None:
