@@ -150,7 +150,7 @@ class Planner:
         def thrown(at: Pose, last: Plan | None) -> Plan:
             return by._planned(task.aimed_at(at), turns, wanted, last or warm)
 
-        plan = met(target, self.releases, thrown)
+        plan = met(self.scene, target, self.releases, thrown)
         if method and plan.solved:
             others = functools.partial(self._planned, task, turns, MORE_SOURCES + 1)
             plan = hardened(plan, Hardening(self._robust_problems, method, task), others)
@@ -170,10 +170,12 @@ class Planner:
                 found = distinct([*found, attempt]) if wanted > 1 else [attempt]
             if len(found) >= wanted:
                 return self._best(found, tried, task)
-        words = contradiction(self.scene, self.releases, task.target) if not found else ""
+        name, words = ("", "") if found else contradiction(task.scene, self.releases, task.target)
         if words:
             plan = self._plan(task, task.target, tried, 0, (0, 0))
-            return dataclasses.replace(plan, message=f"no throw found: {words}")
+            message = f"out of reach: {words}"
+            plan = dataclasses.replace(plan, status="out_of_reach", binding=(name,))
+            return dataclasses.replace(plan, message=message)
         search = Search(self._sources, task, turns, wanted, tried, self._nearby.edge(task, turns))
         for start in search.starts():
             tried += attempts(self.problems, start, task)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Sequence
 
 import numpy as np
@@ -51,18 +52,19 @@ def check_contradictions(scene: Scene, mover: Mover) -> None:
         )
 
 
-def contradiction(scene: Scene, releases: Callable[[], Releases], target: Pose) -> str:
-    """Bounds of [landing] that no release near the target is near to, in words; empty if none.
+def contradiction(scene: Scene, releases: Callable[[], Releases], target: Pose) -> tuple[str, str]:
+    """A bound of [landing], or a latest arrival, that no release near the target is near to.
 
-    Of the sampled releases that land nearest to the target.
+    Its name, and words; empty if there is none. Of the sampled releases that land nearest to the
+    target.
     """
-    bounds = scene.landing
-    if bounds is None:
-        return ""
+    bounds, latest = scene.landing, target.window[1]
+    if bounds is None and not math.isfinite(latest):
+        return "", ""
     table = releases()
     x, theta, flown = table.landings(target.z, scene.gravity)
     if not np.isfinite(x).any():
-        return ""
+        return "", ""
     off = np.abs(x - target.plane_x)
     if target.theta is not None:
         off += np.abs(theta - target.theta) * scene.object.length / 2
@@ -71,16 +73,19 @@ def contradiction(scene: Scene, releases: Callable[[], Releases], target: Pose) 
     speed = np.hypot(v_x, v_z - scene.gravity * flown[near])
     # Rates of either sign pass through zero.
     rate = np.abs(omega) if (omega > 0).all() or (omega < 0).all() else 0 * omega
-    asked = (
-        ("speed_max", bounds.speed_max, speed, "m/s"),
-        ("rate_max", bounds.rate_max, rate, "rad/s"),
-        ("speed_min", bounds.speed_min or None, -speed, "m/s"),
-    )
+    time = table.run_up[near] + scene.gripper.profile().opening + flown[near]
+    asked: list[tuple[str, float | None, Array, str]] = [("[target] arrival", latest, time, "s")]
+    if bounds is not None:
+        asked += [
+            ("[landing] speed_max", bounds.speed_max, speed, "m/s"),
+            ("[landing] rate_max", bounds.rate_max, rate, "rad/s"),
+            ("[landing] speed_min", bounds.speed_min or None, -speed, "m/s"),
+        ]
     for name, bound, values, unit in asked:
         words = _words(name, bound, values, unit)
         if words:
-            return words
-    return ""
+            return name.split()[1], words
+    return "", ""
 
 
 def _words(name: str, bound: float | None, values: Array, unit: str) -> str:
@@ -94,7 +99,8 @@ def _words(name: str, bound: float | None, values: Array, unit: str) -> str:
         how = f"at most about {-least:.2g} {unit}"
     else:
         return ""
-    return f"[landing] {name} = {bound:g}: throws to this target land with {how}"
+    kind = "after" if unit == "s" else "with"
+    return f"{name} = {bound:g}: throws to this target land {kind} {how}"
 
 
 def nothing_found(tried: Sequence[Attempt], broken: Sequence[Attempt], late: bool) -> str:

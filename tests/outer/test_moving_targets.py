@@ -73,7 +73,16 @@ def test_what_cannot_be_met_says_what_binds(pose) -> None:
     assert plan.status == "out_of_reach" and "tool speed" in plan.binding
     assert plan.to_dict()["target"]["arrival"] == 1.6
     hurried = moving(pose, arrival=0.15)
-    assert hurried.status != "solved"
+    assert hurried.status == "out_of_reach" and hurried.binding == ("arrival",)
+    assert "land after at least about 0.4" in hurried.message
+    fast = moving(pose, 3.0)
+    assert fast.status == "out_of_reach" and fast.binding[0] == "target velocity"
+
+
+@pytest.mark.parametrize(("x", "speed"), [(1.08, 0.502), (1.16, 0.328)])
+def test_a_target_that_leaves_is_met_by_a_quicker_throw(pose, x, speed) -> None:
+    """Where a throw that takes its time would come too late."""
+    assert_met(moving(pose, speed, x=x))
 
 
 def test_the_belt(plan_of) -> None:
