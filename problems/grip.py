@@ -34,12 +34,19 @@ class ThrownObject(Section):
         most=1e6,
         default=None,
     )
-    width: float = quantity("m, across the axis", least=0, most=100, default=0.0)
+    width: float = quantity(
+        "m, across the axis; at most ten times `length`", least=0, most=100, unit="m", default=0.0
+    )
 
     def check(self) -> None:
         """CoM inside the bar; inertia not above the two-point-mass bound for that CoM."""
         if self.com > self.length:
-            raise InputError(f"com = {self.com:g}: must be at most the length {self.length:g}")
+            raise InputError(f"com = {self.com:g}: must be at most the length {self.length:g} m")
+        if self.width > 10 * self.length:
+            raise InputError(
+                f"width = {self.width:g}: must be at most ten times the length {self.length:g} m "
+                "(is it in mm?)"
+            )
         most = self.mass * (self.com * (self.length - self.com) + self.width**2 / 4)
         if self.inertia is None:
             uniform = self.mass * (self.length**2 + self.width**2) / 12

@@ -60,8 +60,9 @@ class Pose(Section):
         "m, of the CoM; with [robot] in the base frame, else in the throw's plane",
         least=-100,
         most=100,
+        unit="m",
     )
-    z: float = quantity("m, the CoM comes down through this height", least=-100, most=100)
+    z: float = quantity("m, the CoM comes down through this height", least=-100, most=100, unit="m")
     theta: float | None = optional(
         "degrees, from the grasped end to the CoM, full turns count; left out: any",
         degrees=True,
