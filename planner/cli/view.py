@@ -10,11 +10,23 @@ import sys
 from pathlib import Path
 from typing import Any
 
+from ...models import Array
 from ...problems import InputError, load_scene
+from ..check import Throw
 from ..plan import Planner
 from ..play import PlayPage, first_plan
 from ..result import read_plan
-from ..show import Panel, empty_page, open_browser, run_panel, save_film, serving, space_throw
+from ..robot import replay
+from ..show import (
+    Panel,
+    empty_page,
+    open_browser,
+    run_panel,
+    save_film,
+    save_picture,
+    serving,
+    space_throw,
+)
 from .common import DONE, NO_THROW, Add, add_plan, add_scene, answer, number, say, whole
 
 
@@ -22,7 +34,8 @@ def arguments(add: Add) -> None:
     """The command's options."""
     add_plan(add)
     _add_page(add)
-    add("--mp4", metavar="FILE", help="write throw.gif's picture as a film instead (needs ffmpeg)")
+    add("--png", metavar="FILE", help="write the scene at detach as a picture instead")
+    add("--mp4", metavar="FILE", help="write the throw as a film instead (needs ffmpeg)")
 
 
 def play_arguments(add: Add) -> None:
@@ -46,15 +59,31 @@ def run(options: argparse.Namespace) -> int:
     throw = read_plan(options.plan)
     if not math.isfinite(throw.landing_time):
         raise InputError(f"{options.plan}: thrown again, it does not land")
-    if options.mp4 is not None:
-        say(f"writing {options.mp4}")
-        save_film(throw, Path(options.mp4))
-        answer(options, {"mp4": options.mp4}, f"written to {options.mp4}")
+    space = space_throw(throw, _into_cup(throw))
+    written = {}
+    for kind, write in (("png", save_picture), ("mp4", save_film)):
+        if (name := getattr(options, kind)) is not None:
+            say(f"writing {name}")
+            write(space, Path(name))
+            written[kind] = name
+    if written:
+        answer(options, written, "\n".join(f"written to {name}" for name in written.values()))
         return DONE
-    space = space_throw(throw)
     with contextlib.suppress(KeyboardInterrupt), serving(space, options.port) as (address, panel):
         _show(options, {"address": address, "phases": space.phases()}, panel)
     return DONE
+
+
+def _into_cup(throw: Throw) -> tuple[Array, Array] | None:
+    """Times and CoM poses in the cup until the bar rests there, None where MuJoCo has none."""
+    if throw.scene.cup is None or throw.target.speed:
+        return None
+    try:
+        found = replay(throw)
+    except InputError as error:
+        say(f"the bar stops at the target: {error}")
+        return None
+    return found.times, found.com
 
 
 def run_play(options: argparse.Namespace) -> int:

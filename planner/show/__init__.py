@@ -1,6 +1,6 @@
 """Pictures, GIF, film and 3-D view of throws and releases in one style, and tables."""
 
-from .moving import draw_throw_moving, save_film
+from .moving import draw_throw_moving, save_film, save_picture
 from .release_pictures import draw_releases
 from .server import Panel, empty_page, open_browser, run_panel, serving
 from .style import (

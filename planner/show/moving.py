@@ -1,4 +1,4 @@
-"""The throw as a moving picture: throw.gif, and the same frames as a film."""
+"""The throw as a moving picture, throw.gif, and in 3-D as a picture and as a film."""
 
 from __future__ import annotations
 
@@ -17,9 +17,18 @@ import numpy.typing as npt
 
 from ...models import Indices
 from ...problems import InputError
+from .stage import Stage
 from .style import ARM, BLACK, PHASES, new_figure
-from .throw_picture import bar_corners, draw_surroundings, frame_stage, hand_corners
+from .throw_picture import (
+    CARRIED,
+    FLYING,
+    bar_corners,
+    draw_surroundings,
+    frame_stage,
+    hand_corners,
+)
 from .timeline import Timeline, timeline
+from .view import SpaceThrow, View, put
 
 if TYPE_CHECKING:
     from PIL import Image
@@ -71,37 +80,86 @@ def _palette(pixels: Pixels) -> Image.Image:
     return palette
 
 
-def save_film(throw: Throw, path: Path) -> None:
-    """An MP4 at a fifth of the throw's speed, whole or not at all; the end stays half a second.
+def save_picture(throw: SpaceThrow, path: Path) -> None:
+    """A PNG in 3-D just before detach, with the bar along its way; errors as of `save_film`."""
+    stage = Stage()
+    view = View(stage, throw)
+    _add_ghosts(view)
+    view.show(throw.throw.detach_time - 0.002)
+    with _whole(path, "png") as whole:
+        stage.picture(throw.scene.name).save(whole)
 
-    InputError where ffmpeg or a place to write is missing.
+
+def save_film(throw: SpaceThrow, path: Path) -> None:
+    """An MP4 in 3-D at a fifth of the throw's speed; the end stays half a second.
+
+    Whole or not at all; InputError where ffmpeg, trimesh or a place to write is missing.
     """
-    if path.suffix != ".mp4":
-        raise InputError(f"--mp4 {path}: must end in .mp4")
-    if shutil.which("ffmpeg") is None:
-        raise InputError("--mp4: needs ffmpeg, which is not installed")
-    line = timeline(throw)
-    shown = np.searchsorted(line.times, np.arange(0.0, line.times[-1], SLOW / FILM_FPS) - 1e-9)
-    shown = np.append(shown, np.full(FILM_FPS // 2, len(line.times) - 1))
+    with _whole(path, "mp4") as whole:
+        if shutil.which("ffmpeg") is None:
+            raise InputError("--mp4: needs ffmpeg, which is not installed")
+        try:
+            _encode(_film(throw), whole)
+        except subprocess.CalledProcessError as error:
+            words = f"ffmpeg failed with status {error.returncode}"
+            raise InputError(f"--mp4 {path}: {words}") from None
+
+
+@contextlib.contextmanager
+def _whole(path: Path, kind: str) -> Iterator[Path]:
+    """Where to write a file of a kind, which takes its place when it is whole."""
+    if path.suffix != f".{kind}":
+        raise InputError(f"--{kind} {path}: must end in .{kind}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         with tempfile.TemporaryDirectory(dir=path.parent) as scratch:
-            whole = Path(scratch) / path.name
-            _encode(frames(throw, line, shown), whole)
-            os.replace(whole, path)
+            yield Path(scratch) / path.name
+            os.replace(Path(scratch) / path.name, path)
     except OSError as error:
-        raise InputError(f"--mp4 {path}: {error.strerror or error}") from None
-    except subprocess.CalledProcessError as error:
-        raise InputError(f"--mp4 {path}: ffmpeg failed with status {error.returncode}") from None
+        raise InputError(f"--{kind} {path}: {error.strerror or error}") from None
+
+
+def _add_ghosts(view: View) -> list[tuple[float, Any]]:
+    """The bar along its way to the landing, pale; the times [s] of its poses, and their nodes."""
+    throw, line = view.throw, view.throw.line
+    opening, landing = line.marks["opening"], line.marks["landing"]
+    times = [*np.linspace(0.0, opening, CARRIED), *np.linspace(opening, landing, FLYING)[1:]]
+    found = []
+    for k, time in enumerate(times):
+        i = line.index(time)
+        put(view.scene.add_frame(f"/way{k}"), throw.bar[i])
+        found.append((time, view.add_bar(f"/way{k}/bar", PHASES[line.phase_name(i)], 0.3)))
+    return found
+
+
+def _film(throw: SpaceThrow) -> Iterator[Pixels]:
+    """The film's frames (H, W, 3), one after another."""
+    line, stage = throw.line, Stage()
+    view = View(stage, throw)
+    ghosts = _add_ghosts(view)
+    shown = np.searchsorted(line.times, np.arange(0.0, line.times[-1], SLOW / FILM_FPS) - 1e-9)
+    for i in shown:
+        time = line.times[i]
+        view.show(time)
+        for passed, ghost in ghosts:
+            ghost.visible = passed <= time
+        pixels = np.asarray(stage.picture(_words(line, i)))
+        yield pixels
+    yield from [pixels] * (FILM_FPS // 2)
+
+
+def _words(line: Timeline, i: int) -> str:
+    """Time, phase and how slow a picture is."""
+    return f"t = {1e3 * line.times[i]:.0f} ms   {line.phase_name(i)}   {1 / SLOW:.0f} times slower"
 
 
 def _encode(pictures: Iterable[Pixels], path: Path) -> None:
-    """Pictures (H, W, 4) of one even size as H.264 in the pixel format that all players know."""
+    """Pictures (H, W, 3) of one even size as H.264 in the pixel format that all players know."""
     pictures = iter(pictures)
     first = next(pictures)
     high, wide = first.shape[:2]
     command = [
-        *("ffmpeg", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgba"),
+        *("ffmpeg", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"),
         *("-s", f"{wide}x{high}", "-framerate", str(FILM_FPS), "-i", "pipe:"),
         *("-vcodec", "h264", "-pix_fmt", "yuv420p", "-y", str(path)),
     ]
@@ -147,7 +205,7 @@ def frames(throw: Throw, line: Timeline, shown: Indices) -> Iterator[Pixels]:
         if line.arm is not None:
             arm.set_data(*line.arm[i])
         hand.set_xy(hand_corners(scene, line.hand[:, i]))
-        label.set_text(f"t = {1e3 * line.times[i]:.0f} ms   {phase}   {1 / SLOW:.0f} times slower")
+        label.set_text(_words(line, i))
 
     show(0)
     # The layout is found once, not for every frame.

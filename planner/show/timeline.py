@@ -55,13 +55,22 @@ class Timeline:
         return everything.min(axis=1), everything.max(axis=1)
 
 
-def timeline(throw: Throw, step: float = 0.001) -> Timeline:
-    """The throw every `step` seconds from rest to landing."""
+def timeline(
+    throw: Throw, step: float = 0.001, after: tuple[Array, Array] | None = None
+) -> Timeline:
+    """The throw every `step` seconds from rest to landing.
+
+    after: times (K,) [s] and CoM poses (3, K), to whose end it goes on.
+    """
     scene = throw.scene
     opening, detach, landing = throw.opening_time, throw.detach_time, throw.landing_time
-    times = np.arange(0.0, landing + step / 2, step)
+    end = landing if after is None else max(landing, after[0][-1])
+    times = np.arange(0.0, end + step / 2, step)
     pose, twist, acceleration = throw.mover.hand(throw.to_rest).at(times)
     com, rate, phase = _object(throw, times, pose, twist)
+    if after is not None:
+        late = times > landing
+        com[:, late] = [np.interp(times[late], after[0], row) for row in after[1]]
     profile = scene.gripper.profile()
     grip = np.where(times < opening, profile.full, profile.force(times - opening))
     # The wrench on the pads that keeps the object still in the hand, over what they transmit.

@@ -33,7 +33,7 @@ PAD_SPEED, PAD_TRAVEL = 0.1, 0.03
 FREE_HAND = (0.12, 0.045, 0.03)
 RIM, LIGHT = 0.006, 2.0
 #: How far a mark's name is below it [m]: those at the release are near each other.
-LABEL_DROP = {"command": 0.16, "opening": 0.11, "detach": 0.06, "landing": 0.0}
+LABEL_DROP = {"command": 0.2, "opening": 0.13, "detach": 0.06, "landing": 0.0}
 #: Half the least thickness drawn for a bar [m].
 LEAST_HALF = 0.004
 #: The camera's vertical angle, and the width over height that the throw must fit.
@@ -82,7 +82,9 @@ class SpaceThrow:
     def target(self, target: Pose | None = None) -> Array:
         """4x4: the target, its own by default; at the landing's angle where that is open."""
         target = target or self.throw.target
-        theta = float(self.line.com[2, -1]) if target.theta is None else target.theta
+        theta = target.theta
+        if theta is None:
+            theta = float(self.line.com[2, self.line.index(self.throw.landing_time)])
         poses = target.plane.poses(np.array([[target.plane_x], [target.z], [theta]]))
         return np.asarray(poses[0])
 
@@ -98,9 +100,9 @@ class SpaceThrow:
         return low, high
 
 
-def space_throw(throw: Throw) -> SpaceThrow:
-    """The throw in space every millisecond."""
-    line, plane = timeline(throw), throw.target.plane
+def space_throw(throw: Throw, after: tuple[Array, Array] | None = None) -> SpaceThrow:
+    """The throw in space every millisecond; after: what follows the landing, as of `timeline`."""
+    line, plane = timeline(throw, after=after), throw.target.plane
     hand, bar = plane.poses(line.hand), plane.poses(line.com)
     joints = np.empty((len(line.times), 0, 4, 4))
     if isinstance(throw.mover.kinematics, PlanarArm):
@@ -342,9 +344,9 @@ def rgb(colour: str) -> tuple[int, int, int]:
 
 def _quaternion(turn: Array) -> Array:
     """(w, x, y, z) of a rotation matrix."""
-    from viser.transforms import SO3
+    from scipy.spatial.transform import Rotation
 
-    return np.asarray(SO3.from_matrix(turn).wxyz)
+    return np.asarray(Rotation.from_matrix(turn).as_quat(scalar_first=True))
 
 
 def put(node: Any, pose: Array) -> None:

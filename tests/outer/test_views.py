@@ -12,8 +12,10 @@ import sys
 import urllib.request
 from pathlib import Path
 
+import numpy as np
 import pytest
 import throwplan as tp
+from PIL import Image
 
 
 def viewing(*words: object) -> subprocess.Popen[str]:
@@ -89,7 +91,8 @@ def test_wrong_options(saved, refused, tmp_path) -> None:
     for hold in ("0", "-1", "soon", "inf"):
         assert f"--hold {hold}: must be" in refused(f"view --hold={hold}", saved("hand-flip"))
     gif = tmp_path / "throw.gif"
-    assert "must end in .mp4" in refused("view", saved("hand-flip"), "--mp4", gif)
+    for kind in ("mp4", "png"):
+        assert f"must end in .{kind}" in refused("view", saved("hand-flip"), f"--{kind}", gif)
 
 
 def test_wrong_plans(saved, refused, tmp_path) -> None:
@@ -149,6 +152,18 @@ def test_a_film_needs_ffmpeg_that_works(saved, refused, monkeypatch, tmp_path: P
     assert "ffmpeg failed with status 1" in refused(*words, path)
     assert path.read_text() == "earlier"
     assert "below.mp4: File exists" in refused(*words, path / "below.mp4")
+
+
+def test_a_picture_of_the_scene(saved, run, tmp_path) -> None:
+    """The bar before detach, its way in flight, and neither at the edges."""
+    path = tmp_path / "pictures" / "throw.png"
+    assert run("view", saved("hand-flip"), "--png", path, "--json").json == {"png": str(path)}
+    picture = np.asarray(Image.open(path).convert("RGB")).astype(int)
+    red, green, blue = picture.transpose(2, 0, 1)
+    for there in (red > blue + 60, green > red + 25):
+        places = np.argwhere(there)
+        assert len(places) > 50
+        assert places.min() > 0 and (places.max(axis=0) < np.array(there.shape) - 1).all()
 
 
 @pytest.mark.slow

@@ -1,0 +1,262 @@
+"""The 3-D view as pictures, without a browser: what `View` puts into a viser scene, painted here.
+
+A `Stage` takes the place of viser's server. It keeps each shape as triangles and paints them from
+the far ones to the near ones, so that neither a graphics card nor a browser is needed.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections.abc import Iterator
+from dataclasses import dataclass, field
+from types import SimpleNamespace
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...models import Array
+from ...problems import InputError
+
+if TYPE_CHECKING:
+    from PIL import Image
+
+#: Width and height of a picture, each painted so many times larger and then reduced.
+SIZE, FINER = (960, 720), 2
+#: Longest edge of a triangle [m]: long ones cannot be told to be before or behind others.
+EDGE = 0.05
+#: Where light comes from, and the share of it that comes from all sides.
+LIGHT, AMBIENT = np.array([-0.35, -0.5, 0.8]), 0.7
+#: What is nearer to the camera than this is not painted [m].
+NEAR = 0.2
+SHADOW, MARGIN = (222, 222, 222), 1.15
+#: The depth at which the floor's lines are painted, before all else [m].
+FLOOR = 1e3
+
+#: Pixels and colour; depth [m], parts, width of a line in pixels, and opacity of glass.
+Part = tuple[list[float], tuple[int, ...]]
+Shape = tuple[float, list[Part], int | None, float | None]
+
+
+@dataclass(eq=False)
+class Node:
+    """A shape or frame of the scene; position and wxyz are in the frame its name lies in."""
+
+    name: str
+    vertices: Array
+    faces: Array
+    color: tuple[int, int, int] = (0, 0, 0)
+    opacity: float | None = None
+    position: Any = (0.0, 0.0, 0.0)
+    wxyz: Any = (1.0, 0.0, 0.0, 0.0)
+    dimensions: Any = None
+    visible: bool = True
+
+
+@dataclass
+class Stage:
+    """What `View` needs of viser's server and of its scene, and `picture`."""
+
+    nodes: dict[str, Node] = field(default_factory=dict)
+    lines: list[tuple[str, Array, Array, float]] = field(default_factory=list)
+    words: list[tuple[str, str, Array]] = field(default_factory=list)
+    initial_camera: Any = field(default_factory=SimpleNamespace)
+    floor: float = 0.0
+    atomic = contextlib.nullcontext
+
+    def __post_init__(self) -> None:
+        """InputError where trimesh is missing."""
+        try:
+            import trimesh  # noqa: F401
+        except ImportError:
+            raise InputError("pictures in 3-D need trimesh: pip install trimesh") from None
+
+    @property
+    def scene(self) -> Stage:
+        """The scene: the stage itself."""
+        return self
+
+    def configure_environment_map(self, name: None) -> None:
+        """There is none."""
+
+    def add_light_ambient(self, name: str, intensity: float) -> None:
+        """The light is given."""
+
+    def add_frame(self, name: str, show_axes: bool = False) -> Node:
+        """A frame that others lie in."""
+        return self._add(name, np.zeros((0, 3)), np.zeros((0, 3), int))
+
+    def add_box(self, name: str, color: Any, dimensions: Any, **look: Any) -> Node:
+        """A box of three sides [m]."""
+        from trimesh.creation import box
+
+        mesh = box(dimensions)
+        return self._add(name, mesh.vertices, mesh.faces, color, dimensions=dimensions, **look)
+
+    def add_cylinder(
+        self, name: str, radius: float, height: float, color: Any, **look: Any
+    ) -> Node:
+        """A cylinder about z [m]."""
+        from trimesh.creation import cylinder
+
+        mesh = cylinder(radius, height, sections=28)
+        return self._add(name, mesh.vertices, mesh.faces, color, **look)
+
+    def add_icosphere(
+        self, name: str, radius: float, color: Any, subdivisions: int = 2, **look: Any
+    ) -> Node:
+        """A ball [m]."""
+        from trimesh.creation import icosphere
+
+        mesh = icosphere(min(subdivisions, 2), radius)
+        return self._add(name, mesh.vertices, mesh.faces, color, **look)
+
+    def add_mesh_simple(
+        self, name: str, vertices: Array, faces: Array, color: Any, side: str = "", **look: Any
+    ) -> Node:
+        """Triangles: vertices (N, 3) [m] and their indices (M, 3)."""
+        return self._add(name, vertices, faces, color, **look)
+
+    def add_grid(
+        self, name: str, width: float, height: float, position: Any, cell_size: float, **look: Any
+    ) -> None:
+        """The floor: lines every `cell_size` [m], which begin and end at each of them."""
+        self.floor = position[2]
+        at = np.arange(-width / 2, width / 2 + cell_size / 2, cell_size)
+        points = np.stack([*np.meshgrid(at, at), np.full((len(at),) * 2, self.floor)], axis=-1)
+        for turned in (points, points.transpose(1, 0, 2)):
+            pieces = np.stack([turned[:, :-1], turned[:, 1:]], axis=2)
+            heavy = np.arange(len(at)) % 5 == 0
+            for rows, grey in ((pieces[~heavy], 226), (pieces[heavy], 190)):
+                self.add_line_segments("/floor", rows.reshape(-1, 2, 3), (grey,) * 3, 0.0)
+
+    def add_line_segments(self, name: str, points: Array, colors: Any, thickness: float) -> None:
+        """Pieces (N, 2, 3) [m] in the frame that `name` lies in; those of another call stay."""
+        colours = np.broadcast_to(colors, points.shape)[:, 0]
+        self.lines.append((name, points, colours, thickness))
+
+    def add_label(self, name: str, text: str, anchor: str, position: Any) -> None:
+        """A word to the right of a point."""
+        self.words.append((name, text, np.array(position)))
+
+    def picture(self, title: str) -> Image.Image:
+        """The scene as its camera sees it now, with a title."""
+        from PIL import Image, ImageDraw, ImageFont
+
+        font = ImageFont.load_default(15 * FINER)
+        image = Image.new("RGB", (SIZE[0] * FINER, SIZE[1] * FINER), "white")
+        draw = ImageDraw.Draw(image)
+        for _, parts, width, opacity in self._shapes():
+            if width is not None:
+                draw.line(parts[0][0], fill=parts[0][1], width=width)
+            elif opacity is None:
+                draw.polygon(parts[0][0], fill=parts[0][1])
+            else:
+                _paint_glass(image, parts, opacity)
+        for name, text, at in self.words:
+            place, depth = self._seen(self._pose(name)[:3] @ np.append(at, 1.0))
+            if depth > NEAR:
+                look: dict[str, Any] = {"font": font, "stroke_width": 6, "stroke_fill": "white"}
+                draw.text((place[0] + 10, place[1]), text, fill="black", anchor="lm", **look)
+        draw.text((30, 24), title, fill="black", font=ImageFont.load_default(18 * FINER))
+        return image.resize(SIZE, Image.Resampling.LANCZOS)
+
+    def _add(self, name: str, vertices: Array, faces: Array, color: Any = 0, **look: Any) -> Node:
+        from trimesh import remesh
+
+        split: Any = remesh.subdivide_to_size
+        look = {key: value for key, value in look.items() if not key.endswith("shadow")}
+        if len(faces) and look.get("opacity") is None:
+            vertices, faces = split(vertices, faces, EDGE, max_iter=20)
+        self.nodes[name] = Node(name, np.array(vertices), np.array(faces), color, **look)
+        return self.nodes[name]
+
+    def _pose(self, name: str) -> Array:
+        """4x4: the frame of a node, or of its nearest parent that is one."""
+        from scipy.spatial.transform import Rotation
+
+        if name in ("", "/"):
+            return np.eye(4)
+        pose = self._pose(name.rpartition("/")[0])
+        if name not in self.nodes:
+            return pose
+        node, local = self.nodes[name], np.eye(4)
+        local[:3, :3] = Rotation.from_quat(np.array(node.wxyz), scalar_first=True).as_matrix()
+        local[:3, 3] = node.position
+        return np.asarray(pose @ local)
+
+    def _seen(self, points: Array) -> tuple[Array, Array]:
+        """Pixels (..., 2) and depths (...) [m] of points (..., 3) [m]."""
+        camera = self.initial_camera
+        ahead = camera.look_at - camera.position
+        ahead = ahead / np.linalg.norm(ahead)
+        right = np.cross(ahead, camera.up)
+        right /= np.linalg.norm(right)
+        turned = (points - camera.position) @ np.array([right, np.cross(ahead, right), ahead]).T
+        size = FINER * np.array(SIZE)
+        scale = MARGIN * size[1] / 2 / np.tan(camera.fov / 2)
+        depth = turned[..., 2]
+        return size / 2 + scale * turned[..., :2] / np.maximum(depth, NEAR)[..., None], depth
+
+    def _shapes(self) -> list[Shape]:
+        """All that is painted, the far ones first: the floor's lines, shadows, then the rest."""
+        return sorted([*self._pieces(), *self._solids()], key=lambda shape: -shape[0])
+
+    def _pieces(self) -> Iterator[Shape]:
+        """Lines; those on the floor, without thickness, lie under everything."""
+        for name, pieces, colours, thickness in self.lines:
+            pose = self._pose(name)
+            places, depths = self._seen(pieces @ pose[:3, :3].T + pose[:3, 3])
+            middle = depths.mean(axis=1)
+            wide = MARGIN * FINER * SIZE[1] * thickness / np.maximum(middle, NEAR)
+            for k in np.flatnonzero(depths.min(axis=1) > NEAR):
+                part = places[k].ravel().tolist(), tuple(colours[k])
+                back = FLOOR if thickness == 0.0 else middle[k]
+                yield back, [part], max(2, round(float(wide[k]))), None
+
+    def _solids(self) -> Iterator[Shape]:
+        """The triangles that face the camera, and their shadows; those of glass in one."""
+        from scipy.spatial import ConvexHull
+
+        light = LIGHT / np.linalg.norm(LIGHT)
+        for node in self.nodes.values():
+            if not (node.visible and len(node.faces)):
+                continue
+            pose = self._pose(node.name)
+            corners = (node.vertices @ pose[:3, :3].T + pose[:3, 3])[node.faces]
+            normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+            normals /= np.maximum(np.linalg.norm(normals, axis=1), 1e-12)[:, None]
+            toward = self.initial_camera.position - corners.mean(axis=1)
+            facing = (toward * normals).sum(axis=1) > 0
+            corners, normals = corners[facing], normals[facing]
+            places, depths = self._seen(corners)
+            shade = AMBIENT + (1 - AMBIENT) * np.maximum(normals @ light, 0.0)
+            colours = (np.array(node.color) * shade[:, None]).astype(int)
+            parts = [
+                (place.ravel().tolist(), tuple(colour))
+                for place, colour in zip(places, colours.tolist(), strict=True)
+            ]
+            if node.opacity is not None:
+                yield float(depths.mean()), parts, None, node.opacity
+                continue
+            for depth, part in zip(depths.mean(axis=1), parts, strict=True):
+                yield depth, [part], None, None
+            # As of a convex body, which all but a cup's rim are.
+            corners[..., 2] = self.floor
+            under = self._seen(corners.reshape(-1, 3))[0]
+            under = under[ConvexHull(under).vertices]
+            yield FLOOR / 2, [(under.ravel().tolist(), SHADOW)], None, None
+
+
+def _paint_glass(image: Image.Image, parts: list[Part], opacity: float) -> None:
+    """Triangles to look through; painted one by one, their common edges would show."""
+    from PIL import Image, ImageDraw
+
+    points = np.vstack([np.reshape(pixels, (-1, 2)) for pixels, _ in parts])
+    low, high = np.floor(points.min(axis=0)), np.ceil(points.max(axis=0)) + 1
+    size = tuple((high - low).astype(int).tolist())
+    layer, mask = Image.new("RGB", size), Image.new("L", size)
+    for pixels, colour in parts:
+        shape = (np.reshape(pixels, (-1, 2)) - low).ravel().tolist()
+        ImageDraw.Draw(layer).polygon(shape, fill=colour)
+        ImageDraw.Draw(mask).polygon(shape, fill=round(255 * opacity))
+    image.paste(layer, tuple(low.astype(int).tolist()), mask)
