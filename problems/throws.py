@@ -93,12 +93,12 @@ class MeasuredThrow:
     name: str
     object: ThrownObject
     grasp: Grasp
-    times: Array
-    motion: Array
+    times: Array = dataclasses.field(repr=False)
+    motion: Array = dataclasses.field(repr=False)
     command: float
-    grip: TableRelease
+    grip: TableRelease = dataclasses.field(repr=False)
     landing: tuple[float, float, float] | None
-    track: Array | None
+    track: Array | None = dataclasses.field(repr=False)
     factors: dict[str, str]
 
     @property
@@ -114,8 +114,8 @@ class ThrowData:
 
     name: str
     shared: Shared
-    throws: tuple[MeasuredThrow, ...]
-    arm: Arm | None = None
+    throws: tuple[MeasuredThrow, ...] = dataclasses.field(repr=False)
+    arm: Arm | None = dataclasses.field(default=None, repr=False)
     truth: dict[str, float] = dataclasses.field(default_factory=dict)
 
     def picked(self, numbers: Indices | list[int]) -> ThrowData:

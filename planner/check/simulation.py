@@ -6,7 +6,7 @@ import pathlib
 import time
 from collections.abc import Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import partial
 from typing import Any
 
@@ -63,7 +63,7 @@ class Simulation:
     """One release by one model; landing is None where the scene gives no height."""
 
     model: str
-    release: Release
+    release: Release = field(repr=False)
     landing: LandingPoint | None
     seconds: float
 

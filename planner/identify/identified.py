@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -42,7 +42,7 @@ class Identified:
     model: str
     data: ThrowData
     prior: Belief | None
-    grid: Grid | None
+    grid: Grid | None = field(repr=False)
     fit: Fit | None
     error: float | None
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -86,7 +87,7 @@ def throw_data(
     plans: Sequence[Plan],
     landings: Sequence[tuple[float, float]] | None = None,
     position_noise: float = 0.005,
-    angle_noise: float = np.radians(2.0),
+    angle_noise: float = math.radians(2.0),
 ) -> ThrowData:
     """Throws of solved plans of one scene as a data set: the hand's motion, command and grip.
 

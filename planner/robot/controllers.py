@@ -6,7 +6,7 @@ import math
 import os
 from collections.abc import Sequence
 from contextlib import ExitStack
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -35,11 +35,11 @@ class JointMotion:
     q, dq, ddq (N, joints) at times (N,) [s]; throw: where it comes from.
     """
 
-    arm: Arm
+    arm: Arm = field(repr=False)
     throw: Throw
-    q: Array
-    dq: Array
-    ddq: Array
+    q: Array = field(repr=False)
+    dq: Array = field(repr=False)
+    ddq: Array = field(repr=False)
 
     @property
     def times(self) -> Array:

@@ -22,7 +22,7 @@ POOL, DIFFERENT = 400, 0.15
 DETOUR = 0.1
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Releases:
     """Feasible sampled releases: (N, n) coordinates, rates and accelerations at the
     opening's start, run-up time (N,), detach states (N, 6): x, z, theta, v_x, v_z, omega,
