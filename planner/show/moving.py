@@ -189,7 +189,7 @@ def frames(throw: Throw, line: Timeline, shown: Indices) -> Iterator[Pixels]:
     canvas: Any = FigureCanvasAgg(figure)
     stage, scene = figure.subplots(), throw.scene
     draw_surroundings(stage, scene, throw.target)
-    frame_stage(stage, scene, line)
+    frame_stage(stage, scene, throw.target, line)
     bar = Polygon(np.zeros((4, 2)), closed=True, zorder=6)
     trail = stage.plot([], [], color=BLACK, lw=0.8, zorder=3)[0]
     arm = stage.plot([], [], "-o", color=ARM, lw=5, ms=5, solid_capstyle="round", zorder=4)[0]

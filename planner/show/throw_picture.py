@@ -25,31 +25,36 @@ if TYPE_CHECKING:
 LEAD_MS = 120.0
 #: Least width drawn for a bar [m], and how many of its poses are drawn in the hand and in flight.
 MIN_WIDTH, CARRIED, FLYING = 0.008, 6, 7
+#: Poses of the bar between the pads that are drawn.
+RELEASING = 5
+#: What does not move is in the picture up to this far from what does [m].
+AROUND = 0.4
 #: The plot of turning rates spans at least this [rad/s].
 LEAST_RATE = 1.0
 
 
 def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None = None) -> Figure:
-    """The throw as one picture: arm and bar in the plane, and three plots over time.
+    """The throw as one picture: the plane, the release seen from the hand, plots over time.
 
     path: of the PNG that is written, if any.
 
     load: times [s] and load of a robust plan's window, as `load_curve` gives them.
     """
     line, scene = timeline(throw), throw.scene
-    figure = new_figure(12.5, 6.6)
-    grid = figure.add_gridspec(3, 2, width_ratios=(2.1, 1))
+    figure = new_figure(12.5, 7.6)
+    grid = figure.add_gridspec(4, 2, width_ratios=(1.7, 1), height_ratios=(1.2, 1, 1, 1))
     stage = figure.add_subplot(grid[:, 0])
     draw_surroundings(stage, scene, throw.target)
     _draw_arms(stage, scene, line)
     _draw_bars(stage, scene.object, line)
-    frame_stage(stage, scene, line)
+    frame_stage(stage, scene, throw.target, line)
+    _draw_release(figure.add_subplot(grid[0, 1]), scene, line)
     dx, dtheta = throw.final.miss(throw.target)
     kind = "exact" if scene.robot is None else "sent"
     angle = "" if throw.target.theta is None else f", {np.degrees(abs(dtheta)):.3f} deg"
     title = f"{scene.name}: {kind} landing {1e3 * abs(dx):.3f} mm{angle} from the target\n"
     stage.set_title(title + _words_of_flight(throw), loc="left", fontsize=10)
-    plots = [figure.add_subplot(grid[i, 1]) for i in range(3)]
+    plots = [figure.add_subplot(grid[i, 1]) for i in (1, 2, 3)]
     _draw_plots(plots, line)
     if load is not None:
         _draw_window(plots[-1], *load)
@@ -109,19 +114,63 @@ def draw_surroundings(stage: Axes, scene: Scene, target: Pose) -> None:
     stage.plot([x], [target.z], "k+", ms=11, zorder=8, label="target")
 
 
-def frame_stage(stage: Axes, scene: Scene, line: Timeline) -> None:
-    """Equal axes around everything that moves, and the legend."""
+def frame_stage(stage: Axes, scene: Scene, target: Pose, line: Timeline) -> None:
+    """Equal axes around everything that moves and what is near it, and the legend below."""
     low, high = line.extent(scene)
-    low, high = low - 0.08, high + 0.08
+    there = [solid.outline() for solid in obstacles_of(scene.aimed_at(target))]
     if scene.cup is not None:
-        low[1] = min(low[1], scene.cup.rim - scene.cup.depth - 0.04)
-        high[0] = max(high[0], scene.cup.x + scene.cup.radius + 0.05)
+        cup = scene.cup
+        left, right, bottom = cup.x - cup.radius, cup.x + cup.radius, cup.rim - cup.depth
+        there.append(np.array([[left, bottom], [right, cup.rim]]))
+    if (column := column_of(scene)) is not None:
+        there.append(np.array([[-column[0], 0.0], column]))
+    if scene.workspace is not None and scene.workspace.floor is not None:
+        there.append(np.array([[low[0], scene.workspace.floor]]))
+    points = np.clip(np.vstack([*there, [low, high]]), low - AROUND, high + AROUND)
+    low, high = points.min(axis=0) - 0.06, points.max(axis=0) + 0.06
     stage.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x [m]", ylabel="z [m]")
     stage.set_aspect("equal")
     stage.grid(alpha=0.25)
     if len(stage.get_legend_handles_labels()[0]) > 1:
         below: dict[str, Any] = {"loc": "upper center", "bbox_to_anchor": (0.5, -0.1)}
         stage.legend(fontsize=8, frameon=False, ncols=5, **below)
+
+
+def _draw_release(axes: Axes, scene: Scene, line: Timeline) -> None:
+    """The bar between the pads at some instants of the opening, in the hand's frame.
+
+    Turned so that the carried bar lies flat; the title says how far it slips and pivots.
+    """
+    from matplotlib.patches import Circle, Polygon
+
+    begin, end = (line.index(line.marks[name]) for name in ("opening", "detach"))
+    angle = line.hand[2] + scene.grasp.angle
+    x, z = line.com[:2] - line.hand[:2]
+    cos, sin = np.cos(angle), np.sin(angle)
+    seen = np.array([cos * x + sin * z, cos * z - sin * x, line.com[2] - angle])
+    palm = hand_corners(scene, np.array([0.0, 0.0, -scene.grasp.angle]))
+    axes.add_patch(Polygon(palm, closed=True, color=ARM, alpha=0.4, lw=0, zorder=1))
+    for i in np.linspace(begin, end, RELEASING).astype(int):
+        corners, colour = bar_corners(scene.object, seen[:, i]), PHASES[line.phase_name(i)]
+        look: dict[str, Any] = {"fc": (colour, 0.1), "ec": colour, "lw": 1.2, "zorder": 3}
+        axes.add_patch(Polygon(corners, closed=True, **look))
+    pad = float(scene.patch.patch_radius)
+    axes.add_patch(Circle((0.0, 0.0), pad, fill=False, color=BLACK, ls=":", zorder=4))
+    axes.plot(*seen[:2, begin : end + 1], color=BLACK, lw=1.2, zorder=4)
+    axes.plot(*seen[:2, end], "o", color=BLACK, ms=3, zorder=4)
+    axes.set_aspect("equal")
+    axes.autoscale_view()
+    axes.margins(0.04)
+    axes.set_xlabel("in the hand's frame [m]", fontsize=8)
+    axes.tick_params(labelsize=7)
+    turned = seen[2, end]
+    # Where the pads' centre is along and across the bar, and how far that goes.
+    across = [[np.cos(turned), np.sin(turned)], [-np.sin(turned), np.cos(turned)]]
+    slip = np.linalg.norm(np.array(across) @ seen[:2, end] - seen[:2, begin])
+    words = f"slips {1e3 * slip:.2f} mm, pivots {np.degrees(turned - seen[2, begin]):.1f} deg"
+    opening = 1e3 * (line.times[end] - line.times[begin])
+    title = f"between the pads (dotted) while they open, {opening:.0f} ms:\n{words}"
+    axes.set_title(title, loc="left", fontsize=9)
 
 
 def _draw_arms(stage: Axes, scene: Scene, line: Timeline) -> None:
