@@ -8,6 +8,7 @@ from typing import Any
 
 import numpy as np
 
+from ...models import Array
 from ...problems import Distribution, Pose, Scene, Uncertainty
 from ..reach import ReachMap
 from ..result import Plan
@@ -59,38 +60,50 @@ def draw_cloud(space: Any, found: Sweep) -> Any:
 
 def cloud_words(found: Sweep, half: float) -> str:
     """How many of the throws succeed."""
-    spread = 1e3 * float(np.ptp(found.landings.pose[:, 0]))
+    x = found.landings.pose[:, 0]
+    spread = 1e3 * float(np.ptp(x[np.isfinite(x)])) if np.isfinite(x).any() else math.nan
     where = "land within the tolerance" if found.plan.scene.cup is None else "go into the cup"
     good = f"{int(found.success.sum())} of {found.samples}"
     return f"{good} throws {where}, opened up to ±{1e3 * half:g} ms off; spread {spread:.0f} mm"
 
 
-def draw_reach(space: Any, found: ReachMap, target: Pose, floor: float) -> Any:
-    """Where on the floor throws land at about the target's angle.
+def bands(found: ReachMap, theta: float | None, farthest: float | None) -> Array:
+    """Where throws land at about an angle: from x, to x [m] and the best margin (N, 3).
 
-    From orange, where a limit is used up, to blue; about the base where an arm turns, else along x.
-    Returns the node.
+    farthest [m]: the edge of the reach, which sampled throws seldom come near; None if unknown.
+    """
+    if not found.reachable:
+        return np.zeros((0, 3))
+    column = found.bin_of(float(found.x_edges[0]), theta)
+    rows = np.column_stack([found.x_edges[:-1], found.x_edges[1:], found.margin])
+    rows = rows[:, [0, 1, 2 + column[1]]] if column else rows[:0]
+    rows = rows[np.isfinite(rows[:, 2])]
+    if farthest is None or not rows.size or farthest <= rows[-1, 1]:
+        return np.asarray(rows)
+    return np.vstack([rows, [rows[-1, 1], farthest, 0.0]])
+
+
+def draw_reach(space: Any, rows: Array, scene: Scene, target: Pose, floor: float) -> Any:
+    """The bands on the floor, from orange, where a limit is used up, to blue; returns the node.
+
+    About the base where an arm turns, else along x.
     """
     from trimesh.creation import revolve
 
-    half = (target.plane.azimuth - SECTOR) / 2 if found.scene.arm else 0.0
+    half = (target.plane.azimuth - SECTOR) / 2 if scene.arm else 0.0
     turn = math.cos(half), 0.0, 0.0, math.sin(half)
     at = (0.0, 0.0, floor + ABOVE)
     frame = space.add_frame("/reach", show_axes=False, position=at, wxyz=turn)
-    column = found.bin_of(float(found.x_edges[0]), target.theta) if found.reachable else None
-    for i, margin in enumerate(() if column is None else found.margin[:, column[1]]):
-        low, high = found.x_edges[i : i + 2]
-        if not np.isfinite(margin) or (found.scene.arm and low < 0.0):
-            continue
+    for i, (low, high, margin) in enumerate(rows):
         share = min(max(margin, 0.0) / MARGIN, 1.0)
         colour = (1 - share) * np.array(rgb(ORANGE)) + share * np.array(rgb(BLUE))
         look: dict[str, Any] = {"color": tuple(colour.astype(int)), "opacity": 0.35}
         look |= {"cast_shadow": False, "receive_shadow": False}
         name = f"/reach/{i}"
-        if found.scene.arm is None:
+        if scene.arm is None:
             at = ((low + high) / 2, 0.0, 0.0)
             space.add_box(name, dimensions=(high - low, STRIP, 0.001), position=at, **look)
-        else:
+        elif low >= 0.0:
             ends = np.hypot([low, high], target.lateral)
             mesh = revolve(np.column_stack([ends, [0.0, 0.0]]), 2 * SECTOR, sections=40)
             space.add_mesh_simple(name, mesh.vertices, mesh.faces, side="double", **look)

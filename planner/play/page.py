@@ -19,15 +19,17 @@ from ..plan import PATIENCE, Planner
 from ..reach import ReachMap, reach_map
 from ..result import Plan, throw_of
 from ..show import RED, Panel, View, put, space_throw
-from .around import cloud_words, delay_of, draw_cloud, draw_reach, late_and_early, off_time
+from .around import bands, cloud_words, delay_of, draw_cloud, draw_reach, late_and_early, off_time
 from .newest import Newest, OutdatedError
 
 #: How long [s] a throw is looked for while the target may still move.
 QUICK = 0.5
 #: Friction and opening time go to these shares of the scene's.
 SHARES = (0.5, 1.5)
+#: No throw reaches that far [m]; landings that differ by less are at the same angle [rad].
+BEYOND, SAME_ANGLE = 20.0, math.radians(10.0)
 #: Sampled throws of a map, and the longest delay [ms].
-SAMPLES, LONGEST = 50_000, 30.0
+SAMPLES, LONGEST = 20_000, 30.0
 
 
 @dataclass(frozen=True)
@@ -47,8 +49,9 @@ class Wanted:
 class PlayPage:
     """Plans what its controls ask for, and shows it.
 
-    planner, plan: where it begins. `panel.advance` plays the throw that is shown. viser calls back
-    from other threads: what they change is under a lock, and plans are made in one thread.
+    planner, plan: where it begins. `panel.advance` plays the throw that is shown; reach (N, 3): the
+    bands on the floor. viser calls back from other threads: what they change is under a lock;
+    plans are made in one thread, maps in another.
     """
 
     def __init__(self, server: Any, planner: Planner, plan: Plan) -> None:
@@ -65,9 +68,10 @@ class PlayPage:
         view.add_bar("/nearest/bar", RED, 0.5)
         view.aim(self._base)
         self._last = self.wanted
-        self._reach: ReachMap | None = None
-        self._plans, self._maps = Newest(self._plan), Newest(self._map)
-        self._maps.ask(self._last)
+        self._mapped: ReachMap | None = None
+        self._surveyor, self.reach = planner, np.zeros((0, 3))
+        self.plans, self.maps = Newest(self._plan), Newest(self._map)
+        self.maps.ask(self._last)
 
     @property
     def wanted(self) -> Wanted:
@@ -151,9 +155,9 @@ class PlayPage:
                 self.strip.content = f"**wrong input**: {error}"
                 return
             self.panel.view.aim(target)
-        self._plans.ask(wanted)
+        self.plans.ask(wanted)
         if wanted.mapped != last.mapped:
-            self._maps.ask(wanted)
+            self.maps.ask(wanted)
 
     def _plan(self, wanted: Wanted) -> None:
         """Plans, quickly at first; more patiently where nothing else is asked for."""
@@ -167,7 +171,7 @@ class PlayPage:
             made = partial(self._planner.plan, wanted.target, warm=self.plan, robust=robust)
             plan = made(patience=QUICK)
             done = plan.solved and plan.robust != "nominal"
-            if not done and not self._plans.waiting:
+            if not done and not self.plans.waiting:
                 self.strip.content = "planning..."
                 plan = made(patience=PATIENCE)
         except InputError as error:
@@ -189,22 +193,38 @@ class PlayPage:
             self.strip.content = plan_words(plan)
 
     def _map(self, wanted: Wanted) -> None:
-        """Draws the reach at the target's height and angle."""
-        found, target = self._reach, wanted.target
+        """Draws the reach at the target's height and angle, then up to its edge."""
+        found, target = self._mapped, wanted.target
         try:
             if found is None or (found.scene, found.z) != (wanted.scene, target.z):
-                self._reach = found = reach_map(
-                    wanted.scene, target.z, SAMPLES, progress=self._go_on
-                )
+                self._surveyor = Planner(wanted.scene)
+                found = reach_map(wanted.scene, target.z, SAMPLES, progress=self._go_on)
+                self._mapped = found
+            self._draw_reach(found, target, None)
+            if found.reachable and not self.maps.waiting:
+                self._draw_reach(found, target, self._edge(target))
         except InputError:
             return
+
+    def _edge(self, target: Pose) -> float | None:
+        """x [m] of the farthest landing at about the target's angle; None where none is found."""
+        beyond = target.changed(x=BEYOND, y=0.0, velocity=None, arrival=None)
+        edge = self._surveyor.plan(beyond).nearest
+        if edge is None:
+            return None
+        turned = edge.changed(x=BEYOND, y=0.0, z=target.z).distance(beyond, 1.0)
+        return edge.plane_x if turned < SAME_ANGLE else None
+
+    def _draw_reach(self, found: ReachMap, target: Pose, farthest: float | None) -> None:
         with self._lock:
             self._drop("reach")
-            view, at = self.panel.view, self._base.changed(theta=target.theta)
-            self._drawn["reach"] = draw_reach(view.scene, found, at, view.floor)
+            view, at = self.panel.view, self._base
+            self.reach = bands(found, target.theta, farthest)
+            scene, floor = found.scene, view.floor
+            self._drawn["reach"] = draw_reach(view.scene, self.reach, scene, at, floor)
 
     def _go_on(self, *_: int) -> None:
-        if self._maps.waiting:
+        if self.maps.waiting:
             raise OutdatedError
 
     def _drop(self, name: str) -> None:
@@ -240,15 +260,10 @@ class PlayPage:
         except InputError as error:
             self.said.content = f"**{error}**"
 
-    def finish(self) -> None:
-        """Waits until everything that was asked for is shown."""
-        self._plans.finish()
-        self._maps.finish()
-
     def end(self) -> None:
         """Stops planning."""
-        self._maps.end(PATIENCE)
-        self._plans.end(PATIENCE)
+        self.maps.end(PATIENCE)
+        self.plans.end(PATIENCE)
 
 
 def first_plan(planner: Planner) -> Plan:

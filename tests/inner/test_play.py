@@ -11,18 +11,29 @@ from typing import Any
 import pytest
 import throwplan as tp
 from browser import browsing, needs_browser
-from throwplan.planner.play import PlayPage, first_plan
+from throwplan.planner.play import PlayPage, first_plan, late_and_early
 from throwplan.planner.show import empty_page
 
 
-@pytest.fixture
-def page(free_port):
+@pytest.fixture(scope="module")
+def served(free_port):
     """The page of `hand-flip`, and its address."""
     planner = tp.Planner("hand-flip")
     with empty_page("hand-flip", free_port()) as (address, server):
         found = PlayPage(server, planner, first_plan(planner))
-        yield found, address
+        controls = [*found.place, found.theta, found.friction, found.opening, found.robust]
+        yield found, address, [(control, control.value) for control in controls]
         found.end()
+
+
+@pytest.fixture
+def page(served: Any):
+    """The same as it was at first."""
+    found, address, values = served
+    for control, value in values:
+        control.value = value
+    found.plans.finish()
+    return found, address
 
 
 def test_the_throw_follows_the_target(page: Any) -> None:
@@ -31,7 +42,7 @@ def test_the_throw_follows_the_target(page: Any) -> None:
     x, _, z = found.place
     for control, value in ((x, 1.1), (z, 0.3), (found.theta, 260.0)):
         control.value = value
-        found.finish()
+    found.plans.finish()
     goal = found.plan.target
     assert (goal.x, goal.z, math.degrees(goal.theta)) == pytest.approx((1.1, 0.3, 260.0))
     bar = found.panel.throw.bar[-1, :3, 3]
@@ -42,7 +53,7 @@ def test_only_the_newest_wish_is_planned(page: Any) -> None:
     found, _ = page
     for i in range(20):
         found.place[0].value = 1.0 + 0.01 * i
-    found.finish()
+    found.plans.finish()
     assert found.plan.target.x == pytest.approx(1.19)
 
 
@@ -50,15 +61,20 @@ def test_what_does_not_go_is_said_and_the_last_throw_stays(page: Any) -> None:
     found, _ = page
     before = found.panel.throw
     found.place[0].value = 50.0
-    found.finish()
-    assert found.strip.content.startswith("**out of reach**: nearest possible")
+    found.plans.finish()
+    words = re.match(r"\*\*out of reach\*\*: nearest possible x ([\d.]+) m", found.strip.content)
     assert found.panel.throw is before
+    # The floor shows that too.
+    found.maps.finish()
+    low, high, margin = found.reach.T
+    assert high[-1] == pytest.approx(float(words[1]), abs=0.01)
+    assert low[0] < 1.2 and (low[1:] == high[:-1]).all() and margin.max() > 0.1
 
 
 def test_other_pads_are_planned_with(page: Any) -> None:
     found, _ = page
     found.friction.value, found.opening.value = 0.9, 40.0
-    found.finish()
+    found.plans.finish()
     assert found.strip.content.startswith("**solved**")
     assert (found.plan.scene.contact.friction, found.plan.scene.gripper.opening) == (0.9, 0.04)
 
@@ -71,12 +87,20 @@ def test_the_plan_is_thrown_and_thrown_off_time(page: Any) -> None:
         good, throws = map(int, re.match(r"(\d+) of (\d+) throws", found.throw_delayed()).groups())
         shares.append(good / throws)
     assert shares[0] > 2 * shares[1]
-    found.robust.value = True
-    found.finish()
-    assert found.plan.robust and found.plan.scene.uncertainty.delay.uniform == 0.03
     found.panel.play(False)
     found.throw()
     assert found.panel.playing and found.panel.time == 0.0
+
+
+@pytest.mark.slow
+def test_a_plan_against_delays_bears_more_of_them(page: Any) -> None:
+    found, _ = page
+    found.delay.value = 4.0
+    before = late_and_early(found.plan, 0.004).success.mean()
+    found.robust.value = True
+    found.plans.finish()
+    assert found.plan.robust and found.plan.scene.uncertainty.delay.uniform == 0.004
+    assert late_and_early(found.plan, 0.004).success.mean() > before
 
 
 @pytest.mark.slow
