@@ -23,6 +23,7 @@ from .mujoco_throw import (
     Flight,
     Rest,
     fly,
+    gone,
     load_mujoco,
     release_run,
 )
@@ -70,8 +71,9 @@ class Replay:
     @property
     def assumed(self) -> str:
         """What is taken for granted about the cup, in words."""
+        kind = "steadily moving" if self.throw.target.speed else "fixed"
         return (
-            f"a fixed, rigid cup, friction {FRICTION:g}; what hits it leaves with "
+            f"a {kind}, rigid cup, friction {FRICTION:g}; what hits it leaves with "
             f"{self.restitution:g} of its speed"
         )
 
@@ -192,7 +194,8 @@ def replay(
     surface's own ellipsoid); their force falls as the gripper's and they are gone when it is
     zero. The bar then flies, free to turn in space, once alone, for its landing, and once
     among the scene's cup, hand and base column. The cup is fixed and rigid, with the floor
-    under it; what hits these leaves with `restitution` (0 to 0.99) of its speed.
+    under it; what hits these leaves with `restitution` (0 to 0.99) of its speed. All is as a target
+    that moves sees it: in its frame, which is the plan's when the object lands.
     step, flight_step [s]: of the opening, and after it. InputError for what is no plan, and
     without MuJoCo.
     """
@@ -201,10 +204,10 @@ def replay(
     load_mujoco()
     throw = throw_of(throw)
     began = time.perf_counter()
-    if throw.scene.cup is not None and throw.target.speed:
-        raise InputError("replay: the cup moves; MuJoCo's is fixed")
     height = throw.target.z
     opening, states = release_run(throw, step, points)
+    states[:, 0] -= gone(throw, opening)
+    states[:, 3] -= throw.target.speed
     detach, start = states[-1], float(opening[-1])
     expected = throw.final.landing.flight_time
     expected = expected if math.isfinite(expected) else 1.0

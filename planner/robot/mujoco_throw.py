@@ -36,6 +36,8 @@ STEPS, LEAD_STEPS, SETTLING = (200, 50_000), 20_000, 200
 FLIGHT_STEPS, PATIENCE = 20_000, 4.0
 #: At rest: slower than this [m/s, rad/s] for so long [s].
 STILL, STILL_TURN, STILL_FOR = 0.005, 0.05, 0.1
+#: What the arm stands on.
+COLUMN = "base column"
 #: Contacts give way by as much [m]: what stands on the bottom is not below it.
 SUNK = 0.002
 
@@ -156,6 +158,10 @@ def fly(
     count = max(math.ceil((last - start) / step), 1)
     times = start + step * np.arange(count + 1.0)
     hand = throw.mover.hand(throw.to_rest).at(times).pose.T if has_hand(scene) else None
+    moved = gone(throw, times)
+    column = [
+        body.mocapid[0] for body in map(model.body, range(model.nbody)) if body.name == COLUMN
+    ]
     names = [model.geom(i).name for i in range(model.ngeom)]
     names = ["cup wall" if name.startswith("wall") else name for name in names]
     rows, touched = np.empty((count + 1, 6)), dict[str, None]()
@@ -166,8 +172,9 @@ def fly(
             break
         if hand is not None:
             x, z, theta = hand[k]
-            data.mocap_pos[0] = x, 0.0, z
+            data.mocap_pos[0] = x - moved[k], 0.0, z
             data.mocap_quat[0] = math.cos(theta / 2), 0.0, -math.sin(theta / 2), 0.0
+        data.mocap_pos[column, 0] = -moved[k]
         mujoco.mj_step(model, data)
         if alone:
             continue
@@ -191,6 +198,11 @@ def fly(
     inside = is_in(scene, cup, settled[:, :3], settled[:, 3:])
     rest = Rest(inside, entered, touched_rim, at_rest, (x, y, z, float(angles[-1])))
     return Flight(times, poses, tuple(touched), rest)
+
+
+def gone(throw: Throw, times: Array) -> Array:
+    """How far [m] a target that moves has gone at `times` (N,) [s] beyond where it is met."""
+    return np.asarray(throw.target.speed * (times - throw.final.landing_time))
 
 
 def lowest(scene: Scene, com: Array, axis: Array) -> Array:
@@ -302,18 +314,22 @@ def landing_model(scene: Scene, step: float, restitution: float) -> Any:
     spec.default.geom.solref = [CONTACT_TIME / damping, damping]
     if scene.cup is not None:
         _add_cup(spec, scene.cup, 2 * reach_of_bar(scene.object))
-    workspace, box = scene.workspace, mujoco.mjtGeom.mjGEOM_BOX
+    workspace, box, columns = scene.workspace, mujoco.mjtGeom.mjGEOM_BOX, []
     if workspace is not None and workspace.column_radius and workspace.column_height:
         half = workspace.column_height / 2
         size, kind = [workspace.column_radius, half, 0], mujoco.mjtGeom.mjGEOM_CYLINDER
         place = [0, 0 if scene.target is None else -scene.target.lateral, half]
-        spec.worldbody.add_geom(name="base column", type=kind, size=size, pos=place)
+        columns.append((kind, size, place))
     if has_hand(scene):
         assert scene.arm is not None
         back, front = scene.arm.tool.palm_back, scene.arm.tool.palm_front
         size = [(back - front) / 2, HAND_DEPTH, scene.arm.tool.palm_half_width]
         hand = spec.worldbody.add_body(name="hand", mocap=True)
         hand.add_geom(name="hand", type=box, size=size, pos=[-(back + front) / 2, 0, 0])
+    for kind, size, place in columns:
+        # It moves where the cup does and all is seen from there.
+        column = spec.worldbody.add_body(name=COLUMN, mocap=True, pos=place)
+        column.add_geom(name=COLUMN, type=kind, size=size)
     width = max(bar.width, THIN)
     along = float(np.clip(bar.mass * width**2 / 6, 1e-2 * bar.inertia, 2 * bar.inertia))
     flying = spec.worldbody.add_body(name="bar")

@@ -56,6 +56,19 @@ def test_the_cup_is_hit_as_the_limit_surface_says_and_the_bar_rests_in_it(into_c
     assert np.abs(np.diff(into_cup.com[:, -50:])).max() < 1e-5
 
 
+def test_a_cup_that_moves_is_hit_as_it_sees_the_bar() -> None:
+    """In the cup's frame the same physics: the throw ends in it, near the exact model's landing."""
+    planner = tp.Planner("near-cup")
+    plan = planner.plan(planner.scene.target.changed(velocity=(-0.2,)))
+    result = tp.replay(plan, step=COARSE)
+    assert_off(result, "target", 0.5, 0.2)
+    cup = result.to_dict()["cup"]
+    assert cup["in"] and cup["at_rest"] and not cup["touched_rim"]
+    assert abs(cup["rest"]["x"] - plan.throw.final.scene.cup.x) < planner.scene.cup.radius
+    assert "hand" not in result.touched
+    assert "moving" in result.assumed
+
+
 def test_flight_keeps_energy_and_momentum(into_cup, plan_of) -> None:
     release = plan_of("near-cup").to_dict()["release"]
     times = into_cup.times
