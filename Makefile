@@ -33,10 +33,13 @@ core:
 extras: .venv/run
 	$(PIP) $(EDITABLE) '.[dask,franka,mujoco,ros,urdf,view]'
 
-# README's pictures, made again.
-pictures: .venv/run
+# README's film and the picture of the throw, made again; needs ffmpeg.
+FILTER := fps=10,scale=640:-1:flags=lanczos,split[a][b];[a]palettegen=max_colors=64[p];[b][p]paletteuse=dither=none
+pictures: extras
 	$(BIN)/throwplan plan cup --out out/cup
 	cp out/cup/throw.png docs/cup.png
+	$(BIN)/throwplan view out/cup --mp4 out/cup/throw.mp4
+	ffmpeg -loglevel error -y -i out/cup/throw.mp4 -vf "$(FILTER)" docs/cup.gif
 
 # The notebooks of examples/ in JupyterLab; and all of them run anew, with their output.
 notebooks: .venv/notebooks
