@@ -61,10 +61,11 @@ def draw_cloud(space: Any, found: Sweep) -> Any:
 def cloud_words(found: Sweep, half: float) -> str:
     """How many of the throws succeed."""
     x = found.landings.pose[:, 0]
-    spread = 1e3 * float(np.ptp(x[np.isfinite(x)])) if np.isfinite(x).any() else math.nan
+    x = x[np.isfinite(x)]
     where = "land within the tolerance" if found.plan.scene.cup is None else "go into the cup"
-    good = f"{int(found.success.sum())} of {found.samples}"
-    return f"{good} throws {where}, opened up to ±{1e3 * half:g} ms off; spread {spread:.0f} mm"
+    good = f"{int(found.success.sum())} of {found.samples} throws {where}"
+    spread = f"; spread {1e3 * float(np.ptp(x)):.0f} mm" if x.size else ""
+    return f"{good}, opened up to ±{1e3 * half:g} ms off{spread}"
 
 
 def bands(found: ReachMap, theta: float | None, farthest: float | None) -> Array:

@@ -66,8 +66,8 @@ class PlayPage:
         self._drawn: dict[str, Any] = {}
         self._nearest = server.scene.add_frame("/nearest", show_axes=False, visible=False)
         view.add_bar("/nearest/bar", RED, 0.5)
-        view.aim(self._base)
-        self._last = self.wanted
+        self._aim, self._last = self._base, self.wanted
+        view.aim(self._aim)
         self._mapped: ReachMap | None = None
         self._surveyor, self.reach = planner, np.zeros((0, 3))
         self.plans, self.maps = Newest(self._plan), Newest(self._map)
@@ -150,11 +150,11 @@ class PlayPage:
                 last, self._last = self._last, wanted
                 if not np.allclose(self._position, self.arrows.position, rtol=0.0, atol=1e-9):
                     self.arrows.position = self._position
-                target = self._planner.check(wanted.target)
+                self._aim = self._planner.check(wanted.target)
             except InputError as error:
                 self.strip.content = f"**wrong input**: {error}"
                 return
-            self.panel.view.aim(target)
+            self.panel.view.aim(self._aim)
         self.plans.ask(wanted)
         if wanted.mapped != last.mapped:
             self.maps.ask(wanted)
@@ -186,7 +186,7 @@ class PlayPage:
                 self.plan = plan
                 self._drop("cloud")
                 self.panel.change(space_throw(throw_of(plan)))
-                self.panel.view.aim(self._planner.check(self._last.target))
+                self.panel.view.aim(self._aim)
             self._nearest.visible = plan.nearest is not None
             if plan.nearest is not None:
                 put(self._nearest, self.panel.throw.target(plan.nearest))
@@ -249,6 +249,8 @@ class PlayPage:
 
     def save(self) -> str:
         """Writes the plan that is shown; returns where."""
+        if not self.folder.value.strip():
+            raise InputError("folder: needs a name")
         folder = Path(self.folder.value).absolute()
         self.plan.save(folder)
         return f"written to {folder}"
@@ -288,7 +290,8 @@ def plan_words(plan: Plan) -> str:
     for model in (STEPPED_SURFACE, SLIDING_PIVOT):
         x, theta = plan.throw.final.by(model).miss(plan.goal)
         turn = "" if plan.goal.theta is None else f", {math.degrees(abs(theta)):.2f}°"
-        landings.append(f"{1e3 * abs(x):.2f} mm{turn} off by {model}")
+        off = f"{1e3 * abs(x):.2f} mm{turn} off"
+        landings.append(f"{off if math.isfinite(x) else 'nowhere'} by {model}")
     if plan.robust:
         landings.append(f"robust by {plan.robust}")
     return f"**solved**: lands {'; '.join(landings)}; planned in {took}"

@@ -71,6 +71,18 @@ def test_what_does_not_go_is_said_and_the_last_throw_stays(page: Any) -> None:
     assert low[0] < 1.2 and (low[1:] == high[:-1]).all() and margin.max() > 0.1
 
 
+def test_wrong_wishes_are_refused_and_planning_goes_on(page: Any) -> None:
+    found, _ = page
+    found.place[1].value = 0.2
+    assert found.strip.content == "**wrong input**: target y: only for a scene with [robot]"
+    found.place[1].value, found.place[0].value = 0.0, 1.15
+    found.plans.finish()
+    assert found.plan.target.x == 1.15
+    found.folder.value = ""
+    with pytest.raises(tp.InputError, match="folder: needs a name"):
+        found.save()
+
+
 def test_other_pads_are_planned_with(page: Any) -> None:
     found, _ = page
     found.friction.value, found.opening.value = 0.9, 40.0
