@@ -17,8 +17,9 @@ from ..check import TICK, State, Throw
 from ..ocp import Asked, Condensed, Controls, Request, Solution
 from ..search import Clock, Problems, refit, rest_from
 
-#: A limit that is nearer than this, in the units of the NLP's variables, binds.
-BINDS = 1e-3
+#: How far a target usually goes: x [m], theta [rad]; limits that are nearer than this share of such
+#: a change of the controls bind.
+USUAL, BINDS = np.array([0.02, 0.1]), 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,7 +64,9 @@ class Rest:
         later: by so many samples than this the swing is played.
         """
         at = self.about
-        found = self._direction(at.along((at.down > -BINDS) | (at.up < BINDS)))
+        cheapest = at.along(np.zeros(len(at.rows), bool))
+        near = BINDS * float(np.linalg.norm(cheapest @ USUAL[: len(at.landing)]))
+        found = self._direction(at.along((at.down > -near) | (at.up < near)))
         return replace(found, first=self.first + later)
 
     def step(self, off: Array) -> tuple[Array, Direction] | None:

@@ -139,12 +139,16 @@ class Session:
         self._lands = self.throw.landing_time
         self._problems, self._asked = problems, plan.throw.asked
         last = int(plan.throw.final.command_time / TICK)
-        found = (self._rest(plan.throw.final, first) for first in range(0, last, EVERY))
+        found = [self._rest(plan.throw.final, first) for first in range(0, last, EVERY)]
         later = round((self.throw.opening_time - plan.throw.opening_time) / TICK)
         self._directions = [rest.direction(later) for rest in found if rest is not None]
         self._follower = Follower(problems.mover.size, response)
         self._matrix: Array | None = None
         self._time, self._stopped, self._eased, self._solved = -math.inf, False, 0, -1
+        # What is built when it is first used is built before the swing.
+        self._wrong(self.throw, self._expected(self._target, 0.0))
+        for rest in filter(None, found[:1]):
+            rest.step(np.zeros(len(self._directions[0].change)))
 
     def update(self, t: float, q: Array, dq: Array, target: Pose | None = None) -> Update:
         """What to send from `t` + horizon on, by what was measured at time `t` [s] of the swing.

@@ -23,7 +23,6 @@ from ..reach import ReachMap, reach_map
 from ..result import Plan
 from ..search import CORRECTOR, violations
 from ..show import BLACK, BLUE, GREEN, RED, Row, Table, shown
-from .following import RATE, SPEED, following
 from .judge import judged
 from .measure import quantiles, reachable_targets, shared, warmed
 from .page import Effort, Picture, ReportSection, panels
@@ -57,15 +56,13 @@ SAMPLED, FAR_OUT = (20_000, 200_000), (5, 300)
 FAR = (0.1, math.radians(20))
 #: ... and at most this beyond them.
 ROUND = np.array([1.0, 2.0])
-#: Swings that are followed.
-SWINGS = (3, 100)
 
 
 def make(effort: Effort) -> ReportSection:
-    """Targets in reach, far out, on the map, moving."""
+    """Targets in reach, far out, on the map."""
     counts = {name: effort.of(*sizes) for name, sizes in TARGETS.items() if effort.of(*sizes)}
     spread = LIBRARIES[0] if effort.quick else LIBRARIES[1]
-    step = effort.counter(len(counts) + len(spread) + 3)
+    step = effort.counter(len(counts) + len(spread) + 2)
     made = shared(_targets, counts, counts.values(), quick=effort.quick)
     targets = dict(zip(counts, made, strict=True))
     step()
@@ -76,8 +73,6 @@ def make(effort: Effort) -> ReportSection:
         rows.append(row | _row(plans[name]))
         step()
     far = _planned(warmed(load_scene("pose"), []), outside("pose", effort))
-    step()
-    followed = [_swings(name, effort) for name in ("pose", "cup", "fr3")]
     step()
     mapped = list[Row]()
     for name in spread:
@@ -97,12 +92,11 @@ def make(effort: Effort) -> ReportSection:
     return ReportSection(
         "reach",
         "Any target in reach",
-        _figures(rows, far, followed, mapped),
+        _figures(rows, far, mapped),
         [
             Table("reach-inside", "Random targets in reach, without a library", rows),
             Table("reach-lost", "Targets without a throw, and why", lost),
             table,
-            Table("reach-following", "Swings whose targets move meanwhile", followed),
             Table(
                 "reach-map", "Targets spread over a map's bins, with a library and without", mapped
             ),
@@ -150,7 +144,7 @@ def _place(which: str, pose: Pose | None) -> Row:
     return {f"{which}x [m]": x, f"{which}theta [deg]": theta}
 
 
-def _figures(rows: list[Row], far: list[Plan], followed: list[Row], mapped: list[Row]) -> list[str]:
+def _figures(rows: list[Row], far: list[Plan], mapped: list[Row]) -> list[str]:
     """What is thrown to, and how fast."""
     words = [
         f"`{row['scene']}` {row['solved']} of {row['targets']}, "
@@ -158,12 +152,6 @@ def _figures(rows: list[Row], far: list[Plan], followed: list[Row], mapped: list
         for row in rows
     ]
     said = collections.Counter(plan.status for plan in far)
-    after = "; ".join(
-        f"`{row['scene']}` {row['on target']} of {row['swings']} within the tolerance, "
-        f"{row['stopped']} stopped, {shown(row['update, median [ms]'])} ms an update, "
-        f"{shown(row['update, 99 % [ms]'])} at 99 %"
-        for row in followed
-    )
     middles = "; ".join(
         f"`{r['scene']}` {r['solved']} of {r['targets']}, {r['moved throws']} of them moved, "
         f"{shown(r['plan, median [ms]'])} ms a plan, {shown(r['plan, 99 % [ms]'])} at 99 % "
@@ -178,8 +166,6 @@ def _figures(rows: list[Row], far: list[Plan], followed: list[Row], mapped: list
         f"{len(far)} are called out of reach, {said['solved']} are solved under the exact check, "
         f"{said['not_converged']} have no answer.",
         f"Targets spread evenly over a map's bins, with a library of solved throws: {middles}.",
-        f"Swings whose targets begin to move at up to {SPEED:g} m/s, {RATE} updates a second: "
-        f"{after}.",
     ]
 
 
@@ -270,12 +256,6 @@ def over_map(found: ReachMap, count: int) -> list[Pose]:
         theta = None if edges is None else float(rng.uniform(*edges[j : j + 2]))
         targets.append(target.in_plane(float(rng.uniform(*found.x_edges[i : i + 2])), theta))
     return targets
-
-
-def _swings(name: str, effort: Effort) -> Row:
-    """Swings to targets that are spread over a map."""
-    found = reach_map(load_scene(name), samples=effort.of(*SAMPLED))
-    return following(name, over_map(found, effort.of(*SWINGS)))
 
 
 def _targets(name: str, count: int) -> list[Pose]:

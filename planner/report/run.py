@@ -11,7 +11,7 @@ from importlib.metadata import version
 from pathlib import Path
 
 from ...problems import filling
-from . import models, parts, planner, reach, robust, stability, summary, throws
+from . import models, parts, planner, reach, robust, stability, summary, swings, throws
 from .page import APPENDIX, Effort, ReportSection, parts_of, write_page
 
 #: Sections by what `--only` calls them, in the page's order.
@@ -22,6 +22,7 @@ SECTIONS: dict[str, Callable[[Effort], ReportSection]] = {
     "stability": stability.make,
     "parts": parts.make,
     "reach": reach.make,
+    "swings": swings.make,
     "robust": robust.make,
     "throws": throws.make,
 }

@@ -1,4 +1,4 @@
-"""Swings that are corrected while their targets move: how long an update takes, what is hit."""
+"""Section `swings`: targets that move while the arm swings: time of an update, and what is hit."""
 
 from __future__ import annotations
 
@@ -11,12 +11,41 @@ import numpy as np
 from ...problems import Pose, load_scene
 from ..check import TICK
 from ..plan import Planner
+from ..reach import reach_map
 from ..result import Plan
-from ..show import Row
+from ..show import Row, Table, shown
 from .measure import quantiles
+from .page import Effort, ReportSection
+from .reach import SAMPLED, over_map
 
 #: Updates per second, the target's speed at most [m/s], and what an update has time for [s].
 RATE, SPEED, HORIZON = 400, 0.1, 0.02
+#: Scenes, and how many targets of each: quick, full.
+SCENES, TARGETS = ("pose", "cup", "fr3"), (3, 100)
+
+
+def make(effort: Effort) -> ReportSection:
+    """Throws to targets all over the maps of some scenes, which begin to move on the way."""
+    step, rows = effort.counter(len(SCENES)), list[Row]()
+    for name in SCENES:
+        found = reach_map(load_scene(name), samples=effort.of(*SAMPLED))
+        rows.append(following(name, over_map(found, effort.of(*TARGETS))))
+        step()
+    words = "; ".join(
+        f"`{row['scene']}` {row['on target']} of {row['swings']} land within the tolerance, "
+        f"{row['stopped']} are stopped, {shown(row['update, median [ms]'])} ms an update, "
+        f"{shown(row['update, 99 % [ms]'])} ms at 99 %"
+        for row in rows
+    )
+    return ReportSection(
+        "swings",
+        "Targets that move while the arm swings",
+        [
+            f"In the first half of the swing the target begins to move, at up to {SPEED:g} m/s; "
+            f"{RATE} updates a second, {1e3 * HORIZON:.0f} ms ahead: {words}."
+        ],
+        [Table("swings", "Swings whose targets move meanwhile", rows)],
+    )
 
 
 def following(name: str, targets: Sequence[Pose]) -> Row:
