@@ -11,7 +11,8 @@ import numpy.typing as npt
 
 from ...models import MODELS, SLIDING_PIVOT, STEPPED_SURFACE, Array
 from ..check import Simulation, case_of, given_hand
-from .style import PHASES, new_figure, save
+from .style import ARM, PHASES, new_figure, save
+from .throw_picture import bar_corners, hand_corners
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -20,25 +21,37 @@ if TYPE_CHECKING:
     from ...problems import Scene
 
 
+#: Poses of the bar that are drawn.
+BARS = 7
 #: What is plotted over time.
 FOUR = ("v_z of the CoM [m/s]", "ω [rad/s]", "friction f_z [N]", "friction torque [N mm]")
 
 
 def draw_releases(scene: Scene, runs: Mapping[str, Simulation], path: Path) -> None:
-    """CoM and friction over time by each model; areas: the modes of the sliding pivot.
+    """The bar as it drops; CoM and friction over time by each model.
 
-    Below, v_z and ω less those of the time stepping, for models that do not chatter. A run
-    without numbers is only named.
+    Areas: the modes of the sliding pivot. Below, v_z and ω less those of the time stepping, for
+    models that do not chatter; those that do go beyond the axes. A run without numbers is
+    only named.
     """
     case = case_of(scene, given_hand(scene))
-    figure = new_figure(9.1, 8.9)
-    grid = figure.subplots(3, 2)
+    figure = new_figure(9.1, 9.9)
+    parts = figure.add_gridspec(4, 2, height_ratios=(1.3, 1, 1, 1))
+    stage = figure.add_subplot(parts[0, :])
+    grid = np.array([[figure.add_subplot(parts[i, j]) for j in (0, 1)] for i in (1, 2, 3)])
     known = {name: runs[name].release for name in (SLIDING_PIVOT, STEPPED_SURFACE) if name in runs}
     pivot, stepped = (
         known.get(name) or MODELS[name].release(case) for name in (SLIDING_PIVOT, STEPPED_SURFACE)
     )
-    for name, run in runs.items():
-        _draw_run(grid, MODELS[name], run.release, stepped)
+    _draw_bars(stage, scene, case, stepped, pivot)
+    calm = [name for name in runs if not MODELS[name].chatters]
+    for name in calm:
+        _draw_run(grid, MODELS[name], runs[name].release, stepped)
+    if calm:
+        for axes in grid[:2].ravel():
+            axes.set_ylim(axes.get_ylim())
+    for name in [name for name in runs if name not in calm]:
+        _draw_run(grid, MODELS[name], runs[name].release, stepped)
     _draw_hand(grid[0], case)
     for axes, words in zip(grid.ravel(), (*FOUR, *FOUR), strict=False):
         axes.set(ylabel=words, xlabel="t [ms]", xlim=(0.0, 1e3 * case.grip.opening))
@@ -53,6 +66,36 @@ def draw_releases(scene: Scene, runs: Mapping[str, Simulation], path: Path) -> N
     save(figure, path)
 
 
+def _draw_bars(
+    axes: Axes, scene: Scene, case: ReleaseCase, stepped: Release, pivot: Release
+) -> None:
+    """Hand and bar by the time stepping while the pads open, then in free flight as long again."""
+    from matplotlib.patches import Polygon
+
+    opening = case.grip.opening
+    begins = {"stick": 0.0, "pivot": pivot.pivot, "slide": pivot.slide, "flight": opening}
+    named = set()
+    for time in np.linspace(0.0, 3 * opening, BARS):
+        late = max(0.0, time - opening)
+        com = [np.interp(time, stepped.times, row) for row in stepped.com]
+        com += stepped.com_twist[:, -1] * late
+        com[1] -= case.gravity * late**2 / 2
+        phase = [name for name, begin in begins.items() if begin is not None and begin <= time][-1]
+        look: dict[str, Any] = {"fc": (PHASES[phase], 0.3), "ec": PHASES[phase], "lw": 1.2}
+        look["label"] = None if phase in named else phase
+        named.add(phase)
+        axes.add_patch(Polygon(bar_corners(scene.object, np.array(com)), closed=True, **look))
+    for time, alpha in ((0.0, 0.3), (opening, 0.8)):
+        hand = hand_corners(scene, np.ravel(case.hand.at(np.array([time])).pose))
+        axes.add_patch(Polygon(hand, closed=True, color=ARM, alpha=alpha, lw=0, zorder=0))
+    axes.autoscale_view()
+    axes.set(aspect="equal", xlabel="x [m]", ylabel="z [m]")
+    axes.grid(alpha=0.25)
+    words = f"every {1e3 * 3 * opening / (BARS - 1):.0f} ms by the limit surface, time stepping"
+    axes.set_title(f"hand and bar {words}", loc="left", fontsize=9)
+    axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.02, 0.5), frameon=False)
+
+
 def _draw_run(grid: npt.NDArray[Any], model: ReleaseModel, run: Release, stepped: Release) -> None:
     """One model's curves."""
     if not np.isfinite(run.com_twist).all():
@@ -60,7 +103,7 @@ def _draw_run(grid: npt.NDArray[Any], model: ReleaseModel, run: Release, stepped
         return
     style: dict[str, Any] = {"color": model.colour, "label": model.title, "lw": 1.6}
     if model.chatters:
-        style |= {"lw": 0.7, "alpha": 0.6, "zorder": 1}
+        style |= {"lw": 0.5, "alpha": 0.25, "zorder": 1}
     for axes, values in zip(grid[:2].ravel(), _values(run), strict=True):
         axes.plot(1e3 * run.times, values, **style)
     for axes, values, truth in zip(grid[2], _values(run), _values(stepped), strict=False):
