@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import threading
 from collections.abc import Callable
 from typing import Generic, TypeVar
@@ -58,8 +57,11 @@ class Newest(Generic[Wish]):
                 if self._ended:
                     return
                 wish, self._waits, self._busy = self._waits[0], [], True
-            with contextlib.suppress(OutdatedError):
+            try:
                 self._work(wish)
-            with self._changed:
-                self._busy = False
-                self._changed.notify_all()
+            except OutdatedError:
+                pass
+            finally:
+                with self._changed:
+                    self._busy = False
+                    self._changed.notify_all()

@@ -24,6 +24,8 @@ from .newest import Newest, OutdatedError
 
 #: How long [s] a throw is looked for while the target may still move.
 QUICK = 0.5
+#: How long [s] the page waits for work under way before it closes.
+ENDING = 1.0
 #: Friction and opening time go to these shares of the scene's.
 SHARES = (0.5, 1.5)
 #: No throw reaches that far [m]; landings that differ by less are at the same angle [rad].
@@ -264,8 +266,8 @@ class PlayPage:
 
     def end(self) -> None:
         """Stops planning."""
-        self.maps.end(PATIENCE)
-        self.plans.end(PATIENCE)
+        self.maps.end(ENDING)
+        self.plans.end(ENDING)
 
 
 def first_plan(planner: Planner) -> Plan:
