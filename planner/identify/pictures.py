@@ -36,9 +36,10 @@ PICTURES = {
 #: Models whose median error is above so many times the least are cut off or have own axes.
 FAR = 6.0
 #: Errors and their units.
-QUANTITIES = (("v_x", "m/s"), ("ω", "deg/s"), ("x", "m"), ("θ", "deg"))
-#: From metres and radians to metres and degrees.
+QUANTITIES = (("v_x", "mm/s"), ("ω", "deg/s"), ("x", "mm"), ("θ", "deg"))
+#: From metres and radians to metres, or millimetres, and degrees.
 DEGREES = np.array([1.0, math.degrees(1.0)])
+ERRORS = np.array([1e3, math.degrees(1.0)])
 #: Conditions A and B of a factor: marker, colour of measured landings, lightness of the model's.
 CONDITIONS = (("o", "#9ecae1", 0.45), ("s", "#2166ac", 1.0))
 #: Models whose landings are drawn against the measured ones, the first that is there.
@@ -75,7 +76,7 @@ def _signed_errors(found: Validation) -> dict[str, list[Array]]:
     """Predicted less measured v_x, omega, x, theta of the batch, in QUANTITIES' units."""
     out = {}
     for model, check in found.checks.items():
-        off = np.hstack([check.twist * DEGREES, check.landing * DEGREES])[found.batch]
+        off = np.hstack([check.twist * ERRORS, check.landing * ERRORS])[found.batch]
         out[model] = [column[np.isfinite(column)] for column in off.T]
     return out
 
@@ -94,7 +95,7 @@ def _errors(found: Validation) -> Figure:
     for number, model in enumerate(models):
         axis = figure.add_subplot(lines, columns, number + 1)
         alike = [off[name] for name in models if (name in far) == (model in far)]
-        reach = 1.1 * np.abs(np.vstack([*alike, [[1e-6, 1e-6]]])).max(axis=0)
+        reach = 1.1 * np.abs(np.vstack([*alike, [[1e-3, 1e-3]]])).max(axis=0)
         axis.set(xlim=(-reach[0], reach[0]), ylim=(-reach[1], reach[1]))
         axis.axhline(0, color=GREY, lw=0.8)
         axis.axvline(0, color=GREY, lw=0.8)
@@ -103,9 +104,9 @@ def _errors(found: Validation) -> Figure:
         if len(off[model]):
             center = off[model].mean(axis=0)
             axis.plot(*center, "+", color=BLACK, ms=13, mew=2)
-            words = f"mean {1e3 * center[0]:+.1f} mm, {center[1]:+.2f}°".replace("-", "−")
+            words = f"mean {center[0]:+.1f} mm, {center[1]:+.2f}°".replace("-", "−")
         axis.set_title(f"{model}: {words}", loc="left", fontsize=10)
-        axis.set(xlabel="x predicted − measured [m]", ylabel="θ predicted − measured [deg]")
+        axis.set(xlabel="x predicted − measured [mm]", ylabel="θ predicted − measured [deg]")
         axis.locator_params(axis="x", nbins=5)
         axis.grid(alpha=0.25)
     more = f"; wider axes for {', '.join(far)}" if far else ""
@@ -170,13 +171,15 @@ def _pairs(axis: Axes, found: Validation, model: str, row: FactorRow) -> None:
         axis.scatter(*guess.T, color=shade, alpha=alpha, label=f"{model}, {label}", **style)
         axis.scatter(*real.T, color=blue, label=f"measured, {label}", **style)
     axis.set(xlabel="landing x [m]", ylabel="landing θ [deg]")
-    axis.legend(loc="best", ncols=2, fontsize=7.5, handletextpad=0.1, columnspacing=0.9)
+    axis.margins(y=0.08)
+    above: Style = {"loc": "lower center", "bbox_to_anchor": (0.5, 1.0), "frameon": False}
+    axis.legend(ncols=4, fontsize=7.5, handletextpad=0.1, columnspacing=0.9, **above)
     axis.grid(alpha=0.25)
 
 
 def _condition_errors(axis: Axes, group: Sequence[FactorRow], quantity: int) -> None:
     """MAE with STD in A (light) and B of every model; a star where they differ."""
-    factor, shades = DEGREES[quantity], colours([row.model for row in group])
+    factor, shades = ERRORS[quantity], colours([row.model for row in group])
     for place, row in enumerate(group):
         for side, (marker, _, alpha) in enumerate(CONDITIONS):
             height, spread = factor * row.mean[side, quantity], factor * row.std[side, quantity]
@@ -184,10 +187,14 @@ def _condition_errors(axis: Axes, group: Sequence[FactorRow], quantity: int) -> 
             axis.errorbar(place + 0.3 * (side - 0.5), height, spread, ms=6, **style)
         if row.p[quantity] < SIGNIFICANT:
             axis.text(place, factor * row.mean[:, quantity].max(), "*", ha="center", fontsize=14)
-    # Errors of models differ by orders of magnitude.
-    axis.set_yscale("log", nonpositive="clip")
+    means = np.array([row.mean[:, quantity] for row in group])
+    if means.max() > FAR * means.min():
+        axis.set_yscale("log", nonpositive="clip")
+    else:
+        axis.set_ylim(bottom=0.0)
+    axis.margins(x=0.2)
     axis.set_xticks(range(len(group)), list(shades), rotation=40, ha="right", fontsize=8)
-    axis.set_ylabel("|x error| [m]" if quantity == 0 else "|θ error| [deg]")
+    axis.set_ylabel("|x error| [mm]" if quantity == 0 else "|θ error| [deg]")
     axis.grid(alpha=0.25, axis="y")
 
 

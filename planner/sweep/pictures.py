@@ -26,10 +26,11 @@ LEAST = 0.02
 
 
 def draw_sweep(sweep: Sweep, folder: Path) -> None:
-    """landings.png, delay.png and tornado.png."""
+    """landings.png, delay.png and, of several parameters, tornado.png."""
     draw_landings(sweep, folder / "landings.png")
     draw_delay(sweep, folder / "delay.png")
-    draw_tornado(sweep, folder / "tornado.png")
+    if len(sweep.sampler.names) > 1:
+        draw_tornado(sweep, folder / "tornado.png")
 
 
 def _title(sweep: Sweep, words: str) -> dict[str, Any]:
@@ -189,12 +190,12 @@ def draw_tornado(sweep: Sweep, path: Path) -> None:
 
 
 def _swing(axes: Axes, row: int, ends: Array, words: str) -> None:
-    # The shorter one in front, where both go the same way.
-    for k in np.argsort(-np.abs(ends)):
-        axes.barh(row, ends[k], color=(BLUE, RED)[k], height=0.62, zorder=2)
-    end = max(float(ends.max()), 0.0)
+    # Side by side: both may go the same way.
+    for end, place, colour in zip(ends, (row + 0.17, row - 0.17), (BLUE, RED), strict=True):
+        axes.barh(place, end, color=colour, height=0.34, zorder=2)
+    right = max(float(ends.max()), 0.0)
     offset: dict[str, Any] = {"xytext": (5, 0), "textcoords": "offset points", "va": "center"}
-    axes.annotate(words, (end, row), fontsize=9, **offset)
+    axes.annotate(words, (right, row), fontsize=9, **offset)
 
 
 def _swing_label(sweep: Sweep, name: str) -> str:
