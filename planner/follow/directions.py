@@ -23,7 +23,7 @@ USUAL, BINDS = np.array([0.02, 0.1]), 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Rest:
+class RestOfSwing:
     """The NLP about the rest of a swing from sample `first` on.
 
     about: its linearisation in the controls, whose numbers `u` begin with the opening's time, which
@@ -37,7 +37,7 @@ class Rest:
     ticks: Array
 
     @classmethod
-    def of(cls, problems: Problems, throw: Throw, asked: Asked, first: int) -> Rest | None:
+    def of(cls, problems: Problems, throw: Throw, asked: Asked, first: int) -> RestOfSwing | None:
         """Of what is sent; None where the landing does not follow from there."""
         sent, clock = throw.samples, Clock()
         mover = problems.mover.begun(State(sent.q[first], sent.dq[first], sent.ddq[first]))

@@ -32,7 +32,7 @@ from ..check import (
 from ..ocp import broken
 from ..result import Plan, joint_samples
 from ..search import Problems, scaled
-from .directions import Direction, Rest
+from .directions import Direction, RestOfSwing
 from .response import Follower, Response
 
 Status = Literal["followed", "kept", "committed", "stopped"]
@@ -211,9 +211,9 @@ class Session:
             raise InputError(f"target: is {math.degrees(turned):.1f} deg off the throw's plane")
         return found[0], target
 
-    def _rest(self, throw: Throw, first: int) -> Rest | None:
+    def _rest(self, throw: Throw, first: int) -> RestOfSwing | None:
         """The NLP about the rest of a throw."""
-        return Rest.of(self._problems, throw, self._asked, first)
+        return RestOfSwing.of(self._problems, throw, self._asked, first)
 
     def _expected(self, target: Pose, now: float) -> _Expected:
         """What is expected of what is sent now."""

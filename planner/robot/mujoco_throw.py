@@ -158,12 +158,10 @@ def fly(
     count = max(math.ceil((last - start) / step), 1)
     times = start + step * np.arange(count + 1.0)
     hand = throw.mover.hand(throw.to_rest).at(times).pose.T if has_hand(scene) else None
-    moved = gone(throw, times)
-    column = [
-        body.mocapid[0] for body in map(model.body, range(model.nbody)) if body.name == COLUMN
-    ]
-    names = [model.geom(i).name for i in range(model.ngeom)]
-    names = ["cup wall" if name.startswith("wall") else name for name in names]
+    moved, bodies = gone(throw, times), map(model.body, range(model.nbody))
+    column = [body.mocapid[0] for body in bodies if body.name == COLUMN]
+    geoms = (model.geom(i).name for i in range(model.ngeom))
+    names = ["cup wall" if name.startswith("wall") else name for name in geoms]
     rows, touched = np.empty((count + 1, 6)), dict[str, None]()
     entered, touched_rim, still = False, False, 0
     for k in range(count + 1):
