@@ -62,11 +62,12 @@ with tempfile.TemporaryDirectory() as folder:
 
 # %% [markdown]
 """
-Left: the arm at rest, at the opening and at detach, and the bar from 0 s to landing. Right, from
-shortly before the command: the grip force of one pad, the turning rates, and how much of the
-friction limit the bar would need to stick. The torque limit is passed first (the bar *pivots*
-between the pads), the force limit only at the very end (it *slides*). The bar leaves with another
-turning rate than the hand's: that is what has to be planned.
+Left: the arm at rest, at the opening and at detach, and the bar from 0 s to landing. Right: the
+bar between the pads while they open; and, from shortly before the command, the grip force of one
+pad, the turning rates, and how much of the friction limit the bar would need to stick. The torque
+limit is passed first (the bar *pivots* between the pads), the force limit only at the very end (it
+*slides*). The bar leaves with another turning rate than the hand's: that is what has to be
+planned.
 
 ## Four landings
 
@@ -74,10 +75,10 @@ Every plan says where the object lands by four calculations. They answer differe
 
 - **planned**: the smoothed model inside the optimisation. It is aimed beside the target on purpose;
 - **exact**: the non-smooth sliding pivot along the planned motion;
-- **sent**: the same along the 1 kHz samples that go to the robot. `solved` needs this one inside
-  the tolerance;
-- **limit surface**: another release model along the same samples. What it says more is how much of
-  the landing is the model's opinion.
+- **sent**: the same along the 1 kHz samples that go to the robot;
+- **limit surface**: another release model along the same samples. `solved` needs this one inside
+  the tolerance, unless the scene says `model = "sp"` in `[tolerance]`. How far it is from the row
+  above is how much of the landing is the model's opinion.
 """
 
 
@@ -122,17 +123,17 @@ def follow(step, end):
 
 moved = [*reversed(follow(-0.02, 0.50)), plan, *follow(0.02, 1.50)]
 cups = np.array([one.target.x for one in moved])
-sent = 1e3 * np.array([one.error_sent()[0] for one in moved])
+surface = 1e3 * np.array([one.error_sent()[0] for one in moved])
 turned = np.degrees([one.error_sent()[1] for one in moved])
-surface = 1e3 * np.array([one.to_dict()["landing"]["limit_surface"]["x"] for one in moved])
-surface = np.abs(surface - 1e3 * cups)
+pivot = 1e3 * np.array([one.to_dict()["landing"]["sent"]["x"] for one in moved])
+pivot = np.abs(pivot - 1e3 * cups)
 times = 1e3 * np.array([one.time["total"] - one.time["build"] for one in moved])
 print(f"{len(moved)} cups from {cups.min():.2f} to {cups.max():.2f} m, all solved")
 
 # %%
 figure, (top, bottom) = plt.subplots(2, 1, figsize=(9, 5.6), sharex=True, height_ratios=(3, 2))
-top.semilogy(cups, surface, "o-", ms=4, color="#7b4fa3", label="limit surface says")
-top.semilogy(cups, np.maximum(sent, 1e-3), "o", ms=4, color="#2a9d6f", label="sent")
+top.semilogy(cups, pivot, "o-", ms=4, color="#7b4fa3", label="sliding pivot says")
+top.semilogy(cups, np.maximum(surface, 1e-3), "o", ms=4, color="#2a9d6f", label="limit surface")
 top.axhline(1e3 * tolerance.position, color="#d1495b", lw=1.2, label="tolerance")
 top.axhline(0.1, color="#888888", lw=1.2, ls="--", label="what corrections aim at")
 top.set(ylabel="position error [mm]", title="Landing error over cup position", ylim=(5e-4, 30))
@@ -144,10 +145,9 @@ plt.show()
 
 # %% [markdown]
 """
-Green is what the robot is sent, judged by the model that it was planned with (dots below 0.001 mm
-are drawn there). Violet is the same motion judged by the limit surface. Where that difference
-matters, a scene may say `model = "ls-step"` in `[tolerance]`: then the landing must be true for the
-limit surface. (It is still a model: measure your throws.)
+Green is what the robot is sent, judged by the limit surface, which decides here (dots below 0.001
+mm are drawn there). Violet is the same motion judged by the sliding pivot. Where the two differ by
+more than the tolerance, the plan says so. (Both are models: measure your throws.)
 
 The throws themselves, some of the cups. Each line is the CoM from the opening on; the dot is
 detach.
@@ -306,7 +306,7 @@ The key figures of this notebook, as the tests read them:
 figures = {
     "status": plan.status,
     "cups": len(moved),
-    "worst_error_mm": round(float(sent.max()), 4),
+    "worst_error_mm": round(float(surface.max()), 4),
     "worst_angle_deg": round(float(turned.max()), 4),
     "far": far.status,
     "nearest_x": round(nearest.x, 3),
