@@ -8,6 +8,7 @@ import json
 import math
 import re
 import sys
+import threading
 import time
 from collections.abc import Callable
 from typing import Any, NoReturn
@@ -16,6 +17,8 @@ from ...problems import InputError, Pose, Scene
 
 #: A parser's `add_argument`.
 Add = Callable[..., argparse.Action]
+#: A line of progress counts its seconds as often [s].
+COUNT = 1.0
 DONE, WRONG_INPUT, NO_THROW, INTERRUPTED = 0, 2, 3, 130
 
 
@@ -176,11 +179,16 @@ def say(words: str) -> None:
 
 
 class Progress:
-    """A line on a terminal's stderr: how far long work is, and the seconds left."""
+    """A line on a terminal's stderr: how far long work is, and the seconds left.
+
+    While the line stays as it is, it counts the seconds.
+    """
 
     def __init__(self, name: str = "", unit: str = "throws") -> None:
-        self._name, self._unit = name, unit
+        self._name, self._unit, self._words = name, unit, name
         self._first: tuple[float, int] | None = None
+        self._over, self._shown = threading.Event(), time.monotonic()
+        self._counting = threading.Thread(target=self._count, daemon=True)
 
     def __call__(self, done: int, total: int) -> None:
         """Show that `done` of `total` are done."""
@@ -199,11 +207,28 @@ class Progress:
         return self
 
     def _show(self, words: str) -> None:
-        if sys.stderr.isatty():
-            print(f"\r\033[K{words}", end="", file=sys.stderr, flush=True)
+        self._words, self._shown = words, time.monotonic()
+        _rewrite(words)
+
+    def _count(self) -> None:
+        while not self._over.wait(COUNT):
+            seconds = time.monotonic() - self._shown
+            if seconds > COUNT:
+                _rewrite(f"{self._words} ({seconds:.0f} s)")
 
     def __enter__(self) -> Progress:
+        if sys.stderr.isatty():
+            self._show(self._name)
+            self._counting.start()
         return self
 
     def __exit__(self, *error: object) -> None:
+        self._over.set()
+        if self._counting.is_alive():
+            self._counting.join()
         self._show("")
+
+
+def _rewrite(words: str) -> None:
+    if sys.stderr.isatty():
+        print(f"\r\033[K{words}", end="", file=sys.stderr, flush=True)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from ..robot import export
-from .common import DONE, Add, add_plan, answer, number
+from .common import DONE, Add, Progress, add_plan, answer, number
 
 
 def arguments(add: Add) -> None:
@@ -20,13 +20,14 @@ def arguments(add: Add) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Writes the formats that are asked for."""
-    motion = export(
-        options.plan,
-        franka=options.franka,
-        ros=options.ros,
-        names=options.joint_names,
-        open_width=options.open_width,
-    )
+    with Progress("writing the plan for controllers"):
+        motion = export(
+            options.plan,
+            franka=options.franka,
+            ros=options.ros,
+            names=options.joint_names,
+            open_width=options.open_width,
+        )
     throw, duration = motion.throw, float(motion.times[-1])
     result = {
         "franka": options.franka,

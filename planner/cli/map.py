@@ -20,7 +20,6 @@ from .common import (
     answer,
     notes,
     number,
-    say,
     whole,
     written,
 )
@@ -53,7 +52,7 @@ def run(options: argparse.Namespace) -> int:
         return NO_THROW
     file = None
     if options.out is not None:
-        say(f"{scene.name}: writing {options.out}")
-        file = found.save(options.out)
+        with Progress(f"{scene.name}: writing {options.out}"):
+            file = found.save(options.out)
     answer(options, found.to_dict(file), found.summary() + notes(scene) + written(options))
     return DONE

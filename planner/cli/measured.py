@@ -51,7 +51,6 @@ from .common import (
     add_words,
     answer,
     number,
-    say,
     whole,
     written,
 )
@@ -132,8 +131,8 @@ def run_identify(options: argparse.Namespace) -> int:
         models = tuple(model for model in models if not MODELS[model].chatters)
     for model in filter(None, models):
         check_model(model)
-    say(f"{options.data}: reading")
-    data = _chosen(load_throws(options.data), options)
+    with Progress(f"{options.data}: reading"):
+        data = _chosen(load_throws(options.data), options)
     prior = None if options.prior is None else load_scene(options.prior)
     if options.out is not None:
         prepare_folder(Path(options.out), IDENTIFY_FILES)
@@ -151,7 +150,8 @@ def run_identify(options: argparse.Namespace) -> int:
             for model in models
         ]
     if options.out is not None:
-        save_identified(found, Path(options.out))
+        with Progress(f"{data.name}: writing {options.out}"):
+            save_identified(found, Path(options.out))
     answer(options, [one.to_dict() for one in found], _text(found, options.out))
     return DONE
 
@@ -169,14 +169,15 @@ def validate_arguments(add: Add) -> None:
 def run_validate(options: argparse.Namespace) -> int:
     """Compares, writes and prints."""
     models = PAPER_MODELS if options.models is None else _models(options.models)
-    data = load_throws(options.data)
+    with Progress(f"{options.data}: reading"):
+        data = load_throws(options.data)
     if options.out is not None:
         prepare_folder(Path(options.out), VALIDATION_FILES)
     with Progress() as progress:
         found = validate(data, models, options.factor, progress.about)
     if options.out is not None:
-        say(f"{data.name}: writing {options.out}")
-        save_validation(found, Path(options.out))
+        with Progress(f"{data.name}: writing {options.out}"):
+            save_validation(found, Path(options.out))
     text = f"{as_text(found)}\n\n{found.seconds:.0f} s" + written(options)
     answer(options, as_dict(found), text)
     return DONE

@@ -12,12 +12,12 @@ from .common import (
     DONE,
     NO_THROW,
     Add,
+    Progress,
     add_out,
     add_patience,
     add_scene,
     add_target,
     answer,
-    say,
     target_of,
     whole,
     written,
@@ -56,23 +56,23 @@ def run(options: argparse.Namespace) -> int:
     """Plans, writes and prints."""
     scene = load_scene(options.scene)
     target, alternatives = target_of(scene, options), options.alternatives
-    say(f"{scene.name}: building the problem")
-    planner = Planner(scene)
-    planner.check(target)
+    with Progress(f"{scene.name}: building the problem"):
+        planner = Planner(scene)
+        planner.check(target)
     if options.out is not None:
         prepare_folder(Path(options.out))
-    say(f"{scene.name}: planning")
-    plan = planner.plan(
-        target,
-        solver=options.solver,
-        turns=options.turns,
-        robust=options.robust,
-        alternatives=alternatives,
-        patience=options.patience,
-    )
+    with Progress(f"{scene.name}: planning"):
+        plan = planner.plan(
+            target,
+            solver=options.solver,
+            turns=options.turns,
+            robust=options.robust,
+            alternatives=alternatives,
+            patience=options.patience,
+        )
     if options.out is not None:
-        say(f"{scene.name}: writing {options.out}")
-        plan = plan.save(options.out)
+        with Progress(f"{scene.name}: writing {options.out}"):
+            plan = plan.save(options.out)
     text = plan.summary() + written(options)
     if plan.solved and len(plan.alternatives) < alternatives:
         text += f"\n  no more of {alternatives} alternatives: other starts lead to the same throws"

@@ -21,9 +21,10 @@ def arguments(add: Add) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Grows the library and prints how large it is."""
-    planner = Planner(load_scene(options.scene))
-    name, started = planner.scene.name, time.perf_counter()
+    scene = load_scene(options.scene)
+    name = scene.name
     with Progress(name) as progress:
+        planner, started = Planner(scene), time.perf_counter()
         count = planner.prepare(options.throws, progress)
     library, seconds = planner.library, time.perf_counter() - started
     found = {

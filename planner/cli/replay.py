@@ -8,7 +8,7 @@ from pathlib import Path
 from ...problems import prepare_folder
 from ..result import read_plan
 from ..robot import load_mujoco, replay
-from .common import DONE, Add, add_out, add_plan, answer, number, say, written
+from .common import DONE, Add, Progress, add_out, add_plan, answer, number, written
 
 
 def arguments(add: Add) -> None:
@@ -24,11 +24,12 @@ def run(options: argparse.Namespace) -> int:
     load_mujoco()
     if options.out is not None:
         prepare_folder(Path(options.out))
-    throw = read_plan(options.plan)
-    say(f"{throw.scene.name}: throwing in MuJoCo")
-    result = replay(throw, restitution=options.restitution)
-    if options.out is not None:
-        say(f"{throw.scene.name}: writing {options.out}")
-        result.save(options.out)
+    with Progress("reading the plan") as progress:
+        throw = read_plan(options.plan)
+        progress.about(f"{throw.scene.name}: throwing in MuJoCo")
+        result = replay(throw, restitution=options.restitution)
+        if options.out is not None:
+            progress.about(f"{throw.scene.name}: writing {options.out}")
+            result.save(options.out)
     answer(options, result.to_dict(), result.summary() + written(options))
     return DONE

@@ -10,7 +10,7 @@ from ...models import MODELS
 from ...problems import filling, load_scene, write_json
 from ..check import simulate
 from ..show import draw_releases
-from .common import DONE, Add, add_out, add_scene, answer, notes, say
+from .common import DONE, Add, Progress, add_out, add_scene, answer, notes
 
 
 def arguments(add: Add) -> None:
@@ -24,12 +24,13 @@ def arguments(add: Add) -> None:
 def run(options: argparse.Namespace) -> int:
     """Simulates, writes and prints."""
     scene = load_scene(options.scene)
-    runs = simulate(scene, options.model)
+    with Progress(f"{scene.name}: throwing"):
+        runs = simulate(scene, options.model)
     models = {name: run.to_dict() for name, run in runs.items()}
     result = {"scene": scene.name, "models": models}
     if options.out is not None:
-        say(f"{scene.name}: drawing")
-        with filling(Path(options.out), ("simulation.json", "releases.png")) as scratch:
+        files = filling(Path(options.out), ("simulation.json", "releases.png"))
+        with Progress(f"{scene.name}: drawing"), files as scratch:
             write_json(scratch / "simulation.json", result)
             draw_releases(scene, runs, scratch / "releases.png")
     answer(options, result, _table(scene.name, models) + notes(scene))

@@ -23,7 +23,6 @@ from .common import (
     add_target,
     answer,
     notes,
-    say,
     target_of,
     whole,
     written,
@@ -67,8 +66,8 @@ def run(options: argparse.Namespace) -> int:
     if found is None:
         raise KeyboardInterrupt
     if options.out is not None:
-        say(f"{scene.name}: writing {options.out}")
-        found.save(options.out)
+        with Progress(f"{scene.name}: writing {options.out}"):
+            found.save(options.out)
     result = found.to_dict()
     advice = ""
     if plan.target.at_rest and not plan.robust and result["success"]["rate"] < MANY:
@@ -82,9 +81,9 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _planned(scene: Scene, target: Pose | None, options: argparse.Namespace) -> Plan:
-    say(f"{scene.name}: planning")
-    planner = Planner(scene)
-    planner.check(target)
-    if options.out is not None:
-        prepare_folder(Path(options.out), SWEEP_FILES)
-    return planner.plan(target, robust=options.robust, patience=options.patience)
+    with Progress(f"{scene.name}: planning"):
+        planner = Planner(scene)
+        planner.check(target)
+        if options.out is not None:
+            prepare_folder(Path(options.out), SWEEP_FILES)
+        return planner.plan(target, robust=options.robust, patience=options.patience)

@@ -27,7 +27,7 @@ from ..show import (
     serving,
     space_throw,
 )
-from .common import DONE, NO_THROW, Add, add_plan, add_scene, answer, number, say, whole
+from .common import DONE, NO_THROW, Add, Progress, add_plan, add_scene, answer, number, say, whole
 
 
 def arguments(add: Add) -> None:
@@ -55,16 +55,16 @@ def _add_page(add: Add) -> None:
 
 def run(options: argparse.Namespace) -> int:
     """Serves the view until it is interrupted, or writes the film."""
-    say("reading and throwing the plan")
-    throw = read_plan(options.plan)
+    with Progress("reading and throwing the plan"):
+        throw = read_plan(options.plan)
     if not math.isfinite(throw.landing_time):
         raise InputError(f"{options.plan}: thrown again, it does not land")
     space = space_throw(throw, _into_cup(throw))
     written = {}
     for kind, write in (("png", save_picture), ("mp4", save_film)):
         if (name := getattr(options, kind)) is not None:
-            say(f"writing {name}")
-            write(space, Path(name))
+            with Progress(f"writing {name}"):
+                write(space, Path(name))
             written[kind] = name
     if written:
         answer(options, written, "\n".join(f"written to {name}" for name in written.values()))
@@ -79,7 +79,8 @@ def _into_cup(throw: Throw) -> tuple[Array, Array] | None:
     if throw.scene.cup is None or throw.target.speed:
         return None
     try:
-        found = replay(throw)
+        with Progress("throwing into the cup"):
+            found = replay(throw)
     except InputError as error:
         say(f"the bar stops at the target: {error}")
         return None
@@ -94,8 +95,8 @@ def run_play(options: argparse.Namespace) -> int:
         contextlib.suppress(KeyboardInterrupt),
         empty_page(scene.name, options.port) as (address, server),
     ):
-        say(f"{scene.name}: planning")
-        plan = first_plan(planner)
+        with Progress(f"{scene.name}: planning"):
+            plan = first_plan(planner)
         if not plan.solved:
             answer(options, plan.to_dict(), plan.summary())
             print(f"throwplan: {plan.message}", file=sys.stderr)
