@@ -161,7 +161,11 @@ def test_growth_goes_on_from_what_there_is(
     assert {row.tobytes() for row in prepared.library.records} <= kept
 
 
-@pytest.mark.parametrize("harm", ["garbled", "cut", "renamed", "text", "empty"])
+@pytest.mark.parametrize(
+    "harm",
+    ["garbled", "empty"]
+    + [pytest.param(one, marks=pytest.mark.slow) for one in ("cut", "renamed", "text")],
+)
 def test_a_harmed_file_is_passed_over(
     prepared: tp.Planner, harm: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

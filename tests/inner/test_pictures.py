@@ -41,6 +41,7 @@ print(json.dumps([matplotlib.get_backend(auto_select=False), pyplot]))
 """
 
 
+@pytest.mark.slow
 def test_drawing_neither_changes_the_backend_nor_imports_pyplot(tmp_path: Path) -> None:
     command = [sys.executable, "-c", DRAW]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
@@ -61,6 +62,7 @@ def share_of(picture: np.ndarray, colour: str) -> float:
     return float((np.abs(picture - 255 * np.array(to_rgb(colour))).max(axis=2) < 6).mean())
 
 
+@pytest.mark.slow
 def test_the_gif_shows_every_phase_in_its_colour_on_white(saved, tmp_path: Path) -> None:
     throw = tp.read_plan(saved("hand-flip"))
     draw_throw_moving(throw, tmp_path / "throw.gif")

@@ -45,6 +45,7 @@ def test_near_the_base_auto_lets_go_slowly() -> None:
     assert not quiet.solved or scaled_spread(quiet) > scaled_spread(auto)
 
 
+@pytest.mark.slow
 def test_auto_is_never_worse_than_the_nominal_throw(planner: tp.Planner) -> None:
     target = tp.Pose(x=0.2160, z=0.1, theta=-2.111609)
     plain, auto = planner.plan(target), planner.plan(target, robust="auto")

@@ -18,7 +18,7 @@ _ODDER_NUMBERS = (1e300, 1.7e308, -1e-9, -1e300, 2**31, 2**63, -(2**63), 10**400
 NUMBERS = st.sampled_from((*_ODD_NUMBERS, *_ODDER_NUMBERS, math.nan, math.inf, -math.inf))
 _PATHS = ("", " ", ".", "..", "/proc", "~", "a" * 300, "a/" * 3000, "\0", "/dev/null")
 _WORDS = ("\x1b[31m", "a\nb", "ä∞", "%s{0}", "$\\frac{$", "-1", "nan", "1e999", "9" * 5000)
-_KNOWN = ("panda", "cup", "free", "--json")
+_KNOWN = ("panda", "drop", "free", "--json")
 TEXTS = st.sampled_from((*_PATHS, *_WORDS, *_KNOWN)) | st.text(max_size=5)
 VALUES = st.one_of(
     NUMBERS,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import pty
 import random
 import resource
 import signal
@@ -13,6 +14,7 @@ import time
 from pathlib import Path
 
 import pytest
+from throwplan.planner.cli.common import Progress
 
 THROWPLAN = [sys.executable, "-m", "throwplan"]
 
@@ -164,3 +166,18 @@ def test_a_killed_worker_is_said_or_replaced(words, status, tmp_path) -> None:
     assert process.returncode == status and err.count("\n") == (status == 2), err
     assert not left(process.pid)
     assert status or int(out.split("solved throws")[0].split()[-1].replace(",", "")) > 0
+
+
+def test_a_step_that_takes_longer_counts_its_seconds_on_a_terminal(monkeypatch) -> None:
+    ours, theirs = pty.openpty()
+    said = b""
+    with os.fdopen(theirs, "w") as terminal:
+        monkeypatch.setattr(sys, "stderr", terminal)
+        with Progress("planning"):
+            while b"planning (2 s)" not in said:
+                said += os.read(ours, 4096)
+        # The line goes again.
+        while not said.endswith(b"\r\x1b[K"):
+            said += os.read(ours, 4096)
+    os.close(ours)
+    assert said.startswith(b"\r\x1b[Kplanning")

@@ -36,7 +36,7 @@ def assert_met(plan: tp.Plan) -> None:
     assert earliest - 1e-3 <= time <= latest + 1e-3
 
 
-@pytest.mark.parametrize("speed", [-0.4, 0.1])
+@pytest.mark.parametrize("speed", [pytest.param(-0.4, marks=pytest.mark.slow), 0.1])
 def test_a_target_is_met_where_it_then_is(pose, speed) -> None:
     plan = moving(pose, speed)
     assert_met(plan)

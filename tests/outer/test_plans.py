@@ -482,6 +482,7 @@ def test_a_robust_section_asks_for_it_and_uncertainty_alone_does_not(tmp_path, p
     assert 0 < answer["robust"]["peak_load"] < 1
 
 
+@pytest.mark.slow
 def test_bounds_of_landing_and_torque_are_planned(tmp_path) -> None:
     path = tmp_path / "more.toml"
     path.write_text(

@@ -213,6 +213,7 @@ def test_identify_takes_filters_and_refuses_what_tells_nothing(made, small, run,
     assert "com must be one of com1, com2" in refused("identify", made, *words, "--only", "com=3")
 
 
+@pytest.mark.slow
 def test_python_learns_from_planned_throws() -> None:
     """Plans as data, thrown with another contact, and that contact found again."""
     planner = tp.Planner(tp.load_scene("pose"))

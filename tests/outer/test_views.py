@@ -49,6 +49,7 @@ def test_it_serves_until_interrupted(saved, interruptible, free_port, command) -
     assert err == "throwplan: no browser to open here; open the address\n"
 
 
+@pytest.mark.slow
 def test_json_is_one_object_with_the_phases(saved, free_port) -> None:
     port = free_port()
     words = ["--port", port, "--no-browser", "--hold", "0.1", "--json"]
