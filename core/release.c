@@ -255,10 +255,10 @@ CLONES EXPORT void pivot_track(const release *r, long nodes, const double *times
    steps are longer than the rest of the old slip takes, that error does not shrink with them. */
 
 /* Even intervals of the stretched opening, and in how many a run takes them at most. */
-#define INTERVALS 100
+#define INTERVALS 50
 #define MOST 2048
 /* Settled [m]: of the first order there is more left than of the sliding pivot. */
-#define SURFACE_SETTLED 1e-3
+#define SURFACE_SETTLED 2.5e-4
 /* A node is put where slip stops, if that is farther than this share of the opening from the ends of
    its step, so often at most; stops that are nearer to each other, in two runs, are one. */
 #define OFF_NODE 1e-5
@@ -488,7 +488,7 @@ CLONES EXPORT int surface_release(const release *r, long room, double (*rows)[7]
             break;
         parts *= 2;
     }
-    for (long k = 0; there && k < f.steps && count + 1 < room; k += parts, count++) {
+    for (long k = 0; there && k < f.steps && count + 1 < room; k += parts / 2, count++) {
         rows[count][0] = f.times[k];
         for (int i = 0; i < 6; i++)
             rows[count][1 + i] = 2.0 * f.states[k][i][0] - f.halved[k][i];
