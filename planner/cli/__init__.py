@@ -20,7 +20,7 @@ from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 
 from ...problems import InputError, hint_at
-from .common import DONE, WRONG_INPUT, Parser
+from .common import DONE, WRONG_INPUT, Parser, Progress
 
 #: What each does, and the arguments of an example.
 COMMANDS = {
@@ -89,7 +89,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
 def _answered(words: list[str]) -> int:
     """Run the command line, up to what its standard output does not take."""
     try:
-        options, unknown = parser_of(words[:1]).parse_known_args(words)
+        with Progress("starting"):
+            parser = parser_of(words[:1])
+        options, unknown = parser.parse_known_args(words)
         if unknown:
             raise InputError(_unknown(options.parser, unknown[0]))
         status: int = options.run(options)

@@ -24,7 +24,7 @@ from ...problems.urdf import (
     limits_of,
     read_urdf,
 )
-from .common import DONE, Add, add_force, answer, number
+from .common import DONE, Add, Progress, add_force, answer, number
 
 LIMIT_UNITS = {"velocity": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3", "torque": "N m"}
 
@@ -102,17 +102,19 @@ def run(options: argparse.Namespace) -> int:
         raise InputError(f"--out {out}: its folder is not there")
     if options.name is not None and not (options.name and options.name.isprintable()):
         raise InputError("--name: must be a word")
-    robot = read_urdf(urdf)
-    try:
-        ends = options.tool, options.base, options.approach, options.closing, options.azimuth
-        chain = chain_of(robot, options.joints, *ends)
-        options.joints, held = list(chain.names), held_joints(chain)
-        drawn = arm_of(chain, limits_of(chain, _given_limits(options)), _choices(options, chain))
-    except InputError as error:
-        raise error.within(str(urdf)) from None
-    text = arm_text(drawn, _remarks(chain, urdf, held))
-    arm = arm_from(toml_tables(text, str(out)))
-    difference = kinematics_difference(arm, chain)
+    with Progress(f"{urdf}: reading"):
+        robot = read_urdf(urdf)
+        try:
+            ends = options.tool, options.base, options.approach, options.closing, options.azimuth
+            chain = chain_of(robot, options.joints, *ends)
+            options.joints, held = list(chain.names), held_joints(chain)
+            limits, choices = limits_of(chain, _given_limits(options)), _choices(options, chain)
+            drawn = arm_of(chain, limits, choices)
+        except InputError as error:
+            raise error.within(str(urdf)) from None
+        text = arm_text(drawn, _remarks(chain, urdf, held))
+        arm = arm_from(toml_tables(text, str(out)))
+        difference = kinematics_difference(arm, chain)
     if not difference <= EXACT:
         raise InputError(
             f"{urdf}: the arm's kinematics are {difference:.1e} off yourdfpy's, nothing written"

@@ -74,7 +74,7 @@ def _processes(count: int) -> Iterator[Executor]:
         with pool:
             yield pool
     except BrokenExecutor:
-        raise InputError(f"--workers {count}: a worker process died: out of memory?") from None
+        raise InputError(f"one of {count} worker processes died: out of memory?") from None
 
 
 def _leave_ctrl_c_to_the_parent() -> None:

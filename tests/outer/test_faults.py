@@ -146,7 +146,11 @@ def _judge_end(process: subprocess.Popen[str], err: str, kind: signal.Signals) -
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "status"),
-    [("prepare hand-box --throws 1000", 0), ("sweep delay --workers 2 --samples 300000", 2)],
+    [
+        ("prepare hand-box --throws 1000", 0),
+        ("sweep delay --workers 2 --samples 300000", 2),
+        ("report --only reach --out out", 2),
+    ],
 )
 def test_a_killed_worker_is_said_or_replaced(words, status, tmp_path) -> None:
     process = started(words, tmp_path)
