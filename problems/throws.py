@@ -238,22 +238,7 @@ def _throw(
     bar = objects[row["object"]]
     if grasp.offset > bar.com:
         raise InputError(f"grasp_offset = {grasp.offset:g}: must be at most com = {bar.com:g}")
-    landing = None
-    if all(row.get(name) for name in LANDING):
-        x, z, theta = (_number(row, name) for name in LANDING)
-        if abs(z - shared.landing_height) > HEIGHT_ERROR:
-            raise InputError(
-                f"z = {z:g}: must be within {HEIGHT_ERROR:g} m of landing_height = "
-                f"{shared.landing_height:g}"
-            )
-        if abs(x) > FARTHEST:
-            raise InputError(f"x = {x:g}: must be in m, at most {FARTHEST:g} (is it in mm?)")
-        if abs(theta) > MOST_TURNED:
-            raise InputError(
-                f"theta = {theta:g}: must be in rad, at most {MOST_TURNED:.1f}, which is ten turns "
-                "(is it in degrees?)"
-            )
-        landing = (x, z, theta)
+    landing = _landing(row, shared)
     track = None
     if row.get("track"):
         track = _recording("track", row["track"], folder, ("t", "x", "z", "theta"))
@@ -280,6 +265,26 @@ def _throw(
         track,
         factors,
     )
+
+
+def _landing(row: Mapping[str, str], shared: Shared) -> tuple[float, float, float] | None:
+    """x, z [m] and theta [rad] of the row's landing; None where it has none."""
+    if not all(row.get(name) for name in LANDING):
+        return None
+    x, z, theta = (_number(row, name) for name in LANDING)
+    if abs(z - shared.landing_height) > HEIGHT_ERROR:
+        raise InputError(
+            f"z = {z:g}: must be within {HEIGHT_ERROR:g} m of landing_height = "
+            f"{shared.landing_height:g}"
+        )
+    if abs(x) > FARTHEST:
+        raise InputError(f"x = {x:g}: must be in m, at most {FARTHEST:g} (is it in mm?)")
+    if abs(theta) > MOST_TURNED:
+        raise InputError(
+            f"theta = {theta:g}: must be in rad, at most {MOST_TURNED:.1f}, which is ten turns "
+            "(is it in degrees?)"
+        )
+    return x, z, theta
 
 
 def _recording(key: str, name: str, folder: Path, columns: tuple[str, ...]) -> Array:

@@ -17,7 +17,7 @@ import numpy.typing as npt
 
 from ...models import Indices
 from ...problems import InputError
-from .stage import Stage
+from .painter import Painter
 from .style import ARM, BLACK, PHASES, new_figure
 from .throw_picture import (
     CARRIED,
@@ -82,12 +82,12 @@ def _palette(pixels: Pixels) -> Image.Image:
 
 def save_picture(throw: SpaceThrow, path: Path) -> None:
     """A PNG in 3-D just before detach, with the bar along its way; errors as of `save_film`."""
-    stage = Stage()
-    view = View(stage, throw)
+    painter = Painter()
+    view = View(painter, throw)
     _add_ghosts(view)
     view.show(throw.throw.detach_time - 0.002)
     with _whole(path, "png") as whole:
-        stage.picture(throw.scene.name).save(whole)
+        painter.picture(throw.scene.name).save(whole)
 
 
 def save_film(throw: SpaceThrow, path: Path) -> None:
@@ -134,8 +134,8 @@ def _add_ghosts(view: View) -> list[tuple[float, Any]]:
 
 def _film(throw: SpaceThrow) -> Iterator[Pixels]:
     """The film's frames (H, W, 3), one after another."""
-    line, stage = throw.line, Stage()
-    view = View(stage, throw)
+    line, painter = throw.line, Painter()
+    view = View(painter, throw)
     ghosts = _add_ghosts(view)
     shown = np.searchsorted(line.times, np.arange(0.0, line.times[-1], SLOW / FILM_FPS) - 1e-9)
     for i in shown:
@@ -143,7 +143,7 @@ def _film(throw: SpaceThrow) -> Iterator[Pixels]:
         view.show(time)
         for passed, ghost in ghosts:
             ghost.visible = passed <= time
-        pixels = np.asarray(stage.picture(_words(line, i)))
+        pixels = np.asarray(painter.picture(_words(line, i)))
         yield pixels
     yield from [pixels] * (FILM_FPS // 2)
 

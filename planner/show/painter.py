@@ -1,6 +1,6 @@
 """The 3-D view as pictures, without a browser: what `View` puts into a viser scene, painted here.
 
-A `Stage` takes the place of viser's server. It keeps each shape as triangles and paints them from
+A `Painter` takes the place of viser's server. It keeps each shape as triangles and paints them from
 the far ones to the near ones, so that neither a graphics card nor a browser is needed.
 """
 
@@ -53,7 +53,7 @@ class Node:
 
 
 @dataclass
-class Stage:
+class Painter:
     """What `View` needs of viser's server and of its scene, and `picture`."""
 
     nodes: dict[str, Node] = field(default_factory=dict)
@@ -71,8 +71,8 @@ class Stage:
             raise InputError("pictures in 3-D need trimesh: pip install trimesh") from None
 
     @property
-    def scene(self) -> Stage:
-        """The scene: the stage itself."""
+    def scene(self) -> Painter:
+        """The scene: the painter itself."""
         return self
 
     def configure_environment_map(self, name: None) -> None:
