@@ -110,7 +110,7 @@ def test_a_sample_over_the_curve_is_named(fr3, slowing):
 @pytest.mark.parametrize(
     ("robot", "target"),
     [
-        ({"control": "acceleration"}, FR3_TARGETS[1]),
+        pytest.param({"control": "acceleration"}, FR3_TARGETS[1], marks=pytest.mark.slow),
         ({"start": (-math.pi / 4, -3 * math.pi / 4, math.pi / 2)}, NEAR_THE_END),
     ],
     ids=["acceleration", "start"],

@@ -202,6 +202,7 @@ def test_cup_entry_is_that_of_a_finely_drawn_outline(seed: int) -> None:
 # Torques.
 
 
+@pytest.mark.slow
 def test_the_arms_own_limits_are_kept_with_rows_where_a_throw_breaks_them() -> None:
     """A Panda whose joint 2 is as weak as to hold `pose` no more as it is thrown otherwise."""
     scene = tp.load_scene("pose")

@@ -91,7 +91,7 @@ def test_a_target_that_speeds_up_is_hit_where_it_then_is(planner) -> None:
 
 def test_a_target_that_leaves_the_reach_stops_the_swing(planner, plan) -> None:
     session, target = planner.follow(plan, HORIZON), plan.target
-    updates, sent, _ = played(session, lambda t: target.changed(x=target.x + 40 * t**2))
+    updates, sent, _ = played(session, lambda t: target.changed(x=target.x + 40 * t**2), 10)
     last = updates[-1]
     assert last.status == "stopped" and last.command_time is None
     assert "out of reach" in last.message

@@ -15,7 +15,7 @@ import throwplan as tp
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-#: interface.md's list.
+#: Scenes that the program must have.
 BUILT_IN = (
     "drop",
     "drop-2cm",

@@ -12,7 +12,7 @@ import pytest
 import throwplan as tp
 from throwplan.planner.cli import main
 
-#: What `all` runs, in this order; interface.md names all but ls-smooth.
+#: What `all` runs, in this order.
 NAMES = ("sp", "sp-paper", "ls", "ls-smooth", "ils", "ls-step", "patch", "lugre")
 
 

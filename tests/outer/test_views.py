@@ -30,7 +30,7 @@ def viewing(*words: object) -> subprocess.Popen[str]:
     )
 
 
-@pytest.mark.parametrize("command", ["view", "play"])
+@pytest.mark.parametrize("command", [pytest.param("view", marks=pytest.mark.slow), "play"])
 def test_it_serves_until_interrupted(saved, interruptible, free_port, command) -> None:
     port = free_port()
     what = saved("hand-flip") if command == "view" else "hand-flip"

@@ -152,6 +152,7 @@ def test_meshed_stepping_is_first_order(model) -> None:
     assert np.median(slopes) == pytest.approx(1.0, abs=0.3)
 
 
+@pytest.mark.slow
 def test_the_converged_patch_solves_the_differential_equation() -> None:
     """Another integrator, another rounding of Coulomb's corner, world axes."""
     values = cases_as_arrays()
