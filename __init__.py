@@ -16,8 +16,8 @@ from .planner.follow import Response, Session, Update
 from .planner.identify import Identified, identify, throw_data, thrown
 from .planner.plan import Planner, plan
 from .planner.reach import ReachMap, reach_map
-from .planner.result import Plan, PlanPath, SavedThrow, read_plan, view
-from .planner.robot import Replay, export, replay
+from .planner.result import Plan, PlanPath, SavedThrow, read_plan
+from .planner.robot import Replay, export, replay, view
 from .planner.sweep import Sweep, sweep
 from .problems import (
     Choice,

@@ -5,18 +5,14 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
-import math
 import sys
 from pathlib import Path
 from typing import Any
 
-from ...models import Array
-from ...problems import InputError, load_scene
-from ..check import Throw
+from ...problems import load_scene
 from ..plan import Planner
 from ..play import PlayPage, first_plan
-from ..result import read_plan
-from ..robot import replay
+from ..robot import seen_throw
 from ..show import (
     Panel,
     empty_page,
@@ -25,7 +21,6 @@ from ..show import (
     save_film,
     save_picture,
     serving,
-    space_throw,
 )
 from .common import DONE, NO_THROW, Add, Progress, add_plan, add_scene, answer, number, say, whole
 
@@ -56,10 +51,9 @@ def _add_page(add: Add) -> None:
 def run(options: argparse.Namespace) -> int:
     """Serves the view until it is interrupted, or writes the film."""
     with Progress("reading and throwing the plan"):
-        throw = read_plan(options.plan)
-    if not math.isfinite(throw.landing_time):
-        raise InputError(f"{options.plan}: thrown again, it does not land")
-    space = space_throw(throw, _into_cup(throw))
+        space, why = seen_throw(options.plan)
+    if why:
+        say(f"the bar stops at the target: {why}")
     written = {}
     for kind, write in (("png", save_picture), ("mp4", save_film)):
         if (name := getattr(options, kind)) is not None:
@@ -72,19 +66,6 @@ def run(options: argparse.Namespace) -> int:
     with contextlib.suppress(KeyboardInterrupt), serving(space, options.port) as (address, panel):
         _show(options, {"address": address, "phases": space.phases()}, panel)
     return DONE
-
-
-def _into_cup(throw: Throw) -> tuple[Array, Array] | None:
-    """Times and CoM poses in the cup until the bar rests there, None where MuJoCo has none."""
-    if throw.scene.cup is None or throw.target.speed:
-        return None
-    try:
-        with Progress("throwing into the cup"):
-            found = replay(throw)
-    except InputError as error:
-        say(f"the bar stops at the target: {error}")
-        return None
-    return found.times, found.com
 
 
 def run_play(options: argparse.Namespace) -> int:

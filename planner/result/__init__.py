@@ -7,7 +7,6 @@ from .files import (
     read_plan,
     sent_throw,
     throw_of,
-    view,
     write_table,
 )
 from .plan import Plan, PlannedThrow, Status

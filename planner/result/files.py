@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import contextlib
 import dataclasses
 import json
 import time
@@ -19,11 +18,7 @@ from ..ocp import load_curve
 from ..show import (
     draw_throw,
     draw_throw_moving,
-    open_browser,
     over_time,
-    run_panel,
-    serving,
-    space_throw,
 )
 
 if TYPE_CHECKING:
@@ -135,28 +130,6 @@ def throw_of(plan: Plan | Throw | str | Path) -> Throw:
     if isinstance(plan, str | Path):
         return read_plan(plan)
     return plan if isinstance(plan, Throw) else sent_throw(plan)
-
-
-def view(
-    plan: Plan | Throw | str | Path,
-    port: int = 8080,
-    hold: float | None = None,
-    browser: bool = True,
-) -> None:
-    """Show a throw in 3-D on a page of this machine; needs the extra `view`.
-
-    plan: a plan, a throw, or the path of a plan.json or of its folder. Serves for `hold` seconds,
-    or until it is interrupted (Ctrl-C, a notebook's stop). InputError for what holds no throw that
-    lands, and for a port that cannot be had.
-    """
-    throw = throw_of(plan)
-    if not throw.lands:
-        raise InputError("view: the throw does not land")
-    with contextlib.suppress(KeyboardInterrupt), serving(space_throw(throw), port) as (page, panel):
-        print(page)
-        if browser:
-            open_browser(page)
-        run_panel(panel, hold)
 
 
 @dataclass(frozen=True, repr=False, eq=False)

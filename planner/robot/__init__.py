@@ -17,4 +17,5 @@ from .mujoco_replay import Replay, replay
 from .mujoco_throw import Rest, load_mujoco
 from .playing import throws
 from .recording import Recording, read_recording
+from .viewing import seen_throw, view
 from .way import approach

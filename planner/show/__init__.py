@@ -18,4 +18,4 @@ from .style import (
 from .tables import Cell, Row, Table, number, shown
 from .throw_picture import bar_corners, draw_throw
 from .timeline import timeline as over_time
-from .view import View, put, rgb, space_throw
+from .view import SpaceThrow, View, put, rgb, space_throw
