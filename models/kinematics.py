@@ -160,7 +160,7 @@ class Arm:
         """Number of joints."""
         return len(self.chain)
 
-    @functools.lru_cache(maxsize=16)  # noqa: B019 (arms are few, and read anew for each scene)
+    @functools.cached_property
     def _plane(self) -> tuple[float, float]:
         """y [m] of the pads' centre in the posture, and z of the azimuth joint's axis."""
         frames = [np.array(ca.evalf(pose)) for pose in self.frames(ca.SX(ca.DM(self.posture)))]
@@ -170,7 +170,7 @@ class Arm:
     @property
     def lateral(self) -> float:
         """How far [m] the throwing plane is beside the base's z axis, to the left of a throw."""
-        return self._plane()[0]
+        return self._plane[0]
 
     def azimuth_angle(self, azimuth: float) -> float:
         """The azimuth joint's angle [rad] that turns the plane by `azimuth` [rad] from x to y.
@@ -178,14 +178,14 @@ class Arm:
         Of those that are whole turns apart, one within the limits where there is any.
         """
         joint = self.azimuth_joint - 1
-        angle = self.posture[joint] + self._plane()[1] * azimuth
+        angle = self.posture[joint] + self._plane[1] * azimuth
         low, high = self.limits.position_min[joint], self.limits.position_max[joint]
         turns = (angle, angle - 2 * math.pi, angle + 2 * math.pi)
         return next((turn for turn in turns if low <= turn <= high), angle)
 
     def azimuth_at(self, angle: float) -> float:
         """How far [rad] the plane is turned from x to y at the azimuth joint's angle [rad]."""
-        return (angle - self.posture[self.azimuth_joint - 1]) / self._plane()[1]
+        return (angle - self.posture[self.azimuth_joint - 1]) / self._plane[1]
 
     def frames(self, q: ca.SX) -> list[ca.SX]:
         """4x4 poses in the base frame after each joint, then of the flange and the TCP."""
