@@ -50,9 +50,8 @@ def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None
     frame_stage(stage, scene, throw.target, line)
     _draw_release(figure.add_subplot(grid[0, 1]), scene, line)
     dx, dtheta = throw.final.miss(throw.target)
-    kind = "exact" if scene.robot is None else "sent"
     angle = "" if throw.target.theta is None else f", {np.degrees(abs(dtheta)):.3f} deg"
-    title = f"{scene.name}: {kind} landing {1e3 * abs(dx):.3f} mm{angle} from the target\n"
+    title = f"{scene.name}: lands {1e3 * abs(dx):.3f} mm{angle} from the target\n"
     stage.set_title(title + _words_of_flight(throw), loc="left", fontsize=10)
     plots = [figure.add_subplot(grid[i, 1]) for i in (1, 2, 3)]
     _draw_plots(plots, line)
