@@ -50,7 +50,9 @@ def edited(draw: st.DrawFn, tree: Tree) -> Tree:
         holder, key = draw(st.sampled_from(places))
         old, kind = holder[key], draw(st.sampled_from("ssssssxxxdr"))
         if kind == "x" and isinstance(old, int | float) and not isinstance(old, bool):
-            holder[key] = old * draw(st.sampled_from([-1, 0, 0.5, 2, 10, 1e-3, 1e3, 1e6, 1e-9]))
+            factor = draw(st.sampled_from([-1, 0, 0.5, 2, 10, 1e-3, 1e3, 1e6, 1e-9]))
+            # Of a whole number beyond all floats there are only whole multiples.
+            holder[key] = old * (factor if abs(old) < 1e300 else int(factor))
         elif kind == "d":
             del holder[key]
         elif kind == "r" and isinstance(holder, dict):
