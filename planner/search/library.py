@@ -37,6 +37,8 @@ Records = npt.NDArray[Any]
 FORMAT = 2
 #: Packages whose sources decide what a solved throw is.
 SOURCES = ("models", "planner/check", "planner/ocp", "planner/search")
+#: So many solved throws tell where the reach ends; fewer lie too far apart.
+ENOUGH = 50
 #: Within this scaled distance [m] of a target a solved throw is of use.
 NEAR = 0.15
 #: Lengths [bytes] of the texts of a record: guards, margins, a limit's name; limits a record names.
@@ -217,7 +219,7 @@ class Library:
         target = self._scene.target
         assert target is not None
         x, theta = self.records["landing"].astype(float).T
-        if not x.size or goal.z != target.z or (goal.theta is not None) != self.angle:
+        if len(self) < ENOUGH or goal.z != target.z or (goal.theta is not None) != self.angle:
             return False
         away = np.abs(x - goal.plane_x) + np.abs(theta - (goal.theta or 0.0)) * self._lever
         return not self.records["solved"][away.argmin()]
@@ -238,7 +240,8 @@ def library_key(scene: Scene) -> str:
     if like.cup is not None:
         # Moved and moved back it may differ in the last digit.
         like = like.replace(cup=dataclasses.replace(like.cup, x=round(like.cup.x, 9)))
-    return digest(f"throws {FORMAT}", repr(like), *_sources())
+    sections = [repr(getattr(like, field.name)) for field in dataclasses.fields(like)]
+    return digest(f"throws {FORMAT}", *sections, *_sources())
 
 
 def _sources() -> Iterator[bytes]:

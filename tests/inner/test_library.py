@@ -125,6 +125,18 @@ def test_other_planners_find_it_and_other_scenes_do_not(prepared: tp.Planner) ->
     assert tp.Planner(elsewhere).prepared == prepared.prepared
     heavier = scene.replace(object=dataclasses.replace(scene.object, mass=0.2))
     assert not tp.Planner(heavier).prepared
+    # So does every other number of every section.
+    keys = {str(prepared.library.folder)}
+    count = 0
+    for name in ("object", "contact", "gripper", "hand", "grasp", "mesh", "tolerance", "workspace"):
+        section = getattr(scene, name) or tp.Workspace()
+        for field in dataclasses.fields(section):
+            value = getattr(section, field.name)
+            if isinstance(value, float):
+                other = scene.replace(**{name: section.changed(**{field.name: 0.99 * value + 1e-6})})
+                keys.add(str(Library(other, make_mover(scene)).folder))
+                count += 1
+    assert count > 20 and len(keys) == count + 1
     assert not tp.Planner(scene, library=False).prepared
     one, other = (p.plan(targets(prepared, 3)[1]) for p in (prepared, tp.Planner(scene)))
     assert one.throw.effort == other.throw.effort
