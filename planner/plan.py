@@ -14,8 +14,6 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any, Literal, TypedDict, Unpack, get_args
 
-import numpy as np
-
 from ..problems import (
     COMPARED_METHODS,
     ROBUST_METHODS,
@@ -23,6 +21,7 @@ from ..problems import (
     Pose,
     Scene,
     as_scene,
+    checked,
 )
 from .check import State, Throw, check_obstacles, make_mover
 from .follow import Response, Session
@@ -125,8 +124,10 @@ class Planner:
         target = self.check(target)
         _check_one_of("solver", solver, SolverName)
         _check_one_of("turns", turns, Turns)
-        if not 0 <= alternatives <= MOST_ALTERNATIVES:
-            raise InputError(f"alternatives = {alternatives!r}: must be 0 to {MOST_ALTERNATIVES}")
+        checked("alternatives", alternatives, int, {"least": 0, "most": MOST_ALTERNATIVES})
+        checked("patience", patience, float | None, {"above": 0})
+        checked("warm", warm, Plan | None, {})
+        checked("start", start, State | None, {})
         method = self._method(robust)
         if method and alternatives:
             raise InputError("alternatives: not with a robust plan")
@@ -136,8 +137,6 @@ class Planner:
             raise InputError("start: a robust plan begins at rest")
         if patience is None:
             patience = PATIENCE if not method and self._wanted(alternatives) == 1 else LONG_PATIENCE
-        if not patience > 0:
-            raise InputError(f"patience = {patience!r}: must be above 0")
         solvers = ("fatrop", "ipopt") if solver == "auto" else (solver,)
         clock = Clock.lasting(patience)
         task = Task(self.scene.aimed_at(target), target, solvers, clock)
@@ -212,6 +211,10 @@ class Planner:
         that lag, response: how these follow, where that is known. InputError for a plan that is not
         this planner's.
         """
+        horizon = checked("horizon", horizon, float, {"above": 0})
+        checked("plan", plan, Plan, {})
+        checked("sent", sent, Throw | None, {})
+        checked("response", response, Response | None, {})
         return Session(self._under_way[0], plan, horizon, sent, response)
 
     def polish(self, plan: Plan) -> Plan:
@@ -221,7 +224,7 @@ class Planner:
         plan itself comes back where nothing cheaper is found, where it is robust or not solved, and
         for a target that moves or is to be met at a time.
         """
-        before = plan.throw
+        before = checked("plan", plan, Plan, {}).throw
         mine = plan.solved and plan.mover is self.mover and plan.target.at_rest
         if not mine or before is None:
             return plan
@@ -244,11 +247,9 @@ class Planner:
         progress(solved, throws) is called on the way. Returns how many there are. InputError for a
         number out of range.
         """
-        whole = isinstance(throws, int | np.integer) and not isinstance(throws, bool)
-        if not whole or not 1 <= throws <= MOST_PREPARED:
-            raise InputError(f"throws = {throws!r}: must be a whole number, 1 to {MOST_PREPARED}")
+        throws = checked("throws", throws, int, {"least": 1, "most": MOST_PREPARED})
         try:
-            grow(self._sources, self.library, int(throws), progress)
+            grow(self._sources, self.library, throws, progress)
         finally:
             self.library.merge()
         return len(self.library)

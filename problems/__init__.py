@@ -20,7 +20,7 @@ from .grip import Grasp, Gripper, PadContact, ThrownObject, grip_samples, monoto
 from .movers import Hand, Motion, Robot, Torque
 from .obstacles import Obstacle
 from .scene import Mesh, Scene
-from .section import InputError, ThrowplanError, hint_at
+from .section import InputError, ThrowplanError, checked, hint_at
 from .targets import Choice, Cup, Landing, Pose, ThrowPlane, Tolerance, Workspace
 from .throws import THROW_DATA_FILES, MeasuredThrow, Shared, ThrowData, load_throws, write_throws
 from .toml import (

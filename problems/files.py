@@ -185,6 +185,8 @@ def prepare_folder(folder: Path, names: tuple[str, ...] = (), option: str = "--o
             raise InputError(f"{option} {folder}: is a file; must be a folder")
         with _made(folder), tempfile.TemporaryFile(dir=folder):
             pass
+    except InputError:
+        raise
     except (OSError, ValueError) as error:
         reason = getattr(error, "strerror", None) or error
         raise InputError(f"{option} {folder}: {reason}") from None

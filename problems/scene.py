@@ -139,6 +139,13 @@ class Scene(Section):
                 f"[gripper] dwell = {dwell:g}: must be below [mesh] carry_max = "
                 f"{self.mesh.carry_max:g} by 0.05 s"
             )
+        # The command goes out earlier by the known mean of the delay.
+        delay, most = self.mean_delay, self.mesh.carry_max - 0.05 - dwell
+        if self.motion is None and not -dwell <= delay <= most:
+            raise InputError(
+                f"[uncertainty] delay: its mean = {delay:g}: must be {-dwell:g} to {most:g} s, so "
+                "that the command, [gripper] dwell and it earlier, is inside the motion"
+            )
 
     def _check_torque(self) -> None:
         if self.torque is not None:

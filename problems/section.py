@@ -16,6 +16,8 @@ import typing
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar, Self
 
+import numpy as np
+
 
 class ThrowplanError(Exception):
     """Base of all of throwplan's own exceptions."""
@@ -312,6 +314,8 @@ def _shown(value: Any, degrees: bool) -> Any:
 
 def _coerced(value: Any, hint: Any) -> Any:
     """`value` as the type `hint` asks, or _WRONG."""
+    if isinstance(value, np.generic | np.ndarray):
+        value = value.tolist()
     if isinstance(hint, types.UnionType):
         options = (_coerced(value, option) for option in typing.get_args(hint))
         return next((found for found in options if found is not _WRONG), _WRONG)

@@ -99,12 +99,15 @@ def target_of(scene: Scene, options: argparse.Namespace) -> Pose | None:
         target = dataclasses.replace(target or Pose(x=x, z=z), x=x, z=z, theta=theta, y=0.0)
     if target is None:
         raise InputError(f"{scene.place}: section [target] is missing")
-    if velocity is not None:
-        target = dataclasses.replace(target, velocity=(velocity,))
+    moves: dict[str, Any] = {} if velocity is None else {"velocity": (velocity,)}
     if arrival is not None:
         if len(arrival) > 2:
             raise InputError("--arrival: one time, or the earliest and the latest")
-        target = dataclasses.replace(target, arrival=tuple(arrival) if arrival[1:] else arrival[0])
+        moves["arrival"] = tuple(arrival) if arrival[1:] else arrival[0]
+    try:
+        target = dataclasses.replace(target, **moves)
+    except InputError as error:
+        raise error.within("--", "") from None
     if azimuth is None:
         return target
     if scene.robot is None:

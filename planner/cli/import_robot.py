@@ -154,7 +154,7 @@ def _choices(options: argparse.Namespace, chain: UrdfChain) -> Choices:
         if not (back > front > 0 and half_width > 0):
             raise InputError("--palm: must be BACK above FRONT, both and HALF_WIDTH above 0")
     return Choices(
-        options.name or chain.robot.robot.name or "arm",
+        options.name or " ".join(str(chain.robot.robot.name or "arm").split()),
         options.azimuth,
         tuple(options.throwing or ()),
         tuple(map(math.radians, options.posture_deg)),

@@ -17,7 +17,7 @@ from typing import Literal
 import numpy as np
 
 from ...models import Array, Path, PlanarArm
-from ...problems import InputError, Pose
+from ...problems import InputError, Pose, checked
 from ..check import (
     TICK,
     Around,
@@ -46,6 +46,8 @@ THROWS, NEARER, ENOUGH, SHARES = 4, 0.7, 0.25, (1.0, 0.4)
 EASE = (1.0, 0.7)
 #: A target's azimuth may be this far [rad] off the throw's plane, as it is measured.
 OFF_PLANE = 0.02
+#: So far [rad] joints may be from where they are sent, and so fast [rad/s].
+ASTRAY, TOO_FAST = 1.0, 20.0
 #: A swing is stopped rather than land farther off than this [m, scaled error].
 ACCEPT = 0.03
 
@@ -137,6 +139,7 @@ class Session:
             raise InputError(f"horizon = {horizon!r}: must be above 0 s and {most}")
         self._target, self._horizon = plan.target, horizon
         self._lands = self.throw.landing_time
+        self._over = max(self._lands, TICK * len(self.throw.samples.q))
         self._problems, self._asked = problems, plan.throw.asked
         last = int(plan.throw.final.command_time / TICK)
         found = [self._rest(plan.throw.final, first) for first in range(0, last, EVERY)]
@@ -181,16 +184,17 @@ class Session:
 
     def _checked(self, t: float, q: Array, dq: Array, target: Pose | None) -> tuple[Array, Pose]:
         """Throwing joints and the target; InputError for what is wrong."""
-        if not isinstance(t, int | float | np.floating) or not math.isfinite(t):
-            raise InputError(f"t = {t!r}: must be a time [s]")
+        t = checked("t", t, float, {"meaning": "s"})
         if t <= self._time:
             raise InputError(f"t = {t:g}: must be above {self._time:g}, the last update's")
+        if t > self._over:
+            raise InputError(f"t = {t:g}: must be at most {self._over:.3f}, when it is over")
         mover, arm = self.throw.mover, self.throw.scene.arm
         assert arm is not None
         found = []
         for name, values in (("q", q), ("dq", dq)):
             try:
-                numbers = np.asarray(values, float)
+                numbers = np.asarray(values).astype(float, casting="same_kind")
             except (TypeError, ValueError):
                 raise InputError(f"{name}: must be numbers") from None
             if numbers.shape == (arm.joints,):
@@ -198,18 +202,30 @@ class Session:
             if numbers.shape != (mover.size,) or not np.isfinite(numbers).all():
                 raise InputError(f"{name}: must be {arm.joints} or {mover.size} finite numbers")
             found.append(numbers)
+        self._check_near(t, *found)
         if target is None:
             # Its pose is at time zero.
             return found[0], self._target.at(t)
-        if not isinstance(target, Pose):
-            raise InputError(f"target = {target!r}: must be a Pose")
-        if (target.theta is None) != (self._target.theta is None):
+        if (checked("target", target, Pose, {}).theta is None) != (self._target.theta is None):
             raise InputError("target: must fix theta if the plan's target does, else not")
         plane, target = self._target.plane, target.beside(self._target.lateral)
         turned = abs(target.plane.azimuth - plane.azimuth)
         if turned > OFF_PLANE:
             raise InputError(f"target: is {math.degrees(turned):.1f} deg off the throw's plane")
         return found[0], target
+
+    def _check_near(self, t: float, q: Array, dq: Array) -> None:
+        """InputError for throwing joints that are not where they may be."""
+        samples = self.throw.samples.q
+        sent = samples[min(max(round(t / TICK), 0), len(samples) - 1)]
+        for name, far, most in (("q", q - sent, ASTRAY), ("dq", dq, TOO_FAST)):
+            i = int(np.abs(far).argmax())
+            if abs(far[i]) > most:
+                words = "off what is sent" if name == "q" else "per s"
+                joint, off = self.throw.mover.joints[i], f"{abs(far[i]):.3g} rad {words}"
+                raise InputError(
+                    f"{name}: {joint} is {off}, must be at most {most:g} (is it in degrees?)"
+                )
 
     def _rest(self, throw: Throw, first: int) -> RestOfSwing | None:
         """The NLP about the rest of a throw."""

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models import Array, LinearRelease, TableRelease
-from ...problems import InputError, MeasuredThrow, Scene, Shared, ThrowData
+from ...problems import InputError, MeasuredThrow, Scene, Shared, ThrowData, checked
 from ..result import Plan, sent_throw
 
 #: Fewest samples of a flight.
@@ -47,6 +47,8 @@ def measured(data: ThrowData) -> Landings:
             rates, landed = _from_track(data, throw, throw.track)
         if throw.landing is not None:
             landed = (throw.landing[0], throw.landing[2])
+        elif throw.track is None:
+            raise InputError(f"throw {throw.name}: where it landed is not known yet")
         landing.append(landed)
         twist.append(rates)
     arm = np.array([throw.object.length / 2 for throw in data.throws])
@@ -93,13 +95,15 @@ def throw_data(
 
     landings: x [m], theta [rad] where each came down, None where that is not known yet.
     position_noise [m], angle_noise [rad]: their standard deviations. Raises InputError for
-    no plan at all and for targets at several heights.
+    no plan at all, for targets at several heights, and for landings that are none.
     """
-    if not plans:
-        raise InputError("no throws: give at least one plan")
+    if isinstance(plans, Plan) or not plans:
+        raise InputError("plans: must be a list of at least one plan")
     scene, height = plans[0].scene, plans[0].target.z
     if any(abs(plan.target.z - height) > 1e-9 for plan in plans):
-        raise InputError("the plans' targets must be at one height")
+        raise InputError("plans: their targets must be at one height")
+    if any((p.scene.contact, p.scene.gripper) != (scene.contact, scene.gripper) for p in plans):
+        raise InputError("plans: must be of one scene: their contacts or grippers differ")
     shared = Shared(
         landing_height=height,
         gravity=scene.gravity,
@@ -109,6 +113,10 @@ def throw_data(
         angle_noise=angle_noise,
     )
     places = [None] * len(plans) if landings is None else landings
+    if len(places) != len(plans):
+        raise InputError(f"landings: must be {len(plans)}, one per plan, not {len(places)}")
+    for number, place in enumerate(places, start=1):
+        checked(f"landing {number}", place, tuple[float, float] | None, {})
     pairs = enumerate(zip(plans, places, strict=True), start=1)
     throws = [_recorded(f"throw-{number}", plan, place) for number, (plan, place) in pairs]
     return ThrowData(scene.name, shared, tuple(throws))

@@ -24,7 +24,7 @@ from ...models import (
     ReleaseCase,
     land,
 )
-from ...problems import InputError, MeasuredThrow, ThrowData
+from ...problems import InputError, MeasuredThrow, PadContact, ThrowData, checked
 from ..check import named_model, recorded_joints
 from .measured import Landings, measured
 
@@ -210,4 +210,9 @@ def _body(throw: MeasuredThrow) -> tuple[float, float, float]:
 def thrown(data: ThrowData, model: str, contact: Mapping[str, float]) -> Array:
     """Landings (T, 2), x [m] and theta [rad], of the throws with this contact: a stand-in
     for reality. contact: friction, patch_radius, and delay [s], grip_scale if they differ."""
+    if not {"friction", "patch_radius"} <= contact.keys() <= set(UNKNOWNS):
+        raise InputError("contact: must have friction and patch_radius; may have delay, grip_scale")
+    PadContact(friction=contact["friction"], patch_radius=contact["patch_radius"])
+    checked("delay", contact.get("delay", 0.0), float, {"meaning": "s"})
+    checked("grip_scale", contact.get("grip_scale", 1.0), float, {"above": 0, "most": 1e3})
     return Predictor.of(data).landings(model, parameter_sets(**contact))[:, 0]

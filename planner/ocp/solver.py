@@ -186,6 +186,7 @@ class Solver:
         options: dict[str, Any] = {
             "print_time": False,
             "error_on_fail": False,
+            "show_eval_warnings": False,
             "calc_lam_p": False,
             "cache": self._functions,
         }

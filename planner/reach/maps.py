@@ -20,7 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import Array, land
-from ...problems import InputError, Scene, as_scene, filling
+from ...problems import InputError, Scene, as_scene, checked, filling
 from ..check import enters_cup_at_landing, make_mover
 from ..ocp import CUP_MARGIN, FLIGHT_MAX
 from ..search import Library, check_start, highest, joined
@@ -256,14 +256,8 @@ def reach_map(
 
 def check_map(z: float | None, samples: int, prefix: str = "") -> None:
     """InputError for numbers out of range; `prefix` as on the command line."""
-    if z is not None:
-        number = isinstance(z, float | int | np.number) and not isinstance(z, bool)
-        if not number or not abs(z) <= FARTHEST:
-            most = f"{FARTHEST:g}"
-            raise InputError(f"{prefix}z = {z!r}: must be a number, -{most} to {most} m")
-    whole = isinstance(samples, int | np.integer) and not isinstance(samples, bool)
-    if not whole or not 1 <= samples <= MOST:
-        raise InputError(f"{prefix}samples = {samples!r}: must be a whole number, 1 to {MOST}")
+    checked(f"{prefix}z", z, float | None, {"least": -FARTHEST, "most": FARTHEST})
+    checked(f"{prefix}samples", samples, int, {"least": 1, "most": MOST})
 
 
 def _binned(found: ReachMap, margin: Array, cells: Counts) -> ReachMap:

@@ -96,8 +96,8 @@ def _wrong(motion: JointMotion) -> list[str]:
     tolerance, (dx, dtheta) = throw.scene.tolerance, throw.miss()
     # NaN where it does not come down at all.
     if not max(abs(dx) / tolerance.position, abs(dtheta) / tolerance.angle) <= 1 + 1e-6:
-        off = f"{1e3 * abs(dx):.2f} mm and {math.degrees(abs(dtheta)):.2f} deg off"
-        found.append(f"the motion lands {off}")
+        off = f"{1e3 * abs(dx):.3g} mm and {math.degrees(abs(dtheta)):.3g} deg off"
+        found.append(f"the motion lands {off}, beyond the plan's [tolerance]")
     return found + [violation.words for violation in broken_terms(throw)]
 
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...models import Array
-from ...problems import InputError, filling, plain, write_json
+from ...problems import checked, filling, plain, write_json
 from ..check import TICK, Throw, bar_outline
 from ..result import Plan, throw_of
 from ..show import BLACK, BLUE, GREEN, ORANGE, RED, draw_cup, new_figure, save
@@ -30,6 +30,8 @@ from .mujoco_throw import (
 
 #: Steps [s] of the release and of the flight, and contact points of a pad.
 RELEASE_STEP, FLIGHT_STEP, POINTS = 1e-5, 1e-4, 12
+#: What may be asked of them.
+SHORTEST, LONGEST, MOST_POINTS = 1e-7, 1e-3, 64
 #: Between the poses that the picture draws [s], and the models whose landings it shows.
 EVERY = 0.02
 LANDINGS = (("sp", "sliding pivot", BLUE), ("limit_surface", "limit surface", BLACK))
@@ -199,8 +201,10 @@ def replay(
     step, flight_step [s]: of the opening, and after it. InputError for what is no plan, and
     without MuJoCo.
     """
-    if not 0.0 <= restitution <= MOST_RESTITUTION:
-        raise InputError(f"restitution = {restitution:g}: must be 0 to {MOST_RESTITUTION:g}")
+    restitution = checked("restitution", restitution, float, {"least": 0, "most": MOST_RESTITUTION})
+    points = checked("points", points, int, {"least": 1, "most": MOST_POINTS})
+    for name, value in (("step", step), ("flight_step", flight_step)):
+        checked(name, value, float, {"least": SHORTEST, "most": LONGEST})
     load_mujoco()
     throw = throw_of(throw)
     began = time.perf_counter()

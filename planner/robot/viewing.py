@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from pathlib import Path
 
-from ...problems import InputError
+from ...problems import InputError, checked
 from ..check import Throw
 from ..result import Plan, throw_of
 from ..show import SpaceThrow, open_browser, run_panel, serving, space_throw
@@ -43,6 +43,8 @@ def view(
     (Ctrl-C, a notebook's stop). InputError for what holds no throw that lands, and for a port that
     cannot be had.
     """
+    port = checked("port", port, int, {"least": 1, "most": 65535})
+    hold = checked("hold", hold, float | None, {"above": 0})
     space, _ = seen_throw(plan)
     with contextlib.suppress(KeyboardInterrupt), serving(space, port) as (page, panel):
         print(page)

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from ...models import BATCH_MODELS, MODELS, Array, Indices
-from ...problems import USUAL_UNCERTAINTY, InputError, filling, plain, write_json
+from ...problems import USUAL_UNCERTAINTY, checked, filling, plain, write_json
 from ..check import named_model
 from ..result import Plan
 from .pictures import draw_sweep
@@ -203,7 +203,7 @@ def sweep_until_stopped(
 ) -> Sweep | None:
     """The same; after Ctrl-C the sweep of what was done until then, None if nothing was."""
     started = time.perf_counter()
-    model = model or plan.scene.tolerance.model
+    model = model or checked("plan", plan, Plan, {}).scene.tolerance.model
     check_sweep(samples, seed, model)
     sampler = sampler_of(plan.scene, seed)
     thrower = thrower_of(plan, model, sampler)
@@ -232,9 +232,7 @@ def check_sweep(samples: int, seed: int, model: str, prefix: str = "") -> None:
     """InputError for numbers out of range and unknown models; `prefix` as on the command line."""
     named_model(model, BATCH_MODELS, prefix=prefix)
     for name, value, low, high in (("samples", samples, 1, MOST), ("seed", seed, 0, 2**32 - 1)):
-        whole = isinstance(value, int | np.integer) and not isinstance(value, bool)
-        if not whole or not low <= value <= high:
-            raise InputError(f"{prefix}{name} = {value!r}: must be a whole number, {low} to {high}")
+        checked(f"{prefix}{name}", value, int, {"least": low, "most": high})
 
 
 def _rate(successes: Flags) -> dict[str, float]:

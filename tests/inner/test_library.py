@@ -133,7 +133,9 @@ def test_other_planners_find_it_and_other_scenes_do_not(prepared: tp.Planner) ->
         for field in dataclasses.fields(section):
             value = getattr(section, field.name)
             if isinstance(value, float):
-                other = scene.replace(**{name: section.changed(**{field.name: 0.99 * value + 1e-6})})
+                other = scene.replace(
+                    **{name: section.changed(**{field.name: 0.99 * value + 1e-6})}
+                )
                 keys.add(str(Library(other, make_mover(scene)).folder))
                 count += 1
     assert count > 20 and len(keys) == count + 1

@@ -6,6 +6,7 @@ import csv
 import dataclasses
 import math
 import os
+import re
 import shutil
 import time
 from pathlib import Path
@@ -110,6 +111,15 @@ def test_a_quick_section_is_made(tmp_path: Path) -> None:
         rows = list(csv.DictReader(file))
     quiet = [row for row in rows if row["method"] == "quiet"]
     assert len(quiet) == 2 and all(float(row["median"]) < 0.5 for row in quiet)
+
+
+@pytest.mark.slow
+def test_the_first_pages_take_what_the_section_on_reach_measures(tmp_path: Path) -> None:
+    make_report(tmp_path, ["reach"], True)
+    page = (tmp_path / "index.md").read_text()
+    assert len(re.findall(r"^\| \S+ +\| \d+ random ", page, flags=re.M)) == 4
+    assert len(re.findall(r"^\| hand-box +\| 10 over the map ", page, flags=re.M)) == 2
+    assert "## What is in reach" in page
 
 
 @pytest.mark.parametrize("figures", [2, 3])

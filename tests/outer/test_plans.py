@@ -391,7 +391,7 @@ def test_alternatives_are_other_throws_to_the_same_target() -> None:
     [
         ({"robust": "loud"}, "robust = 'loud': must be one of auto, quiet"),
         ({"robust": "quiet", "alternatives": 2}, "alternatives: not with a robust plan"),
-        ({"alternatives": 99}, "alternatives = 99: must be 0 to 20"),
+        ({"alternatives": 99}, "alternatives = 99: must be at most 20"),
         ({"solver": "snopt"}, "solver.*'snopt'"),
         ({"turns": "some"}, "turns.*'some'"),
         ({"target": tp.Pose(x=1.0, z=0.0, y=0.2)}, "y"),

@@ -290,6 +290,13 @@ SECTIONS = [
     ("uncertainty", "delay = { unifrom = 0.01 }", "did you mean 'uniform'"),
     ("uncertainty", "delay = { uniform = -0.01 }", "delay: uniform = -0.01: must be above 0"),
     ("uncertainty", "delay = { uniform = 0.01, normal = 0.01 }", "exactly one of"),
+    # A sign that is wrong, and ms for s: the command would come after the throw, or before all.
+    (
+        "uncertainty",
+        "delay = { uniform = 0.01, mean = -5 }",
+        "delay: its mean = -5: must be -0.05 to",
+    ),
+    ("uncertainty", "delay = { normal = 1, mean = 5 }", "delay: its mean = 5: must be -0.05 to"),
     ("uncertainty", "delay = { uniform = 0.1, relative = true }", "delay: relative: only for"),
     ("uncertainty", "delay = { uniform = nan }", "delay: uniform = nan: must be a finite number"),
     ("uncertainty", "delay = { samples = [] }", "exactly one of"),

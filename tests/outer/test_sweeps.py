@@ -155,7 +155,7 @@ def test_an_unwritable_folder(tmp_path, refused) -> None:
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        ({"samples": 0}, "samples = 0: must be a whole number, 1 to"),
+        ({"samples": 0}, "samples = 0: must be at least 1"),
         ({"samples": 2.5}, "samples = 2.5"),
         ({"samples": True}, "samples = True"),
         ({"seed": -1}, "seed = -1"),
