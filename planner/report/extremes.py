@@ -260,7 +260,7 @@ def run(case: Case) -> CaseOutcome:
     """Plans one case and judges it by other code."""
     start = time.perf_counter()
     try:
-        planner = Planner(case.scene)
+        planner = Planner(case.scene, library=False)
         plan = planner.plan(case.target(planner))
     except InputError as error:
         return CaseOutcome(case, "refused", str(error), seconds=time.perf_counter() - start)

@@ -117,7 +117,7 @@ def otherwise(plan: Plan) -> float:
 @cache
 def _planner(name: str) -> Planner:
     """A process's own planner of a scene."""
-    return Planner(load_scene(name))
+    return Planner(load_scene(name), library=False)
 
 
 def _studied(job: tuple[str, int, Pose, list[str]]) -> list[Row]:

@@ -94,7 +94,7 @@ def _figures(found: list[CaseOutcome]) -> list[str]:
 @functools.cache
 def _planned(name: str) -> tuple[Planner, Plan]:
     """A built-in scene's planner and plan, once in each process."""
-    planner = Planner(load_scene(name))
+    planner = Planner(load_scene(name), library=False)
     return planner, planner.plan()
 
 

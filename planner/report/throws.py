@@ -176,7 +176,7 @@ def _after(
 
 def _planned(scene: Scene, ways: Sequence[tuple[float, float]]) -> list[Plan]:
     """Solved plans to the scene's target, moved some ways."""
-    planner, aim = Planner(scene), scene.target
+    planner, aim = Planner(scene, library=False), scene.target
     assert aim is not None and aim.theta is not None
     goals = [Pose(aim.x + dx, aim.z, aim.theta + math.radians(turn)) for dx, turn in ways]
     plans = [planner.plan(goal) for goal in goals]
