@@ -287,7 +287,7 @@ def test_without_a_cache_folder_nothing_is_kept(monkeypatch: pytest.MonkeyPatch)
 def test_refused() -> None:
     scene = tp.load_scene("hand-flip")
     for throws in (0, -1, 10_001, 2.5, True, "many"):
-        with pytest.raises(tp.InputError, match=r"throws = .*: must be a whole number, 1 to 10000"):
+        with pytest.raises(tp.InputError, match=r"throws = .*: must be (a whole number|at )"):
             tp.Planner(scene).prepare(throws)  # type: ignore[arg-type]
 
 

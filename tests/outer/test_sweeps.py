@@ -129,7 +129,7 @@ def test_without_a_throw(run) -> None:
 @pytest.mark.parametrize(
     ("line", "words"),
     [
-        ("--samples 0", ["--samples", "0", "1 to"]),
+        ("--samples 0", ["--samples", "0", "at least 1"]),
         ("--samples many", ["--samples", "many", "whole number"]),
         ("--seed -1", ["--seed", "-1"]),
         ("--workers 0", ["--workers", "0", "1 to"]),
