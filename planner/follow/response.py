@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models import Array
+from ...problems import InputError
 from ..check import TICK
 
 #: Least and most of the lag's rate [1/s].
@@ -26,7 +27,14 @@ class Response:
 
     @classmethod
     def fitted(cls, sent: Array, q: Array) -> Response:
-        """Of least squares to joints (N, n) [rad] sent and measured at 1 kHz from rest on."""
+        """Of least squares to joints (N, n) [rad] sent and measured at 1 kHz from rest on.
+
+        InputError for what are no such numbers.
+        """
+        sent, q = np.asarray(sent, float), np.asarray(q, float)
+        right = sent.shape == q.shape and sent.ndim == 2 and len(sent) > 1
+        if not right or not np.isfinite([sent, q]).all():
+            raise InputError("sent, q: must be finite numbers, a row per ms and a column per joint")
         found = []
         for u, y in zip((sent - sent[0]).T, (q - q[0]).T, strict=True):
             behind = TICK * (u - y)[1:]

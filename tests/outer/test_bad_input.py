@@ -384,6 +384,8 @@ WRONG_ARGUMENTS: list[tuple[Callable[[Planner, Plan], object], str]] = [
     (lambda planner, plan: planner.follow(plan, "20 ms"), "horizon = '20 ms': must be a number"),
     (lambda planner, plan: planner.follow(plan, sent=plan), "sent = Plan.*: must be Throw"),
     (lambda planner, plan: planner.prepare(0), "throws = 0: must be at least 1"),
+    (lambda planner, plan: tp.Response.fitted([[math.nan]] * 3, [[0.0]] * 3), "sent, q: must be"),
+    (lambda planner, plan: tp.Response.fitted([], []), "sent, q: must be finite numbers"),
     (lambda planner, plan: tp.sweep("out/pose"), "plan = 'out/pose': must be Plan"),
     (lambda planner, plan: tp.view(plan, port="8080"), "port = '8080': must be a whole number"),
     (lambda planner, plan: tp.view(plan, hold=-1), "hold = -1: must be above 0"),
