@@ -197,6 +197,10 @@ class Pose(Section):
         return self if self.theta is None else self.changed(theta=float(self.theta + angle))
 
 
+#: Landings by the limit surface are known to half of this: position [m], angle [rad].
+KNOWN, KNOWN_ANGLE = 2e-4, math.radians(0.01)
+
+
 @dataclasses.dataclass(frozen=True)
 class Tolerance(Section):
     """Accepted landing error.
@@ -215,6 +219,15 @@ class Tolerance(Section):
         choices=DECIDING,
         default="ls-step",
     )
+
+    def check(self) -> None:
+        """No less than what landings by the limit surface are known to."""
+        if self.model != "sp" and (self.position < KNOWN or self.angle < KNOWN_ANGLE):
+            raise InputError(
+                f"position = {self.position:g}, angle_deg = {math.degrees(self.angle):.3g}: must "
+                f"be at least {KNOWN:g} m and {math.degrees(KNOWN_ANGLE):g}: landings by the limit "
+                "surface are known no better; model = 'sp' may have less"
+            )
 
 
 @dataclasses.dataclass(frozen=True)

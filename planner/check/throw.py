@@ -34,6 +34,9 @@ from .mover import Mover
 from .sending import NO_SAMPLES, TICK, Samples
 from .torques import Torques, torques_of
 
+#: A throw that counts falls so fast [m/s] at least through the target's height. Nearer to the top
+#: of its flight some micrometres of the release are millimetres of the landing.
+FALLS = 0.02
 #: Exact release models by their names: the paper's, and the time-stepping limit surface.
 EXACT = {SLIDING_PIVOT: exact_pivot_release, STEPPED_SURFACE: exact_surface_release}
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from .in_space import AGREES, off_in_space
-from .throw import Throw
+from .throw import FALLS, Throw
 
 #: Name of rows that an NLP leaves out until the check has seen that they are needed.
 Guard = str
@@ -51,6 +51,8 @@ def throw_violations(throw: Throw) -> list[Violation]:
         found.append(Violation(words))
     if throw.release.trouble:
         found.append(Violation(throw.release.trouble))
+    if throw.lands and throw.landing.state.v_z > -FALLS:
+        found.append(Violation("the object only grazes the target's height: where is not sure"))
     if not throw.lands:
         found.append(Violation("the object never comes down to the target's height"))
     return found

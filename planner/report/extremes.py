@@ -163,7 +163,7 @@ LEVERS: dict[str, tuple[Callable[[Scene, float], Scene], tuple[float, ...]]] = {
     "opening": (lambda s, v: _section(s, "gripper", opening=v), (1e-5, 5e-4, 5e-3, 0.2, 1.0)),
     "dwell": (lambda s, v: _section(s, "gripper", dwell=v), (0.0, 1.0)),
     "gravity": (lambda s, v: s.replace(gravity=v), (0.0, 0.1, 1.62, 25.0, 100.0)),
-    "tolerance": (lambda s, v: _section(s, "tolerance", position=v, angle=v), (1e-6, 0.05)),
+    "tolerance": (lambda s, v: _section(s, "tolerance", position=v, angle=v), (2e-4, 0.05)),
 }
 #: Hand accelerations [m/s^2], and shares of an arm's own.
 HAND_ACCELERATIONS, ARM_ACCELERATIONS = (2.0, 8.0, 200.0, 500.0), (0.15, 0.4)

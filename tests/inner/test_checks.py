@@ -27,6 +27,18 @@ def lifting_hand(scene: tp.Scene, acceleration: float) -> tuple[Mover, Path]:
     return mover, Path.cubics(np.array([0.0, 0.2]), zero, zero, lift, zero)
 
 
+@pytest.mark.parametrize(("below", "grazes"), [(1e-9, True), (1e-5, True), (1e-4, False)])
+def test_a_throw_whose_top_is_the_targets_height_is_not_taken(below: float, grazes: bool) -> None:
+    """Where it lands depends on micrometres there: at 0.02 m/s down it is 20 um below the top."""
+    plan = tp.plan("hand-flip")
+    throw, target = plan.throw.final, plan.target
+    start = throw.release.detach
+    top = float(start.z + start.v_z**2 / (2 * plan.scene.gravity))
+    high = dataclasses.replace(throw, scene=plan.scene.aimed_at(target.changed(z=top - below)))
+    assert high.lands
+    assert any("grazes" in violation.words for violation in broken(high)) == grazes
+
+
 def test_grip_use_of_a_lifted_level_bar_by_hand() -> None:
     """Level bar, hand accelerating up with a: torque m h (g + a) over c r_p n mu f_N."""
     scene = tp.load_scene("hand-flip")

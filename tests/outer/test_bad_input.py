@@ -200,6 +200,7 @@ HAND | object.mass: 310 | mass = 310; kg; grams
 HAND | gripper.opening: 50 | opening = 50; at most 2 s
 HAND | gripper.opening: 0 | opening = 0; above 0
 HAND | tolerance.position: 0 | position = 0; above 0
+HAND | tolerance.position: 1e-6 | position = 1e-06; at least 0.0002 m
 HAND | gripper:  | [gripper]; 'force'; 'opening'; 'table'
 HAND | gripper: force = 9.0 | [gripper]; 'opening'; missing
 HAND | target: - | [target]; missing

@@ -229,7 +229,7 @@ def test_python_learns_from_planned_throws() -> None:
     off = abs(found.posterior.product - 0.002)
     assert off < 0.5 * (nominal - 0.002)
     assert found.posterior.value("delay") == pytest.approx(0.004, abs=0.002)
-    with pytest.raises(tp.InputError, match="no throws"):
+    with pytest.raises(tp.InputError, match="plans: must be a list of at least one plan"):
         tp.throw_data([])
 
 
