@@ -240,9 +240,9 @@ class Planner:
     def prepare(self, throws: int = PREPARED, progress: Progress | None = None) -> int:
         """Grows a library of solved throws all over the reach, for plans to start from.
 
-        Takes up to six minutes, some seconds of it for the C compiler, where one is there; all is kept
-        in the cache folder, and every planner of the scene uses it. A plan is then a stored throw
-        moved to its target and checked, in a few milliseconds.
+        Takes up to six minutes, some seconds of it for the C compiler, where one is there; all is
+        kept in the cache folder, and every planner of the scene uses it. A plan is then a stored
+        throw moved to its target and checked, in a few milliseconds.
         throws: about how many; ended early (Ctrl-C), it goes on from what it has when called again.
         progress(solved, throws) is called on the way. Returns how many there are. InputError for a
         number out of range.
