@@ -10,15 +10,16 @@ A scene is made of the sections of its file, each a class of that name: `tp.Obje
 
 from importlib.metadata import PackageNotFoundError, version
 
-from .planner.check import State, simulate, simulate_batch
-from .planner.check import Throw as SentThrow
 from .planner.follow import Response, Session, Update
 from .planner.identify import Identified, identify, throw_data, thrown
-from .planner.plan import Planner, plan
+from .planner.planner import Planner, plan
 from .planner.reach import ReachMap, reach_map
 from .planner.result import Plan, PlanPath, SavedThrow, read_plan
 from .planner.robot import Replay, export, replay, view
 from .planner.sweep import Sweep, sweep
+from .planner.throw import State
+from .planner.throw import Throw as SentThrow
+from .planner.throw.simulation import simulate, simulate_batch
 from .problems import (
     Choice,
     Cup,
@@ -35,20 +36,19 @@ from .problems import (
     Robot,
     Robust,
     Scene,
-    ThrowData,
     ThrowplanError,
     Tolerance,
     Torque,
     Uncertainty,
     Workspace,
     load_scene,
-    load_throws,
     scene_names,
     scene_text,
 )
 from .problems import PadContact as Contact
 from .problems import Pose as Target
 from .problems import ThrownObject as Object
+from .problems.throws import ThrowData, load_throws
 
 try:
     __version__ = version("throwplan")

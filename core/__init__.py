@@ -1,46 +1,84 @@
-"""The compiled core: the planner's innermost loops in C, one library for all scenes.
+"""The compiled core: exact throws, batches, sending, measures and clearances, in C.
 
-It is built with the package and optional: without it callers run slower and give the same answers.
+It is the only implementation of what it does. structures.h says what its functions take and give.
 """
 
 from __future__ import annotations
 
 import ctypes
+import hashlib
 import multiprocessing
 import os
+import sys
 from functools import cache
-from importlib.machinery import EXTENSION_SUFFIXES
 from pathlib import Path
 
+from .functions import declare
 from .structures import (
     AXES,
     FRAMES,
+    ROWS,
+    STRUCTURES,
+    BatchC,
     BodiesC,
+    Extreme,
     GripC,
     LimitsC,
     LinkageC,
     Measured,
+    MoveC,
+    MovedC,
     PathC,
+    ReferenceC,
     ReleaseC,
     SamplesC,
     SceneC,
     SolidC,
     ThrowC,
-    ThrownC,
     TorquesC,
     address,
+    wrong_sizes,
 )
 
-#: That of core.h; it counts up with every change of an argument or a structure.
-VERSION = 11
+#: Of shared libraries, by platform; as in setup.py.
+SUFFIX = {"win32": ".dll", "darwin": ".dylib"}.get(sys.platform, ".so")
 
 
-def library() -> ctypes.CDLL | None:
-    """The library; None where it was not built, is another version's, or THROWPLAN_COMPILE is 0.
+class CoreError(ImportError):
+    """The compiled core is not there, or is not the one that this package needs."""
 
-    Callers set `argtypes` and `restype` of what they call.
-    """
-    return None if os.environ.get("THROWPLAN_COMPILE") == "0" else _loaded()
+
+class _Size(ctypes.Structure):
+    _fields_ = (("name", ctypes.c_char_p), ("size", ctypes.c_int64))
+
+
+@cache
+def library() -> ctypes.CDLL:
+    """The library; CoreError where it is missing or was built from other sources."""
+    place = Path(__file__).with_name(f"_core{SUFFIX}")
+    try:
+        core = ctypes.CDLL(str(place))
+        differs = wrong_sizes(_sizes(core))
+        declare(core)
+    except (OSError, AttributeError) as error:
+        why = "cannot be loaded" if place.exists() else "is missing"
+        raise _core_error(place, why) from error
+    if differs or _hash_of_sources() not in ("", core.core_sources().decode()):
+        raise _core_error(place, "was built from other sources")
+    return core
+
+
+def _core_error(place: Path, why: str) -> CoreError:
+    return CoreError(
+        f"the compiled core {place} {why}: run `make core` in the checkout, or `pip install .`"
+    )
+
+
+def _hash_of_sources() -> str:
+    """As setup.py hashes the C files; empty for an installed package, which has one header only."""
+    files = sorted(Path(__file__).resolve().parent.glob("*.[ch]"))
+    text = b"".join(file.read_bytes() for file in files)
+    return hashlib.sha256(text).hexdigest() if len(files) > 1 else ""
 
 
 def threads() -> int:
@@ -53,12 +91,9 @@ def threads() -> int:
         return os.cpu_count() or 1
 
 
-@cache
-def _loaded() -> ctypes.CDLL | None:
-    for suffix in EXTENSION_SUFFIXES:
-        try:
-            found = ctypes.CDLL(str(Path(__file__).with_name(f"_core{suffix}")))
-            return found if found.core_version() == VERSION else None
-        except (OSError, AttributeError):
-            continue
-    return None
+def _sizes(core: ctypes.CDLL) -> dict[str, int]:
+    """Sizes [bytes] of the library's structures."""
+    rows = ctypes.POINTER(_Size)()
+    core.core_sizes.restype = ctypes.c_int64
+    count = core.core_sizes(ctypes.byref(rows))
+    return {row.name.decode(): row.size for row in rows[:count]}

@@ -1,34 +1,17 @@
 /* Batches: LANES throws side by side, all in equally many steps. */
 #define LANES 16
-#include "lanes.h"
+#include "structures.h"
 #include "laws.h"
-
-/* A batch, as Python has it. Numbers: those of the laws, then grasp angle, opening, force. Shares of
-   the opening and grip force over the full one: for all throws alike, or of each. */
-typedef struct {
-    long count, steps, pieces, rows;
-    long width;            /* 1, or count */
-    double gap;            /* hands are asked for so far inside a step's ends [s] */
-    const double *shares;  /* [2 steps + 1][width]: nodes of the steps, and their middles */
-    const double *grip;    /* [2 steps + 1][width] */
-    const double *numbers; /* [11][count] */
-    const double *knots;   /* [pieces + 1] */
-    const double *curves;  /* [4][pieces][rows][3] */
-    const double *delays;  /* [count] */
-    const double *drift;   /* [3][count]: rates added to the hands', or none */
-    double *detach;        /* [count][6] */
-    unsigned char *lost;   /* [count] */
-} batch;
 
 /* Some throws of a batch side by side, and the cubics their hands are on. */
 typedef struct {
-    long throws[LANES], piece[LANES];
+    int64_t throws[LANES], piece[LANES];
     lane law[8], grasp[1], opening, force, delay, drift[3], knot, cubic[12];
 } block;
 
 INLINE void enter_piece(const batch *b, block *k, int l)
 {
-    long row = b->rows == 1 ? 0 : k->throws[l];
+    int64_t row = b->rows == 1 ? 0 : k->throws[l];
     for (int power = 0; power < 4; power++)
         for (int i = 0; i < 3; i++)
             k->cubic[3 * power + i][l]
@@ -37,10 +20,10 @@ INLINE void enter_piece(const batch *b, block *k, int l)
 }
 
 /* The last block is filled up with its last throw. */
-INLINE void load(const batch *b, long first, block *k)
+INLINE void load(const batch *b, int64_t first, block *k)
 {
     EACH_LANE {
-        long n = first + l < b->count ? first + l : b->count - 1;
+        int64_t n = first + l < b->count ? first + l : b->count - 1;
         k->throws[l] = n;
         for (int i = 0; i < 8; i++)
             k->law[i][l] = b->numbers[i * b->count + n];
@@ -55,9 +38,12 @@ INLINE void load(const batch *b, long first, block *k)
     }
 }
 
-INLINE void store(const batch *b, const block *k, const lane com[6], const lane lost[1])
+INLINE void store(const batch *b, const block *k, const lane com[6], const lane stray[2],
+                  const lane lost[1])
 {
     EACH_LANE {
+        for (int i = 0; i < 2; i++)
+            b->stray[2 * k->throws[l] + i] = stray[i][l];
         for (int i = 0; i < 6; i++)
             b->detach[6 * k->throws[l] + i] = com[i][l];
         b->lost[k->throws[l]] = lost[0][l] != 0.0;
@@ -65,7 +51,7 @@ INLINE void store(const batch *b, const block *k, const lane com[6], const lane 
 }
 
 /* A row of shares or grip forces. */
-INLINE void row_of(const batch *b, const block *k, const double *rows, long row, lane value)
+INLINE void row_of(const batch *b, const block *k, const double *rows, int64_t row, lane value)
 {
     const double *begin = rows + row * b->width;
     if (b->width == 1)
@@ -81,7 +67,7 @@ INLINE void hands_at(const batch *b, block *k, const lane time, lane hand[9])
     EACH_LANE t[l] = time[l] + k->delay[l];
     if (b->pieces > 1)
         EACH_LANE {
-            long before = k->piece[l];
+            int64_t before = k->piece[l];
             while (k->piece[l] + 1 < b->pieces && t[l] >= b->knots[k->piece[l] + 1])
                 k->piece[l]++;
             if (k->piece[l] != before)
@@ -104,27 +90,21 @@ INLINE void hands_at(const batch *b, block *k, const lane time, lane hand[9])
             }
 }
 
-INLINE void copy(int rows, const lane from[], lane to[])
-{
-    for (int i = 0; i < rows; i++)
-        EACH_LANE to[i][l] = from[i][l];
-}
-
 WIDE_CLONES EXPORT void sliding_pivot(const batch *b)
 {
-    for (long first = 0; first < b->count; first += LANES) {
+    for (int64_t first = 0; first < b->count; first += LANES) {
         block k;
         lane state[6], next[6], start[9], middle[9], end[9], force[3], dt[1], out[1], lost[1];
-        lane share, begun, time, inside;
+        lane share, begun, time, inside, stray[2];
         load(b, first, &k);
         for (int i = 0; i < 6; i++)
             EACH_LANE state[i][l] = 0.0;
         EACH_LANE state[2][l] = k.grasp[0][l];
-        EACH_LANE lost[0][l] = 0.0;
+        EACH_LANE lost[0][l] = stray[0][l] = stray[1][l] = 0.0;
         row_of(b, &k, b->shares, 0, share);
         EACH_LANE begun[l] = share[l] * k.opening[l];
         hands_at(b, &k, begun, end);
-        for (long s = 0; s < b->steps; s++) {
+        for (int64_t s = 0; s < b->steps; s++) {
             row_of(b, &k, b->shares, 2 * s + 2, share);
             EACH_LANE dt[0][l] = share[l] * k.opening[l] - begun[l];
             EACH_LANE inside[l] = b->gap < dt[0][l] / 4.0 ? b->gap : dt[0][l] / 4.0;
@@ -132,7 +112,7 @@ WIDE_CLONES EXPORT void sliding_pivot(const batch *b)
                 EACH_LANE time[l] = begun[l] + inside[l];
                 hands_at(b, &k, time, start);
             } else
-                copy(9, end, start);
+                copy_lanes(9, end, start);
             EACH_LANE begun[l] = share[l] * k.opening[l];
             row_of(b, &k, b->shares, 2 * s + 1, share);
             EACH_LANE time[l] = share[l] * k.opening[l];
@@ -144,12 +124,19 @@ WIDE_CLONES EXPORT void sliding_pivot(const batch *b)
                 EACH_LANE force[i][l] = k.force[l] * share[l];
             }
             pivot_step(state, start, middle, end, force, dt, k.law, next);
-            copy(6, next, state);
+            copy_lanes(6, next, state);
             pivot_lost(state, k.law, out);
-            EACH_LANE lost[0][l] = lost[0][l] + out[0][l];
+            EACH_LANE {
+                double turned = fabs(state[2][l] - k.grasp[0][l]);
+                double slid = sqrt(state[0][l] * state[0][l] + state[1][l] * state[1][l]);
+                slid += k.law[2][l] * turned;
+                stray[0][l] = slid > stray[0][l] ? slid : stray[0][l];
+                stray[1][l] = turned > stray[1][l] ? turned : stray[1][l];
+                lost[0][l] = lost[0][l] + out[0][l];
+            }
         }
         pivot_end(state, end, k.law, next);
-        store(b, &k, next, lost);
+        store(b, &k, next, stray, lost);
     }
 }
 
@@ -163,18 +150,18 @@ INLINE int any(const lane flag[1])
 /* Newton's method runs until a whole block has settled. */
 WIDE_CLONES EXPORT void limit_surface(const batch *b)
 {
-    for (long first = 0; first < b->count; first += LANES) {
+    for (int64_t first = 0; first < b->count; first += LANES) {
         block k;
         lane state[6], next[6], start[9], end[9], force[1], dt[1], lost[1], share, begun;
-        lane problem[10], found[5], better[5], held[1], moving[1];
+        lane problem[10], found[5], better[5], held[1], moving[1], stray[2];
         load(b, first, &k);
         row_of(b, &k, b->shares, 0, share);
         EACH_LANE begun[l] = share[l] * k.opening[l];
         hands_at(b, &k, begun, end);
         surface_start(end, k.grasp, k.law, state);
-        EACH_LANE lost[0][l] = 0.0;
-        for (long s = 0; s < b->steps; s++) {
-            copy(9, end, start);
+        EACH_LANE lost[0][l] = stray[0][l] = stray[1][l] = 0.0;
+        for (int64_t s = 0; s < b->steps; s++) {
+            copy_lanes(9, end, start);
             row_of(b, &k, b->shares, 2 * s + 2, share);
             EACH_LANE dt[0][l] = share[l] * k.opening[l] - begun[l];
             EACH_LANE begun[l] = share[l] * k.opening[l];
@@ -188,11 +175,19 @@ WIDE_CLONES EXPORT void limit_surface(const batch *b)
                 if (!any(moving))
                     break;
                 surface_refined(problem, found, moving, better);
-                copy(5, better, found);
+                copy_lanes(5, better, found);
             }
             surface_after(state, start, end, problem, found, held, dt, k.law, next);
-            copy(6, next, state);
+            copy_lanes(6, next, state);
+            EACH_LANE {
+                double held_at = end[2][l] + k.grasp[0][l], turned = fabs(state[2][l] - held_at);
+                double x = state[0][l] - end[0][l] - k.law[2][l] * cos(held_at);
+                double z = state[1][l] - end[1][l] - k.law[2][l] * sin(held_at);
+                double slid = sqrt(x * x + z * z);
+                stray[0][l] = slid > stray[0][l] ? slid : stray[0][l];
+                stray[1][l] = turned > stray[1][l] ? turned : stray[1][l];
+            }
         }
-        store(b, &k, state, lost);
+        store(b, &k, state, stray, lost);
     }
 }

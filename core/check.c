@@ -1,55 +1,22 @@
 /* What a check measures of a throw: use of the grip, and how near bar, hand and arm come to things.
    Eight instants at a time. */
 #define LANES 8
-#include "motion.h"
+#include "throw.h"
+
+#include <stddef.h>
 
 /* Instants of a flight at which its surroundings are measured, at even shares of it. */
 #define FLIGHT_SAMPLES 400
-/* As in planner/check/entry.py. */
+/* The way into a cup: instants on which it is sought, from detach until BEYOND [s] after the landing;
+   bisections that locate its ends; instants at which the clearance is measured, and how often it is
+   measured anew around the least: a corner that passes the rim is near it for a moment only. */
 #define COARSE 48
 #define BISECTIONS 15
 #define FINE 24
 #define ROUNDS 3
 #define BEYOND 0.3
-/* As in models/path.py: the acceleration may step at a kink, seen from either side so far away [s]. */
+/* The acceleration may step at a kink: it is seen from either side so far away [s]. */
 #define INSIDE 1e-12
-
-/* What of the scene counts. Lengths [m]; widths and radii of what it does not have are negative. */
-typedef struct {
-    double gravity, mass, grasp_inertia, com_offset, grasp_angle;
-    double force, torque;                     /* limits under the full grip */
-    double behind, ahead, half_width;         /* the bar, from its CoM */
-    double column_radius, column_height;
-    double palm_back, palm_front, palm_half_width;
-    double palm_clearance;
-    double tool_length;                       /* from the flange to the pads' centre */
-    double cup_x, cup_rim, cup_radius, cup_insertion; /* the radius at the bar's width */
-} scene;
-
-/* Masses of an arm, as `PlanarBody` of models/dynamics.py, and its joints' limits [N m]. */
-typedef struct {
-    double mass[AXES], along[AXES], up[AXES], inertia[AXES], limit[AXES];
-} torques;
-
-/* A throw: its motion, seen every `tick` [s], and for the grip every `step`, opening and detach [s],
-   the bar while the pads open, com [3][nodes], and its
-   flight from detach (x, z, theta and their rates) for `flight` [s]. */
-typedef struct {
-    const path *motion;
-    const linkage *arm;
-    const scene *around;
-    const torques *torques; /* none where there is no limit to them */
-    double tick, step, opening, detach, flight;
-    long nodes;
-    const double *com, *start;
-} throw;
-
-/* Use of the grip; heights of the lowest points, distances, least clearance, infinite where nothing
-   was near; the highest speed of flange and pads' centre;
-   the largest share of a joint's torque. */
-typedef struct {
-    double grip, arm, held, column_held, column_flown, palm, palm_time, cup, speed, torque;
-} measured;
 
 typedef struct {
     lane x, z, cos, sin;
@@ -61,6 +28,15 @@ INLINE double least(const lane v)
     for (int l = 1; l < LANES; l++)
         found = v[l] < found ? v[l] : found;
     return found;
+}
+
+/* Takes up the least of some values at times [s]. */
+INLINE void lower(extreme *e, const lane found, const lane time)
+{
+    if (least(found) < e->value)
+        for (int l = 0; l < LANES; l++)
+            if (found[l] < e->value)
+                *e = (extreme){found[l], time[l]};
 }
 
 #define LESSER(a, b) ((a) < (b) ? (a) : (b))
@@ -124,7 +100,8 @@ INLINE void corners_from(const box *b, const pose *at, const box *other, const p
     }
 }
 
-/* Distance between two boxes, 0 where they overlap. */
+/* Distance between two boxes; below 0, where they overlap, how deep. Boxes that do not overlap are apart
+   along an axis of one of them, and a corner of one is nearest to the other. */
 INLINE void between(const box *one, const pose *here, const box *other, const pose *there, lane d)
 {
     lane square, apart;
@@ -134,7 +111,7 @@ INLINE void between(const box *one, const pose *here, const box *other, const po
     }
     corners_from(one, here, other, there, square, apart);
     corners_from(other, there, one, here, square, apart);
-    EACH_LANE d[l] = apart[l] > 0.0 ? sqrt(square[l]) : 0.0;
+    EACH_LANE d[l] = apart[l] > 0.0 ? sqrt(square[l]) : apart[l];
 }
 
 /* Signed distance of a box from a column from the ground up: the least of max(|x| - radius,
@@ -169,33 +146,34 @@ INLINE void from_column(const box *b, const pose *at, double radius, double heig
     }
 }
 
-/* The least distance of bars from the column; infinite where it is out of their reach. */
-INLINE double near_column(const scene *s, const box *b, const pose *bar, double reach)
+/* Takes up the least distance of bars from the column, if it is in their reach. */
+INLINE void near_column(const scene *s, const box *b, const pose *bar, double reach,
+                        const lane time, extreme *e)
 {
     lane away, found;
     if (s->column_radius < 0.0)
-        return INFINITY;
+        return;
     EACH_LANE {
         double aside = fabs(bar->x[l]) - s->column_radius, above = bar->z[l] - s->column_height;
         away[l] = GREATER(aside, above);
     }
     if (!(least(away) < reach))
-        return INFINITY;
+        return;
     from_column(b, bar, s->column_radius, s->column_height, found);
     EACH_LANE found[l] = away[l] < reach ? found[l] : INFINITY;
-    return least(found);
+    lower(e, found, time);
 }
 
 /* Hands at times [s], and heights of what moves lowest of arm and hand. */
-INLINE void hands_at(const throw *t, const lane time, long *piece, pose *hand, lane theta,
+INLINE void hands_at(const throw *t, const lane time, int64_t *piece, pose *hand, lane theta,
                      lane lowest)
 {
     const linkage *a = t->arm;
     lane q[AXES], height[AXES], c[AXES], d[AXES], angle;
     for (int l = 0; l < LANES; l++) {
         double at[AXES];
-        coordinates_at(t->motion, time[l], piece, 0, at);
-        for (long i = 0; i < a->n; i++)
+        coordinates_at(t->motion, time[l], piece, at);
+        for (int64_t i = 0; i < a->n; i++)
             q[i][l] = at[i];
     }
     if (!a->arm) {
@@ -210,7 +188,7 @@ INLINE void hands_at(const throw *t, const lane time, long *piece, pose *hand, l
             hand->x[l] = a->x;
             hand->z[l] = a->z;
         }
-        for (long i = 0; i < a->n; i++)
+        for (int64_t i = 0; i < a->n; i++)
             EACH_LANE {
                 angle[l] += a->sign[i] * q[i][l];
                 c[i][l] = cos(angle[l]);
@@ -223,8 +201,8 @@ INLINE void hands_at(const throw *t, const lane time, long *piece, pose *hand, l
             lowest[l] = hand->z[l];
             theta[l] = a->theta + angle[l];
         }
-        for (long k = 0; k < a->frames; k++) {
-            long i = a->link[k];
+        for (int64_t k = 0; k < a->frames; k++) {
+            int64_t i = a->link[k];
             EACH_LANE {
                 double z = height[i][l] + a->frame_along[k] * d[i][l] + a->frame_up[k] * c[i][l];
                 lowest[l] = LESSER(lowest[l], z);
@@ -238,117 +216,121 @@ INLINE void hands_at(const throw *t, const lane time, long *piece, pose *hand, l
 }
 
 /* The higher speed, squared, of flange and pads' centre of an arm at times [s]. */
-INLINE void speeds_at(const throw *t, const lane time, long *piece, lane fastest)
+INLINE void speeds_at(const throw *t, const lane time, int64_t *piece, lane fastest)
 {
-    const linkage *a = t->arm;
-    lane angle, rate, x, z;
-    double q[LANES][AXES], dq[LANES][AXES];
-    for (int l = 0; l < LANES; l++) {
-        coordinates_at(t->motion, time[l], piece, 0, q[l]);
-        coordinates_at(t->motion, time[l], piece, 1, dq[l]);
-    }
-    EACH_LANE angle[l] = rate[l] = x[l] = z[l] = 0.0;
-    for (long i = 0; i < a->n; i++)
-        EACH_LANE {
-            angle[l] += a->sign[i] * q[l][i];
-            rate[l] += a->sign[i] * dq[l][i];
-            double c = cos(angle[l]), s = sin(angle[l]);
-            x[l] -= rate[l] * (a->along[i] * s + a->up[i] * c);
-            z[l] += rate[l] * (a->along[i] * c - a->up[i] * s);
-        }
+    lane hand[9], length[1], velocity[2];
+    moved_at(t->motion, t->arm, time, piece, hand);
+    EACH_LANE length[0][l] = t->around->tool_length;
+    flange_velocity(hand, length, velocity);
     EACH_LANE {
-        double theta = a->theta + angle[l], turning = rate[l] * t->around->tool_length;
-        double back = x[l] + turning * sin(theta), up = z[l] - turning * cos(theta);
-        double flange = back * back + up * up, pads = x[l] * x[l] + z[l] * z[l];
+        double flange = velocity[0][l] * velocity[0][l] + velocity[1][l] * velocity[1][l];
+        double pads = hand[3][l] * hand[3][l] + hand[4][l] * hand[4][l];
         fastest[l] = GREATER(flange, pads);
     }
 }
 
 /* The highest of them from rest to the motion's end. */
-INLINE double highest_speed(const throw *t)
+INLINE extreme highest_speed(const throw *t)
 {
-    double until = t->motion->breaks[t->motion->pieces], most = 0.0;
-    long count = (long)ceil((until + t->tick) / t->tick), piece = 0;
-    for (long k = 0; k < count; k += LANES) {
+    double until = t->motion->breaks[t->motion->pieces];
+    extreme most = {0.0, 0.0};
+    int64_t count = (int64_t)ceil((until + t->tick) / t->tick), piece = 0;
+    for (int64_t k = 0; k < count; k += LANES) {
         lane time, found;
-        EACH_LANE time[l] = t->tick * (k + l < count ? k + l : count - 1);
+        EACH_LANE time[l] = t->tick * (double)(k + l < count ? k + l : count - 1);
         speeds_at(t, time, &piece, found);
-        EACH_LANE most = GREATER(most, found[l]);
+        EACH_LANE found[l] = -found[l];
+        lower(&most, found, time);
     }
-    return sqrt(most);
+    most.value = sqrt(-most.value);
+    return most;
+}
+
+/* Force and torque at the pads that a bar held by hands needs. */
+INLINE void load_at(const scene *s, lane hand[9], lane load[3])
+{
+    lane held[4], gravity[1];
+    EACH_LANE {
+        held[0][l] = s->mass;
+        held[1][l] = s->inertia;
+        held[2][l] = s->com_offset;
+        held[3][l] = s->grasp_angle;
+        gravity[0][l] = s->gravity;
+    }
+    held_load(hand, held, gravity, load);
 }
 
 /* The largest share of their limits that the joints' torques take, by Newton and Euler: until the
    opening with the object, then with all of it or nothing, after detach without. */
-INLINE double highest_torque(const throw *t)
+INLINE void highest_torque(const throw *t, measured *m)
 {
     const linkage *a = t->arm;
     const torques *b = t->torques;
     const scene *s = t->around;
-    double until = t->motion->breaks[t->motion->pieces], most = 0.0;
-    long count = (long)ceil((until + 0.5 * t->tick) / t->tick), piece = 0;
-    for (long k = 0; k < count; k++) {
-        double time = t->tick * k, angle = 0.0, rate = 0.0, turn = 0.0;
-        double x = 0.0, z = 0.0, a_x = 0.0, a_z = 0.0; /* of the joint, then of the pads */
-        double place[AXES][2], force[AXES][2], moment[AXES];
-        state now;
-        state_at(t->motion, time, &piece, &now);
-        for (long i = 0; i < a->n; i++) {
-            angle += a->sign[i] * now.q[i];
-            rate += a->sign[i] * now.dq[i];
-            turn += a->sign[i] * now.ddq[i];
-            double c = cos(angle), d = sin(angle);
-            double to_x = b->along[i] * c - b->up[i] * d, to_z = b->along[i] * d + b->up[i] * c;
-            force[i][0] = b->mass[i] * (a_x - turn * to_z - rate * rate * to_x);
-            force[i][1] = b->mass[i] * (a_z + turn * to_x - rate * rate * to_z + s->gravity);
-            moment[i] = (x + to_x) * force[i][1] - (z + to_z) * force[i][0] + b->inertia[i] * turn;
-            place[i][0] = x;
-            place[i][1] = z;
-            to_x = a->along[i] * c - a->up[i] * d;
-            to_z = a->along[i] * d + a->up[i] * c;
-            a_x -= turn * to_z + rate * rate * to_x;
-            a_z += turn * to_x - rate * rate * to_z;
-            x += to_x;
-            z += to_z;
+    double until = t->motion->breaks[t->motion->pieces];
+    int64_t count = (int64_t)ceil((until + 0.5 * t->tick) / t->tick), piece = 0;
+    for (int64_t k = 0; k < count; k += LANES) {
+        lane time, q[3][AXES], turned[3], link[2], body[4], gravity[1], hand[9], load[3];
+        lane joints[AXES + 1][6], pushes[AXES][3];
+        EACH_LANE time[l] = t->tick * (double)(k + l < count ? k + l : count - 1);
+        EACH_LANE gravity[0][l] = s->gravity;
+        states_at(t->motion, time, &piece, q);
+        first_joint(a, turned, joints[0]);
+        for (int64_t i = 0; i < a->n; i++) {
+            next_link(a, i, q, turned, link);
+            link_end(joints[i], turned, link, joints[i + 1]);
+            EACH_LANE {
+                body[0][l] = b->mass[i];
+                body[1][l] = b->along[i];
+                body[2][l] = b->up[i];
+                body[3][l] = b->inertia[i];
+            }
+            link_push(joints[i], turned, body, gravity, pushes[i]);
         }
-        double theta = a->theta + angle + s->grasp_angle, g_z = a_z + s->gravity;
-        double r_x = s->com_offset * cos(theta), r_z = s->com_offset * sin(theta);
-        double load_x = s->mass * (a_x - turn * r_z - rate * rate * r_x);
-        double load_z = s->mass * (g_z + turn * r_x - rate * rate * r_z);
-        double load = s->grasp_inertia * turn - s->mass * (a_x * r_z - g_z * r_x);
-        for (int held = time > t->detach ? 0 : 1; held >= (time < t->opening ? 1 : 0); held--) {
-            double f_x = held * load_x, f_z = held * load_z;
-            double total = held * (load + x * load_z - z * load_x);
-            for (long i = a->n - 1; i >= 0; i--) {
-                f_x += force[i][0];
-                f_z += force[i][1];
-                total += moment[i];
-                double share = fabs(total - place[i][0] * f_z + place[i][1] * f_x) / b->limit[i];
-                most = GREATER(most, share);
+        last_hand(a, joints[a->n], turned, hand);
+        load_at(s, hand, load);
+        /* About the origin. */
+        EACH_LANE load[2][l] += hand[0][l] * load[1][l] - hand[1][l] * load[0][l];
+        for (int held = 1; held >= 0; held--) {
+            lane total[3], torque[1];
+            for (int r = 0; r < 3; r++)
+                EACH_LANE total[r][l] = held ? load[r][l] : 0.0;
+            for (int64_t i = a->n - 1; i >= 0; i--) {
+                for (int r = 0; r < 3; r++)
+                    EACH_LANE total[r][l] += pushes[i][r][l];
+                joint_torque(joints[i], total, torque);
+                for (int l = 0; l < LANES; l++) {
+                    double share = fabs(torque[0][l]) / b->limit[i];
+                    if (share > m->torque.value && (held ? time[l] <= t->detach : time[l] >= t->opening)) {
+                        m->torque = (extreme){share, time[l]};
+                        m->joint = i;
+                    }
+                }
             }
         }
     }
-    return most;
 }
 
 /* The held bar at a hand. */
-INLINE void held_at(const scene *s, const pose *hand, const lane theta, pose *bar)
+INLINE void held_at(const throw *t, const pose *hand, const lane theta, pose *bar)
 {
+    const scene *s = t->around;
     EACH_LANE {
         double angle = theta[l] + s->grasp_angle;
         bar->cos[l] = cos(angle);
         bar->sin[l] = sin(angle);
-        bar->x[l] = hand->x[l] + s->com_offset * bar->cos[l];
-        bar->z[l] = hand->z[l] + s->com_offset * bar->sin[l];
+        bar->x[l] = hand->x[l] + t->error[0] + s->com_offset * bar->cos[l];
+        bar->z[l] = hand->z[l] + t->error[1] + s->com_offset * bar->sin[l];
     }
 }
 
-INLINE void hold(const scene *s, const box *bar, double reach, const pose *at, measured *m)
+INLINE void hold(const scene *s, const box *bar, double reach, const pose *at, const lane time,
+                 measured *m)
 {
     lane found;
     lowest_of(bar, at, found);
-    m->held = fmin(m->held, least(found));
-    m->column_held = fmin(m->column_held, near_column(s, bar, at, reach));
+    lower(&m->held, found, time);
+    near_column(s, bar, at, reach, time, &m->column_held);
 }
 
 /* From rest to the motion's end: arm and hand, and the bar until the pads open. */
@@ -356,76 +338,135 @@ INLINE void carry(const throw *t, const box *bar, const box *body, double reach,
 {
     const scene *s = t->around;
     double until = t->motion->breaks[t->motion->pieces];
-    long count = (long)ceil((until + t->tick) / t->tick), piece = 0;
-    long holds = (long)ceil(t->opening / t->tick);
-    for (long k = 0; k < count; k += LANES) {
+    int64_t count = (int64_t)ceil((until + t->tick) / t->tick), piece = 0;
+    int64_t holds = (int64_t)ceil(t->opening / t->tick);
+    for (int64_t k = 0; k < count; k += LANES) {
         lane time, theta, lowest;
         pose hand, at;
-        EACH_LANE time[l] = t->tick * (k + l < count ? k + l : count - 1);
+        EACH_LANE time[l] = t->tick * (double)(k + l < count ? k + l : count - 1);
         hands_at(t, time, &piece, &hand, theta, lowest);
-        m->arm = fmin(m->arm, least(lowest));
+        lower(&m->arm, lowest, time);
         if (body->half >= 0.0) {
             lowest_of(body, &hand, lowest);
-            m->arm = fmin(m->arm, least(lowest));
+            lower(&m->arm, lowest, time);
         }
         if (k < holds) {
             /* Instants after the opening's start count as the last before it. */
-            long last = (holds - 1 < count ? holds : count) - 1 - k;
-            held_at(s, &hand, theta, &at);
-            for (long l = last + 1; l < LANES; l++) {
+            int64_t last = (holds - 1 < count ? holds : count) - 1 - k;
+            held_at(t, &hand, theta, &at);
+            for (int64_t l = last + 1; l < LANES; l++) {
                 at.x[l] = at.x[last];
                 at.z[l] = at.z[last];
                 at.cos[l] = at.cos[last];
                 at.sin[l] = at.sin[last];
+                time[l] = time[last];
             }
-            hold(s, bar, reach, &at, m);
+            hold(s, bar, reach, &at, time, m);
         }
     }
-    for (long k = 0; k < t->nodes; k += LANES) {
+    for (int64_t k = 0; k < t->nodes; k += LANES) {
         pose at;
+        lane time;
         EACH_LANE {
-            long node = k + l < t->nodes ? k + l : t->nodes - 1;
+            int64_t node = k + l < t->nodes ? k + l : t->nodes - 1;
+            time[l] = t->times[node];
             at.x[l] = t->com[node];
             at.z[l] = t->com[t->nodes + node];
             at.cos[l] = cos(t->com[2 * t->nodes + node]);
             at.sin[l] = sin(t->com[2 * t->nodes + node]);
         }
-        hold(s, bar, reach, &at, m);
+        hold(s, bar, reach, &at, time, m);
     }
 }
 
 /* The bar `time` after detach. */
 INLINE void flown(const throw *t, const lane time, pose *bar)
 {
-    const double *at = t->start;
     EACH_LANE {
-        double theta = at[2] + at[5] * time[l];
-        bar->x[l] = at[0] + at[3] * time[l];
-        bar->z[l] = at[1] + at[4] * time[l] - 0.5 * t->around->gravity * time[l] * time[l];
-        bar->cos[l] = cos(theta);
-        bar->sin[l] = sin(theta);
+        double at[3];
+        flight_pose(t->start, time[l], t->around->gravity, at);
+        bar->x[l] = at[0];
+        bar->z[l] = at[1];
+        bar->cos[l] = cos(at[2]);
+        bar->sin[l] = sin(at[2]);
     }
 }
 
-/* The bar in flight beside the column and the hand's body. */
-INLINE void fly(const throw *t, const box *bar, const box *body, double reach, measured *m)
+/* Hands with their errors, at times [s] after the opening's start. */
+INLINE void mislead(const throw *t, const lane clock, lane theta, pose *hand)
+{
+    const double *e = t->error;
+    int off = 0;
+    for (int i = 0; i < 6; i++)
+        off |= e[i] != 0.0;
+    if (!off)
+        return;
+    EACH_LANE {
+        double since = clock[l] - t->opening;
+        hand->x[l] += e[0] + e[3] * since;
+        hand->z[l] += e[1] + e[4] * since;
+        theta[l] += e[2] + e[5] * since;
+        hand->cos[l] = cos(theta[l]);
+        hand->sin[l] = sin(theta[l]);
+    }
+}
+
+/* How far [m] a flying bar is from where the reference's is, at most, at a time on the motion's clock. */
+INLINE double off_reference(const throw *t, const reference *r, double clock)
+{
+    double a[3], b[3];
+    flight_pose(t->start, clock - t->detach, t->around->gravity, a);
+    flight_pose(r->start, clock - r->detach, t->around->gravity, b);
+    double x = a[0] - b[0], z = a[1] - b[1];
+    return sqrt(x * x + z * z) + r->far * fabs(a[2] - b[2]);
+}
+
+/* The least room of the reference between two times. */
+INLINE double room_in(const reference *r, const double *room, double first, double last)
+{
+    int64_t begin = (int64_t)floor((first - r->begin) / r->step);
+    int64_t end = (int64_t)floor((last - r->begin) / r->step);
+    double found = begin < 0 || end >= r->n ? -INFINITY : INFINITY;
+    for (int64_t k = begin < 0 ? 0 : begin; k <= end && k < r->n; k++)
+        found = LESSER(found, room[k]);
+    return found;
+}
+
+/* The bar in flight beside the column and the hand's body. r: NULL, or what says where neither is near;
+   near: then, whether any body may be. */
+INLINE void fly(const throw *t, const box *bar, const box *body, double reach, const reference *r,
+                measured *m, int *near)
 {
     const scene *s = t->around;
     double far = reach + s->palm_clearance
         + hypot(GREATER(fabs(body->first), fabs(body->last)), body->half);
-    long piece = 0;
-    for (long k = 0; k < FLIGHT_SAMPLES; k += LANES) {
+    double before = r ? off_reference(t, r, t->detach) : 0.0;
+    int64_t piece = 0;
+    for (int64_t k = 0; k < FLIGHT_SAMPLES; k += LANES) {
         lane time, clock, theta, away, found;
         pose at, hand;
         EACH_LANE {
-            time[l] = t->flight * ((k + l) / (FLIGHT_SAMPLES - 1.0));
+            time[l] = t->flight * ((double)(k + l) / (FLIGHT_SAMPLES - 1.0));
             clock[l] = t->detach + time[l];
         }
+        int column = s->column_radius >= 0.0, palm = s->palm_clearance >= 0.0;
+        if (r) {
+            double last = clock[LANES - 1] + t->flight / (FLIGHT_SAMPLES - 1.0);
+            double after = off_reference(t, r, last), off = GREATER(before, after);
+            before = after;
+            column = column && room_in(r, r->column, clock[0], last) <= off;
+            palm = palm && room_in(r, r->palm, clock[0], last) <= off;
+            *near |= room_in(r, r->bodies, clock[0], last) <= off;
+            if (!column && !palm)
+                continue;
+        }
         flown(t, time, &at);
-        m->column_flown = fmin(m->column_flown, near_column(s, bar, &at, reach));
-        if (s->palm_clearance < 0.0)
+        if (column)
+            near_column(s, bar, &at, reach, clock, &m->column_flown);
+        if (!palm)
             continue;
         hands_at(t, clock, &piece, &hand, theta, found);
+        mislead(t, clock, theta, &hand);
         EACH_LANE {
             double dx = at.x[l] - hand.x[l], dz = at.z[l] - hand.z[l];
             away[l] = dx * dx + dz * dz;
@@ -433,10 +474,10 @@ INLINE void fly(const throw *t, const box *bar, const box *body, double reach, m
         if (least(away) >= far * far)
             continue;
         between(bar, &at, body, &hand, found);
-        EACH_LANE found[l] = away[l] < far * far ? found[l] : INFINITY;
-        m->palm = fmin(m->palm, least(found));
+        EACH_LANE found[l] = away[l] < far * far ? GREATER(found[l], 0.0) : INFINITY;
+        lower(&m->palm, found, clock);
         for (int l = 0; l < LANES; l++)
-            if (found[l] < s->palm_clearance - 1e-6)
+            if (found[l] <= GREATER(s->palm_clearance - 1e-6, 0.0))
                 m->palm_time = fmin(m->palm_time, time[l]);
     }
 }
@@ -498,9 +539,19 @@ INLINE double passes(const throw *t, const box *bar, double low, double high, do
     return (low + high) / 2.0;
 }
 
-/* Least clearance on the way into the cup; -infinity for a bar that misses it. */
-INLINE double enter(const throw *t, const box *bar)
+/* Least clearance on the way into the cup, as a cup that moves sees it: from the lower end's passing the
+   rim's plane until it is `cup_insertion` below, the least distance of outline and wall or rim, negative
+   outside. -infinity for a bar that misses it. Where the outline passes the rim's height it is no nearer
+   to the wall than the rim is to the bar. */
+INLINE double enter(const throw *given, const box *bar)
 {
+    double speed = given->around->cup_speed, seen[6];
+    for (int i = 0; i < 6; i++)
+        seen[i] = given->start[i];
+    seen[0] += speed * given->flight;
+    seen[3] -= speed;
+    throw standing = *given, *t = &standing;
+    t->start = seen;
     double times[COARSE], depth[COARSE];
     for (int k = 0; k < COARSE; k += LANES) {
         lane time, found;
@@ -540,76 +591,107 @@ INLINE double enter(const throw *t, const box *bar)
     return found;
 }
 
-/* Largest squared use of the full grip at some times. */
-INLINE double use_at(const throw *t, const double *times, int count, long *piece)
+/* Squared uses of the full grip by hands. */
+INLINE void uses_of(const scene *s, lane hand[9], lane use)
 {
-    const scene *s = t->around;
+    lane load[3];
+    load_at(s, hand, load);
+    EACH_LANE {
+        double torque = load[2][l] / s->torque;
+        use[l] = (load[0][l] * load[0][l] + load[1][l] * load[1][l]) / (s->force * s->force) + torque * torque;
+    }
+}
+
+/* Takes up the largest squared use, with its sign turned, at some times. */
+INLINE void use_at(const throw *t, const double *times, int count, int64_t *piece, extreme *e)
+{
     lane time, hand[9], use;
     EACH_LANE time[l] = times[l < count ? l : count - 1];
     moved_at(t->motion, t->arm, time, piece, hand);
-    EACH_LANE {
-        double theta = hand[2][l] + s->grasp_angle, square = hand[5][l] * hand[5][l];
-        double x = s->com_offset * cos(theta), z = s->com_offset * sin(theta);
-        double a_x = hand[6][l], a_z = hand[7][l], alpha = hand[8][l];
-        double f_x = s->mass * (a_x - alpha * z - square * x);
-        double f_z = s->mass * (a_z + alpha * x - square * z + s->gravity);
-        double torque = s->grasp_inertia * alpha - s->mass * (a_x * z - (a_z + s->gravity) * x);
-        torque /= s->torque;
-        use[l] = (f_x * f_x + f_z * f_z) / (s->force * s->force) + torque * torque;
-    }
-    double most = use[0];
-    for (int l = 1; l < LANES; l++)
-        most = use[l] > most ? use[l] : most;
-    return most;
+    uses_of(t->around, hand, use);
+    EACH_LANE use[l] = -use[l];
+    lower(e, use, time);
 }
 
-/* The largest use of the full grip from rest to the opening; 1 is the limit. Instants are those of
-   `Path.closely` of models/path.py. */
-INLINE double grip(const throw *t)
+/* The instants before `until` [s] at which the grip is looked at: both sides of each kink, at most `step` apart between, and four inside each piece
+   with kinks inside, along which the acceleration swings. What they are does not depend on `until`.
+   DO is what is done with `time`. */
+#define GRIP_INSTANTS(p, step, until, DO)                                                          \
+    do {                                                                                           \
+        double begin_ = (p)->breaks[0], last_ = (p)->breaks[(p)->pieces];                          \
+        int64_t corner_ = 0, swing_ = -1;                                                             \
+        while (begin_ < (until) && begin_ < last_) {                                               \
+            while (corner_ < (p)->corners && !((p)->kinks[corner_] > begin_))                      \
+                corner_++;                                                                         \
+            double end_ = corner_ < (p)->corners && (p)->kinks[corner_] < last_                    \
+                ? (p)->kinks[corner_] : last_;                                                     \
+            int64_t parts_ = (int64_t)ceil((end_ - begin_) / (step));                                    \
+            double length_ = end_ - begin_ - 2.0 * INSIDE;                                         \
+            for (int64_t i_ = 0; i_ <= parts_; i_++) {                                                \
+                double share = (double)i_ / (double)(parts_ > 1 ? parts_ : 1);                     \
+                double time = begin_ + INSIDE + length_ * share;                                   \
+                if (time < (until))                                                                \
+                    DO(time);                                                                      \
+                else                                                                               \
+                    break;                                                                         \
+            }                                                                                      \
+            begin_ = end_;                                                                         \
+        }                                                                                          \
+        for (int64_t k_ = 0, at_ = 0; k_ < (p)->corners; k_++) {                                      \
+            at_ = piece_of((p), (p)->kinks[k_], at_);                                              \
+            if (at_ == swing_ || !((p)->kinks[k_] > (p)->breaks[at_]))                             \
+                continue;                                                                          \
+            swing_ = at_;                                                                          \
+            double length_ = (p)->breaks[at_ + 1] - (p)->breaks[at_];                                \
+            for (int i_ = 1; i_ < 5; i_++) {                                                       \
+                double time = (p)->breaks[at_] + length_ * (0.2 * i_);                               \
+                if (time < (until))                                                                \
+                    DO(time);                                                                      \
+            }                                                                                      \
+        }                                                                                          \
+    } while (0)
+
+/* The largest use of the full grip from rest to the opening; 1 is the limit. */
+INLINE extreme largest_use(const throw *t)
 {
-    const path *p = t->motion;
-    double most = 0.0, times[LANES], begin = p->breaks[0], until = t->opening;
-    long corner = 0, piece = 0, swing = -1;
+    double times[LANES];
+    int64_t piece = 0;
     int count = 0;
+    extreme most = {0.0, 0.0};
 #define TAKE(time)                                                                                 \
     do {                                                                                           \
         times[count++] = (time);                                                                   \
         if (count == LANES) {                                                                      \
-            most = fmax(most, use_at(t, times, count, &piece));                                    \
+            use_at(t, times, count, &piece, &most);                                                \
             count = 0;                                                                             \
         }                                                                                          \
     } while (0)
-    while (begin < until) {
-        while (corner < p->corners && !(p->kinks[corner] > begin))
-            corner++;
-        double end = corner < p->corners && p->kinks[corner] < until ? p->kinks[corner] : until;
-        long parts = (long)ceil((end - begin) / t->step);
-        double length = end - begin - 2.0 * INSIDE;
-        for (long i = 0; i <= parts; i++)
-            TAKE(begin + INSIDE + length * i / (parts > 1 ? parts : 1));
-        begin = end;
-    }
-    /* Inside pieces that have kinks inside the acceleration swings. */
-    for (long k = 0, at = 0; k < p->corners; k++) {
-        at = piece_of(p, p->kinks[k], at);
-        if (at == swing || !(p->kinks[k] > p->breaks[at]))
-            continue;
-        swing = at;
-        for (int i = 1; i < 5; i++) {
-            double time = p->breaks[at] + (p->breaks[at + 1] - p->breaks[at]) * (0.2 * i);
-            if (time < until)
-                TAKE(time);
-        }
-    }
-    TAKE(until + INSIDE);
+    GRIP_INSTANTS(t->motion, t->step, t->opening, TAKE);
+    TAKE(t->opening + INSIDE);
     if (count)
-        most = fmax(most, use_at(t, times, count, &piece));
-    return sqrt(most);
+        use_at(t, times, count, &piece, &most);
+    most.value = sqrt(-most.value);
+    return most;
+}
+
+/* The instants of `largest_use` of a motion before `until` [s], every `step` [s] at least: how many there
+   are; times: none, or where they go. */
+EXPORT int64_t grip_instants(const path *motion, double step, double until, double *times)
+{
+    int64_t count = 0;
+#define KEEP(time)                                                                                 \
+    do {                                                                                           \
+        if (times)                                                                                 \
+            times[count] = (time);                                                                 \
+        count++;                                                                                   \
+    } while (0)
+    GRIP_INSTANTS(motion, step, until, KEEP);
+    return count;
 }
 
 CLONES EXPORT double grip_use(const throw *t)
 {
-    return grip(t);
+    return largest_use(t).value;
 }
 
 CLONES EXPORT void measure(const throw *t, measured *m)
@@ -618,14 +700,107 @@ CLONES EXPORT void measure(const throw *t, measured *m)
     const box bar = {-s->behind, s->ahead, s->half_width};
     const box body = {-s->palm_back, -s->palm_front, s->palm_half_width};
     double reach = hypot(GREATER(s->behind, s->ahead), s->half_width);
-    *m = (measured){grip(t), INFINITY, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY, INFINITY,
-                    0.0, 0.0};
+    const extreme far = {INFINITY, 0.0}, none = {0.0, 0.0};
+    *m = (measured){largest_use(t), far, far, far, far, far, none, none, INFINITY, INFINITY, 0};
     carry(t, &bar, &body, reach, m);
-    fly(t, &bar, &body, reach, m);
+    fly(t, &bar, &body, reach, NULL, m, NULL);
     if (s->cup_radius >= 0.0)
         m->cup = enter(t, &bar);
     if (s->tool_length >= 0.0)
         m->speed = highest_speed(t);
     if (t->torques)
-        m->torque = highest_torque(t);
+        highest_torque(t, m);
+}
+
+/* Poses [3][count] from one on; the last again where there are no more. */
+INLINE void poses_at(const double *rows, int64_t count, int64_t first, pose *at)
+{
+    EACH_LANE {
+        int64_t k = first + l < count ? first + l : count - 1;
+        at->x[l] = rows[k];
+        at->z[l] = rows[count + k];
+        at->cos[l] = cos(rows[2 * count + k]);
+        at->sin[l] = sin(rows[2 * count + k]);
+    }
+}
+
+/* Distances [count] of the scene's bar at com [3][count] from its base column; infinite where the column
+   is out of the bar's reach. */
+CLONES EXPORT void column_distances(const scene *s, int64_t count, const double *com, double *found)
+{
+    const box bar = {-s->behind, s->ahead, s->half_width};
+    double reach = hypot(GREATER(s->behind, s->ahead), s->half_width);
+    for (int64_t k = 0; k < count; k += LANES) {
+        pose at;
+        lane distance;
+        poses_at(com, count, k, &at);
+        from_column(&bar, &at, s->column_radius, s->column_height, distance);
+        for (int l = 0; l < LANES && k + l < count; l++) {
+            double aside = fabs(at.x[l]) - s->column_radius, above = at.z[l] - s->column_height;
+            found[k + l] = GREATER(aside, above) < reach ? distance[l] : INFINITY;
+        }
+    }
+}
+
+/* Distances [count] of the scene's bar at com [3][count] from the body of a hand at hand [3][count], as
+   `between` has them. */
+CLONES EXPORT void palm_distances(const scene *s, int64_t count, const double *com, const double *hand,
+                                  double *found)
+{
+    const box bar = {-s->behind, s->ahead, s->half_width};
+    const box body = {-s->palm_back, -s->palm_front, s->palm_half_width};
+    for (int64_t k = 0; k < count; k += LANES) {
+        pose at, there;
+        lane distance;
+        poses_at(com, count, k, &at);
+        poses_at(hand, count, k, &there);
+        between(&bar, &at, &body, &there, distance);
+        for (int l = 0; l < LANES && k + l < count; l++)
+            found[k + l] = distance[l];
+    }
+}
+
+/* Time [s] until one flight falls through `height`, as `fall_time` has it. */
+EXPORT double flight_time(const double start[6], double height, double gravity)
+{
+    return fall_time(start, height, gravity);
+}
+
+/* Least clearances [count] on the way into the scene's cup, as `measured` has it, of flights from detach
+   [count][6] that land after flight [count] [s]: -infinity for those that never do. */
+CLONES EXPORT void cup_entries(const scene *s, int64_t count, const double (*detach)[6],
+                               const double *flight, double *found)
+{
+    const box bar = {-s->behind, s->ahead, s->half_width};
+    for (int64_t k = 0; k < count; k++) {
+        throw t = {.around = s, .start = detach[k], .flight = flight[k]};
+        found[k] = isfinite(flight[k]) ? enter(&t, &bar) : -INFINITY;
+    }
+}
+
+/* Of many flights: the least distance from the column and from the palm, infinite where the reference
+   says that neither is near; when the bar first is too near to the palm [s after detach]; the least
+   clearance on the way into the cup; whether any body may be near; found [count][5]. */
+CLONES EXPORT void measure_flights(const throw *shared, const reference *r, int64_t count,
+                                   const flown_sample *flights, double *found)
+{
+    for (int64_t k = 0; k < count; k++, found += 5) {
+        scene around;
+        throw t = throw_of(shared, flights + k, &around);
+        const box bar = {-around.behind, around.ahead, around.half_width};
+        const box body = {-around.palm_back, -around.palm_front, around.palm_half_width};
+        double reach = hypot(GREATER(around.behind, around.ahead), around.half_width);
+        int near = 0;
+        measured m;
+        m.column_flown = m.palm = (extreme){INFINITY, 0.0};
+        m.palm_time = m.cup = INFINITY;
+        fly(&t, &bar, &body, reach, r, &m, &near);
+        if (around.cup_radius >= 0.0)
+            m.cup = enter(&t, &bar);
+        found[0] = m.column_flown.value;
+        found[1] = m.palm.value;
+        found[2] = m.palm_time;
+        found[3] = m.cup;
+        found[4] = near;
+    }
 }

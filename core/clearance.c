@@ -1,55 +1,26 @@
-/* How near arm, held bar and flying bar come to obstacles and to the arm itself, in 3-D; the same as
-   planner/check/clearance.py. One instant at a time. */
+/* How near arm, held bar and flying bar come to obstacles and to the arm itself, in 3-D. Everything that
+   moves is a capsule: the arm's links, and the bar with its corners. Between samples a distance falls by
+   no more than half of what the bodies move beyond the half that the samples explain, so a clearance that
+   is kept is kept at every instant. One instant at a time. */
 #define LANES 1
 #include <stdlib.h>
-#include "motion.h"
+#include "throw.h"
 
 /* Intervals of so many samples are looked at sample by sample. */
 #define STRIDE 8
 #define NONE 1e-12
 #define ROUNDING 1e-6
 
-/* `Solid` of models/capsules.py, the clearance that is kept from it [m], and whether the bar keeps it
-   too. */
-typedef struct {
-    double centre[3], axes[9], half[3], radius, clearance;
-    long bar;
-} solid;
-
-/* Arm and bar as capsules; the bar comes after the links. Ends of a link's capsule are as in
-   `ArmCapsules`. reach: radii as obstacles meet them. */
-typedef struct {
-    long links, bar;
-    const long *moved_by, *moves;
-    const double *places, *radius, *reach;
-    long solids;
-    const solid *around;
-    long held_pairs, flown_pairs;
-    const long *held, *flown;
-    double behind, ahead, com_offset, grasp_angle, landing;
-} bodies;
-
-/* A throw as in check.c, with times [s] of the bar's poses while the pads open. */
-typedef struct {
-    const path *motion;
-    const linkage *arm;
-    double tick, opening, detach, flight, gravity;
-    long nodes;
-    const double *times, *com, *start;
-} thrown;
-
 /* Bodies that move together at n times: the links' angles; how far these have turned, and the bar
    moved, at most; whether a sample is placed: joints with their angles' cosines and sines, the bar's
-   CoM and angle. */
+   CoM and angle. Or else, given: ends [body][2][3][n] of the bodies, and how far each has moved
+   [body][n]. */
 typedef struct {
-    long n, flying, bar, carried;
+    int64_t n, flying, bar, carried;
     double *time, *angle, *turned, *moved, *placed, *joint, *com;
+    const double *ends;
+    double *travel;
 } track;
-
-/* One thing too near: track, body, the solid or (negative, less 1) the link, missing [m], time [s]. */
-typedef struct {
-    double track, body, other, missing, time;
-} contact;
 
 typedef struct {
     double begin[3], end[3];
@@ -88,6 +59,13 @@ static double between_segments(const segment *one, const segment *other)
     for (int i = 0; i < 3; i++)
         off[i] = r[i] + s * d[i] - t * e[i];
     return sqrt(dot(off, off));
+}
+
+/* Distances [count] of segments: begin and end of one, begin and end of the other. */
+CLONES EXPORT void segment_distances(int64_t count, const segment (*pairs)[2], double *found)
+{
+    for (int64_t k = 0; k < count; k++)
+        found[k] = between_segments(&pairs[k][0], &pairs[k][1]);
 }
 
 /* Of a point at t along a segment, seen from a box: off it, and the slope of half its square. */
@@ -136,7 +114,7 @@ static double from_solid(const segment *s, const solid *b)
 }
 
 /* The arm at sample k; the hand there. */
-static void place_arm(const thrown *t, const track *on, long k, double hand[3])
+static void place_arm(const throw *t, const track *on, int64_t k, double hand[3])
 {
     const linkage *a = t->arm;
     const double *angle = on->angle + k * a->n;
@@ -148,7 +126,7 @@ static void place_arm(const thrown *t, const track *on, long k, double hand[3])
     }
     hand[0] = a->x;
     hand[1] = a->z;
-    for (long i = 0; i < a->n; i++) {
+    for (int64_t i = 0; i < a->n; i++) {
         double *j = on->joint + 4 * (k * a->n + i);
         j[0] = hand[0];
         j[1] = hand[1];
@@ -161,13 +139,10 @@ static void place_arm(const thrown *t, const track *on, long k, double hand[3])
 }
 
 /* CoM and angle of the bar at sample k. */
-static void bar_at(const thrown *t, const bodies *all, const track *on, long k, double com[3])
+static void bar_at(const throw *t, const bodies *all, const track *on, int64_t k, double com[3])
 {
     if (on->flying) {
-        double since = on->time[k] - t->detach;
-        com[0] = t->start[0] + t->start[3] * since;
-        com[1] = t->start[1] + (t->start[4] - t->gravity / 2.0 * since) * since;
-        com[2] = t->start[2] + t->start[5] * since;
+        flight_pose(t->start, on->time[k] - t->detach, t->around->gravity, com);
     } else if (k >= on->carried) {
         for (int i = 0; i < 3; i++)
             com[i] = t->com[i * t->nodes + k - on->carried];
@@ -175,13 +150,13 @@ static void bar_at(const thrown *t, const bodies *all, const track *on, long k, 
         double hand[3];
         place_arm(t, on, k, hand);
         com[2] = hand[2] + all->grasp_angle;
-        com[0] = hand[0] + all->com_offset * cos(com[2]);
-        com[1] = hand[1] + all->com_offset * sin(com[2]);
+        com[0] = hand[0] + t->error[0] + all->com_offset * cos(com[2]);
+        com[1] = hand[1] + t->error[1] + all->com_offset * sin(com[2]);
     }
 }
 
 /* Places sample k. */
-static void place(const thrown *t, const bodies *all, const track *on, long k)
+static void place(const throw *t, const bodies *all, const track *on, int64_t k)
 {
     double hand[3];
     on->placed[k] = 1.0;
@@ -191,10 +166,17 @@ static void place(const thrown *t, const bodies *all, const track *on, long k)
 }
 
 /* A body at sample k. */
-static segment body_at(const thrown *t, const bodies *all, const track *on, long body, long k)
+static segment body_at(const throw *t, const bodies *all, const track *on, int64_t body, int64_t k)
 {
     segment s;
-    if (!on->placed[k])
+    if (on->ends) {
+        for (int i = 0; i < 3; i++) {
+            s.begin[i] = on->ends[(6 * body + i) * on->n + k];
+            s.end[i] = on->ends[(6 * body + 3 + i) * on->n + k];
+        }
+        return s;
+    }
+    if (on->placed[k] == 0.0)
         place(t, all, on, k);
     if (body == all->links) {
         const double *com = on->com + 3 * k;
@@ -204,7 +186,7 @@ static segment body_at(const thrown *t, const bodies *all, const track *on, long
         return s;
     }
     const double *place = all->places + 6 * body;
-    long link = all->moved_by[body];
+    int64_t link = all->moved_by[body];
     for (int e = 0; e < 2; e++, place += 3) {
         double *at = e ? s.end : s.begin;
         at[0] = place[0];
@@ -220,14 +202,16 @@ static segment body_at(const thrown *t, const bodies *all, const track *on, long
 }
 
 /* How far a body may have moved since the first sample. */
-static double travelled(const thrown *t, const bodies *all, const track *on, long body, long k)
+static double travelled(const throw *t, const bodies *all, const track *on, int64_t body, int64_t k)
 {
-    const linkage *a = t->arm;
+    if (on->ends)
+        return on->travel[body * on->n + k];
     if (body == all->links)
         return on->moved[k];
+    const linkage *a = t->arm;
     double sum = 0.0;
     const double *p = all->places + 6 * body;
-    for (long i = 0; i <= all->moved_by[body]; i++) {
+    for (int64_t i = 0; i <= all->moved_by[body]; i++) {
         double far = length(a->along[i], a->up[i]);
         if (i == all->moved_by[body])
             far = fmax(length(p[0], p[2]), length(p[3], p[5]));
@@ -249,15 +233,15 @@ static double step_of(const segment *a, const segment *b)
 /* What may come too near: a body to a solid, or (NULL) to another body. lands [m]: as near to the
    solid a bar that flies may come in the end, infinite for others. */
 typedef struct {
-    const thrown *throw;
+    const throw *throw;
     const bodies *all;
     const track *on;
-    long body, other;
+    int64_t body, other;
     const solid *from;
     double needed, lands, worst, when;
 } pair;
 
-static double distance_at(const pair *p, long k, segment *one, segment *other)
+static double distance_at(const pair *p, int64_t k, segment *one, segment *other)
 {
     *one = body_at(p->throw, p->all, p->on, p->body, k);
     if (p->from)
@@ -266,19 +250,25 @@ static double distance_at(const pair *p, long k, segment *one, segment *other)
     return between_segments(one, other);
 }
 
-/* Every sample from k to last: what is missing at most of the distance that is needed. */
-static void look_closely(pair *p, long k, long last)
+/* The distance that is needed at sample k: at the end of its flight the bar may come as near to a solid
+   as it lands; step [m]: how far it moved since the sample before. */
+static double needed_at(const pair *p, int64_t k, double step)
 {
-    segment a, b = {{0}}, c, d = {{0}};
+    const track *on = p->on;
+    if (p->lands == INFINITY || on->time[k] <= on->time[on->n - 1] - p->all->landing)
+        return p->needed;
+    return fmin(p->lands, p->needed) - step;
+}
+
+/* Every sample from k to last: what is missing at most of the distance that is needed. */
+static void look_closely(pair *p, int64_t k, int64_t last)
+{
+    segment a, b = {{0}, {0}}, c, d = {{0}, {0}};
     double near = distance_at(p, k, &a, &b), left = p->needed;
-    double end = p->on->time[p->on->n - 1];
-    for (long i = k; i <= last; i++) {
-        double here = distance_at(p, i, &c, &d), least = p->needed;
+    for (int64_t i = k; i <= last; i++) {
+        segment before = body_at(p->throw, p->all, p->on, p->body, i ? i - 1 : 0);
+        double here = distance_at(p, i, &c, &d), least = needed_at(p, i, step_of(&before, &c));
         double step = step_of(&a, &c) + (p->from ? 0.0 : step_of(&b, &d));
-        if (p->lands < INFINITY && p->on->time[i] > end - p->all->landing) {
-            segment before = body_at(p->throw, p->all, p->on, p->body, i ? i - 1 : 0);
-            least = fmin(p->lands, p->needed) - step_of(&before, &c);
-        }
         double lack = fmax(left, least) - (near + here - step) / 2.0;
         if (i > k && lack > p->worst) {
             p->worst = lack;
@@ -292,11 +282,11 @@ static void look_closely(pair *p, long k, long last)
 }
 
 /* Distances between samples: halves of an interval until the pair is clear in it. */
-static void look_between(pair *p, long first, double near, long last, double far)
+static void look_between(pair *p, int64_t first, double near, int64_t last, double far)
 {
     double way = 0.0;
     for (int i = 0; i < (p->from ? 1 : 2); i++) {
-        long body = i ? p->other : p->body;
+        int64_t body = i ? p->other : p->body;
         way += travelled(p->throw, p->all, p->on, body, last)
             - travelled(p->throw, p->all, p->on, body, first);
     }
@@ -307,15 +297,15 @@ static void look_between(pair *p, long first, double near, long last, double far
         return;
     }
     segment one, other;
-    long middle = (first + last) / 2;
+    int64_t middle = (first + last) / 2;
     double here = distance_at(p, middle, &one, &other);
     look_between(p, first, near, middle, here);
     look_between(p, middle, here, last, far);
 }
 
 /* What is missing of a distance at most. */
-static double missing(const thrown *t, const bodies *all, const track *on, long body,
-                      const solid *from, long other, double needed, double *when)
+static double missing(const throw *t, const bodies *all, const track *on, int64_t body,
+                      const solid *from, int64_t other, double needed, double *when)
 {
     segment one, two;
     pair p = {t, all, on, body, other, from, needed, INFINITY, -INFINITY, 0.0};
@@ -328,17 +318,17 @@ static double missing(const thrown *t, const bodies *all, const track *on, long 
 }
 
 /* The angles of all samples, and what bounds the motion between them. */
-static void follow(const thrown *t, const bodies *all, track *on)
+static void follow(const throw *t, const bodies *all, track *on)
 {
     const linkage *a = t->arm;
-    long piece = 0;
+    int64_t piece = 0;
     double far = fmax(all->behind, all->ahead);
-    for (long k = 0; k < on->n; k++) {
+    for (int64_t k = 0; k < on->n; k++) {
         double q[AXES], angle = 0.0, moved = 0.0;
         on->placed[k] = 0.0;
-        coordinates_at(t->motion, on->time[k], &piece, 0, q);
-        for (long i = 0; i < a->n; i++) {
-            long at = k * a->n + i;
+        coordinates_at(t->motion, on->time[k], &piece, q);
+        for (int64_t i = 0; i < a->n; i++) {
+            int64_t at = k * a->n + i;
             angle = a->arm ? angle + a->sign[i] * q[i] : q[i];
             on->angle[at] = angle;
             double turn = k ? fabs(angle - on->angle[at - a->n]) : 0.0;
@@ -358,67 +348,82 @@ static void follow(const thrown *t, const bodies *all, track *on)
 }
 
 /* Bodies of a track that are too near to something; how many are found. */
-static long look(const thrown *t, const bodies *all, const track *on, double number, contact *found)
+static int64_t look(const throw *t, const bodies *all, const track *on, double number, contact *found)
 {
-    long count = 0, bodies_here = all->links + on->bar;
-    for (long s = 0; s < all->solids; s++)
-        for (long b = 0; b < bodies_here; b++) {
+    int64_t count = 0, bodies_here = all->links + on->bar;
+    for (int64_t s = 0; s < all->solids; s++)
+        for (int64_t b = 0; b < bodies_here; b++) {
             const solid *from = all->around + s;
             if (b < all->links ? !all->moves[b] : !from->bar)
                 continue;
             double when, needed = all->reach[b] + from->clearance;
             double lack = missing(t, all, on, b, from, 0, needed, &when);
             if (lack > ROUNDING)
-                found[count++] = (contact){number, b, s, lack, when};
+                found[count++] = (contact){number, (double)b, (double)s, lack, when};
         }
-    long pairs = on->flying ? all->flown_pairs : all->held_pairs;
-    const long *meet = on->flying ? all->flown : all->held;
-    for (long i = 0; i < pairs; i++, meet += 2) {
+    const int64_t *meet = all->meet;
+    for (int64_t i = 0; i < all->pairs; i++, meet += 2) {
         if (meet[1] >= bodies_here)
             continue;
         double when, needed = all->radius[meet[0]] + all->radius[meet[1]];
         double lack = missing(t, all, on, meet[1], NULL, meet[0], needed, &when);
         if (lack > ROUNDING)
-            found[count++] = (contact){number, meet[1], -1 - meet[0], lack, when};
+            found[count++] = (contact){number, (double)meet[1], (double)(-1 - meet[0]), lack, when};
     }
     return count;
 }
 
-/* All contacts of a throw, `found` has room for them; -1 without memory. */
-CLONES EXPORT long near_bodies(const thrown *t, const bodies *all, contact *found)
+/* Room for a track of `most` samples; NULL without memory. */
+static double *room_for(track *on, int64_t most)
 {
-    long count = 0;
-    double until = t->motion->breaks[t->motion->pieces], lands = t->detach + t->flight;
-    long carried = (long)ceil(t->opening / t->tick), flown = (long)ceil(t->flight / t->tick) + 1;
-    long rests = t->arm->arm && until > lands ? (long)ceil((until - lands) / t->tick) + 1 : 0;
-    long most = carried + t->nodes > flown ? carried + t->nodes : flown;
-    most = rests > most ? rests : most;
-    long each[] = {1, AXES, AXES, 1, 1, 4 * AXES, 3}, all_of = 0;
+    const int64_t each[] = {1, AXES, AXES, 1, 1, 4 * AXES, 3};
+    int64_t all_of = 0;
     for (int i = 0; i < 7; i++)
         all_of += each[i];
-    double *room = malloc(sizeof(double) * most * all_of), *next = room;
+    double *room = malloc(sizeof(double) * (size_t)(most * all_of)), *next = room;
+    double **parts[]
+        = {&on->time, &on->angle, &on->turned, &on->moved, &on->placed, &on->joint, &on->com};
+    for (int i = 0; room && i < 7; next += most * each[i++])
+        *parts[i] = next;
+    return room;
+}
+
+/* The track from detach to the landing. */
+static void follow_flight(const throw *t, const bodies *all, track *on)
+{
+    on->n = (int64_t)ceil(t->flight / t->tick) + 1;
+    on->flying = on->bar = 1;
+    on->carried = 0;
+    for (int64_t k = 0; k < on->n; k++)
+        on->time[k] = t->detach + (on->n > 1 ? t->flight * (double)k / (double)(on->n - 1) : 0.0);
+    follow(t, all, on);
+}
+
+/* All contacts of a throw, `found` has room for them; -1 without memory. */
+CLONES EXPORT int64_t near_bodies(const throw *t, const bodies *all, contact *found)
+{
+    int64_t count = 0;
+    double until = t->motion->breaks[t->motion->pieces], lands = t->detach + t->flight;
+    int64_t carried = (int64_t)ceil(t->opening / t->tick), flown = (int64_t)ceil(t->flight / t->tick) + 1;
+    int64_t rests = t->arm->arm && until > lands ? (int64_t)ceil((until - lands) / t->tick) + 1 : 0;
+    carried = carried > 0 ? carried : 0;
+    int64_t most = carried + t->nodes > flown ? carried + t->nodes : flown;
+    most = rests > most ? rests : most;
+    track on = {.n = carried + t->nodes, .bar = 1, .carried = carried};
+    double *room = room_for(&on, most);
     if (!room)
         return -1;
-    track on = {carried + t->nodes, 0, 1, carried};
-    double **parts[] = {&on.time, &on.angle, &on.turned, &on.moved, &on.placed, &on.joint, &on.com};
-    for (int i = 0; i < 7; next += most * each[i++])
-        *parts[i] = next;
-    for (long k = 0; k < on.n; k++)
-        on.time[k] = k < carried ? k * t->tick : t->times[k - carried];
+    for (int64_t k = 0; k < on.n; k++)
+        on.time[k] = k < carried ? (double)k * t->tick : t->times[k - carried];
     follow(t, all, &on);
     count += look(t, all, &on, 0.0, found);
-    on.n = flown;
-    on.flying = 1;
-    on.carried = 0;
-    for (long k = 0; k < flown; k++)
-        on.time[k] = t->detach + (flown > 1 ? t->flight * k / (flown - 1) : 0.0);
-    follow(t, all, &on);
+    follow_flight(t, all, &on);
     count += look(t, all, &on, 1.0, found + count);
     if (rests > 1) {
         on.n = rests;
         on.flying = on.bar = 0;
-        for (long k = 0; k < rests; k++)
-            on.time[k] = k < rests - 1 ? lands + k * t->tick : until;
+        for (int64_t k = 0; k < rests; k++)
+            on.time[k] = k < rests - 1 ? lands + (double)k * t->tick : until;
         follow(t, all, &on);
         count += look(t, all, &on, 2.0, found + count);
     }
@@ -426,29 +431,131 @@ CLONES EXPORT long near_bodies(const thrown *t, const bodies *all, contact *foun
     return count;
 }
 
+/* Of many flights: how much is missing at most [m] of the distance that the bar needs from solids and
+   links; not 0 without memory. */
+CLONES EXPORT int near_flights(const throw *shared, const bodies *all, int64_t count,
+                               const flown_sample *flights, double *missed)
+{
+    int64_t most = 2;
+    for (int64_t k = 0; k < count; k++) {
+        int64_t n = (int64_t)ceil(flights[k].flight / shared->tick) + 1;
+        most = n > most ? n : most;
+    }
+    track on = {0};
+    double *room = room_for(&on, most);
+    if (!room)
+        return 1;
+    for (int64_t k = 0; k < count; k++) {
+        scene around;
+        bodies here = *all;
+        throw t = throw_of(shared, flights + k, &around);
+        double when, worst = -INFINITY;
+        here.behind = around.behind;
+        here.ahead = around.ahead;
+        follow_flight(&t, &here, &on);
+        for (int64_t s = 0; s < all->solids; s++) {
+            const solid *from = all->around + s;
+            double needed = all->reach[all->links] + from->clearance;
+            if (from->bar)
+                worst = fmax(worst, missing(&t, &here, &on, all->links, from, 0, needed, &when));
+        }
+        const int64_t *meet = all->meet;
+        for (int64_t i = 0; i < all->pairs; i++, meet += 2) {
+            double needed = all->radius[meet[0]] + all->radius[meet[1]];
+            if (meet[1] == all->links)
+                worst = fmax(worst,
+                             missing(&t, &here, &on, meet[1], NULL, meet[0], needed, &when));
+        }
+        missed[k] = worst;
+    }
+    free(room);
+    return 0;
+}
+
+/* Bodies of a track that is given, n samples at rising times [s], that are too near to something; `found`
+   has room for them. Without memory -1. ends: as of `track`, of the links and, with a bar, of that. */
+CLONES EXPORT int64_t near_track(const bodies *all, int64_t n, int64_t bar, int64_t flying,
+                                 double *times, const double *ends, contact *found)
+{
+    int64_t count = all->links + bar;
+    double *travel = malloc(sizeof(double) * (size_t)(n * count + 1));
+    track on = {.n = n, .flying = flying, .bar = bar, .time = times, .ends = ends, .travel = travel};
+    if (!travel)
+        return -1;
+    for (int64_t b = 0; b < count; b++)
+        for (int64_t k = 0; k < n; k++) {
+            segment here = body_at(NULL, all, &on, b, k), last = body_at(NULL, all, &on, b, k ? k - 1 : 0);
+            travel[b * n + k] = step_of(&last, &here) + (k ? travel[b * n + k - 1] : 0.0);
+        }
+    count = look(NULL, all, &on, 0.0, found);
+    free(travel);
+    return count;
+}
+
+/* Takes up how much room a pair has at each sample. */
+static void room_of(pair *p, double *room)
+{
+    segment last = {{0}, {0}}, one, other;
+    for (int64_t k = 0; k < p->on->n; k++) {
+        double away = distance_at(p, k, &one, &other);
+        away -= needed_at(p, k, k ? step_of(&last, &one) : 0.0);
+        room[k] = fmin(room[k], away);
+        last = one;
+    }
+}
+
+/* How much farther [n] bodies of a track that is given are apart than they must be, at least; infinite
+   where there is nothing. alone: of the bar only, and as far from where it lands as from elsewhere. */
+CLONES EXPORT void rooms(const bodies *all, int64_t n, int64_t bar, int64_t flying, int64_t alone,
+                         double *times, const double *ends, double *room)
+{
+    track on = {.n = n, .flying = flying, .bar = bar, .time = times, .ends = ends};
+    segment one;
+    for (int64_t k = 0; k < n; k++)
+        room[k] = INFINITY;
+    for (int64_t s = 0; s < all->solids; s++)
+        for (int64_t b = alone ? all->links : 0; b < all->links + bar; b++) {
+            const solid *from = all->around + s;
+            if (b < all->links ? !all->moves[b] : !from->bar)
+                continue;
+            pair p = {NULL, all, &on, b, 0, from, all->reach[b] + from->clearance, INFINITY, 0.0, 0.0};
+            if (flying && !alone && b == all->links && n)
+                p.lands = distance_at(&p, n - 1, &one, NULL);
+            room_of(&p, room);
+        }
+    const int64_t *meet = all->meet;
+    for (int64_t i = 0; i < all->pairs; i++, meet += 2) {
+        if (meet[1] >= all->links + bar || (alone && meet[1] < all->links))
+            continue;
+        double needed = all->radius[meet[0]] + all->radius[meet[1]];
+        pair p = {NULL, all, &on, meet[1], meet[0], NULL, needed, INFINITY, 0.0, 0.0};
+        room_of(&p, room);
+    }
+}
+
 /* How far two bodies are nearer than they may be, at most, at each of `count` instants: coordinates q
    [count][n], CoM and angle of the bar com [count][3] or NULL without it. Not 0 without memory. */
-CLONES EXPORT int overlaps(long count, const linkage *arm, const bodies *all, long flying,
-                           const double *q, const double *com, double *deepest)
+CLONES EXPORT int overlaps(int64_t count, const linkage *arm, const bodies *all, const double *q,
+                           const double *com, double *deepest)
 {
     double angle[AXES], joint[4 * AXES], placed = 1.0, hand[3], pose[3];
-    long links = all->links, pairs = flying ? all->flown_pairs : all->held_pairs;
-    segment *ends = malloc(sizeof(segment) * (links + 1));
-    double *middle = malloc(sizeof(double) * 4 * (links + 1));
-    thrown t = {0};
-    track on = {1, flying, com != NULL, 0};
+    int64_t links = all->links;
+    segment *ends = malloc(sizeof(segment) * (size_t)(links + 1));
+    double *middle = malloc(sizeof(double) * 4 * (size_t)(links + 1));
+    throw t = {0};
+    track on = {.n = 1, .bar = com != NULL};
     t.arm = arm;
     on.angle = angle;
     on.joint = joint;
     on.placed = &placed;
     on.com = pose;
-    for (long k = 0; ends && middle && k < count; k++, q += arm->n) {
-        for (long i = 0; i < arm->n; i++)
+    for (int64_t k = 0; ends && middle && k < count; k++, q += arm->n) {
+        for (int64_t i = 0; i < arm->n; i++)
             angle[i] = (i ? angle[i - 1] : 0.0) + arm->sign[i] * q[i];
         place_arm(&t, &on, 0, hand);
         for (int i = 0; com && i < 3; i++)
             pose[i] = com[3 * k + i];
-        for (long b = 0; b < links + on.bar; b++) {
+        for (int64_t b = 0; b < links + on.bar; b++) {
             ends[b] = body_at(&t, all, &on, b, 0);
             double half = 0.0, *m = middle + 4 * b;
             for (int i = 0; i < 3; i++) {
@@ -459,8 +566,8 @@ CLONES EXPORT int overlaps(long count, const linkage *arm, const bodies *all, lo
             m[3] = sqrt(half) + all->radius[b];
         }
         double most = -INFINITY;
-        const long *meet = flying ? all->flown : all->held;
-        for (long p = 0; p < pairs; p++, meet += 2) {
+        const int64_t *meet = all->meet;
+        for (int64_t p = 0; p < all->pairs; p++, meet += 2) {
             if (meet[1] >= links + on.bar)
                 continue;
             /* No nearer than the balls around both. */

@@ -3,9 +3,7 @@
 #define CORE_H
 
 #include <math.h>
-
-/* Counts up with every change of an argument or a structure; that of __init__.py. */
-#define CORE_VERSION 11
+#include <stdint.h>
 
 /* What Python calls. */
 #if defined _WIN32
@@ -16,8 +14,9 @@
 
 /* A heavy function is compiled for plain x86-64 and for AVX2 with FMA, one of many lanes for AVX-512
    as well; the loader takes what the processor has. What it calls is compiled with it if it is
-   INLINE. */
-#if defined __x86_64__ && defined __GLIBC__ && !defined __clang__ && __GNUC__ >= 12
+   INLINE. The address sanitizer starts later than what the loader takes. */
+#if defined __x86_64__ && defined __GLIBC__ && !defined __clang__ && __GNUC__ >= 12 \
+    && !defined __SANITIZE_ADDRESS__
 #define CLONES __attribute__((target_clones("default", "arch=x86-64-v3")))
 #define WIDE_CLONES __attribute__((target_clones("default", "arch=x86-64-v3", "arch=x86-64-v4")))
 #else

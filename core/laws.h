@@ -1,11 +1,283 @@
-/* Written by `python -m throwplan.planner.compile.core_laws`: do not edit. */
+/* Written by `python -m throwplan.models.core_laws`: do not edit. */
+#ifndef LAWS_H
+#define LAWS_H
+
+#include "lanes.h"
+
 #define ITERATIONS 12
 /* Slip beyond the CoM's distance by which the body has left the pads [m]. */
 #define LOST_SLIP 0.1
 
+/* x, z [m] and theta [rad] of a flying bar `since` [s] after x, z, theta and their rates. */
+INLINE void flight_pose(const double start[6], double since, double gravity, double pose[3])
+{
+    double w0, w1, w2, w3;
+    w0 = start[0];
+    w1 = start[3];
+    w2 = since;
+    w1 = w1 * w2;
+    w0 = w0 + w1;
+    pose[0] = w0;
+    w0 = start[1];
+    w1 = start[4];
+    w1 = w1 * w2;
+    w0 = w0 + w1;
+    w1 = 0.5;
+    w3 = gravity;
+    w1 = w1 * w3;
+    w1 = w1 * w2;
+    w1 = w1 * w2;
+    w0 = w0 - w1;
+    pose[1] = w0;
+    w0 = start[2];
+    w1 = start[5];
+    w1 = w1 * w2;
+    w0 = w0 + w1;
+    pose[2] = w0;
+}
+
+/* Time [s] until a bar with x, z, theta and their rates falls through `height`; NaN if never. */
+INLINE double fall_time(const double start[6], double height, double gravity)
+{
+    double time;
+    double w0, w1, w2, w3, w4, w5, w6, w7, w8;
+    w0 = 0.0;
+    w1 = gravity;
+    w2 = w0 < w1 ? 1.0 : 0.0;
+    w3 = start[4];
+    w4 = w0 < w3 ? 1.0 : 0.0;
+    w5 = w3 * w3;
+    w6 = w1 + w1;
+    w7 = start[1];
+    w8 = height;
+    w7 = w7 - w8;
+    w6 = w6 * w7;
+    w5 = w5 + w6;
+    w5 = sqrt(w5);
+    w6 = w3 + w5;
+    w6 = w6 / w1;
+    w6 = w4 != 0.0 ? w6 : 0.0;
+    w4 = w4 == 0.0 ? 1.0 : 0.0;
+    w1 = w7 + w7;
+    w5 = w5 - w3;
+    w8 = 1e-300;
+    w5 = w5 > w8 ? w5 : w8;
+    w1 = w1 / w5;
+    w4 = w4 != 0.0 ? w1 : 0.0;
+    w6 = w6 + w4;
+    w6 = w2 != 0.0 ? w6 : 0.0;
+    w2 = w2 == 0.0 ? 1.0 : 0.0;
+    w4 = w3 < w0 ? 1.0 : 0.0;
+    w3 = -w3;
+    w3 = w3 > w8 ? w3 : w8;
+    w7 = w7 / w3;
+    w7 = w4 != 0.0 ? w7 : 0.0;
+    w4 = w4 == 0.0 ? 1.0 : 0.0;
+    w3 = NAN;
+    w4 = w4 != 0.0 ? w3 : 0.0;
+    w7 = w7 + w4;
+    w2 = w2 != 0.0 ? w7 : 0.0;
+    w6 = w6 + w2;
+    w0 = w0 <= w6 ? 1.0 : 0.0;
+    w6 = w0 != 0.0 ? w6 : 0.0;
+    w0 = w0 == 0.0 ? 1.0 : 0.0;
+    w0 = w0 != 0.0 ? w3 : 0.0;
+    w6 = w6 + w0;
+    time = w6;
+    return time;
+}
+
+INLINE void link_end(const lane joint[6], const lane turned[3], const lane link[2], lane end[6])
+{
+    LANES_APART
+    EACH_LANE {
+        double w0, w1, w2, w3, w4, w5, w6;
+        w0 = joint[0][l];
+        w1 = link[0][l];
+        w2 = turned[0][l];
+        w3 = cos(w2);
+        w4 = w1 * w3;
+        w5 = link[1][l];
+        w2 = sin(w2);
+        w6 = w5 * w2;
+        w4 = w4 - w6;
+        w0 = w0 + w4;
+        end[0][l] = w0;
+        w0 = joint[1][l];
+        w1 = w1 * w2;
+        w5 = w5 * w3;
+        w1 = w1 + w5;
+        w0 = w0 + w1;
+        end[1][l] = w0;
+        w0 = joint[2][l];
+        w5 = turned[1][l];
+        w3 = w5 * w1;
+        w0 = w0 - w3;
+        end[2][l] = w0;
+        w0 = joint[3][l];
+        w3 = w5 * w4;
+        w0 = w0 + w3;
+        end[3][l] = w0;
+        w0 = joint[4][l];
+        w3 = turned[2][l];
+        w2 = w3 * w1;
+        w0 = w0 - w2;
+        w5 = w5 * w5;
+        w2 = w5 * w4;
+        w0 = w0 - w2;
+        end[4][l] = w0;
+        w0 = joint[5][l];
+        w3 = w3 * w4;
+        w0 = w0 + w3;
+        w5 = w5 * w1;
+        w0 = w0 - w5;
+        end[5][l] = w0;
+    }
+}
+
+INLINE void link_push(const lane joint[6], const lane turned[3], const lane body[4], const lane gravity[1], lane push[3])
+{
+    LANES_APART
+    EACH_LANE {
+        double w0, w1, w2, w3, w4, w5, w6, w7, w8;
+        w0 = body[0][l];
+        w1 = joint[4][l];
+        w2 = turned[2][l];
+        w3 = body[1][l];
+        w4 = turned[0][l];
+        w5 = sin(w4);
+        w6 = w3 * w5;
+        w7 = body[2][l];
+        w4 = cos(w4);
+        w8 = w7 * w4;
+        w6 = w6 + w8;
+        w8 = w2 * w6;
+        w1 = w1 - w8;
+        w8 = turned[1][l];
+        w8 = w8 * w8;
+        w3 = w3 * w4;
+        w7 = w7 * w5;
+        w3 = w3 - w7;
+        w7 = w8 * w3;
+        w1 = w1 - w7;
+        w1 = w0 * w1;
+        push[0][l] = w1;
+        w7 = joint[5][l];
+        w5 = w2 * w3;
+        w7 = w7 + w5;
+        w8 = w8 * w6;
+        w7 = w7 - w8;
+        w8 = gravity[0][l];
+        w7 = w7 + w8;
+        w0 = w0 * w7;
+        push[1][l] = w0;
+        w7 = joint[0][l];
+        w7 = w7 + w3;
+        w7 = w7 * w0;
+        w0 = joint[1][l];
+        w0 = w0 + w6;
+        w0 = w0 * w1;
+        w7 = w7 - w0;
+        w0 = body[3][l];
+        w0 = w0 * w2;
+        w7 = w7 + w0;
+        push[2][l] = w7;
+    }
+}
+
+INLINE void joint_torque(const lane joint[6], const lane push[3], lane torque[1])
+{
+    LANES_APART
+    EACH_LANE {
+        double w0, w1, w2;
+        w0 = push[2][l];
+        w1 = joint[0][l];
+        w2 = push[1][l];
+        w1 = w1 * w2;
+        w0 = w0 - w1;
+        w1 = joint[1][l];
+        w2 = push[0][l];
+        w1 = w1 * w2;
+        w0 = w0 + w1;
+        torque[0][l] = w0;
+    }
+}
+
+INLINE void flange_velocity(const lane hand[9], const lane tool_length[1], lane velocity[2])
+{
+    LANES_APART
+    EACH_LANE {
+        double w0, w1, w2, w3;
+        w0 = hand[3][l];
+        w1 = tool_length[0][l];
+        w2 = hand[5][l];
+        w1 = w1 * w2;
+        w2 = hand[2][l];
+        w3 = sin(w2);
+        w3 = w1 * w3;
+        w0 = w0 + w3;
+        velocity[0][l] = w0;
+        w0 = hand[4][l];
+        w2 = cos(w2);
+        w1 = w1 * w2;
+        w0 = w0 - w1;
+        velocity[1][l] = w0;
+    }
+}
+
+INLINE void held_load(const lane hand[9], const lane held[4], const lane gravity[1], lane load[3])
+{
+    LANES_APART
+    EACH_LANE {
+        double w0, w1, w2, w3, w4, w5, w6, w7, w8;
+        w0 = held[0][l];
+        w1 = hand[6][l];
+        w2 = hand[8][l];
+        w3 = held[2][l];
+        w4 = hand[2][l];
+        w5 = held[3][l];
+        w4 = w4 + w5;
+        w5 = sin(w4);
+        w5 = w3 * w5;
+        w6 = w2 * w5;
+        w6 = w1 - w6;
+        w7 = hand[5][l];
+        w7 = w7 * w7;
+        w4 = cos(w4);
+        w4 = w3 * w4;
+        w8 = w7 * w4;
+        w6 = w6 - w8;
+        w6 = w0 * w6;
+        load[0][l] = w6;
+        w6 = hand[7][l];
+        w8 = w2 * w4;
+        w8 = w6 + w8;
+        w7 = w7 * w5;
+        w8 = w8 - w7;
+        w7 = gravity[0][l];
+        w8 = w8 + w7;
+        w8 = w0 * w8;
+        load[1][l] = w8;
+        w8 = w0 * w3;
+        w8 = w8 * w3;
+        w3 = held[1][l];
+        w8 = w8 + w3;
+        w8 = w8 * w2;
+        w1 = w1 * w5;
+        w6 = w6 * w4;
+        w1 = w1 - w6;
+        w1 = w0 * w1;
+        w0 = w0 * w7;
+        w0 = w0 * w4;
+        w1 = w1 - w0;
+        w8 = w8 - w1;
+        load[2][l] = w8;
+    }
+}
+
 INLINE void pivot_step(const lane state[6], const lane start[9], const lane middle[9], const lane end[9], const lane force[3], const lane dt[1], const lane law[8], lane next[6])
 {
-    #pragma GCC ivdep
+    LANES_APART
     EACH_LANE {
         double w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10, w11, w12, w13, w14, w15, w16, w17, w18, w19, w20, w21, w22, w23, w24, w25, w26, w27, w28, w29, w30, w31, w32, w33, w34, w35, w36, w37, w38, w39, w40, w41, w42, w43, w44, w45, w46, w47, w48, w49, w50, w51, w52, w53, w54, w55;
         w0 = state[0][l];
@@ -485,7 +757,7 @@ INLINE void pivot_step(const lane state[6], const lane start[9], const lane midd
 
 INLINE void pivot_excess(const lane state[6], const lane end[9], const lane force[1], const lane law[8], lane excess[2])
 {
-    #pragma GCC ivdep
+    LANES_APART
     EACH_LANE {
         double w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10;
         w0 = law[0][l];
@@ -561,7 +833,7 @@ INLINE void pivot_excess(const lane state[6], const lane end[9], const lane forc
 
 INLINE void pivot_lost(const lane state[6], const lane law[8], lane lost[1])
 {
-    #pragma GCC ivdep
+    LANES_APART
     EACH_LANE {
         double w0, w1, w2;
         w0 = law[2][l];
@@ -580,7 +852,7 @@ INLINE void pivot_lost(const lane state[6], const lane law[8], lane lost[1])
 
 INLINE void pivot_end(const lane state[6], const lane end[9], const lane law[8], lane com[6])
 {
-    #pragma GCC ivdep
+    LANES_APART
     EACH_LANE {
         double w0, w1, w2, w3, w4, w5;
         w0 = end[0][l];
@@ -623,7 +895,7 @@ INLINE void pivot_end(const lane state[6], const lane end[9], const lane law[8],
 
 INLINE void surface_start(const lane start[9], const lane grasp[1], const lane law[8], lane state[6])
 {
-    #pragma GCC ivdep
+    LANES_APART
     EACH_LANE {
         double w0, w1, w2, w3, w4;
         w0 = start[0][l];
@@ -656,7 +928,7 @@ INLINE void surface_start(const lane start[9], const lane grasp[1], const lane l
 
 INLINE void surface_problem(const lane state[6], const lane start[9], const lane end[9], const lane force[1], const lane dt[1], const lane law[8], lane problem[10])
 {
-    #pragma GCC ivdep
+    LANES_APART
     EACH_LANE {
         double w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10, w11;
         w0 = law[3][l];
@@ -746,7 +1018,7 @@ INLINE void surface_problem(const lane state[6], const lane start[9], const lane
 
 INLINE void surface_sticking(const lane problem[10], lane found[5], lane held[1])
 {
-    #pragma GCC ivdep
+    LANES_APART
     EACH_LANE {
         double w0, w1, w2, w3, w4, w5, w6, w7, w8, w9;
         w0 = 0.0;
@@ -806,7 +1078,7 @@ INLINE void surface_sticking(const lane problem[10], lane found[5], lane held[1]
 
 INLINE void surface_moving(const lane problem[10], const lane found[5], const lane held[1], lane moving[1])
 {
-    #pragma GCC ivdep
+    LANES_APART
     EACH_LANE {
         double w0, w1, w2, w3;
         w0 = held[0][l];
@@ -825,7 +1097,7 @@ INLINE void surface_moving(const lane problem[10], const lane found[5], const la
 
 INLINE void surface_refined(const lane problem[10], const lane found[5], const lane moving[1], lane better[5])
 {
-    #pragma GCC ivdep
+    LANES_APART
     EACH_LANE {
         double w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10, w11, w12, w13, w14, w15, w16, w17, w18, w19, w20, w21;
         w0 = moving[0][l];
@@ -939,7 +1211,7 @@ INLINE void surface_refined(const lane problem[10], const lane found[5], const l
 
 INLINE void surface_friction(const lane problem[10], const lane found[5], const lane held[1], lane friction[3])
 {
-    #pragma GCC ivdep
+    LANES_APART
     EACH_LANE {
         double w0, w1, w2, w3, w4;
         w0 = held[0][l];
@@ -971,7 +1243,7 @@ INLINE void surface_friction(const lane problem[10], const lane found[5], const 
 
 INLINE void surface_after(const lane state[6], const lane start[9], const lane end[9], const lane problem[10], const lane found[5], const lane held[1], const lane dt[1], const lane law[8], lane next[6])
 {
-    #pragma GCC ivdep
+    LANES_APART
     EACH_LANE {
         double w0, w1, w2, w3, w4, w5, w6, w7, w8, w9, w10, w11, w12, w13, w14, w15, w16, w17, w18, w19;
         w0 = state[0][l];
@@ -1069,3 +1341,5 @@ INLINE void surface_after(const lane state[6], const lane start[9], const lane e
         next[5][l] = w13;
     }
 }
+
+#endif

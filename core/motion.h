@@ -2,36 +2,15 @@
 #ifndef MOTION_H
 #define MOTION_H
 
-#include "lanes.h"
-
-/* Most coordinates of a motion, and frames of a linkage. */
-#define AXES 8
-#define FRAMES 24
-
-/* `Path` of models/path.py, of one throw. */
-typedef struct {
-    long n, powers, pieces, held, corners;
-    const double *breaks; /* [pieces + 1] s */
-    const double *curves; /* [powers][n][pieces], highest power first, of the time since the break */
-    const double *kinks;  /* [corners] s, rising: where acceleration or jerk may step */
-} path;
-
-/* `PlanarArm` or `PlanarHand` of models/kinematics.py. A link is a vector that all joints up to its
-   own turn; a frame is one that moves with a link, at a place from the link's joint. */
-typedef struct {
-    long n, arm, frames;
-    double x, z, theta; /* origin, and the hand's angle with all joints at 0 */
-    double sign[AXES], along[AXES], up[AXES];
-    long link[FRAMES];
-    double frame_along[FRAMES], frame_up[FRAMES];
-} linkage;
+#include "laws.h"
+#include "structures.h"
 
 typedef struct {
     double q[AXES], dq[AXES], ddq[AXES];
 } state;
 
 /* Piece that holds time t, sought from the one before. */
-INLINE long piece_of(const path *p, double t, long piece)
+INLINE int64_t piece_of(const path *p, double t, int64_t piece)
 {
     while (piece > 0 && t < p->breaks[piece])
         piece--;
@@ -41,7 +20,7 @@ INLINE long piece_of(const path *p, double t, long piece)
 }
 
 /* Time since the begin of the piece that holds time t, and that piece. */
-INLINE double time_in(const path *p, double t, long *piece)
+INLINE double time_in(const path *p, double t, int64_t *piece)
 {
     if (p->held) {
         t = t > p->breaks[0] ? t : p->breaks[0];
@@ -52,13 +31,13 @@ INLINE double time_in(const path *p, double t, long *piece)
 }
 
 /* The coordinates at time t [s]; piece: where they were last. */
-INLINE void state_at(const path *p, double t, long *piece, state *s)
+INLINE void state_at(const path *p, double t, int64_t *piece, state *s)
 {
     double u = time_in(p, t, piece);
-    for (long i = 0; i < p->n; i++) {
+    for (int64_t i = 0; i < p->n; i++) {
         const double *c = p->curves + i * p->pieces + *piece;
         double q = 0.0, dq = 0.0, ddq = 0.0;
-        for (long power = 0; power < p->powers; power++) {
+        for (int64_t power = 0; power < p->powers; power++) {
             ddq = ddq * u + dq;
             dq = dq * u + q;
             q = q * u + c[power * p->n * p->pieces];
@@ -69,65 +48,82 @@ INLINE void state_at(const path *p, double t, long *piece, state *s)
     }
 }
 
-/* Where the coordinates are at time t [s] (order 0), or how fast they are (order 1). */
-INLINE void coordinates_at(const path *p, double t, long *piece, long order, double at[AXES])
+/* The coordinates at time t [s] alone. */
+INLINE void coordinates_at(const path *p, double t, int64_t *piece, double q[AXES])
 {
     double u = time_in(p, t, piece);
-    long last = p->powers - 1 - order;
-    for (long i = 0; i < p->n; i++) {
+    for (int64_t i = 0; i < p->n; i++) {
         const double *c = p->curves + i * p->pieces + *piece;
-        double value = 0.0;
+        q[i] = 0.0;
         /* Samples lie at breaks. */
-        for (long power = u == 0.0 ? last : 0; power <= last; power++)
-            value = value * u + (order ? last + 1 - power : 1) * c[power * p->n * p->pieces];
-        at[i] = value;
+        for (int64_t power = u == 0.0 ? p->powers - 1 : 0; power < p->powers; power++)
+            q[i] = q[i] * u + c[power * p->n * p->pieces];
     }
 }
 
-/* Pose, twist and acceleration (x, z, theta each) of the hands at times [s]. */
-INLINE void moved_at(const path *p, const linkage *a, const lane time, long *piece, lane hand[9])
+/* The coordinates of motion p at times [s], and their rates and accelerations. */
+INLINE void states_at(const path *p, const lane time, int64_t *piece, lane q[3][AXES])
 {
-    lane q[3][AXES], angle, rate, turn;
     for (int l = 0; l < LANES; l++) {
         state s;
         state_at(p, time[l], piece, &s);
-        for (long i = 0; i < p->n; i++) {
+        for (int64_t i = 0; i < p->n; i++) {
             q[0][i][l] = s.q[i];
             q[1][i][l] = s.dq[i];
             q[2][i][l] = s.ddq[i];
         }
     }
+}
+
+/* An arm's link i: how it is turned, after the one before it, and from where to where it goes. The first
+   begins where `first_joint` says. */
+INLINE void next_link(const linkage *a, int64_t i, lane q[3][AXES], lane turned[3], lane link[2])
+{
+    for (int k = 0; k < 3; k++)
+        EACH_LANE turned[k][l] += a->sign[i] * q[k][i][l];
+    EACH_LANE {
+        link[0][l] = a->along[i];
+        link[1][l] = a->up[i];
+    }
+}
+
+INLINE void first_joint(const linkage *a, lane turned[3], lane joint[6])
+{
+    for (int k = 0; k < 3; k++)
+        EACH_LANE turned[k][l] = 0.0;
+    for (int k = 0; k < 6; k++)
+        EACH_LANE joint[k][l] = k == 0 ? a->x : k == 1 ? a->z : 0.0;
+}
+
+/* Pose, twist and acceleration of a hand at the end of the last link. */
+INLINE void last_hand(const linkage *a, lane joint[6], lane turned[3], lane hand[9])
+{
+    for (int k = 0; k < 3; k++)
+        EACH_LANE {
+            hand[3 * k][l] = joint[2 * k][l];
+            hand[3 * k + 1][l] = joint[2 * k + 1][l];
+            hand[3 * k + 2][l] = turned[k][l] + (k ? 0.0 : a->theta);
+        }
+}
+
+/* Pose, twist and acceleration (x, z, theta each) of the hands at times [s]. */
+INLINE void moved_at(const path *p, const linkage *a, const lane time, int64_t *piece, lane hand[9])
+{
+    lane q[3][AXES], turned[3], joint[6], link[2], end[6];
+    states_at(p, time, piece, q);
     if (!a->arm) {
         for (int k = 0; k < 3; k++)
             for (int i = 0; i < 3; i++)
                 EACH_LANE hand[3 * k + i][l] = i < a->n ? q[k][i][l] : k ? 0.0 : a->theta;
         return;
     }
-    EACH_LANE {
-        angle[l] = rate[l] = turn[l] = 0.0;
-        hand[0][l] = a->x;
-        hand[1][l] = a->z;
-        hand[3][l] = hand[4][l] = hand[6][l] = hand[7][l] = 0.0;
+    first_joint(a, turned, joint);
+    for (int64_t i = 0; i < a->n; i++) {
+        next_link(a, i, q, turned, link);
+        link_end(joint, turned, link, end);
+        copy_lanes(6, end, joint);
     }
-    for (long i = 0; i < a->n; i++)
-        EACH_LANE {
-            angle[l] += a->sign[i] * q[0][i][l];
-            rate[l] += a->sign[i] * q[1][i][l];
-            turn[l] += a->sign[i] * q[2][i][l];
-            double c = cos(angle[l]), s = sin(angle[l]);
-            double x = a->along[i] * c - a->up[i] * s, z = a->along[i] * s + a->up[i] * c;
-            hand[0][l] += x;
-            hand[1][l] += z;
-            hand[3][l] -= rate[l] * z;
-            hand[4][l] += rate[l] * x;
-            hand[6][l] -= turn[l] * z + rate[l] * rate[l] * x;
-            hand[7][l] += turn[l] * x - rate[l] * rate[l] * z;
-        }
-    EACH_LANE {
-        hand[2][l] = a->theta + angle[l];
-        hand[5][l] = rate[l];
-        hand[8][l] = turn[l];
-    }
+    last_hand(a, joint, turned, hand);
 }
 
 #endif

@@ -4,7 +4,6 @@
 
 #define LANES 1
 #include "motion.h"
-#include "laws.h"
 
 /* Steps of the first run, doubled until the detach state settles, at most so often. */
 #define FIRST 16
@@ -22,27 +21,10 @@
 /* The acceleration may step at a kink: seen from either side so far away [s]. */
 #define INSIDE 1e-12
 
-/* Grip force of one pad [N] over the opening [s]: linear, or, with pieces, cubics. */
-typedef struct {
-    double full, opening;
-    long pieces;
-    const double *breaks; /* [pieces + 1] */
-    const double *curves; /* [4][pieces], highest power first */
-} grip;
-
-/* A release: numbers of the law, the held body's angle on the hand, when on its motion the opening
-   starts [s]. */
-typedef struct {
-    const path *motion;
-    const linkage *arm;
-    grip grip;
-    double law[8], angle, delay;
-} release;
-
 /* A release on its way. */
 typedef struct {
     const release *r;
-    long piece, nodes, room, events;
+    int64_t piece, nodes, room, events;
     double (*rows)[7]; /* node by node: time, CoM pose and twist */
     double time, state[6][1], hand[9][1], excess[3];
     double onset[2];
@@ -53,14 +35,16 @@ static void hand_at(run *k, double time, lane hand[9])
 {
     lane t = {time + k->r->delay};
     moved_at(k->r->motion, k->r->arm, t, &k->piece, hand);
+    hand[2][0] += k->r->turning * time;
+    hand[5][0] += k->r->turning;
 }
 
 static double force_at(const grip *g, double t)
 {
     if (!g->pieces)
         return g->full * fmin(fmax(1.0 - t / g->opening, 0.0), 1.0);
-    t = fmin(fmax(t, 0.0), g->opening);
-    long i = piece_at(g->breaks, g->pieces, t);
+    t = fmin(fmax(t, 0.0), g->opening) / g->stretch;
+    int64_t i = piece_at(g->breaks, g->pieces, t);
     double u = t - g->breaks[i], f = 0.0;
     for (int power = 0; power < 4; power++)
         f = f * u + g->curves[power * g->pieces + i];
@@ -171,7 +155,7 @@ static void advance(run *k, double end)
 }
 
 /* The opening in about `steps` steps, denser towards its end: a node at each kink. */
-static void run_pivot(run *k, long steps)
+static void run_pivot(run *k, int64_t steps)
 {
     const release *r = k->r;
     const path *p = r->motion;
@@ -185,19 +169,19 @@ static void run_pivot(run *k, long steps)
     hand_at(k, INSIDE, k->hand);
     record(k);
     double begun = 0.0;
-    for (long c = 0; c <= p->corners; c++) {
+    for (int64_t c = 0; c <= p->corners; c++) {
         double end = c < p->corners ? (p->kinks[c] - r->delay) / opening : 1.0;
         if (c < p->corners && (end < begun + APART || end > 1.0 - APART))
             continue;
         /* Even in s, where the share of the opening is 1 - (1 - s)^1.5. */
         double s = 1.0 - cbrt((1.0 - begun) * (1.0 - begun));
         double way = 1.0 - cbrt((1.0 - end) * (1.0 - end)) - s;
-        long parts = (long)ceil(way * steps - 1e-6);
+        int64_t parts = (int64_t)ceil(way * (double)steps - 1e-6);
         hand_at(k, k->time + INSIDE, k->hand);
         excess_at(k, k->time, k->state, k->hand, k->excess);
         onsets(k);
-        for (long i = 1; i <= parts; i++) {
-            double u = 1.0 - (s + way * i / parts), node = (1.0 - u * sqrt(u)) * opening;
+        for (int64_t i = 1; i <= parts; i++) {
+            double u = 1.0 - (s + way * (double)i / (double)parts), node = (1.0 - u * sqrt(u)) * opening;
             if (i == parts)
                 node = end * opening;
             while (k->time < node - 1e-3 * LOCATED * opening && k->nodes < k->room)
@@ -209,11 +193,11 @@ static void run_pivot(run *k, long steps)
 }
 
 /* Nodes of the release (rows), onsets of pivot and slide [s] (NaN: none), whether the body was lost. */
-CLONES EXPORT int pivot_release(const release *r, long room, double (*rows)[7], double onset[2], int *lost)
+EXPORT int64_t pivot_release(const release *r, int64_t room, double (*rows)[7], double onset[2], int *lost)
 {
     run k = {.r = r, .room = room, .rows = rows};
     double before[6];
-    long steps = FIRST;
+    int64_t steps = FIRST;
     for (int i = 0;; i++, steps *= 2) {
         run_pivot(&k, steps);
         const double *com = rows[k.nodes - 1] + 1;
@@ -228,16 +212,16 @@ CLONES EXPORT int pivot_release(const release *r, long room, double (*rows)[7], 
     onset[0] = k.onset[0];
     onset[1] = k.onset[1];
     *lost = k.lost;
-    return (int)k.nodes;
+    return k.nodes;
 }
 
 /* Relative states [nodes][6] of the sliding pivot: one step from each node [s] to the next. */
-CLONES EXPORT void pivot_track(const release *r, long nodes, const double *times, double (*states)[6])
+EXPORT void pivot_track(const release *r, int64_t nodes, const double *times, double (*states)[6])
 {
     run k = {.r = r};
     double state[6][1], hand[9][1], excess[3];
     k.state[2][0] = r->angle;
-    for (long n = 0; n < nodes; n++) {
+    for (int64_t n = 0; n < nodes; n++) {
         if (n) {
             hand_at(&k, times[n - 1] + INSIDE, k.hand);
             k.time = times[n - 1];
@@ -271,7 +255,7 @@ CLONES EXPORT void pivot_track(const release *r, long nodes, const double *times
 /* Nodes of the finest run and what its steps need; friction in half axes of the surface. */
 typedef struct {
     const release *r;
-    long steps, stops;
+    int64_t steps, stops;
     double stop[STOPS];                 /* [s] */
     double *times, (*hands)[9][1], *forces; /* forces: at and between the inner nodes */
     double (*states)[6][1], (*halved)[6], (*friction)[3][1]; /* halved: states of half as many steps */
@@ -280,19 +264,19 @@ typedef struct {
 static const lane *numbers_of(const surface *f) { return (const lane *)f->r->law; }
 
 /* The problem of the step over `stride` intervals from node k on. */
-static void posed(const surface *f, long k, long stride, const lane state[6], lane problem[10])
+static void posed(const surface *f, int64_t k, int64_t stride, const lane state[6], lane problem[10])
 {
     lane dt[1] = {{f->times[k + stride] - f->times[k]}}, force[1] = {{f->forces[2 * k + stride]}};
     surface_problem(state, f->hands[k], f->hands[k + stride], force, dt, numbers_of(f), problem);
 }
 
 /* States after steps over `stride` intervals; kept for the two finest, with friction for the finest. */
-static void run_surface(surface *f, long stride, double end[6])
+static void run_surface(surface *f, int64_t stride, double end[6])
 {
     double state[6][1], next[6][1], problem[10][1], found[5][1], better[5][1];
     lane held[1], moving[1], grasp[1] = {{f->r->angle}};
     surface_start(f->hands[0], grasp, numbers_of(f), state);
-    for (long k = 0; k < f->steps; k += stride) {
+    for (int64_t k = 0; k < f->steps; k += stride) {
         lane dt[1] = {{f->times[k + stride] - f->times[k]}};
         posed(f, k, stride, state, problem);
         surface_sticking(problem, found, held);
@@ -322,7 +306,7 @@ static void run_surface(surface *f, long stride, double end[6])
 }
 
 /* Slip that step k leaves, and K^-1 times its friction before, in half axes. */
-static double slip_of(const surface *f, long k, const lane before[3], double slip[3], double way[3])
+static double slip_of(const surface *f, int64_t k, const lane before[3], double slip[3], double way[3])
 {
     double problem[10][1], found[5][1];
     lane held[1];
@@ -350,7 +334,7 @@ static double dot(const double a[3], const double b[3])
 /* Share of step k + 1 after which the slip at its start has stopped, or more than 1: had friction not
    turned round in the step, it would have been on the other side of the limit surface, where slip
    differs along its direction before the step only. */
-static double stop_of(const surface *f, long k)
+static double stop_of(const surface *f, int64_t k)
 {
     double slip[3], later[3], way[3], old[3], new[3], change[3];
     slip_of(f, k, f->friction[k], slip, way);
@@ -372,8 +356,8 @@ static double stop_of(const surface *f, long k)
 static int placed(surface *f)
 {
     double opening = f->r->grip.opening, found[STOPS];
-    long count = 0, kept = 0;
-    for (long k = 0; k + 1 < f->steps && count < STOPS / 2; k++) {
+    int64_t count = 0, kept = 0;
+    for (int64_t k = 0; k + 1 < f->steps && count < STOPS / 2; k++) {
         double old[3], new[3];
         for (int i = 0; i < 3; i++) {
             old[i] = f->friction[k][i][0];
@@ -387,14 +371,14 @@ static int placed(surface *f)
             found[count++] = stop;
     }
     /* Better known now are those that had a node close by. */
-    for (long i = 0; i < f->stops && count; i++) {
+    for (int64_t i = 0; i < f->stops && count; i++) {
         int far = 1;
-        for (long j = 0; j < count; j++)
+        for (int64_t j = 0; j < count; j++)
             far &= fabs(f->stop[i] - found[j]) > SAME * opening;
         if (far && kept < STOPS / 2)
             f->stop[kept++] = f->stop[i];
     }
-    for (long j = 0; j < count; j++)
+    for (int64_t j = 0; j < count; j++)
         f->stop[kept++] = found[j];
     if (count)
         f->stops = kept;
@@ -408,27 +392,32 @@ static int rising(const void *a, const void *b)
 }
 
 /* Lays the nodes, `parts` to each interval, and asks for hand and grip there; whether there was room. */
-static int lay(surface *f, long parts)
+static int lay(surface *f, int64_t parts)
 {
     const release *r = f->r;
     const path *p = r->motion;
     double opening = r->grip.opening;
-    double *cuts = malloc((p->corners + f->stops + 1) * sizeof *cuts);
+    double *cuts = malloc((size_t)(p->corners + f->stops + 1) * sizeof *cuts);
     if (!cuts)
         return 0;
-    long count = 0, room = (INTERVALS + p->corners + f->stops + 1) * parts + 1;
-    for (long c = 0; c < p->corners; c++)
-        cuts[count++] = (p->kinks[c] - r->delay) / opening;
-    for (long c = 0; c < f->stops; c++)
+    int64_t count = 0;
+    for (int64_t c = 0; c < p->corners; c++) {
+        double cut = (p->kinks[c] - r->delay) / opening;
+        /* Most of a motion's kinks are outside, and what is asked for here is freed at once. */
+        if (cut > APART && cut < 1.0)
+            cuts[count++] = cut;
+    }
+    for (int64_t c = 0; c < f->stops; c++)
         cuts[count++] = f->stop[c] / opening;
-    qsort(cuts, count, sizeof *cuts, rising);
+    int64_t room = (INTERVALS + count + 1) * parts + 1;
+    qsort(cuts, (size_t)count, sizeof *cuts, rising);
     cuts[count] = 1.0;
-    f->times = realloc(f->times, room * sizeof *f->times);
-    f->forces = realloc(f->forces, 2 * room * sizeof *f->forces);
-    f->hands = realloc(f->hands, room * sizeof *f->hands);
-    f->states = realloc(f->states, room * sizeof *f->states);
-    f->halved = realloc(f->halved, room * sizeof *f->halved);
-    f->friction = realloc(f->friction, room * sizeof *f->friction);
+    f->times = realloc(f->times, (size_t)room * sizeof *f->times);
+    f->forces = realloc(f->forces, 2 * (size_t)room * sizeof *f->forces);
+    f->hands = realloc(f->hands, (size_t)room * sizeof *f->hands);
+    f->states = realloc(f->states, (size_t)room * sizeof *f->states);
+    f->halved = realloc(f->halved, (size_t)room * sizeof *f->halved);
+    f->friction = realloc(f->friction, (size_t)room * sizeof *f->friction);
     if (!f->times || !f->forces || !f->hands || !f->states || !f->halved || !f->friction) {
         free(cuts);
         return 0;
@@ -436,15 +425,15 @@ static int lay(surface *f, long parts)
     run k = {.r = r};
     double begun = 0.0;
     f->steps = 0;
-    for (long c = 0; c <= count; c++) {
+    for (int64_t c = 0; c <= count; c++) {
         double end = cuts[c];
         if (c < count && (end < begun + APART || end > 1.0 - APART))
             continue;
         double s = 1.0 - cbrt((1.0 - begun) * (1.0 - begun));
         double way = 1.0 - cbrt((1.0 - end) * (1.0 - end)) - s;
-        long pieces = parts * (long)ceil(way * INTERVALS - 1e-6);
-        for (long i = 0; i < 2 * pieces; i++) {
-            double u = 1.0 - (s + way * i / (2 * pieces)), t = (1.0 - u * sqrt(u)) * opening;
+        int64_t pieces = parts * (int64_t)ceil(way * INTERVALS - 1e-6);
+        for (int64_t i = 0; i < 2 * pieces; i++) {
+            double u = 1.0 - (s + way * (double)i / (double)(2 * pieces)), t = (1.0 - u * sqrt(u)) * opening;
             if (i == 0)
                 t = begun * opening;
             f->forces[2 * f->steps + i % 2] = force_at(&r->grip, t);
@@ -464,11 +453,11 @@ static int lay(surface *f, long parts)
 
 /* Nodes of the release (rows: time, CoM pose and twist), all extrapolated; how many there are, 0 where
    memory or room is lacking. */
-CLONES EXPORT int surface_release(const release *r, long room, double (*rows)[7])
+EXPORT int64_t surface_release(const release *r, int64_t room, double (*rows)[7])
 {
     surface f = {.r = r};
     double detach[6];
-    long parts = 4, count = 0;
+    int64_t parts = 4, count = 0;
     int placings = 0, there;
     while ((there = lay(&f, parts))) {
         double fine[6], middle[6], coarse[6], far = 0.0;
@@ -488,7 +477,7 @@ CLONES EXPORT int surface_release(const release *r, long room, double (*rows)[7]
             break;
         parts *= 2;
     }
-    for (long k = 0; there && k < f.steps && count + 1 < room; k += parts / 2, count++) {
+    for (int64_t k = 0; there && k < f.steps && count + 1 < room; k += parts / 2, count++) {
         rows[count][0] = f.times[k];
         for (int i = 0; i < 6; i++)
             rows[count][1 + i] = 2.0 * f.states[k][i][0] - f.halved[k][i];
@@ -505,5 +494,35 @@ CLONES EXPORT int surface_release(const release *r, long room, double (*rows)[7]
     free(f.states);
     free(f.halved);
     free(f.friction);
-    return (int)count;
+    return count;
+}
+
+/* The detach states [count][6] of many releases of one motion, by the limit surface or the sliding pivot.
+   numbers [count][12]: of the law, angle, delay, turning, opening. NaN for what was lost or blew up; not
+   0 without memory. */
+EXPORT int many_releases(const release *shared, int surfaces, int64_t count, const double (*numbers)[12],
+                         double (*detach)[6])
+{
+    const int64_t room = 4096;
+    double (*rows)[7] = malloc(sizeof(double[7]) * (size_t)room), onset[2];
+    if (!rows)
+        return 1;
+    for (int64_t k = 0; k < count; k++) {
+        release r = *shared;
+        const double *n = numbers[k];
+        int lost = 0;
+        for (int i = 0; i < 8; i++)
+            r.law[i] = n[i];
+        r.angle = n[8];
+        r.delay = n[9];
+        r.turning = n[10];
+        r.grip.stretch = n[11] / shared->grip.opening;
+        r.grip.opening = n[11];
+        int64_t nodes = surfaces ? surface_release(&r, room, rows)
+                              : pivot_release(&r, room, rows, onset, &lost);
+        for (int i = 0; i < 6; i++)
+            detach[k][i] = nodes > 0 && !lost ? rows[nodes - 1][1 + i] : NAN;
+    }
+    free(rows);
+    return 0;
 }

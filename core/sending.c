@@ -1,31 +1,21 @@
 /* What is sent: samples of a planned motion and of its brake, the motion through samples, limits. */
 #define LANES 1
+#include <stddef.h>
+
 #include "motion.h"
 
-/* As in planner/check/sending.py. */
+/* Share of the limits that is used, as in planner/throw/sending.py: differences of rounded samples stay
+   inside the whole ones. */
 #define SHARE 0.999
+/* Times of a tick and of a piece's end that differ by less [s] are the same. */
 #define SAME 1e-9
-/* As in models/path.py. */
+/* Acceleration [rad/s^2; m/s^2] that a sample may be off even jerk. */
 #define UNEVEN 0.01
-
-/* Of each axis; a jerk is infinite where there is no limit. slowing: deceleration, offset, upper and
-   lower as in `Slowing` of models/kinematics.py, where the limits have it. */
-typedef struct {
-    double q_min[AXES], q_max[AXES], dq[AXES], ddq[AXES], jerk[AXES], slowing[4][AXES];
-    long slows;
-} limits;
-
-/* Each [rows][n], every `tick` [s]. */
-typedef struct {
-    long rows, n;
-    double tick;
-    double *q, *dq, *ddq;
-} samples;
 
 INLINE double larger(double a, double b) { return a > b ? a : b; }
 
 /* Value, rate and acceleration of axis i of a cubic piece, u [s] after its begin. */
-INLINE void cubic_at(const path *p, long piece, long i, double u, double at[4])
+INLINE void cubic_at(const path *p, int64_t piece, int64_t i, double u, double at[4])
 {
     double c[4];
     for (int k = 0; k < 4; k++)
@@ -36,31 +26,42 @@ INLINE void cubic_at(const path *p, long piece, long i, double u, double at[4])
     at[3] = 6.0 * c[0];
 }
 
-/* Whether the planned motion keeps the limits all along, gaps between its pieces included, and
-   begins with the first rates and accelerations of s. */
-static int keeps(const path *p, const limits *most, const samples *s, double until)
+/* Clears the flags of the ticks that [begin, end] [s] touches; kept may be NULL. */
+static void clear(unsigned char *kept, double tick, double until, double begin, double end)
 {
-    /* CLOSING of planner/check/sending.py: jerk, acceleration, rate by gaps in ticks. */
+    int64_t ticks = (int64_t)(until / tick + 0.5), k = (int64_t)floor((begin - SAME) / tick);
+    for (k = k > 0 ? k : 0; kept && k < ticks && (double)k < (end + SAME) / tick; k++)
+        kept[k] = 0;
+}
+
+/* Whether the planned motion keeps the limits until then [s], gaps between its pieces included; clears
+   `kept`, of each tick, where it does not. Without `kept` it stops at the first place. */
+static int keeps(const path *p, const limits *most, double tick, double until, unsigned char *kept)
+{
+    /* Most jerk, acceleration and rate of a motion of one tick that closes a gap of one in position,
+       rate and acceleration, in ticks: by the quintic that is at rest at first. */
     static const double closing[3][3] = {{60.0, 96.0, 75.0}, {5.8, 9.8, 9.0}, {1.9, 3.9, 3.0}};
-    double tick = s->tick;
-    for (long piece = 0; piece + 1 < p->pieces; piece++)
-        if (p->breaks[piece + 1] - (piece ? p->breaks[piece] : -1.0) < tick)
-            return 0;
-    if (p->pieces > 1 && until + 1.0 - p->breaks[p->pieces - 1] < tick)
-        return 0;
-    for (long i = 0; i < p->n; i++) {
+    int all = 1;
+    for (int64_t piece = 0; piece < p->pieces && p->pieces > 1; piece++) {
+        double begin = piece ? p->breaks[piece] : -1.0;
+        double end = piece + 1 < p->pieces ? p->breaks[piece + 1] : until + 1.0;
+        if (end - begin >= tick)
+            continue;
+        all = 0;
+        clear(kept, tick, until, begin, begin);
+        clear(kept, tick, until, end, end);
+    }
+    for (int64_t i = 0; i < p->n && (all || kept); i++) {
         double limit[3] = {SHARE * most->jerk[i], SHARE * most->ddq[i], SHARE * most->dq[i]};
         double before[3] = {0.0, 0.0, 0.0}, end[4] = {0.0, 0.0, 0.0, 0.0};
-        for (long piece = 0; piece < p->pieces; piece++) {
-            double begin[4], used[3], gap[3];
+        for (int64_t piece = 0; piece < p->pieces; piece++) {
+            double begin[4], used[3], gap[3], first = p->breaks[piece];
             double last = piece + 1 < p->pieces ? p->breaks[piece + 1] : until;
             cubic_at(p, piece, i, 0.0, begin);
-            if (piece == 0 && (begin[1] != s->dq[i] || begin[2] != s->ddq[i]))
-                return 0;
             gap[0] = fabs(begin[0] - end[0]) / (tick * tick * tick);
             gap[1] = fabs(begin[1] - end[1]) / (tick * tick);
             gap[2] = fabs(begin[2] - end[2]) / tick;
-            cubic_at(p, piece, i, last - p->breaks[piece], end);
+            cubic_at(p, piece, i, last - first, end);
             used[0] = fabs(begin[3]);
             used[1] = larger(fabs(begin[2]), fabs(end[2]));
             used[2] = larger(fabs(begin[1]), fabs(end[1]));
@@ -71,15 +72,29 @@ static int keeps(const path *p, const limits *most, const samples *s, double unt
             for (int k = 0; k < 3; k++, unit *= tick) {
                 double close = closing[k][0] * gap[0] + closing[k][1] * gap[1]
                     + closing[k][2] * gap[2];
-                if (!(used[k] <= limit[k]))
-                    return 0;
-                if (piece && !(larger(used[k], before[k]) + close * unit <= limit[k]))
-                    return 0;
+                int within = used[k] <= limit[k];
+                int closes = !piece || larger(used[k], before[k]) + close * unit <= limit[k];
                 before[k] = used[k];
+                if (within && closes)
+                    continue;
+                all = 0;
+                if (!kept)
+                    return 0;
+                clear(kept, tick, until, first, within ? first : last);
             }
         }
     }
-    return 1;
+    return all;
+}
+
+/* Whether [ticks] the planned motion keeps the limits along each tick [s]. */
+EXPORT void kept_ticks(const path *p, const limits *most, double tick, int64_t ticks,
+                              unsigned char *kept)
+{
+    for (int64_t k = 0; k < ticks; k++)
+        kept[k] = p->powers == 4;
+    if (p->powers == 4)
+        keeps(p, most, tick, tick * (double)ticks, kept);
 }
 
 /* A brake to rest: jerk down for `first`, none for `level`, up for `last` [s]; signs by `side`. */
@@ -122,15 +137,15 @@ INLINE void braked(const braking *b, double jerk, double t, const double last[3]
 }
 
 /* The quintics through samples, curves [6][n][rows - 1]; kinks, at most 4 rows; their number. */
-INLINE long through(const samples *s, double *curves, double *kinks)
+INLINE int64_t through(const samples *s, double *curves, double *kinks)
 {
-    long n = s->n, pieces = s->rows - 1, count = 0;
+    int64_t n = s->n, pieces = s->rows - 1, count = 0;
     double h = s->tick, h2 = h * h, per = 1.0 / h, per3 = per * per * per;
     int uneven = 0;
-    for (long k = 0; k <= pieces; k++) {
+    for (int64_t k = 0; k <= pieces; k++) {
         int corner = uneven; /* the piece before is */
         uneven = 0;
-        for (long i = 0; i < n; i++) {
+        for (int64_t i = 0; i < n; i++) {
             const double *q = s->q + k * n + i, *dq = s->dq + k * n + i, *ddq = s->ddq + k * n + i;
             if (k < pieces) {
                 double v = h * dq[0], a = h2 * ddq[0], d_v = h * dq[n] - v - a;
@@ -151,63 +166,85 @@ INLINE long through(const samples *s, double *curves, double *kinks)
                 corner |= fabs(ddq[n] - 2.0 * ddq[0] + ddq[-n]) > UNEVEN;
         }
         if (corner || uneven)
-            kinks[count++] = h * k;
+            kinks[count++] = h * (double)k;
         if (uneven) {
-            kinks[count++] = h * (k + 1.0 / 3.0);
-            kinks[count++] = h * (k + 2.0 / 3.0);
+            kinks[count++] = h * ((double)k + 1.0 / 3.0);
+            kinks[count++] = h * ((double)k + 2.0 / 3.0);
         }
     }
     return count;
 }
 
-CLONES EXPORT long quintics(const samples *s, double *curves, double *kinks)
+EXPORT int64_t quintics(const samples *s, double *curves, double *kinks)
 {
     return through(s, curves, kinks);
 }
 
-/* Samples of a planned motion that keeps the limits, and of its brake, and the quintics through them.
-   s: how many fit, its first rates and accelerations; then how many there are; the number of kinks, or less than 0 where more would
-   be needed, and for a motion that Ruckig must follow. */
-CLONES EXPORT long send_motion(const path *p, const limits *most, samples *s, double *curves,
+/* The brake of every axis, as fast as the limits allow, after the last of `given` samples; how many
+   samples there are with it. Nothing is written unless s has room for them. */
+static int64_t brake_after(const limits *most, int64_t given, samples *s, int64_t room)
+{
+    int64_t n = s->n, last = (given - 1) * n;
+    braking by[AXES];
+    double duration = 0.0;
+    for (int64_t i = 0; i < n; i++) {
+        by[i] = brake_of(s->dq[last + i], s->ddq[last + i], SHARE * most->ddq[i],
+                         SHARE * most->jerk[i]);
+        duration = larger(duration, by[i].first + by[i].level + by[i].last);
+    }
+    int64_t rows = given + (int64_t)ceil(duration / s->tick) + 1;
+    for (int64_t k = given; k < rows && rows <= room; k++)
+        for (int64_t i = 0; i < n; i++) {
+            const double end[3] = {s->q[last + i], s->dq[last + i], s->ddq[last + i]};
+            braked(&by[i], SHARE * most->jerk[i], s->tick * (double)(k + 1 - given), end,
+                   &s->q[k * n + i], &s->dq[k * n + i], &s->ddq[k * n + i]);
+        }
+    return rows;
+}
+
+/* As above; s: how many samples fit. */
+EXPORT int64_t brake(const limits *most, int64_t given, samples *s)
+{
+    return brake_after(most, given, s, s->rows);
+}
+
+/* Samples of a planned motion that keeps the limits and begins with the first rates and accelerations
+   of s, and of its brake, and the quintics through them. s: how many samples fit; then how many there
+   are. The number of kinks; less than 0 for a motion that Ruckig must follow, and without room. */
+EXPORT int64_t send_motion(const path *p, const limits *most, samples *s, double *curves,
                                double *kinks)
 {
-    double tick = s->tick, until, duration = 0.0;
-    long n = p->n, ticks = (long)ceil(p->breaks[p->pieces] / tick - SAME), piece = 0;
-    until = tick * ticks;
-    if (p->powers != 4 || n > AXES || !keeps(p, most, s, until))
+    double tick = s->tick;
+    int64_t n = p->n, ticks = (int64_t)ceil(p->breaks[p->pieces] / tick - SAME), piece = 0;
+    if (p->powers != 4 || ticks >= s->rows)
         return -1;
-    double last[AXES][4];
-    braking brake[AXES];
-    piece = piece_of(p, until, piece);
-    for (long i = 0; i < n; i++) {
-        cubic_at(p, piece, i, until - p->breaks[piece], last[i]);
-        brake[i] = brake_of(last[i][1], last[i][2], SHARE * most->ddq[i], SHARE * most->jerk[i]);
-        duration = larger(duration, brake[i].first + brake[i].level + brake[i].last);
+    for (int64_t i = 0; i < n; i++) {
+        double first[4];
+        cubic_at(p, 0, i, 0.0, first);
+        if (first[1] != s->dq[i] || first[2] != s->ddq[i])
+            return -1;
     }
-    long rows = ticks + 1 + (long)ceil(duration / tick) + 1;
-    if (rows > s->rows)
+    if (!keeps(p, most, tick, tick * (double)ticks, NULL))
         return -1;
-    s->rows = rows;
-    piece = 0;
-    for (long k = 0; k <= ticks; k++) {
-        double t = tick * k, at[4];
+    for (int64_t k = 0; k <= ticks; k++) {
+        double t = tick * (double)k, at[4];
         piece = piece_of(p, t, piece);
-        for (long i = 0; i < n; i++) {
+        for (int64_t i = 0; i < n; i++) {
             cubic_at(p, piece, i, t - p->breaks[piece], at);
             s->q[k * n + i] = at[0];
             s->dq[k * n + i] = at[1];
             s->ddq[k * n + i] = at[2];
         }
     }
-    for (long k = ticks + 1; k < rows; k++)
-        for (long i = 0; i < n; i++)
-            braked(&brake[i], SHARE * most->jerk[i], tick * (k - ticks), last[i], &s->q[k * n + i],
-                   &s->dq[k * n + i], &s->ddq[k * n + i]);
+    int64_t rows = brake_after(most, ticks + 1, s, s->rows);
+    if (rows > s->rows)
+        return -1;
+    s->rows = rows;
     return through(s, curves, kinks);
 }
 
 /* Lowest and highest velocity of an axis at q. */
-INLINE void speeds(const limits *m, long i, double q, double *low, double *high)
+INLINE void speeds(const limits *m, int64_t i, double q, double *low, double *high)
 {
     double twice = 2.0 * m->slowing[0][i], offset = m->slowing[1][i];
     double up = sqrt(twice * larger(m->slowing[2][i] - q, 0.0)) - offset;
@@ -218,20 +255,64 @@ INLINE void speeds(const limits *m, long i, double q, double *low, double *high)
     *low = down < m->dq[i] ? -down : -m->dq[i];
 }
 
-/* Kept back [rad/s] of a velocity limit that depends on the position, as in check/sending.py. */
+/* Margin [rad/s] of a velocity limit that depends on the position, as libfranka keeps it (kLimitEps of
+   rate_limiting.h) and an FR3's controller requires. */
 #define KEPT_BACK 1e-3
 
-/* How far [5][n] position, velocity, acceleration, velocity there and jerk of samples and of their
-   differences are beyond their limits. */
-CLONES EXPORT void excess(const samples *s, const limits *m, double *beyond)
+/* Takes up a value that is farther beyond its limits than those before. */
+static void take(double found[4], double value, double low, double high, double time)
 {
-    long n = s->n;
+    double beyond = larger(value - high, low - value);
+    if (beyond <= found[0])
+        return;
+    found[0] = beyond;
+    found[1] = value;
+    found[2] = value > high ? high : low;
+    found[3] = time;
+}
+
+/* Where axis i is farthest beyond its limits, of each kind; a difference counts at its later sample, as
+   the controller counts it. */
+static void locate(const samples *s, const limits *m, int64_t i, double (*found)[4])
+{
+    int64_t n = s->n;
+    double per = 1.0 / s->tick, low, high;
+    const double most[3] = {m->dq[i], m->ddq[i], m->jerk[i]};
+    const double *rows[3] = {s->q + i, s->dq + i, s->ddq + i};
+    for (int kind = 0; kind < 5; kind++)
+        found[kind * n][0] = -INFINITY;
+    for (int after = 0; after < 2; after++)
+        for (int64_t k = after; k < s->rows; k++) {
+            double time = s->tick * (double)k, value[3];
+            for (int d = 0; d < 3; d++)
+                value[d] = after ? (rows[d][k * n] - rows[d][k * n - n]) * per : rows[d][k * n];
+            if (!after)
+                take(found[0], value[0], m->q_min[i], m->q_max[i], time);
+            for (int d = 0; d < 3; d++) {
+                int order = after ? d : d - 1; /* of the limit: rate, acceleration, jerk */
+                if (order >= 0)
+                    take(found[(order < 2 ? order + 1 : 4) * n], value[d], -most[order], most[order],
+                         time);
+            }
+            if (!m->slows)
+                continue;
+            speeds(m, i, rows[0][k * n], &low, &high);
+            take(found[3 * n], value[after ? 0 : 1], low + KEPT_BACK, high - KEPT_BACK, time);
+        }
+}
+
+/* How far [5][n] position, velocity, acceleration, velocity where it depends on the position, and jerk
+   of samples and of their differences are beyond their limits; for those that are, value and limit
+   there, and when [s]. */
+EXPORT void excess(const samples *s, const limits *m, double (*found)[4])
+{
+    int64_t n = s->n;
     double per = 1.0 / s->tick;
-    for (long i = 0; i < n; i++) {
+    for (int64_t i = 0; i < n; i++) {
         double low = INFINITY, high = -INFINITY, most[3] = {0.0, 0.0, 0.0};
         double step[3] = {0.0, 0.0, 0.0}, there = -INFINITY, slowest, fastest;
         const double *rows[3] = {s->q + i, s->dq + i, s->ddq + i};
-        for (long k = 0; k < s->rows; k++) {
+        for (int64_t k = 0; k < s->rows; k++) {
             for (int d = 0; d < 3; d++) {
                 double value = rows[d][k * n];
                 most[d] = larger(most[d], fabs(value));
@@ -241,20 +322,70 @@ CLONES EXPORT void excess(const samples *s, const limits *m, double *beyond)
             low = rows[0][k * n] < low ? rows[0][k * n] : low;
             high = larger(high, rows[0][k * n]);
         }
-        for (long k = 0; m->slows && k < s->rows; k++) {
+        for (int64_t k = 0; m->slows && k < s->rows; k++) {
             double q = rows[0][k * n], v = rows[1][k * n];
             speeds(m, i, q, &slowest, &fastest);
             there = larger(there, larger(v - fastest, slowest - v));
             if (!k)
                 continue;
             v = (q - rows[0][k * n - n]) * per;
-            /* As the controller does, at the later sample. */
             there = larger(there, larger(v - fastest, slowest - v));
         }
-        beyond[i] = larger(m->q_min[i] - low, high - m->q_max[i]);
-        beyond[n + i] = larger(most[1], step[0] * per) - m->dq[i];
-        beyond[2 * n + i] = larger(most[2], step[1] * per) - m->ddq[i];
-        beyond[3 * n + i] = there + KEPT_BACK;
-        beyond[4 * n + i] = step[2] * per - m->jerk[i];
+        const double beyond[5] = {
+            larger(m->q_min[i] - low, high - m->q_max[i]),
+            larger(most[1], step[0] * per) - m->dq[i],
+            larger(most[2], step[1] * per) - m->ddq[i],
+            there + KEPT_BACK,
+            step[2] * per - m->jerk[i],
+        };
+        int breaks = 0;
+        for (int kind = 0; kind < 5; kind++) {
+            found[kind * n + i][0] = beyond[kind];
+            breaks |= beyond[kind] > 0.0;
+        }
+        if (breaks)
+            locate(s, m, i, found + i);
     }
+}
+
+/* How far [m; 1] centre and axes of the pads are at most from where the planar arm has them, at every
+   `stride`th of the samples. chain [n + 2]: 4x4 poses of the joint that turns the throw's plane, of each
+   throwing joint after the one before, then of the pads, in the plane's frame; turned: that joint's angle
+   [rad]; lateral [m]: the pads' centre across the plane. */
+EXPORT double off_plane(const samples *s, int64_t stride, const linkage *arm, const double (*chain)[4][4],
+                        double turned, double lateral)
+{
+    double most = 0.0;
+    for (int64_t k = 0; k < s->rows; k += stride) {
+        /* Columns: closing axis, approach axis, centre. */
+        double seen[3][3], x = arm->x, z = arm->z, angle = 0.0;
+        const double *q = s->q + k * s->n;
+        for (int row = 0; row < 3; row++)
+            for (int c = 0; c < 3; c++)
+                seen[row][c] = chain[s->n + 1][row][c + 1];
+        for (int64_t joint = s->n; joint >= 0; joint--) {
+            double by = joint ? q[joint - 1] : turned, cosine = cos(by), sine = sin(by);
+            for (int c = 0; c < 3; c++) {
+                double at[3] = {cosine * seen[0][c] - sine * seen[1][c],
+                                sine * seen[0][c] + cosine * seen[1][c], seen[2][c]};
+                for (int row = 0; row < 3; row++)
+                    seen[row][c] = chain[joint][row][0] * at[0] + chain[joint][row][1] * at[1]
+                        + chain[joint][row][2] * at[2] + (c == 2 ? chain[joint][row][3] : 0.0);
+            }
+        }
+        for (int64_t i = 0; i < arm->n; i++) {
+            angle += arm->sign[i] * q[i];
+            x += arm->along[i] * cos(angle) - arm->up[i] * sin(angle);
+            z += arm->along[i] * sin(angle) + arm->up[i] * cos(angle);
+        }
+        double theta = arm->theta + angle, side = seen[1][0] < 0.0 ? -1.0 : 1.0;
+        const double meant[3][3] = {{0.0, cos(theta), x}, {side, 0.0, lateral}, {0.0, sin(theta), z}};
+        for (int row = 0; row < 3; row++)
+            for (int c = 0; c < 3; c++)
+                if (!(fabs(seen[row][c] - meant[row][c]) <= most))
+                    most = fabs(seen[row][c] - meant[row][c]);
+        if (!isfinite(most))
+            return most;
+    }
+    return most;
 }

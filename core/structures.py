@@ -1,8 +1,13 @@
-"""The structures of the C files, field by field, as ctypes."""
+"""The structures of structures.h as ctypes, read from that file.
+
+They do not own what is at their addresses.
+"""
 
 from __future__ import annotations
 
 import ctypes
+import re
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,56 +15,52 @@ import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
 
-#: As in motion.h: most coordinates of a motion, and frames of a linkage.
-AXES, FRAMES = 8, 24
+_HEADER = Path(__file__).with_name("structures.h").read_text("utf-8")
+_TEXT = re.sub(r"/\*.*?\*/|\b(const|unsigned)\b", "", _HEADER, flags=re.DOTALL)
+_LENGTHS = {name: int(value) for name, value in re.findall(r"#define (\w+) (\d+)", _TEXT)}
+_BODIES = {n: body for body, n in re.findall(r"typedef struct {([^}]*)} (\w+);", _TEXT)}
 
-_LONG, _DOUBLE, _ADDRESS = ctypes.c_long, ctypes.c_double, ctypes.c_void_p
-_AXES = _DOUBLE * AXES
+#: Most coordinates of a motion, and frames of a linkage.
+AXES, FRAMES = _LENGTHS["AXES"], _LENGTHS["FRAMES"]
 
 
-def _fields(kind: Any, *names: str) -> list[tuple[str, Any]]:
-    return [(name, kind) for name in names]
+def _fields(name: str, **parts: type[ctypes.Structure]) -> list[tuple[str, Any]]:
+    """Fields of a structure; parts: the structures in it by their names in C."""
+    kinds = {"double": ctypes.c_double, "int64_t": ctypes.c_int64, **parts}
+    found: list[tuple[str, Any]] = []
+    for line in _BODIES[name].split(";")[:-1]:
+        kind, fields = line.split(maxsplit=1)
+        for field in fields.split(","):
+            label, *lengths = re.findall(r"\w+", field)
+            made: Any = ctypes.c_void_p if "*" in field else kinds[kind]
+            for length in reversed(lengths):
+                made = made * (_LENGTHS.get(length) or int(length))
+            found.append((label, made))
+    return found
 
 
 class PathC(ctypes.Structure):
-    """`path` of motion.h. It does not own the arrays at its addresses."""
+    """A motion."""
 
-    _fields_ = (
-        *_fields(_LONG, "n", "powers", "pieces", "held", "corners"),
-        *_fields(_ADDRESS, "breaks", "curves", "kinks"),
-    )
+    _fields_ = _fields("path")
 
 
 class LinkageC(ctypes.Structure):
-    """`linkage` of motion.h."""
+    """An arm, or a hand without one."""
 
-    _fields_ = (
-        *_fields(_LONG, "n", "arm", "frames"),
-        *_fields(_DOUBLE, "x", "z", "theta"),
-        *_fields(_AXES, "sign", "along", "up"),
-        ("link", _LONG * FRAMES),
-        *_fields(_DOUBLE * FRAMES, "frame_along", "frame_up"),
-    )
+    _fields_ = _fields("linkage")
 
 
 class LimitsC(ctypes.Structure):
-    """`limits` of sending.c."""
+    """Limits of a motion."""
 
-    _fields_ = (
-        *_fields(_AXES, "q_min", "q_max", "dq", "ddq", "jerk"),
-        ("slowing", _AXES * 4),
-        ("slows", _LONG),
-    )
+    _fields_ = _fields("limits")
 
 
 class SamplesC(ctypes.Structure):
-    """`samples` of sending.c. It does not own the arrays at its addresses."""
+    """Samples that are sent."""
 
-    _fields_ = (
-        *_fields(_LONG, "rows", "n"),
-        ("tick", _DOUBLE),
-        *_fields(_ADDRESS, "q", "dq", "ddq"),
-    )
+    _fields_ = _fields("samples")
 
     @classmethod
     def of(cls, tick: float, *rows: Array) -> SamplesC:
@@ -71,70 +72,47 @@ class SamplesC(ctypes.Structure):
 
 
 class SceneC(ctypes.Structure):
-    """`scene` of check.c."""
+    """What of a scene counts."""
 
-    _fields_ = _fields(
-        _DOUBLE,
-        *("gravity", "mass", "grasp_inertia", "com_offset", "grasp_angle", "force", "torque"),
-        *("behind", "ahead", "half_width", "column_radius", "column_height"),
-        *("palm_back", "palm_front", "palm_half_width", "palm_clearance"),
-        "tool_length",
-        *("cup_x", "cup_rim", "cup_radius", "cup_insertion"),
-    )
+    _fields_ = _fields("scene")
 
 
 class TorquesC(ctypes.Structure):
-    """`torques` of check.c."""
+    """Masses of an arm, and limits of its torques."""
 
-    _fields_ = _fields(_AXES, "mass", "along", "up", "inertia", "limit")
+    _fields_ = _fields("torques")
 
 
 class ThrowC(ctypes.Structure):
-    """`throw` of check.c. It does not own what is at its addresses."""
+    """A throw."""
 
-    _fields_ = (
-        *_fields(_ADDRESS, "motion", "arm", "around", "torques"),
-        *_fields(_DOUBLE, "tick", "step", "opening", "detach", "flight"),
-        ("nodes", _LONG),
-        *_fields(_ADDRESS, "com", "start"),
-    )
+    _fields_ = _fields("throw")
+
+
+class ReferenceC(ctypes.Structure):
+    """The clearances of a reference flight."""
+
+    _fields_ = _fields("reference")
 
 
 class SolidC(ctypes.Structure):
-    """`solid` of clearance.c."""
+    """A thing to stay clear of."""
 
-    _fields_ = (
-        *(("centre", _DOUBLE * 3), ("axes", _DOUBLE * 9), ("half", _DOUBLE * 3)),
-        *_fields(_DOUBLE, "radius", "clearance"),
-        ("bar", _LONG),
-    )
+    _fields_ = _fields("solid")
 
 
 class BodiesC(ctypes.Structure):
-    """`bodies` of clearance.c; kept: what is at its addresses."""
+    """Arm and bar as capsules, and what is around."""
 
-    kept: Any
-
-    _fields_ = (
-        *_fields(_LONG, "links", "bar"),
-        *_fields(_ADDRESS, "moved_by", "moves", "places", "radius", "reach"),
-        ("solids", _LONG),
-        ("around", _ADDRESS),
-        *_fields(_LONG, "held_pairs", "flown_pairs"),
-        *_fields(_ADDRESS, "held", "flown"),
-        *_fields(_DOUBLE, "behind", "ahead", "com_offset", "grasp_angle", "landing"),
-    )
+    _fields_ = _fields("bodies")
 
 
-class ThrownC(ctypes.Structure):
-    """`thrown` of clearance.c. It does not own what is at its addresses."""
+class Extreme(ctypes.Structure):
+    """A least or largest value, and when [s]."""
 
-    _fields_ = (
-        *_fields(_ADDRESS, "motion", "arm"),
-        *_fields(_DOUBLE, "tick", "opening", "detach", "flight", "gravity"),
-        ("nodes", _LONG),
-        *_fields(_ADDRESS, "times", "com", "start"),
-    )
+    value: float
+    time: float
+    _fields_ = _fields("extreme")
 
 
 class Measured(ctypes.Structure):
@@ -143,50 +121,86 @@ class Measured(ctypes.Structure):
     grip: largest use of the full grip from rest to the opening, 1 is the limit. arm: height of
     joints, hand and its body, from rest to the end; held: of the bar, until detach. column_held,
     column_flown: the bar's signed distance from the base column. palm: of the flying bar from the
-    hand's body, and from when on [s after detach] it is below the scene's clearance. cup: clearance
-    on the way into the cup, -inf for a bar that misses it. speed: highest [m/s] of flange and pads'
-    centre from rest to the end; torque: largest share of a joint's limit. Both are 0 where there is
-    no limit. `measured` of check.c.
+    hand's body; palm_time: from when on [s after detach] it is below the scene's clearance. speed:
+    highest [m/s] of flange and pads' centre from rest to the end; torque: largest share of a
+    joint's limit, and the joint's place among those that throw. Both are 0 where there is no limit.
+    cup: clearance on the way into the cup, -inf for a bar that misses it.
     """
 
-    grip: float
-    arm: float
-    held: float
-    column_held: float
-    column_flown: float
-    palm: float
+    grip: Extreme
+    arm: Extreme
+    held: Extreme
+    column_held: Extreme
+    column_flown: Extreme
+    palm: Extreme
+    speed: Extreme
+    torque: Extreme
     palm_time: float
     cup: float
-    speed: float
-    torque: float
-    _fields_ = _fields(
-        _DOUBLE,
-        *("grip", "arm", "held", "column_held", "column_flown", "palm", "palm_time", "cup"),
-        *("speed", "torque"),
-    )
+    joint: int
+    _fields_ = _fields("measured", extreme=Extreme)
 
 
 class GripC(ctypes.Structure):
-    """`grip` of release.c. It does not own the arrays at its addresses."""
+    """The grip force."""
 
-    _fields_ = (
-        *_fields(_DOUBLE, "full", "opening"),
-        ("pieces", _LONG),
-        *_fields(_ADDRESS, "breaks", "curves"),
-    )
+    _fields_ = _fields("grip")
 
 
 class ReleaseC(ctypes.Structure):
-    """`release` of release.c. It does not own what is at its addresses."""
+    """A release."""
 
-    _fields_ = (
-        *_fields(_ADDRESS, "motion", "arm"),
-        ("grip", GripC),
-        ("law", _DOUBLE * 8),
-        *_fields(_DOUBLE, "angle", "delay"),
-    )
+    _fields_ = _fields("release", grip=GripC)
 
 
-def address(values: npt.NDArray[Any]) -> int:
-    """Where an array begins, which must be contiguous and outlive the address."""
-    return int(values.ctypes.data)
+class MoveC(ctypes.Structure):
+    """A known throw and where it is to land."""
+
+    _fields_ = _fields("move")
+
+
+class MovedC(ctypes.Structure):
+    """A throw that was moved."""
+
+    _fields_ = _fields("moved", samples=SamplesC)
+
+
+class BatchC(ctypes.Structure):
+    """N releases."""
+
+    _fields_ = _fields("batch")
+
+
+#: The structures by their names in C.
+STRUCTURES: dict[str, type[ctypes.Structure]] = {
+    **{"path": PathC, "linkage": LinkageC, "limits": LimitsC, "samples": SamplesC},
+    **{"grip": GripC, "release": ReleaseC, "move": MoveC, "moved": MovedC, "batch": BatchC},
+    **{"scene": SceneC, "torques": TorquesC, "throw": ThrowC, "reference": ReferenceC},
+    **{"extreme": Extreme, "measured": Measured, "solid": SolidC, "bodies": BodiesC},
+}
+#: Doubles of a row of each structure that is an array in Python.
+ROWS = {"flown_sample": 17, "contact": 5}
+
+
+def wrong_sizes(found: dict[str, int]) -> list[str]:
+    """Structures whose size [bytes] differs from C's."""
+    known = {name: 8 * count for name, count in ROWS.items()}
+    known |= {name: ctypes.sizeof(kind) for name, kind in STRUCTURES.items()}
+    return sorted(n for n in known.keys() | found.keys() if known.get(n) != found.get(n))
+
+
+def address(values: npt.NDArray[Any], kind: type[np.generic] = np.float64) -> int:
+    """Where an array of a kind begins; it must outlive the address.
+
+    TypeError for one that is not contiguous or of another kind.
+    """
+    if values.dtype == kind:
+        try:
+            # Three times as fast as `values.ctypes`.
+            return ctypes.addressof(ctypes.c_char.from_buffer(values))  # type: ignore[arg-type]
+        except (TypeError, ValueError):
+            # ctypes also refuses arrays without elements and constants.
+            if values.flags.c_contiguous:
+                return int(values.ctypes.data)
+    wanted = f"contiguous {kind.__name__}"
+    raise TypeError(f"the core takes {wanted}, not {values.dtype} {values.strides}")

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 from throwplan import InputError, Plan, Planner, Pose, Scene, load_scene
-from throwplan.planner.check import contacts
+from throwplan.planner.throw.clearance import contacts
 from throwplan.problems import Obstacle
 
 
@@ -58,7 +58,7 @@ def answer(bare: Planner, scene: Scene) -> tuple[str, float, Plan | None]:
     seconds = time.process_time() - begin
 
     def clear(one: Plan) -> bool:
-        return not contacts(dataclasses.replace(one.throw.final, scene=scene))
+        return not contacts(dataclasses.replace(one.throw.deciding, scene=scene))
 
     checked = clear(plan)
     if not checked:

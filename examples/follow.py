@@ -26,8 +26,8 @@ from pathlib import Path
 import mujoco
 import numpy as np
 import throwplan as tp
-from throwplan.planner.check import TICK, Samples, Throw
 from throwplan.planner.robot import JointMotion, Recording, corrected, joint_motion
+from throwplan.planner.throw import TICK, Samples, Throw
 
 #: After a measurement [s] what is sent for it is on its way: the longest latency and a cycle.
 HORIZON = 0.021
@@ -103,7 +103,7 @@ def error(plan: Throw, q: np.ndarray, opening_time: float, cup: Cup) -> float:
     path = Samples(joints, *_rates(joints)).path
     thrown = dataclasses.replace(plan, path=path, opening_time=opening_time + cup.gripper)
     dx, dtheta = thrown.miss()
-    return abs(dx - cup.away(thrown.landing_time)) + abs(dtheta) * plan.scene.object.length / 2
+    return plan.scene.object.pose_error(dx - cup.away(thrown.landing_time), dtheta)
 
 
 def _rates(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -161,17 +161,16 @@ as `[uncertainty]`. The delay's mean is now known, so the command goes out earli
 
 # %%
 TEST = WAYS[:3]
-HALF = given.object.length / 2
 
 
 def errors(scene):
     """Real scaled errors [m] of throws planned with this scene: |dx| + |dtheta| l / 2."""
     again = planned(scene, TEST)
-    off = np.abs(landed(again) - [[plan.target.x, plan.target.theta] for plan in again])
-    return off[:, 0] + off[:, 1] * HALF
+    off = landed(again) - [[plan.target.x, plan.target.theta] for plan in again]
+    return given.object.pose_error(*off.T)
 
 
-before = np.abs(real - aims)[: len(TEST)] @ [1.0, HALF]
+before = given.object.pose_error(*(real - aims)[: len(TEST)].T)
 after = errors(three.apply(given))
 ratio = before.mean() / after.mean()
 print(f"mean error before {1e3 * before.mean():.1f} mm, after 3 throws {1e3 * after.mean():.2f} mm")

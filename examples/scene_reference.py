@@ -12,12 +12,11 @@ import typing
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from throwplan.models import Arm, DHRow, JointFrame, LinkInertia
+from throwplan.models.robot import Arm, DHRow, JointFrame, LinkInertia
 from throwplan.problems.arms import TABLES, GripperCapsule, GripperData
-from throwplan.problems.scene import Scene
+from throwplan.problems.scene import SECTIONS, TOP_KEYS, Scene
 from throwplan.problems.section import file_key, hints_of
-from throwplan.problems.toml import SECTIONS, TOP_KEYS
-from throwplan.problems.uncertainty import SHARES, UNCERTAIN_PARAMETERS, Distribution, Uncertainty
+from throwplan.problems.uncertainty import SHARES, Distribution, Uncertainty
 
 #: Ranges that hang on the scene's other values.
 WITHIN = {
@@ -119,10 +118,10 @@ def _uncertain_keys() -> Iterator[Key]:
     """The keys of [uncertainty]."""
     for field in dataclasses.fields(Uncertainty):
         name, key = field.name, _key(Uncertainty, field.name)
-        if name not in UNCERTAIN_PARAMETERS:
+        if name not in Uncertainty.PARAMETERS:
             yield dataclasses.replace(key, kind="list of rows")
             continue
-        parameter = UNCERTAIN_PARAMETERS[name]
+        parameter = Uncertainty.PARAMETERS[name]
         unit = math.degrees(1.0) if parameter.degrees else 1.0
         allowed = WITHIN.get(name, f"within ±{unit * parameter.most:.6g}")
         if parameter.scaled:

@@ -166,7 +166,7 @@ def bar(pose):
 
 def flight(plan, count=60):
     """CoM poses (3, count) from detach to landing."""
-    final = plan.throw.final
+    final = plan.throw.deciding
     start, t = final.release.detach, np.linspace(0.0, final.landing.flight_time, count)
     z = start.z + start.v_z * t - scene.gravity * t**2 / 2
     return np.array([start.x + start.v_x * t, z, start.theta + start.omega * t])
@@ -181,7 +181,7 @@ def draw_cup(axis, x, color="#5b4a3f"):
 figure, axis = plt.subplots(figsize=(8, 6.4))
 shades = plt.get_cmap("viridis")((cups - cups.min()) / np.ptp(cups) * 0.9)
 for one, shade in list(zip(moved, shades, strict=True))[::8]:
-    opening, path = one.throw.final.release.com, flight(one)
+    opening, path = one.throw.deciding.release.com, flight(one)
     axis.plot(*opening[:2], color=shade, lw=4, alpha=0.5)
     axis.plot(*path[:2], color=shade)
     axis.plot(*path[:2, 0], "o", color=shade, ms=5)
@@ -272,7 +272,7 @@ for axis, (angle, one) in zip(axes, others.items(), strict=True):
             [math.cos(pose[2]), math.sin(pose[2])]
         )
         axis.plot(*tip, "o", color="#d1495b", ms=4)
-    omega = one.throw.final.release.detach.omega
+    omega = one.throw.deciding.release.detach.omega
     axis.set(title=f"θ = {angle}°, ω = {omega:+.1f} rad/s", xlabel="x [m]")
     axis.set(xlim=(0.5, 1.05), ylim=(-0.07, 1.25))
     axis.set_aspect("equal")

@@ -114,10 +114,10 @@ print(f"lands inside the tolerance from {1e3 * early:.2f} to {1e3 * late:+.2f} m
 `robust="quiet"` plans a throw in which the hand, while the pads may open, follows the way that the
 bar would fly on its own: it falls with the bar and turns with it. Then the pads transmit next to
 nothing, and it does not matter *when* they let go. `peak_load` says how well that worked: the
-largest wrench in that window as a share of what the full grip can hold.
+largest wrench, once a quarter of the grip may be left, as a share of what the full grip can hold.
 
-`robust="auto"` is the same, and tries harder (several openings in one optimisation) if a small
-sweep finds that not enough.
+`robust="auto"` is the same, and tries harder (several throws in one optimisation) if a sweep finds
+that not enough. The message has what the sweep found.
 """
 
 # %%
@@ -218,7 +218,7 @@ the pads let go.
 ## The price
 
 The hand has to fly like the bar for a while, so the bar must have its whole motion before the pads
-open: the run-up is harder.
+let go: joints move at other speeds. They accelerate no more than in the usual throw.
 """
 
 # %%
@@ -228,7 +228,7 @@ joints = [joint - 1 for joint in scene.arm.throwing_joints]
 
 def price(plan):
     """RMS of the joints' accelerations [rad/s^2], the bar's speed [m/s], shares of limits."""
-    samples, start = plan.throw.samples, plan.throw.final.release.detach
+    samples, start = plan.throw.samples, plan.throw.deciding.release.detach
     speed = np.abs(samples.dq).max(axis=0) / np.array(limits.velocity)[joints]
     return np.sqrt((samples.ddq**2).sum(axis=1).mean()), math.hypot(start.v_x, start.v_z), speed
 
@@ -296,8 +296,7 @@ plt.show()
 # %% [markdown]
 """
 Friction and the pads' radius hardly matter to the robust plan (mind the logarithmic scale). What is
-left is time: delay and duration add up, and some throws turn by a little more than the half degree
-that the tolerance allows.
+left is time: delay and duration add up, and yet all throws land inside the tolerance.
 
 A robust throw still needs the hand to be where it was planned to be: errors of the hand's own
 motion (`hand_x`, `hand_vx`, ... in `[uncertainty]`) move the landing of any throw. And all this is

@@ -227,14 +227,14 @@ The planner knows a bar of the given width; the head is only drawn here.
 
 # %%
 back = tp.read_plan(work / "out")
-landing = back.final.landing
+landing = back.deciding.landing
 off = 1e3 * abs(landing.x - scene.target.x)
 print(f"read back: lands {off:.3f} mm from the target, theta {math.degrees(landing.theta):.3f} deg")
 print(f"command at {back.command_time:.3f} s, pads open from {back.opening_time:.3f} s, ", end="")
 print(f"lands at {back.landing_time:.3f} s")
 
 # %%
-start, count = back.final.release.detach, 9
+start, count = back.deciding.release.detach, 9
 times = np.linspace(0.0, landing.flight_time, count)
 figure, axis = plt.subplots(figsize=(6, 6))
 for k, moment in enumerate(times):
@@ -251,7 +251,7 @@ for k, moment in enumerate(times):
         outline = [(x, z) + a * along + b * across for a, b in corners]
         axis.add_patch(Polygon(outline, color=shade, alpha=0.85))
 axis.plot(scene.target.x, scene.target.z, "k+", ms=14, label="target of the CoM")
-axis.plot(*back.final.release.com[:2], color="#d1495b", lw=3, label="CoM while the pads open")
+axis.plot(*back.deciding.release.com[:2], color="#d1495b", lw=3, label="CoM while the pads open")
 axis.axhline(0.02, color="#b0a99f", ls="--", lw=1, label="floor")
 axis.set(xlabel="x [m]", ylabel="z [m]", title="The hammer's flight")
 axis.set_aspect("equal")

@@ -1,6 +1,7 @@
-"""Physics of holding, letting go and flying, for numbers, arrays and CasADi symbols alike.
+"""A rigid bar in the hand and in flight, and motions over time: floats, arrays and CasADi alike.
 
-Release models are in the registry `MODELS`; scenes, files and solvers are not known here.
+`release` has the release models and their registry, `robot` the arms. Scenes, files and solvers are
+not known here.
 """
 
 from .body import (
@@ -8,7 +9,6 @@ from .body import (
     Body,
     Contact,
     Flags,
-    FlightState,
     HandMotion,
     HandSamples,
     HandTrack,
@@ -17,84 +17,9 @@ from .body import (
     com_twist,
     com_wrench,
     contact_twist,
-    hand_of,
-    land,
-    pivot_wrench,
-    placement,
-    sticking_state,
-    time_to_height,
-)
-from .capsules import ArmCapsules, Solid, about_z, segment_distance
-from .dynamics import PlanarDynamics
-from .exact import exact_pivot_release, exact_surface_release, relative_states
-from .kinematics import (
-    Arm,
-    DHRow,
-    JointFrame,
-    JointLimits,
-    LinkCapsule,
-    LinkInertia,
-    PlanarArm,
-    PlanarHand,
-    Slowing,
-    Tool,
-    described,
-    hand_motion,
-)
-from .limit_surface import (
-    ImplicitRelease,
-    KarnoppRelease,
     held_wrench,
-    sliding_wrench,
-    slip_onset,
+    pivot_wrench,
+    sticking_state,
 )
-from .patch import RADIUS_PER_ARM, Patch, PointSolver, SlipProblem, disc
-from .patch_release import (
-    CREEP,
-    PATCH_CHUNK,
-    PatchRelease,
-    PatchThrows,
-    critical_damping,
-)
-from .path import INSIDE, MovedHand, Path, low_pass
-from .registry import (
-    BATCH_MODELS,
-    DECIDING,
-    IDENTIFIED,
-    MODELS,
-    SLIDING_PIVOT,
-    STEPPED_SURFACE,
-    VALIDATED,
-    ReleaseModel,
-)
-from .release import (
-    BLEW_UP,
-    FALL_SHARE,
-    LOST,
-    LOST_SLIP,
-    BatchRelease,
-    GripProfile,
-    LinearRelease,
-    Release,
-    ReleaseBatch,
-    ReleaseCase,
-    TableRelease,
-    onset,
-)
-from .sliding_pivot import (
-    PivotSteps,
-    SlidingPivot,
-    SlidingPivotRelease,
-    positive,
-    relative_widths,
-    soft_positive,
-    world_release,
-)
-from .stepping import (
-    Opening,
-    march,
-    number_symbols,
-    numbers,
-    rk4_step,
-)
-from .time_stepping import ITERATIONS, ImpulseProblem, Iterate, LimitSurfaceStepping, SteppedRelease
+from .flight import FlightLaw, FlightState
+from .trajectory import MovedHand, Trajectory, low_pass

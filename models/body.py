@@ -98,6 +98,14 @@ class Contact:
         arm = self.torsion_arm
         return (force_x**2 + force_z**2 + (torque / arm) ** 2) / limit**2
 
+    def sliding_wrench(self, twist: Array) -> Array:
+        """Gamma(v) = -A^-1 v / sqrt(v^T A^-1 v) of the ellipsoid (19).
+
+        Friction (3,) per newton of normal force for a contact twist (3,) that is not 0.
+        """
+        image = self.friction**2 * np.array([1.0, 1.0, self.torsion_arm**2]) * twist
+        return np.asarray(-image / math.sqrt(float(twist @ image)))
+
 
 @dataclass(frozen=True)
 class HandMotion:
@@ -189,6 +197,15 @@ def pivot_wrench(
     return f_x, f_z, torque
 
 
+def held_wrench(
+    body: Body, gravity: Value, hand: HandMotion, grasp_angle: Value
+) -> tuple[Value, Value, Value]:
+    """`pivot_wrench` of a body that sticks to the hand at `grasp_angle` [rad] to it."""
+    theta, h = hand.theta + grasp_angle, body.com_offset
+    xp = backend(theta)
+    return pivot_wrench(body, gravity, hand, hand.omega, h * xp.cos(theta), h * xp.sin(theta))
+
+
 def sticking_state(pose: Value, twist: Value, grasp_angle: Value, com_offset: Value) -> list[Value]:
     """CoM pose and twist (6 values) of a body that sticks to a hand of this pose and twist."""
     x, z, theta = components(pose)
@@ -197,103 +214,3 @@ def sticking_state(pose: Value, twist: Value, grasp_angle: Value, com_offset: Va
     xp = backend(angle)
     x_r, z_r = com_offset * xp.cos(angle), com_offset * xp.sin(angle)
     return [x + x_r, z + z_r, angle, *com_twist(v_x, v_z, omega, x_r, z_r)]
-
-
-@dataclass(frozen=True)
-class FlightState:
-    """CoM position [m], angle [rad], velocity [m/s] and rate [rad/s] of a body in flight."""
-
-    x: Value
-    z: Value
-    theta: Value
-    v_x: Value
-    v_z: Value
-    omega: Value
-
-    def after(self, time: Value, gravity: Value) -> FlightState:
-        """State `time` seconds later under `gravity` [m/s^2] along -z, without drag."""
-        return FlightState(
-            self.x + self.v_x * time,
-            self.z + self.v_z * time - 0.5 * gravity * time * time,
-            self.theta + self.omega * time,
-            self.v_x,
-            self.v_z - gravity * time,
-            self.omega,
-        )
-
-
-def land(detach: Array, height: float, gravity: float) -> Array:
-    """x [m], theta [rad] and flight time [s] (N, 3) of coming down through `height`.
-
-    detach (N, 6): x, z, theta, v_x, v_z, omega of the CoM. NaN where it never does.
-    """
-    x, _, theta, v_x, _, omega = detach.T
-    time = _fall_time(detach[:, 1] - height, detach[:, 4], gravity)
-    return np.column_stack([x + v_x * time, theta + omega * time, time])
-
-
-def time_to_height(state: FlightState, height: float, gravity: float) -> float:
-    """Time [s] until the CoM comes down through `height`; NaN if it never does.
-
-    Numbers only: inside the NLP the flight time is an unknown with a polynomial
-    constraint, which cannot give a NaN.
-    """
-    drop, v_z = float(state.z) - height, float(state.v_z)
-    if gravity <= 0:
-        time = -drop / v_z if v_z < 0 else math.nan
-        return time if time >= 0 else math.nan
-    square = v_z * v_z + 2 * gravity * drop
-    if not square >= 0:
-        return math.nan
-    # As in `_fall_time`.
-    root = math.sqrt(square)
-    if v_z > 0:
-        return (v_z + root) / gravity
-    time = 2 * drop / (root - v_z) if drop else 0.0
-    return time if time >= 0 else math.nan
-
-
-def _fall_time(drop: Array, v_z: Array, gravity: float) -> Array:
-    """Later root of drop + v_z t - g t^2 / 2 = 0 [s], in the form that does not cancel."""
-    with np.errstate(invalid="ignore", divide="ignore"):
-        if gravity > 0:
-            root = np.sqrt(v_z**2 + 2 * gravity * drop)
-            time = np.where(v_z > 0, (v_z + root) / gravity, 2 * drop / (root - v_z))
-            time = np.where((drop == 0) & (v_z <= 0), 0.0, time)
-        else:
-            time = np.where(v_z < 0, -drop / v_z, np.nan)
-        return np.where(time >= 0, time, np.nan)
-
-
-# Frames of the kinematics, as CasADi matrices.
-
-
-def placement(xyz: tuple[float, float, float], rpy: tuple[float, float, float]) -> ca.SX:
-    """4x4 pose of a frame at xyz, turned by rpy about the fixed x, y, z axes in turn."""
-    (cr, sr), (cp, sp), (cy, sy) = ((exact(math.cos(a)), exact(math.sin(a))) for a in rpy)
-    rows: list[list[float]] = [
-        [cy * cp, cy * sp * sr - sy * cr, cy * sp * cr + sy * sr, xyz[0]],
-        [sy * cp, sy * sp * sr + cy * cr, sy * sp * cr - cy * sr, xyz[1]],
-        [-sp, cp * sr, cp * cr, xyz[2]],
-        [0.0, 0.0, 0.0, 1.0],
-    ]
-    return ca.sparsify(ca.SX(ca.DM([[exact(value) for value in row] for row in rows])))
-
-
-def screw(angle: ca.SX | float, distance: float) -> ca.SX:
-    """Rot_z(angle) Trans_z(distance)."""
-    if isinstance(angle, ca.SX):
-        cos, sin = ca.cos(angle), ca.sin(angle)
-    else:
-        cos, sin = ca.SX(exact(math.cos(angle))), ca.SX(exact(math.sin(angle)))
-    pose = ca.SX(4, 4)
-    pose[0, 0], pose[0, 1], pose[1, 0], pose[1, 1] = cos, -sin, sin, cos
-    pose[2, 2], pose[3, 3] = 1, 1
-    if distance:
-        pose[2, 3] = distance
-    return pose
-
-
-def exact(value: float) -> float:
-    """Zeros as zeros: cos(pi/2) is not 6e-17, so the planar chain stays planar."""
-    return 0.0 if abs(value) < 1e-15 else value

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from ..models import (
+from ..models.robot import (
     Arm,
     DHRow,
     JointFrame,
@@ -19,11 +19,11 @@ from ..models import (
     described,
 )
 from .files import read_text, shipped, toml_lines, toml_tables
-from .section import InputError, from_table, hint_at, meanings, rows_from, table_of
+from .section import InputError, from_table, meanings, rows_from, table_of
 
-#: What the frames of the chain may be given as, in a table per joint.
+#: Conventions for the frames of the chain, by the name of the tables, one per joint.
 CHAINS: dict[str, type[Any]] = {"dh": DHRow, "joints": JointFrame}
-#: The tables of an arm data file, by their names.
+#: Tables of an arm data file by name.
 TABLES: dict[str, type[Any]] = {
     "": Arm,
     **CHAINS,
@@ -34,7 +34,7 @@ TABLES: dict[str, type[Any]] = {
     "capsules": LinkCapsule,
 }
 
-#: Where a gripper's body is given.
+#: Frame of a gripper's body, in words.
 FRAME = "in the flange's frame, z out of the hand, y along the pads' closing"
 
 
@@ -111,7 +111,7 @@ def _tables(kind: str, name: str, folder: Path | None) -> dict[str, Any]:
     elif name.endswith(".toml"):
         text = read_text((folder or Path()) / name)
     else:
-        unknown = {"arms": "unknown robot", "grippers": "unknown gripper"}[kind] + hint_at(
+        unknown = {"arms": "unknown robot", "grippers": "unknown gripper"}[kind] + InputError.hint(
             name, known
         )
         raise InputError(f"{unknown} (shipped: {', '.join(known)}; or a .toml file)")

@@ -4,18 +4,18 @@ from __future__ import annotations
 
 import dataclasses
 import functools
-import math
 from collections.abc import Mapping
-from typing import Any
+from typing import Any, overload
 
 import numpy as np
 
-from ..models import FALL_SHARE, Array, GripProfile, LinearRelease, TableRelease
+from ..models import Array
+from ..models.release import GripProfile, LinearRelease, TableRelease
 from .section import InputError, Section, from_table, optional, quantity
 
-#: No hand-held thing weighs more [kg]: above it, it is likely in grams.
+#: Largest mass [kg] of an object in a file; a larger one is likely in grams.
 HEAVIEST = 50.0
-#: Radius [m] of the pads' patch where a scene does not give it: the built-in Panda scenes'.
+#: Radius [m] of the pads' patch where a scene has none: that of the built-in Panda scenes.
 USUAL_PATCH = 0.0025
 
 
@@ -37,6 +37,24 @@ class ThrownObject(Section):
     width: float = quantity(
         "m, across the axis; at most ten times `length`", least=0, most=100, unit="m", default=0.0
     )
+
+    @property
+    def half_length(self) -> float:
+        """Half the length [m]: what an angle [rad] is multiplied by in a pose error (39)."""
+        return self.length / 2
+
+    @overload
+    def pose_error(self, dx: float, dtheta: float) -> float: ...
+
+    @overload
+    def pose_error(self, dx: Array, dtheta: Array | float) -> Array: ...
+
+    def pose_error(self, dx: Any, dtheta: Any) -> Any:
+        """|dx| + |dtheta| length / 2 [m], (39): position and angle as one error.
+
+        dx [m], dtheta [rad]: numbers or arrays (N,); NaN where either is.
+        """
+        return abs(dx) + abs(dtheta) * self.half_length
 
     def check(self) -> None:
         """CoM inside the bar; inertia not above the two-point-mass bound for that CoM."""
@@ -141,14 +159,24 @@ class Gripper(Section):
     opening: float | None = optional(
         "s, from there to zero, linear", above=0, least=1e-5, most=2, unit="s"
     )
-    times: tuple[float, ...] = quantity("s, from the command: a measured force's times", default=())
-    forces: tuple[float, ...] = quantity("N, of one pad at `times`; the last is 0", default=())
+    times: tuple[float, ...] = quantity(
+        "s, from the command: a measured force's times, best every 0.5 ms", default=()
+    )
+    forces: tuple[float, ...] = quantity(
+        "N, of one pad at `times`, monotone cubics (PCHIP) between; the last is 0", default=()
+    )
     table: str | None = optional(
-        "a CSV file with the columns t and f_N instead of `times` and `forces`"
+        "a CSV file with the columns t and f_N instead of `times` and `forces`, read as these"
     )
     file: str | None = optional(
         "a shipped gripper (`robotiq-2f-85`) or a gripper data file (.toml): its body in place of "
         "the arm's own hand, and its `force`, `dwell` and `opening` where they are left out"
+    )
+    sticking_margin: float = quantity(
+        "share of the full grip's friction limit that a plan keeps in reserve until the opening",
+        least=0,
+        below=1,
+        default=0.05,
     )
     raw: bool = quantity(
         "whether `table` is an unfiltered recording: the nearest falling curve is taken",
@@ -170,6 +198,15 @@ class Gripper(Section):
         """The grip-force profile of the models."""
         return self._profile
 
+    def stretched(self, opening: float) -> Gripper:
+        """A gripper whose force falls in `opening` [s], in an unchanged shape; unchecked."""
+        if self.opening is not None:
+            return self.changed(opening=opening)
+        grip = self.profile()
+        times, stretch = np.array(self.times), opening / grip.opening
+        later = grip.dwell + stretch * (times - grip.dwell)
+        return self.changed(times=tuple(np.where(times > grip.dwell, later, times).tolist()))
+
     @functools.cached_property
     def _profile(self) -> GripProfile:
         if self.force is not None and self.opening is not None:
@@ -178,77 +215,3 @@ class Gripper(Section):
             return TableRelease(self.times, self.forces)
         except ValueError as error:
             raise InputError(f"table = {self.table or 'times, forces'}: {error}") from None
-
-
-# Recordings of the grip force.
-
-#: Sampling of the grip force that is written [s].
-STEP = 0.001
-#: Fewest rows of a raw recording of the grip force.
-ROWS = 20
-#: Shares of the full grip: a force so near it is still held; a fall so small is level.
-HELD, LEVEL = 0.05, 0.02
-#: A recording whose rises together are more than this share of its peak is raw.
-NOISY = 0.05
-
-
-def rises(forces: Array) -> float:
-    """All rises of a recording together [N]: what noise adds to a force that only falls."""
-    return float(np.maximum(np.diff(forces), 0.0).sum())
-
-
-def monotone_grip(times: Array, forces: Array) -> TableRelease:
-    """The falling profile in a raw recording of one pad's force.
-
-    times (K,) [s] from the opening command on, forces (K,) [N], from the dwell until the
-    pads have been apart for at least a tenth of the recording. The offset, the median of
-    that last tenth, is taken off; the full force is the median of what comes before the
-    fall; the falling curve is the nearest one in the sense of least squares, full and zero
-    where it is within the noise of those. Raises ValueError for fewer than 20 rows, a
-    recording without a fall, and as `TableRelease`.
-    """
-    from scipy.optimize import isotonic_regression
-
-    t, raw = np.asarray(times, float), np.asarray(forces, float)
-    if t.shape != raw.shape or t.size < ROWS:
-        raise ValueError(f"needs at least {ROWS} rows of t, f_N")
-    if not np.isfinite(raw).all():
-        raise ValueError("has a value that is not a finite number")
-    tail = raw[-max(t.size // 10, 2) :]
-    force = raw - np.median(tail)
-    fall = np.asarray(isotonic_regression(force, increasing=False).x)
-    # Half the force is far from the noise of either end: before it, the full grip is what most
-    # samples are at.
-    half = int(np.flatnonzero(fall < fall[0] / 2)[0]) if fall[-1] < fall[0] / 2 else 0
-    if fall[0] <= 0 or half < 2:
-        raise ValueError("f_N must start at the full grip and fall from there")
-    flat = np.flatnonzero(fall[:half] >= (1 - HELD) * float(np.median(force[: half // 2 + 1])))
-    if flat.size < 2:
-        raise ValueError("f_N must start at the full grip and fall from there")
-    full = float(np.median(force[flat]))
-    noise = 3 * float(np.std(np.diff(tail))) / math.sqrt(2)
-    ends = [float(np.mean(part)) for part in np.array_split(tail, 2)]
-    if ends[0] - ends[1] > max(LEVEL * full, noise):
-        raise ValueError(
-            "f_N must go on, level, for a tenth of the recording after the pads are apart"
-        )
-    fall[fall >= full - max(noise, FALL_SHARE * full)] = full
-    fall[fall <= max(noise, 1e-6 * full)] = 0.0
-    ended = int(np.flatnonzero(fall > 0)[-1]) + 2
-    return TableRelease(t[:ended].tolist(), fall[:ended].tolist())
-
-
-def grip_samples(grip: TableRelease) -> Array:
-    """t [s] from the opening command on and force of one pad [N] (K, 2), every millisecond.
-
-    A table of these has the same dwell and opening: only its two ends are at the full force
-    and at zero.
-    """
-    held = np.arange(0.0, grip.dwell - STEP / 1000, STEP)
-    falling = np.arange(STEP, grip.opening - STEP / 1000, STEP)
-    force = grip.force(falling)
-    kept = (force < (1 - 1.01 * FALL_SHARE) * grip.full) & (force > 1e-6 * grip.full)
-    times = np.concatenate([[0.0], falling[kept], [grip.opening]])
-    forces = np.concatenate([grip.force(0.0)[None], force[kept], [0.0]])
-    rows = [np.column_stack([held, np.full(held.size, grip.full)])]
-    return np.vstack([*rows, np.column_stack([grip.dwell + times, forces])])

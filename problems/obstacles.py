@@ -7,7 +7,7 @@ import math
 
 import numpy as np
 
-from ..models import Solid, about_z
+from ..models.robot import Solid, about_z
 from .section import InputError, Section, quantity
 
 #: What `size` says of each kind.

@@ -9,19 +9,31 @@ import dataclasses
 import functools
 import math
 import textwrap
+import typing
 from pathlib import Path
 from typing import Any
 
-from ..models import Arm, Body, Contact
-from .arms import load_arm, load_gripper
+from ..models import Body, Contact, FlightLaw
+from ..models.robot import Arm
+from .arms import arm_table, load_arm, load_gripper
 from .grip import Grasp, Gripper, PadContact, ThrownObject
-from .movers import Hand, Motion, Robot, Torque, check_robot, check_torque
+from .manipulators import Hand, Motion, Robot, Torque, check_robot, check_torque, thrown_by
 from .obstacles import Obstacle
-from .section import InputError, Mistakes, Section, hints_of, part_of, quantity, rules, unit_of
+from .section import (
+    InputError,
+    Mistakes,
+    Section,
+    hints_of,
+    part_of,
+    quantity,
+    rules,
+    table_of,
+    unit_of,
+)
 from .targets import Choice, Cup, Landing, Pose, Tolerance, Workspace
-from .uncertainty import SHARES, UNCERTAIN_PARAMETERS, Robust, Uncertainty
+from .uncertainty import Robust, Uncertainty
 
-#: What moves the hand: exactly one of these is given.
+#: Sections that move the hand: a scene has exactly one of them.
 MOVERS = ("hand", "robot", "motion")
 
 
@@ -44,12 +56,6 @@ class Mesh(Section):
     substeps: int = quantity("steps per interval of `rk4`", least=1, most=20, default=2)
     epsilon: float = quantity(
         "relative rounding width of the friction laws", above=0, most=1, default=0.02
-    )
-    sticking_margin: float = quantity(
-        "share of the full grip's friction limit kept free while carrying",
-        least=0,
-        below=1,
-        default=0.05,
     )
     carry_max: float = quantity(
         "s, longest carry; above the gripper's dwell by 0.05 s", above=0, default=2.0
@@ -91,28 +97,32 @@ class Scene(Section):
     file: str = ""
 
     def __repr__(self) -> str:
-        """A line: all of its values would fill a screen; `scene_table` has them."""
+        """A line: all of its values would fill a screen; `table` has them."""
         bar, target = self.object, self.target
-        mover = "hand" if self.hand else self.arm.name if self.arm else "given motion"
-        words = f"Scene({self.name}: {mover}, {bar.mass:g} kg bar of {bar.length:g} m"
+        manipulator = "hand" if self.hand else self.arm.name if self.arm else "given motion"
+        words = f"Scene({self.name}: {manipulator}, {bar.mass:g} kg bar of {bar.length:g} m"
         if target is not None:
             words += f", to {target.words}"
         return f"{words})"
 
     def check(self) -> None:
         """Conditions between sections."""
-        movers = [name for name in MOVERS if getattr(self, name) is not None]
-        if len(movers) != 1:
+        manipulators = [name for name in MOVERS if getattr(self, name) is not None]
+        if len(manipulators) != 1:
             raise InputError("give exactly one of [hand], [robot] and [motion]")
-        self._load_arm(movers[0])
+        self._load_arm(manipulators[0])
         if self.motion is None and self.target is None:
             raise InputError("section [target] is missing")
         if self.target is not None and self.robot is None and self.target.y != 0:
             raise InputError("[target] y: only for a scene with [robot]")
         if self.robot is not None and self.arm is not None:
             check_robot(self.robot, self.arm)
+            joints = thrown_by(self.robot, self.arm)
+            if joints != self.arm.throwing_joints:
+                arm = dataclasses.replace(self.arm, throwing_joints=joints)
+                object.__setattr__(self, "arm", arm)
             assert self.target is not None  # checked above
-            object.__setattr__(self, "target", self.target.beside(self.arm.lateral))
+            object.__setattr__(self, "target", self.target.with_lateral(self.arm.lateral))
         mistakes = Mistakes()
         for check in (
             self._check_grasp,
@@ -159,9 +169,9 @@ class Scene(Section):
         except InputError as error:
             raise error.within("[uncertainty]", " ") from None
 
-    def _load_arm(self, mover: str) -> None:
+    def _load_arm(self, manipulator: str) -> None:
         """The data of the arm that [robot] or [motion] names, where they are not given."""
-        name = getattr(getattr(self, mover), "arm", None)
+        name = getattr(getattr(self, manipulator), "arm", None)
         if name is None and self.arm is not None:
             raise InputError("arm: only for a scene with [robot]")
         if name is None or self.arm is not None:
@@ -171,7 +181,7 @@ class Scene(Section):
             own = None if gripper is None else load_gripper(gripper, folder)
             object.__setattr__(self, "arm", load_arm(name, folder, own))
         except InputError as error:
-            raise error.within(f"[{mover}] arm = {name!r}") from None
+            raise error.within(f"[{manipulator}] arm = {name!r}") from None
 
     def _check_cup(self) -> None:
         cup = self.cup
@@ -230,6 +240,17 @@ class Scene(Section):
             cup = cup.changed(x=cup.x + dx, rim=cup.rim + dz)
         return self.changed(target=target, cup=cup)
 
+    def without_clearances(self) -> Scene:
+        """The scene in which only what touches is too near: clearances are reserves of a plan."""
+        cup, workspace, changes = self.cup, self.workspace, dict[str, Any]()
+        if cup is not None:
+            changes["cup"] = cup.changed(clearance=0.0)
+        if workspace is not None and workspace.palm_clearance is not None:
+            changes["workspace"] = workspace.changed(palm_clearance=0.0)
+        if self.obstacle:
+            changes["obstacle"] = tuple(one.changed(clearance=0.0) for one in self.obstacle)
+        return self.changed(**changes)
+
     @property
     def tool_speed(self) -> float | None:
         """Highest speed [m/s] of an arm's flange and of the pads' centre; None without a limit."""
@@ -255,23 +276,25 @@ class Scene(Section):
         return Contact(contact.friction, contact.patch_radius, contact.torsion, contact.faces)
 
     @property
+    def flight(self) -> FlightLaw:
+        """The law of free flight."""
+        return FlightLaw(self.gravity)
+
+    @property
     def values(self) -> dict[str, float]:
-        """What the scene takes an uncertain parameter to be, by its name; errors are 0."""
+        """The scene's values of the uncertain parameters by name; errors are 0."""
         held = {name: getattr(self.object, name) for name in ("mass", "inertia")}
         pads = {name: getattr(self.contact, name) for name in ("friction", "patch_radius")}
         grasp = {"grasp_offset": self.grasp.offset, "grasp_angle": self.grasp.angle}
         rest = {"com_offset": self.com_offset, "opening": self.gripper.profile().opening}
-        return dict.fromkeys(UNCERTAIN_PARAMETERS, 0.0) | held | pads | grasp | rest
+        return dict.fromkeys(Uncertainty.PARAMETERS, 0.0) | held | pads | grasp | rest
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
         """[lowest, highest] possible value of each uncertain parameter."""
         offset, length = self.grasp.offset, self.object.length
         found = {
-            name: (SHARES[0] * value, SHARES[1] * value)
-            if UNCERTAIN_PARAMETERS[name].scaled
-            else (value - UNCERTAIN_PARAMETERS[name].most, value + UNCERTAIN_PARAMETERS[name].most)
-            for name, value in self.values.items()
+            name: Uncertainty.PARAMETERS[name].range(value) for name, value in self.values.items()
         }
         # The CoM stays in the bar; the pads may reach beyond its end by an error.
         found["com_offset"] = (0.0 - offset, length - offset)
@@ -284,6 +307,14 @@ class Scene(Section):
         return 0.0 if spread is None else spread.about(0.0).expected
 
     @property
+    def deviations(self) -> dict[str, float]:
+        """Standard deviations of the uncertain parameters by name; without [uncertainty] of the
+        usual delay."""
+        section, values = self.uncertainty or Uncertainty.USUAL, self.values
+        spreads = {name: getattr(section, name).about(values[name]) for name in section.names}
+        return {name: spread.deviation for name, spread in spreads.items()}
+
+    @property
     def notes(self) -> tuple[str, ...]:
         """What the scene leaves out and what is taken instead, in words for people."""
         sections = {"object": self.object, "contact": self.contact}
@@ -293,10 +324,42 @@ class Scene(Section):
             found.append(f"[robot] arm {self.arm.name} has no [[capsules]]: {words}")
         return tuple(found)
 
+    def table(self) -> dict[str, Any]:
+        """The scene as its file would say it, with the data of its arm as the table `arm`.
+
+        What the file takes from other files (a recorded grip force) is in it.
+        """
+        table: dict[str, Any] = {key: getattr(self, key) for key in TOP_KEYS}
+        for key in SECTIONS:
+            section = getattr(self, key)
+            if isinstance(section, Uncertainty):
+                table[key] = section.table()
+            elif isinstance(section, tuple):
+                table[key] = [table_of(row) for row in section]
+            elif section is not None:
+                table[key] = table_of(section)
+        # `times` and `forces` have its rows.
+        for key in ("table", "raw", "file"):
+            table["gripper"].pop(key, None)
+        if self.arm is not None:
+            table["arm"] = arm_table(self.arm)
+        return {key: value for key, value in table.items() if value not in ({}, [], "")}
+
     @property
     def place(self) -> str:
         """Name of the scene for messages: its file, or its name."""
         return Path(self.file).name if self.file else self.name
+
+
+#: Sections of a scene file, and what each becomes.
+SECTIONS: dict[str, type[Section]] = {
+    name: kind
+    for name, hint in hints_of(Scene).items()
+    for kind in (*typing.get_args(hint), hint)
+    if isinstance(kind, type) and issubclass(kind, Section)
+}
+#: Keys of a scene file that stand before its first section.
+TOP_KEYS = ("name", "description", "gravity")
 
 
 def _say_sections() -> None:

@@ -30,8 +30,14 @@ class InputError(ThrowplanError, ValueError):
         return "\n".join(map(str, self.args))
 
     def within(self, place: str, colon: str = ": ") -> InputError:
-        """The same error with `place` (a file, a section) put before each line."""
+        """The error with `place` (a file, a section) before each line."""
         return InputError(*(f"{place}{colon}{line}" for line in str(self).splitlines()))
+
+    @staticmethod
+    def hint(word: str, known: Iterable[str]) -> str:
+        """A hint at the known word that is most like a wrong one; empty if none is like it."""
+        near = difflib.get_close_matches(word, list(known), 1, 0.4)
+        return f", did you mean '{near[0]}'?" if near else ""
 
 
 class Mistakes:
@@ -62,7 +68,7 @@ def rules(
     choices: tuple[str, ...] = (),
     **limits: float,
 ) -> dict[str, Any]:
-    """What is to be known of a field.
+    """The rules of a field, for its metadata.
 
     meaning: words for the reference, which begin with the unit that files give the value in.
     degrees: files give the value in degrees, under the field's name with `_deg` behind it; in
@@ -79,7 +85,7 @@ def quantity(meaning: str, *, default: Any = dataclasses.MISSING, **limits: Any)
 
 
 def optional(meaning: str, **limits: Any) -> Any:
-    """The same for a field that may be left out."""
+    """A field with its `rules` that may be left out."""
     return quantity(meaning, default=None, **limits)
 
 
@@ -87,7 +93,7 @@ def optional(meaning: str, **limits: Any) -> Any:
 class Section:
     """Base of all sections: checks types, finiteness and limits of its fields."""
 
-    #: What was left out and is taken from elsewhere, in words for people.
+    #: Words for people about values that were left out and assumed.
     assumed: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls) -> None:
@@ -120,9 +126,9 @@ class Section:
 
     def changed(self, **values: Any) -> Self:
         """A copy with other values, unchecked: plans make many from values that are valid."""
-        found = object.__new__(type(self))
-        kept = {field.name: getattr(self, field.name) for field in dataclasses.fields(self)}
-        vars(found).update(kept, assumed=self.assumed, **values)
+        found, own = object.__new__(type(self)), vars(self)
+        kept = {name: own[name] for name in self.__dataclass_fields__ if name in own}
+        vars(found).update(kept, **values)
         return found
 
 
@@ -140,9 +146,6 @@ def hints_of(kind: type[Any]) -> dict[str, Any]:
 def file_key(name: str, about: Mapping[str, Any]) -> str:
     """A field's key in files."""
     return f"{name}_deg" if about.get("degrees") else name
-
-
-_UNIT = re.compile(r"(degrees/s|degrees|rad(/s²?)?|kg( m²)?|m(/s²?)?|s|N( m)?|Hz)(?=[,;]|$)")
 
 
 def unit_of(about: Mapping[str, Any]) -> str:
@@ -171,7 +174,8 @@ def from_table(kind: type[Any], table: Mapping[str, Any], **given: Any) -> Any:
     for key, value in table.items():
         with mistakes.kept():
             if key not in fields:
-                raise InputError(unknown(key, list(fields)))
+                words = MOVED.get((kind.__name__, key)) or unknown(key, list(fields))
+                raise InputError(words)
             field = fields[key]
             values[field.name] = _read(key, value, hints_of(kind)[field.name], field.metadata)
     missing, said = dataclasses.MISSING, " ".join(mistakes.lines)
@@ -247,7 +251,7 @@ def _plain(value: Any, degrees: bool) -> Any:
 
 
 def meanings(kind: type[Any]) -> dict[str, str]:
-    """What the keys of a dataclass's table mean, for comments in files."""
+    """The meanings of the keys of a dataclass's table, for comments in files."""
     fields = dataclasses.fields(kind)
     return {file_key(f.name, f.metadata): f.metadata["meaning"] for f in fields}
 
@@ -263,24 +267,22 @@ def _radians(key: str, value: Any) -> Any:
         raise InputError(f"{key}: the number is too large") from None
 
 
-def hint_at(word: str, known: Iterable[str]) -> str:
-    """A hint at the known word that is most like a wrong one; empty if none is."""
-    near = difflib.get_close_matches(word, list(known), 1, 0.4)
-    return f", did you mean '{near[0]}'?" if near else ""
+#: Keys that files of earlier versions have, by their sections' classes, and where they are now.
+MOVED = {("Mesh", "sticking_margin"): "key 'sticking_margin': moved to [gripper]"}
 
 
 def unknown(key: str, known: Sequence[str]) -> str:
     """'unknown key' message with the nearest known one."""
-    return f"unknown key '{key}'{hint_at(key, known)} (known: {', '.join(known)})"
+    return f"unknown key '{key}'{InputError.hint(key, known)} (known: {', '.join(known)})"
 
 
 # Checks of single values.
 
 _WRONG = object()
-#: Whole numbers beyond this have no float.
+#: Largest whole number that becomes a float.
 _HUGE = 1e308
-#: No robot has a quantity beyond this, by the unit that its meaning begins with, nor one that must
-#: be above 0 and is below `_SMALLEST`; fields may say less. Beyond, squares and ratios overflow.
+#: Largest value of a quantity by its unit, which a field may lower; beyond, squares and ratios
+#: overflow. `_SMALLEST` is the least value of one that must be above 0.
 LARGEST = {
     **{"m": 1e3, "degrees": 1e5, "rad": 1e3, "kg": 1e4, "kg m²": 1e6, "s": 1e4, "Hz": 1e5},
     **{"m/s": 1e3, "m/s²": 1e5, "rad/s": 1e4, "rad/s²": 1e6, "rad/s³": 1e9, "N": 1e6, "N m": 1e6},
@@ -362,7 +364,7 @@ def _check_limits(key: str, item: Any, about: Mapping[str, Any]) -> None:
     """InputError for a text that is no choice, and a number that is not finite or outside."""
     choices = about.get("choices")
     if isinstance(item, str) and choices and item not in choices:
-        hint = hint_at(item, choices)
+        hint = InputError.hint(item, choices)
         raise InputError(f"{key} = {item!r}: must be one of {', '.join(choices)}{hint}")
     if isinstance(item, bool) or not isinstance(item, int | float):
         return

@@ -8,7 +8,9 @@ from typing import Any
 
 import numpy as np
 
-from ..models import DECIDING, Array, Solid
+from ..models import Array
+from ..models.release import DECIDING
+from ..models.robot import Solid
 from .section import InputError, Section, optional, quantity
 
 
@@ -82,9 +84,9 @@ class Pose(Section):
         above=0,
         most=60.0,
     )
-    #: How far [m] the throw's plane is beside the base's z axis: the arm's, no key of files.
+    #: Distance [m] of the throw's plane from the base's z axis: the arm's, no key of files.
     lateral: float = 0.0
-    #: When [s] after the start of the motion a target that moves is here: no key of files.
+    #: Time [s] after the start of the motion at which a moving target is here: no key of files.
     since: float = 0.0
 
     def check(self) -> None:
@@ -102,12 +104,12 @@ class Pose(Section):
 
     @property
     def at_rest(self) -> bool:
-        """Whether it stays where it is and may be met at any time."""
+        """Whether the target does not move and has no time of arrival."""
         return self.velocity is None and self.arrival is None
 
     @property
     def kind(self) -> tuple[bool, bool, bool]:
-        """Whether theta is fixed, it has a latest time, it moves: then an NLP differs."""
+        """Whether theta is fixed, a latest time is given, it moves: kinds of NLPs."""
         moves = self.velocity is not None
         return self.theta is not None, math.isfinite(self.window[1]), moves
 
@@ -128,7 +130,7 @@ class Pose(Section):
             raise InputError("target: it moves past the base's z axis; with y = 0 it may")
         return self.in_plane(x, self.theta).changed(since=time)
 
-    def beside(self, lateral: float) -> Pose:
+    def with_lateral(self, lateral: float) -> Pose:
         """The pose for an arm whose plane is beside its axis; InputError where none reaches it."""
         if abs(lateral) >= abs(self.away) and lateral:
             raise InputError(
@@ -192,13 +194,19 @@ class Pose(Section):
         turn = 0.0 if self.theta is None or other.theta is None else self.theta - other.theta
         return abs(self.plane_x - other.plane_x) + abs(self.z - other.z) + abs(turn) * lever
 
+    def shifted(self, dx: float, dtheta: float) -> Pose:
+        """The pose `dx` [m] further in its plane, theta, if fixed, `dtheta` [rad] further."""
+        return self.in_plane(self.plane_x + float(dx), self.turned(dtheta).theta)
+
     def turned(self, angle: float) -> Pose:
-        """The same pose with theta, if fixed, `angle` [rad] further."""
+        """The pose with theta, if fixed, `angle` [rad] larger."""
         return self if self.theta is None else self.changed(theta=float(self.theta + angle))
 
 
-#: Landings by the limit surface are known to half of this: position [m], angle [rad].
-KNOWN, KNOWN_ANGLE = 2e-4, math.radians(0.01)
+#: Least tolerance [m] of a landing by the limit surface, which is known to half of it.
+KNOWN = 2e-4
+#: Least tolerance [rad] of its angle.
+KNOWN_ANGLE = math.radians(0.01)
 
 
 @dataclasses.dataclass(frozen=True)
@@ -304,7 +312,7 @@ class Choice(Section):
     """Selection among throws that differ; without it the first one found is taken."""
 
     by: str = quantity(
-        "least of: the NLP's cost; time from rest to landing; what an opening early or late does "
+        "least of: the NLP's cost; time from rest to landing; what [uncertainty] does "
         "to the landing",
         choices=("effort", "time", "robustness"),
         default="effort",

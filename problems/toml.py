@@ -4,43 +4,27 @@ from __future__ import annotations
 
 import dataclasses
 import os
-import typing
 from collections.abc import Mapping
-from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from ..models import Arm
-from .arms import GripperData, arm_from, arm_table, load_arm, load_gripper
+from ..models.release import TableRelease
+from ..models.robot import Arm
+from .arms import GripperData, arm_from, load_arm, load_gripper
 from .files import read_csv, read_text, shipped, toml_tables
-from .grip import NOISY, ROWS, grip_samples, held_object, monotone_grip, rises
+from .grip import held_object
 from .obstacles import Obstacle
-from .scene import MOVERS, Scene
+from .scene import MOVERS, SECTIONS, TOP_KEYS, Scene
 from .section import (
     InputError,
     Mistakes,
-    Section,
     checked,
     from_table,
-    hint_at,
     hints_of,
     rows_from,
-    table_of,
     unknown,
 )
-from .uncertainty import Uncertainty, uncertainty_from, uncertainty_table
-
-#: Sections of a scene file, and what each becomes.
-SECTIONS: dict[str, type[Section]] = {
-    name: kind
-    for name, hint in hints_of(Scene).items()
-    for kind in (*typing.get_args(hint), hint)
-    if isinstance(kind, type) and issubclass(kind, Section)
-}
-#: Keys of a scene file that stand before its first section.
-TOP_KEYS = ("name", "description", "gravity")
+from .uncertainty import uncertainty_from
 
 
 def scene_names() -> list[str]:
@@ -49,15 +33,10 @@ def scene_names() -> list[str]:
 
 
 def scene_text(name: str) -> str:
-    """The TOML text of a built-in scene; InputError if there is none of that name."""
+    """The TOML text of a built-in scene; InputError for an unknown name."""
     if name not in scene_names():
         raise InputError(_no_scene(name))
     return shipped("scenes")[name].read_text(encoding="utf-8")
-
-
-def scene_reference() -> str:
-    """All keys of scene and arm files as Markdown; examples/scene_reference.py makes it."""
-    return (files("throwplan") / "docs" / "scene-reference.md").read_text(encoding="utf-8")
 
 
 def as_scene(scene: Scene | str | Path) -> Scene:
@@ -85,7 +64,7 @@ def load_scene(source: str | Path) -> Scene:
 
 def _no_scene(name: str) -> str:
     names = scene_names()
-    hint = hint_at(name, names)
+    hint = InputError.hint(name, names)
     return f"no scene '{name}'{hint} (built in: {', '.join(names)}; or a .toml file)"
 
 
@@ -101,30 +80,8 @@ def _parse(text: str, place: str, path: Path | None) -> Scene:
     return scene
 
 
-def scene_table(scene: Scene) -> dict[str, Any]:
-    """The scene as its file would say it, with the data of its arm as the table `arm`.
-
-    What the file takes from other files (a recorded grip force) is in it.
-    """
-    table: dict[str, Any] = {key: getattr(scene, key) for key in TOP_KEYS}
-    for key in SECTIONS:
-        section = getattr(scene, key)
-        if isinstance(section, Uncertainty):
-            table[key] = uncertainty_table(section)
-        elif isinstance(section, tuple):
-            table[key] = [table_of(row) for row in section]
-        elif section is not None:
-            table[key] = table_of(section)
-    # Its rows are there.
-    for key in ("table", "raw", "file"):
-        table["gripper"].pop(key, None)
-    if scene.arm is not None:
-        table["arm"] = arm_table(scene.arm)
-    return {key: value for key, value in table.items() if value not in ({}, [], "")}
-
-
 def scene_from_table(table: Mapping[str, Any]) -> Scene:
-    """The scene that `scene_table` made the table from; InputError for what is wrong in it."""
+    """The scene that `Scene.table` made the table from; InputError for what is wrong in it."""
     sections = {key: value for key, value in table.items() if key != "arm"}
     if "arm" not in table:
         return _scene_from(sections)
@@ -206,13 +163,13 @@ def _read_grip_table(name: str, folder: Path | None, raw: bool) -> dict[str, Any
     rows = read_csv("table", name, folder, ("t", "f_N"))
     if raw:
         try:
-            rows = grip_samples(monotone_grip(rows[:, 0], rows[:, 1]))
+            rows = TableRelease.from_recording(rows[:, 0], rows[:, 1]).samples()
         except ValueError as error:
             raise InputError(f"table = {name}: {error}") from None
-    elif len(rows) >= ROWS and rises(rows[:, 1]) > NOISY * np.abs(rows[:, 1]).max():
+    elif rises := TableRelease.noise(rows[:, 1]):
         raise InputError(
-            f"table = {name}: f_N must fall, but rises by {rises(rows[:, 1]):.3g} N in all: for "
-            "a raw recording say raw = true"
+            f"table = {name}: f_N must fall, but rises by {rises:.3g} N in all: for a raw "
+            "recording say raw = true"
         )
     return {"times": rows[:, 0].tolist(), "forces": rows[:, 1].tolist()}
 

@@ -1,11 +1,11 @@
-"""What is not known exactly: how a value is spread, which ones are, and plans made for it."""
+"""Uncertain values: their distributions, and plans that are robust to them."""
 
 from __future__ import annotations
 
 import dataclasses
 import math
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -45,13 +45,13 @@ class Distribution(Section):
             raise InputError("mean: not beside 'samples', which have their own")
 
     def about(self, value: float) -> Distribution:
-        """The same without reference to the scene, whose value is `value`: in its unit."""
+        """The distribution in the unit of the scene's value `value`, no longer relative to it."""
         unit = value if self.relative else 1.0
         mean = value if self.mean is None else unit * self.mean
         return self._times(unit, None if self.samples else mean)
 
     def scaled(self, unit: float) -> Distribution:
-        """The same in another unit, of which `unit` make up the one before."""
+        """The distribution in a unit that is smaller by the factor `unit`."""
         mean = None if self.mean is None else unit * self.mean
         return self._times(unit, mean, self.relative)
 
@@ -72,7 +72,7 @@ class Distribution(Section):
 
     @property
     def deviation(self) -> float:
-        """Its standard deviation."""
+        """Standard deviation of the distribution."""
         if self.uniform is not None:
             return self.uniform / math.sqrt(3.0)
         return float(np.std(self.samples)) if self.samples else self.normal or 0.0
@@ -86,24 +86,30 @@ class Distribution(Section):
         return self.expected - half, self.expected + half
 
 
+#: Lowest and highest share of the scene's own that a positive value may be.
+SHARES = (0.01, 100.0)
+#: The positive values, in the order of `Uncertainty`.
+SCALED = ("opening", "friction", "patch_radius", "mass", "inertia")
+
+
 @dataclasses.dataclass(frozen=True)
 class Parameter:
     """Rules of one uncertain value.
 
-    degrees: the file gives it in degrees, its key ends in `_deg`. scaled: a positive
-    value of the scene, which may be spread relative to it; possible are `SHARES` of it.
-    most: any other may be this far from the scene's value.
+    key: in files. degrees: files give it in degrees. scaled: a positive value of the scene, which
+    may be spread relative to it. most: the largest deviation from the scene's value of any other.
     """
 
+    key: str
     degrees: bool = False
     scaled: bool = False
     most: float = 0.0
 
-
-#: A positive value may be spread to these shares of the scene's own.
-SHARES = (0.01, 100.0)
-#: The positive values, in the order of `Uncertainty`.
-SCALED = ("opening", "friction", "patch_radius", "mass", "inertia")
+    def range(self, value: float) -> tuple[float, float]:
+        """Lowest and highest possible value, for the scene's own."""
+        if self.scaled:
+            return SHARES[0] * value, SHARES[1] * value
+        return value - self.most, value + self.most
 
 
 @dataclasses.dataclass(frozen=True)
@@ -115,6 +121,11 @@ class Uncertainty(Section):
     The errors of the hand's pose and twist are those as the force starts to fall. correlation
     is of the normal scores (a Gaussian copula).
     """
+
+    #: The values that may be uncertain, by name.
+    PARAMETERS: ClassVar[dict[str, Parameter]]
+    #: What a scene without [uncertainty] is swept under: the opening up to 10 ms early or late.
+    USUAL: ClassVar[Uncertainty]
 
     delay: Distribution | None = optional(
         "s, the gripper opens that much later than commanded; a known mean sends the command "
@@ -144,20 +155,17 @@ class Uncertainty(Section):
     @property
     def names(self) -> tuple[str, ...]:
         """The uncertain parameters."""
-        return tuple(name for name in UNCERTAIN_PARAMETERS if getattr(self, name) is not None)
+        return tuple(name for name in self.PARAMETERS if getattr(self, name) is not None)
 
     def check(self) -> None:
-        """Something is uncertain; relative only where that means something; correlations."""
+        """At least one value is uncertain; only positive ones are relative; correlations exist."""
         if not self.names:
-            raise InputError(
-                f"nothing is uncertain (known: {', '.join(map(file_key, UNCERTAIN_PARAMETERS))})"
-            )
+            known = ", ".join(one.key for one in self.PARAMETERS.values())
+            raise InputError(f"nothing is uncertain (known: {known})")
         for name in self.names:
-            if getattr(self, name).relative and not UNCERTAIN_PARAMETERS[name].scaled:
-                allowed = ", ".join(
-                    key for key, value in UNCERTAIN_PARAMETERS.items() if value.scaled
-                )
-                raise InputError(f"{file_key(name)}: relative: only for {allowed}")
+            if getattr(self, name).relative and not self.PARAMETERS[name].scaled:
+                allowed = ", ".join(key for key, value in self.PARAMETERS.items() if value.scaled)
+                raise InputError(f"{self.PARAMETERS[name].key}: relative: only for {allowed}")
         self._check_correlation()
 
     def _check_correlation(self) -> None:
@@ -165,11 +173,10 @@ class Uncertainty(Section):
         for one, other, value in self.correlation:
             for name in (one, other):
                 if name not in self.names:
-                    raise InputError(
-                        f"correlation: '{name}' is not uncertain here "
-                        f"(uncertain: {', '.join(map(file_key, self.names))})"
-                    )
-            pair = f"{file_key(one)} and {file_key(other)}"
+                    known = ", ".join(self.PARAMETERS[each].key for each in self.names)
+                    words = f"'{name}' is not uncertain here (uncertain: {known})"
+                    raise InputError(f"correlation: {words}")
+            pair = f"{self.PARAMETERS[one].key} and {self.PARAMETERS[other].key}"
             if one == other or frozenset((one, other)) in seen:
                 raise InputError(f"correlation of {pair}: give two different ones, and once")
             if not -1.0 < value < 1.0:
@@ -185,7 +192,26 @@ class Uncertainty(Section):
     @property
     def matrix(self) -> Array:
         """Correlation of the normal scores (P, P), in the order of `names`."""
-        return correlation_matrix(self.names, self.correlation)
+        return self.matrix_of(self.names, self.correlation)
+
+    @staticmethod
+    def matrix_of(names: Sequence[str], pairs: Iterable[tuple[str, str, float]]) -> Array:
+        """(P, P) of coefficients between some of P names; the others do not correlate."""
+        matrix = np.eye(len(names))
+        for one, other, value in pairs:
+            i, j = names.index(one), names.index(other)
+            matrix[i, j] = matrix[j, i] = value
+        return matrix
+
+    def table(self) -> dict[str, Any]:
+        """The table that `uncertainty_from` makes the section from."""
+        table = table_of(self)
+        if self.correlation:
+            table["correlation"] = [
+                [self.PARAMETERS[one].key, self.PARAMETERS[other].key, number]
+                for one, other, number in self.correlation
+            ]
+        return table
 
     def check_possible(
         self, values: Mapping[str, float], ranges: Mapping[str, tuple[float, float]]
@@ -196,57 +222,33 @@ class Uncertainty(Section):
             least, most = getattr(self, name).about(values[name]).reach
             if low <= least and most <= high:
                 continue
-            unit = math.degrees(1.0) if UNCERTAIN_PARAMETERS[name].degrees else 1.0
+            unit = math.degrees(1.0) if self.PARAMETERS[name].degrees else 1.0
             words = [f"{unit * value:.6g}" for value in (least, most, low, high)]
             reached = f"is {words[0]}" if least == most else f"reaches [{words[0]}, {words[1]}]"
             raise InputError(
-                f"{file_key(name)}: {reached}: must stay within [{words[2]}, {words[3]}]"
+                f"{self.PARAMETERS[name].key}: {reached}: must stay within [{words[2]}, {words[3]}]"
             )
 
 
-def correlation_matrix(names: Sequence[str], pairs: Iterable[tuple[str, str, float]]) -> Array:
-    """(P, P) of coefficients between some of P names; the others do not correlate."""
-    matrix = np.eye(len(names))
-    for one, other, value in pairs:
-        i, j = names.index(one), names.index(other)
-        matrix[i, j] = matrix[j, i] = value
-    return matrix
-
-
-#: The values that may be uncertain, by name.
-UNCERTAIN_PARAMETERS: dict[str, Parameter] = {
+Uncertainty.PARAMETERS = {
     field.name: Parameter(
-        field.metadata["degrees"], field.name in SCALED, field.metadata.get("most", 0.0)
+        section.file_key(field.name, field.metadata),
+        field.metadata["degrees"],
+        field.name in SCALED,
+        field.metadata.get("most", 0.0),
     )
     for field in dataclasses.fields(Uncertainty)
     if field.name != "correlation"
 }
-#: What a scene without [uncertainty] is swept under: the opening up to 10 ms early or late.
-USUAL_UNCERTAINTY = Uncertainty(delay=Distribution(uniform=0.010))
-
-
-def file_key(name: str) -> str:
-    """A parameter's key in a scene file."""
-    return section.file_key(name, {"degrees": UNCERTAIN_PARAMETERS[name].degrees})
+Uncertainty.USUAL = Uncertainty(delay=Distribution(uniform=0.010))
 
 
 def uncertainty_from(table: Mapping[str, Any]) -> Uncertainty:
     """The section [uncertainty] of a scene file; InputError naming the key."""
-    keys = {file_key(name): name for name in UNCERTAIN_PARAMETERS}
+    keys = {one.key: name for name, one in Uncertainty.PARAMETERS.items()}
     pairs = {k: _pairs(v, keys) for k, v in table.items() if k == "correlation"}
     found: Uncertainty = from_table(Uncertainty, {**table, **pairs})
     return found
-
-
-def uncertainty_table(uncertainty: Uncertainty) -> dict[str, Any]:
-    """The table that `uncertainty_from` makes the section from."""
-    table = table_of(uncertainty)
-    if uncertainty.correlation:
-        table["correlation"] = [
-            [file_key(one), file_key(other), number]
-            for one, other, number in uncertainty.correlation
-        ]
-    return table
 
 
 def _pairs(value: Any, keys: Mapping[str, str]) -> Any:
@@ -261,28 +263,27 @@ def _pairs(value: Any, keys: Mapping[str, str]) -> Any:
         ) from None
 
 
-#: On the command line: the methods that are recommended.
-QUIET = "quiet"
-ROBUST_METHODS = ("auto", QUIET, "scenarios", "stationary")
-#: For comparison: quiet as a constraint, and what others do.
-COMPARED_METHODS = ("quiet-exactly", "hand-velocity", "joint-velocity")
-
-
 @dataclasses.dataclass(frozen=True)
 class Robust(Section):
-    """A robust plan, for the delays of [uncertainty], or +-10 ms where that has none.
+    """A robust plan, for all of [uncertainty], or a delay of +-10 ms without it.
 
     method: 'quiet' (while the pads may open they transmit as little as can be), 'scenarios'
-    (several openings share the hand's motion and all land near the target), 'stationary'
-    (constant acceleration, the landing stationary in the delay), 'auto' (quiet, and
-    scenarios if a sweep finds that not sufficient); for comparison 'quiet-exactly' (as a
+    (several throws share the hand's motion and all land near the target), 'stationary'
+    (constant acceleration, the landing stationary in the delay), 'auto' (the best of these
+    and the plain throw by a sweep); for comparison 'quiet-exactly' (as a
     constraint), 'hand-velocity' and 'joint-velocity' (constant over the window).
     """
+
+    QUIET: ClassVar[str] = "quiet"
+    #: The methods of the command line.
+    METHODS: ClassVar[tuple[str, ...]] = ("auto", QUIET, "scenarios", "stationary")
+    #: Methods for comparison: quiet as a constraint, and those of other papers.
+    COMPARED: ClassVar[tuple[str, ...]] = ("quiet-exactly", "hand-velocity", "joint-velocity")
 
     method: str = quantity(
         "see [how it works](how-it-works.md#a-plan-that-forgives-timing); the last three are for "
         "comparison",
-        choices=ROBUST_METHODS + COMPARED_METHODS,
+        choices=METHODS + COMPARED,
         default="auto",
     )
     early: float | None = optional(

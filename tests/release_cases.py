@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from throwplan.models import Body, Contact, LinearRelease, Patch, Release, ReleaseCase
-from throwplan.models import Path as Motion
+from throwplan.models import Body, Contact, Trajectory
+from throwplan.models.release import LinearRelease, Release, ReleaseCase
+from throwplan.models.release.patch import Patch
 
 VALUES: dict[str, Any] = {
     name: case
@@ -30,7 +31,7 @@ def reference_case(name: str) -> ReleaseCase:
         Body(body["m"], body["I"], body["h"]),
         Contact(contact["mu"], contact["r"], contact["c"], contact["faces"]),
         LinearRelease(values["fN0"], 0.0, values["T"]),
-        Motion.accelerating(
+        Trajectory.accelerating(
             (0.0, 0.0, hand["theta0"]),
             (*hand["v0"], hand["omega0"]),
             (*hand["a"], hand["alpha"]),
@@ -92,5 +93,5 @@ def single(values: Values, i: int) -> ReleaseCase:
         Body(*(float(body[k][i]) for k in ("mass", "inertia", "com_offset"))),
         Contact(float(contact["friction"][i]), float(contact["patch_radius"][i]), 0.6, 2),
         LinearRelease(float(grip["force"][i]), 0.0, float(grip["opening"][i])),
-        Motion.accelerating(*(values["hand"][k][i] for k in ("pose", "twist", "acceleration"))),
+        Trajectory.accelerating(*(values["hand"][k][i] for k in ("pose", "twist", "acceleration"))),
     )

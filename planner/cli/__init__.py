@@ -12,17 +12,17 @@ import io
 import json
 import logging
 import os
-import signal
 import sys
 import warnings
 from collections.abc import Iterable, Sequence
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 
-from ...problems import InputError, hint_at
-from .common import DONE, WRONG_INPUT, Parser, Progress
+from ...core import CoreError
+from ...problems import InputError
+from .common import DONE, WRONG_INPUT, Interrupts, Parser, Progress
 
-#: What each does, and the arguments of an example.
+#: The help line of each command, and the arguments of an example.
 COMMANDS = {
     "scenes": ("list the built-in scenes", "--write cup"),
     "plan": ("plan a throw and check it", "cup --target 0.92 0.22 -90 --out out/cup"),
@@ -30,10 +30,6 @@ COMMANDS = {
     "map": ("show which landing poses are in reach", "pose --out out/map"),
     "prepare": ("solve throws all over the reach, for plans to start from", "pose --throws 5000"),
     "sweep": ("throw a plan many times under uncertainty", "delay --samples 10000 --out out/sweep"),
-    "report": (
-        "measure error against run time, stability, and what scenes leave out",
-        "--quick --out report",
-    ),
     "view": ("look at a plan in 3-D in the browser", "out/cup/plan.json"),
     "play": ("move the target on a page and see the throw follow", "cup"),
     "replay": ("throw a plan's release in MuJoCo", "out/cup/plan.json"),
@@ -58,24 +54,25 @@ COMMANDS = {
     ),
     "validate": ("compare release models on measured throws", "out/throws --out out/validation"),
 }
-#: Commands that share a file, where their functions' names carry theirs.
+#: Commands that share a file with another one: their functions carry the command's name.
 SHARED = {"correct": "run", "play": "view"} | dict.fromkeys(
     ("make-throws", "identify", "validate"), "measured"
 )
 
 
-#: Characters of a word of a message; most paths are shorter.
+#: Longest word of a message in characters; most paths are shorter.
 LONGEST = 160
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the command line; returns the exit status."""
     words = list(sys.argv[1:] if arguments is None else arguments)
+    interrupts = Interrupts()
     if arguments is None:
-        _settle()
+        _set_up_process(interrupts)
     try:
         try:
-            return _answered(words)
+            return _run_command(words, interrupts)
         finally:  # After --help and errors in JSON as well.
             sys.stdout.flush()
     except BrokenPipeError:
@@ -86,30 +83,35 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _refused(InputError(f"standard output: {error.strerror or error}"), words)
 
 
-def _answered(words: list[str]) -> int:
-    """Run the command line, up to what its standard output does not take."""
+def _run_command(words: list[str], interrupts: Interrupts) -> int:
+    """Run the command line; returns the exit status, and says why if it is not 0."""
     try:
-        with Progress("starting"):
-            parser = parser_of(words[:1])
-        options, unknown = parser.parse_known_args(words)
-        if unknown:
-            raise InputError(_unknown(options.parser, unknown[0]))
-        status: int = options.run(options)
-        return status
-    except InputError as error:
-        return _refused(error, words)
-    except KeyboardInterrupt:
-        print("throwplan: interrupted", file=sys.stderr)
-        return 130
-    except OSError as error:
-        # What no command looks for: a name that is too long.
-        if error.filename is None:
-            raise
-        return _refused(InputError(f"{error.filename}: {error.strerror or error}"), words)
+        return _run_uninterrupted(words)
+    except (Exception, KeyboardInterrupt) as error:
+        if interrupts.ended_by(error):
+            return interrupts.status("throwplan")
+        if isinstance(error, InputError | CoreError):
+            return _refused(error, words)
+        # Errors that no command expects, such as a file name that is too long.
+        if isinstance(error, OSError) and error.filename is not None:
+            return _refused(InputError(f"{error.filename}: {error.strerror or error}"), words)
+        raise
 
 
-def _refused(error: InputError, words: list[str]) -> int:
-    """Says what is wrong."""
+def _run_uninterrupted(words: list[str]) -> int:
+    """Run the command line; raises what ends it."""
+    with Progress("starting"):
+        parser = parser_of(words[:1])
+    options, unknown = parser.parse_known_args(words)
+    if unknown:
+        raise InputError(_unknown(options.parser, unknown[0]))
+    options.words = words
+    status: int = options.run(options)
+    return status
+
+
+def _refused(error: InputError | CoreError, words: list[str]) -> int:
+    """Print what is wrong."""
     lines = [_printable(line) for line in str(error).splitlines()]
     if "--json" in words:
         print(json.dumps({"error": "\n".join(lines)}))
@@ -119,39 +121,34 @@ def _refused(error: InputError, words: list[str]) -> int:
 
 
 def _no_output() -> None:
-    """What standard output still holds goes nowhere, so that its end fails no more."""
+    """Discard what standard output still holds, so that closing it does not fail again."""
     with contextlib.suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
-def _settle() -> None:
-    """A process of its own: it ends on any signal as on Ctrl-C, draws to files, prints anywhere."""
-    for name in ("SIGTERM", "SIGHUP"):
-        if hasattr(signal, name):
-            signal.signal(getattr(signal, name), signal.default_int_handler)
+def _set_up_process(interrupts: Interrupts) -> None:
+    """Set up a process of its own: signals end it as Ctrl-C does, pictures go to files."""
+    interrupts.listen()
     os.environ["MPLBACKEND"] = "agg"
-    # What numbers and pictures are made with warns nobody: what is wrong is said in our words.
+    # Warnings of libraries are hidden: commands print their own messages.
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     logging.getLogger("matplotlib").setLevel(logging.CRITICAL)
     for stream in (sys.stdout, sys.stderr):
         if isinstance(stream, io.TextIOWrapper):
-            # A terminal without a sign loses the sign, not the run.
+            # A terminal may lack a character: it is replaced.
             stream.reconfigure(errors="replace")
 
 
 def _printable(line: str) -> str:
-    """A line of a message, its long words shortened."""
-    words = " ".join(_short(word) for word in line.split())
+    """A line of a message with long words shortened."""
+    short = (w if len(w) <= LONGEST else f"{w[:LONGEST]}..." for w in line.split())
+    words = " ".join(short)
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in words)
 
 
-def _short(word: str) -> str:
-    return word if len(word) <= LONGEST else f"{word[:LONGEST]}..."
-
-
-def parser_of(chosen: Iterable[str] = COMMANDS) -> Parser:
-    """The parser of all commands; only those `chosen` know their arguments."""
+def parser_of(names: Iterable[str] = COMMANDS) -> Parser:
+    """The parser of all commands; only those in `names` get their arguments."""
     parser = Parser(
         prog="throwplan", description="Plan throws to a landing pose through the gripper's release."
     )
@@ -168,13 +165,13 @@ def parser_of(chosen: Iterable[str] = COMMANDS) -> Parser:
             description=f"{words[0].upper()}{words[1:]}.",
             epilog=f"example: throwplan {name} {example}",
         )
-        if name in chosen:
+        if name in names:
             _add_arguments(command, name)
     return parser
 
 
 def _add_arguments(parser: argparse.ArgumentParser, name: str) -> None:
-    """What the command's file adds to its parser."""
+    """Add the command's own arguments to its parser."""
     word = name.replace("-", "_")
     file = import_module(f".{SHARED.get(name, word)}", __name__)
     before, after = (f"{word}_", f"_{word}") if name in SHARED else ("", "")
@@ -184,8 +181,8 @@ def _add_arguments(parser: argparse.ArgumentParser, name: str) -> None:
 
 
 def _unknown(parser: argparse.ArgumentParser, word: str) -> str:
-    """A word that a command does not take, and the nearest option that it does."""
-    hint = hint_at(word, parser._option_string_actions)
+    """The message for an unknown word, with the most similar option."""
+    hint = InputError.hint(word, parser._option_string_actions)
     return f"unknown argument {word}{hint} (see '{parser.prog} --help')"
 
 

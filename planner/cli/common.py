@@ -1,4 +1,4 @@
-"""What the commands share: their parser, options, progress and answers."""
+"""Shared by the commands: parser, options, progress, printed results."""
 
 from __future__ import annotations
 
@@ -7,31 +7,65 @@ import dataclasses
 import json
 import math
 import re
+import signal
 import sys
 import threading
 import time
 from collections.abc import Callable
+from types import FrameType
 from typing import Any, NoReturn
 
 from ...problems import InputError, Pose, Scene
 
 #: A parser's `add_argument`.
 Add = Callable[..., argparse.Action]
-#: A line of progress counts its seconds as often [s].
+#: Interval [s] at which a line of progress counts seconds.
 COUNT = 1.0
+#: Exit statuses.
 DONE, WRONG_INPUT, NO_THROW, INTERRUPTED = 0, 2, 3, 130
 
 
+class Interrupts:
+    """A signal handler that ends a command by a KeyboardInterrupt, and remembers it.
+
+    The C code of a library may replace the KeyboardInterrupt by an error of its own.
+    """
+
+    came = False
+
+    def __call__(self, number: int, frame: FrameType | None) -> None:
+        """Raise KeyboardInterrupt."""
+        self.came = True
+        raise KeyboardInterrupt
+
+    def listen(self) -> None:
+        """Treat all signals that end a process as Ctrl-C from now on."""
+        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
+            kind = getattr(signal, name, None)
+            # A signal that the shell ignores, as under nohup, stays ignored.
+            if kind is not None and signal.getsignal(kind) is not signal.SIG_IGN:
+                signal.signal(kind, self)
+
+    def ended_by(self, error: BaseException) -> bool:
+        """Whether a signal caused the error."""
+        return self.came or isinstance(error, KeyboardInterrupt)
+
+    def status(self, program: str) -> int:
+        """Print that the program was interrupted; returns its exit status."""
+        print(f"{program}: interrupted", file=sys.stderr)
+        return INTERRUPTED
+
+
 class Parser(argparse.ArgumentParser):
-    """Wrong arguments as one line, like every other wrong input; no abbreviations."""
+    """A parser without abbreviations whose errors are one line, as for any wrong input."""
 
     def __init__(self, **options: Any) -> None:
         super().__init__(allow_abbrev=False, **options)
-        # Numbers with an exponent are no options.
+        # Negative numbers with an exponent are values, not options.
         self._negative_number_matcher = re.compile(r"-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$", re.I)
 
     def error(self, message: str) -> NoReturn:
-        """Wrong arguments are wrong input."""
+        """Raise InputError for wrong arguments."""
         words = re.sub(r"^argument (-\S+): (.*: must )", r"\1 \2", message)
         raise InputError(f"{words} (see '{self.prog} --help')")
 
@@ -52,7 +86,7 @@ def add_data(add: Add) -> None:
 
 
 def add_words(add: Add, option: str, metavar: str, what: str) -> None:
-    """An option that takes words, and may be given again for more of them."""
+    """An option that takes words and may be repeated."""
     add(option, nargs="+", action="extend", default=[], metavar=metavar, help=what)
 
 
@@ -86,7 +120,7 @@ def add_target(add: Add) -> None:
 
 
 def target_of(scene: Scene, options: argparse.Namespace) -> Pose | None:
-    """The target that the options of `add_target` ask for, None for the scene's own."""
+    """The target of the options of `add_target`, None for the scene's own."""
     given, azimuth, target = options.target, options.azimuth, scene.target
     velocity, arrival = options.velocity, options.arrival
     if given is azimuth is velocity is arrival is None:
@@ -118,10 +152,10 @@ def target_of(scene: Scene, options: argparse.Namespace) -> Pose | None:
     return dataclasses.replace(target, x=x * math.cos(turn), y=x * math.sin(turn))
 
 
-# What options take, for argparse, which puts the option's name before the message.
+# Types of options, for argparse, which puts the option's name before the message.
 
 
-def whole(low: int | None = None, high: int | None = None) -> Callable[[str], int]:
+def integer(low: int | None = None, high: int | None = None) -> Callable[[str], int]:
     """A whole number from `low` to `high`, if they are given."""
 
     def value(word: str) -> int:
@@ -160,31 +194,31 @@ def number(
     return value
 
 
-def answer(options: argparse.Namespace, result: object, text: str) -> None:
-    """The command's result on stdout: `result` as JSON if asked for, `text` for people if not."""
+def print_result(options: argparse.Namespace, result: object, text: str) -> None:
+    """Print the command's result: `result` as JSON with --json, else `text`."""
     print(json.dumps(result, indent=2, allow_nan=False) if options.json else text)
 
 
 def written(options: argparse.Namespace) -> str:
-    """A last line of the text that says where --out went."""
+    """A last line of the text that names the folder of --out."""
     return "" if options.out is None else f"\n  written to {options.out}"
 
 
 def notes(scene: Scene) -> str:
-    """Lines for what the scene leaves out and what is taken instead."""
+    """Lines about defaults that stand for what the scene leaves out."""
     return "".join(f"\n  note: {words}" for words in scene.notes)
 
 
-def say(words: str) -> None:
-    """A step of the work, on a terminal's stderr."""
+def report_step(words: str) -> None:
+    """Print a step of the work on stderr, if that is a terminal."""
     if sys.stderr.isatty():
         print(words, file=sys.stderr)
 
 
 class Progress:
-    """A line on a terminal's stderr: how far long work is, and the seconds left.
+    """A line on a terminal's stderr: share of the work done, and the seconds left.
 
-    While the line stays as it is, it counts the seconds.
+    While the line does not change, it counts seconds.
     """
 
     def __init__(self, name: str = "", unit: str = "throws") -> None:
@@ -194,17 +228,17 @@ class Progress:
         self._counting = threading.Thread(target=self._count, daemon=True)
 
     def __call__(self, done: int, total: int) -> None:
-        """Show that `done` of `total` are done."""
+        """Show `done` of `total`."""
         words = f"{self._name}: {done:,} of {total:,} {self._unit}, {100 * done / total:.0f} %"
         now = time.perf_counter()
-        # The time before the first call is start-up and says nothing about the rest.
+        # The time before the first call is start-up: it does not count.
         started, before = self._first = self._first or (now, done)
         if done > before:
             words += f", {(now - started) * (total - done) / (done - before):.0f} s left"
         self._show(words)
 
     def about(self, name: str) -> Callable[[int, int], None]:
-        """Begin other work, called `name`."""
+        """Begin other work called `name`; returns the progress of it."""
         self._name, self._first = name, None
         self._show(name)
         return self

@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 
 from ..robot import export
-from .common import DONE, Add, Progress, add_plan, answer, number
+from .common import DONE, Add, Progress, add_plan, number, print_result
 
 
 def arguments(add: Add) -> None:
@@ -19,7 +19,7 @@ def arguments(add: Add) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Writes the formats that are asked for."""
+    """Write the requested formats."""
     with Progress("writing the plan for controllers"):
         motion = export(
             options.plan,
@@ -42,5 +42,5 @@ def run(options: argparse.Namespace) -> int:
         f"{throw.command_time:.3f} s after the first"
     ]
     lines += [f"  written to {name}" for name in (options.franka, options.ros) if name]
-    answer(options, result, "\n".join(lines))
+    print_result(options, result, "\n".join(lines))
     return DONE

@@ -5,26 +5,33 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import math
+import shlex
 from pathlib import Path
 from typing import Any
 
-from ...models import Arm
-from ...problems import InputError, arm_from, arm_text, copy_out, toml_tables
+from ...models.robot import Arm
+from ...problems import InputError
+from ...problems.files import copy_out
 from ...problems.urdf import (
     AXES,
     EXACT,
     LIMIT_OPTIONS,
     STATES,
     Choices,
+    LinkShapes,
+    MissingOptionError,
     UrdfChain,
+    arm_file,
     arm_of,
     chain_of,
     held_joints,
     kinematics_difference,
     limits_of,
+    link_shapes,
     read_urdf,
+    urdf_file,
 )
-from .common import DONE, Add, Progress, add_force, answer, number
+from .common import DONE, Add, Progress, add_force, number, print_result
 
 LIMIT_UNITS = {"velocity": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3", "torque": "N m"}
 
@@ -66,7 +73,7 @@ def arguments(add: Add) -> None:
 
 
 def _motion_arguments(add: Add) -> None:
-    """The options on joints: what they do in a throw, and their limits."""
+    """The options on joints: their task in a throw, and their limits."""
     add("--azimuth", metavar="J", help="joint that turns the plane (the first)")
     add(
         "--throwing",
@@ -94,7 +101,7 @@ def _motion_arguments(add: Add) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Reads the URDF, checks the arm that comes of it, writes and prints."""
+    """Read the URDF, check the arm, write and print it."""
     out, urdf = Path(options.out), Path(options.urdf)
     if out.suffix != ".toml":
         raise InputError(f"--out {out}: must end in .toml")
@@ -105,15 +112,14 @@ def run(options: argparse.Namespace) -> int:
     with Progress(f"{urdf}: reading"):
         robot = read_urdf(urdf)
         try:
-            ends = options.tool, options.base, options.approach, options.closing, options.azimuth
-            chain = chain_of(robot, options.joints, *ends)
-            options.joints, held = list(chain.names), held_joints(chain)
+            options, chain = _completed(options, robot)
             limits, choices = limits_of(chain, _given_limits(options)), _choices(options, chain)
-            drawn = arm_of(chain, limits, choices)
+            drawn, held = arm_of(chain, limits, choices), held_joints(chain)
+            shapes = link_shapes(chain, urdf_file(urdf))
+            drawn = dataclasses.replace(drawn, capsules=shapes.capsules, cover=shapes.cover)
         except InputError as error:
             raise error.within(str(urdf)) from None
-        text = arm_text(drawn, _remarks(chain, urdf, held))
-        arm = arm_from(toml_tables(text, str(out)))
+        text, arm = arm_file(drawn, _remarks(chain, urdf, held, shapes), str(out))
         difference = kinematics_difference(arm, chain)
     if not difference <= EXACT:
         raise InputError(
@@ -121,15 +127,54 @@ def run(options: argparse.Namespace) -> int:
         )
     copy_out(text, out, force=options.force)
     found = _found(options, arm, chain, held) | {"states": STATES, "difference": difference}
-    answer(options, found, _text(options, found))
+    found |= {"capsules": len(arm.capsules), "cover": arm.cover, "unread": list(shapes.unread)}
+    print_result(options, found, _text(options, found))
     return DONE
 
 
+def _completed(options: argparse.Namespace, robot: Any) -> tuple[argparse.Namespace, UrdfChain]:
+    """The options with the joints' names, and the chain of these joints.
+
+    InputError with all that is missing and the command line that has it, with values to try.
+    """
+    missing = list[MissingOptionError]()
+    while True:
+        ends = options.tool, options.base, options.approach, options.closing, options.azimuth
+        try:
+            chain = chain_of(robot, options.joints, *ends)
+            named = argparse.Namespace(**vars(options) | {"joints": list(chain.names)})
+            limits_of(chain, _given_limits(named))
+            break
+        except MissingOptionError as error:
+            missing.append(error)
+            values = {_name(option): _values(option, v) for option, v in error.proposals.items()}
+            options = argparse.Namespace(**vars(options) | values)
+    if missing:
+        words = ["throwplan", *(word for word in options.words if word != "--json")]
+        for option, given in (item for error in missing for item in error.proposals.items()):
+            alone = len(given) == 1 and given[0].startswith("-")
+            words += [f"{option}={given[0]}"] if alone else [option, *given]
+        proposal = f"with values to try: {shlex.join(words)}"
+        raise InputError(*(str(error) for error in missing), proposal)
+    return named, chain
+
+
+def _name(option: str) -> str:
+    return option[2:].replace("-", "_")
+
+
+def _values(option: str, words: list[str]) -> str | list[float | None]:
+    """An option's words as they are parsed."""
+    if option not in LIMIT_OPTIONS.values():
+        return words[0]
+    return [None if word == "-" else float(word) for word in words]
+
+
 def _given_limits(options: argparse.Namespace) -> dict[str, list[float | None]]:
-    """The limits that options give, per joint, in SI units."""
+    """Limits from the options, per joint, in SI units."""
     given: dict[str, list[float | None]] = {}
     for name, option in LIMIT_OPTIONS.items():
-        words = getattr(options, option[2:].replace("-", "_"))
+        words = getattr(options, _name(option))
         if words is None:
             continue
         unit = math.radians(1.0) if name.startswith("position") else 1.0
@@ -146,7 +191,7 @@ def _check_count(options: argparse.Namespace, option: str, values: list[Any]) ->
 
 
 def _choices(options: argparse.Namespace, chain: UrdfChain) -> Choices:
-    """What the options say of the hand and of the joints' parts."""
+    """Choices of the options about hand and joints."""
     if options.posture_deg:
         _check_count(options, "--posture-deg", options.posture_deg)
     if options.palm is not None:
@@ -163,17 +208,20 @@ def _choices(options: argparse.Namespace, chain: UrdfChain) -> Choices:
     )
 
 
-def _remarks(chain: UrdfChain, urdf: Path, held: list[str]) -> list[str]:
-    """What the file says of where it comes from."""
+def _remarks(chain: UrdfChain, urdf: Path, held: list[str], shapes: LinkShapes) -> list[str]:
+    """Remarks at the head of the file about its origin."""
     remarks = [f"Made by 'throwplan import-robot' from {urdf.name}.", f"Base link: {chain.base}"]
     remarks[1] += f"{_moved(chain.origin)}; hand: {chain.tool}."
-    return remarks + ([f"Held at 0: {', '.join(held)}."] if held else [])
+    if held:
+        remarks.append(f"Held at 0: {', '.join(held)}.")
+    unread = f"; no mesh was read of {', '.join(shapes.unread)}" if shapes.unread else ""
+    return [*remarks, f"Capsules: around the meshes of the links{unread}."]
 
 
 def _found(
     options: argparse.Namespace, arm: Arm, chain: UrdfChain, held: list[str]
 ) -> dict[str, Any]:
-    """What was made of the robot, for JSON."""
+    """The arm as JSON."""
     names = dict(enumerate(chain.names, start=1))
     return {
         "out": str(options.out),
@@ -199,21 +247,21 @@ def _approach_of(chain: UrdfChain) -> str:
 
 
 def _moved(origin: Any) -> str:
-    """Where the base frame is moved to, in words; nothing where it is not."""
+    """The shift of the base frame in words; empty without one."""
     x, y = (round(value, 4) + 0.0 for value in origin[:2])
     return f" moved to x {x:.4f}, y {y:.4f} m" if x or y else ""
 
 
 def _text(options: argparse.Namespace, found: dict[str, Any]) -> str:
-    """The same for people."""
-    mass, kept = found["mass"], " ".join(f"{angle:.6g}" for angle in found["posture_deg"])
+    """The arm as lines for people."""
+    mass, angles = found["mass"], " ".join(f"{angle:.6g}" for angle in found["posture_deg"])
     lines = [
         f"{found['name']}: written to {options.out}; a scene takes it by [robot] arm = "
         f'"{Path(options.out).name}"',
         f"  base {found['base']}{_moved(found['origin'])}, hand {found['tool']}, "
         f"{found['approach']} points out of it, pads' centre {options.tcp:g} m beyond (--tcp)",
         f"  {found['azimuth']} turns the plane, {', '.join(found['throwing'])} throw",
-        f"  posture {kept} deg",
+        f"  posture {angles} deg",
     ]
     if found["lateral"]:
         lines.append(f"  the throw's plane is {found['lateral']:.4g} m beside the base's z axis")
@@ -221,9 +269,25 @@ def _text(options: argparse.Namespace, found: dict[str, Any]) -> str:
         lines.append(f"  held at 0: {', '.join(found['held'])}")
     if options.palm is None:
         lines.append("  no --palm: nothing keeps the bar off the hand's body")
+    lines += _shapes_text(found)
     lines.append(f"  moved mass {mass:.4g} kg" if mass is not None else "  no masses in the URDF")
     lines.append(
         f"  kinematics at {found['states']} random states: at most {found['difference']:.1e} "
         "off yourdfpy's"
     )
     return "\n".join(lines)
+
+
+def _shapes_text(found: dict[str, Any]) -> list[str]:
+    """Lines about the links' shapes, and about links without one."""
+    words = "no shapes of links in the URDF: without [[capsules]] the arm meets nothing"
+    if found["capsules"]:
+        words = (
+            f"shapes: {found['capsules']} capsules, out of which the links' meshes stick by at "
+            f"most {1e3 * found['cover']:.3g} mm (cover)"
+        )
+    lines = [f"  {words}"]
+    if found["unread"]:
+        links = ", ".join(found["unread"])
+        lines.append(f"  meshes not read: {links}: these links have no shape, cover not measured")
+    return lines

@@ -7,9 +7,10 @@ import json
 import sys
 from pathlib import Path
 
-from ...problems import load_scene, prepare_folder
-from ..check import make_mover
+from ...problems import load_scene
+from ...problems.files import prepare_folder
 from ..reach import MAP_FILES, MOST, check_map, reach_map
+from ..throw import make_manipulator
 from .common import (
     DONE,
     NO_THROW,
@@ -17,10 +18,10 @@ from .common import (
     Progress,
     add_out,
     add_scene,
-    answer,
+    integer,
     notes,
     number,
-    whole,
+    print_result,
     written,
 )
 
@@ -30,17 +31,17 @@ def arguments(add: Add) -> None:
     add_scene(add)
     add("--z", type=number(), metavar="Z", help="height of the landing (default: the target's)")
     words = "sampled states (default: 200000)"
-    add("--samples", type=whole(1, MOST), metavar="N", default=200_000, help=words)
+    add("--samples", type=integer(1, MOST), metavar="N", default=200_000, help=words)
     add_out(add, "map.png and map.npz")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Maps, writes and prints."""
+    """Compute the map, write and print it."""
     z, samples = options.z, options.samples
     check_map(z, samples, "--")
     scene = load_scene(options.scene)
-    # A scene that cannot be planned is refused before a folder is made.
-    make_mover(scene)
+    # Refuse a scene that cannot be planned before making a folder.
+    make_manipulator(scene)
     if options.out is not None:
         prepare_folder(Path(options.out), MAP_FILES)
     with Progress(scene.name) as progress:
@@ -54,5 +55,5 @@ def run(options: argparse.Namespace) -> int:
     if options.out is not None:
         with Progress(f"{scene.name}: writing {options.out}"):
             file = found.save(options.out)
-    answer(options, found.to_dict(file), found.summary() + notes(scene) + written(options))
+    print_result(options, found.to_dict(file), found.summary() + notes(scene) + written(options))
     return DONE

@@ -9,39 +9,25 @@ import time
 from pathlib import Path
 from typing import Any
 
-from ...models import IDENTIFIED, MODELS, STEPPED_SURFACE
-from ...problems import (
-    THROW_DATA_FILES,
-    InputError,
-    ThrowData,
-    load_scene,
-    load_throws,
-    prepare_folder,
-    read_text,
-    toml_tables,
-    write_throws,
-)
+from ...models.release import MODELS, SLIDING_PIVOT, STEPPED_SURFACE
+from ...problems import InputError, load_scene
+from ...problems.files import prepare_folder, read_text, toml_tables
+from ...problems.throws import THROW_DATA_FILES, ThrowData, load_throws, write_throws
 from ..identify import (
     IDENTIFY_FILES,
     PAPER_MODELS,
-    SURFACE,
-    UNKNOWNS,
     VALIDATION_FILES,
-    Flown,
-    Identified,
-    Making,
-    Noise,
     as_dict,
     as_text,
     check_model,
     identify,
-    make_throws,
-    object_names,
+    one_surface,
     save_identified,
     save_validation,
-    usual_surface,
+    summary_of,
     validate,
 )
+from ..identify.synthetic import Flown, Noise, SynthesisConfig, make_throws, object_names
 from .common import (
     DONE,
     Add,
@@ -49,22 +35,24 @@ from .common import (
     add_data,
     add_out,
     add_words,
-    answer,
+    integer,
     number,
-    whole,
+    print_result,
     written,
 )
 
-#: Stiffness of the bristles unless told otherwise [1/m].
+#: Default stiffness [1/m] of the bristles.
 SOFT = 1e6
 MOST_THROWS = 1_000_000
+#: The models of `--model all`.
+FITTED = ("ls", SLIDING_PIVOT, STEPPED_SURFACE)
 
 
 def make_throws_arguments(add: Add) -> None:
     """The options of `throwplan make-throws`."""
     words = "of the noise (default: 1)"
-    add("--seed", type=whole(0, 2**32 - 1), metavar="N", default=1, help=words)
-    laws = "what lets go of the bar: a rigid meshed patch (default) or LuGre bristles"
+    add("--seed", type=integer(0, 2**32 - 1), metavar="N", default=1, help=words)
+    laws = "true release law: a rigid meshed patch (default) or LuGre bristles"
     add("--truth", choices=("patch", "lugre"), default="patch", help=laws)
     words = "of LuGre's bristles, 1/m (default: 1e6)"
     add("--stiffness", type=number(1e3, 1e9), metavar="NUMBER", help=words)
@@ -73,22 +61,22 @@ def make_throws_arguments(add: Add) -> None:
     words = "true patch radius, m (default: 0.0031)"
     add("--patch-radius", type=number(1e-4, 0.05), metavar="NUMBER", default=0.0031, help=words)
     words = "throws per condition (default: 5)"
-    add("--repeats", type=whole(1, 100), metavar="N", default=5, help=words)
-    add("--no-noise", action="store_true", help="all repeats alike, exact")
+    add("--repeats", type=integer(1, 100), metavar="N", default=5, help=words)
+    add("--no-noise", action="store_true", help="no scatter, exact measurements")
     add("--factors", action="store_true", help="and throws that vary surface, payload, inertia")
     add_out(add, "dataset.toml, throws.csv and the recordings (needed)")
 
 
 def run_make_throws(options: argparse.Namespace) -> int:
-    """Makes the throws, writes them and prints their ranges."""
+    """Make the throws, write them, print their ranges."""
     started = time.perf_counter()
-    making = _making(options)
+    config = _synthesis(options)
     if options.out is None:
         raise InputError("--out: needs a folder's name")
     folder = Path(options.out)
     _check_place(folder)
     with Progress("make-throws") as progress:
-        data, flown = make_throws(making, progress)
+        data, flown = make_throws(config, progress)
     write_throws(data, folder, object_names())
     found = _ranges(data, flown) | {"seconds": round(time.perf_counter() - started, 1)}
     x, theta, flight = (
@@ -104,7 +92,7 @@ def run_make_throws(options: argparse.Namespace) -> int:
         f"  flight time of the batch: {flight['mean']:.3f} s, standard deviation "
         f"{flight['std']:.3f} s; made in {found['seconds']:.0f} s"
     )
-    answer(options, {"folder": str(folder)} | found, text)
+    print_result(options, {"folder": str(folder)} | found, text)
     return DONE
 
 
@@ -112,27 +100,27 @@ def identify_arguments(add: Add) -> None:
     """The options of `throwplan identify`."""
     add_data(add)
     words = f"release model (default: the prior's, or {STEPPED_SURFACE}), or all: "
-    words += ", ".join(IDENTIFIED)
+    words += ", ".join(FITTED)
     add("--model", default="", metavar="NAME", help=words)
     add("--no-grid", action="store_true", help="only the fit, not the 20 x 20 grid")
     add("--delay", action="store_true", help="fit a delay of the opening, too")
     add("--grip-scale", action="store_true", help="and the grip force's scale")
     add("--prior", metavar="SCENE", help="its [contact] and [uncertainty]")
-    add("--throws", type=whole(1, MOST_THROWS), metavar="N", help="only the first N throws")
+    add("--throws", type=integer(1, MOST_THROWS), metavar="N", help="only the first N throws")
     add_words(add, "--only", "FACTOR=LABEL", "only throws with this label")
     add_out(add, "identify.json, contact.toml, the grids and pictures")
 
 
 def run_identify(options: argparse.Namespace) -> int:
-    """Fits each model, writes and prints."""
-    models: tuple[str, ...] = IDENTIFIED if options.model == "all" else (options.model,)
+    """Fit each model, write and print."""
+    models: tuple[str, ...] = FITTED if options.model == "all" else (options.model,)
     if options.no_grid and len(models) > 1:
-        # One that chatters has a grid only.
-        models = tuple(model for model in models if not MODELS[model].chatters)
+        # A model that does not converge has a grid only.
+        models = tuple(model for model in models if not MODELS[model].nonconvergent)
     for model in filter(None, models):
         check_model(model)
     with Progress(f"{options.data}: reading"):
-        data = _chosen(load_throws(options.data), options)
+        data = _selected(load_throws(options.data), options)
     prior = None if options.prior is None else load_scene(options.prior)
     if options.out is not None:
         prepare_folder(Path(options.out), IDENTIFY_FILES)
@@ -152,7 +140,11 @@ def run_identify(options: argparse.Namespace) -> int:
     if options.out is not None:
         with Progress(f"{data.name}: writing {options.out}"):
             save_identified(found, Path(options.out))
-    answer(options, [one.to_dict() for one in found], _text(found, options.out))
+    text = summary_of(found)
+    if options.out is not None:
+        text += f"{written(options)}; contact.toml is for a scene, in place of its [contact] and "
+        text += "[uncertainty]"
+    print_result(options, [one.to_dict() for one in found], text)
     return DONE
 
 
@@ -167,7 +159,7 @@ def validate_arguments(add: Add) -> None:
 
 
 def run_validate(options: argparse.Namespace) -> int:
-    """Compares, writes and prints."""
+    """Compare, write and print."""
     models = PAPER_MODELS if options.models is None else _models(options.models)
     with Progress(f"{options.data}: reading"):
         data = load_throws(options.data)
@@ -179,16 +171,16 @@ def run_validate(options: argparse.Namespace) -> int:
         with Progress(f"{data.name}: writing {options.out}"):
             save_validation(found, Path(options.out))
     text = f"{as_text(found)}\n\n{found.seconds:.0f} s" + written(options)
-    answer(options, as_dict(found), text)
+    print_result(options, as_dict(found), text)
     return DONE
 
 
-def _making(options: argparse.Namespace) -> Making:
-    """What the options ask for."""
+def _synthesis(options: argparse.Namespace) -> SynthesisConfig:
+    """The settings of the options."""
     lugre = options.truth == "lugre"
     if options.stiffness is not None and not lugre:
         raise InputError("--stiffness: only with --truth lugre")
-    return Making(
+    return SynthesisConfig(
         stiffness=options.stiffness or SOFT if lugre else None,
         friction=options.friction,
         patch_radius=options.patch_radius,
@@ -204,10 +196,10 @@ def _check_place(folder: Path) -> None:
     prepare_folder(folder)
     if not folder.is_dir():
         return
-    held = sorted(path.name for path in folder.iterdir())
-    if not held:
+    names = sorted(path.name for path in folder.iterdir())
+    if not names:
         return
-    other = [name for name in held if name not in THROW_DATA_FILES]
+    other = [name for name in names if name not in THROW_DATA_FILES]
     if other:
         raise InputError(f"--out {folder}: holds {other[0]}, not overwritten; name a new folder")
     head = folder / "dataset.toml"
@@ -234,8 +226,8 @@ def _ranges(data: ThrowData, flown: list[Flown]) -> dict[str, Any]:
     }
 
 
-def _chosen(data: ThrowData, options: argparse.Namespace) -> ThrowData:
-    """The throws that the options ask for; of several surfaces those on the usual one."""
+def _selected(data: ThrowData, options: argparse.Namespace) -> ThrowData:
+    """The throws of the options; of several surfaces those on the most frequent one."""
     numbers = list(range(len(data.throws)))
     for word in options.only:
         name, found, label = word.partition("=")
@@ -249,27 +241,7 @@ def _chosen(data: ThrowData, options: argparse.Namespace) -> ThrowData:
     numbers = numbers[: options.throws]
     if not numbers:
         raise InputError(f"--only {' '.join(options.only)}: no throw has all these labels")
-    chosen = data.picked(numbers)
-    return chosen.picked(usual_surface(chosen))
-
-
-def _text(found: list[Identified], out: str | None) -> str:
-    """The data's own lines, then what each model found."""
-    data = found[0].data
-    surface = data.factors.get(SURFACE, [""])[0]
-    lines = [f"{data.name}: {len(data.throws)} throws" + (f" on {surface}" if surface else "")]
-    if {"friction", "patch_radius"} <= set(data.truth):
-        known = [f"{name} {data.truth[name]:g}" for name in UNKNOWNS if name in data.truth]
-        product = data.truth["friction"] * data.truth["patch_radius"]
-        lines.append(f"  truth: {', '.join(known)}; mu r_p {1e3 * product:.4g} mm")
-    lines += [one.summary() for one in found]
-    lines += [f"  note: {words}" for words in data.notes]
-    if out is not None:
-        lines.append(
-            f"  written to {out}; contact.toml is for a scene, "
-            "in place of its [contact] and [uncertainty]"
-        )
-    return "\n".join(lines)
+    return one_surface(data.picked(numbers))
 
 
 def _models(words: str) -> tuple[str, ...]:

@@ -6,8 +6,9 @@ import argparse
 import sys
 from pathlib import Path
 
-from ...problems import ROBUST_METHODS, load_scene, prepare_folder
-from ..plan import MOST_ALTERNATIVES, Planner
+from ...problems import Robust, load_scene
+from ...problems.files import prepare_folder
+from ..planner import MOST_ALTERNATIVES, Planner
 from .common import (
     DONE,
     NO_THROW,
@@ -17,9 +18,9 @@ from .common import (
     add_patience,
     add_scene,
     add_target,
-    answer,
+    integer,
+    print_result,
     target_of,
-    whole,
     written,
 )
 
@@ -42,18 +43,18 @@ def arguments(add: Add) -> None:
     )
     add(
         "--robust",
-        choices=ROBUST_METHODS,
-        help="bear the scene's [uncertainty] (an opening 10 ms early or late without one)",
+        choices=Robust.METHODS,
+        help="bear all of the scene's [uncertainty] (without one: an opening 10 ms early or late)",
     )
     words = "list up to N more throws that differ from the plan's"
-    most = whole(0, MOST_ALTERNATIVES)
+    most = integer(0, MOST_ALTERNATIVES)
     add("--alternatives", type=most, metavar="N", default=0, help=words)
-    add_patience(add, "3 s; 20 s for several or robust ones")
+    add_patience(add, "3 s; 6 s for a robust one, 20 s for several")
     add_out(add, "plan.json, motion.csv, throw.png and throw.gif")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Plans, writes and prints."""
+    """Plan, write and print."""
     scene = load_scene(options.scene)
     target, alternatives = target_of(scene, options), options.alternatives
     with Progress(f"{scene.name}: building the problem"):
@@ -76,7 +77,7 @@ def run(options: argparse.Namespace) -> int:
     text = plan.summary() + written(options)
     if plan.solved and len(plan.alternatives) < alternatives:
         text += f"\n  no more of {alternatives} alternatives: other starts lead to the same throws"
-    answer(options, plan.to_dict(), text)
+    print_result(options, plan.to_dict(), text)
     if plan.solved:
         return DONE
     print(f"throwplan: {plan.message}", file=sys.stderr)

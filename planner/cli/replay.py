@@ -5,10 +5,10 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from ...problems import prepare_folder
+from ...problems.files import prepare_folder
 from ..result import read_plan
 from ..robot import load_mujoco, replay
-from .common import DONE, Add, Progress, add_out, add_plan, answer, number, written
+from .common import DONE, Add, Progress, add_out, add_plan, number, print_result, written
 
 
 def arguments(add: Add) -> None:
@@ -20,7 +20,7 @@ def arguments(add: Add) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Throws, writes and prints."""
+    """Throw, write and print."""
     load_mujoco()
     if options.out is not None:
         prepare_folder(Path(options.out))
@@ -31,5 +31,5 @@ def run(options: argparse.Namespace) -> int:
         if options.out is not None:
             progress.about(f"{throw.scene.name}: writing {options.out}")
             result.save(options.out)
-    answer(options, result.to_dict(), result.summary() + written(options))
+    print_result(options, result.to_dict(), result.summary() + written(options))
     return DONE

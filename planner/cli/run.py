@@ -1,4 +1,4 @@
-"""`throwplan run`: a plan on a Franka robot; `throwplan correct`: what to send next."""
+"""`throwplan run`: a plan on a Franka robot; `throwplan correct`: the next motion to send."""
 
 from __future__ import annotations
 
@@ -9,12 +9,13 @@ from collections.abc import Callable
 from itertools import islice
 from pathlib import Path
 
-from ...problems import InputError, filling, prepare_folder
-from ..check import TICK
+from ...problems import InputError
+from ...problems.files import filling, prepare_folder
 from ..robot import (
     FRANKA_FILES,
     JointMotion,
     approach,
+    check_arm,
     connected,
     corrected,
     joint_motion,
@@ -23,9 +24,11 @@ from ..robot import (
     throws,
     write_franka,
 )
-from .common import DONE, Add, add_out, add_plan, answer, say, whole, written
+from ..throw import TICK
+from ..verdict import outside_tolerance
+from .common import DONE, Add, add_out, add_plan, integer, print_result, report_step, written
 
-#: Of one throw, and of the first, second, ... of several.
+#: File of the recording of one throw, and of each of several.
 RECORDING, RECORDINGS = "run.csv", "run{}.csv"
 
 
@@ -35,38 +38,39 @@ def arguments(add: Add) -> None:
     add("--robot", metavar="HOST", help="address of a Franka Research 3")
     add("--yes", action="store_true", help="move without asking")
     add("--dry", action="store_true", help="move nothing, show what would be sent")
-    words = "throws; each sends what the one before it taught (default: 1)"
-    add("--repeat", type=whole(1, 100), metavar="N", default=1, help=words)
-    words = "a recording of this plan: send what it taught"
+    words = "throws; each corrects the one before it (default: 1)"
+    add("--repeat", type=integer(1, 100), metavar="N", default=1, help=words)
+    words = "a recording of this plan: send the motion corrected by it"
     add("--after", metavar="RUN.CSV", help=words)
     words = "write run.csv there, or run1.csv, run2.csv, ... (default: out/run)"
     add("--out", metavar="DIR", default="out/run", help=words)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Checks, asks, throws, records."""
+    """Check, ask, throw, record."""
     plan = joint_motion(options.plan)
+    check_arm(options.plan, plan.arm)
     sent = plan
     if options.after is not None:
         sent, _ = corrected(plan, read_recording(options.after, plan))
     if options.dry:
-        return _shown(options, sent)
+        return _print_motion(options, sent)
     if options.robot is None:
         raise InputError("--robot: needs the robot's address (or give --dry)")
     if not options.yes and not sys.stdin.isatty():
-        raise InputError("--yes: needed where nobody can be asked")
+        raise InputError("--yes: needed without a terminal to confirm")
     folder, runs, lines = prepare_folder(Path(options.out), (RECORDING,)), [], []
-    say(f"connecting to {options.robot}")
+    report_step(f"connecting to {options.robot}")
     with connected(options.robot) as franka:
-        found = throws(franka, plan, sent, _asking(options.yes))
+        found = throws(franka, plan, sent, _confirmation(options.yes))
         for k, recording in enumerate(islice(found, options.repeat), start=1):
             name = RECORDING if options.repeat == 1 else RECORDINGS.format(k)
             with filling(folder, (name,)) as scratch:
                 recording.save(scratch / name)
             runs.append({"file": str(folder / name)} | recording.to_dict(plan.throw))
             lines.append(f"{folder / name}: {recording.summary(plan.throw)}")
-            say(lines[-1])
-    answer(options, {"scene": plan.throw.scene.name, "runs": runs}, "\n".join(lines))
+            report_step(lines[-1])
+    print_result(options, {"scene": plan.throw.scene.name, "runs": runs}, "\n".join(lines))
     return DONE
 
 
@@ -78,7 +82,7 @@ def correct_arguments(add: Add) -> None:
 
 
 def run_correct(options: argparse.Namespace) -> int:
-    """Corrects, writes and prints."""
+    """Correct, write and print."""
     plan = joint_motion(options.plan)
     recording = read_recording(options.recording, plan)
     sent, expected = corrected(plan, recording)
@@ -86,6 +90,7 @@ def run_correct(options: argparse.Namespace) -> int:
         with filling(Path(options.out), FRANKA_FILES) as scratch:
             write_franka(sent, scratch)
     dx, dtheta = map(abs, expected.miss())
+    outside = outside_tolerance(expected.scene.tolerance, dx, dtheta)
     result = {
         "recorded": recording.to_dict(plan.throw),
         "expected": {"position": dx, "angle": dtheta},
@@ -94,14 +99,14 @@ def run_correct(options: argparse.Namespace) -> int:
     text = (
         f"{plan.throw.scene.name}: {recording.summary(plan.throw)}\n"
         f"  the motion to send next: {1e3 * dx:.1f} mm and {math.degrees(dtheta):.2f} deg off "
-        "are expected of it"
+        f"are expected of it, {'outside' if outside else 'within'} the tolerance"
     )
-    answer(options, result, text + written(options))
+    print_result(options, result, text + written(options))
     return DONE
 
 
-def _shown(options: argparse.Namespace, sent: JointMotion) -> int:
-    """What would be sent; with a robot, whether it is ready for it."""
+def _print_motion(options: argparse.Namespace, sent: JointMotion) -> int:
+    """Print the motion; with a robot, check that it is ready."""
     facts = motion_facts(sent)
     lines = [
         f"{sent.throw.scene.name}: {facts['samples']} samples in {facts['duration']:.3f} s to "
@@ -115,12 +120,12 @@ def _shown(options: argparse.Namespace, sent: JointMotion) -> int:
         seconds = (len(approach(sent, start)) - 1) * TICK
         facts["approach"] = {"from": start.tolist(), "duration": seconds}
         lines.append(f"  {options.robot} is ready, {seconds:.1f} s from the start pose")
-    answer(options, facts, "\n".join(lines))
+    print_result(options, facts, "\n".join(lines))
     return DONE
 
 
-def _asking(yes: bool) -> Callable[[str], None]:
-    """What asks before the robot moves; with `yes` it only says what comes."""
+def _confirmation(yes: bool) -> Callable[[str], None]:
+    """A function that asks before the robot moves; with `yes` it only prints what comes."""
 
     def ask(words: str) -> None:
         print(words, file=sys.stderr)

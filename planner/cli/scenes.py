@@ -1,13 +1,15 @@
-"""`throwplan scenes`: the built-in scenes, and what a scene file may hold."""
+"""`throwplan scenes`: the built-in scenes, and the keys of a scene file."""
 
 from __future__ import annotations
 
 import argparse
 import json
+from importlib.resources import files
 from pathlib import Path
 
-from ...problems import InputError, copy_out, load_scene, scene_names, scene_reference, scene_text
-from .common import DONE, Add, add_force, answer
+from ...problems import InputError, load_scene, scene_names, scene_text
+from ...problems.files import copy_out
+from .common import DONE, Add, add_force, print_result
 
 
 def arguments(add: Add) -> None:
@@ -18,18 +20,19 @@ def arguments(add: Add) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Lists the scenes, or writes one, or prints the reference."""
+    """List the scenes, write one, or print the reference."""
     if options.reference and options.write is not None:
         raise InputError("--write and --reference: give one of them")
     if options.reference:
-        text = scene_reference()
+        # Made by examples/scene_reference.py: all keys of scene and arm files.
+        text = (files("throwplan") / "docs/scene-reference.md").read_text(encoding="utf-8")
         print(json.dumps({"reference": text}) if options.json else text, end="")
     elif options.write is not None:
         path = Path(f"{options.write}.toml")
         copy_out(scene_text(options.write), path, force=options.force)
-        answer(options, {"file": str(path)}, f"wrote {path}")
+        print_result(options, {"file": str(path)}, f"wrote {path}")
     else:
         scenes = {name: load_scene(name).description for name in scene_names()}
         lines = [f"{name:12} {description}" for name, description in scenes.items()]
-        answer(options, {"scenes": scenes}, "\n".join(lines))
+        print_result(options, {"scenes": scenes}, "\n".join(lines))
     return DONE

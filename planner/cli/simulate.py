@@ -6,11 +6,12 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from ...models import MODELS
-from ...problems import filling, load_scene, write_json
-from ..check import simulate
+from ...models.release import MODELS
+from ...problems import load_scene
+from ...problems.files import filling, write_json
 from ..show import draw_releases
-from .common import DONE, Add, Progress, add_out, add_scene, answer, notes
+from ..throw.simulation import simulate
+from .common import DONE, Add, Progress, add_out, add_scene, notes, print_result
 
 
 def arguments(add: Add) -> None:
@@ -22,7 +23,7 @@ def arguments(add: Add) -> None:
 
 
 def run(options: argparse.Namespace) -> int:
-    """Simulates, writes and prints."""
+    """Simulate, write and print."""
     scene = load_scene(options.scene)
     with Progress(f"{scene.name}: throwing"):
         runs = simulate(scene, options.model)
@@ -33,7 +34,7 @@ def run(options: argparse.Namespace) -> int:
         with Progress(f"{scene.name}: drawing"), files as scratch:
             write_json(scratch / "simulation.json", result)
             draw_releases(scene, runs, scratch / "releases.png")
-    answer(options, result, _table(scene.name, models) + notes(scene))
+    print_result(options, result, _table(scene.name, models) + notes(scene))
     return DONE
 
 
@@ -63,7 +64,7 @@ def _table(name: str, models: dict[str, Any]) -> str:
 
 
 def _cell(value: float | None, width: int, digits: int, unit: str = "") -> str:
-    """A number for a table, a dash where there is none."""
+    """A number for a table, a dash for None."""
     if value is None:
         return f"{'-':>{width + len(unit)}}"
     return f"{value:{width}.{digits}f}{unit}"

@@ -6,11 +6,13 @@ import argparse
 import sys
 from pathlib import Path
 
-from ...models import BATCH_MODELS
-from ...problems import ROBUST_METHODS, Pose, Scene, load_scene, prepare_folder
-from ..plan import Planner
+from ...models.release import BATCH_MODELS
+from ...problems import Pose, Robust, Scene, load_scene
+from ...problems.files import prepare_folder
+from ..planner import Planner
 from ..result import Plan
-from ..sweep import SWEEP_FILES, check_sweep, executor_of, sweep_until_stopped
+from ..sweep import SWEEP_FILES, check_sweep, sweep_until_stopped
+from ..workers import executor_of
 from .common import (
     DONE,
     INTERRUPTED,
@@ -21,35 +23,35 @@ from .common import (
     add_patience,
     add_scene,
     add_target,
-    answer,
+    integer,
     notes,
+    print_result,
     target_of,
-    whole,
     written,
 )
 
-#: Share of throws that succeed, below which a robust plan is worth a try.
-MANY = 0.9
+#: Success rate below which the command advises a robust plan.
+ADVISED = 0.9
 
 
 def arguments(add: Add) -> None:
     """The command's options."""
     add_scene(add)
     add_target(add)
-    add("--robust", choices=ROBUST_METHODS, help="plan against the uncertainty")
-    add_patience(add, "3 s; 20 s for a robust one")
+    add("--robust", choices=Robust.METHODS, help="plan against the uncertainty")
+    add_patience(add, "3 s; 6 s for a robust one")
     names = f"release model: {', '.join(BATCH_MODELS)} (default: the scene's [tolerance] model)"
     add("--model", default="", metavar="NAME", help=names)
     words = "processes on this machine (default: 1); the result is the same"
-    add("--samples", type=whole(), metavar="N", default=1000, help="throws (default: 1000)")
-    add("--seed", type=whole(), metavar="N", default=0, help="of the samples (default: 0)")
-    add("--workers", type=whole(), metavar="N", help=words)
+    add("--samples", type=integer(), metavar="N", default=1000, help="throws (default: 1000)")
+    add("--seed", type=integer(), metavar="N", default=0, help="of the samples (default: 0)")
+    add("--workers", type=integer(), metavar="N", help=words)
     add("--scheduler", metavar="ADDRESS", help="a Dask scheduler that spreads them")
     add_out(add, "sweep.json, sweep.csv and three pictures")
 
 
 def run(options: argparse.Namespace) -> int:
-    """Plans, sweeps, writes and prints."""
+    """Plan, sweep, write and print."""
     samples, seed = options.samples, options.seed
     scene = load_scene(options.scene)
     options.model = options.model or scene.tolerance.model
@@ -58,7 +60,7 @@ def run(options: argparse.Namespace) -> int:
     with executor_of(options.workers, options.scheduler) as executor:
         plan = _planned(scene, target, options)
         if not plan.solved:
-            answer(options, plan.to_dict(), f"{scene.name}: {plan.status}")
+            print_result(options, plan.to_dict(), f"{scene.name}: {plan.status}")
             print(f"throwplan: {plan.message}", file=sys.stderr)
             return NO_THROW
         with Progress(scene.name) as progress:
@@ -70,9 +72,9 @@ def run(options: argparse.Namespace) -> int:
             found.save(options.out)
     result = found.to_dict()
     advice = ""
-    if plan.target.at_rest and not plan.robust and result["success"]["rate"] < MANY:
+    if plan.target.at_rest and not plan.robust and result["success"]["rate"] < ADVISED:
         advice = "\n  to plan for more of them: --robust auto"
-    answer(options, result, found.summary() + advice + notes(scene) + written(options))
+    print_result(options, result, found.summary() + advice + notes(scene) + written(options))
     if found.samples == samples:
         return DONE
     words = f"throwplan: interrupted: {found.samples:,} of {samples:,} samples"

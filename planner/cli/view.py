@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import Any
 
 from ...problems import load_scene
-from ..plan import Planner
+from ..planner import Planner
 from ..play import PlayPage, first_plan
-from ..robot import seen_throw
+from ..robot import throw_to_rest
 from ..show import (
     Panel,
     empty_page,
@@ -22,7 +22,18 @@ from ..show import (
     save_picture,
     serving,
 )
-from .common import DONE, NO_THROW, Add, Progress, add_plan, add_scene, answer, number, say, whole
+from .common import (
+    DONE,
+    NO_THROW,
+    Add,
+    Progress,
+    add_plan,
+    add_scene,
+    integer,
+    number,
+    print_result,
+    report_step,
+)
 
 
 def arguments(add: Add) -> None:
@@ -42,18 +53,18 @@ def play_arguments(add: Add) -> None:
 def _add_page(add: Add) -> None:
     """The options of a page."""
     words = "of the page, on this machine (default: 8080)"
-    add("--port", type=whole(1, 65535), metavar="N", default=8080, help=words)
+    add("--port", type=integer(1, 65535), metavar="N", default=8080, help=words)
     add("--no-browser", action="store_true", help="open no browser")
     words = "end after that time (default: when interrupted)"
     add("--hold", type=number(0.001), metavar="SECONDS", help=words)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Serves the view until it is interrupted, or writes the film."""
+    """Serve the view until interrupted, or write picture and film."""
     with Progress("reading and throwing the plan"):
-        space, why = seen_throw(options.plan)
+        space, why = throw_to_rest(options.plan)
     if why:
-        say(f"the bar stops at the target: {why}")
+        report_step(f"the bar stops at the target: {why}")
     written = {}
     for kind, write in (("png", save_picture), ("mp4", save_film)):
         if (name := getattr(options, kind)) is not None:
@@ -61,7 +72,7 @@ def run(options: argparse.Namespace) -> int:
                 write(space, Path(name))
             written[kind] = name
     if written:
-        answer(options, written, "\n".join(f"written to {name}" for name in written.values()))
+        print_result(options, written, "\n".join(f"written to {name}" for name in written.values()))
         return DONE
     with contextlib.suppress(KeyboardInterrupt), serving(space, options.port) as (address, panel):
         _show(options, {"address": address, "phases": space.phases()}, panel)
@@ -69,7 +80,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def run_play(options: argparse.Namespace) -> int:
-    """Plans, and serves the page until it is interrupted."""
+    """Plan, and serve the page until interrupted."""
     scene = load_scene(options.scene)
     planner = Planner(scene)
     with (
@@ -79,7 +90,7 @@ def run_play(options: argparse.Namespace) -> int:
         with Progress(f"{scene.name}: planning"):
             plan = first_plan(planner)
         if not plan.solved:
-            answer(options, plan.to_dict(), plan.summary())
+            print_result(options, plan.to_dict(), plan.summary())
             print(f"throwplan: {plan.message}", file=sys.stderr)
             return NO_THROW
         page = PlayPage(server, planner, plan)
@@ -91,10 +102,10 @@ def run_play(options: argparse.Namespace) -> int:
 
 
 def _show(options: argparse.Namespace, found: dict[str, Any], panel: Panel) -> None:
-    """Says where the page is, opens it, and plays what its panel asks for."""
+    """Print the address of the page, open it, and play its panel."""
     print(json.dumps(found) if options.json else found["address"], flush=True)
     if not options.no_browser and not open_browser(found["address"]):
         print("throwplan: no browser to open here; open the address", file=sys.stderr)
     if options.hold is None:
-        say("Ctrl-C ends it")
+        report_step("Ctrl-C ends it")
     run_panel(panel, options.hold)

@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ...models import Array
-from ..check import TICK, State, Throw
-from ..ocp import Asked, Condensed, Controls, Request, Solution
-from ..search import Clock, Problems, refit, rest_from
+from ..ocp import CondensedQp, ReducedVariables, Refinement, Request, Solution
+from ..search import Clock, NlpCache, initial_guess_from, remaining_trajectory
+from ..throw import TICK, State, Throw
 
 #: How far a target usually goes: x [m], theta [rad]; limits that are nearer than this share of such
 #: a change of the controls bind.
-USUAL, BINDS = np.array([0.02, 0.1]), 0.05
+BASE, BINDS = np.array([0.02, 0.1]), 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,32 +31,40 @@ class RestOfSwing:
     """
 
     first: int
-    about: Condensed
-    controls: Controls
+    about: CondensedQp
+    controls: ReducedVariables
     u: Array
     ticks: Array
 
     @classmethod
-    def of(cls, problems: Problems, throw: Throw, asked: Asked, first: int) -> RestOfSwing | None:
+    def of(
+        cls, problems: NlpCache, throw: Throw, refinement: Refinement, first: int
+    ) -> RestOfSwing | None:
         """Of what is sent; None where the landing does not follow from there."""
         sent, clock = throw.samples, Clock()
-        mover = problems.mover.begun(State(sent.q[first], sent.dq[first], sent.ddq[first]))
-        rest = rest_from(throw, TICK * first, mover)
-        problems, goal = problems.begun(mover), throw.target
-        program = problems.problem(goal, asked, "fatrop", clock)
-        near = rest.exact if program.nlp.structure.local else None
-        request = Request(throw.scene, mover, goal, asked, near=near)
-        controls, numbers = Controls(request), program.nlp.numbers(request)
-        point = Solution.none(refit(program.nlp, rest, request))
+        manipulator = problems.manipulator.from_state(
+            State(sent.q[first], sent.dq[first], sent.ddq[first])
+        )
+        rest = remaining_trajectory(throw, TICK * first, manipulator)
+        problems, goal = problems.from_state(manipulator), throw.target
+        program = problems.problem(goal, refinement, "fatrop", clock)
+        near = rest.exact if program.nlp.linearised else None
+        request = Request(throw.scene, manipulator, goal, refinement, reference=near)
+        controls, numbers = ReducedVariables(request), program.nlp.parameter_values(request)
+        point = Solution.none(initial_guess_from(program.nlp, rest, request))
         places = controls.places(program.nlp)
         try:
-            at = Condensed.about(
-                program.nlp, program.solver, point, numbers, program.limits, places
-            )
+            at = CondensedQp.about(program.solver, point, numbers, program.limits, places)
         except np.linalg.LinAlgError:
             return None
-        count = math.ceil(rest.final.detach_time / TICK - 1e-9) + 1
-        return cls(first, at.timed, controls, at.point[places], TICK * np.arange(float(count)))
+        count = math.ceil(rest.deciding.detach_time / TICK - 1e-9) + 1
+        return cls(
+            first,
+            at.with_fixed_duration,
+            controls,
+            at.point[places],
+            TICK * np.arange(float(count)),
+        )
 
     def direction(self, later: int) -> Direction:
         """The cheapest change per landing, with the limits that bind where they are.
@@ -64,15 +72,15 @@ class RestOfSwing:
         later: by so many samples than this the swing is played.
         """
         at = self.about
-        cheapest = at.along(np.zeros(len(at.rows), bool))
-        near = BINDS * float(np.linalg.norm(cheapest @ USUAL[: len(at.landing)]))
-        found = self._direction(at.along((at.down > -near) | (at.up < near)))
+        cheapest = at.null_space_step(np.zeros(len(at.rows), bool))
+        near = BINDS * float(np.linalg.norm(cheapest @ BASE[: len(at.landing)]))
+        found = self._direction(at.null_space_step((at.lower > -near) | (at.upper < near)))
         return replace(found, first=self.first + later)
 
     def step(self, off: Array) -> tuple[Array, Direction] | None:
         """A change (3, K, n) that moves the landing by -off (L,) inside all limits, or as far as
         they let it; and the direction along those that bind then. None where there is none."""
-        step = replace(self.about, wanted=-off).step(np.zeros(len(self.about.most)))
+        step = replace(self.about, target_offset=-off).step(np.zeros(len(self.about.step_bounds)))
         if step is None:
             return None
         return self._change(step.du), self._direction(step.slope)

@@ -9,7 +9,7 @@ import numpy as np
 
 from ...models import Array
 from ...problems import InputError
-from ..check import TICK
+from ..throw import TICK
 
 #: Least and most of the lag's rate [1/s].
 RATES = (2.0, 500.0)

@@ -16,40 +16,51 @@ from typing import Literal
 
 import numpy as np
 
-from ...models import Array, Path, PlanarArm
+from ...models import Array, Trajectory
+from ...models.robot import PlanarArm
 from ...problems import InputError, Pose, checked
-from ..check import (
+from ..result import Plan, joint_samples
+from ..search import NlpCache, error_over
+from ..throw import (
     TICK,
-    Around,
     Samples,
     Throw,
     braked,
-    broken_limits,
-    held_bar,
-    nearnesses,
-    track_of,
 )
-from ..ocp import broken
-from ..result import Plan, joint_samples
-from ..search import Problems, scaled
+from ..verdict import Code, Finding, held_verdict, verdict
 from .directions import Direction, RestOfSwing
+from .expected import ExpectedThrow
 from .response import Follower, Response
 
 Status = Literal["followed", "kept", "committed", "stopped"]
 
-#: Between instants from which a swing is changed, in samples.
-EVERY = 10
-#: Exact throws of one correction at most, each nearer by so much than the one before; how near it
-#: is to come, as a share of the tolerance; and the shares of a step that are tried in turn.
-THROWS, NEARER, ENOUGH, SHARES = 4, 0.7, 0.25, (1.0, 0.4)
-#: Shares of the acceleration limits to brake with, in turn, where the torques allow no more.
-EASE = (1.0, 0.7)
-#: A target's azimuth may be this far [rad] off the throw's plane, as it is measured.
-OFF_PLANE = 0.02
-#: So far [rad] joints may be from where they are sent, and so fast [rad/s].
-ASTRAY, TOO_FAST = 1.0, 20.0
-#: A swing is stopped rather than land farther off than this [m, scaled error].
-ACCEPT = 0.03
+
+@dataclass(frozen=True)
+class SessionSettings:
+    """How a swing is corrected.
+
+    spacing [samples]: between the instants from which a swing may be changed. max_throws: exact
+    throws of one correction; min_progress: it ends when a throw misses by more than this share of
+    the miss before it, or by less than `accuracy`, a share of the tolerance. step_shares: of the
+    quadratic program's step, tried in turn. brake_shares: of the acceleration limits to brake with,
+    tried in turn where torques break their limits. max_off_plane [rad]: largest measured angle of a
+    target off the throw's plane. max_deviation [rad], max_rate [rad/s]: of measured joints from
+    those that are sent. max_miss [m]: a throw with a larger pose error is stopped.
+    """
+
+    spacing: int = 10
+    max_throws: int = 4
+    min_progress: float = 0.7
+    accuracy: float = 0.25
+    step_shares: tuple[float, ...] = (1.0, 0.4)
+    brake_shares: tuple[float, ...] = (1.0, 0.7)
+    max_off_plane: float = 0.02
+    max_deviation: float = 1.0
+    max_rate: float = 20.0
+    max_miss: float = 0.03
+
+
+SETTINGS = SessionSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -73,44 +84,6 @@ class Update:
     off: tuple[float, float]
 
 
-@dataclass(frozen=True, eq=False)
-class _Expected:
-    """The throw that is expected of what is sent, and of a target that is somewhere `now` [s].
-
-    joints (3, N, n): its joints, rates and accelerations, of which those after the pads' opening
-    count for the way to rest only.
-    """
-
-    throw: Throw
-    joints: Array
-    target: Pose
-    now: float
-
-    @property
-    def goal(self) -> Pose:
-        """Where the target is when the object lands."""
-        if not self.target.speed or not self.throw.lands:
-            return self.target
-        return self.target.changed(since=self.now).at(self.throw.landing_time)
-
-    @cached_property
-    def off(self) -> tuple[float, float]:
-        """How far off it lands: dx [m], dtheta [rad]."""
-        return self.throw.miss(self.goal)
-
-    @property
-    def missed(self) -> float:
-        """The same in the scaled error [m] (39); inf where it does not come down."""
-        dx, dtheta = self.off
-        missed = abs(dx) + abs(dtheta) * self.throw.scene.object.length / 2
-        return missed if math.isfinite(missed) else math.inf
-
-    def moved(self, joints: Array) -> _Expected:
-        """Of other joints."""
-        throw = dataclasses.replace(self.throw, path=Path.quintics(TICK, *joints))
-        return _Expected(throw, joints, self.target, self.now)
-
-
 class Session:
     """A plan's swing while it is played; `Planner.follow` makes it.
 
@@ -119,7 +92,7 @@ class Session:
 
     def __init__(
         self,
-        problems: Problems,
+        problems: NlpCache,
         plan: Plan,
         horizon: float,
         sent: Throw | None = None,
@@ -129,27 +102,30 @@ class Session:
 
         sent: what is sent instead of the plan's motion, for joints that lag; response: how.
         """
-        if not isinstance(problems.mover.kinematics, PlanarArm):
+        if not isinstance(problems.manipulator.kinematics, PlanarArm):
             raise InputError("follow: only for a scene with [robot]")
-        if plan.throw is None or not plan.solved or plan.mover is not problems.mover:
+        if plan.throw is None or not plan.solved or plan.manipulator is not problems.manipulator:
             raise InputError("follow: needs a solved plan of this planner")
-        self.throw = plan.throw.final if sent is None else sent
+        self.throw = plan.throw.deciding if sent is None else sent
         if not 0.0 < horizon < self.throw.command_time:
             most = f"below {self.throw.command_time:.3f}, when the gripper is told to open"
             raise InputError(f"horizon = {horizon!r}: must be above 0 s and {most}")
         self._target, self._horizon = plan.target, horizon
-        self._lands = self.throw.landing_time
-        self._over = max(self._lands, TICK * len(self.throw.samples.q))
-        self._problems, self._asked = problems, plan.throw.asked
-        last = int(plan.throw.final.command_time / TICK)
-        found = [self._rest(plan.throw.final, first) for first in range(0, last, EVERY)]
+        self._landing_time = self.throw.landing_time
+        self._end_time = max(self._landing_time, TICK * len(self.throw.samples.q))
+        self._problems, self._refinement = problems, plan.throw.refinement
+        last = int(plan.throw.deciding.command_time / TICK)
+        found = [
+            self._rest_of_swing(plan.throw.deciding, first)
+            for first in range(0, last, SETTINGS.spacing)
+        ]
         later = round((self.throw.opening_time - plan.throw.opening_time) / TICK)
         self._directions = [rest.direction(later) for rest in found if rest is not None]
-        self._follower = Follower(problems.mover.size, response)
+        self._follower = Follower(problems.manipulator.size, response)
         self._matrix: Array | None = None
-        self._time, self._stopped, self._eased, self._solved = -math.inf, False, 0, -1
+        self._time, self._is_stopped, self._brake, self._stepped_from = -math.inf, False, 0, -1
         # What is built when it is first used is built before the swing.
-        self._wrong(self.throw, self._expected(self._target, 0.0))
+        self._violation(self.throw, self._expectation(self._target, 0.0))
         for rest in filter(None, found[:1]):
             rest.step(np.zeros(len(self._directions[0].change)))
 
@@ -159,37 +135,37 @@ class Session:
         q, dq (joints,) [rad, rad/s]: of all joints, or of those that throw. target: where it is at
         `t`, in the throw's plane, and how it moves; without one the plan's. A target out of reach
         is no error: the motion is kept, and stopped before the opening where it would miss by more
-        than `ACCEPT`. InputError for numbers that are none, a time that does not rise, joints or a
-        target that are not there; the motion is then as before.
+        than 0.03 m (pose error). InputError for numbers that are none, a time that does not rise,
+        joints or a target that are not there; the motion is then as before.
         """
         q, target = self._checked(t, q, dq, target)
         interval, self._time = min(t - self._time, self._horizon), t
         self._follower.learn(max(t, 0.0), q, self.throw.samples.q)
         first = max(math.ceil((t + self._horizon) / TICK - 1e-6), 0)
-        before = self._expected(target, t)
-        if self._stopped:
-            return self._told("stopped", "it has been stopped", first, before)
+        before = self._expectation(target, t)
+        if self._is_stopped:
+            return self._update_of("stopped", "it has been stopped", first, before)
         ways = [way for way in self._directions if way.first >= first]
         if not ways:
             words = "the opening command is on its way"
-            return self._told("committed", words, first, before)
-        sent, after, words = self._moved(ways[0], before)
+            return self._update_of("committed", words, first, before)
+        sent, after, words = self._corrected(ways[0], before)
         # From the next update on nothing can be changed.
         late = t + self._horizon + interval > TICK * ways[-1].first
-        if late and not after.missed <= ACCEPT:
-            words = self._stop(first) or words
-            return self._told("stopped" if self._stopped else "kept", words, first, before)
+        if late and not after.pose_error <= SETTINGS.max_miss:
+            words = self._brake_to_rest(first) or words
+            return self._update_of("stopped" if self._is_stopped else "kept", words, first, before)
         self.throw = sent
-        return self._told("followed" if after is not before else "kept", words, first, after)
+        return self._update_of("followed" if after is not before else "kept", words, first, after)
 
     def _checked(self, t: float, q: Array, dq: Array, target: Pose | None) -> tuple[Array, Pose]:
         """Throwing joints and the target; InputError for what is wrong."""
         t = checked("t", t, float, {"meaning": "s"})
         if t <= self._time:
             raise InputError(f"t = {t:g}: must be above {self._time:g}, the last update's")
-        if t > self._over:
-            raise InputError(f"t = {t:g}: must be at most {self._over:.3f}, when it is over")
-        mover, arm = self.throw.mover, self.throw.scene.arm
+        if t > self._end_time:
+            raise InputError(f"t = {t:g}: must be at most {self._end_time:.3f}, when it is over")
+        manipulator, arm = self.throw.manipulator, self.throw.scene.arm
         assert arm is not None
         found = []
         for name, values in (("q", q), ("dq", dq)):
@@ -199,8 +175,10 @@ class Session:
                 raise InputError(f"{name}: must be numbers") from None
             if numbers.shape == (arm.joints,):
                 numbers = numbers[[j - 1 for j in arm.throwing_joints]]
-            if numbers.shape != (mover.size,) or not np.isfinite(numbers).all():
-                raise InputError(f"{name}: must be {arm.joints} or {mover.size} finite numbers")
+            if numbers.shape != (manipulator.size,) or not np.isfinite(numbers).all():
+                raise InputError(
+                    f"{name}: must be {arm.joints} or {manipulator.size} finite numbers"
+                )
             found.append(numbers)
         self._check_near(t, *found)
         if target is None:
@@ -208,9 +186,9 @@ class Session:
             return found[0], self._target.at(t)
         if (checked("target", target, Pose, {}).theta is None) != (self._target.theta is None):
             raise InputError("target: must fix theta if the plan's target does, else not")
-        plane, target = self._target.plane, target.beside(self._target.lateral)
+        plane, target = self._target.plane, target.with_lateral(self._target.lateral)
         turned = abs(target.plane.azimuth - plane.azimuth)
-        if turned > OFF_PLANE:
+        if turned > SETTINGS.max_off_plane:
             raise InputError(f"target: is {math.degrees(turned):.1f} deg off the throw's plane")
         return found[0], target
 
@@ -218,29 +196,34 @@ class Session:
         """InputError for throwing joints that are not where they may be."""
         samples = self.throw.samples.q
         sent = samples[min(max(round(t / TICK), 0), len(samples) - 1)]
-        for name, far, most in (("q", q - sent, ASTRAY), ("dq", dq, TOO_FAST)):
+        for name, far, most in (
+            ("q", q - sent, SETTINGS.max_deviation),
+            ("dq", dq, SETTINGS.max_rate),
+        ):
             i = int(np.abs(far).argmax())
             if abs(far[i]) > most:
                 words = "off what is sent" if name == "q" else "per s"
-                joint, off = self.throw.mover.joints[i], f"{abs(far[i]):.3g} rad {words}"
+                joint, off = self.throw.manipulator.joints[i], f"{abs(far[i]):.3g} rad {words}"
                 raise InputError(
                     f"{name}: {joint} is {off}, must be at most {most:g} (is it in degrees?)"
                 )
 
-    def _rest(self, throw: Throw, first: int) -> RestOfSwing | None:
+    def _rest_of_swing(self, throw: Throw, first: int) -> RestOfSwing | None:
         """The NLP about the rest of a throw."""
-        return RestOfSwing.of(self._problems, throw, self._asked, first)
+        return RestOfSwing.of(self._problems, throw, self._refinement, first)
 
-    def _expected(self, target: Pose, now: float) -> _Expected:
+    def _expectation(self, target: Pose, now: float) -> ExpectedThrow:
         """What is expected of what is sent now."""
         samples = self.throw.samples
         joints = self._follower.expected(np.array([samples.q, samples.dq, samples.ddq]))
-        lands = target.changed(since=now).at(self._lands) if target.speed else target
+        lands = target.changed(since=now).at(self._landing_time) if target.speed else target
         scene = self.throw.scene.aimed_at(lands)
-        throw = dataclasses.replace(self.throw, scene=scene, path=Path.quintics(TICK, *joints))
-        found = _Expected(throw, joints, target, now)
+        throw = dataclasses.replace(
+            self.throw, scene=scene, path=Trajectory.quintics(TICK, *joints)
+        )
+        found = ExpectedThrow(throw, joints, target, now)
         if found.throw.lands:
-            self._lands = throw.landing_time
+            self._landing_time = throw.landing_time
         return found
 
     @cached_property
@@ -248,38 +231,38 @@ class Session:
         """The number of samples until the pads are open."""
         return math.ceil(self.throw.detach_time / TICK - 1e-9) + 1
 
-    def _moved(self, way: Direction, before: _Expected) -> tuple[Throw, _Expected, str]:
+    def _corrected(self, way: Direction, before: ExpectedThrow) -> tuple[Throw, ExpectedThrow, str]:
         """What to send, brought to the target as far as limits let it; and why no farther.
 
         Along the plan's own direction; where that breaks a limit, by a step of the NLP's quadratic
         program about what is sent now, which knows all of them.
         """
         tolerance = before.throw.scene.tolerance
-        aim = ENOUGH * tolerance.position, ENOUGH * tolerance.angle
-        if scaled(*before.off, aim) <= 1.0:
+        aim = SETTINGS.accuracy * tolerance.position, SETTINGS.accuracy * tolerance.angle
+        if error_over(*before.off, aim) <= 1.0:
             return self.throw, before, "on target"
         first = way.first
         begin = np.zeros_like(way.change[0])
-        sent, found, words = self._along(way, begin, before, aim, SHARES[:1])
-        if found is not before or way.first == self._solved:
+        sent, found, words = self._along(way, begin, before, aim, SETTINGS.step_shares[:1])
+        if found is not before or way.first == self._stepped_from:
             return sent, found, words
         # It takes some milliseconds, so once for each instant.
-        self._solved, rest = way.first, self._rest(self.throw, first)
+        self._stepped_from, rest = way.first, self._rest_of_swing(self.throw, first)
         size = len(way.change)
         step = None if rest is None else rest.step(np.array(before.off[:size]))
         if step is None:
             return self.throw, before, words
         begin, way = step
-        return self._along(way, begin, before, aim, SHARES)
+        return self._along(way, begin, before, aim, SETTINGS.step_shares)
 
     def _along(
         self,
         way: Direction,
         begin: Array,
-        before: _Expected,
+        before: ExpectedThrow,
         aim: tuple[float, float],
         shares: Sequence[float],
-    ) -> tuple[Throw, _Expected, str]:
+    ) -> tuple[Throw, ExpectedThrow, str]:
         """The motion changed by `begin` and then along a direction until it is on the target."""
         first = way.first
         room = self._end - first
@@ -288,28 +271,29 @@ class Session:
         follows, words = response.all(change), "no motion nearby lands nearer"
         start = before
         if begin.any():
-            start = before.moved(self._changed(before.joints, response.all(begin), first))
-        far, found = self._brought(start, follows, first, aim)
+            start = before.moved(self._with_change(before.joints, response.all(begin), first))
+        far, found = self._aimed(start, follows, first, aim)
         for share in shares:
             moved = share * (begin + np.einsum("l,lokn->okn", far, change))
             if share < 1.0:
-                found = before.moved(self._changed(before.joints, response.all(moved), first))
-            if not found.missed < before.missed:
+                found = before.moved(self._with_change(before.joints, response.all(moved), first))
+            if not found.pose_error < before.pose_error:
                 continue
-            rows = self._changed(self._rows, moved, first)
-            for ease in EASE[self._eased :]:
+            rows = self._with_change(self._rows, moved, first)
+            for ease in SETTINGS.brake_shares[self._brake :]:
                 sent = self._sent(rows, ease)
-                words = self._wrong(sent, found)
-                if not words:
-                    self._eased = EASE.index(ease)
+                wrong = self._violation(sent, found)
+                if wrong is None:
+                    self._brake = SETTINGS.brake_shares.index(ease)
                     return sent, found, ""
-                if not words.startswith("torque"):
+                words = wrong.words
+                if wrong.code is not Code.TORQUE:
                     break
         return self.throw, before, words
 
-    def _brought(
-        self, before: _Expected, follows: Array, first: int, aim: tuple[float, float]
-    ) -> tuple[Array, _Expected]:
+    def _aimed(
+        self, before: ExpectedThrow, follows: Array, first: int, aim: tuple[float, float]
+    ) -> tuple[Array, ExpectedThrow]:
         """How far (L,) to go along each direction, and what is expected then.
 
         By Newton steps, their matrix learnt from the throws themselves (Broyden).
@@ -318,19 +302,22 @@ class Session:
         matrix = np.eye(size) if self._matrix is None else self._matrix
         moved, off = np.zeros(size), np.array(before.off[:size])
         best, least = moved, before
-        for _ in range(THROWS):
+        for _ in range(SETTINGS.max_throws):
             step = -np.linalg.solve(matrix, off)
             change = np.einsum("l,lokn->okn", moved + step, follows)
-            found = before.moved(self._changed(before.joints, change, first))
+            found = before.moved(self._with_change(before.joints, change, first))
             now = np.array(found.off[:size])
             if not np.isfinite(now).all():
                 break
             matrix = matrix + np.outer(now - off - matrix @ step, step) / (step @ step)
             moved, off = moved + step, now
-            missed = least.missed
-            if found.missed < missed:
+            pose_error = least.pose_error
+            if found.pose_error < pose_error:
                 best, least = moved, found
-            if scaled(*found.off, aim) <= 1.0 or found.missed > NEARER * missed:
+            if (
+                error_over(*found.off, aim) <= 1.0
+                or found.pose_error > SETTINGS.min_progress * pose_error
+            ):
                 break
         if np.linalg.cond(matrix) < 1e3:
             self._matrix = matrix
@@ -342,7 +329,7 @@ class Session:
         samples, end = self.throw.samples, self._end
         return np.array([samples.q[:end], samples.dq[:end], samples.ddq[:end]])
 
-    def _changed(self, rows: Array, change: Array, first: int) -> Array:
+    def _with_change(self, rows: Array, change: Array, first: int) -> Array:
         """Rows (3, N, n) changed from sample `first` on until the pads are open."""
         rows = rows.copy()
         rows[:, first : self._end] += change
@@ -350,48 +337,42 @@ class Session:
 
     def _sent(self, rows: Array, ease: float) -> Throw:
         """What is sent of a motion until the pads are open, and its brake."""
-        samples = braked(self.throw.mover, Samples(*rows), ease)
+        samples = braked(self.throw.manipulator, Samples(*rows), ease)
         return dataclasses.replace(self.throw, path=samples.path, samples=samples)
 
-    def _wrong(self, sent: Throw, found: _Expected) -> str:
-        """Why a motion must not be sent, in words; empty: it may."""
-        limits = broken_limits(sent.mover, sent.samples)
-        if limits:
-            return f"limit of {limits[0]}"
+    def _violation(self, sent: Throw, found: ExpectedThrow) -> Finding | None:
+        """Why a motion must not be sent; None: it may."""
         samples = sent.samples
         joints = self._follower.expected(np.array([samples.q, samples.dq, samples.ddq]))
-        path = Path.quintics(TICK, *joints)
+        path = Trajectory.quintics(TICK, *joints)
         throw = dataclasses.replace(found.throw, path=path, samples=samples)
         # The same until the pads are open.
         vars(throw)["release"] = found.throw.release
         # A law of two numbers says where the joints are, not what turns them.
         vars(throw)["torques"] = sent.torques
-        return "; ".join(violation.words for violation in broken(throw)[:1])
+        # It may land off the target as long as it lands nearer than before.
+        judged = verdict(throw, found.goal, sent=sent).without(Code.LANDING)
+        return judged.broken[0] if judged.broken else None
 
-    def _stop(self, first: int) -> str:
+    def _brake_to_rest(self, first: int) -> str:
         """Brakes from sample `first` on; why it must not, in words."""
         throw = self.throw
-        old, scene, mover = throw.samples, throw.scene, throw.mover
+        old, scene, manipulator = throw.samples, throw.scene, throw.manipulator
         upto = slice(0, first + 1)
-        samples = braked(mover, Samples(old.q[upto], old.dq[upto], old.ddq[upto]))
-        limits = broken_limits(mover, samples)
-        if limits:
-            return f"it cannot stop within the limit of {limits[0]}"
-        q, times = samples.q[first:].T, samples.times[first:]
-        held = held_bar(scene, mover.motion(q, 0 * q, 0 * q)[0])
-        around = Around.of(scene, mover)
-        for near in nearnesses(track_of(scene, around.capsules, times, q, held), around):
-            return f"it cannot stop: {near.words}"
+        samples = braked(manipulator, Samples(old.q[upto], old.dq[upto], old.ddq[upto]))
+        judged = held_verdict(scene, manipulator, samples, first)
+        if not judged.ok:
+            return f"it cannot stop: {judged.broken[0].words}"
         self.throw = dataclasses.replace(throw, path=samples.path, samples=samples)
-        self._stopped = True
+        self._is_stopped = True
         return "stopped: the target is out of reach of what is left of the swing"
 
-    def _told(self, status: Status, words: str, first: int, expected: _Expected) -> Update:
+    def _update_of(self, status: Status, words: str, first: int, expected: ExpectedThrow) -> Update:
         """The update."""
-        kinematics, samples = self.throw.mover.kinematics, self.throw.samples
+        kinematics, samples = self.throw.manipulator.kinematics, self.throw.samples
         assert isinstance(kinematics, PlanarArm)
         first = min(first, len(samples.q) - 1)
         rest = Samples(*(values[first:] for values in (samples.q, samples.dq, samples.ddq)))
         joints = joint_samples(kinematics, self.throw.target.plane.azimuth, rest)
-        command = None if self._stopped else self.throw.command_time
+        command = None if self._is_stopped else self.throw.command_time
         return Update(status, words, first, *joints, command, expected.off)

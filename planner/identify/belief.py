@@ -1,7 +1,7 @@
-"""What is believed of the contact, and its way into and out of a scene.
+"""Beliefs about the contact, and their conversion from and to scenes.
 
-A belief is a normal distribution over the logarithms of its numbers. A scene's [contact] and
-[uncertainty] are a prior; a posterior becomes a scene's [contact] and [uncertainty].
+A belief is a normal distribution over logarithms. A scene's [contact] and [uncertainty] are a
+prior; a posterior becomes a scene's [contact] and [uncertainty].
 """
 
 from __future__ import annotations
@@ -14,26 +14,20 @@ from typing import Any
 import numpy as np
 
 from ...models import Array
-from ...problems import (
-    Distribution,
-    Scene,
-    Uncertainty,
-    correlation_matrix,
-    toml_lines,
-    uncertainty_table,
-)
-from .predict import UNKNOWNS, USUAL, parameter_sets
+from ...problems import Distribution, Scene, Uncertainty
+from ...problems.files import toml_lines
+from .predict import BASE, UNKNOWNS, parameter_sets
 
-#: Chi-squared of two degrees of freedom that 95 % stay below.
+#: 95 % quantile of chi-squared with two degrees of freedom.
 CHI2_95 = 5.991
-#: Standard deviations taken where a scene says nothing: relative ones, and the delay's [s].
+#: Standard deviations for what a scene does not give: relative ones, and the delay's [s].
 ASSUMED = {"friction": 0.4, "patch_radius": 0.4, "delay": 0.01, "grip_scale": 0.1}
-#: Normal distributions stand for those of the logarithms while what that adds to the
-#: product of friction and radius is below this share of its own deviation.
+#: A log-normal distribution is written as a normal one if that adds less than this share to the
+#: deviation of the product of friction and radius.
 NARROW = 0.3
-#: Values that stand for a wider one.
+#: Number of values that replace a wider log-normal distribution.
 SAMPLES = 99
-#: Largest size of a correlation that is written.
+#: Largest magnitude of a correlation that is written.
 STRONGEST = 0.9999
 
 
@@ -49,8 +43,8 @@ class Belief:
     covariance: Array
 
     def value(self, name: str) -> float:
-        """The unknown at the mean (the median of a logarithm); the usual one if it is known."""
-        return self.values()[name] if name in self.names else USUAL[name]
+        """The unknown at the mean (the median of a logarithm); its fixed value if not fitted."""
+        return self.values()[name] if name in self.names else BASE[name]
 
     def values(self) -> dict[str, float]:
         """All unknowns at the mean, SI units."""
@@ -60,8 +54,8 @@ class Belief:
         }
 
     def deviation(self, name: str) -> float:
-        """Standard deviation: of the logarithm (so, relative), of the delay [s]; 0 if known."""
-        return self.along(**{name: 1.0})[1]
+        """Standard deviation: of the logarithm (relative), of the delay [s]; 0 if not fitted."""
+        return self.weighted_sum(**{name: 1.0})[1]
 
     def correlation(self, one: str, other: str) -> float:
         """Correlation of two unknowns."""
@@ -69,24 +63,24 @@ class Belief:
         i, j = self.names.index(one), self.names.index(other)
         return float(self.covariance[i, j]) / both if both else 0.0
 
-    def along(self, **weights: float) -> tuple[float, float]:
-        """Mean and standard deviation of a weighted sum of those unknowns that are fitted."""
+    def weighted_sum(self, **weights: float) -> tuple[float, float]:
+        """Mean and standard deviation of a weighted sum of the fitted unknowns."""
         w = np.array([weights.get(name, 0.0) for name in self.names])
         return float(w @ self.mean), float(np.sqrt(max(w @ self.covariance @ w, 0.0)))
 
     @property
     def product(self) -> float:
-        """mu r_p [m], of the grip force as it was measured: what a release depends on most."""
-        return float(np.exp(self.along(friction=1, patch_radius=1, grip_scale=1)[0]))
+        """mu r_p [m] at the measured grip force: a release depends on it most."""
+        return float(np.exp(self.weighted_sum(friction=1, patch_radius=1, grip_scale=1)[0]))
 
     @property
     def product_deviation(self) -> float:
-        """Standard deviation of its logarithm (relative)."""
-        return self.along(friction=1, patch_radius=1, grip_scale=1)[1]
+        """Standard deviation of the product's logarithm (relative)."""
+        return self.weighted_sum(friction=1, patch_radius=1, grip_scale=1)[1]
 
     @property
     def effective(self) -> Belief:
-        """The same with the force's scale put into the friction, which acts alike."""
+        """The belief with the grip force's scale included in the friction: they act alike."""
         if "grip_scale" not in self.names:
             return self
         names = tuple(name for name in self.names if name != "grip_scale")
@@ -95,7 +89,7 @@ class Belief:
         return Belief(names, fold @ self.mean, fold @ self.covariance @ fold.T)
 
     def ellipse(self, count: int = 121) -> Array:
-        """Outline (count, 2) of friction and patch_radius [m] that hold 95 %."""
+        """Outline (count, 2) of the 95 % region of friction and patch_radius [m]."""
         pair = [self.names.index("friction"), self.names.index("patch_radius")]
         factor = np.linalg.cholesky(self.covariance[np.ix_(pair, pair)] + 1e-18 * np.eye(2))
         turn = np.linspace(0.0, 2 * np.pi, count)
@@ -115,23 +109,23 @@ class Belief:
 
 def sets_at(names: tuple[str, ...], points: Array) -> Array:
     """Parameter sets (M, 4) of points (M, P): logarithms, delays in seconds, as in a belief."""
-    columns: dict[str, Any] = dict(USUAL)
+    columns: dict[str, Any] = dict(BASE)
     for name, column in zip(names, np.atleast_2d(points).T, strict=True):
         columns[name] = column if name == "delay" else np.exp(column)
     return parameter_sets(*(columns[name] for name in UNKNOWNS))
 
 
 def prior_of(scene: Scene, names: tuple[str, ...]) -> Belief:
-    """What a scene says of the unknowns: its [contact], and its [uncertainty] if it has one.
+    """A belief of the unknowns from a scene's [contact], and its [uncertainty] if it has one.
 
-    What that does not name is taken 40 % uncertain (friction, patch_radius), 10 ms (delay)
-    and 10 % (the grip force's scale).
+    Deviations that the scene does not give are 40 % (friction, patch_radius), 10 ms (delay) and
+    10 % (the grip force's scale).
     """
     section = scene.uncertainty or Uncertainty(delay=Distribution(normal=ASSUMED["delay"]))
     mean, deviations = [], []
     for name in names:
         spread = None if name == "grip_scale" else getattr(section, name)
-        value, deviation = USUAL.get(name) or scene.values.get(name, 0.0), ASSUMED[name]
+        value, deviation = BASE.get(name) or scene.values.get(name, 0.0), ASSUMED[name]
         if spread is not None:
             about = spread.about(scene.values[name])
             value, deviation = about.expected, about.deviation
@@ -143,15 +137,15 @@ def prior_of(scene: Scene, names: tuple[str, ...]) -> Belief:
         mean.append(value if name == "delay" else math.log(value))
         deviations.append(max(deviation, 1e-6))
     pairs = [(a, b, number) for a, b, number in section.correlation if {a, b} <= set(names)]
-    matrix = correlation_matrix(names, pairs)
+    matrix = Uncertainty.matrix_of(names, pairs)
     return Belief(names, np.array(mean), matrix * np.outer(deviations, deviations))
 
 
 def applied(belief: Belief, scene: Scene) -> Scene:
     """The scene with the belief as its [contact] and in its [uncertainty].
 
-    A wrong scale of the grip force acts as another friction and is put there. What else
-    the scene leaves uncertain stays.
+    The grip force's scale acts as a friction and is included there. Other entries of the scene's
+    [uncertainty] stay.
     """
     known = belief.effective
     contact = dataclasses.replace(
@@ -169,10 +163,10 @@ def applied(belief: Belief, scene: Scene) -> Scene:
 
 
 def uncertainty_of(belief: Belief) -> Uncertainty:
-    """The belief as a section [uncertainty]; its means are the scene's values to be.
+    """The belief as a section [uncertainty], about the scene's values.
 
-    Normal distributions, or where friction and radius are known much worse than their
-    product samples of the log-normal ones, so that the product keeps its own uncertainty.
+    Normal distributions; if friction and radius are much more uncertain than their product, samples
+    of the log-normal ones, which keep the uncertainty of the product.
     """
     known = belief.effective
     both = known.deviation("friction") * known.deviation("patch_radius")
@@ -192,16 +186,16 @@ def uncertainty_of(belief: Belief) -> Uncertainty:
             number = float(np.clip(known.correlation(one, other), -STRONGEST, STRONGEST))
             if abs(number) > 0.01:
                 pairs.append((one, other, round(number, 4)))
-    # Rounded they may be those of no distribution: then they are weakened until they are.
+    # Rounding may leave no valid correlation matrix: then all correlations shrink until it is one.
     weaker, shrink = pairs, 1.0
-    while np.linalg.eigvalsh(correlation_matrix(known.names, weaker)).min() <= 1e-6:
+    while np.linalg.eigvalsh(Uncertainty.matrix_of(known.names, weaker)).min() <= 1e-6:
         shrink *= 0.999
         weaker = [(one, other, round(shrink * value, 4)) for one, other, value in pairs]
     return Uncertainty(**spreads, correlation=tuple(weaker))
 
 
 def _log_normal(value: float, deviation: float) -> tuple[float, ...]:
-    """Values of equal weight of a log-normal distribution, within the range of a scene's."""
+    """Values of equal weight of a log-normal distribution, within the range that a scene allows."""
     from scipy.special import ndtri
 
     scores = ndtri((np.arange(SAMPLES) + 0.5) / SAMPLES)
@@ -215,7 +209,7 @@ def contact_text(belief: Belief, torsion: float, faces: int) -> str:
     contact = {k: float(f"{known.value(k):.6g}") for k in ("friction", "patch_radius")}
     tables = {
         "contact": contact | {"torsion": torsion, "faces": faces},
-        "uncertainty": uncertainty_table(uncertainty_of(belief)),
+        "uncertainty": uncertainty_of(belief).table(),
     }
     lines = [
         "# In place of the [contact] and [uncertainty] of a scene. The uncertainty is that of the",

@@ -1,4 +1,4 @@
-"""What one throwing condition does to the landing, measured and predicted (Fig. 20)."""
+"""Effects of one throwing condition on the landing, measured and predicted (Fig. 20)."""
 
 from __future__ import annotations
 
@@ -9,18 +9,19 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models import Array, Indices
-from ...problems import InputError, ThrowData, hint_at
+from ...problems import InputError
+from ...problems.throws import ThrowData
 
-#: The paper's six factors by their columns, and whether labels that are numbers go up (1), down
-#: (-1) or as they come (0) from condition A to condition B.
+#: The paper's six factors by their columns; the order of numeric labels from condition A to B:
+#: rising (1), falling (-1) or as in the file (0).
 KNOWN = {"com": 1, "pitch": -1, "release": -1, "surface": 0, "payload": 0, "moi": 1}
-#: Columns that say which throws belong together: no conditions.
+#: Columns that group throws and are no conditions.
 NO_FACTORS = ("repeat", "set")
-#: The label of `set` for throws that vary one factor only and are not of the batch.
+#: The label of `set` for throws outside the batch that vary a single factor.
 APART = "factors"
-#: The factor whose labels need contact parameters of their own.
+#: The factor with contact parameters for each label.
 SURFACE = "surface"
-#: Below it the two conditions' errors differ significantly.
+#: p-value below which the errors of two conditions differ significantly.
 SIGNIFICANT = 0.05
 
 
@@ -52,27 +53,26 @@ class FactorRow:
 
 
 def batch_rows(data: ThrowData) -> Indices:
-    """The throws that parameters are fitted to: those on the surface that most are on, and of
-    these not the ones that vary one factor apart."""
+    """The throws that parameters are fitted to: on the most frequent surface, in the batch."""
     rows = usual_surface(data)
     return np.array([i for i in rows if data.throws[i].factors.get("set") != APART] or rows, int)
 
 
 def usual_surface(data: ThrowData) -> list[int]:
-    """The throws on the surface that most throws are on: one contact cannot fit two."""
+    """The throws on the most frequent surface: one contact cannot fit two."""
     labels = [throw.factors.get(SURFACE, "") for throw in data.throws]
     usual = max(dict.fromkeys(labels), key=labels.count)
     return [i for i, label in enumerate(labels) if label == usual]
 
 
 def condition_columns(data: ThrowData) -> list[str]:
-    """Columns whose labels make a condition: the known factors, or else all."""
+    """Columns that define a condition: the known factors, or else all."""
     known = [name for name in data.factors if name in KNOWN]
     return known or [name for name in data.factors if name not in NO_FACTORS]
 
 
 def conditions(data: ThrowData) -> list[tuple[str, ...]]:
-    """Every throw's condition; without such columns each throw is one of its own."""
+    """The condition of each throw; without such columns every throw is its own."""
     columns = condition_columns(data)
     if not columns:
         return [(throw.name,) for throw in data.throws]
@@ -80,7 +80,7 @@ def conditions(data: ThrowData) -> list[tuple[str, ...]]:
 
 
 def comparisons(data: ThrowData, more: Iterable[str] = ()) -> tuple[list[Comparison], list[str]]:
-    """The known factors and `more` that the data have; and a line for each one left out."""
+    """Comparisons by the known factors and `more`; and a line for each that the data lack."""
     found, left_out = [], []
     more = list(dict.fromkeys(name for name in more if name not in KNOWN))
     for name in more:
@@ -100,21 +100,21 @@ def _check_factor(data: ThrowData, name: str) -> None:
     if name not in there:
         raise InputError(
             f"--factor {name}: must be a column of throws.csv that is a factor: "
-            f"{', '.join(there) or 'there is none'}{hint_at(name, there)}"
+            f"{', '.join(there) or 'there is none'}{InputError.hint(name, there)}"
         )
     if len(data.factors[name]) < 2:
         raise InputError(f"--factor {name}: all throws have '{data.factors[name][0]}'")
 
 
 def _comparison(data: ThrowData, factor: str, labels: list[str]) -> Comparison:
-    """Inside the batch where the factor varies there; else of the throws that vary it."""
+    """Within the batch if the factor varies there; else among the throws that vary it alone."""
     batch = batch_rows(data)
     usual = data.picked(list(batch)).factors.get(factor, [])
     rows = list(range(len(data.throws)))
     if len(usual) > 1:
         labels, rows = usual, batch.tolist()
     elif len(labels) > 2:
-        # Both conditions were thrown apart, under names of their own.
+        # Both conditions were thrown outside the batch, under their own labels.
         labels = [label for label in labels if label not in usual]
     first, *_, last = _ordered(factor, labels)
     a, b = ([i for i in rows if data.throws[i].factors[factor] == end] for end in (first, last))
@@ -125,7 +125,7 @@ def _comparison(data: ThrowData, factor: str, labels: list[str]) -> Comparison:
 def _alike(
     data: ThrowData, factor: str, first: list[int], second: list[int]
 ) -> tuple[list[int], list[int]]:
-    """Throws of each side whose other conditions appear on the other side too, if any do."""
+    """Throws of each side whose other conditions occur on both sides, if any do."""
     others = [name for name in condition_columns(data) if name != factor]
 
     def rest(i: int) -> tuple[str, ...]:
@@ -138,11 +138,11 @@ def _alike(
 
 
 def _ordered(factor: str, labels: list[str]) -> list[str]:
-    """Labels by their numbers, if each has one and the factor is known; else as they come."""
-    way = KNOWN.get(factor, 0)
+    """Labels by their numbers, if each has one and the factor is known; else as in the file."""
+    order = KNOWN.get(factor, 0)
     numbers = [_number(label) for label in labels]
-    if way and not any(np.isnan(numbers)):
-        return [labels[i] for i in np.argsort(way * np.array(numbers), kind="stable")]
+    if order and not any(np.isnan(numbers)):
+        return [labels[i] for i in np.argsort(order * np.array(numbers), kind="stable")]
     return labels
 
 
@@ -175,7 +175,7 @@ def known_rows(values: Array) -> Array:
 
 
 def mean_std(values: Array) -> tuple[Array, Array]:
-    """Mean and standard deviation over the first axis; NaN where there is nothing."""
+    """Mean and standard deviation over the first axis; NaN without rows."""
     if not len(values):
         nothing = np.full(values.shape[1:], np.nan)
         return nothing, nothing
@@ -183,7 +183,7 @@ def mean_std(values: Array) -> tuple[Array, Array]:
 
 
 def _mann_whitney(first: Array, second: Array) -> float:
-    """p-value of the two-sided Mann-Whitney U test; NaN where a side is empty."""
+    """p-value of the two-sided Mann-Whitney U test; NaN if a side is empty."""
     from scipy.stats import mannwhitneyu
 
     if not first.size or not second.size:

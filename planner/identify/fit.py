@@ -1,9 +1,8 @@
 """Contact parameters fitted to measured landings: robust least squares with a prior.
 
-Residuals are (dx / sigma_x, dtheta / sigma_theta) of every throw. The sigmas are the
-measurement's noise, or what the residuals scatter by where that is more: then the model
-errs, too. The loss grows linearly beyond two sigmas (soft L1), so that a throw that went
-wrong has small influence.
+Residuals are (dx / sigma_x, dtheta / sigma_theta) of every throw. The sigmas are the measurement's
+noise, or the scatter of the residuals if that is larger: then the model errs, too. The loss grows
+linearly beyond two sigmas (soft L1), so that a failed throw has small influence.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ from ...problems import InputError
 from .belief import ASSUMED, Belief, sets_at
 from .predict import Predictor
 
-#: Where the unknowns may lie: mu, r_p [m], delay [s], scale.
+#: Ranges of the unknowns: mu, r_p [m], delay [s], scale.
 RANGES = {
     "friction": (0.05, 3.0),
     "patch_radius": (2e-4, 0.05),
@@ -31,28 +30,30 @@ RANGES = {
 #: Steps of central differences: of a logarithm, and of the delay [s].
 STEPS = {"delay": 2e-4}
 LOG_STEP = 0.01
-#: Median and relative deviation of the friction where no prior is given: landings hardly
-#: depend on anything but mu r_p, and a fit would drift along the ridge.
+#: Median and relative deviation of the friction without a prior: landings depend almost only on
+#: mu r_p, and a fit would drift along the ridge of constant product.
 WEAK_FRICTION = (0.6, 0.7)
-#: Residuals in sigmas from which on they count linearly.
+#: Residual [sigmas] beyond which the loss is linear.
 BEND = 2.0
-#: Residual of a throw without a predicted landing, in sigmas.
+#: Residual [sigmas] of a throw without a predicted landing.
 NO_LANDING = 100.0
-#: Most evaluations of one start.
+#: Most evaluations of the model from one start.
 MOST_EVALUATIONS = 40
-#: Fewest throws from which a scatter beyond the noise is estimated, and refits with it.
+#: Fewest throws for an estimate of the scatter; number of refits with it.
 SCATTER_THROWS, REFITS = 6, 2
-#: Points of which the best are starts: mu, r_p [m], delays [s], or draws of a prior; how far
-#: apart the starts are, and how many there are.
+#: Grid of candidate starts: mu, r_p [m] and delay [s].
 START_FRICTION, START_RADIUS = np.geomspace(0.2, 1.5, 6), np.geomspace(0.0015, 0.015, 6)
-START_DELAYS, DRAWS = (-0.015, 0.0, 0.015), 128
+START_DELAYS = (-0.015, 0.0, 0.015)
+#: Number of candidate starts drawn from a prior.
+DRAWS = 128
+#: Least distance of two starts in the logarithms of mu and r_p; number of starts.
 APART, STARTS = 0.3, 3
-#: Throws count as alike where their derivatives differ by less than this share: repeated
-#: throws of an arm by 3 to 20 %, throws of different motions by 80 %.
+#: All throws are of one kind if their derivatives differ by less than this share: repeated throws
+#: of an arm differ by 3 to 20 %, throws of different motions by 80 %.
 ALIKE = 0.2
-#: Residuals so many times the noise are no noise.
+#: Residuals over noise: a larger ratio points to wrong units, turns or clocks.
 GROSS = 30.0
-#: Units in which a standard deviation above 1 says that a combination is not seen.
+#: Scales of the unknowns: a combination with a standard deviation above 1 is not identifiable.
 UNITS = {"friction": 1.0, "patch_radius": 1.0, "delay": 0.03, "grip_scale": 1.0}
 CURE = "give throws with other motions or objects, or --prior SCENE"
 
@@ -61,9 +62,9 @@ CURE = "give throws with other motions or objects, or --prior SCENE"
 class Fit:
     """A fit of one model.
 
-    posterior; sigma: (x [m], theta [rad]) that the residuals were weighed by; scatter: by
-    how much they exceed the measurement's noise, 1 or more; at_bound: unknowns that ended
-    at the edge of their range; missed: throws without a landing there.
+    posterior; sigma: (x [m], theta [rad]) of the residuals; scatter: sigma over the measurement's
+    noise, 1 or more; at_bound: unknowns that ended at a bound of their range; missed: number of
+    throws without a landing.
     """
 
     model: str
@@ -77,7 +78,7 @@ class Fit:
     seconds: float
 
     def summary(self, error: float) -> list[str]:
-        """Lines for people; error [m]: mean scaled error of its landings."""
+        """Lines for people; error [m]: mean pose error of the landings."""
         belief, parts = self.posterior, []
         for name, value in belief.values().items():
             deviation = belief.deviation(name)
@@ -89,7 +90,7 @@ class Fit:
         lines = [
             f"    fit: {', '.join(parts)}",
             f"    mu r_p {1e3 * belief.product:.4g} mm +- {100 * belief.product_deviation:.2g} %, "
-            f"mean error {100 * error:.3f} cm; {self.evaluations} evaluations, "
+            f"mean pose error {100 * error:.3f} cm; {self.evaluations} evaluations, "
             f"{self.seconds:.1f} s",
         ]
         if max(self.scatter) > 1.0:
@@ -99,7 +100,10 @@ class Fit:
                 + (", or units, turns or clocks are wrong" if max(self.scatter) > GROSS else "")
             )
         if self.at_bound:
-            lines.append(f"    {', '.join(self.at_bound)}: at the edge of what is searched")
+            lines.append(
+                f"    {', '.join(self.at_bound)}: at the bound of the search: give a --prior, or "
+                "other throws"
+            )
         return lines
 
     def to_dict(self) -> dict[str, Any]:
@@ -125,16 +129,16 @@ def fit_to(
 ) -> Fit:
     """The unknowns `names` fitted by `model`.
 
-    prior: of the same unknowns. Without one the friction is held weakly near 0.6 (a factor
-    of two) and a scale of the grip force near 1 (10 %), because throws show hardly more than
-    their products. evaluated(n) is called with each evaluation's number. InputError where the
-    throws cannot tell the unknowns.
+    prior: of the same unknowns. Without one the friction has a weak prior at 0.6 (a factor of two)
+    and the grip force's scale one at 1 (10 %), because throws show little more than their products.
+    evaluated(n) is called with each evaluation's number. InputError if the throws cannot tell the
+    unknowns.
     """
-    begun = time.perf_counter()
+    start = time.perf_counter()
     shared = predictor.data.shared
     noise = np.array([shared.position_noise, shared.angle_noise])
     problem = _Problem(predictor, model, names, prior, noise, evaluated)
-    point, cost = min((problem.solved(start) for start in problem.starts()), key=lambda s: s[1])
+    point, cost = min((problem.solved(point) for point in problem.starts()), key=lambda s: s[1])
     if not np.isfinite(problem.missed_by(point[None])).any():
         height = f"landing_height = {shared.landing_height:g}"
         raise InputError(f"no landing: no throw comes down to {height} by {model}")
@@ -159,12 +163,12 @@ def fit_to(
         int((~np.isfinite(off).all(axis=1)).sum()),
         tuple(name for name, edge in zip(names, near, strict=True) if edge),
         problem.evaluations,
-        time.perf_counter() - begun,
+        time.perf_counter() - start,
     )
 
 
 class _Problem:
-    """Residuals, derivatives and loss of one fit; remembers its last evaluation."""
+    """Residuals, derivatives and loss of one fit; caches the last evaluation."""
 
     def __init__(
         self,
@@ -200,26 +204,26 @@ class _Problem:
         return np.asarray(landing.swapaxes(0, 1) - self.predictor.truth.landing)
 
     def rows(self, point: Array) -> Array:
-        """What throws are missed by at a point and either side of it along each unknown."""
+        """Landing errors at a point and one step to either side along each unknown."""
         if self._last is None or not np.array_equal(self._last[0], point):
             moves = np.diag([STEPS.get(name, LOG_STEP) for name in self.names])
             points = np.vstack([point, point + moves, point - moves])
             self._last = point.copy(), self.missed_by(points)
         return self._last[1]
 
-    def weighed(self, off: Array, points: Array) -> Array:
-        """Residuals (M, 2 T + P) of what throws are missed by at points: throws, then prior."""
+    def weighted(self, off: Array, points: Array) -> Array:
+        """Residuals (M, 2 T + P) of landing errors at points: throws, then prior."""
         residuals = off / self.sigma
         residuals[~np.isfinite(residuals).all(axis=2)] = NO_LANDING
         prior = (points - self.mean) @ self._root.T
         return np.hstack([residuals.reshape(len(points), -1), prior])
 
     def residuals(self, point: Array) -> Array:
-        """(2 T + P,)."""
-        return np.asarray(self.weighed(self.rows(point)[:1], point[None])[0])
+        """Residuals (2 T + P,) at a point."""
+        return np.asarray(self.weighted(self.rows(point)[:1], point[None])[0])
 
     def jacobian(self, point: Array) -> Array:
-        """Derivatives (2 T + P, P) of the residuals; zero where nothing lands."""
+        """Derivatives (2 T + P, P) of the residuals; zero for a throw without a landing."""
         steps = np.array([STEPS.get(name, LOG_STEP) for name in self.names])
         ahead, behind = np.split(self.rows(point)[1:] / self.sigma, 2)
         slopes = (ahead - behind) / (2 * steps[:, None, None])
@@ -235,7 +239,7 @@ class _Problem:
         return found
 
     def solved(self, start: Array) -> tuple[Array, float]:
-        """Where the fit from one start ends, and its cost."""
+        """The fit from one start, and its cost."""
         from scipy.optimize import least_squares
 
         low, high = self.bounds
@@ -253,19 +257,19 @@ class _Problem:
         return np.asarray(found.x), float(found.cost)
 
     def starts(self) -> Array:
-        """Where the fit starts (S, P): the best of some points, apart from each other."""
+        """Starts (S, P): the best candidates that are apart from each other."""
         points = np.clip(list(self._candidates()), *self.bounds)
-        residuals = self.weighed(self.missed_by(points), points)
+        residuals = self.weighted(self.missed_by(points), points)
         costs = np.array([self.loss(row**2)[0].sum() for row in residuals])
         order = np.argsort(costs, kind="stable")
-        chosen = [] if self.prior is None else [self.prior.mean]
+        starts = [] if self.prior is None else [self.prior.mean]
         for point in points[order]:
-            if all(np.hypot(*(point - other)[:2]) > APART for other in chosen):
-                chosen.append(point)
-        return np.array(chosen[:STARTS])
+            if all(np.hypot(*(point - other)[:2]) > APART for other in starts):
+                starts.append(point)
+        return np.array(starts[:STARTS])
 
     def _candidates(self) -> Iterator[Array]:
-        """The prior's draws, or a grid of friction, radius and delay."""
+        """Draws of the prior, or a grid of friction, radius and delay."""
         if self.prior is None:
             delays = START_DELAYS if "delay" in self.names else (0.0,)
             for mu, radius, late in itertools.product(START_FRICTION, START_RADIUS, delays):
@@ -296,10 +300,10 @@ def _scale_precision(names: tuple[str, ...]) -> Array:
 
 
 def _check_identifiable(slopes: Array, names: tuple[str, ...]) -> None:
-    """InputError where there is one kind of throw only, or a combination that none depends on.
+    """InputError if all throws are of one kind, or do not depend on some combination.
 
-    slopes (T, 2, P): derivatives of the residuals in sigmas. That friction and radius are
-    seen through their product only is no error: their own deviations say so.
+    slopes (T, 2, P): derivatives of the residuals in sigmas. It is no error if only the product of
+    friction and radius is identifiable: their deviations show that.
     """
     count, words = len(slopes), ", ".join(names)
     if count < 2:

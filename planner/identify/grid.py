@@ -1,4 +1,4 @@
-"""The error landscape over friction and patch radius: a grid, as in Fig. 15."""
+"""The error landscape over friction and patch radius on a grid (Fig. 15)."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ Axes = tuple[Array, Array]
 #: The paper's grid: 0.25 to 1.2, and 2.5 to 12 mm.
 AXES: Axes = (np.linspace(0.25, 1.2, 20), np.linspace(0.0025, 0.012, 20))
 CELLS = AXES[0].size * AXES[1].size
-#: Scaled error [m] of a throw for which a model predicts no landing.
+#: Pose error [m] of a throw for which a model predicts no landing.
 MISSED = 10.0
 
 
 @dataclass(frozen=True)
 class Grid:
-    """Scaled errors of T throws for `friction` (F,) and `patch_radius` (R,) [m].
+    """Pose errors of T throws for `friction` (F,) and `patch_radius` (R,) [m].
 
     errors (T, F, R) [m], NaN for a throw without a predicted landing; detach (T, F, R, 6):
     CoM states at the end of the opening; seconds: of the work.
@@ -38,22 +38,22 @@ class Grid:
 
     @property
     def throws(self) -> int:
-        """T."""
+        """Number of throws T."""
         return len(self.errors)
 
     @property
     def scored(self) -> Array:
-        """errors with 10 m where a throw does not land."""
+        """errors, with `MISSED` for throws without a predicted landing."""
         return np.nan_to_num(self.errors, nan=MISSED)
 
     @property
     def error(self) -> Array:
-        """Mean scaled error (F, R) [m] over all throws."""
+        """Mean pose error (F, R) [m] over all throws."""
         return np.asarray(self.scored.mean(axis=0))
 
     @property
     def missed(self) -> Indices:
-        """Throws (F, R) without a predicted landing."""
+        """Number (F, R) of throws without a predicted landing."""
         return np.asarray(np.isnan(self.errors).sum(axis=0))
 
     def best(self, rows: npt.NDArray[Any] | slice = slice(None)) -> tuple[int, int]:
@@ -63,7 +63,7 @@ class Grid:
         return int(i), int(j)
 
     def part(self, rows: Indices) -> Grid:
-        """The same for some of the throws, with their share of the time."""
+        """The grid of some of the throws, with their share of the time."""
         seconds = self.seconds * len(rows) / self.throws
         return replace(self, errors=self.errors[rows], detach=self.detach[rows], seconds=seconds)
 
@@ -92,7 +92,7 @@ class Grid:
         lost = f", {self.missed.sum()} do not land" if self.missed.any() else ""
         each = self.seconds / self.predictions
         return [
-            f"    grid: least mean error {100 * self.error.min():.3f} cm (most "
+            f"    grid: least mean pose error {100 * self.error.min():.3f} cm (most "
             f"{100 * self.error.max():.3f}) at friction {mu:.3g}, patch_radius "
             f"{1e3 * radius:.3g} mm, mu r_p {1e3 * self.product:.3g} mm",
             f"    {self.predictions:,} predictions in {self.seconds:.1f} s, "
@@ -121,10 +121,7 @@ def grid_of(
     fixed: tuple[float, float] = (0.0, 1.0),
     progress: Progress | None = None,
 ) -> Grid:
-    """The error landscape of a model.
-
-    fixed: delay [s] and scale of the grip force.
-    """
+    """The error landscape of a model; fixed: delay [s] and scale of the grip force."""
     shape = (len(predictor.data.throws), len(axes[0]), len(axes[1]))
     friction, radius = (cells.ravel() for cells in np.meshgrid(*axes, indexing="ij"))
     sets = parameter_sets(friction, radius, *fixed)

@@ -1,4 +1,4 @@
-"""Identification from measured throws: the grid, the fit, and what comes of them."""
+"""Identification from measured throws: the grid, the fit, their files and words."""
 
 from __future__ import annotations
 
@@ -10,19 +10,21 @@ from typing import Any
 
 import numpy as np
 
-from ...models import MODELS, STEPPED_SURFACE
-from ...problems import InputError, Scene, ThrowData, filling
+from ...models.release import MODELS, STEPPED_SURFACE
+from ...problems import InputError, Scene
+from ...problems.files import filling
+from ...problems.throws import ThrowData
 from ..show import save
 from .belief import Belief, applied, contact_text, prior_of, sets_at
-from .factors import SURFACE
+from .factors import SURFACE, usual_surface
 from .fit import Fit, fit_to
 from .grid import AXES, MISSED, Grid, grid_of
 from .pictures import contact_picture
 from .predict import UNKNOWNS, Predictor, Progress, check_model
 
-#: Why a model that chatters is not fitted.
+#: Reason why a model that does not converge is not fitted.
 NO_FIT = "its landings are no smooth function of the parameters"
-#: What may be left in the folder.
+#: Files that may be left in the folder.
 FILES = (
     "identify.json",
     "contact.toml",
@@ -33,10 +35,10 @@ FILES = (
 
 @dataclass(frozen=True)
 class Identified:
-    """What was found about the contact by one model.
+    """The contact identified by one model.
 
-    grid: the error landscape, None if it was not asked for; fit: None for a model that
-    chatters; error [m]: mean scaled error at the fit.
+    grid: the error landscape, None if not requested; fit: None for a model that does not converge;
+    error [m]: mean pose error (position plus angle times half the length) at the fit.
     """
 
     model: str
@@ -48,7 +50,7 @@ class Identified:
 
     @property
     def posterior(self) -> Belief:
-        """What is believed after the throws."""
+        """The belief after the throws."""
         assert self.fit is not None, NO_FIT
         return self.fit.posterior
 
@@ -70,8 +72,8 @@ class Identified:
         }
 
     def summary(self) -> str:
-        """The grid and the fit in some lines for people."""
-        lines, grid, fit = [f"  {self.model}:"], self.grid, self.fit
+        """The grid and the fit as lines for people."""
+        lines, grid, fit = [f"  {MODELS[self.model].title}:"], self.grid, self.fit
         if grid is not None:
             lines += grid.summary()
         if fit is not None and self.error is not None:
@@ -95,12 +97,12 @@ def identify(
     grid: bool = True,
     about: Callable[[str], Progress] | None = None,
 ) -> Identified:
-    """Friction and patch radius, and a delay and the grip force's scale if asked for.
+    """Fit friction and patch radius, and on request a delay and the grip force's scale.
 
-    model: of the release; if empty the one that the prior scene's tolerance names, or the
-    limit surface. prior: a belief of just these unknowns, or a scene whose [contact] and
-    [uncertainty] say it. about(words) gives the progress of a part.
-    InputError for an unknown model and where the throws cannot tell the unknowns.
+    model: of the release; if empty the one that the prior scene's tolerance names, or the limit
+    surface. prior: a belief of these unknowns, or a scene whose [contact] and [uncertainty] are
+    one. about(words) gives the progress of a part. InputError for an unknown model, and if the
+    throws cannot tell the unknowns.
     """
     if not model:
         model = prior.tolerance.model if isinstance(prior, Scene) else STEPPED_SURFACE
@@ -111,10 +113,10 @@ def identify(
             f"{SURFACE}: one contact cannot be that of {', '.join(surfaces)}: give throws of one"
         )
     known = MODELS[model]
-    if known.chatters and not grid:
+    if known.nonconvergent and not grid:
         raise InputError(f"model = {model!r}: only its grid: {NO_FIT}")
-    asked = {"delay": delay, "grip_scale": grip_scale}
-    names = tuple(name for name in UNKNOWNS if asked.get(name, True))
+    optional = {"delay": delay, "grip_scale": grip_scale}
+    names = tuple(name for name in UNKNOWNS if optional.get(name, True))
     if isinstance(prior, Scene):
         prior = prior_of(prior, names)
     elif prior is not None:
@@ -122,7 +124,7 @@ def identify(
     show = about or (lambda words: lambda done, total: None)
     predictor = Predictor.of(data)
     fit, error, fixed = None, None, (0.0, 1.0)
-    if not known.chatters:
+    if not known.nonconvergent:
         words = f"fit by {model}"
         show(words)
         fit = fit_to(predictor, model, names, prior, lambda n: show(f"{words}, evaluation {n}"))
@@ -131,19 +133,40 @@ def identify(
         landing = predictor.landings(model, sets_at(names, belief.mean))
         off = landing - predictor.truth.landing[:, None]
         error = float(np.nan_to_num(predictor.truth.scaled(off), nan=MISSED).mean())
-    found = None
+    landscape = None
     if grid:
-        found = grid_of(predictor, model, AXES, fixed, show(f"grid by {model}"))
-    return Identified(model, data, prior, found, fit, error)
+        landscape = grid_of(predictor, model, AXES, fixed, show(f"grid by {model}"))
+    return Identified(model, data, prior, landscape, fit, error)
+
+
+def one_surface(data: ThrowData) -> ThrowData:
+    """The throws on the surface that most are on: one contact fits one surface."""
+    return data.picked(usual_surface(data))
+
+
+def summary_of(found: list[Identified]) -> str:
+    """The data's own lines, then what each model found."""
+    data = found[0].data
+    surface = data.factors.get(SURFACE, [""])[0]
+    lines = [f"{data.name}: {len(data.throws)} throws" + (f" on {surface}" if surface else "")]
+    if {"friction", "patch_radius"} <= set(data.truth):
+        known = [f"{name} {data.truth[name]:g}" for name in UNKNOWNS if name in data.truth]
+        product = data.truth["friction"] * data.truth["patch_radius"]
+        lines.append(f"  truth: {', '.join(known)}; mu r_p {1e3 * product:.4g} mm")
+    lines += [one.summary() for one in found]
+    return "\n".join([*lines, *(f"  note: {words}" for words in data.notes)])
 
 
 def save_identified(found: list[Identified], folder: Path) -> None:
-    """Write the files of one or more models; contact.toml is of the last."""
+    """Write the files of one or more models; contact.toml is that of the last."""
     with filling(folder, FILES) as scratch:
         for one in found:
             if one.grid is not None:
                 _write_grid(one.grid, scratch / f"grid-{one.model}.csv")
-            save(contact_picture(one), scratch / f"contact-{one.model}.png")
+            belief = None if one.fit is None else one.fit.posterior
+            title = f"{MODELS[one.model].title}, {len(one.data.throws)} throws"
+            figure = contact_picture(title, one.data.truth, one.grid, one.prior, belief)
+            save(figure, scratch / f"contact-{one.model}.png")
         last = next((one for one in reversed(found) if one.fit is not None), None)
         if last is not None:
             shared = last.data.shared
@@ -155,7 +178,7 @@ def save_identified(found: list[Identified], folder: Path) -> None:
 
 
 def _write_grid(grid: Grid, path: Path) -> None:
-    """A row a cell: friction, patch_radius [m], mean scaled error [m], throws that missed."""
+    """A row per cell: friction, patch_radius [m], mean pose error [m], throws without landing."""
     mu, radius = (v.ravel() for v in np.meshgrid(grid.friction, grid.patch_radius, indexing="ij"))
     rows = np.column_stack([mu, radius, grid.error.ravel(), grid.missed.ravel()])
     names = "friction,patch_radius_m,mean_error_m,missed"

@@ -1,4 +1,4 @@
-"""What was measured of throws: landing poses and twists in flight; planned throws as data."""
+"""Measured landing poses and twists in flight; planned throws as data."""
 
 from __future__ import annotations
 
@@ -8,38 +8,46 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...models import Array, LinearRelease, TableRelease
-from ...problems import InputError, MeasuredThrow, Scene, Shared, ThrowData, checked
+from ...models import Array
+from ...models.release import TableRelease
+from ...problems import InputError, Scene, checked
+from ...problems.throws import MeasuredThrow, Shared, ThrowData
 from ..result import Plan, sent_throw
 
-#: Fewest samples of a flight.
+#: Fewest samples of a flight that a parabola is fitted to.
 SAMPLES = 21
-#: How long [s] after the opening a bar flies at least, for a track that ends before the landing.
+#: A track without a landing counts up to this time [s] after the opening: the bar flies longer.
 FLIGHT = 0.15
-#: What is recorded of the hand: from so long before the command to so long after the
-#: opening [s], every `TICK` seconds.
-BEFORE, AFTER, TICK = 0.05, 0.06, 0.001
+#: The hand is recorded from BEFORE [s] before the command to AFTER [s] after the opening.
+BEFORE, AFTER = 0.05, 0.06
+#: Time step [s] of the recording.
+TICK = 0.001
 
 
 @dataclass(frozen=True)
 class Landings:
-    """landing (T, 2): x [m], theta [rad] at the landing height; twist (T, 2): v_x [m/s] and
-    omega [rad/s] in flight, NaN where no track was measured; arm (T,): half the bar's
-    length [m], which makes an angle an error in metres, (39)."""
+    """Measured landings of T throws.
+
+    landing (T, 2): x [m], theta [rad] at the landing height; twist (T, 2): v_x [m/s] and omega
+    [rad/s] in flight, NaN without a track; arm (T,): half the bar's length [m], the factor of the
+    angle in the pose error (39).
+    """
 
     landing: Array
     twist: Array
     arm: Array
 
     def scaled(self, off: Array) -> Array:
-        """Scaled errors (T, ...) [m] of predicted less measured landings (T, ..., 2), (39):
-        |dx| + |dtheta| l / 2."""
+        """Pose errors (39) (T, ...) [m] of predicted less measured landings (T, ..., 2).
+
+        Position plus angle times half the length: |dx| + |dtheta| l / 2.
+        """
         arm = self.arm.reshape(-1, *[1] * (off.ndim - 2))
         return np.asarray(np.abs(off[..., 0]) + np.abs(off[..., 1]) * arm)
 
 
 def measured(data: ThrowData) -> Landings:
-    """What was measured of a data set's throws; InputError for a track that never lands."""
+    """The landings of a data set; InputError for a track that never lands."""
     landing, twist = [], []
     for throw in data.throws:
         rates = (np.nan, np.nan)
@@ -48,17 +56,17 @@ def measured(data: ThrowData) -> Landings:
         if throw.landing is not None:
             landed = (throw.landing[0], throw.landing[2])
         elif throw.track is None:
-            raise InputError(f"throw {throw.name}: where it landed is not known yet")
+            raise InputError(f"throw {throw.name}: has no landing: add it to the data")
         landing.append(landed)
         twist.append(rates)
-    arm = np.array([throw.object.length / 2 for throw in data.throws])
+    arm = np.array([throw.object.half_length for throw in data.throws])
     return Landings(np.array(landing), np.array(twist), arm)
 
 
 def _from_track(
     data: ThrowData, throw: MeasuredThrow, track: Array
 ) -> tuple[tuple[float, float], tuple[float, float]]:
-    """(v_x, omega) in flight, and (x, theta) where the CoM comes down through the height."""
+    """(v_x, omega) in flight, and (x, theta) as the CoM falls through the landing height."""
     start = throw.opening + throw.grip.opening
     flying = track[:, 0] >= start
     if flying.sum() < SAMPLES:
@@ -69,20 +77,18 @@ def _from_track(
     height, gravity = data.shared.landing_height, data.shared.gravity
     times, x, z, theta = track[flying].T
     below = np.flatnonzero((z[1:] <= height) & (z[:-1] > height))
-    # The parabola through the whole flight: less noise than the two samples around the end.
+    # A parabola through all samples has less noise than the last two samples.
     last = below[0] + 2 if below.size else int((times <= start + FLIGHT).sum())
     t = times[:last] - start
-    along, turning = np.polyfit(t, x[:last], 1), np.polyfit(t, theta[:last], 1)
+    forward, turning = np.polyfit(t, x[:last], 1), np.polyfit(t, theta[:last], 1)
     rising = np.polyfit(t, z[:last] + gravity * t**2 / 2, 1)
     root = rising[0] ** 2 + 2 * gravity * (rising[1] - height)
     lands = root >= 0 and gravity > 0
     if not lands or (not below.size and throw.landing is None):
-        raise InputError(
-            f"throw {throw.name}: no landing: the track never comes down to {height:g} m"
-        )
+        raise InputError(f"throw {throw.name}: no landing: the track never falls to {height:g} m")
     time = (rising[0] + np.sqrt(root)) / gravity
-    landed = (float(np.polyval(along, time)), float(np.polyval(turning, time)))
-    return (float(along[0]), float(turning[0])), landed
+    landed = (float(np.polyval(forward, time)), float(np.polyval(turning, time)))
+    return (float(forward[0]), float(turning[0])), landed
 
 
 def throw_data(
@@ -93,9 +99,9 @@ def throw_data(
 ) -> ThrowData:
     """Throws of solved plans of one scene as a data set: the hand's motion, command and grip.
 
-    landings: x [m], theta [rad] where each came down, None where that is not known yet.
-    position_noise [m], angle_noise [rad]: their standard deviations. Raises InputError for
-    no plan at all, for targets at several heights, and for landings that are none.
+    landings: x [m], theta [rad] of each, None for one that is not known yet. position_noise [m],
+    angle_noise [rad]: their standard deviations. Raises InputError for an empty list, for targets
+    at several heights, and for landings that are not pairs of numbers.
     """
     if isinstance(plans, Plan) or not plans:
         raise InputError("plans: must be a list of at least one plan")
@@ -123,10 +129,7 @@ def throw_data(
 
 
 def _recorded(name: str, plan: Plan, landing: tuple[float, float] | None) -> MeasuredThrow:
-    """A plan's throw as a recording, on the plan's clock.
-
-    The command goes out earlier by the delay that the scene knows.
-    """
+    """A plan's throw as a recording on the plan's clock; the command leads by the mean delay."""
     sent = sent_throw(plan)
     command, end = sent.command_time, sent.detach_time + AFTER
     first, last = max(command - BEFORE, 0.0), min(end, sent.until)
@@ -148,7 +151,7 @@ def _recorded(name: str, plan: Plan, landing: tuple[float, float] | None) -> Mea
 def _recorded_grip(scene: Scene) -> TableRelease:
     """The grip force from the command on, as a recording has it."""
     profile = scene.gripper.profile()
-    if not isinstance(profile, LinearRelease):
+    if isinstance(profile, TableRelease):
         return profile
     ends = [profile.dwell, profile.dwell + profile.opening]
     start = [] if profile.dwell == 0 else [0.0]

@@ -6,12 +6,13 @@ Figs. 15, 17, 18 and 20 of the paper.
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from ...models import MODELS, SLIDING_PIVOT, STEPPED_SURFACE, Array
+from ...models import Array
+from ...models.release import MODELS, SLIDING_PIVOT, STEPPED_SURFACE
 from ..show import BLACK, BLUE, GREEN, GREY, RED, new_figure
 from .factors import SIGNIFICANT, FactorRow
 from .grid import MISSED
@@ -22,18 +23,17 @@ if TYPE_CHECKING:
 
     from .belief import Belief
     from .grid import Grid
-    from .identified import Identified
     from .validation import Validation
 
 Style = dict[str, Any]
 
-#: Pictures of a validation with what is to be seen.
+#: Pictures of a validation and their captions.
 PICTURES = {
     "errors": "Predicted less measured landing of every throw of the batch.",
     "boxes": "Absolute errors: median, quartiles, outliers.",
-    "factors": "What a factor does: landings measured and predicted, errors in both conditions.",
+    "factors": "Effect of each factor: landings measured and predicted, errors in both conditions.",
 }
-#: Models whose median error is above so many times the least are cut off or have own axes.
+#: A model is off the common axes if its median error exceeds the least one by this factor.
 FAR = 6.0
 #: Errors and their units.
 QUANTITIES = (("v_x", "mm/s"), ("ω", "deg/s"), ("x", "mm"), ("θ", "deg"))
@@ -42,7 +42,7 @@ DEGREES = np.array([1.0, math.degrees(1.0)])
 ERRORS = np.array([1e3, math.degrees(1.0)])
 #: Conditions A and B of a factor: marker, colour of measured landings, lightness of the model's.
 CONDITIONS = (("o", "#9ecae1", 0.45), ("s", "#2166ac", 1.0))
-#: Models whose landings are drawn against the measured ones, the first that is there.
+#: The first of these models that was validated is drawn against the measured landings.
 DRAWN = (SLIDING_PIVOT, STEPPED_SURFACE, *MODELS)
 
 
@@ -60,13 +60,13 @@ def colours(models: Sequence[str]) -> dict[str, str]:
 
 
 def _title(figure: Figure, found: Validation, words: str) -> None:
-    """One line over a picture; says so if nothing was measured."""
+    """Title of a picture; marks synthetic data."""
     more = " (synthetic data)" if found.data.shared.synthetic else ""
     figure.suptitle(f"{found.data.name}: {words}{more}", x=0.01, ha="left", fontsize=11)
 
 
 def _far_off(found: Validation) -> list[str]:
-    """Models that err many times more than the best one: on their scale no other shows."""
+    """Models with much larger errors than the best: they would hide the others."""
     errors = {m: np.nan_to_num(found.scaled(m)[found.batch], nan=MISSED) for m in found.checks}
     typical = {model: float(np.median(values)) for model, values in errors.items()}
     return [model for model, value in typical.items() if value > FAR * min(typical.values())]
@@ -84,7 +84,7 @@ def _signed_errors(found: Validation) -> dict[str, list[Array]]:
 def _errors(found: Validation) -> Figure:
     """Predicted less measured landing, a panel per model on common axes (Fig. 17).
 
-    Models that are far off have wider axes.
+    Models with much larger errors have wider axes.
     """
     models, far = list(found.checks), _far_off(found)
     columns = min(3, len(models))
@@ -117,7 +117,7 @@ def _errors(found: Validation) -> Figure:
 def _boxes(found: Validation) -> Figure:
     """Absolute errors by quantity and model: quartiles, whiskers of 1.5 IQR, outliers (Fig. 18).
 
-    Models that are far off are cut off.
+    The axes cut off models with much larger errors.
     """
     models, far, errors = list(found.checks), _far_off(found), _signed_errors(found)
     quantities = [0, 1, 2, 3] if found.tracked else [2, 3]
@@ -198,16 +198,24 @@ def _condition_errors(axis: Axes, group: Sequence[FactorRow], quantity: int) -> 
     axis.grid(alpha=0.25, axis="y")
 
 
-def contact_picture(found: Identified) -> Figure:
-    """Mean scaled error over mu and r_p, the prior and the fit with their 95 % regions."""
+def contact_picture(
+    title: str,
+    truth: Mapping[str, float],
+    grid: Grid | None,
+    prior: Belief | None,
+    belief: Belief | None,
+) -> Figure:
+    """Mean pose error over mu and r_p, the prior and the fit `belief` with 95 % regions.
+
+    truth: what a synthetic data set was made with, else empty.
+    """
     figure = new_figure(7.6, 6.0)
-    axis, words = figure.add_subplot(), [f"{found.model}, {len(found.data.throws)} throws"]
-    if found.grid is not None:
-        words += _landscape(axis, found.grid)
-    if found.prior is not None:
-        _belief(axis, found.prior, "prior, 95 % region", GREY)
-    if found.fit is not None:
-        belief = found.fit.posterior
+    axis, words = figure.add_subplot(), [title]
+    if grid is not None:
+        words += _landscape(axis, grid)
+    if prior is not None:
+        _belief(axis, prior, "prior, 95 % region", GREY)
+    if belief is not None:
         _belief(axis, belief, "fit, 95 % region", GREEN)
         low, high = axis.get_xlim()
         x = np.geomspace(max(low, 1e-3), max(high, 2e-3), 200)
@@ -216,7 +224,6 @@ def contact_picture(found: Identified) -> Figure:
         axis.set(xlim=limits[0], ylim=limits[1])
         spread = 100 * belief.product_deviation
         words.append(f"fit: μ r_p {1e3 * belief.product:.3f} mm ± {spread:.1f} %")
-    truth = found.data.truth
     if {"friction", "patch_radius"} <= set(truth):
         mu = truth["friction"] * truth.get("grip_scale", 1.0)
         style: Style = {"color": BLUE, "ms": 14, "mec": "white", "ls": "none", "label": "truth"}
@@ -228,13 +235,15 @@ def contact_picture(found: Identified) -> Figure:
 
 
 def _landscape(axis: Axes, grid: Grid) -> list[str]:
-    """The grid's errors, the lowest 10 % encircled; what is to be said of it."""
+    """The grid's errors, the lowest 10 % encircled; lines for the title."""
     mu, radius, shown = grid.friction, 1e3 * grid.patch_radius, 100 * grid.error.T
     top, low = (float(np.quantile(shown, share)) for share in (0.98, 0.1))
     mesh = axis.pcolormesh(mu, radius, shown, cmap="inferno", vmax=top, shading="nearest")
     axis.contour(mu, radius, shown, [low], colors="white", linewidths=1.0)
     assert axis.figure is not None
-    axis.figure.colorbar(mesh, label="mean scaled error [cm]", extend="max")
+    axis.figure.colorbar(
+        mesh, label="mean pose error [cm]: position plus angle times half the length", extend="max"
+    )
     best, (i, j) = 100 * grid.error.min(), grid.best()
     axis.plot(mu[i], radius[j], "X", color=RED, ms=11, mec="white", label="lowest mean error")
     words = [f"least {best:.2f} cm at μ {mu[i]:.2f}, r_p {radius[j]:.1f} mm; white: lowest 10 %"]

@@ -10,37 +10,28 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models import (
-    MODELS,
-    Array,
-    Body,
-    Contact,
-    HandTrack,
-    ImplicitRelease,
-    Indices,
-    Path,
-    Release,
-    ReleaseBatch,
-    ReleaseCase,
-    land,
-)
-from ...problems import InputError, MeasuredThrow, PadContact, ThrowData, checked
-from ..check import named_model, recorded_joints
+from ...models import Array, Body, Contact, FlightLaw, HandTrack, Indices, Trajectory
+from ...models.release import MODELS, ImplicitRelease, Release, ReleaseBatch, ReleaseCase
+from ...problems import InputError, PadContact, checked
+from ...problems.throws import MeasuredThrow, ThrowData
+from ..throw.simulation import named_model, recorded_joints
 from .measured import Landings, measured
 
-#: Called with the throws that are done and all of them.
+#: progress(done, total) counts throws.
 Progress = Callable[[int, int], None]
 
-#: What may be fitted, the columns of parameter sets: mu, r_p [m], how much later than command
-#: and dwell say the opening comes [s], the true grip force over the measured one.
+#: Unknowns, the columns of parameter sets: mu, r_p [m], delay [s] of the opening beyond command and
+#: dwell, true grip force over the measured one.
 UNKNOWNS = ("friction", "patch_radius", "delay", "grip_scale")
-#: Values of those that are not fitted.
-USUAL = {"delay": 0.0, "grip_scale": 1.0}
-#: Sampling of the hands around the opening [s], and how far a delay may reach [s].
-STEP, REACH = 0.001, 0.05
-#: Most throws times parameter sets of one batch of several throws, each with its own spline.
+#: Values of unknowns that are not fitted.
+BASE = {"delay": 0.0, "grip_scale": 1.0}
+#: Time step [s] of the hands' samples.
+STEP = 0.001
+#: Largest delay [s].
+REACH = 0.05
+#: Most throws times parameter sets of one batch with several throws.
 MOST = 4096
-#: Shares of the opening at which the falls of two grip forces are compared.
+#: Shares of the opening at which the fall of two grip forces is compared.
 SHARES = np.linspace(0.0, 1.0, 21)
 
 
@@ -56,7 +47,7 @@ def parameter_sets(
 
 
 def check_model(model: str) -> None:
-    """InputError for a model that is not there, or throws one at a time: too slow for a grid."""
+    """InputError for an unknown model, or one without batches, too slow for a grid."""
     named_model(model, MODELS)
     if MODELS[model].batch is None:
         quick = ", ".join(name for name, other in MODELS.items() if other.batch is not None)
@@ -65,14 +56,14 @@ def check_model(model: str) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Predictor:
-    """The throws of a data set, ready to be thrown by any model and compared.
+    """Predicts the throws of a data set by any release model.
 
-    hands: each throw's, from the opening's start on, as a spline through samples at 1 kHz
-    that begin at the command at the latest.
+    hands: of each throw, from the opening's start on, as a spline through samples at 1 kHz that
+    begin at the command or earlier.
     """
 
     data: ThrowData
-    hands: tuple[Path, ...]
+    hands: tuple[Trajectory, ...]
 
     @classmethod
     def of(cls, data: ThrowData) -> Predictor:
@@ -87,16 +78,16 @@ class Predictor:
 
     @cached_property
     def truth(self) -> Landings:
-        """What was measured; InputError for a track that never lands."""
+        """The measured landings; InputError for a track that never lands."""
         return measured(self.data)
 
     def part(self, rows: Indices) -> Predictor:
-        """The same for some of the throws."""
+        """The predictor of some of the throws."""
         return Predictor(self.data.picked(rows), tuple(self.hands[i] for i in rows))
 
     def detached(self, model: str, sets: Array, progress: Progress | None = None) -> Array:
         """CoM pose and twist (T, M, 6) of every throw at the end of the opening, with every
-        parameter set (M, 4); NaN where the model gives nothing."""
+        parameter set (M, 4); NaN if the model fails."""
         named_model(model, MODELS)
         if np.abs(sets[:, 2]).max() > REACH:
             raise InputError(f"delay = {np.abs(sets[:, 2]).max():g}: must be at most {REACH:g} s")
@@ -118,7 +109,7 @@ class Predictor:
     def landed(self, detach: Array) -> Array:
         """x [m], theta [rad] (..., 2) at the landing height of detach states (..., 6)."""
         shared = self.data.shared
-        found = land(detach.reshape(-1, 6), shared.landing_height, shared.gravity)
+        found = FlightLaw(shared.gravity).land(detach.reshape(-1, 6), shared.landing_height)
         return found[:, :2].reshape(*detach.shape[:-1], 2)
 
     def landings(self, model: str, sets: Array) -> Array:
@@ -130,18 +121,18 @@ class Predictor:
         throw, shared = self.data.throws[row], self.data.shared
         friction, radius, delay, scale = (float(value) for value in one)
         contact = Contact(friction * scale, radius, shared.torsion, shared.faces)
-        hand = self.hands[row].later(delay) if delay else self.hands[row]
+        hand = self.hands[row].shifted(delay) if delay else self.hands[row]
         body = Body(*_body(throw))
         return ReleaseCase(body, contact, throw.grip, hand, shared.gravity, throw.grasp.angle)
 
     def released(self, model: str, row: int, one: Array) -> Release:
-        """One throw by a model with one parameter set (4,), all along the opening."""
+        """One throw by a model with one parameter set (4,), over the whole opening."""
         return MODELS[model].release(self.case(row, one))
 
     def _groups(self, sets: int) -> Iterator[Indices]:
-        """Throws whose grip forces fall alike, as many as make a batch with M sets each.
+        """Groups of throws with equal fall of the grip force, a batch each with M sets per throw.
 
-        Few throws at once keep NumPy busy with arrays of a few entries only.
+        Larger batches are faster in NumPy.
         """
         alike: dict[bytes, list[int]] = {}
         for i, throw in enumerate(self.data.throws):
@@ -156,7 +147,7 @@ class Predictor:
         """CoM pose and twist (6,) of one throw at the end of the opening."""
         single = MODELS[model].single
         if isinstance(single, ImplicitRelease):
-            single = replace(single, samples=2)  # what it gives in between costs a tenth more
+            single = replace(single, samples=2)  # samples in between cost a tenth more
         return single.release(self.case(row, one)).end
 
     def _batch(self, rows: Indices, sets: Array) -> ReleaseBatch:
@@ -164,7 +155,7 @@ class Predictor:
         throws, shared = [self.data.throws[i] for i in rows], self.data.shared
         reach = float(np.abs(sets[:, 2]).max()) + 2 * STEP
         longest = max(throw.grip.opening for throw in throws)
-        # A recording that ends early goes on by its own spline: it must not shorten the others.
+        # A recording that ends early is extrapolated by its spline: others may be longer.
         times = STEP * np.arange(np.floor(-reach / STEP), np.ceil((longest + reach) / STEP) + 1)
         poses = [self.hands[i].at(times).pose.T for i in rows]
         friction, radius, delay, scale = np.tile(sets, (len(rows), 1)).T
@@ -179,7 +170,7 @@ class Predictor:
             Body(*spread([_body(throw) for throw in throws]).T),
             Contact(friction, radius, shared.torsion, shared.faces),
             throws[0].grip,
-            Path.through(times, several, delay),
+            Trajectory.through(times, several, delay),
             spread([throw.grip.opening for throw in throws]),
             spread([throw.grip.full for throw in throws]) * scale,
             shared.gravity,
@@ -187,19 +178,19 @@ class Predictor:
         )
 
 
-def _sampled(data: ThrowData, throw: MeasuredThrow) -> Path:
+def _sampled(data: ThrowData, throw: MeasuredThrow) -> Trajectory:
     """The hand from the opening's start on, through its poses at whole milliseconds."""
     times, opening = throw.times - throw.opening, throw.grip.opening
     hand: HandTrack
     if data.arm is None:
-        hand = Path.through(times, throw.motion)
+        hand = Trajectory.through(times, throw.motion)
     else:
         cutoff = data.shared.cutoff
         hand = recorded_joints(data.arm, throw.times, throw.motion, throw.opening, cutoff)
     first = max(float(times[0]), -max(throw.grip.dwell, REACH) - 2 * STEP)
     last = min(float(times[-1]), opening + REACH + 2 * STEP)
     even = STEP * np.arange(np.ceil(first / STEP), np.floor(last / STEP) + 1)
-    return Path.through(even, hand.at(even).pose.T)
+    return Trajectory.through(even, hand.at(even).pose.T)
 
 
 def _body(throw: MeasuredThrow) -> tuple[float, float, float]:
@@ -208,8 +199,10 @@ def _body(throw: MeasuredThrow) -> tuple[float, float, float]:
 
 
 def thrown(data: ThrowData, model: str, contact: Mapping[str, float]) -> Array:
-    """Landings (T, 2), x [m] and theta [rad], of the throws with this contact: a stand-in
-    for reality. contact: friction, patch_radius, and delay [s], grip_scale if they differ."""
+    """Landings (T, 2), x [m] and theta [rad], of the throws with this contact, for synthetic data.
+
+    contact: friction, patch_radius [m], and, unless 0 and 1, delay [s] and grip_scale.
+    """
     if not {"friction", "patch_radius"} <= contact.keys() <= set(UNKNOWNS):
         raise InputError("contact: must have friction and patch_radius; may have delay, grip_scale")
     PadContact(friction=contact["friction"], patch_radius=contact["patch_radius"])

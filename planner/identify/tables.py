@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from ...models import Array
-from ...problems import filling, plain
+from ...problems.files import filling, plain
 from ..show import Row, Table, save
 from .factors import SIGNIFICANT, FactorRow
 from .grid import MISSED
@@ -28,9 +28,9 @@ ERRORS = {"v_x [m/s]": "v_x", "omega [deg/s]": "omega", "x [m]": "x", "theta [de
 
 
 def tables(found: Validation) -> list[Table]:
-    """What is read of a validation; tables without rows are left out."""
-    made = (parameter_table(found), error_table(found), crossed_table(found), factor_table(found))
-    return [table for table in made if table.rows]
+    """The tables of a validation that have rows."""
+    every = (parameter_table(found), error_table(found), crossed_table(found), factor_table(found))
+    return [table for table in every if table.rows]
 
 
 def parameter_table(found: Validation) -> Table:
@@ -75,7 +75,7 @@ def error_table(found: Validation) -> Table:
 
 
 def crossed_table(found: Validation) -> Table:
-    """Mean scaled errors of throws that the parameters are fitted to, and of others."""
+    """Mean pose errors of throws inside and outside the fit."""
     rows = list[Row]()
     for check in found.checks.values():
         crossed = check.crossed
@@ -92,8 +92,8 @@ def crossed_table(found: Validation) -> Table:
             }
             rows.append(row)
     caption = (
-        "Mean scaled error [m] with 95 % interval: parameters from the same throws, and from "
-        "other conditions"
+        "Mean pose error (position plus angle times half the length) [m] with 95 % interval: "
+        "parameters from the same throws, and from other conditions"
     )
     return Table("cross_validation", caption, rows)
 
@@ -132,7 +132,7 @@ def _shift(shift: Array) -> Row:
 
 
 def errors_by_throw(found: Validation) -> Table:
-    """A row per throw and model, angles in degrees; empty where nothing landed."""
+    """A row per throw and model, angles in degrees; cells without a landing are empty."""
     names, batch, rows = list(found.data.factors), set(found.batch.tolist()), list[Row]()
     heads = ("friction", "patch_radius", "dx", "dtheta_deg", "scaled", "dv_x", "domega_deg")
     for model, check in found.checks.items():
@@ -147,7 +147,7 @@ def errors_by_throw(found: Validation) -> Table:
 
 
 def head(found: Validation) -> list[str]:
-    """What the data are."""
+    """Lines that say what the data are."""
     data = found.data
     apart = len(data.throws) - len(found.batch)
     kinds = len({found.conditions[i] for i in found.batch})
@@ -164,7 +164,7 @@ def head(found: Validation) -> list[str]:
 
 
 def notes(found: Validation) -> list[str]:
-    """What is left out, what is less than it seems, and why."""
+    """Lines about what is left out and what limits the results."""
     lines = [*found.data.notes, *found.left_out]
     for check in found.checks.values():
         lines += _model_notes(found, check)
@@ -187,7 +187,7 @@ def notes(found: Validation) -> list[str]:
 
 
 def _model_notes(found: Validation, check: ModelCheck) -> list[str]:
-    """Where one model's parameters ended, and what it gave nothing for."""
+    """Notes on one model: parameters at the edge of the grid, throws without landing."""
     model, grid, lines = check.model, check.grid, []
     for surface in check.at_edge:
         best = f"its best parameters for {surface}" if surface else "its best parameters"

@@ -1,7 +1,7 @@
 """Release models on measured throws: parameters, errors, cross-validation, factors.
 
-Every model gets the parameters that suit it best on the batch (Table III), as in the
-paper; what it predicts with them is then compared with what was measured (Table IV).
+Every model gets its best parameters on the batch (Table III), as in the paper; its predictions with
+these are compared with the measurement (Table IV).
 """
 
 from __future__ import annotations
@@ -12,32 +12,32 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...models import VALIDATED, Array, Indices
-from ...problems import ThrowData
+from ...models import Array, Indices
+from ...models.release import SLIDING_PIVOT, STEPPED_SURFACE
+from ...problems.throws import ThrowData
 from .factors import SURFACE, FactorRow, batch_rows, comparisons, conditions, factor_rows
 from .grid import AXES, CELLS, Grid, grid_of
 from .predict import Predictor, Progress, check_model, parameter_sets
 
-#: Told what comes next; gives what is told (done, total) of it.
+#: about(words) announces a part of the work and returns its progress(done, total).
 About = Callable[[str], Progress]
 
 #: Models of the two tables.
-PAPER_MODELS = VALIDATED
-#: About so many throws' single releases are timed.
+PAPER_MODELS = ("ls", SLIDING_PIVOT, "sp-paper", STEPPED_SURFACE)
+#: Number of throws whose single releases are timed.
 TIMED = 20
-#: Parts that the conditions are divided into, and fewest throws that this is done for.
+#: Number of folds of a cross-validation, and fewest throws for one.
 FOLDS, FEWEST_THROWS = 6, 5
-#: Resampled sets of conditions, and the quantiles that are given.
+#: Number of bootstrap samples of the conditions, and the quantiles of the interval.
 RESAMPLED, INTERVAL = 2000, (0.025, 0.975)
 
 
 @dataclass(frozen=True)
-class Crossed:
-    """Parameters fitted to all throws, and to all but the judged condition's fold.
+class CrossValidation:
+    """Errors with parameters from all throws, and from all folds but the judged one.
 
-    inside, outside, more (3,): mean scaled errors [m] of the two and of their difference,
-    with the ends of 95 % intervals; folds; throws; parameters (K, 2): mu, r_p [m] of each
-    fold.
+    inside, outside, more (3,): mean pose errors [m] of the two and of their difference, with the
+    ends of 95 % intervals; folds; throws; parameters (K, 2): mu, r_p [m] of each fold.
     """
 
     inside: Array
@@ -52,8 +52,8 @@ class Crossed:
 class ModelCheck:
     """One model on all T throws.
 
-    grid: errors of the batch, which the parameters are from; parameters: (mu, r_p [m]) by
-    surface, "" for the batch; surface (T,): which of them was used; landing (T, 2): predicted
+    grid: errors of the batch, which gives the parameters; parameters: (mu, r_p [m]) by surface, ""
+    for the batch; surface (T,): the parameters used; landing (T, 2): predicted
     less measured x [m], theta [rad]; twist (T, 2): the same of v_x [m/s], omega [rad/s];
     single (n,): seconds of one release; batched: seconds of one prediction in a batch.
     """
@@ -66,11 +66,11 @@ class ModelCheck:
     twist: Array
     single: Array
     batched: float
-    crossed: Crossed | None
+    crossed: CrossValidation | None
 
     @property
     def at_edge(self) -> list[str]:
-        """Surfaces (empty: that of the batch) whose better parameters may lie outside."""
+        """Surfaces ("" for the batch) with parameters at the edge of the grid."""
         axes = self.grid.friction, self.grid.patch_radius
         return [
             surface
@@ -81,11 +81,10 @@ class ModelCheck:
 
 @dataclass(frozen=True)
 class Validation:
-    """A data set judged.
+    """Release models compared on a data set.
 
-    predictor: of all its throws; batch: rows the parameters are from; conditions: of all
-    throws; factors: a list per comparison; left_out: factors that the data lack; seconds
-    in all.
+    predictor: of all throws; batch: rows that give the parameters; conditions: of all throws;
+    factors: a list per comparison; left_out: factors that the data lack; seconds: of the work.
     """
 
     data: ThrowData
@@ -98,12 +97,12 @@ class Validation:
     seconds: float
 
     def scaled(self, model: str) -> Array:
-        """Scaled error (T,) [m] of a model, (39)."""
+        """Pose error (39) (T,) [m] of a model: position plus angle times half the length."""
         return self.predictor.truth.scaled(self.checks[model].landing)
 
     @property
     def tracked(self) -> bool:
-        """Whether twists in flight are known of any throw of the batch."""
+        """Whether any throw of the batch has a measured twist in flight."""
         return bool(np.isfinite(self.predictor.truth.twist[self.batch]).any())
 
 
@@ -113,7 +112,7 @@ def validate(
     factors: Sequence[str] = (),
     about: About | None = None,
 ) -> Validation:
-    """Judge `models` on a data set; `factors`: more columns to compare by, besides the known ones.
+    """Compare `models` on a data set; factors: columns to compare by, besides the known ones.
 
     Raises InputError for an unknown model or factor and for throws that never land.
     """
@@ -121,7 +120,7 @@ def validate(
     for model in models:
         check_model(model)
     compared, left_out = comparisons(data, factors)
-    work = _Work(Predictor.of(data), about or (lambda _: lambda *_: None))
+    work = _ModelComparison(Predictor.of(data), about or (lambda _: lambda *_: None))
     checks = {model: work.check(model) for model in dict.fromkeys(models)}
     off = {model: check.landing for model, check in checks.items()}
     return Validation(
@@ -136,14 +135,14 @@ def validate(
     )
 
 
-class _Work:
-    """What all models of one validation share."""
+class _ModelComparison:
+    """The shared data of all models of one validation."""
 
     def __init__(self, predictor: Predictor, about: About) -> None:
         data = predictor.data
         self.predictor, self.about = predictor, about
         self.batch, self.conditions = batch_rows(data), conditions(data)
-        # Throws by the surface whose parameters they need, "" for the batch's.
+        # The surface whose parameters a throw needs, "" for the batch's.
         labels = [throw.factors.get(SURFACE, "") for throw in data.throws]
         usual = {labels[i] for i in self.batch}
         self.surface = ["" if label in usual else label for label in labels]
@@ -152,9 +151,8 @@ class _Work:
         """One model's parameters and errors."""
         truth, shape = self.predictor.truth, (len(self.surface), 2)
         landing, twist, parameters = np.empty(shape), np.empty(shape), {}
-        # The first prediction of a process loads libraries.
-        few = self.predictor.part(self.batch[:1])
-        few.detached(model, parameter_sets(AXES[0][0], AXES[1][0]))
+        # The first prediction loads libraries: it is not timed.
+        self.predictor.part(self.batch[:1]).detached(model, parameter_sets(AXES[0][0], AXES[1][0]))
         grid = grid_of(self.predictor, model, progress=self.about(f"{model}: {CELLS} contacts"))
         for label in dict.fromkeys(["", *self.surface]):
             rows = np.array([i for i, surface in enumerate(self.surface) if surface == label], int)
@@ -178,27 +176,27 @@ class _Work:
 
     def timed(self, model: str, pair: tuple[float, float]) -> Array:
         """Seconds of single releases of some throws of the batch."""
-        chosen, spent = self.batch[:: max(1, len(self.batch) // TIMED)], []
+        rows, spent = self.batch[:: max(1, len(self.batch) // TIMED)], []
         show = self.about(f"{model}: single releases")
-        # The first release loads libraries.
-        for done, row in enumerate([chosen[0], *chosen]):
+        # The first release loads libraries: it is not timed.
+        for done, row in enumerate([rows[0], *rows]):
             start = time.perf_counter()
             self.predictor.released(model, int(row), parameter_sets(*pair)[0])
             spent.append(time.perf_counter() - start)
-            show(done, len(chosen))
+            show(done, len(rows))
         return np.array(spent[1:])
 
 
 def fold_of(known: Sequence[Hashable], folds: int = FOLDS, seed: int = 0) -> Array:
-    """The fold (S,) of every throw: all of a condition in the same one, sizes alike."""
+    """The fold (S,) of every throw: one fold per condition, of equal numbers of conditions."""
     names = list(dict.fromkeys(known))
     order = np.random.default_rng(seed).permutation(len(names))
     fold = {names[i]: k % folds for k, i in enumerate(order)}
     return np.array([fold[name] for name in known])
 
 
-def cross_validated(grid: Grid, known: Sequence[Hashable]) -> Crossed | None:
-    """Cross-validation over the grid by conditions (S,); None for too few of them."""
+def cross_validated(grid: Grid, known: Sequence[Hashable]) -> CrossValidation | None:
+    """Cross-validation over the grid by conditions (S,); None if there are too few."""
     count = len(set(known))
     if len(known) < FEWEST_THROWS or count < 2:
         return None
@@ -212,17 +210,17 @@ def cross_validated(grid: Grid, known: Sequence[Hashable]) -> Crossed | None:
     ends = np.quantile(bootstrap(judged, known), INTERVAL, axis=0)
     means = np.vstack([judged.mean(axis=0), ends]).T
     parameters = np.array([grid.contact(cell) for cell in cells])
-    return Crossed(means[0], means[1], means[2], folds, len(known), parameters)
+    return CrossValidation(means[0], means[1], means[2], folds, len(known), parameters)
 
 
 def bootstrap(values: Array, known: Sequence[Hashable], seed: int = 0) -> Array:
-    """Means (RESAMPLED, n) of the columns of values (S, n) over conditions drawn anew.
+    """Means (RESAMPLED, n) of the columns of values (S, n) over resampled conditions.
 
-    Conditions, not throws, are drawn: the repeats of one err alike.
+    Conditions are drawn, not throws: the errors of a condition's repeats are correlated.
     """
     names = {name: i for i, name in enumerate(dict.fromkeys(known))}
     member = np.array([names[name] for name in known])
     totals = np.array([values[member == i].sum(axis=0) for i in range(len(names))])
     counts = np.bincount(member)
-    chosen = np.random.default_rng(seed).integers(len(names), size=(RESAMPLED, len(names)))
-    return np.asarray(totals[chosen].sum(axis=1) / counts[chosen].sum(axis=1)[:, None])
+    drawn = np.random.default_rng(seed).integers(len(names), size=(RESAMPLED, len(names)))
+    return np.asarray(totals[drawn].sum(axis=1) / counts[drawn].sum(axis=1)[:, None])

@@ -19,10 +19,10 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
+from ...core.compile import digest, source_of
 from ...models import Array, Indices
-from ..compile import digest, source_of
-from .layout import Block
 from .stages import Parameters, Stage, StageFunctions, differentiate, inserted
+from .variables import Block
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""The throw as a multiple-shooting NLP, composed of what the scene has.
+"""The throw's NLP: built from the problem, and what its decision vectors mean.
 
 Every number of the scene is in the parameter vector, so one build serves all
 targets, masses, frictions, limits and grip profiles of its structure.
@@ -6,39 +6,50 @@ targets, masses, frictions, limits and grip profiles of its structure.
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ...models import Array
-from .asked import Request
+from ...models import Array, Trajectory
 from .assembly import Nlp, assemble
-from .context import BRAKE_SHARE, Context, Structure
-from .phases import add_brake, add_flight, add_interval, grip_force, grip_instants
-from .stages import Stage
-from .terms import terms_of
-from .window import opening_nodes
+from .problem import ThrowProblem, Weights
+from .request import Request, opening_nodes
+from .scene_constraint import BRAKE_SHARE, SceneConstraint
+from .solver import Solution
+from .terms import constraints_of
+from .transcription import UNITS, Ocp, grip_force, grip_instants
+from .variables import JERK_UNIT, Block, Structure
 
-#: Cost weights: relative acceleration squared, relative jerk squared, carry time [1/s].
-WEIGHTS = (10.0, 1.0, 2.0)
-#: Parts of a carry interval at whose ends the grip holds: at first, and with the guard "carry".
-INSTANTS = (2, 8)
 #: Price of a landing that misses [1/m].
 MISS_PRICE = 100.0
+#: Parts of a carry interval at whose ends the grip is constrained: at first, and with the lazy
+#: constraint "carry".
+INSTANTS = (2, 8)
+#: A limit is named as binding above this share of the largest multiplier.
+BINDING_SHARE = 0.02
+#: A bound is named as binding within this distance of it, in the variable's unit.
+BINDING_DISTANCE = 1e-4
 
 
 @dataclass(frozen=True)
 class ThrowNlp(Nlp):
-    """The NLP of a throw and the structure it was built for."""
+    """The NLP of a throw, with the structure and the scene's constraints that it was built for."""
 
     structure: Structure
+    constraints: tuple[SceneConstraint, ...]
 
-    def numbers(self, request: Request) -> Array:
+    @property
+    def linearised(self) -> bool:
+        """Whether parameters depend on the throw that a solve starts from."""
+        return any(constraint.linearised for constraint in self.constraints)
+
+    def parameter_values(self, request: Request) -> Array:
         """The parameter vector of a request with this structure."""
-        values = _core_numbers(request)
-        for term in self.structure.terms:
-            values |= term.numbers(request)
+        values = _common_values(request)
+        for constraint in self.constraints:
+            values |= constraint.parameter_values(request)
         return self.parameters.vector(values)
 
     def bounds(self, request: Request) -> tuple[Array, Array]:
@@ -48,10 +59,100 @@ class ThrowNlp(Nlp):
             self.fill(lambda block, _: block.bounds(request)[1]),
         )
 
+    def motion(self, request: Request, x: Array) -> tuple[Trajectory, float]:
+        """The motion in decision vector `x`, from rest to detach or to the window's end, and when
+        the grip force starts to fall on it [s]."""
+        s, manipulator = self.structure, request.manipulator
+        duration = self.block(x, "T", 0)
+        assert duration is not None
+        opening_time = float(duration[0] - request.nodes[0])
+        zero, (rate, acceleration) = np.zeros(manipulator.size), manipulator.initial_motion
 
-def structure_of(request: Request) -> Structure:
-    """What the NLP of a request consists of."""
-    scene, mover, window, terms = request.scene, request.mover, request.window, terms_of(request)
+        def blocks(name: str, default: Array) -> Array:
+            found = [self.block(x, name, k) for k in range(s.last)]
+            return np.array([default if value is None else value for value in found])
+
+        q = blocks("q", zero if manipulator.start is None else manipulator.start)
+        dq, control = blocks("dq", rate), blocks("c", zero)
+        if s.jerk_control:
+            ddq, jerk = blocks("ddq", acceleration), JERK_UNIT * control
+        else:
+            ddq, jerk = control, 0 * control
+        return Trajectory.cubics(request.times(opening_time), q, dq, ddq, jerk), opening_time
+
+    def decision_vector(
+        self,
+        times: Array,
+        states: Sequence[Array],
+        relative: Callable[[int, int], Array],
+        other: Callable[[Block], Array | float],
+    ) -> Array:
+        """Decision vector of a motion, to start from.
+
+        times (last + 1,) [s], states: q, dq, ddq (n, last + 1) at the stages. relative: the sliding
+        pivot's state (6; 4) at a stage, of which opening; other: values of all other blocks.
+        """
+        s = self.structure
+        coordinates = dict(zip(("q", "dq", "ddq"), states, strict=True))
+        control = np.diff(coordinates["ddq" if s.jerk_control else "dq"], axis=1) / np.diff(times)
+        control /= JERK_UNIT if s.jerk_control else 1.0
+
+        def value(block: Block, k: int) -> Array | float:
+            if block.name in coordinates:
+                return np.asarray(coordinates[block.name][:, k])
+            if block.name == "c":
+                return np.asarray(control[:, k])
+            if block.name == "T":
+                return float(times[s.carry])
+            if block.name == "acc" and block.index == 0:
+                # The mean acceleration of each interval, at both collocation points.
+                before, after = relative(k, 0), relative(k + 1, 0)
+                half = len(after) // 2
+                gained = after[half:] - (before[half:] if k > s.opens else 0.0)
+                return np.tile(gained / (times[k + 1] - times[k]) / UNITS[:half], 2)
+            return relative(k, block.index) if block.name == "rel" else other(block)
+
+        return self.fill(value)
+
+    def binding_limits(
+        self, joints: tuple[str, ...], solution: Solution, bounds: tuple[Array, Array]
+    ) -> tuple[str, ...]:
+        """Names of the limits with the largest multipliers at a solution, strongest first.
+
+        joints: names of the coordinates; bounds: of the decision vector.
+        """
+        multipliers: dict[str, float] = {}
+
+        def add(name: str, multiplier: float) -> None:
+            multipliers[name] = max(multipliers.get(name, 0.0), abs(multiplier))
+
+        for row, inequality in enumerate(self.lbg < self.ubg):
+            if inequality:
+                add(self.row_names[row], solution.lam_g[row])
+        distance = np.minimum(solution.x - bounds[0], bounds[1] - solution.x)
+        for block, _, where in self.layout:
+            for i, at in enumerate(range(where.start, where.stop)):
+                if block.limit and distance[at] < BINDING_DISTANCE:
+                    joint = f"{joints[i]} " if block.each else ""
+                    add(f"{joint}{block.limit}", solution.lam_x[at])
+        least = max(BINDING_SHARE * max(multipliers.values(), default=0.0), 1e-6)
+        binding = [name for name, multiplier in multipliers.items() if multiplier > least]
+        return tuple(sorted(binding, key=lambda name: -multipliers[name]))
+
+
+def build_nlp(request: Request) -> ThrowNlp:
+    """The NLP of a request and others of its structure; numbers come later, as parameters."""
+    constraints = constraints_of(request)
+    structure = _structure(request, constraints)
+    ocp = Ocp(structure, request.manipulator)
+    landing = ThrowProblem(ocp, constraints).declare()
+    nlp = assemble(ocp.stages, ocp.parameters, landing, structure.detach)
+    return ThrowNlp(**vars(nlp), structure=structure, constraints=constraints)
+
+
+def _structure(request: Request, constraints: tuple[SceneConstraint, ...]) -> Structure:
+    scene, manipulator, window = request.scene, request.manipulator, request.window
+    turns = any(constraint.turns for constraint in constraints)
     return Structure(
         carry=scene.mesh.carry,
         opening=scene.mesh.opening,
@@ -59,45 +160,19 @@ def structure_of(request: Request) -> Structure:
         late=0 if window is None else window.late,
         integrator=scene.mesh.integrator,
         substeps=scene.mesh.substeps if scene.mesh.integrator == "rk4" else 1,
-        instants=INSTANTS["carry" in request.asked.guards],
-        jerk_control=mover.jerk_control,
-        free_start=mover.start is None,
-        under_way=mover.under_way is not None,
+        instants=INSTANTS["carry" in request.refinement.lazy],
+        jerk_control=manipulator.jerk_control,
+        free_start=manipulator.start is None,
+        under_way=manipulator.under_way is not None,
         angle=request.angle,
-        pivot=request.angle or scene.com_offset > 0 or any(term.turns for term in terms),
+        pivot=request.angle or scene.com_offset > 0 or turns,
         elastic=request.elastic,
-        robust=request.robust,
-        terms=terms,
     )
 
 
-def build_nlp(request: Request) -> ThrowNlp:
-    """The NLP of a request and others of its structure; numbers come later, as parameters."""
-    s = structure_of(request)
-    context = Context(s, request.mover)
-    made: dict[tuple[bool, ...], Stage] = {}
-    stages = []
-    # Stages share a kind unless states come or go there, or something is asked only there.
-    for k in range(s.last + 1):
-        marks = (0, s.carry - 1, s.carry, s.opens, s.detach, s.last)
-        kind = tuple(k < mark for mark in marks) + tuple(k == mark for mark in marks)
-        if kind not in made:
-            made[kind] = context.stage(k)
-        stages.append(made[kind])
-    closed: set[int] = set()
-    for k, stage in enumerate(stages[:-1]):
-        if id(stage) not in closed:
-            closed.add(id(stage))
-            add_interval(context, k, stage, stages[k + 1])
-    landing = add_flight(context, stages[s.detach])
-    add_brake(context, stages[-1])
-    nlp = assemble(stages, context.parameters, landing, s.detach)
-    return ThrowNlp(**vars(nlp), structure=s)
-
-
-def _core_numbers(request: Request) -> dict[str, Any]:
-    """Values of the parameters that are no term's."""
-    scene, limits, target = request.scene, request.mover.planning, request.target
+def _common_values(request: Request) -> dict[str, Any]:
+    """Values of the parameters that every throw has."""
+    scene, limits, target = request.scene, request.manipulator.planning, request.target
     assert target is not None
     profile = scene.gripper.profile()
     nodes = opening_nodes(scene.mesh, profile.opening)
@@ -107,19 +182,19 @@ def _core_numbers(request: Request) -> dict[str, Any]:
         "gravity": scene.gravity,
         "grasp_angle": scene.grasp.angle,
         "full_grip": profile.full,
-        "sticking_limit": 1.0 - scene.mesh.sticking_margin,
+        "sticking_limit": 1.0 - scene.gripper.sticking_margin,
         "interval": np.diff(nodes),
         grip_force(0): profile.force(grip_instants(scene.mesh, nodes).ravel()),
         "epsilon": scene.mesh.epsilon,
-        "start": request.mover.start,
-        "start_rate": request.mover.begins[0],
-        "start_acceleration": request.mover.begins[1],
+        "start": request.manipulator.start,
+        "start_rate": request.manipulator.initial_motion[0],
+        "start_acceleration": request.manipulator.initial_motion[1],
         "dq_max": limits.dq,
         "ddq_max": limits.ddq,
         "jerk_max": limits.jerk,
         "q_mid": (limits.q_min + limits.q_max) / 2,
         "q_half": (limits.q_max - limits.q_min) / 2,
-        "weights": WEIGHTS,
+        "weights": Weights(),
         "braking": BRAKE_SHARE * limits.ddq,
         "ahead": scene.object.length - scene.object.com,
         "behind": scene.object.com,
@@ -128,5 +203,5 @@ def _core_numbers(request: Request) -> dict[str, Any]:
         "target_z": target.z,
         "target_theta": 0.0 if target.theta is None else target.theta,
         "price_x": MISS_PRICE,
-        "price_theta": MISS_PRICE * scene.object.length / 2,
+        "price_theta": MISS_PRICE * scene.object.half_length,
     }

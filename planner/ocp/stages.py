@@ -1,9 +1,9 @@
-"""One stage of a multiple-shooting NLP: its symbols, rows and cost, functions and derivatives.
+"""One stage of a multiple-shooting NLP: symbols, constraints and cost, functions and derivatives.
 
-A stage's rows are short expressions of a few intermediate values (the hand's motion at
+A stage's constraints are short expressions of a few intermediate values (the hand's motion at
 an instant, the seven numbers that the sliding pivot depends on), which are short
 expressions of others, and so on down to the variables. Differentiating the whole
-composition in every variable repeats the same work for each; here each level is
+composition in every variable repeats work for each; here each level is
 differentiated in its own few arguments and the levels are joined by the chain rule,
 
     H <- H_00 + H_0y D + D' H_y0 + D' H_yy D + sum_i a_i (second derivative of y_i),
@@ -11,9 +11,9 @@ differentiated in its own few arguments and the levels are joined by the chain r
 with y the last intermediate, D its Jacobian in what comes before, a the gradient with
 respect to y. On a Panda's opening interval this takes a sixth of the operations.
 
-Rows that hold alike at many instants (of the carry, of the flight) are differentiated once, and
-CasADi's map goes through the instants: an NLP with 200 rows against the hand's body is derived in
-0.5 s instead of 5, and its C code is a sixth.
+Constraints at many instants (of the carry, of the flight) are differentiated once, and CasADi's map
+goes through the instants: an NLP with 200 constraints on the hand is derived in 0.5 s instead
+of 5, and its C code is a sixth.
 """
 
 from __future__ import annotations
@@ -29,19 +29,23 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import Array
-from .layout import Block
+from .variables import Block
+
+#: Most intermediates of a stage whose common expressions are shared: with more, which scenarios
+#: have, sharing takes more than half of the build and saves a fifth of the evaluation.
+MOST_SHARED = 20
 
 Lifted = list[tuple[ca.SX, ca.SX]]
 
 
 @dataclass
 class Parameters:
-    """Named blocks of the NLP's parameter vector, in the order they are asked for."""
+    """Named blocks of the NLP's parameter vector, in the order of their first use."""
 
     blocks: dict[str, ca.SX] = field(default_factory=dict)
 
     def __call__(self, name: str, size: int = 1) -> ca.SX:
-        """The block's symbol (size, 1); added when first asked for."""
+        """The block's symbol (size, 1); the first call adds it."""
         if name not in self.blocks:
             self.blocks[name] = ca.SX.sym(name, size)
         return self.blocks[name]
@@ -72,13 +76,15 @@ class Row:
 
 
 @dataclass(kw_only=True)
-class Rows:
-    """Rows, and the intermediates that they are written in."""
+class Constraints:
+    """Constraints, and the intermediate values that they are written in."""
 
     lifted: Lifted = field(default_factory=list)
     rows: list[Row] = field(default_factory=list)
 
-    def row(self, name: str, value: ca.SX, low: float, high: float) -> None:
+    def subject_to(
+        self, name: str, value: ca.SX, low: float = -np.inf, high: float = np.inf
+    ) -> None:
         """Add the constraint low <= value <= high, for each component."""
         self.rows.append(Row(name, value, low, high))
 
@@ -91,10 +97,11 @@ class Rows:
 
 
 @dataclass
-class Instants(Rows):
-    """Rows of a stage that hold alike at N instants, written and differentiated once.
+class Instants(Constraints):
+    """Constraints of a stage at N instants, written and differentiated once.
 
-    They are in the stage's symbols and in `at` (k, 1), which is a column of `data` (k, N) at each.
+    They are in the stage's symbols and in `at` (k, 1), whose values at an instant are its column of
+    `data` (k, N).
     """
 
     at: ca.SX
@@ -102,20 +109,25 @@ class Instants(Rows):
 
 
 @dataclass
-class Stage(Rows):
-    """One kind of stage: state and control symbols, intermediates, rows and cost.
+class Stage(Constraints):
+    """One kind of stage: state and control symbols, intermediates, constraints and cost.
 
-    data: symbols that have other numbers at each stage of the kind, by the name of their
-    parameter block, which holds them stage after stage, from the stage given with it on.
-    following: the states at the next stage, F_k; empty at the last.
+    data: symbols whose values differ from stage to stage of the kind, by the name of their
+    parameter block, with the first stage that has values in it. following: the states at the next
+    stage, F_k; empty at the last.
     """
 
-    states: dict[Block, ca.SX]
-    controls: dict[Block, ca.SX]
+    states: dict[Block, ca.SX] = field(default_factory=dict)
+    controls: dict[Block, ca.SX] = field(default_factory=dict)
     data: dict[str, tuple[ca.SX, int]] = field(default_factory=dict)
     instants: list[Instants] = field(default_factory=list)
     following: dict[Block, ca.SX] = field(default_factory=dict)
     cost: ca.SX = field(default_factory=lambda: ca.SX(0))
+
+    def state(self, block: Block, size: int = 1) -> ca.SX:
+        """A new state."""
+        self.states[block] = ca.SX.sym(block.name, size)
+        return self.states[block]
 
     def control(self, block: Block, size: int = 1) -> ca.SX:
         """A new control."""
@@ -123,7 +135,7 @@ class Stage(Rows):
         return self.controls[block]
 
     def at_instants(self, *data: npt.ArrayLike) -> tuple[Instants, list[ca.SX]]:
-        """For rows at N instants: what these are added to, symbols of the `data` (N,) of each."""
+        """A group of constraints at N instants, and symbols for the `data` (N,) of each."""
         at = ca.SX.sym("at", len(data))
         self.instants.append(Instants(at, np.array(data, float)))
         return self.instants[-1], list(ca.vertsplit(at))
@@ -135,56 +147,64 @@ class Stage(Rows):
 
     @property
     def outputs(self) -> ca.SX:
-        """F_k, then the rows that hold once."""
+        """F_k, then the constraints outside of groups."""
         return ca.vertcat(*self.following.values(), *[row.value for row in self.rows])
 
     @property
     def all_rows(self) -> list[Row]:
-        """The rows that hold once, then those of each instant."""
+        """The constraints outside of groups, then those of each instant."""
         repeated = (group.rows * group.data.shape[1] for group in self.instants)
         return sum(repeated, self.rows)
 
     @property
     def sizes(self) -> tuple[int, int, int]:
-        """Numbers of states, controls and rows."""
+        """Numbers of states, controls and constraints."""
         states, controls = (
             sum(symbol.numel() for symbol in some.values()) for some in (self.states, self.controls)
         )
         return states, controls, sum(row.value.numel() for row in self.all_rows)
 
 
-class _InstantFunctions:
-    """CasADi functions of (z, p) that go through the instants: z, a stage's values in the rows.
+@dataclass(frozen=True)
+class Composition:
+    """Outputs and a cost, written in variables and intermediate values."""
 
-    places (len(z),): of z among the stage's variables and intermediates. value: the rows, an
-    instant's in each column; slopes: their derivatives in z, a row's in each column; curvature
-    (z, p, multipliers): gradient and Hessian of all the rows times their multipliers.
+    variables: ca.SX
+    outputs: ca.SX
+    cost: ca.SX
+    lifted: Lifted
+
+
+class _GroupFunctions:
+    """CasADi functions of (z, p) that go through a group's instants; z: the values it depends on.
+
+    indices (len(z),): of z among the stage's variables and intermediates. value: the constraints,
+    an instant's in each column; jacobian: their derivatives in z, a constraint's in each column;
+    lagrangian (z, p, multipliers): gradient and Hessian of all constraints times the multipliers.
     """
 
     def __init__(self, group: Instants, everything: ca.SX, parameters: ca.SX, name: str) -> None:
         rows = ca.vertcat(*[row.value for row in group.rows])
-        whole = inserted([rows], group.lifted)
+        expanded = inserted([rows], group.lifted)
         self.shape = rows.numel(), group.data.shape[1]
-        self.places = np.flatnonzero(ca.which_depends(whole[0], everything, 1, False)).tolist()
-        z, multipliers = everything[self.places], ca.SX.sym("l", rows.numel())
-        slopes, _, gradient, hessian = differentiate(
-            z, rows, ca.SX(0), group.lifted, multipliers, ca.SX(0)
-        )
+        depends = ca.which_depends(expanded[0], everything, 1, False)
+        self.indices = np.flatnonzero(depends).tolist()
+        z, multipliers = everything[self.indices], ca.SX.sym("l", rows.numel())
+        written = Composition(z, rows, ca.SX(0), group.lifted)
+        jacobian, _, gradient, hessian = differentiate(written, multipliers, ca.SX(0))
 
-        def through(
+        def mapped(
             what: str, more: list[ca.SX], outputs: list[ca.SX], summed: list[int]
         ) -> Callable[..., Any]:
-            f = ca.Function(
-                f"{name}_{what}", [z, parameters, group.at, *more], outputs, {"cse": True}
-            )
-            mapped = f.map(f"{name}_{what}s", "serial", self.shape[1], [0, 1], summed)
-            return lambda z, p, *more: mapped(z, p, ca.DM(group.data), *more)
+            inputs = [z, parameters, group.at, *more]
+            f = ca.Function(f"{name}_{what}", inputs, outputs, {"cse": True})
+            through = f.map(f"{name}_{what}s", "serial", self.shape[1], [0, 1], summed)
+            return lambda z, p, *more: through(z, p, ca.DM(group.data), *more)
 
-        self.value = through("value", [], whole, [])
-        self.slopes = through("slopes", [], [slopes.T], [])
-        self.curvature = through(
-            "curvature", [multipliers], [ca.densify(gradient), hessian], [0, 1]
-        )
+        sums = [ca.densify(gradient), hessian]
+        self.value = mapped("value", [], expanded, [])
+        self.jacobian = mapped("slopes", [], [jacobian.T], [])
+        self.lagrangian = mapped("curvature", [multipliers], sums, [0, 1])
         self.hessian = hessian.sparsity()
 
 
@@ -196,37 +216,35 @@ class StageFunctions:
 
     def __init__(self, stage: Stage, parameters: ca.SX, name: str) -> None:
         self._name, self._count = name, stage.outputs.numel()
-        self._stage = stage
+        self._options = {"cse": len(stage.lifted) <= MOST_SHARED}
+        self._stage = Composition(stage.variables, stage.outputs, stage.cost, stage.lifted)
         everything = ca.vertcat(stage.variables, *[symbol for symbol, _ in stage.lifted])
-        self._instants = [
-            _InstantFunctions(group, everything, parameters, f"{name}_{i}")
+        self._groups = [
+            _GroupFunctions(group, everything, parameters, f"{name}_{i}")
             for i, group in enumerate(stage.instants)
         ]
         data = ca.vertcat(*[symbol for symbol, _ in stage.data.values()])
         self._inputs = [stage.variables, data, parameters]
         self._lagrangian = [ca.SX.sym("l", self._count), ca.SX.sym("sigma")]
-        for group in self._instants:
+        for group in self._groups:
             self._lagrangian += [
-                ca.SX.sym("gradient", len(group.places)),
+                ca.SX.sym("gradient", len(group.indices)),
                 ca.SX.sym("hessian", group.hessian),
             ]
-        values = [everything[group.places] for group in self._instants]
+        values = [everything[group.indices] for group in self._groups]
         once = inserted([stage.outputs, stage.cost, *values], stage.lifted)
         self._once = self._function("once", [], once)
 
     def _function(self, name: str, more: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
         inputs = [*self._inputs, *more]
-        return ca.Function(f"{self._name}_{name}", inputs, outputs, {"cse": True})
+        return ca.Function(f"{self._name}_{name}", inputs, outputs, self._options)
 
     @cached_property
     def _derivatives(self) -> list[ca.SX]:
-        multipliers, sigma, *more = self._lagrangian
-        stage, places = self._stage, [group.places for group in self._instants]
-        added = list(zip(places, more[::2], more[1::2], strict=True))
-        outputs, lifted = stage.outputs, stage.lifted
-        return differentiate(
-            stage.variables, outputs, stage.cost, lifted, multipliers, sigma, added
-        )
+        multipliers, sigma, *sums = self._lagrangian
+        indices = [group.indices for group in self._groups]
+        groups = list(zip(indices, sums[::2], sums[1::2], strict=True))
+        return differentiate(self._stage, multipliers, sigma, groups)
 
     def _joined(
         self, name: str, more: list[ca.MX], outputs: Callable[..., list[ca.MX]]
@@ -246,13 +264,13 @@ class StageFunctions:
         return self._joined("value", [], outputs)
 
     def _all_outputs(self, once: ca.MX, values: Sequence[ca.MX], p: ca.MX) -> ca.MX:
-        pairs = zip(self._instants, values, strict=True)
+        pairs = zip(self._groups, values, strict=True)
         return ca.vertcat(once, *[ca.vec(group.value(z, p)) for group, z in pairs])
 
     @cached_property
     def jacobian(self) -> ca.Function:
         """(v, d, p) -> outputs, their Jacobian."""
-        counts = [self._count, *(len(group.places) for group in self._instants)]
+        counts = [self._count, *(len(group.indices) for group in self._groups)]
         parts = ca.vertsplit(self._derivatives[0], np.cumsum([0, *counts]).tolist())
         chain = self._function("chain", [], parts)
 
@@ -260,8 +278,8 @@ class StageFunctions:
             once, _, *values = self._once(v, d, p)
             first, *inner = chain.call([v, d, p])
             found = [first]
-            for group, z, slope in zip(self._instants, values, inner, strict=True):
-                found.append(group.slopes(z, p).T @ slope)
+            for group, z, dz_dv in zip(self._groups, values, inner, strict=True):
+                found.append(group.jacobian(z, p).T @ dz_dv)
             return [self._all_outputs(once, values, p), ca.vertcat(*found)]
 
         return self._joined("jacobian", [], outputs)
@@ -275,18 +293,18 @@ class StageFunctions:
     def hessian(self) -> ca.Function:
         """(v, d, p, multipliers, sigma) -> gradient (dense) and Hessian of the Lagrangian."""
         _, _, gradient, hessian = self._derivatives
-        whole = self._function("whole", self._lagrangian, [ca.densify(gradient), hessian])
+        joined = self._function("whole", self._lagrangian, [ca.densify(gradient), hessian])
 
         def outputs(v: ca.MX, d: ca.MX, p: ca.MX, multipliers: ca.MX, sigma: ca.MX) -> list[ca.MX]:
             values = self._once(v, d, p)[2:]
-            first, more = self._count, []
-            for group, z in zip(self._instants, values, strict=True):
+            first, sums = self._count, []
+            for group, z in zip(self._groups, values, strict=True):
                 end = first + math.prod(group.shape)
-                more += group.curvature(z, p, ca.reshape(multipliers[first:end], group.shape))
+                sums += group.lagrangian(z, p, ca.reshape(multipliers[first:end], group.shape))
                 first = end
-            return list(whole(v, d, p, multipliers[: self._count], sigma, *more))
+            return list(joined(v, d, p, multipliers[: self._count], sigma, *sums))
 
-        count = self._count + sum(math.prod(group.shape) for group in self._instants)
+        count = self._count + sum(math.prod(group.shape) for group in self._groups)
         return self._joined("hessian", [ca.MX.sym("l", count), ca.MX.sym("sigma")], outputs)
 
 
@@ -299,29 +317,27 @@ def inserted(expressions: list[ca.SX], lifted: Lifted) -> list[ca.SX]:
 
 
 def differentiate(
-    variables: ca.SX,
-    outputs: ca.SX,
-    cost: ca.SX,
-    lifted: Lifted,
+    written: Composition,
     multipliers: ca.SX,
     sigma: ca.SX,
-    more: Sequence[tuple[list[int], ca.SX, ca.SX]] = (),
+    groups: Sequence[tuple[list[int], ca.SX, ca.SX]] = (),
 ) -> list[ca.SX]:
     """Derivatives through the intermediates, as expressions of the variables (n,).
 
     Jacobian (m, n) of the outputs; gradient (n,) of the cost; gradient (n,) and Hessian (n, n),
-    both triangles, of `sigma * cost + multipliers' outputs`. more: places of some variables and
-    intermediates, gradient and Hessian in them of what else is in that sum; the rows of their own
+    both triangles, of `sigma * cost + multipliers' outputs`. groups: indices of some variables and
+    intermediates, gradient and Hessian in them of further terms of that sum; the rows of their own
     derivatives follow those of the outputs.
     """
-    everything = ca.vertcat(variables, *[symbol for symbol, _ in lifted])
+    outputs, cost, lifted = written.outputs, written.cost, written.lifted
+    everything = ca.vertcat(written.variables, *[symbol for symbol, _ in lifted])
     total = sigma * cost + ca.dot(multipliers, outputs)
     hessian, gradient = ca.hessian(total, everything)
     jacobian, of_cost = ca.jacobian(outputs, everything), ca.gradient(cost, everything)
-    for places, slope, curvature in more:
-        picked = ca.DM.eye(everything.numel())[places, :]
+    for indices, of_group, curvature in groups:
+        picked = ca.DM.eye(everything.numel())[indices, :]
         jacobian = ca.vertcat(jacobian, picked)
-        gradient += picked.T @ slope
+        gradient += picked.T @ of_group
         hessian += picked.T @ curvature @ picked
     adjoints: Lifted = []
     for symbol, definition in reversed(lifted):

@@ -1,4 +1,4 @@
-"""What the page draws about a throw: the reach, and landings of throws that open off time."""
+"""Drawings around a throw on the page: the reach, landings of throws that open off time."""
 
 from __future__ import annotations
 
@@ -15,25 +15,28 @@ from ..result import Plan
 from ..show import BLUE, GREEN, ORANGE, RED, rgb
 from ..sweep import Sweep, sweep
 
-#: Throws of a cloud.
+#: Number of throws in a cloud of landings.
 THROWS = 200
-#: The reach is drawn this far to both sides of where the arm points at first, and, for a free
-#: hand, as a strip this wide [m]; its colours are those of no margin and of this one.
-SECTOR, STRIP, MARGIN = math.radians(50.0), 0.2, 0.4
-#: How far the reach is drawn above the floor [m].
+#: Half the angle of the sector that shows an arm's reach, about its first azimuth.
+SECTOR = math.radians(50.0)
+#: Width [m] of the strip that shows a free hand's reach.
+STRIP = 0.2
+#: Margin of the limits at which the reach is drawn blue; orange is no margin.
+MARGIN = 0.4
+#: Height [m] of the drawn reach above the floor.
 ABOVE = 0.002
-#: Half the opening delays of a scene without one [s].
+#: Half the range [s] of opening delays for a scene without [uncertainty] delay.
 USUAL_DELAY = 0.010
 
 
 def delay_of(scene: Scene) -> float:
-    """Half the width [s] of a uniform delay as wide as the scene's."""
+    """Half the width [s] of a uniform delay with the deviation of the scene's."""
     spread = None if scene.uncertainty is None else scene.uncertainty.delay
     return USUAL_DELAY if spread is None else math.sqrt(3.0) * spread.deviation
 
 
 def off_time(scene: Scene, half: float) -> Scene:
-    """The scene with openings up to `half` [s] off the time that is expected."""
+    """The scene with openings up to `half` [s] early or late."""
     delay = Distribution(uniform=half, mean=scene.mean_delay)
     old = scene.uncertainty
     uncertain = dataclasses.replace(old, delay=delay) if old else Uncertainty(delay=delay)
@@ -41,7 +44,7 @@ def off_time(scene: Scene, half: float) -> Scene:
 
 
 def late_and_early(plan: Plan, half: float) -> Sweep:
-    """Throws of the plan in that scene."""
+    """A sweep of the plan with openings up to `half` [s] early or late."""
     return sweep(dataclasses.replace(plan, scene=off_time(plan.scene, half)), THROWS)
 
 
@@ -59,19 +62,21 @@ def draw_cloud(space: Any, found: Sweep) -> Any:
 
 
 def cloud_words(found: Sweep, half: float) -> str:
-    """How many of the throws succeed."""
+    """The result of the sweep in words."""
     x = found.landings.pose[:, 0]
     x = x[np.isfinite(x)]
     where = "land within the tolerance" if found.plan.scene.cup is None else "go into the cup"
     good = f"{int(found.success.sum())} of {found.samples} throws {where}"
+    also = [name.replace("_", " ") for name in found.sampler.names if name != "delay"]
+    varied = f", with {', '.join(also)} as uncertain as [uncertainty] says" if also else ""
     spread = f"; spread {1e3 * float(np.ptp(x)):.0f} mm" if x.size else ""
-    return f"{good}, opened up to ±{1e3 * half:g} ms off{spread}"
+    return f"{good}, opened up to ±{1e3 * half:g} ms off{varied}{spread}"
 
 
 def bands(found: ReachMap, theta: float | None, farthest: float | None) -> Array:
-    """Where throws land at about an angle: from x, to x [m] and the best margin (N, 3).
+    """Bands (N, 3) of landings at an angle: from x, to x [m], and the largest margin.
 
-    farthest [m]: the edge of the reach, which sampled throws seldom come near; None if unknown.
+    farthest [m]: the edge of the reach, which few sampled throws approach; None if unknown.
     """
     if not found.reachable:
         return np.zeros((0, 3))
@@ -85,9 +90,9 @@ def bands(found: ReachMap, theta: float | None, farthest: float | None) -> Array
 
 
 def draw_reach(space: Any, rows: Array, scene: Scene, target: Pose, floor: float) -> Any:
-    """The bands on the floor, from orange, where a limit is used up, to blue; returns the node.
+    """Draw the bands on the floor, orange for no margin to blue; returns the node.
 
-    About the base where an arm turns, else along x.
+    Rings about the base of an arm, else strips along x.
     """
     from trimesh.creation import revolve
 

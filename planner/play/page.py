@@ -1,4 +1,4 @@
-"""The page: a target to drag, sliders, and what comes of the newest plan."""
+"""The page: a target to drag, sliders, and the latest plan."""
 
 from __future__ import annotations
 
@@ -13,30 +13,34 @@ from typing import Any
 
 import numpy as np
 
-from ...models import SLIDING_PIVOT, STEPPED_SURFACE
+from ...models.release import SLIDING_PIVOT, STEPPED_SURFACE
 from ...problems import InputError, Pose, Scene
-from ..plan import PATIENCE, Planner
+from ..planner import PATIENCE, Planner
 from ..reach import ReachMap, reach_map
 from ..result import Plan, throw_of
 from ..show import RED, Panel, View, put, space_throw
 from .around import bands, cloud_words, delay_of, draw_cloud, draw_reach, late_and_early, off_time
-from .newest import Newest, OutdatedError
+from .latest_only import LatestOnlyWorker, OutdatedError
 
-#: How long [s] a throw is looked for while the target may still move.
+#: Time [s] for a plan while the target may still move.
 QUICK = 0.5
-#: How long [s] the page waits for work under way before it closes.
+#: Longest time [s] that the page waits for current work before it closes.
 ENDING = 1.0
-#: Friction and opening time go to these shares of the scene's.
+#: Range of the sliders of friction and opening time, as shares of the scene's values.
 SHARES = (0.5, 1.5)
-#: No throw reaches that far [m]; landings that differ by less are at the same angle [rad].
-BEYOND, SAME_ANGLE = 20.0, math.radians(10.0)
-#: Sampled throws of a map, and the longest delay [ms].
-SAMPLES, LONGEST = 20_000, 30.0
+#: Distance [m] beyond every throw.
+BEYOND = 20.0
+#: Landings whose angles differ by less than this are at one angle.
+SAME_ANGLE = math.radians(10.0)
+#: Number of sampled throws of a map.
+SAMPLES = 20_000
+#: Longest delay [ms] of the slider.
+LONGEST = 30.0
 
 
 @dataclass(frozen=True)
-class Wanted:
-    """What is asked for; delay [s]: openings off time that the plan is to bear, None for none."""
+class PlanRequest:
+    """Target and scene of a plan; delay [s]: openings off time to tolerate, None for none."""
 
     target: Pose
     scene: Scene
@@ -44,16 +48,16 @@ class Wanted:
 
     @property
     def mapped(self) -> tuple[Scene, float, float | None]:
-        """What the map of the reach depends on."""
+        """The values that the map of the reach depends on."""
         return self.scene, self.target.z, self.target.theta
 
 
 class PlayPage:
-    """Plans what its controls ask for, and shows it.
+    """Plans for the values of its controls, and shows the plan.
 
-    planner, plan: where it begins. `panel.advance` plays the throw that is shown; reach (N, 3): the
-    bands on the floor. viser calls back from other threads: what they change is under a lock;
-    plans are made in one thread, maps in another.
+    planner, plan: at the start. `panel.advance` plays the throw; reach (N, 3): the bands on the
+    floor. viser calls back from other threads, so a lock guards the state; one thread makes plans,
+    another one maps.
     """
 
     def __init__(self, server: Any, planner: Planner, plan: Plan) -> None:
@@ -68,16 +72,16 @@ class PlayPage:
         self._drawn: dict[str, Any] = {}
         self._nearest = server.scene.add_frame("/nearest", show_axes=False, visible=False)
         view.add_bar("/nearest/bar", RED, 0.5)
-        self._aim, self._last = self._base, self.wanted
+        self._aim, self._last = self._base, self.request
         view.aim(self._aim)
         self._mapped: ReachMap | None = None
         self._surveyor, self.reach = planner, np.zeros((0, 3))
-        self.plans, self.maps = Newest(self._plan), Newest(self._map)
-        self.maps.ask(self._last)
+        self.plans, self.maps = LatestOnlyWorker(self._plan), LatestOnlyWorker(self._map)
+        self.maps.submit(self._last)
 
     @property
-    def wanted(self) -> Wanted:
-        """What the controls say."""
+    def request(self) -> PlanRequest:
+        """The plan requested by the controls."""
         scene, base = self._scene, self._base
         theta = None if self.theta is None else math.radians(self.theta.value)
         place = dict(zip("xyz", (control.value for control in self.place), strict=True))
@@ -89,7 +93,7 @@ class PlayPage:
         if contact is not scene.contact or gripper is not scene.gripper:
             scene = scene.replace(contact=contact, gripper=gripper)
         delay = self.delay.value / 1e3 if self.robust.value else None
-        return Wanted(dataclasses.replace(base, theta=theta, **place), scene, delay)
+        return PlanRequest(dataclasses.replace(base, theta=theta, **place), scene, delay)
 
     def _add_controls(self, server: Any) -> None:
         """Numbers and sliders, and arrows at the target that drag it."""
@@ -123,15 +127,15 @@ class PlayPage:
                 control.on_update(lambda _: self._changed())
 
     def _add_buttons(self, gui: Any) -> None:
-        """What is done with the plan."""
+        """Buttons for throws and files."""
         throw = gui.add_button("throw")
         delays = gui.add_button("throw with random delays")
         self.folder = gui.add_text("folder", f"out/{self._scene.name}")
         save = gui.add_button("save the plan")
-        self.said = gui.add_markdown("")
+        self.status = gui.add_markdown("")
         throw.on_click(lambda _: self.throw())
-        delays.on_click(lambda _: self._saying(self.throw_delayed))
-        save.on_click(lambda _: self._saying(self.save))
+        delays.on_click(lambda _: self._with_status(self.throw_delayed))
+        save.on_click(lambda _: self._with_status(self.save))
 
     @property
     def _position(self) -> tuple[float, ...]:
@@ -143,46 +147,46 @@ class PlayPage:
                 control.value = float(value)
 
     def _changed(self) -> None:
-        """Somebody moved a control, or the page itself did."""
+        """The user or the page changed a control."""
         with self._lock:
             try:
-                wanted = self.wanted
-                if wanted == self._last:
+                request = self.request
+                if request == self._last:
                     return
-                last, self._last = self._last, wanted
+                last, self._last = self._last, request
                 if not np.allclose(self._position, self.arrows.position, rtol=0.0, atol=1e-9):
                     self.arrows.position = self._position
-                self._aim = self._planner.check(wanted.target)
+                self._aim = self._planner.check(request.target)
             except InputError as error:
                 self.strip.content = f"**wrong input**: {error}"
                 return
             self.panel.view.aim(self._aim)
-        self.plans.ask(wanted)
-        if wanted.mapped != last.mapped:
-            self.maps.ask(wanted)
+        self.plans.submit(request)
+        if request.mapped != last.mapped:
+            self.maps.submit(request)
 
-    def _plan(self, wanted: Wanted) -> None:
-        """Plans, quickly at first; more patiently where nothing else is asked for."""
-        scene, robust = wanted.scene, None
+    def _plan(self, request: PlanRequest) -> None:
+        """Plan quickly; if that fails and no newer request waits, plan patiently."""
+        scene, robust = request.scene, None
         try:
-            if wanted.delay is not None:
-                scene, robust = off_time(scene, wanted.delay), "auto"
+            if request.delay is not None:
+                scene, robust = off_time(scene, request.delay), "auto"
             if scene != self._planner.scene:
                 self.strip.content = "planning..."
                 self._planner = Planner(scene)
-            made = partial(self._planner.plan, wanted.target, warm=self.plan, robust=robust)
-            plan = made(patience=QUICK)
+            plan_for = partial(self._planner.plan, request.target, warm=self.plan, robust=robust)
+            plan = plan_for(patience=QUICK)
             done = plan.solved and plan.robust != "nominal"
             if not done and not self.plans.waiting:
                 self.strip.content = "planning..."
-                plan = made(patience=PATIENCE)
+                plan = plan_for(patience=PATIENCE)
         except InputError as error:
             self.strip.content = f"**wrong input**: {error}"
             return
         self._show(plan)
 
     def _show(self, plan: Plan) -> None:
-        """A plan's throw; of one without, the nearest landing beside the throw before."""
+        """Show a plan's throw; without one, the nearest landing beside the last throw."""
         with self._lock:
             if plan.solved:
                 self.plan = plan
@@ -194,13 +198,13 @@ class PlayPage:
                 put(self._nearest, self.panel.throw.target(plan.nearest))
             self.strip.content = plan_words(plan)
 
-    def _map(self, wanted: Wanted) -> None:
-        """Draws the reach at the target's height and angle, then up to its edge."""
-        found, target = self._mapped, wanted.target
+    def _map(self, request: PlanRequest) -> None:
+        """Draw the reach at the target's height and angle, then extend it to its edge."""
+        found, target = self._mapped, request.target
         try:
-            if found is None or (found.scene, found.z) != (wanted.scene, target.z):
-                self._surveyor = Planner(wanted.scene)
-                found = reach_map(wanted.scene, target.z, SAMPLES, progress=self._go_on)
+            if found is None or (found.scene, found.z) != (request.scene, target.z):
+                self._surveyor = Planner(request.scene)
+                found = reach_map(request.scene, target.z, SAMPLES, progress=self._go_on)
                 self._mapped = found
             self._draw_reach(found, target, None)
             if found.reachable and not self.maps.waiting:
@@ -209,7 +213,7 @@ class PlayPage:
             return
 
     def _edge(self, target: Pose) -> float | None:
-        """x [m] of the farthest landing at about the target's angle; None where none is found."""
+        """x [m] of the farthest landing at about the target's angle; None without one."""
         beyond = target.changed(x=BEYOND, y=0.0, velocity=None, arrival=None)
         edge = self._surveyor.plan(beyond).nearest
         if edge is None:
@@ -230,17 +234,17 @@ class PlayPage:
             raise OutdatedError
 
     def _drop(self, name: str) -> None:
-        """Takes a drawing away."""
+        """Remove a drawing."""
         if name in self._drawn:
             self._drawn.pop(name).remove()
 
     def throw(self) -> None:
-        """Plays the throw from its start."""
+        """Play the throw from its start."""
         self.panel.go(0.0)
         self.panel.play(True)
 
     def throw_delayed(self) -> str:
-        """Throws the plan with openings off time; returns what comes of it."""
+        """Throw the plan with openings off time; returns the result in words."""
         plan, half = self.plan, self.delay.value / 1e3
         found = late_and_early(plan, half)
         with self._lock:
@@ -250,19 +254,19 @@ class PlayPage:
         return cloud_words(found, half)
 
     def save(self) -> str:
-        """Writes the plan that is shown; returns where."""
+        """Write the plan shown; returns the folder in words."""
         if not self.folder.value.strip():
             raise InputError("folder: needs a name")
         folder = Path(self.folder.value).absolute()
         self.plan.save(folder)
         return f"written to {folder}"
 
-    def _saying(self, work: Callable[[], str]) -> None:
-        self.said.content = "working..."
+    def _with_status(self, work: Callable[[], str]) -> None:
+        self.status.content = "working..."
         try:
-            self.said.content = work()
+            self.status.content = work()
         except InputError as error:
-            self.said.content = f"**{error}**"
+            self.status.content = f"**{error}**"
 
     def end(self) -> None:
         """Stops planning."""
@@ -271,7 +275,7 @@ class PlayPage:
 
 
 def first_plan(planner: Planner) -> Plan:
-    """The scene's throw; where there is none, the one to the nearest possible landing."""
+    """The scene's throw; without one, the throw to the nearest possible landing."""
     plan = planner.plan()
     if plan.solved or plan.nearest is None:
         return plan
@@ -280,7 +284,7 @@ def first_plan(planner: Planner) -> Plan:
 
 
 def plan_words(plan: Plan) -> str:
-    """What came of a plan, for the page."""
+    """The result of a plan, for the page."""
     build = plan.time["build"]
     took = f"{1e3 * (plan.time['total'] - build):.0f} ms"
     if build > 1e-3:
@@ -289,11 +293,12 @@ def plan_words(plan: Plan) -> str:
         name = plan.status.replace("_", " ")
         return f"**{name}**: {plan.message.removeprefix(f'{name}: ')}; {took}"
     landings = []
-    for model in (STEPPED_SURFACE, SLIDING_PIVOT):
-        x, theta = plan.throw.final.by(model).miss(plan.goal)
+    names = {STEPPED_SURFACE: "limit surface", SLIDING_PIVOT: "sliding pivot"}
+    for model, name in names.items():
+        x, theta = plan.throw.deciding.with_model(model).miss(plan.goal)
         turn = "" if plan.goal.theta is None else f", {math.degrees(abs(theta)):.2f}°"
         off = f"{1e3 * abs(x):.2f} mm{turn} off"
-        landings.append(f"{off if math.isfinite(x) else 'nowhere'} by {model}")
+        landings.append(f"{off if math.isfinite(x) else 'nowhere'} by the {name}")
     if plan.robust:
         landings.append(f"robust by {plan.robust}")
     return f"**solved**: lands {'; '.join(landings)}; planned in {took}"

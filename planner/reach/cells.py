@@ -42,6 +42,12 @@ class Cells:
         scale = max(scale, FINEST)
         return cls(scale * wide, scale * turn if angle else 0.0)
 
+    def finer(self, times: float) -> Cells | None:
+        """Cells of which there are so many times as many; None where these are the finest."""
+        finest = FINEST * WIDTHS[0][0]
+        scale = max(times ** -(0.5 if self.theta else 1.0), finest / self.x)
+        return Cells(scale * self.x, scale * self.theta) if self.x > 1.001 * finest else None
+
     def __call__(self, x: float, theta: float | None) -> Cell:
         """The cell of a landing."""
         turn = theta or 0.0

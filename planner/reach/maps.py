@@ -1,8 +1,7 @@
 """Which landing poses are in reach: sampled throws, sorted into bins of x and theta.
 
-A bin with a landing is one that was hit, not one that a plan was made for; `throwplan
-report` plans to the middles of random ones. An empty bin next to full ones may only have been
-missed.
+A bin with a landing is one that was hit, not one that a plan was made for; `benchmarks`
+plans to random places in them. An empty bin next to full ones may only have been missed.
 """
 
 from __future__ import annotations
@@ -11,7 +10,6 @@ import collections
 import dataclasses
 import itertools
 import math
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -19,16 +17,20 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models import Array, land
-from ...problems import InputError, Scene, as_scene, checked, filling
-from ..check import enters_cup_at_landing, make_mover
+from ...models import Array
+from ...problems import InputError, Scene, as_scene, checked
+from ...problems.files import filling
+from ..library import Library
 from ..ocp import CUP_MARGIN, FLIGHT_MAX
-from ..search import Library, check_start, highest, joined
-from .picture import draw_map
-from .throws import allowed, cells_of, chunks, margins
+from ..search import check_start
+from ..search.samples import highest, joined
+from ..throw import make_manipulator
+from ..verdict import lands_well
+from ..workers import Progress
+from .map_samples import allowed, cells_of, chunks, margins
+from .picture import MapPicture
 
 Counts = npt.NDArray[np.int64]
-Progress = Callable[[int, int], None]
 
 #: Bin widths [m, rad], finest first. The first is taken that leaves a reached bin FILL
 #: landings on average and at most BINS bins on each axis.
@@ -117,10 +119,10 @@ class ReachMap:
         """
         if not self.reachable:
             return math.inf
-        away = np.abs(self.x - x)
+        turn: Array | float = 0.0
         if theta is not None and self.theta_edges is not None:
-            away = away + np.abs(self.theta - theta) * self.scene.object.length / 2
-        return float(away.min())
+            turn = self.theta - theta
+        return float(self.scene.object.pose_error(self.x - x, turn).min())
 
     def to_dict(self, file: Path | None = None) -> dict[str, Any]:
         """The JSON object of `throwplan map`; a message is in it only if nothing is in reach."""
@@ -190,12 +192,27 @@ class ReachMap:
         if not self.reachable:
             raise InputError(f"{self.scene.place}: nothing to save, {self.message}")
         with filling(Path(folder), MAP_FILES) as scratch:
-            draw_map(self, scratch / "map.png")
+            self._picture().draw(scratch / "map.png")
             names = ("x_edges", "landings", "solutions", "margin", "x", "theta", "z", "samples")
             arrays: dict[str, Any] = {name: getattr(self, name) for name in names}
             edges = np.empty(0) if self.theta_edges is None else self.theta_edges
             np.savez_compressed(scratch / "map.npz", theta_edges=edges, **arrays)
         return Path(folder) / "map.npz"
+
+    def _picture(self) -> MapPicture:
+        """What map.png shows of it."""
+        wide, angle = self.widths
+        size = f"{100 * wide:g} cm" + ("" if angle is None else f" × {math.degrees(angle):g}°")
+        cup = ", with the cup there" if self.scene.cup is not None else ""
+        title = (
+            f"{self.scene.name}: landing poses in reach at z = {self.z:g} m{cup}\n"
+            f"{self.x.size:,} landings of {self.samples:,} sampled states, bins of {size}; "
+            "blank: not hit"
+        )
+        target, number = self.scene.target, self.solutions.astype(float)
+        assert target is not None  # a scene with a map has one
+        bins = self.x_edges, self.theta_edges, self.margin, number
+        return MapPicture(title, *bins, self.solved, self.beyond, target, self.z)
 
 
 def reach_map(
@@ -207,40 +224,41 @@ def reach_map(
 ) -> ReachMap:
     """The landing poses in reach of a scene at height `z` [m], by default the target's.
 
-    The same arguments give the same map. progress(done, samples) is called on the way.
-    Raises InputError for a scene that cannot be planned and for numbers out of range; a
-    height that no throw comes down through gives an empty map with its message.
+    Equal arguments give equal maps. progress(done, samples) is called on the way. Raises
+    InputError for a scene that cannot be planned and for numbers out of range; a height that no
+    throw comes down through gives an empty map with its message.
     """
     scene = as_scene(scene)
     check_map(z, samples)
-    mover = make_mover(scene)
-    check_start(scene, mover)
-    assert scene.target is not None  # checked by Scene, for all that have a mover
+    manipulator = make_manipulator(scene)
+    check_start(scene, manipulator)
+    assert scene.target is not None  # checked by Scene, for all that have a manipulator
     height = scene.target.z if z is None else float(z)
     target = dataclasses.replace(scene.target, z=height)
     aimed = scene.aimed_at(target)  # moves the cup along with the target
     parts: list[tuple[Array, Array, Array, Counts]] = []
     down, rise, done = 0, (-math.inf, ""), 0
-    for count, drawn in chunks(scene, mover, samples):
+    for count, drawn in chunks(scene, manipulator, samples):
         thrown = joined(*drawn)
-        x, theta, time = land(thrown.detach, height, scene.gravity).T
+        x, theta, time = scene.flight.land(thrown.detach, height).T
         landed = np.isfinite(time) & (time <= FLIGHT_MAX)
         down += int(landed.sum())
         if not down:
             for part in drawn:
-                _, pose, words = highest(part, target, scene.gravity)
+                _, pose, words = highest(part, target, scene.flight)
                 rise = max(rise, (-math.inf if pose is None else pose.z, words))
         thrown, x, theta, time = thrown.picked(landed), x[landed], theta[landed], time[landed]
-        good = allowed(scene, mover, thrown, time)
-        good &= enters_cup_at_landing(aimed, thrown.detach, x, time, CUP_MARGIN)
+        good = allowed(scene, manipulator, thrown, time)
+        good &= lands_well(aimed, thrown.detach, np.column_stack([x, theta, time]), CUP_MARGIN)
         thrown = thrown.picked(good)
-        parts.append((x[good], theta[good], margins(scene, mover, thrown), cells_of(mover, thrown)))
+        rest = margins(scene, manipulator, thrown), cells_of(manipulator, thrown)
+        parts.append((x[good], theta[good], *rest))
         done += count
         if progress is not None:
             progress(done, samples)
     x, theta, margin, cells = (np.concatenate(rows) for rows in zip(*parts, strict=True))
     empty = ReachMap(scene, height, samples, x=x, theta=theta)
-    library = Library(scene, mover)
+    library = Library(scene, manipulator)
     if len(library):
         beyond = library.records[~library.records["solved"]]
         empty = dataclasses.replace(

@@ -3,46 +3,53 @@
 from __future__ import annotations
 
 import math
+from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...models import Array
+from ...problems import Pose
 from ..show import BLACK, BLUE, RED, TEAL, new_figure, save
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.patheffects import AbstractPathEffect
 
-    from .maps import ReachMap
-
-
-#: Contour lines of the number of throws: levels of a decade, and how many of the highest
-#: are drawn. Levels under LEAST would move far with one throw more.
+#: Levels of contour lines in a decade; the number of the highest that are drawn; and the least
+#: level: one throw more would move a lower line far.
 LEVELS, LINES, LEAST = (1.0, 2.0, 5.0), 3, 4.0
 
 
-def draw_map(found: ReachMap, path: Path) -> None:
-    """The map as a picture: over x and theta, or over x alone where theta is open."""
-    if found.theta_edges is None:
-        _draw_line(found, path)
-    else:
-        _draw_plane(found, found.theta_edges, path)
+@dataclass(frozen=True, eq=False)
+class MapPicture:
+    """What map.png shows.
+
+    x_edges (X + 1,) [m], theta_edges (T + 1,) [rad] or None; best margin and number of different
+    throws per bin (X, T); x and theta of the library's throws solved (2, S) and of the places
+    beyond (2, B) that it found to be out of reach; the target and the height z [m] of the map.
+    """
+
+    title: str
+    x_edges: Array
+    theta_edges: Array | None
+    margin: Array
+    solutions: Array
+    solved: Array
+    beyond: Array
+    target: Pose
+    z: float
+
+    def draw(self, path: Path) -> None:
+        """Over x and theta, or over x alone where theta is open."""
+        if self.theta_edges is None:
+            _draw_line(self, path)
+        else:
+            _draw_plane(self, self.theta_edges, path)
 
 
-def _title(found: ReachMap) -> str:
-    wide, angle = found.widths
-    size = f"{100 * wide:g} cm" + ("" if angle is None else f" × {math.degrees(angle):g}°")
-    cup = ", with the cup there" if found.scene.cup is not None else ""
-    return (
-        f"{found.scene.name}: landing poses in reach at z = {found.z:g} m{cup}\n"
-        f"{found.x.size:,} landings of {found.samples:,} sampled states, bins of {size}; "
-        "blank: not hit"
-    )
-
-
-def _draw_plane(found: ReachMap, theta_edges: Array, path: Path) -> None:
+def _draw_plane(found: MapPicture, theta_edges: Array, path: Path) -> None:
     """The best margin per bin, contours of the number of throws, and the target."""
     from matplotlib.ticker import MultipleLocator
 
@@ -63,17 +70,17 @@ def _draw_plane(found: ReachMap, theta_edges: Array, path: Path) -> None:
     axes.set(axisbelow=True, xlabel="landing x [m]", ylabel="landing θ [deg]")
     axes.use_sticky_edges = False
     axes.margins(0.02)
-    axes.set_title(_title(found), loc="left", fontsize=10)
+    axes.set_title(found.title, loc="left", fontsize=10)
     figure.legend(loc="outside lower center", ncols=3, fontsize=9, frameon=False)
     save(figure, path)
 
 
-def _contours(axes: Axes, found: ReachMap, theta: Array) -> None:
+def _contours(axes: Axes, found: MapPicture, theta: Array) -> None:
     """Lines of equal number of different throws, smoothed over some bins."""
     from matplotlib.patheffects import withStroke
     from scipy.ndimage import uniform_filter
 
-    number = found.solutions.astype(float)
+    number = found.solutions
     for _ in range(3):
         number = uniform_filter(number, 3, mode="constant")
     decades = [10.0**k * m for k in range(6) for m in LEVELS]
@@ -89,7 +96,7 @@ def _contours(axes: Axes, found: ReachMap, theta: Array) -> None:
         artist.set_path_effects(rim)
 
 
-def _mark_library(axes: Axes, found: ReachMap) -> None:
+def _mark_library(axes: Axes, found: MapPicture) -> None:
     """The library's throws, and where it found the edge of the reach."""
     dots: dict[str, Any] = {"s": 3, "lw": 0, "zorder": 3, "rasterized": True}
     for (x, theta), colour, label in (
@@ -100,10 +107,10 @@ def _mark_library(axes: Axes, found: ReachMap) -> None:
             axes.scatter(x, np.degrees(theta), color=colour, label=label, **dots)
 
 
-def _mark_target(axes: Axes, found: ReachMap, theta: Array) -> None:
+def _mark_target(axes: Axes, found: MapPicture, theta: Array) -> None:
     """The scene's target, hollow where the map is of another height; its other turns."""
-    target = found.scene.target
-    assert target is not None and target.theta is not None  # theta is an axis of this map
+    target = found.target
+    assert target.theta is not None  # theta is an axis of this map
     here = target.z == found.z
     label = "target" if here else f"target's x and θ (it is at z = {target.z:g} m)"
     face, edge = (RED, "white") if here else ("none", RED)
@@ -117,16 +124,15 @@ def _mark_target(axes: Axes, found: ReachMap, theta: Array) -> None:
         axes.plot([x] * len(others), others, "o", ms=8, mew=1.6, mfc="none", mec=RED, label=words)
 
 
-def _draw_line(found: ReachMap, path: Path) -> None:
+def _draw_line(found: MapPicture, path: Path) -> None:
     """Margin and number of throws over x."""
     figure = new_figure(9.5, 5.4)
-    target = found.scene.target
-    assert target is not None  # a scene with a map has one
+    target = found.target
     words = "target" if target.z == found.z else f"target's x (it is at z = {target.z:g} m)"
     above, below = figure.subplots(2, 1, sharex=True)
     for axes, label, values, colour in (
         (above, "best margin [%]", 100 * np.nan_to_num(found.margin[:, 0]), TEAL),
-        (below, "different throws in a bin", found.solutions[:, 0].astype(float), BLUE),
+        (below, "different throws in a bin", found.solutions[:, 0], BLUE),
     ):
         axes.stairs(values, found.x_edges, fill=True, color=colour, alpha=0.75, lw=0)
         axes.stairs(values, found.x_edges, color=colour, lw=1.2)
@@ -136,5 +142,5 @@ def _draw_line(found: ReachMap, path: Path) -> None:
         axes.grid(alpha=0.25)
     above.legend(loc="upper left", fontsize=9)
     below.set_xlabel("landing x [m]")
-    above.set_title(_title(found), loc="left", fontsize=10)
+    above.set_title(found.title, loc="left", fontsize=10)
     save(figure, path)

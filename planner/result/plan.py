@@ -2,135 +2,53 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import math
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any
 
-from ...models import SLIDING_PIVOT, STEPPED_SURFACE
-from ...models import Path as Motion
-from ...problems import Pose, Scene, plain
-from ..check import Mover, Samples, Throw, torque_limits
-from ..ocp import USUAL, Asked, Optimum, Solution, ThrowNlp
-from .files import Draw, PlanPath, draw_plan, path_of, save_plan, sent_throw
+from ...problems import InputError, Pose, Scene
+from ...problems.files import filling, plain, write_json
+from ..ocp import load_curve
+from ..show import draw_throw, grip_words
+from ..throw import Manipulator, Throw, torque_limits
+from ..verdict import Verdict, verdict, warnings
+from .files import (
+    FILES,
+    FORMAT,
+    Draw,
+    PlanPath,
+    Status,
+    draw_files,
+    path_of,
+    read_plan,
+    write_motion,
+)
+from .planned import PlannedThrow
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-Status = Literal["solved", "out_of_reach", "not_converged"]
-#: Times of a release, by their names in the JSON.
+#: Times of a release, as named in the JSON.
 MOMENTS = ("command_time", "opening_time", "detach_time", "landing_time")
-#: The same for people.
+#: Names of these times for people.
 MOMENT_WORDS = ("gripper command", "starts opening", "bar free", "lands")
-
-
-@dataclass(frozen=True, repr=False)
-class PlannedThrow:
-    """The throw behind a plan: where it comes from and what the models make of it.
-
-    planned: its motion up to detach; final: what is sent, by the model of the tolerance; effort:
-    the NLP's cost of that motion; nlp_size: variables and constraints of its NLP; asked: what
-    that has beyond the usual constraints; aim: how far from the target (dx [m], dtheta [rad])
-    its landing is put, so that this one is at it. nlp, solution, landing_of_nlp (x, z [m], theta
-    [rad]): of a throw that is an NLP's solution; optimum: of one that was moved from there.
-    """
-
-    planned: Motion
-    final: Throw
-    effort: float
-    nlp_size: tuple[int, int]
-    asked: Asked = USUAL
-    aim: tuple[float, float] = (0.0, 0.0)
-    nlp: ThrowNlp | None = None
-    solution: Solution | None = None
-    landing_of_nlp: tuple[float, float, float] | None = None
-    optimum: Optimum | None = None
-
-    @cached_property
-    def exact(self) -> Throw:
-        """The planned motion by the sliding pivot."""
-        if self.scene.robot is None:
-            return self.final.sliding_pivot
-        return replace(self.final, path=self.planned, model=SLIDING_PIVOT)
-
-    @cached_property
-    def planned_landing(self) -> tuple[float, float, float]:
-        """Where the smoothed model lands: x, z [m], theta [rad].
-
-        Of a moved throw: as far from the exact model as at its optimum.
-        """
-        if self.optimum is None or self.landing_of_nlp is not None:
-            return self.landing_of_nlp or (math.nan, math.nan, math.nan)
-        (x, z, theta), (dx, turn) = self.exact.landing.pose, self.optimum.smoothing
-        return x + dx, z, theta + turn
-
-    @property
-    def scene(self) -> Scene:
-        """Aimed at the target."""
-        return self.final.scene
-
-    @property
-    def mover(self) -> Mover:
-        """What moves the hand."""
-        return self.final.mover
-
-    @property
-    def opening_time(self) -> float:
-        """When the grip force starts to fall [s] on the motion's clock."""
-        return self.final.opening_time
-
-    @property
-    def samples(self) -> Samples:
-        """What motion.csv holds."""
-        return self.final.samples
-
-    @property
-    def sent(self) -> Throw | None:
-        """What is sent by the sliding pivot; None for a hand, checked as planned."""
-        return None if self.scene.robot is None else self.final.sliding_pivot
-
-    @property
-    def limit_surface(self) -> Throw:
-        """What is sent by the limit surface."""
-        return self.final.limit_surface
-
-    @property
-    def decides(self) -> str:
-        """Whose landing makes it solved: "limit_surface", "sent", for a hand "exact"."""
-        if self.scene.tolerance.model == STEPPED_SURFACE:
-            return "limit_surface"
-        return "exact" if self.sent is None else "sent"
-
-    @cached_property
-    def apart(self) -> tuple[float, float]:
-        """How far apart sliding pivot and limit surface land: x [m], theta [rad]."""
-        pivot, surface = self.final.sliding_pivot.landing, self.limit_surface.landing
-        return abs(pivot.x - surface.x), abs(pivot.theta - surface.theta)
-
-    @property
-    def landing_time(self) -> float:
-        """When the object lands [s] on the motion's clock."""
-        return self.final.landing_time
-
-    def words(self, goal: Pose) -> str:
-        """How far from `goal` it lands, for people."""
-        dx, dtheta = self.final.miss(goal)
-        turn = "" if goal.theta is None else f" and {math.degrees(abs(dtheta)):.3f} deg"
-        return f"lands {1e3 * abs(dx):.3f} mm{turn} from the target"
 
 
 @dataclass(frozen=True, repr=False)
 class Plan:
     """Result of planning. Times in s; see `to_dict` for the units and frames of the rest.
 
-    robust: the method that made it so, empty if none; peak_load: then, the largest share of
-    the grip's friction limit that the pads would transmit while they may open.
+    robust: the method of a robust plan, "nominal" where that is the plain throw, "alternative"
+    another one to the target, empty if none was asked for; peak_load: of a robust plan, the largest
+    share of the full grip's friction limit that the pads transmit once a quarter of it may be left.
     """
 
     scene: Scene
-    mover: Mover
+    manipulator: Manipulator
     target: Pose
     status: Status
     message: str
@@ -148,29 +66,25 @@ class Plan:
     peak_load: float | None = None
 
     def __repr__(self) -> str:
-        """A line: its arrays would fill a screen."""
+        """One line: the arrays would fill a screen."""
         return f"Plan({self.scene.name}: {self.status}, {self.message})"
 
-    @property
-    def warning(self) -> str:
-        """A line where the two release models differ by more than the tolerance; else empty."""
+    @cached_property
+    def verdict(self) -> Verdict:
+        """Everything that the throw breaks, and warnings about a solved one."""
         if self.throw is None:
-            return ""
-        (x, theta), tolerance = self.throw.apart, self.scene.tolerance
-        turn = 0.0 if self.target.theta is None else theta
-        if x <= tolerance.position and turn <= tolerance.angle:
-            return ""
-        if not math.isfinite(x):
-            return "only one of sliding pivot and limit surface comes down to the target's height"
-        return (
-            f"sliding pivot and limit surface land {1e3 * x:.1f} mm and "
-            f"{math.degrees(theta):.1f} deg apart, more than the tolerance of "
-            f"{1e3 * tolerance.position:g} mm and {math.degrees(tolerance.angle):g} deg"
+            return Verdict()
+        final = self.throw.deciding
+        judged = verdict(final, self.goal)
+        if not self.solved:
+            return judged
+        return dataclasses.replace(
+            judged, findings=(*judged.findings, *warnings(final, self.target))
         )
 
     @property
     def goal(self) -> Pose:
-        """The target where it is when the object lands."""
+        """The target at the time of the landing."""
         moves = self.throw is not None and self.target.velocity is not None
         return self.target.at(self.throw.landing_time) if moves and self.throw else self.target
 
@@ -187,7 +101,8 @@ class Plan:
             poses = self._poses(self.throw)
             landing = {name: pose and self._json_pose(pose) for name, pose in poses.items()}
             error = {name: self._json_error(poses[name]) for name in error}
-            release = self._moments(self.throw)
+            deciding = self.throw.deciding
+            release = {name: plain(getattr(deciding, name)) for name in MOMENTS}
         nearest = self.nearest
         return {
             "scene": self.scene.name,
@@ -214,7 +129,7 @@ class Plan:
         }
 
     def _poses(self, throw: PlannedThrow) -> dict[str, tuple[float, float, float] | None]:
-        """Landings (x, z, theta) in the throw's plane, by the names of the JSON."""
+        """Landings (x, z, theta) in the throw's plane, as named in the JSON."""
         return {
             "planned": throw.planned_landing,
             "exact": throw.exact.landing.pose,
@@ -222,24 +137,17 @@ class Plan:
             "limit_surface": throw.limit_surface.landing.pose,
         }
 
-    def _moments(self, throw: PlannedThrow) -> dict[str, float | None]:
-        """When [s] the command is sent, the force starts to fall, is zero, the object lands."""
-        profile, opening = self.scene.gripper.profile(), throw.opening_time
-        detach = opening + profile.opening
-        command = opening - profile.dwell - self.scene.mean_delay
-        landing = plain(detach + throw.final.landing.flight_time)
-        return dict(zip(MOMENTS, (command, opening, detach, landing), strict=True))
-
     def _more(self) -> dict[str, Any]:
-        """What only some plans have: torques, of an arm with masses; robustness, alternatives."""
+        """Entries of some plans only: torques of an arm with masses, robustness, alternatives."""
         more: dict[str, Any] = {}
         throw, arm = self.throw, self.scene.arm
         if throw is not None:
             more["decides"] = throw.decides
-        if self.warning:
-            more["warning"] = self.warning
+        more["findings"] = [finding.to_dict() for finding in self.verdict.findings]
+        if self.verdict.warnings:
+            more["warning"] = "; ".join(finding.words for finding in self.verdict.warnings)
         if throw is not None and arm is not None and torque_limits(self.scene) is not None:
-            torques, rates = throw.final.torques, arm.limits.torque_rate
+            torques, rates = throw.deciding.torques, arm.limits.torque_rate
             most = None if rates is None else min(rates)
             use = float(torques.use.max())
             more["torque"] = {"use": use, "rate": torques.rate, "rate_limit": most}
@@ -264,14 +172,31 @@ class Plan:
         draw: "png" draws throw.png alone, False neither. Returns the plan with the time of
         drawing. Raises InputError if the folder cannot be written; then nothing is left behind.
         """
-        return save_plan(self, Path(folder), draw)
+        plan, failure = self, ""
+        with filling(Path(folder), FILES) as scratch:
+            if self.solved:
+                throw = sent_throw(self)
+                write_motion(throw, scratch / "motion.csv")
+                if draw:
+                    load = load_curve(throw) if self.robust else None
+                    seconds, failure = draw_files(throw, load, scratch, draw)
+                    plan = dataclasses.replace(self, time=self.time | {"draw": seconds})
+            # `definition` is the scene that `read_plan` needs.
+            scene = self.scene.aimed_at(self.target).table()
+            document = {"format": FORMAT, **plan.to_dict(), "definition": scene}
+            write_json(scratch / "plan.json", document)
+        if failure:
+            raise InputError(f"--out {folder}: the plan is there, but not its pictures: {failure}")
+        return plan
 
     def draw(self, file: str | Path | None = None) -> Figure:
         """The picture of the throw, a Matplotlib figure; written to `file` (.png) if that is given.
 
         InputError for a plan without a throw.
         """
-        return draw_plan(self, None if file is None else Path(file))
+        throw = sent_throw(self)
+        load = load_curve(throw) if self.robust else None
+        return draw_throw(throw, None if file is None else Path(file), load)
 
     def path(self) -> PlanPath:
         """The throw over time: times, poses of the object and the hand, joints.
@@ -281,7 +206,7 @@ class Plan:
         return path_of(sent_throw(self))
 
     def summary(self) -> str:
-        """The plan in some lines for people: status, errors, moments, solver."""
+        """The plan as lines for people: status, errors, times, solver."""
         result, scene = self.to_dict(), self.scene
         solver, error = result["solver"], result["error"]
         lines = [f"{scene.name}: {self.status}" + (f", {self.message}" if self.solved else "")]
@@ -292,18 +217,16 @@ class Plan:
                 position, angle = 1e3 * off["position"], math.degrees(off["angle"])
                 label = name.replace("_", " ")
                 lines.append(f"  {label:14} error {position:8.3f} mm {angle:8.3f} deg{note}")
-        if self.warning:
-            lines.append(f"  warning: {self.warning}")
+        lines += [f"  warning: {finding.words}" for finding in self.verdict.warnings]
         floor = None if scene.workspace is None else scene.workspace.floor
         if floor is not None and self.target.z < floor:
             lines.append(
-                f"  note: the target is below the floor of [workspace], z {floor:g} m, which only "
-                "arm,\n        hand and held bar keep; the bar may touch it before"
+                f"  note: the target is below the floor of [workspace] at z {floor:g} m, which "
+                "arm, hand\n        and held bar keep; the flying bar may hit it before the target"
             )
         if self.throw is not None:
             lines.append(f"  {_moments(result['release'])}")
-            use = 100 * self.throw.exact.grip_use
-            lines.append(f"  grip at most {use:.0f} % of its friction limit before it opens")
+            lines.append(f"  {grip_words(self.throw.deciding)}")
         if "torque" in result:
             lines.append(f"  {_torque_words(**result['torque'])}")
         lines.append(
@@ -313,8 +236,8 @@ class Plan:
         )
         if self.robust:
             lines.append(
-                f"  robust by {self.robust}: while they may open, the pads transmit at most "
-                f"{100 * (self.peak_load or 0.0):.1f} % of the grip's friction limit"
+                f"  robust by {self.robust}: once a quarter of the grip may be left, the pads "
+                f"transmit at most {100 * (self.peak_load or 0.0):.1f} % of its full friction limit"
             )
         for number, other in enumerate(result.get("alternatives", ()), start=1):
             moments = other["release"]
@@ -333,10 +256,10 @@ class Plan:
         return "\n".join(lines)
 
     def error_sent(self) -> tuple[float, float]:
-        """(position [m], angle [rad]) error of the landing that counts; NaN without a throw."""
+        """(position [m], angle [rad]) error of the landing that decides; NaN without a throw."""
         if self.throw is None:
             return math.nan, math.nan
-        error = self._json_error(self.throw.final.landing.pose)
+        error = self._json_error(self.throw.deciding.landing.pose)
         return error["position"], error["angle"]
 
     def _json_pose(self, pose: tuple[float, float, float]) -> Any:
@@ -370,5 +293,26 @@ def _moments(release: dict[str, float | None]) -> str:
 
 def _torque_words(use: float, rate: float, rate_limit: float | None) -> str:
     """The joints' torques for people."""
-    most = "" if rate_limit is None else f" (recommended: {rate_limit:.0f})"
-    return f"joint torques at most {100 * use:.0f} % of their limits, rate {rate:.0f} N m/s{most}"
+    words = f"joint torques at most {100 * use:.0f} % of their limits"
+    if rate_limit is None or rate <= rate_limit:
+        return f"{words}, changing by at most {rate:,.0f} N m/s"
+    return (
+        f"{words}, changing by up to {rate:,.0f} N m/s\n  note: the arm's data sheet recommends at "
+        f"most {rate_limit:,.0f} N m/s: an arm file with {rate_limit / rate:.2g} times the jerk\n"
+        "        limits keeps that; with these limits the controller may stop the arm"
+    )
+
+
+def sent_throw(plan: Plan) -> Throw:
+    """The throw of a solved plan; InputError for a plan without one."""
+    if plan.throw is None or not plan.solved:
+        raise InputError(f"the plan is {plan.status}: it holds no throw")
+    throw, scene = plan.throw.deciding, plan.scene.aimed_at(plan.goal)
+    return throw if throw.scene == scene else throw.in_scene(scene)
+
+
+def throw_of(plan: Plan | Throw | str | Path) -> Throw:
+    """The throw of a solved plan, of a plan.json or of its folder; InputError without one."""
+    if isinstance(plan, str | Path):
+        return read_plan(plan)
+    return plan if isinstance(plan, Throw) else sent_throw(plan)

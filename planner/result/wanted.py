@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from ...models import Arm
+from ...models.robot import Arm
 from ...problems import InputError, Pose, Scene
 
 
@@ -26,7 +26,7 @@ def checked_target(scene: Scene, target: Pose | None) -> Pose:
     if scene.cup is not None and target.theta is None:
         raise InputError("[cup] needs a target with theta_deg, to know which end goes in")
     if scene.arm is not None:
-        target = target.beside(scene.arm.lateral)
+        target = target.with_lateral(scene.arm.lateral)
         _check_azimuth(scene.arm, target)
     return target
 

@@ -11,11 +11,11 @@ from .controllers import (
     motion_facts,
     write_franka,
 )
-from .franka import Franka, GripperState, connected
+from .franka import Franka, GripperState, check_arm, connected
 from .learning import corrected
 from .mujoco_replay import Replay, replay
 from .mujoco_throw import Rest, load_mujoco
 from .playing import throws
 from .recording import Recording, read_recording
-from .viewing import seen_throw, view
+from .viewing import throw_to_rest, view
 from .way import approach

@@ -14,25 +14,27 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...models import Arm, Array, PlanarArm
-from ...problems import InputError, filling, load_arm, write_json
-from ..check import TICK, Throw, broken_limits
-from ..ocp import broken as broken_terms
+from ...models import Array
+from ...models.robot import Arm, PlanarArm
+from ...problems import InputError, load_arm
+from ...problems.files import filling, write_json
 from ..result import Plan, joint_samples, throw_of, write_table
+from ..throw import TICK, Throw
+from ..verdict import JOINT_LIMITS, verdict
 
 #: The arm whose kinematics all Frankas share.
 FRANKA = "fr3"
 #: At rest: rate [rad/s] and acceleration [rad/s^2] of every joint are below.
 REST = (1e-6, 1e-3)
-#: A clock instant is on a tick that it misses by less than this share of one.
+#: An instant is on a tick if it is off by less than this share of a tick.
 ON_TICK = 1e-6
 
 
 @dataclass(frozen=True)
 class JointMotion:
-    """What is sent to an arm: all its joints at 1 kHz from rest to rest, and the opening.
+    """A motion to send to an arm: all joints at 1 kHz from rest to rest, and the opening.
 
-    q, dq, ddq (N, joints) at times (N,) [s]; throw: where it comes from.
+    q, dq, ddq (N, joints) at times (N,) [s]; throw: its throw.
     """
 
     arm: Arm = field(repr=False)
@@ -48,36 +50,36 @@ class JointMotion:
 
     @property
     def cycle(self) -> int:
-        """The last sample at or before the opening command: it goes out in that cycle."""
+        """The last sample at or before the opening command, which is sent in its cycle."""
         return math.floor(self.throw.command_time / TICK + ON_TICK)
 
     @property
     def fraction(self) -> float:
-        """How much of that cycle has passed when the command is due, 0 to 1."""
+        """Share of that cycle before the command is due, 0 to 1."""
         return max(self.throw.command_time / TICK - self.cycle, 0.0)
 
 
 def joint_motion(plan: Plan | Throw | str | Path) -> JointMotion:
-    """The motion of an arm's plan, fit to be sent.
+    """The motion of an arm's plan, checked for sending.
 
-    InputError for what `read_plan` refuses, for a hand's plan, and for a motion that does
-    not begin and end at rest, breaks a limit or throws elsewhere: files can be edited.
+    InputError for what `read_plan` refuses, for a hand's plan, and for a motion that does not begin
+    and end at rest, breaks a limit or misses the target: files can be edited.
     """
     throw = throw_of(plan)
     path = plan if isinstance(plan, str | Path) else throw.scene.name
-    kinematics = throw.mover.kinematics
+    kinematics = throw.manipulator.kinematics
     if not isinstance(kinematics, PlanarArm):
         raise InputError(f"{path}: the plan's scene has no [robot], so there are no joints to send")
     values = joint_samples(kinematics, throw.target.plane.azimuth, throw.samples)
     motion = JointMotion(kinematics.arm, throw, *values)
-    wrong = _wrong(motion)
-    if wrong:
-        raise InputError(f"{path}: not sent, {wrong[0]}")
+    mistakes = _mistakes(motion)
+    if mistakes:
+        raise InputError(f"{path}: not sent, {mistakes[0]}")
     return motion
 
 
-def _wrong(motion: JointMotion) -> list[str]:
-    """Why the motion must not be sent, in words."""
+def _mistakes(motion: JointMotion) -> list[str]:
+    """Reasons not to send the motion."""
     throw, arm = motion.throw, motion.arm
     found = []
     for where, sample in (("begin", 0), ("end", -1)):
@@ -85,29 +87,25 @@ def _wrong(motion: JointMotion) -> list[str]:
             rate, acceleration = abs(motion.dq[sample, j]), abs(motion.ddq[sample, j])
             if not (rate <= REST[0] and acceleration <= REST[1]):
                 found.append(f"the motion does not {where} at rest: joint {j + 1}")
-    broken = broken_limits(throw.mover, throw.samples)
-    found += [f"limit of {name} broken" for name in broken]
     low, high = np.array(arm.limits.position_min), np.array(arm.limits.position_max)
     outside = (motion.q[0] < low) | (motion.q[0] > high)
-    found += [f"limit of joint {j + 1} position broken" for j in np.flatnonzero(outside)]
-    found += _uneven(motion)
+    found += [f"joint {j + 1} position: outside its limits" for j in np.flatnonzero(outside)]
+    broken = verdict(throw).broken
+    # Joint limits first: uneven samples miss the target, too.
+    limits = [finding for finding in broken if finding.code in JOINT_LIMITS.values()]
+    found += [finding.words for finding in limits] + _uneven(motion)
     if throw.command_time < -ON_TICK * TICK:
         found.append(f"the opening command would come {-1e3 * throw.command_time:.1f} ms too early")
-    tolerance, (dx, dtheta) = throw.scene.tolerance, throw.miss()
-    # NaN where it does not come down at all.
-    if not max(abs(dx) / tolerance.position, abs(dtheta) / tolerance.angle) <= 1 + 1e-6:
-        off = f"{1e3 * abs(dx):.3g} mm and {math.degrees(abs(dtheta)):.3g} deg off"
-        found.append(f"the motion lands {off}, beyond the plan's [tolerance]")
-    return found + [violation.words for violation in broken_terms(throw)]
+    return found + [finding.words for finding in broken if finding not in limits]
 
 
 def _uneven(motion: JointMotion) -> list[str]:
-    """Joints whose positions, rates and accelerations are not those of one motion."""
+    """Joints whose positions, rates and accelerations contradict each other."""
     jerk, found = np.array(motion.arm.limits.jerk), []
     pairs = (("rates", motion.q, motion.dq, TICK / 4), ("accelerations", motion.dq, motion.ddq, 1))
     for name, values, rates, part in pairs:
         off = np.abs(np.diff(values, axis=0) / TICK - (rates[1:] + rates[:-1]) / 2)
-        # What the jerk limit lets a motion do inside a tick, twice.
+        # Twice the change that the jerk limit allows in a tick.
         most = part * jerk * TICK / 2 + 1e-6
         for j in np.flatnonzero((off > most).any(axis=0)):
             found.append(f"joint {j + 1}'s {name} do not fit the samples")
@@ -122,7 +120,7 @@ def export(
     names: Sequence[str] | None = None,
     open_width: float | None = None,
 ) -> JointMotion:
-    """Check an arm's plan again and write it for robot controllers; returns what is sent.
+    """Check an arm's plan again and write it for robot controllers; returns the motion.
 
     plan: a plan, a throw, or the path of a plan.json or of its folder. franka, ros: folders for
     the files of libfranka and of ROS 2 (extra `ros`). names: of the joints in ROS, all of them;
@@ -136,12 +134,13 @@ def export(
     if ros is None and open_width is not None:
         raise InputError("--open-width: only with --ros")
     if ros is not None:
-        # Before the plan is read: a missing extra is said at once.
+        # Refuse a missing extra before reading the plan.
         ros_typestore()
     motion = joint_motion(plan)
-    if franka is not None:
-        _check_franka(motion.arm)
-    called = joint_names(motion, names)
+    if franka is not None and not is_franka(motion.arm):
+        words = f"the plan's arm is {motion.arm.name}, must be a Franka; --ros takes any arm"
+        raise InputError(f"--franka: {words}")
+    joints = joint_names(motion, names)
     with ExitStack() as stack:
         if franka is not None:
             folder = filling(Path(franka), FRANKA_FILES, "--franka")
@@ -149,30 +148,28 @@ def export(
         if ros is not None:
             folder = filling(Path(ros), ROS_FILES, "--ros")
             width = OPEN_WIDTH if open_width is None else open_width
-            write_ros(motion, stack.enter_context(folder), called, width)
+            write_ros(motion, stack.enter_context(folder), joints, width)
     return motion
 
 
-def _check_franka(arm: Arm) -> None:
-    """InputError unless the arm's flange moves as a Franka's does (Panda and FR3 alike)."""
+def is_franka(arm: Arm) -> bool:
+    """Whether the arm's flange moves as a Franka's does (Panda and FR3 alike)."""
     its = load_arm(FRANKA)
-    if arm.joints == its.joints:
-        q = ca.SX.sym("q", arm.joints)
-        flanges = ca.Function("flanges", [q], [arm.frames(q)[-2] - its.frames(q)[-2]])
-        if np.abs(np.array(flanges(np.linspace(-1.0, 1.0, arm.joints)))).max() < 1e-3:
-            return
-    words = f"the plan's arm is {arm.name}, must be a Franka; --ros takes any arm"
-    raise InputError(f"--franka: {words}")
+    if arm.joints != its.joints:
+        return False
+    q = ca.SX.sym("q", arm.joints)
+    flanges = ca.Function("flanges", [q], [arm.frames(q)[-2] - its.frames(q)[-2]])
+    return bool(np.abs(np.array(flanges(np.linspace(-1.0, 1.0, arm.joints)))).max() < 1e-3)
 
 
-# Written.
+# Files.
 
-#: What is written for either.
+#: Programs and files for libfranka and for ROS 2.
 FRANKA_PROGRAM, ROS_PROGRAM = ("throw.cpp", "CMakeLists.txt"), ("throw_node.py",)
 FRANKA_FILES = ("joints.csv", "gripper.csv", "franka.json", "franka.txt", *FRANKA_PROGRAM)
 BAG_FILES = ("metadata.yaml", "throw.mcap")
 ROS_FILES = (*BAG_FILES, *ROS_PROGRAM)
-#: Gap [m] of an opened gripper where nothing else is asked for: the Franka Hand's.
+#: Default gap [m] of an opened gripper: the Franka Hand's.
 OPEN_WIDTH = 0.08
 
 FRANKA_TEXT = """\
@@ -224,7 +221,7 @@ def write_franka(motion: JointMotion, folder: Path) -> dict[str, Any]:
 
 
 def _write_programs(folder: Path, names: Sequence[str]) -> None:
-    """Programs that throw what is beside them; the same for every plan."""
+    """Copy the programs that throw the files beside them."""
     programs = files("throwplan") / "planner" / "robot" / "programs"
     for name in names:
         (folder / name).write_text((programs / name).read_text(encoding="utf-8"), encoding="utf-8")
@@ -259,7 +256,7 @@ def motion_facts(motion: JointMotion) -> dict[str, Any]:
 TRAJECTORY, GRIPPER = "/joint_trajectory", "/gripper_command"
 TRAJECTORY_TYPE = "trajectory_msgs/msg/JointTrajectory"
 GRIPPER_TYPE = "control_msgs/msg/GripperCommand"
-#: As control_msgs defines it; it is not among the types that rosbags knows.
+#: The type as control_msgs defines it: rosbags does not have it.
 GRIPPER_DEFINITION = "float64 position\nfloat64 max_effort\n"
 #: Nanoseconds of a second and of a sample.
 SECOND = 1_000_000_000
@@ -267,7 +264,7 @@ SAMPLE = round(TICK * SECOND)
 
 
 def ros_typestore() -> Any:
-    """The message types of the bag; InputError where rosbags is not installed."""
+    """The message types of the bag; InputError without rosbags."""
     try:
         from rosbags.typesys import Stores, get_types_from_msg, get_typestore
     except ImportError:
@@ -296,7 +293,7 @@ def write_ros(motion: JointMotion, folder: Path, names: list[str], width: float)
     store = ros_typestore()
     from rosbags.rosbag2 import StoragePlugin, Writer
 
-    # The library makes a folder of its own, named like the storage in it.
+    # rosbags makes a folder, which names the storage file in it.
     bag = folder / "throw"
     command = store.types[GRIPPER_TYPE](position=width, max_effort=0.0)
     with Writer(bag, version=8, storage_plugin=StoragePlugin.MCAP) as writer:
@@ -312,7 +309,7 @@ def write_ros(motion: JointMotion, folder: Path, names: list[str], width: float)
 
 
 def _trajectory(store: Any, motion: JointMotion, names: list[str]) -> Any:
-    """JointTrajectory with all samples, to be started when it arrives (stamp 0)."""
+    """JointTrajectory with all samples; stamp 0 starts it on arrival."""
     point = store.types["trajectory_msgs/msg/JointTrajectoryPoint"]
     duration = store.types["builtin_interfaces/msg/Duration"]
     points = [

@@ -1,7 +1,7 @@
-"""A Franka robot over libfranka's Python binding: is it ready, and motions streamed to it at 1 kHz.
+"""A Franka robot over libfranka's Python binding: its connection, readiness and gripper.
 
-The binding holds Python's lock while a gripper moves, so the gripper is served by a process of
-its own: the stream must not wait.
+The binding holds Python's lock while a gripper moves, so a process of its own serves the gripper:
+the stream of joint commands must not wait.
 """
 
 from __future__ import annotations
@@ -19,20 +19,25 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...models import Arm, Array
+from ...models import Array
+from ...models.robot import Arm
 from ...problems import InputError, load_arm
-from .controllers import OPEN_WIDTH
+from .controllers import OPEN_WIDTH, is_franka
 
-#: Ports of robot and gripper; how long [s] one may take to answer, and the gripper's process to
-#: begin and say its state.
-PORTS, PATIENCE, BEGINNING = (1337, 1338), 5.0, 20.0
+#: Ports of robot and gripper.
+PORTS = (1337, 1338)
+#: Longest time [s] until a port answers.
+PATIENCE = 5.0
+#: Longest time [s] until the gripper's process reports its state.
+START_TIME = 20.0
 #: The only arm that the binding's protocol speaks to.
 ARM = "fr3"
-#: A robot that is ready moves no joint faster [rad/s]; its flange is so near [m] to where the
-#: plan's arm would have it.
-STILL, SAME_PLACE = 0.01, 1e-3
+#: A robot is at rest if no joint is faster than this [rad/s].
+STILL = 0.01
+#: Largest distance [m] of the robot's flange to that of the plan's arm.
+SAME_PLACE = 1e-3
 
-#: What to do about a controller's word, by parts of it.
+#: Cures for error words of the controller, by parts of the word.
 CURES = {
     "UserStopped": "release the user stop",
     "Guiding": "let go of the guiding buttons",
@@ -49,7 +54,7 @@ CURES = {
 
 
 def load_franka() -> Any:
-    """The binding; InputError where it is not installed."""
+    """The binding; InputError without it."""
     try:
         import pylibfranka
     except ImportError:
@@ -57,21 +62,21 @@ def load_franka() -> Any:
     return pylibfranka
 
 
-def what_to_do(word: str) -> str:
-    """What to do about a controller's word."""
+def cure_of(word: str) -> str:
+    """The cure for an error word of the controller."""
     return next((cure for part, cure in CURES.items() if part in word), "see Desk for its state")
 
 
 @contextmanager
-def in_one_line(host: str) -> Iterator[None]:
-    """The binding's errors as InputError: the controller's own word, and what to do."""
+def controller_errors(host: str) -> Iterator[None]:
+    """Turn errors of the binding into InputError: the controller's word and its cure."""
     binding = load_franka()
     names = ("Franka", "Network", "Control", "Command", "InvalidOperation", "Realtime")
     try:
         yield
     except tuple(getattr(binding, f"{name}Exception") for name in names) as error:
         word = " ".join(str(error).split()).removeprefix("libfranka: ")
-        raise InputError(f"{host}: {word}: {what_to_do(word)}") from None
+        raise InputError(f"{host}: {word}: {cure_of(word)}") from None
 
 
 @dataclass(frozen=True)
@@ -84,7 +89,7 @@ class GripperState:
 
 
 class GripperLink:
-    """The gripper, served by a process of its own. Orders are answered one after the other."""
+    """The gripper in a process of its own, which answers orders one after the other."""
 
     def __init__(self, host: str) -> None:
         self.host, context = host, multiprocessing.get_context("spawn")
@@ -97,12 +102,12 @@ class GripperLink:
         """Send an order: a method of the binding's gripper, to be called `after` [s]."""
         self._pipe.send((name, values, after))
 
-    def answered(self, patience: float = 0.0) -> bool:
-        """Whether an answer has come, or comes in so long [s]."""
+    def has_answer(self, patience: float = 0.0) -> bool:
+        """Whether an answer is there, or comes within `patience` [s]."""
         return self._pipe.poll(patience)
 
     def answer(self) -> GripperState:
-        """The state after the oldest order; InputError where it failed."""
+        """The state after the oldest order; InputError if it failed."""
         try:
             found = self._pipe.recv()
         except (EOFError, ConnectionError):
@@ -113,7 +118,7 @@ class GripperLink:
         return GripperState(*found)
 
     def state(self) -> GripperState:
-        """Its state now."""
+        """The current state."""
         self.order("read_once")
         return self.answer()
 
@@ -124,7 +129,7 @@ class GripperLink:
 
 
 def _serve(host: str, pipe: Connection) -> None:
-    """The gripper's process: does what comes down the pipe and answers with the state."""
+    """The gripper's process: carries out orders from the pipe and answers with the state."""
     import pylibfranka
 
     try:
@@ -150,21 +155,22 @@ class Franka:
     gripper: GripperLink
 
     def check(self, arm: Arm) -> tuple[Array, GripperState]:
-        """The joints [rad] that it stands on and its gripper; InputError unless it is ready.
+        """The current joints [rad] and the gripper; InputError unless the robot is ready.
 
         Ready: of the plan's arm, idle, without errors, at rest, with a homed gripper.
         """
-        with in_one_line(self.host):
+        with controller_errors(self.host):
             state = self.robot.read_once()
         mode, errors = state.robot_mode.name, str(state.current_errors)
         if state.current_errors:
-            raise InputError(f"{self.host}: is in error, {errors}: {what_to_do(errors)}")
+            raise InputError(f"{self.host}: is in error, {errors}: {cure_of(errors)}")
         if mode != "Idle":
-            raise InputError(f"{self.host}: its mode is {mode}, must be Idle: {what_to_do(mode)}")
+            raise InputError(f"{self.host}: its mode is {mode}, must be Idle: {cure_of(mode)}")
         q, moving = np.array(state.q_d), np.abs(state.dq).max()
         if moving > STILL:
             raise InputError(f"{self.host}: moves ({moving:.2f} rad/s), must be at rest: wait")
-        _check_arm(self.host, arm, state)
+        check_arm(self.host, arm)
+        _check_flange(self.host, arm, state)
         gripper = self.gripper.state()
         if gripper.max_width < OPEN_WIDTH / 2:
             width = 1e3 * gripper.max_width
@@ -177,10 +183,10 @@ class Franka:
 
 @contextmanager
 def connected(host: str) -> Iterator[Franka]:
-    """Robot and gripper at an address; InputError where they do not answer."""
+    """Robot and gripper at an address; InputError if they do not answer."""
     binding = load_franka()
     for port in PORTS:
-        # The binding would wait for a minute, deaf to an interrupt.
+        # The binding would wait for a minute and ignore interrupts.
         try:
             socket.create_connection((host, port), PATIENCE).close()
         except OSError as error:
@@ -193,30 +199,40 @@ def connected(host: str) -> Iterator[Franka]:
     config = binding.RealtimeConfig.kEnforce if real_time else binding.RealtimeConfig.kIgnore
     gripper = GripperLink(host)
     try:
-        # First, for it can be given up.
+        # The gripper first: its process can be ended.
         gripper.order("read_once")
-        if not gripper.answered(BEGINNING):
+        if not gripper.has_answer(START_TIME):
             raise InputError(
-                f"--robot {host}: port {PORTS[1]} is open and says nothing: check that it is a "
+                f"--robot {host}: port {PORTS[1]} is open and sends nothing: check that it is a "
                 "Franka's address"
             )
         gripper.answer()
-        with in_one_line(host):
+        with controller_errors(host):
             yield Franka(host, binding.Robot(host, config), gripper)
     finally:
         gripper.close()
 
 
-def _check_arm(host: str, arm: Arm, state: Any) -> None:
-    """InputError unless the plan's arm is the robot: its limits, and the flange where it is."""
+def check_arm(where: str | Path, arm: Arm) -> None:
+    """InputError, naming `where`, unless an FR3 has the arm's flange and limits."""
+    robot = f"the robot of `throwplan run` is an {ARM}"
+    if not is_franka(arm):
+        raise InputError(
+            f'{where}: the plan\'s arm is {arm.name}, {robot}: plan it with arm = "{ARM}", or '
+            "export it with --ros"
+        )
     ours, theirs = vars(arm.limits), vars(load_arm(ARM).limits)
     for name in ("velocity", "acceleration", "jerk"):
-        for j, (mine, its) in enumerate(zip(ours[name], theirs[name], strict=False), start=1):
+        for j, (mine, its) in enumerate(zip(ours[name], theirs[name], strict=True), start=1):
             if mine > its:
                 raise InputError(
-                    f"{host}: is an {ARM}, whose limit of joint {j} {name} is {its:g}; the plan's "
+                    f"{where}: {robot}, whose limit of joint {j} {name} is {its:g}; the plan's "
                     f'arm {arm.name} has {mine:g}: plan it with arm = "{ARM}"'
                 )
+
+
+def _check_flange(host: str, arm: Arm, state: Any) -> None:
+    """InputError unless robot and plan's arm have the flange in one place."""
     q = ca.SX.sym("q", arm.joints)
     flange = np.array(ca.Function("flange", [q], [arm.frames(q)[-2]])(state.q))
     hand, tool = (np.reshape(pose, (4, 4)).T for pose in (state.O_T_EE, state.F_T_EE))

@@ -1,10 +1,10 @@
-"""The next motion for a throw, from what the arm did of the last one.
+"""The next motion for a throw, learnt from the recording of the last one.
 
-Iterative learning on the reference: how the joints follow is fitted to the recording, and what
-that does not explain is taken to come again. The motion to send is then a quadratic program over
-the coefficients of splines: the throw that will be measured lands at its target, its joints move
-nearly as planned while the pads open, and what is sent keeps the limits. It may begin earlier and
-elsewhere than the plan's: an arm that lags needs a longer run-up.
+Iterative learning control on the reference: a response of the joints is fitted to the recording;
+the rest is a disturbance that is expected again. A quadratic program over spline coefficients then
+finds the motion to send: the measured throw lands at its target, its joints move nearly as planned
+while the pads open, and the sent motion keeps the limits. It may begin earlier and elsewhere than
+the plan's: an arm that lags needs a longer run-up.
 """
 
 from __future__ import annotations
@@ -13,124 +13,133 @@ import dataclasses
 import math
 from dataclasses import dataclass
 
-from ...models import Array, PlanarArm
+from ...models import Array
+from ...models.robot import PlanarArm
 from ...problems import InputError
-from ..check import Samples, Throw, broken_limits
-from ..ocp import broken as broken_terms
-from ..plan import Planner
+from ..planner import Planner
 from ..result import joint_samples
+from ..throw import Samples, Throw
+from ..verdict import Code, Finding, Verdict, verdict
 from .controllers import JointMotion
-from .lesson import Lesson
+from .learning_control import LearningControl
 from .recording import Recording
 
-#: Rounds of the program at most, how far the first goes, and by what share the cost must fall.
-ROUNDS, STEP, LEAST = 30, 1.0, 1e-3
-#: Clearance [m] from the palm beyond the scene's of a plan whose correction meets the hand.
-ROOM = 0.01
-#: A landing so near [m, scaled error] is near enough; another is sent only where it is expected so
-#: many times nearer than the last.
-ENOUGH, NEARER = 4e-4, 0.7
+#: Most quadratic programs from one start.
+ROUNDS = 30
+#: Length of the first step, in the weights of the program.
+STEP = 1.0
+#: The rounds end if the predicted cost falls by less than this share.
+LEAST_GAIN = 1e-3
+#: Palm clearance [m] added to a plan whose correction collides with the hand.
+MORE_CLEARANCE = 0.01
+#: A pose error [m] (position plus angle times half the length) below this needs no correction.
+ENOUGH = 4e-4
+#: A correction is sent if its expected pose error is below this share of the last throw's.
+PROGRESS = 0.7
 
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """off: landing off the target, 1 is near enough; wrong: why it must not be sent, in words."""
+    """A motion to send and the throw expected of it.
+
+    error: its pose error over `ENOUGH`; verdict: on whether it may be sent.
+    """
 
     sent: Throw
     expected: Throw
-    off: float
-    wrong: list[str]
+    error: float
+    verdict: Verdict
 
     @classmethod
-    def of(cls, lesson: Lesson, coefficients: Array) -> Proposal:
-        """What is sent, and what is expected of it."""
-        expected = lesson.throw(coefficients)
-        samples = Samples(*(basis @ coefficients for basis in lesson.basis))
+    def of(cls, control: LearningControl, coefficients: Array) -> Proposal:
+        """The motion of spline coefficients."""
+        expected = control.throw(coefficients)
+        samples = Samples(*(basis @ coefficients for basis in control.basis))
         sent = dataclasses.replace(expected, path=samples.path, samples=samples)
-        return cls(sent, expected, _off(expected), _wrong(sent, expected))
+        # The next recording corrects the landing error, so that does not forbid sending.
+        judged = verdict(expected, sent=sent).without(Code.LANDING)
+        return cls(sent, expected, _error(expected), judged)
 
     @property
     def good(self) -> bool:
-        """Whether nothing needs to be better."""
-        return not self.wrong and self.off <= 1.0
+        """Whether it may be sent and needs no further round."""
+        return self.verdict.ok and self.error <= 1.0
 
 
 def corrected(plan: JointMotion, recording: Recording) -> tuple[JointMotion, Throw]:
     """The motion to send next, by the recording of one that was sent for the same plan.
 
-    Also the throw that it is expected to be. InputError where no motion within the limits is found
-    that lands nearer, and where that throw breaks what the scene asks. Where the bar would meet the
-    hand, which lags, another throw to the target is tried, one that leaves the palm earlier.
+    Also the throw that is expected of it. If the bar would collide with the hand, which lags, a
+    plan with more palm clearance is corrected instead. InputError if no motion within the limits
+    lands nearer, or if the expected throw breaks a limit of the scene.
     """
     best, reason = _proposal(plan.throw, recording)
-    if reason.startswith("palm"):
+    if reason is not None and reason.code is Code.PALM:
         roomier = _roomier(plan.throw)
         best, reason = (best, reason) if roomier is None else _proposal(roomier, recording)
-    if reason:
-        raise InputError(f"the corrected motion is not sent: {reason}")
+    if reason is not None:
+        words = "it would land no nearer than the last"
+        words = words if reason.code is Code.LANDING else reason.words
+        raise InputError(f"the corrected motion is not sent: {words}")
     sent = best.sent
-    assert isinstance(sent.mover.kinematics, PlanarArm)
-    values = joint_samples(sent.mover.kinematics, sent.target.plane.azimuth, sent.samples)
+    assert isinstance(sent.manipulator.kinematics, PlanarArm)
+    values = joint_samples(sent.manipulator.kinematics, sent.target.plane.azimuth, sent.samples)
     return JointMotion(plan.arm, sent, *values), best.expected
 
 
 def _roomier(plan: Throw) -> Throw | None:
-    """Another throw to its target, planned with more clearance from the palm."""
+    """Another throw to the target, planned with more palm clearance."""
     scene = plan.scene
     assert scene.workspace is not None and scene.workspace.palm_clearance is not None
-    clearance = scene.workspace.palm_clearance + ROOM
+    clearance = scene.workspace.palm_clearance + MORE_CLEARANCE
     workspace = dataclasses.replace(scene.workspace, palm_clearance=clearance)
     found = Planner(scene.replace(workspace=workspace)).plan(plan.target)
     if not found.solved or found.throw is None:
         return None
-    return dataclasses.replace(found.throw.final, scene=scene)
+    return dataclasses.replace(found.throw.deciding, scene=scene)
 
 
-def _proposal(plan: Throw, recording: Recording) -> tuple[Proposal, str]:
-    """The best motion to send for a throw, and why it must not be sent; empty: it may."""
-    lesson, found = Lesson.of(plan, recording), list[Proposal]()
-    for start in sorted(lesson.starts(), key=lesson.cost):
-        found += _rounds(lesson, start)
+def _proposal(plan: Throw, recording: Recording) -> tuple[Proposal, Finding | None]:
+    """The best motion to send for a throw, and the finding that forbids it, None if it may be sent.
+
+    A finding LANDING: it would land no nearer than the last throw.
+    """
+    control, found = LearningControl.of(plan, recording), list[Proposal]()
+    for start in sorted(control.starts(), key=control.cost):
+        found += _rounds(control, start)
         if found[-1].good:
             break
-    best = min(found, key=lambda each: (bool(each.wrong), each.off))
-    nearest = min(found, key=lambda each: each.off)
-    if not best.wrong and best.off < max(NEARER * _off(recording.throw(plan)), 1.0):
-        return best, ""
-    # What is in the way of the one that would land nearest.
-    return best, (nearest.wrong or best.wrong or ["it would land no nearer than the last"])[0]
+    best = min(found, key=lambda each: (not each.verdict.ok, each.error))
+    nearest = min(found, key=lambda each: each.error)
+    allowed = max(PROGRESS * _error(recording.throw(plan)), 1.0)
+    if best.verdict.ok and best.error < allowed:
+        return best, None
+    # The limits that the nearest landing breaks are the reason.
+    farther = Finding(Code.LANDING, ENOUGH * best.error, ENOUGH * allowed, body="position")
+    return best, (*nearest.verdict.broken, *best.verdict.broken, farther)[0]
 
 
-def _rounds(lesson: Lesson, near: Array) -> list[Proposal]:
-    """Motions from one on, each better than the one before it; the last is good if any is."""
-    found, cost, step = [Proposal.of(lesson, near)], lesson.cost(near), STEP
+def _rounds(control: LearningControl, near: Array) -> list[Proposal]:
+    """Motions of falling cost by sequential quadratic programs, until one is good."""
+    found, cost, step = [Proposal.of(control, near)], control.cost(near), STEP
     for _ in range(ROUNDS):
         if found[-1].good:
             break
-        trial, promised = lesson.better(near, step)
-        if cost - promised < LEAST * cost:
+        trial, predicted = control.step_from(near, step)
+        if cost - predicted < LEAST_GAIN * cost:
             break
-        now = lesson.cost(trial)
-        # As much better as promised, or the promise was made for too far.
-        share = (cost - now) / (cost - promised)
+        now = control.cost(trial)
+        # The trust region shrinks if the cost falls by much less than predicted.
+        share = (cost - now) / (cost - predicted)
         step *= 0.4 if share < 0.25 else 2.0 if share > 0.75 else 1.0
         if share > 0.0:
             near, cost = trial, now
-            found.append(Proposal.of(lesson, near))
+            found.append(Proposal.of(control, near))
     return found
 
 
-def _off(throw: Throw) -> float:
-    """How far off the target a throw lands, by its scaled error (39) over ENOUGH [m]."""
+def _error(throw: Throw) -> float:
+    """Pose error of a throw's landing over `ENOUGH`; infinite for one that never lands."""
     dx, dtheta = throw.miss()
-    off = (abs(dx) + abs(dtheta) * throw.scene.object.length / 2) / ENOUGH
-    return off if math.isfinite(off) else math.inf
-
-
-def _wrong(sent: Throw, expected: Throw) -> list[str]:
-    """Why a motion must not be sent, in words."""
-    found = [f"limit of {name} broken" for name in broken_limits(sent.mover, sent.samples)]
-    most, speed = sent.scene.tool_speed, sent.measured.speed
-    if most is not None and speed > most:
-        found.append(f"tool speed: {speed:.3f} m/s, at most {most:g}")
-    return found + [violation.words for violation in broken_terms(expected)]
+    error = throw.scene.object.pose_error(dx, dtheta) / ENOUGH
+    return error if math.isfinite(error) else math.inf

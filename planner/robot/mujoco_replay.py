@@ -1,4 +1,4 @@
-"""A throw in MuJoCo, whose contacts and flight are not ours: what comes of it, and its files."""
+"""A throw replayed in MuJoCo, by contacts and flight independent of the planner's."""
 
 from __future__ import annotations
 
@@ -12,45 +12,50 @@ from typing import Any
 import numpy as np
 
 from ...models import Array
-from ...problems import checked, filling, plain, write_json
-from ..check import TICK, Throw, bar_outline
+from ...problems import checked
+from ...problems.files import filling, plain, write_json
 from ..result import Plan, throw_of
 from ..show import BLACK, BLUE, GREEN, ORANGE, RED, draw_cup, new_figure, save
+from ..throw import TICK, Throw
+from ..throw.clearance import bar_outline
+from ..verdict import outside_tolerance
 from .mujoco_throw import (
     FLIGHT_STEPS,
     FRICTION,
     LEAD,
-    Flight,
     Rest,
+    SimulatedFlight,
     fly,
-    gone,
     load_mujoco,
     release_run,
+    target_travel,
 )
 
-#: Steps [s] of the release and of the flight, and contact points of a pad.
-RELEASE_STEP, FLIGHT_STEP, POINTS = 1e-5, 1e-4, 12
-#: What may be asked of them.
-SHORTEST, LONGEST, MOST_POINTS = 1e-7, 1e-3, 64
-#: Between the poses that the picture draws [s], and the models whose landings it shows.
+#: Default steps [s] of the release and of the flight.
+RELEASE_STEP, FLIGHT_STEP = 1e-5, 1e-4
+#: Bounds [s] of these steps.
+SHORTEST, LONGEST = 1e-7, 1e-3
+#: Default and largest number of contact points of a pad.
+POINTS, MOST_POINTS = 12, 64
+#: Time [s] between the poses in the picture.
 EVERY = 0.02
+#: Models whose landings the picture shows.
 LANDINGS = (("sp", "sliding pivot", BLUE), ("limit_surface", "limit surface", BLACK))
-#: What a replay may leave in its folder.
+#: Files that a replay may leave in its folder.
 FILES = ("replay.json", "replay.csv", "replay.png")
-#: Share of its speed with which the bar leaves what it hits.
+#: Default and largest coefficient of restitution of a collision.
 RESTITUTION, MOST_RESTITUTION = 0.1, 0.99
 
 
 @dataclass(frozen=True, repr=False)
 class Replay:
-    """What MuJoCo makes of a throw. Positions in the throw's plane, m; angles in rad.
+    """A throw by MuJoCo. Positions in the throw's plane, m; angles in rad.
 
-    landing: x, z, theta where the CoM comes down through the target's height with nothing
-    to meet, NaN if it does not; sp, limit_surface: the same by the models. times (K,) [s] on
-    the motion's clock, 1 ms apart from the opening on, and com (3, K): x, z, theta among
-    cup, hand and base column, until the bar rests (without a cup: until landing).
-    touched: what of these the bar met, in that order; rest: None without a cup; restitution:
-    of what it meets; simulated, run [s]: time in MuJoCo from the hold to the end, and here.
+    landing: x, z, theta as the CoM falls through the target's height without collisions, NaN if it
+    does not; sp, limit_surface: the same by the models. times (K,) [s] on the motion's clock, 1 ms
+    apart from the opening on, and com (3, K): x, z, theta among cup, hand and base column, until
+    the bar rests (without a cup: until landing). touched: bodies that the bar hit, in order; rest:
+    None without a cup; restitution: of collisions; simulated, run [s]: simulated time and run time.
     """
 
     throw: Throw
@@ -66,13 +71,13 @@ class Replay:
     run: float
 
     def __repr__(self) -> str:
-        """A line: its arrays would fill a screen."""
+        """One line: the arrays would fill a screen."""
         x, z, theta = self.landing
         return f"Replay(landing x {x:.4f} m, z {z:.4f} m, theta {math.degrees(theta):.2f} deg)"
 
     @property
     def assumed(self) -> str:
-        """What is taken for granted about the cup, in words."""
+        """Assumptions about the cup, in words."""
         kind = "steadily moving" if self.throw.target.speed else "fixed"
         return (
             f"a {kind}, rigid cup, friction {FRICTION:g}; what hits it leaves with "
@@ -123,20 +128,19 @@ class Replay:
             "cup": cup,
             "time": {"simulated": self.simulated, "run": self.run},
         }
-        made: dict[str, Any] = plain(found)
-        return made
+        table: dict[str, Any] = plain(found)
+        return table
 
     def summary(self) -> str:
-        """The replay in some lines for people: landing, differences, the way into the cup."""
+        """The replay as lines for people: landing, differences, way into the cup."""
         scene = self.throw.scene
         if not math.isfinite(self.landing[0]):
-            lines = [f"{scene.name}: in MuJoCo it never comes down through the target's height"]
+            lines = [f"{scene.name}: in MuJoCo it never falls to the target's height"]
         else:
             dx, dtheta = self.off("target")
-            inside = abs(dx) <= scene.tolerance.position
+            inside = not outside_tolerance(scene.tolerance, dx, np.nan_to_num(dtheta))
             off = f"{1e3 * abs(dx):.3f} mm"
             if not math.isnan(dtheta):
-                inside = inside and abs(dtheta) <= scene.tolerance.angle
                 off += f" and {math.degrees(abs(dtheta)):.3f} deg"
             where = f"{'inside' if inside else 'OUTSIDE'} the tolerance"
             lines = [f"{scene.name}: in MuJoCo it lands {off} from the target, {where}"]
@@ -146,9 +150,9 @@ class Replay:
                 words = "sliding pivot" if key == "sp" else key.replace("_", " ")
                 angle = "open" if math.isnan(dtheta) else f"{math.degrees(dtheta):+.3f} deg"
                 lines.append(f"  {words:15}{1e3 * dx:+10.3f} mm{angle:>13}")
-        met = [name for name in self.touched if name in {"hand", "base column"}]
-        if met:
-            lines.append(f"  on its way the bar hits: {', '.join(met)}")
+        hits = [name for name in self.touched if name in {"hand", "base column"}]
+        if hits:
+            lines.append(f"  on its way the bar hits: {', '.join(hits)}")
         if self.rest is not None:
             lines += [f"  {words}" for words in self.rest.words()]
             lines.append(f"  assumed: {self.assumed}")
@@ -207,18 +211,18 @@ def replay(
         checked(name, value, float, {"least": SHORTEST, "most": LONGEST})
     load_mujoco()
     throw = throw_of(throw)
-    began = time.perf_counter()
+    start_time = time.perf_counter()
     height = throw.target.z
     opening, states = release_run(throw, step, points)
-    states[:, 0] -= gone(throw, opening)
+    states[:, 0] -= target_travel(throw, opening)
     states[:, 3] -= throw.target.speed
     detach, start = states[-1], float(opening[-1])
-    expected = throw.final.landing.flight_time
+    expected = throw.deciding.landing.flight_time
     expected = expected if math.isfinite(expected) else 1.0
     duration = 1.2 * expected + 0.2
     fine = duration / float(np.clip(math.ceil(duration / flight_step), 100, FLIGHT_STEPS))
     free = fly(throw, detach, start, start + duration, fine, None)
-    landing, landing_time = _coming_down(free, height)
+    landing, landing_time = _landing(free, height)
     end = landing_time if math.isfinite(landing_time) else start + expected
     flown = fly(throw, detach, start, end, flight_step, restitution)
     poses = np.hstack([states[:, :3].T, flown.poses[:, 1:]])
@@ -236,12 +240,12 @@ def replay(
         flown.rest,
         restitution,
         simulated=float(known[-1] - throw.opening_time) + min(LEAD, throw.opening_time),
-        run=time.perf_counter() - began,
+        run=time.perf_counter() - start_time,
     )
 
 
-def _coming_down(free: Flight, height: float) -> tuple[tuple[float, float, float], float]:
-    """x, z, theta and time where the CoM comes down through `height`; NaN if it does not."""
+def _landing(free: SimulatedFlight, height: float) -> tuple[tuple[float, float, float], float]:
+    """x, z, theta and time as the CoM falls through `height`; NaN if it does not."""
     x, z, theta = free.poses
     below = np.flatnonzero((z[:-1] >= height) & (z[1:] < height))
     if not below.size:
@@ -254,7 +258,7 @@ def _coming_down(free: Flight, height: float) -> tuple[tuple[float, float, float
 
 
 def _draw(replay: Replay, path: Path) -> None:
-    """The bar's way from the opening to the end, at true scale, with the models' landings."""
+    """The path of the bar from the opening to the end, with the models' landings."""
     figure = new_figure(8, 6.4)
     axes = figure.subplots()
     _draw_way(replay, axes)
@@ -269,7 +273,7 @@ def _draw(replay: Replay, path: Path) -> None:
 def _draw_way(replay: Replay, axes: Any) -> None:
     """The path of the CoM and the bar along it, at true scale."""
     scene, throw = replay.throw.scene, replay.throw
-    # Wide enough to be seen.
+    # A thin bar is drawn wider, to be visible.
     bar = dataclasses.replace(scene.object, width=max(scene.object.width, 0.008))
     if scene.cup is not None:
         draw_cup(axes, scene.cup)

@@ -1,4 +1,4 @@
-"""The bar in MuJoCo: pads let it go, it flies, it falls into a cup. Models and their runs."""
+"""MuJoCo's models of the release and of the flight into a cup, and their runs."""
 
 from __future__ import annotations
 
@@ -11,46 +11,54 @@ import numpy as np
 
 from ...models import Array, sticking_state
 from ...problems import Cup, InputError, Scene
-from ..check import Throw, reach_of_bar
+from ..throw import Throw
+from ..throw.clearance import reach_of_bar
 
-#: Penetration [m] that the pads have at most (a pad is a sphere of 1 m on a plate 2 m thick), and
-#: least mass [kg] of all points of a pad together.
-PRESSED, PAD_MASS = 0.1, 1e-5
-#: Inertia of the driven hand over that of the bar, which cannot push the hand; and how much stiffer
-#: friction is than the pressing (up to 1e6 points under load creep).
-HAND_OVER_BAR, IMPRATIO = 1e4, 1e9
+#: Largest penetration [m] of the pads (a pad is a sphere of 1 m on a plate 2 m thick).
+PENETRATION = 0.1
+#: Least mass [kg] of all contact points of a pad together.
+PAD_MASS = 1e-5
+#: Inertia of the driven hand over that of the bar: the bar cannot push the hand.
+HAND_OVER_BAR = 1e4
+#: Stiffness of friction over that of the normal force: below 1e6 loaded points creep.
+IMPRATIO = 1e9
 
-#: Of the bar against cup, floor, hand and column: friction, and 1/s over the angular
-#: frequency of a contact's spring, which is pressed in by 1 mm at 2 m/s.
-FRICTION, CONTACT_TIME = 0.4, 0.001
-#: Boxes of the cup's wall, and its thickness [m].
+#: Friction of the bar against cup, floor, hand and column.
+FRICTION = 0.4
+#: Time constant [s] of a contact's spring: 1 mm of penetration at 2 m/s.
+CONTACT_TIME = 0.001
+#: Number of boxes in the cup's wall, and its thickness [m].
 WALL_BOXES, WALL = 48, 0.005
-#: Thickness of a bar whose width is not given, and half depth of the hand's body [m].
-THIN, HAND_DEPTH = 0.001, 0.1
-#: The replay begins this long before the opening, the bar held [s].
+#: Thickness [m] of a bar without a width.
+THIN = 0.001
+#: Half the depth [m] of the hand's body.
+HAND_DEPTH = 0.1
+#: The replay begins this time [s] before the opening.
 LEAD = 0.05
-#: Least and most steps of the opening, the most before it, and those before anything moves,
-#: until the pads rest on the bar.
-STEPS, LEAD_STEPS, SETTLING = (200, 50_000), 20_000, 200
-#: Most steps of the flight alone, and how long after landing rest is waited for [s].
-FLIGHT_STEPS, PATIENCE = 20_000, 4.0
-#: At rest: slower than this [m/s, rad/s] for so long [s].
+#: Least and most steps of the opening; most steps before it.
+STEPS, LEAD_STEPS = (200, 50_000), 20_000
+#: Steps at the start in which the pads settle on the bar.
+SETTLING = 200
+#: Most steps of the flight without collisions.
+FLIGHT_STEPS = 20_000
+#: Longest time [s] after the landing until the bar rests.
+PATIENCE = 4.0
+#: The bar rests if it is slower than this [m/s] and [rad/s] for this time [s].
 STILL, STILL_TURN, STILL_FOR = 0.005, 0.05, 0.1
-#: What the arm stands on.
+#: Name of the column under the arm.
 COLUMN = "base column"
-#: Contacts give way by as much [m]: what stands on the bottom is not below it.
+#: Penetration [m] of a contact at rest: a bar on the cup's bottom sinks in by less.
 SUNK = 0.002
 
 
 @dataclass(frozen=True)
 class Rest:
-    """Where the bar was at the end of a replay into a cup.
+    """The bar at the end of a replay into a cup.
 
-    inside: its CoM inside the cup's radius and its lower end in the cup; at_rest: else it
-    still moves 4 s after landing, and has been inside for the last second;
-    entered: its lower end was in the cup, `insertion` below the rim, at some time;
-    touched_rim: it met the wall before;
-    pose: x, y, z [m] and theta [rad], y across the throw's plane.
+    inside: its CoM is inside the cup's radius and its lower end in the cup; for a bar that still
+    moves 4 s after landing, during the last second; at_rest: it does not move; entered: its lower
+    end was `insertion` below the rim at some time; touched_rim: it hit the wall before; pose: x, y,
+    z [m] and theta [rad], y across the throw's plane.
     """
 
     inside: bool
@@ -60,7 +68,7 @@ class Rest:
     pose: tuple[float, float, float, float]
 
     def words(self) -> list[str]:
-        """How it ended, for people."""
+        """The end of the replay as lines for people."""
         x, _, z, theta = self.pose
         where = f"x {x:.3f} m, z {z:.3f} m, theta {math.degrees(theta):.1f} deg"
         if self.inside:
@@ -77,10 +85,10 @@ class Rest:
 
 
 @dataclass(frozen=True)
-class Flight:
+class SimulatedFlight:
     """The bar over `times` (N,) [s]: its CoM x, z [m] and theta [rad] (3, N) in the throw's plane.
 
-    theta counts turns. touched: what it met, in that order; rest: None without a cup.
+    theta counts turns. touched: bodies that it hit, in order; rest: None without a cup.
     """
 
     times: Array
@@ -90,7 +98,7 @@ class Flight:
 
 
 def load_mujoco() -> Any:
-    """The module; InputError if it is not there."""
+    """The module `mujoco`; InputError without it."""
     try:
         return importlib.import_module("mujoco")
     except ImportError:
@@ -139,10 +147,10 @@ def release_run(throw: Throw, step: float, points: int) -> tuple[Array, Array]:
 
 def fly(
     throw: Throw, detach: Array, start: float, end: float, step: float, restitution: float | None
-) -> Flight:
-    """The flight from `start` to `end` [s], with a cup until it rests; None: nothing to meet.
+) -> SimulatedFlight:
+    """The flight from `start` to `end` [s], with a cup until the bar rests.
 
-    detach (6,): pose and twist of the bar at `start`.
+    detach (6,): pose and twist of the bar at `start`; restitution: None for no collisions.
     """
     mujoco = load_mujoco()
     alone, scene = restitution is None, throw.scene
@@ -157,8 +165,8 @@ def fly(
     last = end if cup is None else end + PATIENCE
     count = max(math.ceil((last - start) / step), 1)
     times = start + step * np.arange(count + 1.0)
-    hand = throw.mover.hand(throw.to_rest).at(times).pose.T if has_hand(scene) else None
-    moved, bodies = gone(throw, times), map(model.body, range(model.nbody))
+    hand = throw.manipulator.hand(throw.to_rest).at(times).pose.T if has_hand(scene) else None
+    moved, bodies = target_travel(throw, times), map(model.body, range(model.nbody))
     column = [body.mocapid[0] for body in bodies if body.name == COLUMN]
     geoms = (model.geom(i).name for i in range(model.ngeom))
     names = ["cup wall" if name.startswith("wall") else name for name in geoms]
@@ -190,17 +198,17 @@ def fly(
     angles += 2 * np.pi * round((detach[2] - angles[0]) / (2 * np.pi))
     poses = np.array([rows[:, 0], rows[:, 2], angles])
     if cup is None:
-        return Flight(times, poses, tuple(touched))
+        return SimulatedFlight(times, poses, tuple(touched))
     settled = rows[times >= times[-1] - (0.0 if at_rest else 1.0)]
     x, y, z = (float(value) for value in rows[-1, :3])
     inside = is_in(scene, cup, settled[:, :3], settled[:, 3:])
     rest = Rest(inside, entered, touched_rim, at_rest, (x, y, z, float(angles[-1])))
-    return Flight(times, poses, tuple(touched), rest)
+    return SimulatedFlight(times, poses, tuple(touched), rest)
 
 
-def gone(throw: Throw, times: Array) -> Array:
-    """How far [m] a target that moves has gone at `times` (N,) [s] beyond where it is met."""
-    return np.asarray(throw.target.speed * (times - throw.final.landing_time))
+def target_travel(throw: Throw, times: Array) -> Array:
+    """Distance [m] of a target that moves at `times` (N,) [s] beyond the landing."""
+    return np.asarray(throw.target.speed * (times - throw.deciding.landing_time))
 
 
 def lowest(scene: Scene, com: Array, axis: Array) -> Array:
@@ -212,7 +220,7 @@ def lowest(scene: Scene, com: Array, axis: Array) -> Array:
 
 
 def is_in(scene: Scene, cup: Cup, com: Array, axis: Array) -> bool:
-    """Whether the CoM is inside the cup's radius and the lower end in the cup, all the time."""
+    """Whether the CoM is always inside the cup's radius and the lower end in the cup."""
     low = lowest(scene, com, axis)
     inside = np.hypot(com[:, 0] - cup.x, com[:, 1]) < cup.radius
     return bool((inside & (cup.rim - cup.depth - SUNK <= low) & (low < cup.rim)).all())
@@ -221,8 +229,8 @@ def is_in(scene: Scene, cup: Cup, com: Array, axis: Array) -> bool:
 def _enters(scene: Scene, cup: Cup, row: Array) -> bool:
     """Whether the lower end is in the cup, `insertion` below the rim; row (6,): CoM and axis."""
     depth = cup.rim - float(lowest(scene, row[None, :3], row[None, 3:])[0])
-    along = scene.object.length - scene.object.com if row[5] < 0 else -scene.object.com
-    x, y = row[:2] + along * row[3:5]
+    lower = scene.object.length - scene.object.com if row[5] < 0 else -scene.object.com
+    x, y = row[:2] + lower * row[3:5]
     return depth >= cup.insertion and math.hypot(x - cup.x, y) < cup.radius
 
 
@@ -234,17 +242,16 @@ def _row(data: Any) -> Array:
 
 
 def pads_of(scene: Scene) -> int:
-    """Pads in the model: more than two faces are pressed on as two."""
+    """Number of pads in the model: two stand for more faces."""
     return min(int(scene.contact.faces), 2)
 
 
 def release_model(scene: Scene, step: float, points: int) -> Any:
     """The hand, its pads and the bar, which moves in the throw's plane only.
 
-    points: contact points of a pad, on a ring of radius c r_p, so that they hold the
-    patch's torque; each is pressed on by a motor of its own, one after another of each pad.
-    One point: with torsional friction instead, the ellipsoid of the limit surface. Pads
-    have no size otherwise: the bar cannot slip out of them.
+    points: contact points of a pad, on a ring of radius c r_p, so that they bear the patch's
+    torque; a motor presses each. A single point has torsional friction instead, the ellipsoid of
+    the limit surface. Pads have no size: the bar cannot slip out of them.
     """
     mujoco, contact, bar = load_mujoco(), scene.patch, scene.object
     spec = _spec(scene, step, IMPRATIO)
@@ -261,7 +268,7 @@ def release_model(scene: Scene, step: float, points: int) -> Any:
     box, sphere = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_SPHERE
     held.add_geom(name="bar", type=box, size=[reach, 1, reach], **untouched)
     radius, torsion = contact.torsion_arm if points > 1 else 0.0, contact.torsion_arm
-    mass = max(PAD_MASS, scene.gripper.profile().full * (2 * step) ** 2 / PRESSED) / points
+    mass = max(PAD_MASS, scene.gripper.profile().full * (2 * step) ** 2 / PENETRATION) / points
     for side in (1, -1)[: pads_of(scene)]:
         for k in range(points):
             name, angle = f"pad{side}_{k}", 2 * math.pi * k / points
@@ -301,9 +308,9 @@ def hand_inertia(scene: Scene) -> float:
 
 
 def landing_model(scene: Scene, step: float, restitution: float) -> Any:
-    """The bar, free in space, and what the scene has for it to meet.
+    """The bar, free in space, and the scene's cup, hand and base column.
 
-    The cup is fixed and stands on a floor; the hand's body is a mocap body "hand".
+    The cup is fixed and stands on a floor; the hand is a mocap body.
     """
     mujoco, bar, damping = load_mujoco(), scene.object, damping_ratio(restitution)
     spec = _spec(scene, step, 10.0)
@@ -325,14 +332,14 @@ def landing_model(scene: Scene, step: float, restitution: float) -> Any:
         hand = spec.worldbody.add_body(name="hand", mocap=True)
         hand.add_geom(name="hand", type=box, size=size, pos=[-(back + front) / 2, 0, 0])
     for kind, size, place in columns:
-        # It moves where the cup does and all is seen from there.
+        # In the frame of a cup that moves, the column moves.
         column = spec.worldbody.add_body(name=COLUMN, mocap=True, pos=place)
         column.add_geom(name=COLUMN, type=kind, size=size)
     width = max(bar.width, THIN)
-    along = float(np.clip(bar.mass * width**2 / 6, 1e-2 * bar.inertia, 2 * bar.inertia))
+    slender = float(np.clip(bar.mass * width**2 / 6, 1e-2 * bar.inertia, 2 * bar.inertia))
     flying = spec.worldbody.add_body(name="bar")
     flying.add_freejoint()
-    _weigh(flying, bar.mass, [along, bar.inertia, bar.inertia])
+    _weigh(flying, bar.mass, [slender, bar.inertia, bar.inertia])
     size, middle = [bar.length / 2, width / 2, width / 2], bar.length / 2 - bar.com
     flying.add_geom(name="bar", type=box, size=size, pos=[middle, 0, 0])
     return spec.compile()
@@ -358,9 +365,9 @@ def _add_cup(spec: Any, cup: Cup, beyond: float) -> None:
 
 
 def damping_ratio(restitution: float) -> float:
-    """Of a spring and damper that a mass leaves with `restitution` times its speed.
+    """Damping ratio of a contact that a mass leaves with `restitution` times its speed.
 
-    It leaves when the force is zero: exp(-2 d acos(d) / sqrt(1 - d^2)) for a ratio d, 0.135
+    The mass leaves when the force is zero: exp(-2 d acos(d) / sqrt(1 - d^2)) for a ratio d, 0.135
     at critical damping; no ratio above 4, so that steps stay short enough.
     """
 
@@ -379,6 +386,6 @@ def damping_ratio(restitution: float) -> float:
 
 
 def has_hand(scene: Scene) -> bool:
-    """Whether the scene counts the hand's body as something to be hit."""
+    """Whether the bar can hit the hand's body in this scene."""
     workspace = scene.workspace
     return scene.arm is not None and workspace is not None and workspace.palm_clearance is not None

@@ -10,73 +10,78 @@ import numpy as np
 
 from ...models import Array
 from ...problems import InputError
-from ..check import TICK
+from ..throw import TICK
 from .controllers import OPEN_WIDTH, JointMotion
-from .franka import STILL, Franka, GripperLink, GripperState, in_one_line, load_franka
+from .franka import STILL, Franka, GripperLink, GripperState, controller_errors, load_franka
 from .learning import corrected
 from .recording import Recording
 from .way import approach
 
-#: It stands where no joint was faster than `STILL` for so long [s], and it is so near [rad] to
-#: where it was sent; it has so long [s] for that.
-STILL_FOR, NEAR, SETTLING = 0.1, 0.03, 5.0
-#: Speed [m/s] of the gripper, its most; force [N] of a new grasp, its most that lasts.
-GRIPPER_SPEED, GRASP_FORCE = 0.2, 70.0
-#: Widths [m] of the gripper are alike.
+#: The arm stands if no joint is faster than `STILL` for this time [s].
+STILL_FOR = 0.1
+#: Largest distance [rad] of a standing joint to its goal.
+NEAR = 0.03
+#: Longest time [s] until the arm stands at its goal.
+SETTLING = 5.0
+#: Largest speed [m/s] of the gripper.
+GRIPPER_SPEED = 0.2
+#: Largest continuous force [N] of a grasp.
+GRASP_FORCE = 70.0
+#: Widths [m] of the gripper that differ by less are equal.
 SAME_WIDTH = 2e-3
 
 
 def throws(
     franka: Franka, plan: JointMotion, sent: JointMotion, ask: Callable[[str], None]
 ) -> Iterator[Recording]:
-    """Throw again and again: first what is given, then what the recording before it taught.
+    """Throw repeatedly: first `sent`, then each time the motion corrected by the last recording.
 
-    ask: called with what comes next, before anything moves; an exception of its stops it.
+    ask: called with what comes next before anything moves; its exceptions stop the throws.
     """
-    held: GripperState | None = None
+    grasp: GripperState | None = None
     while True:
         start, gripper = franka.check(plan.arm)
-        held, way = held or gripper, approach(sent, start)
+        grasp, way = grasp or gripper, approach(sent, start)
         away = np.abs(start - sent.q[0])
         ask(
             f"{plan.arm.name} at {franka.host}: to the start pose (joint {away.argmax() + 1} moves "
             f"{away.max():.2f} rad), then the throw in {sent.times[-1]:.2f} s; the gripper "
-            f"{_closes(gripper, held)}"
+            f"{_closes(gripper, grasp)}"
         )
-        if not _alike(gripper, held):
-            _close_again(franka.gripper, held)
+        if not _equal(gripper, grasp):
+            _close_again(franka.gripper, grasp)
         recording = play(franka, sent, way)
         yield recording
         sent, _ = corrected(plan, recording)
 
 
 def play(franka: Franka, motion: JointMotion, way: Array) -> Recording:
-    """Go a way (N, joints) [rad] to the motion's start; throw; record.
+    """Move along `way` (N, joints) [rad] to the motion's start; throw; record.
 
-    InputError for what the controller says, and where the arm does not come to stand.
+    InputError for errors of the controller, and if the arm does not come to rest at the goal.
     """
     binding, gripper = load_franka(), franka.gripper
-    there, sent = _commands(binding, way), _commands(binding, motion.q)
-    # The order goes out in the cycle that the command falls into, and waits there for the rest.
+    first, sent = _commands(binding, way), _commands(binding, motion.q)
+    # The order is sent in the command's cycle; the gripper's process waits for the rest of it.
     command = motion.throw.command_time
-    ordered: list[float] = []
+    orders: list[float] = []
     before = gripper.state().width
     widths = [(0.0, before)]
 
     def cycle(elapsed: float) -> None:
-        if not ordered and elapsed + TICK > command:
+        if not orders and elapsed + TICK > command:
             wait = max(command - elapsed, 0.0)
             gripper.order("move", OPEN_WIDTH, GRIPPER_SPEED, after=wait)
-            ordered.append(elapsed + wait)
-        elif len(widths) < 2 and ordered and gripper.answered():
+            orders.append(elapsed + wait)
+        elif len(widths) < 2 and orders and gripper.has_answer():
             widths.append((elapsed, gripper.answer().width))
 
     gc.disable()
     try:
-        with in_one_line(franka.host):
+        with controller_errors(franka.host):
             mode = binding.ControllerMode.JointImpedance
             control = franka.robot.start_joint_position_control(mode)
-            _stream(control, there, motion.q[0])
+            _stream(control, first, motion.q[0])
             seen = _stream(control, sent, motion.q[-1], cycle)
             sent[-1].motion_finished = True
             control.readOnce()
@@ -94,24 +99,24 @@ def play(franka: Franka, motion: JointMotion, way: Array) -> Recording:
         np.array([state.dq for _, state in seen]),
         motion.q[rows],
         np.array([width for _, width in widths])[known],
-        ordered[0],
+        orders[0],
     )
 
 
 def _closes(now: GripperState, held: GripperState) -> str:
-    """What the gripper does before the throw, in words."""
+    """The gripper's action before the throw, in words."""
     what = "an object" if held.holds else "nothing"
-    if _alike(now, held):
+    if _equal(now, held):
         return f"is {1e3 * now.width:.0f} mm open and holds {what}"
     return f"closes to {1e3 * held.width:.0f} mm again, on {what}"
 
 
-def _alike(one: GripperState, other: GripperState) -> bool:
+def _equal(one: GripperState, other: GripperState) -> bool:
     return one.holds == other.holds and abs(one.width - other.width) < SAME_WIDTH
 
 
 def _close_again(gripper: GripperLink, held: GripperState) -> None:
-    """Close the gripper as it was; InputError where it holds nothing now and did then."""
+    """Close the gripper as before the first throw; InputError if it lacks the object."""
     if held.holds:
         gripper.order("grasp", held.width, GRIPPER_SPEED, GRASP_FORCE)
     else:
@@ -123,7 +128,7 @@ def _close_again(gripper: GripperLink, held: GripperState) -> None:
 
 
 def _commands(binding: Any, q: Array) -> list[Any]:
-    """Made before the stream begins."""
+    """The commands, made before the stream begins."""
     return [binding.JointPositions(row) for row in q.tolist()]
 
 
@@ -132,7 +137,7 @@ def _stream(
 ) -> list[tuple[float, Any]]:
     """Send a command per millisecond of the robot's clock, the last one until the arm stands.
 
-    goal (joints,) [rad]: of the last. cycle: called in each cycle with the time [s] since the
+    goal (joints,) [rad]: the last command. cycle: called in each cycle with the time [s] since the
     first command. Returns that time and the robot's state in each cycle.
     """
     seen: list[tuple[float, Any]] = []
@@ -142,7 +147,7 @@ def _stream(
         now = state.time.to_sec()
         first = now if first is None else first
         elapsed = now - first
-        # A cycle that was missed is not made up for: the motion goes on with the clock.
+        # The motion follows the clock: missed cycles are skipped.
         sample = min(round(elapsed / TICK), last)
         control.writeOnce(commands[sample])
         seen.append((elapsed, state))

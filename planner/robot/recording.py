@@ -6,7 +6,6 @@ noise would blur. So only what the fitted response leaves unexplained is low-pas
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from dataclasses import dataclass
 from pathlib import Path
@@ -14,18 +13,26 @@ from typing import Any
 
 import numpy as np
 
-from ...models import Array, low_pass
-from ...models import Path as Motion
-from ...problems import InputError, Scene, ThrowPlane, read_csv
-from ..check import TICK, Throw, planar_joints
+from ...models import Array, Trajectory, low_pass
+from ...problems import InputError, Scene, ThrowPlane
+from ...problems.files import read_csv
 from ..follow import Response
 from ..result import write_table
+from ..throw import TICK, Throw
+from ..throw.simulation import planar_joints
+from ..verdict import Code, Finding, outside_tolerance, verdict
 from .controllers import JointMotion
 
-#: What the response leaves of recorded joints is low-passed at [Hz].
+#: Cut-off [Hz] of the low-pass on what the fitted response leaves of recorded joints.
 CUTOFF = 60.0
-#: A recording begins at rest: rate of every joint [rad/s], and distance from what is sent [rad].
-AT_REST = (0.02, 0.05)
+#: An arm is at rest if every joint is slower than this [rad/s].
+REST_RATE = 0.02
+#: A recording begins on the start pose if every joint is within this [rad] of its command.
+START_ERROR = 0.05
+#: Samples appended to a recording that ends at rest: the arm stays there longer than objects fly.
+HELD_SAMPLES = 2000
+#: Fewest samples of a recording that a response is fitted to.
+FEWEST_SAMPLES = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,23 +58,35 @@ class Recording:
     def throw(self, plan: Throw) -> Throw:
         """The plan's object thrown by the motion that was measured.
 
-        InputError for a recording that ends before the pads are open, does not begin at rest, or
-        leaves the throw's plane.
+        InputError for a recording that ends before the pads are open, ends in motion before the
+        object lands, does not begin at rest, or leaves the throw's plane.
         """
-        mover, opening_time = plan.mover, self.opening_time(plan.scene)
+        manipulator, opening_time = plan.manipulator, self.opening_time(plan.scene)
         detach = opening_time + plan.scene.gripper.profile().opening
-        if self.times.size < 16 or self.times[-1] < detach:
+        if self.times.size < FEWEST_SAMPLES or self.times[-1] < detach:
             last = self.times[-1] if self.times.size else 0.0
             raise InputError(
                 f"the recording ends at {last:.3f} s, before the pads are open ({detach:.3f} s)"
             )
-        rate, away = np.abs(self.dq[0]), np.abs(self.q[0] - self.sent[0])
-        if rate.max() > AT_REST[0] or away.max() > AT_REST[1]:
+        rate, error = np.abs(self.dq[0]), np.abs(self.q[0] - self.sent[0])
+        if rate.max() > REST_RATE or error.max() > START_ERROR:
             raise InputError("the recording does not begin at rest on the start pose")
         times, q, sent = self.throwing(plan)
-        follows = Response.fitted(sent, q).all(sent)
-        path = Motion.through(times, follows + low_pass(times, q - follows, CUTOFF)[1])
-        return dataclasses.replace(Throw(plan.scene, mover, path, opening_time), model=plan.model)
+        response = Response.fitted(sent, q).all(sent)
+        measured = response + low_pass(times, q - response, CUTOFF)[1]
+        end, speeds = float(times[-1]), np.abs(self.dq[-1])
+        if speeds.max() < REST_RATE:
+            times = np.linspace(0.0, end + TICK * HELD_SAMPLES, len(times) + HELD_SAMPLES)
+            measured = np.pad(measured, ((0, HELD_SAMPLES), (0, 0)), "edge")
+        path = Trajectory.through(times, measured)
+        throw = Throw(plan.scene, manipulator, path, opening_time, model=plan.model)
+        if throw.lands and path.end < throw.landing_time:
+            raise InputError(
+                f"the recording ends at {end:.3f} s while joint {speeds.argmax() + 1} still moves "
+                f"({speeds.max():.2f} rad/s), before the object lands ({throw.landing_time:.3f} "
+                "s): record until the arm rests, or until the landing"
+            )
+        return throw
 
     def throwing(self, plan: Throw) -> tuple[Array, Array, Array]:
         """Times (N,) [s] every millisecond, and the throwing joints measured and sent, each (N, n).
@@ -93,25 +112,43 @@ class Recording:
         """Where the measured motion throws the object, as JSON: SI units, radians.
 
         landing in the base frame; error.position is the distance from the target at its height,
-        across the throw's plane as well. None for what does not come down. lag [rad]: the most
-        that a joint was behind what was sent; width [m]: the gripper's, before and after.
+        also across the throw's plane. Both are None where the object never lands. lag [rad]: the
+        largest difference of a joint to its command; width [m]: the gripper's, before and after.
         """
-        thrown, target, lag = self.throw(plan), plan.target, np.abs(self.q - self.sent).max()
+        throw, target, lag = self.throw(plan), plan.target, np.abs(self.q - self.sent).max()
         found: dict[str, Any] = {"landing": None, "error": None, "lag": float(lag)}
-        if thrown.lands:
-            arm, (x, z, theta) = plan.scene.arm, thrown.landing.pose
+        if throw.lands:
+            arm, (x, z, theta) = plan.scene.arm, throw.landing.pose
             assert arm is not None
-            opening = np.searchsorted(self.times, thrown.opening_time)
+            opening = np.searchsorted(self.times, throw.opening_time)
             azimuth = arm.azimuth_at(float(self.q[opening, arm.azimuth_joint - 1]))
             place = ThrowPlane(azimuth, arm.lateral).points(x, z).tolist()
-            off = math.dist(place[:2], (target.x, target.y)), abs(thrown.miss()[1])
+            off = math.dist(place[:2], (target.x, target.y)), abs(throw.miss()[1])
             found["landing"] = dict(zip("xyz", place, strict=True)) | {"theta": theta}
             found["error"] = {"position": off[0], "angle": off[1]}
+        findings = self._findings(throw, plan, found["error"])
+        found["succeeds"] = not findings
+        found["findings"] = [finding.to_dict() for finding in findings]
         found["command_time"] = self.command_time
         return found | {"width": [float(self.width[0]), float(self.width[-1])]}
 
+    def _findings(
+        self, throw: Throw, plan: Throw, error: dict[str, float] | None
+    ) -> tuple[Finding, ...]:
+        """What the measured throw breaks.
+
+        A measured throw may use up the clearances of its plan, as in a sweep. Torques and speeds
+        are judged on what was sent: recorded joints are too noisy to differentiate.
+        """
+        bare = throw.in_scene(throw.scene.without_clearances())
+        judged = verdict(bare, sent=plan).without(Code.TORQUE, Code.TOOL_SPEED, Code.LANDING)
+        if error is None or judged.cup:
+            return judged.broken
+        off = outside_tolerance(plan.scene.tolerance, error["position"], error["angle"])
+        return (*off, *judged.broken)
+
     def summary(self, plan: Throw) -> str:
-        """The same for people."""
+        """`to_dict` as a line for people."""
         found = self.to_dict(plan)
         words = "does not come down to the target's height"
         if found["landing"] is not None:
@@ -121,7 +158,12 @@ class Recording:
                 f"{math.degrees(landing['theta']):.1f} deg: {1e3 * error['position']:.1f} mm and "
                 f"{math.degrees(error['angle']):.2f} deg off the target"
             )
-        return f"by the measured motion the throw {words}; joints lag by {found['lag']:.3f} rad"
+        aim = "within the tolerance" if plan.scene.cup is None else "into the cup"
+        if not found["succeeds"]:
+            aim = "; ".join(finding["words"] for finding in found["findings"])
+        return (
+            f"by the measured motion the throw {words}; {aim}; joints lag by {found['lag']:.3f} rad"
+        )
 
     def save(self, path: Path) -> None:
         """Write run.csv."""
@@ -131,7 +173,7 @@ class Recording:
 
 
 def read_recording(path: str | Path, motion: JointMotion) -> Recording:
-    """A run.csv of the plan's arm; InputError for one that is not."""
+    """A run.csv of the plan's arm; InputError for a file that does not fit it."""
     joints = range(1, motion.arm.joints + 1)
     names = [f"{name}{j}" for name in ("q", "dq", "sent") for j in joints]
     columns = ("t", *names, "width", "since_command")
@@ -143,9 +185,9 @@ def read_recording(path: str | Path, motion: JointMotion) -> Recording:
         raise InputError(f"{path}: t rises by {step:.3g} s a row, must rise by {TICK:g} s mostly")
     q, dq, sent = np.split(rows[:, 1:-2], 3, axis=1)
     command = float(rows[0, 0] - rows[0, -1])
-    found = Recording(rows[:, 0], q, dq, sent, rows[:, -2], command)
+    recording = Recording(rows[:, 0], q, dq, sent, rows[:, -2], command)
     try:
-        found.throw(motion.throw)
+        recording.throw(motion.throw)
     except InputError as error:
         raise error.within(str(path)) from None
-    return found
+    return recording

@@ -1,4 +1,4 @@
-"""Throws to look at in 3-D: what lands in a cup goes on into it, as MuJoCo has it."""
+"""Throws in 3-D; a bar that lands in a cup falls on into it by MuJoCo."""
 
 from __future__ import annotations
 
@@ -6,16 +6,16 @@ import contextlib
 from pathlib import Path
 
 from ...problems import InputError, checked
-from ..check import Throw
 from ..result import Plan, throw_of
 from ..show import SpaceThrow, open_browser, run_panel, serving, space_throw
+from ..throw import Throw
 from .mujoco_replay import replay
 
 
-def seen_throw(plan: Plan | Throw | str | Path) -> tuple[SpaceThrow, str]:
-    """A throw over time until it rests in its cup, and why it stops at the target if it does.
+def throw_to_rest(plan: Plan | Throw | str | Path) -> tuple[SpaceThrow, str]:
+    """A throw over time until it rests in its cup, and the reason if it stops at the target.
 
-    InputError for what holds no throw that lands.
+    InputError without a throw that lands.
     """
     throw = throw_of(plan)
     if not throw.lands:
@@ -38,14 +38,14 @@ def view(
 ) -> None:
     """Show a throw in 3-D on a page of this machine; needs the extra `view`.
 
-    plan: a plan, a throw, or the path of a plan.json or of its folder. What lands in a cup goes on
-    into it where the extra `mujoco` is there. Serves for `hold` seconds, or until it is interrupted
-    (Ctrl-C, a notebook's stop). InputError for what holds no throw that lands, and for a port that
-    cannot be had.
+    plan: a plan, a throw, or the path of a plan.json or of its folder. A bar that lands
+    in a cup falls on into it with the extra `mujoco`. Serves for `hold` seconds, or until
+    interrupted (Ctrl-C, a notebook's stop). InputError without a throw that lands, and for a port
+    that is not available.
     """
     port = checked("port", port, int, {"least": 1, "most": 65535})
     hold = checked("hold", hold, float | None, {"above": 0})
-    space, _ = seen_throw(plan)
+    space, _ = throw_to_rest(plan)
     with contextlib.suppress(KeyboardInterrupt), serving(space, port) as (page, panel):
         print(page)
         if browser:

@@ -7,53 +7,58 @@ import dataclasses
 import casadi as ca
 import numpy as np
 
-from ...models import Arm, Array
+from ...models import Array
+from ...models.robot import Arm
 from ...problems import InputError, ThrowPlane
-from ..check import (
-    BAR,
+from ..throw import (
     TICK,
-    Around,
     Samples,
-    Track,
-    bar_ends,
-    held_bar,
     joint_limits,
-    keeps,
-    nearnesses,
+    within_limits,
 )
+from ..throw.clearance import (
+    BAR,
+    CollisionScene,
+    SweptBodies,
+    bar_ends,
+    clearances_of,
+    held_bar,
+)
+from ..verdict import collision
 from .controllers import JointMotion
 
-#: Shares of the limits on rate, acceleration and jerk with which the arm goes to the start pose,
-#: halved until the limits that depend on the position are kept too.
-SLOWLY, HALVINGS = (0.2, 0.1, 0.1), 6
-#: Ticks between the samples at which bodies are measured; what they move between them counts too.
+#: Shares of the limits on rate, acceleration and jerk of the way to the start pose.
+SLOWLY = (0.2, 0.1, 0.1)
+#: These shares are halved up to this number of times, until position-dependent limits hold.
+HALVINGS = 6
+#: Ticks between the samples at which clearances are measured; motion in between counts, too.
 MEASURED = 10
 
 
 def approach(motion: JointMotion, start: Array) -> Array:
     """All joints (N, joints) [rad] every millisecond, slowly from rest at `start` to the motion's.
 
-    Straight, or else by a raised pose: the shoulder in the middle of its range, others as in the
-    start pose. InputError where neither keeps the arm's limits, or where arm or held bar would come
-    too near to the floor, an obstacle, or each other.
+    Straight, or else by a raised pose: the shoulder in the middle of its range, other joints as in
+    the start pose. InputError if neither keeps the arm's limits, or if arm or held bar would come
+    too close to the floor, an obstacle, or each other.
     """
     arm, goal = motion.arm, motion.q[0]
     raised, shoulder = goal.copy(), arm.throwing_joints[0] - 1
     raised[shoulder] = (arm.limits.position_min[shoulder] + arm.limits.position_max[shoulder]) / 2
     straight = _straight(arm, start, goal)
-    wrong = _unclear(motion, straight)
-    if not wrong:
+    collision_words = _collision(motion, straight)
+    if not collision_words:
         return straight
     way = np.vstack([_straight(arm, start, raised), _straight(arm, raised, goal)[1:]])
-    if _unclear(motion, way):
+    if _collision(motion, way):
         raise InputError(
-            f"the way to the start pose is not clear: {wrong}: guide the arm nearer to it"
+            f"the way to the start pose is not clear: {collision_words}: guide the arm nearer to it"
         )
     return way
 
 
 def _straight(arm: Arm, start: Array, goal: Array) -> Array:
-    """Joints (N, joints) from rest to rest within all limits; InputError where none are found."""
+    """Joints (N, joints) from rest to rest within all limits; InputError if there are none."""
     import ruckig
 
     n, limits = arm.joints, joint_limits(arm, range(1, arm.joints + 1))
@@ -68,38 +73,43 @@ def _straight(arm: Arm, start: Array, goal: Array) -> Array:
             break
         times = np.arange(0.0, trajectory.duration + TICK, TICK)
         states = np.array([trajectory.at_time(min(t, trajectory.duration)) for t in times])
-        if keeps(limits, Samples(*np.moveaxis(states, 1, 0))):
+        rows = np.moveaxis(states, 1, 0)
+        # Joint by joint: an arm may have more joints than the core takes at once.
+        if all(
+            within_limits(joint_limits(arm, [j + 1]), Samples(*rows[:, :, j : j + 1]))
+            for j in range(n)
+        ):
             return states[:, 0]
     raise InputError("the way to the start pose breaks a limit: guide the arm nearer to it")
 
 
-def _unclear(motion: JointMotion, q: Array) -> str:
-    """What comes too near to what on a way (N, joints) to the start pose, in words; empty: none."""
-    scene, capsules = motion.throw.scene, motion.throw.mover.capsules
+def _collision(motion: JointMotion, q: Array) -> str:
+    """The first collision on a way (N, joints) to the start pose, in words; empty without one."""
+    scene, capsules = motion.throw.scene, motion.throw.manipulator.capsules
     if capsules is None:
         return ""
-    # The first link turns about its own axis, and the flange's turns with the hand.
+    # The first link turns about its own axis; the flange turns with the hand.
     moved = (min(number, motion.arm.joints) - 1 for number in capsules.number)
     around = dataclasses.replace(
-        Around.of(scene, motion.throw.mover, ThrowPlane(0.0, 0.0)),
-        capsules=dataclasses.replace(capsules, moved_by=tuple(joint or -1 for joint in moved)),
+        CollisionScene.of(scene, motion.throw.manipulator, ThrowPlane(0.0, 0.0)),
+        arm=dataclasses.replace(capsules, moved_by=tuple(joint or -1 for joint in moved)),
     )
     places = np.unique(np.append(np.arange(0, len(q), MEASURED), len(q) - 1))
     track = _track(motion, q[places], TICK * places)
-    for found in nearnesses(track, around):
-        return found.words
+    for found in clearances_of(track, around):
+        return collision(found).words
     floor = None if scene.workspace is None else scene.workspace.floor
     if floor is None:
         return ""
     room = track.ends[-1, :, 2].min(axis=0) - track.radius[-1] - floor
-    # A throw may begin with the bar as low as its capsule is through the floor.
+    # At the start of a throw the capsule around the bar may be below the floor.
     lowest = (room - min(room[-1], 0.0)).min()
     return "" if lowest >= -1e-6 else f"floor: {BAR} comes {-1e3 * lowest:.0f} mm below it"
 
 
-def _track(motion: JointMotion, q: Array, times: Array) -> Track:
+def _track(motion: JointMotion, q: Array, times: Array) -> SweptBodies:
     """Links, hand and held bar in the base frame, with joints q (N, joints) at times (N,) [s]."""
-    throw, arm, capsules = motion.throw, motion.arm, motion.throw.mover.capsules
+    throw, arm, capsules = motion.throw, motion.arm, motion.throw.manipulator.capsules
     assert capsules is not None
     angles = ca.SX.sym("q", arm.joints)
     frames = arm.frames(angles)
@@ -109,9 +119,9 @@ def _track(motion: JointMotion, q: Array, times: Array) -> Track:
     # (links, N, 4, 4), the base first.
     found = [np.array(v).T.reshape(-1, 4, 4).swapaxes(1, 2) for v in links.map(len(q))(q.T)]
     at = np.array([np.broadcast_to(np.eye(4), (len(q), 4, 4)), *found])
-    # The bar does not move in the hand; where it is there, the throw's start says.
+    # The throw's start gives the pose of the bar in the hand.
     place = throw.path.at([0.0]).pose
-    pose = throw.mover.motion(place, 0 * place, 0 * place)[0]
+    pose = throw.manipulator.motion(place, 0 * place, 0 * place)[0]
     ends = bar_ends(throw.scene.object, held_bar(throw.scene, pose))[0, :, :, 0]
     bar = throw.target.plane.points(ends[:, 0], ends[:, 2])
     grasp = np.array(links(motion.q[0])[-1]).reshape(4, 4, order="F")
@@ -124,4 +134,4 @@ def _track(motion: JointMotion, q: Array, times: Array) -> Track:
     width = throw.scene.object.width / np.sqrt(2)
     cover = np.append(np.full(len(arm.capsules), arm.cover), 0.0)
     radius = np.append(capsules.radius, width)
-    return Track((*capsules.names, BAR), np.array(placed), radius, cover, times, flying=False)
+    return SweptBodies((*capsules.names, BAR), np.array(placed), radius, cover, times, flying=False)

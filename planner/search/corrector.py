@@ -1,37 +1,29 @@
 """A solved throw moved to a target nearby, by the throw itself instead of a solver.
 
 An optimum says how its free numbers move with the target (`Optimum.slope`), so that limits which
-bind stay just kept. Along these one or two directions the exact throw is brought to the target by
-Newton steps, whose 2 x 2 matrix is learnt from the throws themselves (Broyden). Whether the limits
-do hold is not taken from this: the throw is checked as any other.
+bind stay just kept. Along these one or two directions `ThrowFamily` brings the exact throw to the
+target. Whether the limits do hold is not taken from this: the throw is checked as any other.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any
+from functools import cached_property
 
 import numpy as np
 
-from ...models import Array, Path
+from ...models import Array
 from ...problems import Pose
-from ..check import Mover, SmoothingError, Throw, Violation, send
-from ..ocp import Condensed, Controls, Optimum, Request
+from ..library import Neighbour
+from ..ocp import CondensedQp, Optimum, ReducedVariables, Request
 from ..result import PlannedThrow
-from .attempt import Attempt, Start, aims, scaled, violations
-from .guess import refit
-from .library import Neighbour
-from .nlps import Problems, Program, Task
+from ..throw import Manipulator, Throw
+from ..verdict import Verdict, verdict
+from .attempt import Attempt, Start, accuracy
+from .core_move import MovedThrow, ThrowFamily
+from .guess import initial_guess_from
+from .nlps import CompiledNlp, NlpCache, Task
 
-#: Exact throws of one correction, the first included.
-THROWS = 6
-#: A throw must come nearer than this share of the least miss so far; else the next step is at most
-#: half as long.
-NEARER = 0.9
-#: A step that is none, in shares of what corrections aim at.
-TINY = 1e-9
 #: NLPs tried from an optimum whose correction fails.
 TRIES = 2
 #: What an attempt by correction is called where a solver is named.
@@ -42,8 +34,8 @@ CORRECTOR = "corrector"
 class Corrector:
     """Moves optima of a scene to targets nearby."""
 
-    controls: Controls
-    problems: Problems
+    controls: ReducedVariables
+    problems: NlpCache
 
     def attempt(self, near: Neighbour, task: Task) -> Attempt:
         """An attempt to throw to the goal of an optimum near it, along its slope."""
@@ -55,88 +47,63 @@ class Corrector:
         self, near: Neighbour, optimum: Optimum, begins: tuple[Array, Array, Array], task: Task
     ) -> Attempt:
         """A throw to the goal from an optimum; begins: its u, slope and miss."""
-        start = Start(near.goal, _no_guess, CORRECTOR, asked=optimum.asked)
         found: PlannedThrow | None = None
-        broken: Sequence[Violation] = ()
-        try:
-            u, planned, thrown = self._moved(*begins, near.goal, task)
-        except SmoothingError as error:
-            reason = str(error)
-        else:
-            effort, size = self.controls.effort(u), optimum.nlp_size
-            found = PlannedThrow(planned, thrown, effort, size, optimum.asked, optimum=optimum)
-            with task.clock("check"):
-                broken = violations(found, near.goal)
-            reason = "; ".join(violation.words for violation in broken)
-        return Attempt(start, optimum.asked, CORRECTOR, found, tuple(broken), reason, 0, 1)
-
-    def _moved(
-        self, u: Array, slope: Array, off: Array, goal: Pose, task: Task
-    ) -> tuple[Array, Path, Throw]:
-        """The controls, motion and throw that land at the goal; SmoothingError if none is found."""
-        aim, size = aims(task.scene), slope.shape[1]
-        last, matrix, moved = scaled(off[0], off[1], aim), np.eye(size), np.zeros(size)
-        longest = math.inf
-        for _ in range(THROWS):
-            step = -np.linalg.solve(matrix, off[:size])
-            length = float(np.abs(step / aim[:size]).max()) or TINY
-            step, length = step * min(longest / length, 1.0), min(length, longest)
-            now_u = self.controls.within(u + slope @ (moved + step))
-            planned, thrown = self._thrown(now_u, task)
-            now = np.array(thrown.miss(goal))
-            missed = scaled(now[0], now[1], aim)
-            if missed <= 1.0:
-                return now_u, planned, thrown
-            if math.isfinite(missed) and length > TINY:
-                change = now[:size] - off[:size]
-                matrix = matrix + np.outer(change - matrix @ step, step) / (step @ step)
-            if missed < NEARER * last:
-                moved, off, last, longest = moved + step, now, missed, math.inf
-            else:
-                longest = length / 2
-        raise SmoothingError("a solved throw nearby does not move to the target")
-
-    def _thrown(self, u: Array, task: Task) -> tuple[Path, Throw]:
-        """The motion of `u`, and its throw by the model that counts."""
-        planned, opening_time = self.controls.motion(u)
-        mover = self.problems.mover
+        judged: Verdict | None = None
+        reason = "a solved throw nearby does not move to the target"
         with task.clock("smooth"):
-            samples = send(mover, planned, as_planned=True)
-        thrown = Throw.sent(task.scene, mover, planned, samples, opening_time)
-        with task.clock("check"):
-            _ = thrown.landing
-        return planned, thrown
+            moved = self._family.moved(*begins, near.goal, accuracy(task.scene))
+        if moved is not None:
+            found = self._planned_throw(moved, optimum, task)
+            with task.clock("check"):
+                judged = verdict(found.deciding, near.goal)
+            reason = judged.words
+        return Attempt(near.goal, optimum.refinement, CORRECTOR, found, judged, reason, 0, 1)
+
+    def _planned_throw(self, moved: MovedThrow, optimum: Optimum, task: Task) -> PlannedThrow:
+        """What the core has planned, sent and thrown, with the numbers of its NLP."""
+        controls, manipulator = self.controls, self.problems.manipulator
+        opens = controls.opening_time(moved.u)
+        thrown = Throw.sent(task.scene, manipulator, moved.planned, moved.samples, opens)
+        final, effort = thrown.released(moved.release), controls.effort_of(moved.planned)
+        size, refinement = optimum.nlp_size, optimum.refinement
+        return PlannedThrow(moved.planned, final, effort, size, refinement, optimum=optimum)
+
+    @cached_property
+    def _family(self) -> ThrowFamily:
+        """The throws that the free numbers give, for the compiled core."""
+        return ThrowFamily(self.controls)
 
 
-def _no_guess(nlp: Any) -> Array:
-    return np.zeros(nlp.size[0])
-
-
-def throw_of(controls: Controls, mover: Mover, optimum: Optimum, task: Task) -> PlannedThrow:
+def throw_of(
+    controls: ReducedVariables, manipulator: Manipulator, optimum: Optimum, task: Task
+) -> PlannedThrow:
     """An optimum's throw."""
     planned, opening_time = controls.motion(optimum.u)
-    final = Throw(task.scene, mover, planned, opening_time)
-    return PlannedThrow(planned, final, optimum.effort, optimum.nlp_size, optimum.asked)
+    final = Throw(task.scene, manipulator, planned, opening_time)
+    return PlannedThrow(planned, final, optimum.effort, optimum.nlp_size, optimum.refinement)
 
 
 def moved_start(
-    controls: Controls, mover: Mover, optimum: Optimum, goal: Pose, task: Task
+    controls: ReducedVariables, manipulator: Manipulator, optimum: Optimum, goal: Pose, task: Task
 ) -> Start:
     """A start for a solver from an optimum that lands near `goal`."""
-    throw = throw_of(controls, mover, optimum, task)
-    request = Request(task.scene, mover)
+    throw = throw_of(controls, manipulator, optimum, task)
+    request = Request(task.scene, manipulator)
     return Start(
         goal,
-        lambda nlp: refit(nlp, throw, request),
+        lambda nlp: initial_guess_from(nlp, throw, request),
         task.solvers[0],
-        asked=optimum.asked,
+        refinement=optimum.refinement,
         tries=TRIES,
         aim=optimum.smoothing,
     )
 
 
 def optimum_of(
-    controls: Controls, program: Program, throw: PlannedThrow, names: tuple[str, ...] = ()
+    controls: ReducedVariables,
+    program: CompiledNlp,
+    throw: PlannedThrow,
+    names: tuple[str, ...] = (),
 ) -> Optimum | None:
     """The optimum that a throw is, which an NLP was solved for; None without that.
 
@@ -145,12 +112,12 @@ def optimum_of(
     solution, nlp = throw.solution, throw.nlp
     if solution is None or nlp is None:
         return throw.optimum
-    scene, target = throw.scene, throw.final.target
-    aim = target.in_plane(target.plane_x + throw.aim[0], target.turned(throw.aim[1]).theta)
-    numbers = nlp.numbers(Request(scene, throw.mover, aim, throw.asked))
+    scene, target = throw.scene, throw.deciding.target
+    aim = target.shifted(*throw.aim)
+    numbers = nlp.parameter_values(Request(scene, throw.manipulator, aim, throw.refinement))
     places = controls.places(nlp)
     try:
-        at = Condensed.about(nlp, program.solver, solution, numbers, program.limits, places)
+        at = CondensedQp.about(program.solver, solution, numbers, program.limits, places)
         slope = at.slope
     except np.linalg.LinAlgError:
         return None
@@ -158,10 +125,10 @@ def optimum_of(
     return Optimum(
         solution.x[places],
         slope,
-        throw.final.release.end,
+        throw.deciding.release.end,
         throw.effort,
         nlp.size,
         (lands[0] - exact[0], lands[2] - exact[2]),
-        throw.asked,
+        throw.refinement,
         names,
     )

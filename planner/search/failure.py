@@ -7,33 +7,36 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
-from ...models import Array
+from ...models import Array, FlightState
 from ...problems import InputError, Pose, Scene
-from ..check import Mover, column_distance, column_of, held_bar, lowest_of_bar, outline
+from ..throw import Manipulator, column_of, outline
+from ..throw.clearance import column_distance, held_bar, lowest_of_bar
 from .attempt import Attempt
-from .release_table import Releases
+from .samples import Releases
 
 #: Random starts that are tried.
 POSES = 500
+#: Angles at which a bar that may land at any angle is compared with the column.
+HALF_TURN = 181
 #: A bound that a sampled release misses by more than this factor is out of reach.
 FACTOR = 2.0
 #: Sampled releases near a target, by the scaled distance of their landings, that are looked at.
 NEAR = 200
 
 
-def check_contradictions(scene: Scene, mover: Mover) -> None:
+def check_contradictions(scene: Scene, manipulator: Manipulator) -> None:
     """InputError where the bar is not in the cup at the target, begins below the floor or in the
     base column: at the given start, or at each of some random ones where it is free.
     """
     scene.check_target_in_cup()
-    workspace, limits = scene.workspace, mover.planning
+    workspace, limits = scene.workspace, manipulator.planning
     if workspace is None:
         return
     section = "robot" if scene.robot is not None else "hand"
-    rng, size = np.random.default_rng(0), (POSES, mover.size)
-    given = mover.start
+    rng, size = np.random.default_rng(0), (POSES, manipulator.size)
+    given = manipulator.start
     q = rng.uniform(limits.q_min, limits.q_max, size).T if given is None else given[:, None]
-    pose, heights = outline(mover, q)
+    pose, heights = outline(manipulator, q)
     bar = held_bar(scene, pose)
     if workspace.floor is not None:
         lowest = np.minimum(heights, lowest_of_bar(scene.object, bar))
@@ -52,6 +55,18 @@ def check_contradictions(scene: Scene, mover: Mover) -> None:
         )
 
 
+def in_column(scene: Scene, target: Pose) -> bool:
+    """Whether the bar would be inside the base column there, wherever the tolerance lets it be."""
+    column, most = column_of(scene), scene.tolerance
+    if column is None:
+        return False
+    half_turn = np.linspace(0.0, math.pi, HALF_TURN)
+    theta = half_turn if target.theta is None else np.array([target.theta])
+    poses = np.array([np.full(theta.size, target.plane_x), np.full(theta.size, target.z), theta])
+    room = column_distance(scene.object, poses, *column).max()
+    return bool(room < -most.position - most.angle * scene.object.length)
+
+
 def contradiction(scene: Scene, releases: Callable[[], Releases], target: Pose) -> tuple[str, str]:
     """A bound of [landing], or a latest arrival, that no release near the target is near to.
 
@@ -62,26 +77,27 @@ def contradiction(scene: Scene, releases: Callable[[], Releases], target: Pose) 
     if bounds is None and not math.isfinite(latest):
         return "", ""
     table = releases()
-    x, theta, flown = table.landings(target.z, scene.gravity)
+    x, theta, flown = table.landings(target.z, scene.flight)
     if not np.isfinite(x).any():
         return "", ""
-    off = np.abs(x - target.plane_x)
-    if target.theta is not None:
-        off += np.abs(theta - target.theta) * scene.object.length / 2
+    turn = 0.0 if target.theta is None else theta - target.theta
+    off = scene.object.pose_error(x - target.plane_x, turn)
     near = np.argsort(off)[: min(NEAR, int(np.isfinite(off).sum()))]
-    *_, v_x, v_z, omega = table.detach[near].T
-    speed = np.hypot(v_x, v_z - scene.gravity * flown[near])
+    end = scene.flight.after(FlightState(*table.detach[near].T), flown[near])
+    speed, omega = np.hypot(end.v_x, end.v_z), end.omega
     # Rates of either sign pass through zero.
     rate = np.abs(omega) if (omega > 0).all() or (omega < 0).all() else 0 * omega
     time = table.run_up[near] + scene.gripper.profile().opening + flown[near]
-    asked: list[tuple[str, float | None, Array, str]] = [("[target] arrival", latest, time, "s")]
+    refinement: list[tuple[str, float | None, Array, str]] = [
+        ("[target] arrival", latest, time, "s")
+    ]
     if bounds is not None:
-        asked += [
+        refinement += [
             ("[landing] speed_max", bounds.speed_max, speed, "m/s"),
             ("[landing] rate_max", bounds.rate_max, rate, "rad/s"),
             ("[landing] speed_min", bounds.speed_min or None, -speed, "m/s"),
         ]
-    for name, bound, values, unit in asked:
+    for name, bound, values, unit in refinement:
         words = _words(name, bound, values, unit)
         if words:
             return name.split()[1], words

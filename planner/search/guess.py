@@ -6,20 +6,19 @@ from collections.abc import Callable
 
 import numpy as np
 
-from ...models import Array, Path, ReleaseCase, relative_states
+from ...models import Array, FlightState, Trajectory
+from ...models.release import ReleaseCase, relative_states
 from ...problems import Scene
-from ..check import Mover, case_of
 from ..ocp import (
     Block,
     Request,
     ThrowNlp,
-    decision_vector,
     lower_end,
     opening_nodes,
 )
 from ..result import PlannedThrow
-from .launch import polynomial, run_up
-from .release_table import Releases
+from ..throw import Manipulator, case_of
+from .samples import Releases, polynomial, run_up
 
 #: How long before and after the landing height [s] the cup's depths are looked for, and in
 #: how many instants.
@@ -27,22 +26,27 @@ CUP_SPAN, CUP_INSTANTS = (0.15, 0.3), 181
 
 
 def guess_from(
-    nlp: ThrowNlp, scene: Scene, mover: Mover, releases: Releases, index: int, flight: float
+    nlp: ThrowNlp,
+    scene: Scene,
+    manipulator: Manipulator,
+    releases: Releases,
+    index: int,
+    flight: float,
 ) -> Array:
     """Decision vector that starts the NLP from release `index`, which flies for `flight` [s]."""
-    s, request = nlp.structure, Request(scene, mover)
+    s, request = nlp.structure, Request(scene, manipulator)
     q, dq, ddq = releases.q[index], releases.dq[index], releases.ddq[index]
     duration = float(releases.run_up[index])
     nodes, times = request.nodes, request.times(duration)
-    launch = run_up(mover, q, dq, ddq, duration)
+    launch = run_up(manipulator, q, dq, ddq, duration)
     launched = times[: s.opens + 1, None]
     before = [polynomial(launch, launched, k).T for k in range(3)]
-    opening = Path.cubics(nodes[[0, -1]], q[None], dq[None], ddq[None], 0 * q[None])
+    opening = Trajectory.cubics(nodes[[0, -1]], q[None], dq[None], ddq[None], 0 * q[None])
     states = [np.hstack(pair) for pair in zip(before, opening.at(nodes[1:]), strict=True)]
-    relative = _relative(nlp, case_of(scene, mover.hand(opening)), nodes)
+    relative = _relative(nlp, case_of(scene, manipulator.hand(opening)), nodes)
     entries = _cup_times(scene, releases.detach[index], flight, nlp.count("t_cup"))
     other = _others(entries, flight)
-    return decision_vector(nlp, times, states, lambda k, _: relative[k - s.opens], other)
+    return nlp.decision_vector(times, states, lambda k, _: relative[k - s.opens], other)
 
 
 def _relative(nlp: ThrowNlp, case: ReleaseCase, nodes: Array) -> Array:
@@ -74,21 +78,20 @@ def _cup_times(scene: Scene, detach: Array, flight: float, depths: int) -> Array
     if cup is None or target is None:
         return np.zeros(0)
     times = flight + np.linspace(-CUP_SPAN[0], CUP_SPAN[1], CUP_INSTANTS)
-    z = detach[1] + (detach[4] - scene.gravity / 2 * times) * times
-    theta = detach[2] + detach[5] * times
+    _, z, theta = scene.flight.after(FlightState(*detach), times).pose
     middle = z + lower_end(scene, target) * np.sin(theta)
     corner = middle - scene.object.width / 2 * np.abs(np.cos(theta))
 
-    def when(heights: Array, asked: Array) -> Array:
+    def when(heights: Array, refinement: Array) -> Array:
         # Falling from here on, as far as the spin lets it.
         depth = np.maximum.accumulate(cup.rim - heights)
-        return np.interp(asked, depth + 1e-9 * np.arange(times.size), times)
+        return np.interp(refinement, depth + 1e-9 * np.arange(times.size), times)
 
-    asked = cup.insertion * np.arange(depths) / max(depths - 1, 1)
-    return np.append(when(corner, np.zeros(1)), when(middle, asked))
+    refinement = cup.insertion * np.arange(depths) / max(depths - 1, 1)
+    return np.append(when(corner, np.zeros(1)), when(middle, refinement))
 
 
-def refit(nlp: ThrowNlp, throw: PlannedThrow, request: Request) -> Array:
+def initial_guess_from(nlp: ThrowNlp, throw: PlannedThrow, request: Request) -> Array:
     """Decision vector of the request's `nlp` from a throw of another."""
     s = nlp.structure
     times = request.times(throw.opening_time)
@@ -114,7 +117,7 @@ def refit(nlp: ThrowNlp, throw: PlannedThrow, request: Request) -> Array:
             return flight if block.index == 0 else flight - late
         return 0.0
 
-    return decision_vector(nlp, times, list(throw.planned.at(times)), relative, other)
+    return nlp.decision_vector(times, list(throw.planned.at(times)), relative, other)
 
 
 def _as_thrown(nlp: ThrowNlp, throw: PlannedThrow) -> tuple[Array, Array, float, Array]:

@@ -7,15 +7,15 @@ import time
 from collections import defaultdict
 from collections.abc import Iterator
 from contextlib import contextmanager
-from copy import copy
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from ...models import Array, HandSamples
 from ...problems import InputError, Pose, Scene
-from ..check import Guard, Mover, friction_use
-from ..ocp import Asked, Request, Solver, ThrowNlp, build_nlp, processor_time
+from ..library import Turns
+from ..ocp import Refinement, Request, Solver, ThrowNlp, build_nlp, processor_time
+from ..throw import Manipulator, friction_use
 
 #: A plan's own time does not count what is built for it, up to so much [s]: twice 0.5 s for the
 #: Panda's NLPs, more with torques.
@@ -54,7 +54,12 @@ class Clock:
     @property
     def late(self) -> bool:
         """Whether the time for planning is over."""
-        return self.left < 0.0
+        return time.perf_counter() > self.until and self.left < 0.0
+
+    def part(self, share: float) -> Clock:
+        """A clock with a share of the time left, which counts into the same parts."""
+        used = (1.0 - share) * self.left
+        return replace(self, until=self.until - used, processor=self.processor - used)
 
     @contextmanager
     def __call__(self, name: str) -> Iterator[None]:
@@ -68,20 +73,27 @@ class Clock:
 
 @dataclass(frozen=True)
 class Task:
-    """One call of the planner: the scene aimed at its target, solvers in order, and the clock."""
+    """One call of the planner: the scene aimed at its target, solvers in order, and the clock.
+
+    turns: whether theta counts modulo full turns; wanted: how many throws that differ to look for.
+    """
 
     scene: Scene
     target: Pose
     solvers: tuple[str, ...] = ("fatrop", "ipopt")
     clock: Clock = field(default_factory=Clock)
+    turns: Turns = "exact"
+    wanted: int = 1
 
     def aimed_at(self, target: Pose) -> Task:
         """The same for another target."""
+        if target is self.target:
+            return self
         return replace(self, scene=self.scene.aimed_at(target), target=target)
 
 
 @dataclass(frozen=True)
-class Program:
+class CompiledNlp:
     """An NLP with one solver and the bounds of its variables."""
 
     nlp: ThrowNlp
@@ -89,84 +101,91 @@ class Program:
     limits: tuple[Array, Array]
 
 
-@dataclass(frozen=True)
-class _Kind:
-    """Which of a scene's NLPs: for what kind of target, which guards and bodies, robust how."""
-
-    target: tuple[bool, bool, bool]
-    guards: frozenset[Guard]
-    near: frozenset[str]
-    robust: str
+#: What tells a scene's NLPs apart: the target's kind, lazy constraints, bodies, robust method, and
+#: whether the landing may miss the target.
+_Kind = tuple[tuple[bool, bool, bool], frozenset[str], frozenset[str], str, bool]
 
 
-class Problems:
-    """NLPs and solvers of one scene by what they are asked."""
+@dataclass(frozen=True, eq=False)
+class NlpCache:
+    """NLPs and solvers of one scene by target and refinement, built when first needed."""
 
-    def __init__(self, scene: Scene, mover: Mover) -> None:
-        self.scene, self.mover = scene, mover
-        self._nlps: dict[_Kind, ThrowNlp] = {}
-        self._problems: dict[tuple[_Kind, str], Program] = {}
+    scene: Scene
+    manipulator: Manipulator
+    _nlps: dict[_Kind, ThrowNlp] = field(default_factory=dict)
+    _compiled: dict[tuple[_Kind, str], CompiledNlp] = field(default_factory=dict)
 
-    def begun(self, mover: Mover) -> Problems:
-        """The same NLPs for a mover that begins in another state of motion."""
-        found = copy(self)
-        found.mover = mover
-        return found
+    def from_state(self, manipulator: Manipulator) -> NlpCache:
+        """The NLPs, shared with these, for a manipulator that begins in another state of motion."""
+        return replace(self, manipulator=manipulator)
 
-    def nlp(self, target: Pose, asked: Asked, clock: Clock, robust: str = "") -> ThrowNlp:
-        """The NLP for a target."""
-        kind = _Kind(target.kind, asked.guards, asked.near, robust)
+    def nlp(self, request: Request, clock: Clock) -> ThrowNlp:
+        """The NLP of a request for a target."""
+        kind = _kind(request)
         if kind not in self._nlps:
             with clock("build"):
-                request = Request(self.scene, self.mover, target, asked, robust)
                 self._nlps[kind] = build_nlp(request)
         return self._nlps[kind]
 
     def problem(
-        self, target: Pose, asked: Asked, solver: str, clock: Clock, robust: str = ""
-    ) -> Program:
-        """The same with a solver: 'fatrop' or 'ipopt'."""
-        kind = _Kind(target.kind, asked.guards, asked.near, robust)
-        if (kind, solver) not in self._problems:
-            nlp = self.nlp(target, asked, clock, robust)
+        self,
+        target: Pose,
+        refinement: Refinement,
+        solver: str,
+        clock: Clock,
+        robust: str = "",
+        elastic: bool = False,
+    ) -> CompiledNlp:
+        """The NLP for a target with a solver: 'fatrop' or 'ipopt'."""
+        request = Request(self.scene, self.manipulator, target, refinement, robust, elastic)
+        kind = _kind(request), solver
+        if kind not in self._compiled:
+            nlp = self.nlp(request, clock)
             with clock("build"):
-                made = Solver(nlp, solver)
-                request = Request(self.scene, self.mover, target, asked, robust)
-                self._problems[kind, solver] = Program(nlp, made, nlp.bounds(request))
-        return self._problems[kind, solver]
+                self._compiled[kind] = CompiledNlp(nlp, Solver(nlp, solver), nlp.bounds(request))
+        return self._compiled[kind]
 
 
-def check_start(scene: Scene, mover: Mover) -> None:
+def _kind(request: Request) -> _Kind:
+    refinement, target = request.refinement, request.target
+    assert target is not None
+    lazy, bodies = refinement.lazy, refinement.bodies
+    return target.kind, lazy, bodies, request.robust, request.elastic
+
+
+def check_start(scene: Scene, manipulator: Manipulator) -> None:
     """InputError if no permitted start pose lets the full grip hold the object at rest."""
-    limits = mover.planning
+    limits = manipulator.planning
     if (limits.q_min > limits.q_max).any():
         raise InputError(f"{scene.place}: [robot] position_margin leaves no room")
-    if mover.start is not None:
-        q = mover.start[:, None]
-        _check_margin(scene, mover, mover.start)
+    if manipulator.start is not None:
+        q = manipulator.start[:, None]
+        _check_margin(scene, manipulator, manipulator.start)
     else:
         rng = np.random.default_rng(0)
-        q = rng.uniform(limits.q_min, limits.q_max, (POSES, mover.size)).T
+        q = rng.uniform(limits.q_min, limits.q_max, (POSES, manipulator.size)).T
     zero = np.zeros_like(q)
-    hand = HandSamples(np.zeros(q.shape[1]), *(np.array(o) for o in mover.motion(q, zero, zero)))
+    hand = HandSamples(
+        np.zeros(q.shape[1]), *(np.array(o) for o in manipulator.motion(q, zero, zero))
+    )
     use = float(np.hypot(*friction_use(scene, hand)).min())
-    allowed = 1.0 - scene.mesh.sticking_margin
+    allowed = 1.0 - scene.gripper.sticking_margin
     if use > allowed:
         full, table = scene.gripper.profile().full, scene.gripper.table
         given = f"force = {full:g}:" if table is None else f"table = {table}: {full:g} N is"
-        where = "its start pose" if mover.start is not None else "any permitted start pose"
+        where = "its start pose" if manipulator.start is not None else "any permitted start pose"
         raise InputError(
             f"{scene.place}: [gripper] {given} too weak to hold the object at rest in "
             f"{where}, needs at least {full * use / allowed:.3g} N"
         )
 
 
-def _check_margin(scene: Scene, mover: Mover, start: Array) -> None:
+def _check_margin(scene: Scene, manipulator: Manipulator, start: Array) -> None:
     """InputError if a given start of an arm is nearer a limit than the planner's margin."""
     if scene.robot is None:
         return
-    limits = mover.planning
-    for name, *values in zip(mover.joints, start, limits.q_min, limits.q_max, strict=True):
+    limits = manipulator.planning
+    for name, *values in zip(manipulator.joints, start, limits.q_min, limits.q_max, strict=True):
         value, low, high = (math.degrees(v) for v in values)
         if not low <= value <= high:
             raise InputError(

@@ -16,6 +16,6 @@ from .style import (
     save,
 )
 from .tables import Cell, Row, Table, number, shown
-from .throw_picture import bar_corners, draw_throw
+from .throw_picture import draw_throw, grip_words
 from .timeline import timeline as over_time
 from .view import SpaceThrow, View, put, rgb, space_throw

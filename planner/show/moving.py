@@ -33,16 +33,19 @@ from .view import SpaceThrow, View, put
 if TYPE_CHECKING:
     from PIL import Image
 
-    from ..check import Throw
+    from ..throw import Throw
 
 Pixels = npt.NDArray[np.uint8]
 
-#: Playback speed against real time; frames of throw.gif, its last one held for HELD frames;
-#: frames per second of throw.gif at most, and of a film.
-SLOW, FRAMES, HELD, GIF_FPS, FILM_FPS = 0.2, 90, 12, 20, 25
-#: Width of the cells that throw.gif's palette takes one colour of, of 256.
+#: Playback speed against real time.
+SLOW = 0.2
+#: Frames of throw.gif; frames that repeat the last one.
+FRAMES, LAST_FRAMES = 90, 12
+#: Most frames per second of throw.gif; frames per second of a film.
+GIF_FPS, FILM_FPS = 20, 25
+#: Width of a colour cell, of 256: throw.gif's palette takes one colour of each.
 CELL = 16
-#: Artists from this height on are drawn for every frame, the others once.
+#: Artists from this zorder on are drawn in every frame, the others once.
 FRONT = 3
 
 
@@ -53,9 +56,9 @@ def draw_throw_moving(throw: Throw, path: Path) -> None:
     line = timeline(throw)
     last = len(line.times) - 1
     shown = np.unique(np.linspace(0, last, FRAMES).astype(int))
-    shown = np.append(shown, np.full(HELD, last))
+    shown = np.append(shown, np.full(LAST_FRAMES, last))
     fps = max(5.0, min(GIF_FPS, len(shown) * SLOW / line.times[-1]))
-    # The first instant of each phase and the last one hold all colours.
+    # The first instant of each phase and the last instant show all colours.
     typical = np.append(np.unique(line.phase, return_index=True)[1], last)
     palette = _palette(np.vstack(list(frames(throw, line, typical))))
     images = (
@@ -68,7 +71,7 @@ def draw_throw_moving(throw: Throw, path: Path) -> None:
 
 
 def _palette(pixels: Pixels) -> Image.Image:
-    """At most 256 colours, the most frequent of each cell: white and the phases stay exact."""
+    """At most 256 colours, the most frequent of each cell: exact for white and the phases."""
     from PIL import Image
 
     counts: Any = Image.fromarray(pixels).convert("RGB").getcolors(pixels.size)
@@ -81,33 +84,33 @@ def _palette(pixels: Pixels) -> Image.Image:
 
 
 def save_picture(throw: SpaceThrow, path: Path) -> None:
-    """A PNG in 3-D just before detach, with the bar along its way; errors as of `save_film`."""
+    """A PNG in 3-D just before detach, with poses of the bar; errors as of `save_film`."""
     painter = Painter()
     view = View(painter, throw)
     _add_ghosts(view)
     view.show(throw.throw.detach_time - 0.002)
-    with _whole(path, "png") as whole:
-        painter.picture(throw.scene.name).save(whole)
+    with _replacement(path, "png") as file:
+        painter.picture(throw.scene.name).save(file)
 
 
 def save_film(throw: SpaceThrow, path: Path) -> None:
-    """An MP4 in 3-D at a fifth of the throw's speed; the end stays half a second.
+    """An MP4 in 3-D at a fifth of the throw's speed; the last frame stays half a second.
 
-    Whole or not at all; InputError where ffmpeg, trimesh or a place to write is missing.
+    Leaves no partial file; InputError without ffmpeg or trimesh, or if the file cannot be written.
     """
-    with _whole(path, "mp4") as whole:
+    with _replacement(path, "mp4") as file:
         if shutil.which("ffmpeg") is None:
             raise InputError("--mp4: needs ffmpeg, which is not installed")
         try:
-            _encode(_film(throw), whole)
+            _encode(_film(throw), file)
         except subprocess.CalledProcessError as error:
             words = f"ffmpeg failed with status {error.returncode}"
             raise InputError(f"--mp4 {path}: {words}") from None
 
 
 @contextlib.contextmanager
-def _whole(path: Path, kind: str) -> Iterator[Path]:
-    """Where to write a file of a kind, which takes its place when it is whole."""
+def _replacement(path: Path, kind: str) -> Iterator[Path]:
+    """A scratch path for a file of a kind; it replaces `path` when the block is done."""
     if path.suffix != f".{kind}":
         raise InputError(f"--{kind} {path}: must end in .{kind}")
     try:
@@ -120,7 +123,7 @@ def _whole(path: Path, kind: str) -> Iterator[Path]:
 
 
 def _add_ghosts(view: View) -> list[tuple[float, Any]]:
-    """The bar along its way to the landing, pale; the times [s] of its poses, and their nodes."""
+    """Pale poses of the bar until the landing; their times [s] and nodes."""
     throw, line = view.throw, view.throw.line
     opening, landing = line.marks["opening"], line.marks["landing"]
     times = [*np.linspace(0.0, opening, CARRIED), *np.linspace(opening, landing, FLYING)[1:]]
@@ -149,7 +152,7 @@ def _film(throw: SpaceThrow) -> Iterator[Pixels]:
 
 
 def _words(line: Timeline, i: int) -> str:
-    """Time, phase and how slow a picture is."""
+    """Time, phase and playback speed of a frame."""
     return f"t = {1e3 * line.times[i]:.0f} ms   {line.phase_name(i)}   {1 / SLOW:.0f} times slower"
 
 
@@ -163,11 +166,11 @@ def _encode(pictures: Iterable[Pixels], path: Path) -> None:
         *("-s", f"{wide}x{high}", "-framerate", str(FILM_FPS), "-i", "pipe:"),
         *("-vcodec", "h264", "-pix_fmt", "yuv420p", "-y", str(path)),
     ]
-    quiet = subprocess.DEVNULL
-    # If ffmpeg ends early, its status says so.
+    silent = subprocess.DEVNULL
+    # If ffmpeg ends early, its exit status tells.
     with (
         contextlib.suppress(BrokenPipeError),
-        subprocess.Popen(command, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet) as process,
+        subprocess.Popen(command, stdin=subprocess.PIPE, stdout=silent, stderr=silent) as process,
     ):
         assert process.stdin is not None
         for picture in itertools.chain([first], pictures):
@@ -179,7 +182,7 @@ def _encode(pictures: Iterable[Pixels], path: Path) -> None:
 def frames(throw: Throw, line: Timeline, shown: Indices) -> Iterator[Pixels]:
     """The instants `shown` of the throw as pixels (H, W, 4), RGBA, one after another.
 
-    What lies behind everything that moves is drawn once and kept.
+    The background is drawn once.
     """
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.patches import Polygon
@@ -208,7 +211,7 @@ def frames(throw: Throw, line: Timeline, shown: Indices) -> Iterator[Pixels]:
         label.set_text(_words(line, i))
 
     show(0)
-    # The layout is found once, not for every frame.
+    # The layout is computed once, not for every frame.
     figure.draw_without_rendering()
     figure.set_layout_engine("none")
     children = sorted(stage.get_children(), key=lambda artist: artist.get_zorder())

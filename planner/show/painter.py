@@ -1,7 +1,7 @@
-"""The 3-D view as pictures, without a browser: what `View` puts into a viser scene, painted here.
+"""The 3-D view as pictures, without browser or graphics card.
 
-A `Painter` takes the place of viser's server. It keeps each shape as triangles and paints them from
-the far ones to the near ones, so that neither a graphics card nor a browser is needed.
+A `Painter` replaces viser's server. It keeps each shape as triangles and paints them from far to
+near.
 """
 
 from __future__ import annotations
@@ -20,16 +20,21 @@ from ...problems import InputError
 if TYPE_CHECKING:
     from PIL import Image
 
-#: Width and height of a picture, each painted so many times larger and then reduced.
-SIZE, FINER = (960, 720), 2
-#: Longest edge of a triangle [m]: long ones cannot be told to be before or behind others.
+#: Width and height of a picture in pixels.
+SIZE = (960, 720)
+#: Factor by which a picture is painted larger, then reduced.
+FINER = 2
+#: Longest edge of a triangle [m]: long triangles have no clear order in depth.
 EDGE = 0.05
-#: Where light comes from, and the share of it that comes from all sides.
+#: Direction to the light, and the share of ambient light.
 LIGHT, AMBIENT = np.array([-0.35, -0.5, 0.8]), 0.7
-#: What is nearer to the camera than this is not painted [m].
+#: Distance [m] to the camera below which nothing is painted.
 NEAR = 0.2
-SHADOW, MARGIN = (222, 222, 222), 1.15
-#: The depth at which the floor's lines are painted, before all else [m].
+#: Colour of shadows.
+SHADOW = (222, 222, 222)
+#: Factor by which the throw is larger in the picture than in the browser.
+MARGIN = 1.15
+#: Depth [m] of the floor's lines, behind everything else.
 FLOOR = 1e3
 
 #: Pixels and colour; depth [m], parts, width of a line in pixels, and opacity of glass.
@@ -38,7 +43,7 @@ Shape = tuple[float, list[Part], int | None, float | None]
 
 
 @dataclass(eq=False)
-class Node:
+class MeshNode:
     """A shape or frame of the scene; position and wxyz are in the frame its name lies in."""
 
     name: str
@@ -54,9 +59,9 @@ class Node:
 
 @dataclass
 class Painter:
-    """What `View` needs of viser's server and of its scene, and `picture`."""
+    """The parts of viser's server and scene that `View` uses, and `picture`."""
 
-    nodes: dict[str, Node] = field(default_factory=dict)
+    nodes: dict[str, MeshNode] = field(default_factory=dict)
     lines: list[tuple[str, Array, Array, float]] = field(default_factory=list)
     words: list[tuple[str, str, Array]] = field(default_factory=list)
     initial_camera: Any = field(default_factory=SimpleNamespace)
@@ -64,7 +69,7 @@ class Painter:
     atomic = contextlib.nullcontext
 
     def __post_init__(self) -> None:
-        """InputError where trimesh is missing."""
+        """InputError without trimesh."""
         try:
             import trimesh  # noqa: F401
         except ImportError:
@@ -76,16 +81,16 @@ class Painter:
         return self
 
     def configure_environment_map(self, name: None) -> None:
-        """There is none."""
+        """Ignored: a picture has no environment map."""
 
     def add_light_ambient(self, name: str, intensity: float) -> None:
-        """The light is given."""
+        """Ignored: the light is fixed."""
 
-    def add_frame(self, name: str, show_axes: bool = False) -> Node:
-        """A frame that others lie in."""
+    def add_frame(self, name: str, show_axes: bool = False) -> MeshNode:
+        """A frame that other nodes are placed in."""
         return self._add(name, np.zeros((0, 3)), np.zeros((0, 3), int))
 
-    def add_box(self, name: str, color: Any, dimensions: Any, **look: Any) -> Node:
+    def add_box(self, name: str, color: Any, dimensions: Any, **look: Any) -> MeshNode:
         """A box of three sides [m]."""
         from trimesh.creation import box
 
@@ -94,7 +99,7 @@ class Painter:
 
     def add_cylinder(
         self, name: str, radius: float, height: float, color: Any, **look: Any
-    ) -> Node:
+    ) -> MeshNode:
         """A cylinder about z [m]."""
         from trimesh.creation import cylinder
 
@@ -103,7 +108,7 @@ class Painter:
 
     def add_icosphere(
         self, name: str, radius: float, color: Any, subdivisions: int = 2, **look: Any
-    ) -> Node:
+    ) -> MeshNode:
         """A ball [m]."""
         from trimesh.creation import icosphere
 
@@ -112,14 +117,14 @@ class Painter:
 
     def add_mesh_simple(
         self, name: str, vertices: Array, faces: Array, color: Any, side: str = "", **look: Any
-    ) -> Node:
+    ) -> MeshNode:
         """Triangles: vertices (N, 3) [m] and their indices (M, 3)."""
         return self._add(name, vertices, faces, color, **look)
 
     def add_grid(
         self, name: str, width: float, height: float, position: Any, cell_size: float, **look: Any
     ) -> None:
-        """The floor: lines every `cell_size` [m], which begin and end at each of them."""
+        """The floor: lines every `cell_size` [m], cut at each crossing."""
         self.floor = position[2]
         at = np.arange(-width / 2, width / 2 + cell_size / 2, cell_size)
         points = np.stack([*np.meshgrid(at, at), np.full((len(at),) * 2, self.floor)], axis=-1)
@@ -130,22 +135,24 @@ class Painter:
                 self.add_line_segments("/floor", rows.reshape(-1, 2, 3), (grey,) * 3, 0.0)
 
     def add_line_segments(self, name: str, points: Array, colors: Any, thickness: float) -> None:
-        """Pieces (N, 2, 3) [m] in the frame that `name` lies in; those of another call stay."""
+        """Add line segments (N, 2, 3) [m] in the frame of `name`."""
         colours = np.broadcast_to(colors, points.shape)[:, 0]
         self.lines.append((name, points, colours, thickness))
 
     def add_label(self, name: str, text: str, anchor: str, position: Any) -> None:
-        """A word to the right of a point."""
+        """A text to the right of a point."""
         self.words.append((name, text, np.array(position)))
 
     def picture(self, title: str) -> Image.Image:
-        """The scene as its camera sees it now, with a title."""
+        """The scene as its camera sees it, with a title."""
         from PIL import Image, ImageDraw, ImageFont
 
         font = ImageFont.load_default(15 * FINER)
         image = Image.new("RGB", (SIZE[0] * FINER, SIZE[1] * FINER), "white")
         draw = ImageDraw.Draw(image)
-        for _, parts, width, opacity in self._shapes():
+        # From far to near: the floor's lines, shadows, then the rest.
+        shapes = sorted([*self._pieces(), *self._solids()], key=lambda shape: -shape[0])
+        for _, parts, width, opacity in shapes:
             if width is not None:
                 draw.line(parts[0][0], fill=parts[0][1], width=width)
             elif opacity is None:
@@ -160,18 +167,20 @@ class Painter:
         draw.text((30, 24), title, fill="black", font=ImageFont.load_default(18 * FINER))
         return image.resize(SIZE, Image.Resampling.LANCZOS)
 
-    def _add(self, name: str, vertices: Array, faces: Array, color: Any = 0, **look: Any) -> Node:
+    def _add(
+        self, name: str, vertices: Array, faces: Array, color: Any = 0, **look: Any
+    ) -> MeshNode:
         from trimesh import remesh
 
         split: Any = remesh.subdivide_to_size
         look = {key: value for key, value in look.items() if not key.endswith("shadow")}
         if len(faces) and look.get("opacity") is None:
             vertices, faces = split(vertices, faces, EDGE, max_iter=20)
-        self.nodes[name] = Node(name, np.array(vertices), np.array(faces), color, **look)
+        self.nodes[name] = MeshNode(name, np.array(vertices), np.array(faces), color, **look)
         return self.nodes[name]
 
     def _pose(self, name: str) -> Array:
-        """4x4: the frame of a node, or of its nearest parent that is one."""
+        """Pose (4, 4) of a node, or of its nearest ancestor that is a node."""
         from scipy.spatial.transform import Rotation
 
         if name in ("", "/"):
@@ -197,12 +206,8 @@ class Painter:
         depth = turned[..., 2]
         return size / 2 + scale * turned[..., :2] / np.maximum(depth, NEAR)[..., None], depth
 
-    def _shapes(self) -> list[Shape]:
-        """All that is painted, the far ones first: the floor's lines, shadows, then the rest."""
-        return sorted([*self._pieces(), *self._solids()], key=lambda shape: -shape[0])
-
     def _pieces(self) -> Iterator[Shape]:
-        """Lines; those on the floor, without thickness, lie under everything."""
+        """Line segments; those without thickness are on the floor, under everything."""
         for name, pieces, colours, thickness in self.lines:
             pose = self._pose(name)
             places, depths = self._seen(pieces @ pose[:3, :3].T + pose[:3, 3])
@@ -214,7 +219,7 @@ class Painter:
                 yield back, [part], max(2, round(float(wide[k]))), None
 
     def _solids(self) -> Iterator[Shape]:
-        """The triangles that face the camera, and their shadows; those of glass in one."""
+        """Triangles that face the camera, and shadows; those of a transparent node as one shape."""
         from scipy.spatial import ConvexHull
 
         light = LIGHT / np.linalg.norm(LIGHT)
@@ -240,7 +245,7 @@ class Painter:
                 continue
             for depth, part in zip(depths.mean(axis=1), parts, strict=True):
                 yield depth, [part], None, None
-            # As of a convex body, which all but a cup's rim are.
+            # The shadow of a convex body: all nodes but a cup's rim are convex.
             corners[..., 2] = self.floor
             under = self._seen(corners.reshape(-1, 3))[0]
             under = under[ConvexHull(under).vertices]
@@ -248,7 +253,7 @@ class Painter:
 
 
 def _paint_glass(image: Image.Image, parts: list[Part], opacity: float) -> None:
-    """Triangles to look through; painted one by one, their common edges would show."""
+    """Paint transparent triangles at once: one by one, their common edges would show."""
     from PIL import Image, ImageDraw
 
     points = np.vstack([np.reshape(pixels, (-1, 2)) for pixels, _ in parts])

@@ -9,30 +9,31 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 import numpy.typing as npt
 
-from ...models import MODELS, SLIDING_PIVOT, STEPPED_SURFACE, Array
-from ..check import Simulation, case_of, given_hand
+from ...models import Array
+from ...models.release import MODELS, SLIDING_PIVOT, STEPPED_SURFACE
+from ..throw import case_of
+from ..throw.simulation import Simulation, given_hand
 from .style import ARM, PHASES, new_figure, save
 from .throw_picture import bar_corners, hand_corners
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-    from ...models import Release, ReleaseCase, ReleaseModel
+    from ...models.release import Release, ReleaseCase, ReleaseModel
     from ...problems import Scene
 
 
-#: Poses of the bar that are drawn.
+#: Number of poses of the bar.
 BARS = 7
-#: What is plotted over time.
+#: Quantities plotted over time.
 FOUR = ("v_z of the CoM [m/s]", "ω [rad/s]", "friction f_z [N]", "friction torque [N mm]")
 
 
 def draw_releases(scene: Scene, runs: Mapping[str, Simulation], path: Path) -> None:
     """The bar as it drops; CoM and friction over time by each model.
 
-    Areas: the modes of the sliding pivot. Below, v_z and ω less those of the time stepping, for
-    models that do not chatter; those that do go beyond the axes. A run without numbers is
-    only named.
+    Areas show the modes of the sliding pivot. The last row shows v_z and ω less those of the time
+    stepping, for models that converge. A run without numbers appears in the legend only.
     """
     case = case_of(scene, given_hand(scene))
     figure = new_figure(9.1, 9.9)
@@ -44,7 +45,7 @@ def draw_releases(scene: Scene, runs: Mapping[str, Simulation], path: Path) -> N
         known.get(name) or MODELS[name].release(case) for name in (SLIDING_PIVOT, STEPPED_SURFACE)
     )
     _draw_bars(stage, scene, case, stepped, pivot)
-    calm = [name for name in runs if not MODELS[name].chatters]
+    calm = [name for name in runs if not MODELS[name].nonconvergent]
     for name in calm:
         _draw_run(grid, MODELS[name], runs[name].release, stepped)
     if calm:
@@ -69,7 +70,7 @@ def draw_releases(scene: Scene, runs: Mapping[str, Simulation], path: Path) -> N
 def _draw_bars(
     axes: Axes, scene: Scene, case: ReleaseCase, stepped: Release, pivot: Release
 ) -> None:
-    """Hand and bar by the time stepping while the pads open, then in free flight as long again."""
+    """Hand and bar by the time stepping during the opening, then in free flight twice as long."""
     from matplotlib.patches import Polygon
 
     opening = case.grip.opening
@@ -77,14 +78,14 @@ def _draw_bars(
     named = set()
     for time in np.linspace(0.0, 3 * opening, BARS):
         late = max(0.0, time - opening)
-        com = [np.interp(time, stepped.times, row) for row in stepped.com]
-        com += stepped.com_twist[:, -1] * late
-        com[1] -= case.gravity * late**2 / 2
+        com = np.array([np.interp(time, stepped.times, row) for row in stepped.com])
+        if late:
+            com = scene.flight.after(stepped.detach, late).pose
         phase = [name for name, begin in begins.items() if begin is not None and begin <= time][-1]
         look: dict[str, Any] = {"fc": (PHASES[phase], 0.3), "ec": PHASES[phase], "lw": 1.2}
         look["label"] = None if phase in named else phase
         named.add(phase)
-        axes.add_patch(Polygon(bar_corners(scene.object, np.array(com)), closed=True, **look))
+        axes.add_patch(Polygon(bar_corners(scene.object, com), closed=True, **look))
     for time, alpha in ((0.0, 0.3), (opening, 0.8)):
         hand = hand_corners(scene, np.ravel(case.hand.at(np.array([time])).pose))
         axes.add_patch(Polygon(hand, closed=True, color=ARM, alpha=alpha, lw=0, zorder=0))
@@ -102,24 +103,24 @@ def _draw_run(grid: npt.NDArray[Any], model: ReleaseModel, run: Release, stepped
         grid[0, 0].plot([], [], color=model.colour, label=f"{model.title}: {run.trouble}")
         return
     style: dict[str, Any] = {"color": model.colour, "label": model.title, "lw": 1.6}
-    if model.chatters:
+    if model.nonconvergent:
         style |= {"lw": 0.5, "alpha": 0.25, "zorder": 1}
     for axes, values in zip(grid[:2].ravel(), _values(run), strict=True):
         axes.plot(1e3 * run.times, values, **style)
     for axes, values, truth in zip(grid[2], _values(run), _values(stepped), strict=False):
-        if not model.chatters:
+        if not model.nonconvergent:
             off = values - np.interp(run.times, stepped.times, truth)
             axes.plot(1e3 * run.times, off, **style)
 
 
 def _values(run: Release) -> tuple[Array, ...]:
-    """The values of FOUR over time; friction NaN where a model gives none."""
+    """The values of FOUR over time; friction is NaN for a model without one."""
     wrench = np.full_like(run.com_twist, np.nan) if run.wrench is None else run.wrench
     return run.com_twist[1], run.com_twist[2], wrench[1], 1e3 * wrench[2]
 
 
 def _draw_hand(axes: npt.NDArray[Any], case: ReleaseCase) -> None:
-    """What a body fixed in the hand would do, where the hand moves."""
+    """Rates of a body fixed in the hand, if the hand moves."""
     times = np.linspace(0.0, case.grip.opening, 101)
     hand, h = case.hand.at(times), case.body.com_offset
     if np.abs(hand.twist).max() > 0:

@@ -19,7 +19,7 @@ from .style import PHASES
 from .view import SpaceThrow, View
 
 HOST = "127.0.0.1"
-#: Steps of playing a second.
+#: Steps of playback per second.
 RATE = 50.0
 #: Playback speeds against real time.
 SPEEDS = {"1": 1.0, "1/5": 0.2, "1/20": 0.05}
@@ -37,22 +37,22 @@ def serving(throw: SpaceThrow, port: int) -> Iterator[tuple[str, Any]]:
 def empty_page(title: str, port: int) -> Iterator[tuple[str, Any]]:
     """Address and viser server of a page with nothing on it while it is served.
 
-    InputError where viser is missing or the port cannot be had.
+    InputError without viser, or if the port is not available.
     """
     try:
         import viser
     except ImportError:
         raise InputError("the page needs viser: pip install viser") from None
     _check_port(port)
-    # Browsers open connections that they leave without a word.
+    # Browsers open connections and drop them silently.
     logging.getLogger("websockets").setLevel(logging.CRITICAL)
-    # It says on stdout that it starts and stops, which is for the command to say.
+    # viser prints its start and stop on stdout, which belongs to the command.
     with contextlib.redirect_stdout(io.StringIO()):
         server = viser.ViserServer(host=HOST, port=port, label=title, verbose=False)
     try:
         if server.get_port() != port:
             raise InputError(f"--port {port}: is taken; choose another with --port")
-        # The share button would let other machines in.
+        # The share button would let other machines connect.
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         server.gui.main_panel.dock_right()
         yield f"http://{HOST}:{port}", server
@@ -62,7 +62,7 @@ def empty_page(title: str, port: int) -> Iterator[tuple[str, Any]]:
 
 
 def _check_port(port: int) -> None:
-    """InputError for a port that cannot be had; viser would take another."""
+    """InputError for a port that is not available; viser would take another."""
     with socket.socket() as probe:
         if os.name == "posix":
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
@@ -74,7 +74,7 @@ def _check_port(port: int) -> None:
 
 
 def run_panel(panel: Any, hold: float | None) -> None:
-    """Plays what the panel asks for, for `hold` seconds or until interrupted."""
+    """Play the panel for `hold` seconds or until interrupted."""
     start = last = time.perf_counter()
     while hold is None or last - start < hold:
         time.sleep(1 / RATE)
@@ -84,7 +84,7 @@ def run_panel(panel: Any, hold: float | None) -> None:
 
 
 def open_browser(address: str) -> bool:
-    """Opens the default browser; False where there is none."""
+    """Open the default browser; False without one."""
     displays = ("DISPLAY", "WAYLAND_DISPLAY", "BROWSER")
     if sys.platform.startswith("linux") and not any(os.environ.get(name) for name in displays):
         return False
@@ -95,10 +95,9 @@ def open_browser(address: str) -> bool:
 
 
 class Panel:
-    """Slider, buttons and words of a view; `advance` plays, `change` takes another throw.
+    """Slider, buttons and texts of a view; `advance` plays, `change` shows another throw.
 
-    time [s]: what is shown. viser calls back from other threads, so that changes of the
-    state are under a lock.
+    time [s]: the instant shown. viser calls back from other threads, so a lock guards the state.
     """
 
     def __init__(self, server: Any, view: View) -> None:
@@ -117,13 +116,13 @@ class Panel:
             "go to the release", hint="the opening: the force starts to fall"
         )
         self.legend = gui.add_html(_legend(self.throw.phases()))
-        self.slider.on_update(lambda _: self._slid())
+        self.slider.on_update(lambda _: self._slider_moved())
         self.button.on_click(lambda _: self.play(not self.playing))
         self.release.on_click(lambda _: self.go(self.throw.throw.opening_time))
         self.go(0.0)
 
     def change(self, throw: SpaceThrow) -> None:
-        """Shows another throw of the scene: at its opening, or played on."""
+        """Show another throw of the scene, at its opening or at the current time of playback."""
         with self._lock:
             self.throw, self.end = throw, float(throw.line.times[-1])
             self.view.change(throw)
@@ -132,7 +131,7 @@ class Panel:
             self.go(self.time if self.playing else throw.throw.opening_time)
 
     def go(self, time: float) -> None:
-        """Shows the throw at `time` [s]."""
+        """Show the throw at `time` [s]."""
         with self._lock:
             self.time = min(max(time, 0.0), self.end)
             self.view.show(self.time)
@@ -146,7 +145,7 @@ class Panel:
             )
 
     def play(self, playing: bool) -> None:
-        """Starts or stops; at the end it starts again from rest."""
+        """Start or stop; at the end start again from rest."""
         with self._lock:
             if playing and self.time >= self.end:
                 self.go(0.0)
@@ -154,7 +153,7 @@ class Panel:
             self.button.label = "pause" if playing else "play"
 
     def advance(self, seconds: float) -> None:
-        """Lets `seconds` of real time pass."""
+        """Advance by `seconds` of real time."""
         with self._lock:
             if not self.playing:
                 return
@@ -162,15 +161,15 @@ class Panel:
             if self.time >= self.end:
                 self.play(False)
 
-    def _slid(self) -> None:
-        """Somebody moved the slider; `go` itself moves it to the time it shows."""
+    def _slider_moved(self) -> None:
+        """The user moved the slider, or `go` moved it to the time it shows."""
         with self._lock:
             if self.slider.value != round(1e3 * self.time):
                 self.go(1e-3 * self.slider.value)
 
 
 def _legend(phases: dict[str, float]) -> str:
-    """The phases' colours and when they begin."""
+    """Colours and first instants of the phases."""
     square = '<span style="color:{}">&#9632;</span>'
     rows = [
         f"{square.format(PHASES[name])} {name} from {1e3 * start:.0f} ms"

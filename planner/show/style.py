@@ -1,4 +1,4 @@
-"""The style of all pictures: colours, resolution, and what several of them draw alike."""
+"""The style of all pictures: colours, resolution, figures, cups."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ def save(figure: Figure, path: Path) -> None:
 
 @contextlib.contextmanager
 def as_written(figure: Figure) -> Iterator[None]:
-    """Draws names as they are written: a `$` begins no formula, a sign without a glyph is a box."""
+    """Draw texts literally: `$` starts no formula, a character without a glyph is a box."""
     from matplotlib.text import Text
 
     for text in figure.findobj(Text):
-        # Ticks of logarithmic axes are formulas of Matplotlib's own.
+        # Matplotlib writes the ticks of logarithmic axes as formulas.
         if "$" in text.get_text() and "mathdefault" not in text.get_text():
             text.set_parse_math(False)
     with warnings.catch_warnings():

@@ -8,11 +8,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-#: One cell: words, a number, a mean with its deviation or with its interval, or None for nothing.
+#: One cell: text, a number, a mean with its deviation or interval, or None if empty.
 Cell = str | float | int | tuple[float, ...] | None
 #: One row of a table: cells by the name of their column, which holds the unit.
 Row = dict[str, Cell]
-#: What the columns of a cell of several numbers are called in a CSV file.
+#: Suffixes of the CSV columns of a cell with one, two or three numbers.
 ENDS = {1: ("",), 2: ("", " std"), 3: ("", " low", " high")}
 
 
@@ -20,8 +20,8 @@ ENDS = {1: ("",), 2: ("", " std"), 3: ("", " low", " high")}
 class Table:
     """Rows of named cells.
 
-    name: stem of the CSV file; caption: what the table holds, in a few words; short: a page with
-    many tables shows it, with `digits` significant digits of a float.
+    name: stem of the CSV file; caption: what the table holds, in a few words; short: shown on a
+    page with many tables; digits: significant digits of a float.
     """
 
     name: str
@@ -32,7 +32,7 @@ class Table:
 
     @property
     def columns(self) -> list[str]:
-        """The names of all cells, in the order in which they come first."""
+        """The names of all cells, in order of first occurrence."""
         return list(dict.fromkeys(name for row in self.rows for name in row))
 
     def column(self, name: str) -> list[Cell]:
@@ -40,11 +40,11 @@ class Table:
         return [row.get(name) for row in self.rows]
 
     def where(self, **cells: Cell) -> list[Row]:
-        """The rows that hold these cells."""
+        """The rows with these cells."""
         return [row for row in self.rows if cells.items() <= row.items()]
 
     def write(self, folder: Path) -> None:
-        """The CSV file; None is an empty cell, a deviation or interval has its own columns."""
+        """Write the CSV file; None is an empty cell, deviations and intervals are columns."""
         columns = list[list[Cell]]()
         for name in self.columns:
             cells = [c if isinstance(c, tuple) else (c,) for c in self.column(name)]
@@ -72,7 +72,7 @@ def _padded(cell: str, words: bool, width: int) -> str:
 
 
 def shown(cell: Cell, digits: int = 3) -> str:
-    """A cell as people read it: a float with so many digits, or all those before the point."""
+    """A cell as text: floats with `digits` significant digits, or all before the point."""
     if isinstance(cell, tuple):
         parts = [shown(number, digits) for number in cell]
         return f"{parts[0]} ({parts[1]} to {parts[2]})" if len(parts) == 3 else " ± ".join(parts)
@@ -84,5 +84,5 @@ def shown(cell: Cell, digits: int = 3) -> str:
 
 
 def number(cell: Cell, otherwise: float = math.nan) -> float:
-    """A cell's number, `otherwise` where there is none."""
+    """A cell's number, `otherwise` if it has none."""
     return float(cell) if isinstance(cell, float | int) else otherwise

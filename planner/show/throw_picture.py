@@ -1,4 +1,4 @@
-"""throw.png, and what it shares with throw.gif."""
+"""throw.png, and parts shared with throw.gif."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...models import Array
-from ..check import bar_outline, column_of, obstacles_of, palm_corners
+from ..throw import column_of
+from ..throw.clearance import bar_outline, obstacles_of, palm_corners
 from .style import ARM, BLACK, GREEN, ORANGE, PHASES, RED, draw_cup, new_figure, save
 from .timeline import Timeline, timeline
 
@@ -18,27 +19,26 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from ...problems import Pose, Scene, ThrownObject
-    from ..check import Throw
+    from ..throw import Throw
 
 
 #: The plots over time start this long before the command [ms].
 LEAD_MS = 120.0
-#: Least width drawn for a bar [m], and how many of its poses are drawn in the hand and in flight.
-MIN_WIDTH, CARRIED, FLYING = 0.008, 6, 7
-#: Poses of the bar between the pads that are drawn.
-RELEASING = 5
-#: What does not move is in the picture up to this far from what does [m].
+#: Least width [m] drawn for a bar.
+MIN_WIDTH = 0.008
+#: Number of poses of the bar in the hand, in flight, and between the opening pads.
+CARRIED, FLYING, RELEASING = 6, 7, 5
+#: Fixed bodies are in the picture up to this distance [m] from what moves.
 AROUND = 0.4
-#: The plot of turning rates spans at least this [rad/s].
+#: Least span [rad/s] of the plot of turning rates.
 LEAST_RATE = 1.0
 
 
 def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None = None) -> Figure:
     """The throw as one picture: the plane, the release seen from the hand, plots over time.
 
-    path: of the PNG that is written, if any.
-
-    load: times [s] and load of a robust plan's window, as `load_curve` gives them.
+    path: of the PNG to write, None for none. load: times [s] and load of a robust plan's window,
+    as `load_curve` gives them.
     """
     line, scene = timeline(throw), throw.scene
     figure = new_figure(12.5, 7.6)
@@ -49,10 +49,11 @@ def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None
     _draw_bars(stage, scene.object, line)
     frame_stage(stage, scene, throw.target, line)
     _draw_release(figure.add_subplot(grid[0, 1]), scene, line)
-    dx, dtheta = throw.final.miss(throw.target)
+    dx, dtheta = throw.deciding.miss(throw.target)
     angle = "" if throw.target.theta is None else f", {np.degrees(abs(dtheta)):.3f} deg"
     title = f"{scene.name}: lands {1e3 * abs(dx):.3f} mm{angle} from the target\n"
-    stage.set_title(title + _words_of_flight(throw), loc="left", fontsize=10)
+    title += f"{_words_of_flight(throw)}\n{grip_words(throw)}"
+    stage.set_title(title, loc="left", fontsize=10)
     plots = [figure.add_subplot(grid[i, 1]) for i in (1, 2, 3)]
     _draw_plots(plots, line)
     if load is not None:
@@ -62,11 +63,20 @@ def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None
     return figure
 
 
+def grip_words(throw: Throw) -> str:
+    """Largest use of the grip's friction, and the reserve of the plan."""
+    use, reserve = throw.measured.grip, throw.scene.gripper.sticking_margin
+    return (
+        f"grip: at most {100 * use.value:.0f} % of its friction before it opens, at "
+        f"{use.time:.2f} s (planned with {100 * reserve:g} % in reserve)"
+    )
+
+
 def _words_of_flight(throw: Throw) -> str:
-    """Speed and turning rate as the bar comes free, and what it does until it lands."""
+    """Speed and turning rate at detach, time and turns of the flight."""
     flight = throw.landing_time - throw.detach_time
     ends = throw.flight(np.array([0.0, flight]))[2]
-    v_x, v_z, omega = throw.final.release.com_twist[:, -1]
+    v_x, v_z, omega = throw.deciding.release.com_twist[:, -1]
     return (
         f"leaves the hand at {np.hypot(v_x, v_z):.2f} m/s, turning {omega:.1f} rad/s; "
         f"flies {1e3 * flight:.0f} ms, {abs(ends[1] - ends[0]) / (2 * np.pi):.2f} turns"
@@ -74,7 +84,7 @@ def _words_of_flight(throw: Throw) -> str:
 
 
 def bar_corners(bar: ThrownObject, com: Array) -> Array:
-    """Corners (4, 2) of the bar, widened to be seen."""
+    """Corners (4, 2) of the bar, drawn at least `MIN_WIDTH` wide."""
     wide = dataclasses.replace(bar, width=max(bar.width, MIN_WIDTH))
     return np.asarray(bar_outline(wide, com[:, None])[:, 0].T)
 
@@ -114,7 +124,7 @@ def draw_surroundings(stage: Axes, scene: Scene, target: Pose) -> None:
 
 
 def frame_stage(stage: Axes, scene: Scene, target: Pose, line: Timeline) -> None:
-    """Equal axes around everything that moves and what is near it, and the legend below."""
+    """Equal axes around all that moves and the bodies near it; the legend below."""
     low, high = line.extent(scene)
     there = [solid.outline() for solid in obstacles_of(scene.aimed_at(target))]
     if scene.cup is not None:
@@ -138,7 +148,7 @@ def frame_stage(stage: Axes, scene: Scene, target: Pose, line: Timeline) -> None
 def _draw_release(axes: Axes, scene: Scene, line: Timeline) -> None:
     """The bar between the pads at some instants of the opening, in the hand's frame.
 
-    Turned so that the carried bar lies flat; the title says how far it slips and pivots.
+    Turned so that the carried bar is horizontal; the title gives its slip and pivot angle.
     """
     from matplotlib.patches import Circle, Polygon
 
@@ -163,7 +173,7 @@ def _draw_release(axes: Axes, scene: Scene, line: Timeline) -> None:
     axes.set_xlabel("in the hand's frame [m]", fontsize=8)
     axes.tick_params(labelsize=7)
     turned = seen[2, end]
-    # Where the pads' centre is along and across the bar, and how far that goes.
+    # Motion of the pads' centre along and across the bar.
     across = [[np.cos(turned), np.sin(turned)], [-np.sin(turned), np.cos(turned)]]
     slip = np.linalg.norm(np.array(across) @ seen[:2, end] - seen[:2, begin])
     words = f"slips {1e3 * slip:.2f} mm, pivots {np.degrees(turned - seen[2, begin]):.1f} deg"

@@ -8,13 +8,14 @@ from typing import TYPE_CHECKING
 import casadi as ca
 import numpy as np
 
-from ...models import Array, HandMotion, Indices, PlanarArm, pivot_wrench
-from ..check import bar_outline
+from ...models import Array, HandMotion, Indices, pivot_wrench
+from ...models.robot import PlanarArm
+from ..throw.clearance import bar_outline, held_bar
 from .style import PHASES
 
 if TYPE_CHECKING:
     from ...problems import Scene
-    from ..check import Throw
+    from ..throw import Throw
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,7 @@ def timeline(
     opening, detach, landing = throw.opening_time, throw.detach_time, throw.landing_time
     end = landing if after is None else max(landing, after[0][-1])
     times = np.arange(0.0, end + step / 2, step)
-    pose, twist, acceleration = throw.mover.hand(throw.to_rest).at(times)
+    pose, twist, acceleration = throw.manipulator.hand(throw.to_rest).at(times)
     com, rate, phase = _object(throw, times, pose, twist)
     if after is not None:
         late = times > landing
@@ -99,19 +100,17 @@ def timeline(
 
 def _object(throw: Throw, times: Array, hand: Array, twist: Array) -> tuple[Array, Array, Indices]:
     """CoM poses (3, N), turning rate (N,) and phase (N,) over time."""
-    scene, release = throw.scene, throw.final.release
+    scene, release = throw.scene, throw.deciding.release
     opening, detach = throw.opening_time, throw.detach_time
-    theta, h = hand[2] + scene.grasp.angle, scene.com_offset
-    carried = np.array([hand[0] + h * np.cos(theta), hand[1] + h * np.sin(theta), theta])
     inside = np.clip(times - opening, 0.0, release.times[-1])
     opened = np.array([np.interp(inside, release.times, row) for row in release.com])
     opened_rate = np.interp(inside, release.times, release.com_twist[2])
     flying = throw.flight(np.maximum(times - detach, 0.0))
     states = [times < opening, times < detach]
-    com = np.where(states[0], carried, np.where(states[1], opened, flying))
+    com = np.where(states[0], held_bar(scene, hand), np.where(states[1], opened, flying))
     rate = np.select(states, [twist[2], opened_rate], release.com_twist[2, -1])
     phase = np.where(times < opening, 0, 1)
-    for onset, index in zip(throw.final.onsets, (2, 3), strict=True):
+    for onset, index in zip(throw.deciding.onsets, (2, 3), strict=True):
         if onset is not None:
             phase[times >= opening + onset] = index
     phase[times >= detach] = 4
@@ -120,10 +119,10 @@ def _object(throw: Throw, times: Array, hand: Array, twist: Array) -> tuple[Arra
 
 def _arm_points(throw: Throw, times: Array) -> Array | None:
     """Base, joints and TCP (N, 2, points) in the throw's plane, None for a hand."""
-    kinematics = throw.mover.kinematics
+    kinematics = throw.manipulator.kinematics
     if not isinstance(kinematics, PlanarArm):
         return None
-    q = ca.SX.sym("q", throw.mover.size)
+    q = ca.SX.sym("q", throw.manipulator.size)
     points = ca.horzcat(ca.DM.zeros(2, 1), kinematics.points(q))
     values = np.array(
         ca.Function("points", [q], [points]).map(len(times))(throw.path.at(times).pose)

@@ -1,4 +1,4 @@
-"""The 3-D view of a throw: where links, hand and bar are over time, and what viser shows of it.
+"""The 3-D view of a throw: poses of links, hand and bar over time, and their viser scene.
 
 The throw's plane is the one of its target.
 """
@@ -12,31 +12,33 @@ from typing import TYPE_CHECKING, Any
 import casadi as ca
 import numpy as np
 
-from ...models import Arm, Array, DHRow, PlanarArm, placement
+from ...models import Array
+from ...models.robot import Arm, DHRow, PlanarArm, placement
 from .style import ARM, BLACK, PHASES
 from .timeline import Timeline, timeline
 
 if TYPE_CHECKING:
     from ...problems import Cup, Obstacle, Pose, Scene, ThrowPlane
-    from ..check import Throw
+    from ..throw import Throw
 
 
 LINK, CUP, PAD = "#7c8899", "#b5713c", "#20242b"
-#: Links are as thick as this share of the arm's length.
+#: Radius of links as a share of the arm's length.
 LINK_RADIUS = 0.032
-#: Drawn only: the hand's width along the pads' motion; how far the pads reach beyond their
-#: centre, and their size [m].
-HAND_WIDTH, PAD_AHEAD, PAD_WIDTH, PAD_THICKNESS = 0.16, 0.01, 0.02, 0.012
-#: Drawn only: how fast a pad goes away after detach [m/s], and how far [m].
+#: Drawn width [m] of the hand along the pads' motion.
+HAND_WIDTH = 0.16
+#: Drawn pads [m]: length beyond their centre, width, thickness.
+PAD_AHEAD, PAD_WIDTH, PAD_THICKNESS = 0.01, 0.02, 0.012
+#: Drawn speed [m/s] and travel [m] of a pad after detach.
 PAD_SPEED, PAD_TRAVEL = 0.1, 0.03
 #: The box that stands for a free hand's body (from, to, half width) behind the pads [m].
 FREE_HAND = (0.12, 0.045, 0.03)
 RIM, LIGHT = 0.006, 2.0
-#: How far a mark's name is below it [m]: those at the release are near each other.
+#: Distance [m] of a mark's name below it: marks at the release are close to each other.
 LABEL_DROP = {"command": 0.2, "opening": 0.13, "detach": 0.06, "landing": 0.0}
-#: Half the least thickness drawn for a bar [m].
+#: Half of the least thickness [m] drawn for a bar.
 LEAST_HALF = 0.004
-#: The camera's vertical angle, and the width over height that the throw must fit.
+#: Vertical angle of the camera; width over height of the view that the throw must fit.
 VIEW_ANGLE, ASPECT = math.radians(40.0), 1.15
 
 
@@ -66,13 +68,13 @@ class SpaceThrow:
         return self.throw.target.plane
 
     def phases(self) -> dict[str, float]:
-        """When each phase that occurs begins, and the landing [s].
+        """First instant [s] of each phase that occurs, and of the landing.
 
-        On the limit surface the object starts to pivot and slide at once: then it slides.
+        Pivoting and sliding begin together on the limit surface: that phase is slide.
         """
         opening = self.throw.opening_time
         found = {"carry": 0.0, "stick": opening}
-        for name, onset in zip(("pivot", "slide"), self.throw.final.onsets, strict=True):
+        for name, onset in zip(("pivot", "slide"), self.throw.deciding.onsets, strict=True):
             if onset is not None:
                 found[name] = opening + float(onset)
         if found.get("pivot", -1.0) == found.get("slide"):
@@ -80,7 +82,7 @@ class SpaceThrow:
         return found | {"flight": self.throw.detach_time, "landing": self.throw.landing_time}
 
     def target(self, target: Pose | None = None) -> Array:
-        """4x4: the target, its own by default; at the landing's angle where that is open."""
+        """Pose (4, 4) of a target, default the throw's; the landing's angle if its own is open."""
         target = target or self.throw.target
         theta = target.theta
         if theta is None:
@@ -105,8 +107,8 @@ def space_throw(throw: Throw, after: tuple[Array, Array] | None = None) -> Space
     line, plane = timeline(throw, after=after), throw.target.plane
     hand, bar = plane.poses(line.hand), plane.poses(line.com)
     joints = np.empty((len(line.times), 0, 4, 4))
-    if isinstance(throw.mover.kinematics, PlanarArm):
-        joints = _joint_frames(throw, throw.mover.kinematics, line.times)
+    if isinstance(throw.manipulator.kinematics, PlanarArm):
+        joints = _joint_frames(throw, throw.manipulator.kinematics, line.times)
     return SpaceThrow(throw, line, hand, bar, joints)
 
 

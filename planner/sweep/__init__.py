@@ -1,8 +1,8 @@
-"""Many throws of one plan under uncertainty: samples, statistics, sensitivities.
+"""One plan under uncertainty: thrown many times with sampled parameters, and made to bear it.
 
-Chunks of them may be spread over processes and machines; the result is the same to the bit.
+Chunks of throws may be spread over processes and machines; the result is the same to the bit.
 """
 
-from .running import SWEEP_FILES, Sweep, check_sweep, sweep, sweep_until_stopped
-from .statistics import scaled_error
-from .workers import executor_of
+from .hardening import QUIET_MESH, Hardening, hardened, robust_scene
+from .results import SWEEP_FILES, Sweep
+from .running import check_sweep, sweep, sweep_until_stopped

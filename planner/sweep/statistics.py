@@ -1,4 +1,4 @@
-"""What many landings come to: success, quantiles, and how they answer to each parameter."""
+"""Statistics of landings: quantiles, sensitivities to each parameter, tolerated delays."""
 
 from __future__ import annotations
 
@@ -6,44 +6,40 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...models import MODELS, Array
-from ...problems import UNCERTAIN_PARAMETERS
-from .samples import Sampler
-from .throws import FURTHEST, Outcomes, Thrower
+from ...models import Array, Flags
+from ...models.release import MODELS
+from ...problems import Uncertainty
+from ..verdict import Judge, Sampler
+from .throws import FURTHEST, ThrowSimulator
 
 #: Quantiles that are reported [%].
 QUANTILES = (50, 90, 95, 99)
-#: Landings that differ by less [m, rad] differ by rounding and the models' steps alone.
-NOTHING = 1e-5
-#: Degree of the polynomials behind the shares of the variance, and the samples they need
-#: for each coefficient.
-DEGREE, SAMPLES_EACH = 8, 10
-#: Steps of the central differences: this share of the standard deviation, and at most
-#: this share of a positive value.
-STEP, MOST = 0.05, 0.01
-#: Sections of the delays up to `FURTHEST`, of the one with the first failure, and of its own.
+#: A range of landings below this [m, rad] is rounding and the models' steps.
+ROUNDING = 1e-5
+#: Highest degree of the polynomials behind the shares of the variance.
+DEGREE = 8
+#: Fewest samples for each coefficient of such a polynomial.
+SAMPLES_EACH = 10
+#: Steps of the central differences, as a share of the standard deviation.
+STEP = 0.05
+#: Largest step of a positive parameter, as a share of its value.
+MOST = 0.01
+#: Number of sections in three successive scans for the first delay that fails: of the delays up to
+#: `FURTHEST`, of the section that holds the failure, and of its section.
 SECTIONS = (100, 64, 64)
-#: Quantiles between which a parameter swings.
+#: Quantiles of a parameter at the two ends of its bar in the tornado.
 OUTER = (0.05, 0.95)
-#: The band over delay: delays, and draws of the other parameters at each; fewer for the
-#: models that take milliseconds a throw.
-BAND, SLOW_BAND = (41, 128), (21, 16)
+#: delay.png: number of delays, and draws of the other parameters at each.
+BAND = (41, 128)
+#: The same for models that take milliseconds a throw.
+SLOW_BAND = (21, 16)
 
 
 def quantiles(errors: Array) -> dict[str, float]:
-    """The least error (N,) that so many per cent of the throws do not exceed.
-
-    A throw without a landing (NaN) is infinitely far off.
-    """
+    """Quantiles of the errors (N,) by their per cent; no landing (NaN) is an infinite error."""
     known = np.where(np.isnan(errors), np.inf, errors)
     values = np.quantile(known, np.array(QUANTILES) / 100, method="inverted_cdf")
     return {str(name): float(value) for name, value in zip(QUANTILES, values, strict=True)}
-
-
-def scaled_error(dx: Array, dtheta: Array, length: float, theta_counts: bool) -> Array:
-    """e = |dx| + |dtheta| length / 2 [m], (39); |dx| where the target leaves theta open."""
-    turned = np.abs(dtheta) * length / 2 if theta_counts else 0.0
-    return np.asarray(np.abs(dx) + turned)
 
 
 def variance_shares(values: Array, result: Array) -> list[float]:
@@ -57,7 +53,7 @@ def variance_shares(values: Array, result: Array) -> list[float]:
     """
     known = np.isfinite(result)
     values, result = values[known], result[known]
-    if result.size < 3 or float(np.ptp(result)) < NOTHING:
+    if result.size < 3 or float(np.ptp(result)) < ROUNDING:
         return [0.0] * values.shape[1]
     return [_share(column, result) for column in values.T]
 
@@ -65,7 +61,7 @@ def variance_shares(values: Array, result: Array) -> list[float]:
 def _share(column: Array, result: Array) -> float:
     """Adjusted R^2 of a polynomial in `column` (N,) fitted to `result` (N,)."""
     low, high = float(column.min()), float(column.max())
-    # A few measured values carry no higher polynomial.
+    # The degree is below the number of different values.
     different = np.unique(column).size
     degree = min(DEGREE, different - 1, (result.size - 1) // SAMPLES_EACH)
     if degree < 1 or high <= low:
@@ -78,52 +74,55 @@ def _share(column: Array, result: Array) -> float:
     return min(max(adjusted, 0.0), 1.0)
 
 
-def derivatives(thrower: Thrower, sampler: Sampler) -> dict[str, tuple[float, float]]:
+def derivatives(simulator: ThrowSimulator, sampler: Sampler) -> dict[str, tuple[float, float]]:
     """d x / d p [m per unit] and d theta / d p [rad per unit] at the plan's own values.
 
-    Central differences by the thrower's model, for each uncertain parameter.
+    By central differences, for each uncertain parameter p.
     """
-    count = len(thrower.names)
-    steps = np.array([_step(thrower, sampler, i) for i in range(count)])
-    values = np.repeat(thrower.nominal(), 2 * count, axis=0)
+    count = len(simulator.batch.names)
+    steps = np.array([_step(simulator, sampler, i) for i in range(count)])
+    values = np.repeat(simulator.batch.nominal(), 2 * count, axis=0)
     for i, step in enumerate(steps):
         values[2 * i, i] += step
         values[2 * i + 1, i] -= step
-    pose = thrower.throw(values).pose[:, :2]
+    pose = simulator.poses(values)[:, :2]
     slopes = (pose[0::2] - pose[1::2]) / (2 * steps[:, None])
-    return {name: (float(s[0]), float(s[1])) for name, s in zip(thrower.names, slopes, strict=True)}
+    return {
+        name: (float(s[0]), float(s[1]))
+        for name, s in zip(simulator.batch.names, slopes, strict=True)
+    }
 
 
-def _step(thrower: Thrower, sampler: Sampler, i: int) -> float:
-    name, value = thrower.names[i], thrower.nominal()[0, i]
-    # One measured value has no deviation.
+def _step(simulator: ThrowSimulator, sampler: Sampler, i: int) -> float:
+    name, value = simulator.batch.names[i], simulator.batch.nominal()[0, i]
+    # A single measured value has no deviation.
     step = STEP * sampler.spreads[i].deviation or 1e-4
-    return min(step, MOST * value) if UNCERTAIN_PARAMETERS[name].scaled else step
+    return min(step, MOST * value) if Uncertainty.PARAMETERS[name].scaled else step
 
 
 @dataclass(frozen=True)
 class DelayScan:
-    """The largest delays [s] before and after the mean up to which every throw still succeeds.
+    """The largest delays [s] before and after the mean up to which every throw succeeds.
 
-    0 where the nominal one fails, None where none fails within `FURTHEST`.
+    0 if the nominal throw fails, None if none fails within `FURTHEST`.
     """
 
     early: float | None
     late: float | None
 
 
-def scan_delays(thrower: Thrower) -> DelayScan:
-    """Locates the first failure on either side, all else as planned."""
-    if not thrower.succeeds(_at_delays(thrower, np.zeros(1)))[0]:
+def scan_delays(simulator: ThrowSimulator) -> DelayScan:
+    """Find the first failure on either side, all other parameters as planned."""
+    if not _succeeds(simulator, np.zeros(1))[0]:
         return DelayScan(0.0, 0.0)
-    return DelayScan(_largest_delay(thrower, -1.0), _largest_delay(thrower, 1.0))
+    return DelayScan(_largest_delay(simulator, -1.0), _largest_delay(simulator, 1.0))
 
 
-def _largest_delay(thrower: Thrower, sign: float) -> float | None:
+def _largest_delay(simulator: ThrowSimulator, sign: float) -> float | None:
     low, high = 0.0, FURTHEST
     for sections in SECTIONS:
         ends = np.linspace(low, high, sections + 1)
-        inside = thrower.succeeds(_at_delays(thrower, sign * ends[1:]))
+        inside = _succeeds(simulator, sign * ends[1:])
         if inside.all() and high == FURTHEST:
             return None
         first = int(np.argmin(np.append(inside[:-1], False)))
@@ -131,32 +130,39 @@ def _largest_delay(thrower: Thrower, sign: float) -> float | None:
     return sign * low
 
 
-def _at_delays(thrower: Thrower, delays: Array, values: Array | None = None) -> Outcomes:
-    """Throws with these delays (K,) beyond the mean, all else as planned or as `values`."""
-    if values is None:
-        values = thrower.nominal(len(delays))
-    if "delay" in thrower.names:
+def _succeeds(simulator: ThrowSimulator, delays: Array) -> Flags:
+    """Flags of the delays (K,) beyond the mean that succeed, all other parameters as planned."""
+    late, values = _delayed(simulator, delays, simulator.batch.nominal(len(delays)))
+    return late.throw(values).verdicts.succeeds
+
+
+def _delayed(
+    simulator: ThrowSimulator, delays: Array, values: Array
+) -> tuple[ThrowSimulator, Array]:
+    """A simulator and values (K, P) with these delays (K,) [s] beyond the mean."""
+    late = simulator.batch.mean_delay + delays
+    if "delay" in simulator.batch.names:
         values = values.copy()
-        values[:, thrower.names.index("delay")] = thrower.mean_delay + delays
-        return thrower.throw(values)
-    extended = thrower.with_parameter("delay")
-    return extended.throw(np.column_stack([values, thrower.mean_delay + delays]))
+        values[:, simulator.batch.names.index("delay")] = late
+        return simulator, values
+    batch = simulator.batch.with_parameter("delay")
+    return ThrowSimulator(Judge(batch)), np.column_stack([values, late])
 
 
-def swings(thrower: Thrower, sampler: Sampler) -> Array:
-    """Poses (P, 2, 3) with each parameter at its 5 and 95 % quantile, all else as planned."""
-    values = np.repeat(thrower.nominal(), 2 * len(thrower.names), axis=0)
-    for i, name in enumerate(thrower.names):
+def swings(simulator: ThrowSimulator, sampler: Sampler) -> Array:
+    """Landings (P, 2, 3) with each parameter at its 5 and 95 % quantile, the others as planned."""
+    values = np.repeat(simulator.batch.nominal(), 2 * len(simulator.batch.names), axis=0)
+    for i, name in enumerate(simulator.batch.names):
         values[2 * i : 2 * i + 2, i] = sampler.quantiles(name, np.array(OUTER))
-    return thrower.throw(values).pose.reshape(-1, 2, 3)
+    return simulator.poses(values).reshape(-1, 2, 3)
 
 
 def delay_band(
-    thrower: Thrower, sampler: Sampler, limits: tuple[float, float]
+    simulator: ThrowSimulator, sampler: Sampler, limits: tuple[float, float]
 ) -> tuple[Array, Array]:
-    """Delays (K,) [s] beyond the mean, and poses (K, M, 3) for M draws of all else there."""
-    count, draws = BAND if MODELS[thrower.model].quick else SLOW_BAND
+    """Delays (K,) [s] beyond the mean; landings (K, M, 3) of M draws of the other parameters."""
+    count, draws = BAND if MODELS[simulator.batch.model].quick else SLOW_BAND
     delays = np.linspace(*limits, count)
     values = sampler.draw(0, draws)
-    pose = _at_delays(thrower, np.repeat(delays, draws), np.tile(values, (count, 1))).pose
-    return delays, pose.reshape(count, draws, 3)
+    late, samples = _delayed(simulator, np.repeat(delays, draws), np.tile(values, (count, 1)))
+    return delays, late.poses(samples).reshape(count, draws, 3)

@@ -5,6 +5,7 @@ from .arm import (
     LIMIT_OPTIONS,
     STATES,
     Choices,
+    arm_file,
     arm_of,
     held_joints,
     kinematics_difference,
@@ -12,5 +13,6 @@ from .arm import (
     link_inertias,
 )
 from .chain import UrdfChain, chain_of
-from .frames import AXES
-from .reading import read_urdf
+from .frames import AXES, MissingOptionError
+from .reading import read_urdf, urdf_file
+from .shapes import LinkShapes, link_meshes, link_shapes

@@ -11,12 +11,15 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...models import Arm, Array, JointLimits, LinkInertia, PlanarArm, Tool
+from ...models import Array
+from ...models.robot import Arm, JointLimits, LinkInertia, PlanarArm, Tool
+from ..arms import arm_from, arm_text
+from ..files import toml_tables
 from ..section import InputError
 from .chain import UrdfChain, hanging, joint_named
-from .frames import origin
+from .frames import MissingOptionError, origin
 
-#: A value per joint, None where there is none.
+#: One value per joint; None where no option gives it.
 Given = Sequence[float | None]
 
 #: Limits by their names in an arm data file, in the order of `JointLimits`, with the options
@@ -29,12 +32,26 @@ LIMIT_OPTIONS = {
     "jerk": "--jerk",
     "torque": "--torque",
 }
-#: Joint states at which the written file is held against yourdfpy, and how far it may be off.
-STATES, EXACT = 24, 1e-9
-#: What joints that do not throw may keep [rad], and how far axes along or across are off.
-QUARTERS, ALIGNED = (math.pi, math.pi / 2, -math.pi / 2), 1e-6
+#: Limits to try where neither the URDF nor an option has them, as the options take them [deg;
+#: rad/s, rad/s^2, rad/s^3; N m]: those of a slow arm of medium size.
+PROPOSED = {
+    "position_min": "-180",
+    "position_max": "180",
+    "velocity": "1",
+    "acceleration": "10",
+    "jerk": "1000",
+    "torque": "50",
+}
+#: Random joint states at which the written file is compared with yourdfpy.
+STATES = 24
+#: Largest difference [m; -] from yourdfpy at these states; beyond it nothing is written.
+EXACT = 1e-9
+#: Angles [rad] that joints which do not throw are tried at, besides the posture's.
+QUARTERS = (math.pi, math.pi / 2, -math.pi / 2)
+#: Largest cosine between axes that count as perpendicular, or 1 less that of parallel ones.
+ALIGNED = 1e-6
 CHANGE = "; change --azimuth, --throwing, --posture-deg, --tool or --approach"
-#: Without a palm the hand is a point this far [m] behind the pads at least, off the bar.
+#: Least distance [m] behind the pads of the point that stands for a hand without a palm.
 NO_PALM = 0.1
 
 
@@ -56,12 +73,13 @@ class Choices:
 
 
 def limits_of(chain: UrdfChain, given: Mapping[str, Given]) -> JointLimits:
-    """The joints' limits: given ones before the file's; InputError naming all that are missing.
+    """The joints' limits: given ones before the file's.
 
-    given: by the names in `LIMIT_OPTIONS`, in SI units.
+    given: by the names in `LIMIT_OPTIONS`, in SI units. MissingOptionError with all that are in
+    neither.
     """
     found: dict[str, tuple[float, ...]] = {}
-    missing = []
+    missing, proposals = list[str](), dict[str, list[str]]()
     for name, option in LIMIT_OPTIONS.items():
         own = [_in_file(joint, name) for joint in chain.joints]
         more = given.get(name, [None] * len(own))
@@ -69,10 +87,17 @@ def limits_of(chain: UrdfChain, given: Mapping[str, Given]) -> JointLimits:
         lacking = [joint for joint, v in zip(chain.names, values, strict=True) if v is None]
         if lacking:
             who = "all joints" if len(lacking) == len(values) else ", ".join(lacking)
-            missing.append(f"{name} of {who} ({option})")
+            missing.append(f"{option} ({name} of {who})")
+            proposals[option] = [PROPOSED[name] if v is None else "-" for v in values]
+            if len(lacking) == len(values):
+                proposals[option] = [PROPOSED[name]]
         found[name] = tuple(v for v in values if v is not None)
     if missing:
-        raise InputError(f"limits that the URDF lacks must be given: {'; '.join(missing)}")
+        raise MissingOptionError(
+            f"limits are missing that the URDF does not hold; the robot's data sheet has them: "
+            f"{', '.join(missing)}",
+            proposals,
+        )
     for name, option in LIMIT_OPTIONS.items():
         for joint, value in zip(chain.names, found[name], strict=True):
             if not name.startswith("position") and value <= 0:
@@ -120,6 +145,12 @@ def arm_of(chain: UrdfChain, limits: JointLimits, choices: Choices) -> Arm:
     except ValueError as error:
         raise InputError(f"{error}{CHANGE}") from None
     return arm
+
+
+def arm_file(arm: Arm, remarks: Sequence[str], place: str) -> tuple[str, Arm]:
+    """The arm's data file as text, and the arm that is read back from it."""
+    text = arm_text(arm, remarks)
+    return text, arm_from(toml_tables(text, place))
 
 
 def kinematics_difference(arm: Arm, chain: UrdfChain, states: int = STATES) -> float:

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
 
-from ...models import Array, JointFrame
-from ..section import InputError, hint_at
-from .frames import AXES, axis_turn, frame_of, hand_turn, origin, unit_axis
+from ...models import Array
+from ...models.robot import JointFrame
+from ..section import InputError
+from .frames import AXES, MissingOptionError, axis_turn, frame_of, hand_turn, origin, unit_axis
 
-#: A hand points along an axis of its link where this share of what hangs on it is along it.
+#: Cosine between an axis of the tool link and the way to what hangs on it, above which the hand
+#: seems to point along the axis.
 POINTS = 0.8
 
 
@@ -146,9 +149,13 @@ def _named(robot: Any, names: Sequence[str], tool: str | None) -> list[str]:
     if names and not numbers:
         return list(names)
     if tool is None:
-        hands = ", ".join(_hands(robot)) or "none in this file"
-        raise InputError(
-            f"--tool: must name the link of the hand (links near the ends of the robot: {hands})"
+        hands = _hands(robot)
+        if not hands:
+            raise InputError("--tool: no link of this file is moved by two joints or more")
+        likely = [name for name in hands if re.search("tool|hand|tcp|gripper", name)]
+        raise MissingOptionError(
+            f"--tool is missing: the link of the hand, one of {', '.join(hands)}",
+            {"--tool": [(likely or hands)[-1]]},
         )
     turning = _turning(robot, tool)
     return [
@@ -186,9 +193,10 @@ def _approach(robot: Any, path: Sequence[Any], tool: str) -> str:
     length = float(np.linalg.norm(away))
     likely = [name for name, axis in AXES.items() if axis @ away > POINTS * length > 0]
     if likely and likely != ["z"]:
-        raise InputError(
-            f"--approach: the hand on link '{tool}' seems to point along its {likely[0]}, not z: "
-            f"say --approach={likely[0]}, or --approach=z if it is z"
+        raise MissingOptionError(
+            f"--approach is missing: the hand on link '{tool}' seems to point along its "
+            f"{likely[0]}, not z: say --approach={likely[0]}, or --approach=z if it is z",
+            {"--approach": likely[:1]},
         )
     return "z"
 
@@ -206,9 +214,10 @@ def _closing(robot: Any, tool: str, approach: str) -> str:
         ways.add(next((name for name in "xyz" if abs(way @ AXES[name]) > length > 0), ""))
     if len(ways) == 1 and ways - {usual, ""}:
         (likely,) = ways
-        raise InputError(
-            f"--closing: the pads on link '{tool}' seem to close along its {likely}, not {usual}: "
-            f"say --closing {likely}, or --closing {usual} if it is {usual}"
+        raise MissingOptionError(
+            f"--closing is missing: the pads on link '{tool}' seem to close along its {likely}, "
+            f"not {usual}: say --closing {likely}, or --closing {usual} if it is {usual}",
+            {"--closing": [likely]},
         )
     return usual
 
@@ -254,16 +263,16 @@ def _link(robot: Any, option: str, name: str) -> str:
 
 def _near(name: str, known: Iterable[str]) -> str:
     """Words for the name that is like `name`, or else for all."""
-    return hint_at(name, known) or f" (there are: {', '.join(known)})"
+    return InputError.hint(name, known) or f" (there are: {', '.join(known)})"
 
 
 def _path(robot: Any, link: str) -> list[Any]:
     """The joints from the root to a link."""
-    movers = {joint.child: joint for joint in robot.robot.joints}
+    manipulators = {joint.child: joint for joint in robot.robot.joints}
     found: list[Any] = []
-    while link in movers:
-        found.insert(0, movers[link])
-        link = movers[link].parent
+    while link in manipulators:
+        found.insert(0, manipulators[link])
+        link = manipulators[link].parent
     return found
 
 

@@ -3,12 +3,26 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
-from ...models import Array, JointFrame
+from ...models import Array
+from ...models.robot import JointFrame
 from ..section import InputError
+
+
+class MissingOptionError(InputError):
+    """Options without which no arm can be made, each with a value to try.
+
+    proposals: words for the command line by option, one word or one per joint.
+    """
+
+    def __init__(self, words: str, proposals: Mapping[str, list[str]]) -> None:
+        super().__init__(words)
+        self.proposals = dict(proposals)
+
 
 #: A link's own axes, by the names that options have for them.
 AXES = {

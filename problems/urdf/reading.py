@@ -14,16 +14,19 @@ from xml.etree import ElementTree
 import casadi as ca
 import numpy as np
 
-from ...models import Array, placement
+from ...models import Array
+from ...models.robot import placement
 from ..files import read_text
 from ..section import InputError
 from .frames import frame_of, origin, unit_axis
 
-#: Angles [rad] this near to a right one are right: 1.5708, 3.1416.
+#: Largest difference [rad] from a right angle that is taken for rounding: 1.5708, 3.1416.
 ROUNDED = 1e-5
-#: Links of the largest robot that is read, and what no length, mass or inertia of one exceeds.
-MOST_LINKS, BEYOND = 500, 1e4
-#: Of joints.
+#: Most links of a robot that is read.
+MOST_LINKS = 500
+#: Largest length [m], angle [rad], mass [kg] or inertia [kg m^2] of a robot that is read.
+BEYOND = 1e4
+#: Types of joints.
 TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
 
 
@@ -33,7 +36,7 @@ def read_urdf(path: Path) -> Any:
 
     A xacro's packages (`$(find ...)`) are looked for in the folders above it.
     """
-    named = path.name.endswith("_description") and not path.exists()
+    named = _is_description(path)
     text = "" if named else read_text(path)
     try:
         import yourdfpy
@@ -54,6 +57,21 @@ def read_urdf(path: Path) -> Any:
         raise InputError(f"{path}: cannot be read as a URDF: {reason}") from None
 
 
+def urdf_file(path: Path) -> Path:
+    """The file that `read_urdf` reads, of robot_descriptions too; `path` where it says none."""
+    if not _is_description(path):
+        return path
+    try:
+        return Path(importlib.import_module(f"robot_descriptions.{path.name}").URDF_PATH)
+    except (ImportError, AttributeError):
+        return path
+
+
+def _is_description(path: Path) -> bool:
+    """Whether it is a name in robot_descriptions."""
+    return path.name.endswith("_description") and not path.exists()
+
+
 def _parsed(text: str, path: Path) -> Any:
     """A file as yourdfpy has it, which mends broken ones by leaving out what it cannot read."""
     import yourdfpy
@@ -72,7 +90,7 @@ def _parsed(text: str, path: Path) -> Any:
 
 
 def _fetched(name: str) -> Any:
-    """The same of a robot of robot_descriptions, which fetches its files when first asked."""
+    """A robot of robot_descriptions as yourdfpy has it; the package fetches its files at first."""
     try:
         load = importlib.import_module("robot_descriptions.loaders.yourdfpy")
     except ImportError:

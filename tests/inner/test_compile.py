@@ -2,16 +2,23 @@
 
 from __future__ import annotations
 
+import ctypes
+import hashlib
 import os
 import shutil
+import subprocess
+import sys
 from pathlib import Path
 
 import casadi as ca
+import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner.compile import c_compiler, compiled
+from throwplan import core
+from throwplan.core.compile import c_compiler, compiled
 
 NAMES = ("f", "g")
+ROOT = Path(__file__).parents[2]
 
 
 def derived() -> dict[str, ca.Function]:
@@ -129,3 +136,76 @@ def test_a_spoiled_table_is_drawn_again(spoil, tmp_path, monkeypatch) -> None:
 def test_a_cache_that_cannot_be_written_costs_no_plan(monkeypatch) -> None:
     monkeypatch.setenv("THROWPLAN_CACHE", "/proc/none")
     assert tp.Planner("hand-box").plan().status == "solved"
+
+
+# The compiled core and what Python takes it for.
+
+
+def test_the_core_that_is_loaded_is_of_this_checkout() -> None:
+    """A stale library would be tested instead of the sources: `make .venv/test` builds it anew."""
+    files = sorted((ROOT / "core").glob("*.[ch]"))
+    text = b"".join(f.read_bytes() for f in files)
+    assert core.library().core_sources().decode() == hashlib.sha256(text).hexdigest()
+
+
+@pytest.mark.parametrize("change", ["missing", "damaged", "stale"])
+def test_without_its_core_throwplan_says_what_to_run(change: str, tmp_path: Path) -> None:
+    """One line from the command line, with machine code for NLPs switched off or not."""
+    copy = tmp_path / "throwplan"
+    folders = {"core", "models", "planner", "problems"}
+
+    def others(folder: str, names: list[str]) -> list[str]:
+        top = Path(folder) == ROOT
+        return [name for name in names if name == "__pycache__" or (top and name not in folders)]
+
+    shutil.copytree(ROOT, copy, ignore=others)
+    for file in ROOT.glob("*.py"):
+        shutil.copy(file, copy)
+    (library,) = (copy / "core").glob(f"_core{core.SUFFIX}")
+    if change == "missing":
+        library.unlink()
+    elif change == "damaged":
+        library.write_bytes(b"no library")
+    else:
+        with (copy / "core" / "compatibility.c").open("a") as source:
+            source.write("/* A change. */")
+    command = [sys.executable, "-m", "throwplan", "plan", "hand-flip"]
+    environment = os.environ | {"PYTHONPATH": str(tmp_path), "THROWPLAN_COMPILE": "0"}
+    done = subprocess.run(
+        command, check=False, cwd=tmp_path, env=environment, capture_output=True, text=True
+    )
+    assert done.returncode == 2 and not done.stdout
+    (line,) = done.stderr.splitlines()
+    why = {"missing": "is missing", "damaged": "cannot be loaded", "stale": "other sources"}[change]
+    assert "compiled core" in line and why in line
+    assert "`make core`" in line and "`pip install .`" in line
+
+
+def test_structures_that_differ_are_seen() -> None:
+    same = {name: 8 * count for name, count in core.ROWS.items()}
+    same |= {name: ctypes.sizeof(kind) for name, kind in core.STRUCTURES.items()}
+    assert core.wrong_sizes(same) == []
+    for changed in ({"throw": same["throw"] + 8}, {"contact": 48}, {"later": 8}):
+        assert core.wrong_sizes(same | changed) == [*changed]
+    del same["scene"]
+    assert core.wrong_sizes(same) == ["scene"]
+
+
+@pytest.mark.parametrize(
+    "rows", [np.zeros((4, 6))[:, ::2], np.zeros(4, np.float32), np.zeros(4, np.int64), [0.0] * 4]
+)
+def test_the_core_takes_contiguous_doubles_only(rows: object) -> None:
+    library = core.library()
+    with pytest.raises((TypeError, ctypes.ArgumentError)):
+        library.quintics(core.SamplesC.of(1e-3, *np.zeros((3, 4, 2))), rows, np.zeros(16))
+
+
+@pytest.mark.parametrize("compiler", ["gcc", "clang", f"{sys.executable} -m ziglang cc"])
+def test_the_sources_compile_without_a_warning(compiler: str, tmp_path: Path) -> None:
+    words = compiler.split()
+    there = ["sh", "-c", f"{compiler} --version"]
+    if subprocess.run(there, capture_output=True, check=False).returncode:
+        pytest.skip(f"needs {words[-2] if 'ziglang' in words else compiler}")
+    flags = ["-O1", "-std=gnu11", "-Wall", "-Wextra", "-Wconversion", "-Werror"]
+    for source in sorted((ROOT / "core").glob("*.c")):
+        subprocess.run([*words, *flags, "-c", source, "-o", tmp_path / "a.o"], check=True)

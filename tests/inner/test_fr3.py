@@ -10,8 +10,8 @@ import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner.check import Samples, broken_limits, make_mover
 from throwplan.planner.ocp import Request, ThrowNlp, build_nlp
+from throwplan.planner.throw import Samples, excesses, make_manipulator
 
 
 def fr3_velocity(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -56,11 +56,11 @@ FR3_TARGETS = [NEAR_THE_END, tp.Pose(x=-0.592, z=0.1, theta=0.657), None]
 
 
 def test_shipped_limits_are_libfrankas(fr3):
-    mover = make_mover(fr3)
-    q = np.random.default_rng(0).uniform(mover.hard.q_min, mover.hard.q_max, (200, 3))
-    for found, expected in zip(mover.hard.velocity(q), fr3_velocity(q), strict=True):
+    manipulator = make_manipulator(fr3)
+    q = np.random.default_rng(0).uniform(manipulator.hard.q_min, manipulator.hard.q_max, (200, 3))
+    for found, expected in zip(manipulator.hard.velocity(q), fr3_velocity(q), strict=True):
         np.testing.assert_allclose(found, expected, atol=1e-12)
-    planned = mover.planning.velocity(q)[1]
+    planned = manipulator.planning.velocity(q)[1]
     np.testing.assert_allclose(planned, 0.99 * fr3_velocity(q)[1], atol=1e-12)
 
 
@@ -83,8 +83,8 @@ def test_the_limits_bind_near_a_joints_end(fr3, fr3_planner):
     low, high = fr3_velocity(free.throw.samples.q)
     dq = free.throw.samples.dq
     assert max((dq - high).max(), (low - dq).max()) > 0.01
-    mover = make_mover(fr3)
-    broken = broken_limits(mover, free.throw.samples)
+    manipulator = make_manipulator(fr3)
+    broken = [found.name for found in excesses(manipulator, free.throw.samples)]
     assert broken and all(words.endswith("velocity") for words in broken)
 
     samples = fr3_planner.plan(NEAR_THE_END).throw.samples
@@ -99,11 +99,11 @@ def test_the_limits_bind_near_a_joints_end(fr3, fr3_planner):
 @pytest.mark.parametrize("slowing", [True, False])
 def test_a_sample_over_the_curve_is_named(fr3, slowing):
     """Joint 4 at a steady 2 rad/s to 0.15 rad before its end: under 2.62, over the curve."""
-    mover = make_mover(fr3 if slowing else without_slowing(fr3))
+    manipulator = make_manipulator(fr3 if slowing else without_slowing(fr3))
     ticks = np.arange(300)[:, None]
     q = np.array([0.0, -0.9, 2.0]) + 0.001 * ticks * np.array([0.0, 2.0, 0.0])
     dq = np.tile([0.0, 2.0, 0.0], (300, 1))
-    broken = broken_limits(mover, Samples(q, dq, 0.0 * q))
+    broken = [found.name for found in excesses(manipulator, Samples(q, dq, 0.0 * q))]
     assert broken == (["joint 4 velocity"] if slowing else [])
 
 
@@ -136,8 +136,8 @@ def test_releases_keep_the_limits_at_both_ends_of_the_opening(fr3_planner, fr3):
 
 
 def nlp_of(scene: tp.Scene) -> ThrowNlp:
-    mover = make_mover(scene)
-    return build_nlp(Request(scene, mover, scene.target))
+    manipulator = make_manipulator(scene)
+    return build_nlp(Request(scene, manipulator, scene.target))
 
 
 def operations(nlp: ThrowNlp) -> int:

@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import throwplan as tp
-from throwplan.models import TableRelease
+from throwplan.models.release import TableRelease
 from throwplan.planner.identify import (
     Belief,
     Predictor,
@@ -29,14 +29,12 @@ from throwplan.problems import (
     Distribution,
     Grasp,
     InputError,
-    MeasuredThrow,
-    Shared,
-    ThrowData,
     ThrownObject,
     Uncertainty,
     load_scene,
     scene_text,
 )
+from throwplan.problems.throws import MeasuredThrow, Shared, ThrowData
 
 Array = npt.NDArray[np.float64]
 

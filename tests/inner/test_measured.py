@@ -6,9 +6,10 @@ import dataclasses
 
 import numpy as np
 import pytest
-from throwplan.models import TableRelease
+from throwplan.models.release import TableRelease
 from throwplan.planner.identify import measured
-from throwplan.problems import Grasp, InputError, MeasuredThrow, Shared, ThrowData, ThrownObject
+from throwplan.problems import Grasp, InputError, ThrownObject
+from throwplan.problems.throws import MeasuredThrow, Shared, ThrowData
 
 G, HEIGHT, OPENED = 9.81, -0.7, 0.6
 #: CoM pose and twist at the opening's end.
@@ -49,7 +50,7 @@ def test_what_comes_after_the_landing_is_not_looked_at(rest_at: float) -> None:
 
 
 def test_a_bar_that_comes_to_rest_above_the_landing_height_has_not_landed() -> None:
-    with pytest.raises(InputError, match="throw one: no landing: the track never comes down"):
+    with pytest.raises(InputError, match="throw one: no landing: the track never falls to"):
         measured(data(HEIGHT + 0.01))
 
 

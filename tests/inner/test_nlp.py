@@ -9,9 +9,10 @@ import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner.check import make_mover
 from throwplan.planner.ocp import Request, ThrowNlp, build_nlp, nlp_functions
-from throwplan.planner.search import ReleaseSampler, guess_from, starts
+from throwplan.planner.search import guess_from
+from throwplan.planner.search.samples import ReleaseSampler, starts
+from throwplan.planner.throw import make_manipulator
 
 #: (variables, constraints) of the built-in scenes: what a scene does not need is not there.
 SIZES = {
@@ -25,7 +26,7 @@ SIZES = {
 
 
 def request_of(scene: tp.Scene) -> Request:
-    return Request(scene, make_mover(scene), scene.target)
+    return Request(scene, make_manipulator(scene), scene.target)
 
 
 def nlp_of(scene: tp.Scene) -> ThrowNlp:
@@ -34,14 +35,14 @@ def nlp_of(scene: tp.Scene) -> ThrowNlp:
 
 def point_of(scene: tp.Scene, nlp: ThrowNlp) -> tuple[np.ndarray, np.ndarray]:
     """A realistic decision vector and the scene's parameters."""
-    mover = make_mover(scene)
-    sampler = ReleaseSampler(scene, mover)
+    manipulator = make_manipulator(scene)
+    sampler = ReleaseSampler(scene, manipulator)
     releases = sampler.draw(6000)
     target = scene.target
     index = starts(releases, scene, target, "exact", 1)[0][0]
-    flight = releases.flight_time(index, target.z, scene.gravity)
-    x = guess_from(nlp, scene, mover, releases, int(index), flight)
-    return x, nlp.numbers(request_of(scene))
+    flight = releases.flight_time(index, target.z, scene.flight)
+    x = guess_from(nlp, scene, manipulator, releases, int(index), flight)
+    return x, nlp.parameter_values(request_of(scene))
 
 
 @pytest.mark.parametrize("name", SIZES)
@@ -211,7 +212,7 @@ def test_position_limits_hold_between_nodes() -> None:
     mesh = dataclasses.replace(scene.mesh, carry=3)
     plan = tp.plan(scene.replace(mesh=mesh))
     assert plan.solved and plan.throw is not None
-    limits = plan.mover.planning
+    limits = plan.manipulator.planning
     times = np.linspace(0, plan.throw.opening_time, 2000)
     q, dq, ddq = plan.throw.planned.at(times)
     assert (limits.q_min - 1e-9 <= q.T).all() and (limits.q_max + 1e-9 >= q.T).all()

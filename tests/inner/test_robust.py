@@ -1,22 +1,41 @@
-"""Robust plans: quiet, by scenarios; what they bear, and what they cost when not asked for."""
+"""Robust plans: judged on samples that planning did not use; what they cost when not asked for."""
 
 from __future__ import annotations
 
 import dataclasses
+import re
 
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner.check import friction_use, make_mover
 from throwplan.planner.ocp import Request, build_nlp, window_of
-from throwplan.planner.robust import QUIET_MESH
-from throwplan.planner.search import refit
-from throwplan.problems import Robust
+from throwplan.planner.search import initial_guess_from
+from throwplan.planner.sweep import QUIET_MESH, Sweep
+from throwplan.planner.throw import friction_use, make_manipulator
+from throwplan.problems import Distribution, Robust, Uncertainty
 
 
 def scaled_spread(plan: tp.Plan, **uncertain: dict) -> float:
     """95 % quantile [m] of the scaled error about the plan's own landing."""
     return float(np.quantile(tp.sweep(plan, samples=512).errors["scaled"], 0.95))
+
+
+def relative(deviation: float) -> Distribution:
+    return Distribution(normal=deviation, relative=True)
+
+
+#: Delay, friction, patch radius and mass.
+FOUR = Uncertainty(
+    delay=Distribution(uniform=0.006),
+    friction=relative(0.12),
+    patch_radius=relative(0.1),
+    mass=relative(0.04),
+)
+
+
+def fresh(plan: tp.Plan) -> Sweep:
+    """A sweep with samples that planning did not use."""
+    return tp.sweep(plan, samples=1024, seed=11)
 
 
 @pytest.fixture(scope="module")
@@ -39,30 +58,82 @@ def test_near_the_base_auto_lets_go_slowly() -> None:
     planner = tp.Planner(scene.replace(arm=dataclasses.replace(scene.arm, capsules=())))
     target = tp.Pose(x=-0.3444, z=0.1, theta=-1.428254)
     plain, quiet, auto = (planner.plan(target, robust=m) for m in (None, "quiet", "auto"))
-    assert plain.solved and auto.solved
-    assert auto.robust == "joint-velocity"
+    assert plain.solved and quiet.solved and auto.solved
     assert scaled_spread(auto) < scaled_spread(plain) / 5
-    assert not quiet.solved or scaled_spread(quiet) > scaled_spread(auto)
+    assert scaled_spread(quiet) > scaled_spread(auto)
 
 
-@pytest.mark.slow
-def test_auto_is_never_worse_than_the_nominal_throw(planner: tp.Planner) -> None:
-    target = tp.Pose(x=0.2160, z=0.1, theta=-2.111609)
-    plain, auto = planner.plan(target), planner.plan(target, robust="auto")
+@pytest.mark.parametrize(
+    ("name", "uncertainty"),
+    [
+        ("delay", FOUR),
+        ("box", FOUR),
+        ("gen3", None),
+        pytest.param("cup", None, marks=pytest.mark.slow),
+        pytest.param("flip", FOUR, marks=pytest.mark.slow),
+    ],
+)
+def test_a_robust_plan_is_never_worse_than_the_plain_one(
+    name: str, uncertainty: Uncertainty | None
+) -> None:
+    planner = tp.Planner(tp.load_scene(name).replace(uncertainty=uncertainty))
+    plain, auto = planner.plan(), planner.plan(robust="auto")
     assert plain.solved and auto.solved
-    assert scaled_spread(auto) <= 1.01 * scaled_spread(plain)
+    before, after = fresh(plain), fresh(auto)
+    lost = int((before.success & ~after.success).sum())
+    gained = int((after.success & ~before.success).sum())
+    assert lost - gained <= 3 * np.sqrt(lost + gained)
+    if lost >= gained:
+        assert np.quantile(after.errors["scaled"], 0.95) <= 1e-4 + 1.1 * np.quantile(
+            before.errors["scaled"], 0.95
+        )
+
+
+def test_friction_patch_radius_mass_and_delay_are_borne() -> None:
+    """Slip in the full grip counts: no sample of 1,024 slips or lands outside the tolerance."""
+    planner = tp.Planner(tp.load_scene("box").replace(uncertainty=FOUR))
+    plain, robust = fresh(planner.plan()), fresh(planner.plan(robust="auto"))
+    assert plain.success.mean() < 0.7 and robust.success.mean() > 0.99
+    assert (
+        np.quantile(robust.errors["scaled"], 0.95) < np.quantile(plain.errors["scaled"], 0.95) / 10
+    )
+
+
+def test_the_message_cites_what_a_sweep_says_of_both_plans(
+    planner: tp.Planner, nominal: tp.Plan
+) -> None:
+    plan = planner.plan(robust="quiet")
+    said = re.findall(r"([\d.]+) % succeed, 95 % error ([\d.]+) mm", plan.message)
+    assert len(said) == 2
+    for numbers, one in zip(said, (plan, nominal), strict=True):
+        found = tp.sweep(one).to_dict()
+        expected = 100 * found["success"]["rate"], 1e3 * found["quantiles"]["scaled"]["95"]
+        assert [float(n) for n in numbers] == pytest.approx(expected, abs=0.051)
+
+
+def test_a_method_that_fails_leaves_the_plain_plan_and_says_so(
+    planner: tp.Planner, nominal: tp.Plan
+) -> None:
+    """No motion of the arm keeps the hand's velocity over the window."""
+    plan = planner.plan(robust="hand-velocity", patience=4.0)
+    assert plan.solved and plan.robust == "nominal"
+    assert "no robust throw found by hand-velocity (no motion" in plan.message
+    # All numbers are those of the throw that is given.
+    assert plan.to_dict()["error"] == nominal.to_dict()["error"]
+    assert np.array_equal(plan.throw.samples.q, nominal.throw.samples.q)
 
 
 def test_a_free_hand_is_quiet_all_the_way() -> None:
-    """Where nothing limits it, the pads transmit next to nothing over the whole window."""
+    """Where nothing limits it, the pads transmit next to nothing from when the earliest opening has
+    left a quarter of the grip, until the latest is over."""
     scene = tp.load_scene("hand-flip")
     plan = tp.Planner(scene).plan(robust="quiet")
     assert plan.solved and plan.peak_load < 0.01
     throw = plan.throw
     window, profile = window_of(scene), scene.gripper.profile()
-    begin = throw.opening_time - window.early * window.step
+    begin = throw.opening_time - window.early * window.step + 3 / 4 * profile.opening
     end = throw.opening_time + profile.opening + window.late * window.step
-    hand = plan.mover.hand(throw.planned).at(np.linspace(begin, end, 200))
+    hand = plan.manipulator.hand(throw.planned).at(np.linspace(begin, end, 200))
     assert np.hypot(*friction_use(scene, hand)).max() == pytest.approx(plan.peak_load, rel=0.1)
     assert scaled_spread(plan) < scaled_spread(tp.plan(scene)) / 50
 
@@ -87,16 +158,27 @@ def test_quiet_forgives_friction_and_opening_time_too(planner: tp.Planner) -> No
 
 def test_window_and_scenarios_cost_nothing_when_not_asked_for() -> None:
     scene = tp.load_scene("delay")
-    mover = make_mover(scene)
-    plain = build_nlp(Request(scene, mover, scene.target))
+    manipulator = make_manipulator(scene)
+    plain = build_nlp(Request(scene, manipulator, scene.target))
     without = scene.replace(uncertainty=None)
-    assert build_nlp(Request(without, mover, scene.target)).size == plain.size
+    assert build_nlp(Request(without, manipulator, scene.target)).size == plain.size
     assert not [n for n in plain.parameters.blocks if n.startswith(("window", "quiet"))]
     window = window_of(scene)
-    quiet = build_nlp(Request(scene, mover, scene.target, robust="quiet"))
+    quiet = build_nlp(Request(scene, manipulator, scene.target, robust="quiet"))
     extra = window.early + window.late
     # q, dq, ddq and the jerk of each interval of the window; no relative states.
-    assert quiet.size[0] - plain.size[0] == extra * 4 * mover.size
+    assert quiet.size[0] - plain.size[0] == extra * 4 * manipulator.size
+
+
+def test_errors_of_com_and_grasp_are_planned_against() -> None:
+    """They move the free flight, which a quiet release alone does not mind."""
+    errors = {name: Distribution(normal=0.002) for name in ("com_offset", "grasp_offset")}
+    scene = tp.load_scene("hand-flip").replace(uncertainty=Uncertainty(**errors))
+    spread = [scaled_spread(tp.Planner(scene).plan(robust=m)) for m in (None, "quiet")]
+    with_delay = scene.replace(uncertainty=None)
+    throw = tp.Planner(with_delay).plan(robust="quiet")
+    blind = scaled_spread(dataclasses.replace(throw, scene=scene))
+    assert spread[1] < min(spread[0], 0.9 * blind)
 
 
 def test_window_follows_the_uncertainty() -> None:
@@ -116,9 +198,9 @@ def test_a_throw_of_another_mesh_is_a_start_of_the_scenarios(nominal: tp.Plan) -
     scene = nominal.scene.replace(mesh=QUIET_MESH)
     assert scene.mesh.opening != throw.nlp.structure.opening
     window = window_of(scene)
-    request = Request(scene, nominal.mover, nominal.target, robust="scenarios")
+    request = Request(scene, nominal.manipulator, nominal.target, robust="scenarios")
     nlp = build_nlp(request)
-    x = refit(nlp, throw, request)
+    x = initial_guess_from(nlp, throw, request)
     assert np.isfinite(x).all()
     detach = nlp.structure.detach
     for name in ("rel", "t_f"):

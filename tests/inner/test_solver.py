@@ -7,7 +7,7 @@ import threading
 
 import pytest
 import throwplan as tp
-from throwplan.planner.ocp import GivenUpError, watched
+from throwplan.planner.ocp import TimeLimitError, run_limited
 
 
 def endless() -> bytes:
@@ -16,23 +16,23 @@ def endless() -> bytes:
 
 
 def test_answers_and_errors_come_back() -> None:
-    assert watched(lambda: 3, 10.0) == 3
-    assert watched(threading.get_ident, 10.0) != threading.get_ident()
+    assert run_limited(lambda: 3, 10.0) == 3
+    assert run_limited(threading.get_ident, 10.0) != threading.get_ident()
     with pytest.raises(ZeroDivisionError):
-        watched(lambda: 1 // 0, 10.0)
+        run_limited(lambda: 1 // 0, 10.0)
 
 
 def test_an_endless_call_is_given_up_and_others_go_on() -> None:
-    with pytest.raises(GivenUpError, match="no end after"):
-        watched(endless, 0.1)
-    assert watched(lambda: 5, 10.0) == 5
+    with pytest.raises(TimeLimitError, match="no end after"):
+        run_limited(endless, 0.1)
+    assert run_limited(lambda: 5, 10.0) == 5
 
 
 def test_many_callers_at_once() -> None:
     found: list[int] = []
 
     def ask(number: int) -> None:
-        found.append(watched(lambda: number, 10.0))
+        found.append(run_limited(lambda: number, 10.0))
 
     threads = [threading.Thread(target=ask, args=(k,)) for k in range(20)]
     for thread in threads:

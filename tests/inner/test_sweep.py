@@ -9,12 +9,15 @@ import math
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.models import MODELS, Path, land
+from throwplan.models import FlightLaw, Trajectory
+from throwplan.models.release import MODELS
+from throwplan.models.robot import PlanarHand, hand_motion
 from throwplan.planner.cli import common, main
-from throwplan.planner.sweep.samples import sampler_of
+from throwplan.planner.sweep import sweep_until_stopped
 from throwplan.planner.sweep.statistics import derivatives, scan_delays
-from throwplan.planner.sweep.throws import CarryHold, Thrower
-from throwplan.planner.sweep.workers import run_sweep
+from throwplan.planner.sweep.throws import ThrowSimulator
+from throwplan.planner.throw import Throw, ThrowBatch, make_manipulator
+from throwplan.planner.verdict import Judge, sampler_of
 from throwplan.problems import Distribution, Gripper, Uncertainty
 
 G = 9.81
@@ -29,10 +32,23 @@ def toy(section: Uncertainty, opening: float = 0.05, model: str = "sp") -> tuple
         gripper=Gripper(force=120.0, opening=opening), uncertainty=section
     )
     sampler = sampler_of(scene, 0)
-    free = CarryHold(np.empty(0), np.empty((5, 0)), 120.0)
-    names = sampler.names
-    hand = Path.accelerating(POSE, TWIST, ACCELERATION)
-    return Thrower(scene, scene.target, model, names, hand, free, 0.0, 0.0, 400), sampler
+    hand = Trajectory.accelerating(POSE, TWIST, ACCELERATION)
+    manipulator = dataclasses.replace(
+        make_manipulator(scene), motion=hand_motion(PlanarHand(True)), start=None
+    )
+    # The same motion from 0.2 s before its opening to 0.3 s after it.
+    begin = [POSE - 0.2 * TWIST + 0.02 * ACCELERATION, TWIST - 0.2 * ACCELERATION, ACCELERATION]
+    motion = Trajectory.cubics(np.array([0.0, 0.5]), *(v[None] for v in begin), np.zeros((1, 3)))
+    throw = Throw(scene, manipulator, motion, 0.2, model=model)
+    batch = ThrowBatch(throw, scene.target, model, sampler.names, hand, (-0.1, 0.1, 0.1), 400)
+    return ThrowSimulator(Judge(batch)), sampler
+
+
+def changed(simulator: ThrowSimulator, scene: tp.Scene) -> ThrowSimulator:
+    """The same throws in another scene."""
+    batch = simulator.batch
+    throw = dataclasses.replace(batch.throw, scene=scene)
+    return ThrowSimulator(Judge(dataclasses.replace(batch, throw=throw, target=scene.target)))
 
 
 def small(*names: str, width: float = 1e-3) -> Uncertainty:
@@ -51,12 +67,12 @@ def test_derivatives_of_an_instantaneous_release(model: str) -> None:
     """
     thrower, sampler = toy(small("delay", *ERRORS), opening=1e-5, model=model)
     found = derivatives(thrower, sampler)
-    h, (a_x, a_z, alpha), omega = thrower.scene.com_offset, ACCELERATION, TWIST[2]
+    h, (a_x, a_z, alpha), omega = thrower.batch.scene.com_offset, ACCELERATION, TWIST[2]
     r_x, r_z = h * math.cos(POSE[2]), h * math.sin(POSE[2])
     v_x, v_z = TWIST[0] - omega * r_z, TWIST[1] + omega * r_x
     b_x = a_x - alpha * r_z - omega**2 * r_x
     b_z = a_z + alpha * r_x - omega**2 * r_z + G
-    fall = math.sqrt(v_z**2 + 2 * G * (POSE[1] + r_z - thrower.target.z))
+    fall = math.sqrt(v_z**2 + 2 * G * (POSE[1] + r_z - thrower.batch.target.z))
     t_f = (v_z + fall) / G
 
     def moved(dx: float, dz: float, dv_x: float, dv_z: float, dtheta: float, spin: float) -> tuple:
@@ -82,17 +98,17 @@ def test_disturbed_hands_are_the_hands_that_they_stand_for() -> None:
     section = small("delay", *ERRORS, "grasp_angle", "com_offset", width=0.01)
     thrower, sampler = toy(section)
     values = sampler.draw(0, 64)
-    columns = dict(zip(thrower.names, values.T, strict=True))
+    columns = dict(zip(thrower.batch.names, values.T, strict=True))
     delay = columns["delay"][:, None]
     offset = np.column_stack([columns[name] for name in ERRORS])
-    hands = Path.accelerating(
+    hands = Trajectory.accelerating(
         POSE + delay * (TWIST + delay * ACCELERATION / 2) + offset[:, :3],
         TWIST + delay * ACCELERATION + offset[:, 3:],
         np.tile(ACCELERATION, (64, 1)),
     )
-    batch = thrower.batch(thrower.columns(values))
+    batch, _ = thrower.batch.releases(thrower.batch.columns(values))
     plain = dataclasses.replace(batch, hands=hands, grasp_angle=columns["grasp_angle"])
-    expected = land(MODELS["sp"].throw(plain, 400).detach, thrower.target.z, G)
+    expected = FlightLaw(G).land(MODELS["sp"].throw(plain, 400).detach, thrower.batch.target.z)
     assert thrower.throw(values).pose == pytest.approx(expected, abs=1e-9)
 
 
@@ -112,7 +128,7 @@ def posed(plan_of) -> tp.Plan:
 @pytest.mark.parametrize("name", ["delay", "near-cup", "hand-flip"])
 def test_the_nominal_throw_is_the_checked_one(name: str, plan_of) -> None:
     plan = plan_of(name)
-    tolerance, exact = plan.scene.tolerance, plan.throw.final.sliding_pivot.landing
+    tolerance, exact = plan.scene.tolerance, plan.throw.deciding.sliding_pivot.landing
     x, theta, flight = tp.sweep(plan, samples=64, model="sp").nominal.pose[0]
     assert x == pytest.approx(exact.x, abs=0.1 * tolerance.position)
     assert theta == pytest.approx(exact.theta, abs=0.1 * tolerance.angle)
@@ -151,7 +167,7 @@ def test_samples_land_where_the_exact_model_throws_them(posed) -> None:
         )
         # The command went out earlier by the mean delay.
         opened = posed.throw.opening_time + given["delay"] - 0.002
-        thrown = dataclasses.replace(posed.throw.final, scene=other, opening_time=opened)
+        thrown = dataclasses.replace(posed.throw.deciding, scene=other, opening_time=opened)
         exact = thrown.landing
         assert pose[0] == pytest.approx(exact.x, abs=2e-4)
         assert pose[1] == pytest.approx(exact.theta, abs=2e-3)
@@ -163,7 +179,7 @@ def test_the_largest_delays_are_where_success_ends(posed) -> None:
         assert edge is not None and edge != 0.0
         for delay, inside in ((edge * 0.98, True), (edge * 1.02, False)):
             opened = posed.throw.opening_time + delay
-            thrown = dataclasses.replace(posed.throw.final, opening_time=opened)
+            thrown = dataclasses.replace(posed.throw.deciding, opening_time=opened)
             dx, dtheta = thrown.miss(posed.target)
             tolerance = posed.scene.tolerance
             met = abs(dx) <= tolerance.position and abs(dtheta) <= tolerance.angle
@@ -172,12 +188,12 @@ def test_the_largest_delays_are_where_success_ends(posed) -> None:
 
 def test_no_delay_fails_in_a_wide_tolerance() -> None:
     thrower, _ = toy(small("delay"))
-    wide = dataclasses.replace(thrower.scene.tolerance, position=50.0, angle=100.0)
-    scene = thrower.scene.replace(tolerance=wide)
-    scan = scan_delays(dataclasses.replace(thrower, scene=scene))
+    wide = dataclasses.replace(thrower.batch.scene.tolerance, position=50.0, angle=100.0)
+    scene = thrower.batch.scene.replace(tolerance=wide)
+    scan = scan_delays(changed(thrower, scene=scene))
     assert (scan.early, scan.late) == (None, None)
-    nowhere = dataclasses.replace(thrower.target, x=9.0)
-    scan = scan_delays(dataclasses.replace(thrower, target=nowhere))
+    nowhere = thrower.batch.scene.aimed_at(dataclasses.replace(thrower.batch.target, x=9.0))
+    scan = scan_delays(changed(thrower, scene=nowhere))
     assert (scan.early, scan.late) == (0.0, 0.0)
 
 
@@ -187,12 +203,12 @@ def test_a_weak_grip_is_no_success(posed) -> None:
     scene = posed.scene.replace(uncertainty=section)
     found = tp.sweep(dataclasses.replace(posed, scene=scene), samples=512)
     friction = found.values[:, 0]
-    assert not found.landings.held[friction < 0.2].any()
-    assert not (found.success & ~found.landings.held).any()
+    assert not found.landings.sticks[friction < 0.2].any()
+    assert not (found.success & ~found.landings.sticks).any()
     # More friction holds what less did.
-    slipped = friction[~found.landings.held]
-    assert (found.landings.held == (friction > slipped.max())).all()
-    assert slipped.max() == pytest.approx(posed.throw.final.grip_use, abs=0.02)
+    slipped = friction[~found.landings.sticks]
+    assert (found.landings.sticks == (friction > slipped.max())).all()
+    assert slipped.max() == pytest.approx(posed.throw.deciding.grip_use, abs=0.02)
 
 
 # Stopping.
@@ -206,10 +222,11 @@ def test_what_was_done_is_kept_when_stopped(posed, monkeypatch) -> None:
         if done >= 2 * 256:
             raise KeyboardInterrupt
 
-    _, values, landings = run_sweep(whole.thrower, whole.sampler, 3 * 256, None, stop)
+    part = sweep_until_stopped(posed, samples=3 * 256, progress=stop)
     count = 2 * 256
-    assert np.array_equal(values, whole.values[:count])
-    assert np.array_equal(landings.pose, whole.landings.pose[:count])
+    assert part is not None and part.samples == count
+    assert np.array_equal(part.values, whole.values[:count])
+    assert np.array_equal(part.landings.pose, whole.landings.pose[:count])
 
 
 def test_a_stopped_command_says_how_much_is_done(tmp_path, capsys, monkeypatch) -> None:

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import dataclasses
 import math
 
 import numpy as np
 import pytest
+import throwplan as tp
 from scipy.stats import norm, qmc
 from throwplan.planner.sweep.statistics import (
     quantiles,
-    scaled_error,
     variance_shares,
 )
 
@@ -29,11 +30,12 @@ def test_quantiles_of_a_normal_error() -> None:
     assert quantiles(errors)["95"] == pytest.approx(1.96, abs=1e-3)
 
 
-def test_scaled_error_is_equation_39() -> None:
+def test_the_pose_error_is_equation_39() -> None:
     dx, dtheta = np.array([0.003, -0.001]), np.array([-0.02, 0.01])
     expected = [0.003 + 0.02 * 0.13, 0.001 + 0.01 * 0.13]
-    assert scaled_error(dx, dtheta, 0.26, True) == pytest.approx(expected)
-    assert scaled_error(dx, dtheta, 0.26, False) == pytest.approx([0.003, 0.001])
+    bar = dataclasses.replace(tp.load_scene("pose").object, length=0.26)
+    assert bar.pose_error(dx, dtheta) == pytest.approx(expected)
+    assert bar.pose_error(dx, 0.0) == pytest.approx([0.003, 0.001])
 
 
 def unit_samples(count: int, columns: int) -> np.ndarray:

@@ -8,48 +8,50 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from throwplan.planner.check import Throw, broken_limits, make_mover
-from throwplan.planner.identify import (
+from throwplan.models.release import TableRelease
+from throwplan.planner.identify import measured, thrown
+from throwplan.planner.identify.synthetic import (
     Flown,
-    Making,
     Noise,
+    SynthesisConfig,
     conditions,
     design,
     grip_use,
     make_throws,
-    measured,
     scene_with,
-    thrown,
 )
-from throwplan.planner.ocp import broken
-from throwplan.problems import Pose, ThrowData, load_throws, monotone_grip, write_throws
+from throwplan.planner.throw import Throw, excesses, make_manipulator
+from throwplan.planner.verdict import Code, verdict
+from throwplan.problems import Pose
+from throwplan.problems.throws import ThrowData, load_throws, write_throws
 
 Made = tuple[ThrowData, list[Flown]]
 
 
 @pytest.fixture(scope="module")
 def batch() -> Made:
-    return make_throws(Making(steps=50, seed=3, factors=True))
+    return make_throws(SynthesisConfig(steps=50, seed=3, factors=True))
 
 
 @pytest.fixture(scope="module")
 def exact() -> Made:
-    return make_throws(Making(noise=Noise.none(), repeats=1))
+    return make_throws(SynthesisConfig(noise=Noise.none(), repeats=1))
 
 
 @pytest.mark.parametrize("pitch", ["p1", "p2", "p3"])
 def test_the_design_keeps_limits_grip_and_workspace(pitch: str) -> None:
-    mover, height = make_mover(scene_with("com1")), -0.65
+    manipulator, height = make_manipulator(scene_with("com1")), -0.65
     held = dict.fromkeys((c.bar, c.surface) for c in conditions(True) if c.pitch == pitch)
     for motion in design()[pitch]:
         samples, at = motion.samples, motion.opening_time
-        assert not broken_limits(mover, samples)
+        assert not excesses(manipulator, samples)
         assert np.abs(samples.q[0] - samples.q[1]).max() < 2e-4
         for bar, surface in held:
             scene = scene_with(bar, surface)
-            assert grip_use(mover, motion, scene) <= 0.8
+            assert grip_use(manipulator, motion, scene) <= 0.8
             aimed = scene.aimed_at(Pose(x=0.0, z=height))
-            assert not broken(Throw(aimed, mover, samples.path, at).sliding_pivot)
+            throw = Throw(aimed, manipulator, samples.path, at).sliding_pivot
+            assert verdict(throw).without(Code.LANDING).ok
 
 
 def test_releases_are_constant_accelerations_from_one_state_per_pitch(exact: Made) -> None:
@@ -94,7 +96,7 @@ def test_more_throws_vary_one_factor_each(batch: Made) -> None:
 
 def test_noise_is_as_stated(batch: Made) -> None:
     data, flown = batch
-    noise, mover = Noise(), make_mover(scene_with("com1"))
+    noise, manipulator = Noise(), make_manipulator(scene_with("com1"))
     landed = np.array([throw.landing for throw in data.throws], float)
     true = np.array([throw.landing for throw in flown])
     off = np.column_stack([landed[:, 0] - true[:, 0], landed[:, 2] - true[:, 1]])
@@ -103,7 +105,9 @@ def test_noise_is_as_stated(batch: Made) -> None:
     assert still.std() == pytest.approx(noise.joints, rel=0.02)
     pairs = zip(data.throws, flown, strict=True)
     tracked = [
-        t.track[:, 1:] - f.poses(mover, t.track[:, 0]) for t, f in pairs if t.track is not None
+        t.track[:, 1:] - f.poses(manipulator, t.track[:, 0])
+        for t, f in pairs
+        if t.track is not None
     ]
     stated = [noise.position, noise.position, noise.angle]
     np.testing.assert_allclose(np.concatenate(tracked).std(axis=0), stated, rtol=0.03)
@@ -160,12 +164,12 @@ def test_the_full_grip_of_a_noisy_recording_is_no_single_sample(noise: float) ->
     found = []
     for seed in range(20):
         raw = true + 1.5 + noise * np.random.default_rng(seed).normal(size=t.size)
-        found.append(monotone_grip(t, raw).full)
+        found.append(TableRelease.from_recording(t, raw).full)
         if noise > 1.0:  # that hides the slope of a few samples
             continue
         # Cut off while there is force on the pads: what is left is no offset.
         with pytest.raises(ValueError, match="must go on, level"):
-            monotone_grip(t[t < 0.075], raw[t < 0.075])
+            TableRelease.from_recording(t[t < 0.075], raw[t < 0.075])
     assert np.abs(np.array(found) - 90.0).max() < 0.5 + noise
     assert np.std(found) < noise / 3
 
@@ -181,4 +185,4 @@ def test_the_full_grip_of_a_noisy_recording_is_no_single_sample(noise: float) ->
 )
 def test_a_raw_force_without_a_fall_is_refused(forces: np.ndarray, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        monotone_grip(0.001 * np.arange(len(forces)), forces)
+        TableRelease.from_recording(0.001 * np.arange(len(forces)), forces)

@@ -9,19 +9,23 @@ import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.models import FlightState, Path, PlanarHand, hand_motion
-from throwplan.planner.check import (
-    Mover,
+from throwplan.models import FlightLaw, FlightState, Trajectory
+from throwplan.models.robot import PlanarHand, hand_motion
+from throwplan.planner.ocp import Request, ThrowNlp, build_nlp
+from throwplan.planner.throw import (
+    Manipulator,
     Throw,
+    cup_entries,
+    make_manipulator,
+)
+from throwplan.planner.throw.clearance import (
     bar_outline,
     column_distance,
-    cup_entries,
     lowest_of_bar,
-    make_mover,
     palm_distance,
     reach_of_bar,
 )
-from throwplan.planner.ocp import Request, ThrowNlp, broken, build_nlp
+from throwplan.planner.verdict import Code, verdict
 from throwplan.problems import Landing, Torque
 
 G = 9.81
@@ -30,7 +34,7 @@ WEAK = (45.0, 30.0, 6.0)
 
 
 def nlp_of(scene: tp.Scene) -> ThrowNlp:
-    return build_nlp(Request(scene, make_mover(scene), scene.target))
+    return build_nlp(Request(scene, make_manipulator(scene), scene.target))
 
 
 def checked(plan: tp.Plan, **changes: object) -> Throw:
@@ -80,9 +84,9 @@ def test_torque_adds_rows_only() -> None:
 def test_a_solved_plan_breaks_nothing_and_harder_scenes_are_broken(cup_plan: tp.Plan) -> None:
     cup, workspace = cup_plan.scene.cup, cup_plan.scene.workspace
     assert cup is not None and workspace is not None
-    assert cup_plan.solved and broken(checked(cup_plan)) == []
+    assert cup_plan.solved and verdict(checked(cup_plan)).ok
     changes = {
-        "cup: the bar does not reach": {"cup": dataclasses.replace(cup, rim=cup.rim - 2.0)},
+        "cup: the bar does not get deep": {"cup": dataclasses.replace(cup, rim=cup.rim - 2.0)},
         "cup clearance": {"cup": dataclasses.replace(cup, clearance=0.0481)},
         "floor": {"workspace": dataclasses.replace(workspace, floor=0.4)},
         "base column": {"workspace": dataclasses.replace(workspace, column_radius=0.5)},
@@ -92,19 +96,19 @@ def test_a_solved_plan_breaks_nothing_and_harder_scenes_are_broken(cup_plan: tp.
         "torque of joint": {"torque": Torque(limits=(1.0, 1.0, 1.0))},
     }
     for words, change in changes.items():
-        assert words in "; ".join(found.words for found in broken(checked(cup_plan, **change)))
+        assert words in verdict(checked(cup_plan, **change)).words
 
 
 def test_slip_before_the_opening_is_a_failure() -> None:
     scene = tp.load_scene("hand-flip")
     hand = hand_motion(PlanarHand(True))
-    mover: Mover = dataclasses.replace(make_mover(scene), motion=hand, start=None)
+    manipulator: Manipulator = dataclasses.replace(make_manipulator(scene), motion=hand, start=None)
     # A level hand at rest that then accelerates upwards.
     zero, lift = np.zeros((1, 3)), np.array([[0.0, 8.0, 0.0]])
-    motion = Path.cubics(np.array([0.0, 0.2]), zero, zero, lift, zero)
-    thrown = Throw(scene.aimed_at(tp.Pose(x=0.0, z=-5.0)), mover, motion, 0.1)
+    motion = Trajectory.cubics(np.array([0.0, 0.2]), zero, zero, lift, zero)
+    thrown = Throw(scene.aimed_at(tp.Pose(x=0.0, z=-5.0)), manipulator, motion, 0.1)
     assert thrown.grip_use > 1
-    assert any("slip" in violation.words for violation in broken(thrown))
+    assert Code.SLIP_BEFORE_OPENING in verdict(thrown).codes
 
 
 @pytest.mark.slow
@@ -121,7 +125,7 @@ def test_palm_enters_the_nlp_when_it_decides_and_goes_into_a_warm_start() -> Non
     """Thrown backwards over the base, the bar would hit the hand: solved all the same."""
     planner = tp.Planner(tp.load_scene("pose"))
     first = planner.plan(tp.Pose(x=-0.9, z=0.1, theta=0.0), patience=90.0)
-    assert first.solved and broken(checked(first)) == []
+    assert first.solved and verdict(checked(first)).ok
     assert first.constraints > nlp_of(planner.scene).size[1]
     again = planner.plan(tp.Pose(x=-0.905, z=0.1, theta=0.0), warm=first)
     assert again.solved and again.constraints == first.constraints
@@ -186,7 +190,7 @@ def test_cup_entry_is_that_of_a_finely_drawn_outline(seed: int) -> None:
     v_x, z = rng.uniform(-0.2, 0.2), 0.2 + G * flight**2 / 2
     x = 0.90 + rng.uniform(-0.02, 0.02) - v_x * flight
     state = FlightState(x, z, theta - omega * flight, v_x, 0.0, omega)
-    at = state.after(np.linspace(0.0, flight + 0.3, 6000), G)
+    at = FlightLaw(G).after(state, np.linspace(0.0, flight + 0.3, 6000))
     outline = bar_outline(scene.object, np.array([at.x, at.z, at.theta]), 300)
     depth = cup.rim - outline[1].min(axis=1)
     inside = (depth >= 0) & (depth <= cup.insertion)
@@ -212,7 +216,7 @@ def test_the_arms_own_limits_are_kept_with_rows_where_a_throw_breaks_them() -> N
     weak = scene.replace(arm=dataclasses.replace(scene.arm, limits=limits))
     assert nlp_of(weak).size == nlp_of(scene).size
     plan = tp.plan(weak)
-    assert plan.solved and "torque" in plan.throw.asked.guards
+    assert plan.solved and "torque" in plan.throw.refinement.lazy
     assert plan.constraints > nlp_of(weak).size[1]
     assert 0.9 < plan.to_dict()["torque"]["use"] <= 1.0
 
@@ -253,7 +257,7 @@ def test_at_rest_the_torque_is_the_weight_s_moment(cup_plan: tp.Plan) -> None:
 
     def height_energy(q: np.ndarray) -> float:
         """Potential energy [J] of arm and bar from the full kinematics."""
-        kinematics = plan.mover.kinematics
+        kinematics = plan.manipulator.kinematics
         frames = [np.array(ca.evalf(f)) for f in arm.frames(kinematics.full(ca.SX(q)))]
         hand = frames[-1].copy()
         hand[:3, 3] = frames[-2][:3, 3]

@@ -8,9 +8,10 @@ import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner.check import make_mover
-from throwplan.planner.ocp import Request, ThrowNlp, broken, build_nlp
-from throwplan.planner.search import ReleaseSampler
+from throwplan.planner.ocp import Request, ThrowNlp, build_nlp
+from throwplan.planner.search.samples import ReleaseSampler
+from throwplan.planner.throw import make_manipulator
+from throwplan.planner.verdict import Code, verdict
 
 #: Interval [s] of the differences.
 STEP = 2e-4
@@ -33,10 +34,10 @@ def fastest(plan: tp.Plan) -> float:
 
     Their places come from the arm's whole chain of frames, not from the planar one.
     """
-    throw, mover, arm = plan.throw, plan.mover, plan.scene.arm
+    throw, manipulator, arm = plan.throw, plan.manipulator, plan.scene.arm
     assert throw is not None and arm is not None
-    q = ca.SX.sym("q", mover.size)
-    frames = arm.frames(mover.kinematics.full(q))
+    q = ca.SX.sym("q", manipulator.size)
+    frames = arm.frames(manipulator.kinematics.full(q))
     places = ca.Function("places", [q], [ca.vertcat(frames[-2][:3, 3], frames[-1][:3, 3])])
     motion = throw.samples.path
     times = np.arange(0.0, motion.end, STEP)
@@ -45,7 +46,7 @@ def fastest(plan: tp.Plan) -> float:
 
 
 def nlp_of(scene: tp.Scene) -> ThrowNlp:
-    return build_nlp(Request(scene, make_mover(scene), scene.target))
+    return build_nlp(Request(scene, make_manipulator(scene), scene.target))
 
 
 @pytest.fixture(scope="module")
@@ -70,9 +71,9 @@ def test_an_arm_without_the_limit_has_nothing_of_it(free_plan: tp.Plan) -> None:
 
 def test_a_slower_tool_changes_the_throw(free_plan: tp.Plan) -> None:
     assert fastest(free_plan) > 1.1 * SLOW
-    final = free_plan.throw.final
+    final = free_plan.throw.deciding
     slow = limited(final.scene, 2.0, SLOW)
-    assert any("tool speed" in v.words for v in broken(dataclasses.replace(final, scene=slow)))
+    assert Code.TOOL_SPEED in verdict(dataclasses.replace(final, scene=slow)).codes
     plan = tp.plan(limited(tp.load_scene("pose"), 2.0, SLOW))
     assert plan.solved
     assert 0.95 * SLOW < fastest(plan) <= SLOW
@@ -84,7 +85,7 @@ def test_far_throws_keep_the_pandas_limit(panda: tp.Planner, x: float, theta: fl
     plan = panda.plan(tp.Pose(x=x, z=0.1, theta=theta))
     assert plan.solved
     assert 1.95 < fastest(plan) <= 2.0
-    assert plan.throw.final.measured.speed == pytest.approx(fastest(plan), abs=1e-3)
+    assert plan.throw.deciding.measured.speed.value == pytest.approx(fastest(plan), abs=1e-3)
 
 
 def test_what_only_a_faster_tool_reaches_is_out_of_reach(panda: tp.Planner) -> None:
@@ -98,13 +99,13 @@ def test_what_only_a_faster_tool_reaches_is_out_of_reach(panda: tp.Planner) -> N
 
 def test_sampled_releases_keep_it(panda: tp.Planner) -> None:
     scene = limited(panda.scene, 2.0, SLOW)
-    sampler = ReleaseSampler(scene, make_mover(scene))
+    sampler = ReleaseSampler(scene, make_manipulator(scene))
     releases, opening = sampler.draw(4000), scene.gripper.profile().opening
     assert len(releases.q) > 100
     end = releases.q + opening * (releases.dq + opening * releases.ddq / 2)
     for q, dq in ((releases.q, releases.dq), (end, releases.dq + opening * releases.ddq)):
         before, after = (
-            sampler.mover.motion(*(rows.T for rows in (q + shift * dq, q, q)))[0][:2]
+            sampler.manipulator.motion(*(rows.T for rows in (q + shift * dq, q, q)))[0][:2]
             for shift in (-STEP, STEP)
         )
         assert np.hypot(*(after - before)).max() / (2 * STEP) <= SLOW * (1 + 1e-4)

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import numpy as np
 import pytest
 from scipy import stats
 from throwplan import InputError, load_scene
-from throwplan.planner.sweep.samples import quantile, sampler_of
-from throwplan.problems import USUAL_UNCERTAINTY, Distribution, Uncertainty
+from throwplan.planner.verdict import quantile, sampler_of
+from throwplan.problems import Distribution, Uncertainty
 
 
 def test_relative_is_the_same_as_absolute() -> None:
@@ -74,7 +73,7 @@ def test_copula_couples_ranks_and_leaves_the_margins(rho: float) -> None:
 
 
 def test_any_part_of_the_sequence_can_be_drawn_by_itself() -> None:
-    sampler = sampler_of(load_scene("pose").replace(uncertainty=USUAL_UNCERTAINTY), 5)
+    sampler = sampler_of(load_scene("pose").replace(uncertainty=Uncertainty.USUAL), 5)
     whole = sampler.draw(0, 512)
     parts = [sampler.draw(first, 128) for first in range(0, 512, 128)]
     assert np.array_equal(whole, np.vstack(parts))
@@ -82,7 +81,7 @@ def test_any_part_of_the_sequence_can_be_drawn_by_itself() -> None:
 
 
 def test_seeds_differ_and_repeat() -> None:
-    draws = [sampled(USUAL_UNCERTAINTY, 256, seed) for seed in (0, 0, 1)]
+    draws = [sampled(Uncertainty.USUAL, 256, seed) for seed in (0, 0, 1)]
     assert np.array_equal(draws[0], draws[1])
     assert not np.allclose(draws[0], draws[2])
     # Low discrepancy: each 256th of the range is met once.
@@ -98,8 +97,3 @@ def test_quantiles_of_a_distribution_invert_its_law() -> None:
     assert uniform == pytest.approx(1.0 + 2.0 * (2 * shares - 1))
     measured = quantile(Distribution(samples=(3.0, 1.0, 2.0)), shares, (-100.0, 100.0))
     assert list(measured) == [1.0, 2.0, 3.0]
-
-
-def test_the_section_is_frozen() -> None:
-    with pytest.raises(dataclasses.FrozenInstanceError):
-        USUAL_UNCERTAINTY.delay = None  # type: ignore[misc]

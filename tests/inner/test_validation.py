@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from throwplan.models import TableRelease, land
+from throwplan.models import FlightLaw
+from throwplan.models.release import TableRelease
 from throwplan.planner.identify import (
     VALIDATION_FILES,
     Predictor,
@@ -25,7 +26,8 @@ from throwplan.planner.identify import (
     save_validation,
     validate,
 )
-from throwplan.problems import Grasp, MeasuredThrow, Shared, ThrowData, ThrownObject
+from throwplan.problems import Grasp, ThrownObject
+from throwplan.problems.throws import MeasuredThrow, Shared, ThrowData
 
 COMS = {"0.10": (0.10, 535e-6), "0.16": (0.16, 802e-6)}
 PITCHES = {"p1": (-0.6, 1.9), "p2": (-0.95, 1.2), "p3": (-1.3, 0.5)}
@@ -50,7 +52,7 @@ def bare_throw(name: str, rng: np.random.Generator, **factors: str) -> MeasuredT
 
 def landed(throw: MeasuredThrow, state: np.ndarray, rng: np.random.Generator) -> MeasuredThrow:
     """The throw as it is measured: 250 Hz track and landing, both with noise."""
-    x, theta, time = land(state[None], 0.1, 9.81)[0]
+    x, theta, time = FlightLaw(9.81).land(state[None], 0.1)[0]
     t = np.arange(0.0, time + 0.02, 0.004)
     end = throw.opening + throw.grip.opening
     track = [end + t, state[0] + state[3] * t, state[1] + state[4] * t - 4.905 * t**2]

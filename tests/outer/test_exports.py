@@ -80,7 +80,7 @@ def test_all_joints_that_are_sent_hold_the_pads_where_the_plan_has_them(cup, tmp
     """In space, by the chain of the arm's data: the swing's plane is turned by 20 degrees."""
     plan, folder = cup
     run("export", folder, "--franka", tmp_path)
-    sent, throw = table(tmp_path / "joints.csv"), plan.throw.final
+    sent, throw = table(tmp_path / "joints.csv"), plan.throw.deciding
     joints = np.column_stack([sent[f"q{j}"] for j in JOINTS])
     q = ca.SX.sym("q", 7)
     pads = ca.Function("pads", [q], [plan.scene.arm.frames(q)[-1]])
@@ -234,9 +234,9 @@ def test_what_holds_no_throw_for_a_robot(copied, saved, tmp_path, refused) -> No
         ("dq4", 1, 0.01, "does not begin at rest: joint 4"),
         ("dq4", -1, 0.01, "does not end at rest: joint 4"),
         ("ddq2", -1, 0.1, "does not end at rest: joint 2"),
-        ("q2", 500, 1.9, "limit of joint 2 position broken"),
-        ("dq6", 500, 3.0, "limit of joint 6 velocity broken"),
-        ("ddq4", 500, 13.0, "limit of joint 4 acceleration broken"),
+        ("q2", 500, 1.9, "joint 2 position: 1.9 rad at 499 ms, limit 1.763 rad"),
+        ("dq6", 500, 3.0, "joint 6 velocity: 3 rad/s at 499 ms, limit 2.61 rad/s"),
+        ("ddq4", 500, 13.0, "joint 4 acceleration: 13 rad/s^2 at 499 ms, limit 12.5 rad/s^2"),
         ("q4", 300, "+1e-5", "joint 4's rates do not fit the samples"),
     ],
 )
@@ -254,12 +254,12 @@ def test_edited_plans_throw_elsewhere(copied, tmp_path, refused) -> None:
     to = ["--franka", tmp_path / "f"]
     plan = json.loads((copied / "plan.json").read_text())
     edit(copied, release={"opening_time": plan["release"]["opening_time"] - 0.01})
-    assert "the motion lands" in refused("export", copied, *to)
+    assert "mm from the target, tolerance 2 mm" in refused("export", copied, *to)
     edit(copied, release={"opening_time": 0.02})
     assert "the opening command would come 30.0 ms too early" in refused("export", copied, *to)
     plan["definition"]["target"] |= {"x": -0.92 * math.cos(0.1), "y": 0.92 * math.sin(0.1)}
     (copied / "plan.json").write_text(json.dumps(plan))
-    assert "limit of joint 1 position broken" in refused("export", copied, *to)
+    assert "joint 1 position: outside its limits" in refused("export", copied, *to)
 
 
 # The programs beside the files.

@@ -16,11 +16,15 @@ from pathlib import Path
 import pytest
 from throwplan.planner.cli.common import Progress
 
-THROWPLAN = [sys.executable, "-m", "throwplan"]
+ROOT = Path(__file__).parents[2]
 
 
 def started(words: str, folder: Path, **more: object) -> subprocess.Popen[str]:
-    """A command in a session of its own, whose cache and temporary files are in `folder`."""
+    """A command in a session of its own, whose cache and temporary files are in `folder`.
+
+    words: of throwplan, or of another program after its name.
+    """
+    named = words.startswith("benchmarks")
     for name in ("tmp", "cache"):
         (folder / name).mkdir(exist_ok=True)
     own = {
@@ -28,9 +32,10 @@ def started(words: str, folder: Path, **more: object) -> subprocess.Popen[str]:
         "TMPDIR": str(folder / "tmp"),
         "THROWPLAN_CACHE": str(folder / "cache"),
     }
+    own |= {"PYTHONPATH": str(ROOT)} if named else {}
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.PIPE} | more
     return subprocess.Popen(
-        [*THROWPLAN, *words.split()],
+        [sys.executable, "-m", *([] if named else ["throwplan"]), *words.split()],
         cwd=folder,
         env=os.environ | own,
         text=True,
@@ -99,6 +104,26 @@ def test_a_broken_matplotlibrc_costs_pictures_only(tmp_path) -> None:
     assert (tmp_path / "out/motion.csv").is_file()
 
 
+def test_an_error_in_the_place_of_a_signal_is_a_signal(tmp_path) -> None:
+    # As C code does that finds an error set: it raises its own.
+    code = (
+        "import os, signal, sys\n"
+        "from matplotlib.figure import Figure\n"
+        "from throwplan.planner.cli import main\n"
+        "def savefig(*_, **__):\n"
+        "    try:\n"
+        "        os.kill(os.getpid(), signal.SIGTERM)\n"
+        "    except KeyboardInterrupt:\n"
+        "        raise ValueError('Invalid matrix') from None\n"
+        "Figure.savefig = savefig\n"
+        "sys.argv = ['throwplan', *'simulate drop --out out'.split()]\n"
+        "sys.exit(main())\n"
+    )
+    words = [sys.executable, "-c", code]
+    ended = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (ended.returncode, ended.stderr) == (130, "throwplan: interrupted\n")
+
+
 #: Long commands, and about how many seconds they take.
 LONG = [
     ("plan cup --out out", 6),
@@ -106,7 +131,8 @@ LONG = [
     ("sweep delay --workers 2 --samples 200000 --out out", 10),
     ("map hand-box --out out", 8),
     ("replay {plan} --out out", 4),
-    ("report --quick --only robust --out out", 12),
+    ("benchmarks --quick --only robust --out out", 12),
+    ("benchmarks --quick --only stability --out out", 20),
 ]
 
 
@@ -139,7 +165,8 @@ def _judge_end(process: subprocess.Popen[str], err: str, kind: signal.Signals) -
     interrupted = (130, -signal.SIGINT)
     assert process.returncode in (0, *interrupted), (process.returncode, err)
     if process.returncode in interrupted:
-        assert len(lines) <= 1 and all(line.startswith("throwplan: ") for line in lines), err
+        said = all(line.startswith(("throwplan: ", "benchmarks: ")) for line in lines)
+        assert len(lines) <= 1 and said, err
     assert not left(process.pid)
 
 
@@ -149,7 +176,7 @@ def _judge_end(process: subprocess.Popen[str], err: str, kind: signal.Signals) -
     [
         ("prepare hand-box --throws 1000", 0),
         ("sweep delay --workers 2 --samples 300000", 2),
-        ("report --only reach --out out", 2),
+        ("benchmarks --only reach --out out", 2),
     ],
 )
 def test_a_killed_worker_is_said_or_replaced(words, status, tmp_path) -> None:

@@ -9,8 +9,8 @@ from collections.abc import Callable
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner.check import TICK, Samples, broken_limits
 from throwplan.planner.follow import Response, Session, Update
+from throwplan.planner.throw import TICK, Samples, excesses
 
 HORIZON = 0.02
 
@@ -30,7 +30,7 @@ def played(
 ) -> tuple[list[Update], Samples, np.ndarray]:
     """The updates of a swing, what was sent in the end, and the joints as an arm followed it."""
     updates: list[Update] = []
-    limits = session.throw.mover
+    limits = session.throw.manipulator
     follow = response or (lambda q: q)
     tick = 0
     while not updates or updates[-1].status not in ("committed", "stopped"):
@@ -42,7 +42,7 @@ def played(
         committed = round((TICK * tick + HORIZON) / TICK)
         assert found.first >= committed
         assert (after.q[: committed + 1] == before.q[: committed + 1]).all()
-        assert not broken_limits(limits, after)
+        assert not excesses(limits, after)
         assert np.abs([after.dq[-1], after.ddq[-1]]).max() < 1e-9
         # Of all joints, at 1 kHz, to rest.
         throwing = [j - 1 for j in session.throw.scene.arm.throwing_joints]
@@ -68,7 +68,7 @@ def test_a_target_that_jumps_is_hit(planner, plan, jump, turn) -> None:
     assert abs(dx) < plan.scene.tolerance.position / 2
     assert abs(dtheta) < plan.scene.tolerance.angle / 2
     assert "followed" in {update.status for update in updates}
-    assert updates[-1].command_time == plan.throw.final.command_time
+    assert updates[-1].command_time == plan.throw.deciding.command_time
 
 
 def test_a_target_that_speeds_up_is_hit_where_it_then_is(planner) -> None:
@@ -113,7 +113,7 @@ def test_joints_that_lag_are_learnt_on_the_way(planner, plan) -> None:
     def landing(samples: Samples) -> float:
         joints = law.all(np.array([samples.q, samples.dq, samples.ddq]))
         path = Samples(*joints).path
-        dx, dtheta = dataclasses.replace(plan.throw.final, path=path).miss(target)
+        dx, dtheta = dataclasses.replace(plan.throw.deciding, path=path).miss(target)
         return abs(dx) + abs(dtheta) * plan.scene.object.length / 2
 
     open_loop = landing(plan.throw.samples)

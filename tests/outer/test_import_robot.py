@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 import re
+import shlex
 import sys
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -210,6 +212,87 @@ def test_shipped_masses_are_those_of_bodies(name) -> None:
     assert links[7].mass == pytest.approx(0.73, abs=0.03)
 
 
+# Shapes.
+
+#: Of a mesh, and of a box, each [m] in its own frame; where the URDF has them in the link's.
+BLOCK = 0.04 * np.array(list(itertools.product((-1, 1), repeat=3))) + [0.06, 0.0, 0.01]
+BOX = BLOCK @ np.diag([1.0, 0.6, 0.25]) - [0.06, 0.0, 0.0025]
+PLACE = np.array([0.01, 0.0, 0.02])
+
+
+def with_shapes(folder: Path) -> Path:
+    """The odd robot with a mesh in mm on one link, one that is missing, and boxes."""
+    lines = [f"v {x} {y} {z}" for x, y, z in 1e3 * BLOCK]
+    faces = ["1 2 4", "4 3 1", "5 7 8", "8 6 5", "1 5 6", "6 2 1", "3 4 8", "8 7 3", "1 3 7"]
+    (folder / "block.obj").write_text("\n".join(lines + [f"f {face}" for face in faces]))
+    mesh = '<mesh filename="package://odd/{}" scale="0.001 0.001 0.001"/>'
+    size = " ".join(map(str, np.ptp(BOX, axis=0)))
+    shapes = {"after_lift": mesh.format("block.obj"), "after_bend": mesh.format("none.stl")}
+    shapes |= dict.fromkeys(("base", "hand", "pad1", "pad-1"), f'<box size="{size}"/>')
+    text, at = planar_urdf()[0], " ".join(map(str, PLACE))
+    for link, shape in shapes.items():
+        part = f'<collision><origin xyz="{at}"/><geometry>{shape}</geometry></collision>'
+        text = text.replace(f'<link name="{link}">', f'<link name="{link}">{part}')
+    (folder / "odd.urdf").write_text(text)
+    return folder / "odd.urdf"
+
+
+def test_capsules_contain_the_meshes_as_they_move(tmp_path) -> None:
+    """Corners by yourdfpy at random states and openings of the fingers, out by `cover` at most."""
+    arm = imported(tmp_path, with_shapes(tmp_path), JOINTS, *ODD_OPTIONS)
+    robot, frames = yourdfpy.URDF.load(tmp_path / "odd.urdf", load_meshes=False), frames_of(arm)
+    links, out = {"base": 0, "after_lift": 2, "hand": 5, "pad1": 5, "pad-1": 5}, []
+    for q in states(arm, 60):
+        fingers = dict.fromkeys(["finger1", "finger-1"], float(np.clip(2 * q[0], -2.0, 2.2)))
+        robot.update_cfg(dict(zip(JOINTS, q, strict=True)) | fingers | {"roll": 0.0})
+        poses = [np.eye(4), *(np.array(pose) for pose in frames(q))]
+        poses[5] = poses[-1].copy()
+        poses[5][:3, 3] -= arm.tool.tcp * poses[5][:3, 2]
+        for name, number in links.items():
+            corners = np.column_stack([(BLOCK if number == 2 else BOX) + PLACE, np.ones(8)])
+            turn = np.linalg.inv(poses[number]) @ robot.get_transform(name, robot.base_link)
+            own = [c for c in arm.capsules if c.link == number]
+            away = [off_segment((corners @ turn.T)[:, :3], c) - c.radius for c in own]
+            out.append(np.min(away, axis=0).max())
+    assert max(out) <= arm.cover + 1e-9
+    # No larger than needed: a ball around the block's corners is.
+    assert max(c.radius for c in arm.capsules if c.link == 2) < 0.04 * math.sqrt(3)
+
+
+def test_links_without_a_mesh_are_named(tmp_path, run) -> None:
+    words = ["import-robot", with_shapes(tmp_path), "--joints", *JOINTS, *ODD_OPTIONS]
+    found = run("", *words, "--json", "--out", tmp_path / "a.toml").json
+    assert found["unread"] == ["after_bend"] and found["capsules"] >= 3
+    said = run("", *words, "--out", tmp_path / "b.toml").out
+    assert f"at most {1e3 * found['cover']:.3g} mm" in said
+    assert "meshes not read: after_bend: these links have no shape, cover not measured" in said
+    assert "no mesh was read of after_bend" in (tmp_path / "b.toml").read_text()
+
+
+@pytest.mark.parametrize("end", ["lower", "upper"])
+def test_fingers_and_shapes_without_end_are_as_none(end, tmp_path, run) -> None:
+    """A range that overflows moves no finger, and a box that overflows is not read."""
+    found = []
+    for ranged in ('lower="0" upper="0"', f'{end}="1.7e+308"'):
+        file = with_shapes(tmp_path)
+        text = re.sub(r'(name="finger-?1".*?<limit )lower="-2" upper="2.2"', rf"\1{ranged}",
+                      file.read_text())  # fmt: skip
+        text = text.replace('<link name="base">', '<link name="base"><collision><geometry>'
+                            '<box size="1.7e+308 1 1"/></geometry></collision>')  # fmt: skip
+        file.write_text(text)
+        words = ["import-robot", file, "--joints", *JOINTS, *ODD_OPTIONS, "--json"]
+        found.append(run("", *words, "--force", "--out", tmp_path / "a.toml").json)
+        assert found[-1].pop("unread") == ["base", "after_bend"]
+    assert found[0]["capsules"] == found[1]["capsules"]
+
+
+def off_segment(points, capsule):
+    """Distances of points (N, 3) from a capsule's segment."""
+    begin, way = np.array(capsule.begin), np.subtract(capsule.end, capsule.begin)
+    share = np.clip((points - begin) @ way / max(way @ way, 1e-12), 0.0, 1.0)
+    return np.linalg.norm(points - begin - share[:, None] * way, axis=1)
+
+
 # Throwing, and what is printed.
 
 
@@ -219,7 +302,10 @@ def test_imported_panda_throws_to_the_pose(tmp_path, panda) -> None:
     (tmp_path / "mine.toml").write_text(
         tp.scene_text("pose").replace('arm = "panda"', 'arm = "arm.toml"')
     )
-    mine, shipped = (tp.plan(scene).to_dict() for scene in (tmp_path / "mine.toml", "pose"))
+    # The URDF has no shapes.
+    pose = tp.load_scene("pose")
+    bare = pose.replace(arm=dataclasses.replace(pose.arm, capsules=()))
+    mine, shipped = (tp.plan(scene).to_dict() for scene in (tmp_path / "mine.toml", bare))
     assert mine["status"] == "solved"
     assert mine["landing"]["sent"] == pytest.approx(shipped["landing"]["sent"], abs=2e-4)
 
@@ -277,7 +363,7 @@ REFUSED = {
                  "'finger1' mimics 'lift'"),
     "floating": (JOINTS, [], (FLICK, '"flick" type="floating"'), "'flick' is floating"),
     "endless": (JOINTS, [], (FLICK, '"flick" type="continuous"'),
-                r"position_min of flick \(--position-min-deg\)"),
+                r"--position-min-deg \(position_min of flick\)"),
     "axis": (JOINTS, [], ("<axis xyz=", '<axis xyz="0 0 0" was='), "axis must be three numbers"),
     "negative mass": (JOINTS, [], ('<link name="hand"><inertial>',
                       '<link name="hand"><inertial><mass value="-1"/>'), "link 'hand': mass = -1"),
@@ -300,8 +386,11 @@ def test_bad_input_is_one_line_and_writes_nothing(case, tmp_path, odd_file, refu
     words = ["--joints", *joints, "--acceleration", "10", "--jerk", "1000"]
     words += [] if "--approach=-x" in options else ["--approach=-x"]
     words += [] if "--closing" in options else ["--closing", "z"]
-    line = refused("import-robot", urdf, *words, *options, "--out", tmp_path / "arm.toml")
-    assert re.search(message, line)
+    lines = 2 if case == "endless" else 1
+    said = refused(
+        "import-robot", urdf, *words, *options, "--out", tmp_path / "arm.toml", lines=lines
+    )
+    assert re.search(message, said)
 
 
 def test_rounded_right_angles_and_undeclared_prefixes_do_not_matter(tmp_path, panda) -> None:
@@ -323,17 +412,29 @@ def test_joints_by_number_or_all_on_the_way_to_the_tool(tmp_path, odd_file, odd,
     hand = ["--tool", "hand", "--approach=-x", "--closing", "z"]
     assert main([str(word) for word in ("import-robot", odd_file, *words, *hand)]) == 0
     assert "joint_names = ['turn', 'lift', 'bend', 'roll', 'flick']" in words[1].read_text()
-    assert "after_flick, hand, pad1" in refused("import-robot", odd_file, *words)
+    said = refused("import-robot", odd_file, *words, lines=4)
+    assert "after_flick, hand, pad1" in said
     line = refused("import-robot", odd_file, *words, "--tool", "hand", "--joints", "1", "6")
     assert "--joints: no joint '6'" in line
 
 
 def test_a_hand_that_seems_to_point_along_another_axis_is_asked_about(odd_file, refused, tmp_path):
     words = ["--acceleration", "10", "--jerk", "1000", "--out", tmp_path / "arm.toml"]
-    line = refused("import-robot", odd_file, "--tool", "hand", *words)
-    assert "seems to point along its -x, not z: say --approach=-x, or --approach=z" in line
-    line = refused("import-robot", odd_file, "--tool", "hand", "--approach=-x", *words)
-    assert "seem to close along its z, not y: say --closing z, or --closing y" in line
+    said = refused("import-robot", odd_file, "--tool", "hand", *words, lines=3)
+    assert "seems to point along its -x, not z: say --approach=-x, or --approach=z" in said
+    assert "seem to close along its z, not y: say --closing z, or --closing y" in said
+
+
+def test_all_that_is_missing_comes_at_once_with_a_command_line_that_works(
+    odd_file, refused, run, tmp_path
+) -> None:
+    out = tmp_path / "arm.toml"
+    said = refused("import-robot", odd_file, "--out", out, lines=5)
+    for option in ("--tool", "--approach", "--closing"):
+        assert f"{option} is missing" in said
+    assert "limits are missing" in said
+    words = shlex.split(said.splitlines()[-1].partition("with values to try: ")[2])
+    assert words[0] == "throwplan" and run("", *words[1:]).status == 0 and out.exists()
 
 
 def test_all_missing_limits_are_named_in_one_line(tmp_path, odd_file, refused) -> None:
@@ -342,13 +443,14 @@ def test_all_missing_limits_are_named_in_one_line(tmp_path, odd_file, refused) -
         tree.find(f"joint[@name='{name}']/limit").set("velocity", "0")
     tree.write(tmp_path / "odd.urdf")
     words = ["--joints", *JOINTS, "--approach=-x", "--closing", "z", "--out", tmp_path / "arm.toml"]
-    line = refused("import-robot", tmp_path / "odd.urdf", *words)
+    said = refused("import-robot", tmp_path / "odd.urdf", *words, lines=2)
     for part in (
-        "velocity of lift, bend (--velocity)",
-        "acceleration of all joints (--acceleration)",
-        "jerk of all joints (--jerk)",
+        "--velocity (velocity of lift, bend)",
+        "--acceleration (acceleration of all joints)",
+        "--jerk (jerk of all joints)",
+        "--velocity - 1 1 - --acceleration 10 --jerk 1000",
     ):
-        assert part in line
+        assert part in said
 
 
 def test_files_that_are_not_there_or_in_the_way(tmp_path, odd_file, refused, untouched) -> None:

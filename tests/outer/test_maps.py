@@ -167,22 +167,6 @@ def test_a_height_out_of_reach(run) -> None:
         empty.save("never")
 
 
-@pytest.mark.parametrize(
-    ("line", "words"),
-    [
-        ("map drop", "no [hand] or [robot]"),
-        ("map pose --z high", "--z high: must be a finite number"),
-        ("map pose --z 1e9", "--z = 1e+09: must be at most"),
-        ("map pose --samples 0", "--samples 0: must be a whole number, 1 to"),
-        ("map pose --samples 1e3", "--samples 1e3: must be a whole number"),
-        ("map nothing-like-it", "nothing-like-it"),
-    ],
-)
-def test_refused_on_the_command_line(line, words, refused, tmp_path, untouched) -> None:
-    untouched()
-    assert words in refused(line, "--out", tmp_path / "out")
-
-
 @pytest.mark.parametrize("wrong", [{"z": math.nan}, {"z": "0.1"}, {"samples": 0}, {"samples": 2.5}])
 def test_refused_in_python(wrong) -> None:
     (name,) = wrong

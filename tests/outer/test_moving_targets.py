@@ -54,7 +54,7 @@ def test_a_target_that_comes_is_waited_for(pose, tmp_path, table) -> None:
     assert still > 100 and (rows["q4"][:still] == rows["q4"][0]).all()
     again = tp.read_plan(tmp_path)
     assert again.landing_time == pytest.approx(plan.throw.landing_time, abs=1e-6)
-    assert again.miss()[0] == pytest.approx(plan.throw.final.miss()[0], abs=1e-6)
+    assert again.miss()[0] == pytest.approx(plan.throw.deciding.miss()[0], abs=1e-6)
 
 
 @pytest.mark.parametrize("arrival", [0.5, 1.5, (0.8, 1.1)])
@@ -94,7 +94,7 @@ def test_a_cup_that_moves_is_entered_as_it_sees_the_bar() -> None:
     planner = tp.Planner("near-cup")
     plan = moving(planner, -0.2)
     assert_met(plan)
-    throw, cup, bar = plan.throw.final, plan.throw.final.scene.cup, planner.scene.object
+    throw, cup, bar = plan.throw.deciding, plan.throw.deciding.scene.cup, planner.scene.object
     flight = throw.landing.flight_time
     since = np.linspace(0.0, flight, 2000)
     x, z, theta = throw.flight(since)
@@ -115,21 +115,6 @@ def test_a_sweep_counts_from_the_target_that_moves_on(pose) -> None:
     found = tp.sweep(plan, samples=20)
     column = found.sampler.names.index("delay")
     for values, landed in zip(found.values, found.landings.pose, strict=True):
-        late = plan.throw.final.delayed(float(values[column]))
+        late = plan.throw.deciding.delayed(float(values[column]))
         x = late.landing.x - -0.4 * (late.landing_time - plan.throw.landing_time)
         assert landed[0] == pytest.approx(x, abs=2e-4)
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ("--velocity 9", "velocity = 9: must be at most 5"),
-        ("--velocity nan", "--velocity nan: must be a finite number"),
-        ("--arrival 0.05", "arrival = 0.05: must be above 0.1 s, the gripper's dwell and opening"),
-        ("--arrival 2 1", "arrival = [2, 1]: the earliest comes first"),
-        ("--arrival 1 2 3", "--arrival: one time, or the earliest and the latest"),
-        ("--velocity 0.1 --robust auto", "velocity and arrival go with neither robust nor"),
-    ],
-)
-def test_refused(options, words, refused) -> None:
-    assert words in refused(f"plan pose {options}")

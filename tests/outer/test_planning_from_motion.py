@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner.check import TICK, Samples, broken_limits
+from throwplan.planner.throw import TICK, Samples, excesses
 
 
 @pytest.fixture(scope="module")
@@ -36,20 +36,24 @@ def test_a_swing_goes_on_to_another_target(planner, tick, dx) -> None:
             for name in ("q", "dq", "ddq")
         )
     )
-    assert not broken_limits(planner.mover, whole)
+    assert not excesses(planner.manipulator, whole)
     # It lands there, thrown as one motion too; the gripper is told after the state, not before.
     opening = plan.throw.opening_time + TICK * tick
     throw = dataclasses.replace(
-        plan.throw.final, mover=planner.mover, path=whole.path, opening_time=opening, samples=whole
+        plan.throw.deciding,
+        manipulator=planner.manipulator,
+        path=whole.path,
+        opening_time=opening,
+        samples=whole,
     )
     dx, dtheta = throw.miss(target)
     assert abs(dx) < 1e-4 and abs(dtheta) < 1e-3
-    assert plan.throw.final.command_time >= 0
+    assert plan.throw.deciding.command_time >= 0
 
 
 def test_any_state_within_the_limits_is_a_start(planner) -> None:
     """Without a plan to go on from: states drawn at random, at up to a third of the rates."""
-    limits, random, solved = planner.mover.planning, np.random.default_rng(3), 0
+    limits, random, solved = planner.manipulator.planning, np.random.default_rng(3), 0
     middle, half = (limits.q_max + limits.q_min) / 2, (limits.q_max - limits.q_min) / 2
     home = planner.plan().throw.samples.q[0]
     home = home + 0.2 * (middle - home)

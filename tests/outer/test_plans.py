@@ -11,7 +11,6 @@ import sys
 import numpy as np
 import pytest
 import throwplan as tp
-from scipy.integrate import solve_ivp
 from scipy.interpolate import CubicSpline
 
 #: The JSON of `plan`: keys, and the keys below them.
@@ -113,73 +112,6 @@ def test_motion_csv_keeps_every_limit_and_rests_at_both_ends(name, saved, table)
         assert np.abs(rate - dq[:, j])[3:-3].max() < 1e-3
 
 
-def hand_from_csv(rows: np.ndarray) -> list[CubicSpline]:
-    """Hand pose by textbook trigonometry of the Panda's plane, as splines of time."""
-    q2, q4, q6 = rows["q2"], rows["q4"], rows["q6"]
-    x = 0.316 * np.sin(q2) + 0.0825 * np.cos(q2)
-    z = 0.333 + 0.316 * np.cos(q2) - 0.0825 * np.sin(q2)
-    # Direction of the forearm: joint 4 is negative and folds it forward.
-    elbow = q2 - q4
-    x += -0.0825 * np.cos(elbow) + 0.384 * np.sin(elbow)
-    z += 0.0825 * np.sin(elbow) + 0.384 * np.cos(elbow)
-    wrist = elbow - q6
-    x += 0.088 * np.cos(wrist) - 0.2104 * np.sin(wrist)
-    z += -0.088 * np.sin(wrist) - 0.2104 * np.cos(wrist)
-    return [CubicSpline(rows["t"], value) for value in (x, z, -math.pi / 2 - wrist)]
-
-
-def sliding_pivot(scene: tp.Scene, hand: np.ndarray, state: np.ndarray, grip: float) -> np.ndarray:
-    """Textbook sliding pivot in world coordinates, written apart from the package's.
-
-    `hand` (3, 3): pose, rate, second rate; `state`: the CoM's x, z, theta and rates.
-    """
-    body, contact, m = scene.object, scene.contact, scene.object.mass
-    (px, pz, _), _, (hx, hz, alpha_h) = hand
-    x, z, _, vx, vz, omega = state
-    rx, rz = x - px, z - pz
-    fx = m * (hx - alpha_h * rz - omega**2 * rx)
-    fz = m * (hz + alpha_h * rx - omega**2 * rz + scene.gravity)
-    big_j = m * scene.com_offset**2 + body.inertia
-    tau = big_j * alpha_h - m * (hx * rz - hz * rx) + m * scene.gravity * rx
-    f_max = contact.faces * contact.friction * grip
-    tau_max = contact.torsion * contact.patch_radius * f_max
-    alpha = alpha_h - np.sign(tau) * max(abs(tau) - tau_max, 0.0) / big_j
-    size = math.hypot(fx, fz)
-    over = max(1.0 - f_max / size, 0.0) if size > 0 else 0.0
-    dx, dz = over * fx, over * fz
-    alpha -= (-rx * dz + rz * dx) / big_j
-    ax = hx - alpha * rz - omega**2 * rx - dx / m
-    az = hz + alpha * rx - omega**2 * rz - dz / m
-    return np.array([vx, vz, omega, ax, az, alpha])
-
-
-@pytest.mark.parametrize("name", PANDA)
-def test_landing_again_from_motion_csv_alone(name, plan_of, saved, table) -> None:
-    """Other kinematics, other coordinates, another integrator: the same landing."""
-    scene, answer = plan_of(name).scene, plan_of(name).to_dict()
-    curves = hand_from_csv(table(saved(name) / "motion.csv"))
-    opening, detach = answer["release"]["opening_time"], answer["release"]["detach_time"]
-
-    def hand(t: float) -> np.ndarray:
-        return np.array([[float(curve(t, order)) for curve in curves] for order in range(3)])
-
-    def rates(t: float, state: np.ndarray) -> np.ndarray:
-        grip = 120.0 * max(1.0 - (t - opening) / 0.05, 0.0)
-        return sliding_pivot(scene, hand(t), state, grip)
-
-    (x, z, theta), (vx, vz, omega), _ = hand(opening)
-    rx, rz = scene.com_offset * math.cos(theta), scene.com_offset * math.sin(theta)
-    state = np.array([x + rx, z + rz, theta, vx - omega * rz, vz + omega * rx, omega])
-    run = solve_ivp(rates, (opening, detach), state, rtol=1e-9, atol=1e-11, max_step=2e-4)
-    x, z, theta, vx, vz, omega = run.y[:, -1]
-    height, g = answer["target"]["z"], scene.gravity
-    flight = (vz + math.sqrt(vz**2 + 2 * g * (z - height))) / g
-    sent = answer["landing"]["sent"]
-    assert x + vx * flight == pytest.approx(sent["x"], abs=3e-4)
-    assert theta + omega * flight == pytest.approx(sent["theta"], abs=math.radians(0.1))
-    assert detach + flight == pytest.approx(answer["release"]["landing_time"], abs=1e-3)
-
-
 @pytest.mark.parametrize("name", ["hand-flip", "pose", "cup"])
 def test_ipopt_lands_the_same(name, plan_of) -> None:
     other = tp.plan(name, solver="ipopt").to_dict()
@@ -188,13 +120,6 @@ def test_ipopt_lands_the_same(name, plan_of) -> None:
     theirs = other["landing"]["exact"]
     assert mine["x"] == pytest.approx(theirs["x"], abs=2.5e-4)
     assert mine["theta"] == pytest.approx(theirs["theta"], abs=1e-3)
-
-
-def test_planned_exact_and_limit_surface_are_three_different_models(plan_of) -> None:
-    landing = plan_of("near-cup").to_dict()["landing"]
-    xs = [landing[name]["x"] for name in ("planned", "exact", "limit_surface")]
-    assert len({round(x, 6) for x in xs}) == 3
-    assert max(xs) - min(xs) < 0.02
 
 
 def test_the_model_of_the_tolerance_decides(plan_of) -> None:
@@ -315,6 +240,39 @@ def test_the_nearest_is_possible_and_no_more_is(hand_box) -> None:
         assert hand_box.plan(tp.Pose(x=nearest.x + step, z=0.0)).status == status
 
 
+@pytest.mark.parametrize(
+    ("scene", "x", "degrees"),
+    [
+        # Beyond the reach, at an angle that no throw has there, and in the base column.
+        ("pose", 1.9, 30.0),
+        ("pose", 0.8, -250.0),
+        ("near-cup", 0.1, -90.0),
+        ("near-cup", 0.9, 340.0),
+        pytest.param("box", 2.5, None, marks=pytest.mark.slow),
+        pytest.param("ur5e", 2.6, 20.0, marks=pytest.mark.slow),
+    ],
+)
+def test_the_nearest_can_be_planned_by_another_planner(scene, x, degrees) -> None:
+    """No library: what is named has been thrown, so a search from nothing finds it too."""
+    loaded = tp.load_scene(scene)
+    theta = None if degrees is None else math.radians(degrees)
+    plan = tp.Planner(loaded, library=False).plan(loaded.target.in_plane(x, theta), patience=90.0)
+    assert plan.status == "out_of_reach" and plan.binding, plan.message
+    again = tp.Planner(loaded, library=False).plan(plan.nearest, patience=90.0)
+    assert again.solved, again.message
+
+
+@pytest.mark.parametrize(("x", "degrees"), [(-2.111, 153.9), (1.259, -173.4)])
+def test_the_planner_that_named_the_nearest_throws_that_throw(x, degrees) -> None:
+    """Tool speed binds there: a throw found anew ended 23 mm short of the one that was named."""
+    planner = tp.Planner("pose", library=False)
+    target = planner.scene.target.in_plane(x, math.radians(degrees))
+    plan = planner.plan(target, patience=90.0)
+    assert plan.status == "out_of_reach" and "tool speed" in plan.binding, plan.message
+    again = planner.plan(plan.nearest)
+    assert again.solved and again.attempts == 1, again.message
+
+
 def test_no_motion_of_another_plan_stays(tmp_path, hand_box) -> None:
     """A second plan into the same folder that finds no throw: motion.csv is not its own."""
     hand_box.plan().save(tmp_path, draw=False)
@@ -331,11 +289,6 @@ def test_angles_on_the_command_line(angle, run) -> None:
     expected = None if angle == "free" else pytest.approx(-math.pi / 2)
     assert answer["target"]["theta"] == expected
     assert (answer["error"]["sent"]["angle"] == 0.0) == (angle == "free")
-
-
-def test_negative_x_with_an_azimuth_is_refused(refused) -> None:
-    message = refused("plan box --target -0.6 0.1 free --azimuth 10")
-    assert "above 0 with --azimuth" in message
 
 
 # Planners and their options.
@@ -384,22 +337,6 @@ def test_alternatives_are_other_throws_to_the_same_target() -> None:
     assert len({round(t, 3) for t in times}) == len(times)
     for other in plan.alternatives:
         assert other.status == "solved" and other.error_sent()[0] < 1e-3
-
-
-@pytest.mark.parametrize(
-    ("options", "words"),
-    [
-        ({"robust": "loud"}, "robust = 'loud': must be one of auto, quiet"),
-        ({"robust": "quiet", "alternatives": 2}, "alternatives: not with a robust plan"),
-        ({"alternatives": 99}, "alternatives = 99: must be at most 20"),
-        ({"solver": "snopt"}, "solver.*'snopt'"),
-        ({"turns": "some"}, "turns.*'some'"),
-        ({"target": tp.Pose(x=1.0, z=0.0, y=0.2)}, "y"),
-    ],
-)
-def test_wrong_options_in_python(options, words, hand_box) -> None:
-    with pytest.raises(tp.InputError, match=words):
-        hand_box.plan(**options)
 
 
 def test_when_the_time_is_over_no_attempt_is_begun(hand_box) -> None:

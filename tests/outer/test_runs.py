@@ -26,6 +26,7 @@ from throwplan.planner.robot import (
     joint_motion,
     read_recording,
 )
+from throwplan.planner.verdict import verdict
 from throwplan.problems import InputError, Obstacle, load_arm
 
 TICK = 0.001
@@ -70,6 +71,31 @@ def test_a_motion_that_is_followed_lands_as_planned(plan) -> None:
     assert (errors(recording, motion) < [1e-4, math.radians(0.05)]).all()
 
 
+@pytest.mark.parametrize("rest", [0, 500])
+def test_a_measured_throw_may_use_up_the_clearances_of_its_plan(plan, rest) -> None:
+    """Also when the recording ends with the motion, before the bar has landed."""
+    throw = (motion := joint_motion(plan)).throw
+    workspace = throw.scene.workspace.changed(palm_clearance=0.2)
+    roomy = throw.in_scene(throw.scene.changed(workspace=workspace))
+    assert verdict(roomy).broken and not verdict(throw).broken
+    times = TICK * np.arange(len(motion.q) + rest)
+    q, dq = (np.pad(values, ((0, rest), (0, 0)), "edge") for values in (motion.q, motion.dq))
+    seen = Recording(times, q, dq, q, 0 * times, throw.command_time).to_dict(roomy)
+    assert seen["succeeds"] and not seen["findings"]
+
+
+def test_a_recording_may_end_in_motion_once_the_object_has_landed(plan) -> None:
+    """A motion that goes on after the landing, and whose recording is cut there."""
+    motion = joint_motion(plan)
+    whole, cut = lagging(motion), math.ceil(motion.throw.landing_time / TICK) + 100
+    drift = 0.1 * np.maximum(whole.times - motion.throw.landing_time, 0.0)[:, None]
+    moving = dataclasses.replace(whole, q=whole.q + drift, dq=whole.dq + 0.1 * (drift > 0))
+    columns = ("times", "q", "dq", "sent", "width")
+    ended = dataclasses.replace(moving, **{c: getattr(moving, c)[:cut] for c in columns})
+    assert ended.dq[-1].max() > 0.05
+    assert errors(ended, motion) == pytest.approx(errors(whole, motion), abs=2e-3)
+
+
 def test_a_lag_is_learnt_in_three_runs_inside_all_limits(plan) -> None:
     motion = joint_motion(plan)
     sent, found = motion, []
@@ -104,7 +130,7 @@ def test_lags_are_learnt_over_the_map(tmp_path, x, theta_deg) -> None:
     The last one's plan leaves the palm too late for an arm that lags: another is made.
     """
     target = tp.load_scene("fr3").target.in_plane(x, math.radians(theta_deg))
-    tp.plan("fr3", target=target).save(tmp_path, draw=False)
+    tp.plan("fr3", target=target, patience=20.0).save(tmp_path, draw=False)
     motion = joint_motion(tmp_path)
     recordings = [lagging(motion)]
     for _ in range(2):
@@ -216,7 +242,7 @@ def test_a_run_needs_a_robot_and_somebody_to_ask(plan, refused) -> None:
     ("says", "words"),
     [
         (False, "gripper: TCP connection got interrupted"),
-        pytest.param(True, "is open and says nothing", marks=pytest.mark.slow),
+        pytest.param(True, "is open and sends nothing", marks=pytest.mark.slow),
     ],
 )
 def test_what_is_no_franka_is_given_up(plan, refused, says, words) -> None:
@@ -259,6 +285,7 @@ def test_a_missing_binding_is_named(plan, refused, monkeypatch) -> None:
     ("spoilt", "words"),
     [
         (lambda rows: rows[:120], "the recording ends at 0.118 s, before the pads are open"),
+        (lambda rows: rows[:320], "record until the arm rests, or until the landing"),
         (lambda rows: rows[:1] + rows[150:], "does not begin at rest"),
         (lambda rows: rows[:1], "t must rise over at least two rows"),
         (lambda rows: [rows[0].replace("sent3", "sent9"), *rows[1:]], "sent3 is missing"),
@@ -282,6 +309,26 @@ def test_a_plan_that_was_edited_is_not_sent(plan, tmp_path, refused) -> None:
     lines = (folder / "motion.csv").read_text().splitlines()
     (folder / "motion.csv").write_text("\n".join(lines[:-60]) + "\n")
     assert "not sent, the motion does not end at rest" in refused("run --dry", folder)
+
+
+@pytest.mark.parametrize(
+    ("scene", "words"),
+    [
+        ("ur5e", "the plan's arm is ur5e, the robot of `throwplan run` is an fr3"),
+        (
+            "pose",
+            "is an fr3, whose limit of joint 1 acceleration is 10; the plan's arm panda has 15",
+        ),
+    ],
+)
+def test_plans_of_other_arms_are_refused_before_a_robot_is_asked(
+    scene, words, saved, refused
+) -> None:
+    folder = saved(scene)
+    for options in (["--dry"], ["--yes", "--robot", "127.255.255.1"]):
+        said = refused("run", folder, *options)
+        assert said.startswith(f"throwplan: {folder}: ") and words in said
+        assert 'plan it with arm = "fr3"' in said
 
 
 class Standing:

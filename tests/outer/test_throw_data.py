@@ -156,26 +156,6 @@ def test_the_command_says_what_it_wrote_over_other_synthetic_throws(made, tmp_pa
     assert "LuGre" in found["synthetic"] and "seed 7" in found["synthetic"]
 
 
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        ("", "--out: needs a folder's name"),
-        ("--friction 0.3", "the grip does not hold the bar on its way"),
-        ("--friction 0", "--friction 0: must be from 0.01 to 10"),
-        ("--friction much", "--friction much: must be a finite number"),
-        ("--patch-radius 3.1", "--patch-radius 3.1: must be from 0.0001 to 0.05"),
-        ("--stiffness 1e6", "--stiffness: only with --truth lugre"),
-        ("--repeats 0", "--repeats 0: must be a whole number, 1 to 100"),
-        ("--seed one", "--seed one: must be a whole number"),
-        ("--truth glue", "invalid choice: 'glue'"),
-    ],
-)
-def test_wrong_options_are_refused(words, message, tmp_path, refused) -> None:
-    out = ["--out", tmp_path / "made"] if words else []
-    assert message in refused(f"make-throws {words}", *out)
-    assert not any(path.is_file() for path in tmp_path.rglob("*"))
-
-
 def test_nothing_but_synthetic_throws_is_overwritten(small, tmp_path, refused) -> None:
     before = (small / "throws.csv").read_bytes()
     line = "make-throws --repeats 1 --out"

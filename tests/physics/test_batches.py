@@ -12,21 +12,18 @@ import pytest
 import throwplan as tp
 from release_cases import VALUES, Values, extremes, reference_case, single
 from scipy.integrate import solve_ivp
-from throwplan.models import (
-    Body,
-    Contact,
+from throwplan.models import Body, Contact, FlightLaw, Trajectory, core_laws
+from throwplan.models.release import (
     ImplicitRelease,
     KarnoppRelease,
     LinearRelease,
-    PatchRelease,
-    Path,
     ReleaseCase,
     SlidingPivotRelease,
     SteppedRelease,
-    disc,
-    land,
+    exact_pivot_release,
 )
-from throwplan.planner.compile import core_laws
+from throwplan.models.release.patch import PatchRelease, disc
+from throwplan.planner.throw import case_of
 
 DROP = tp.load_scene("drop")
 
@@ -81,7 +78,7 @@ def cases_as_arrays() -> Values:
 
 
 def landing(detach: np.ndarray) -> np.ndarray:
-    return land(detach, -0.9, 9.81)
+    return FlightLaw(9.81).land(detach, -0.9)
 
 
 @pytest.mark.parametrize(
@@ -101,32 +98,32 @@ def test_a_batch_lands_where_the_single_models_do(model, exact, position, angle)
         assert batch[i, 1] == pytest.approx(one[1], abs=np.radians(angle))
 
 
-def moving_hands(count: int) -> dict[str, dict[str, np.ndarray]]:
-    """Hands as `simulate_batch` takes them: each of its own, through samples, with delays."""
-    rng, t = np.random.default_rng(0), np.linspace(-0.01, 0.15, 60)
+@pytest.mark.parametrize("delayed", [False, True])
+@pytest.mark.parametrize(
+    ("model", "exact"),
+    [("sp", SlidingPivotRelease(steps=300, events=True)), ("ls-step", SteppedRelease(8000))],
+)
+def test_sampled_hands_throw_as_each_by_itself(model, exact, delayed: bool) -> None:
+    """Hands through samples of their own, and one hand that opens at other times."""
+    rng, t, count = np.random.default_rng(0), np.linspace(-0.01, 0.15, 60), 6
     poses = np.column_stack([1.5 * t, 0.8 * t - t**2, 0.4 + 3.0 * t])[None]
-    return {
-        "own": throws(count)["hand"],
-        "sampled": {"times": t, "poses": poses + rng.uniform(-0.1, 0.1, (count, 1, 3))},
-        "delayed": {"times": t, "poses": poses, "delays": rng.uniform(-0.009, 0.04, count)},
-    }
-
-
-@pytest.mark.parametrize("hand", ["own", "sampled", "delayed"])
-@pytest.mark.parametrize("model", ["sp", "ls-step"])
-def test_the_compiled_core_throws_what_numpy_does(model, hand, monkeypatch) -> None:
-    values = {"contact": throws(40)["contact"], "hand": moving_hands(40)[hand]}
-    monkeypatch.setenv("THROWPLAN_COMPILE", "1")
-    compiled = tp.simulate_batch(DROP, model, **values).detach
-    monkeypatch.setenv("THROWPLAN_COMPILE", "0")
-    plain = tp.simulate_batch(DROP, model, **values).detach
-    np.testing.assert_allclose(compiled, plain, rtol=0, atol=1e-9)
+    hand = {"times": t, "poses": poses + rng.uniform(-5, 5, (count, 1, 3)) * t[:, None] ** 2}
+    if delayed:
+        hand = {"times": t, "poses": poses, "delays": rng.uniform(-0.009, 0.04, count)}
+    found = landing(tp.simulate_batch(DROP, model, hand=hand).detach)
+    for i in range(count):
+        own = poses[0] if delayed else hand["poses"][i]
+        path = Trajectory.through(t, own).shifted(hand["delays"][i] if delayed else 0.0)
+        case = case_of(DROP, path)
+        one = landing(exact.release(case).end[None])[0]
+        assert found[i, 0] == pytest.approx(one[0], abs=1e-3)
+        assert found[i, 1] == pytest.approx(one[1], abs=np.radians(0.5))
 
 
 def test_the_core_holds_the_laws_of_today() -> None:
-    """`python -m throwplan.planner.compile.core_laws` has nothing to write."""
-    found = (FilePath(__file__).parents[2] / "core" / "laws.h").read_text(encoding="utf-8")
-    assert found == core_laws.text()
+    """`python -m throwplan.models.core_laws` has nothing to write."""
+    written = FilePath(__file__).parents[2] / "core" / "laws.h"
+    assert written.read_text(encoding="utf-8") == core_laws.text()
 
 
 @pytest.mark.parametrize(("model", "stiffness"), [("patch", None), ("lugre", 1e7)])
@@ -302,10 +299,10 @@ def test_a_body_that_slides_out_of_the_pads_is_reported() -> None:
         Body(5.0, 0.01, 0.05),
         Contact(0.05, 0.001, 0.6, 2),
         LinearRelease(1.0, 0.0, 1.0),
-        Path.accelerating((0.0, 0.0, 0.0)),
+        Trajectory.accelerating((0.0, 0.0, 0.0)),
     )
     release = SlidingPivotRelease().release(case)
-    assert "slid out" in release.trouble
+    assert "slid out" in release.trouble and "slid out" in exact_pivot_release(case).trouble
     # From then on it falls freely.
     late = release.times > 0.5
     fall = np.gradient(release.com_twist[1, late], release.times[late])

@@ -5,16 +5,16 @@ from __future__ import annotations
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.models import (
+from throwplan.models.release import (
     ImplicitRelease,
     KarnoppRelease,
     Release,
     ReleaseCase,
     SlidingPivotRelease,
     SteppedRelease,
-    slip_onset,
 )
-from throwplan.planner.check import case_of, given_hand
+from throwplan.planner.throw import case_of
+from throwplan.planner.throw.simulation import given_hand
 
 
 @pytest.fixture(scope="module")
@@ -24,7 +24,7 @@ def case() -> ReleaseCase:
 
 
 def onset(case: ReleaseCase) -> float:
-    pivot, _ = slip_onset(case)
+    pivot, _ = case.slip_onset()
     assert pivot is not None
     return pivot
 

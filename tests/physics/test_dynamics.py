@@ -4,7 +4,7 @@ import casadi as ca
 import numpy as np
 import pytest
 from adam.numpy import KinDynComputations
-from throwplan.models import PlanarArm, PlanarDynamics
+from throwplan.models.robot import PlanarArm, PlanarDynamics
 from throwplan.problems import load_arm
 
 PANDA = load_arm("panda")
@@ -69,7 +69,7 @@ def torques(load=None):
     kinematics = PlanarArm(PANDA)
     dynamics = PlanarDynamics(kinematics)
     values = [ca.SX.sym(name, 3) for name in ("q", "dq", "ddq")]
-    turned = [kinematics.turned(value) for value in values]
+    turned = [kinematics.link_angles(value) for value in values]
     found = dynamics.torques(*turned, GRAVITY, load)
     return ca.Function("torques", values, [ca.vertcat(*found)])
 
@@ -101,7 +101,7 @@ def test_the_torques_power_is_what_the_energy_gains():
     kinematics = PlanarArm(PANDA)
     dynamics = PlanarDynamics(kinematics)
     q, dq = ca.SX.sym("q", 3), ca.SX.sym("dq", 3)
-    angles, rates = kinematics.turned(q), kinematics.turned(dq)
+    angles, rates = kinematics.link_angles(q), kinematics.link_angles(dq)
     place, energy = ca.SX(2, 1), ca.SX(0)
     for body, along, phi, rate in zip(
         dynamics.bodies, kinematics.links, angles, rates, strict=True

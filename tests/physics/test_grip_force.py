@@ -1,10 +1,14 @@
 """Grip-force profiles: what is between the samples, and which tables are refused."""
 
+import dataclasses
+import math
+
 import numpy as np
 import pytest
+import throwplan as tp
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from throwplan.models import LinearRelease, TableRelease
+from throwplan.models.release import LinearRelease, TableRelease
 
 relaxed = settings(deadline=None)
 
@@ -101,26 +105,20 @@ def test_a_table_ends_at_zero_force(table):
     assert release.opening > 0
 
 
-REFUSED = {
-    "empty": ([], [], "at least two rows"),
-    "one row": ([0.0], [50.0], "at least two rows"),
-    "lengths differ": ([0.0, 0.1], [50.0], "at least two rows"),
-    "NaN force": ([0.0, 0.1, 0.2], [50.0, np.nan, 0.0], "not a finite number"),
-    "NaN time": ([0.0, np.nan, 0.2], [50.0, 20.0, 0.0], "not a finite number"),
-    "infinite": ([0.0, 0.1, 0.2], [np.inf, 20.0, 0.0], "not a finite number"),
-    "times equal": ([0.0, 0.1, 0.1], [50.0, 20.0, 0.0], "rise from row to row"),
-    "times fall": ([0.0, 0.2, 0.1], [50.0, 20.0, 0.0], "rise from row to row"),
-    "time below 0": ([-0.1, 0.1, 0.2], [50.0, 20.0, 0.0], "start at 0 or later"),
-    "negative": ([0.0, 0.1, 0.2], [50.0, -1.0, 0.0], "must not be negative"),
-    "no force": ([0.0, 0.1, 0.2], [0.0, 0.0, 0.0], "start above 0"),
-    "never zero": ([0.0, 0.1, 0.2], [50.0, 20.0, 5.0], "end at 0, but the last row has 5 N"),
-    "starts low": ([0.0, 0.1, 0.2], [5.0, 50.0, 0.0], "start at the full grip"),
-    "rises again": ([0.0, 0.1, 0.2, 0.3], [50.0, 20.0, 30.0, 0.0], "rises by more than 5 %"),
-}
-
-
-@pytest.mark.parametrize("case", REFUSED)
-def test_refused_tables_say_why(case):
-    times, forces, message = REFUSED[case]
-    with pytest.raises(ValueError, match=message):
-        TableRelease(times, forces)
+@pytest.mark.parametrize(("rows", "apart"), [(101, False), (6, True)])
+def test_rows_every_half_millisecond_leave_nothing_to_interpolation(plan_of, rows, apart) -> None:
+    """The landing by monotone cubics and by straight lines between the rows, as the page says."""
+    throw = plan_of("hand-flip").throw.deciding
+    gripper, t = throw.scene.gripper, np.linspace(0.0, 0.05, rows)
+    fall, fine = (1 + np.cos(np.pi * t / t[-1])) / 2, np.linspace(0.0, 0.05, 1001)
+    landings = []
+    for times, shares in ((t, fall), (fine, np.interp(fine, t, fall))):
+        forces = gripper.force * np.append(1.0, shares)
+        recorded = tp.Gripper(times=(0.0, *(gripper.dwell + times)), forces=tuple(forces))
+        # From where each of them begins to fall.
+        opens = throw.opening_time + recorded.profile().dwell - gripper.dwell
+        scene = throw.scene.replace(gripper=recorded)
+        landing = dataclasses.replace(throw, scene=scene, opening_time=opens).landing
+        landings.append((landing.x, landing.theta))
+    dx, dtheta = np.abs(np.subtract(*landings))
+    assert (dx > 1e-4 or dtheta > math.radians(0.1)) == apart

@@ -10,8 +10,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.models import Path as Motion
-from throwplan.models import low_pass
+from throwplan.models import Trajectory, low_pass
 from throwplan.planner.cli import main
 
 
@@ -24,12 +23,12 @@ def scene_with(folder: Path, motion: str) -> Path:
 
 def test_pieces_join_smoothly_and_agree_with_one_piece() -> None:
     times = np.linspace(0, 0.06, 50)
-    whole = Motion.accelerating((0, 0, 0.2), (1, 2, 3), (4, 5, 6)).at(times)
+    whole = Trajectory.accelerating((0, 0, 0.2), (1, 2, 3), (4, 5, 6)).at(times)
     pieces = (0.0, 0.02, 0.05), [(4, 5, 6)] * 3
-    cut = Motion.stepping((0, 0, 0.2), (1, 2, 3), *pieces).at(times)
+    cut = Trajectory.stepping((0, 0, 0.2), (1, 2, 3), *pieces).at(times)
     assert cut.pose == pytest.approx(whole.pose)
     assert cut.twist == pytest.approx(whole.twist)
-    stepped = Motion.stepping((0, 0, 0), (0, 0, 0), (0.0, 0.03), [(0, 9, 0), (0, -9, 0)])
+    stepped = Trajectory.stepping((0, 0, 0), (0, 0, 0), (0.0, 0.03), [(0, 9, 0), (0, -9, 0)])
     around = stepped.at(np.array([0.03 - 1e-9, 0.03 + 1e-9]))
     assert np.ptp(around.pose[1]) < 1e-8 and np.ptp(around.twist[1]) < 1e-7
 
@@ -38,7 +37,7 @@ def test_sampled_hand_has_the_derivatives_of_its_poses() -> None:
     t = np.linspace(-0.02, 0.1, 200)
     poses = np.column_stack([np.sin(5 * t), t**2, 0.3 + np.cos(4 * t)])
     s = np.linspace(0, 0.08, 33)
-    hand = Motion.through(t, poses).at(s)
+    hand = Trajectory.through(t, poses).at(s)
     assert hand.twist[0] == pytest.approx(5 * np.cos(5 * s), abs=1e-5)
     assert hand.acceleration[2] == pytest.approx(-16 * np.cos(4 * s), abs=1e-2)
 
@@ -136,7 +135,7 @@ def test_samples_are_met_by_quintics_exactly_and_held_outside() -> None:
     t = 1e-3 * np.arange(30)
     polynomial = np.polynomial.Polynomial([0.3, -1.0, 2.0, 30.0, -400.0, 5e3])
     exact = [polynomial, polynomial.deriv(1), polynomial.deriv(2)]
-    path = Motion.quintics(1e-3, *(curve(t)[:, None] for curve in exact))
+    path = Trajectory.quintics(1e-3, *(curve(t)[:, None] for curve in exact))
     between = np.linspace(0, 0.0285, 101)
     for curve, found in zip(exact, path.at(between), strict=True):
         assert found[0] == pytest.approx(curve(between), rel=1e-9, abs=1e-9)
@@ -148,12 +147,12 @@ def test_many_throws_are_each_by_itself(shared: bool) -> None:
     rng, t = np.random.default_rng(0), np.linspace(0.0, 0.3, 12)
     delays, times = rng.uniform(0, 0.1, 5), rng.uniform(0, 0.2, 5)
     poses = rng.normal(size=(1 if shared else 5, 12, 3))
-    path = Motion.through(t, poses, delays)
+    path = Trajectory.through(t, poses, delays)
     path = dataclasses.replace(path, drift=rng.normal(size=(3, 5)))
     some = np.array([3, 1])
     for whole, part in zip(path.at(times), path.part(some).at(times[some]), strict=True):
         assert np.array_equal(whole[:, some], part)
     for n in range(5):
-        alone = Motion.through(t, poses[0 if shared else n]).at(times[[n]] + delays[n])
+        alone = Trajectory.through(t, poses[0 if shared else n]).at(times[[n]] + delays[n])
         drifted = alone.pose[:, 0] + times[n] * path.drift[:, n]
         assert path.at(times).pose[:, n] == pytest.approx(drifted)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from throwplan.models import Contact, sliding_wrench
+from throwplan.models import Contact
 
 CONTACT = Contact(0.7, 0.006, 0.6, 2)
 SCALE = np.array([0.7, 0.7, 0.7 * 0.6 * 0.006])
@@ -28,7 +28,7 @@ def test_gauge_is_homogeneous_and_symmetric() -> None:
 def test_sliding_wrench_lies_on_the_surface_and_takes_most_power() -> None:
     rng = np.random.default_rng(2)
     for twist in twists():
-        wrench = sliding_wrench(CONTACT, twist)
+        wrench = CONTACT.sliding_wrench(twist)
         assert gauge(wrench) == pytest.approx(1.0, rel=1e-9)
         assert wrench @ twist < 0
         for direction in rng.standard_normal((20, 3)) * SCALE:
@@ -38,12 +38,10 @@ def test_sliding_wrench_lies_on_the_surface_and_takes_most_power() -> None:
 
 def test_sliding_wrench_ignores_speed() -> None:
     for twist in twists(10):
-        assert sliding_wrench(CONTACT, 1e-6 * twist) == pytest.approx(
-            sliding_wrench(CONTACT, twist)
-        )
+        assert CONTACT.sliding_wrench(1e-6 * twist) == pytest.approx(CONTACT.sliding_wrench(twist))
 
 
 def test_pure_slides_give_the_limits() -> None:
-    assert sliding_wrench(CONTACT, np.array([1.0, 0, 0])) == pytest.approx([-0.7, 0, 0])
-    turning = sliding_wrench(CONTACT, np.array([0, 0, -2.0]))
+    assert CONTACT.sliding_wrench(np.array([1.0, 0, 0])) == pytest.approx([-0.7, 0, 0])
+    turning = CONTACT.sliding_wrench(np.array([0, 0, -2.0]))
     assert turning == pytest.approx([0, 0, 0.7 * 0.6 * 0.006])

@@ -8,16 +8,9 @@ import numpy as np
 import pytest
 from release_cases import VALUES, reference_case
 from scipy.integrate import solve_ivp
-from throwplan.models import (
-    Body,
-    Contact,
-    LinearRelease,
-    PatchRelease,
-    Path,
-    ReleaseCase,
-    critical_damping,
-    disc,
-)
+from throwplan.models import Body, Contact, Trajectory
+from throwplan.models.release import LinearRelease, ReleaseCase
+from throwplan.models.release.patch import PatchRelease, critical_damping, disc
 
 CASES = sorted(VALUES)
 DROP = "drop_h100_faces2"
@@ -84,7 +77,7 @@ def test_stiff_bristles_become_the_rigid_patch(name: str) -> None:
 
 def test_a_gripped_bar_stays_put() -> None:
     body, contact = Body(0.24, 5.35e-4, 0.1), Contact(0.8, 0.0075)
-    hand = Path.accelerating((0.0, 0.0, 0.4))
+    hand = Trajectory.accelerating((0.0, 0.0, 0.4))
     case = ReleaseCase(body, contact, LinearRelease(400.0, 0.0, 0.05), hand)
     release = PatchRelease(stiffness=1e6).release(case)
     # In the first half bristles bend further as the grip falls: less than mu / sigma_0.

@@ -9,18 +9,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from release_cases import VALUES, landed, reference_case, sliding_wrench
-from throwplan.models import (
+from throwplan.models import Body, Contact, Trajectory
+from throwplan.models.release import LinearRelease, ReleaseCase, SteppedRelease
+from throwplan.models.release.patch import (
     CREEP,
     RADIUS_PER_ARM,
-    Body,
-    Contact,
-    LinearRelease,
     PatchRelease,
-    Path,
     PointSolver,
-    ReleaseCase,
     SlipProblem,
-    SteppedRelease,
     disc,
 )
 
@@ -29,7 +25,7 @@ BAR = Body(0.24, 5.35e-4, 0.1)
 BLOCK = Body(0.24, 5.35e-4, 0.0)
 PADS = Contact(0.8, 0.0075)
 GRIP = LinearRelease(50.0, 0.0, 0.05)
-REST = Path.accelerating((0.0, 0.0, 0.0))
+REST = Trajectory.accelerating((0.0, 0.0, 0.0))
 PRESSURES = ("uniform", "hertz")
 
 
@@ -125,7 +121,7 @@ def test_step_gives_coulomb_friction_in_equilibrium(
 # Closed forms: a body held at its centre of mass.
 
 
-def case(body: Body, hand: Path, gravity: float = 0.0) -> ReleaseCase:
+def case(body: Body, hand: Trajectory, gravity: float = 0.0) -> ReleaseCase:
     return ReleaseCase(body, PADS, GRIP, hand, gravity)
 
 
@@ -141,7 +137,7 @@ def test_pure_translation(pressure: str, angle: float) -> None:
     # Friction carries m a until the grip is too weak at t_s, then its impulse is
     # integral of f_max, from t_s to the end: f_0 T (m a / f_0)^2 / 2.
     a = np.array([-6.0, 8.0])
-    hand = Path.accelerating((0.0, 0.0, angle), (1.0, 0.5, 0.0), (*a, 0.0))
+    hand = Trajectory.accelerating((0.0, 0.0, angle), (1.0, 0.5, 0.0), (*a, 0.0))
     _, _, _, v_x, v_z, omega = converged(pressure, case(BLOCK, hand))
     share = BLOCK.mass * float(np.hypot(*a)) / float(PADS.force_limit(GRIP.full))
     gain = a * GRIP.opening * (1 - share + share / 2)
@@ -153,7 +149,7 @@ def test_pure_translation(pressure: str, angle: float) -> None:
 def test_pure_rotation(pressure: str) -> None:
     # The same with I alpha against c r_p f_max.
     alpha = -150.0
-    hand = Path.accelerating((0.2, 0.1, 0.0), (0.0, 0.0, 2.0), (0.0, 0.0, alpha))
+    hand = Trajectory.accelerating((0.2, 0.1, 0.0), (0.0, 0.0, 2.0), (0.0, 0.0, alpha))
     held = case(BLOCK, hand)
     _, _, _, v_x, v_z, omega = converged(pressure, held)
     limit = float(PADS.torsion_arm * PADS.force_limit(GRIP.full))
@@ -182,7 +178,7 @@ def test_releases_land_beside_those_of_the_limit_surface(name: str) -> None:
 
 
 def test_a_gripped_bar_stays_in_a_moving_hand() -> None:
-    hand = Path.accelerating((0.1, 0.2, 0.3), (1.0, 1.5, 4.0), (-5.0, 3.0, -20.0))
+    hand = Trajectory.accelerating((0.1, 0.2, 0.3), (1.0, 1.5, 4.0), (-5.0, 3.0, -20.0))
     tight = LinearRelease(1e4, 0.0, 0.05)
     for angle in (0.0, -0.8):
         held = ReleaseCase(BAR, PADS, tight, hand, grasp_angle=angle)
@@ -203,7 +199,7 @@ def test_the_patch_turns_with_the_hand() -> None:
     rotation = np.array([[c, -s, 0], [s, c, 0], [0, 0, 1]])
     parts = np.array([[0.0, 0.0, 0.4], [1.0, 1.5, 3.0], [-9.0, -6.0, -40.0]])
     turned = parts @ rotation.T + [[0, 0, turn], [0, 0, 0], [0, 0, 0]]
-    a, b = (model.release(case(BAR, Path.accelerating(*p))) for p in (parts, turned))
+    a, b = (model.release(case(BAR, Trajectory.accelerating(*p))) for p in (parts, turned))
     np.testing.assert_allclose(rotation @ a.com[:, -1] + [0, 0, turn], b.com[:, -1], atol=1e-8)
     np.testing.assert_allclose(rotation @ a.com_twist[:, -1], b.com_twist[:, -1], atol=1e-7)
 

@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 from release_cases import VALUES, expected, landed, reference_case
-from throwplan.models import (
+from throwplan.models.release import (
     ImplicitRelease,
     KarnoppRelease,
     SlidingPivotRelease,

@@ -18,6 +18,7 @@ from throwplan.problems.urdf import (
     kinematics_difference,
     limits_of,
     link_inertias,
+    link_meshes,
     read_urdf,
 )
 
@@ -36,7 +37,7 @@ URDFS = {
 
 def chain_for(name):
     """The chain of an arm's URDF."""
-    file, tool, base, closing = URDFS[name]
+    file, tool, base, closing = MESHES[name]
     if not (PACKAGES / file).is_file():
         pytest.skip(f"needs {file} (extra sim)")
     return chain_of(read_urdf(PACKAGES / file), [], tool, base, closing=closing)
@@ -93,6 +94,62 @@ def test_an_arm_is_that_of_its_urdf(name):
         np.testing.assert_allclose(own.inertia, maker.inertia, atol=1e-7)
 
 
+#: Arms whose joints' frames or links are not those of `URDFS`, the same.
+MESHES = URDFS | {
+    "panda": (f"{ROBOTS}/panda_description/urdf/panda.urdf", "panda_hand", None, "y"),
+    "fr3": (f"{MODELS}/franka_robot_model/fr3.urdf", "fr3_hand", None, "y"),
+    "iiwa14": (
+        "rtbdata/xacro/kuka_description/kuka_lbr_iiwa/urdf/lbr_iiwa_14_r820.urdf",
+        *("tool0", None, "y"),
+    ),
+}
+VISION = f"{MODELS}/kinova_robot_model/meshes/collision/bracelet_with_vision_link.STL"
+
+
+def frames_at_zero(frames):
+    """Poses (4, 4) of frames that are each given in the one before."""
+    poses = [np.eye(4)]
+    for frame in frames:
+        poses.append(poses[-1] @ np.array(ca.evalf(frame.placed())))
+    return poses
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MESHES)
+def test_capsules_contain_the_published_meshes(name, monkeypatch):
+    """Of all links, and of the hand that the package has: Franka's, for gen3 the 2F-85."""
+    trimesh, arm = pytest.importorskip("trimesh"), load_arm(name)
+    # Its xacro names another beside it.
+    if (PACKAGES / MESHES[name][0]).is_file():
+        monkeypatch.chdir((PACKAGES / MESHES[name][0]).parent)
+    chain = chain_for(name)
+    meshes, unread = link_meshes(chain, PACKAGES / MESHES[name][0])
+    assert not unread
+    if name == "gen3":
+        camera = trimesh.load(PACKAGES / VISION, force="mesh")
+        meshes[7].append([camera.apply_transform(np.linalg.inv(chain.turns[6]))])
+    assert {*range(arm.joints + 1)} <= meshes.keys()
+    theirs, own = frames_at_zero(chain.frames()[:-1]), frames_at_zero(arm.chain)
+    for link, parts in meshes.items():
+        capsules = [c for c in arm.capsules if c.link == link]
+        turn = np.eye(4)
+        if link <= arm.joints:
+            turn = np.linalg.inv(own[link]) @ theirs[link]
+        for mesh in (mesh for part in parts for mesh in part):
+            mesh.apply_transform(turn)
+            samples = trimesh.sample.sample_surface(mesh, 3000 + int(2e5 * mesh.area), seed=1)[0]
+            points = np.vstack([mesh.vertices, samples])
+            away = [distances(points, c) - c.radius - arm.cover for c in capsules]
+            assert np.min(away, axis=0).max() < 1e-6, f"link {link}"
+
+
+def distances(points, capsule):
+    """Of points (N, 3) from a capsule's segment."""
+    begin, way = np.array(capsule.begin), np.subtract(capsule.end, capsule.begin)
+    share = np.clip((points - begin) @ way / max(way @ way, 1e-12), 0.0, 1.0)
+    return np.linalg.norm(points - begin - share[:, None] * way, axis=1)
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(("name", "lateral"), [("ur5e", 0.1333), ("gen3", -0.02485)])
 def test_what_is_sent_puts_the_bar_where_it_was_planned(name, lateral, tmp_path):
@@ -104,7 +161,7 @@ def test_what_is_sent_puts_the_bar_where_it_was_planned(name, lateral, tmp_path)
     plan = planner.plan(target)
     assert plan.solved and planner.scene.arm.lateral == pytest.approx(lateral, abs=1e-5)
     plan.save(tmp_path)
-    motion, (dx, dtheta) = joint_motion(tmp_path), plan.throw.final.miss()
+    motion, (dx, dtheta) = joint_motion(tmp_path), plan.throw.deciding.miss()
     assert max(abs(dx) / 1e-3, abs(dtheta) / 5e-3) < 1
     throw, tcp = motion.throw, planner.scene.arm.tool.tcp
     k = round(throw.opening_time / 1e-3)
@@ -140,7 +197,7 @@ def test_any_arm_carries_a_gripper_that_the_scene_names(tmp_path):
     )
     assert scene.arm.links == (*panda.links[:7], other.links[-1])
     kept = tuple(capsule for capsule in panda.capsules if capsule.link < 8)
-    hand = [dataclasses.replace(capsule, link=8) for capsule in other.capsules[-2:]]
+    hand = [dataclasses.replace(c, link=8) for c in other.capsules if c.link == other.joints + 1]
     assert scene.arm.capsules == (*kept, *hand)
     # What the scene says of the grip goes before the file.
     assert scene.gripper.opening == tp.load_scene("pose").gripper.opening
@@ -150,7 +207,7 @@ def test_any_arm_carries_a_gripper_that_the_scene_names(tmp_path):
         tp.load_scene(named)
 
 
-#: Real robots' files, options that they need, joints that throw, and a target x, z [m].
+#: Real robots' files, options that they need, joints that throw, a target x, z [m] and theta [rad].
 ENDLESS = "--position-min-deg -360 - - -360 - -360 --position-max-deg 360 - - 360 - 360"
 REAL = {
     "ur5e": (URDFS["ur5e"][0], "--tool tool0", (2, 3, 4), 1.1, 0.1),
@@ -160,7 +217,8 @@ REAL = {
             (2, 3, 4), 1.1, 0.1),
     "xarm7": (URDFS["xarm7"][0], "--tool link_eef", (2, 4, 6), 0.9, 0.1),
     "kinova": (f"{ROBOTS}/kinova_description/robots/kinova.urdf",
-               f"--tool j2s6s200_end_effector --approach=x {ENDLESS}", (2, 3, 5), 0.42, 0.1),
+               f"--tool j2s6s200_end_effector --approach=x {ENDLESS}", (2, 3, 5),
+               -0.305, 0.1, -0.9),
     "so101": (f"{ROBOTS}/so_arm_description/urdf/so101.urdf",
               "--tool gripper_link --approach=-z --closing x", (2, 3, 4), 0.35, 0.1),
     "tiago": (f"{ROBOTS}/tiago_description/robots/tiago.urdf",
@@ -173,7 +231,7 @@ REAL = {
 @pytest.mark.slow
 @pytest.mark.parametrize("name", REAL)
 def test_a_real_robot_s_urdf_throws(name, tmp_path):
-    file, options, throwing, x, z = REAL[name]
+    file, options, throwing, x, z, *turned = REAL[name]
     if not (PACKAGES / file).is_file():
         pytest.skip(f"needs {file} (extra sim)")
     words = ["import-robot", str(PACKAGES / file), *options.split(), "--tcp", "0.1"]
@@ -183,7 +241,8 @@ def test_a_real_robot_s_urdf_throws(name, tmp_path):
     assert arm.throwing_joints == throwing and set(arm.joint_names) <= names_in(PACKAGES / file)
     scene = tp.load_scene("xarm7").replace(arm=arm, workspace=None)
     bar = dataclasses.replace(scene.object, mass=0.05, inertia=1e-4)
-    plan = tp.Planner(scene.replace(object=bar)).plan(tp.Pose(x, z, 0.0), patience=60.0)
+    target = tp.Pose(x, z, *(turned or [0.0]))
+    plan = tp.Planner(scene.replace(object=bar)).plan(target, patience=60.0)
     assert plan.solved, plan.message
 
 

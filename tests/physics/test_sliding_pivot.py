@@ -11,19 +11,13 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from release_cases import STILL, VALUES, expected, reference_case
 from scipy.integrate import solve_ivp
-from throwplan.models import (
-    Body,
-    Contact,
-    FlightState,
-    HandMotion,
+from throwplan.models import Body, Contact, FlightLaw, FlightState, HandMotion, pivot_wrench
+from throwplan.models.release import (
     SlidingPivot,
     SlidingPivotRelease,
-    pivot_wrench,
-    positive,
-    relative_widths,
+    Widths,
     rk4_step,
     soft_positive,
-    time_to_height,
 )
 
 GRAVITY = 9.81
@@ -61,7 +55,7 @@ class Throws:
     def law(self, form="continuous", epsilon=None):
         widths = None
         if epsilon is not None:
-            widths = relative_widths(epsilon, self.body, self.contact, self.gravity)
+            widths = Widths.relative(epsilon, self.body, self.contact, self.gravity)
         return SlidingPivot(self.body, self.contact, self.gravity, form, widths)
 
     def path(self, law, steps):
@@ -348,7 +342,7 @@ def energy_per_mass(law, state, hand):
 @relaxed
 @given(value=st.floats(-1e3, 1e3), width=st.floats(0, 10))
 def test_rounded_maximum_stays_within_half_a_width(value, width):
-    rounded, hard = soft_positive(value, width), positive(value)
+    rounded, hard = soft_positive(value, width), max(value, 0.0)
     assert hard - 1e-12 <= rounded <= hard + width / 2 + 1e-12
     # max(v, 0) - max(-v, 0) = v holds for the rounded one too.
     assert rounded - soft_positive(-value, width) == pytest.approx(value, abs=1e-12)
@@ -358,7 +352,7 @@ def test_rounded_maximum_stays_within_half_a_width(value, width):
 @pytest.mark.parametrize("gravity", [0.0, GRAVITY])
 def test_widths_never_vanish_and_are_proportional(h, gravity):
     body = dataclasses.replace(BAR, com_offset=h)
-    one, two = (relative_widths(e, body, PADS, gravity) for e in (0.01, 0.02))
+    one, two = (Widths.relative(e, body, PADS, gravity) for e in (0.01, 0.02))
     assert one.force > 0
     assert one.torque > 0
     assert (two.force, two.torque) == pytest.approx((2 * one.force, 2 * one.torque))
@@ -390,7 +384,8 @@ def test_smoothing_moves_landings_by_its_width_squared():
         end = THROWS.detach(law, THROWS.path(law, 1000)[-1])
         rows = np.broadcast_arrays(*dataclasses.astuple(end))
         states = [FlightState(*map(float, row)) for row in zip(*rows, strict=True)]
-        lands = [s.after(time_to_height(s, -0.9, GRAVITY), GRAVITY) for s in states]
+        flight = FlightLaw(GRAVITY)
+        lands = [flight.after(s, float(flight.fall_time(s, -0.9))) for s in states]
         return np.array([(end.x, end.theta) for end in lands])
 
     hard = landings(THROWS.law())
@@ -408,7 +403,7 @@ def symbolic(form, epsilon):
     """Rates and their Jacobian: (z, p) with z = state, hand, grip and p = m, I, h, mu, r_p, g."""
     z, p = ca.SX.sym("z", 6 + 6), ca.SX.sym("p", 6)
     body, contact = Body(p[0], p[1], p[2]), Contact(p[3], p[4])
-    widths = None if epsilon is None else relative_widths(epsilon, body, contact, p[5])
+    widths = None if epsilon is None else Widths.relative(epsilon, body, contact, p[5])
     law = SlidingPivot(body, contact, p[5], form, widths)
     rates = ca.vertcat(*law.rates(z[:6], HandMotion(*ca.vertsplit(z[6:11])), z[11]))
     return ca.Function("rates", [z, p], [rates]), ca.Function(
@@ -425,7 +420,7 @@ def numbers(body=BAR, gravity=GRAVITY):
 @pytest.mark.parametrize("epsilon", [None, 0.01])
 @pytest.mark.parametrize("form", FORMS)
 def test_floats_arrays_and_symbols_agree(form, epsilon, state, hand, grip):
-    widths = None if epsilon is None else relative_widths(epsilon, BAR, PADS, GRAVITY)
+    widths = None if epsilon is None else Widths.relative(epsilon, BAR, PADS, GRAVITY)
     law = SlidingPivot(BAR, PADS, GRAVITY, form, widths)
     floats = np.array(law.rates(state, hand, grip))
     batch = HandMotion(*(np.full(3, value) for value in dataclasses.astuple(hand)))

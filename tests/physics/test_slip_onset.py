@@ -7,23 +7,15 @@ import dataclasses
 import numpy as np
 import pytest
 from release_cases import VALUES, reference_case
-from throwplan.models import (
-    ImplicitRelease,
-    KarnoppRelease,
-    PatchRelease,
-    Path,
-    ReleaseCase,
-    SteppedRelease,
-    contact_twist,
-    held_wrench,
-    slip_onset,
-)
+from throwplan.models import Trajectory, contact_twist
+from throwplan.models.release import ImplicitRelease, KarnoppRelease, ReleaseCase, SteppedRelease
+from throwplan.models.release.patch import PatchRelease
 
 GRAVITY = 9.81
 
 
 def onset(case: ReleaseCase) -> tuple[float | None, float | None]:
-    return slip_onset(case)
+    return case.slip_onset()
 
 
 @pytest.mark.parametrize("name", ["drop_h100_faces2", "drop_h020_faces2"])
@@ -41,7 +33,7 @@ def test_a_level_bar_slips_where_its_weight_reaches_the_ellipsoid(name: str) -> 
 def test_the_held_wrench_is_on_the_surface_at_the_onset(name: str) -> None:
     case = reference_case(name)
     when, _ = onset(case)
-    (wrench,) = held_wrench(case, np.array([when])).T
+    (wrench,) = case.held_wrench(np.array([when])).T
     use = case.contact.utilisation_squared(*wrench, float(case.grip.force(when)))
     if when == 0:
         assert use >= 1
@@ -61,7 +53,7 @@ def test_steps_stick_before_the_onset_and_slip_after_it() -> None:
 
 
 def test_a_hand_that_falls_freely_never_lets_a_body_slip() -> None:
-    hand = Path.accelerating((0, 0, 0.3), (1.0, 2.0, 0.0), (0.0, -GRAVITY, 0.0))
+    hand = Trajectory.accelerating((0, 0, 0.3), (1.0, 2.0, 0.0), (0.0, -GRAVITY, 0.0))
     case = dataclasses.replace(reference_case("drop_h100_faces2"), hand=hand)
     assert onset(case) == (None, None)
 
@@ -73,14 +65,14 @@ def test_a_motion_that_no_wrench_asks_for_does_not_begin() -> None:
     weight = case.body.mass * GRAVITY / (2 * case.contact.friction)
     assert pivot is None
     assert slide == pytest.approx(case.grip.opening * (1 - weight / case.grip.full), abs=1e-9)
-    spun = Path.accelerating((0, 0, 0), acceleration=(0, 0, 300.0))
+    spun = Trajectory.accelerating((0, 0, 0), acceleration=(0, 0, 300.0))
     pivot, slide = onset(dataclasses.replace(held_at_com, hand=spun, gravity=0.0))
     assert slide is None and 0 < pivot < case.grip.opening
 
 
 def test_a_jerk_of_the_hand_is_found_to_the_instant() -> None:
     pulls = [(0.0, 0.0, 0.0), (0.0, 60.0, 0.0)]
-    hand = Path.stepping((0, 0, 0), (0, 0, 0), (0.0, 0.0123), pulls)
+    hand = Trajectory.stepping((0, 0, 0), (0, 0, 0), (0.0, 0.0123), pulls)
     case = dataclasses.replace(reference_case("drop_h100_faces2"), hand=hand)
     assert onset(case)[0] == pytest.approx(0.0123, abs=1e-9)
 

@@ -7,27 +7,22 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, Self
 
 import casadi as ca
-import numpy as np
 
-from ....models import FlightState
 from ....problems import Pose, Scene
-from ...check import Margin, Throw, Violation
-from ..asked import Request
-from ..context import Context, Term
-from ..layout import Block
-from ..stages import Stage
+from ..request import Request
+from ..scene_constraint import Flight, SceneConstraint
+from ..variables import Block
 
-#: Depths of the lower end with rows: at first, and with the guard "flight".
+#: Numbers of depths of the lower end: at first, and with the lazy constraint "flight".
 DEPTHS = (4, 12)
-#: Margin [m] kept for what lies between, and how it grows.
+#: Margin [m] to rim and wall, for what lies between the depths; `refinement.CUP` adds to it.
 CUP_MARGIN = 0.001
-MARGIN = Margin("cup", more=2e-4, most=0.005)
-#: Times after detach: the lowest corner passes the rim; the lower end is at each depth.
+#: Times after detach [s]: the lowest corner passes the rim; the lower end is at each depth.
 T_RIM, T_CUP = Block("t_rim", "s"), Block("t_cup", "s")
 
 
 @dataclass(frozen=True)
-class CupClearance(Term):
+class CupClearance(SceneConstraint):
     """The bar's outline inside the opening at several depths of its lower end.
 
     First its lowest corner passes the rim, at one unknown time, clear of the wall. Then, per
@@ -48,9 +43,9 @@ class CupClearance(Term):
             return None
         target = request.target or request.scene.target
         moves = target is not None and target.velocity is not None
-        return cls(DEPTHS["flight" in request.asked.guards], request.elastic, moves)
+        return cls(DEPTHS["flight" in request.refinement.lazy], request.elastic, moves)
 
-    def numbers(self, request: Request) -> dict[str, Any]:
+    def parameter_values(self, request: Request) -> dict[str, Any]:
         """The cup where it is, and which end goes in."""
         cup, target = request.scene.cup, request.target
         assert cup is not None and target is not None
@@ -60,56 +55,42 @@ class CupClearance(Term):
             "cup_insertion": cup.insertion,
             # The bar is as thick as it is wide, so a round cup is narrower off its middle.
             "cup_radius": math.sqrt(cup.radius**2 - (request.scene.object.width / 2) ** 2),
-            "cup_clearance": cup.clearance + CUP_MARGIN + request.asked.margins["cup"],
+            "cup_clearance": cup.clearance + CUP_MARGIN + request.refinement.margins["cup"],
             "lower_end": lower_end(request.scene, target),
             **({"cup_speed": target.speed} if self.moves else {}),
         }
 
-    def in_flight(
-        self, context: Context, stage: Stage, flight: FlightState, end: FlightState, time: ca.SX
-    ) -> None:
+    def in_flight(self, flight: Flight) -> None:
         """The rim, then each depth."""
-        p = context.parameters
+        p, end = flight.p, flight.end
         radius, clearance, half_width = p("cup_radius"), p("cup_clearance"), p("half_width")
         landed = p("cup_x") + (end.x - p("target_x") if self.elastic else 0)
 
-        def cup_at(after: ca.SX) -> ca.SX:
-            return landed + p("cup_speed") * (after - time) if self.moves else landed
+        def cup_at(time: ca.SX) -> ca.SX:
+            return landed + p("cup_speed") * (time - flight.time) if self.moves else landed
 
         lower = p("lower_end")
-        after = stage.control(T_RIM)
-        at, cup_x = flight.after(after, context.gravity), cup_at(after)
+        time = flight.stage.control(T_RIM)
+        at, cup_x = flight.after(time), cup_at(time)
         cos, sin = ca.cos(at.theta), ca.sin(at.theta)
         across = half_width * cos / ca.sqrt(cos**2 + 1e-6)
-        stage.row("cup depth", at.z + lower * sin - across * cos - p("cup_rim"), 0.0, 0.0)
+        flight.subject_to("cup depth", at.z + lower * sin - across * cos - p("cup_rim"), 0.0, 0.0)
         corner = at.x + lower * cos + across * sin - cup_x
-        stage.row("cup clearance", corner / (radius - clearance), -1.0, 1.0)
+        flight.subject_to("cup clearance", corner / (radius - clearance), -1.0, 1.0)
         for i in range(self.depths):
-            after = stage.control(T_CUP.number(i))
-            at, cup_x = flight.after(after, context.gravity), cup_at(after)
+            time = flight.stage.control(T_CUP.number(i))
+            at, cup_x = flight.after(time), cup_at(time)
             cos, sin = ca.cos(at.theta), ca.sin(at.theta)
             depth = p("cup_insertion") * i / max(self.depths - 1, 1)
-            stage.row("cup depth", at.z + lower * sin - (p("cup_rim") - depth), 0.0, 0.0)
+            flight.subject_to("cup depth", at.z + lower * sin - (p("cup_rim") - depth), 0.0, 0.0)
             for side in (-1, 1):
                 corner = at.x + lower * cos - side * half_width * sin - cup_x
-                stage.row("cup clearance", corner / (radius - clearance), -1.0, 1.0)
+                flight.subject_to("cup clearance", corner / (radius - clearance), -1.0, 1.0)
             # The rim's two edges lie to either side of the bar's axis: signed distances.
             offset = (at.x - cup_x) * sin + (p("cup_rim") - at.z) * cos
             free = radius * ca.sqrt(sin**2 + 1e-9) - half_width - clearance
-            stage.row("cup clearance", (offset - free) / radius, -np.inf, 0.0)
-            stage.row("cup clearance", (offset + free) / radius, 0.0, np.inf)
-
-    def broken(self, throw: Throw) -> list[Violation]:
-        """A bar that does not get deep, or too near to wall or rim on its way."""
-        cup = throw.scene.cup
-        assert cup is not None
-        clearance = throw.measured.cup
-        if clearance == -math.inf:
-            return [Violation("cup: the bar does not reach the asked depth")]
-        if clearance < cup.clearance - 1e-5:
-            words = f"cup clearance {1e3 * clearance:.1f} mm"
-            return [Violation(words, "flight", MARGIN, cup.clearance - clearance)]
-        return []
+            flight.subject_to("cup clearance", (offset - free) / radius, high=0.0)
+            flight.subject_to("cup clearance", (offset + free) / radius, low=0.0)
 
 
 def lower_end(scene: Scene, target: Pose) -> float:

@@ -1,0 +1,305 @@
+"""The releases that section `models` compares: throws, every method, and converged answers.
+
+Converged answers come from other methods than those compared: the sliding pivot by DOP853 at
+1e-13, whose steps shrink at the corners of the law by themselves; the limit surface and the meshed
+patch as differential equations whose friction is rounded over `CREEP`, by Radau.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from throwplan.models import Array, Body, Contact, FlightLaw, HandMotion, Trajectory, pivot_wrench
+from throwplan.models.release import (
+    STEPPED_SURFACE,
+    ImplicitRelease,
+    KarnoppRelease,
+    LinearRelease,
+    Release,
+    ReleaseCase,
+    SlidingPivot,
+    SlidingPivotRelease,
+    SteppedRelease,
+)
+from throwplan.models.release.patch import PatchRelease, disc
+
+Run = Callable[[ReleaseCase], Release]
+
+#: Height of the landing [m]; the hand is at 0 when its grip begins to fall.
+HEIGHT, GRAVITY = -0.9, 9.81
+#: LuGre stiffnesses sigma_0 [1/m], hardest first.
+STIFFNESSES = (1e7, 1e6, 1e5)
+#: Speed [m/s] over which friction builds up in converged answers: it moves them by less
+#: than 0.001 mm of landing.
+CREEP = 1e-10
+#: Random throws: share of the ellipsoid that the load may use at full grip (the patch's own limit
+#: surface lies up to 6.6 % inside it), and how many are drawn for each that is kept.
+HELD, SPARE = 0.9, 20
+#: Length [m] of the object of random throws, for scaled errors.
+LENGTH = 0.26
+
+
+@dataclass(frozen=True)
+class SampleThrow:
+    """One of the report's releases. length [m] of the object, for the scaled error."""
+
+    title: str
+    case: ReleaseCase
+    length: float
+
+
+def four_throws() -> list[SampleThrow]:
+    """Drop, decelerating and accelerating throw, slow opening; the full grip holds all."""
+    bar, long_bar = Body(0.24, 535e-6, 0.10), Body(0.24, 802e-6, 0.16)
+    pads = Contact(1.0, 0.0025, 0.6, 2)
+
+    def case(
+        body: Body, contact: Contact, force: float, opening: float, *hand: Sequence[float]
+    ) -> ReleaseCase:
+        grip = LinearRelease(force, 0.0, opening)
+        return ReleaseCase(body, contact, grip, Trajectory.accelerating(*hand))
+
+    still = (0.0, 0.0, 0.0)
+    drop = case(Body(0.2, 5e-4, 0.1), Contact(0.8, 0.0075, 0.6, 2), 50, 0.05, still, still, still)
+    start, twist = (0.0, 0.0, 0.6), (1.6, 1.2, 4.2)
+    slower = case(bar, pads, 50, 0.05, start, twist, (-6.0, -8.0, -15.0))
+    faster = case(bar, pads, 100, 0.05, start, twist, (4.0, 3.0, 8.0))
+    slow = case(long_bar, pads, 100, 0.2, (0.0, 0.0, 1.0), (1.4, 1.6, 3.0), (-4.0, -6.0, -10.0))
+    return [
+        SampleThrow("drop from a still hand", drop, 0.20),
+        SampleThrow("decelerating throw", slower, 0.26),
+        SampleThrow("accelerating throw", faster, 0.26),
+        SampleThrow("slow opening, 200 ms", slow, 0.26),
+    ]
+
+
+def random_throws(count: int, seed: int) -> dict[str, dict[str, Array]]:
+    """Random throws that the full grip holds, as the arguments of `simulate_batch`.
+
+    h 2-20 cm, m 0.1-0.4 kg, hand 1-3 m/s, turning at 0-6 rad/s, accelerations to 8 m/s^2 along
+    each axis and 20 rad/s^2, opening 30-100 ms, grip 20-235 N (a 2F-85's), mu 0.3-1, r_p 2.5-10 mm.
+    """
+    rng, many = np.random.default_rng(seed), SPARE * count
+
+    def uniform(low: float, high: float) -> Array:
+        return rng.uniform(low, high, many)
+
+    mass = uniform(0.1, 0.4)
+    body = Body(mass, mass * uniform(0.03, 0.08) ** 2, uniform(0.02, 0.2))
+    contact = Contact(uniform(0.3, 1.0), uniform(0.0025, 0.01))
+    speed, up, zero = uniform(1.0, 3.0), uniform(np.radians(10), np.radians(70)), np.zeros(many)
+    pose = np.array([zero, zero, uniform(-np.pi / 3, np.pi / 2)])
+    twist = np.array([speed * np.cos(up), speed * np.sin(up), uniform(0.0, 6.0)])
+    acceleration = np.array([uniform(-8, 8), uniform(-8, 8), uniform(-20, 20)])
+    force, opening = uniform(20, 235), uniform(0.03, 0.1)
+    motion = HandMotion(pose[2], twist[2], *acceleration)
+    x_r, z_r = body.com_offset * np.cos(pose[2]), body.com_offset * np.sin(pose[2])
+    load = pivot_wrench(body, GRAVITY, motion, twist[2], x_r, z_r)
+    use = np.asarray(contact.utilisation_squared(*load, force))
+    held = np.flatnonzero(use < HELD**2)[:count]
+    return {
+        "object": {
+            "mass": mass[held],
+            "inertia": np.asarray(body.inertia)[held],
+            "com_offset": np.asarray(body.com_offset)[held],
+        },
+        "contact": {
+            "friction": np.asarray(contact.friction)[held],
+            "patch_radius": np.asarray(contact.patch_radius)[held],
+        },
+        "gripper": {"force": force[held], "opening": opening[held]},
+        "hand": {
+            "pose": pose.T[held],
+            "twist": twist.T[held],
+            "acceleration": acceleration.T[held],
+        },
+    }
+
+
+def case_of(throws: Mapping[str, Mapping[str, Array]], i: int, contact: Contact) -> ReleaseCase:
+    """Throw number i of `random_throws` by itself; contact: with torsion and faces."""
+    thing, pads, grip = throws["object"], throws["contact"], throws["gripper"]
+    hand = [throws["hand"][name][i] for name in ("pose", "twist", "acceleration")]
+    return ReleaseCase(
+        Body(*(float(thing[name][i]) for name in ("mass", "inertia", "com_offset"))),
+        Contact(
+            float(pads["friction"][i]),
+            float(pads["patch_radius"][i]),
+            contact.torsion,
+            contact.faces,
+        ),
+        LinearRelease(float(grip["force"][i]), 0.0, float(grip["opening"][i])),
+        Trajectory.accelerating(*hand),
+        GRAVITY,
+    )
+
+
+def scaled_errors(found: Array, truth: Array, length: float) -> Array:
+    """Scaled landing errors (N,) [m] of detach states (N, 6), (39): |dx| + |dtheta| l / 2."""
+    a, b = (FlightLaw(GRAVITY).land(detach, HEIGHT) for detach in (found, truth))
+    x, theta = np.abs((a - b)[:, :2]).T
+    return np.asarray(x + theta * length / 2)
+
+
+def off(throw: SampleThrow, found: Array, truth: Array) -> float:
+    """Scaled landing error [m] of one detach state (6,)."""
+    return float(scaled_errors(found[None], truth[None], throw.length)[0])
+
+
+@dataclass(frozen=True)
+class Method:
+    """One way to compute a release.
+
+    family: its line in a picture; setting: in words; law: which converged answer it approaches
+    ('sp', 'ls', 'patch', or that of bristles, by `bristles`).
+    """
+
+    family: str
+    setting: str
+    law: str
+    run: Run
+
+
+def methods(quick: bool) -> Iterator[Method]:
+    """All ways to compute a release."""
+
+    def some(*steps: int) -> tuple[int, ...]:
+        return steps[::2] if quick else steps
+
+    for n in some(10, 20, 40, 80, 160, 320, 640, 1280, 2560):
+        run = SlidingPivotRelease(steps=n, integrator="euler").release
+        yield Method("sp, Euler", f"{n} steps", "sp", run)
+    for n in some(5, 10, 20, 40, 80, 160, 320, 640, 1280):
+        yield Method("sp, RK4", f"{n} steps", "sp", SlidingPivotRelease(steps=n).release)
+    for n in some(2, 4, 8, 16, 32, 64):
+        run = SlidingPivotRelease(steps=n, events=True).release
+        yield Method("sp, RK4, events located", f"{n} steps", "sp", run)
+    yield from _surfaces(quick)
+    for n in some(10, 20, 50, 100, 200, 500, 1000, 2000, 5000):
+        yield Method(STEPPED_SURFACE, f"{n} steps", "ls", SteppedRelease(steps=n).release)
+    for n in some(5, 10, 20, 40, 80, 160, 320, 640):
+        words, run = f"{n} and {2 * n} steps", partial(extrapolated, SteppedRelease(), n)
+        yield Method("ls-step, extrapolated", words, "ls", run)
+    for n in some(25, 50, 100, 200, 500, 1000, 2000)[: 3 if quick else 7]:
+        yield Method("patch", f"{n} steps", "patch", PatchRelease(steps=n).release)
+    for stiffness in STIFFNESSES:
+        name = bristles(stiffness)
+        for n in (50, 200) if quick else (50, 200, 500):
+            run = PatchRelease(stiffness=stiffness, steps=n).release
+            yield Method(name, f"{n} steps", name, run)
+
+
+def _surfaces(quick: bool) -> Iterator[Method]:
+    """The published limit surface: explicit, and smoothed with a stiff integrator."""
+    for n in (500,) if quick else (100, 500, 2500):
+        yield Method("ls, Karnopp, Euler", f"{n} steps", "ls", KarnoppRelease(n).release)
+    run = KarnoppRelease(500, half_band=0.01).release
+    yield Method("ls, Karnopp, Euler", "500 steps, d 0.01 m/s", "ls", run)
+    settings = [(1e-2, 1e-3), (1e-2, 1e-4), (1e-2, 1e-6), (1e-2, 1e-8)]
+    settings += [(1e-3, 1e-4), (1e-3, 1e-6), (1e-4, 1e-6), (1e-5, 1e-6), (1e-6, 1e-6)]
+    budget = 12_000 if quick else 100_000
+    for integrator in ("LSODA", "Radau", "BDF"):
+        # A hundred times slower than the others; what a small d costs, LSODA shows.
+        few = settings[1:7:5] if integrator == "LSODA" else settings[:1]
+        for d, rtol in few if quick else settings:
+            model = ImplicitRelease(d, integrator, rtol, rtol / 100, samples=2, budget=budget)
+            words = f"d {d:g} m/s, rtol {rtol:g}"
+            yield Method(f"ils, {integrator}", words, "ls", model.release)
+
+
+def bristles(stiffness: float) -> str:
+    """What tables call bristles of that stiffness [1/m]."""
+    return f"LuGre, σ₀ {stiffness:.0e} 1/m".replace("e+0", "e")
+
+
+def extrapolated(model: SteppedRelease | PatchRelease, steps: int, case: ReleaseCase) -> Release:
+    """Twice the result of 2 `steps` less that of `steps`: the first order's error is gone."""
+    coarse, fine = (replace(model, steps=n).release(case) for n in (steps, 2 * steps))
+    end = 2 * fine.end - coarse.end
+    times = np.array([case.grip.opening])
+    return Release(times, end[:3, None], end[3:, None], trouble=coarse.trouble or fine.trouble)
+
+
+def _hand(case: ReleaseCase, t: float) -> tuple[Array, Array, HandMotion]:
+    """Pose, twist and motion of the hand at an instant [s]."""
+    hand = case.hand.at(np.array([t]))
+    pose, twist, a = (np.asarray(v)[:, 0] for v in (hand.pose, hand.twist, hand.acceleration))
+    return pose, twist, HandMotion(*(float(v) for v in (pose[2], twist[2], *a)))
+
+
+def pivot_truth(case: ReleaseCase) -> Array:
+    """Detach state (6,) of the sliding pivot by DOP853 at 1e-13."""
+    from scipy.integrate import solve_ivp
+
+    law = SlidingPivot(case.body, case.contact, case.gravity)
+
+    def rates(t: float, state: Array) -> Array:
+        return np.array(law.rates(state, _hand(case, t)[2], float(case.grip.force(t))), float)
+
+    end, start = case.grip.opening, np.array([0, 0, case.grasp_angle, 0, 0, 0], float)
+    options = {"rtol": 1e-13, "atol": 1e-15, "max_step": end / 100}
+    run = solve_ivp(rates, (0.0, end), start, "DOP853", [end], **options)
+    return np.array(law.com_state(run.y[:, -1], *_hand(case, end)), float)
+
+
+def surface_truth(case: ReleaseCase) -> Array:
+    """Detach state (6,) of the limit surface (19) as a differential equation."""
+    return _creeping(case, np.zeros((2, 1)), np.ones(1), float(case.contact.torsion_arm))
+
+
+def patch_truth(case: ReleaseCase, points: int = 64) -> Array:
+    """Detach state (6,) of the meshed patch as a differential equation."""
+    patch = disc("uniform", points, float(case.contact.torsion_arm))
+    return _creeping(case, np.array([patch.x, patch.z]), patch.weights)
+
+
+#: Converged answers by law.
+TRUTHS = {"sp": pivot_truth, "ls": surface_truth, "patch": patch_truth}
+
+
+def _creeping(case: ReleaseCase, places: Array, weights: Array, arm: float = 0.0) -> Array:
+    """Detach state (6,) by Radau, friction mu N u / sqrt(|u|^2 + CREEP^2) at each point.
+
+    places (2, P) [m] in the hand's frame, weights (P,): its points. u: the slip of a point;
+    with an `arm` [m] the turning slip times the arm is a third part of it, which makes a
+    point the ellipsoid of a limit surface.
+    """
+    from scipy.integrate import solve_ivp
+
+    mass = np.array([case.body.mass, case.body.mass, case.body.inertia])
+    end = case.grip.opening
+
+    def points(t: float, state: Array) -> tuple[Array, Array, Array, Array]:
+        """Slips (3, P), their Jacobian (3, 3, P) by the CoM's twist, shares of friction, sizes."""
+        pose, twist, _ = _hand(case, t)
+        cos, sin = math.cos(pose[2]), math.sin(pose[2])
+        x, z = np.array([[cos, -sin], [sin, cos]]) @ places
+        x_r, z_r = state[:2] - pose[:2]
+        one, none = np.ones_like(x), np.zeros_like(x)
+        moves = np.array([[one, none, z_r - z], [none, one, x - x_r], [none, none, arm * one]])
+        u = np.einsum("ijp,j->ip", moves, state[3:])
+        u -= np.array([twist[0] - twist[2] * z, twist[1] + twist[2] * x, twist[2] * arm * one])
+        size = np.sqrt((u * u).sum(axis=0) + CREEP * CREEP)
+        limit = float(case.contact.force_limit(case.grip.force(t)))
+        return u, moves, limit * weights / size, size
+
+    def rates(t: float, state: Array) -> Array:
+        u, moves, share, _ = points(t, state)
+        wrench = -np.einsum("ijp,ip,p->j", moves, u, share)
+        return np.concatenate([state[3:], wrench / mass - [0.0, case.gravity, 0.0]])
+
+    def jacobian(t: float, state: Array) -> Array:
+        """By the twist alone, which is what makes the equations stiff."""
+        u, moves, share, size = points(t, state)
+        along = np.einsum("ijp,ip->jp", moves, u) / size
+        damping = np.einsum("ijp,ikp,p->jk", moves, moves, share) - (along * share) @ along.T
+        none = np.zeros((3, 3))
+        return np.block([[none, np.eye(3)], [none, -damping / mass[:, None]]])
+
+    options = {"jac": jacobian, "rtol": 1e-8, "atol": 1e-12, "first_step": 1e-7 * end}
+    run = solve_ivp(rates, (0.0, end), case.start(), "Radau", [end], **options)
+    return np.asarray(run.y[:, -1]) if run.success else np.full(6, np.nan)

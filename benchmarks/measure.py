@@ -1,0 +1,168 @@
+"""What several sections measure with: random targets in reach, warm planners, times, Pareto sets.
+
+A target in reach is where a random motion throws the bar: from rest along a polynomial run-up to a
+random state, through the opening at constant acceleration, and braked to rest; sent at 1 kHz and
+thrown by the exact model, with every limit, the grip (10 % kept free), the workspace and the cup
+checked. The planner's own table and NLP have no part in it.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import replace
+from typing import TypeVar
+
+import numpy as np
+from throwplan import Plan, Planner, Pose, Scene, SentThrow
+from throwplan.models import Array, Trajectory
+from throwplan.planner.planner import SolverName
+from throwplan.planner.search.samples import carry
+from throwplan.planner.throw import (
+    Limits,
+    Manipulator,
+    SmoothingError,
+    excesses,
+    make_manipulator,
+    send,
+)
+from throwplan.planner.verdict import verdict
+
+T = TypeVar("T")
+
+#: A random motion: pieces of its run-up, share of velocity and acceleration limits that it uses at
+#: most, largest friction use while it carries, and states drawn at once.
+PIECES, MOST, GRIP, BATCH = 40, 0.95, 0.9, 2000
+
+
+def least_time(run: Callable[[], T], repeats: int, budget: float, long: float) -> tuple[float, T]:
+    """Least processor time [s] of `run` after a first call that does not count, and its result.
+
+    Runs at least `repeats` times, and more while they take less than `budget` [s] together; a
+    first call longer than `long` [s] counts and is not repeated.
+    """
+    start = time.process_time()
+    found = run()
+    first = time.process_time() - start
+    if first > long:
+        return first, found
+    seconds: list[float] = []
+    while len(seconds) < repeats or (sum(seconds) < budget and len(seconds) < 50):
+        start = time.process_time()
+        run()
+        seconds.append(time.process_time() - start)
+    return min(seconds), found
+
+
+def pareto(*figures: Sequence[float] | Array, margins: Sequence[float] | None = None) -> list[int]:
+    """The runs that no other beats; each of `figures` has a number a run, less is better.
+
+    margins: for each figure the share by which it may differ by chance (0 if not given): a run
+    is beaten by one that is better by more than that in a figure and not worse by more than
+    that in any. Of equal runs the first stays. In the order of the first figure.
+    """
+    values = np.array(figures, float)
+    shares = [0.0] * len(values) if margins is None else margins
+    allowed = 1.0 + np.array(shares)[:, None]
+    found: list[int] = []
+    for i in np.lexsort(values[::-1]):
+        mine = values[:, i : i + 1]
+        clearly = ((values < mine) & (values * allowed <= mine)).any(axis=0)
+        beaten = clearly & (values <= mine * allowed).all(axis=0)
+        equal = any((values[:, k] == values[:, i]).all() for k in found)
+        if not beaten.any() and not equal:
+            found.append(int(i))
+    return found
+
+
+def warmed(scene: Scene, targets: Sequence[Pose], solver: SolverName = "auto") -> Planner:
+    """A planner whose times are those of planning alone: `targets` show what has to be built."""
+    planner = Planner(scene, library=False)
+    for target in targets:
+        planner.plan(target, solver=solver)
+    return planner
+
+
+def planning_time(plan: Plan) -> float:
+    """Time [s] of a plan without what is built once for all."""
+    return plan.time["total"] - plan.time["build"]
+
+
+def quantiles(values: Sequence[float] | Array, *shares: float) -> list[float]:
+    """Quantiles at shares in percent; NaN without values."""
+    if not len(values):
+        return [math.nan] * len(shares)
+    return [float(value) for value in np.percentile(values, shares)]
+
+
+def reachable_targets(scene: Scene, seed: int) -> Iterator[Pose]:
+    """Endless landing poses in reach; theta None where the scene's target leaves it open."""
+    assert scene.target is not None
+    manipulator = make_manipulator(scene)
+    rng = np.random.default_rng(seed)
+    opening = scene.gripper.profile().opening
+    while True:
+        for motion, at in _motions(scene, manipulator, opening, rng):
+            pose = _thrown(scene, manipulator, motion, at, scene.target)
+            if pose is not None:
+                yield pose
+
+
+def _motions(
+    scene: Scene, manipulator: Manipulator, opening: float, rng: np.random.Generator
+) -> Iterator[tuple[Trajectory, float]]:
+    """Random motions within the limits, and when their opening starts [s]."""
+    limits, n = manipulator.planning, manipulator.size
+    q = rng.uniform(limits.q_min, limits.q_max, (BATCH, n))
+    dq = rng.uniform(-MOST, MOST, (BATCH, n)) * limits.dq
+    ddq = rng.uniform(-MOST, MOST, (BATCH, n)) * limits.ddq
+    shortest = max(scene.gripper.profile().dwell, 0.1)
+    durations = rng.uniform(shortest, 1.2, BATCH)
+    for state in zip(q, dq, ddq, durations, strict=True):
+        end = state[0] + opening * (state[1] + opening * state[2] / 2)
+        rate = state[1] + opening * state[2]
+        if _too_fast(limits, end, rate):
+            continue
+        if ((end < limits.q_min) | (end > limits.q_max)).any():
+            continue
+        motion = carry(manipulator, state[:3], state[3], opening, PIECES)
+        if _inside(limits, motion):
+            yield motion, float(state[3])
+
+
+def _inside(limits: Limits, motion: Trajectory) -> bool:
+    """Whether the motion keeps all limits, looked at at its nodes."""
+    q, dq, ddq, jerk = (motion.starts(k) for k in range(4))
+    if (q < limits.q_min).any() or (q > limits.q_max).any() or _too_fast(limits, q, dq):
+        return False
+    if (np.abs(ddq) > MOST * limits.ddq).any():
+        return False
+    return limits.jerk is None or not (np.abs(jerk) > MOST * limits.jerk).any()
+
+
+def _too_fast(limits: Limits, q: Array, dq: Array) -> bool:
+    """Whether any velocity is above its share of the limit there."""
+    low, high = limits.velocity(q)
+    return bool(((dq < MOST * low) | (dq > MOST * high)).any())
+
+
+def _thrown(
+    scene: Scene, manipulator: Manipulator, motion: Trajectory, at: float, target: Pose
+) -> Pose | None:
+    """The landing pose of a motion that breaks nothing."""
+    try:
+        samples = send(manipulator, motion)
+    except SmoothingError:
+        return None
+    if excesses(manipulator, samples):
+        return None
+    stop = samples.q[-1]
+    if ((stop < manipulator.planning.q_min) | (stop > manipulator.planning.q_max)).any():
+        return None
+    thrown = SentThrow.sent(scene.aimed_at(target), manipulator, motion, samples, at).sliding_pivot
+    if thrown.grip_use > GRIP or not np.isfinite(thrown.landing.flight_time):
+        return None
+    theta = None if target.theta is None else thrown.landing.theta
+    pose = target.in_plane(thrown.landing.x, theta)
+    return pose if verdict(replace(thrown, scene=scene.aimed_at(pose))).ok else None

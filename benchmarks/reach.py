@@ -1,0 +1,289 @@
+"""Section `reach`: random targets, how many are thrown to, how fast, and what of the others.
+
+Targets far from all that a map's samples hit are out of reach; one that is solved all the same,
+under the exact check, was in reach after all.
+"""
+
+from __future__ import annotations
+
+import collections
+import itertools
+import math
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from throwplan import Plan, Planner, Pose, ReachMap, SentThrow, load_scene, reach_map
+from throwplan.planner.search import CORRECTOR
+from throwplan.planner.show import BLACK, BLUE, GREEN, RED, Row, Table, shown
+from throwplan.planner.throw import send
+from throwplan.planner.verdict import verdict
+
+from .judge import judged
+from .measure import planning_time, quantiles, reachable_targets, warmed
+from .page import Effort, Picture, ReportSection, panels
+from .parts import imports_of
+from .processes import shared
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Seed of the targets in reach; of targets on the map and far from it.
+SEED, MAP_SEED = 1, 3
+#: Scenes with the number of their targets: quick, full.
+TARGETS = {
+    "pose": (20, 1000),
+    "cup": (5, 1000),
+    "box": (0, 1000),
+    "flip": (0, 1000),
+    "hand-box": (20, 300),
+    "hand-flip": (20, 300),
+}
+#: Scenes whose library is measured: quick, full; its throws, targets spread over the bins of their
+#: maps, and plans that the judge looks at.
+LIBRARIES = ("hand-box",), ("pose", "cup", "box", "flip", "fr3")
+THROWS, ON_MAP, JUDGED = (60, 5000), (10, 500), (4, 400)
+#: Solved plans whose targets are moved by so much [m, scaled error], for warm plans.
+BESIDE, BY = (4, 300), 0.008
+#: Plans before any is timed: the NLPs they need are built.
+FIRST = (2, 50)
+#: Sampled states of a map, and targets far from it.
+SAMPLED, FAR_OUT = (20_000, 200_000), (5, 300)
+#: Far: more than this from the middle of every bin that was hit, x [m] or theta [rad] ...
+FAR = (0.1, math.radians(20))
+#: ... and at most this beyond them.
+ROUND = np.array([1.0, 2.0])
+
+
+def make(effort: Effort) -> ReportSection:
+    """Targets in reach, far out, on the map."""
+    counts = {name: effort.of(*sizes) for name, sizes in TARGETS.items() if effort.of(*sizes)}
+    spread = LIBRARIES[0] if effort.quick else LIBRARIES[1]
+    step = effort.counter(len(counts) + len(spread) + 2)
+    made = shared(_targets, counts, counts.values(), quick=effort.quick)
+    targets = dict(zip(counts, made, strict=True))
+    step()
+    rows, plans = list[Row](), dict[str, list[Plan]]()
+    for name, some in targets.items():
+        plans[name] = _planned(warmed(load_scene(name), some[: effort.of(*FIRST)]), some)
+        row: Row = {"scene": name}
+        rows.append(row | _row(plans[name]))
+        step()
+    far = _planned(warmed(load_scene("pose"), []), outside("pose", effort))
+    step()
+    mapped = list[Row]()
+    for name in spread:
+        row, plans[f"{name}, over the map"] = _over_map(name, effort)
+        mapped.append(row)
+        step()
+    lost = [
+        {"targets": words} | _said(plan) | {"why": plan.message}
+        for words, some in plans.items()
+        for plan in some
+        if not plan.solved
+    ]
+    every = [{"drawn": "in reach"} | _said(plan) | _nearest(plan) for plan in plans["pose"]]
+    every += [{"drawn": "far out"} | _said(plan) | _nearest(plan) for plan in far]
+    table = Table("reach-targets", "Targets of `pose`, and what was said", every)
+    words = "Scene pose: targets in reach and far out, and the nearest pose named for these"
+    return ReportSection(
+        "reach",
+        "Any target in reach",
+        _figures(rows, far, mapped),
+        [
+            Table("reach-inside", "Random targets in reach, without a library", rows),
+            Table("reach-lost", "Targets without a throw, and why", lost),
+            table,
+            Table(
+                "reach-map", "Targets spread over a map's bins, with a library and without", mapped
+            ),
+        ],
+        [Picture("reach", words, _draw_targets(table))],
+    )
+
+
+def _planned(planner: Planner, targets: Sequence[Pose]) -> list[Plan]:
+    return [planner.plan(target) for target in targets]
+
+
+def _row(plans: list[Plan]) -> Row:
+    """Counts, times without what is built once for all plans, and worst errors."""
+    solved = [plan.error_sent() for plan in plans if plan.solved]
+    x, theta = np.max(solved or [(math.nan, math.nan)], axis=0)
+    whole = quantiles([planning_time(plan) for plan in plans], 50, 99)
+    solves = quantiles([plan.time["solve"] for plan in plans], 50, 99)
+    return {
+        "targets": len(plans),
+        "solved": len(solved),
+        "plan, median [ms]": 1e3 * whole[0],
+        "plan, 99 % [ms]": 1e3 * whole[1],
+        "solve, median [ms]": 1e3 * solves[0],
+        "solve, 99 % [ms]": 1e3 * solves[1],
+        "worst error [mm]": 1e3 * float(x),
+        "worst error [deg]": math.degrees(float(theta)),
+    }
+
+
+def _said(plan: Plan) -> Row:
+    """A target, and what was said of it."""
+    place = {"scene": plan.scene.name} | _place("", plan.target)
+    return place | {"status": plan.status}
+
+
+def _nearest(plan: Plan) -> Row:
+    """The pose that was named instead."""
+    return _place("nearest ", plan.nearest)
+
+
+def _place(which: str, pose: Pose | None) -> Row:
+    theta = None if pose is None or pose.theta is None else math.degrees(pose.theta)
+    x = None if pose is None else pose.plane_x
+    return {f"{which}x [m]": x, f"{which}theta [deg]": theta}
+
+
+def _figures(rows: list[Row], far: list[Plan], mapped: list[Row]) -> list[str]:
+    """What is thrown to, and how fast."""
+    words = [
+        f"`{row['scene']}` {row['solved']} of {row['targets']}, "
+        f"{shown(row['plan, median [ms]'])} ms a plan"
+        for row in rows
+    ]
+    said = collections.Counter(plan.status for plan in far)
+    middles = "; ".join(
+        f"`{r['scene']}` {r['solved']} of {r['targets']}, {r['moved throws']} of them moved, "
+        f"{shown(r['plan, median [ms]'])} ms a plan, {shown(r['plan, 99 % [ms]'])} at 99 % "
+        f"(cold: {r['cold: solved']}, {shown(r['cold: plan, median [ms]'])} and "
+        f"{shown(r['cold: plan, 99 % [ms]'])} ms), {r['judged wrong']} of "
+        f"{r['judged']} judged wrong"
+        for r in mapped
+    )
+    return [
+        f"Random targets in reach that are thrown to: {'; '.join(words)}.",
+        f"Targets far from all that the samples of a map hit, `pose`: {said['out_of_reach']} of "
+        f"{len(far)} are called out of reach, {said['solved']} are solved under the exact check, "
+        f"{said['not_converged']} have no answer.",
+        f"Targets spread evenly over a map's bins, with a library of solved throws: {middles}.",
+    ]
+
+
+def outside(name: str, effort: Effort) -> list[Pose]:
+    """Targets far from every landing of a scene's map."""
+    found = reach_map(load_scene(name), samples=effort.of(*SAMPLED))
+    target = found.scene.target
+    assert target is not None
+    known = np.column_stack([found.x, found.theta])
+    rng = np.random.default_rng(SEED)
+    low, high = known.min(axis=0) - ROUND, known.max(axis=0) + ROUND
+    targets: list[Pose] = []
+    while len(targets) < effort.of(*FAR_OUT):
+        x, theta = rng.uniform(low, high)
+        if not (np.abs(known - [x, theta]) < FAR).all(axis=1).any():
+            targets.append(target.in_plane(x, theta))
+    return targets
+
+
+def _over_map(name: str, effort: Effort) -> tuple[Row, list[Plan]]:
+    """Plans to random places of random bins of a scene's map by its library, beside cold ones."""
+    scene, count = load_scene(name), effort.of(*ON_MAP)
+    targets = over_map(reach_map(scene, samples=effort.of(*SAMPLED)), count)
+    planner, before, started = Planner(scene), Planner(scene).prepared, time.perf_counter()
+    throws = planner.prepare(effort.of(*THROWS))
+    seconds = time.perf_counter() - started
+    # What is built once is no plan's time.
+    planner.plan(targets[0])
+    plans, cold = _planned(planner, targets), _planned(warmed(scene, targets[:2]), targets)
+    pairs = [(a.throw, b.throw) for a, b in zip(plans, cold, strict=True) if a.solved and b.solved]
+    costs = [a.effort / b.effort for a, b in pairs if a is not None and b is not None]
+    looked = [p for p in plans if p.solved][: effort.of(*JUDGED)]
+    wrong = sum(bool(judged(p.throw, p.target).wrong) for p in looked if p.throw is not None)
+    said = collections.Counter(plan.status for plan in plans)
+    row: Row = {
+        "scene": name,
+        "throws": throws,
+        "prepare [s]": None if before else seconds,
+        "library [MB]": planner.library.records.nbytes / 1e6,
+        "moved throws": sum(plan.solved and plan.solver == CORRECTOR for plan in plans),
+        "out of reach": said["out_of_reach"],
+        "no answer": said["not_converged"],
+    }
+    row |= _row(plans) | {f"cold: {name}": value for name, value in _row(cold).items()}
+    row |= _beside(planner, [p for p in plans if p.solved][: effort.of(*BESIDE)])
+    row["fresh process [s]"] = imports_of(scene)["fresh process [s]"]
+    for share, value in zip((50, 90), quantiles(costs, 50, 90), strict=True):
+        row[f"cost over the cold plan's, {share} %"] = value
+    return row | {"judged": len(looked), "judged wrong": wrong}, plans
+
+
+def _beside(planner: Planner, plans: list[Plan]) -> Row:
+    """Warm plans to targets beside those of `plans`; throws and checks of what these send."""
+    rng, seconds, checks = np.random.default_rng(SEED), list[float](), list[float]()
+    for plan in plans:
+        throw, target = plan.throw, plan.target
+        assert throw is not None
+        share = rng.uniform(-1.0, 1.0)
+        turned = math.copysign(1.0 - abs(share), rng.uniform(-1.0, 1.0))
+        away = BY * turned / plan.scene.object.half_length
+        moved = target.shifted(BY * share, away)
+        start = time.perf_counter()
+        planner.plan(moved, warm=plan)
+        seconds.append(time.perf_counter() - start)
+        start = time.perf_counter()
+        sent = send(plan.manipulator, throw.planned)
+        final = SentThrow.sent(
+            plan.scene, plan.manipulator, throw.planned, sent, throw.opening_time
+        )
+        verdict(final, target)
+        checks.append(time.perf_counter() - start)
+    (warm, longest), (check,) = quantiles(seconds, 50, 99), quantiles(checks, 50)
+    return {
+        f"warm by {1e3 * BY:.0f} mm, median [ms]": 1e3 * warm,
+        "warm, 99 % [ms]": 1e3 * longest,
+        "throw and check [ms]": 1e3 * check,
+    }
+
+
+def over_map(found: ReachMap, count: int) -> list[Pose]:
+    """Targets at random places of `count` random bins of a map that were hit."""
+    rng, target, edges = np.random.default_rng(MAP_SEED), found.scene.target, found.theta_edges
+    assert target is not None
+    hit = np.argwhere(found.landings > 0)
+    chosen = hit[rng.permutation(len(hit))[:count]]
+    if len(chosen) < count:
+        chosen = hit[rng.integers(0, len(hit), count)]
+    targets = []
+    for i, j in chosen:
+        theta = None if edges is None else float(rng.uniform(*edges[j : j + 2]))
+        targets.append(target.in_plane(float(rng.uniform(*found.x_edges[i : i + 2])), theta))
+    return targets
+
+
+def _targets(name: str, count: int) -> list[Pose]:
+    """Random targets in reach of a scene."""
+    return list(itertools.islice(reachable_targets(load_scene(name), SEED), count))
+
+
+def _draw_targets(rows: Table) -> Figure:
+    """Targets in x and theta, what was said of them, and the nearest poses that were named."""
+    figure, ((axis,),) = panels(9.0, 5.0)
+    some = rows.rows
+    named = [row for row in some if row["nearest x [m]"] is not None]
+    for row in named:
+        x, theta = (
+            [row[f"{k}{name}"] for k in ("", "nearest ")] for name in ("x [m]", "theta [deg]")
+        )
+        axis.plot(x, theta, color="#dddddd", lw=0.7, zorder=1)
+    groups = (
+        ("thrown to", [r for r in some if r["status"] == "solved"], "", BLUE, "."),
+        ("out of reach", [r for r in some if r["status"] == "out_of_reach"], "", RED, "x"),
+        ("nearest pose named", named, "nearest ", GREEN, "+"),
+        ("no answer", [r for r in some if r["status"] == "not_converged"], "", BLACK, "s"),
+    )
+    for words, group, which, colour, marker in groups:
+        if group:
+            x = [row[f"{which}x [m]"] for row in group]
+            theta = [row[f"{which}theta [deg]"] for row in group]
+            axis.plot(x, theta, marker, color=colour, ms=5, label=f"{words} ({len(group)})")
+    axis.set(xlabel="x [m]", ylabel="θ [deg]")
+    axis.legend(loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=4, frameon=False)
+    return figure

@@ -1,0 +1,213 @@
+"""Section `robust`: robust plans against plain ones in random scenes, judged on fresh samples."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import time
+from collections.abc import Sequence
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+from throwplan import Distribution, Plan, Planner, Scene, Uncertainty, load_scene, sweep
+from throwplan.planner.show import BLACK, BLUE, GREY, RED, Row, Table, number, shown
+from throwplan.problems import InputError
+
+from .measure import reachable_targets
+from .page import Effort, Picture, ReportSection, panels
+from .processes import shared
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+#: Seed of the scenes; samples that judge a plan, and their seed, which planning does not use.
+SEED, SAMPLES, FRESH = 7, 2000, 1
+#: Scenes that are varied: six arms and a free hand, poses, a position, a cup.
+SCENES = (
+    *("delay", "fr3", "iiwa14", "gen3", "ur5e", "xarm7"),
+    *("hand-flip", "near-cup", "box", "flip"),
+)
+#: What is uncertain, and the number of scenes: quick, full.
+KINDS = {"delay": (1, 20), "delay, friction, patch radius, mass": (1, 20), "all": (1, 20)}
+#: Plain plans with a 95 % error below this [m] are left out: there is nothing to gain.
+HARD = 2e-3
+#: Targets that are tried in a scene.
+TARGETS = 12
+#: A robust plan is worse where its success is less by more than this many standard deviations of
+#: the difference, or, where that is not so, its error larger by more than this share.
+DEVIATIONS, SHARE = 2.0, 0.05
+
+
+def make(effort: Effort) -> ReportSection:
+    """`--robust auto` against the plain plan in every scene."""
+    jobs = [(kind, n) for kind, sizes in KINDS.items() for n in range(effort.of(*sizes))]
+    step, rows = effort.counter(len(jobs)), list[Row]()
+    for found in shared(_studied, jobs, quick=effort.quick):
+        rows += found
+        step()
+    scenes = Table("robust-scenes", "Plain and robust plan of each scene", rows)
+    some = [_row(kind, scenes.where(uncertain=kind)) for kind in KINDS]
+    caption = "`--robust auto` against the plain plan, by what is uncertain"
+    words = "95 % error of plain over robust plans: a dot a scene, a bar the median"
+    return ReportSection(
+        "robust",
+        "Robust throws",
+        _figures(some),
+        [Table("robust", caption, some), scenes],
+        [Picture("robust", words, _draw_ratios(scenes))],
+    )
+
+
+def _figures(rows: list[Row]) -> list[str]:
+    """What to take from it."""
+    found = [
+        "Random scenes of six arms and a free hand, random targets whose plain throw has a 95 % "
+        f"pose error above {1e3 * HARD:g} mm; each plan thrown {SAMPLES:,} times with samples that "
+        "planning did not use."
+    ]
+    for row in rows:
+        cell = {name: shown(value) for name, value in row.items()}
+        found.append(
+            f"Uncertain {cell['uncertain']}, {cell['scenes']} scenes: the 95 % error is "
+            f"{cell['times less, median']} times less in the median, {cell['times less, least']} "
+            f"in the worst; success goes from {cell['plain success, mean [%]']} to "
+            f"{cell['robust success, mean [%]']} % in the mean; {cell['worse']} robust plans are "
+            f"worse. A plan takes {cell['plan, median [s]']} s of processor time in the median, "
+            f"{cell['plan, longest [s]']} s at most, with what is built once."
+        )
+    return found
+
+
+def scene_of(kind: str, count: int) -> Scene:
+    """A scene with random object, pads, opening and uncertainty; count: of its kind."""
+    rng = np.random.default_rng((SEED, list(KINDS).index(kind), count))
+    scene = load_scene(SCENES[count % len(SCENES)])
+    bar, pads, grip, cup = scene.object, scene.contact, scene.gripper, scene.cup is not None
+    size, heavy = (float(np.exp(rng.uniform(-w, w))) for w in (0.0 if cup else 0.25, 0.45))
+    bar = bar.changed(
+        mass=heavy * bar.mass,
+        inertia=heavy * size**2 * bar.inertia,
+        length=size * bar.length,
+        com=size * bar.com,
+    )
+    friction, radius = rng.uniform(0.5, 1.1), rng.uniform(0.0025, 0.006)
+    pads = pads.changed(friction=friction, patch_radius=radius)
+    if grip.file is None:
+        grip = grip.changed(opening=rng.uniform(0.03, 0.08))
+    uncertain = Uncertainty(**_uncertain(kind, rng))
+    return scene.changed(object=bar, contact=pads, gripper=grip, uncertainty=uncertain)
+
+
+def _uncertain(kind: str, rng: np.random.Generator) -> dict[str, Any]:
+    """Random distributions of what a kind of scene leaves uncertain."""
+
+    def share(low: float, high: float) -> Distribution:
+        return Distribution(normal=rng.uniform(low, high), relative=True)
+
+    found = {"delay": Distribution(uniform=rng.uniform(0.003, 0.012))}
+    if kind == "delay":
+        return found
+    found |= {"friction": share(0.05, 0.15), "patch_radius": share(0.05, 0.15)}
+    found |= {"mass": share(0.01, 0.05)}
+    if kind == "all":
+        found |= {"opening": share(0.05, 0.15)}
+        for name, low, high in (
+            ("com_offset", 0.0005, 0.003),
+            ("grasp_offset", 0.0005, 0.002),
+            ("grasp_angle", math.radians(0.2), math.radians(1.0)),
+        ):
+            found[name] = Distribution(normal=rng.uniform(low, high))
+    return found
+
+
+def judged(plan: Plan) -> tuple[np.ndarray, float]:
+    """Flags of the fresh samples that succeed, and the 95 % pose error [m]."""
+    found = sweep(plan, SAMPLES, FRESH)
+    error = found.to_dict()["quantiles"]["scaled"]["95"]
+    return found.success, math.inf if error is None else float(error)
+
+
+def is_worse(plain: tuple[np.ndarray, float], robust: tuple[np.ndarray, float]) -> bool:
+    """Whether the robust plan is worse than the plain one by more than the samples can tell."""
+    lost = int((plain[0] & ~robust[0]).sum())
+    gained = int((robust[0] & ~plain[0]).sum())
+    noise = DEVIATIONS * math.sqrt(lost + gained)
+    if abs(lost - gained) > noise:
+        return lost > gained
+    return robust[1] > (1 + SHARE) * plain[1]
+
+
+def _studied(job: tuple[str, int]) -> list[Row]:
+    """The plain and the robust plan of one scene; no row where no target has a plain throw."""
+    kind, count = job
+    scene = scene_of(kind, count)
+    try:
+        planner = Planner(scene, library=False)
+    except InputError:
+        return []
+    for target in itertools.islice(reachable_targets(scene, SEED + count), TARGETS):
+        plain = planner.plan(target)
+        if not plain.solved:
+            continue
+        before = judged(plain)
+        if before[1] < HARD:
+            continue
+        started = time.process_time()
+        robust = planner.plan(target, robust="auto")
+        seconds = time.process_time() - started
+        after = judged(robust)
+        row: Row = {
+            "uncertain": kind,
+            "scene": scene.name,
+            "count": count,
+            "method": robust.robust,
+            "plain success [%]": 100 * float(before[0].mean()),
+            "robust success [%]": 100 * float(after[0].mean()),
+            "plain error [mm]": 1e3 * before[1],
+            "robust error [mm]": 1e3 * after[1],
+            "times less": before[1] / after[1],
+            "worse": int(is_worse(before, after)),
+            "plan [s]": seconds,
+        }
+        return [row]
+    return []
+
+
+def _row(kind: str, found: Sequence[Row]) -> Row:
+    """All scenes of one kind."""
+
+    def cells(name: str) -> list[float]:
+        return [number(row[name], math.inf) for row in found] or [math.nan]
+
+    return {
+        "uncertain": kind,
+        "scenes": len(found),
+        "worse": sum(int(number(row["worse"])) for row in found),
+        "plain kept": sum(row["method"] == "nominal" for row in found),
+        "times less, median": float(np.median(cells("times less"))),
+        "times less, least": min(cells("times less")),
+        "plain success, mean [%]": float(np.mean(cells("plain success [%]"))),
+        "robust success, mean [%]": float(np.mean(cells("robust success [%]"))),
+        "plan, median [s]": float(np.median(cells("plan [s]"))),
+        "plan, longest [s]": max(cells("plan [s]")),
+    }
+
+
+def _draw_ratios(rows: Table) -> Figure:
+    """How many times less the error of robust plans is, a dot a scene, a bar at the median."""
+    figure, grid = panels(7.0, 4.5)
+    axis, rng = grid[0][0], np.random.default_rng(0)
+    for place, kind in enumerate(KINDS):
+        some = rows.where(uncertain=kind)
+        ratios = np.array([number(row["times less"]) for row in some])
+        worse = np.array([bool(row["worse"]) for row in some], bool)
+        across = place + rng.uniform(-0.25, 0.25, ratios.size)
+        axis.plot(across[~worse], ratios[~worse], ".", color=BLUE, ms=6)
+        axis.plot(across[worse], ratios[worse], "x", color=RED, ms=6)
+        if ratios.size:
+            middle = float(np.median(ratios))
+            axis.plot([place - 0.35, place + 0.35], [middle, middle], color=BLACK, lw=2)
+    axis.axhline(1.0, color=GREY, lw=0.8, ls="--")
+    axis.set(yscale="log", ylabel="95 % error, plain over robust")
+    axis.set_xticks(range(len(KINDS)), [kind.replace(", ", ",\n") for kind in KINDS])
+    return figure

@@ -1,0 +1,220 @@
+"""Section `throws`: contact parameters from measured throws, learning from few.
+
+The throws are synthetic, on the paper's design, by a meshed patch with stated noise: they tell how
+models differ and whether a fit finds the truth, not how well a model predicts real throws.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+import statistics
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+from throwplan import (
+    Plan,
+    Planner,
+    Pose,
+    Scene,
+    ThrowData,
+    identify,
+    load_scene,
+    throw_data,
+    thrown,
+)
+from throwplan.models import Array
+from throwplan.models.release import SLIDING_PIVOT, STEPPED_SURFACE
+from throwplan.planner.identify.synthetic import SynthesisConfig, make_throws
+from throwplan.planner.show import BLUE, GREEN, Row, Table, number, shown
+
+from .page import Effort, Picture, ReportSection, panels
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+
+#: Seed of the throws, and models with a grid.
+SEED, MODELS = 1, ("ls", SLIDING_PIVOT, STEPPED_SURFACE)
+#: Learning: models, numbers of throws, and seeds of the noise: quick, full.
+LEARNERS = (SLIDING_PIVOT, STEPPED_SURFACE)
+COUNTS, SEEDS = ((3,), (1, 2, 3, 5, 10)), (1, 5)
+#: Reality of the learning: friction, patch radius [m] and delay of the gripper [s]; what rubs
+#: there; the share of the true mu r_p that is believed.
+TRUTH = {"friction": 1.1, "patch_radius": 0.00325, "delay": 0.010}
+PRODUCT = TRUTH["friction"] * TRUTH["patch_radius"]
+REALITY, BELIEVED = "patch", 0.6
+#: Noise of a measured landing: x [m], theta [rad].
+NOISE = (0.002, math.radians(0.5))
+#: Goals: how far [m, deg] from the scene's own target. The first `JUDGED` are thrown again.
+WAYS = (
+    *((0.0, 0), (-0.15, 20), (0.1, -25), (-0.05, 40), (-0.1, -40)),
+    *((0.05, 15), (-0.2, -10), (0.12, 5), (-0.08, 60), (0.03, -15)),
+)
+JUDGED = 3
+
+
+def make(effort: Effort) -> ReportSection:
+    """Grids and fits, learning from few throws."""
+    step = effort.counter(3)
+    data, _ = make_throws(SynthesisConfig(repeats=effort.of(1, 5), seed=SEED))
+    batch = data.picked(list(range(0, len(data.throws), effort.of(3, 1))))
+    step()
+    identified = _identified(batch)
+    step()
+    learning, before = _learning(effort)
+    step()
+    words = "Learning: real scaled error of throws planned after the first throws"
+    return ReportSection(
+        "throws",
+        "Contact parameters from measured throws",
+        [
+            f"{len(batch.throws)} synthetic throws (`throwplan make-throws`): "
+            f"{data.shared.synthetic}.",
+            _fitted(identified),
+            f"Learning: scene `pose`, believed with {100 * (1 - BELIEVED):.0f} % less μ r_p and "
+            f"without the delay of {1e3 * TRUTH['delay']:.0f} ms; reality is the meshed patch, "
+            f"landings have noise of {1e3 * NOISE[0]:.0f} mm and {math.degrees(NOISE[1]):.1f}°. "
+            f"Before any throw the mean real scaled error is {1e3 * before:.1f} mm; "
+            f"{_learned(learning)}.",
+        ],
+        [identified, learning],
+        [Picture("throws", words, _draw_learning(learning))],
+    )
+
+
+def _identified(data: ThrowData) -> Table:
+    """Grids and fits, a row for each model."""
+    true, rows = data.truth["friction"] * data.truth["patch_radius"], list[Row]()
+    for one in (identify(data, model) for model in MODELS):
+        assert one.grid is not None
+        row: Row = {
+            "model": one.model,
+            "grid, least error [mm]": 1e3 * float(one.grid.error.min()),
+            "grid, μ r_p / truth": one.grid.product / true,
+            "fit, error [mm]": None,
+            "fit, μ r_p / truth": None,
+            "± of it": None,
+            "predictions": one.grid.predictions,
+            "grid [s]": one.grid.seconds,
+        }
+        if one.fit is not None and one.error is not None:
+            row |= {
+                "fit, error [mm]": 1e3 * one.error,
+                "fit, μ r_p / truth": one.posterior.product / true,
+                "± of it": one.posterior.product_deviation,
+            }
+        rows.append(row)
+    return Table("throws-identified", "Grid and fit by model", rows)
+
+
+def _fitted(table: Table) -> str:
+    """What to take from grids and fits."""
+    fits = ", ".join(
+        f"`{row['model']}` {shown(row['fit, μ r_p / truth'])}"
+        for row in table.rows
+        if row["fit, μ r_p / truth"] is not None
+    )
+    count, time = (sum(map(number, table.column(name))) for name in ("predictions", "grid [s]"))
+    return (
+        f"Friction times patch radius μ r_p by the fits, over the truth: {fits}. {count:,.0f} "
+        f"predictions of the grids take {time:.1f} s."
+    )
+
+
+def _learning(effort: Effort) -> tuple[Table, float]:
+    """Real error over the number of throws learned from; and before any throw [m]."""
+    scene = _believed(load_scene("pose"))
+    plans = _planned(scene, WAYS)
+    landings = thrown(throw_data(plans), REALITY, TRUTH)
+    before = _error(plans[:JUDGED], landings[:JUDGED])
+    rows = list[Row]()
+    for model in LEARNERS:
+        for count in COUNTS[not effort.quick]:
+            found = [
+                _after(scene, plans[:count], landings[:count], model, seed)
+                for seed in range(effort.of(*SEEDS))
+            ]
+            errors, products = [one[0] for one in found], [one[1] for one in found]
+            middle, worst = statistics.median(errors), max(errors)
+            row: Row = {
+                "learned by": model,
+                "throws": count,
+                "error, median [mm]": 1e3 * middle,
+                "error, worst [mm]": 1e3 * worst,
+                "times better, median": before / middle,
+                "times better, worst": before / worst,
+                "μ r_p / truth, least": min(products),
+                "μ r_p / truth, most": max(products),
+            }
+            rows.append(row)
+    return Table("throws-learning", "Learning from few throws", rows), before
+
+
+def _believed(scene: Scene) -> Scene:
+    """The scene with friction and patch radius too small."""
+    contact = scene.contact
+    shrink = math.sqrt(BELIEVED * PRODUCT / (contact.friction * contact.patch_radius))
+    contact = dataclasses.replace(
+        contact,
+        friction=shrink * contact.friction,
+        patch_radius=shrink * contact.patch_radius,
+    )
+    return scene.replace(contact=contact)
+
+
+def _after(
+    scene: Scene, plans: list[Plan], landings: Array, model: str, seed: int
+) -> tuple[float, float]:
+    """Mean real error [m] after these throws, measured with noise; and mu r_p over the truth."""
+    noise = np.random.default_rng(seed).normal(size=(len(WAYS), 2))[: len(plans)] * NOISE
+    pairs = [(float(x), float(theta)) for x, theta in landings + noise]
+    data = throw_data(plans, pairs, *NOISE)
+    found = identify(data, model, prior=scene, delay=True, grid=False)
+    again = _planned(found.apply(scene), WAYS[:JUDGED])
+    error = _error(again, thrown(throw_data(again), REALITY, TRUTH))
+    return error, found.posterior.product / PRODUCT
+
+
+def _planned(scene: Scene, ways: Sequence[tuple[float, float]]) -> list[Plan]:
+    """Solved plans to the scene's target, moved some ways."""
+    planner, aim = Planner(scene, library=False), scene.target
+    assert aim is not None and aim.theta is not None
+    goals = [Pose(aim.x + dx, aim.z, aim.theta + math.radians(turn)) for dx, turn in ways]
+    plans = [planner.plan(goal) for goal in goals]
+    lost = [goal for goal, plan in zip(goals, plans, strict=True) if not plan.solved]
+    assert not lost, f"no plan to {lost}"
+    return plans
+
+
+def _error(plans: list[Plan], landings: Array) -> float:
+    """Mean pose error [m]."""
+    dx, dtheta = (landings - [[plan.target.x, plan.target.theta] for plan in plans]).T
+    return float(plans[0].scene.object.pose_error(dx, dtheta).mean())
+
+
+def _learned(table: Table) -> str:
+    """What three throws are worth."""
+    return "after three it is " + ", ".join(
+        f"{shown(row['times better, median'])} times smaller by `{row['learned by']}` in the "
+        f"median ({shown(row['times better, worst'])} at least)"
+        for row in table.where(throws=3)
+    )
+
+
+def _draw_learning(rows: Table) -> Figure:
+    """Real landing error over the number of throws that were learned from."""
+    figure, ((axis,),) = panels(7.0, 4.0)
+    some = rows.rows
+    for model, colour in zip(dict.fromkeys(rows.column("learned by")), (BLUE, GREEN), strict=False):
+        mine = [row for row in some if row["learned by"] == model]
+        counts = [row["throws"] for row in mine]
+        for column, line in (("error, median [mm]", "-"), ("error, worst [mm]", ":")):
+            words = f"{model}, {column.split(', ')[1].removesuffix(' [mm]')}"
+            axis.plot(
+                counts, [row[column] for row in mine], line, marker="o", color=colour, label=words
+            )
+    axis.set(xlabel="throws learned from", ylabel="real scaled error [mm]", yscale="log")
+    axis.legend(frameon=False, fontsize=8)
+    return figure

@@ -1,0 +1,33 @@
+"""How a body leaves the pads: the falling grip force, the release models and their registry.
+
+A model is one file with its law; `MODELS` names it for commands, sweeps and pictures.
+"""
+
+from .cases import BatchRelease, Release, ReleaseBatch, ReleaseCase
+from .exact import (
+    compiled_release,
+    exact_detaches,
+    exact_pivot_release,
+    exact_surface_release,
+    relative_states,
+)
+from .grip import GripProfile, LinearRelease, TableRelease
+from .limit_surface import ImplicitRelease, KarnoppRelease
+from .registry import (
+    BATCH_MODELS,
+    DECIDING,
+    MODELS,
+    SLIDING_PIVOT,
+    STEPPED_SURFACE,
+    ReleaseModel,
+)
+from .sliding_pivot import (
+    PivotSteps,
+    SlidingPivot,
+    SlidingPivotRelease,
+    Widths,
+    soft_positive,
+    world_release,
+)
+from .stepping import Opening, march, rk4_step
+from .time_stepping import SteppedRelease

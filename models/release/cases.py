@@ -1,0 +1,276 @@
+"""Input and output of a release model: one release, or N at once."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+import numpy.typing as npt
+
+from ..body import Array, Body, Contact, Flags, HandTrack, held_wrench, sticking_state
+from ..flight import FlightState
+from ..trajectory import Throws, Trajectory
+from .grip import GripProfile
+
+#: Reasons not to trust a release.
+LOST = "the body slid out of the pads before they let go"
+BLEW_UP = "the steps blew up: needs more steps"
+UNSOLVED = "a step of the patch was not solved"
+#: Slip [m] beyond h at which the body has left the pads and flies freely. By the published law a
+#: body that slides on under a turning hand would run away.
+LOST_SLIP = 0.1
+#: Intervals of the opening in which the first slip is searched.
+INTERVALS = 200
+#: Share of the surface's normal below which a motion does not begin.
+SMALL = 1e-6
+#: Share of the full grip that is added to the force: a wrench of rounding errors does not slip.
+NOTHING = 1e-11
+#: Throws per chunk: thirty arrays of 2048 doubles stay in the processor's cache.
+CHUNK = 2048
+
+
+@dataclass(frozen=True)
+class ReleaseCase:
+    """One release: the held body, the contact, the grip force falling, the moving hand.
+
+    The body sticks to the hand at time 0, at `grasp_angle` [rad] against it.
+    """
+
+    body: Body
+    contact: Contact
+    grip: GripProfile
+    hand: HandTrack
+    gravity: float = 9.81
+    grasp_angle: float = 0.0
+
+    def start(self) -> Array:
+        """CoM pose and twist (6,) at time 0, sticking: x, z, theta, v_x, v_z, omega."""
+        hand = self.hand.at(np.zeros(1))
+        pose, twist = hand.pose[:, 0], hand.twist[:, 0]
+        return np.array(sticking_state(pose, twist, self.grasp_angle, self.body.com_offset))
+
+    def held_wrench(self, times: Array) -> Array:
+        """Contact wrench (3, K) in world axes that a sticking body needs at `times` (K,) [s]."""
+        hand = self.hand.at(times)
+        wrench = held_wrench(self.body, self.gravity, hand.motion, self.grasp_angle)
+        return np.array(np.broadcast_arrays(*wrench))
+
+    def slip_onset(self) -> tuple[float | None, float | None]:
+        """Times [s] at which pivot and slide begin on the ellipsoid (19), None for what does not.
+
+        Slip begins where the wrench that a sticking body needs first reaches the surface of the
+        falling grip force. To 1e-12 of the opening; 0 for a body that the full grip does not hold.
+        """
+        from scipy.optimize import brentq
+
+        def excess(times: Array) -> Array:
+            """Excess of the needed wrench over the surface, as a share of it."""
+            f_x, f_z, torque = self.held_wrench(times)
+            force = self.grip.force(times) + NOTHING * self.grip.full
+            return np.asarray(self.contact.utilisation_squared(f_x, f_z, torque, force) - 1.0)
+
+        times = np.linspace(0.0, self.grip.opening, INTERVALS + 1)
+        above = np.flatnonzero(excess(times) > 0)
+        if above.size == 0:
+            return None, None
+        i = int(above[0])
+        onset = float(times[i])
+        if i > 0:
+            ends = times[i - 1], onset
+            onset = float(brentq(lambda t: float(excess(np.array([t]))[0]), *ends, xtol=1e-12))
+        load = self.held_wrench(np.array([onset]))[:, 0]
+        return onsets(onset, load, self.contact.torsion_arm)
+
+
+def onsets(time: float, load: Array, arm: float) -> tuple[float | None, float | None]:
+    """Pivot and slide [s] that begin at `time`: along a wrench (3,) in newtons, torque over arm.
+
+    The contact moves along the surface's normal. A motion that the normal does not have, such as
+    turning where no torque is carried, does not begin.
+    """
+    sizes = np.abs(load / [1.0, 1.0, arm])
+    least = SMALL * sizes.max()
+    return time if sizes[2] > least else None, time if sizes[:2].max() > least else None
+
+
+@dataclass(frozen=True)
+class Release:
+    """One release by one model.
+
+    times (K,) from the start of the opening [s]; com (3, K) and com_twist (3, K) of the
+    body; wrench (3, K): friction on the body at the contact point [N, N, N m], None
+    where the model does not give it; pivot, slide: onset times [s], None if it never
+    happens or the model knows no such thing. trouble: why the result is not to be
+    trusted; empty if it is.
+    """
+
+    times: Array
+    com: Array
+    com_twist: Array
+    pivot: float | None = None
+    slide: float | None = None
+    wrench: Array | None = None
+    trouble: str = ""
+
+    @classmethod
+    def from_nodes(
+        cls, nodes: Array, onsets: Sequence[float] = (math.nan, math.nan), lost: bool = False
+    ) -> Release:
+        """The release with the core's nodes (K, 7): time, CoM pose and twist; no wrench.
+
+        onsets [s]: of pivot and slide, NaN for what does not begin.
+        """
+        rows, trouble = nodes.T.copy(), LOST if lost else ""
+        trouble = trouble if np.isfinite(rows).all() else BLEW_UP
+        pivot, slide = (None if math.isnan(time) else float(time) for time in onsets)
+        return cls(rows[0], rows[1:4], rows[4:], pivot, slide, trouble=trouble)
+
+    @cached_property
+    def end(self) -> Array:
+        """CoM pose and twist (6,) at the end of the opening; (6, N) of N releases."""
+        return np.concatenate([self.com[:, -1], self.com_twist[:, -1]])
+
+    @cached_property
+    def detach(self) -> FlightState:
+        """`end` as a state of flight."""
+        return FlightState(*self.end.tolist())
+
+
+class CaseModel(Protocol):
+    """A release model that throws one body."""
+
+    def release(self, case: ReleaseCase) -> Release:
+        """The release of one case, from sticking to the end of the opening."""
+
+
+def failed(times: Array, trouble: str) -> Release:
+    """A release that could not be computed: NaN all along, and why."""
+    nothing = np.full((3, len(times)), np.nan)
+    return Release(times, nothing, nothing, trouble=trouble)
+
+
+def onset(times: Array, excess: Array) -> float | None:
+    """First time [s] at which `excess` rises above zero; linear between grid points."""
+    above = np.flatnonzero(excess > 0)
+    if above.size == 0:
+        return None
+    i = int(above[0])
+    if i == 0:
+        return float(times[0])
+    low, high = excess[i - 1], excess[i]
+    return float(times[i - 1] + (times[i] - times[i - 1]) * -low / (high - low))
+
+
+# N releases at once.
+
+
+@dataclass(frozen=True)
+class ReleaseBatch:
+    """N releases. Body and contact values, gravity, grasp_angle: numbers or arrays (N,).
+
+    grip: the falling force, shared; opening (N,) [s] and force (N,) [N] stretch it to
+    each throw's own duration and full grip.
+    """
+
+    count: int
+    body: Body
+    contact: Contact
+    grip: GripProfile
+    hands: Trajectory
+    opening: Array
+    force: Array
+    gravity: Any = 9.81
+    grasp_angle: Any = 0.0
+
+    def part(self, throws: Throws) -> ReleaseBatch:
+        """The batch of the given throws; numbers stay numbers."""
+
+        def cut(value: Any) -> Any:
+            return value[throws] if isinstance(value, np.ndarray) and value.ndim else value
+
+        return replace(
+            self,
+            count=len(throws),
+            body=Body(*(cut(getattr(self.body, f.name)) for f in fields(Body))),
+            contact=Contact(*(cut(getattr(self.contact, f.name)) for f in fields(Contact))),
+            hands=self.hands.part(throws),
+            opening=self.opening[throws],
+            force=self.force[throws],
+            gravity=cut(self.gravity),
+            grasp_angle=cut(self.grasp_angle),
+        )
+
+    def forces(self, shares: Array) -> list[Array]:
+        """Grip force (N,) [N] of one pad at each of `shares` (K,) of the openings."""
+        shape = self.grip.force(shares * self.grip.opening) / self.grip.full
+        return [self.force * value for value in shape]
+
+    def forces_at(self, times: Array) -> Array:
+        """Grip force [N] of one pad at `times` (..., N) [s] after each opening's start."""
+        stretched = times / self.opening * self.grip.opening
+        return np.asarray(self.force * self.grip.force(stretched) / self.grip.full)
+
+
+@dataclass(frozen=True)
+class BatchRelease:
+    """The results of N releases.
+
+    detach (N, 6): CoM pose and twist at the end of the opening, NaN where it could not be
+    computed, which `why_not` explains; lost (N,): whether the body slid out of the pads
+    before. stray (N, 2): how far the CoM [m] and the angle [rad] leave a body that is held, at
+    most, on the way; doubt (N, 6): by how much the detach state depends on the number of steps.
+    None where a model does not say.
+    """
+
+    detach: Array
+    lost: Flags
+    why_not: str = BLEW_UP
+    stray: Array | None = None
+    doubt: Array | None = None
+
+    @property
+    def trouble(self) -> npt.NDArray[np.object_]:
+        """Why each throw (N,) is not to be trusted, as in `Release`; empty if it is."""
+        words = np.full(len(self.detach), "", object)
+        words[self.lost] = LOST
+        words[~np.isfinite(self.detach).all(axis=1)] = self.why_not
+        return words
+
+    @staticmethod
+    def joined(parts: Sequence[BatchRelease]) -> BatchRelease:
+        """The releases of several batches, one after the other."""
+
+        def all_of(name: str) -> Any:
+            values = [getattr(part, name) for part in parts]
+            return None if any(value is None for value in values) else np.concatenate(values)
+
+        why_not = parts[0].why_not
+        return BatchRelease(
+            all_of("detach"), all_of("lost"), why_not, all_of("stray"), all_of("doubt")
+        )
+
+    def part(self, throws: Throws) -> BatchRelease:
+        """The releases of the given throws."""
+        stray, doubt = (
+            None if value is None else value[throws] for value in (self.stray, self.doubt)
+        )
+        return BatchRelease(self.detach[throws], self.lost[throws], self.why_not, stray, doubt)
+
+
+def chunks(count: int, size: int = CHUNK) -> Iterator[Throws]:
+    """The numbers of `count` throws, `size` at a time."""
+    for first in range(0, count, size):
+        yield np.arange(first, min(first + size, count))
+
+
+def by_chunks(
+    batch: ReleaseBatch, run: Callable[[ReleaseBatch], BatchRelease], size: int = CHUNK
+) -> BatchRelease:
+    """`run` on one chunk of throws after the other: memory does not grow with their number."""
+    if batch.count <= size:
+        return run(batch)
+    return BatchRelease.joined([run(batch.part(throws)) for throws in chunks(batch.count, size)])

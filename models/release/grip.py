@@ -1,0 +1,196 @@
+"""The force of the pads as they open: linear, or measured.
+
+A law is a `GripProfile` with `full`, `dwell`, `opening` and `force(time)`; `Gripper.profile` in
+`problems/grip.py` chooses it by the keys of a scene.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, ClassVar
+
+import numpy as np
+import numpy.typing as npt
+
+from ..body import Array
+
+
+@dataclass(frozen=True)
+class RecordingSettings:
+    """How a raw recording of the grip force is read, and how a force is written.
+
+    step [s]: between the samples that are written. min_rows: fewest rows of a recording. held: a
+    force within this share of the full grip still holds. level: the end of a recording may fall
+    by this share of the full grip. noisy: a recording is raw if its rises add up to more than
+    this share of its peak.
+    """
+
+    step: float = 0.001
+    min_rows: int = 20
+    held: float = 0.05
+    level: float = 0.02
+    noisy: float = 0.05
+
+
+RECORDING = RecordingSettings()
+
+
+class GripProfile:
+    """The force of one pad over time: `full` [N] until `dwell` [s] after the opening command, then
+    falling to zero in `opening` [s].
+    """
+
+    #: Cubic pieces by which the compiled core takes a law; a smooth force is then known to 1e-6.
+    PIECES: ClassVar[int] = 200
+
+    full: float
+    dwell: float
+    opening: float
+
+    def force(self, time: npt.ArrayLike) -> Array:
+        """f_N [N] at `time` [s] after the start of the fall."""
+        raise NotImplementedError
+
+    @cached_property
+    def curve(self) -> Any:
+        """The force over the time from its fall on, as SciPy's piecewise cubics, for the core.
+
+        None for a linear fall, which the core knows.
+        """
+        from scipy.interpolate import PchipInterpolator
+
+        times = np.linspace(0.0, self.opening, self.PIECES + 1)
+        return PchipInterpolator(times, self.force(times))
+
+
+@dataclass(frozen=True)
+class LinearRelease(GripProfile):
+    """A force that falls linearly."""
+
+    full: float
+    dwell: float
+    opening: float
+    curve = None
+
+    def force(self, time: npt.ArrayLike) -> Array:
+        """f_N [N] at `time` [s] after the start of the fall."""
+        return self.full * np.clip(1.0 - np.asarray(time, float) / self.opening, 0.0, 1.0)
+
+
+class TableRelease(GripProfile):
+    """A measured grip force: times [s] from the opening command, forces [N] of one pad.
+
+    Interpolated by monotone cubics (PCHIP): no overshoot, continuous slope. The last
+    force must be zero within 1 % of the largest, and the force may not rise again by
+    more than 5 % of the largest. Raises ValueError saying what is wrong.
+    """
+
+    #: The fall starts where the force has lost this share of its first value.
+    FALL_SHARE: ClassVar[float] = 0.01
+
+    def __init__(self, times: Sequence[float], forces: Sequence[float]) -> None:
+        t, f = np.array(times, float), np.array(forces, float)
+        _check_table(t, f)
+        peak = f.max()
+        f[-1] = 0.0
+        self.full = float(f[0])
+        falling = np.flatnonzero(f < (1.0 - self.FALL_SHARE) * f[0])
+        start = max(int(falling[0]) - 1, 0)
+        ended = int(np.flatnonzero(f > 1e-9 * peak)[-1]) + 1
+        self.dwell = float(t[start])
+        self.opening = float(t[ended] - t[start])
+        self._times, self._forces = t[start : ended + 1] - t[start], f[start : ended + 1]
+
+    @cached_property
+    def curve(self) -> Any:
+        """The force over the time from its fall on, as SciPy's piecewise cubics."""
+        from scipy.interpolate import PchipInterpolator
+
+        return PchipInterpolator(self._times, self._forces)
+
+    def force(self, time: npt.ArrayLike) -> Array:
+        """f_N [N] at `time` [s] after the start of the fall."""
+        force = self.curve(np.clip(np.asarray(time, float), 0.0, self.opening))
+        return np.asarray(np.maximum(force, 0.0))
+
+    @classmethod
+    def from_recording(cls, times: Array, forces: Array) -> TableRelease:
+        """The falling force nearest to a raw recording of one pad, in the sense of least squares.
+
+        times (K,) [s] from the opening command on, forces (K,) [N], until the pads have been apart
+        for at least a tenth of the recording. The median of that last tenth is subtracted as the
+        offset. The full force is the median of what comes before the fall. Within the noise the
+        force is full, or zero. Raises ValueError for fewer than 20 rows, a recording without a
+        fall, and as `TableRelease`.
+        """
+        from scipy.optimize import isotonic_regression
+
+        t, raw = np.asarray(times, float), np.asarray(forces, float)
+        if t.shape != raw.shape or t.size < RECORDING.min_rows:
+            raise ValueError(f"needs at least {RECORDING.min_rows} rows of t, f_N")
+        if not np.isfinite(raw).all():
+            raise ValueError("has a value that is not a finite number")
+        tail = raw[-max(t.size // 10, 2) :]
+        force = raw - np.median(tail)
+        fall = np.asarray(isotonic_regression(force, increasing=False).x)
+        # Half the force is far from the noise of either end: most samples before it are held.
+        half = int(np.flatnonzero(fall < fall[0] / 2)[0]) if fall[-1] < fall[0] / 2 else 0
+        held = (1 - RECORDING.held) * float(np.median(force[: half // 2 + 1]))
+        flat = np.flatnonzero(fall[:half] >= held)
+        if fall[0] <= 0 or half < 2 or flat.size < 2:
+            raise ValueError("f_N must start at the full grip and fall from there")
+        full = float(np.median(force[flat]))
+        noise = 3 * float(np.std(np.diff(tail))) / math.sqrt(2)
+        ends = [float(np.mean(part)) for part in np.array_split(tail, 2)]
+        if ends[0] - ends[1] > max(RECORDING.level * full, noise):
+            raise ValueError(
+                "f_N must go on, level, for a tenth of the recording after the pads are apart"
+            )
+        fall[fall >= full - max(noise, cls.FALL_SHARE * full)] = full
+        fall[fall <= max(noise, 1e-6 * full)] = 0.0
+        ended = int(np.flatnonzero(fall > 0)[-1]) + 2
+        return cls(t[:ended].tolist(), fall[:ended].tolist())
+
+    @staticmethod
+    def noise(forces: Array) -> float:
+        """Sum [N] of the rises of a raw recording; 0 for one that needs no smoothing."""
+        rises = float(np.maximum(np.diff(forces), 0.0).sum())
+        raw = len(forces) >= RECORDING.min_rows and rises > RECORDING.noisy * np.abs(forces).max()
+        return rises if raw else 0.0
+
+    def samples(self) -> Array:
+        """Time [s] from the opening command and force [N] of one pad (K, 2), every millisecond.
+
+        A table of these has the same dwell and opening: only its two ends are at the full force
+        and at zero.
+        """
+        step = RECORDING.step
+        held = np.arange(0.0, self.dwell - step / 1000, step)
+        falling = np.arange(step, self.opening - step / 1000, step)
+        force = self.force(falling)
+        inner = (force < (1 - 1.01 * self.FALL_SHARE) * self.full) & (force > 1e-6 * self.full)
+        times = np.concatenate([[0.0], falling[inner], [self.opening]])
+        forces = np.concatenate([self.force(0.0)[None], force[inner], [0.0]])
+        rows = np.column_stack([held, np.full(held.size, self.full)])
+        return np.vstack([rows, np.column_stack([self.dwell + times, forces])])
+
+
+def _check_table(t: Array, f: Array) -> None:
+    if t.size < 2 or t.shape != f.shape:
+        raise ValueError("needs at least two rows of t, f_N")
+    if not (np.isfinite(t).all() and np.isfinite(f).all()):
+        raise ValueError("has a value that is not a finite number")
+    if t[0] < 0 or (np.diff(t) <= 0).any():
+        raise ValueError("t must start at 0 or later and rise from row to row")
+    peak = f.max()
+    if peak <= 0 or (f < 0).any():
+        raise ValueError("f_N must not be negative and must start above 0")
+    if f[-1] > 0.01 * peak:
+        raise ValueError(f"f_N must end at 0, but the last row has {f[-1]:g} N")
+    if f[0] < 0.5 * peak:
+        raise ValueError("f_N must start at the full grip and fall from there")
+    if (f - np.minimum.accumulate(f)).max() > 0.05 * peak:
+        raise ValueError("f_N must fall: it rises by more than 5 % of its largest value")

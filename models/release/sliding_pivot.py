@@ -1,0 +1,327 @@
+"""Sliding pivot (SP): stick, pivot about the pads, slide between them.
+
+Section V of Liu and Billard, (28)-(38). The state is relative to the hand, so the
+pivot constraint holds exactly until the body slides:
+
+    s = (slip_x, slip_z)   slip of the pivot against the hand, world axes [m]
+    theta_r                body angle minus hand angle [rad]
+    and the rates of the three.
+
+The CoM seen from the hand is r = s + h (cos theta, sin theta).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cache, partial
+from typing import Literal
+
+import casadi as ca
+import numpy as np
+
+from ..body import (
+    Array,
+    Body,
+    Contact,
+    HandMotion,
+    HandSamples,
+    Value,
+    backend,
+    components,
+    pivot_wrench,
+)
+from .cases import BLEW_UP, LOST, LOST_SLIP, BatchRelease, Release, ReleaseBatch, ReleaseCase, onset
+from .stepping import (
+    Triple,
+    by_levels,
+    compiled_batch,
+    euler_step,
+    graded,
+    located_steps,
+    number_symbols,
+    numbers,
+    rk4_step,
+    run_steps,
+    step_batch,
+    step_columns,
+    step_function,
+    with_middles,
+)
+
+#: Acceleration [m/s^2] that keeps the widths above zero in zero gravity.
+ACCELERATION_FLOOR = 1.0
+
+#: Time [s] between a kink of the hand's motion and where a batch's step reads its acceleration.
+INSIDE_STEP = 1e-9
+
+Form = Literal["continuous", "paper"]
+Integrator = Literal["rk4", "euler"]
+
+
+def soft_positive(value: Value, width: Value) -> Value:
+    """max(value, 0) rounded over `width` (same unit): (v + sqrt(v^2 + w^2)) / 2."""
+    return 0.5 * (value + backend(value, width).sqrt(value * value + width * width))
+
+
+def positive(value: Value) -> Value:
+    """max(value, 0)."""
+    return backend(value).maximum(value, 0.0)
+
+
+@dataclass(frozen=True)
+class Widths:
+    """Rounding widths of max and |.|: force [N] and torque [N m]."""
+
+    force: Value
+    torque: Value
+
+    @classmethod
+    def relative(cls, epsilon: Value, body: Body, contact: Contact, gravity: Value) -> Widths:
+        """Widths of `epsilon` times the body's weight and its weight's torque about the grasp.
+
+        Both stay above zero at g = 0 and h = 0 (an acceleration of 1 m/s^2 and the
+        patch radius stand in), because a release that transmits nothing has a zero
+        wrench and a zero limit at once, where derivatives must stay finite.
+        """
+        xp = backend(gravity, body.com_offset, contact.patch_radius)
+        force = epsilon * body.mass * xp.sqrt(gravity * gravity + ACCELERATION_FLOOR**2)
+        arm = xp.sqrt(body.com_offset**2 + contact.patch_radius**2)
+        return cls(force, force * arm)
+
+
+@dataclass(frozen=True)
+class SlidingPivot:
+    """The SP law for one body, contact and gravity.
+
+    form: 'continuous' lets the contact slip with -Delta/m on top of the pivot
+    motion; 'paper' takes (36) while sliding and jumps at slide onset.
+    widths: rounding of max and |.|; None is the non-smooth law.
+    """
+
+    body: Body
+    contact: Contact
+    gravity: Value = 9.81
+    form: Form = "continuous"
+    widths: Widths | None = None
+
+    def lever(self, state: Value, hand: HandMotion) -> tuple[Value, Value]:
+        """r [m]: the CoM seen from the centre of the pads."""
+        theta = hand.theta + state[2]
+        xp = backend(theta)
+        h = self.body.com_offset
+        return state[0] + h * xp.cos(theta), state[1] + h * xp.sin(theta)
+
+    def com_state(
+        self, state: Value, pose: Value, twist: Value, hand: HandMotion
+    ) -> tuple[Value, ...]:
+        """CoM pose and twist in the world: x, z, theta, v_x, v_z, omega.
+
+        `pose`, `twist`: rows or values (x, z, theta) of the hand and their rates.
+        """
+        x_r, z_r = self.lever(state, hand)
+        omega = hand.omega + state[5]
+        # The pivot moves with the hand and slips; the rest turns about it.
+        v_x = twist[0] + state[3] - omega * (z_r - state[1])
+        v_z = twist[1] + state[4] + omega * (x_r - state[0])
+        return pose[0] + x_r, pose[1] + z_r, hand.theta + state[2], v_x, v_z, omega
+
+    def excess(self, state: Value, hand: HandMotion, normal_force: Value) -> tuple[Value, Value]:
+        """Excess of the pivot wrench over the friction limits: (torque [N m], force [N]).
+
+        Above zero the body pivots, or slides; these are the event functions of the
+        non-smooth law.
+        """
+        _, _, force_norm, torque_size, force_limit = self._load(state, hand, normal_force)
+        return torque_size - self.contact.torsion_arm * force_limit, force_norm - force_limit
+
+    def rates(self, state: Value, hand: HandMotion, normal_force: Value) -> list[Value]:
+        """Time derivative of the six relative states under `normal_force` of one pad [N]."""
+        state = components(state)
+        force, torque, force_norm, torque_size, force_limit = self._load(state, hand, normal_force)
+        body = self.body
+        x_r, z_r = self.lever(state, hand)
+        omega = hand.omega + state[5]
+
+        # (34) with the sign of the torque itself, not of its magnitude.
+        over_torque = torque_size - self.contact.torsion_arm * force_limit
+        over_force = force_norm - force_limit
+        if self.widths is None:
+            over_torque, over_force = positive(over_torque), positive(over_force)
+        else:
+            over_torque = soft_positive(over_torque, self.widths.torque)
+            over_force = soft_positive(over_force, self.widths.force)
+        alpha_pivot = -torque / torque_size * over_torque / body.grasp_inertia
+
+        # Delta: the part of the pivot force that friction cannot give.
+        share = over_force / force_norm
+        delta_x, delta_z = share * force[0], share * force[1]
+        alpha_slide = (-x_r * delta_z + z_r * delta_x) / body.grasp_inertia
+        alpha_r = alpha_pivot - alpha_slide
+        alpha = hand.alpha + alpha_r
+
+        # r'' = s'' + h e(theta)'', so the slip takes what the pivot motion leaves.
+        h_x, h_z = x_r - state[0], z_r - state[1]
+        xp = backend(over_force, h_x, alpha_r)
+        if self.form == "continuous":
+            slip_x = -alpha * state[1] - omega * omega * state[0] - delta_x / body.mass
+            slip_z = alpha * state[0] - omega * omega * state[1] - delta_z / body.mass
+        else:
+            # (36): the world acceleration of the CoM under saturated friction.
+            free_x = (force[0] - delta_x) / body.mass - hand.a_x
+            free_z = (force[1] - delta_z) / body.mass - self.gravity - hand.a_z
+            slip_x = xp.where(over_force > 0, free_x + alpha * h_z + omega * omega * h_x, 0.0)
+            slip_z = xp.where(over_force > 0, free_z - alpha * h_x + omega * omega * h_z, 0.0)
+        if self.widths is None:
+            lost = self.lost(state)
+            fall_x, fall_z = -hand.a_x, -self.gravity - hand.a_z
+            slip_x = xp.where(lost, fall_x + omega * omega * h_x, slip_x)
+            slip_z = xp.where(lost, fall_z + omega * omega * h_z, slip_z)
+            alpha_r = xp.where(lost, -hand.alpha, alpha_r)
+        return [state[3], state[4], state[5], slip_x, slip_z, alpha_r]
+
+    def lost(self, state: Value) -> Value:
+        """Whether the body has slid out of the pads before they let go."""
+        limit = self.body.com_offset + LOST_SLIP
+        return state[0] * state[0] + state[1] * state[1] > limit * limit
+
+    def friction(
+        self, state: Value, hand: HandMotion, normal_force: Value
+    ) -> tuple[Value, Value, Value]:
+        """Friction on the body at the contact: (f_x, f_z) [N] and torque [N m]."""
+        force, torque, force_norm, torque_size, limit = self._load(state, hand, normal_force)
+        xp = backend(force_norm, torque_size, limit)
+        share = xp.minimum(limit / force_norm, 1.0)
+        turning = xp.minimum(self.contact.torsion_arm * limit / torque_size, 1.0)
+        return share * force[0], share * force[1], turning * torque
+
+    def _load(
+        self, state: Value, hand: HandMotion, normal_force: Value
+    ) -> tuple[tuple[Value, Value], Value, Value, Value, Value]:
+        """Pivot force and torque, their sizes (above zero), and the force limit."""
+        x_r, z_r = self.lever(state, hand)
+        f_x, f_z, torque = pivot_wrench(
+            self.body, self.gravity, hand, hand.omega + state[5], x_r, z_r
+        )
+        # The non-smooth sizes keep a negligible width too: 0/0 at a zero wrench is 0.
+        force_width = 1e-12 if self.widths is None else self.widths.force
+        torque_width = 1e-14 if self.widths is None else self.widths.torque
+        xp = backend(f_x, f_z, torque)
+        force_norm = xp.sqrt(f_x * f_x + f_z * f_z + force_width * force_width)
+        torque_size = xp.sqrt(torque * torque + torque_width * torque_width)
+        return (f_x, f_z), torque, force_norm, torque_size, self.contact.force_limit(normal_force)
+
+
+@dataclass(frozen=True)
+class PivotSteps:
+    """The sliding pivot by steps of Runge-Kutta, or of the paper's explicit Euler."""
+
+    law: SlidingPivot
+    integrator: Integrator = "rk4"
+
+    @property
+    def uses_middle(self) -> bool:
+        """Runge-Kutta does."""
+        return self.integrator == "rk4"
+
+    def start(self, hand: HandSamples, grasp_angle: Value) -> list[Value]:
+        """Sticking: only the angle against the hand is not zero."""
+        zero = 0.0 * hand.pose[2]
+        return [zero, zero, zero + grasp_angle, zero, zero, zero]
+
+    def advance(
+        self, state: Value, hands: Sequence[HandSamples], forces: Triple, dt: Value
+    ) -> list[Value]:
+        """State `dt` [s] later."""
+        step = rk4_step if self.integrator == "rk4" else euler_step
+        return step(self.law.rates, state, [hand.motion for hand in hands], forces, dt)
+
+    def excess(self, state: Value, hand: HandMotion, normal_force: Value) -> tuple[Value, Value]:
+        """Event functions, see `SlidingPivot.excess`."""
+        return self.law.excess(state, hand, normal_force)
+
+    def lost(self, state: Value) -> Value:
+        """Whether the body has slid out of the pads."""
+        return self.law.lost(state)
+
+    def com(self, state: Value, hand: HandSamples) -> Sequence[Value]:
+        """CoM pose and twist in the world."""
+        return self.law.com_state(state, hand.pose, hand.twist, hand.motion)
+
+
+@dataclass(frozen=True)
+class SlidingPivotRelease:
+    """Releases by the sliding pivot in one of its forms.
+
+    steps over the opening; integrator: 'rk4' or the paper's 'euler'; events: cut the
+    steps where pivot or slide begins or ends, so that the integrator keeps its order.
+    """
+
+    form: Form = "continuous"
+    steps: int = 1000
+    integrator: Integrator = "rk4"
+    events: bool = False
+
+    def release(self, case: ReleaseCase) -> Release:
+        """The release of one case."""
+        law = SlidingPivot(case.body, case.contact, case.gravity, self.form)
+        if self.events:
+            steps = PivotSteps(law, self.integrator)
+            nodes = np.linspace(0.0, case.grip.opening, self.steps + 1)
+            times, states, onsets = located_steps(steps, case, nodes)
+            release = world_release(law, case.hand.at(times), states.T, case.grip.force(times))
+            return replace(release, pivot=onsets[0], slide=onsets[1])
+        hand = case.hand.at(np.linspace(0.0, case.grip.opening, 2 * self.steps + 1))
+        forces, start = case.grip.force(hand.times), np.zeros(6)
+        start[2] = case.grasp_angle
+        states = run_steps(_compiled(self), start, step_columns(hand, forces), numbers(case))
+        return world_release(law, hand.every(0, 2), states, forces[::2])
+
+    def throw(self, batch: ReleaseBatch, steps: int) -> BatchRelease:
+        """N releases by the non-smooth law in `steps` graded Runge-Kutta steps.
+
+        Doubled, once or more, for throws that swing fast; cut where the hands' accelerations
+        step: across such a kink they would be of first order only.
+        """
+        return by_levels(batch, lambda part, factor: self._steps(part, steps * factor))
+
+    def _steps(self, part: ReleaseBatch, steps: int) -> BatchRelease:
+        gap = INSIDE_STEP if part.hands.kinks.size else 0.0
+        shares = partial(_shares, steps=steps)
+        if self.form == "continuous":
+            return compiled_batch("sliding_pivot", part, shares(part), gap)
+        return step_batch(part, self._law, shares, gap)
+
+    def _law(self, batch: ReleaseBatch) -> PivotSteps:
+        """The non-smooth law of N throws."""
+        return PivotSteps(SlidingPivot(batch.body, batch.contact, batch.gravity, self.form))
+
+
+def _shares(batch: ReleaseBatch, steps: int) -> Array:
+    """Graded nodes and middles (K,); (K, N) with nodes at the kinks of the throws' hands."""
+    nodes = graded(steps)
+    if not batch.hands.kinks.size:
+        return with_middles(nodes)
+    kinks = (batch.hands.kinks[:, None] - batch.hands.delays) / batch.opening
+    alike = np.broadcast_to(nodes[:, None], (nodes.size, batch.count))
+    return with_middles(np.sort(np.vstack([alike, np.clip(kinks, 0.0, 1.0)]), axis=0))
+
+
+def world_release(law: SlidingPivot, hand: HandSamples, states: Array, forces: Array) -> Release:
+    """World poses, twists and friction of relative states (6, K) along the hand."""
+    motion = hand.motion
+    state = np.vstack(law.com_state(states, hand.pose, hand.twist, motion))
+    torque, force = law.excess(states, motion, forces)
+    pivot, slide = onset(hand.times, torque), onset(hand.times, force)
+    wrench = np.vstack(law.friction(states, motion, forces))
+    trouble = LOST if law.lost(states).any() else ""
+    if not np.isfinite(state).all():
+        trouble = BLEW_UP
+    return Release(hand.times, state[:3], state[3:], pivot, slide, wrench, trouble)
+
+
+@cache
+def _compiled(model: SlidingPivotRelease) -> ca.Function:
+    p, body, contact, gravity = number_symbols()
+    law = PivotSteps(SlidingPivot(body, contact, gravity, model.form), model.integrator)
+    return step_function(law, p, model.steps)

@@ -1,0 +1,159 @@
+"""Bodies around segments: an arm's links, and boxes with rounded corners."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import casadi as ca
+import numpy as np
+
+from ...core import library
+from ..body import Array, Value, backend
+from .kinematics import PlanarArm
+
+#: Lengths [m] below this are zero.
+NONE = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class Solid:
+    """A box grown by `radius` [m]: a sphere where it has no extent, a capsule where it has one.
+
+    centre (3,) [m]; axes (3, 3): its directions as rows; half (3,) [m]: half its extents.
+    """
+
+    centre: Array
+    axes: Array
+    half: Array
+    radius: float
+
+    def turned(self, angle: float) -> Solid:
+        """The solid turned by `angle` [rad] about the world's z axis."""
+        turn = about_z(angle)
+        return Solid(turn @ self.centre, self.axes @ turn.T, self.half, self.radius)
+
+    def support(self, directions: Array) -> Array:
+        """Its largest coordinate (K,) [m] along each of `directions` (K, 3)."""
+        extent = np.abs(directions @ self.axes.T) @ self.half
+        return np.asarray(directions @ self.centre + extent + self.radius)
+
+    def outline(self, points: int = 90) -> Array:
+        """Outline (points, 2) of its shadow along y: x, z [m]."""
+        angles = np.linspace(0.0, 2 * np.pi, points, endpoint=False)
+        ways = np.column_stack([np.cos(angles), 0 * angles, np.sin(angles)])
+        corners = np.sign(ways @ self.axes.T) * self.half @ self.axes
+        return np.asarray((self.centre + corners + self.radius * ways)[:, [0, 2]])
+
+
+def about_z(angle: float) -> Array:
+    """3x3: a turn by `angle` [rad] about z."""
+    cos, sin = math.cos(angle), math.sin(angle)
+    return np.array([[cos, -sin, 0.0], [sin, cos, 0.0], [0.0, 0.0, 1.0]])
+
+
+def segment_distance(begin: Array, end: Array, other: Array, last: Array) -> Array:
+    """Distance (N,) [m] of segments, each (N, 3): `begin` to `end` from `other` to `last`."""
+    found, pairs = np.empty(len(begin)), np.stack([begin, end, other, last], axis=1)
+    library().segment_distances(len(found), pairs, found)
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class ArmCapsules:
+    """An arm's capsules as its throwing joints move them, in the plane at azimuth 0.
+
+    number (C,): of the arm's link, 0 is the base, the last one the hand; moved_by (C,): which link
+    of `PlanarArm` moves it, -1 for none; places (C, 2, 3): ends x, y, z [m], x and z from that
+    link's joint with all coordinates 0, y from the plane; radius (C,) [m], as the robot's maker
+    gives it.
+    """
+
+    arm: PlanarArm
+    number: tuple[int, ...]
+    moved_by: tuple[int, ...]
+    places: Array
+    radius: Array
+
+    @cached_property
+    def names(self) -> tuple[str, ...]:
+        """The links in words."""
+        hand = self.arm.arm.joints + 1
+        words = {0: "base", hand: "hand"}
+        return tuple(words.get(number, f"link {number}") for number in self.number)
+
+    @cached_property
+    def moves(self) -> tuple[bool, ...]:
+        """Which of them the throwing joints move, instead of turning them about their own axis."""
+        aside = np.abs(self.places[:, :, [0, 2]]).max(axis=(1, 2)) > NONE
+        return tuple(
+            link > 0 or (link == 0 and bool(far))
+            for link, far in zip(self.moved_by, aside, strict=True)
+        )
+
+    @classmethod
+    def of(cls, arm: PlanarArm) -> ArmCapsules:
+        """The capsules of the arm's data."""
+        given, still = arm.arm.capsules, ca.SX(arm.coordinates, 1)
+        frames = [np.array(ca.evalf(frame)) for frame in arm.arm.frames(arm.full(still))]
+        tcp = frames[-1].copy()
+        tcp[:3, 3] -= arm.arm.tool.tcp * tcp[:3, 2]
+        at = [np.eye(4), *frames[: arm.arm.joints], tcp]
+        joints = np.vstack([np.zeros(2), np.cumsum([arm.origin, *arm.links[:-1]], axis=0)])
+        places, moved = np.zeros((len(given), 2, 3)), []
+        for i, capsule in enumerate(given):
+            frame = at[capsule.link]
+            link = sum(joint <= capsule.link for joint in arm.throwing_joints) - 1
+            ends = np.array([capsule.begin, capsule.end])
+            places[i] = ends @ frame[:3, :3].T + frame[:3, 3]
+            x, z = joints[link + 1]
+            places[i] = np.round(places[i] - [x, arm.arm.lateral, z], 12)
+            moved.append(link)
+        radius = np.array([capsule.radius for capsule in given])
+        return cls(arm, tuple(c.link for c in given), tuple(moved), places, radius)
+
+    def aimed(self, azimuth: float) -> ArmCapsules:
+        """The capsules in a plane at `azimuth` [rad]; the base does not turn with it."""
+        return replace(self, places=self.places_at(azimuth))
+
+    def places_at(self, azimuth: float) -> Array:
+        """`places` for a plane at that azimuth [rad]."""
+        base = np.array(self.number) < self.arm.arm.azimuth_joint
+        beside, places = np.array([0.0, self.arm.arm.lateral, 0.0]), self.places.copy()
+        places[base] = (places[base] + beside) @ about_z(azimuth) - beside
+        return places
+
+    def ends(self, angles: Sequence[Value], which: Sequence[int]) -> list[list[list[Any]]]:
+        """x, y, z [m] of both ends of some capsules from `PlanarArm.link_angles` values."""
+        x, z = self.arm.origin
+        joints, turns = [], []
+        for (along, up), phi in zip(self.arm.links, angles, strict=True):
+            xp = backend(phi)
+            cos, sin = xp.cos(phi), xp.sin(phi)
+            joints.append((x, z))
+            turns.append((cos, sin))
+            x, z = x + along * cos - up * sin, z + along * sin + up * cos
+        found = []
+        for i in which:
+            ends = self.places[i].tolist()
+            link = self.moved_by[i]
+            if link >= 0:
+                (x, z), (cos, sin) = joints[link], turns[link]
+                ends = [
+                    [x + along * cos - up * sin, y, z + along * sin + up * cos]
+                    for along, y, up in ends
+                ]
+            found.append(ends)
+        return found
+
+    def at(self, q: Array) -> Array:
+        """Ends x, y, z [m] of all capsules (C, 2, 3, N) at coordinates q (n, N)."""
+        found = np.empty((len(self.number), 2, 3, q.shape[1]))
+        for i, ends in enumerate(self.ends(self.arm.link_angles(q), range(len(self.number)))):
+            for end, place in enumerate(ends):
+                for k, value in enumerate(place):
+                    found[i, end, k] = value
+        return found

@@ -1,0 +1,231 @@
+"""The planar motion of an arm's hand, and of a hand without an arm, for arrays and CasADi."""
+
+from __future__ import annotations
+
+import functools
+import math
+from collections.abc import Callable, Sequence
+
+import casadi as ca
+import numpy as np
+
+from ...core import AXES, FRAMES, LinkageC
+from ..body import Array, Value, backend, components
+from .arm import Arm
+
+#: Numbers of a link or a joint.
+Row = Sequence[Value]
+
+
+def link_end(joint: Row, link: Row, turned: Row) -> Row:
+    """The end of a link from its joint: x and z, their rates, their accelerations.
+
+    link (x, z) [m]: from joint to end with all joints at 0; turned: its angle, rate, acceleration.
+    """
+    x, z, v_x, v_z, a_x, a_z = joint
+    phi, rate, turn = turned
+    xp = backend(phi)
+    cos, sin = xp.cos(phi), xp.sin(phi)
+    along, up = link[0] * cos - link[1] * sin, link[0] * sin + link[1] * cos
+    return (
+        x + along,
+        z + up,
+        v_x - rate * up,
+        v_z + rate * along,
+        a_x - turn * up - rate * rate * along,
+        a_z + turn * along - rate * rate * up,
+    )
+
+
+def flange_velocity(tcp: Value, theta: Value, twist: Value) -> Row:
+    """(x, z) [m/s] of the flange, `tcp` [m] behind the pads, of a hand's angle and twist."""
+    xp, turning = backend(theta), tcp * twist[2]
+    return twist[0] + turning * xp.sin(theta), twist[1] - turning * xp.cos(theta)
+
+
+class PlanarArm:
+    """The hand of an arm that throws in a vertical plane.
+
+    The azimuth joint turns the plane about the base's z axis, beside which it lies by the arm's
+    `lateral`; the throwing joints move in it, and the others keep the arm's posture. Coordinates q
+    are the throwing joints [rad]; the hand angle is that of the approach axis in the plane,
+    unwrapped.
+    """
+
+    def __init__(self, arm: Arm, throwing_joints: Sequence[int] | None = None) -> None:
+        self.arm = arm
+        self.throwing_joints = tuple(throwing_joints or arm.throwing_joints)
+        self.coordinates = len(self.throwing_joints)
+        for count, most, what in (
+            (self.coordinates, AXES, "throwing joints"),
+            (arm.joints, FRAMES - 1, "joints"),
+        ):
+            if count > most:
+                raise ValueError(f"arm {arm.name}: has {count} {what}, at most {most} are allowed")
+        for joint in self.throwing_joints:
+            if not 1 <= joint <= arm.joints:
+                raise ValueError(f"arm {arm.name}: has no joint {joint}")
+        self._chain()
+
+    def full(self, q: ca.SX) -> ca.SX:
+        """All joint angles at azimuth 0 for the throwing joints' `q`."""
+        joints = ca.SX(ca.DM(list(self.arm.posture)))
+        for i, joint in enumerate(self.throwing_joints):
+            joints[joint - 1] = q[i]
+        return joints
+
+    def link_angles(self, q: Value) -> list[Value]:
+        """Angle of each link in the plane: the sum of the joints before it."""
+        angles = [self.signs[0] * q[0]]
+        for i, sign in enumerate(self.signs[1:], start=1):
+            angles.append(angles[-1] + sign * q[i])
+        return angles
+
+    def motion(
+        self, q: Value, dq: Value, ddq: Value
+    ) -> tuple[list[Value], list[Value], list[Value]]:
+        """Pose (x, z, theta), twist and acceleration of the pads' centre in the plane."""
+        return self.motion_of(self.link_angles(q), self.link_angles(dq), self.link_angles(ddq))
+
+    def motion_of(
+        self, angles: list[Value], rates: list[Value], turns: list[Value]
+    ) -> tuple[list[Value], list[Value], list[Value]]:
+        """`motion` from `link_angles`: a link adds to it by its own three values only."""
+        joint: Row = (*self.origin, 0.0, 0.0, 0.0, 0.0)
+        for link, *turned in zip(self.links, angles, rates, turns, strict=True):
+            joint = link_end(joint, link, turned)
+        x, z, v_x, v_z, a_x, a_z = joint
+        return (
+            [x, z, self.theta + angles[-1]],
+            [v_x, v_z, rates[-1]],
+            [a_x, a_z, turns[-1]],
+        )
+
+    def heights(self, angles: list[Value]) -> list[Value]:
+        """Heights [m] of the joint frames and the flange that move in the plane.
+
+        From `link_angles`. Frames at one place count once; the TCP is left out.
+        """
+        found = []
+        xp = backend(*angles)
+        for link, place in self.frames:
+            z: Value = self.origin[1]
+            for phi, (along, up) in zip(angles, [*self.links[:link], place], strict=False):
+                z = z + along * xp.sin(phi) + up * xp.cos(phi)
+            found.append(z)
+        return found
+
+    @functools.cached_property
+    def core(self) -> LinkageC:
+        """The arm as the compiled core takes it."""
+        found = LinkageC(self.coordinates, 1, len(self.frames), *self.origin, self.theta)
+        found.sign[: self.coordinates] = self.signs
+        for i, link in enumerate(self.links):
+            found.along[i], found.up[i] = link
+        for k, (number, place) in enumerate(self.frames):
+            found.link[k] = number
+            found.frame_along[k], found.frame_up[k] = place
+        return found
+
+    def points(self, q: ca.SX) -> ca.SX:
+        """2 x n points (x, z) of the arm in the plane: joint frames, flange and TCP."""
+        frames = self.arm.frames(self.full(q))
+        return ca.horzcat(*[ca.vertcat(f[0, 3], f[2, 3]) for f in frames])
+
+    def _chain(self) -> None:
+        """The planar chain behind the Denavit-Hartenberg rows.
+
+        Each throwing joint turns everything after it by +-q about the plane's normal, so
+        the hand is at origin + sum of links, each a constant vector turned by the sum of
+        the angles before it: far fewer operations than the chain of 4x4 matrices. The
+        vectors are read off the full kinematics and checked against it.
+        """
+        q = ca.SX.sym("q", self.coordinates)
+        frames = self.arm.frames(self.full(q))
+        axes = ca.horzcat(*[frames[j - 1][:3, 2] for j in self.throwing_joints])
+        joints = ca.horzcat(*[frames[j - 1][:3, 3] for j in self.throwing_joints])
+        full = ca.Function("full", [q], [axes, joints, frames[-1][:3, 3], frames[-1][:3, 2]])
+        axis, position, tcp, approach = (np.array(o) for o in full(np.zeros(self.coordinates)))
+        # Turning from +x to +z is a turn about -y.
+        self.signs = [float(s) for s in np.round(-axis[1])]
+        points = np.column_stack([position, tcp])[[0, 2]]
+        self.origin = (float(points[0, 0]), float(points[1, 0]))
+        self.links = [(float(dx), float(dz)) for dx, dz in np.diff(points).T]
+        self.theta = math.atan2(approach[2, 0], approach[0, 0])
+        still = np.array(ca.evalf(self.points(ca.SX(self.coordinates, 1))))
+        self.frames = self._frames_of(still, points)
+        self._verify(full)
+
+    def _frames_of(self, places: Array, joints: Array) -> list[tuple[int, tuple[float, float]]]:
+        """(link, its place from the link's joint at rest) of each frame that moves, TCP left out.
+
+        places (2, frames), joints (2, links + 1): at q = 0. Frame k is that of joint k + 1
+        and is moved by the joints up to k.
+        """
+        found: list[tuple[int, tuple[float, float]]] = []
+        for k in range(places.shape[1] - 1):
+            link = sum(joint <= k for joint in self.throwing_joints) - 1
+            if link < 0:
+                continue
+            along, up = np.round(places[:, k] - joints[:, link], 12) + 0.0
+            # A frame at the joint itself is that of the link before.
+            if (along, up) != (0.0, 0.0):
+                found.append((link, (float(along), float(up))))
+        return list(dict.fromkeys(found))
+
+    def _verify(self, full: ca.Function) -> None:
+        """ValueError unless the planar chain is the arm's own kinematics."""
+        q, zero = ca.SX.sym("q", self.coordinates), ca.SX.zeros(self.coordinates)
+        planar = ca.Function("planar", [q], [ca.vertcat(*self.motion(q, zero, zero)[0])])
+        for value in np.random.default_rng(0).uniform(-2, 2, (4, self.coordinates)):
+            x, z, theta = np.array(planar(value)).ravel()
+            axis, _, tcp, approach = (np.array(o) for o in full(value))
+            expected = [x, self.arm.lateral, z, math.cos(theta), 0.0, math.sin(theta)]
+            off = np.abs(np.vstack([tcp, approach]).ravel() - expected).max()
+            if off > 1e-9 or np.abs(np.abs(axis[1]) - 1.0).max() > 1e-9:
+                raise ValueError(
+                    f"arm {self.arm.name}: joints {list(self.throwing_joints)} do not move the "
+                    "hand in the vertical plane of the azimuth joint"
+                )
+
+
+class PlanarHand:
+    """A hand that moves by itself in the plane: coordinates (x, z) or (x, z, theta)."""
+
+    def __init__(self, turns: bool, theta: float = 0.0) -> None:
+        self.coordinates = 3 if turns else 2
+        self.theta = theta
+        self.core = LinkageC(self.coordinates, 0, 0, 0.0, 0.0, theta)
+
+    def link_angles(self, q: Value) -> list[Value]:
+        """The coordinates themselves."""
+        return list(components(q))
+
+    def motion(
+        self, q: Value, dq: Value, ddq: Value
+    ) -> tuple[list[Value], list[Value], list[Value]]:
+        """Pose (x, z, theta), twist and acceleration; theta fixed where it does not turn."""
+        return self.motion_of(self.link_angles(q), self.link_angles(dq), self.link_angles(ddq))
+
+    def motion_of(
+        self, q: list[Value], dq: list[Value], ddq: list[Value]
+    ) -> tuple[list[Value], list[Value], list[Value]]:
+        """`motion` from lists of scalars."""
+        fixed = [] if self.coordinates == 3 else [0.0]
+        pose = [self.theta] if fixed else []
+        return [*q, *pose], [*dq, *fixed], [*ddq, *fixed]
+
+
+def hand_motion(kinematics: PlanarArm | PlanarHand) -> Callable[..., list[Array]]:
+    """Function of q, dq, ddq, each (n, K): pose, twist, acceleration of the hand, each (3, K)."""
+    return functools.partial(_hand_motion, kinematics)
+
+
+def _hand_motion(kinematics: PlanarArm | PlanarHand, *coordinates: Array) -> list[Array]:
+    given = np.broadcast_arrays(*(np.asarray(rows, float) for rows in coordinates))
+    # Rows that do not depend on the coordinates are numbers.
+    shape = given[0].shape[1:]
+    return [
+        np.array([np.broadcast_to(row, shape) for row in rows])
+        for rows in kinematics.motion(*given)
+    ]

@@ -1,0 +1,138 @@
+"""A solved throw as a record of numbers and texts, and back; which records can be throws."""
+
+from __future__ import annotations
+
+import functools
+import json
+from collections.abc import Callable
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ...models import Flags
+from ..ocp import Margins, Optimum, ReducedVariables, Refinement
+
+Records = npt.NDArray[Any]
+
+#: Largest landing [m; rad] of a record, and largest pose and twist [m, rad, m/s, rad/s] at detach.
+FARTHEST = 1e4
+#: Largest margin [m; share] of a record.
+WIDEST = 1.0
+#: Lengths [bytes] of a record's texts (guards, margins) and of a limit's name.
+TEXT, NAME = 128, 32
+#: Number of binding limits that a record names.
+LIMITS = 4
+#: Fields of a record that are finite numbers.
+NUMBERS = ("landing", "u", "slope", "detach", "effort", "smoothing")
+
+
+def record_type(controls: ReducedVariables, angle: bool) -> np.dtype[Any]:
+    """The fields of a record, those of `Optimum` in single precision.
+
+    solved: the record is a throw that lands at landing (x [m], theta [rad]). Else the library's
+    growth found no throw that lands there; the other fields are those of the throw it tried last.
+    """
+    f, u = "<f4", controls.size
+    fields: list[Any] = [
+        ("solved", "?"),
+        ("landing", f, 2),
+        ("u", f, u),
+        ("slope", f, (u, 2 if angle else 1)),
+        ("detach", f, 6),
+        ("effort", f),
+        ("smoothing", f, 2),
+        ("nlp_size", "<i4", 2),
+        ("guards", f"S{TEXT}"),
+        ("margins", f"S{TEXT}"),
+        ("binding", f"S{NAME}", LIMITS),
+    ]
+    return np.dtype(fields)
+
+
+def record_of(
+    kind: np.dtype[Any], optimum: Optimum, landing: tuple[float, float], *, solved: bool
+) -> Records:
+    """The record () of a throw that lands at `landing`, or of a landing that none was found for."""
+    row = np.zeros((), kind)
+    row["solved"], row["landing"] = solved, landing
+    for name in ("u", "slope", "detach", "effort", "smoothing", "nlp_size"):
+        row[name] = getattr(optimum, name)
+    row["guards"] = " ".join(sorted(optimum.refinement.lazy)).encode()
+    # Six digits of each: all margins together fit into the text.
+    margins = {name: round(value, 6) for name, value in optimum.refinement.margins.values}
+    row["margins"] = json.dumps(margins).encode()
+    row["binding"][: len(optimum.binding)] = [
+        name.encode()[:NAME] for name in optimum.binding[:LIMITS]
+    ]
+    return row
+
+
+def optimum_in(row: np.void) -> Optimum:
+    """The throw of a record."""
+    return Optimum(
+        row["u"].astype(float),
+        row["slope"].astype(float),
+        row["detach"].astype(float),
+        float(row["effort"]),
+        (int(row["nlp_size"][0]), int(row["nlp_size"][1])),
+        (float(row["smoothing"][0]), float(row["smoothing"][1])),
+        _refinement(row["guards"], row["margins"]),
+        tuple(_text(name) for name in row["binding"] if name),
+    )
+
+
+def are_valid(records: Records, controls: ReducedVariables) -> Flags:
+    """Which records (N,) have numbers in range and readable texts."""
+    numbers = [records[name].reshape(len(records), -1) for name in NUMBERS]
+    good = np.isfinite(np.hstack(numbers)).all(axis=1) & (records["effort"] > 0)
+    for name in ("landing", "detach"):
+        good &= (np.abs(records[name]) < FARTHEST).all(axis=1)
+    good &= (records["nlp_size"] > 0).all(axis=1)
+    for name, read in (("guards", _guards), ("margins", _margins), ("binding", _text)):
+        texts = records[name].reshape(len(records), -1)
+        wrong = {text for text in set(texts.ravel().tolist()) if not _is_readable(read, text)}
+        if wrong:
+            good &= [wrong.isdisjoint(row) for row in texts.tolist()]
+    good[good] &= controls.near_bounds(records["u"][good].astype(float))
+    return np.asarray(good)
+
+
+def _text(text: bytes) -> str:
+    """A printable text; ValueError for another."""
+    words = text.decode()
+    if not words.isprintable():
+        raise ValueError(f"{words!r} is no name")
+    return words
+
+
+def _guards(text: bytes) -> frozenset[str]:
+    """Names of lazy constraints; ValueError where there are others."""
+    names = frozenset(_text(text).split())
+    if not all(map(str.isidentifier, names)):
+        raise ValueError(f"{text!r} has no names of lazy constraints")
+    return names
+
+
+@functools.lru_cache(maxsize=64)
+def _refinement(guards: bytes, margins: bytes) -> Refinement:
+    """The refinement that a record's texts say; few of a library differ."""
+    return Refinement(_guards(guards), _margins(margins))
+
+
+def _margins(text: bytes) -> Margins:
+    """Margins from their JSON; ValueError for other text."""
+    values = json.loads(text or b"{}")
+    if not isinstance(values, dict) or not all(
+        isinstance(value, float) and 0 <= value < WIDEST for value in values.values()
+    ):
+        raise ValueError(f"{text!r} has no margins")
+    return Margins(**values)
+
+
+def _is_readable(read: Callable[[bytes], object], text: bytes) -> bool:
+    try:
+        read(text)
+    except ValueError:
+        return False
+    return True

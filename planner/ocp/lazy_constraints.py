@@ -1,0 +1,168 @@
+"""Lazy constraints and margins of an NLP: what a verdict on a throw calls for.
+
+Constraints that are seldom active are left out at first. Where the verdict on a throw finds one
+broken, the next NLP has it, or a larger margin.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from ..throw import Throw
+from ..throw.clearance import BAR
+from ..verdict import FLYING, Code, Finding, Verdict
+
+#: A constraint that an NLP has only after a verdict has found it broken: "carry" (grip, floor and
+#: column at more instants, and the arm's own floor), "flight" and "return" (the hand's body; more
+#: depths of a cup), "passing" (the column in flight), "torque".
+LazyConstraint = str
+#: Lazy constraints at many instants: an NLP with one takes twice as long to solve.
+COSTLY: frozenset[LazyConstraint] = frozenset({"carry", "return"})
+#: Times after detach [s] at which "flight" keeps the bar off the hand's body; "return" does later.
+PALM_TIMES = (0.01, 0.02, 0.03, 0.045, 0.06, 0.075, 0.09, 0.11, 0.13, 0.15, 0.18, 0.21, 0.25)
+#: Depth [m] of the held bar in an obstacle, between nodes that are clear of it, up to which a
+#: larger margin is tried before more instants.
+SHALLOW = 0.015
+
+
+@dataclass(frozen=True)
+class Margin:
+    """A distance [m] or share of a limit beyond the usual margin of a constraint.
+
+    A violation (at most `largest` of it) and `extra` are added at a time, up to `maximum`.
+    """
+
+    name: str
+    extra: float
+    maximum: float
+    largest: float = math.inf
+
+
+HELD = Margin("held", extra=0.002, maximum=0.05)
+PASSING = Margin("passing", extra=0.002, maximum=0.03)
+CUP = Margin("cup", extra=2e-4, maximum=0.005)
+CLEAR = Margin("clear", extra=0.003, maximum=0.05, largest=0.005)
+TORQUE = Margin("torque", extra=0.01, maximum=0.3)
+TOOL_SPEED = Margin("tool speed", extra=0.003, maximum=0.2)
+
+
+@dataclass(frozen=True)
+class Remedy:
+    """What an NLP can do about a finding.
+
+    lazy: the constraint to add, "" for none; escalation: the one to add if the NLP has that.
+    margin: the one to enlarge if there is nothing to add, or at once for a shallow violation where
+    every NLP has the constraint at its nodes (`at_nodes`). body: what must stay clear of obstacles.
+    """
+
+    lazy: LazyConstraint = ""
+    margin: Margin | None = None
+    at_nodes: bool = False
+    escalation: LazyConstraint = ""
+    body: str = ""
+
+
+def _remedy(found: Finding, throw: Throw) -> Remedy | None:
+    """What an NLP can do about a finding of a throw; None for nothing."""
+    match found.code:
+        case Code.SLIP_BEFORE_OPENING:
+            return Remedy("carry")
+        case Code.TOOL_SPEED:
+            return Remedy(margin=TOOL_SPEED)
+        case Code.TORQUE:
+            # With a section [torque] every NLP has the constraint.
+            return Remedy("torque" if throw.scene.torque is None else "", TORQUE)
+        case Code.FLOOR:
+            return Remedy("carry", HELD, at_nodes=found.body == BAR)
+        case Code.COLUMN if found.body == FLYING:
+            return Remedy("passing", PASSING)
+        case Code.COLUMN:
+            return Remedy("carry", HELD, at_nodes=True)
+        case Code.PALM:
+            assert found.time is not None
+            early = found.time - throw.detach_time <= PALM_TIMES[-1]
+            return Remedy("flight", escalation="return") if early else Remedy("return")
+        case Code.CUP_WALL:
+            return Remedy("flight", CUP)
+        case Code.COLLISION:
+            return Remedy(margin=CLEAR, body=found.body)
+    return None
+
+
+def _violation(found: Finding, margin: Margin) -> float:
+    """By how much a finding breaks its limit, in the unit of the margin."""
+    match found.code:
+        case Code.TOOL_SPEED:
+            return found.value / found.limit - 1.0
+        case Code.TORQUE:
+            return found.value - found.limit
+    return min(found.limit - found.value, margin.largest)
+
+
+@dataclass(frozen=True, init=False)
+class Margins:
+    """Margins beyond the usual ones, by their names: `Margins(held=0.002)`; others are 0."""
+
+    values: tuple[tuple[str, float], ...]
+
+    def __init__(self, **values: float) -> None:
+        given = tuple(sorted((name, value) for name, value in values.items() if value != 0.0))
+        object.__setattr__(self, "values", given)
+
+    def __getitem__(self, name: str) -> float:
+        return dict(self.values).get(name, 0.0)
+
+    def replace(self, **values: float) -> Margins:
+        """These with others instead."""
+        return Margins(**dict(self.values) | values)
+
+
+@dataclass(frozen=True)
+class Refinement:
+    """Lazy constraints and margins of an NLP.
+
+    bodies: links, "held bar" and "flying bar" that keep clear of obstacles and of the arm's links.
+    """
+
+    lazy: frozenset[LazyConstraint] = frozenset()
+    margins: Margins = field(default_factory=Margins)
+    bodies: frozenset[str] = frozenset()
+
+    @property
+    def costly(self) -> bool:
+        """Whether a solve takes twice as long with it."""
+        return bool(self.lazy & COSTLY)
+
+    def refined(self, verdict: Verdict, throw: Throw) -> Refinement:
+        """This and the remedies for a throw's findings; itself if there is nothing to add."""
+        found = [(one, made) for one in verdict.broken if (made := _remedy(one, throw))]
+        added: set[LazyConstraint] = set()
+        violations: dict[Margin, float] = {}
+        for finding, remedy in found:
+            has = remedy.body in self.bodies if remedy.body else remedy.lazy in self.lazy
+            if remedy.margin is not None:
+                violation, margin = _violation(finding, remedy.margin), remedy.margin
+                shallow = remedy.at_nodes and self.margins[margin.name] + violation < SHALLOW
+                if has or shallow or not (remedy.lazy or remedy.body):
+                    violations[margin] = max(violations.get(margin, 0.0), violation)
+                    continue
+            if remedy.lazy:
+                added.add(remedy.lazy)
+        larger = {
+            margin.name: min(self.margins[margin.name] + violation + margin.extra, margin.maximum)
+            for margin, violation in violations.items()
+        }
+        if added <= self.lazy:
+            added = {remedy.escalation for _, remedy in found if remedy.escalation}
+        bodies = {remedy.body for _, remedy in found if remedy.body}
+        return Refinement(self.lazy | added, self.margins.replace(**larger), self.bodies | bodies)
+
+    @property
+    def for_other_motion(self) -> Refinement:
+        """This for another motion: the margin to obstacles belongs to one motion."""
+        return Refinement(self.lazy, self.margins.replace(clear=0.0), self.bodies)
+
+
+#: No lazy constraint, usual margins.
+BASE = Refinement()

@@ -1,0 +1,306 @@
+"""What users hold: plans of one scene's throws, whose NLPs are built once for many targets."""
+
+from __future__ import annotations
+
+import dataclasses
+import functools
+import time
+from pathlib import Path
+from typing import Any, Literal, TypedDict, Unpack, get_args
+
+from ..problems import InputError, Pose, Robust, Scene, as_scene, checked
+from .follow import Response, Session
+from .interception import intercept
+from .library import Library, Turns
+from .plan import plan_from_warm, plan_throw
+from .reach import default_workers, grow
+from .result import Plan, checked_target
+from .search import (
+    Clock,
+    NlpCache,
+    SearchContext,
+    Task,
+    check_contradictions,
+    check_start,
+    remaining_throw,
+)
+from .search.samples import Releases, ReleaseSampler, stored_releases
+from .sweep import Hardening, hardened, robust_scene
+from .throw import State, Throw, make_manipulator
+from .throw.clearance import check_obstacles
+from .workers import Progress, executor_of
+
+SolverName = Literal["auto", "fatrop", "ipopt"]
+
+#: Other throws to a target that robust planning may start from.
+MORE_SOURCES = 3
+#: Share of the time left that they are looked for.
+SOURCES_SHARE = 0.4
+#: Most alternatives that may be asked for.
+MOST_ALTERNATIVES = 20
+#: Random releases drawn for the starting points.
+SAMPLES = 20_000
+#: How long [s] a throw is looked for, a robust one, and several throws.
+PATIENCE, ROBUST_PATIENCE, LONG_PATIENCE = 3.0, 6.0, 20.0
+#: Throws that `prepare` solves where the reach has room for so many, and the most it may be asked.
+PREPARED, MOST_PREPARED = 5000, 10_000
+
+
+class Planner:
+    """Plans throws of one scene; builds its NLP once and solves for many targets.
+
+    scene: a `Scene`, a built-in name or a TOML file. library: whether plans start from the
+    scene's solved throws where the cache has them (see `prepare`).
+
+    Raises InputError for a scene that cannot be planned at all: no [hand] or [robot],
+    or a grip too weak to hold the object at rest in any permitted start pose.
+    """
+
+    def __init__(self, scene: Scene | str | Path, *, library: bool = True) -> None:
+        start = time.perf_counter()
+        scene = as_scene(scene)
+        self.scene = scene
+        self.manipulator = make_manipulator(scene)
+        # Obstacles stand in the base frame, tables and libraries in the throw's own plane.
+        scene = scene.replace(obstacle=()) if scene.obstacle else scene
+        check_start(scene, self.manipulator)
+        check_contradictions(scene, self.manipulator)
+        # The floor alone: no target moves it.
+        check_obstacles(scene, self.manipulator)
+        self.problems = NlpCache(scene, self.manipulator)
+        sampler = ReleaseSampler(scene, self.manipulator)
+        self._context = SearchContext(self.problems, sampler, self.releases, library)
+        self._build_time = time.perf_counter() - start
+
+    def plan(
+        self,
+        target: Pose | None = None,
+        *,
+        solver: SolverName = "auto",
+        turns: Turns = "exact",
+        warm: Plan | None = None,
+        alternatives: int = 0,
+        robust: str | None = None,
+        patience: float | None = None,
+        start: State | None = None,
+    ) -> Plan:
+        """A throw to `target` (the scene's by default), with its status.
+
+        Always returns; raises InputError only for wrong input. solver: 'auto' is FATROP with IPOPT
+        as fallback. turns: 'any' takes theta modulo full turns. warm: a solved plan of this planner
+        for a target nearby. alternatives: how many throws that differ from the plan's to look for,
+        for `Plan.alternatives`. robust: a method of the section [robust], instead of the scene's.
+        patience [s]: how long to look, besides what is built once; 3 s, 6 s for a robust throw,
+        20 s for several. start: a state of motion that the throw goes on from, at its time 0; it is
+        a given start then, and `warm` a plan whose motion passes there.
+        """
+        started = time.perf_counter()
+        target = self.check(target)
+        _check_one_of("solver", solver, SolverName)
+        _check_one_of("turns", turns, Turns)
+        _check_kinds(alternatives=alternatives, patience=patience, warm=warm, start=start)
+        method = self._method(robust)
+        if method and alternatives:
+            raise InputError("alternatives: not with a robust plan")
+        if (method or alternatives) and not target.at_rest:
+            raise InputError("target: velocity and arrival go with neither robust nor alternatives")
+        if start is not None and method:
+            raise InputError("start: a robust plan begins at rest")
+        wanted = self._wanted(alternatives)
+        if patience is None:
+            several = LONG_PATIENCE if wanted > 1 else PATIENCE
+            patience = ROBUST_PATIENCE if method else several
+        solvers = ("fatrop", "ipopt") if solver == "auto" else (solver,)
+        clock = Clock.lasting(patience)
+        task = Task(self.scene.aimed_at(target), target, solvers, clock, turns, wanted)
+        built, self._build_time = self._build_time, 0.0
+        context, known = self._context, None if warm is None else warm.throw
+        if start is not None:
+            context = self._in_motion.from_state(
+                self.manipulator.from_state(start.checked(self.manipulator))
+            )
+            known = None if known is None else remaining_throw(known, context.problems.manipulator)
+
+        def plan_at(goal: Pose, last: Plan | None) -> Plan:
+            throw = known if last is None else last.throw
+            mine = throw is not None and throw.manipulator is context.problems.manipulator
+            return plan_throw(context, task.aimed_at(goal), throw if mine else None)
+
+        plan = intercept(self.scene, target, self.releases, plan_at)
+        if method and plan.solved:
+            hardening = Hardening(self._robust_problems, method, task)
+            more = dataclasses.replace(task, wanted=MORE_SOURCES + 1)
+
+            def others() -> Plan:
+                limited = dataclasses.replace(more, clock=clock.part(SOURCES_SHARE))
+                return plan_throw(context, limited)
+
+            plan = hardened(plan, hardening, others)
+        total, spent = time.perf_counter() - started + built, dict(clock.seconds)
+        spent["build"] += built
+        rest = plan.alternatives[:alternatives]
+        return dataclasses.replace(plan, alternatives=rest, time={**spent, "total": total})
+
+    def follow(
+        self,
+        plan: Plan,
+        horizon: float = 0.02,
+        *,
+        sent: Throw | None = None,
+        response: Response | None = None,
+    ) -> Session:
+        """A session that corrects the swing of a solved plan until the hand opens.
+
+        Takes some tenths of a second, before the swing. horizon [s]: after a measurement until
+        what is sent for it is on its way. sent: what is sent instead of the plan's motion to joints
+        that lag, response: how these follow, where that is known. InputError for a plan that is not
+        this planner's.
+        """
+        horizon = checked("horizon", horizon, float, {"above": 0})
+        checked("plan", plan, Plan, {})
+        checked("sent", sent, Throw | None, {})
+        checked("response", response, Response | None, {})
+        return Session(self._in_motion.problems, plan, horizon, sent, response)
+
+    def polish(self, plan: Plan) -> Plan:
+        """The plan at its optimum: solved again from where it is, for times without other work.
+
+        A throw that was moved, from the library or after a target, costs more than need be. The
+        plan itself comes back where nothing cheaper is found, where it is robust or not solved, and
+        for a target that moves or is to be met at a time.
+        """
+        before = checked("plan", plan, Plan, {}).throw
+        mine = plan.solved and plan.manipulator is self.manipulator and plan.target.at_rest
+        if not mine or before is None:
+            return plan
+        target, started, clock = plan.target, time.perf_counter(), Clock.lasting(PATIENCE)
+        task = Task(self.scene.aimed_at(target), target, ("fatrop",), clock)
+        better = plan_from_warm(self._context, task, before)
+        if better is None or better.throw is None or not better.throw.effort < before.effort:
+            return plan
+        total = time.perf_counter() - started
+        return dataclasses.replace(better, time={**clock.seconds, "total": total})
+
+    def prepare(
+        self,
+        throws: int = PREPARED,
+        progress: Progress | None = None,
+        *,
+        workers: int | None = None,
+        scheduler: str | None = None,
+    ) -> int:
+        """Grows a library of solved throws all over the reach, for plans to start from.
+
+        Takes minutes (docs/performance.md has them); all is kept in the cache folder, and every
+        planner of the scene uses it. A plan is then a stored throw moved to its target and checked,
+        in a few milliseconds.
+        throws: about how many, fewer where the reach has no room for them: its finest cells are
+        4 mm and 1 degree wide. Ended early (Ctrl-C), it goes on from there when called again.
+        progress(solved, throws) is called on the way. workers: processes on this machine, by
+        default two for 400 throws or more; scheduler: address of a Dask scheduler that spreads the
+        work instead. Returns how many there are. InputError for a number out of range, and where no
+        scheduler answers.
+        """
+        throws = checked("throws", throws, int, {"least": 1, "most": MOST_PREPARED})
+        try:
+            releases, library = self.releases(), self.library
+            if workers is None and scheduler is None:
+                workers = default_workers(throws)
+            with executor_of(workers, scheduler) as executor:
+                grow(self.problems, releases, library, throws, executor, progress)
+        finally:
+            self.library.merge()
+        return len(self.library)
+
+    @property
+    def prepared(self) -> int:
+        """How many solved throws plans may start from."""
+        return len(self.library)
+
+    @property
+    def library(self) -> Library:
+        """The scene's solved throws, as far as the cache has them."""
+        return self._context.library
+
+    def check(self, target: Pose | None = None) -> Pose:
+        """The target that `plan` would take; InputError if it does not fit the scene."""
+        target = checked_target(self.scene, target)
+        if self.scene.obstacle:
+            check_obstacles(self.scene.aimed_at(target), self.manipulator)
+        return target
+
+    def releases(self) -> Releases:
+        """The table of sampled releases that starting points come from."""
+        return self._releases
+
+    @functools.cached_property
+    def _releases(self) -> Releases:
+        draw = functools.partial(self._context.sampler.draw, SAMPLES)
+        return stored_releases(self.scene, self.manipulator, SAMPLES, 0, draw)
+
+    @functools.cached_property
+    def _in_motion(self) -> SearchContext:
+        """For throws that go on from a state of motion, whose NLPs are others."""
+        problems = NlpCache(self.problems.scene, self.manipulator)
+        return dataclasses.replace(self._context, problems=problems)
+
+    def _method(self, robust: str | None) -> str:
+        """The robust method that is asked for, empty if none."""
+        if robust is None:
+            return "" if self.scene.robust is None else self.scene.robust.method
+        if robust not in Robust.METHODS + Robust.COMPARED:
+            raise InputError(f"robust = {robust!r}: must be one of {', '.join(Robust.METHODS)}")
+        return robust
+
+    @functools.cached_property
+    def _robust_problems(self) -> NlpCache:
+        """The NLPs of robust plans."""
+        return NlpCache(robust_scene(self.scene), self.manipulator)
+
+    def _wanted(self, alternatives: int) -> int:
+        """How many distinct throws to find before one is chosen."""
+        choice = self.scene.choice
+        return max(1 if choice is None else choice.among, 1 + alternatives)
+
+
+class Options(TypedDict, total=False):
+    """What `Planner.plan` takes besides the target."""
+
+    solver: SolverName
+    turns: Turns
+    warm: Plan | None
+    alternatives: int
+    robust: str | None
+    patience: float | None
+    start: State | None
+
+
+def plan(scene: Scene | str | Path, target: Pose | None = None, **options: Unpack[Options]) -> Plan:
+    """Plan one throw of a scene (or of a built-in name or TOML file).
+
+    options: those of `Planner.plan`. To plan many targets of one scene make a `Planner`, which
+    builds its NLP once. Raises InputError for wrong input; every other end is the plan's status.
+    """
+    return Planner(scene).plan(target, **options)
+
+
+#: Of the arguments of `Planner.plan`: default, kind and limits.
+_KINDS: dict[str, tuple[Any, Any, dict[str, float]]] = {
+    "alternatives": (0, int, {"least": 0, "most": MOST_ALTERNATIVES}),
+    "patience": (None, float | None, {"above": 0}),
+    "warm": (None, Plan | None, {}),
+    "start": (None, State | None, {}),
+}
+
+
+def _check_kinds(**values: object) -> None:
+    """InputError for an argument of `Planner.plan` of another kind or out of range."""
+    for name, value in values.items():
+        usual, kind, limits = _KINDS[name]
+        if value is not usual:
+            checked(name, value, kind, limits)
+
+
+def _check_one_of(name: str, value: object, allowed: Any) -> None:
+    if value not in get_args(allowed):
+        raise InputError(f"{name} = {value!r}: must be one of {', '.join(get_args(allowed))}")

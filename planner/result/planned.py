@@ -1,0 +1,102 @@
+"""The throw behind a plan: motion, origin, landings."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+from ...models import Trajectory
+from ...models.release import SLIDING_PIVOT, STEPPED_SURFACE
+from ...problems import Pose, Scene
+from ..ocp import BASE, Optimum, Refinement, Solution, ThrowNlp
+from ..throw import Manipulator, Samples, Throw
+
+
+@dataclass(frozen=True, repr=False)
+class PlannedThrow:
+    """The throw behind a plan: its motion, the NLP that it comes from, its landing by each model.
+
+    planned: the motion up to detach; deciding: what is sent, by the model of the tolerance; effort:
+    the NLP's cost of the motion; nlp_size: variables and constraints of the NLP; refinement: its
+    lazy constraints and margins; aim: offset (dx [m], dtheta [rad]) of the NLP's landing from the
+    target, which makes `deciding` land on it. nlp, solution, landing_of_nlp (x, z [m], theta
+    [rad]): of a throw that is an NLP's solution; optimum: of a throw that was moved from there.
+    """
+
+    planned: Trajectory
+    deciding: Throw
+    effort: float
+    nlp_size: tuple[int, int]
+    refinement: Refinement = BASE
+    aim: tuple[float, float] = (0.0, 0.0)
+    nlp: ThrowNlp | None = None
+    solution: Solution | None = None
+    landing_of_nlp: tuple[float, float, float] | None = None
+    optimum: Optimum | None = None
+
+    @cached_property
+    def exact(self) -> Throw:
+        """The planned motion by the sliding pivot."""
+        if self.scene.robot is None:
+            return self.deciding.sliding_pivot
+        return replace(self.deciding, path=self.planned, model=SLIDING_PIVOT)
+
+    @cached_property
+    def planned_landing(self) -> tuple[float, float, float]:
+        """Landing by the smoothed model: x, z [m], theta [rad].
+
+        A moved throw takes its difference to the exact model from its optimum.
+        """
+        if self.optimum is None or self.landing_of_nlp is not None:
+            return self.landing_of_nlp or (math.nan, math.nan, math.nan)
+        (x, z, theta), (dx, turn) = self.exact.landing.pose, self.optimum.smoothing
+        return x + dx, z, theta + turn
+
+    @property
+    def scene(self) -> Scene:
+        """The scene, aimed at the target."""
+        return self.deciding.scene
+
+    @property
+    def manipulator(self) -> Manipulator:
+        """The manipulator that moves the hand."""
+        return self.deciding.manipulator
+
+    @property
+    def opening_time(self) -> float:
+        """When the grip force starts to fall [s] on the motion's clock."""
+        return self.deciding.opening_time
+
+    @property
+    def samples(self) -> Samples:
+        """The samples of motion.csv."""
+        return self.deciding.samples
+
+    @property
+    def sent(self) -> Throw | None:
+        """What is sent, by the sliding pivot; None for a hand, which is checked as planned."""
+        return None if self.scene.robot is None else self.deciding.sliding_pivot
+
+    @property
+    def limit_surface(self) -> Throw:
+        """What is sent, by the limit surface."""
+        return self.deciding.limit_surface
+
+    @property
+    def decides(self) -> str:
+        """Which landing decides: "limit_surface" or "sent", for a hand "exact"."""
+        if self.scene.tolerance.model == STEPPED_SURFACE:
+            return "limit_surface"
+        return "exact" if self.sent is None else "sent"
+
+    @property
+    def landing_time(self) -> float:
+        """When the object lands [s] on the motion's clock."""
+        return self.deciding.landing_time
+
+    def words(self, goal: Pose) -> str:
+        """The landing error to `goal`, for people."""
+        dx, dtheta = self.deciding.miss(goal)
+        turn = "" if goal.theta is None else f" and {math.degrees(abs(dtheta)):.3f} deg"
+        return f"lands {1e3 * abs(dx):.3f} mm{turn} from the target"

@@ -1,0 +1,89 @@
+"""A throw brought to a goal, or as near to it as limits let it.
+
+From a throw that lands beside the goal the NLP is solved with a landing that may miss the goal, at
+a price in the pose error (39). Where that lands is thrown and checked as any other throw: a landing
+is called the nearest possible only if its throw breaks nothing there.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+
+from ...models import Array
+from ...problems import Pose
+from ..library import Neighbour
+from ..ocp import CUP_MARGIN, Refinement, Request, ThrowNlp
+from ..result import PlannedThrow
+from .attempt import Attempt, NearestFeasible, Start, attempts
+from .corrector import Corrector, throw_of
+from .guess import initial_guess_from
+from .nlps import Task
+
+#: NLPs with a landing that may miss, each with what the check of the one before found broken.
+ROUNDS = 4
+#: NLPs tried for the goal itself from where it is reached.
+TRIES = 4
+#: Margin [m] beyond the cup's clearance that is kept.
+LEAST = 2e-4
+
+
+def approach(
+    corrector: Corrector, goal: Pose, source: Start | Neighbour, task: Task
+) -> Iterator[Attempt]:
+    """Attempts to throw to the goal; those that land short of it have an `edge`.
+
+    source: a solved throw that lands beside the goal, or a start. Where the start's own goal is
+    beside it, that is solved for first.
+    """
+    problems = corrector.problems
+    if isinstance(source, Neighbour):
+        throw = throw_of(corrector.controls, problems.manipulator, source.optimum, task)
+        guess, refinement = _guess(throw, task), throw.refinement
+    else:
+        guess, refinement = source.guess, source.refinement
+        if source.goal != goal:
+            made = attempts(problems, source, task.aimed_at(source.goal))
+            yield from (_beside(one, goal, task) for one in made)
+            last = made[-1]
+            if last.solved and last.throw is not None:
+                guess, refinement = _guess(last.throw, task), last.refinement
+    if task.scene.cup is not None:
+        margins = refinement.margins.replace(cup=LEAST - CUP_MARGIN)
+        refinement = Refinement(refinement.lazy | {"flight"}, margins, refinement.bodies)
+    for _ in range(ROUNDS):
+        start = Start(goal, guess, "fatrop", refinement, elastic=True)
+        *_, near = attempts(problems, start, task)
+        if near.throw is not None and _reaches(near.throw, goal):
+            start = Start(goal, _guess(near.throw, task), task.solvers[0], refinement, TRIES)
+            made = attempts(problems, start, task)
+            yield from made
+            if made[-1].solved:
+                return
+        yield near
+        if near.throw is None or near.after == refinement:
+            return
+        # Again from the throw that breaks nothing.
+        refinement = near.after
+
+
+def _guess(throw: PlannedThrow, task: Task) -> Callable[[ThrowNlp], Array]:
+    request = Request(task.scene, throw.manipulator)
+    return partial(initial_guess_from, throw=throw, request=request)
+
+
+def _reaches(throw: PlannedThrow, goal: Pose) -> bool:
+    """Whether the NLP's own landing is within the tolerance of the goal."""
+    x, _, theta = throw.planned_landing
+    most, turn = throw.scene.tolerance, 0.0 if goal.theta is None else theta - goal.theta
+    return abs(x - goal.plane_x) <= most.position and abs(turn) <= most.angle
+
+
+def _beside(attempt: Attempt, goal: Pose, task: Task) -> Attempt:
+    """An attempt to land beside the goal."""
+    pose, turn = attempt.goal, 0.0
+    if goal.theta is not None and pose.theta is not None:
+        turn = pose.theta - goal.theta
+    missed = task.scene.object.pose_error(pose.plane_x - goal.plane_x, turn)
+    return replace(attempt, goal=goal, edge=NearestFeasible(goal, pose, (), missed))

@@ -1,0 +1,126 @@
+"""The releases of a table as starts for one target: the nearest landings, those clear of obstacles
+first."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+
+import numpy as np
+
+from ...models import Array, Flags
+from ...problems import Pose, Scene
+from ..throw import Manipulator, column_of
+from ..verdict import lands_well, verdict
+from .attempt import Start
+from .guess import guess_from
+from .nlps import NlpCache, Task
+from .samples import Releases, flies_past_column, in_obstacles, sampled_throw, starts
+
+#: Starts tried with FATROP, then with IPOPT, for each throw that is wanted.
+STARTS = {"fatrop": 6, "ipopt": 4}
+#: Throws of the table that are checked for collisions with obstacles.
+CLEARED = 40
+#: Throws of the table that are judged, how many that break nothing are enough, and how many others.
+JUDGED, SOUND, OTHERS = 150, 4, 4
+#: NLPs solved at most from one release, each refined by the check of the one before.
+TRIES = 4
+
+
+@dataclass(frozen=True, eq=False)
+class Candidates:
+    """Releases for a task."""
+
+    releases: Releases
+    task: Task
+    manipulator: Manipulator
+
+    @cached_property
+    def nearest(self) -> list[tuple[int, Pose, float]]:
+        """(release, goal, pose error [m]) of the nearest landings."""
+        task, most = self.task, max(STARTS.values()) * self.task.wanted
+        return starts(self.releases, task.scene, task.target, task.turns, most)
+
+    @cached_property
+    def clearest(self) -> list[tuple[int, Pose, float]]:
+        """The nearest landings; with obstacles, of more of them those whose throws clear these."""
+        task, scene = self.task, self.task.scene
+        if not scene.obstacle:
+            return self.nearest
+        with task.clock("guess"):
+            found = starts(self.releases, scene, task.target, task.turns, CLEARED)
+            depths = [in_obstacles(scene, self.manipulator, self.releases, i) for i, _, _ in found]
+        order = np.argsort([far + deep for (*_, far), deep in zip(found, depths, strict=True)])
+        return [found[i] for i in order]
+
+    @cached_property
+    def arriving(self) -> Candidates:
+        """Those that land on the target's side of the base column, which they fly past, and in the
+        cup, which comes along. Of these conditions those that some releases meet."""
+        scene, target, releases = self.task.scene, self.task.target, self.releases
+        landing = np.column_stack(releases.landings(target.z, scene.flight))
+        good = np.isfinite(landing[:, 2])
+        for holds in _arrivals(scene, target, releases, landing):
+            good = good & holds if (good & holds).any() else good
+        return replace(self, releases=releases.picked(good))
+
+    @cached_property
+    def judged(self) -> list[tuple[int, Pose, Pose]]:
+        """(release, goal, landing) of the nearest throws that break nothing where they land.
+
+        Then of the nearest of the others, whose landing is the goal.
+        """
+        task = self.task
+        sound, others = list[tuple[int, Pose, Pose]](), list[tuple[int, Pose, Pose]]()
+        for index, goal, _ in starts(self.releases, task.scene, task.target, task.turns, JUDGED):
+            with task.clock("guess"):
+                pose = self._sound_landing(index, goal)
+            (others if pose is None else sound).append((index, goal, pose or goal))
+            if len(sound) == SOUND:
+                break
+        return sound + others[:OTHERS]
+
+    def _sound_landing(self, index: int, goal: Pose) -> Pose | None:
+        """Where a release lands, if it breaks nothing there."""
+        thrown = sampled_throw(self.task.scene, self.manipulator, self.releases, index)
+        landing = thrown.landing
+        if not math.isfinite(landing.flight_time):
+            return None
+        pose = goal.in_plane(landing.x, None if goal.theta is None else landing.theta)
+        thrown = replace(thrown, scene=self.task.scene.aimed_at(pose))
+        return pose if verdict(thrown, pose).ok else None
+
+    @property
+    def distance(self) -> float:
+        """Pose error [m] of the nearest landing."""
+        return self.nearest[0][2]
+
+    def key(self, index: int) -> bytes:
+        """What tells a release from others."""
+        return bytes(self.releases.q[index].tobytes() + self.releases.detach[index].tobytes())
+
+
+def _arrivals(scene: Scene, target: Pose, releases: Releases, landing: Array) -> Iterator[Flags]:
+    """Flags (N,) of the releases that keep each condition on the way to the target."""
+    if scene.cup is not None:
+        yield lands_well(scene, releases.detach, landing)
+    yield releases.clear
+    if column_of(scene) is not None:
+        yield np.sign(landing[:, 0]) == np.sign(target.plane_x)
+        yield flies_past_column(scene, releases.detach, landing[:, 2])
+
+
+def release_start(problems: NlpCache, task: Task, table: Releases, index: int, goal: Pose) -> Start:
+    """A start from release `index` of a table."""
+    scene, flight = task.scene, table.flight_time(index, goal.z, task.scene.flight)
+    guess = partial(
+        guess_from,
+        scene=scene,
+        manipulator=problems.manipulator,
+        releases=table,
+        index=index,
+        flight=flight,
+    )
+    return Start(goal, guess, task.solvers[0], tries=TRIES)

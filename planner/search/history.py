@@ -1,0 +1,179 @@
+"""The tries of one plan and what came of them; which of the throws found differ, and the best."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Literal
+
+import numpy as np
+
+from ...problems import Pose
+from ..library import Neighbour
+from ..ocp import BASE, Refinement
+from ..result import PlannedThrow
+from ..verdict import landing_spread
+from .attempt import Attempt, Start
+
+#: Throws differ if, at the opening's start, their coordinates or their rates are further apart than
+#: this share of the larger ones.
+DIFFERENT_SHARE = 0.1
+#: Throws differ if their times of flight do by more than this [s].
+DIFFERENT_FLIGHT = 0.05
+
+
+@dataclass(frozen=True)
+class Move:
+    """Move a solved throw to the target."""
+
+    near: Neighbour
+
+
+@dataclass(frozen=True)
+class Solve:
+    """Solve the NLP from a start; release: what tells the sampled release that it is from."""
+
+    start: Start
+    origin: Literal["warm plan", "samples"]
+    release: bytes = b""
+
+
+@dataclass(frozen=True)
+class Approach:
+    """Bring a throw that lands beside the goal as near to it as limits let it.
+
+    source: a solved throw, or a start that has its own landing for a goal.
+    """
+
+    goal: Pose
+    source: Start | Neighbour
+
+
+Try = Move | Solve | Approach
+
+
+@dataclass(frozen=True, eq=False)
+class Entry:
+    """A try and the attempts that came of it."""
+
+    done: Try
+    attempts: tuple[Attempt, ...] = ()
+
+
+@dataclass(frozen=True, eq=False)
+class History:
+    """The tries of one plan with their outcomes, in order."""
+
+    entries: tuple[Entry, ...] = ()
+
+    def with_entry(self, entry: Entry) -> History:
+        """This history and one more try."""
+        return History((*self.entries, entry))
+
+    @property
+    def tries(self) -> list[Try]:
+        """What was tried."""
+        return [entry.done for entry in self.entries]
+
+    @cached_property
+    def attempts(self) -> list[Attempt]:
+        """All attempts to throw."""
+        return [attempt for entry in self.entries for attempt in entry.attempts]
+
+    @cached_property
+    def found(self) -> list[Attempt]:
+        """The solved throws that differ, cheapest first."""
+        solved = [attempt for attempt in self.attempts if attempt.solved]
+        return distinct(solved) if len(solved) > 1 else solved
+
+    def ordered(self, criterion: str) -> list[Attempt]:
+        """The throws found, best first; criterion: what a scene's [choice] asks the least of."""
+        return sorted(self.found, key=CRITERIA[criterion]) if self.found[1:] else self.found
+
+    @cached_property
+    def edges(self) -> list[Attempt]:
+        """The throws short of their goal that break nothing where they land, nearest to it first.
+
+        The best of each try, where limits ended the way to the goal.
+        """
+        ends = [
+            min(found, key=_missed)
+            for entry in self.entries
+            if (found := [one for one in entry.attempts if one.is_edge])
+        ]
+        return sorted(ends, key=_missed)
+
+    @property
+    def iterations(self) -> int:
+        """Solver iterations of all tries."""
+        return sum(attempt.iterations for attempt in self.attempts)
+
+    @property
+    def solves(self) -> int:
+        """NLPs solved and throws moved."""
+        return sum(attempt.solves for attempt in self.attempts)
+
+    def solves_from(self, origin: str) -> list[Solve]:
+        """The solves from starts of an origin."""
+        return [one for one in self.tries if isinstance(one, Solve) and one.origin == origin]
+
+    def refinement(self, first: Refinement = BASE) -> Refinement:
+        """Of the next NLP that starts from another motion, by what the checks found broken."""
+        refinement = first
+        for entry in self.entries:
+            if not isinstance(entry.done, Solve) or not entry.attempts:
+                continue
+            if entry.done.origin == "samples":
+                after = entry.attempts[-1].after
+                if "carry" not in after.lazy:
+                    # A margin against one throw's cut corners is not for other throws.
+                    margins = after.margins.replace(held=refinement.margins["held"])
+                    after = replace(after, margins=margins)
+                refinement = after.for_other_motion
+        return refinement
+
+
+def _missed(attempt: Attempt) -> float:
+    return math.inf if attempt.edge is None else attempt.edge.missed
+
+
+# Several throws to one target: which of them differ, and which is best.
+
+
+def _throw_of(found: Attempt) -> PlannedThrow:
+    assert found.throw is not None
+    return found.throw
+
+
+def _release(found: Attempt) -> tuple[np.ndarray, np.ndarray, float]:
+    """Coordinates and rates at the opening's start, and the flight time."""
+    thrown = _throw_of(found)
+    q, dq, _ = thrown.planned.at(np.array([thrown.opening_time]))
+    return q[:, 0], dq[:, 0], thrown.deciding.landing.flight_time
+
+
+def _differ(one: Attempt, other: Attempt) -> bool:
+    (q, dq, flown), (other_q, other_dq, other_flown) = _release(one), _release(other)
+    for a, b in ((q, other_q), (dq, other_dq)):
+        if np.linalg.norm(a - b) > DIFFERENT_SHARE * max(np.linalg.norm(a), np.linalg.norm(b)):
+            return True
+    return abs(flown - other_flown) > DIFFERENT_FLIGHT
+
+
+def distinct(found: list[Attempt]) -> list[Attempt]:
+    """The throws that differ from all before them, cheapest first."""
+    kept: list[Attempt] = []
+    for one in sorted(found, key=CRITERIA["effort"]):
+        if all(_differ(one, other) for other in kept):
+            kept.append(one)
+    return kept
+
+
+#: What a scene's [choice] may ask for the least of.
+CRITERIA: dict[str, Callable[[Attempt], float]] = {
+    "effort": lambda found: _throw_of(found).effort,
+    "time": lambda found: _throw_of(found).landing_time,
+    "robustness": lambda found: landing_spread(_throw_of(found).deciding, found.goal),
+}

@@ -1,0 +1,37 @@
+"""The search for throws: the next try, what comes of it, and so on until there are enough."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from .approach import approach
+from .attempt import Attempt, attempts
+from .history import Approach, Entry, History, Move, Solve, Try
+from .strategies import Search, Strategy
+
+
+def find_throws(search: Search, strategies: Sequence[Strategy], history: History) -> History:
+    """The history and further tries, until as many throws are found as the task wants.
+
+    Ends before that where no strategy has a next try, or time is over.
+    """
+    task = search.task
+    while len(history.found) < task.wanted and not task.clock.late:
+        tries = (strategy(search, history) for strategy in strategies)
+        step = next((step for step in tries if step is not None), None)
+        if step is None:
+            break
+        history = history.with_entry(Entry(step, tuple(_outcome(search, step))))
+    return history
+
+
+def _outcome(search: Search, step: Try) -> Iterable[Attempt]:
+    """Solve or move, send, throw, correct the aim and judge."""
+    context, task = search.context, search.task
+    match step:
+        case Move(near):
+            return [context.corrector.attempt(near, task)]
+        case Solve(start):
+            return attempts(context.problems, start, task)
+        case Approach(goal, source):
+            return approach(context.corrector, goal, source, task)

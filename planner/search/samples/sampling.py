@@ -1,0 +1,265 @@
+"""Random feasible releases: all over the limits, where landings are sparse, near a target.
+
+Random states of the coordinates at the start of the opening, kept when limits, grip, run-up and
+brake allow them, are thrown through the non-smooth sliding pivot as one batch.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import io
+import math
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from ....core.compile import cache_folder, digest, keep, kept, source_of
+from ....models import Array, Flags, HandSamples, Indices
+from ....models.release import Opening, PivotSteps, SlidingPivot, march, rk4_step
+from ....problems import Scene
+from ...ocp import BRAKE_SHARE, build_nlp
+from ...throw import Limits, Manipulator, friction_use
+from ...throw.clearance import column_distance, tool_speeds
+from .launch import clears_carried, clears_thrown, run_up
+from .releases import ARRAYS, Releases, joined
+
+#: Runge-Kutta steps of the opening in the table.
+TABLE_STEPS = 12
+#: Share of a table drawn beside releases whose landings are sparse, and in how many rounds.
+SPARSE_SHARE, ROUNDS = 0.6, 6
+#: How near, in shares of the limits' range.
+NEARNESS = (0.01, 0.1)
+#: Bins across the range of landings, each way.
+BINS = 40
+#: How much more often a bin at the edge of the reached ones is taken.
+EDGE = 3.0
+
+
+class ReleaseSampler:
+    """Draws feasible releases of a scene."""
+
+    def __init__(self, scene: Scene, manipulator: Manipulator) -> None:
+        self.scene = scene
+        self.manipulator = manipulator
+        self.profile = scene.gripper.profile()
+        self.release = PivotSteps(SlidingPivot(scene.body, scene.patch, scene.gravity))
+
+    def draw(self, count: int, seed: int = 0) -> Releases:
+        """Releases from `count` tried states; fewer come back.
+
+        The first of them evenly in the states, then, in rounds, beside the releases whose
+        landings are sparse: those at the edge of what is in reach above all.
+        """
+        rng = np.random.default_rng(seed)
+        beside = int(SPARSE_SHARE * count / ROUNDS)
+        table = self._evenly(count - ROUNDS * beside, rng)
+        for _ in range(ROUNDS if len(table.q) else 0):
+            # Where most come down: the table serves all heights.
+            height = float(np.quantile(table.detach[:, 1], 0.05))
+            x, theta, _ = table.landings(height, self.scene.flight)
+            if table.clear.any():
+                x = np.where(table.clear, x, np.nan)
+            parents = sparse_parents(x, theta, beside, rng)
+            table = joined(table, self.perturb(table, parents, rng))
+        return table
+
+    def _evenly(self, count: int, rng: np.random.Generator) -> Releases:
+        """Releases from `count` states all over the limits; the last few let go at rest."""
+        limits, n = self.manipulator.planning, self.manipulator.size
+        q = rng.uniform(limits.q_min, limits.q_max, (count, n))
+        dq = rng.uniform(-limits.dq, limits.dq, (count, n))
+        ddq = rng.uniform(-0.9, 0.9, (count, n)) * limits.ddq
+        still = slice(count - max(count // 20, 1), count)
+        dq[still], ddq[still] = 0.0, 0.0
+        if self.manipulator.start is not None:
+            q[-1] = self.manipulator.start
+        return self._kept(q, dq, ddq, self.run_up_time(dq, ddq, rng), rng)
+
+    def perturb(self, table: Releases, parents: Indices, rng: np.random.Generator) -> Releases:
+        """Releases from states near those of `parents` (indices), some nearer, some farther."""
+        limits, n = self.manipulator.planning, self.manipulator.size
+        size = (len(parents), n)
+        low, high = map(math.log, NEARNESS)
+        width = np.exp(rng.uniform(low, high, (len(parents), 1)))
+        q = table.q[parents] + width * (limits.q_max - limits.q_min) * rng.normal(size=size)
+        dq = table.dq[parents] + width * 2 * limits.dq * rng.normal(size=size)
+        ddq = table.ddq[parents] + width * 2 * limits.ddq * rng.normal(size=size)
+        dq, ddq = np.clip(dq, -limits.dq, limits.dq), np.clip(ddq, -limits.ddq, limits.ddq)
+        return self._kept(q, dq, ddq, self.run_up_time(dq, ddq, rng), rng)
+
+    def _kept(
+        self, q: Array, dq: Array, ddq: Array, duration: Array, rng: np.random.Generator
+    ) -> Releases:
+        """The feasible ones of some states, thrown."""
+        if self.manipulator.start is not None:
+            # From a given start the way may be long: up to the longest carry.
+            longest = self.scene.mesh.carry_max
+            duration = np.maximum(duration, 0.25)
+            duration = duration * (longest / duration) ** rng.uniform(0.0, 1.0, duration.size)
+        keep = self.within_limits(q, dq, ddq, duration)
+        q, dq, ddq, duration = q[keep], dq[keep], ddq[keep], duration[keep]
+        if len(q):
+            keep = self.can_hold(q, dq, ddq)
+            q, dq, ddq, duration = q[keep], dq[keep], ddq[keep], duration[keep]
+        if len(q) == 0:
+            return Releases(q, dq, ddq, duration, np.zeros((0, 6)), np.zeros(0, bool))
+        states = self.throw(q, dq, ddq)
+        opening = self.profile.opening
+        end, rate = q + opening * (dq + opening * ddq / 2), dq + opening * ddq
+        clear = clears_thrown(self.scene, self.manipulator, end, rate, states)
+        path = run_up(self.manipulator, q, dq, ddq, duration[:, None])
+        clear &= clears_carried(self.scene, self.manipulator, path, duration[:, None])
+        return Releases(q, dq, ddq, duration, states, clear)
+
+    def run_up_time(self, dq: Array, ddq: Array, rng: np.random.Generator) -> Array:
+        """Run-up time that keeps the run-up's mean acceleration under the limits."""
+        needed = (np.abs(dq) / self.manipulator.planning.ddq).max(axis=1)
+        longer = needed * rng.uniform(1.3, 2.2, needed.size)
+        return np.asarray(np.clip(longer, 0.12, self.scene.mesh.carry_max))
+
+    def within_limits(self, q: Array, dq: Array, ddq: Array, duration: Array) -> Flags:
+        """Limits at the run-up's start, at both ends of the opening and after braking."""
+        limits, opening = self.manipulator.planning, self.profile.opening
+        end = q + dq * opening + ddq * opening**2 / 2
+        rate = dq + ddq * opening
+        stop = end + rate * np.abs(rate) / (2 * BRAKE_SHARE * limits.ddq)
+        positions = [q, end, stop]
+        if self.manipulator.start is None:
+            positions.append(run_up(self.manipulator, q, dq, ddq, duration[:, None])[0])
+        inside = np.ones(q.shape, dtype=bool)
+        for position, speed in ((q, dq), (end, rate)):
+            low, high = limits.velocity(position)
+            inside &= (speed >= low) & (speed <= high)
+            inside &= self._tool_fits(position, speed)[:, None]
+        for position in positions:
+            inside &= (position >= limits.q_min) & (position <= limits.q_max)
+        if self.manipulator.start is not None:
+            # From a given start: as far as the run-up's time allows.
+            gap = np.abs(q - self.manipulator.start - dq * duration[:, None] / 2)
+            inside &= gap <= 0.15 * limits.ddq * duration[:, None] ** 2
+        return np.asarray(inside.all(axis=1))
+
+    def _tool_fits(self, q: Array, dq: Array) -> Flags:
+        """Whether (N,) flange and pads' centre keep the tool's speed."""
+        scene = self.scene
+        if scene.tool_speed is None or scene.arm is None:
+            return np.ones(len(q), bool)
+        pose, twist, _ = self.manipulator.motion(q.T, dq.T, 0 * q.T)
+        return np.asarray(tool_speeds(scene.arm.tool, pose, twist) <= scene.tool_speed)
+
+    def _hand(self, q: Array, dq: Array, ddq: Array, t: float) -> HandSamples:
+        """The hands (N,) at time t."""
+        outputs = self.manipulator.motion((q + dq * t + ddq * t * t / 2).T, (dq + ddq * t).T, ddq.T)
+        return HandSamples(t, *(np.array(o) for o in outputs))
+
+    def grip_use(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Friction use (N,) of the held bar under full grip; 1 slips."""
+        pose, twist, acceleration = (np.array(o) for o in self.manipulator.motion(q.T, dq.T, ddq.T))
+        hand = HandSamples(np.zeros(len(q)), pose, twist, acceleration)
+        return np.asarray(np.hypot(*friction_use(self.scene, hand)))
+
+    def can_hold(self, q: Array, dq: Array, ddq: Array) -> Flags:
+        """Whether the full grip holds the bar at the opening's start, and it is off the floor."""
+        keep = self.grip_use(q, dq, ddq) <= 1 - self.scene.gripper.sticking_margin
+        pose = self._hand(q, dq, ddq, 0.0).pose
+        theta = pose[2] + self.scene.grasp.angle
+        workspace = self.scene.workspace
+        if workspace is not None and workspace.floor is not None:
+            reach = self.scene.object.length - self.scene.grasp.offset
+            keep &= pose[1] + reach * np.sin(theta) > workspace.floor + self.scene.object.width / 2
+        return np.asarray(keep)
+
+    def throw(self, q: Array, dq: Array, ddq: Array) -> Array:
+        """Detach states (N, 6) by the exact sliding pivot."""
+        shares, duration = np.linspace(0.0, 1.0, 2 * TABLE_STEPS + 1), self.profile.opening
+        forces = self.profile.force(shares * duration)
+        opening = Opening(shares, duration, partial(self._hand, q, dq, ddq), forces)
+        states, _ = march(self.release, opening, np.full(len(q), self.scene.grasp.angle))
+        return np.array(states).T
+
+
+def sparse_parents(x: Array, theta: Array, count: int, rng: np.random.Generator) -> Indices:
+    """Indices (count,) of landings, drawn so that each filled bin is as likely as the next.
+
+    x (N,) [m], theta (N,) [rad]; entries that are not finite are not taken.
+    """
+    finite = np.flatnonzero(np.isfinite(x) & np.isfinite(theta))
+    if len(finite) == 0:
+        return np.zeros(0, int)
+    i, j = _bins(x[finite]), _bins(theta[finite])
+    filled = np.zeros((BINS + 2, BINS + 2))
+    np.add.at(filled, (i + 1, j + 1), 1.0)
+    empty = filled == 0
+    edge = np.zeros_like(empty)
+    for axis in (0, 1):
+        for step in (-1, 1):
+            edge |= np.roll(empty, step, axis)
+    weight = np.where(edge, EDGE, 1.0)[i + 1, j + 1] / filled[i + 1, j + 1]
+    return np.asarray(rng.choice(finite, count, p=weight / weight.sum()))
+
+
+def _bins(values: Array) -> Indices:
+    low, width = values.min(), max(float(np.ptp(values)), 1e-9)
+    return np.asarray(np.minimum(((values - low) / width * BINS).astype(int), BINS - 1))
+
+
+#: What decides which releases are drawn for a scene, and where they go.
+MAKERS = (ReleaseSampler, sparse_parents, run_up, clears_carried, column_distance, build_nlp)
+LAWS = (SlidingPivot, PivotSteps, march, rk4_step)
+
+
+def stored_releases(
+    scene: Scene, manipulator: Manipulator, count: int, seed: int, draw: Callable[[], Releases]
+) -> Releases:
+    """The table of a scene from the cache, or drawn and put there.
+
+    Its name is a hash of all that it depends on: not of the target, cup or tolerance. A
+    damaged file is drawn again; without a cache folder nothing is kept.
+    """
+    folder = cache_folder()
+    if folder is None:
+        return draw()
+    name = f"{_key(scene, manipulator, count, seed)}.npz"
+    found = _read(folder / name)
+    if found is None:
+        found = draw()
+        arrays = {key: getattr(found, key) for key in ARRAYS}
+        data = io.BytesIO()
+        np.savez(data, **arrays)
+        keep(folder, name, data.getvalue())
+    return found
+
+
+def _key(scene: Scene, manipulator: Manipulator, count: int, seed: int) -> str:
+    limits = (getattr(manipulator.planning, field.name) for field in dataclasses.fields(Limits))
+    parts = (
+        scene.object,
+        scene.grasp,
+        scene.patch,
+        scene.gripper,
+        scene.gravity,
+        scene.workspace,
+        scene.gripper.sticking_margin,
+        scene.mesh.carry_max,
+        scene.arm,
+        scene.tool_speed,
+        manipulator.kinematics.coordinates,
+        getattr(manipulator.kinematics, "throwing_joints", None),
+        scene.hand,
+        *(None if v is None else v.tolist() for v in limits),
+        None if manipulator.start is None else manipulator.start.tolist(),
+        count,
+        seed,
+    )
+    return digest("releases", source_of(*MAKERS, *LAWS), *map(repr, parts))
+
+
+def _read(path: Path) -> Releases | None:
+    """The table in a file; None if it is not there or not whole."""
+    data = kept(path)
+    if data is None:
+        return None
+    with np.load(io.BytesIO(data)) as arrays:
+        return Releases(*(arrays[key] for key in ARRAYS))

@@ -1,0 +1,291 @@
+"""Strategies of the search: each a function of the search and its history, to the next try or None.
+
+Solved throws near the target come first: a warm plan's and the library's, moved or as a solver's
+start. Then sampled releases that land near it, and what is possible nearest to it.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from heapq import merge
+from itertools import islice
+
+import numpy as np
+
+from ...problems import Pose
+from ..library import Library, Neighbour
+from ..ocp import BASE, Margins, Optimum, Refinement, Request
+from ..result import PlannedThrow
+from ..throw import Manipulator
+from .attempt import Attempt, Start
+from .candidates import STARTS, Candidates, release_start
+from .corrector import Corrector, moved_start, optimum_of
+from .failure import in_column
+from .guess import initial_guess_from
+from .history import Approach, History, Move, Solve, Try
+from .nlps import NlpCache, Task
+from .samples import Releases, ReleaseSampler
+
+#: Solved throws that are moved to the target, for each throw that is wanted: of one, of several.
+MOVED, MOVED_FOR_CHOICE = 4, 6
+#: A warm plan is moved to targets within this pose error [m] of its landing.
+WARM_REACH = 0.06
+#: Solved throws within this pose error [m] of the target are moved to it.
+NEARBY = 0.15
+#: A solution for a target within this pose error [m] needs few iterations.
+NEAR = 0.005
+#: Starts from samples before throws beside the target are brought to it; none where the nearest
+#: sample lands farther [m, pose error] from it than the second.
+FIRST_STARTS, FAR = 2, 0.05
+#: Throws of the library that are brought as near to the target as limits let them.
+SOLVED = 2
+#: Edges of the reach that are equally far from the target, by this factor, and how many of them
+#: say that it is out of reach.
+ALIKE, ENOUGH = 1.1, 2
+
+
+@dataclass(frozen=True, eq=False)
+class SearchContext:
+    """What the searches of one scene share.
+
+    table: gives the release table; keep: whether the library is in the cache, or stays empty.
+    """
+
+    problems: NlpCache
+    sampler: ReleaseSampler
+    table: Callable[[], Releases]
+    keep: bool = True
+
+    def from_state(self, manipulator: Manipulator) -> SearchContext:
+        """For throws of a manipulator that begins in another state of motion.
+
+        It shares NLPs and table; the library's throws, which begin at rest, are of no use to it.
+        """
+        return replace(
+            self,
+            problems=self.problems.from_state(manipulator),
+            keep=False,
+        )
+
+    @cached_property
+    def library(self) -> Library:
+        """The scene's solved throws, as far as the cache has them."""
+        return Library(self.problems.scene, self.problems.manipulator, keep=self.keep)
+
+    @cached_property
+    def edge(self) -> Library:
+        """Throws at the edge of the reach that plans have named, in memory alone."""
+        return Library(self.problems.scene, self.problems.manipulator, keep=False)
+
+    def nearest_throws(self, task: Task, count: int, within: float = NEARBY) -> Iterator[Neighbour]:
+        """At most `count` solved throws with a pose error below `within` [m], nearest first."""
+        found = (
+            some.nearest_throws(task.target, task.turns, count, within)
+            for some in (self.library, self.edge)
+        )
+        return islice(merge(*found, key=lambda one: one.distance), count)
+
+    @cached_property
+    def corrector(self) -> Corrector:
+        """Moves solved throws."""
+        return Corrector(self.library.controls, self.problems)
+
+    def remember(self, found: Attempt) -> None:
+        """Keeps a throw at the edge of the reach for the next plans, to where it lands above all.
+
+        It has no slope: next to the edge no direction keeps all limits.
+        """
+        throw, edge, controls = found.throw, found.edge, self.library.controls
+        if edge is None or edge.pose is None or throw is None:
+            return
+        if throw.nlp is None or throw.solution is None:
+            return
+        u, lands, exact = throw.solution.x, throw.planned_landing, throw.exact.landing.pose
+        u = u[controls.places(throw.nlp)]
+        margins = {name: max(value, 0.0) for name, value in throw.refinement.margins.values}
+        optimum = Optimum(
+            u,
+            np.zeros((u.size, 1 + self.library.angle)),
+            throw.deciding.release.end,
+            throw.effort,
+            throw.nlp_size,
+            (lands[0] - exact[0], lands[2] - exact[2]),
+            replace(throw.refinement, margins=Margins(**margins)),
+            edge.names,
+        )
+        landing = edge.pose.plane_x, edge.pose.theta or 0.0
+        self.edge.add([self.edge.record(optimum, landing, solved=True)])
+
+
+@dataclass(frozen=True, eq=False)
+class Search:
+    """The search for one plan; warm: a throw to a target near the task's.
+
+    A single solver that is asked for gets no moved throws.
+    """
+
+    context: SearchContext
+    task: Task
+    warm: PlannedThrow | None = None
+
+    def neighbours(self) -> Iterator[Neighbour]:
+        """Solved throws near the target: the warm plan's and the library's, nearest first."""
+        task = self.task
+        near = self.context.nearest_throws(task, self.moves)
+        return merge(self._warm_neighbour, near, key=lambda one: one.distance)
+
+    @property
+    def moves(self) -> int:
+        """How many neighbours are moved."""
+        return MOVED if self.task.wanted == 1 else MOVED_FOR_CHOICE * self.task.wanted
+
+    @cached_property
+    def _warm_neighbour(self) -> list[Neighbour]:
+        """The warm plan's optimum, if it lands near enough."""
+        warm, task = self.warm, self.task
+        optimum = None if warm is None else self._optimum(warm)
+        if optimum is None:
+            return []
+        x, theta, _ = map(float, task.scene.flight.land(optimum.detach[None], task.target.z)[0])
+        turn = 0.0 if task.target.theta is None else theta - task.target.theta
+        miss = x - task.target.plane_x, turn
+        away = task.scene.object.pose_error(*miss)
+        return [Neighbour(optimum, task.target, miss, away)] if away < WARM_REACH else []
+
+    def _optimum(self, warm: PlannedThrow) -> Optimum | None:
+        if warm.optimum is not None:
+            return warm.optimum
+        problems, task = self.context.problems, self.task
+        program = problems.problem(task.target, warm.refinement, "fatrop", task.clock)
+        return optimum_of(self.context.library.controls, program, warm)
+
+    def start(self, near: Neighbour) -> Start:
+        """A solver's start from a solved throw near the target."""
+        context = self.context
+        controls, manipulator = context.library.controls, context.problems.manipulator
+        return moved_start(controls, manipulator, near.optimum, near.goal, self.task)
+
+    @cached_property
+    def candidates(self) -> Candidates:
+        """The table's releases as starts."""
+        with self.task.clock("build"):
+            table = self.context.table()
+        return Candidates(table, self.task, self.context.problems.manipulator)
+
+    @cached_property
+    def blocked(self) -> bool:
+        """Whether the bar would be inside the base column at the target."""
+        return in_column(self.task.scene, self.task.target)
+
+    def refinement(self, history: History) -> Refinement:
+        """Of the next NLP from another motion."""
+        return history.refinement(Refinement(frozenset({"passing"})) if self.blocked else BASE)
+
+    def beside(self) -> Iterator[tuple[Pose, Start | Neighbour]]:
+        """Throws that land beside the target, solved ones first, each with its goal."""
+        task, context = self.task, self.context
+        if len(task.solvers) > 1:
+            for near in context.nearest_throws(task, SOLVED, math.inf):
+                yield near.goal, near
+        candidates = self.arriving
+        for index, goal, pose in candidates.judged:
+            start = release_start(context.problems, task, candidates.releases, index, goal)
+            yield goal, replace(start, goal=pose, again=True)
+
+    @cached_property
+    def arriving(self) -> Candidates:
+        """The table's releases that arrive as a throw to the target would."""
+        return self.candidates.arriving
+
+    def is_settled(self, history: History) -> bool:
+        """Whether the target is out of reach: as many throws end about equally far from it.
+
+        And no sampled throw that meets neither column nor hand lands nearer to it.
+        """
+        far = [one.edge.missed for one in history.edges if one.edge is not None]
+        clear, nearest = self.candidates.releases.clear, self.candidates.nearest
+        sampled = min((away for index, _, away in nearest if clear[index]), default=math.inf)
+        alike = len(far) >= ENOUGH and far[ENOUGH - 1] <= ALIKE * far[0]
+        return alike and far[0] <= ALIKE * sampled + self.task.scene.tolerance.position
+
+
+Strategy = Callable[[Search, History], Try | None]
+
+
+def from_neighbours(search: Search, history: History) -> Try | None:
+    """Solved throws near the target, moved to it."""
+    if len(search.task.solvers) == 1:
+        return None
+    number = sum(isinstance(one, Move) for one in history.tries)
+    moves = (Move(near) for near in islice(search.neighbours(), search.moves))
+    return next(islice(moves, number, None), None)
+
+
+def from_warm_plan(search: Search, history: History) -> Try | None:
+    """A solver's start from the warm plan."""
+    warm, task = search.warm, search.task
+    if warm is None or history.solves_from("warm plan"):
+        return None
+    if warm.solution is not None:
+        solution, lever = warm.solution, task.scene.object.half_length
+        near = task.target.distance(warm.deciding.target, lever) < NEAR
+        start = Start(task.target, lambda nlp: solution.x, task.solvers[0], near=near)
+        start = replace(start, refinement=warm.refinement, warm=solution, aim=warm.aim)
+    elif warm.optimum is not None:
+        start = search.start(Neighbour(warm.optimum, task.target, (0.0, 0.0), 0.0))
+    else:
+        # The rest of a swing: no solution of the NLPs of this task.
+        request = Request(task.scene, warm.manipulator)
+        guess = partial(initial_guess_from, throw=warm, request=request)
+        start = Start(task.target, guess, task.solvers[0])
+    return Solve(start, "warm plan")
+
+
+def from_nearest_samples(search: Search, history: History) -> Try | None:
+    """A solver's start from one of few sampled releases that land near the target."""
+    if search.blocked or not search.candidates.nearest or search.candidates.distance > FAR:
+        return None
+    return _from_samples(search, history, {search.task.solvers[0]: FIRST_STARTS})
+
+
+def from_beside(search: Search, history: History) -> Try | None:
+    """A throw that lands beside the target, brought as near to it as limits let it."""
+    number = sum(isinstance(one, Approach) for one in history.tries)
+    enough = history.found or search.is_settled(history)
+    if enough or not search.candidates.nearest or (search.blocked and number == ENOUGH):
+        return None
+    return next((Approach(*one) for one in islice(search.beside(), number, number + 1)), None)
+
+
+def from_samples(search: Search, history: History) -> Try | None:
+    """A solver's start from a sampled release, by each solver in turn."""
+    if search.blocked or search.is_settled(history):
+        return None
+    return _from_samples(search, history, {one: STARTS[one] for one in search.task.solvers})
+
+
+def _from_samples(search: Search, history: History, counts: dict[str, int]) -> Try | None:
+    """The next of the nearest releases, so many of them by each solver."""
+    task, candidates = search.task, search.candidates
+    tried = {
+        (one.start.solver, one.release, one.start.goal) for one in history.solves_from("samples")
+    }
+    for solver, count in counts.items():
+        for index, goal, _ in candidates.clearest[: count * task.wanted]:
+            key = candidates.key(index)
+            if (solver, key, goal) not in tried:
+                start = release_start(
+                    search.context.problems, task, candidates.releases, index, goal
+                )
+                refinement = search.refinement(history)
+                start = replace(start, solver=solver, refinement=refinement)
+                return Solve(start, "samples", key)
+    return None
+
+
+#: Strategies from solved throws, and from nothing but the target; tried in order.
+FROM_THROWS: tuple[Strategy, ...] = (from_neighbours, from_warm_plan)
+FROM_NOTHING: tuple[Strategy, ...] = (from_nearest_samples, from_beside, from_samples)

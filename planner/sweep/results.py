@@ -1,0 +1,357 @@
+"""What a sweep found: statistics, JSON, files, and its pictures (landings, delay, tornado)."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...models import Array, Flags, Indices
+from ...models.release import MODELS
+from ...problems.files import filling, plain, write_json
+from ..result import Plan
+from ..show import BLACK, BLUE, GREEN, GREY, RED, new_figure, save
+from ..verdict import Code, Sampler, unit_of
+from .statistics import OUTER, DelayScan, delay_band, quantiles, swings
+from .summary import sweep_summary
+from .throws import Outcomes, ThrowSimulator
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+#: What a sweep leaves in its folder.
+SWEEP_FILES = ("landings.png", "delay.png", "tornado.png", "sweep.csv", "sweep.json")
+#: Rows of sweep.csv that are formatted at a time.
+ROWS = 8192
+#: Most points that landings.png draws.
+POINTS = 5000
+#: Least span of an axis [mm, deg]: a narrower one would show rounding.
+LEAST_SPAN = 0.02
+
+
+@dataclass(frozen=True)
+class Sweep:
+    """A plan's sent motion thrown with sampled parameters, by one release model.
+
+    numbers (N,): places in the sequence of samples; values (N, P): their parameters, columns as
+    `sampler.names`, SI units; landings: what came of them; nominal: the throw with the plan's own
+    values. derivatives: (dx, dtheta) by each parameter; shares: of the variances of x and theta.
+    delays: the largest delays that succeed. requested: number of samples requested, N unless
+    Ctrl-C came first. seconds: time of the sweep.
+    """
+
+    plan: Plan
+    simulator: ThrowSimulator
+    sampler: Sampler
+    requested: int
+    numbers: Indices
+    values: Array
+    landings: Outcomes
+    nominal: Outcomes
+    derivatives: dict[str, tuple[float, float]]
+    shares: dict[str, tuple[float, float]]
+    delays: DelayScan
+    seconds: float
+
+    @property
+    def samples(self) -> int:
+        """Number of throws."""
+        return len(self.numbers)
+
+    def __repr__(self) -> str:
+        """One line: the arrays would fill a screen."""
+        rate = 100 * float(self.success.mean())
+        return f"Sweep({self.label}: {self.samples:,} throws, {rate:.1f} % succeed)"
+
+    @property
+    def robust(self) -> bool:
+        """Whether the plan is robust."""
+        return bool(self.plan.robust)
+
+    @property
+    def label(self) -> str:
+        """The scene's name, and the robust method of its plan."""
+        name = self.plan.scene.name
+        return f"{name}, robust ({self.plan.robust})" if self.plan.robust else name
+
+    @property
+    def success(self) -> Flags:
+        """(N,): inside the tolerance, or into the cup; and no other limit is broken."""
+        return self.landings.verdicts.succeeds
+
+    @property
+    def errors(self) -> dict[str, Array]:
+        """`pose_errors` of the landings."""
+        return pose_errors(self.plan, self.landings, self.nominal)
+
+    def to_dict(self) -> dict[str, Any]:
+        """The sweep as JSON: SI units, radians.
+
+        bias: of the nominal landing from the target; position and angle are sizes, x and theta
+        signed. quantiles: of the distances from the nominal landing; scaled is the pose error
+        (position plus angle times half the length). sensitivity: derivatives by the parameter, and
+        shares of the variances. delay_inside: the largest delays [s] beyond the mean that still
+        succeed, null beyond 50 ms.
+        """
+        scene, target = self.plan.scene, self.plan.goal
+        x, theta = (float(value) for value in self.nominal.pose[0, :2])
+        dx = x - target.plane_x
+        dtheta = 0.0 if target.theta is None else theta - target.theta
+        spread = np.nanstd(self.landings.pose[:, :2], axis=0) if self._lands else [math.nan] * 2
+        found = {
+            "scene": scene.name,
+            "samples": self.samples,
+            "asked": self.requested,
+            "seed": self.sampler.seed,
+            "model": self.simulator.batch.model,
+            "robust": self.robust,
+            "uncertain": self.sampler.names,
+            "assumed": scene.uncertainty is None,
+            "success": _rate(self.success),
+            "in_tolerance": _rate(self.landings.in_tolerance),
+            "in_cup": None if scene.cup is None else _rate(self.landings.in_cup),
+            "held": _rate(self.landings.sticks),
+            "broken": self._broken,
+            "nominal": {"x": x, "theta": theta},
+            "bias": {"position": abs(dx), "angle": abs(dtheta), "x": dx, "theta": dtheta},
+            "deviation": {"x": spread[0], "theta": spread[1]},
+            "quantiles": {name: quantiles(errors) for name, errors in self.errors.items()},
+            "sensitivity": {
+                name: dict(zip(("x", "theta"), self.derivatives[name], strict=True))
+                | {"share": dict(zip(("x", "theta"), self.shares[name], strict=True))}
+                for name in self.sampler.names
+            },
+            "delay_inside": {"early": self.delays.early, "late": self.delays.late},
+            "time": self.seconds,
+        }
+        made: dict[str, Any] = plain(found)
+        return made
+
+    def summary(self) -> str:
+        """The sweep in some lines for people."""
+        return sweep_summary(self.plan, self.label, self.to_dict())
+
+    def save(self, folder: str | Path) -> None:
+        """Write sweep.json, sweep.csv and three pictures; InputError if that cannot be done."""
+        with filling(Path(folder), SWEEP_FILES) as scratch:
+            draw_landings(self, scratch / "landings.png")
+            draw_delay(self, scratch / "delay.png")
+            if len(self.sampler.names) > 1:
+                draw_tornado(self, scratch / "tornado.png")
+            self._write_samples(scratch / "sweep.csv")
+            write_json(scratch / "sweep.json", self.to_dict())
+
+    def _write_samples(self, path: Path) -> None:
+        """A row a sample: its number, parameters, landing and success (0 or 1)."""
+        names, landings = self.sampler.names, self.landings
+        header = ["sample", *names, "x", "theta", "flight_time", "success", "held"]
+        columns = [self.numbers, *self.values.T, *landings.pose.T, self.success, landings.sticks]
+        formats = ["%d", *["%.9g"] * (len(names) + 3), "%d", "%d"]
+        with path.open("w", encoding="utf-8") as file:
+            file.write(",".join(header) + "\n")
+            for first in range(0, self.samples, ROWS):
+                rows = np.column_stack([column[first : first + ROWS] for column in columns])
+                np.savetxt(file, rows, delimiter=",", fmt=formats)
+
+    @property
+    def _broken(self) -> dict[str, float]:
+        """Shares of the throws by the codes that they break, names as in plan.json."""
+        verdicts = self.landings.verdicts
+        shares = ((code, float(verdicts.breaks(code).mean())) for code in Code)
+        return {code.value: share for code, share in shares if share > 0.0}
+
+    @property
+    def _lands(self) -> bool:
+        return bool(np.isfinite(self.landings.pose[:, 0]).any())
+
+
+def _rate(successes: Flags) -> dict[str, float]:
+    """Share of the throws and its Wilson 95 % interval."""
+    from scipy.stats import binomtest
+
+    count, total = int(successes.sum()), successes.size
+    interval = binomtest(count, total).proportion_ci(method="wilson")
+    return {"rate": count / total, "low": float(interval.low), "high": float(interval.high)}
+
+
+def pose_errors(plan: Plan, landings: Outcomes, nominal: Outcomes) -> dict[str, Array]:
+    """Distances (N,) from the nominal landing: position [m], angle [rad], scaled [m]."""
+    dx, dtheta = (landings.pose - nominal.pose).T[:2]
+    turn = dtheta if plan.target.theta is not None else 0.0
+    scaled = plan.scene.object.pose_error(dx, turn)
+    return {"position": np.abs(dx), "angle": np.abs(dtheta), "scaled": scaled}
+
+
+def _title(sweep: Sweep, words: str) -> dict[str, Any]:
+    """Title of a picture: the scene, what is shown, number of throws, release model."""
+    throws = f"{sweep.samples:,} throws, {MODELS[sweep.simulator.batch.model].title}"
+    return {"t": f"{sweep.label}: {words} ({throws})", "x": 0.01, "ha": "left", "fontsize": 11}
+
+
+def _about(sweep: Sweep) -> tuple[float, str]:
+    """The angle [rad] at the origin of the pictures, and its name."""
+    theta = sweep.plan.target.theta
+    return (float(sweep.nominal.pose[0, 1]), "nominal") if theta is None else (theta, "target")
+
+
+def _off(sweep: Sweep, pose: Array) -> Array:
+    """Landing errors (..., 2): x [mm], theta [deg]."""
+    about, _ = _about(sweep)
+    x, theta = pose[..., 0] - sweep.plan.goal.plane_x, pose[..., 1] - about
+    return np.stack([1e3 * x, np.degrees(theta)], axis=-1)
+
+
+def _tolerance(sweep: Sweep) -> tuple[float, float]:
+    """The tolerance of x [mm] and theta [deg], NaN where theta is open."""
+    allowed = sweep.plan.scene.tolerance
+    angle = math.nan if sweep.plan.target.theta is None else math.degrees(allowed.angle)
+    return 1e3 * allowed.position, angle
+
+
+def _widen(axes: Axes, vertical: bool) -> None:
+    """Axes [mm, deg] no narrower than `LEAST_SPAN`."""
+    for limits, low, high in (("set_xlim", *axes.get_xlim()), ("set_ylim", *axes.get_ylim())):
+        if high - low < LEAST_SPAN and (vertical or limits == "set_xlim"):
+            middle = (low + high) / 2
+            getattr(axes, limits)(middle - LEAST_SPAN / 2, middle + LEAST_SPAN / 2)
+
+
+def draw_landings(sweep: Sweep, path: Path) -> None:
+    """Landing errors, coloured by the parameter with the largest share of their variance."""
+    from matplotlib.patches import Rectangle
+
+    figure = new_figure(8, 5.2)
+    axes = figure.subplots()
+    shown = slice(None, POINTS)
+    off, sticks = _off(sweep, sweep.landings.pose[shown]), sweep.landings.sticks[shown]
+    name = max(sweep.shares, key=lambda key: sum(sweep.shares[key]))
+    factor, unit = unit_of(name)
+    colour = factor * sweep.values[shown, sweep.sampler.names.index(name)]
+    style: dict[str, Any] = {"cmap": "viridis", "vmin": colour.min(), "vmax": colour.max()}
+    size = 14 if len(off) <= 2000 else 6
+    x, theta = off.T
+    found = axes.scatter(x[sticks], theta[sticks], s=size, c=colour[sticks], lw=0, **style)
+    if not sticks.all():
+        style |= {"marker": "x", "lw": 0.9, "label": "slips in the full grip before it opens"}
+        axes.scatter(x[~sticks], theta[~sticks], s=22, c=colour[~sticks], **style)
+    label = f"{name.replace('_', ' ')} [{unit}]" if unit else name
+    figure.colorbar(found, ax=axes, label=label, pad=0.01)
+    position, angle = _tolerance(sweep)
+    if math.isfinite(angle):
+        box: dict[str, Any] = {"fill": False, "ec": RED, "lw": 1.6, "zorder": 4}
+        corner = (-position, -angle)
+        axes.add_patch(Rectangle(corner, 2 * position, 2 * angle, label="tolerance", **box))
+    else:
+        axes.axvspan(-position, position, color=GREEN, alpha=0.25, lw=0, label="tolerance")
+    mark: dict[str, Any] = {"color": BLACK, "mec": "white", "ms": 10, "zorder": 5}
+    axes.plot(*_off(sweep, sweep.nominal.pose[0]), "P", label="nominal", **mark)
+    axes.set(xlabel="x − target [mm]", ylabel=f"θ − {_about(sweep)[1]} [deg]")
+    _widen(axes, vertical=True)
+    axes.grid(alpha=0.25)
+    axes.legend(loc="best", fontsize=9, framealpha=0.9)
+    some = f", {POINTS:,} of them shown" if sweep.samples > POINTS else ""
+    rate = 100 * float(sweep.success.mean())
+    figure.suptitle(**_title(sweep, f"{rate:.1f} % succeed{some}"))
+    save(figure, path)
+
+
+def draw_delay(sweep: Sweep, path: Path) -> None:
+    """Landing error over the opening delay: median and band over all other parameters."""
+    names, limits = sweep.sampler.names, _delay_limits(sweep)
+    delays, pose = delay_band(sweep.simulator, sweep.sampler, limits)
+    dx, dtheta = np.moveaxis(pose[:, :, :2] - sweep.nominal.pose[0, :2], -1, 0)
+    theta_counts = sweep.plan.target.theta is not None
+    scaled = sweep.plan.scene.object.pose_error(dx, dtheta if theta_counts else 0.0)
+    off, (position, angle) = _off(sweep, pose), _tolerance(sweep)
+    rows = [("x − target [mm]", off[..., 0], position)]
+    if theta_counts:
+        rows.append(("θ − target [deg]", off[..., 1], angle))
+    rows.append(("scaled error [mm]", 1e3 * scaled, math.nan))
+    figure = new_figure(8, 2.3 * len(rows) + 0.9)
+    each = figure.subplots(len(rows), 1, sharex=True)
+    for axes, (label, values, tolerance) in zip(each, rows, strict=True):
+        if math.isfinite(tolerance):
+            axes.axhspan(-tolerance, tolerance, color=GREEN, alpha=0.18, lw=0, label="tolerance")
+            axes.axhline(0.0, color=GREEN, lw=0.8)
+        _band(axes, 1e3 * delays, values, bool(set(names) - {"delay"}))
+        axes.axvline(0.0, color=GREY, lw=0.8, ls=":")
+        # A slip in the full grip is a failure, too.
+        words: str | None = "first delay that fails, slip before the opening counted"
+        for end in (sweep.delays.early, sweep.delays.late):
+            if end is not None and limits[0] <= end <= limits[1]:
+                axes.axvline(1e3 * end, color=RED, lw=1.0, ls="--", label=words)
+                words = None
+        axes.set_ylabel(label)
+        axes.grid(alpha=0.25)
+        axes.margins(x=0)
+    each[-1].set_xlabel("opening later than expected [ms]")
+    each[-1].set_ylim(bottom=0)
+    each[0].legend(loc="best", fontsize=9, framealpha=0.9)
+    figure.suptitle(**_title(sweep, "landing over the opening delay"))
+    save(figure, path)
+
+
+def _delay_limits(sweep: Sweep) -> tuple[float, float]:
+    """Range of delays [s] about the mean that the picture shows: 99.8 % of the samples."""
+    if "delay" not in sweep.sampler.names:
+        return -0.01, 0.01
+    low, high = sweep.sampler.quantiles("delay", np.array([0.001, 0.999]))
+    mean = sweep.simulator.batch.mean_delay
+    return min(float(low) - mean, -1e-3), max(float(high) - mean, 1e-3)
+
+
+def _band(axes: Axes, x: Array, values: Array, others: bool) -> None:
+    """Median; if other parameters than the delay are uncertain, the band of 5 to 95 %."""
+    # NaN is no landing: infinitely far off.
+    known = np.where(np.isnan(values), np.inf, values)
+    low, middle, high = np.quantile(known, (0.05, 0.5, 0.95), axis=1, method="inverted_cdf")
+    low, middle, high = (np.where(np.isfinite(v), v, np.nan) for v in (low, middle, high))
+    if others:
+        axes.fill_between(x, low, high, color=BLUE, alpha=0.25, lw=0, label="5 to 95 %")
+    label = "median over the other parameters" if others else "landing"
+    axes.plot(x, middle, color=BLUE, lw=1.8, label=label)
+
+
+def draw_tornado(sweep: Sweep, path: Path) -> None:
+    """Change of the landing by each parameter alone, from its 5 to its 95 % quantile."""
+    poses, names = swings(sweep.simulator, sweep.sampler), sweep.sampler.names
+    moved = np.nan_to_num(poses[:, :, :2] - sweep.nominal.pose[0, :2])
+    figure = new_figure(12, 1.8 + 0.42 * len(names))
+    each = figure.subplots(1, 2)
+    parts = (("x [mm]", 1e3), ("θ [deg]", math.degrees(1.0)))
+    for column, (axes, (label, factor)) in enumerate(zip(each, parts, strict=True)):
+        order = np.argsort(np.ptp(np.pad(moved[:, :, column], ((0, 0), (0, 1))), axis=1))
+        for row, i in enumerate(order):
+            share = 100 * sweep.shares[names[i]][column]
+            _swing(axes, row, factor * moved[i, :, column], f"{share:.0f} %")
+        axes.set_yticks(range(len(names)), [_swing_label(sweep, names[i]) for i in order])
+        axes.axvline(0.0, color=BLACK, lw=0.8)
+        axes.set_xlabel(f"change of landing {label}")
+        axes.margins(x=0.16)
+        _widen(axes, vertical=False)
+        axes.locator_params(axis="x", nbins=7)
+        axes.grid(alpha=0.25, axis="x")
+    for colour, words in ((BLUE, "at its 5 % quantile"), (RED, "at its 95 % quantile")):
+        each[0].barh([0], [0], color=colour, label=words)
+    figure.legend(*each[0].get_legend_handles_labels(), loc="outside lower center", ncols=2)
+    figure.suptitle(**_title(sweep, "each parameter alone; % of the landing's variance"))
+    save(figure, path)
+
+
+def _swing(axes: Axes, row: int, ends: Array, words: str) -> None:
+    # Bars side by side: both changes may have one sign.
+    for end, place, colour in zip(ends, (row + 0.17, row - 0.17), (BLUE, RED), strict=True):
+        axes.barh(place, end, color=colour, height=0.34, zorder=2)
+    right = max(float(ends.max()), 0.0)
+    offset: dict[str, Any] = {"xytext": (5, 0), "textcoords": "offset points", "va": "center"}
+    axes.annotate(words, (right, row), fontsize=9, **offset)
+
+
+def _swing_label(sweep: Sweep, name: str) -> str:
+    """Name of a parameter and its two quantiles."""
+    factor, unit = unit_of(name)
+    low, high = (f"{factor * end:.3g}" for end in sweep.sampler.quantiles(name, np.array(OUTER)))
+    return f"{name.replace('_', ' ')}\n{low} … {high} {unit}".replace("-", "−").rstrip()

@@ -1,0 +1,82 @@
+"""A sweep as lines for people."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+from ...models.release import MODELS
+from ...problems import Uncertainty
+from ..result import Plan
+from ..verdict import Code, unit_of, words_of
+
+#: Errors in the table: their unit, its size, and what the error is.
+ERRORS = {
+    "position": ("mm", 1e3, ""),
+    "angle": ("deg", math.degrees(1.0), ""),
+    "scaled": ("mm", 1e3, "  position plus angle times half the length"),
+}
+
+
+def sweep_summary(plan: Plan, label: str, result: dict[str, Any]) -> str:
+    """Success, bias, quantiles and sensitivities of a sweep of `plan`, from its `to_dict`."""
+    tolerance, uncertainty = plan.scene.tolerance, plan.scene.uncertainty
+    usual = " (no [uncertainty] in the scene: assumed)" if result["assumed"] else ""
+    lines = [f"{label}: {result['samples']:,} throws by the {MODELS[result['model']].title}"]
+    lines += [f"  {line}{usual}" for line in words_of(uncertainty or Uncertainty.USUAL)]
+    box = f"within {1e3 * tolerance.position:g} mm"
+    if plan.target.theta is not None:
+        box += f", {math.degrees(tolerance.angle):g} deg"
+    into_cup = result["in_cup"] is not None
+    lines.append(f"  success {_percent(result['success'])} {'into the cup' if into_cup else box}")
+    if into_cup:
+        lines.append(f"  {'':7} {_percent(result['in_tolerance'])} {box}")
+    counted = {Code.LANDING, Code.CUP_MISSED, Code.CUP_WALL} if into_cup else {Code.LANDING}
+    for code in Code:
+        if code.value in result["broken"] and code not in counted:
+            lines.append(f"  {'':7} {100 * result['broken'][code.value]:6.2f} % {code.fate}")
+    bias = result["bias"]
+    if bias["position"] is not None and bias["angle"] is not None:
+        off = f"{1e3 * bias['position']:.3f} mm, {math.degrees(bias['angle']):.3f} deg"
+        lines.append(f"  nominal landing {off} from the target; distances from it:")
+    quantiles = result["quantiles"]
+    lines.append(f"    {'':14}" + "".join(f"{key + ' %':>10}" for key in quantiles["position"]))
+    for name, (unit, scale, note) in ERRORS.items():
+        row = "".join(_cell(value, scale, 10, ".3f") for value in quantiles[name].values())
+        lines.append(f"    {name + ' [' + unit + ']':14}{row}{note}")
+    lines += _sensitivities(result["sensitivity"])
+    inside = result["delay_inside"]
+    early, late = (_delay(inside["early"], "-50"), _delay(inside["late"], "+50"))
+    lines.append(
+        f"  delays from {early} to {late} succeed, all else as planned; {result['time']:.1f} s"
+    )
+    return "\n".join(lines)
+
+
+def _sensitivities(sensitivity: dict[str, Any]) -> list[str]:
+    """How far a change of each parameter moves the landing, and its share of the variance."""
+    heads = f"{'x [mm]':>9}{'theta [deg]':>12}{'of var(x)':>12}{'of var(theta)':>15}"
+    lines = [f"    {'a change of':24}{heads}"]
+    for name, slope in sensitivity.items():
+        factor, unit = unit_of(name)
+        amount, words = (1 / factor, f"1 {unit}") if unit else (0.1, "0.1")
+        x = _cell(slope["x"], 1e3 * amount, 9, ".3g")
+        theta = _cell(slope["theta"], math.degrees(amount), 12, ".3g")
+        shares = (f"{100 * slope['share'][axis]:.1f} %" for axis in ("x", "theta"))
+        first, second = shares
+        lines.append(f"    {name + ' by ' + words:24}{x}{theta}{first:>12}{second:>15}")
+    return lines
+
+
+def _percent(rate: dict[str, float]) -> str:
+    low, high = 100 * rate["low"], 100 * rate["high"]
+    return f"{100 * rate['rate']:6.2f} % ({low:.2f} to {high:.2f})"
+
+
+def _cell(value: float | None, scale: float, width: int, form: str) -> str:
+    """A number for the table, a dash for None."""
+    return f"{'-' if value is None else format(scale * value, form):>{width}}"
+
+
+def _delay(value: float | None, beyond: str) -> str:
+    return f"beyond {beyond} ms" if value is None else f"{1e3 * value:+.2f} ms"

@@ -1,0 +1,27 @@
+"""A motion as it is sent, thrown by the exact models.
+
+Nothing here knows how a throw was found; what it breaks, `planner/verdict` says.
+"""
+
+from .batch import BatchFlights, ThrowBatch
+from .core_scene import column_of, cup_entries
+from .loads import friction_use, load_torques, torque_limits, torques_of
+from .manipulator import (
+    Limits,
+    Manipulator,
+    State,
+    joint_limits,
+    make_manipulator,
+    outline,
+)
+from .sending import (
+    NO_SAMPLES,
+    TICK,
+    Samples,
+    SmoothingError,
+    braked,
+    excesses,
+    send,
+    within_limits,
+)
+from .throw import CARRY_STEP, EXACT, FALLS, Throw, case_of, release_numbers

@@ -1,0 +1,252 @@
+"""One motion thrown with other numbers: N throws at once, or one of them by itself."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from ...models import Array, Body, Contact, Indices, Trajectory
+from ...models.release import MODELS, STEPPED_SURFACE, BatchRelease, ReleaseBatch, exact_detaches
+from ...problems import Pose, Scene
+from .manipulator import HandError
+from .throw import Throw
+
+#: Longest cell [s] of the hand's tabulated motion.
+CELL = 1e-4
+#: Distance [s] inside a cell's ends at which the acceleration is taken: it may step at the ends.
+INSIDE_CELL = 1e-10
+#: Names of the hand's errors, in the order of `HandError`.
+HAND = ("hand_x", "hand_z", "hand_theta", "hand_vx", "hand_vz", "hand_omega")
+
+
+@dataclass(frozen=True)
+class BatchFlights:
+    """N flights of one motion's throws, each array (N, ...).
+
+    columns: the parameters by name, SI units. late [s]: of the opening after the planned one;
+    opened, freed [s]: when the force starts to fall and is zero, on the motion's clock. com_offset
+    [m], grasp_angle [rad]: of the held body, the hand's error in it; com [m]: from the bar's end;
+    error (N, 6): the hand's. release: what the model says; start (N, 6): the state at detach;
+    landing (N, 3): x [m], theta [rad] and flight time [s] at the target's height, NaN without one;
+    goal, cup [m]: x of target and cup at that time.
+    """
+
+    columns: dict[str, Array]
+    late: Array
+    opened: Array
+    freed: Array
+    com_offset: Array
+    grasp_angle: Array
+    com: Array
+    error: Array
+    release: BatchRelease
+    start: Array
+    landing: Array
+    goal: Array
+    cup: Array
+
+
+@dataclass(frozen=True)
+class ThrowBatch:
+    """Throws a motion with other values of the parameters `names`, by `model`.
+
+    throw: with the scene's own values, by the model that decides, its scene aimed at where the
+    target is when it lands; target: as it is asked for, it may move. hands: the hand's motion,
+    counted from the planned opening; reach [s]: the earliest and the latest opening counted so, and
+    its longest duration. steps: over the opening, 0 for the model's own.
+    """
+
+    throw: Throw
+    target: Pose
+    model: str
+    names: tuple[str, ...]
+    hands: Trajectory
+    reach: tuple[float, float, float]
+    steps: int = 0
+
+    @classmethod
+    def of(
+        cls,
+        throw: Throw,
+        target: Pose,
+        names: Sequence[str],
+        reach: tuple[float, float, float],
+        model: str = "",
+    ) -> ThrowBatch:
+        """Of a throw, its hand tabulated over that reach."""
+        early, late, longest = reach
+        begin = throw.opening_time
+        span = max(begin + early, 0.0), min(begin + late + longest, throw.to_rest.end)
+        chosen = model or throw.model or throw.scene.tolerance.model
+        hands = tabulated(throw, span)
+        if not throw.path.held:
+            # A free hand brakes too, and is at rest before and after.
+            throw = replace(throw, path=replace(throw.to_rest, held=True))
+        return cls(throw, target, chosen, tuple(names), hands, reach)
+
+    @property
+    def scene(self) -> Scene:
+        """The throw's."""
+        return self.throw.scene
+
+    @property
+    def mean_delay(self) -> float:
+        """What the opening command is early by [s]."""
+        return self.scene.mean_delay
+
+    def nominal(self, count: int = 1) -> Array:
+        """Values (count, P) that the throw was planned with."""
+        values = self.scene.values | {"delay": self.mean_delay}
+        return np.tile([values[name] for name in self.names], (count, 1))
+
+    def with_parameter(self, name: str) -> ThrowBatch:
+        """With one more parameter, the last."""
+        return replace(self, names=(*self.names, name))
+
+    def columns(self, values: Array) -> dict[str, Array]:
+        """All parameters (N,) by name: those given, and the scene's own."""
+        known = self.scene.values | {"delay": self.mean_delay}
+        columns = {name: np.full(len(values), value) for name, value in known.items()}
+        return columns | dict(zip(self.names, values.T, strict=True))
+
+    def fly(self, values: Array) -> BatchFlights:
+        """N throws: values (N, P) of the parameters, columns as `names`, SI units."""
+        columns = self.columns(values)
+        batch, turn = self.releases(columns)
+        release = MODELS[self.model].throw(batch, self.steps)
+        release.detach[:, 2] -= turn
+        return self._flights(columns, release)
+
+    def exactly(self, flights: BatchFlights, which: Indices) -> BatchFlights:
+        """Some of the flights, their releases by the model's exact form instead of its steps."""
+        columns = {name: column[which] for name, column in flights.columns.items()}
+        batch, turn = self.releases(columns)
+        surface = self.model == STEPPED_SURFACE
+        found = exact_detaches(self.throw.case, batch, flights.late[which], surface=surface)
+        found[:, 2] -= turn
+        return self._flights(
+            columns, replace(flights.release.part(which), detach=found, doubt=None)
+        )
+
+    def _flights(self, columns: dict[str, Array], release: BatchRelease) -> BatchFlights:
+        """What comes of releases of hands that are where they should be."""
+        scene, late = self.scene, columns["delay"] - self.mean_delay
+        com = columns["com_offset"] + scene.grasp.offset
+        error = np.column_stack([columns[name] for name in HAND])
+        start, opening = release.detach.copy(), columns["opening"]
+        # Friction knows relative motion only: a hand that is off its path, or moves off it
+        # steadily, takes the whole release along.
+        start[:, :2] += error[:, :2] + error[:, 3:5] * opening[:, None]
+        start[:, 3:5] += error[:, 3:5]
+        opened = self.throw.opening_time + late
+        landing = scene.flight.land(start, self.target.z)
+        # Where a target that moves is then.
+        after = opened + opening + landing[:, 2] - self.throw.landing_time
+        way = self.target.speed * after if self.target.speed else np.zeros(len(late))
+        return BatchFlights(
+            columns,
+            late,
+            opened,
+            opened + opening,
+            com - columns["grasp_offset"],
+            # The pads are round: a hand that is turned is an object held at another angle.
+            columns["grasp_angle"] + columns["hand_theta"],
+            com,
+            error,
+            release,
+            start,
+            landing,
+            self.throw.target.plane_x + way,
+            (0.0 if scene.cup is None else scene.cup.x) + way,
+        )
+
+    def releases(self, columns: dict[str, Array]) -> tuple[ReleaseBatch, Array]:
+        """The releases, and by how much (N,) [rad] the bodies in them are turned."""
+        scene, contact, friction = self.scene, self.scene.contact, columns["friction"]
+        profile = scene.gripper.profile()
+        hands = self.hands.shifted(columns["delay"] - self.mean_delay)
+        if "hand_omega" in self.names:
+            still = np.zeros(len(friction))
+            hands = replace(hands, drift=np.array([still, still, columns["hand_omega"]]))
+        com_offset = columns["com_offset"] + scene.grasp.offset - columns["grasp_offset"]
+        # A CoM behind the pads is one ahead of them on a bar that is turned round.
+        turn = np.where(com_offset < 0, math.pi, 0.0)
+        batch = ReleaseBatch(
+            count=friction.size,
+            body=Body(columns["mass"], columns["inertia"], np.abs(com_offset)),
+            contact=Contact(friction, columns["patch_radius"], contact.torsion, contact.faces),
+            grip=profile,
+            hands=hands,
+            opening=columns["opening"],
+            force=np.full(friction.size, profile.full),
+            gravity=scene.gravity,
+            grasp_angle=columns["grasp_angle"] + columns["hand_theta"] + turn,
+        )
+        return batch, turn
+
+    def one(self, values: Array) -> Throw:
+        """One of the throws by itself, by the model that decides: values (P,).
+
+        Its scene has the values, and is aimed at where the target is when it lands.
+        """
+        columns, scene = self.columns(values[None]), self.scene
+        value = {name: float(column[0]) for name, column in columns.items()}
+        bar, grip = scene.object, scene.gripper
+        made = scene.changed(
+            object=bar.changed(
+                mass=value["mass"],
+                inertia=value["inertia"],
+                com=value["com_offset"] + scene.grasp.offset,
+            ),
+            contact=scene.contact.changed(
+                friction=value["friction"], patch_radius=value["patch_radius"]
+            ),
+            grasp=scene.grasp.changed(offset=value["grasp_offset"], angle=value["grasp_angle"]),
+            gripper=grip.stretched(value["opening"]),
+        )
+        late = value["delay"] - self.mean_delay
+        error = HandError(*(value[name] for name in HAND))
+        opened = self.throw.opening_time + late
+        found = replace(self.throw, scene=made, opening_time=opened, error=error)
+        if not self.target.speed or not found.lands:
+            return found
+        target = self.throw.target
+        way = self.target.speed * (found.landing_time - self.throw.landing_time)
+        there = target.shifted(way, 0.0)
+        return replace(found, scene=made.aimed_at(there))
+
+
+def tabulated(throw: Throw, span: tuple[float, float]) -> Trajectory:
+    """The hand of a throw over `span` [s] of its own clock, counted from its opening.
+
+    At rest before time 0 and after the end. Its pieces are divided evenly. Kinks: where the
+    acceleration of a free hand steps; samples have none.
+    """
+    motion = throw.to_rest
+    times, hand = motion.breaks, throw.manipulator.hand(motion)
+    inside = times[(times > span[0]) & (times < span[1])]
+    ends = np.concatenate([[span[0]], inside, [span[1]]])
+    parts = np.maximum(np.ceil(np.diff(ends) / CELL - 1e-9), 1).astype(int)
+    pieces = [
+        np.linspace(begin, end, count, endpoint=False)
+        for begin, end, count in zip(ends[:-1], ends[1:], parts, strict=True)
+    ]
+    edges = np.concatenate([*pieces, [span[1]]])
+    start, end = (hand.at(side) for side in (edges[:-1] + INSIDE_CELL, edges[1:] - INSIDE_CELL))
+    slope = (end.acceleration - start.acceleration) / np.diff(edges)
+    cells = np.stack([slope / 6, start.acceleration / 2, start.twist, start.pose])
+    knots, kinks = edges - throw.opening_time, np.empty(0) if throw.path.held else motion.kinks
+    kinks = kinks[(kinks > span[0]) & (kinks < span[1])] - throw.opening_time
+    # At rest before and after: cells of the pose alone.
+    if span[0] <= 0.0:
+        knots = np.append(knots[0] - 1.0, knots)
+        cells = np.insert(cells, 0, 0.0, axis=2)
+        cells[-1, :, 0] = start.pose[:, 0]
+    if span[1] >= motion.end:
+        knots = np.append(knots, knots[-1] + 1.0)
+        cells = np.insert(cells, cells.shape[2], 0.0, axis=2)
+        cells[-1, :, -1] = end.pose[:, -1]
+    return Trajectory(knots, cells[..., None], kinks)

@@ -1,0 +1,291 @@
+"""What moves the hand in a scene: its coordinates, kinematics and limits as numbers."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import casadi as ca
+import numpy as np
+
+from ...core import LimitsC
+from ...models import Array, MovedHand, Trajectory
+from ...models.robot import Arm, ArmCapsules, PlanarArm, PlanarHand, about_z, hand_motion
+from ...problems import Hand, InputError, Scene
+
+#: The pads close across the throwing plane where the cosine of what they are askew is at least this
+#: (0.08 deg); poses that differ by less than this [m, 1] are the same.
+SQUARE, SAME = 1 - 1e-6, 1e-9
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Limits of the planned coordinates, margins taken off; SI units, each (n,).
+
+    slowing: deceleration, offset, upper, lower (4, n) as in `models.arm.Slowing`; None where
+    the velocity limits are the same at all positions.
+    """
+
+    q_min: Array
+    q_max: Array
+    dq: Array
+    ddq: Array
+    jerk: Array | None
+    slowing: Array | None = None
+
+    @cached_property
+    def core(self) -> LimitsC:
+        """The limits as the compiled core takes them."""
+        n, found = len(self.dq), LimitsC(slows=self.slowing is not None)
+        jerk = np.full(n, np.inf) if self.jerk is None else self.jerk
+        for name in ("q_min", "q_max", "dq", "ddq"):
+            getattr(found, name)[:n] = getattr(self, name).tolist()
+        found.jerk[:n] = jerk.tolist()
+        for row, values in enumerate(() if self.slowing is None else self.slowing):
+            found.slowing[row][:n] = values.tolist()
+        return found
+
+    @cached_property
+    def longest_brake(self) -> float:
+        """No brake within these limits takes longer [s], from any rate and acceleration."""
+        turning = 0.0 if self.jerk is None else 3 * self.ddq / self.jerk
+        return float((self.dq / self.ddq + turning).max())
+
+    @cached_property
+    def rounding(self) -> Array:
+        """Rounding in the last digits (5, n) of positions, rates, accelerations, rates where they
+        depend on the position, and jerks: it breaks no limit."""
+        none = 0 * self.dq
+        scale = [none, self.dq, self.ddq, none, none if self.jerk is None else self.jerk]
+        return 1e-7 * np.maximum(scale, 1.0)
+
+    def velocity(self, q: Array) -> tuple[Array, Array]:
+        """Lowest and highest velocity [rad/s; m/s] at positions q (..., n)."""
+        if self.slowing is None:
+            return -self.dq, self.dq
+        deceleration, offset, upper, lower = self.slowing
+        down, up = (
+            np.clip(np.sqrt(2 * deceleration * np.maximum(way, 0.0)) - offset, 0.0, self.dq)
+            for way in (q - lower, upper - q)
+        )
+        return -down, up
+
+
+class HandError(NamedTuple):
+    """How far a hand is off its motion: x, z [m] and theta [rad] all along, and the rates [m/s,
+    rad/s] by which it leaves its motion from the opening's start on."""
+
+    x: float = 0.0
+    z: float = 0.0
+    theta: float = 0.0
+    v_x: float = 0.0
+    v_z: float = 0.0
+    omega: float = 0.0
+
+    def at(self, since: Array) -> Array:
+        """Errors (3, K) of its pose at times (K,) [s] after the opening's start."""
+        pose, rates = np.array(self[:3])[:, None], np.array(self[3:])[:, None]
+        return np.asarray(pose + rates * since)
+
+
+#: A hand that is where it should be.
+EXACT_HAND = HandError()
+
+
+@dataclass(frozen=True, eq=False)
+class State:
+    """A motion at an instant: joints, rates and accelerations, each (n,), of the throwing joints
+    [rad, rad/s, rad/s^2]; of a hand x, z and, where it turns, theta [m, rad and per s, s^2]."""
+
+    q: Array
+    dq: Array
+    ddq: Array
+
+    def checked(self, manipulator: Manipulator) -> State:
+        """As arrays; InputError where it does not fit the manipulator or breaks its limits."""
+        limits, found = manipulator.hard, list[Array]()
+        for name, most in (("q", None), ("dq", limits.dq), ("ddq", limits.ddq)):
+            try:
+                values = np.array(getattr(self, name), float)
+            except (TypeError, ValueError):
+                raise InputError(f"State {name}: must be numbers") from None
+            if values.shape != (manipulator.size,) or not np.isfinite(values).all():
+                raise InputError(f"State {name}: must be {manipulator.size} finite numbers")
+            low, high = (limits.q_min, limits.q_max) if most is None else (-most, most)
+            for joint, value, least, greatest in zip(
+                manipulator.joints, values, low, high, strict=True
+            ):
+                if not least - SAME <= value <= greatest + SAME:
+                    allowed = f"must be {least:.6g} to {greatest:.6g}"
+                    raise InputError(f"State {name}: {joint} at {value:.6g}: {allowed}")
+            found.append(values)
+        return State(*found)
+
+
+@dataclass(frozen=True)
+class Manipulator:
+    """The planned coordinates q (n,) of a scene and how they move the hand.
+
+    motion: (q, dq, ddq), each (n, K) -> pose, twist, acceleration of the hand, each (3, K).
+    planning: limits with margins, for the NLP; hard: the real ones, for the check.
+    jerk_control: whether the acceleration is a state and the jerk the control. under_way: rates and
+    accelerations (n,) at the given start; None: it is at rest.
+    """
+
+    kinematics: PlanarArm | PlanarHand
+    motion: Callable[..., list[Array]]
+    planning: Limits
+    hard: Limits
+    start: Array | None
+    jerk_control: bool
+    under_way: tuple[Array, Array] | None = None
+
+    def from_state(self, state: State) -> Manipulator:
+        """The same, which begins in a state of motion."""
+        return replace(self, start=state.q, under_way=(state.dq, state.ddq))
+
+    @property
+    def initial_motion(self) -> tuple[Array, Array]:
+        """Rates and accelerations (n,) at the start."""
+        zero = np.zeros(self.size)
+        return (zero, zero) if self.under_way is None else self.under_way
+
+    def hand(self, path: Trajectory, turning: float = 0.0) -> MovedHand:
+        """The hand that a path of the coordinates moves; turning [rad/s]: as of `MovedHand`."""
+        return MovedHand(path, self.motion, self.kinematics.core, turning)
+
+    @cached_property
+    def capsules(self) -> ArmCapsules | None:
+        """The arm's shape; None for a hand, and for an arm whose data do not say it."""
+        arm = self.kinematics
+        return ArmCapsules.of(arm) if isinstance(arm, PlanarArm) and arm.arm.capsules else None
+
+    @property
+    def size(self) -> int:
+        """Number of planned coordinates."""
+        return self.kinematics.coordinates
+
+    @property
+    def turns(self) -> bool:
+        """Whether the hand can turn."""
+        return isinstance(self.kinematics, PlanarArm) or self.kinematics.coordinates == 3
+
+    @property
+    def joints(self) -> tuple[str, ...]:
+        """Names of the coordinates, for messages."""
+        if isinstance(self.kinematics, PlanarArm):
+            return tuple(f"joint {j}" for j in self.kinematics.throwing_joints)
+        return ("hand x", "hand z", "hand theta")[: self.size]
+
+
+def make_manipulator(scene: Scene) -> Manipulator:
+    """The manipulator of a scene with a hand or a robot; InputError for one without."""
+    if scene.robot is not None:
+        return _arm_manipulator(scene)
+    if scene.hand is not None:
+        return _hand_manipulator(scene.hand)
+    raise InputError(f"{scene.place}: has a given [motion] and no [hand] or [robot] to plan with")
+
+
+def _hand_manipulator(hand: Hand) -> Manipulator:
+    kinematics = PlanarHand(hand.turns, hand.theta[0])
+    n = kinematics.coordinates
+    low, high = np.array([hand.x, hand.z, hand.theta]).T[:, :n]
+    speed = np.array([hand.speed, hand.speed, hand.angular_speed or 0.0])[:n]
+    rate = np.array([hand.acceleration, hand.acceleration, hand.angular_acceleration or 0.0])[:n]
+    start = None if hand.start is None else np.array([*hand.start, hand.start_theta or 0.0])[:n]
+    limits = Limits(low, high, speed, rate, None)
+    return Manipulator(
+        kinematics, hand_motion(kinematics), limits, limits, start, jerk_control=False
+    )
+
+
+def _check_plane(kinematics: PlanarArm) -> None:
+    """ValueError unless the pads close across the throwing plane and the azimuth joint turns it.
+
+    By the arm's own 3-D kinematics at random postures: about the base's z axis, all of it.
+    """
+    arm, q = kinematics.arm, ca.SX.sym("q", kinematics.coordinates)
+    every = ca.SX.sym("every", arm.joints)
+    pads = ca.Function("pads", [every], [arm.frames(every)[-1]])
+    full = ca.Function("full", [q], [kinematics.full(q)])
+    random = np.random.default_rng(0)
+    for value in random.uniform(-2, 2, (4, kinematics.coordinates)):
+        joints = np.array(full(value)).ravel()
+        here, azimuth = np.array(pads(joints)), random.uniform(-2, 2)
+        across = min(abs(here[1, 1]), 1.0)
+        if across < SQUARE:
+            askew = math.degrees(math.acos(across))
+            raise ValueError(
+                f"arm {arm.name}: posture holds the pads {askew:.1f} deg askew: they must close "
+                "across the throwing plane"
+            )
+        joints[arm.azimuth_joint - 1] = arm.azimuth_angle(azimuth)
+        turn = np.eye(4)
+        turn[:3, :3] = about_z(azimuth)
+        if np.abs(np.array(pads(joints)) - turn @ here).max() > SAME:
+            raise ValueError(
+                f"arm {arm.name}: azimuth_joint = {arm.azimuth_joint} does not turn the throwing "
+                "plane about the base's z axis"
+            )
+
+
+def _arm_manipulator(scene: Scene) -> Manipulator:
+    robot, arm = scene.robot, scene.arm
+    assert robot is not None and arm is not None  # checked by Scene
+    try:
+        kinematics = PlanarArm(arm, robot.throwing_joints)
+        _check_plane(kinematics)
+    except ValueError as error:
+        raise InputError(f"{scene.place}: [robot] {error}") from None
+    hard = joint_limits(arm, kinematics.throwing_joints)
+    share, slower = 1 - robot.velocity_margin, None
+    if hard.slowing is not None:
+        # Curves whose velocity is `share` of these everywhere.
+        slower = hard.slowing * np.array([[share**2], [share], [1.0], [1.0]])
+    assert hard.jerk is not None
+    planning = Limits(
+        hard.q_min + robot.position_margin,
+        hard.q_max - robot.position_margin,
+        hard.dq * share,
+        hard.ddq * (1 - robot.acceleration_margin),
+        hard.jerk * (1 - robot.jerk_margin),
+        slower,
+    )
+    return Manipulator(
+        kinematics,
+        hand_motion(kinematics),
+        planning,
+        hard,
+        start=None if robot.start is None else np.array(robot.start),
+        jerk_control=robot.control == "jerk",
+    )
+
+
+def joint_limits(arm: Arm, joints: Sequence[int]) -> Limits:
+    """The real limits of some of an arm's joints, numbered from 1."""
+    limits, index = arm.limits, [j - 1 for j in joints]
+    low, high, dq, ddq, jerk = (
+        np.array(values)[index]
+        for values in (
+            *(limits.position_min, limits.position_max),
+            *(limits.velocity, limits.acceleration, limits.jerk),
+        )
+    )
+    curves, slowing = limits.slowing, None
+    if curves is not None:
+        rows = [curves.deceleration, curves.offset, curves.upper, curves.lower]
+        slowing = np.array(rows)[:, index]
+    return Limits(low, high, dq, ddq, jerk, slowing)
+
+
+def outline(manipulator: Manipulator, q: Array) -> tuple[Array, Array]:
+    """Hand poses (3, N), and heights (N,) of the lowest moving joint or hand, at q (n, N)."""
+    pose = manipulator.motion(q, 0 * q, 0 * q)[0]
+    heights = [pose[1]]
+    if isinstance(manipulator.kinematics, PlanarArm):
+        heights += manipulator.kinematics.heights(manipulator.kinematics.link_angles(q))
+    return pose, np.min(heights, axis=0)

@@ -1,0 +1,253 @@
+"""The motion that is sent: samples every millisecond, from rest to rest.
+
+The compiled core samples an arm's planned motion and adds the brake: after detach each joint brakes
+as fast as its limits allow. Where the planned motion breaks a limit on velocity, acceleration or
+jerk, Ruckig follows its samples tick by tick within the limits. A hand has no jerk limit: its
+planned motion is sampled and it brakes at constant acceleration.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+
+from ...core import SamplesC, library
+from ...models import Array, Flags, Trajectory
+from .manipulator import Limits, Manipulator
+
+#: Sampling interval [s] of everything that is sent: 1 kHz.
+TICK = 0.001
+#: Ruckig's limits as a share of the real ones: differences of rounded samples stay inside.
+SHARE = 0.999
+#: Largest distances from a sample in position, rate and acceleration at which Ruckig is on it.
+ON_SAMPLE = (1e-9, 1e-8, 1e-6)
+#: Times [s] of a tick and of a piece's end that differ by less are the same.
+SAME = 1e-9
+
+
+@dataclass(frozen=True, eq=False)
+class Samples:
+    """Coordinates every millisecond from t = 0: q, dq, ddq, each (N, n)."""
+
+    q: Array
+    dq: Array
+    ddq: Array
+
+    @classmethod
+    def known(cls, rows: Array, times: Array, quintics: Array, kinks: Array) -> Samples:
+        """Of rows (3, N, n) between which the core has made the motion: see `Trajectory`."""
+        found = cls(*rows)
+        vars(found)["path"] = Trajectory(times, quintics, kinks, held=True)
+        return found
+
+    @property
+    def times(self) -> Array:
+        """Sample times (N,) [s]."""
+        return np.asarray(TICK * np.arange(len(self.q)))
+
+    @cached_property
+    def path(self) -> Trajectory:
+        """The motion between them: the quintics that meet all three at both samples."""
+        return Trajectory.quintics(TICK, self.q, self.dq, self.ddq)
+
+
+#: Nothing is sent.
+NO_SAMPLES = Samples(*(np.empty((0, 0)) for _ in range(3)))
+
+
+class SmoothingError(Exception):
+    """The planned motion cannot be sent within the limits."""
+
+
+def send(manipulator: Manipulator, planned: Trajectory) -> Samples:
+    """Samples of the launch and release, then of the brake to rest.
+
+    Raises SmoothingError where Ruckig finds no motion within the limits.
+    """
+    if manipulator.hard.jerk is None:
+        return Samples(*_braked_hand(manipulator.hard, planned))
+    found = _sent_as_planned(manipulator, planned)
+    if found is not None:
+        return found
+    return braked(manipulator, _followed(manipulator, planned))
+
+
+def _sent_as_planned(manipulator: Manipulator, planned: Trajectory) -> Samples | None:
+    """Samples of a motion that keeps the limits all along, and of its brake; None of others."""
+    limits, path = manipulator.hard, planned.core
+    rows, n = math.ceil((planned.end + limits.longest_brake) / TICK) + 4, path.n
+    found, curves, kinks = (np.empty(shape) for shape in ((3, rows, n), 6 * n * rows, 4 * rows))
+    found[1:, 0] = manipulator.initial_motion
+    samples = SamplesC.of(TICK, *found)
+    corners = library().send_motion(path, limits.core, samples, curves, kinks)
+    if corners < 0:
+        return None
+    pieces = samples.rows - 1
+    given = curves[: 6 * n * pieces].reshape(6, n, pieces, 1)
+    sent = found[:, : samples.rows]
+    return Samples.known(sent, TICK * np.arange(pieces + 1.0), given, kinks[:corners])
+
+
+def braked(manipulator: Manipulator, samples: Samples, ease: float = 1.0) -> Samples:
+    """An arm's samples, and after the last of them its brake to rest.
+
+    ease: share of the acceleration limit that it brakes with.
+    """
+    given, rows = len(samples.q), (samples.q, samples.dq, samples.ddq)
+    limits = replace(manipulator.hard, ddq=ease * manipulator.hard.ddq).core
+    # Without room for it, it says how many samples there are with it.
+    count = library().brake(limits, given, SamplesC.of(TICK, *rows))
+    found = np.empty((3, count, manipulator.size))
+    found[:, :given] = rows
+    library().brake(limits, given, SamplesC.of(TICK, *found))
+    return Samples(*found)
+
+
+class Excess(NamedTuple):
+    """A sample, or a difference of samples, beyond a limit: which of `KINDS`, of which joint,
+    value and limit [rad and per s, s^2, s^3; m], and when [s]."""
+
+    kind: str
+    joint: str
+    value: float
+    limit: float
+    time: float
+
+    @property
+    def name(self) -> str:
+        """Of the limit."""
+        return f"{self.joint} {self.kind}"
+
+
+#: What is limited, in the order of `Limits.rounding`.
+KINDS = ("position", "velocity", "acceleration", "velocity", "jerk")
+
+
+def excesses(manipulator: Manipulator, sent: Samples) -> list[Excess]:
+    """The worst of what samples and their differences have beyond the real limits, of each kind."""
+    limits, found = manipulator.hard, dict[tuple[str, int], Excess]()
+    values = _excess(limits, sent)
+    for kind, joint in zip(*np.nonzero(values[..., 0] > limits.rounding), strict=True):
+        worst = values[kind, joint, 1:].tolist()
+        found.setdefault(
+            (KINDS[kind], joint), Excess(KINDS[kind], manipulator.joints[joint], *worst)
+        )
+    return list(found.values())
+
+
+def within_limits(limits: Limits, sent: Samples) -> bool:
+    """Whether samples and their differences keep the limits."""
+    return not (_excess(limits, sent)[..., 0] > limits.rounding).any()
+
+
+def _excess(limits: Limits, sent: Samples) -> Array:
+    """How far (5, n, 4) samples and their differences are beyond the limits at most, then value,
+    limit and time [s] there.
+
+    Rows: position, velocity, acceleration, velocity where it depends on the position, jerk.
+    """
+    found = np.empty((len(KINDS), sent.q.shape[1], 4))
+    library().excess(SamplesC.of(TICK, sent.q, sent.dq, sent.ddq), limits.core, found)
+    return found
+
+
+def _kept_ticks(limits: Limits, planned: Trajectory) -> Flags:
+    """Whether the planned motion keeps the limits all along each tick.
+
+    Then a motion of just one tick leads from sample to sample within the limits, and
+    Ruckig, told to take a tick at least, arrives there as well.
+    """
+    kept = np.empty(math.ceil(planned.end / TICK - SAME), bool)
+    library().kept_ticks(planned.core, limits.core, TICK, len(kept), kept)
+    return kept
+
+
+def _followed(manipulator: Manipulator, planned: Trajectory) -> Samples:
+    """Ruckig chases the planned samples: each tick heads for the next, from where it got to.
+
+    SmoothingError where it finds no motion within the limits.
+    """
+    import ruckig
+
+    kept = _kept_ticks(manipulator.hard, planned)
+    wanted = [values.T for values in planned.at(TICK * np.arange(len(kept) + 1))]
+    sent = [values.copy() for values in wanted]
+    sent[1][0], sent[2][0] = manipulator.initial_motion
+    kept[0] &= all((sent[k][0] == wanted[k][0]).all() for k in (1, 2))
+    done = 0
+    try:
+        for tick in np.flatnonzero(~kept).tolist():
+            if tick >= done:
+                done = _chase(manipulator.hard, wanted, sent, kept, tick)
+    except ruckig.RuckigError as error:
+        raise SmoothingError(f"Ruckig: {' '.join(str(error).split())}") from None
+    return Samples(*sent)
+
+
+def _chase(limits: Limits, wanted: list[Array], sent: list[Array], kept: Flags, first: int) -> int:
+    """Ruckig from sample `first` on; the sample where it is back and the next tick is kept."""
+    import ruckig
+
+    n = len(limits.dq)
+    most = [SHARE * limits.dq, SHARE * limits.ddq]
+    otg, trajectory, order = ruckig.Ruckig(n), ruckig.Trajectory(n), ruckig.InputParameter(n)
+    assert limits.jerk is not None
+    order.max_velocity, order.max_acceleration = (values.tolist() for values in most)
+    order.max_jerk, order.minimum_duration = (SHARE * limits.jerk).tolist(), TICK
+    q = wanted[0].tolist()
+    dq, ddq = (
+        np.clip(values, -limit, limit).tolist()
+        for values, limit in zip(wanted[1:], most, strict=True)
+    )
+    state = tuple(values[first].tolist() for values in sent)
+    states = []
+    for i in range(first + 1, len(q)):
+        order.current_position, order.current_velocity, order.current_acceleration = state
+        order.target_position, order.target_velocity = q[i], dq[i]
+        order.target_acceleration = ddq[i]
+        result = otg.calculate(order, trajectory)
+        if result not in (ruckig.Result.Working, ruckig.Result.Finished):
+            raise SmoothingError(f"Ruckig could not follow at t = {i * TICK:.3f} s: {result.name}")
+        state = trajectory.at_time(TICK)
+        if i < len(kept) and kept[i] and _on_sample(state, (q[i], dq[i], ddq[i])):
+            break
+        states.append(state)
+    followed = np.array(states).reshape(-1, 3, n)
+    back = first + 1 + len(states)
+    for k, values in enumerate(sent):
+        values[first + 1 : back] = followed[:, k]
+    return back
+
+
+def _on_sample(state: tuple[list[float], ...], sample: tuple[list[float], ...]) -> bool:
+    for one, other, near in zip(state, sample, ON_SAMPLE, strict=True):
+        for a, b in zip(one, other, strict=True):
+            if not abs(a - b) <= near:
+                return False
+    return True
+
+
+def _braked_hand(limits: Limits, planned: Trajectory) -> list[Array]:
+    """Samples of a hand's planned motion, then of its brake from detach on.
+
+    Each axis brakes by itself, at nearly its acceleration limit.
+    """
+    detach = planned.end
+    ticks = math.floor(detach / TICK + 1e-9)
+    moved = [values.T for values in planned.at(np.asarray(TICK * np.arange(ticks + 1)))]
+    q, dq, _ = (values[:, 0] for values in planned.at(np.array([detach])))
+    braking = -np.sign(dq) * SHARE * limits.ddq
+    stop = np.abs(dq) / (SHARE * limits.ddq)
+    count = math.ceil((detach + float(stop.max())) / TICK) - ticks + 1
+    since = (TICK * (ticks + np.arange(1, count + 1)) - detach)[:, None]
+    t = np.minimum(since, stop)
+    braked = [
+        q + dq * t + braking * t * t / 2,
+        np.where(since < stop, dq + braking * t, 0.0),
+        np.where(since < stop, braking, 0.0),
+    ]
+    return [np.vstack(pair) for pair in zip(moved, braked, strict=True)]

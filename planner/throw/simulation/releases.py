@@ -1,0 +1,308 @@
+"""Given motions through release models: a scene's own by one model or all, or arrays of N."""
+
+from __future__ import annotations
+
+import pathlib
+import time
+from collections.abc import Mapping
+from concurrent.futures import Executor
+from dataclasses import dataclass, field
+from functools import partial
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ....models import Array, Body, Contact, Trajectory
+from ....models.release import (
+    BATCH_MODELS,
+    MODELS,
+    SLIDING_PIVOT,
+    BatchRelease,
+    Release,
+    ReleaseBatch,
+    ReleaseCase,
+    ReleaseModel,
+)
+from ....problems import InputError, Scene, as_scene
+from ....problems.files import plain
+from ..throw import LandingPoint, case_of, landing
+from .given_motion import given_hand
+
+#: Most steps of an opening that may be asked for.
+MOST_STEPS = 100_000
+#: Samples of a scene's own motion over the opening.
+GIVEN_SAMPLES = 1001
+
+_OBJECT = ("mass", "inertia", "com_offset")
+_CONTACT = ("friction", "patch_radius", "torsion", "faces")
+_GRIPPER = ("force", "opening")
+_HAND = ("pose", "twist", "acceleration")
+_SAMPLED = ("times", "poses", "delays")
+
+
+def named_model(
+    name: str, known: Mapping[str, ReleaseModel], allowed: str = "", prefix: str = ""
+) -> ReleaseModel:
+    """The model of that name.
+
+    InputError for a name that is not `known`, with what is `allowed`; `prefix` as on the
+    command line.
+    """
+    if name not in known:
+        allowed = allowed or f"one of {', '.join(known)}"
+        raise InputError(
+            f"{prefix}model = {name!r}: must be {allowed}{InputError.hint(str(name), known)}"
+        )
+    return known[name]
+
+
+@dataclass(frozen=True)
+class Simulation:
+    """One release by one model; landing is None where the scene gives no height."""
+
+    model: str
+    release: Release = field(repr=False)
+    landing: LandingPoint | None
+    seconds: float
+
+    def to_dict(self) -> dict[str, Any]:
+        """SI units, radians; events in s from the start of the opening."""
+        end = self.release.detach
+        detach = {"x": end.x, "z": end.z, "theta": end.theta}
+        detach |= {"vx": end.v_x, "vz": end.v_z, "omega": end.omega}
+        land = self.landing
+        pose = None if land is None else {"x": land.x, "z": land.z, "theta": land.theta}
+        return {
+            "status": self.release.trouble or "ok",
+            "detach": plain(detach),
+            "landing": plain(pose),
+            "events": {"pivot": self.release.pivot, "slide": self.release.slide},
+            "time": self.seconds,
+        }
+
+
+def simulate(scene: Scene | str | pathlib.Path, model: str = "all") -> dict[str, Simulation]:
+    """The [motion] of a scene, built-in name or TOML file through a release model.
+
+    model: a name of MODELS, or 'all'.
+    Raises InputError for a scene without a motion and for an unknown model.
+    """
+    scene = as_scene(scene)
+    case = case_of(scene, given_hand(scene))
+    if model == "all":
+        return {name: _simulated(scene, known, case) for name, known in MODELS.items()}
+    names = f"all or one of {', '.join(MODELS)}"
+    return {model: _simulated(scene, named_model(model, MODELS, names), case)}
+
+
+def _simulated(scene: Scene, model: ReleaseModel, case: ReleaseCase) -> Simulation:
+    start = time.perf_counter()
+    release = model.with_pressure(scene.contact.pressure).release(case)
+    height = None if scene.target is None else scene.target.z
+    land = None if height is None else landing(release, height, scene.flight)
+    return Simulation(model.name, release, land, time.perf_counter() - start)
+
+
+# Arrays of throws.
+
+
+@dataclass(frozen=True)
+class BatchResult:
+    """Detach states and landings of N throws.
+
+    detach (N, 6): x, z, theta, v_x, v_z, omega of the CoM; landing (N, 3): x, theta and
+    flight time [s] at the scene's landing height, NaN where a throw never comes down
+    through it; None where the scene gives no height. trouble (N,): why a throw is not to
+    be trusted, in the words of the single models' status; empty where it is.
+    """
+
+    detach: Array
+    landing: Array | None
+    trouble: npt.NDArray[np.object_]
+
+
+def simulate_batch(
+    scene: Scene,
+    model: str = SLIDING_PIVOT,
+    *,
+    hand: Mapping[str, Any] | None = None,
+    contact: Mapping[str, Any] | None = None,
+    object: Mapping[str, Any] | None = None,
+    gripper: Mapping[str, Any] | None = None,
+    steps: int | None = None,
+    executor: Executor | None = None,
+) -> BatchResult:
+    """N different throws through a release model.
+
+    hand: `pose`, `twist`, `acceleration`, each (N, 3) (constant acceleration from the
+    opening's start; the scene's [motion] where absent), or `times` (K,), `poses`
+    (N, K, 3) or (1, K, 3) and `delays` (N,) [s] (sampled motion, cubic splines).
+    object: mass, inertia, com_offset; contact: friction, patch_radius, torsion, faces;
+    gripper: force [N], opening [s]: numbers or arrays (N,), the scene's where absent.
+    steps: of the opening, instead of the model's usual ones; `ls-step` takes twice as many
+    too and extrapolates, `sp` doubles them for throws that swing fast.
+    executor: spreads chunks over its workers; the result does not depend on it.
+    Raises InputError for unknown names, unequal lengths, NaN, times that do not rise.
+    """
+    chosen = named_model(model, BATCH_MODELS).with_pressure(scene.contact.pressure)
+    whole = isinstance(steps, int) and not isinstance(steps, bool)
+    if steps is not None and not (whole and 1 <= steps <= MOST_STEPS):
+        raise InputError(f"steps = {steps!r}: must be a whole number, 1 to {MOST_STEPS}")
+    batch = _batch(scene, hand or {}, contact or {}, object or {}, gripper or {})
+    release = _thrown(chosen, batch, steps or 0, executor)
+    height = None if scene.target is None else scene.target.z
+    landing = None if height is None else scene.flight.land(release.detach, height)
+    return BatchResult(release.detach, landing, release.trouble)
+
+
+def _thrown(
+    model: ReleaseModel, batch: ReleaseBatch, steps: int, executor: Executor | None
+) -> BatchRelease:
+    if executor is None:
+        return model.throw(batch, steps)
+    shares = np.array_split(np.arange(batch.count), max(batch.count // 4096, 1))
+    run = partial(model.throw, steps=steps)
+    return BatchRelease.joined(list(executor.map(run, map(batch.part, shares))))
+
+
+def _batch(
+    scene: Scene,
+    hand: Mapping[str, Any],
+    contact: Mapping[str, Any],
+    body: Mapping[str, Any],
+    gripper: Mapping[str, Any],
+) -> ReleaseBatch:
+    profile = scene.gripper.profile()
+    numbers = {
+        "object": _numbers("object", _OBJECT, body),
+        "contact": _numbers("contact", _CONTACT, contact),
+        "gripper": _numbers("gripper", _GRIPPER, gripper),
+    }
+    lengths = {
+        f"{section}.{name}": value.size
+        for section, values in numbers.items()
+        for name, value in values.items()
+        if value.ndim
+    }
+    hands, hand_lengths = _hands(scene, hand)
+    lengths |= hand_lengths
+    count = max(lengths.values(), default=1)
+    for name, length in lengths.items():
+        if length != count:
+            raise InputError(f"{name}: has {length} entries, other arrays have {count}")
+
+    def spread(values: Mapping[str, Array], name: str, default: float) -> Array:
+        return np.broadcast_to(values.get(name, np.asarray(default, float)), (count,)).copy()
+
+    kept = {"object": scene.body, "contact": scene.patch}
+    opening = spread(numbers["gripper"], "opening", profile.opening)
+    _check_cover(hands, opening)
+    made = {
+        section: {
+            name: spread(numbers[section], name, getattr(kept[section], name)) for name in names
+        }
+        for section, names in (("object", _OBJECT), ("contact", _CONTACT))
+    }
+    return ReleaseBatch(
+        count,
+        Body(**made["object"]),
+        Contact(**made["contact"]),
+        profile,
+        hands,
+        opening,
+        spread(numbers["gripper"], "force", profile.full),
+        scene.gravity,
+        scene.grasp.angle,
+    )
+
+
+def _numbers(section: str, names: tuple[str, ...], values: Mapping[str, Any]) -> dict[str, Array]:
+    """Checked numbers or arrays (N,) of one section, all above zero (com_offset: at least)."""
+    result = {}
+    for name, value in values.items():
+        if name not in names:
+            raise InputError(f"{section}: unknown key '{name}' (known: {', '.join(names)})")
+        array = _array(f"{section}.{name}", value)
+        if array.ndim > 1:
+            raise InputError(f"{section}.{name}: must be a number or an array (N,)")
+        if (array < 0).any() or (name != "com_offset" and (array == 0).any()):
+            raise InputError(f"{section}.{name}: must be above 0")
+        result[name] = array
+    return result
+
+
+def _hands(scene: Scene, hand: Mapping[str, Any]) -> tuple[Trajectory, dict[str, int]]:
+    """The hand motions, and the lengths of the arrays that tell N."""
+    for name in hand:
+        if name not in _HAND + _SAMPLED:
+            known = ", ".join(_HAND + _SAMPLED)
+            raise InputError(f"hand: unknown key '{name}' (known: {known})")
+    if any(name in hand for name in _SAMPLED):
+        return _sampled(hand)
+    motion = scene.motion
+    if motion is not None and not hand and (motion.samples or motion.accelerations):
+        # One motion for all throws, as dense samples.
+        opening = scene.gripper.profile().opening
+        times = np.linspace(0.0, opening, GIVEN_SAMPLES)
+        return Trajectory.through(times, given_hand(scene).at(times).pose.T), {}
+    if motion is None and "pose" not in hand:
+        raise InputError(f"{scene.place}: has no [motion]: give hand pose, twist, acceleration")
+    defaults: dict[str, Any] = {name: np.zeros(3) for name in _HAND}
+    if motion is not None:
+        defaults = {
+            "pose": (*motion.position, motion.angle),
+            "twist": (*motion.velocity, motion.rate),
+            "acceleration": (*motion.acceleration, motion.angular_acceleration),
+        }
+    arrays = {name: _array(f"hand.{name}", hand.get(name, defaults[name])) for name in _HAND}
+    for name, array in arrays.items():
+        if array.ndim not in (1, 2) or array.shape[-1] != 3:
+            raise InputError(f"hand.{name}: must be an array (N, 3), has shape {array.shape}")
+    lengths = {f"hand.{name}": len(array) for name, array in arrays.items() if array.ndim == 2}
+    count = max(lengths.values(), default=1)
+    if set(lengths.values()) - {count}:
+        raise InputError(f"hand: arrays of unequal length {sorted(set(lengths.values()))}")
+    return Trajectory.accelerating(*(arrays[name] for name in _HAND)), lengths
+
+
+def _check_cover(hands: Trajectory, opening: Array) -> None:
+    """InputError if sampled hands end before an opening does, or begin after its start."""
+    begin, end = float(hands.breaks[0]), hands.end
+    first, last = float(np.min(hands.delays)), float(np.max(hands.delays + opening))
+    if first < begin - 1e-9 or last > end + 1e-9:
+        raise InputError(
+            f"hand.times: must cover {first:g} to {last:g} s, cover {begin:g} to {end:g} s"
+        )
+
+
+def _sampled(hand: Mapping[str, Any]) -> tuple[Trajectory, dict[str, int]]:
+    if any(name in hand for name in _HAND):
+        raise InputError("hand: give pose, twist, acceleration or times, poses, delays, not both")
+    if "times" not in hand or "poses" not in hand:
+        raise InputError("hand: a sampled motion needs 'times' and 'poses'")
+    times, poses = _array("hand.times", hand["times"]), _array("hand.poses", hand["poses"])
+    if times.ndim != 1 or times.size < 4:
+        raise InputError("hand.times: must be an array (K,) of at least four times")
+    if (np.diff(times) <= 0).any():
+        raise InputError("hand.times: must rise from sample to sample")
+    if poses.ndim != 3 or poses.shape[1:] != (times.size, 3):
+        raise InputError(f"hand.poses: must be (N, {times.size}, 3), has shape {poses.shape}")
+    lengths = {"hand.poses": len(poses)} if len(poses) > 1 else {}
+    delays: Array | float = 0.0
+    if "delays" in hand:
+        delays = _array("hand.delays", hand["delays"])
+        if delays.ndim != 1:
+            raise InputError("hand.delays: must be an array (N,)")
+        lengths["hand.delays"] = delays.size
+    return Trajectory.through(times, poses, delays), lengths
+
+
+def _array(name: str, value: Any) -> Array:
+    try:
+        array = np.asarray(value, float)
+    except (TypeError, ValueError):
+        raise InputError(f"{name}: must be numbers") from None
+    if not np.isfinite(array).all():
+        raise InputError(f"{name}: must be finite numbers")
+    return array

@@ -1,0 +1,311 @@
+"""A throw: a motion, when the pads open on it, and what the exact models make of it.
+
+The same type for what the NLP planned, what is sent, what was read back and what a delay
+scatters. Releases and landings are computed when they are first read.
+"""
+
+from __future__ import annotations
+
+import ctypes
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from ...core import Measured, ReleaseC, ThrowC, address, library
+from ...models import Array, FlightLaw, FlightState, HandSamples, HandTrack, Trajectory
+from ...models.release import (
+    SLIDING_PIVOT,
+    STEPPED_SURFACE,
+    Release,
+    ReleaseCase,
+    compiled_release,
+    exact_pivot_release,
+    exact_surface_release,
+)
+from ...problems import Pose, Scene
+from .core_scene import core_scene
+from .loads import Torques, core_torques, torques_of
+from .manipulator import EXACT_HAND, HandError, Manipulator
+from .sending import NO_SAMPLES, TICK, Samples
+
+#: Longest interval [s] between the instants at which sticking is checked before the opening.
+CARRY_STEP = 0.002
+#: A throw that counts falls so fast [m/s] at least through the target's height. Nearer to the top
+#: of its flight some micrometres of the release are millimetres of the landing.
+FALLS = 0.02
+#: Exact release models by their names: the paper's, and the time-stepping limit surface.
+EXACT = {SLIDING_PIVOT: exact_pivot_release, STEPPED_SURFACE: exact_surface_release}
+
+
+@dataclass(frozen=True)
+class LandingPoint:
+    """Where and when the CoM comes down through a height; NaN if it never does."""
+
+    x: float
+    z: float
+    theta: float
+    flight_time: float
+    state: FlightState
+
+    @property
+    def pose(self) -> tuple[float, float, float]:
+        """x, z [m], theta [rad]."""
+        return self.x, self.z, self.theta
+
+
+@dataclass(frozen=True, repr=False, eq=False)
+class Throw:
+    """A motion thrown to the height of its scene's target.
+
+    scene: aimed at the target (a cup comes along). path: the motion that counts, of the
+    manipulator's coordinates from rest at time 0: the samples' for an arm, the planned one, up to
+    detach, for a free hand. opening_time [s]: when the grip force starts to fall. samples:
+    what is sent, at 1 kHz from rest to rest; empty where nothing is. model: whose release it
+    is, of `EXACT`; empty for the one that the scene's tolerance names. error: how far the hand is
+    off its motion.
+    """
+
+    scene: Scene
+    manipulator: Manipulator
+    path: Trajectory
+    opening_time: float
+    samples: Samples = NO_SAMPLES
+    model: str = ""
+    error: HandError = EXACT_HAND
+
+    @classmethod
+    def sent(
+        cls,
+        scene: Scene,
+        manipulator: Manipulator,
+        planned: Trajectory,
+        samples: Samples,
+        opening_time: float,
+    ) -> Throw:
+        """The throw that goes to the robot."""
+        counts = planned if scene.robot is None else samples.path
+        return cls(scene, manipulator, counts, opening_time, samples)
+
+    def __repr__(self) -> str:
+        """A line: its arrays would fill a screen."""
+        return f"Throw({self.scene.name}, landing at {self.landing_time:.3f} s)"
+
+    @property
+    def target(self) -> Pose:
+        """Where it should land."""
+        assert self.scene.target is not None
+        return self.scene.target
+
+    # What it comes to.
+
+    @cached_property
+    def release(self) -> Release:
+        """The object from the opening's start until the pads have let go."""
+        return self._in_place(EXACT[self.model or self.scene.tolerance.model](self.case))
+
+    def _in_place(self, released: Release) -> Release:
+        turn = _turn(self.scene)
+        return _displaced(released, self.error, turn) if turn or any(self.error) else released
+
+    def released(self, release: Release) -> Throw:
+        """The throw whose exact release is known already, as `case` has it."""
+        found = replace(self)
+        vars(found)["release"] = found._in_place(release)
+        return found
+
+    @cached_property
+    def onsets(self) -> tuple[float | None, float | None]:
+        """When pivot and slide begin [s] from the opening's start; None for what does not."""
+        if (self.model or self.scene.tolerance.model) == STEPPED_SURFACE:
+            return self.case.slip_onset()
+        return self.release.pivot, self.release.slide
+
+    @cached_property
+    def landing(self) -> LandingPoint:
+        """The flight of that to the target's height."""
+        return landing(self.release, self.target.z, self.scene.flight)
+
+    @cached_property
+    def grip_use(self) -> float:
+        """Largest friction use (ellipsoid, 1 is the limit) from rest to the opening's start."""
+        return float(library().grip_use(_core_motion(self)))
+
+    @cached_property
+    def measured(self) -> Measured:
+        """How near bar, hand and arm come to what is around them."""
+        found = Measured()
+        library().measure(self.core, found)
+        return found
+
+    @cached_property
+    def core(self) -> ThrowC:
+        """As the compiled core takes it, with the arrays at its addresses."""
+        found, release = _core_motion(self), self.release
+        times, com = self.opening_time + release.times, np.ascontiguousarray(release.com)
+        start = release.end
+        found.detach, found.flight, found.nodes = times[-1], self.landing.flight_time, len(times)
+        found.times, found.com, found.start = map(address, (times, com, start))
+        found.kept = found.parts, times, com, start
+        return found
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Without addresses, which are this process's own."""
+        return {name: value for name, value in vars(self).items() if name != "core"}
+
+    @cached_property
+    def torques(self) -> Torques:
+        """Of the arm's joints along it; for an arm with masses."""
+        return torques_of(self.scene, self.manipulator, self.path, self.opening_time)
+
+    def miss(self, target: Pose | None = None) -> tuple[float, float]:
+        """(Δx [m], Δtheta [rad]) to the target; 0 where it leaves theta open."""
+        target = target or self.target
+        angle = 0.0 if target.theta is None else self.landing.theta - target.theta
+        return self.landing.x - target.plane_x, angle
+
+    # The same motion otherwise.
+
+    def with_model(self, model: str) -> Throw:
+        """Thrown by another of the `EXACT` models."""
+        own = self.model or self.scene.tolerance.model
+        return self if own == model else replace(self, model=model)
+
+    @cached_property
+    def deciding(self) -> Throw:
+        """Thrown by the model of the tolerance."""
+        return self.with_model(self.scene.tolerance.model)
+
+    @cached_property
+    def sliding_pivot(self) -> Throw:
+        """Thrown by the sliding pivot."""
+        return self.with_model(SLIDING_PIVOT)
+
+    @cached_property
+    def limit_surface(self) -> Throw:
+        """Thrown by the time-stepping limit surface."""
+        return self.with_model(STEPPED_SURFACE)
+
+    def in_scene(self, scene: Scene) -> Throw:
+        """The motion in another scene."""
+        return replace(self, scene=scene)
+
+    def delayed(self, delay: float) -> Throw:
+        """Opened so much later [s], at rest at the earliest."""
+        return replace(self, opening_time=max(self.opening_time + delay, 0.0))
+
+    # The hand, and when what happens.
+
+    @property
+    def case(self) -> ReleaseCase:
+        """What a release model needs of it."""
+        hand = self.manipulator.hand(self.path.shifted(self.opening_time), self.error.omega)
+        return case_of(self.scene, hand, self.error.theta)
+
+    def hand(self, times: npt.ArrayLike) -> HandSamples:
+        """The hand at `times` (K,) [s] on the motion's clock."""
+        return self.manipulator.hand(self.path).at(times)
+
+    @property
+    def until(self) -> float:
+        """When the motion that counts ends [s]: detach for a free hand, rest for an arm."""
+        return self.path.end
+
+    @cached_property
+    def to_rest(self) -> Trajectory:
+        """The whole motion: of a free hand its brake too, which only the samples have."""
+        samples = self.samples
+        if not len(samples.q) or self.path is samples.path:
+            return self.path
+        planned, end = self.path, self.path.end
+        first = min(math.ceil(end / TICK - 1e-9), len(samples.q) - 1)
+        # From detach to the next sample at the even rate of the brake.
+        before, ddq = end - TICK * first, samples.ddq[first]
+        dq = samples.dq[first] + before * ddq
+        q = samples.q[first] + before * (dq + samples.dq[first]) / 2
+        step = Trajectory.cubics(
+            np.array([end, TICK * first]), *(v[None] for v in (q, dq, ddq, 0 * q))
+        )
+        between = [step] if before < -1e-12 else []
+        return Trajectory.joined([planned, *between, samples.path.beginning(first)])
+
+    # The flight.
+
+    def flight(self, times: Array) -> Array:
+        """CoM poses (3, N) at `times` (N,) [s] after detach."""
+        return self.scene.flight.after(self.release.detach, times).pose
+
+    @property
+    def lands(self) -> bool:
+        """Whether the object comes down to the target's height."""
+        return math.isfinite(self.landing.flight_time)
+
+    @property
+    def detach_time(self) -> float:
+        """When the grip force is zero [s]."""
+        return self.opening_time + self.scene.gripper.profile().opening
+
+    @property
+    def command_time(self) -> float:
+        """When the opening command is sent [s]."""
+        return self.opening_time - self.scene.gripper.profile().dwell - self.scene.mean_delay
+
+    @property
+    def landing_time(self) -> float:
+        """When the CoM comes down through the target's height [s]."""
+        return self.detach_time + self.landing.flight_time
+
+
+def _core_motion(throw: Throw) -> ThrowC:
+    """A throw's motion as the compiled core takes it, without release and flight."""
+    around = core_scene(throw.scene, throw.error.theta)
+    torques = core_torques(throw.scene, throw.manipulator)
+    parts = throw.path.core, throw.manipulator.kinematics.core, around, torques
+    addresses = (None if part is None else ctypes.addressof(part) for part in parts)
+    found = ThrowC(*addresses, TICK, CARRY_STEP, throw.opening_time)
+    found.error[:], found.parts = throw.error, parts
+    return found
+
+
+def case_of(scene: Scene, hand: HandTrack, hand_error: float = 0.0) -> ReleaseCase:
+    """The scene's release along a hand motion, counted from the opening's start.
+
+    hand_error [rad]: its angle's. The pads are round, so that is an object held at another angle.
+    """
+    grip, angle = scene.gripper.profile(), scene.grasp.angle + hand_error + _turn(scene)
+    body = replace(scene.body, com_offset=abs(scene.com_offset))
+    return ReleaseCase(body, scene.patch, grip, hand, scene.gravity, angle)
+
+
+def release_numbers(scene: Scene, manipulator: Manipulator) -> tuple[ReleaseC, float]:
+    """A scene's release for the core, its motion and delay left open, and how far the object is
+    turned against it [rad]."""
+    rest = Trajectory.accelerating(np.zeros(manipulator.size))
+    return compiled_release(case_of(scene, manipulator.hand(rest))), _turn(scene)
+
+
+def _turn(scene: Scene) -> float:
+    """The release models know a CoM ahead of the pads: one behind them is on a bar turned round."""
+    return math.pi if scene.com_offset < 0.0 else 0.0
+
+
+def _displaced(release: Release, error: HandError, turn: float) -> Release:
+    """The release of a hand that is off its motion, and moves off it; turned back by `turn` [rad].
+
+    Friction knows relative motion only: such a hand takes the whole release along.
+    """
+    com, twist = release.com.copy(), release.com_twist.copy()
+    com[:2] += error.at(release.times)[:2]
+    com[2] -= turn
+    twist[:2] += np.array([[error.v_x], [error.v_z]])
+    return replace(release, com=com, com_twist=twist)
+
+
+def landing(release: Release, height: float, flight: FlightLaw) -> LandingPoint:
+    """Flight of a release to `height` [m]."""
+    time = library().flight_time(release.end, height, flight.gravity)
+    end = flight.after(release.detach, time)
+    return LandingPoint(end.x, height if math.isfinite(time) else math.nan, end.theta, time, end)

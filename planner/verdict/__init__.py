@@ -1,0 +1,11 @@
+"""Every claim about a throw: what it breaks, whether it is solved, whether it succeeds.
+
+No other package decides what lands, holds, goes into a cup or stays clear.
+"""
+
+from .batch import Judge, Verdicts, verdicts
+from .findings import JOINT_LIMITS, Code, Finding, Verdict
+from .landing import lands_well
+from .reserves import landing_spread, warnings
+from .single import FLYING, collision, held_verdict, outside_tolerance, verdict
+from .uncertainty import Sampler, quantile, sampler_of, unit_of, words_of

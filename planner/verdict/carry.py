@@ -1,0 +1,211 @@
+"""What N throws of one motion break until the pads are open: grip, torques, floor, column.
+
+Bounds over all throws find the instants at which grip or torque may exceed its limit; only there
+each throw is measured.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from functools import cached_property, partial
+
+import numpy as np
+
+from ...core import library
+from ...models import Array, Body, Flags, HandMotion, HandSamples, held_wrench
+from ..throw import (
+    CARRY_STEP,
+    TICK,
+    BatchFlights,
+    ThrowBatch,
+    column_of,
+    load_torques,
+    torque_limits,
+)
+from ..throw.clearance import (
+    bar_room,
+    column_distance,
+    held_bar,
+    lowest_of_bar,
+    reach_of_bar,
+)
+
+#: The grip use is measured up to this time [s] after the opening's start.
+AFTER = 1e-12
+#: A bound above this may stand for a use above 1: rounding.
+ROUNDED = 1 - 1e-9
+
+
+@dataclass(frozen=True)
+class _Loads:
+    """Held bodies of N throws: mass, mass times h, inertia about the pads, angle to the hand, and
+    the largest force and torque of the full grip; each (N,)."""
+
+    mass: Array
+    lever: Array
+    inertia: Array
+    angle: Array
+    force: Array
+    torque: Array
+
+    @classmethod
+    def of(cls, batch: ThrowBatch, flights: BatchFlights) -> _Loads:
+        """The bodies of a batch's flights."""
+        column, contact, h = flights.columns, batch.scene.contact, flights.com_offset
+        mass = column["mass"]
+        force = column["friction"] * contact.faces * batch.scene.gripper.profile().full
+        torque = force * contact.torsion * column["patch_radius"]
+        inertia = column["inertia"] + mass * h * h
+        return cls(mass, mass * h, inertia, flights.grasp_angle, force, torque)
+
+    def wrench(self, hand: HandMotion, gravity: float) -> tuple[Array, Array, Array]:
+        """Force [N] and torque [N m] at the pads that N bodies need to stick to the hand."""
+        h = self.lever / self.mass
+        body = Body(self.mass, self.inertia - self.lever * h, h)
+        return held_wrench(body, gravity, hand, self.angle)
+
+    def use(self, hand: HandMotion, gravity: float) -> Array:
+        """Squared use (N,) of the full grip's friction."""
+        f_x, f_z, torque = self.wrench(hand, gravity)
+        return np.asarray((f_x**2 + f_z**2) / self.force**2 + (torque / self.torque) ** 2)
+
+
+def _spread(values: Array) -> tuple[float, float]:
+    """Middle of the range of values, and half its width."""
+    low, high = float(values.min()), float(values.max())
+    return (low + high) / 2, (high - low) / 2
+
+
+def _bounds(held: _Loads, hand: HandSamples, gravity: float) -> tuple[Array, Array, Array, Array]:
+    """Bounds for N bodies at instants (K,): a force f_x, f_z [N], the largest difference of any
+    body's force to it, and the largest |torque| [N m], each (K,)."""
+    (m, dm), (mh, dmh), (j, dj) = map(_spread, (held.mass, held.lever, held.inertia))
+    angle, da = _spread(held.angle)
+    theta, (a_x, a_z, alpha) = hand.pose[2] + angle, hand.acceleration
+    cos, sin, square, a_z = np.cos(theta), np.sin(theta), hand.twist[2] ** 2, a_z + gravity
+    pull, swing = np.hypot(a_x, a_z), np.hypot(alpha, square)
+    f_x = m * a_x - mh * (alpha * sin + square * cos)
+    f_z = m * a_z + mh * (alpha * cos - square * sin)
+    off = dm * pull + (dmh + abs(mh) * da) * swing
+    torque = np.abs(j * alpha - mh * (a_x * sin - a_z * cos))
+    torque += dj * np.abs(alpha) + (dmh + abs(mh) * da) * pull
+    return f_x, f_z, off, torque
+
+
+@dataclass(frozen=True)
+class Carry:
+    """Judges throws of a batch until they are free; caches what they share."""
+
+    batch: ThrowBatch
+
+    def slips(self, flights: BatchFlights) -> Flags:
+        """Flags (N,) of the throws that slip in the full grip before the opening."""
+        held, hand, gravity = _Loads.of(self.batch, flights), self._hand, self.batch.scene.gravity
+        f_x, f_z, off, torque = _bounds(held, hand, gravity)
+        force = (np.hypot(f_x, f_z) + off) / held.force.min()
+        most = np.hypot(force, torque / held.torque.min())
+        until, slips = flights.opened, np.zeros(len(flights.late), bool)
+        for k in np.flatnonzero((most > ROUNDED) & (hand.times < until.max())).tolist():
+            now = HandMotion(*(float(v[k]) for v in _rows(hand)))
+            slips |= (held.use(now, gravity) > 1.0) & (hand.times[k] < until)
+        at = self.batch.hands.shifted(flights.late).at(np.full(len(until), AFTER))
+        return np.asarray(slips | (held.use(HandMotion(*_rows(at)), gravity) > 1.0))
+
+    @cached_property
+    def _hand(self) -> HandSamples:
+        """The hand at the instants of the single verdict's grip use, up to the latest opening."""
+        throw = self.batch.throw
+        instants = partial(library().grip_instants, throw.path.core, CARRY_STEP, self._latest)
+        times = np.empty(instants(None))
+        instants(times)
+        return throw.hand(np.sort(times))
+
+    @property
+    def _latest(self) -> float:
+        """The last instant [s] at which pads may still be opening."""
+        return self.batch.throw.opening_time + max(self.batch.reach[1], 0.0) + self.batch.reach[2]
+
+    # Torques.
+
+    def strains(self, flights: BatchFlights) -> Flags:
+        """Flags (N,) of the throws that need a torque above a joint's limit."""
+        times, free, by_force, limits = self._torques
+        held, gravity = _Loads.of(self.batch, flights), self.batch.scene.gravity
+        hand = self.batch.throw.hand(times)
+        f_x, f_z, off, torque = _bounds(held, hand, gravity)
+        (torque_of_x, torque_of_z, torque_of_turn) = by_force
+        middle = free + torque_of_x * f_x + torque_of_z * f_z
+        wide = np.hypot(torque_of_x, torque_of_z) * off + np.abs(torque_of_turn) * torque
+        most = ((np.abs(middle) + wide) / limits[:, None]).max(axis=0)
+        strains = np.zeros(len(flights.late), bool)
+        for k in np.flatnonzero(most > ROUNDED).tolist():
+            # The object loads the joints until the pads are open.
+            now = HandMotion(*(float(v[k]) for v in _rows(hand)))
+            load = np.array(held.wrench(now, gravity))
+            total = free[:, k, None] + np.einsum("wj,wn->jn", by_force[:, :, k], load)
+            loaded = (np.abs(total) > limits[:, None]).any(axis=0)
+            strains |= loaded & (times[k] <= flights.freed)
+        for k in np.flatnonzero((np.abs(free) > limits[:, None]).any(axis=0)).tolist():
+            strains |= times[k] >= flights.opened
+        return strains
+
+    @cached_property
+    def _torques(self) -> tuple[Array, Array, Array, Array]:
+        """Times (K,) [s]; torques (n, K) [N m] with an empty hand; torques by force along x, z and
+        torque of a load (3, n, K); limits (n,) [N m]."""
+        throw = self.batch.throw
+        times = np.arange(0.0, throw.path.end + TICK / 2, TICK)
+        limits = torque_limits(throw.scene)
+        assert limits is not None
+        return times, *load_torques(throw.scene, throw.manipulator, throw.path, times), limits
+
+    # Floor, column, obstacles and links.
+
+    def may_collide(self, flights: BatchFlights) -> Flags:
+        """Flags (N,) of the held bars that may collide with floor, column, obstacles or links.
+
+        The distance of a bar to the planned throw's is at most the error of its grasp; while the
+        pads open, plus its motion in the hand.
+        """
+        own = self.batch.columns(self.batch.nominal())
+        shifted = np.abs(flights.columns["grasp_offset"] - own["grasp_offset"])
+        turned = np.abs(flights.grasp_angle - own["grasp_angle"])
+        off = shifted + self._far * turned + np.hypot(*flights.error[:, :2].T)
+        held, opening = self._room
+        stray = flights.release.stray
+        strays = math.inf if stray is None else stray[:, 0] + self._far * stray[:, 1]
+        drift = np.hypot(*flights.error[:, 3:5].T) + self._far * np.abs(flights.error[:, 5])
+        strays = strays + drift * flights.columns["opening"]
+        return np.asarray((off > held) | (off + strays > opening))
+
+    @cached_property
+    def _far(self) -> float:
+        """Upper bound on the distance [m] from the pads to any point of the bar."""
+        scene = self.batch.scene
+        return reach_of_bar(scene.object) + abs(scene.com_offset)
+
+    @cached_property
+    def _room(self) -> tuple[float, float]:
+        """Clearance [m] of the held bar until the latest opening, and while pads may open."""
+        throw, scene, end = self.batch.throw, self.batch.scene, max(self._latest, TICK)
+        times = np.append(np.arange(0.0, end, TICK), end)
+        hand = throw.hand(times)
+        com = held_bar(scene, hand.pose)
+        room = bar_room(throw, times, com, flying=False)
+        if scene.workspace is not None and scene.workspace.floor is not None:
+            lowest = lowest_of_bar(scene.object, com)
+            room = np.minimum(room, lowest - scene.workspace.floor)
+        column = column_of(scene)
+        if column is not None:
+            room = np.minimum(room, column_distance(scene.object, com, *column))
+        # Between ticks the clearance shrinks by what bar and links move.
+        swing = np.hypot(*hand.twist[:2]) + self._far * np.abs(hand.twist[2])
+        room = room - float(swing.max()) * TICK
+        opens = times >= throw.opening_time + min(self.batch.reach[0], 0.0)
+        return float(room.min()), float(room[opens].min(initial=math.inf))
+
+
+def _rows(hand: HandSamples) -> tuple[Array, ...]:
+    """theta, omega, a_x, a_z, alpha."""
+    return hand.pose[2], hand.twist[2], *hand.acceleration

@@ -1,0 +1,113 @@
+"""Limits on the landing, for one throw and for arrays of N throws alike."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from ...models import Array, Flags, FlightState
+from ...problems import Cup, Pose, Scene, Tolerance
+from ..throw import FALLS, TICK, cup_entries
+from .findings import Code
+
+#: Share of the tolerance by which a landing may exceed it: files round.
+ROUNDING = 1e-6
+#: Error [m] of a clearance in the cup: bisection finds its instants.
+CUP_NEAR = 1e-5
+
+
+def least_cup_clearance(cup: Cup) -> float:
+    """The clearance [m] in the cup must exceed this; 0 is contact with wall or rim."""
+    return max(cup.clearance - CUP_NEAR, 0.0)
+
+
+class LimitUse(NamedTuple):
+    """A value [SI] that must not be above its limit, or, with sign -1, below it.
+
+    doubt: bound on the value's error; body: what it is about, among several of one code.
+    """
+
+    code: Code
+    value: Any
+    limit: float
+    doubt: Any = 0.0
+    sign: float = 1.0
+    body: str = ""
+
+    @property
+    def broken(self) -> Any:
+        """Whether the value is beyond the limit; NaN is beyond every limit."""
+        return ~(self.sign * np.asarray(self.value) <= self.sign * self.limit)
+
+
+@dataclass(frozen=True)
+class LandingStates:
+    """Landings of throws, floats or arrays (N,): dx [m] and dtheta [rad] off the target; start and
+    end (6, ...) of the flight, x, z, theta and their rates; landing time [s] on the motion's clock;
+    doubt: bounds on the errors of x [m] and theta [rad]."""
+
+    dx: Any
+    dtheta: Any
+    start: Any
+    end: Any
+    lands: Any
+    doubt: tuple[Any, Any] = (0.0, 0.0)
+
+
+def tolerance_uses(
+    tolerance: Tolerance, dx: Any, dtheta: Any | None, doubt: tuple[Any, Any] = (0.0, 0.0)
+) -> list[LimitUse]:
+    """The uses of a tolerance by a landing; dtheta: None where theta is open."""
+    off, turned = doubt
+    most = (1 + ROUNDING) * tolerance.position, (1 + ROUNDING) * tolerance.angle
+    found = [LimitUse(Code.LANDING, np.abs(dx), most[0], off, body="position")]
+    if dtheta is not None:
+        found.append(LimitUse(Code.LANDING, np.abs(dtheta), most[1], turned, body="angle"))
+    return found
+
+
+def landing_uses(scene: Scene, target: Pose, at: LandingStates) -> list[LimitUse]:
+    """The uses of tolerance, [landing] and [target] arrival."""
+    bounds, (off, turned) = scene.landing, at.doubt
+    v_x, v_z, omega = at.end[3:]
+    # An error of a rate shows in the landing, multiplied by the time of flight.
+    time = np.maximum(np.abs(v_z - at.start[4]) / max(scene.gravity, 1e-9), 0.05)
+    slow, turning = off / time, turned / time
+    turn = None if target.theta is None else at.dtheta
+    uses = tolerance_uses(scene.tolerance, at.dx, turn, at.doubt)
+    uses.append(LimitUse(Code.GRAZING, -v_z, FALLS, slow, sign=-1.0))
+    if bounds is not None:
+        speed = np.hypot(v_x, v_z)
+        uses.append(LimitUse(Code.LANDING_SPEED, speed, bounds.speed_min, slow, sign=-1.0))
+        if bounds.speed_max is not None:
+            uses.append(LimitUse(Code.LANDING_SPEED, speed, bounds.speed_max, slow))
+        if bounds.rate_max is not None:
+            uses.append(LimitUse(Code.LANDING_RATE, np.abs(omega), bounds.rate_max, turning))
+    latest = target.window[1]
+    if math.isfinite(latest):
+        # One sample later is allowed.
+        late = off / np.maximum(-v_z, FALLS)
+        uses.append(LimitUse(Code.ARRIVAL, at.lands, latest + TICK, late))
+    return uses
+
+
+def lands_well(scene: Scene, detach: Array, landing: Array, more: float = 0.0) -> Flags:
+    """Flags (N,) of the flights that keep [landing] and [cup], with the cup moved to each landing.
+
+    detach (N, 6): CoM pose and twist; landing (N, 3): x, theta and flight time at the height of the
+    scene's target; more [m]: clearance in the cup beyond the scene's.
+    """
+    target, (x, theta, time) = scene.target, landing.T
+    assert target is not None
+    at = scene.flight.after(FlightState(*detach.T), time)
+    end = x, np.full(len(x), target.z), theta, at.v_x, at.v_z, at.omega
+    uses = landing_uses(scene, target, LandingStates(0.0 * x, 0.0 * x, detach.T, end, -np.inf))
+    good = ~np.logical_or.reduce([np.broadcast_to(use.broken, len(x)) for use in uses])
+    if scene.cup is not None:
+        shifted = detach.copy()
+        shifted[:, 0] += target.plane_x - x
+        good &= cup_entries(scene, shifted, time) > least_cup_clearance(scene.cup) + more
+    return np.asarray(good)

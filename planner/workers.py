@@ -1,0 +1,195 @@
+"""Jobs run by this process, by others on this machine, or by a Dask cluster.
+
+Long work is cut into short jobs, so that any executor can share them and Ctrl-C loses none that
+is done.
+"""
+
+from __future__ import annotations
+
+import os
+import re
+import signal
+import socket
+import struct
+from collections.abc import Callable, Iterator
+from concurrent import futures
+from concurrent.futures import (
+    FIRST_COMPLETED,
+    BrokenExecutor,
+    CancelledError,
+    Executor,
+    Future,
+    wait,
+)
+from contextlib import contextmanager
+from multiprocessing import get_context
+from typing import TypeVar
+
+from ..problems import InputError
+
+T = TypeVar("T")
+#: progress(done, total) is called while work goes on.
+Progress = Callable[[int, int], None]
+
+#: Jobs that an executor is given before the first of them is done.
+WINDOW = 64
+#: Largest number of processes on this machine.
+MOST = 256
+#: Time [s] in which a scheduler must answer, and in which it must have a worker.
+PATIENCE = 5.0
+#: Signals that end a process.
+ENDING = {getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if name in dir(signal)}
+
+
+@contextmanager
+def signals_deferred() -> Iterator[None]:
+    """Signals that end this process wait until the block is done.
+
+    A process must be started inside: it prints a traceback if its parent ends before it has said
+    what there is to do, and a pool waits for it forever.
+    """
+    mask = getattr(signal, "pthread_sigmask", None)
+    before = None if mask is None else mask(signal.SIG_BLOCK, ENDING)
+    try:
+        yield
+    finally:
+        if mask is not None:
+            mask(signal.SIG_SETMASK, before)
+
+
+def leave_signals_to_parent() -> None:
+    """In a process that was started so: Ctrl-C is for its parent, other signals end it."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    if hasattr(signal, "pthread_sigmask"):
+        signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
+
+
+@contextmanager
+def executor_of(workers: int | None, scheduler: str | None) -> Iterator[Executor | None]:
+    """The executor that the options ask for, None for this process.
+
+    InputError for options that do not go together or are out of range, where there is no
+    such cluster, and for what goes wrong on workers.
+    """
+    if workers is not None and not 1 <= workers <= MOST:
+        raise InputError(f"--workers {workers}: must be a whole number, 1 to {MOST}")
+    if workers is not None and scheduler is not None:
+        raise InputError("--workers and --scheduler: give one of them")
+    if scheduler is not None:
+        with _cluster(scheduler) as executor:
+            yield executor
+    elif workers is not None and workers > 1:
+        with _processes(workers) as executor:
+            yield executor
+    else:
+        yield None
+
+
+@contextmanager
+def _processes(count: int) -> Iterator[Executor]:
+    # Spawned: forking a process whose libraries have threads is not safe.
+    # One thread each: small matrices are slower with more.
+    os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
+    # Taken from the module here, since it takes 15 ms to import.
+    pool = futures.ProcessPoolExecutor(count, get_context("spawn"), leave_signals_to_parent)
+    try:
+        with pool:
+            with signals_deferred():  # Each of the first jobs starts a process.
+                for _ in range(count):
+                    pool.submit(leave_signals_to_parent)
+            yield pool
+    except BrokenExecutor:
+        raise InputError(f"one of {count} worker processes died: out of memory?") from None
+
+
+@contextmanager
+def _cluster(address: str) -> Iterator[Executor]:
+    place = f"--scheduler {address}"
+    _check_scheduler(address, place)
+    try:
+        import distributed
+    except ImportError:
+        raise InputError(f"{place}: needs Dask: pip install distributed") from None
+    try:
+        client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
+    except (OSError, ValueError) as error:
+        raise InputError(f"{place}: {_line(error)}") from None
+    # What can go wrong with a cluster, and with what is installed on it.
+    failures = (distributed.KilledWorker, ImportError, OSError, CancelledError)
+    try:
+        client.wait_for_workers(1, timeout=PATIENCE)
+        # Not pure: every sweep is thrown, whatever the cluster remembers. Tasks of a worker
+        # that is lost are done again by others.
+        with client.get_executor(pure=False) as executor:
+            yield executor
+    except TimeoutError:
+        raise InputError(f"{place}: the scheduler has no workers") from None
+    except failures as error:
+        raise InputError(f"{place}: work failed there: {_line(error)}") from None
+    finally:
+        client.close(timeout=PATIENCE)
+
+
+def _check_scheduler(address: str, place: str) -> None:
+    """InputError unless something like a Dask scheduler answers there.
+
+    Dask's own client waits long for other servers, and for names that do not exist.
+    """
+    found = re.fullmatch(r"(?:(tcp|tls)://)?(\[.+\]|[^/:]+):(\d{1,5})", address)
+    if found is None:
+        raise InputError(f"{place}: must be like tcp://host:8786")
+    scheme, host, port = found[1], found[2].strip("[]"), int(found[3])
+    try:
+        with socket.create_connection((host, port), PATIENCE) as connection:
+            if scheme == "tls":
+                return
+            # A scheduler speaks first; its message begins with its length.
+            connection.settimeout(PATIENCE)
+            begin = connection.recv(8, socket.MSG_WAITALL)
+    except TimeoutError:
+        raise InputError(f"{place}: no Dask scheduler answers there") from None
+    except (OSError, OverflowError, UnicodeError) as error:
+        raise InputError(f"{place}: no Dask scheduler there ({_line(error)})") from None
+    if len(begin) < 8 or struct.unpack("<Q", begin)[0] > 1 << 20:
+        raise InputError(f"{place}: what answers there is no Dask scheduler")
+
+
+def _line(error: BaseException) -> str:
+    """An error in one line that is not too long."""
+    words = str(error) if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
+    return " ".join(words.split())[:300]
+
+
+def run_jobs(
+    next_job: Callable[[], Callable[[], T] | None],
+    executor: Executor | None,
+    keep: Callable[[T], None],
+) -> None:
+    """Runs jobs until there is none left and none running; `keep` takes each result.
+
+    next_job: the next job, or None while there is none; it is called again after each result. A job
+    for an executor must be picklable. After Ctrl-C running jobs are finished and kept, the others
+    dropped, and KeyboardInterrupt is raised.
+    """
+    if executor is None:
+        while (job := next_job()) is not None:
+            keep(job())
+        return
+    running: set[Future[T]] = set()
+    try:
+        while True:
+            while len(running) < WINDOW and (job := next_job()) is not None:
+                running.add(executor.submit(job))
+            if not running:
+                return
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                running.remove(future)
+                keep(future.result())
+    except KeyboardInterrupt:
+        for future in wait([future for future in running if not future.cancel()]).done:
+            keep(future.result())
+        raise
+    except BaseException:
+        for future in running:
+            future.cancel()
+        raise

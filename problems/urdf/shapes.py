@@ -1,0 +1,251 @@
+"""Shapes of a URDF's links: its meshes in the arm's frames, and capsules around them."""
+
+from __future__ import annotations
+
+import itertools
+import math
+import os
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.optimize import minimize
+
+from ...models import Array
+from ...models.robot import LinkCapsule, segment_distance
+from .chain import UrdfChain
+from .reading import BEYOND
+
+#: Positions of the fingers, as shares of their joints' ranges.
+OPENINGS = (0.0, 0.25, 0.5, 0.75, 1.0)
+#: Sides of the prism that stands for a cylinder: its corners are 0.1 % of the radius inside.
+SIDES = 64
+#: Random directions whose outermost points a capsule is fitted to.
+DIRECTIONS = 500
+#: Decimals of the capsules' lengths [m]: 1 mm.
+DIGITS = 3
+#: Largest difference of the numbers of links that meet at a joint, as in the check.
+NEIGHBOURS = 2
+#: Random joint states at which capsules of other links are compared.
+STATES = 60
+#: Weights [1/m²] of points outside a capsule, beside its volume in litres, one solve each.
+PENALTIES = (3e2, 3e4, 3e6)
+
+
+@dataclass(frozen=True)
+class LinkShapes:
+    """Capsules of a robot's links, and how far [m] the links' meshes stick out of them at most.
+
+    unread: the URDF's links whose meshes could not be read.
+    """
+
+    capsules: tuple[LinkCapsule, ...]
+    cover: float
+    unread: tuple[str, ...]
+
+
+def link_shapes(chain: UrdfChain, file: Path) -> LinkShapes:
+    """A capsule of about the least volume around the meshes of each URDF link.
+
+    A link within the capsules of others that the same joint moves has none of its own.
+    """
+    meshes, unread = link_meshes(chain, file)
+    found, clouds = list[LinkCapsule](), list[tuple[int, Array]]()
+    for number in sorted(meshes):
+        own = [np.vstack([mesh.vertices for mesh in each]) for each in meshes[number]]
+        for points in sorted(own, key=lambda cloud: -float(np.ptp(cloud, axis=0).max())):
+            if _outside(points, [c for c in found if c.link == number]) > 0.0:
+                found.append(_around(number, points))
+        clouds += [(number, points) for points in own]
+    less = _overlap(chain, found)
+    found = [replace(c, radius=max(round(c.radius - less, DIGITS), 1e-3)) for c in found]
+    outside = [_outside(points, [c for c in found if c.link == n]) for n, points in clouds]
+    return LinkShapes(tuple(found), math.ceil(1e3 * max(outside, default=0.0)) / 1e3, tuple(unread))
+
+
+def link_meshes(chain: UrdfChain, file: Path) -> tuple[dict[int, list[list[Any]]], list[str]]:
+    """Meshes (trimesh) of each URDF link, by the `LinkCapsule.link` whose frame they are in.
+
+    A link's collision geometry, else its visual one; fingers in all their places. Also the names of
+    links whose meshes are not read. file: the URDF, see `_path`.
+    """
+    robot, hand = chain.robot, len(chain.names) + 1
+    frames = _frames(chain)
+    moved_by, still = _numbers(chain), dict.fromkeys(robot.actuated_joint_names, 0.0)
+    fingers = {name for name in still if moved_by[robot.joint_map[name].parent] == hand}
+    found, unread = dict[int, list[list[Any]]](), list[str]()
+    for link in robot.link_map.values():
+        number, placed = moved_by[link.name], list[Any]()
+        try:
+            parts = list(_parts(link, file))
+        except Exception:  # trimesh lets through whatever its readers raise.
+            unread.append(link.name)
+            continue
+        frame, turn = frames[number]
+        for share in OPENINGS if number == hand else OPENINGS[:1]:
+            opened = {name: _between(robot.joint_map[name], share) for name in fingers}
+            robot.update_cfg(still | (opened if number == hand else {}))
+            pose = np.linalg.inv(turn) @ robot.get_transform(link.name, frame)
+            placed += [part.copy().apply_transform(pose) for part in parts]
+        if placed:
+            found.setdefault(number, []).append(placed)
+    robot.update_cfg(still)
+    return found, unread
+
+
+def _frames(chain: UrdfChain) -> list[tuple[str, Array]]:
+    """URDF links, and in them the frames (4, 4) that capsules of base, joints and hand are in."""
+    base = np.eye(4)
+    base[:3, 3] = chain.origin
+    names = [chain.base, *(joint.child for joint in chain.joints), chain.tool]
+    return list(zip(names, [base, *chain.turns, chain.hand_turn], strict=True))
+
+
+def _numbers(chain: UrdfChain) -> dict[str, int]:
+    """`LinkCapsule.link` of each URDF link, by its name."""
+    numbers = {joint.child: i for i, joint in enumerate(chain.joints, start=1)}
+    numbers[chain.tool] = len(numbers) + 1
+    manipulators = {joint.child: joint.parent for joint in chain.robot.robot.joints}
+    found = {}
+    for name in chain.robot.link_map:
+        at = name
+        while at in manipulators and at not in numbers:
+            at = manipulators[at]
+        found[str(name)] = numbers.get(at, 0)
+    return found
+
+
+def _between(joint: Any, share: float) -> float:
+    """A joint's position at a share of its range; 0 without one, or with one that no robot has."""
+    low, high = (getattr(joint.limit, end, None) or 0.0 for end in ("lower", "upper"))
+    ranged = abs(low) <= BEYOND and abs(high) <= BEYOND
+    return float(low + share * (high - low)) if ranged else 0.0
+
+
+def _parts(link: Any, file: Path) -> Iterator[Any]:
+    """A link's collision geometry, else its visual one, in its own frame."""
+    import trimesh
+
+    for part in link.collisions or link.visuals:
+        shape = part.geometry
+        if shape.mesh is not None:
+            mesh: Any = trimesh.load(_path(shape.mesh.filename, file), force="mesh")
+            mesh.apply_scale(1.0 if shape.mesh.scale is None else shape.mesh.scale)
+        elif shape.box is not None:
+            mesh = trimesh.creation.box(shape.box.size)
+        elif shape.cylinder is not None:
+            round_, long = shape.cylinder.radius, shape.cylinder.length
+            mesh = trimesh.creation.cylinder(round_, long, sections=SIDES)
+        else:
+            mesh = trimesh.creation.icosphere(4, shape.sphere.radius)
+        mesh.apply_transform(np.eye(4) if part.origin is None else part.origin)
+        if not (len(mesh.vertices) and np.abs(mesh.vertices).max() <= BEYOND):
+            raise ValueError("an empty mesh, or one that no robot has")
+        yield mesh
+
+
+def _path(name: str, file: Path) -> Path:
+    """The file that a URDF calls by a name: absolute, beside the URDF, or in a package.
+
+    A package is looked for in the folders above the URDF, which may also be inside it, and in those
+    that ROS names.
+    """
+    package, _, rest = name.removeprefix("package://").partition("/")
+    if not name.startswith("package://"):
+        return file.parent / name.removeprefix("file://")
+    above, ros = list(file.resolve().parents), []
+    for variable, inside in (("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share")):
+        folders = os.environ.get(variable, "").split(os.pathsep)
+        ros += [Path(folder) / inside for folder in folders if folder]
+    tried = [folder / package / rest for folder in [*above, *ros]]
+    tried += [folder / rest for folder in above]
+    return next((path for path in tried if path.is_file()), tried[0])
+
+
+# Capsules.
+
+
+def _outermost(points: Array) -> Array:
+    """The points of (N, 3) that are outermost in some direction."""
+    ways = np.random.default_rng(0).normal(size=(DIRECTIONS, 3))
+    return np.asarray(points[np.unique((ways @ points.T).argmax(axis=1))])
+
+
+def _around(number: int, points: Array) -> LinkCapsule:
+    """A capsule of about the least volume around points (N, 3), from three starts."""
+    middle = points.mean(axis=0)
+    outer, best, least = _outermost(points), np.zeros(7), math.inf
+    axes = np.linalg.svd(outer - outer.mean(axis=0), full_matrices=False)[2]
+    for axis in axes:
+        along = (points - middle) @ axis
+        half = max((along.max() - along.min()) / 4, 1e-3) * axis
+        x = np.concatenate([middle - half, middle + half, [np.abs(along).max()]])
+        for penalty in PENALTIES:
+            x = minimize(_cost, x, args=(outer, penalty), jac=True, method="L-BFGS-B").x
+        x[:6] = x[:6].round(DIGITS) + 0.0
+        x[6] = math.ceil(_distances(points, x)[0].max() * 10**DIGITS - 1e-6) / 10**DIGITS
+        if (cost := _cost(x, outer, 0.0)[0]) < least:
+            best, least = x, cost
+    begin, end, radius = best[:3].tolist(), best[3:6].tolist(), float(best[6])
+    return LinkCapsule(number, (begin[0], begin[1], begin[2]), (end[0], end[1], end[2]), radius)
+
+
+def _cost(x: Array, points: Array, penalty: float) -> tuple[float, Array]:
+    """Volume [L] of the capsule x (begin, end, radius), with a penalty for points outside."""
+    distance, away, share = _distances(points, x)
+    d, r = x[3:6] - x[:3], float(x[6])
+    length = math.hypot(*d, 1e-6)
+    out = np.maximum(distance - r, 0.0)
+    value = 1e3 * math.pi * (r**2 * length + 4 / 3 * abs(r) ** 3) + penalty * (out**2).sum()
+    pull = 2 * penalty * out
+    towards = (pull / np.maximum(distance, 1e-12))[:, None] * away
+    stretch = 1e3 * math.pi * r**2 / length * d
+    begin, end = -stretch - (1 - share) @ towards, stretch - share @ towards
+    swell = 1e3 * math.pi * (2 * r * length + 4 * r * abs(r)) - pull.sum()
+    return float(value), np.concatenate([begin, end, [swell]])
+
+
+def _distances(points: Array, x: Array) -> tuple[Array, Array, Array]:
+    """Distances (N,), differences (N, 3) and shares (N,) of points (N, 3) from the segment x."""
+    d = x[3:6] - x[:3]
+    share = np.clip((points - x[:3]) @ d / max(float(d @ d), 1e-12), 0.0, 1.0)
+    away = points - x[:3] - share[:, None] * d
+    return np.linalg.norm(away, axis=1), away, share
+
+
+def _outside(points: Array, capsules: Sequence[LinkCapsule]) -> float:
+    """Largest distance [m] of points (N, 3) outside the capsule that holds them best."""
+    segments = [np.array([*c.begin, *c.end]) for c in capsules]
+    away = [
+        float(_distances(points, x)[0].max()) - c.radius
+        for x, c in zip(segments, capsules, strict=True)
+    ]
+    return max(min(away, default=math.inf), 0.0)
+
+
+def _overlap(chain: UrdfChain, capsules: Sequence[LinkCapsule]) -> float:
+    """By how much [m] radii must be less for links that are no neighbours to be apart mostly.
+
+    Capsules around a compact wrist and hand meet where their meshes do not.
+    """
+    states = np.random.default_rng(0).uniform(-math.pi, math.pi, (STATES, len(chain.names)))
+    most = 0.0
+    placed = np.array([_ends(chain, capsules, state) for state in states])
+    for i, j in itertools.combinations(range(len(capsules)), 2):
+        one, other = capsules[i], capsules[j]
+        if other.link - one.link > NEIGHBOURS:
+            apart = segment_distance(*placed[:, i].swapaxes(0, 1), *placed[:, j].swapaxes(0, 1))
+            most = max(most, (one.radius + other.radius - float(np.median(apart))) / 2)
+    return float(math.ceil(most * 10**DIGITS) / 10**DIGITS)
+
+
+def _ends(chain: UrdfChain, capsules: Sequence[LinkCapsule], state: Array) -> list[Array]:
+    """Ends (2, 3) of each capsule in the base frame, at joint angles [rad]."""
+    chain.posed(state.tolist())
+    frames = [chain.robot.get_transform(link, chain.base) @ turn for link, turn in _frames(chain)]
+    return [
+        np.array([c.begin, c.end]) @ frames[c.link][:3, :3].T + frames[c.link][:3, 3]
+        for c in capsules
+    ]

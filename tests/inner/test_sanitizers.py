@@ -1,0 +1,103 @@
+"""Throws in a core that checks its own memory accesses and its arithmetic's defined behaviour."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+ROOT = Path(__file__).parents[2]
+FLAGS = ["-O1", "-g", "-std=gnu11", "-fPIC", "-shared", "-fno-omit-frame-pointer"]
+CHECKS = ["-fsanitize=address,undefined", "-fno-sanitize-recover=all"]
+
+#: By what is tried, Python that calls the core; a plan in it takes some seconds.
+TRIALS = {
+    "plans": """
+for scene in ("near-cup", "box", "ur5e", "flip"):
+    assert tp.plan(scene, patience=60.0).status == "solved", scene
+""",
+    "batches": """
+plans = tp.plan("near-cup", patience=60.0), tp.plan("box", patience=60.0)
+masses = {"mass": np.linspace(0.1, 0.4, 257)}
+for model in ("sp", "ls-step", "sp-paper"):
+    drops = tp.simulate_batch(tp.load_scene("drop"), model, object=masses)
+    assert np.isfinite(drops.detach).all()
+    for plan in plans:
+        tp.sweep(plan, 300, model=model)
+""",
+    "follow": """
+planner = tp.Planner("pose")
+plan, tick = planner.plan(patience=60.0), 0
+session, there = planner.follow(plan), plan.target.changed(x=plan.target.x + 0.06)
+while (sent := session.throw.samples) and session.update(
+    1e-3 * tick, sent.q[tick], sent.dq[tick], there if tick > 40 else plan.target
+).status not in ("committed", "stopped"):
+    tick += 5
+""",
+    "recordings": """
+from throwplan.planner.robot import Recording, joint_motion
+tp.plan("fr3", patience=60.0).save(folder, draw=False)
+motion = joint_motion(folder)
+width, opening = 0 * motion.times, motion.throw.command_time
+seen = Recording(motion.times, motion.q, motion.dq, motion.q, width, opening)
+assert seen.to_dict(motion.throw)["succeeds"]
+""",
+}
+
+#: CasADi loads its plugins with RTLD_DEEPBIND, which the address sanitizer refuses.
+DLOPEN = """
+#define _GNU_SOURCE
+#include <dlfcn.h>
+void *dlopen(const char *name, int flags)
+{
+    void *(*next)(const char *, int) = (void *(*)(const char *, int))dlsym(RTLD_NEXT, "dlopen");
+    return next(name, flags & ~RTLD_DEEPBIND);
+}
+"""
+
+
+@pytest.fixture(scope="module")
+def package(tmp_path_factory) -> Path:
+    """A folder that holds the package with a core of its own."""
+    if shutil.which("gcc") is None:
+        pytest.skip("needs gcc")
+    package = tmp_path_factory.mktemp("sanitized") / "throwplan"
+    # Without most sources, whose hash the library would be compared with.
+    others = shutil.ignore_patterns("_core*", "*.c", "[!s]*.h")
+    shutil.copytree(ROOT / "core", package / "core", ignore=others)
+    for item in [*ROOT.glob("*.py"), *(ROOT / name for name in ("models", "planner", "problems"))]:
+        (package / item.name).symlink_to(item)
+    sources = sorted(map(str, (ROOT / "core").glob("*.c")))
+    target = ["-o", str(package / "core" / "_core.so"), "-lm"]
+    subprocess.run(["gcc", *FLAGS, *CHECKS, *sources, *target], check=True)
+    command = ["gcc", "-shared", "-fPIC", "-x", "c", "-", "-o", str(package.parent / "dlopen.so")]
+    subprocess.run(command, input=DLOPEN, text=True, check=True)
+    return package.parent
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("trial", TRIALS)
+def test_the_core_keeps_to_its_memory_and_to_c(trial, package, tmp_path) -> None:
+    command = ["gcc", "-print-file-name=libasan.so"]
+    runtime = subprocess.run(command, capture_output=True, text=True, check=True).stdout.strip()
+    environment = os.environ | {
+        "LD_PRELOAD": f"{package / 'dlopen.so'} {runtime}",
+        # Python frees little at its end.
+        "ASAN_OPTIONS": "detect_leaks=0:verify_asan_link_order=0",
+        "UBSAN_OPTIONS": "print_stacktrace=1",
+        "PYTHONPATH": str(package),
+    }
+    core = str(package / "throwplan" / "core" / "_core.so")
+    code = f"""
+import numpy as np, throwplan as tp
+folder = {str(tmp_path)!r}
+{TRIALS[trial]}
+assert {core!r} in open("/proc/self/maps").read()
+"""
+    command = [sys.executable, "-c", code]
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr[:5000]

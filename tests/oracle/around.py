@@ -1,0 +1,301 @@
+"""How near the arm, the held bar and the flying bar come to what is around them."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from scipy.optimize import brentq
+
+from . import shapes
+from .motion import ArmMotion, Array, HandMotion, Plane, rotation
+
+#: Instants of a flight, and of the way into a cup.
+FLIGHT, WAY_IN = 800, 1500
+#: The way into a cup is followed so long [s] after the landing's height.
+BEYOND = 0.3
+#: Links of numbers that differ by this or less meet at a joint.
+ADJACENT = 2
+#: So long [s] before its landing a bar may come as near to an obstacle as it lands.
+LANDS = 0.05
+#: Room below 0 by this is rounding.
+ROUNDING = 1e-6
+#: What rooms are known to: shares of a limit, distances [m].
+SHARE, DISTANCE = 1e-4, 1e-4
+#: The cup's clearance may be short of this [m]: its instants are found by bisection.
+CUP_NEAR = 1e-5
+
+
+@dataclass(frozen=True)
+class Found:
+    """What was found of N throws: value and limit (N,), and the room relative to the limit, or,
+    for a distance, to the bar's length. A room below 0 is broken; it is known to `known`."""
+
+    value: Array
+    limit: Array
+    room: Array
+    known: float
+
+    @property
+    def broken(self) -> Array:
+        return ~(self.room >= -ROUNDING)
+
+    @property
+    def doubtful(self) -> Array:
+        return np.abs(self.room) <= self.known
+
+
+def at_most(value: Any, limit: Any, known: float = SHARE) -> Found:
+    value, limit = np.broadcast_arrays(np.atleast_1d(np.asarray(value, float)), limit)
+    return Found(value, limit, (limit - value) / np.maximum(np.abs(limit), 1e-12), known)
+
+
+def at_least(value: Any, limit: Any, scale: float = 1.0, known: float = 0.0) -> Found:
+    value, limit = np.broadcast_arrays(np.atleast_1d(np.asarray(value, float)), limit)
+    return Found(value, limit, (value - limit) / scale, known / scale)
+
+
+@dataclass(frozen=True)
+class Bar:
+    """One bar: its ends from the CoM, half its width, angle to the hand and offset h."""
+
+    first: float
+    last: float
+    half: float
+    angle: float
+    offset: float
+
+    @property
+    def reach(self) -> float:
+        return math.hypot(max(-self.first, self.last), self.half)
+
+    def held(self, pose: Array) -> Array:
+        """CoM poses (K, 3) in hands at poses (K, 3)."""
+        theta = pose[:, 2] + self.angle
+        x, z = pose[:, 0] + self.offset * np.cos(theta), pose[:, 1] + self.offset * np.sin(theta)
+        return np.column_stack([x, z, theta])
+
+    def outline(self, com: Array) -> Array:
+        return shapes.outline(com, self.first, self.last, self.half)
+
+    def axis(self, com: Array, plane: Plane) -> list[Array]:
+        """Both ends (K, 3) of the axis in the base frame."""
+        c, s = np.cos(com[:, 2]), np.sin(com[:, 2])
+        return [plane.points(com[:, 0] + e * c, com[:, 1] + e * s) for e in (self.first, self.last)]
+
+
+@dataclass(frozen=True)
+class Flight:
+    """A bar that has left the hand: CoM pose and twist (6,) at `begins` [s], until it lands after
+    `duration` [s]."""
+
+    detach: Array
+    begins: float
+    duration: float
+    gravity: float
+
+    def at(self, since: Array) -> Array:
+        """CoM poses (K, 3) at times (K,) [s] after detach."""
+        x, z, theta, v_x, v_z, omega = self.detach
+        fall = z + v_z * since - self.gravity / 2 * since**2
+        return np.column_stack([x + v_x * since, fall, theta + omega * since])
+
+
+@dataclass(frozen=True)
+class Solid:
+    """An obstacle: a box grown by a radius [m]; axes (3, 3) as rows."""
+
+    name: str
+    centre: Array
+    axes: Array
+    half: Array
+    radius: float
+    clearance: float
+
+    @classmethod
+    def of(cls, o: Any) -> Solid:
+        axes = (rotation((0.0, 0.0, o.yaw)) @ rotation((0.0, o.pitch, 0.0))).T
+        half, radius = np.array(o.size) / 2, 0.0
+        if o.kind != "box":
+            half = np.array([0.0, 0.0, o.size[1] / 2 if o.kind == "capsule" else 0.0])
+            radius = o.size[0]
+        return cls(o.name, np.array(o.position), axes, half, radius, o.clearance)
+
+    def distance(self, begin: Array, end: Array) -> Array:
+        """Of segments (K, 3)."""
+        return shapes.to_box(begin, end, self.centre, self.axes, self.half) - self.radius
+
+
+class Around:
+    """What stands around a motion. ticks (K,) [s]: when the arm is looked at; speed [m/s]: of the
+    cup along x."""
+
+    def __init__(
+        self, scene: Any, motion: ArmMotion | HandMotion, ticks: Array, speed: float
+    ) -> None:
+        self.scene, self.motion, self.ticks, self.speed = scene, motion, ticks, speed
+        self.moved = motion if isinstance(motion, ArmMotion) else None
+        self.solids = [Solid.of(o) for o in scene.obstacle]
+
+    def arm(self, planned: bool) -> dict[str, Found]:
+        """Distances of the arm from floor, obstacles and itself."""
+        return {
+            name: at_least(away, kept if planned else 0.0, self.scene.object.length, DISTANCE)
+            for name, (away, kept) in self._arm.items()
+        }
+
+    @cached_property
+    def _capsules(self) -> tuple[Array, list[int], Array]:
+        """Ends (C, 2, K, 3) of the links' capsules at the ticks, the group that moves as one that
+        each belongs to, and radii."""
+        arm = self.moved
+        if arm is None or not arm.arm.capsules:
+            return np.zeros((0, 2, self.ticks.size, 3)), [], np.zeros(0)
+        groups = [sum(j + 1 <= c.link for j in arm.throwing) for c in arm.arm.capsules]
+        return arm.capsules(self.ticks), groups, np.array([c.radius for c in arm.arm.capsules])
+
+    def _on_axis(self, k: int) -> bool:
+        """Whether the first joint that throws turns capsule k about its own axis."""
+        ends, groups, _ = self._capsules
+        first = self.moved.frames(self.ticks[:1])[self.moved.throwing[0] + 1]
+        off = np.cross(ends[k][:, 0] - first.origin[0], first.axes[0, :, 2])
+        return groups[k] == 1 and float(np.abs(off).max()) < 1e-9
+
+    def _palm(self, pose: Array) -> Array:
+        tool = self.scene.arm.tool
+        return shapes.outline(pose, -tool.palm_back, -tool.palm_front, tool.palm_half_width)
+
+    @cached_property
+    def _arm(self) -> dict[str, tuple[float, float]]:
+        """Least distances [m], and the scene's clearance."""
+        arm, space, found = self.moved, self.scene.workspace, dict[str, tuple[float, float]]()
+        pose = self.motion.hand.at(self.ticks)[0]
+        ends, groups, radii = self._capsules
+        reach = radii + (0.0 if arm is None else arm.arm.cover)
+        moving = [k for k, group in enumerate(groups) if group > 0 and not self._on_axis(k)]
+        if space is not None and space.floor is not None:
+            lowest = [pose[:, 1].min()]
+            if arm is not None:
+                lowest += [arm.heights(self.ticks).min(), self._palm(pose)[..., 1].min()]
+            lowest += [ends[k][..., 2].min() - reach[k] for k in moving]
+            found["arm, floor"] = float(min(lowest)) - space.floor, 0.0
+        for solid in self.solids:
+            away = [solid.distance(*ends[k]).min() - reach[k] for k in moving]
+            found[f"arm, {solid.name}"] = min(away, default=math.inf), solid.clearance
+        away = [
+            shapes.between_segments(*ends[i], *ends[j]).min() - radii[i] - radii[j]
+            for i, j in itertools.combinations(range(len(groups)), 2)
+            if groups[i] != groups[j]
+            and abs(arm.arm.capsules[i].link - arm.arm.capsules[j].link) > ADJACENT
+        ]
+        return found | ({"arm, itself": (min(away), 0.0)} if away else {})
+
+    def bar(
+        self,
+        bar: Bar,
+        times: Array,
+        poses: Array,
+        flight: Flight,
+        off: tuple[Array, Array],
+        planned: bool,
+    ) -> dict[str, Found]:
+        """Distances of a bar: held at CoM poses (K, 3) at times (K,) [s], then in flight.
+
+        off: error (3,) of the hand's pose at detach, and its rate.
+        """
+        scene, space, found = self.scene, self.scene.workspace, dict[str, tuple[float, float]]()
+        since = np.linspace(0.0, flight.duration, FLIGHT)
+        way = flight.at(since)
+        if space is not None and space.floor is not None:
+            found["bar, floor"] = bar.outline(poses)[..., 1].min() - space.floor, 0.0
+        if space is not None and space.column_radius is not None:
+            beside = max(abs(self.motion.plane.lateral) - bar.half, 0.0)
+            if beside < space.column_radius:
+                size = math.sqrt(space.column_radius**2 - beside**2), space.column_height
+                for name, there in (("held", poses), ("flying", way)):
+                    away = shapes.from_column(bar.outline(there), *size).min()
+                    found[f"{name} bar, column"] = away, 0.0
+        if self.moved is not None and space is not None and space.palm_clearance is not None:
+            pose = self.motion.hand.at(flight.begins + since)[0]
+            pose = pose + off[0] + off[1] * since[:, None]
+            far = bar.reach + scene.arm.tool.palm_back + scene.object.length
+            near = np.hypot(*(pose - way)[:, :2].T) < far
+            between = shapes.between_outlines(bar.outline(way[near]), self._palm(pose[near]))
+            kept = space.palm_clearance if planned else 0.0
+            found["flying bar, palm"] = between.min(initial=math.inf), kept
+        if scene.cup is not None:
+            kept = max(scene.cup.clearance - CUP_NEAR, 0.0) if planned else 0.0
+            found["cup"] = self._way_in(bar, flight), kept
+        for name, there, at in (
+            ("held bar", poses, times),
+            ("flying bar", way, flight.begins + since),
+        ):
+            axis, flies = bar.axis(there, self.motion.plane), there is way
+            for other, away, kept in self._of_axis(
+                axis, at, bar.half * math.sqrt(2), flies, planned
+            ):
+                found[f"{name}, {other}"] = away, kept
+        return {
+            name: at_least(*each, scene.object.length, DISTANCE) for name, each in found.items()
+        }
+
+    def _of_axis(
+        self, axis: list[Array], times: Array, radius: float, flies: bool, planned: bool
+    ) -> Iterator[tuple[str, float, float]]:
+        """Of the bar's capsule from obstacles and links: name, least [m], and what is needed."""
+        for solid in self.solids:
+            away = solid.distance(*axis) - radius
+            kept = np.full(away.shape, solid.clearance if planned else 0.0)
+            if flies:
+                moved = np.max([np.linalg.norm(np.diff(e, axis=0), axis=1) for e in axis], axis=0)
+                lands = np.minimum(kept, away[-1] - moved[-1])
+                kept = np.where(times > times[-1] - LANDS, lands, kept)
+            worst = int(np.argmin(away - kept))
+            yield solid.name, float(away[worst]), float(kept[worst])
+        ends, groups, radii = self._capsules
+        links = [k for k, group in enumerate(groups) if group != max(groups)]
+        if links:
+            # Between ticks of a millisecond links move evenly, to some micrometres.
+            after = np.searchsorted(self.ticks, times).clip(1, self.ticks.size - 1)
+            first, last = self.ticks[after - 1], self.ticks[after]
+            share = ((times - first) / (last - first)).clip(0.0, 1.0)[:, None]
+            away = []
+            for k in links:
+                link = (1 - share) * ends[k][:, after - 1] + share * ends[k][:, after]
+                apart = shapes.between_segments(*axis, *link).min()
+                away.append(apart - radii[k] - radius)
+            yield "links", float(min(away)), 0.0
+
+    def _way_in(self, bar: Bar, flight: Flight) -> float:
+        """Least clearance [m] of wall and rim until the bar is inserted; -inf if it never is."""
+        cup = self.scene.cup
+
+        def depth(since: Any) -> Array:
+            lowest = bar.outline(flight.at(np.atleast_1d(since)))[..., 1].min(axis=1)
+            return np.asarray(cup.rim - lowest)
+
+        times = np.linspace(0.0, flight.duration + BEYOND, FLIGHT)
+        below = depth(times)
+        deep = np.flatnonzero(below >= cup.insertion)
+        above = np.flatnonzero(below[: deep[0]] < 0.0) if deep.size else deep
+        if not above.size:
+            return -math.inf
+        first, last = above[-1], deep[0]
+        begin = brentq(lambda t: depth(t)[0], times[first], times[first + 1])
+        end = brentq(lambda t: depth(t)[0] - cup.insertion, times[last - 1], times[last])
+        since = np.linspace(begin, end, WAY_IN)
+        corners = bar.outline(flight.at(since))
+        # The bar is as thick as it is wide: a round cup is narrower off its middle.
+        half = math.sqrt(cup.radius**2 - bar.half**2)
+        middle = cup.x + self.speed * (flight.begins + since)
+        wall = half - np.abs(corners[..., 0] - middle[:, None])
+        found = wall[corners[..., 1] <= cup.rim].min(initial=math.inf)
+        for side in (-half, half):
+            rim = np.column_stack([middle + side, np.full(since.size, cup.rim)])
+            found = min(found, shapes.from_outline(rim, corners).min())
+        return float(found)
