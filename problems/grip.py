@@ -113,7 +113,7 @@ class Grasp(Section):
 class PadContact(Section):
     """Friction of the pads. Required."""
 
-    friction: float = quantity("μ, of one pad", above=0, most=100)
+    friction: float = quantity("μ, of one pad", above=0, least=1e-6, most=100)
     patch_radius: float = quantity(
         "m, radius r_p of the pads' patch; left out: 0.0025, with advice",
         above=0,
@@ -152,7 +152,7 @@ class Gripper(Section):
     `table`.
     """
 
-    force: float | None = optional("N, of one pad at full grip", above=0, most=1e6)
+    force: float | None = optional("N, of one pad at full grip", above=0, least=1e-6, most=1e6)
     dwell: float = quantity(
         "s, from the command until the force starts to fall", least=0, most=2, unit="s", default=0.0
     )

@@ -106,14 +106,14 @@ class Margins:
 
     values: tuple[tuple[str, float], ...]
 
-    def __init__(self, **values: float) -> None:
+    def __init__(self, /, **values: float) -> None:
         given = tuple(sorted((name, value) for name, value in values.items() if value != 0.0))
         object.__setattr__(self, "values", given)
 
     def __getitem__(self, name: str) -> float:
         return dict(self.values).get(name, 0.0)
 
-    def replace(self, **values: float) -> Margins:
+    def replace(self, /, **values: float) -> Margins:
         """These with others instead."""
         return Margins(**dict(self.values) | values)
 

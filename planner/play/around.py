@@ -14,6 +14,7 @@ from ..reach import ReachMap
 from ..result import Plan
 from ..show import BLUE, GREEN, ORANGE, RED, rgb
 from ..sweep import Sweep, sweep
+from ..verdict import Code
 
 #: Number of throws in a cloud of landings.
 THROWS = 200
@@ -65,8 +66,13 @@ def cloud_words(found: Sweep, half: float) -> str:
     """The result of the sweep in words."""
     x = found.landings.pose[:, 0]
     x = x[np.isfinite(x)]
-    where = "land within the tolerance" if found.plan.scene.cup is None else "go into the cup"
-    good = f"{int(found.success.sum())} of {found.samples} throws {where}"
+    good = f"{int(found.success.sum())} of {found.samples} throws succeed"
+    failed = {code: int(flags.sum()) for code, flags in found.landings.verdicts.broken.items()}
+    if found.plan.scene.cup is not None:
+        failed.pop(Code.LANDING, None)
+    worst = max(failed, key=failed.__getitem__, default=None)
+    if worst is not None and failed[worst]:
+        good += f" ({failed[worst]} {worst.fate})"
     also = [name.replace("_", " ") for name in found.sampler.names if name != "delay"]
     varied = f", with {', '.join(also)} as uncertain as [uncertainty] says" if also else ""
     spread = f"; spread {1e3 * float(np.ptp(x)):.0f} mm" if x.size else ""

@@ -24,7 +24,7 @@ from ..throw.clearance import (
     clearances_of,
     held_bar,
 )
-from ..verdict import collision
+from ..verdict import Code, Finding, collision
 from .controllers import JointMotion
 
 #: Shares of the limits on rate, acceleration and jerk of the way to the start pose.
@@ -104,7 +104,7 @@ def _collision(motion: JointMotion, q: Array) -> str:
     room = track.ends[-1, :, 2].min(axis=0) - track.radius[-1] - floor
     # At the start of a throw the capsule around the bar may be below the floor.
     lowest = (room - min(room[-1], 0.0)).min()
-    return "" if lowest >= -1e-6 else f"floor: {BAR} comes {-1e3 * lowest:.0f} mm below it"
+    return "" if lowest >= -1e-6 else Finding(Code.FLOOR, floor + lowest, floor, body=BAR).words
 
 
 def _track(motion: JointMotion, q: Array, times: Array) -> SweptBodies:

@@ -64,11 +64,11 @@ def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None
 
 
 def grip_words(throw: Throw) -> str:
-    """Largest use of the grip's friction, and the reserve of the plan."""
+    """Largest use of the grip's friction, what is left, and what the scene keeps in reserve."""
     use, reserve = throw.measured.grip, throw.scene.gripper.sticking_margin
     return (
         f"grip: at most {100 * use.value:.0f} % of its friction before it opens, at "
-        f"{use.time:.2f} s (planned with {100 * reserve:g} % in reserve)"
+        f"{use.time:.2f} s; {100 * (1 - use.value):.0f} % are left (sticking_margin {reserve:g})"
     )
 
 

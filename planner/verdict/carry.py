@@ -13,7 +13,7 @@ from functools import cached_property, partial
 import numpy as np
 
 from ...core import library
-from ...models import Array, Body, Flags, HandMotion, HandSamples, held_wrench
+from ...models import Array, Body, Flags, HandMotion, HandSamples, Indices, held_wrench
 from ..throw import (
     CARRY_STEP,
     TICK,
@@ -35,6 +35,8 @@ from ..throw.clearance import (
 AFTER = 1e-12
 #: A bound above this may stand for a use above 1: rounding.
 ROUNDED = 1 - 1e-9
+#: Parts in which bars are measured in their own grasp: bounds the memory.
+PARTS = 16
 
 
 @dataclass(frozen=True)
@@ -166,18 +168,25 @@ class Carry:
         """Flags (N,) of the held bars that may collide with floor, column, obstacles or links.
 
         The distance of a bar to the planned throw's is at most the error of its grasp; while the
-        pads open, plus its motion in the hand.
+        pads open, plus its motion in the hand. Bars that this bound leaves in doubt until the
+        opening are measured in their own grasp.
         """
         own = self.batch.columns(self.batch.nominal())
         shifted = np.abs(flights.columns["grasp_offset"] - own["grasp_offset"])
         turned = np.abs(flights.grasp_angle - own["grasp_angle"])
         off = shifted + self._far * turned + np.hypot(*flights.error[:, :2].T)
-        held, opening = self._room
         stray = flights.release.stray
         strays = math.inf if stray is None else stray[:, 0] + self._far * stray[:, 1]
         drift = np.hypot(*flights.error[:, 3:5].T) + self._far * np.abs(flights.error[:, 5])
         strays = strays + drift * flights.columns["opening"]
-        return np.asarray((off > held) | (off + strays > opening))
+        times, room = self._planned_room
+        opens = times >= self.batch.throw.opening_time + min(self.batch.reach[0], 0.0)
+        collides = off + strays > room[opens].min(initial=math.inf)
+        near = times[(room < off.max(initial=0.0)) & ~opens]
+        for part in np.array_split(np.flatnonzero(off > room[~opens].min(initial=math.inf)), PARTS):
+            if part.size:
+                collides[part] |= self._held_room(flights, part, near) <= 0.0
+        return np.asarray(collides)
 
     @cached_property
     def _far(self) -> float:
@@ -186,24 +195,42 @@ class Carry:
         return reach_of_bar(scene.object) + abs(scene.com_offset)
 
     @cached_property
-    def _room(self) -> tuple[float, float]:
-        """Clearance [m] of the held bar until the latest opening, and while pads may open."""
-        throw, scene, end = self.batch.throw, self.batch.scene, max(self._latest, TICK)
+    def _planned_room(self) -> tuple[Array, Array]:
+        """Ticks (K,) [s] until the latest opening, and the held bar's clearance (K,) [m] there."""
+        end = max(self._latest, TICK)
         times = np.append(np.arange(0.0, end, TICK), end)
-        hand = throw.hand(times)
-        com = held_bar(scene, hand.pose)
+        com = held_bar(self.batch.scene, self.batch.throw.hand(times).pose)
+        return times, self._clearance(times, com)
+
+    def _held_room(self, flights: BatchFlights, which: Indices, times: Array) -> Array:
+        """Least clearance (M,) [m] at `times` (K,) [s] of M bars, each held in its own grasp."""
+        scene, hand = self.batch.scene, self.batch.throw.hand(times).pose
+        theta = hand[2] + flights.grasp_angle[which, None]
+        arm = scene.object.com - flights.columns["grasp_offset"][which, None]
+        x, z = (hand[i] + flights.error[which, i, None] for i in (0, 1))
+        com = np.array([x + arm * np.cos(theta), z + arm * np.sin(theta), theta])
+        every = np.tile(times, which.size)
+        room = self._clearance(every, com.reshape(3, -1)).reshape(which.size, -1)
+        return np.asarray(room.min(axis=1))
+
+    def _clearance(self, times: Array, com: Array) -> Array:
+        """How much farther (K,) [m] held bars are from all bodies than they must be, until the
+        next tick; com (3, K): their poses at `times` (K,) [s]."""
+        throw, scene = self.batch.throw, self.batch.scene
         room = bar_room(throw, times, com, flying=False)
         if scene.workspace is not None and scene.workspace.floor is not None:
-            lowest = lowest_of_bar(scene.object, com)
-            room = np.minimum(room, lowest - scene.workspace.floor)
+            room = np.minimum(room, lowest_of_bar(scene.object, com) - scene.workspace.floor)
         column = column_of(scene)
         if column is not None:
             room = np.minimum(room, column_distance(scene.object, com, *column))
         # Between ticks the clearance shrinks by what bar and links move.
-        swing = np.hypot(*hand.twist[:2]) + self._far * np.abs(hand.twist[2])
-        room = room - float(swing.max()) * TICK
-        opens = times >= throw.opening_time + min(self.batch.reach[0], 0.0)
-        return float(room.min()), float(room[opens].min(initial=math.inf))
+        return np.asarray(room - self._swing * TICK)
+
+    @cached_property
+    def _swing(self) -> float:
+        """Upper bound on the speed [m/s] of any point of the held bar until the latest opening."""
+        twist = self.batch.throw.hand(np.arange(0.0, self._latest + TICK, TICK)).twist
+        return float((np.hypot(*twist[:2]) + self._far * np.abs(twist[2])).max())
 
 
 def _rows(hand: HandSamples) -> tuple[Array, ...]:

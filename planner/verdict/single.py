@@ -35,6 +35,7 @@ FLYING = "flying bar"
 def verdict(throw: Throw, target: Pose | None = None, *, sent: Throw | None = None) -> Verdict:
     """Everything that a throw breaks, by its release model.
 
+    Of a throw that never lands: joint limits, kinematics, release and grip only.
     target: None for the throw's own. sent: the motion commanded, if joints follow it only roughly
     and `throw` is what they are expected to do: joint limits are judged on `sent`, the tool's speed
     on both.

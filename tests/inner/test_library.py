@@ -340,7 +340,7 @@ def scrambled(rows: np.ndarray, way: str) -> None:
         order = rng.permutation(len(rows))
         rows["detach"], rows["landing"] = rows["detach"][order], rows["landing"][order]
     else:
-        rows["margins"], rows["guards"] = b'{"held": 0.3, "what": 0.5}', b"carry return nothing"
+        rows["margins"], rows["guards"] = b'{"held": 0.3, "self": 0.5}', b"carry return nothing"
 
 
 @pytest.mark.parametrize(

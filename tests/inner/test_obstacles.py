@@ -401,6 +401,7 @@ def test_the_arm_meets_itself(free, pose):
     [
         (dataclasses.replace(WALL, position=(1.2, 0.0, 0.1)), "the target's pose is inside"),
         (dataclasses.replace(WALL, position=(0.3, 0.0, 0.6)), "mm from the start pose's"),
+        (Obstacle("peg", "sphere", (0.005,), (0.0, -0.05, 0.3)), "obstacle peg: inside link 1"),
     ],
 )
 def test_an_obstacle_that_holds_target_or_start(pose, obstacle, words):

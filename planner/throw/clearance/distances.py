@@ -163,9 +163,10 @@ def overlap(
 
 
 def check_obstacles(scene: Scene, manipulator: Manipulator) -> None:
-    """InputError where an obstacle holds the target's pose or is too near to a given start.
+    """InputError where an obstacle holds the target's pose, is in a link that no throw moves, or is
+    too near to a given start.
 
-    The bar may lie on an obstacle.
+    The bar may lie on an obstacle, and the arm's base stand on one.
     """
     target, bar = scene.target, scene.object
     assert target is not None
@@ -180,6 +181,7 @@ def check_obstacles(scene: Scene, manipulator: Manipulator) -> None:
     for found in clearances_of(here, CollisionScene(scene, tuple(inside), None)):
         assert found.thing is not None
         raise InputError(f"{scene.place}: the target's pose is inside {found.thing.words}")
+    _check_still_links(scene, around)
     if manipulator.start is None:
         return
     q = np.repeat(manipulator.start[:, None], 2, axis=1)
@@ -191,3 +193,22 @@ def check_obstacles(scene: Scene, manipulator: Manipulator) -> None:
                 f"{scene.place}: {found.thing.words}: {away:.0f} mm from the start pose's "
                 f"{found.body}, its clearance is {1e3 * found.thing.clearance:.0f} mm"
             )
+
+
+def _check_still_links(scene: Scene, around: CollisionScene) -> None:
+    """InputError where an obstacle is in a link that the throwing joints do not move: verdicts look
+    at moving links only."""
+    capsules, bar = around.capsules, scene.object.width / math.sqrt(2)
+    if capsules is None or not scene.obstacle:
+        return
+    ends = capsules.at(np.zeros((capsules.arm.coordinates, 2)))
+    for k, number in enumerate(capsules.number):
+        if number == 0 or capsules.moves[k]:
+            continue
+        # A capsule as thick as the bar, which is what the core compares with solids.
+        thicker = float(capsules.radius[k]) - bar
+        solids = tuple(replace(t, clearance=thicker) for t in around.things if t.bar)
+        one = SweptBodies((BAR,), ends[k : k + 1], np.array([bar]), np.zeros(1), np.zeros(2), False)
+        for found in clearances_of(one, CollisionScene(scene, solids, None)):
+            assert found.thing is not None
+            raise InputError(f"{scene.place}: {found.thing.words}: inside {capsules.names[k]}")
