@@ -92,11 +92,6 @@ class Candidates:
         thrown = replace(thrown, scene=self.task.scene.aimed_at(pose))
         return pose if verdict(thrown, pose).ok else None
 
-    @property
-    def distance(self) -> float:
-        """Pose error [m] of the nearest landing."""
-        return self.nearest[0][2]
-
     def key(self, index: int) -> bytes:
         """What tells a release from others."""
         return bytes(self.releases.q[index].tobytes() + self.releases.detach[index].tobytes())

@@ -37,9 +37,8 @@ WARM_REACH = 0.06
 NEARBY = 0.15
 #: A solution for a target within this pose error [m] needs few iterations.
 NEAR = 0.005
-#: Starts from samples before throws beside the target are brought to it; none where the nearest
-#: sample lands farther [m, pose error] from it than the second.
-FIRST_STARTS, FAR = 2, 0.05
+#: Starts from samples that are solved before throws beside the target are brought to it.
+FIRST_STARTS = 2
 #: Throws of the library that are brought as near to the target as limits let them.
 SOLVED = 2
 #: Edges of the reach that are equally far from the target, by this factor, and how many of them
@@ -246,7 +245,7 @@ def from_warm_plan(search: Search, history: History) -> Try | None:
 
 def from_nearest_samples(search: Search, history: History) -> Try | None:
     """A solver's start from one of few sampled releases that land near the target."""
-    if search.blocked or not search.candidates.nearest or search.candidates.distance > FAR:
+    if search.blocked:
         return None
     return _from_samples(search, history, {search.task.solvers[0]: FIRST_STARTS})
 

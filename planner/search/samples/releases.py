@@ -19,8 +19,6 @@ from ...library import Turns
 POOL, DIFFERENT = 400, 0.15
 #: A height this far [m] above every sampled apex is out of reach.
 HEIGHT_ROOM = 0.25
-#: How much nearer [m, scaled error] a landing must be for a throw that meets column or hand.
-DETOUR = 0.1
 
 
 @dataclass(frozen=True, repr=False, eq=False)
@@ -84,15 +82,11 @@ def distances(
     height: float,
     theta: float | None,
 ) -> Array:
-    """Scaled distances [m] (39) (N,) of the landings; inf where there is none.
-
-    Throws whose bar meets column or hand count as DETOUR [m] farther.
-    """
+    """Pose errors [m] (39) (N,) of the landings; inf where there is none."""
     land_x, land_theta, time = releases.landings(height, scene.flight)
     turn = 0.0 if theta is None else land_theta - theta
     distance = scene.object.pose_error(land_x - x, turn)
-    distance = np.where(np.isfinite(time), distance, np.inf)
-    return np.asarray(distance + np.where(releases.clear, 0.0, DETOUR))
+    return np.asarray(np.where(np.isfinite(time), distance, np.inf))
 
 
 def arrival(releases: Releases, scene: Scene, pose: Pose, within: float) -> tuple[float, float]:
@@ -114,8 +108,7 @@ def nearest(
 ) -> tuple[Indices, Array]:
     """Indices and scaled distances [m] (39) of `count` near landings, nearest first.
 
-    Throws whose bar clears column and hand come first where they are not much farther. Each
-    differs from those before it; where there are too few such among the nearest, others
+    Each differs from those before it; where there are too few such among the nearest, others
     like them fill up.
     """
     distance = distances(releases, scene, x, height, theta)
@@ -128,7 +121,7 @@ def nearest(
     if count > 1 and len(pool):
         pool = pool[_different(_shares(releases, height, scene.flight)[pool], count)]
     found = pool[:count]
-    return found, distance[found] - np.where(releases.clear[found], 0.0, DETOUR)
+    return found, distance[found]
 
 
 def _different(states: Array, count: int) -> Indices:
