@@ -39,7 +39,7 @@ class ExpectedThrow:
 
     @property
     def pose_error(self) -> float:
-        """The same in the scaled error [m] (39); inf where it does not come down."""
+        """Pose error [m] (39) of the expected landing; inf where it does not come down."""
         dx, dtheta = self.off
         pose_error = self.throw.scene.object.pose_error(dx, dtheta)
         return pose_error if math.isfinite(pose_error) else math.inf

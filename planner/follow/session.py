@@ -98,7 +98,7 @@ class Session:
         sent: Throw | None = None,
         response: Response | None = None,
     ) -> None:
-        """horizon [s]: what is sent so long after a measurement is not changed any more.
+        """horizon [s]: delay from a measurement until a new command takes effect.
 
         sent: what is sent instead of the plan's motion, for joints that lag; response: how.
         """

@@ -29,8 +29,8 @@ FORMAT = 3
 def folder_of(scene: Scene, kind: np.dtype[Any]) -> Path | None:
     """The folder of a scene's library with records of this kind; None without a cache folder.
 
-    Where in the reach the target lies, what only chooses among throws, and obstacles, which have
-    another place in each throw's plane, change nothing.
+    The target's place, [choice] and [robust], and obstacles do not enter the name: throws of one
+    library serve any of them.
     """
     cache = cache_folder()
     if cache is None:

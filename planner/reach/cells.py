@@ -16,8 +16,8 @@ Landings = tuple[Array, Array]
 
 #: Sampled states whose landings are the map.
 SAMPLES = 60_000
-#: How much larger the reach is than what random throws hit of so many cells.
-LARGER, HIT = 1.3, 300
+#: Cells that random throws hit in the estimate of the reach's area, and the area over theirs.
+HIT, LARGER = 300, 1.3
 #: Narrowest cells, as a share of these bins.
 FINEST = 0.2
 
@@ -43,7 +43,7 @@ class Cells:
         return cls(scale * wide, scale * turn if angle else 0.0)
 
     def finer(self, times: float) -> Cells | None:
-        """Cells of which there are so many times as many; None where these are the finest."""
+        """Smaller cells, `times` as many; None where these are the finest."""
         finest = FINEST * WIDTHS[0][0]
         scale = max(times ** -(0.5 if self.theta else 1.0), finest / self.x)
         return Cells(scale * self.x, scale * self.theta) if self.x > 1.001 * finest else None

@@ -189,8 +189,8 @@ class LibraryBuilder:
     def _next_task(self) -> CellTask | None:
         """Seeds, cells beside solved ones, seeds where none of these led, cells that cost too much.
 
-        Of two families of throws the cheaper one comes to a cell first, and at the end spreads as
-        far as it is the cheaper one.
+        The cheapest solved neighbour gives a cell's throw; at the end a cheaper neighbour replaces
+        dearer throws.
         """
         if len(self._solved) < self._most and (task := self._next_new()) is not None:
             return task

@@ -34,7 +34,6 @@ class SolverSettings:
     patience [s]: longest time for one cell. max_distance [m]: a throw with a larger pose error is
     not moved along its slope. max_moves: a throw is moved along its slope from cell
     to cell at most this often, then solved anew, which keeps its effort near the least.
-    max_throws: throws of a continuation before it counts as failed; most need one or two.
     max_starts: sampled releases that a throw is solved from.
     """
 

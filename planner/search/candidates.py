@@ -23,8 +23,10 @@ from .samples import Releases, flies_past_column, in_obstacles, sampled_throw, s
 STARTS = {"fatrop": 6, "ipopt": 4}
 #: Throws of the table that are checked for collisions with obstacles.
 CLEARED = 40
-#: Throws of the table that are judged, how many that break nothing are enough, and how many others.
-JUDGED, SOUND, OTHERS = 150, 4, 4
+#: Sampled throws that are judged at most.
+JUDGED = 150
+#: Sampled throws without a violation that are taken first, and others that follow.
+SOUND, OTHERS = 4, 4
 #: NLPs solved at most from one release, each refined by the check of the one before.
 TRIES = 4
 
@@ -57,8 +59,8 @@ class Candidates:
 
     @cached_property
     def arriving(self) -> Candidates:
-        """Those that land on the target's side of the base column, which they fly past, and in the
-        cup, which comes along. Of these conditions those that some releases meet."""
+        """Those that land on the target's side of the base column, fly past it, and land in a cup
+        that is moved to their landing. A condition that no release meets is ignored."""
         scene, target, releases = self.task.scene, self.task.target, self.releases
         landing = np.column_stack(releases.landings(target.z, scene.flight))
         good = np.isfinite(landing[:, 2])

@@ -38,7 +38,7 @@ class ThrowFamily:
     """Moves throws of `u` to targets: controls, motion, samples, exact throw and correction in C.
 
     Along the slope of `u` Newton steps bring the exact throw to the goal; their matrix is learnt
-    from the throws themselves (Broyden's method). What the throw breaks besides is not looked at.
+    from the throws themselves (Broyden's method). Constraints are not checked here.
     """
 
     def __init__(self, controls: ReducedVariables) -> None:

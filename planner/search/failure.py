@@ -88,16 +88,16 @@ def contradiction(scene: Scene, releases: Callable[[], Releases], target: Pose) 
     # Rates of either sign pass through zero.
     rate = np.abs(omega) if (omega > 0).all() or (omega < 0).all() else 0 * omega
     time = table.run_up[near] + scene.gripper.profile().opening + flown[near]
-    refinement: list[tuple[str, float | None, Array, str]] = [
+    bounds_of: list[tuple[str, float | None, Array, str]] = [
         ("[target] arrival", latest, time, "s")
     ]
     if bounds is not None:
-        refinement += [
+        bounds_of += [
             ("[landing] speed_max", bounds.speed_max, speed, "m/s"),
             ("[landing] rate_max", bounds.rate_max, rate, "rad/s"),
             ("[landing] speed_min", bounds.speed_min or None, -speed, "m/s"),
         ]
-    for name, bound, values, unit in refinement:
+    for name, bound, values, unit in bounds_of:
         words = _words(name, bound, values, unit)
         if words:
             return name.split()[1], words

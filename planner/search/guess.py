@@ -82,13 +82,13 @@ def _cup_times(scene: Scene, detach: Array, flight: float, depths: int) -> Array
     middle = z + lower_end(scene, target) * np.sin(theta)
     corner = middle - scene.object.width / 2 * np.abs(np.cos(theta))
 
-    def when(heights: Array, refinement: Array) -> Array:
-        # Falling from here on, as far as the spin lets it.
-        depth = np.maximum.accumulate(cup.rim - heights)
-        return np.interp(refinement, depth + 1e-9 * np.arange(times.size), times)
+    def times_at(heights: Array, depth: Array) -> Array:
+        # A spinning bar's end may rise: its largest depth until then counts.
+        deepest = np.maximum.accumulate(cup.rim - heights)
+        return np.interp(depth, deepest + 1e-9 * np.arange(times.size), times)
 
-    refinement = cup.insertion * np.arange(depths) / max(depths - 1, 1)
-    return np.append(when(corner, np.zeros(1)), when(middle, refinement))
+    insertions = cup.insertion * np.arange(depths) / max(depths - 1, 1)
+    return np.append(times_at(corner, np.zeros(1)), times_at(middle, insertions))
 
 
 def initial_guess_from(nlp: ThrowNlp, throw: PlannedThrow, request: Request) -> Array:

@@ -128,7 +128,7 @@ class History:
             if entry.done.origin == "samples":
                 after = entry.attempts[-1].after
                 if "carry" not in after.lazy:
-                    # A margin against one throw's cut corners is not for other throws.
+                    # The margin of the held bar belongs to that motion.
                     margins = after.margins.replace(held=refinement.margins["held"])
                     after = replace(after, margins=margins)
                 refinement = after.for_other_motion

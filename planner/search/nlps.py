@@ -17,8 +17,7 @@ from ..library import Turns
 from ..ocp import Refinement, Request, Solver, ThrowNlp, build_nlp, processor_time
 from ..throw import Manipulator, friction_use
 
-#: A plan's own time does not count what is built for it, up to so much [s]: twice 0.5 s for the
-#: Panda's NLPs, more with torques.
+#: Build time [s] that is not charged to a plan's patience, at most.
 BUILDING = 1.5
 #: Random start poses tried when the start is free.
 POSES = 4000

@@ -29,7 +29,7 @@ from .history import Approach, History, Move, Solve, Try
 from .nlps import NlpCache, Task
 from .samples import Releases, ReleaseSampler
 
-#: Solved throws that are moved to the target, for each throw that is wanted: of one, of several.
+#: Solved throws that are moved to the target: for one throw, and for each of several.
 MOVED, MOVED_FOR_CHOICE = 4, 6
 #: A warm plan is moved to targets within this pose error [m] of its landing.
 WARM_REACH = 0.06
@@ -41,9 +41,10 @@ NEAR = 0.005
 FIRST_STARTS = 2
 #: Throws of the library that are brought as near to the target as limits let them.
 SOLVED = 2
-#: Edges of the reach that are equally far from the target, by this factor, and how many of them
-#: say that it is out of reach.
-ALIKE, ENOUGH = 1.1, 2
+#: Nearest landings whose pose errors differ by less than this factor count as equal.
+ALIKE = 1.1
+#: Equal nearest landings from which a target is out of reach.
+ENOUGH = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,7 +76,7 @@ class SearchContext:
         return Library(self.problems.scene, self.problems.manipulator, keep=self.keep)
 
     @cached_property
-    def edge(self) -> Library:
+    def reach_boundary(self) -> Library:
         """Throws at the edge of the reach that plans have named, in memory alone."""
         return Library(self.problems.scene, self.problems.manipulator, keep=False)
 
@@ -83,7 +84,7 @@ class SearchContext:
         """At most `count` solved throws with a pose error below `within` [m], nearest first."""
         found = (
             some.nearest_throws(task.target, task.turns, count, within)
-            for some in (self.library, self.edge)
+            for some in (self.library, self.reach_boundary)
         )
         return islice(merge(*found, key=lambda one: one.distance), count)
 
@@ -95,7 +96,7 @@ class SearchContext:
     def remember(self, found: Attempt) -> None:
         """Keeps a throw at the edge of the reach for the next plans, to where it lands above all.
 
-        It has no slope: next to the edge no direction keeps all limits.
+        Its slope is zero: active limits leave no direction.
         """
         throw, edge, controls = found.throw, found.edge, self.library.controls
         if edge is None or edge.pose is None or throw is None:
@@ -116,14 +117,14 @@ class SearchContext:
             edge.names,
         )
         landing = edge.pose.plane_x, edge.pose.theta or 0.0
-        self.edge.add([self.edge.record(optimum, landing, solved=True)])
+        self.reach_boundary.add([self.reach_boundary.record(optimum, landing, solved=True)])
 
 
 @dataclass(frozen=True, eq=False)
 class Search:
     """The search for one plan; warm: a throw to a target near the task's.
 
-    A single solver that is asked for gets no moved throws.
+    Where a solver is named, no throw is moved.
     """
 
     context: SearchContext
@@ -183,7 +184,7 @@ class Search:
         """Of the next NLP from another motion."""
         return history.refinement(Refinement(frozenset({"passing"})) if self.blocked else BASE)
 
-    def beside(self) -> Iterator[tuple[Pose, Start | Neighbour]]:
+    def nearest_starts(self) -> Iterator[tuple[Pose, Start | Neighbour]]:
         """Throws that land beside the target, solved ones first, each with its goal."""
         task, context = self.task, self.context
         if len(task.solvers) > 1:
@@ -200,9 +201,10 @@ class Search:
         return self.candidates.arriving
 
     def is_settled(self, history: History) -> bool:
-        """Whether the target is out of reach: as many throws end about equally far from it.
+        """Whether the target is out of reach.
 
-        And no sampled throw that meets neither column nor hand lands nearer to it.
+        `ENOUGH` nearest landings are equal, and no sampled throw that clears column and hand lands
+        nearer to the target.
         """
         far = [one.edge.missed for one in history.edges if one.edge is not None]
         clear, nearest = self.candidates.releases.clear, self.candidates.nearest
@@ -256,7 +258,9 @@ def from_beside(search: Search, history: History) -> Try | None:
     enough = history.found or search.is_settled(history)
     if enough or not search.candidates.nearest or (search.blocked and number == ENOUGH):
         return None
-    return next((Approach(*one) for one in islice(search.beside(), number, number + 1)), None)
+    return next(
+        (Approach(*one) for one in islice(search.nearest_starts(), number, number + 1)), None
+    )
 
 
 def from_samples(search: Search, history: History) -> Try | None:
@@ -267,7 +271,7 @@ def from_samples(search: Search, history: History) -> Try | None:
 
 
 def _from_samples(search: Search, history: History, counts: dict[str, int]) -> Try | None:
-    """The next of the nearest releases, so many of them by each solver."""
+    """The next release that was not tried, `counts[solver]` of them by each solver."""
     task, candidates = search.task, search.candidates
     tried = {
         (one.start.solver, one.release, one.start.goal) for one in history.solves_from("samples")

@@ -145,8 +145,9 @@ def clears_thrown(
 ) -> Flags:
     """Whether the bar (N,) clears the arm after detach, and the hand by the scene's clearance.
 
-    q, dq (N, n): coordinates and rates at detach, from where each brakes at what is counted
-    on; detach (N, 6): the bar's pose and twist there. True where nothing is asked.
+    q, dq (N, n): coordinates and rates at detach, from where each joint brakes at BRAKE_SHARE of
+    its acceleration limit; detach (N, 6): the bar's pose and twist there. True where nothing is
+    asked.
     """
     clear = np.ones(len(q), dtype=bool)
     workspace, arm = scene.workspace, scene.arm
