@@ -124,7 +124,7 @@ def test_a_method_that_fails_leaves_the_plain_plan_and_says_so(
     planner: tp.Planner, nominal: tp.Plan
 ) -> None:
     """No motion of the arm keeps the hand's velocity over the window."""
-    plan = planner.plan(robust="hand-velocity", patience=4.0)
+    plan = planner.plan(robust="hand-velocity", patience=1.5)
     assert plan.solved and plan.robust == "nominal"
     assert "no robust throw found by hand-velocity (no motion" in plan.message
     # All numbers are those of the throw that is given.
