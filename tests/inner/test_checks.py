@@ -33,9 +33,9 @@ def lifting_hand(scene: tp.Scene, acceleration: float) -> tuple[Manipulator, Tra
 
 
 @pytest.mark.parametrize(("below", "grazes"), [(1e-9, True), (1e-5, True), (1e-4, False)])
-def test_a_throw_whose_top_is_the_targets_height_is_not_taken(below: float, grazes: bool) -> None:
+def test_a_throw_whose_top_is_the_targets_height_is_not_taken(below, grazes, plan_of) -> None:
     """Where it lands depends on micrometres there: at 0.02 m/s down it is 20 um below the top."""
-    plan = tp.plan("hand-flip")
+    plan = plan_of("hand-flip")
     throw, target = plan.throw.deciding, plan.target
     start = throw.release.detach
     top = float(start.z + start.v_z**2 / (2 * plan.scene.gravity))
