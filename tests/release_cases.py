@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from hypothesis import strategies as st
 from throwplan.models import Body, Contact, Trajectory
 from throwplan.models.release import LinearRelease, Release, ReleaseCase
 from throwplan.models.release.patch import Patch
@@ -20,6 +22,7 @@ VALUES: dict[str, Any] = {
 }
 #: Names of the arrays by section, as `simulate_batch` takes them.
 Values = dict[str, dict[str, np.ndarray]]
+BAR = Body(mass=0.24, inertia=5.35e-4, com_offset=0.1)
 STILL = {"theta0": 0.0, "v0": [0.0, 0.0], "omega0": 0.0, "a": [0.0, 0.0], "alpha": 0.0}
 
 
@@ -43,6 +46,42 @@ def expected(name: str, model: str) -> np.ndarray:
     """x, z, theta, v_x, v_z, omega at detach."""
     values = VALUES[name]["detach"][model]
     return np.array([*values["x"], values["theta"], *values["v"], values["omega"]])
+
+
+def reference_values() -> Values:
+    """The seven reference cases as arrays."""
+    cases = [reference_case(name) for name in VALUES]
+    hands = [case.hand.at(np.zeros(1)) for case in cases]
+
+    def column(part: str, *keys: str) -> dict[str, np.ndarray]:
+        return {key: np.array([getattr(getattr(c, part), key) for c in cases]) for key in keys}
+
+    grip = column("grip", "full", "opening")
+    return {
+        "object": column("body", "mass", "inertia", "com_offset"),
+        "contact": column("contact", "friction", "patch_radius", "torsion", "faces"),
+        "gripper": {"force": grip["full"], "opening": grip["opening"]},
+        "hand": {
+            key: np.array([getattr(hand, key)[:, 0] for hand in hands])
+            for key in ("pose", "twist", "acceleration")
+        },
+    }
+
+
+def log_floats(low: float, high: float) -> st.SearchStrategy[float]:
+    return st.floats(math.log(low), math.log(high)).map(math.exp)
+
+
+def order_of(steps: Any, errors: Any) -> Any:
+    """The exponent p of errors (N, ...) that fall as steps (N,) ** -p."""
+    return -np.polyfit(np.log(steps), np.log(errors), 1)[0]
+
+
+def energy_of(case: ReleaseCase, release: Release) -> np.ndarray:
+    """Kinetic and potential energy [J] of the body at the release's instants."""
+    (v_x, v_z, omega), body = release.com_twist, case.body
+    kinetic = body.mass * (v_x**2 + v_z**2) / 2 + body.inertia * omega**2 / 2
+    return np.asarray(kinetic + body.mass * case.gravity * release.com[1])
 
 
 def landed(release: Release, below: float = 1.0) -> tuple[float, float]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections import Counter
 
@@ -10,7 +9,8 @@ import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner.ocp import Request, ThrowNlp, build_nlp
+from builders import nlp_of, varied
+from throwplan.planner.ocp import ThrowNlp
 from throwplan.planner.throw import Samples, excesses, make_manipulator
 
 
@@ -29,15 +29,18 @@ def fr3_velocity(q: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return np.minimum(low, 0.0).T, np.maximum(high, 0.0).T
 
 
+def assert_kept(q: np.ndarray, dq: np.ndarray) -> None:
+    low, high = fr3_velocity(q)
+    assert (dq <= high).all() and (dq >= low).all()
+
+
 def without_slowing(scene: tp.Scene) -> tp.Scene:
-    limits = dataclasses.replace(scene.arm.limits, slowing=None)
-    return scene.replace(arm=dataclasses.replace(scene.arm, limits=limits))
+    return varied(scene, limits={"slowing": None})
 
 
 def joints_only(scene: tp.Scene) -> tp.Scene:
     """The arm without tool speed and shape, which would bind before the joints' limits do."""
-    limits = dataclasses.replace(scene.arm.limits, tool_speed=None)
-    return scene.replace(arm=dataclasses.replace(scene.arm, limits=limits, capsules=()))
+    return varied(scene, limits={"tool_speed": None}, arm={"capsules": ()})
 
 
 @pytest.fixture(scope="module")
@@ -71,8 +74,7 @@ def test_every_sample_keeps_the_velocity_limits(fr3_planner, target):
     position, angle = plan.error_sent()
     assert abs(position) < 0.002 and abs(angle) < math.radians(0.5)
     samples = plan.throw.samples
-    low, high = fr3_velocity(samples.q)
-    assert (samples.dq <= high).all() and (samples.dq >= low).all()
+    assert_kept(samples.q, samples.dq)
     assert np.abs(samples.dq[-1]).max() == pytest.approx(0.0, abs=1e-9)
 
 
@@ -116,13 +118,10 @@ def test_a_sample_over_the_curve_is_named(fr3, slowing):
     ids=["acceleration", "start"],
 )
 def test_other_ways_to_plan_keep_the_limits(fr3, robot, target):
-    scene = fr3.replace(robot=dataclasses.replace(fr3.robot, **robot))
     # With acceleration steps the search takes 7 s of processor time.
-    plan = tp.Planner(scene).plan(target, patience=30.0)
+    plan = tp.Planner(varied(fr3, robot=robot)).plan(target, patience=30.0)
     assert plan.solved
-    low, high = fr3_velocity(plan.throw.samples.q)
-    dq = plan.throw.samples.dq
-    assert (dq <= high).all() and (dq >= low).all()
+    assert_kept(plan.throw.samples.q, plan.throw.samples.dq)
 
 
 def test_releases_keep_the_limits_at_both_ends_of_the_opening(fr3_planner, fr3):
@@ -131,14 +130,8 @@ def test_releases_keep_the_limits_at_both_ends_of_the_opening(fr3_planner, fr3):
     end = releases.q + opening * (releases.dq + opening * releases.ddq / 2)
     rate = releases.dq + opening * releases.ddq
     assert len(releases.q) > 1000
-    for q, dq in ((releases.q, releases.dq), (end, rate)):
-        low, high = fr3_velocity(q)
-        assert (dq <= high).all() and (dq >= low).all()
-
-
-def nlp_of(scene: tp.Scene) -> ThrowNlp:
-    manipulator = make_manipulator(scene)
-    return build_nlp(Request(scene, manipulator, scene.target))
+    assert_kept(releases.q, releases.dq)
+    assert_kept(end, rate)
 
 
 def operations(nlp: ThrowNlp) -> int:
@@ -158,6 +151,5 @@ def test_an_arm_without_such_limits_has_nothing_of_them(fr3):
     more = Counter(full.row_names) - Counter(bare.row_names)
     assert set(more) == {f"joint {j} velocity" for j in (2, 4, 6)}
     assert sum(more.values()) == full.size[1] - bare.size[1]
-    assert set(full.parameters.blocks) - set(bare.parameters.blocks) == {
-        "slowing", "slowing_offset", "slowing_upper", "slowing_lower",
-    }  # fmt: skip
+    names = {"slowing", *(f"slowing_{end}" for end in ("offset", "upper", "lower"))}
+    assert set(full.parameters.blocks) - set(bare.parameters.blocks) == names

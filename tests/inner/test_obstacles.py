@@ -5,17 +5,16 @@ from __future__ import annotations
 import dataclasses
 import itertools
 import math
-import socket
 from collections.abc import Iterator
 
 import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
+from builders import nlp_of, varied
 from oracle import shapes
 from throwplan.models import Trajectory
 from throwplan.models.robot import ArmCapsules, Solid, about_z, segment_distance
-from throwplan.planner.ocp import Request, build_nlp
 from throwplan.planner.show import serving, space_throw
 from throwplan.planner.throw import Throw, make_manipulator
 from throwplan.planner.throw.clearance import (
@@ -262,10 +261,8 @@ def test_capsules_move_with_the_arms_own_chain(arm):
 
 
 def test_a_scene_without_obstacles_builds_the_same_nlp(pose):
-    bare = pose.replace(arm=dataclasses.replace(pose.arm, capsules=()))
-    sizes = {build_nlp(Request(s, make_manipulator(s), TARGET)).size for s in (pose, bare)}
-    wall = pose.replace(obstacle=(WALL,))
-    assert sizes == {build_nlp(Request(wall, make_manipulator(wall), TARGET)).size}
+    scenes = pose, varied(pose, arm={"capsules": ()}), pose.replace(obstacle=(WALL,))
+    assert len({nlp_of(scene).size for scene in scenes}) == 1
 
 
 def in_clutter(plan: tp.Plan, rng: np.random.Generator) -> Throw:
@@ -333,11 +330,11 @@ def test_an_obstacle_stands_in_the_base_frame(free, pose):
 def test_no_link_is_below_the_floor_from_rest_to_rest(pose) -> None:
     """A floor that all joints, hand and bar are above, but a link's cover is not."""
     links = tuple(capsule for capsule in pose.arm.capsules if capsule.link > 2)
-    padded = pose.replace(arm=dataclasses.replace(pose.arm, capsules=links, cover=0.05))
+    padded = varied(pose, arm={"capsules": links, "cover": 0.05})
     final = tp.Planner(padded).plan(TARGET).throw.deciding
     floor = pose.workspace.floor + Judge(final.scene).worst(final) + 0.02
     assert floor < min(final.measured.arm.value, final.measured.held.value) - 0.1
-    higher = padded.replace(workspace=dataclasses.replace(pose.workspace, floor=floor))
+    higher = varied(padded, workspace={"floor": floor})
     hit = dataclasses.replace(final, scene=higher.aimed_at(TARGET))
     assert {c.other for c in contacts(hit)} == {"floor"}
     plan = tp.Planner(higher).plan(TARGET)
@@ -405,21 +402,17 @@ def test_the_arm_meets_itself(free, pose):
     ],
 )
 def test_an_obstacle_that_holds_target_or_start(pose, obstacle, words):
-    start = dataclasses.replace(pose.robot, start=(-0.8, -2.4, 1.6))
-    scene = pose.replace(robot=start, obstacle=(obstacle,))
+    scene = varied(pose, robot={"start": (-0.8, -2.4, 1.6)}, obstacle=(obstacle,))
     with pytest.raises(tp.InputError, match=words):
         tp.Planner(scene).plan(TARGET)
 
 
-def test_a_saved_plan_keeps_its_obstacles(around, tmp_path):
+def test_a_saved_plan_keeps_its_obstacles(around, tmp_path, free_port):
     around.save(tmp_path, draw=False)
     again = tp.read_plan(tmp_path)
     assert again.scene.obstacle == (WALL,)
     assert not contacts(again)
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    with serving(space_throw(again), port) as (_, panel):
+    with serving(space_throw(again), free_port()) as (_, panel):
         assert panel
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import os
 import subprocess
@@ -12,15 +11,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
+from builders import varied
 from matplotlib.colors import to_rgb
 from PIL import Image, ImageSequence
-from throwplan.planner.show import (
-    GREEN,
-    GREY,
-    RED,
-    draw_releases,
-    draw_throw_moving,
-)
+from throwplan.planner.show import GREEN, GREY, RED, draw_releases, draw_throw_moving
 from throwplan.problems import Motion
 
 
@@ -86,15 +80,14 @@ def given_motions() -> dict[str, tp.Scene]:
     drop = tp.load_scene("drop")
     motion = Motion((0.0, 1.0), -1.0, (1.5, 1.0), 4.0, (5.0, 8.0), 20.0)
     return {
-        "drop": drop,
         "moving": drop.replace(name="moving", motion=motion),
         "weightless": drop.replace(gravity=0.0),
-        "weak": drop.replace(gripper=dataclasses.replace(drop.gripper, force=15.0)),
-        "centred": drop.replace(grasp=dataclasses.replace(drop.grasp, offset=drop.object.com)),
+        "weak": varied(drop, gripper={"force": 15.0}),
+        "centred": varied(drop, grasp={"offset": drop.object.com}),
     }
 
 
-@pytest.mark.parametrize("kind", ["drop", "moving", "weightless", "weak", "centred"])
+@pytest.mark.parametrize("kind", ["moving", "weightless", "weak", "centred"])
 def test_the_releases_are_drawn(kind: str, tmp_path: Path) -> None:
     scene, path = given_motions()[kind], tmp_path / "releases.png"
     draw_releases(scene, tp.simulate(scene, "ls" if kind == "moving" else "sp"), path)

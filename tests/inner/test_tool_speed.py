@@ -8,7 +8,7 @@ import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.planner.ocp import Request, ThrowNlp, build_nlp
+from builders import nlp_of, varied
 from throwplan.planner.search.samples import ReleaseSampler
 from throwplan.planner.throw import make_manipulator
 from throwplan.planner.verdict import Code, verdict
@@ -17,16 +17,7 @@ from throwplan.planner.verdict import Code, verdict
 STEP = 2e-4
 #: Below the 1.49 m/s of `pose` without a limit.
 SLOW = 1.2
-
-
-def limited(scene: tp.Scene, arm: float | None, robot: float | None = None) -> tp.Scene:
-    """The scene with another tool speed [m/s] of its arm, and one of its own."""
-    assert scene.arm is not None and scene.robot is not None
-    limits = dataclasses.replace(scene.arm.limits, tool_speed=arm)
-    return scene.replace(
-        arm=dataclasses.replace(scene.arm, limits=limits),
-        robot=dataclasses.replace(scene.robot, tool_speed=robot),
-    )
+FREE = {"tool_speed": None}
 
 
 def fastest(plan: tp.Plan) -> float:
@@ -35,7 +26,6 @@ def fastest(plan: tp.Plan) -> float:
     Their places come from the arm's whole chain of frames, not from the planar one.
     """
     throw, manipulator, arm = plan.throw, plan.manipulator, plan.scene.arm
-    assert throw is not None and arm is not None
     q = ca.SX.sym("q", manipulator.size)
     frames = arm.frames(manipulator.kinematics.full(q))
     places = ca.Function("places", [q], [ca.vertcat(frames[-2][:3, 3], frames[-1][:3, 3])])
@@ -45,14 +35,10 @@ def fastest(plan: tp.Plan) -> float:
     return float(max(np.linalg.norm(part, axis=0).max() for part in (moved[:3], moved[3:])))
 
 
-def nlp_of(scene: tp.Scene) -> ThrowNlp:
-    return build_nlp(Request(scene, make_manipulator(scene), scene.target))
-
-
 @pytest.fixture(scope="module")
 def free_plan() -> tp.Plan:
     """`pose` of an arm without the limit."""
-    return tp.plan(limited(tp.load_scene("pose"), None))
+    return tp.plan(varied(tp.load_scene("pose"), FREE))
 
 
 @pytest.fixture(scope="module")
@@ -72,9 +58,9 @@ def test_an_arm_without_the_limit_has_nothing_of_it(free_plan: tp.Plan) -> None:
 def test_a_slower_tool_changes_the_throw(free_plan: tp.Plan) -> None:
     assert fastest(free_plan) > 1.1 * SLOW
     final = free_plan.throw.deciding
-    slow = limited(final.scene, 2.0, SLOW)
+    slow = varied(final.scene, {"tool_speed": 2.0}, robot={"tool_speed": SLOW})
     assert Code.TOOL_SPEED in verdict(dataclasses.replace(final, scene=slow)).codes
-    plan = tp.plan(limited(tp.load_scene("pose"), 2.0, SLOW))
+    plan = tp.plan(varied(tp.load_scene("pose"), robot={"tool_speed": SLOW}))
     assert plan.solved
     assert 0.95 * SLOW < fastest(plan) <= SLOW
 
@@ -90,7 +76,7 @@ def test_far_throws_keep_the_pandas_limit(panda: tp.Planner, x: float, theta: fl
 
 def test_what_only_a_faster_tool_reaches_is_out_of_reach(panda: tp.Planner) -> None:
     target = tp.Pose(x=-2.0, z=0.1, theta=4.8)
-    assert tp.Planner(limited(panda.scene, None)).plan(target).solved
+    assert tp.Planner(varied(panda.scene, FREE)).plan(target).solved
     plan = panda.plan(target)
     assert plan.status == "out_of_reach"
     assert plan.binding[0] == "tool speed"
@@ -98,7 +84,7 @@ def test_what_only_a_faster_tool_reaches_is_out_of_reach(panda: tp.Planner) -> N
 
 
 def test_sampled_releases_keep_it(panda: tp.Planner) -> None:
-    scene = limited(panda.scene, 2.0, SLOW)
+    scene = varied(panda.scene, robot={"tool_speed": SLOW})
     sampler = ReleaseSampler(scene, make_manipulator(scene))
     releases, opening = sampler.draw(4000), scene.gripper.profile().opening
     assert len(releases.q) > 100

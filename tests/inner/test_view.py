@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -55,9 +54,8 @@ def test_the_bar_is_held_and_lands_at_the_target(space: Any) -> None:
     np.testing.assert_allclose(space.bar[-1, :3, 0], [0, 0, -1], atol=0.02)
 
 
-def test_a_hand_scene_has_no_joints(tmp_path: Path) -> None:
-    tp.plan("hand-box").save(tmp_path, draw=False)
-    space = space_throw(tp.read_plan(tmp_path))
+def test_a_hand_scene_has_no_joints(saved) -> None:
+    space = space_throw(tp.read_plan(saved("hand-box")))
     assert space.joints.shape == (len(space.line.times), 0, 4, 4)
     np.testing.assert_allclose(space.hand[:, [0, 2], 3], space.line.hand[:2].T, atol=1e-12)
 

@@ -21,64 +21,44 @@ from throwplan import InputError, Plan, Planner, Pose, load_scene
 
 Sections = dict[str, dict[str, str]]
 
-BAR = {"mass": "0.2", "inertia": "5e-4", "length": "0.2", "width": "0.02", "com": "0.1"}
-PADS = {"friction": "0.8", "patch_radius": "0.0075"}
-GRIP = {"force": "50.0", "dwell": "0.05", "opening": "0.05"}
 
-HAND: Sections = {
-    "object": BAR,
-    "grasp": {"offset": "0.1"},
-    "contact": PADS,
-    "gripper": GRIP,
-    "hand": {
-        "x": "[-0.4, 0.4]",
-        "z": "[0.3, 1.1]",
-        "speed": "3.0",
-        "acceleration": "30.0",
-        "start": "[0.0, 0.7]",
-    },
-    "target": {"x": "1.2", "z": "0.0"},
-}
-TURNING: Sections = HAND | {
-    "grasp": {"offset": "0.0"},
-    "hand": HAND["hand"]
-    | {
-        "theta_deg": "[-120.0, 120.0]",
-        "angular_speed": "12.0",
-        "angular_acceleration": "80.0",
-        "start_theta_deg": "-90.0",
-    },
-    "target": {"x": "1.2", "z": "0.2", "theta_deg": "270.0"},
-}
-ROBOT: Sections = {
-    "object": {
-        "mass": "0.24",
-        "inertia": "535e-6",
-        "length": "0.26",
-        "width": "0.02",
-        "com": "0.1",
-    },
-    "contact": {"friction": "1.0", "patch_radius": "0.0025"},
-    "gripper": GRIP | {"force": "120.0"},
-    "robot": {"arm": '"panda"', "start_deg": "[-45.0, -135.0, 90.0]"},
-    "target": {"x": "0.9", "z": "0.22", "theta_deg": "-90.0"},
-}
-CUP: Sections = ROBOT | {
-    "cup": {
-        "x": "0.9",
-        "rim": "0.1",
-        "radius": "0.06",
-        "depth": "0.15",
-        "clearance": "0.005",
-        "insertion": "0.08",
-    }
-}
-DROP: Sections = {
-    "object": BAR,
-    "contact": PADS,
-    "gripper": {"force": "50.0", "opening": "0.05"},
-    "motion": {"position": "[0.0, 0.0]"},
-}
+def read(text: str) -> Sections:
+    """Sections of a line each: [name] key = literal; key = literal."""
+    found: Sections = {}
+    for line in text.strip().splitlines():
+        name, _, keys = line.strip()[1:].partition("] ")
+        found[name] = dict(pair.split(" = ") for pair in keys.split("; "))
+    return found
+
+
+HAND = read("""
+    [object] mass = 0.2; inertia = 5e-4; length = 0.2; width = 0.02; com = 0.1
+    [grasp] offset = 0.1
+    [contact] friction = 0.8; patch_radius = 0.0075
+    [gripper] force = 50.0; dwell = 0.05; opening = 0.05
+    [hand] x = [-0.4, 0.4]; z = [0.3, 1.1]; speed = 3.0; acceleration = 30.0; start = [0.0, 0.7]
+    [target] x = 1.2; z = 0.0
+""")
+TURNING = HAND | read("""
+    [grasp] offset = 0.0
+    [hand] theta_deg = [-120, 120]; angular_speed = 12; angular_acceleration = 80
+    [target] x = 1.2; z = 0.2; theta_deg = 270.0
+""")
+TURNING["hand"] |= HAND["hand"] | {"start_theta_deg": "-90.0"}
+ROBOT = read("""
+    [object] mass = 0.24; inertia = 535e-6; length = 0.26; width = 0.02; com = 0.1
+    [contact] friction = 1.0; patch_radius = 0.0025
+    [gripper] force = 120.0; dwell = 0.05; opening = 0.05
+    [robot] arm = "panda"; start_deg = [-45.0, -135.0, 90.0]
+    [target] x = 0.9; z = 0.22; theta_deg = -90.0
+""")
+CUP = ROBOT | read("""
+    [cup] x = 0.9; rim = 0.1; radius = 0.06; depth = 0.15; clearance = 0.005; insertion = 0.08
+""")
+DROP = {part: HAND[part] for part in ("object", "contact")} | read("""
+    [gripper] force = 50.0; opening = 0.05
+    [motion] position = [0.0, 0.0]
+""")
 
 
 def toml(sections: Sections, edits: dict[str, str | None]) -> str:
@@ -139,13 +119,11 @@ FILES = [
     raw("section twice", "[object]\nmass = 1\n[object]\n", "TOML", "line 3"),
     edited("number for a section", HAND, {"object": None, ".object": "3"}, "object = 3", "section"),
     edited("list for a section", HAND, {"object": None, ".object": "[{mass = 1}]"}, "section"),
-    raw("number too long to read", "gravity = " + "9" * 5000),
-    raw("nested too deep", "gravity = " + "[" * 5000 + "]" * 5000),
 ]
 
 
 #: Start pose in which the Panda holds the bar level.
-LEVEL: Sections = ROBOT | {"robot": {"arm": '"panda"', "start_deg": "[-45.0, -135.0, 180.0]"}}
+LEVEL = ROBOT | read('[robot] arm = "panda"; start_deg = [-45.0, -135.0, 180.0]')
 
 #: A scene, edits of it (`-` leaves out), and words of the message; values as a user wrote them,
 #: angles in degrees. Bounds by hand: inertia m c (l - c) + m w^2 / 4 = 0.00202 kg m^2; half the
@@ -158,34 +136,21 @@ HAND | workspce:  | 'workspce'; 'workspace'
 HAND | object.mass: - | [object]; 'mass'; missing
 HAND | contact: - | [contact]; missing
 HAND | target.theta: 1 | [target]; 'theta'; 'theta_deg'
-HAND | object.mass: "heavy" | mass; 'heavy'; a number
-HAND | object.mass: true | mass; True; a number
-HAND | object.mass: [0.2] | mass; [0.2]; a number
 HAND | object.mass: 2024-02-29 | mass; 2024; a number
+HAND | object.mass: "heavy" | mass; 'heavy'; a number
 HAND | hand.x: 0.4 | [hand]; x = 0.4; list of 2
 HAND | hand.x: [0, 1, 2] | [hand]; x = [0, 1, 2]; list of 2
-HAND | hand.x: [0, "a"] | [hand]; x = [0, 'a']; a number
 ROBOT | robot.arm: 3 | [robot]; arm = 3; a text
 HAND | contact.faces: 1.5 | faces; 1.5; whole number
-TURNING | target.theta_deg: true | theta_deg; True; number
 TURNING | target.theta_deg: "up" | theta_deg; up; number
-TURNING | target.theta_deg: [90.0] | theta_deg; 90.0
-ROBOT | robot.start_deg: 90.0 | start_deg; 90.0; list
 HAND | .description: 3 | description = 3; a text
 HAND | .gravity: nan | gravity = nan; finite
 HAND | .gravity: -9.81 | gravity = -9.81; at least 0
 HAND | object.mass: nan | [object]; mass = nan; finite
-HAND | object.length: inf | [object]; length = inf; finite
-HAND | hand.z: [nan, 1.0] | [hand]; z; nan; finite
-TURNING | target.theta_deg: nan | theta_deg = nan; finite
-HAND | target.x: -inf | [target]; x = -inf; finite
-HAND | object.mass: -0.2 | mass = -0.2; above 0
 HAND | object.mass: 0 | mass = 0; above 0
-HAND | contact.friction: -1 | friction = -1; above 0
 HAND | contact.friction: 0.0 | friction = 0; above 0
 HAND | contact.patch_radius: 0 | patch_radius = 0; above 0
 HAND | contact.faces: 0 | faces = 0; at least 1
-HAND | object.inertia: -1e-4 | inertia = -0.0001; above 0
 HAND | object.inertia: 0.0 | inertia = 0; above 0
 HAND | object.inertia: 0.003 | inertia = 0.003; 0.00202
 HAND | object.com: 0.21 | com = 0.21; length; 0.2
@@ -258,10 +223,8 @@ GRIPS = [
     grip("table not there", None, "no such file"),
     grip("table a binary", bytes(range(256)), "not a text file"),
     grip("table empty", "", "columns", "f_N"),
-    grip("table without rows", "t,f_N\n", "two rows"),
     grip("table with one row", "t,f_N\n0,50\n", "two rows"),
     grip("table without f_N", "t,force\n0,50\n0.05,0\n", "columns", "f_N"),
-    grip("table without t", "time,f_N\n0,50\n0.05,0\n", "columns", "f_N"),
     grip("table without header", "0,50\n0.05,0\n", "columns", "f_N"),
     grip("table with text", "t,f_N\n0,50\n0.02,weak\n0.05,0\n", "line 3", "number"),
     grip("table with a short row", "t,f_N\n0,50\n0.02\n0.05,0\n", "line 3", "number"),
@@ -271,16 +234,9 @@ GRIPS = [
     grip("table that starts low", "t,f_N\n0,5\n0.02,50\n0.05,0\n", "start at the full grip"),
     grip("table without force", "t,f_N\n0,0\n0.05,0\n", "start above 0"),
     grip("table before 0", "t,f_N\n-0.1,50\n0.05,0\n", "start at 0 or later"),
-    grip("table infinite", "t,f_N\n0,inf\n0.05,0\n", "finite"),
     grip("table negative", "t,f_N\n0,50\n0.02,-5\n0.05,0\n", "negative"),
     grip("table back in time", "t,f_N\n0,50\n0.04,30\n0.03,20\n0.05,0\n", "t must", "rise"),
     grip("table too weak", "t,f_N\n0,1\n0.05,1\n0.1,0\n", "1", "too weak", scene=TURNING),
-]
-
-STRONG = [
-    (ROBOT, {"gripper.force": "1.3"}),
-    (ROBOT, {"gripper.force": "1.3", "robot.start_deg": None}),
-    (LEVEL, {"gripper.force": "83.0"}),
 ]
 
 COMMANDS = [
@@ -466,7 +422,14 @@ def test_a_bar_that_cannot_be_uniform_needs_its_inertia(folder, refused):
     assert "'inertia' is missing" in message and "not uniform" in message
 
 
-@pytest.mark.parametrize(("sections", "edits"), STRONG)
+@pytest.mark.parametrize(
+    ("sections", "edits"),
+    [
+        (ROBOT, {"gripper.force": "1.3"}),
+        (ROBOT, {"gripper.force": "1.3", "robot.start_deg": None}),
+        (LEVEL, {"gripper.force": "83.0"}),
+    ],
+)
 def test_grip_that_can_hold_the_start_is_not_refused(sections, edits, folder):
     (folder / "scene.toml").write_text(toml(sections, edits))
     Planner(load_scene("scene.toml"))
@@ -541,14 +504,12 @@ plan cup --azimuth left | --azimuth; left; number
 plan pose --azimuth 170 | azimuth; 170; joint 1; [-166.0, 166.0]
 plan cup --solver snopt | --solver; snopt; fatrop; ipopt
 plan cup --turns some | --turns; some; exact; any
-simulate drop --model spp | model; spp; ls-step; did you mean 'sp'
 plan drop | drop; [motion]; [robot]
 simulate cup | cup; [motion]
 plan | SCENE
 simulate | SCENE
  | COMMAND
 throw cup | throw; plan; simulate; scenes
-plan cup --taget 1 2 3 | --taget
 plan cup --out | --out
 scenes --write | --write
 sweep hand-box --samples 0 --out new | --samples; 0; at least 1
@@ -641,25 +602,19 @@ def test_in_a_process_of_its_own(line, word, folder, untouched):
 
 # Odd: an answer, or one line, but no traceback and no NaN. What CasADi prints counts too.
 
-ODD = [
-    ("huge mass", HAND, {"object.mass": "1e300"}, {2}),
-    ("huge gravity", HAND, {".gravity": "1e300"}, {2}),
-    (
-        "hand of millimetres",
-        TURNING,
-        {"hand.x": "[-0.001, 0.001]", "hand.z": "[0.699, 0.701]"},
-        {2, 3},
-    ),
-    ("opening of 2 s", HAND, {"gripper.opening": "2.0"}, {0, 2, 3}),
-    ("dwell beyond the carry", HAND, {"gripper.dwell": "3.0"}, {0, 2, 3}),
-    ("slow hand", HAND, {"hand.speed": "1e-6"}, {2, 3}),
-    ("strong hand", HAND, {"hand.speed": "1e6", "hand.acceleration": "1e9"}, {0, 2, 3}),
-    ("many faces", HAND, {"contact.faces": "1" + 24 * "0"}, {0, 2, 3}),
-]
-
 
 @pytest.mark.parametrize(
-    ("sections", "edits", "allowed"), [case[1:] for case in ODD], ids=[case[0] for case in ODD]
+    ("sections", "edits", "allowed"),
+    [
+        (HAND, {"object.mass": "1e300"}, {2}),
+        (HAND, {".gravity": "1e300"}, {2}),
+        (TURNING, {"hand.x": "[-0.001, 0.001]", "hand.z": "[0.699, 0.701]"}, {2, 3}),
+        (HAND, {"gripper.opening": "2.0"}, {0, 2, 3}),
+        (HAND, {"gripper.dwell": "3.0"}, {0, 2, 3}),
+        (HAND, {"hand.speed": "1e-6"}, {2, 3}),
+        (HAND, {"hand.speed": "1e6", "hand.acceleration": "1e9"}, {0, 2, 3}),
+        (HAND, {"contact.faces": "1" + 24 * "0"}, {0, 2, 3}),
+    ],
 )
 def test_odd_scenes_get_an_answer(sections, edits, allowed, folder, run):
     (folder / "scene.toml").write_text(toml(sections, edits))

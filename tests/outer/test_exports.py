@@ -12,11 +12,13 @@ import sys
 import types
 from pathlib import Path
 from typing import Any
+from unittest.mock import MagicMock
 
 import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
+from builders import edit_plan
 
 TURN = math.radians(20.0)
 JOINTS = range(1, 8)
@@ -37,15 +39,6 @@ def cup(tmp_path_factory) -> tuple[tp.Plan, Path]:
 def copied(cup, tmp_path) -> Path:
     """A copy of the plan's folder, to be spoilt."""
     return Path(shutil.copytree(cup[1], tmp_path / "cup"))
-
-
-def edit(folder: Path, **changes) -> dict:
-    """Sections or values of plan.json changed."""
-    plan = json.loads((folder / "plan.json").read_text())
-    for name, value in changes.items():
-        plan[name] = plan[name] | value if isinstance(value, dict) else value
-    (folder / "plan.json").write_text(json.dumps(plan))
-    return plan
 
 
 def test_franka_files_are_the_motion(cup, tmp_path, run, table) -> None:
@@ -97,10 +90,7 @@ def test_all_joints_that_are_sent_hold_the_pads_where_the_plan_has_them(cup, tmp
 
 def test_franka_json_says_where_to_start_and_what_is_used(cup, tmp_path, run, table) -> None:
     run("export", cup[1], "--franka", tmp_path)
-    facts, motion = (
-        json.loads((tmp_path / "franka.json").read_text()),
-        table(cup[1] / "motion.csv"),
-    )
+    facts, motion = json.loads((tmp_path / "franka.json").read_text()), table(cup[1] / "motion.csv")
     start = [motion[f"q{j}"][0] for j in JOINTS]
     assert facts["start"] == pytest.approx(start, abs=1e-10)
     assert facts["start"][0] == pytest.approx(TURN)
@@ -221,7 +211,7 @@ def test_what_holds_no_throw_for_a_robot(copied, saved, tmp_path, refused) -> No
     to = ["--franka", tmp_path / "f"]
     assert "no [robot]" in refused("export", saved("hand-box"), *to)
     assert "no such file" in refused("export", tmp_path, *to)
-    edit(copied, status="out_of_reach")
+    edit_plan(copied, status="out_of_reach")
     assert "holds no throw" in refused("export", copied, *to)
     (copied / "plan.json").write_text("{")
     assert "is not JSON" in refused("export", copied, *to)
@@ -253,12 +243,12 @@ def test_edited_motion_is_not_sent(copied, tmp_path, refused, column, row, chang
 def test_edited_plans_throw_elsewhere(copied, tmp_path, refused) -> None:
     to = ["--franka", tmp_path / "f"]
     plan = json.loads((copied / "plan.json").read_text())
-    edit(copied, release={"opening_time": plan["release"]["opening_time"] - 0.01})
+    edit_plan(copied, release={"opening_time": plan["release"]["opening_time"] - 0.01})
     assert "mm from the target, tolerance 2 mm" in refused("export", copied, *to)
-    edit(copied, release={"opening_time": 0.02})
+    edit_plan(copied, release={"opening_time": 0.02})
     assert "the opening command would come 30.0 ms too early" in refused("export", copied, *to)
-    plan["definition"]["target"] |= {"x": -0.92 * math.cos(0.1), "y": 0.92 * math.sin(0.1)}
-    (copied / "plan.json").write_text(json.dumps(plan))
+    beyond = {"x": -0.92 * math.cos(0.1), "y": 0.92 * math.sin(0.1)}
+    edit_plan(copied, release=plan["release"], definition={"target": beyond})
     assert "joint 1 position: outside its limits" in refused("export", copied, *to)
 
 
@@ -291,120 +281,72 @@ def test_the_program_for_libfranka_sends_the_motion_and_opens_in_its_cycle(cup, 
     assert width == 0.08 and cycles >= int(row["cycle"])
 
 
-class Ros:
-    """Stands in for ROS 2: modules by their names, and what is sent to the actions, in order."""
+def ros_modules(bag: Path, sent: list[tuple[str, Any, float]]) -> dict[str, Any]:
+    """Stand-ins for what throw_node.py imports of ROS 2; goals go to `sent`, with their times."""
+    names = ["control_msgs.action", "control_msgs.msg", "trajectory_msgs.msg", "rosbag2_py"]
+    names += ["rclpy", *(f"rclpy.{part}" for part in ("action", "duration", "node"))]
+    found = {name: MagicMock() for name in (*names, "rclpy.serialization")}
+    found |= {name.split(".")[0]: MagicMock() for name in names if name.endswith("msg")}
+    rows = [(topic, one[2], one[0]) for topic, all_ in read_bag(bag).items() for one in all_]
+    ticks: list[float] = []
 
-    def __init__(self, bag: Path) -> None:
-        self.sent: list[tuple[str, Any, float]] = []
-        self.now, self.bag = 0.0, bag
+    class Time(float):
+        def __new__(cls, seconds):
+            return super().__new__(cls, seconds)
 
-    def modules(self) -> dict[str, types.ModuleType]:
-        """All that throw_node.py imports."""
-        message = types.SimpleNamespace
-        future = lambda value: message(result=lambda: value)  # noqa: E731
-        done = message(result=message(error_code=0, error_string=""))
-        handle = message(accepted=True, get_result_async=lambda: future(done))
-        ros = self
+        def __add__(self, other):
+            return Time(float(self) + other)
 
-        class Time(float):
-            def __new__(cls, seconds):
-                return super().__new__(cls, seconds)
+        def to_msg(self):
+            return float(self)
 
-            def __add__(self, other):
-                return Time(float(self) + other)
+    class Node:
+        def __init__(self, name):
+            self.known = {}
 
-            def to_msg(self):
-                return float(self)
+        def declare_parameter(self, name, value):
+            self.known[name] = message(value=value)
 
-        class Node:
-            def __init__(self, name):
-                self.parameters = {}
+        def get_parameter(self, name):
+            return self.known[name]
 
-            def declare_parameter(self, name, value):
-                self.parameters[name] = value
+        def get_clock(self):
+            return message(now=lambda: ticks.append(0.0) or Time(1e-3 * len(ticks)))
 
-            def get_parameter(self, name):
-                return message(value=self.parameters[name])
+    def client(node, kind, name):
+        done = MagicMock()
+        done.result().get_result_async().result().result.error_code = 0
+        send = lambda goal: sent.append((name, goal, 1e-3 * len(ticks))) or done  # noqa: E731
+        return message(wait_for_server=lambda timeout_sec: True, send_goal_async=send)
 
-            def get_clock(self):
-                def now():
-                    ros.now += 1e-3
-                    return Time(ros.now)
-
-                return message(now=now)
-
-        class Client:
-            def __init__(self, node, kind, name):
-                self.name = name
-
-            def wait_for_server(self, timeout_sec):
-                return True
-
-            def send_goal_async(self, goal):
-                ros.sent.append((self.name, goal, ros.now))
-                return future(handle)
-
-        class Reader:
-            def open(self, *options):
-                from rosbags.highlevel import AnyReader
-
-                with AnyReader([ros.bag], default_typestore=ros_types()) as reader:
-                    self.rows = [
-                        (c.topic, reader.deserialize(data, c.msgtype), time)
-                        for c, time, data in reader.messages()
-                    ]
-
-            def has_next(self):
-                return bool(self.rows)
-
-            def read_next(self):
-                return self.rows.pop(0)
-
-        action = type("Action", (), {"Goal": message, "Result": message(SUCCESSFUL=0)})
-        contents = {
-            "rclpy": {"init": lambda: None, "shutdown": lambda: None}
-            | {"spin_until_future_complete": lambda node, future: None},
-            "rclpy.action": {"ActionClient": Client},
-            "rclpy.duration": {"Duration": Time},
-            "rclpy.node": {"Node": Node},
-            "rclpy.serialization": {"deserialize_message": lambda data, kind: data},
-            "rosbag2_py": {"SequentialReader": Reader, "StorageOptions": message}
-            | {"ConverterOptions": lambda *formats: None},
-            "control_msgs": {},
-            "control_msgs.action": {"FollowJointTrajectory": action, "GripperCommand": action},
-            "control_msgs.msg": {"GripperCommand": message},
-            "trajectory_msgs": {},
-            "trajectory_msgs.msg": {"JointTrajectory": message, "JointTrajectoryPoint": message},
-        }
-        found = {name: types.ModuleType(name) for name in contents}
-        for name, module in found.items():
-            vars(module).update(contents[name])
-        return found
-
-
-def ros_types() -> Any:
-    from rosbags.typesys import Stores, get_types_from_msg, get_typestore
-
-    store = get_typestore(Stores.ROS2_HUMBLE)
-    definition = "float64 position\nfloat64 max_effort\n"
-    store.register(get_types_from_msg(definition, "control_msgs/msg/GripperCommand"))
-    return store
+    message = types.SimpleNamespace
+    for action in ("FollowJointTrajectory", "GripperCommand"):
+        kind = message(Goal=message, Result=message(SUCCESSFUL=0))
+        setattr(found["control_msgs.action"], action, kind)
+    for name in ("JointTrajectory", "JointTrajectoryPoint"):
+        setattr(found["trajectory_msgs.msg"], name, message)
+    found["rclpy.action"].ActionClient, found["rclpy.node"].Node = client, Node
+    found["rclpy.duration"].Duration = Time
+    found["rclpy.serialization"].deserialize_message = lambda data, kind: data
+    found["rosbag2_py"].SequentialReader = lambda: MagicMock(
+        has_next=lambda: bool(rows), read_next=lambda: rows.pop(0)
+    )
+    return found
 
 
 def test_the_node_for_ros_sends_both_goals_at_their_times(cup, tmp_path, run, monkeypatch) -> None:
     """To the start pose, then the trajectory, then the gripper's command on its clock."""
     run("export", cup[1], "--ros", tmp_path)
-    ros = Ros(tmp_path)
-    for name, module in ros.modules().items():
+    sent: list[tuple[str, Any, float]] = []
+    for name, module in ros_modules(tmp_path, sent).items():
         monkeypatch.setitem(sys.modules, name, module)
     monkeypatch.setattr("builtins.input", lambda words: "")
     monkeypatch.setattr("time.sleep", lambda seconds: None)
     runpy.run_path(str(tmp_path / "throw_node.py"), run_name="__main__")
-    (_, way, _), (_, throw, _), (gripper, opening, when) = ros.sent
+    (_, way, _), (_, throw, _), (gripper, opening, when) = sent
     trajectory = throw.trajectory
-    np.testing.assert_array_equal(
-        way.trajectory.points[0].positions, trajectory.points[0].positions
-    )
+    first = trajectory.points[0].positions
+    np.testing.assert_array_equal(way.trajectory.points[0].positions, first)
     assert way.trajectory.points[0].time_from_start == 5.0
     assert len(trajectory.points) == len(cup[0].throw.samples.times)
     command = cup[0].to_dict()["release"]["command_time"]

@@ -46,37 +46,37 @@ def over_map(scene: str, seed: int) -> Iterator[tp.Plan]:
     bins = np.argwhere(found.landings > 0)
     for i, j in bins[rng.permutation(len(bins))]:
         x, theta = (
-            rng.uniform(*found.x_edges[i : i + 2]),
-            rng.uniform(*found.theta_edges[j : j + 2]),
+            float(rng.uniform(*edges[k : k + 2]))
+            for edges, k in ((found.x_edges, i), (found.theta_edges, j))
         )
-        plan = planner.plan(found.scene.target.in_plane(float(x), float(theta)))
+        plan = planner.plan(found.scene.target.in_plane(x, theta))
         if plan.solved:
             yield plan
 
 
 @pytest.mark.slow
-def test_a_robot_throws_and_what_it_did_is_recorded(robot, tmp_path, run, refused, table) -> None:
-    tp.plan("fr3").save(tmp_path / "fr3", draw=False)
-    shown = run("run --dry --json", tmp_path / "fr3", "--robot", robot).json
+def test_a_robot_throws_and_what_it_did_is_recorded(robot, saved, tmp_path, run, table) -> None:
+    plan = saved("fr3")
+    shown = run("run --dry --json", plan, "--robot", robot).json
     assert shown["approach"]["duration"] > 1.0
     out = tmp_path / "out"
-    said = run("run --yes --json", tmp_path / "fr3", "--robot", robot, "--out", out)
+    said = run("run --yes --json", plan, "--robot", robot, "--out", out)
     assert said.status == 0 and "to the start pose" in said.err
     (thrown,) = said.json["runs"]
     rows = table(out / "run.csv")
     assert [path.name for path in out.iterdir()] == ["run.csv"]
     # It opened, in the cycle of its command; it lagged, and landed elsewhere.
-    motion = joint_motion(tmp_path / "fr3")
+    motion = joint_motion(plan)
     assert thrown["command_time"] == pytest.approx(motion.throw.command_time, abs=0.02)
     assert thrown["width"][1] > thrown["width"][0] + 0.03
     assert 0.03 < thrown["lag"] < 0.1 and thrown["error"]["position"] > 0.05
     assert rows["t"][0] == 0.0 and rows["t"][-1] > motion.times[-1]
     assert abs(rows["sent4"] - rows["q4"]).max() < 0.1
     # The same from the recording, and the next run.
-    again = run("correct --json", tmp_path / "fr3", out / "run.csv").json
+    again = run("correct --json", plan, out / "run.csv").json
     assert again["recorded"]["error"] == pytest.approx(thrown["error"], abs=1e-6)
     after = ("--after", out / "run.csv", "--out", out)
-    better = run("run --yes --json", tmp_path / "fr3", "--robot", robot, *after).json["runs"][0]
+    better = run("run --yes --json", plan, "--robot", robot, *after).json["runs"][0]
     assert better["error"]["position"] < thrown["error"]["position"] / 10
     assert better["error"]["angle"] < thrown["error"]["angle"] / 10
 
@@ -98,9 +98,8 @@ def refusals(q: np.ndarray) -> list[str]:
     return found
 
 
-def test_an_fr3s_controller_takes_its_scene(tmp_path) -> None:
-    tp.plan("fr3").save(tmp_path, draw=False)
-    motion = joint_motion(tmp_path)
+def test_an_fr3s_controller_takes_its_scene(saved) -> None:
+    motion = joint_motion(saved("fr3"))
     assert refusals(motion.q) == []
     home = np.array([0.0, 0.0, 0.0, -1.57, 0.0, 1.57, 0.785])
     assert refusals(approach(motion, home)) == []

@@ -58,14 +58,11 @@ def test_a_target_that_comes_is_waited_for(pose, tmp_path, table) -> None:
 
 
 @pytest.mark.parametrize("arrival", [0.5, 1.5, (0.8, 1.1)])
-def test_the_object_lands_in_time(pose, arrival) -> None:
-    early = pose.plan().throw.landing_time
+def test_the_object_lands_in_time(pose, arrival, plan_of) -> None:
     plan = moving(pose, arrival=arrival)
     assert_met(plan)
-    latest = arrival if isinstance(arrival, float) else arrival[1]
     # A time that is not asked for adds nothing to the NLP.
-    assert plan.variables > pose.plan().variables
-    assert latest > 0.4 and early > 0.2
+    assert plan.variables > plan_of("pose").variables
 
 
 def test_what_cannot_be_met_says_what_binds(pose) -> None:

@@ -15,14 +15,18 @@ def planner() -> tp.Planner:
     return tp.Planner("pose")
 
 
+@pytest.fixture(scope="module")
+def swing(planner) -> tp.Plan:
+    return planner.plan()
+
+
 def state_at(plan: tp.Plan, tick: int) -> tp.State:
     samples = plan.throw.samples
     return tp.State(samples.q[tick], samples.dq[tick], samples.ddq[tick])
 
 
 @pytest.mark.parametrize(("tick", "dx"), [(60, 0.1), (120, -0.05), (170, 0.04)])
-def test_a_swing_goes_on_to_another_target(planner, tick, dx) -> None:
-    swing = planner.plan()
+def test_a_swing_goes_on_to_another_target(planner, swing, tick, dx) -> None:
     state, target = state_at(swing, tick), swing.target.changed(x=swing.target.x + dx)
     plan = planner.plan(target, start=state, warm=swing)
     assert plan.solved, plan.message
@@ -30,32 +34,23 @@ def test_a_swing_goes_on_to_another_target(planner, tick, dx) -> None:
     for name in ("q", "dq", "ddq"):
         assert getattr(sent, name)[0] == pytest.approx(getattr(state, name), abs=1e-9)
     # What was sent until then and what is sent now are one motion within the limits.
-    whole = Samples(
-        *(
-            np.vstack([getattr(before, name)[:tick], getattr(sent, name)])
-            for name in ("q", "dq", "ddq")
-        )
-    )
+    both = ([getattr(before, k)[:tick], getattr(sent, k)] for k in ("q", "dq", "ddq"))
+    whole = Samples(*map(np.vstack, both))
     assert not excesses(planner.manipulator, whole)
     # It lands there, thrown as one motion too; the gripper is told after the state, not before.
+    one = {"path": whole.path, "samples": whole, "manipulator": planner.manipulator}
     opening = plan.throw.opening_time + TICK * tick
-    throw = dataclasses.replace(
-        plan.throw.deciding,
-        manipulator=planner.manipulator,
-        path=whole.path,
-        opening_time=opening,
-        samples=whole,
-    )
+    throw = dataclasses.replace(plan.throw.deciding, opening_time=opening, **one)
     dx, dtheta = throw.miss(target)
     assert abs(dx) < 1e-4 and abs(dtheta) < 1e-3
     assert plan.throw.deciding.command_time >= 0
 
 
-def test_any_state_within_the_limits_is_a_start(planner) -> None:
+def test_any_state_within_the_limits_is_a_start(planner, swing) -> None:
     """Without a plan to go on from: states drawn at random, at up to a third of the rates."""
     limits, random, solved = planner.manipulator.planning, np.random.default_rng(3), 0
     middle, half = (limits.q_max + limits.q_min) / 2, (limits.q_max - limits.q_min) / 2
-    home = planner.plan().throw.samples.q[0]
+    home = swing.throw.samples.q[0]
     home = home + 0.2 * (middle - home)
     for _ in range(4):
         q = home + random.uniform(-0.1, 0.1, 3) * half
@@ -78,8 +73,7 @@ def test_any_state_within_the_limits_is_a_start(planner) -> None:
         ("dq", np.zeros(7), "State dq: must be 3 finite numbers"),
     ],
 )
-def test_states_beyond_the_limits_are_refused(planner, name, value, words) -> None:
-    swing = planner.plan()
+def test_states_beyond_the_limits_are_refused(planner, swing, name, value, words) -> None:
     state = dataclasses.replace(state_at(swing, 50), **{name: value})
     with pytest.raises(tp.InputError, match=words):
         planner.plan(start=state)

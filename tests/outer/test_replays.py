@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 import math
+import shutil
 import sys
 from pathlib import Path
 
 import numpy as np
 import pytest
 import throwplan as tp
+from builders import edit_plan
 
 pytest.importorskip("mujoco")
 
@@ -19,16 +21,7 @@ COARSE = 5e-5
 
 def edited(folder: Path, copy: Path, **sections) -> Path:
     """A copy of a plan whose definition says something else."""
-    copy.mkdir()
-    (copy / "motion.csv").write_text((folder / "motion.csv").read_text())
-    plan = json.loads((folder / "plan.json").read_text())
-    for section, values in sections.items():
-        if isinstance(values, dict):
-            plan["definition"].setdefault(section, {}).update(values)
-        else:
-            plan["definition"][section] = values
-    (copy / "plan.json").write_text(json.dumps(plan))
-    return copy
+    return edit_plan(Path(shutil.copytree(folder, copy)), definition=sections)
 
 
 @pytest.fixture(scope="module")
@@ -129,11 +122,9 @@ def test_a_base_column_in_the_way_is_hit(saved, tmp_path) -> None:
 
 def test_wrong_input_is_refused_in_one_line(saved, tmp_path, refused) -> None:
     assert "no such file" in refused("replay", tmp_path / "none")
-    old = edited(saved("near-cup"), tmp_path / "old")
-    plan = json.loads((old / "plan.json").read_text())
-    for change, words in (({"format": 0}, "plan it again"), ({"status": "x"}, "holds no throw")):
-        (old / "plan.json").write_text(json.dumps(plan | change))
-        assert words in refused("replay", old)
+    for change, words in (({"status": "x"}, "holds no throw"), ({"format": 0}, "plan it again")):
+        old = Path(shutil.copytree(saved("near-cup"), tmp_path / words))
+        assert words in refused("replay", edit_plan(old, **change))
     assert "restitution" in refused("replay --restitution 1", saved("near-cup"))
     (tmp_path / "file").write_text("")
     assert "--out" in refused("replay", saved("near-cup"), "--out", tmp_path / "file")
@@ -197,9 +188,9 @@ def test_a_throw_checked_by_the_limit_surface_has_a_sliding_pivot_too(
 def test_one_face_and_twice_the_force_is_the_same_release(saved, tmp_path) -> None:
     lists = {"times": [0.0, 0.05, 0.1], "forces": [240.0, 240.0, 0.0]}
     other = edited(saved("pose"), tmp_path / "one", contact={"faces": 1})
-    plan = json.loads((other / "plan.json").read_text())
-    plan["definition"]["gripper"] = lists
-    (other / "plan.json").write_text(json.dumps(plan))
+    # Without the force and the opening of the other.
+    edit_plan(other, definition={"gripper": None})
+    edit_plan(other, definition={"gripper": lists})
     ours, theirs = (tp.replay(folder, step=2e-5) for folder in (saved("pose"), other))
     a, b = (one.to_dict()["landing"]["mujoco"] for one in (ours, theirs))
     assert b == pytest.approx(a, abs=1e-4)

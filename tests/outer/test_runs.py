@@ -30,16 +30,14 @@ from throwplan.planner.verdict import verdict
 from throwplan.problems import InputError, Obstacle, load_arm
 
 TICK = 0.001
+#: The usual pose of an FR3.
+HOME = np.array([0.0, 0.0, 0.0, -1.57, 0.0, 1.57, 0.785])
 
 
 @pytest.fixture(scope="module")
-def plan(tmp_path_factory) -> Path:
-    """A plan of an FR3, and its folder."""
-    folder = tmp_path_factory.mktemp("plans") / "fr3"
-    found = tp.plan("fr3")
-    assert found.status == "solved", found.message
-    found.save(folder, draw=False)
-    return folder
+def plan(saved) -> Path:
+    """The folder of a plan of an FR3."""
+    return saved("fr3")
 
 
 def lagging(motion: JointMotion, still: float = 0.5, spring: float = 4500.0) -> Recording:
@@ -64,10 +62,8 @@ def errors(recording: Recording, motion: JointMotion) -> np.ndarray:
 
 def test_a_motion_that_is_followed_lands_as_planned(plan) -> None:
     motion = joint_motion(plan)
-    recording = Recording(
-        *(motion.times, motion.q, motion.dq, motion.q, 0 * motion.times),
-        command_time=motion.throw.command_time,
-    )
+    still, command = 0 * motion.times, motion.throw.command_time
+    recording = Recording(motion.times, motion.q, motion.dq, motion.q, still, command)
     assert (errors(recording, motion) < [1e-4, math.radians(0.05)]).all()
 
 
@@ -105,15 +101,10 @@ def test_a_lag_is_learnt_in_three_runs_inside_all_limits(plan) -> None:
         found.append(errors(recording, motion))
         sent, expected = corrected(motion, recording)
         assert abs(expected.miss()[0]) < 1e-3 and abs(expected.miss()[1]) < math.radians(0.5)
-        rates = np.diff(sent.q, axis=0) / TICK
-        turns = np.diff(sent.dq, axis=0) / TICK
-        jerks = np.diff(sent.ddq, axis=0) / TICK
-        for values, most in (
-            (rates, limits.velocity),
-            (turns, limits.acceleration),
-            (jerks, limits.jerk),
-        ):
-            assert (np.abs(values).max(axis=0) <= np.array(most) * (1 + 1e-6)).all()
+        most = limits.velocity, limits.acceleration, limits.jerk
+        for values, bound in zip((sent.q, sent.dq, sent.ddq), most, strict=True):
+            rates = np.abs(np.diff(values, axis=0)).max(axis=0) / TICK
+            assert (rates <= np.array(bound) * (1 + 1e-6)).all()
         assert (sent.q >= limits.position_min).all() and (sent.q <= limits.position_max).all()
         assert not sent.dq[[0, -1]].any()
     assert found[0][0] > 0.05
@@ -151,10 +142,7 @@ def test_noise_of_the_encoders_moves_the_landing_little(plan) -> None:
     motion = joint_motion(plan)
     recording = lagging(motion)
     noise = 1e-5 * np.random.default_rng(0).standard_normal(recording.q.shape)
-    noisy = Recording(
-        *(recording.times, recording.q + noise, recording.dq, recording.sent, recording.width),
-        command_time=recording.command_time,
-    )
+    noisy = dataclasses.replace(recording, q=recording.q + noise)
     off = np.abs(errors(noisy, motion) - errors(recording, motion))
     assert (off < [1e-3, math.radians(1.0)]).all()
 
@@ -182,9 +170,8 @@ def test_correct_writes_what_to_send_next(plan, tmp_path, run, table) -> None:
 
 def test_the_way_to_the_start_pose_keeps_the_limits(plan) -> None:
     motion, arm = joint_motion(plan), load_arm("fr3")
-    start = np.array([0.0, 0.0, 0.0, -1.57, 0.0, 1.57, 0.785])
-    way = approach(motion, start)
-    assert way[0] == pytest.approx(start) and way[-1] == pytest.approx(motion.q[0], abs=1e-6)
+    way = approach(motion, HOME)
+    assert way[0] == pytest.approx(HOME) and way[-1] == pytest.approx(motion.q[0], abs=1e-6)
     assert np.abs(np.diff(way, axis=0)).max() / TICK < 0.25 * max(arm.limits.velocity)
     low, high = arm.limits.position_min, arm.limits.position_max
     assert (way >= low).all() and (way <= high).all()
@@ -193,8 +180,7 @@ def test_the_way_to_the_start_pose_keeps_the_limits(plan) -> None:
 def test_the_way_to_the_start_pose_is_clear_or_refused(plan) -> None:
     """Of an obstacle, and of the floor, the arm itself and what it holds."""
     motion = joint_motion(plan)
-    home = np.array([0.0, 0.0, 0.0, -1.57, 0.0, 1.57, 0.785])
-    way = approach(motion, home)
+    way = approach(motion, HOME)
 
     def among(*obstacles: Obstacle) -> JointMotion:
         scene = motion.throw.scene.replace(obstacle=obstacles)
@@ -206,10 +192,10 @@ def test_the_way_to_the_start_pose_is_clear_or_refused(plan) -> None:
     x, y, z = np.array(flange(way[len(way) // 2])).ravel()
     ball = Obstacle("ball", "sphere", (0.03,), (x, y, z))
     with pytest.raises(InputError, match=r"not clear: obstacle ball: .* guide the arm nearer"):
-        approach(among(ball), home)
-    assert len(approach(among(dataclasses.replace(ball, position=(x, y, 1.9))), home)) == len(way)
+        approach(among(ball), HOME)
+    assert len(approach(among(dataclasses.replace(ball, position=(x, y, 1.9))), HOME)) == len(way)
     # Folded onto itself, and into the floor.
-    folded, low = home.copy(), home.copy()
+    folded, low = HOME.copy(), HOME.copy()
     folded[[1, 3, 5]] = 0.0, -3.0, 0.6
     low[[1, 3, 5]] = 1.75, -0.5, 2.0
     with pytest.raises(InputError, match=r"not clear: .* meets "):
@@ -315,15 +301,10 @@ def test_a_plan_that_was_edited_is_not_sent(plan, tmp_path, refused) -> None:
     ("scene", "words"),
     [
         ("ur5e", "the plan's arm is ur5e, the robot of `throwplan run` is an fr3"),
-        (
-            "pose",
-            "is an fr3, whose limit of joint 1 acceleration is 10; the plan's arm panda has 15",
-        ),
+        ("pose", "an fr3, whose limit of joint 1 acceleration is 10; the plan's arm panda has 15"),
     ],
 )
-def test_plans_of_other_arms_are_refused_before_a_robot_is_asked(
-    scene, words, saved, refused
-) -> None:
+def test_other_arms_plans_are_refused_before_a_robot_is_asked(scene, words, saved, refused) -> None:
     folder = saved(scene)
     for options in (["--dry"], ["--yes", "--robot", "127.255.255.1"]):
         said = refused("run", folder, *options)
@@ -332,14 +313,14 @@ def test_plans_of_other_arms_are_refused_before_a_robot_is_asked(
 
 
 class Standing:
-    """A robot, as the binding shows it, that stands on FR3's usual pose."""
+    """A robot, as the binding shows it, that stands in that pose."""
 
     def __init__(self, mode: str = "Idle", errors: str = "", rate: float = 0.0) -> None:
         self.state = types.SimpleNamespace(
             robot_mode=types.SimpleNamespace(name=mode),
             current_errors=errors,
-            q=[0.0, 0.0, 0.0, -1.57, 0.0, 1.57, 0.785],
-            q_d=[0.0, 0.0, 0.0, -1.57, 0.0, 1.57, 0.785],
+            q=HOME.tolist(),
+            q_d=HOME.tolist(),
             dq=[0.0, rate, 0.0, 0.0, 0.0, 0.0, 0.0],
             # As franky-sim says of that pose.
             O_T_EE=[1, 4e-4, 0, 0, 4e-4, -1, 0, 0, 0, 0, -1, 0, 0.55443418, 0, 0.52140576, 1],
@@ -347,7 +328,6 @@ class Standing:
         )
 
     def read_once(self) -> types.SimpleNamespace:
-        """Its state."""
         return self.state
 
 
@@ -358,7 +338,6 @@ class Hand:
         self.most = most
 
     def state(self) -> GripperState:
-        """Its state."""
         return GripperState(0.04, self.most, holds=False)
 
 

@@ -73,12 +73,10 @@ def test_a_taken_port_is_named(saved, refused) -> None:
             assert f"--port {port}: address already in use; choose another with --port" in said
 
 
-def test_the_view_from_python(capsys) -> None:
+def test_the_view_from_python(capsys, free_port, plan_of) -> None:
     """A plan is served for a while; its page's address is printed."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        port = probe.getsockname()[1]
-    tp.view(tp.plan("hand-flip"), port=port, hold=0.05, browser=False)
+    port = free_port()
+    tp.view(plan_of("hand-flip"), port=port, hold=0.05, browser=False)
     assert capsys.readouterr().out == f"http://127.0.0.1:{port}\n"
     failed = tp.plan("pose", tp.Pose(x=9.0, z=0.1, theta=0.0), patience=0.05)
     with pytest.raises(tp.InputError, match="holds no throw"):
@@ -111,18 +109,14 @@ def test_wrong_plans(saved, refused, tmp_path) -> None:
             assert words in refused("view", tmp_path, *more)
 
 
-def run_python(code: str, *arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", code, *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
-
-
-def test_without_viser_the_extra_is_named(saved, refused, monkeypatch) -> None:
+def test_without_viser_the_extra_is_named(saved) -> None:
     code = (
         "import sys; sys.modules['viser'] = None; from throwplan.planner.cli import main; "
         "sys.exit(max(main([command, what, '--no-browser']) for command, what in "
         "(('view', sys.argv[1]), ('play', 'hand-flip'))))"
     )
-    done = run_python(code, saved("hand-flip"))
+    command = [sys.executable, "-c", code, str(saved("hand-flip"))]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
     assert done.returncode == 2 and done.stdout == ""
     assert done.stderr == 2 * "throwplan: the page needs viser: pip install viser\n"
 

@@ -44,19 +44,15 @@ def all_joints(throwing):
     return np.array([0.0, q2, 0.0, q4, 0.0, q6, np.pi / 4])
 
 
-def tcp(adam, joints):
-    return np.asarray(adam.forward_kinematics("panda_hand_tcp", np.eye(4), joints))
+def pose_of(adam, joints, link="panda_hand_tcp"):
+    return np.asarray(adam.forward_kinematics(link, np.eye(4), joints))
 
 
 def smooth_joints(t):
     """Some smooth motion of three joints and its two derivatives."""
-    amplitude, rate, phase = np.array([0.9, 1.3, 0.7]), np.array([2.1, 1.7, 2.9]), np.arange(3)
-    turn = rate * t + phase
-    return (
-        amplitude * np.sin(turn),
-        amplitude * rate * np.cos(turn),
-        -amplitude * rate**2 * np.sin(turn),
-    )
+    wide, rate = np.array([0.9, 1.3, 0.7]), np.array([2.1, 1.7, 2.9])
+    turn = rate * t + np.arange(3)
+    return wide * np.sin(turn), wide * rate * np.cos(turn), -wide * rate**2 * np.sin(turn)
 
 
 @pytest.mark.parametrize("link", LINKS)
@@ -64,9 +60,8 @@ def test_frames_agree_with_adam(adam, frames, link):
     rng = np.random.default_rng(7)
     low, high = np.array(PANDA.limits.position_min), np.array(PANDA.limits.position_max)
     for joints in rng.uniform(low, high, (20, 7)):
-        expected = np.asarray(adam.forward_kinematics(link, np.eye(4), joints))
         pose = np.array(frames(joints)[LINKS[link]])
-        np.testing.assert_allclose(pose, expected, atol=1e-9)
+        np.testing.assert_allclose(pose, pose_of(adam, joints, link), atol=1e-9)
 
 
 def test_stretched_up_the_panda_is_as_tall_as_its_links(frames):
@@ -81,7 +76,7 @@ def test_stretched_up_the_panda_is_as_tall_as_its_links(frames):
 @given(throwing=angles)
 @settings(max_examples=40, deadline=None)
 def test_planar_chain_is_the_arm_in_its_plane(adam, planar, throwing):
-    pose = tcp(adam, all_joints(throwing))
+    pose = pose_of(adam, all_joints(throwing))
     x, z, theta = np.array(planar(throwing, 0, 0)[0]).ravel()
     np.testing.assert_allclose([x, 0.0, z], pose[:3, 3], atol=1e-9)
     np.testing.assert_allclose([np.cos(theta), 0.0, np.sin(theta)], pose[:3, 2], atol=1e-9)
@@ -92,7 +87,7 @@ def test_points_are_the_frames_in_the_plane(adam):
     points = ca.Function("points", [q], [PlanarArm(PANDA).points(q)])
     throwing = [0.4, -1.9, 2.2]
     for link, i in LINKS.items():
-        pose = np.asarray(adam.forward_kinematics(link, np.eye(4), all_joints(throwing)))
+        pose = pose_of(adam, all_joints(throwing), link)
         np.testing.assert_allclose(np.array(points(throwing))[:, i], pose[[0, 2], 3], atol=1e-9)
 
 
@@ -167,7 +162,7 @@ def test_fewer_throwing_joints_leave_the_others_in_posture(adam, joints):
     for values in rng.uniform(-2, 2, (5, len(joints))):
         full = posture.copy()
         full[[j - 1 for j in joints]] = values
-        pose = tcp(adam, full)
+        pose = pose_of(adam, full)
         x, z, _ = np.array(motion(values, 0, 0)[0]).ravel()
         np.testing.assert_allclose([x, z], pose[[0, 2], 3], atol=1e-9)
 
@@ -186,8 +181,5 @@ def test_heights_of_the_frames_are_those_of_the_full_kinematics() -> None:
     planar = ca.Function("planar", [q], [ca.vertcat(*arm.heights(arm.link_angles(q)))])
     full = ca.Function("full", [q], [arm.points(q)[1, 2:-1]])
     for value in np.random.default_rng(3).uniform(-2, 2, (5, arm.coordinates)):
-        mine, theirs = (
-            np.unique(np.array(planar(value)).round(9)),
-            np.unique(np.array(full(value)).round(9)),
-        )
+        mine, theirs = (np.unique(np.array(f(value)).round(9)) for f in (planar, full))
         assert mine == pytest.approx(theirs, abs=1e-8)

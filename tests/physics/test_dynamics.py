@@ -1,4 +1,4 @@
-"""Inverse dynamics in the plane against another library's, and against energy."""
+"""Inverse dynamics in the plane against another library's, and by virtual work."""
 
 import casadi as ca
 import numpy as np
@@ -14,12 +14,8 @@ POSTURE = np.array(PANDA.posture)
 GRAVITY = 9.81
 
 
-def fixed(parent, child, pose):
-    """A fixed joint of a URDF at a 4x4 pose."""
-    return joint("fixed", f"{child}_mount", parent, child, pose, "")
-
-
-def joint(kind, name, parent, child, pose, more):
+def joint(kind, name, parent, child, pose, more=""):
+    """A joint of a URDF at a 4x4 pose."""
     xyz = " ".join(f"{v:.17g}" for v in pose[:3, 3])
     pitch = -np.arcsin(np.clip(pose[2, 0], -1, 1))
     roll, yaw = np.arctan2(pose[2, 1], pose[2, 2]), np.arctan2(pose[1, 0], pose[0, 0])
@@ -29,9 +25,7 @@ def joint(kind, name, parent, child, pose, more):
     )
 
 
-def link(name, inertia=None):
-    if inertia is None:
-        return f'<link name="{name}"/>'
+def link(name, inertia):
     names = ("ixx", "ixy", "ixz", "iyy", "iyz", "izz")
     values = " ".join(f'{n}="{v:.17g}"' for n, v in zip(names, inertia.inertia, strict=True))
     com = " ".join(f"{v:.17g}" for v in inertia.com)
@@ -44,7 +38,7 @@ def link(name, inertia=None):
 @pytest.fixture(scope="module")
 def adam(tmp_path_factory):
     """The Panda's chain and masses written as URDF and read by adam."""
-    parts = [link("base")]
+    parts = ['<link name="base"/>']
     parent = "base"
     axis = '<axis xyz="0 0 1"/><limit lower="-3" upper="3" effort="87" velocity="2"/>'
     for number, (frame, inertia) in enumerate(zip(PANDA.chain, PANDA.links, strict=False)):
@@ -56,7 +50,7 @@ def adam(tmp_path_factory):
     turn = PANDA.tool.rotation
     hand[:2, :2] = [[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]
     hand[2, 3] = PANDA.tool.flange
-    parts += [link("hand", PANDA.links[-1]), fixed(parent, "hand", hand)]
+    parts += [link("hand", PANDA.links[-1]), joint("fixed", "mount", parent, "hand", hand)]
     path = tmp_path_factory.mktemp("urdf") / "arm.urdf"
     path.write_text(f'<robot name="arm">{"".join(parts)}</robot>')
     return KinDynComputations(
@@ -94,36 +88,6 @@ def test_torques_are_those_of_the_whole_arm(adam):
         bias = np.asarray(adam.bias_force(base, full, still, rate)).ravel()[6:]
         expected = (mass @ turn + bias)[THROWING]
         assert np.abs(np.array(function(q, dq, ddq)).ravel() - expected).max() < 1e-9
-
-
-def test_the_torques_power_is_what_the_energy_gains():
-    """Along a motion, by differences: kinetic and potential energy from the bodies alone."""
-    kinematics = PlanarArm(PANDA)
-    dynamics = PlanarDynamics(kinematics)
-    q, dq = ca.SX.sym("q", 3), ca.SX.sym("dq", 3)
-    angles, rates = kinematics.link_angles(q), kinematics.link_angles(dq)
-    place, energy = ca.SX(2, 1), ca.SX(0)
-    for body, along, phi, rate in zip(
-        dynamics.bodies, kinematics.links, angles, rates, strict=True
-    ):
-        turn = ca.vertcat(
-            ca.horzcat(ca.cos(phi), -ca.sin(phi)), ca.horzcat(ca.sin(phi), ca.cos(phi))
-        )
-        com = place + turn @ ca.DM(body.com)
-        speed = ca.jacobian(com, q) @ dq
-        energy += body.mass * (ca.sumsqr(speed) / 2 + GRAVITY * com[1]) + body.inertia * rate**2 / 2
-        place = place + turn @ ca.DM(along)
-    total = ca.Function("energy", [q, dq], [energy])
-    function = torques()
-    for start, rate, turn in states(5):
-        step = 1e-4
-
-        def energy_at(t, start=start, rate=rate, turn=turn):
-            return float(total(start + rate * t + turn * t * t / 2, rate + turn * t))
-
-        gained = (energy_at(step) - energy_at(-step)) / (2 * step)
-        power = float(np.array(function(start, rate, turn)).ravel() @ rate)
-        assert gained == pytest.approx(power, rel=1e-6, abs=1e-5)
 
 
 def test_a_load_adds_its_moment_about_each_joint():

@@ -21,6 +21,11 @@ def scene_with(folder: Path, motion: str) -> Path:
     return path
 
 
+def write(path: Path, names: list[str], *columns: np.ndarray) -> None:
+    rows, header = np.column_stack(columns), ",".join(names)
+    np.savetxt(path, rows, delimiter=",", header=header, comments="")
+
+
 def test_pieces_join_smoothly_and_agree_with_one_piece() -> None:
     times = np.linspace(0, 0.06, 50)
     whole = Trajectory.accelerating((0, 0, 0.2), (1, 2, 3), (4, 5, 6)).at(times)
@@ -55,16 +60,13 @@ def test_low_pass_keeps_slow_motion_in_phase_and_removes_noise() -> None:
     assert np.abs(smooth[middle, 0] - np.sin(2 * math.pi * 3 * even[middle])).max() < 2e-3
 
 
-def test_recorded_joints_throw_as_the_motion_they_record(tmp_path) -> None:
+def test_recorded_joints_throw_as_the_motion_they_record(tmp_path, plan_of, saved) -> None:
     """A plan's joints as they would be recorded at 500 Hz, with encoder noise."""
-    plan = tp.plan("pose")
-    plan.save(tmp_path, draw=False)
-    table = np.genfromtxt(tmp_path / "motion.csv", delimiter=",", names=True)[::2]
+    plan = plan_of("pose")
+    table = np.genfromtxt(saved("pose") / "motion.csv", delimiter=",", names=True)[::2]
     noise = np.random.default_rng(0).standard_normal((len(table), 7)) * 1e-5
     joints = np.column_stack([table[f"q{j}"] for j in range(1, 8)]) + noise
-    rows = np.column_stack([table["t"], joints])
-    header = "t," + ",".join(f"q{j}" for j in range(1, 8))
-    np.savetxt(tmp_path / "joints.csv", rows, delimiter=",", header=header, comments="")
+    write(tmp_path / "joints.csv", ["t", *(f"q{j}" for j in range(1, 8))], table["t"], joints)
     answer, text = plan.to_dict(), tp.scene_text("pose")
     text = re.sub(r"\[(robot|workspace)\].*?(?=\n\[|\Z)", "", text, flags=re.S)
     motion = f"opening_time = {answer['release']['opening_time']}\n"
@@ -78,14 +80,7 @@ def test_recorded_joints_throw_as_the_motion_they_record(tmp_path) -> None:
 def test_simulate_takes_pieces_and_samples(tmp_path) -> None:
     t = np.linspace(0, 0.06, 61)
     poses = np.column_stack([t, 1.5 * t + t**2, 0.2 + 2 * t])
-    header = "t,x,z,theta"
-    np.savetxt(
-        tmp_path / "hand.csv",
-        np.column_stack([t, poses]),
-        delimiter=",",
-        header=header,
-        comments="",
-    )
+    write(tmp_path / "hand.csv", ["t", "x", "z", "theta"], t, poses)
     whole = "angle_deg = 11.459155902616466\nvelocity = [1.0, 1.5]\nrate = 2.0\n"
     motions = {
         "constant": whole + "acceleration = [0.0, 2.0]\n",

@@ -6,9 +6,9 @@ import dataclasses
 
 import numpy as np
 import pytest
-from release_cases import VALUES, reference_case
+from release_cases import BAR, VALUES, energy_of, reference_case
 from scipy.integrate import solve_ivp
-from throwplan.models import Body, Contact, Trajectory
+from throwplan.models import Contact, Trajectory
 from throwplan.models.release import LinearRelease, ReleaseCase
 from throwplan.models.release.patch import PatchRelease, critical_damping, disc
 
@@ -76,15 +76,14 @@ def test_stiff_bristles_become_the_rigid_patch(name: str) -> None:
 
 
 def test_a_gripped_bar_stays_put() -> None:
-    body, contact = Body(0.24, 5.35e-4, 0.1), Contact(0.8, 0.0075)
-    hand = Trajectory.accelerating((0.0, 0.0, 0.4))
-    case = ReleaseCase(body, contact, LinearRelease(400.0, 0.0, 0.05), hand)
+    contact, hand = Contact(0.8, 0.0075), Trajectory.accelerating((0.0, 0.0, 0.4))
+    case = ReleaseCase(BAR, contact, LinearRelease(400.0, 0.0, 0.05), hand)
     release = PatchRelease(stiffness=1e6).release(case)
     # In the first half bristles bend further as the grip falls: less than mu / sigma_0.
     moved = np.abs(release.com[:, :250] - release.com[:, :1]).max(axis=1)
     across = contact.friction / 1e6
     assert moved[2] < across / float(contact.torsion_arm)
-    assert moved[:2].max() < across * body.com_offset / float(contact.torsion_arm)
+    assert moved[:2].max() < across * BAR.com_offset / float(contact.torsion_arm)
 
 
 def test_bristles_start_loaded() -> None:
@@ -97,21 +96,12 @@ def test_bristles_start_loaded() -> None:
     assert release.wrench[2, :5] == pytest.approx(weight * case.body.com_offset, rel=0.02)
 
 
-@pytest.mark.parametrize("stiffness", [1e5, 1e7])
-def test_the_drop_leaves_turning(stiffness: float) -> None:
-    # With a stiffness that does not fall with the grip it would leave at rest.
-    release = PatchRelease(stiffness=stiffness).release(reference_case(DROP))
-    assert -1.4 < release.detach.omega < -0.9
-
-
 def test_a_still_hand_gives_no_energy_beyond_that_of_the_bristles() -> None:
     # Bristles hold at most N mu^2 / (2 sigma_0), and lose it as the grip falls.
     for name in ("drop_h100_faces1", "drop_h020_faces2"):
         for ratio in (0.1, 10.0):
             case = reference_case(name)
             release = PatchRelease(stiffness=1e5, damping_ratio=ratio).release(case)
-            v_x, v_z, omega = release.com_twist
-            body, z = case.body, release.com[1]
-            energy = body.mass * ((v_x**2 + v_z**2) / 2 + 9.81 * z) + body.inertia * omega**2 / 2
+            energy = energy_of(case, release)
             bristles = case.contact.faces * case.grip.full * case.contact.friction**2 / 2e5
             assert (energy <= energy[0] + bristles).all()

@@ -7,25 +7,14 @@ import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
-from oracle.meshes import (
-    MESHES,
-    PACKAGES,
-    ROBOTS,
-    URDFS,
-    chain_for,
-    has_meshes,
-    link_points,
-)
+from oracle.meshes import MESHES, PACKAGES, ROBOTS, URDFS, chain_for, has_meshes, link_points
+from oracle.shapes import to_segment
 from oracle.studies import SCENES, corner_contacts
 from throwplan.planner.cli import main
 from throwplan.planner.robot import Recording, joint_motion
 from throwplan.planner.show import space_throw
 from throwplan.problems import load_arm
-from throwplan.problems.urdf import (
-    kinematics_difference,
-    limits_of,
-    link_inertias,
-)
+from throwplan.problems.urdf import kinematics_difference, limits_of, link_inertias
 
 STATES = 20
 
@@ -96,7 +85,10 @@ def test_capsules_contain_the_published_meshes(name):
     arm = load_arm(name)
     for link, points in link_points(name).items():
         capsules = [c for c in arm.capsules if c.link == link]
-        away = [distances(points, c) - c.radius - arm.cover for c in capsules]
+        away = [
+            to_segment(points, *map(np.array, (c.begin, c.end))) - c.radius - arm.cover
+            for c in capsules
+        ]
         assert np.min(away, axis=0).max() < 1e-6, f"link {link}"
 
 
@@ -109,13 +101,6 @@ def test_no_published_mesh_is_in_an_obstacle_at_a_corner(name):
     found = list(corner_contacts(name, 8))
     assert sum(said == "solved" for said, _ in found) >= 4
     assert not any(depth for _, depth in found)
-
-
-def distances(points, capsule):
-    """Of points (N, 3) from a capsule's segment."""
-    begin, way = np.array(capsule.begin), np.subtract(capsule.end, capsule.begin)
-    share = np.clip((points - begin) @ way / max(way @ way, 1e-12), 0.0, 1.0)
-    return np.linalg.norm(points - begin - share[:, None] * way, axis=1)
 
 
 @pytest.mark.slow

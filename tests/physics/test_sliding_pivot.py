@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
-from release_cases import STILL, VALUES, expected, reference_case
+from release_cases import BAR, VALUES, expected, order_of, reference_case, reference_values
 from scipy.integrate import solve_ivp
 from throwplan.models import Body, Contact, FlightLaw, FlightState, HandMotion, pivot_wrench
 from throwplan.models.release import (
@@ -24,7 +24,6 @@ GRAVITY = 9.81
 FORMS = ("continuous", "paper")
 #: Of the relative state: slip x, z and angle, and their rates.
 STATES = 6
-BAR = Body(mass=0.24, inertia=5.35e-4, com_offset=0.1)
 PADS = Contact(friction=1.0, patch_radius=0.0025)
 
 relaxed = settings(deadline=None)
@@ -99,23 +98,11 @@ def com_acceleration(law, state, hand, grip):
 
 
 def throws_of_cases():
-    cases = list(VALUES.values())
-    hands = [STILL if case["hand"] == "drop" else case["hand"] for case in cases]
-
-    def column(section, key):
-        return np.array([case[section][key] for case in cases])
-
-    return Throws(
-        Body(*(column("object", key) for key in ("m", "I", "h"))),
-        Contact(*(column("contact", key) for key in ("mu", "r", "c", "faces"))),
-        theta=np.array([h["theta0"] for h in hands]),
-        velocity=np.array([h["v0"] for h in hands]).T,
-        omega=np.array([h["omega0"] for h in hands]),
-        acceleration=np.array([h["a"] for h in hands]).T,
-        alpha=np.array([h["alpha"] for h in hands]),
-        full=np.array([case["fN0"] for case in cases]),
-        opening=np.array([case["T"] for case in cases]),
-    )
+    values = reference_values()
+    (*_, theta), (*velocity, omega), (*pull, alpha) = (rows.T for rows in values["hand"].values())
+    body, contact = Body(**values["object"]), Contact(**values["contact"])
+    hand = theta, np.array(velocity), omega, np.array(pull), alpha
+    return Throws(body, contact, *hand, *values["gripper"].values())
 
 
 THROWS = throws_of_cases()
@@ -217,10 +204,7 @@ def test_continuous_form_slips_on_top_of_the_pivot_motion(state, hand, share):
     assume(math.hypot(f_x, f_z) > 1e-3)
     acceleration, alpha = com_acceleration(law, state, hand, grip)
     omega = hand.omega + state[5]
-    on_pivot = [
-        hand.a_x - alpha * z_r - omega**2 * x_r,
-        hand.a_z + alpha * x_r - omega**2 * z_r,
-    ]
+    on_pivot = [hand.a_x - alpha * z_r - omega**2 * x_r, hand.a_z + alpha * x_r - omega**2 * z_r]
     lost = (1 - share) * np.array([f_x, f_z]) / BAR.mass
     np.testing.assert_allclose(acceleration, on_pivot - lost, atol=1e-8)
 
@@ -358,11 +342,6 @@ def test_widths_never_vanish_and_are_proportional(h, gravity):
     assert (two.force, two.torque) == pytest.approx((2 * one.force, 2 * one.torque))
 
 
-def slope(sizes, errors):
-    """Exponents of error ~ size^p, per column."""
-    return np.polyfit(np.log(sizes), np.log(errors), 1)[0]
-
-
 def test_runge_kutta_converges_at_order_four_on_the_smoothed_law():
     law = THROWS.law(epsilon=1.0)
 
@@ -376,7 +355,7 @@ def test_runge_kutta_converges_at_order_four_on_the_smoothed_law():
     exact = solved.y[:, -1].reshape(6, -1)
     steps = np.array([80, 160, 320, 640])
     errors = [np.linalg.norm(THROWS.path(law, n)[-1] - exact, axis=0) for n in steps]
-    np.testing.assert_allclose(slope(1 / steps, np.array(errors)), 4.0, atol=0.3)
+    np.testing.assert_allclose(order_of(steps, errors), 4.0, atol=0.3)
 
 
 def test_smoothing_moves_landings_by_its_width_squared():
@@ -392,7 +371,7 @@ def test_smoothing_moves_landings_by_its_width_squared():
     epsilons = np.array([0.04, 0.02, 0.01, 0.005])
     errors = np.array([np.abs(landings(THROWS.law(epsilon=e)) - hard) for e in epsilons])
     assert errors[-1].max() < 1e-3
-    np.testing.assert_allclose(slope(epsilons, errors.reshape(4, -1)), 2.0, atol=0.3)
+    np.testing.assert_allclose(order_of(1 / epsilons, errors.reshape(4, -1)), 2.0, atol=0.3)
 
 
 # Symbols and derivatives.
