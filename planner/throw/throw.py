@@ -6,7 +6,6 @@ scatters. Releases and landings are computed when they are first read.
 
 from __future__ import annotations
 
-import ctypes
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...core import Measured, ReleaseC, ThrowC, address, library
+from ...core import Measured, ReleaseC, ThrowC, library
 from ...models import Array, FlightLaw, FlightState, HandSamples, HandTrack, Trajectory
 from ...models.release import (
     SLIDING_PIVOT,
@@ -143,13 +142,11 @@ class Throw:
 
     @cached_property
     def core(self) -> ThrowC:
-        """As the compiled core takes it, with the arrays at its addresses."""
+        """As the compiled core takes it."""
         found, release = _core_motion(self), self.release
         times, com = self.opening_time + release.times, np.ascontiguousarray(release.com)
-        start = release.end
         found.detach, found.flight, found.nodes = times[-1], self.landing.flight_time, len(times)
-        found.times, found.com, found.start = map(address, (times, com, start))
-        found.kept = found.parts, times, com, start
+        found.attach(times=times, com=com, start=release.end)
         return found
 
     def __getstate__(self) -> dict[str, Any]:
@@ -261,12 +258,14 @@ class Throw:
 
 def _core_motion(throw: Throw) -> ThrowC:
     """A throw's motion as the compiled core takes it, without release and flight."""
-    around = core_scene(throw.scene, throw.error.theta)
-    torques = core_torques(throw.scene, throw.manipulator)
-    parts = throw.path.core, throw.manipulator.kinematics.core, around, torques
-    addresses = (None if part is None else ctypes.addressof(part) for part in parts)
-    found = ThrowC(*addresses, TICK, CARRY_STEP, throw.opening_time)
-    found.error[:], found.parts = throw.error, parts
+    found = ThrowC(tick=TICK, step=CARRY_STEP, opening=throw.opening_time)
+    found.error[:] = throw.error
+    found.attach(
+        motion=throw.path.core,
+        arm=throw.manipulator.kinematics.core,
+        around=core_scene(throw.scene, throw.error.theta),
+        torques=core_torques(throw.scene, throw.manipulator),
+    )
     return found
 
 
