@@ -133,6 +133,16 @@ class Throw:
         """Largest friction use (ellipsoid, 1 is the limit) from rest to the opening's start."""
         return float(library().grip_use(_core_motion(self)))
 
+    @property
+    def grip_words(self) -> str:
+        """Largest use of the grip's friction, what is left, and what the scene keeps in reserve."""
+        use, reserve = self.measured.grip, self.scene.gripper.sticking_margin
+        left = f"{100 * (1 - use.value):.0f} % are left (sticking_margin {reserve:g})"
+        return (
+            f"grip: at most {100 * use.value:.0f} % of its friction before it opens, at "
+            f"{use.time:.2f} s; {left}"
+        )
+
     @cached_property
     def measured(self) -> Measured:
         """How near bar, hand and arm come to what is around them."""
