@@ -32,7 +32,6 @@ from throwplan.planner.show import (
     GREY,
     ORANGE,
     RED,
-    Cell,
     Row,
     Table,
     number,
@@ -192,7 +191,7 @@ def _measured(
     }
 
 
-def marked(rows: Sequence[Row], known: Mapping[str, Cell]) -> list[Row]:
+def marked(rows: Sequence[Row], known: Row) -> list[Row]:
     """A throw's rows with their Pareto sets: of one law for the own error, of all for the model's.
 
     known: how well [mm] a law's converged answer is known; own errors below that are equal. Rows
@@ -326,7 +325,7 @@ def _cheapest(sample: Table) -> str:
     )
 
 
-def _number(cell: Cell) -> float:
+def _number(cell: Any) -> float:
     return number(cell, math.inf)
 
 

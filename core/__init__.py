@@ -1,6 +1,6 @@
 """The compiled core: exact throws, batches, sending, measures and clearances, in C.
 
-It is the only implementation of what it does. structures.h says what its functions take and give.
+It is the only implementation of what it does. functions.h says what its functions take and give.
 """
 
 from __future__ import annotations
@@ -12,13 +12,12 @@ import os
 import sys
 from functools import cache
 from pathlib import Path
+from types import SimpleNamespace
 
-from .functions import declare
+from .functions import functions_of
 from .structures import (
     AXES,
     FRAMES,
-    ROWS,
-    STRUCTURES,
     BatchC,
     BodiesC,
     Extreme,
@@ -36,8 +35,7 @@ from .structures import (
     SolidC,
     ThrowC,
     TorquesC,
-    address,
-    wrong_sizes,
+    layout,
 )
 
 #: Of shared libraries, by platform; as in setup.py.
@@ -48,24 +46,27 @@ class CoreError(ImportError):
     """The compiled core is not there, or is not the one that this package needs."""
 
 
-class _Size(ctypes.Structure):
-    _fields_ = (("name", ctypes.c_char_p), ("size", ctypes.c_int64))
+class _Place(ctypes.Structure):
+    _fields_ = (("name", ctypes.c_char_p), ("offset", ctypes.c_int64), ("size", ctypes.c_int64))
 
 
 @cache
-def library() -> ctypes.CDLL:
-    """The library; CoreError where it is missing or was built from other sources."""
+def library() -> SimpleNamespace:
+    """The functions of functions.h; CoreError where the library is missing, or was built from other
+    sources, or has structures that differ from Python's."""
     place = Path(__file__).with_name(f"_core{SUFFIX}")
     try:
         core = ctypes.CDLL(str(place))
-        differs = wrong_sizes(_sizes(core))
-        declare(core)
+        sources, places = _sources(core), _layout(core)
+        found = functions_of(core)
     except (OSError, AttributeError) as error:
         why = "cannot be loaded" if place.exists() else "is missing"
         raise _core_error(place, why) from error
-    if differs or _hash_of_sources() not in ("", core.core_sources().decode()):
+    if _hash_of_sources() not in ("", sources):
         raise _core_error(place, "was built from other sources")
-    return core
+    if differences := differing(places):
+        raise _core_error(place, f"was built from other sources: {', '.join(differences[:5])}")
+    return found
 
 
 def _core_error(place: Path, why: str) -> CoreError:
@@ -75,10 +76,16 @@ def _core_error(place: Path, why: str) -> CoreError:
 
 
 def _hash_of_sources() -> str:
-    """As setup.py hashes the C files; empty for an installed package, which has one header only."""
+    """As setup.py hashes the C files; empty for an installed package, which has no C file."""
     files = sorted(Path(__file__).resolve().parent.glob("*.[ch]"))
     text = b"".join(file.read_bytes() for file in files)
-    return hashlib.sha256(text).hexdigest() if len(files) > 1 else ""
+    return hashlib.sha256(text).hexdigest() if any(f.suffix == ".c" for f in files) else ""
+
+
+def differing(places: dict[str, tuple[int, int]]) -> list[str]:
+    """Names of structures and fields that are elsewhere than Python has them."""
+    known = layout()
+    return sorted(n for n in known.keys() | places.keys() if known.get(n) != places.get(n))
 
 
 def threads() -> int:
@@ -91,9 +98,15 @@ def threads() -> int:
         return os.cpu_count() or 1
 
 
-def _sizes(core: ctypes.CDLL) -> dict[str, int]:
-    """Sizes [bytes] of the library's structures."""
-    rows = ctypes.POINTER(_Size)()
-    core.core_sizes.restype = ctypes.c_int64
-    count = core.core_sizes(ctypes.byref(rows))
-    return {row.name.decode(): row.size for row in rows[:count]}
+def _layout(core: ctypes.CDLL) -> dict[str, tuple[int, int]]:
+    """Offset and size [bytes] of each structure of the library and of each of its fields."""
+    rows = ctypes.POINTER(_Place)()
+    core.core_layout.restype = ctypes.c_int64
+    count = core.core_layout(ctypes.byref(rows))
+    return {row.name.decode(): (row.offset, row.size) for row in rows[:count]}
+
+
+def _sources(core: ctypes.CDLL) -> str:
+    """The hash of the C files that the library was built from."""
+    core.core_sources.restype = ctypes.c_char_p
+    return str(core.core_sources().decode())

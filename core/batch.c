@@ -1,6 +1,6 @@
 /* Batches: LANES throws side by side, all in equally many steps. */
 #define LANES 16
-#include "structures.h"
+#include "functions.h"
 #include "laws.h"
 
 /* Some throws of a batch side by side, and the cubics their hands are on. */

@@ -1,6 +1,7 @@
 /* What a check measures of a throw: use of the grip, and how near bar, hand and arm come to things.
    Eight instants at a time. */
 #define LANES 8
+#include "functions.h"
 #include "throw.h"
 
 #include <stddef.h>
@@ -674,14 +675,12 @@ INLINE extreme largest_use(const throw *t)
     return most;
 }
 
-/* The instants of `largest_use` of a motion before `until` [s], every `step` [s] at least: how many there
-   are; times: none, or where they go. */
-EXPORT int64_t grip_instants(const path *motion, double step, double until, double *times)
+EXPORT int64_t grip_instants(const path *motion, double step, double until, int64_t room, double *times)
 {
     int64_t count = 0;
 #define KEEP(time)                                                                                 \
     do {                                                                                           \
-        if (times)                                                                                 \
+        if (count < room)                                                                          \
             times[count] = (time);                                                                 \
         count++;                                                                                   \
     } while (0)
@@ -724,8 +723,6 @@ INLINE void poses_at(const double *rows, int64_t count, int64_t first, pose *at)
     }
 }
 
-/* Distances [count] of the scene's bar at com [3][count] from its base column; infinite where the column
-   is out of the bar's reach. */
 CLONES EXPORT void column_distances(const scene *s, int64_t count, const double *com, double *found)
 {
     const box bar = {-s->behind, s->ahead, s->half_width};
@@ -742,8 +739,6 @@ CLONES EXPORT void column_distances(const scene *s, int64_t count, const double 
     }
 }
 
-/* Distances [count] of the scene's bar at com [3][count] from the body of a hand at hand [3][count], as
-   `between` has them. */
 CLONES EXPORT void palm_distances(const scene *s, int64_t count, const double *com, const double *hand,
                                   double *found)
 {
@@ -760,27 +755,21 @@ CLONES EXPORT void palm_distances(const scene *s, int64_t count, const double *c
     }
 }
 
-/* Time [s] until one flight falls through `height`, as `fall_time` has it. */
-EXPORT double flight_time(const double start[6], double height, double gravity)
+EXPORT double flight_time(const double *start, double height, double gravity)
 {
     return fall_time(start, height, gravity);
 }
 
-/* Least clearances [count] on the way into the scene's cup, as `measured` has it, of flights from detach
-   [count][6] that land after flight [count] [s]: -infinity for those that never do. */
-CLONES EXPORT void cup_entries(const scene *s, int64_t count, const double (*detach)[6],
-                               const double *flight, double *found)
+CLONES EXPORT void cup_entries(const scene *s, int64_t count, const double *detach, const double *flight,
+                               double *found)
 {
     const box bar = {-s->behind, s->ahead, s->half_width};
     for (int64_t k = 0; k < count; k++) {
-        throw t = {.around = s, .start = detach[k], .flight = flight[k]};
+        throw t = {.around = s, .start = detach + 6 * k, .flight = flight[k]};
         found[k] = isfinite(flight[k]) ? enter(&t, &bar) : -INFINITY;
     }
 }
 
-/* Of many flights: the least distance from the column and from the palm, infinite where the reference
-   says that neither is near; when the bar first is too near to the palm [s after detach]; the least
-   clearance on the way into the cup; whether any body may be near; found [count][5]. */
 CLONES EXPORT void measure_flights(const throw *shared, const reference *r, int64_t count,
                                    const flown_sample *flights, double *found)
 {

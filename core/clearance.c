@@ -4,6 +4,7 @@
    is kept is kept at every instant. One instant at a time. */
 #define LANES 1
 #include <stdlib.h>
+#include "functions.h"
 #include "throw.h"
 
 /* Intervals of so many samples are looked at sample by sample. */
@@ -13,7 +14,7 @@
 
 /* Bodies that move together at n times: the links' angles; how far these have turned, and the bar
    moved, at most; whether a sample is placed: joints with their angles' cosines and sines, the bar's
-   CoM and angle. Or else, given: ends [body][2][3][n] of the bodies, and how far each has moved
+   CoM and angle. Or else, given, and not written: ends [body][2][3][n] of the bodies, and how far each has moved
    [body][n]. */
 typedef struct {
     int64_t n, flying, bar, carried;
@@ -61,11 +62,11 @@ static double between_segments(const segment *one, const segment *other)
     return sqrt(dot(off, off));
 }
 
-/* Distances [count] of segments: begin and end of one, begin and end of the other. */
-CLONES EXPORT void segment_distances(int64_t count, const segment (*pairs)[2], double *found)
+CLONES EXPORT void segment_distances(int64_t count, const double *pairs, double *found)
 {
+    const segment *ends = (const segment *)pairs;
     for (int64_t k = 0; k < count; k++)
-        found[k] = between_segments(&pairs[k][0], &pairs[k][1]);
+        found[k] = between_segments(ends + 2 * k, ends + 2 * k + 1);
 }
 
 /* Of a point at t along a segment, seen from a box: off it, and the slope of half its square. */
@@ -399,7 +400,6 @@ static void follow_flight(const throw *t, const bodies *all, track *on)
     follow(t, all, on);
 }
 
-/* All contacts of a throw, `found` has room for them; -1 without memory. */
 CLONES EXPORT int64_t near_bodies(const throw *t, const bodies *all, contact *found)
 {
     int64_t count = 0;
@@ -431,10 +431,8 @@ CLONES EXPORT int64_t near_bodies(const throw *t, const bodies *all, contact *fo
     return count;
 }
 
-/* Of many flights: how much is missing at most [m] of the distance that the bar needs from solids and
-   links; not 0 without memory. */
-CLONES EXPORT int near_flights(const throw *shared, const bodies *all, int64_t count,
-                               const flown_sample *flights, double *missed)
+CLONES EXPORT int64_t near_flights(const throw *shared, const bodies *all, int64_t count,
+                                   const flown_sample *flights, double *missed)
 {
     int64_t most = 2;
     for (int64_t k = 0; k < count; k++) {
@@ -472,14 +470,12 @@ CLONES EXPORT int near_flights(const throw *shared, const bodies *all, int64_t c
     return 0;
 }
 
-/* Bodies of a track that is given, n samples at rising times [s], that are too near to something; `found`
-   has room for them. Without memory -1. ends: as of `track`, of the links and, with a bar, of that. */
 CLONES EXPORT int64_t near_track(const bodies *all, int64_t n, int64_t bar, int64_t flying,
-                                 double *times, const double *ends, contact *found)
+                                 const double *times, const double *ends, contact *found)
 {
     int64_t count = all->links + bar;
     double *travel = malloc(sizeof(double) * (size_t)(n * count + 1));
-    track on = {.n = n, .flying = flying, .bar = bar, .time = times, .ends = ends, .travel = travel};
+    track on = {.n = n, .flying = flying, .bar = bar, .time = (double *)times, .ends = ends, .travel = travel};
     if (!travel)
         return -1;
     for (int64_t b = 0; b < count; b++)
@@ -504,12 +500,10 @@ static void room_of(pair *p, double *room)
     }
 }
 
-/* How much farther [n] bodies of a track that is given are apart than they must be, at least; infinite
-   where there is nothing. alone: of the bar only, and as far from where it lands as from elsewhere. */
 CLONES EXPORT void rooms(const bodies *all, int64_t n, int64_t bar, int64_t flying, int64_t alone,
-                         double *times, const double *ends, double *room)
+                         const double *times, const double *ends, double *room)
 {
-    track on = {.n = n, .flying = flying, .bar = bar, .time = times, .ends = ends};
+    track on = {.n = n, .flying = flying, .bar = bar, .time = (double *)times, .ends = ends};
     segment one;
     for (int64_t k = 0; k < n; k++)
         room[k] = INFINITY;
@@ -533,10 +527,8 @@ CLONES EXPORT void rooms(const bodies *all, int64_t n, int64_t bar, int64_t flyi
     }
 }
 
-/* How far two bodies are nearer than they may be, at most, at each of `count` instants: coordinates q
-   [count][n], CoM and angle of the bar com [count][3] or NULL without it. Not 0 without memory. */
-CLONES EXPORT int overlaps(int64_t count, const linkage *arm, const bodies *all, const double *q,
-                           const double *com, double *deepest)
+CLONES EXPORT int64_t overlaps(int64_t count, const linkage *arm, const bodies *all, const double *q,
+                               const double *com, double *deepest)
 {
     double angle[AXES], joint[4 * AXES], placed = 1.0, hand[3], pose[3];
     int64_t links = all->links;

@@ -1,24 +1,87 @@
-/* What the loader compares: the size of each structure, and what the library was built from. */
+/* What the loader compares: where each field of each structure is, and what the library was built from. */
+#include <stddef.h>
+
 #include "structures.h"
 
-#define SIZE(s) {#s, sizeof(s)}
+#define STRUCTURE(s) {#s, 0, sizeof(s)}
+#define FIELD(s, f) {#s "." #f, offsetof(s, f), sizeof(((s *)0)->f)}
 
 typedef struct {
     const char *name;
-    int64_t size; /* bytes */
-} structure;
+    int64_t offset, size; /* bytes */
+} place;
 
-static const structure SIZES[] = {
-    SIZE(path), SIZE(linkage), SIZE(limits), SIZE(samples), SIZE(grip), SIZE(release),
-    SIZE(move), SIZE(moved), SIZE(batch), SIZE(scene), SIZE(torques), SIZE(throw),
-    SIZE(flown_sample), SIZE(reference), SIZE(extreme), SIZE(measured), SIZE(solid),
-    SIZE(bodies), SIZE(contact),
+static const place PLACES[] = {
+    STRUCTURE(path), FIELD(path, n), FIELD(path, powers), FIELD(path, pieces), FIELD(path, held),
+    FIELD(path, corners), FIELD(path, breaks), FIELD(path, curves), FIELD(path, kinks),
+    STRUCTURE(linkage), FIELD(linkage, n), FIELD(linkage, arm), FIELD(linkage, frames),
+    FIELD(linkage, x), FIELD(linkage, z), FIELD(linkage, theta), FIELD(linkage, sign),
+    FIELD(linkage, along), FIELD(linkage, up), FIELD(linkage, link), FIELD(linkage, frame_along),
+    FIELD(linkage, frame_up),
+    STRUCTURE(limits), FIELD(limits, q_min), FIELD(limits, q_max), FIELD(limits, dq),
+    FIELD(limits, ddq), FIELD(limits, jerk), FIELD(limits, slowing), FIELD(limits, slows),
+    STRUCTURE(samples), FIELD(samples, rows), FIELD(samples, n), FIELD(samples, tick),
+    FIELD(samples, q), FIELD(samples, dq), FIELD(samples, ddq),
+    STRUCTURE(grip), FIELD(grip, full), FIELD(grip, opening), FIELD(grip, stretch),
+    FIELD(grip, pieces), FIELD(grip, breaks), FIELD(grip, curves),
+    STRUCTURE(release), FIELD(release, motion), FIELD(release, arm), FIELD(release, grip),
+    FIELD(release, law), FIELD(release, angle), FIELD(release, delay), FIELD(release, turning),
+    STRUCTURE(move), FIELD(move, n), FIELD(move, carry), FIELD(move, stages), FIELD(move, size),
+    FIELD(move, errors), FIELD(move, by_jerk), FIELD(move, surface), FIELD(move, throws),
+    FIELD(move, unit), FIELD(move, before), FIELD(move, shortest), FIELD(move, longest),
+    FIELD(move, gravity), FIELD(move, turned), FIELD(move, nearer), FIELD(move, goal),
+    FIELD(move, aim), FIELD(move, off), FIELD(move, start), FIELD(move, rate),
+    FIELD(move, acceleration), FIELD(move, opening), FIELD(move, low), FIELD(move, high),
+    FIELD(move, u), FIELD(move, slope), FIELD(move, limits), FIELD(move, release),
+    STRUCTURE(moved), FIELD(moved, sent), FIELD(moved, room), FIELD(moved, stages),
+    FIELD(moved, size), FIELD(moved, corners), FIELD(moved, release_room), FIELD(moved, nodes),
+    FIELD(moved, lost), FIELD(moved, u), FIELD(moved, breaks), FIELD(moved, cubics),
+    FIELD(moved, times), FIELD(moved, curves), FIELD(moved, kinks), FIELD(moved, nodes_at),
+    FIELD(moved, onset),
+    STRUCTURE(batch), FIELD(batch, count), FIELD(batch, steps), FIELD(batch, pieces),
+    FIELD(batch, rows), FIELD(batch, width), FIELD(batch, gap), FIELD(batch, shares),
+    FIELD(batch, grip), FIELD(batch, numbers), FIELD(batch, knots), FIELD(batch, curves),
+    FIELD(batch, delays), FIELD(batch, drift), FIELD(batch, detach), FIELD(batch, stray),
+    FIELD(batch, lost),
+    STRUCTURE(scene), FIELD(scene, gravity), FIELD(scene, mass), FIELD(scene, inertia),
+    FIELD(scene, com_offset), FIELD(scene, grasp_angle), FIELD(scene, force), FIELD(scene, torque),
+    FIELD(scene, behind), FIELD(scene, ahead), FIELD(scene, half_width),
+    FIELD(scene, column_radius), FIELD(scene, column_height), FIELD(scene, palm_back),
+    FIELD(scene, palm_front), FIELD(scene, palm_half_width), FIELD(scene, palm_clearance),
+    FIELD(scene, tool_length), FIELD(scene, cup_x), FIELD(scene, cup_rim), FIELD(scene, cup_radius),
+    FIELD(scene, cup_insertion), FIELD(scene, cup_speed),
+    STRUCTURE(torques), FIELD(torques, mass), FIELD(torques, along), FIELD(torques, up),
+    FIELD(torques, inertia), FIELD(torques, limit),
+    STRUCTURE(throw), FIELD(throw, motion), FIELD(throw, arm), FIELD(throw, around),
+    FIELD(throw, torques), FIELD(throw, tick), FIELD(throw, step), FIELD(throw, opening),
+    FIELD(throw, detach), FIELD(throw, flight), FIELD(throw, nodes), FIELD(throw, times),
+    FIELD(throw, com), FIELD(throw, start), FIELD(throw, error),
+    STRUCTURE(flown_sample), FIELD(flown_sample, opening), FIELD(flown_sample, detach),
+    FIELD(flown_sample, flight), FIELD(flown_sample, behind), FIELD(flown_sample, cup_x),
+    FIELD(flown_sample, start), FIELD(flown_sample, error),
+    STRUCTURE(reference), FIELD(reference, begin), FIELD(reference, step), FIELD(reference, n),
+    FIELD(reference, palm), FIELD(reference, column), FIELD(reference, bodies),
+    FIELD(reference, detach), FIELD(reference, far), FIELD(reference, start),
+    STRUCTURE(extreme), FIELD(extreme, value), FIELD(extreme, time),
+    STRUCTURE(measured), FIELD(measured, grip), FIELD(measured, arm), FIELD(measured, held),
+    FIELD(measured, column_held), FIELD(measured, column_flown), FIELD(measured, palm),
+    FIELD(measured, speed), FIELD(measured, torque), FIELD(measured, palm_time),
+    FIELD(measured, cup), FIELD(measured, joint),
+    STRUCTURE(solid), FIELD(solid, centre), FIELD(solid, axes), FIELD(solid, half),
+    FIELD(solid, radius), FIELD(solid, clearance), FIELD(solid, bar),
+    STRUCTURE(bodies), FIELD(bodies, links), FIELD(bodies, bar), FIELD(bodies, moved_by),
+    FIELD(bodies, moves), FIELD(bodies, places), FIELD(bodies, radius), FIELD(bodies, reach),
+    FIELD(bodies, solids), FIELD(bodies, around), FIELD(bodies, pairs), FIELD(bodies, meet),
+    FIELD(bodies, behind), FIELD(bodies, ahead), FIELD(bodies, com_offset),
+    FIELD(bodies, grasp_angle), FIELD(bodies, landing),
+    STRUCTURE(contact), FIELD(contact, track), FIELD(contact, body), FIELD(contact, other),
+    FIELD(contact, missing), FIELD(contact, time),
 };
 
-EXPORT int64_t core_sizes(const structure **rows)
+EXPORT int64_t core_layout(const place **rows)
 {
-    *rows = SIZES;
-    return sizeof SIZES / sizeof *SIZES;
+    *rows = PLACES;
+    return sizeof PLACES / sizeof *PLACES;
 }
 
 /* A hash of the sources; setup.py gives it. */

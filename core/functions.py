@@ -1,84 +1,64 @@
-"""The functions of the C files: what each takes and gives back, checked at every call."""
+"""The functions of functions.h: what each takes, checked at every call."""
 
 from __future__ import annotations
 
 import ctypes
+from collections.abc import Callable
+from functools import partial
+from types import SimpleNamespace
 from typing import Any
 
-import numpy as np
+from .header import Function, Variable, functions
+from .structures import DTYPES, ROWS, STRUCTURES, array_address
 
-from .structures import (
-    BatchC,
-    BodiesC,
-    LimitsC,
-    LinkageC,
-    Measured,
-    MoveC,
-    MovedC,
-    PathC,
-    ReferenceC,
-    ReleaseC,
-    SamplesC,
-    SceneC,
-    ThrowC,
-    address,
-)
+#: Numbers, by their names in C.
+_NUMBERS = {"double": ctypes.c_double, "int64_t": ctypes.c_int64, "void": None}
 
 
-class _Doubles:
-    """An array of doubles, contiguous; None for no array."""
-
-    @classmethod
-    def from_param(cls, values: Any) -> ctypes.c_void_p:
-        return ctypes.c_void_p(None if values is None else address(values))
+def functions_of(core: ctypes.CDLL) -> SimpleNamespace:
+    """The library's functions by their names."""
+    return SimpleNamespace(**{found.name: _checked(core, found) for found in functions()})
 
 
-class _Flags:
-    """An array of flags, contiguous."""
+def _checked(core: ctypes.CDLL, found: Function) -> Callable[..., Any]:
+    """A function that refuses what it is not declared for.
 
-    @classmethod
-    def from_param(cls, values: Any) -> ctypes.c_void_p:
-        return ctypes.c_void_p(address(values, np.bool_))
-
-
-_P, _INT, _DOUBLE = ctypes.POINTER, ctypes.c_int64, ctypes.c_double
-
-#: By name: what a function gives back, and what it takes. See the C files for shapes and units.
-FUNCTIONS: dict[str, tuple[Any, tuple[Any, ...]]] = {
-    "sliding_pivot": (None, (_P(BatchC),)),
-    "limit_surface": (None, (_P(BatchC),)),
-    "pivot_release": (_INT, (_P(ReleaseC), _INT, _Doubles, _Doubles, _P(ctypes.c_int))),
-    "pivot_track": (None, (_P(ReleaseC), _INT, _Doubles, _Doubles)),
-    "surface_release": (_INT, (_P(ReleaseC), _INT, _Doubles)),
-    "many_releases": (ctypes.c_int, (_P(ReleaseC), ctypes.c_int, _INT, _Doubles, _Doubles)),
-    "plan_motion": (None, (_P(MoveC), _Doubles, _Doubles, _Doubles)),
-    "move_throw": (ctypes.c_int, (_P(MoveC), _P(MovedC))),
-    "quintics": (_INT, (_P(SamplesC), _Doubles, _Doubles)),
-    "kept_ticks": (None, (_P(PathC), _P(LimitsC), _DOUBLE, _INT, _Flags)),
-    "brake": (_INT, (_P(LimitsC), _INT, _P(SamplesC))),
-    "send_motion": (_INT, (_P(PathC), _P(LimitsC), _P(SamplesC), _Doubles, _Doubles)),
-    "excess": (None, (_P(SamplesC), _P(LimitsC), _Doubles)),
-    "grip_instants": (_INT, (_P(PathC), _DOUBLE, _DOUBLE, _Doubles)),
-    "grip_use": (_DOUBLE, (_P(ThrowC),)),
-    "measure": (None, (_P(ThrowC), _P(Measured))),
-    "column_distances": (None, (_P(SceneC), _INT, _Doubles, _Doubles)),
-    "palm_distances": (None, (_P(SceneC), _INT, _Doubles, _Doubles, _Doubles)),
-    "flight_time": (_DOUBLE, (_Doubles, _DOUBLE, _DOUBLE)),
-    "cup_entries": (None, (_P(SceneC), _INT, _Doubles, _Doubles, _Doubles)),
-    "measure_flights": (None, (_P(ThrowC), _P(ReferenceC), _INT, _Doubles, _Doubles)),
-    "near_bodies": (_INT, (_P(ThrowC), _P(BodiesC), _Doubles)),
-    "near_flights": (ctypes.c_int, (_P(ThrowC), _P(BodiesC), _INT, _Doubles, _Doubles)),
-    "segment_distances": (None, (_INT, _Doubles, _Doubles)),
-    "near_track": (_INT, (_P(BodiesC), _INT, _INT, _INT, _Doubles, _Doubles, _Doubles)),
-    "rooms": (None, (_P(BodiesC), *(_INT,) * 4, _Doubles, _Doubles, _Doubles)),
-    "overlaps": (ctypes.c_int, (_INT, _P(LinkageC), _P(BodiesC), _Doubles, _Doubles, _Doubles)),
-    "off_plane": (_DOUBLE, (_P(SamplesC), _INT, _P(LinkageC), _Doubles, _DOUBLE, _DOUBLE)),
-    "core_sources": (ctypes.c_char_p, ()),
-}
+    ValueError for arrays of another length and where it says what it requires; TypeError or
+    ctypes.ArgumentError for others.
+    """
+    call, arguments = getattr(core, found.name), found.arguments
+    call.restype, call.argtypes = _NUMBERS[found.result], [*map(_ctype, arguments)]
+    if not found.requires and not any(argument.shape for argument in arguments):
+        return call  # type: ignore[no-any-return]
+    known = {"call": call, "address": array_address, "refuse": partial(_refuse, found)}
+    given = []
+    for argument in arguments:
+        if not argument.shape:
+            given.append(argument.name)
+            continue
+        kind = DTYPES["double" if argument.kind in ROWS else argument.kind]
+        known[f"{argument.name}_kind"] = kind
+        length = f"{ROWS.get(argument.kind, 1)} * {argument.length}"
+        what = f"{argument.constant}, '{found.name}: {argument.name}'"
+        taken = f"address({argument.name}, {length}, {argument.name}_kind, {what})"
+        if argument.optional:
+            taken = f"None if {argument.name} is None else {taken}"
+        given.append(taken)
+    text = f"call({', '.join(given)})"
+    if found.requires:
+        text = f"{text} if {found.requires} else refuse()"
+    names = ", ".join(argument.name for argument in arguments)
+    return eval(f"lambda {names}: {text}", known)  # type: ignore[no-any-return]
 
 
-def declare(core: ctypes.CDLL) -> None:
-    """Says to ctypes what the library's functions take and give back."""
-    for name, (result, arguments) in FUNCTIONS.items():
-        function = getattr(core, name)
-        function.restype, function.argtypes = result, arguments
+def _ctype(argument: Variable) -> Any:
+    """As ctypes takes it; an array by its address."""
+    if argument.shape:
+        return ctypes.c_void_p
+    return (
+        ctypes.POINTER(STRUCTURES[argument.kind]) if argument.pointer else _NUMBERS[argument.kind]
+    )
+
+
+def _refuse(found: Function) -> None:
+    raise ValueError(f"{found.name} requires {found.requires}")

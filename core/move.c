@@ -2,7 +2,7 @@
 #include <string.h>
 
 #define LANES 1
-#include "calls.h"
+#include "functions.h"
 #include "laws.h"
 
 /* A step that changes the landing by less than this, in units of the tolerance, teaches nothing. */
@@ -15,8 +15,6 @@ typedef struct {
     double *u;               /* tried last */
 } trial;
 
-/* Pieces of the motion that free numbers u plan: breaks [stages + 1] [s], and cubics [4][n][stages] that
-   meet in position, rate and acceleration. */
 EXPORT void plan_motion(const move *m, const double *u, double *breaks, double *curves)
 {
     int64_t n = m->n, first = 1 + (m->start ? 0 : n);
@@ -49,7 +47,7 @@ static int throw_trial(const move *m, trial *t, moved *found, double off[2])
 {
     release r = *m->release;
     path sent;
-    int lost = 0;
+    found->lost = 0;
     plan_motion(m, t->u, t->breaks, t->curves);
     t->planned = (path){m->n, 4, m->stages, 0, m->stages + 1, t->breaks, t->curves, t->breaks};
     r.motion = &t->planned;
@@ -68,9 +66,8 @@ static int throw_trial(const move *m, trial *t, moved *found, double off[2])
     }
     r.delay = t->u[0] - m->before;
     found->nodes = m->surface
-        ? surface_release(&r, found->release_room, (double (*)[7])found->nodes_at)
-        : pivot_release(&r, found->release_room, (double (*)[7])found->nodes_at, found->onset, &lost);
-    found->lost = lost;
+        ? surface_release(&r, found->release_room, found->nodes_at)
+        : pivot_release(&r, found->release_room, found->nodes_at, found->onset, &found->lost);
     if (found->nodes <= 0)
         return 1;
     const double *at = found->nodes_at + 7 * (found->nodes - 1);
@@ -161,9 +158,7 @@ static int moves(const move *m, trial *t, moved *found)
     return 0;
 }
 
-/* Moves a known throw to the goal. Gives 1 with its free numbers, motion, samples and release, 0 where
-   no throw within the limits lands there. */
-EXPORT int move_throw(const move *m, moved *found)
+EXPORT int64_t move_throw(const move *m, moved *found)
 {
     trial t = {.breaks = found->breaks, .curves = found->cubics, .u = found->u};
     return moves(m, &t, found);

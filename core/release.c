@@ -3,6 +3,7 @@
 #include <stdlib.h>
 
 #define LANES 1
+#include "functions.h"
 #include "motion.h"
 
 /* Steps of the first run, doubled until the detach state settles, at most so often. */
@@ -192,9 +193,9 @@ static void run_pivot(run *k, int64_t steps)
     }
 }
 
-/* Nodes of the release (rows), onsets of pivot and slide [s] (NaN: none), whether the body was lost. */
-EXPORT int64_t pivot_release(const release *r, int64_t room, double (*rows)[7], double onset[2], int *lost)
+EXPORT int64_t pivot_release(const release *r, int64_t room, double *nodes, double *onset, int64_t *lost)
 {
+    double (*rows)[7] = (double (*)[7])nodes;
     run k = {.r = r, .room = room, .rows = rows};
     double before[6];
     int64_t steps = FIRST;
@@ -215,13 +216,12 @@ EXPORT int64_t pivot_release(const release *r, int64_t room, double (*rows)[7], 
     return k.nodes;
 }
 
-/* Relative states [nodes][6] of the sliding pivot: one step from each node [s] to the next. */
-EXPORT void pivot_track(const release *r, int64_t nodes, const double *times, double (*states)[6])
+EXPORT void pivot_track(const release *r, int64_t count, const double *times, double *states)
 {
     run k = {.r = r};
     double state[6][1], hand[9][1], excess[3];
     k.state[2][0] = r->angle;
-    for (int64_t n = 0; n < nodes; n++) {
+    for (int64_t n = 0; n < count; n++) {
         if (n) {
             hand_at(&k, times[n - 1] + INSIDE, k.hand);
             k.time = times[n - 1];
@@ -230,7 +230,7 @@ EXPORT void pivot_track(const release *r, int64_t nodes, const double *times, do
                 k.state[i][0] = state[i][0];
         }
         for (int i = 0; i < 6; i++)
-            states[n][i] = k.state[i][0];
+            states[6 * n + i] = k.state[i][0];
     }
 }
 
@@ -451,10 +451,10 @@ static int lay(surface *f, int64_t parts)
     return 1;
 }
 
-/* Nodes of the release (rows: time, CoM pose and twist), all extrapolated; how many there are, 0 where
-   memory or room is lacking. */
-EXPORT int64_t surface_release(const release *r, int64_t room, double (*rows)[7])
+/* All nodes are extrapolated. */
+EXPORT int64_t surface_release(const release *r, int64_t room, double *nodes)
 {
+    double (*rows)[7] = (double (*)[7])nodes;
     surface f = {.r = r};
     double detach[6];
     int64_t parts = 4, count = 0;
@@ -497,20 +497,17 @@ EXPORT int64_t surface_release(const release *r, int64_t room, double (*rows)[7]
     return count;
 }
 
-/* The detach states [count][6] of many releases of one motion, by the limit surface or the sliding pivot.
-   numbers [count][12]: of the law, angle, delay, turning, opening. NaN for what was lost or blew up; not
-   0 without memory. */
-EXPORT int many_releases(const release *shared, int surfaces, int64_t count, const double (*numbers)[12],
-                         double (*detach)[6])
+EXPORT int64_t many_releases(const release *shared, int64_t surfaces, int64_t count, const double *numbers,
+                             double *detach)
 {
     const int64_t room = 4096;
-    double (*rows)[7] = malloc(sizeof(double[7]) * (size_t)room), onset[2];
+    double *rows = malloc(sizeof(double[7]) * (size_t)room), onset[2];
     if (!rows)
         return 1;
     for (int64_t k = 0; k < count; k++) {
         release r = *shared;
-        const double *n = numbers[k];
-        int lost = 0;
+        const double *n = numbers + 12 * k;
+        int64_t lost = 0;
         for (int i = 0; i < 8; i++)
             r.law[i] = n[i];
         r.angle = n[8];
@@ -521,7 +518,7 @@ EXPORT int many_releases(const release *shared, int surfaces, int64_t count, con
         int64_t nodes = surfaces ? surface_release(&r, room, rows)
                               : pivot_release(&r, room, rows, onset, &lost);
         for (int i = 0; i < 6; i++)
-            detach[k][i] = nodes > 0 && !lost ? rows[nodes - 1][1 + i] : NAN;
+            detach[6 * k + i] = nodes > 0 && !lost ? rows[7 * (nodes - 1) + 1 + i] : NAN;
     }
     free(rows);
     return 0;

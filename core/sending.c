@@ -2,6 +2,7 @@
 #define LANES 1
 #include <stddef.h>
 
+#include "functions.h"
 #include "motion.h"
 
 /* Share of the limits that is used, as in planner/throw/sending.py: differences of rounded samples stay
@@ -87,9 +88,7 @@ static int keeps(const path *p, const limits *most, double tick, double until, u
     return all;
 }
 
-/* Whether [ticks] the planned motion keeps the limits along each tick [s]. */
-EXPORT void kept_ticks(const path *p, const limits *most, double tick, int64_t ticks,
-                              unsigned char *kept)
+EXPORT void kept_ticks(const path *p, const limits *most, double tick, int64_t ticks, unsigned char *kept)
 {
     for (int64_t k = 0; k < ticks; k++)
         kept[k] = p->powers == 4;
@@ -136,7 +135,7 @@ INLINE void braked(const braking *b, double jerk, double t, const double last[3]
     *acceleration = t > 0.0 ? 0.0 : a;
 }
 
-/* The quintics through samples, curves [6][n][rows - 1]; kinks, at most 4 rows; their number. */
+/* As `quintics` of functions.h. */
 INLINE int64_t through(const samples *s, double *curves, double *kinks)
 {
     int64_t n = s->n, pieces = s->rows - 1, count = 0;
@@ -202,17 +201,12 @@ static int64_t brake_after(const limits *most, int64_t given, samples *s, int64_
     return rows;
 }
 
-/* As above; s: how many samples fit. */
 EXPORT int64_t brake(const limits *most, int64_t given, samples *s)
 {
     return brake_after(most, given, s, s->rows);
 }
 
-/* Samples of a planned motion that keeps the limits and begins with the first rates and accelerations
-   of s, and of its brake, and the quintics through them. s: how many samples fit; then how many there
-   are. The number of kinks; less than 0 for a motion that Ruckig must follow, and without room. */
-EXPORT int64_t send_motion(const path *p, const limits *most, samples *s, double *curves,
-                               double *kinks)
+EXPORT int64_t send_motion(const path *p, const limits *most, samples *s, double *curves, double *kinks)
 {
     double tick = s->tick;
     int64_t n = p->n, ticks = (int64_t)ceil(p->breaks[p->pieces] / tick - SAME), piece = 0;
@@ -301,11 +295,9 @@ static void locate(const samples *s, const limits *m, int64_t i, double (*found)
         }
 }
 
-/* How far [5][n] position, velocity, acceleration, velocity where it depends on the position, and jerk
-   of samples and of their differences are beyond their limits; for those that are, value and limit
-   there, and when [s]. */
-EXPORT void excess(const samples *s, const limits *m, double (*found)[4])
+EXPORT void excess(const samples *s, const limits *m, double *beyond)
 {
+    double (*found)[4] = (double (*)[4])beyond;
     int64_t n = s->n;
     double per = 1.0 / s->tick;
     for (int64_t i = 0; i < n; i++) {
@@ -331,7 +323,7 @@ EXPORT void excess(const samples *s, const limits *m, double (*found)[4])
             v = (q - rows[0][k * n - n]) * per;
             there = larger(there, larger(v - fastest, slowest - v));
         }
-        const double beyond[5] = {
+        const double far[5] = {
             larger(m->q_min[i] - low, high - m->q_max[i]),
             larger(most[1], step[0] * per) - m->dq[i],
             larger(most[2], step[1] * per) - m->ddq[i],
@@ -340,21 +332,18 @@ EXPORT void excess(const samples *s, const limits *m, double (*found)[4])
         };
         int breaks = 0;
         for (int kind = 0; kind < 5; kind++) {
-            found[kind * n + i][0] = beyond[kind];
-            breaks |= beyond[kind] > 0.0;
+            found[kind * n + i][0] = far[kind];
+            breaks |= far[kind] > 0.0;
         }
         if (breaks)
             locate(s, m, i, found + i);
     }
 }
 
-/* How far [m; 1] centre and axes of the pads are at most from where the planar arm has them, at every
-   `stride`th of the samples. chain [n + 2]: 4x4 poses of the joint that turns the throw's plane, of each
-   throwing joint after the one before, then of the pads, in the plane's frame; turned: that joint's angle
-   [rad]; lateral [m]: the pads' centre across the plane. */
-EXPORT double off_plane(const samples *s, int64_t stride, const linkage *arm, const double (*chain)[4][4],
+EXPORT double off_plane(const samples *s, int64_t stride, const linkage *arm, const double *poses,
                         double turned, double lateral)
 {
+    const double (*chain)[4][4] = (const double (*)[4][4])poses;
     double most = 0.0;
     for (int64_t k = 0; k < s->rows; k += stride) {
         /* Columns: closing axis, approach axis, centre. */

@@ -1,6 +1,11 @@
-/* What Python gives to the core and gets from it: SI units, angles in rad; x forward and z up in the
-   throw's vertical plane, y across it. Arrays are of doubles, the last index counts fastest.
-   core/structures.py reads this file: a field is an int64_t, a double, a structure, an array or a pointer. */
+/* What Python gives to the core and gets from it, in SI units and radians. The frame is the one of the
+   robot's base: x forward and z up in the throw's vertical plane, y across it; angles turn x towards z. A
+   pose is x, z [m] and theta [rad], a twist the rates of a pose [m/s, rad/s]. CoM: the thrown object's,
+   a bar's.
+
+   core/structures.py reads this file. A field is an int64_t, a double, a structure, an array or a pointer.
+   A comment beside a pointer begins with the lengths of its array, in fields of its structure; the last
+   index counts fastest. Without lengths it points to one structure. NULL: there may be none. */
 #ifndef STRUCTURES_H
 #define STRUCTURES_H
 
@@ -10,49 +15,54 @@
 #define AXES 8
 #define FRAMES 24
 
-/* `Path` of models/path.py, of one throw. */
+/* A motion: one `Trajectory` of models/trajectory.py. Its n coordinates are joints [rad], or a hand's x, z
+   [m] and perhaps theta [rad]. held: whether it stands still before the first break and after the last. */
 typedef struct {
     int64_t n, powers, pieces, held, corners;
-    const double *breaks; /* [pieces + 1] s */
+    const double *breaks; /* [pieces + 1] s, rising */
     const double *curves; /* [powers][n][pieces], highest power first, of the time since the break */
     const double *kinks;  /* [corners] s, rising: where acceleration or jerk may step */
 } path;
 
-/* `PlanarArm` or `PlanarHand` of models/kinematics.py. A link is a vector that all joints up to its
-   own turn; a frame is one that moves with a link, at a place from the link's joint. */
+/* `PlanarArm` (arm = 1) or `PlanarHand` (arm = 0) of models/robot/kinematics.py. A link is a vector that
+   all joints up to its own turn; a frame is one that moves with a link, at a place from the link's joint. */
 typedef struct {
     int64_t n, arm, frames;
-    double x, z, theta; /* origin, and the hand's angle with all joints at 0 */
-    double sign[AXES], along[AXES], up[AXES];
-    int64_t link[FRAMES];
-    double frame_along[FRAMES], frame_up[FRAMES];
+    double x, z, theta;                       /* pose of the first joint; the hand's angle with all joints at 0 */
+    double sign[AXES], along[AXES], up[AXES]; /* a joint's sense, 1 or -1; its link's vector [m] */
+    int64_t link[FRAMES];                     /* the link that each frame moves with */
+    double frame_along[FRAMES], frame_up[FRAMES]; /* m, from the link's joint */
 } linkage;
 
-/* Of each axis; a jerk is infinite where there is no limit. slowing: deceleration, offset, upper and
-   lower as in `Slowing` of models/kinematics.py, where the limits have it. */
+/* Limits of each coordinate, of its rate, acceleration and jerk (infinite where there is no limit).
+   slowing: deceleration, offset, upper and lower as in `Slowing` of models/robot/arm.py, if `slows`. */
 typedef struct {
     double q_min[AXES], q_max[AXES], dq[AXES], ddq[AXES], jerk[AXES], slowing[4][AXES];
     int64_t slows;
 } limits;
 
-/* Each [rows][n], every `tick` [s]. */
+/* Samples of n coordinates every `tick` [s], with rates and accelerations. */
 typedef struct {
     int64_t rows, n;
     double tick;
-    double *q, *dq, *ddq;
+    double *q;   /* [rows][n] */
+    double *dq;  /* [rows][n] NULL where a function reads q only */
+    double *ddq; /* [rows][n] NULL where a function reads q only */
 } samples;
 
-/* Grip force of one pad [N] over the opening [s]: linear, or, with pieces, cubics of the time over
-   `stretch`. */
+/* Grip force of one pad [N] over the opening [s], from `full` on: linear to 0, or, with pieces, cubics of
+   the time over `stretch`. */
 typedef struct {
     double full, opening, stretch;
     int64_t pieces;
-    const double *breaks; /* [pieces + 1] */
-    const double *curves; /* [4][pieces], highest power first */
+    const double *breaks; /* [pieces + 1] s NULL without pieces */
+    const double *curves; /* [4][pieces] N, highest power first; NULL without pieces */
 } grip;
 
-/* A release: numbers of the law, the held body's angle on the hand, when on its motion the opening
-   starts [s], and how much faster than that the hand turns from then on [rad/s]. */
+/* A release. law: mass [kg], inertia about the CoM [kg m^2], CoM from the pads [m], friction, radius of
+   the contact patch [m], torsion, faces, gravity [m/s^2]; angle [rad]: of the held bar on the hand; delay
+   [s]: when on the motion the opening starts; turning [rad/s]: how much faster than the motion the hand
+   turns from then on. */
 typedef struct {
     const path *motion;
     const linkage *arm;
@@ -60,99 +70,113 @@ typedef struct {
     double law[8], angle, delay, turning;
 } release;
 
-/* A known throw and where it is to land. Its free numbers u [size]: the carry's duration [s], the start
-   [n] where none is given, the controls [stages][n], jerks by the `unit` or accelerations. carry: how many
-   stages share the duration; opening [stages - carry] s: lengths of the others; before [s]: the pads begin
-   to open that long before the carry ends. slope [size][errors]: how u follows the landing, x [m] and,
-   with errors = 2, theta [rad]; off: how far it is off the goal (x, z [m], theta [rad]) at u. aim: what is
-   near enough. low, high [size]: bounds of u. limits: none for a free hand, whose planned motion counts.
-   release: its motion and delay are not read. turned [rad]: of the object against the release's. */
+/* A known throw and where it is to land. Its free numbers u: the carry's duration [s], the start [n] where
+   none is given, the controls [stages][n], jerks in `unit` (with by_jerk) or accelerations. The first
+   `carry` stages share the duration. before [s]: the pads begin to open that long before the carry ends;
+   shortest, longest [s]: bounds of the duration. off: from the goal (x [m], theta [rad]) at u; aim (the
+   same units): what is near enough; errors: 1 for x, 2 for both. nearer: share of the miss before it that
+   a throw must come below; throws: at most so many; surface: by the limit surface, else the sliding pivot;
+   turned [rad]: of the object against the release's; gravity [m/s^2]. */
 typedef struct {
     int64_t n, carry, stages, size, errors, by_jerk, surface, throws;
     double unit, before, shortest, longest, gravity, turned, nearer, goal[3], aim[2], off[2];
-    const double *start, *rate, *acceleration, *opening, *low, *high, *u, *slope;
-    const limits *limits;
-    const release *release;
+    const double *start;        /* [n] NULL where u has it */
+    const double *rate;         /* [n] at the start */
+    const double *acceleration; /* [n] at the start */
+    const double *opening;      /* [stages - carry] s, lengths of the stages after the carry */
+    const double *low;          /* [size] bounds of u */
+    const double *high;         /* [size] */
+    const double *u;            /* [size] */
+    const double *slope;        /* [size][errors] how u follows the landing, per m and per rad */
+    const limits *limits;       /* NULL for a free hand, whose planned motion counts */
+    const release *release;     /* its motion and delay are not read */
 } move;
 
-/* The throw that lands there: u [size]; the planned motion's breaks [stages + 1] and cubics
-   [4][n][stages]; what is sent, with room for `room` samples, its times [room],
-   quintics [6][n][rows - 1] and kinks [corners of at most 4 room]; the release's nodes, each time, CoM
-   pose and twist, [nodes of at most release_room][7], when pivot and slide begin, whether it was lost. */
+/* The throw that lands there: its u, the planned motion, what is sent for it, and the release. sent: rows
+   are given back, arrays have room for `room` of them; stages, size: those of the move. */
 typedef struct {
     samples sent;
-    int64_t room, corners, release_room, nodes, lost;
-    double *u, *breaks, *cubics, *times, *curves, *kinks, *nodes_at;
-    double onset[2];
+    int64_t room, stages, size, corners, release_room, nodes, lost;
+    double *u;        /* [size] */
+    double *breaks;   /* [stages + 1] s, of the planned motion */
+    double *cubics;   /* [4][sent.n][stages], as a path's curves */
+    double *times;    /* [room] s, of the samples */
+    double *curves;   /* [6][sent.n][room] quintics through the samples, given back as [6][n][rows - 1] */
+    double *kinks;    /* [4 * room] s, `corners` are given back */
+    double *nodes_at; /* [release_room][7] time [s], CoM's pose and twist; `nodes` are given back */
+    double onset[2];  /* s from the opening's start: when pivot and slide begin, NaN for none */
 } moved;
 
-/* A batch, as Python has it. Numbers: those of the laws, then grasp angle, opening, force. Shares of
-   the opening and grip force over the full one: for all throws alike, or of each. */
+/* A batch, as Python has it. width: 1 where all throws share shares and grip, else count; rows: 1 where
+   they share a motion, else count; gap [s]: hands are looked at so far inside a step's ends. */
 typedef struct {
-    int64_t count, steps, pieces, rows;
-    int64_t width;            /* 1, or count */
-    double gap;            /* hands are asked for so far inside a step's ends [s] */
-    const double *shares;  /* [2 steps + 1][width]: nodes of the steps, and their middles */
-    const double *grip;    /* [2 steps + 1][width] */
-    const double *numbers; /* [11][count] */
-    const double *knots;   /* [pieces + 1] */
-    const double *curves;  /* [4][pieces][rows][3] */
-    const double *delays;  /* [count] */
-    const double *drift;   /* [3][count]: rates added to the hands', or none */
-    double *detach;        /* [count][6] */
-    double *stray;         /* [count][2]: how far CoM [m] and angle [rad] leave a held body at most */
-    unsigned char *lost;   /* [count] */
+    int64_t count, steps, pieces, rows, width;
+    double gap;
+    const double *shares;  /* [2 * steps + 1][width] of the opening: nodes of the steps and their middles */
+    const double *grip;    /* [2 * steps + 1][width] force over the full one, there */
+    const double *numbers; /* [11][count] law of `release`, grasp angle [rad], opening [s], full force [N] */
+    const double *knots;   /* [pieces + 1] s, rising */
+    const double *curves;  /* [4][pieces][rows][3] hands' poses: cubics, highest power first */
+    const double *delays;  /* [count] s, when on its motion each opening starts */
+    const double *drift;   /* [3][count] rates added to the hands' twists; NULL for none */
+    double *detach;        /* [count][6] CoM's pose and twist */
+    double *stray;         /* [count][2] how far CoM [m] and angle [rad] leave a held body at most */
+    unsigned char *lost;   /* [count] whether the body left the pads before the end */
 } batch;
 
 /* What of the scene counts. Lengths [m]; widths and radii of what it does not have are negative. */
 typedef struct {
-    double gravity, mass, inertia, com_offset, grasp_angle;
-    double force, torque;                     /* limits under the full grip */
+    double gravity, mass, inertia, com_offset, grasp_angle; /* m/s^2, kg, kg m^2, m, rad */
+    double force, torque;                     /* limits under the full grip [N, N m] */
     double behind, ahead, half_width;         /* the bar, from its CoM */
     double column_radius, column_height;
-    double palm_back, palm_front, palm_half_width;
+    double palm_back, palm_front, palm_half_width; /* the hand's body, from the pads' centre */
     double palm_clearance;
     double tool_length;                       /* from the flange to the pads' centre */
     double cup_x, cup_rim, cup_radius, cup_insertion; /* the radius at the bar's width */
     double cup_speed;                         /* [m/s]; cup_x is where it is at the landing */
 } scene;
 
-/* Masses of an arm, as `PlanarBody` of models/dynamics.py, and its joints' limits [N m]. */
+/* Links' masses [kg], CoM from their joints [m] and inertias about it [kg m^2], as `PlanarBody` of
+   models/robot/dynamics.py, and joints' limits [N m]. */
 typedef struct {
     double mass[AXES], along[AXES], up[AXES], inertia[AXES], limit[AXES];
 } torques;
 
-/* A throw: its motion, seen every `tick` [s], and for the grip every `step`; opening and detach [s];
-   the bar while the pads open, at times [nodes] [s], com [3][nodes]; its flight from detach (x, z,
-   theta and their rates) for `flight` [s]. error: how far the hand is off its motion, x, z [m] and
-   theta [rad] all along, and as rates from the opening on; the bar's numbers have it already, its
-   grasp angle too. */
+/* A throw: its motion, looked at every `tick` [s], and for the grip every `step` [s]; opening and detach [s]
+   on the motion's clock; its flight from detach on for `flight` [s]. error: how far the hand is off its
+   motion, x, z [m] and theta [rad] all along, and as rates from the opening on; the bar's numbers have it
+   already, its grasp angle too. */
 typedef struct {
     const path *motion;
     const linkage *arm;
     const scene *around;
-    const torques *torques; /* none where there is no limit to them */
+    const torques *torques; /* NULL where there is no limit to them */
     double tick, step, opening, detach, flight;
     int64_t nodes;
-    const double *times, *com, *start;
+    const double *times; /* [nodes] s, while the pads open */
+    const double *com;   /* [3][nodes] the CoM's pose then */
+    const double *start; /* [6] its pose and twist at detach */
     double error[6];
 } throw;
 
 /* A flight of one of many throws that share a motion: opening and detach [s], time to the landing [s],
-   the CoM from the bar's end [m], where the cup is at the landing [m]; the state at detach; the hand's
-   error, as of `throw`. */
+   the CoM from the bar's end [m], where the cup is at the landing [m]; the CoM's pose and twist at detach;
+   the hand's error, as of `throw`. */
 typedef struct {
     double opening, detach, flight, behind, cup_x, start[6], error[6];
 } flown_sample;
 
-/* How much room the bar of a reference flight has to palm, column and bodies in windows of `step` [s] from
-   `begin` on, each [n]; its state at `detach`, extrapolated to both sides; from its CoM to its farthest
-   point at most [m]. At any time a bar is no farther from the reference's than at the ends of the time
-   around it, since gravity is the same for both. */
+/* How much room [m] the bar of a reference flight has in windows of `step` [s] from `begin` [s] on; its
+   pose and twist at `detach` [s], extrapolated to both sides; far [m]: from its CoM to its farthest point at
+   most. At any time a bar is no farther from the reference's than at the ends of the time around it, since
+   gravity is the same for both. */
 typedef struct {
     double begin, step;
     int64_t n;
-    const double *palm, *column, *bodies;
+    const double *palm;   /* [n] m */
+    const double *column; /* [n] m */
+    const double *bodies; /* [n] m */
     double detach, far, start[6];
 } reference;
 
@@ -171,23 +195,27 @@ typedef struct {
     int64_t joint;
 } measured;
 
-/* `Solid` of models/capsules.py, the clearance that is kept from it [m], and whether the bar keeps it
-   too. */
+/* `Solid` of models/robot/capsules.py: centre [m], rows of axes, half lengths [m] along them, radius [m]
+   around that; the clearance that is kept from it [m], and whether the bar keeps it too. */
 typedef struct {
     double centre[3], axes[9], half[3], radius, clearance;
     int64_t bar;
 } solid;
 
-/* Arm and bar as capsules; the bar comes after the links. Ends of a link's capsule are as in
-   `ArmCapsules`. reach: radii as obstacles meet them. */
+/* Arm and bar as capsules; the bar comes after the links. behind, ahead [m]: the bar's ends from its CoM;
+   com_offset [m], grasp_angle [rad]: of the held bar; landing [s]: before its end the bar may come as near
+   to a solid as it lands. */
 typedef struct {
     int64_t links, bar;
-    const int64_t *moved_by, *moves;
-    const double *places, *radius, *reach;
+    const int64_t *moved_by; /* [links] the joint that moves it, -1 for none */
+    const int64_t *moves;    /* [links + 1] whether it moves */
+    const double *places;    /* [links][2][3] m, ends x, y, z, x and z along and up from that joint */
+    const double *radius;    /* [links + 1] m, as bodies meet each other */
+    const double *reach;     /* [links + 1] m, as solids meet them */
     int64_t solids;
-    const solid *around;
+    const solid *around; /* [solids] */
     int64_t pairs;
-    const int64_t *meet; /* [pairs][2]: bodies that may meet each other */
+    const int64_t *meet; /* [pairs][2] bodies that may meet each other */
     double behind, ahead, com_offset, grasp_angle, landing;
 } bodies;
 

@@ -1,121 +1,203 @@
-"""The structures of structures.h as ctypes, read from that file.
-
-They do not own what is at their addresses.
-"""
+"""The structures of structures.h as ctypes, read from that file."""
 
 from __future__ import annotations
 
 import ctypes
 import re
-from pathlib import Path
-from typing import Any
+from collections.abc import Callable
+from types import MappingProxyType
+from typing import Any, ClassVar, Self
 
 import numpy as np
 import numpy.typing as npt
 
+from .header import LENGTHS, Variable, fields_of
+
 Array = npt.NDArray[np.float64]
 
-_HEADER = Path(__file__).with_name("structures.h").read_text("utf-8")
-_TEXT = re.sub(r"/\*.*?\*/|\b(const|unsigned)\b", "", _HEADER, flags=re.DOTALL)
-_LENGTHS = {name: int(value) for name, value in re.findall(r"#define (\w+) (\d+)", _TEXT)}
-_BODIES = {n: body for body, n in re.findall(r"typedef struct {([^}]*)} (\w+);", _TEXT)}
-
 #: Most coordinates of a motion, and frames of a linkage.
-AXES, FRAMES = _LENGTHS["AXES"], _LENGTHS["FRAMES"]
+AXES, FRAMES = LENGTHS["AXES"], LENGTHS["FRAMES"]
+#: Types of the elements of arrays, by their names in C.
+DTYPES: dict[str, np.dtype[Any]] = {
+    "double": np.dtype(np.float64),
+    "int64_t": np.dtype(np.int64),
+    "unsigned char": np.dtype(np.bool_),
+}
+#: Structures that are rows of an array of doubles in Python: how many of these each has.
+ROWS = {
+    name: sum(int(np.prod(field.lengths)) for field in fields_of(name))
+    for name in ("flown_sample", "contact")
+}
+
+#: Looked up once: a plan takes some twenty addresses.
+_addressof, _buffer_of, _ndarray = ctypes.addressof, ctypes.c_char.from_buffer, np.ndarray
 
 
-def _fields(name: str, **parts: type[ctypes.Structure]) -> list[tuple[str, Any]]:
-    """Fields of a structure; parts: the structures in it by their names in C."""
-    kinds = {"double": ctypes.c_double, "int64_t": ctypes.c_int64, **parts}
-    found: list[tuple[str, Any]] = []
-    for line in _BODIES[name].split(";")[:-1]:
-        kind, fields = line.split(maxsplit=1)
-        for field in fields.split(","):
-            label, *lengths = re.findall(r"\w+", field)
-            made: Any = ctypes.c_void_p if "*" in field else kinds[kind]
-            for length in reversed(lengths):
-                made = made * (_LENGTHS.get(length) or int(length))
-            found.append((label, made))
-    return found
+def array_address(
+    values: npt.NDArray[Any], length: int, dtype: np.dtype[Any], constant: bool, name: str
+) -> int:
+    """Where an array begins; it must outlive the address.
+
+    constant: C only reads it, and it has just this length; else it has at least that. TypeError for
+    an array that is not contiguous or of another type, ValueError for one of another length.
+    """
+    if isinstance(values, _ndarray) and (values.dtype is dtype or values.dtype == dtype):
+        size = values.size
+        if size != length and (constant or size < length):
+            least = "" if constant else "at least "
+            raise ValueError(f"{name}: the core takes {least}{length} elements, not {size}")
+        try:
+            # Three times as fast as `values.ctypes`.
+            return _addressof(_buffer_of(values))  # type: ignore[arg-type]
+        except (TypeError, ValueError):
+            # ctypes also refuses arrays without elements and constants.
+            if values.flags.c_contiguous and (constant or values.flags.writeable):
+                return int(values.ctypes.data)
+    found = f"{values.dtype} {values.strides}" if isinstance(values, _ndarray) else type(values)
+    raise TypeError(f"{name}: the core takes a contiguous array of {dtype}, not {found}")
 
 
-class PathC(ctypes.Structure):
-    """A motion."""
-
-    _fields_ = _fields("path")
-
-
-class LinkageC(ctypes.Structure):
-    """An arm, or a hand without one."""
-
-    _fields_ = _fields("linkage")
+def structure_address(part: Any, length: int | None, kind: str, name: str) -> int:
+    """Where a structure begins, or an array of structures; TypeError for another."""
+    wanted: Any = STRUCTURES[kind] if length is None else STRUCTURES[kind] * length
+    if isinstance(part, wanted):
+        return ctypes.addressof(part)
+    raise TypeError(f"{name}: the core takes {wanted.__name__}, not {type(part).__name__}")
 
 
-class LimitsC(ctypes.Structure):
-    """Limits of a motion."""
+class Structure(ctypes.Structure):
+    """A structure whose pointers are set by `attach` only. Fields are given by name."""
 
-    _fields_ = _fields("limits")
+    #: By the names of pointers: (structure, part) -> where the part begins.
+    pointers: ClassVar[dict[str, Callable[[Structure, Any], int | None]]]
+    #: What `attach` was given, by the names of fields.
+    kept: dict[str, Any] = MappingProxyType({})  # type: ignore[assignment]
 
+    def attach(self, **parts: Any) -> None:
+        """Sets fields to arrays and structures, which live as long as this one does.
 
-class SamplesC(ctypes.Structure):
-    """Samples that are sent."""
+        Fields that the lengths of arrays depend on come first. TypeError for an array that is not
+        contiguous or of another type, ValueError for one of another length.
+        """
+        for name, part in parts.items():
+            address = self.pointers.get(name)
+            setattr(self, name, part if address is None else address(self, part))
+        self.kept = {**self.kept, **parts}
 
-    _fields_ = _fields("samples")
-
-    @classmethod
-    def of(cls, tick: float, *rows: Array) -> SamplesC:
-        """Of q, dq, ddq, each (K, n), which it keeps."""
-        kept = [*map(np.ascontiguousarray, rows)]
-        found = cls(*rows[0].shape, tick, *map(address, kept))
-        found.kept = kept
+    def copy(self) -> Self:
+        """Another that points to the same parts."""
+        found = type(self).from_buffer_copy(self)
+        found.kept = self.kept
         return found
 
 
-class SceneC(ctypes.Structure):
+def _members(name: str, **parts: type[ctypes.Structure]) -> tuple[list[tuple[str, Any]], Any]:
+    """Fields of a structure, and its pointers; parts: structures in it by their names in C."""
+    kinds = {"double": ctypes.c_double, "int64_t": ctypes.c_int64, **parts}
+    found: list[tuple[str, Any]] = []
+    pointers = {}
+    for field in fields_of(name):
+        made: Any = ctypes.c_void_p if field.pointer else kinds[field.kind]
+        for length in reversed(field.lengths):
+            made = made * length
+        found.append((field.name, made))
+        if field.pointer:
+            pointers[field.name] = _address_of(field)
+    return found, pointers
+
+
+def _address_of(field: Variable) -> Callable[[Structure, Any], int | None]:
+    """What gives a pointer's address, with the length by the fields of its structure."""
+    length = re.sub(r"(?<![\w.])([a-z_]\w*)", r"owner.\1", field.length) or "None"
+    if field.kind in DTYPES:
+        known = {"address": array_address, "kind": DTYPES[field.kind]}
+        text = f"address(part, {length}, kind, {field.constant}, {field.name!r})"
+    else:
+        known = {"address": structure_address}
+        text = f"address(part, {length}, {field.kind!r}, {field.name!r})"
+    none = "None if part is None else " if field.optional else ""
+    return eval(f"lambda owner, part: {none}{text}", known)  # type: ignore[no-any-return]
+
+
+class PathC(Structure):
+    """A motion."""
+
+    _fields_, pointers = _members("path")
+
+
+class LinkageC(Structure):
+    """An arm, or a hand without one."""
+
+    _fields_, pointers = _members("linkage")
+
+
+class LimitsC(Structure):
+    """Limits of a motion."""
+
+    _fields_, pointers = _members("limits")
+
+
+class SamplesC(Structure):
+    """Samples that are sent."""
+
+    _fields_, pointers = _members("samples")
+
+    @classmethod
+    def of(cls, tick: float, *rows: Array) -> SamplesC:
+        """Of q, dq, ddq, each (K, n); of q alone for functions that read no more."""
+        count, n = rows[0].shape
+        if n > AXES:
+            raise ValueError(f"the core takes at most {AXES} coordinates, not {n}")
+        found = cls(rows=count, n=n, tick=tick)
+        found.attach(**dict(zip(("q", "dq", "ddq"), map(np.ascontiguousarray, rows), strict=False)))
+        return found
+
+
+class SceneC(Structure):
     """What of a scene counts."""
 
-    _fields_ = _fields("scene")
+    _fields_, pointers = _members("scene")
 
 
-class TorquesC(ctypes.Structure):
+class TorquesC(Structure):
     """Masses of an arm, and limits of its torques."""
 
-    _fields_ = _fields("torques")
+    _fields_, pointers = _members("torques")
 
 
-class ThrowC(ctypes.Structure):
+class ThrowC(Structure):
     """A throw."""
 
-    _fields_ = _fields("throw")
+    _fields_, pointers = _members("throw")
 
 
-class ReferenceC(ctypes.Structure):
+class ReferenceC(Structure):
     """The clearances of a reference flight."""
 
-    _fields_ = _fields("reference")
+    _fields_, pointers = _members("reference")
 
 
-class SolidC(ctypes.Structure):
+class SolidC(Structure):
     """A thing to stay clear of."""
 
-    _fields_ = _fields("solid")
+    _fields_, pointers = _members("solid")
 
 
-class BodiesC(ctypes.Structure):
+class BodiesC(Structure):
     """Arm and bar as capsules, and what is around."""
 
-    _fields_ = _fields("bodies")
+    _fields_, pointers = _members("bodies")
 
 
-class Extreme(ctypes.Structure):
+class Extreme(Structure):
     """A least or largest value, and when [s]."""
 
     value: float
     time: float
-    _fields_ = _fields("extreme")
+    _fields_, pointers = _members("extreme")
 
 
-class Measured(ctypes.Structure):
+class Measured(Structure):
     """Use of the grip and the least heights and distances [m], infinite where nothing is near.
 
     grip: largest use of the full grip from rest to the opening, 1 is the limit. arm: height of
@@ -138,69 +220,59 @@ class Measured(ctypes.Structure):
     palm_time: float
     cup: float
     joint: int
-    _fields_ = _fields("measured", extreme=Extreme)
+    _fields_, pointers = _members("measured", extreme=Extreme)
 
 
-class GripC(ctypes.Structure):
+class GripC(Structure):
     """The grip force."""
 
-    _fields_ = _fields("grip")
+    _fields_, pointers = _members("grip")
 
 
-class ReleaseC(ctypes.Structure):
+class ReleaseC(Structure):
     """A release."""
 
-    _fields_ = _fields("release", grip=GripC)
+    _fields_, pointers = _members("release", grip=GripC)
 
 
-class MoveC(ctypes.Structure):
+class MoveC(Structure):
     """A known throw and where it is to land."""
 
-    _fields_ = _fields("move")
+    _fields_, pointers = _members("move")
 
 
-class MovedC(ctypes.Structure):
+class MovedC(Structure):
     """A throw that was moved."""
 
-    _fields_ = _fields("moved", samples=SamplesC)
+    _fields_, pointers = _members("moved", samples=SamplesC)
 
 
-class BatchC(ctypes.Structure):
+class BatchC(Structure):
     """N releases."""
 
-    _fields_ = _fields("batch")
+    _fields_, pointers = _members("batch")
 
 
 #: The structures by their names in C.
-STRUCTURES: dict[str, type[ctypes.Structure]] = {
+STRUCTURES: dict[str, type[Structure]] = {
     **{"path": PathC, "linkage": LinkageC, "limits": LimitsC, "samples": SamplesC},
     **{"grip": GripC, "release": ReleaseC, "move": MoveC, "moved": MovedC, "batch": BatchC},
     **{"scene": SceneC, "torques": TorquesC, "throw": ThrowC, "reference": ReferenceC},
     **{"extreme": Extreme, "measured": Measured, "solid": SolidC, "bodies": BodiesC},
 }
-#: Doubles of a row of each structure that is an array in Python.
-ROWS = {"flown_sample": 17, "contact": 5}
 
 
-def wrong_sizes(found: dict[str, int]) -> list[str]:
-    """Structures whose size [bytes] differs from C's."""
-    known = {name: 8 * count for name, count in ROWS.items()}
-    known |= {name: ctypes.sizeof(kind) for name, kind in STRUCTURES.items()}
-    return sorted(n for n in known.keys() | found.keys() if known.get(n) != found.get(n))
-
-
-def address(values: npt.NDArray[Any], kind: type[np.generic] = np.float64) -> int:
-    """Where an array of a kind begins; it must outlive the address.
-
-    TypeError for one that is not contiguous or of another kind.
-    """
-    if values.dtype == kind:
-        try:
-            # Three times as fast as `values.ctypes`.
-            return ctypes.addressof(ctypes.c_char.from_buffer(values))  # type: ignore[arg-type]
-        except (TypeError, ValueError):
-            # ctypes also refuses arrays without elements and constants.
-            if values.flags.c_contiguous:
-                return int(values.ctypes.data)
-    wanted = f"contiguous {kind.__name__}"
-    raise TypeError(f"the core takes {wanted}, not {values.dtype} {values.strides}")
+def layout() -> dict[str, tuple[int, int]]:
+    """Offset and size [bytes] of each structure and, as "path.n", of each of its fields."""
+    found = {}
+    for name, kind in STRUCTURES.items():
+        found[name] = 0, ctypes.sizeof(kind)
+        for label, *_ in kind._fields_:
+            field = getattr(kind, label)
+            found[f"{name}.{label}"] = field.offset, field.size
+    for name, count in ROWS.items():
+        found[name], offset = (0, 8 * count), 0
+        for variable in fields_of(name):
+            size = 8 * int(np.prod(variable.lengths))
+            found[f"{name}.{variable.name}"], offset = (offset, size), offset + size
+    return found

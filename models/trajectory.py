@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..core import AXES, LinkageC, PathC, SamplesC, address, library
+from ..core import AXES, LinkageC, PathC, SamplesC, library
 from .body import Array, HandSamples
 
 #: Indices of some of N throws.
@@ -159,9 +159,10 @@ class Trajectory:
         """A single path, without drift, as the compiled core takes it."""
         powers, n, pieces, rows = self.coefficients.shape
         assert rows == 1 and n <= AXES and self.drift is None
-        kept = [*map(np.ascontiguousarray, (self.breaks, self.coefficients, self.kinks))]
-        found = PathC(n, powers, pieces, self.held, self.kinks.size, *map(address, kept))
-        found.kept = kept
+        arrays = map(np.ascontiguousarray, (self.breaks, self.coefficients, self.kinks))
+        breaks, curves, kinks = arrays
+        found = PathC(n=n, powers=powers, pieces=pieces, held=self.held, corners=kinks.size)
+        found.attach(breaks=breaks, curves=curves, kinks=kinks)
         return found
 
     def __getstate__(self) -> dict[str, Any]:

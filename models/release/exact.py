@@ -7,11 +7,9 @@ detach state settles. The limit surface, first order in its steps, is extrapolat
 
 from __future__ import annotations
 
-import ctypes
-
 import numpy as np
 
-from ...core import GripC, LinkageC, ReleaseC, address, library
+from ...core import GripC, LinkageC, ReleaseC, library
 from ..body import Array
 from ..trajectory import MovedHand, Trajectory
 from .cases import Release, ReleaseBatch, ReleaseCase
@@ -21,14 +19,14 @@ from .stepping import law_numbers
 #: Rows for the nodes of a release besides those at kinks: more than its steps and events.
 ROOM = 800
 #: The core's linkage of a hand without an arm.
-_FREE = LinkageC(3, 0, 0, 0.0, 0.0, 0.0)
+_FREE = LinkageC(n=3)
 
 
 def exact_pivot_release(case: ReleaseCase) -> Release:
     """The release by the non-smooth sliding pivot; no wrench."""
-    rows, onset, lost = _room(case), np.empty(2), ctypes.c_int()
+    rows, onset, lost = _room(case), np.empty(2), np.empty(1, np.int64)
     count = library().pivot_release(compiled_release(case), len(rows), rows, onset, lost)
-    return Release.from_nodes(rows[:count], onset.tolist(), bool(lost.value))
+    return Release.from_nodes(rows[:count], onset.tolist(), bool(lost[0]))
 
 
 def exact_surface_release(case: ReleaseCase) -> Release:
@@ -84,17 +82,16 @@ def _room(case: ReleaseCase) -> Array:
 
 
 def compiled_release(case: ReleaseCase) -> ReleaseC:
-    """The case as the core takes it, without owning its arrays."""
+    """The case as the core takes it."""
     path = _path(case)
     arm, turning = _FREE, 0.0
     if isinstance(case.hand, MovedHand):
         arm, turning = case.hand.linkage, case.hand.turning
     motion, grip = path.core, _grip(case.grip)
     assert motion.n == arm.n
-    found = ReleaseC(ctypes.addressof(motion), ctypes.addressof(arm), grip)
+    found = ReleaseC(angle=case.grasp_angle, delay=float(path.delays), turning=turning)
     found.law[:] = law_numbers(case)
-    found.angle, found.delay, found.turning = case.grasp_angle, float(path.delays), turning
-    found.kept = motion, arm, grip
+    found.attach(motion=motion, arm=arm, grip=grip)
     return found
 
 
@@ -102,8 +99,9 @@ def _grip(profile: GripProfile) -> GripC:
     """A grip force as the core takes it."""
     curve = profile.curve
     if curve is None:
-        return GripC(profile.full, profile.opening, 1.0)
-    arrays = [np.ascontiguousarray(values, float) for values in (curve.x, curve.c)]
-    found = GripC(profile.full, profile.opening, 1.0, curve.c.shape[1], *map(address, arrays))
-    found.arrays = arrays
+        return GripC(full=profile.full, opening=profile.opening, stretch=1.0)
+    breaks, curves = (np.ascontiguousarray(values, float) for values in (curve.x, curve.c))
+    pieces = curve.c.shape[1]
+    found = GripC(full=profile.full, opening=profile.opening, stretch=1.0, pieces=pieces)
+    found.attach(breaks=breaks, curves=curves)
     return found

@@ -15,7 +15,7 @@ from typing import Any, Protocol
 import casadi as ca
 import numpy as np
 
-from ...core import BatchC, address, library, threads
+from ...core import BatchC, library, threads
 from ..body import Array, Body, Contact, HandMotion, HandSamples, Value, components, hand_of
 from ..trajectory import INSIDE, Throws
 from .cases import LOST_SLIP, BatchRelease, ReleaseBatch, ReleaseCase, by_chunks, chunks
@@ -153,15 +153,22 @@ def compiled_batch(law: str, batch: ReleaseBatch, shares: Array, gap: float = 0.
     curves[4 - powers :] = batch.hands.coefficients.transpose(0, 2, 3, 1)
     grip = batch.grip.force(shares * batch.grip.opening) / batch.grip.full
     delays = np.broadcast_to(batch.hands.delays, batch.count)
-    given = (shares, grip, _numbers(batch), batch.hands.breaks, curves, delays, batch.hands.drift)
-    inputs = [None if value is None else np.ascontiguousarray(value, float) for value in given]
+    width, steps = 1 if shares.ndim == 1 else batch.count, len(shares) // 2
+    found = BatchC(count=batch.count, steps=steps, pieces=pieces, rows=rows, width=width, gap=gap)
+    given: dict[str, Array | None] = {
+        "shares": shares,
+        "grip": grip,
+        "numbers": _numbers(batch),
+        "curves": curves,
+    }
+    given |= {"knots": batch.hands.breaks, "delays": delays, "drift": batch.hands.drift}
+    found.attach(
+        **{k: v if v is None else np.ascontiguousarray(v, float) for k, v in given.items()}
+    )
     detach, stray = np.empty((batch.count, 6)), np.empty((batch.count, 2))
     lost = np.empty(batch.count, bool)
-    arrays = (*inputs, detach, stray)
-    addresses = [None if array is None else address(array) for array in arrays]
-    addresses.append(address(lost, np.bool_))
-    width, steps = 1 if shares.ndim == 1 else batch.count, len(shares) // 2
-    getattr(library(), law)(BatchC(batch.count, steps, pieces, rows, width, gap, *addresses))
+    found.attach(detach=detach, stray=stray, lost=lost)
+    getattr(library(), law)(found)
     return BatchRelease(detach, lost, stray=stray)
 
 

@@ -118,7 +118,8 @@ class PlanarArm:
     @functools.cached_property
     def core(self) -> LinkageC:
         """The arm as the compiled core takes it."""
-        found = LinkageC(self.coordinates, 1, len(self.frames), *self.origin, self.theta)
+        (x, z), frames = self.origin, len(self.frames)
+        found = LinkageC(n=self.coordinates, arm=1, frames=frames, x=x, z=z, theta=self.theta)
         found.sign[: self.coordinates] = self.signs
         for i, link in enumerate(self.links):
             found.along[i], found.up[i] = link
@@ -195,7 +196,7 @@ class PlanarHand:
     def __init__(self, turns: bool, theta: float = 0.0) -> None:
         self.coordinates = 3 if turns else 2
         self.theta = theta
-        self.core = LinkageC(self.coordinates, 0, 0, 0.0, 0.0, theta)
+        self.core = LinkageC(n=self.coordinates, theta=theta)
 
     def link_angles(self, q: Value) -> list[Value]:
         """The coordinates themselves."""

@@ -18,8 +18,7 @@ from ..show import (
     empty_page,
     open_browser,
     run_panel,
-    save_film,
-    save_picture,
+    save_in_space,
     serving,
 )
 from .common import (
@@ -66,10 +65,10 @@ def run(options: argparse.Namespace) -> int:
     if why:
         report_step(f"the bar stops at the target: {why}")
     written = {}
-    for kind, write in (("png", save_picture), ("mp4", save_film)):
+    for kind in ("png", "mp4"):
         if (name := getattr(options, kind)) is not None:
             with Progress(f"writing {name}"):
-                write(space, Path(name))
+                save_in_space(space, kind, Path(name))
             written[kind] = name
     if written:
         print_result(options, written, "\n".join(f"written to {name}" for name in written.values()))

@@ -12,7 +12,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...core import MoveC, address, library
+from ...core import MoveC, library
 from ...models import Array, Flags, Trajectory
 from .lazy_constraints import BASE, Refinement
 from .nlp import ThrowNlp
@@ -79,7 +79,8 @@ class ReducedVariables:
         manipulator, carry = self.request.manipulator, self.request.scene.mesh.carry
         n, stages = manipulator.size, carry + len(self.opening)
         size = 1 + n * (stages + (self.start is None))
-        found = MoveC(n, carry, stages, size, by_jerk=manipulator.jerk_control, unit=JERK_UNIT)
+        found = MoveC(n=n, carry=carry, stages=stages, size=size, unit=JERK_UNIT)
+        found.by_jerk = manipulator.jerk_control
         found.before, (found.shortest, found.longest) = self.request.nodes[0], self.durations
         arrays = {
             "start": self.start,
@@ -87,10 +88,10 @@ class ReducedVariables:
             "opening": self.opening,
             **dict(zip(("low", "high"), self._bounds(stages), strict=True)),
         }
-        kept = {k: np.ascontiguousarray(v, float) for k, v in arrays.items() if v is not None}
-        for name, values in kept.items():
-            setattr(found, name, address(values))
-        found.kept = kept
+        for name, values in arrays.items():
+            found.attach(
+                **{name: values if values is None else np.ascontiguousarray(values, float)}
+            )
         return found
 
     def places(self, nlp: ThrowNlp) -> list[int]:

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Any
 from ...problems import InputError, Pose, Scene
 from ...problems.files import filling, plain, write_json
 from ..ocp import load_curve
-from ..show import draw_throw, grip_words
+from ..show import draw_throw
 from ..throw import Manipulator, Throw, torque_limits
 from ..verdict import Verdict, verdict, warnings
 from .files import (
@@ -226,7 +226,7 @@ class Plan:
             )
         if self.throw is not None:
             lines.append(f"  {_moments(result['release'])}")
-            lines.append(f"  {grip_words(self.throw.deciding)}")
+            lines.append(f"  {self.throw.deciding.grip_words}")
         if "torque" in result:
             lines.append(f"  {_torque_words(**result['torque'])}")
         lines.append(

@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-import ctypes
 import math
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
 
-from ...core import MoveC, MovedC, SamplesC, address, library
+from ...core import MoveC, MovedC, SamplesC, library
 from ...models import Array, Trajectory
 from ...models.release import STEPPED_SURFACE, Release
 from ...problems import Pose
@@ -56,33 +55,30 @@ class ThrowFamily:
         goal; aim [m], [rad]: how near is near enough. None without such a throw.
         """
         move, found = self._fixed, self._buffers
-        kept = np.ascontiguousarray(u, float), np.ascontiguousarray(slope, float)
-        move.u, move.slope = map(address, kept)
         move.errors, move.aim[:], move.off[:] = slope.shape[1], aim, off.tolist()
+        begin, along = np.ascontiguousarray(u, float), np.ascontiguousarray(slope, float)
+        move.attach(u=begin, slope=along)
         move.goal[:] = goal.plane_x, goal.z, 0.0 if goal.theta is None else goal.theta
         if library().move_throw(move, found) <= 0:
             return None
-        *own, nodes = self._thrown(found)
-        u, breaks, cubics = (array.copy() for array in own)
+        u, breaks, cubics = (found.kept[name].copy() for name in ("u", "breaks", "cubics"))
+        nodes = found.kept["nodes_at"][: found.nodes]
         planned, release = Trajectory(breaks, cubics, breaks), Release.from_nodes(nodes)
         if not move.surface:
             release = Release.from_nodes(nodes, list(found.onset), bool(found.lost))
         if not self._arm:
             return MovedThrow(u, planned, send(self._manipulator, planned), release)
-        sent = Samples.known(*(array.copy() for array in self._sent(found)))
-        return MovedThrow(u, planned, sent, release)
+        return MovedThrow(u, planned, self._sent(found), release)
 
     @cached_property
     def _fixed(self) -> MoveC:
         """What all moves have in common."""
         scene, limits = self._scene, self._manipulator.hard.core
         release, turned = release_numbers(scene, self._manipulator)
-        found = MoveC.from_buffer_copy(self._controls.core)
+        found = self._controls.core.copy()
         found.surface, found.throws = scene.tolerance.model == STEPPED_SURFACE, THROWS
         found.nearer, found.gravity, found.turned = NEARER, scene.gravity, turned
-        found.limits = ctypes.addressof(limits) if self._arm else None
-        found.release = ctypes.addressof(release)
-        found.kept = self._controls, limits, release
+        found.attach(limits=limits if self._arm else None, release=release)
         return found
 
     @cached_property
@@ -91,26 +87,26 @@ class ThrowFamily:
         n, brake = self._manipulator.size, self._manipulator.hard.longest_brake
         longest = self._controls.durations[1] + float(self._controls.opening.sum())
         room = math.ceil((longest + brake) / TICK) + 4
-        sent, sizes = np.zeros((3, room, n)), (room, 6 * n * room, 4 * room, 7 * (ROOM + 4 * room))
-        stages = self._fixed.stages
-        planned = np.zeros(stages + 1), np.zeros((4, n, stages, 1))
-        kept = [np.zeros(self._controls.size), *planned, *map(np.zeros, sizes)]
-        found = MovedC(SamplesC.of(TICK, *sent), room)
-        found.release_room = ROOM + 4 * room
-        names = ("u", "breaks", "cubics", "times", "curves", "kinks", "nodes_at")
-        for name, array in zip(names, kept, strict=True):
-            setattr(found, name, address(array))
-        found.kept = sent, kept
+        stages, size, rows = self._fixed.stages, self._controls.size, ROOM + 4 * room
+        samples = np.zeros((3, room, n))
+        found = MovedC(room=room, stages=stages, size=size, release_room=rows)
+        found.attach(
+            sent=SamplesC.of(TICK, *samples),
+            u=np.zeros(size),
+            breaks=np.zeros(stages + 1),
+            cubics=np.zeros((4, n, stages, 1)),
+            times=np.zeros(room),
+            curves=np.zeros(6 * n * room),
+            kinks=np.zeros(4 * room),
+            nodes_at=np.zeros((rows, 7)),
+        )
+        found.samples = samples
         return found
 
-    def _thrown(self, found: MovedC) -> tuple[Array, ...]:
-        """u, breaks and cubics of the planned motion, nodes of the release."""
-        _, (u, breaks, cubics, *_, nodes) = found.kept
-        return u, breaks, cubics, nodes.reshape(-1, 7)[: found.nodes]
-
-    def _sent(self, found: MovedC) -> tuple[Array, ...]:
-        """Of what an arm is sent: samples (3, K, n), times, quintics and kinks."""
-        sent, (*_, times, curves, kinks, _) = found.kept
-        rows, n = found.sent.rows, self._manipulator.size
-        curves = curves[: 6 * n * (rows - 1)].reshape(6, n, rows - 1, 1)
-        return sent[:, :rows], times[:rows], curves, kinks[: found.corners]
+    def _sent(self, found: MovedC) -> Samples:
+        """What an arm is sent."""
+        rows, n, kept = found.sent.rows, self._manipulator.size, found.kept
+        samples = found.samples[:, :rows]
+        curves = kept["curves"][: 6 * n * (rows - 1)].reshape(6, n, rows - 1, 1)
+        arrays = samples, kept["times"][:rows], curves, kept["kinks"][: found.corners]
+        return Samples.known(*(array.copy() for array in arrays))

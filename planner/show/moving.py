@@ -83,8 +83,17 @@ def _palette(pixels: Pixels) -> Image.Image:
     return palette
 
 
-def save_picture(throw: SpaceThrow, path: Path) -> None:
-    """A PNG in 3-D just before detach, with poses of the bar; errors as of `save_film`."""
+def save_in_space(throw: SpaceThrow, kind: str, path: Path) -> None:
+    """A 3-D picture ("png") just before detach, with poses of the bar; or a film ("mp4") at a fifth
+    of the throw's speed, whose last frame stays half a second.
+
+    Leaves no partial file; InputError if the file cannot be written, and for a film without ffmpeg
+    or trimesh.
+    """
+    (_save_picture if kind == "png" else _save_film)(throw, path)
+
+
+def _save_picture(throw: SpaceThrow, path: Path) -> None:
     painter = Painter()
     view = View(painter, throw)
     _add_ghosts(view)
@@ -93,11 +102,7 @@ def save_picture(throw: SpaceThrow, path: Path) -> None:
         painter.picture(throw.scene.name).save(file)
 
 
-def save_film(throw: SpaceThrow, path: Path) -> None:
-    """An MP4 in 3-D at a fifth of the throw's speed; the last frame stays half a second.
-
-    Leaves no partial file; InputError without ffmpeg or trimesh, or if the file cannot be written.
-    """
+def _save_film(throw: SpaceThrow, path: Path) -> None:
     with _replacement(path, "mp4") as file:
         if shutil.which("ffmpeg") is None:
             raise InputError("--mp4: needs ffmpeg, which is not installed")

@@ -52,7 +52,7 @@ def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None
     dx, dtheta = throw.deciding.miss(throw.target)
     angle = "" if throw.target.theta is None else f", {np.degrees(abs(dtheta)):.3f} deg"
     title = f"{scene.name}: lands {1e3 * abs(dx):.3f} mm{angle} from the target\n"
-    title += f"{_words_of_flight(throw)}\n{grip_words(throw)}"
+    title += f"{_words_of_flight(throw)}\n{throw.grip_words}"
     stage.set_title(title, loc="left", fontsize=10)
     plots = [figure.add_subplot(grid[i, 1]) for i in (1, 2, 3)]
     _draw_plots(plots, line)
@@ -61,15 +61,6 @@ def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None
     if path is not None:
         save(figure, path)
     return figure
-
-
-def grip_words(throw: Throw) -> str:
-    """Largest use of the grip's friction, what is left, and what the scene keeps in reserve."""
-    use, reserve = throw.measured.grip, throw.scene.gripper.sticking_margin
-    return (
-        f"grip: at most {100 * use.value:.0f} % of its friction before it opens, at "
-        f"{use.time:.2f} s; {100 * (1 - use.value):.0f} % are left (sticking_margin {reserve:g})"
-    )
 
 
 def _words_of_flight(throw: Throw) -> str:

@@ -28,31 +28,43 @@ def column_of(scene: Scene) -> tuple[float, float] | None:
 
 def core_scene(scene: Scene, hand_error: float) -> SceneC:
     """What of the scene the compiled core measures a throw by; hand_error [rad]: its angle's."""
-    speed = 0.0 if scene.target is None else scene.target.speed
     bar, body, patch, cup, arm = scene.object, scene.body, scene.patch, scene.cup, scene.arm
     limit = patch.force_limit(scene.gripper.profile().full)
     workspace, column = scene.workspace, column_of(scene)
-    # Widths of what a scene does not have are negative.
-    palm = (0.0, 0.0, -1.0)
-    if arm is not None:
-        palm = arm.tool.palm_back, arm.tool.palm_front, arm.tool.palm_half_width
-    clearance = None if workspace is None or arm is None else workspace.palm_clearance
-    mouth = (0.0, 0.0, -1.0, 0.0, 0.0)
-    if cup is not None:
-        # The bar is as thick as it is wide, so a round cup is narrower off its middle.
-        half = math.sqrt(cup.radius**2 - (bar.width / 2) ** 2)
-        mouth = cup.x, cup.rim, half, cup.insertion, speed
-    return SceneC(
-        *(scene.gravity, body.mass, body.inertia, body.com_offset),
-        scene.grasp.angle + hand_error,
-        *(limit, limit * patch.torsion_arm),
-        *(bar.com, bar.length - bar.com, bar.width / 2),
-        *((-1.0, 0.0) if column is None else column),
-        *palm,
-        -1.0 if clearance is None else clearance,
-        -1.0 if arm is None or scene.tool_speed is None else arm.tool.tcp,
-        *mouth,
+    found = SceneC(
+        gravity=scene.gravity,
+        mass=body.mass,
+        inertia=body.inertia,
+        com_offset=body.com_offset,
+        grasp_angle=scene.grasp.angle + hand_error,
+        force=limit,
+        torque=limit * patch.torsion_arm,
+        behind=bar.com,
+        ahead=bar.length - bar.com,
+        half_width=bar.width / 2,
+        cup_speed=0.0 if scene.target is None else scene.target.speed,
+        # Below 0 is what the scene does not have.
+        column_radius=-1.0,
+        palm_half_width=-1.0,
+        palm_clearance=-1.0,
+        tool_length=-1.0,
+        cup_radius=-1.0,
     )
+    if column is not None:
+        found.column_radius, found.column_height = column
+    if arm is not None:
+        tool = arm.tool
+        found.palm_back, found.palm_front = tool.palm_back, tool.palm_front
+        found.palm_half_width = tool.palm_half_width
+        if workspace is not None and workspace.palm_clearance is not None:
+            found.palm_clearance = workspace.palm_clearance
+        if scene.tool_speed is not None:
+            found.tool_length = tool.tcp
+    if cup is not None:
+        found.cup_x, found.cup_rim, found.cup_insertion = cup.x, cup.rim, cup.insertion
+        # The bar is as thick as it is wide, so a round cup is narrower off its middle.
+        found.cup_radius = math.sqrt(cup.radius**2 - (bar.width / 2) ** 2)
+    return found
 
 
 def cup_entries(scene: Scene, detach: Array, flight: Array) -> Array:

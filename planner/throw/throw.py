@@ -6,7 +6,6 @@ scatters. Releases and landings are computed when they are first read.
 
 from __future__ import annotations
 
-import ctypes
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -15,7 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ...core import Measured, ReleaseC, ThrowC, address, library
+from ...core import Measured, ReleaseC, ThrowC, library
 from ...models import Array, FlightLaw, FlightState, HandSamples, HandTrack, Trajectory
 from ...models.release import (
     SLIDING_PIVOT,
@@ -134,6 +133,16 @@ class Throw:
         """Largest friction use (ellipsoid, 1 is the limit) from rest to the opening's start."""
         return float(library().grip_use(_core_motion(self)))
 
+    @property
+    def grip_words(self) -> str:
+        """Largest use of the grip's friction, what is left, and what the scene keeps in reserve."""
+        use, reserve = self.measured.grip, self.scene.gripper.sticking_margin
+        left = f"{100 * (1 - use.value):.0f} % are left (sticking_margin {reserve:g})"
+        return (
+            f"grip: at most {100 * use.value:.0f} % of its friction before it opens, at "
+            f"{use.time:.2f} s; {left}"
+        )
+
     @cached_property
     def measured(self) -> Measured:
         """How near bar, hand and arm come to what is around them."""
@@ -143,13 +152,11 @@ class Throw:
 
     @cached_property
     def core(self) -> ThrowC:
-        """As the compiled core takes it, with the arrays at its addresses."""
+        """As the compiled core takes it."""
         found, release = _core_motion(self), self.release
         times, com = self.opening_time + release.times, np.ascontiguousarray(release.com)
-        start = release.end
         found.detach, found.flight, found.nodes = times[-1], self.landing.flight_time, len(times)
-        found.times, found.com, found.start = map(address, (times, com, start))
-        found.kept = found.parts, times, com, start
+        found.attach(times=times, com=com, start=release.end)
         return found
 
     def __getstate__(self) -> dict[str, Any]:
@@ -261,12 +268,14 @@ class Throw:
 
 def _core_motion(throw: Throw) -> ThrowC:
     """A throw's motion as the compiled core takes it, without release and flight."""
-    around = core_scene(throw.scene, throw.error.theta)
-    torques = core_torques(throw.scene, throw.manipulator)
-    parts = throw.path.core, throw.manipulator.kinematics.core, around, torques
-    addresses = (None if part is None else ctypes.addressof(part) for part in parts)
-    found = ThrowC(*addresses, TICK, CARRY_STEP, throw.opening_time)
-    found.error[:], found.parts = throw.error, parts
+    found = ThrowC(tick=TICK, step=CARRY_STEP, opening=throw.opening_time)
+    found.error[:] = throw.error
+    found.attach(
+        motion=throw.path.core,
+        arm=throw.manipulator.kinematics.core,
+        around=core_scene(throw.scene, throw.error.theta),
+        torques=core_torques(throw.scene, throw.manipulator),
+    )
     return found
 
 

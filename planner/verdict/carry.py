@@ -119,8 +119,8 @@ class Carry:
         """The hand at the instants of the single verdict's grip use, up to the latest opening."""
         throw = self.batch.throw
         instants = partial(library().grip_instants, throw.path.core, CARRY_STEP, self._latest)
-        times = np.empty(instants(None))
-        instants(times)
+        times = np.empty(instants(0, None))
+        instants(times.size, times)
         return throw.hand(np.sort(times))
 
     @property

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ...core import ReferenceC, address, library
+from ...core import ReferenceC, library
 from ...models import Array, Flags, Indices
 from ..throw import (
     TICK,
@@ -131,11 +131,12 @@ class InFlight:
             - self._fastest * TICK
             for room in rooms
         ]
-        arrays = [np.ascontiguousarray(room) for room in least]
-        found = ReferenceC(begin, WINDOW * TICK, count, *map(address, arrays))
+        found = ReferenceC(begin=begin, step=WINDOW * TICK, n=count)
         found.detach, found.far = throw.detach_time, self._far
         found.start[:] = throw.release.end.tolist()
-        found.kept = arrays
+        found.attach(
+            **dict(zip(("palm", "column", "bodies"), map(np.ascontiguousarray, least), strict=True))
+        )
         return found
 
     @cached_property

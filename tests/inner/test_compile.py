@@ -5,6 +5,7 @@ from __future__ import annotations
 import ctypes
 import hashlib
 import os
+import re
 import shutil
 import subprocess
 import sys
@@ -145,7 +146,9 @@ def test_the_core_that_is_loaded_is_of_this_checkout() -> None:
     """A stale library would be tested instead of the sources: `make .venv/test` builds it anew."""
     files = sorted((ROOT / "core").glob("*.[ch]"))
     text = b"".join(f.read_bytes() for f in files)
-    assert core.library().core_sources().decode() == hashlib.sha256(text).hexdigest()
+    library = ctypes.CDLL(str(Path(core.__file__).with_name(f"_core{core.SUFFIX}")))
+    library.core_sources.restype = ctypes.c_char_p
+    assert library.core_sources().decode() == hashlib.sha256(text).hexdigest()
 
 
 @pytest.mark.parametrize("change", ["missing", "damaged", "stale"])
@@ -182,22 +185,77 @@ def test_without_its_core_throwplan_says_what_to_run(change: str, tmp_path: Path
 
 
 def test_structures_that_differ_are_seen() -> None:
-    same = {name: 8 * count for name, count in core.ROWS.items()}
-    same |= {name: ctypes.sizeof(kind) for name, kind in core.STRUCTURES.items()}
-    assert core.wrong_sizes(same) == []
-    for changed in ({"throw": same["throw"] + 8}, {"contact": 48}, {"later": 8}):
-        assert core.wrong_sizes(same | changed) == [*changed]
+    """Other sizes, and fields of the same size that changed places."""
+    same = core.layout()
+    assert core.differing(same) == []
+    for changed in ({"throw": (0, 8)}, {"contact": (0, 48)}, {"later": (0, 8)}):
+        assert core.differing(same | changed) == [*changed]
+    swapped = {"scene.mass": same["scene.inertia"], "scene.inertia": same["scene.mass"]}
+    assert core.differing(same | swapped) == ["scene.inertia", "scene.mass"]
     del same["scene"]
-    assert core.wrong_sizes(same) == ["scene"]
+    assert core.differing(same) == ["scene"]
 
 
 @pytest.mark.parametrize(
-    "rows", [np.zeros((4, 6))[:, ::2], np.zeros(4, np.float32), np.zeros(4, np.int64), [0.0] * 4]
+    "rows", [np.zeros((36, 2))[:, 0], np.zeros(36, np.float32), np.zeros(36, np.int64), [0.0] * 36]
 )
 def test_the_core_takes_contiguous_doubles_only(rows: object) -> None:
     library = core.library()
     with pytest.raises((TypeError, ctypes.ArgumentError)):
         library.quintics(core.SamplesC.of(1e-3, *np.zeros((3, 4, 2))), rows, np.zeros(16))
+
+
+@pytest.mark.parametrize(
+    ("curves", "kinks"), [(np.zeros(2), np.zeros(16)), (np.zeros(36), np.zeros(1))]
+)
+def test_the_core_writes_past_no_array(curves: np.ndarray, kinks: np.ndarray) -> None:
+    samples = core.SamplesC.of(1e-3, *np.zeros((3, 4, 2)))
+    assert core.library().quintics(samples, np.zeros(36), np.zeros(16)) == 0
+    with pytest.raises(ValueError, match="the core takes at least"):
+        core.library().quintics(samples, curves, kinks)
+
+
+def test_the_core_reads_past_no_array() -> None:
+    """Of what it is given, of what structures point to, and of rows within samples."""
+    library, samples = core.library(), core.SamplesC.of(1e-3, *np.zeros((3, 4, 2)))
+    for start in (np.zeros(5), np.zeros(7)):
+        with pytest.raises(ValueError, match="start: the core takes 6 elements"):
+            library.flight_time(start, 0.0, 9.81)
+    with pytest.raises(ValueError, match=r"requires 0 < given and given <= s\.rows"):
+        library.brake(core.LimitsC(), 5, samples)
+    with pytest.raises(ValueError, match="at most 8 coordinates"):
+        core.SamplesC.of(1e-3, np.zeros((4, 9)))
+    path = core.PathC(n=2, powers=4, pieces=3)
+    for name, wrong in {"breaks": np.zeros(3), "curves": np.zeros((4, 2, 2))}.items():
+        with pytest.raises(ValueError, match=f"{name}: the core takes"):
+            path.attach(**{name: wrong})
+    with pytest.raises(TypeError, match="motion: the core takes PathC"):
+        core.ThrowC().attach(motion=core.SceneC())
+    with pytest.raises(TypeError, match="around: the core takes SolidC_Array_2"):
+        core.BodiesC(solids=2).attach(around=(core.SolidC * 3)())
+
+
+def test_arrays_live_as_long_as_the_structures_that_point_to_them() -> None:
+    """Also those of a copy, whose pointers are set anew without changing the first."""
+    path = core.PathC(n=1, powers=1, pieces=1)
+    path.attach(breaks=np.array([0.0, 1.0]), curves=np.ones((1, 1, 1)), kinks=np.zeros(0))
+    copy = path.copy()
+    copy.attach(breaks=np.array([0.0, 2.0]))
+    assert copy.kept["breaks"][1] == 2.0 and path.kept["breaks"][1] == 1.0
+    assert copy.curves == path.curves and copy.kept["curves"] is path.kept["curves"]
+
+
+def test_functions_of_the_header_are_all_that_the_core_exports() -> None:
+    """And all arrays that are declared have their lengths in the comment beside them."""
+    header = (ROOT / "core" / "functions.h").read_text("utf-8")
+    declared = set(re.findall(r"EXPORT \w+ (\w+)\(", header))
+    sources = "".join(f.read_text("utf-8") for f in sorted((ROOT / "core").glob("*.c")))
+    defined = set(re.findall(r"EXPORT [\w ]+?\**(\w+)\(", sources)) - {
+        "core_layout",
+        "core_sources",
+    }
+    assert declared == defined == set(vars(core.library()))
+    assert not re.findall(r"(?:double|int64_t|char) \*\w+\b(?!,? */\* \[)", header)
 
 
 @pytest.mark.parametrize("compiler", ["gcc", "clang", f"{sys.executable} -m ziglang cc"])

@@ -66,8 +66,8 @@ def package(tmp_path_factory) -> Path:
     if shutil.which("gcc") is None:
         pytest.skip("needs gcc")
     package = tmp_path_factory.mktemp("sanitized") / "throwplan"
-    # Without most sources, whose hash the library would be compared with.
-    others = shutil.ignore_patterns("_core*", "*.c", "[!s]*.h")
+    # Without the sources, whose hash the library would be compared with.
+    others = shutil.ignore_patterns("_core*", "*.c")
     shutil.copytree(ROOT / "core", package / "core", ignore=others)
     for item in [*ROOT.glob("*.py"), *(ROOT / name for name in ("models", "planner", "problems"))]:
         (package / item.name).symlink_to(item)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import ctypes
 import itertools
 import math
 from dataclasses import dataclass
@@ -10,7 +9,7 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from ....core import BodiesC, SolidC, address
+from ....core import BodiesC, SolidC
 from ....models import Array
 from ....models.robot import ArmCapsules, Solid
 from ....problems import Scene, ThrownObject, ThrowPlane
@@ -83,17 +82,14 @@ class CollisionScene:
         return cls(scene, tuple(found), manipulator.capsules, plane.azimuth)
 
     def core(self, hand_error: float = 0.0) -> BodiesC:
-        """All of it, and the bar, as the compiled core takes it; turned [rad]: of the hand."""
-        scene, shape = self.scene, _shape(self.arm, self.scene.object)
-        solids = (SolidC * len(self.things))(*(thing.core for thing in self.things))
-        found = BodiesC.from_buffer_copy(shape)
-        found.solids, found.around = len(solids), ctypes.addressof(solids)
+        """All of it, and the bar, as the compiled core takes it; hand_error [rad]: its angle's."""
+        scene, found = self.scene, _shape(self.arm, self.scene.object).copy()
+        found.solids = len(self.things)
+        found.attach(around=(SolidC * found.solids)(*(thing.core for thing in self.things)))
         found.com_offset, found.grasp_angle = scene.com_offset, scene.grasp.angle + hand_error
-        found.kept = shape, solids
         if self.arm is not None and self.azimuth:
             # Only the base's capsules depend on the azimuth.
-            places = self.arm.places_at(self.azimuth)
-            found.places, found.kept = address(places), (*found.kept, places)
+            found.attach(places=self.arm.places_at(self.azimuth))
         return found
 
 
@@ -139,18 +135,21 @@ def pairs_of(capsules: ArmCapsules) -> list[tuple[int, int]]:
 def _shape(capsules: ArmCapsules | None, bar: ThrownObject) -> BodiesC:
     """Arm, in the plane at azimuth 0, and bar as the compiled core takes them."""
     corner, links = bar.width / math.sqrt(2), 0 if capsules is None else len(capsules.number)
-    moved_by, moves, pairs = np.zeros(0, int), np.ones(links + 1, int), np.zeros((0, 2), int)
+    moved_by, moves, pairs = (
+        np.zeros(0, np.int64),
+        np.ones(links + 1, np.int64),
+        np.zeros((0, 2), np.int64),
+    )
     places, radius, cover = np.zeros((0, 2, 3)), np.full(links + 1, corner), np.zeros(links + 1)
     if capsules is not None:
-        moved_by, places = np.array(capsules.moved_by), np.ascontiguousarray(capsules.places)
-        moves[:-1], pairs = capsules.moves, np.array(pairs_of(capsules), int).reshape(-1, 2)
+        moved_by, places = (
+            np.array(capsules.moved_by, np.int64),
+            np.ascontiguousarray(capsules.places),
+        )
+        moves[:-1], pairs = capsules.moves, np.array(pairs_of(capsules), np.int64).reshape(-1, 2)
         radius[:-1], cover[:-1] = capsules.radius, capsules.arm.arm.cover
-    reach, found = radius + cover, BodiesC(links, 1)
-    found.moved_by, found.moves, found.meet = (
-        address(values, np.int64) for values in (moved_by, moves, pairs)
-    )
-    found.places, found.radius, found.reach = map(address, (places, radius, reach))
-    found.pairs, found.landing = len(pairs), LANDING
+    found = BodiesC(links=links, bar=1, pairs=len(pairs), landing=LANDING)
     found.behind, found.ahead = bar.com, bar.length - bar.com
-    found.kept = moved_by, moves, pairs, places, radius, reach
+    found.attach(moved_by=moved_by, moves=moves, meet=pairs, places=places)
+    found.attach(radius=radius, reach=radius + cover)
     return found

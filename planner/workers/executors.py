@@ -1,8 +1,4 @@
-"""Jobs run by this process, by others on this machine, or by a Dask cluster.
-
-Long work is cut into short jobs, so that any executor can share them and Ctrl-C loses none that
-is done.
-"""
+"""The executors that the options ask for: processes of this machine, or a Dask cluster."""
 
 from __future__ import annotations
 
@@ -11,28 +7,14 @@ import re
 import signal
 import socket
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from concurrent import futures
-from concurrent.futures import (
-    FIRST_COMPLETED,
-    BrokenExecutor,
-    CancelledError,
-    Executor,
-    Future,
-    wait,
-)
+from concurrent.futures import BrokenExecutor, CancelledError, Executor
 from contextlib import contextmanager
 from multiprocessing import get_context
-from typing import TypeVar
 
-from ..problems import InputError
+from ...problems import InputError
 
-T = TypeVar("T")
-#: progress(done, total) is called while work goes on.
-Progress = Callable[[int, int], None]
-
-#: Jobs that an executor is given before the first of them is done.
-WINDOW = 64
 #: Largest number of processes on this machine.
 MOST = 256
 #: Time [s] in which a scheduler must answer, and in which it must have a worker.
@@ -158,38 +140,3 @@ def _line(error: BaseException) -> str:
     """An error in one line that is not too long."""
     words = str(error) if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
     return " ".join(words.split())[:300]
-
-
-def run_jobs(
-    next_job: Callable[[], Callable[[], T] | None],
-    executor: Executor | None,
-    keep: Callable[[T], None],
-) -> None:
-    """Runs jobs until there is none left and none running; `keep` takes each result.
-
-    next_job: the next job, or None while there is none; it is called again after each result. A job
-    for an executor must be picklable. After Ctrl-C running jobs are finished and kept, the others
-    dropped, and KeyboardInterrupt is raised.
-    """
-    if executor is None:
-        while (job := next_job()) is not None:
-            keep(job())
-        return
-    running: set[Future[T]] = set()
-    try:
-        while True:
-            while len(running) < WINDOW and (job := next_job()) is not None:
-                running.add(executor.submit(job))
-            if not running:
-                return
-            for future in wait(running, return_when=FIRST_COMPLETED).done:
-                running.remove(future)
-                keep(future.result())
-    except KeyboardInterrupt:
-        for future in wait([future for future in running if not future.cancel()]).done:
-            keep(future.result())
-        raise
-    except BaseException:
-        for future in running:
-            future.cancel()
-        raise

@@ -1,0 +1,176 @@
+/* The functions that Python calls. Units and frame are those of structures.h.
+
+   core/functions.py reads this file, and refuses calls with other arrays or structures than declared here. A
+   comment beside a pointer begins with the lengths of its array, in the arguments and their fields: that
+   many elements are read, or written at most; of a const array there must be exactly so many. Without
+   lengths it points to one structure. NULL: there may be none. `Requires` in the comment of a function is
+   checked too. */
+#ifndef FUNCTIONS_H
+#define FUNCTIONS_H
+
+#include "structures.h"
+
+/* Batches of releases (batch.c): detach, stray and lost of `b` are written. */
+EXPORT void sliding_pivot(const batch *b);
+EXPORT void limit_surface(const batch *b);
+
+/* One release by the non-smooth sliding pivot; how many nodes it has. */
+EXPORT int64_t pivot_release(const release *r, int64_t room,
+                             double *nodes, /* [room][7] time [s] from the opening's start, CoM's pose and twist */
+                             double *onset, /* [2] s: when pivot and slide begin, NaN for none */
+                             int64_t *lost  /* [1] whether the body left the pads before the end */
+);
+
+/* States of the sliding pivot by one step from each node to the next, from sticking at the first. */
+EXPORT void pivot_track(const release *r, int64_t count,
+                        const double *times, /* [count] s from the opening's start, rising */
+                        double *states       /* [count][6] place [m] and angle [rad] on the hand, and rates */
+);
+
+/* One release by the limit surface; how many nodes it has, 0 where memory or room is lacking. */
+EXPORT int64_t surface_release(const release *r, int64_t room,
+                               double *nodes /* [room][7] as of `pivot_release` */
+);
+
+/* Many releases of one motion, by the limit surface or the sliding pivot; not 0 without memory. */
+EXPORT int64_t many_releases(const release *shared, int64_t surfaces, int64_t count,
+                             const double *numbers, /* [count][12] law, angle, delay, turning, opening [s] */
+                             double *detach /* [count][6] CoM's pose and twist; NaN: lost or blown up */
+);
+
+/* The motion that free numbers plan: cubics that meet in position, rate and acceleration. */
+EXPORT void plan_motion(const move *m,
+                        const double *u, /* [m->size] as of `move` */
+                        double *breaks,  /* [m->stages + 1] s, from 0 on */
+                        double *curves   /* [4][m->n][m->stages] as of `path` */
+);
+
+/* Moves a known throw to the goal: 1 with its free numbers, motion, samples and release in `found`, 0 where
+   no throw within the limits lands there. Requires found->size == m->size && found->stages == m->stages &&
+   found->sent.n == m->n && found->sent.rows <= found->room. */
+EXPORT int64_t move_throw(const move *m, moved *found);
+
+/* Quintics through samples; the number of kinks. */
+EXPORT int64_t quintics(const samples *s,
+                        double *curves, /* [6][s->n][s->rows - 1] as of `path` */
+                        double *kinks   /* [4 * s->rows] s, rising: where the jerk changes */
+);
+
+/* Whether a planned motion keeps the limits along each tick [s]. */
+EXPORT void kept_ticks(const path *p, const limits *most, double tick, int64_t ticks,
+                       unsigned char *kept /* [ticks] */
+);
+
+/* The brake of every axis, as fast as the limits allow, after the last of `given` samples; how many samples
+   there are with it. Nothing is written unless s has room for them. Requires 0 < given && given <= s->rows. */
+EXPORT int64_t brake(const limits *most, int64_t given, samples *s);
+
+/* Samples of a planned motion that keeps the limits and begins with the first rates and accelerations of
+   s, then of its brake. s->rows: how many fit, then how many there are. The number of kinks; below 0 for a
+   motion that Ruckig must follow, and without room. Requires s->n == p->n && s->rows > 0. */
+EXPORT int64_t send_motion(const path *p, const limits *most, samples *s,
+                           double *curves, /* [6][s->n][s->rows - 1] quintics through them, as of `path` */
+                           double *kinks   /* [4 * s->rows] s, rising */
+);
+
+/* How far samples and their differences are beyond the limits: rows for position, rate, acceleration, rate
+   where its limit depends on the position, and jerk. */
+EXPORT void excess(const samples *s, const limits *m,
+                   double *beyond /* [5][s->n][4] excess; where above 0, also value, limit and time [s] there */
+);
+
+/* Instants before `until` [s] at which the grip is looked at along a motion, every `step` [s] at least; how
+   many there are. The first `room` of them are written. */
+EXPORT int64_t grip_instants(const path *motion, double step, double until, int64_t room,
+                             double *times /* [room] s, NULL to count them only */
+);
+
+/* Largest use of the full grip from rest to the opening, 1 is the limit. Its release is not read. */
+EXPORT double grip_use(const throw *t);
+
+/* Everything that a verdict on one throw measures. */
+EXPORT void measure(const throw *t, measured *m);
+
+/* Signed distances of the scene's bar from its base column, negative inside; infinite out of reach. */
+EXPORT void column_distances(const scene *s, int64_t count,
+                             const double *com, /* [3][count] the CoM's poses */
+                             double *found      /* [count] m */
+);
+
+/* Distances of the scene's bar from the hand's body; below 0, where they overlap, how deep. */
+EXPORT void palm_distances(const scene *s, int64_t count,
+                           const double *com,  /* [3][count] the CoM's poses */
+                           const double *hand, /* [3][count] the hand's poses */
+                           double *found       /* [count] m */
+);
+
+/* Time [s] until a flight falls through `height` [m]; NaN if it never does. gravity [m/s^2]. */
+EXPORT double flight_time(const double *start, /* [6] the CoM's pose and twist */
+                          double height, double gravity);
+
+/* Least clearances on the way into the scene's cup, from the lower end's passing the rim until it is
+   `cup_insertion` below; -infinity for bars that miss it. */
+EXPORT void cup_entries(const scene *s, int64_t count,
+                        const double *detach, /* [count][6] the CoM's poses and twists */
+                        const double *flight, /* [count] s until the landing, NaN or infinite for none */
+                        double *found         /* [count] m */
+);
+
+/* Many flights of one motion. found: least distances [m] from column and palm (infinite where the reference
+   says that neither is near), when the bar is too near to the palm at first [s after detach], clearance in the
+   cup [m], whether any body may be near. */
+EXPORT void measure_flights(const throw *shared, const reference *r, int64_t count,
+                            const flown_sample *flights, /* [count] */
+                            double *found                /* [count][5] */
+);
+
+/* All that comes too near to anything in a throw; how many there are, -1 without memory. */
+EXPORT int64_t near_bodies(const throw *t, const bodies *all,
+                           contact *found /* [3 * (all->solids * (all->links + 1) + all->pairs)] */
+);
+
+/* How far the bars of many flights come too near to solids and links at most; not 0 without memory. */
+EXPORT int64_t near_flights(const throw *shared, const bodies *all, int64_t count,
+                            const flown_sample *flights, /* [count] */
+                            double *missed               /* [count] m */
+);
+
+/* Distances of segments from each other. */
+EXPORT void segment_distances(int64_t count,
+                              const double *pairs, /* [count][4][3] m: begin and end of one and of the other */
+                              double *found        /* [count] m */
+);
+
+/* Bodies on their way at n times that come too near to anything; how many there are, -1 without memory.
+   bar: whether the bar is one of them, after the links; flying: whether it lands at the end. */
+EXPORT int64_t near_track(const bodies *all, int64_t n, int64_t bar, int64_t flying,
+                          const double *times, /* [n] s, rising */
+                          const double *ends,  /* [all->links + bar][2][3][n] m, in the throw's plane */
+                          contact *found       /* [all->solids * (all->links + bar) + all->pairs] */
+);
+
+/* How much farther they are apart than they must be at each time, at least; infinite where there is nothing.
+   alone: of the bar only, and as far from where it lands as from elsewhere. */
+EXPORT void rooms(const bodies *all, int64_t n, int64_t bar, int64_t flying, int64_t alone,
+                  const double *times, /* [n] s, rising */
+                  const double *ends,  /* [all->links + bar][2][3][n] m, in the throw's plane */
+                  double *room         /* [n] m */
+);
+
+/* How far two bodies of an arm, or the bar, are nearer than they may be, at most, at each of `count`
+   instants; not 0 without memory. */
+EXPORT int64_t overlaps(int64_t count, const linkage *arm, const bodies *all,
+                        const double *q,   /* [count][arm->n] coordinates */
+                        const double *com, /* [count][3] the CoM's poses, NULL without the bar */
+                        double *deepest    /* [count] m */
+);
+
+/* How far [m; 1] centre and axes of the pads are at most from where the planar arm has them, at every
+   `stride`th sample. turned [rad]: angle of the joint that turns the throw's plane; lateral [m]: the pads'
+   centre across the plane. Requires arm->n == s->n && stride > 0. */
+EXPORT double off_plane(const samples *s, int64_t stride, const linkage *arm,
+                        const double *poses, /* [s->n + 2][4][4] in the plane's frame: of the joint that
+                                                turns it, of each throwing joint after the one before, of the pads */
+                        double turned, double lateral);
+
+#endif
