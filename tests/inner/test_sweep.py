@@ -9,6 +9,7 @@ import math
 import numpy as np
 import pytest
 import throwplan as tp
+from builders import varied
 from throwplan.models import FlightLaw, Trajectory
 from throwplan.models.release import MODELS
 from throwplan.models.robot import PlanarHand, hand_motion
@@ -159,12 +160,9 @@ def test_samples_land_where_the_exact_model_throws_them(posed) -> None:
         given = dict(zip(found.sampler.names, values, strict=True))
         held = {name: given[name] for name in ("mass", "inertia")}
         pads = {name: given[name] for name in ("friction", "patch_radius")}
-        other = scene.replace(
-            object=dataclasses.replace(scene.object, com=given["com_offset"], **held),
-            contact=dataclasses.replace(scene.contact, **pads),
-            gripper=dataclasses.replace(scene.gripper, opening=given["opening"]),
-            grasp=dataclasses.replace(scene.grasp, angle=given["grasp_angle"]),
-        )
+        sections = {"object": held | {"com": given["com_offset"]}, "contact": pads}
+        grip, grasp = {"opening": given["opening"]}, {"angle": given["grasp_angle"]}
+        other = varied(scene, gripper=grip, grasp=grasp, **sections)
         # The command went out earlier by the mean delay.
         opened = posed.throw.opening_time + given["delay"] - 0.002
         thrown = dataclasses.replace(posed.throw.deciding, scene=other, opening_time=opened)
@@ -188,8 +186,7 @@ def test_the_largest_delays_are_where_success_ends(posed) -> None:
 
 def test_no_delay_fails_in_a_wide_tolerance() -> None:
     thrower, _ = toy(small("delay"))
-    wide = dataclasses.replace(thrower.batch.scene.tolerance, position=50.0, angle=100.0)
-    scene = thrower.batch.scene.replace(tolerance=wide)
+    scene = varied(thrower.batch.scene, tolerance={"position": 50.0, "angle": 100.0})
     scan = scan_delays(changed(thrower, scene=scene))
     assert (scan.early, scan.late) == (None, None)
     nowhere = thrower.batch.scene.aimed_at(dataclasses.replace(thrower.batch.target, x=9.0))
@@ -232,14 +229,14 @@ def test_what_was_done_is_kept_when_stopped(posed, monkeypatch) -> None:
 def test_a_stopped_command_says_how_much_is_done(tmp_path, capsys, monkeypatch) -> None:
     monkeypatch.setitem(MODELS, "ls-step", dataclasses.replace(MODELS["ls-step"], chunk=256))
 
-    def stop(self, done: int, total: int) -> None:
-        raise KeyboardInterrupt
+    class Stopping(common.Progress):
+        def __call__(self, done: int, total: int) -> None:
+            raise KeyboardInterrupt
 
-    monkeypatch.setattr(common.Progress, "__call__", stop)
+    monkeypatch.setattr("throwplan.planner.cli.sweep.Progress", Stopping)
     line = ["sweep", "hand-box", "--samples", "1000", "--json", "--out", str(tmp_path / "out")]
     assert main(line) == 130
     out, err = capsys.readouterr()
     assert err == "throwplan: interrupted: 256 of 1,000 samples\n"
-    assert json.loads(out)["samples"] == 256
-    assert json.loads(out)["asked"] == 1000
+    assert (json.loads(out)["samples"], json.loads(out)["asked"]) == (256, 1000)
     assert len((tmp_path / "out" / "sweep.csv").read_text().splitlines()) == 257

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 
 import matplotlib.image
 import numpy as np
 import pytest
 import throwplan as tp
+from builders import varied
 
 KEYS = {"scene", "z", "reachable", "x", "theta", "file"}
 
@@ -45,9 +45,8 @@ def test_bins_agree_with_each_other(pose) -> None:
 
 def test_margin_of_letting_go_at_rest() -> None:
     """Nothing moves: the margin is what the weight leaves of the grip."""
-    scene = tp.load_scene("hand-box")
-    hand = dataclasses.replace(scene.hand, x=(-0.001, 0.001), z=(0.699, 0.701), start=(0.0, 0.7))
-    found = tp.reach_map(scene.replace(hand=hand), samples=1)
+    hand = {"x": (-0.001, 0.001), "z": (0.699, 0.701), "start": (0.0, 0.7)}
+    found = tp.reach_map(varied(tp.load_scene("hand-box"), hand=hand), samples=1)
     # Held at its CoM: weight over the force limit of two faces.
     use = 0.2 * 9.81 / (2 * 0.8 * 50.0)
     assert np.abs(found.x).min() < 1e-12
@@ -102,10 +101,9 @@ def test_bounds_of_landing_are_kept(tmp_path) -> None:
 def test_a_start_to_wind_up_from_takes_nothing_but_time() -> None:
     """With a given start and a long carry the same throws as without; fewer in a short one."""
     scene = tp.load_scene("flip")
-    long = scene.replace(mesh=dataclasses.replace(scene.mesh, carry_max=5.0))
-    short = scene.replace(mesh=dataclasses.replace(scene.mesh, carry_max=0.4))
+    long, short = (varied(scene, mesh={"carry_max": most}) for most in (5.0, 0.4))
     # Run-ups are drawn up to the longest carry, so compare the same limit.
-    free = long.replace(robot=dataclasses.replace(scene.robot, start=None))
+    free = varied(long, robot={"start": None})
     from_start, from_anywhere = (tp.reach_map(s, samples=2000).x.size for s in (long, free))
     # One more: letting go at the start.
     assert from_anywhere <= from_start <= from_anywhere + 1

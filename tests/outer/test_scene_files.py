@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
+from builders import varied
 from hostile import toml
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
@@ -306,7 +307,7 @@ def test_torque_is_only_for_a_robot_with_masses(tmp_path) -> None:
     assert "only for a scene with [robot]" in refusal(tmp_path, text)
     scene = loaded(tmp_path, f"{tp.scene_text('pose')}\n[torque]\n")
     with pytest.raises(tp.InputError, match="no link masses"):
-        scene.replace(arm=dataclasses.replace(scene.arm, links=()))
+        varied(scene, arm={"links": ()})
 
 
 def test_uncertainty_in_every_unit(tmp_path) -> None:
@@ -461,9 +462,7 @@ def test_a_file_that_is_there_is_overwritten_only_by_force(run, refused, tmp_pat
 
 
 def test_a_scene_s_throwing_joints_are_its_arm_s() -> None:
-    scene = tp.load_scene("pose")
-    robot = dataclasses.replace(scene.robot, throwing_joints=(2, 4))
-    other = scene.replace(robot=robot)
+    other = varied(tp.load_scene("pose"), robot={"throwing_joints": (2, 4)})
     assert other.arm.throwing_joints == (2, 4)
     # The scene's file says it, and reads back to the same joints.
     assert other.table()["robot"]["throwing_joints"] == [2, 4]

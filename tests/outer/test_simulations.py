@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import io
 import json
 from contextlib import redirect_stdout
@@ -10,6 +9,7 @@ from contextlib import redirect_stdout
 import numpy as np
 import pytest
 import throwplan as tp
+from builders import varied
 from throwplan.planner.cli import main
 
 #: What `all` runs, in this order.
@@ -82,8 +82,7 @@ def test_landing_is_given_where_there_is_a_height() -> None:
 
 
 def test_pressure_of_the_scene_reaches_the_meshed_models(drop) -> None:
-    scene = tp.load_scene("drop")
-    hertz = scene.replace(contact=dataclasses.replace(scene.contact, pressure="hertz"))
+    hertz = varied(tp.load_scene("drop"), contact={"pressure": "hertz"})
     found = tp.simulate(hertz, "patch")["patch"].to_dict()["detach"]
     assert found["omega"] == pytest.approx(drop["patch"]["detach"]["omega"], rel=2e-3)
     assert abs(found["omega"] - drop["patch"]["detach"]["omega"]) > 1e-7
@@ -100,8 +99,7 @@ def test_pressure_of_the_scene_reaches_the_meshed_models(drop) -> None:
     ],
 )
 def test_a_batch_throws_the_scene_s_own_motion(motion) -> None:
-    scene = tp.load_scene("drop")
-    scene = scene.replace(motion=dataclasses.replace(scene.motion, **motion))
+    scene = varied(tp.load_scene("drop"), motion=motion)
     alone = tp.simulate(scene, "sp")["sp"].to_dict()["detach"]
     batch = tp.simulate_batch(scene, contact={"friction": [0.8, 0.8]}).detach
     values = list(alone.values())
