@@ -1,7 +1,7 @@
 """The throw as a nonlinear program: stages, constraints, derivatives and solvers.
 
-A scene section that is absent adds no variable, constraint or parameter: each optional part of a
-scene has constraints of its own, see `terms`.
+`problem` states the optimal control problem. Each optional part of a scene has constraints of its
+own in `terms`; an absent one adds no variable, constraint or parameter.
 """
 
 from .assembly import nlp_functions

@@ -3,10 +3,9 @@
     x = [X_0, U_0, X_1, U_1, ..., X_N, U_N]
     g = [gap_0, rows_0, gap_1, rows_1, ..., rows_N],  gap_k = X_{k+1} - F_k(X_k, U_k)
 
-FATROP needs the coefficient +1 on X_{k+1} and rows of stage k that depend on X_k and
-U_k only; the last stage may have controls too. Stages of one kind share their symbols,
-functions and compiled code; the non-zeros of their derivatives are laid out here in the
-sparse Jacobian and Hessian of the whole.
+FATROP requires the coefficient +1 on X_{k+1}, and rows of stage k in X_k and U_k only; the last
+stage may have controls too. Stages of one kind share symbols, functions and compiled code. This
+module places the non-zeros of their derivatives in the sparse Jacobian and Hessian of the NLP.
 """
 
 from __future__ import annotations
@@ -21,7 +20,7 @@ import numpy as np
 
 from ...core.compile import digest, source_of
 from ...models import Array, Indices
-from .stages import Parameters, Stage, StageFunctions, differentiate, inserted
+from .stages import Parameters, Stage, StageFunctions, differentiate, substitute_lifted
 from .variables import Block
 
 
@@ -76,7 +75,7 @@ class Nlp:
         return self.problem["x"].numel(), self.problem["g"].numel()
 
     def count(self, name: str) -> int:
-        """How many blocks of a name there are, by their indices."""
+        """Number of blocks of a name, by their indices."""
         return len({block.index for block, _, _ in self.layout if block.name == name})
 
     def fill(self, value: Callable[[Block, int], Any]) -> Array:
@@ -87,11 +86,11 @@ class Nlp:
         return x
 
     def place(self, name: str, stage: int, index: int = 0) -> slice | None:
-        """Where a block is in x, None where it is no variable."""
+        """Slice of x with a block, None if it is no variable."""
         return self._places.get((name, index, stage))
 
     def block(self, x: Array, name: str, stage: int, index: int = 0) -> Array | None:
-        """Values of a block at `stage`, None where it is no variable."""
+        """Values of a block at `stage`, None if it is no variable."""
         where = self.place(name, stage, index)
         return None if where is None else x[where]
 
@@ -119,12 +118,14 @@ def assemble(stages: list[Stage], parameters: Parameters, landing: ca.SX, at: in
         g += [x[link.ahead] - outputs[:gap], outputs[gap:]]
         cost.append(price)
         rows = [(row.name, row.value.numel(), row.low, row.high) for row in link.stage.all_rows]
-        for name, size, least, most in [(f"gap {k}", gap, 0.0, 0.0), *rows]:
+        for name, size, lower, upper in [(f"gap {k}", gap, 0.0, 0.0), *rows]:
             names += [name] * size
-            low += [least] * size
-            high += [most] * size
+            low += [lower] * size
+            high += [upper] * size
     stage = stages[at]
-    pose = ca.Function("pose", [stage.variables, symbol], inserted([landing], stage.lifted))
+    pose = ca.Function(
+        "pose", [stage.variables, symbol], substitute_lifted([landing], stage.lifted)
+    )
     return Nlp(
         {"x": x, "p": p, "f": sum(cost[1:], cost[0]), "g": ca.vertcat(*g)},
         parameters,
@@ -166,16 +167,16 @@ def _chain(
 
 
 def nlp_key(nlp: Nlp, solver: str) -> str:
-    """What `nlp_functions` depends on, as a text."""
+    """Cache key of `nlp_functions`: a text of all that it depends on."""
     kinds = {link.functions: link.functions.value.serialize() for link in nlp.links}
     chain = [(link.v, link.gap, link.rows, link.ahead, link.data) for link in nlp.links]
-    made_by = digest(source_of(differentiate, nlp_functions))
+    source = digest(source_of(differentiate, nlp_functions))
     order = [list(kinds).index(link.functions) for link in nlp.links]
-    return repr((solver, made_by, list(kinds.values()), order, chain))
+    return repr((solver, source, list(kinds.values()), order, chain))
 
 
 def nlp_functions(nlp: Nlp, solver: str) -> dict[str, ca.Function]:
-    """The functions that the solver plug-in would derive itself, by its names for them."""
+    """The functions of a solver plug-in, by its names; they replace those it derives itself."""
     x, p, f, g = (nlp.problem[key] for key in ("x", "p", "f", "g"))
     gradient = ca.densify(
         ca.vertcat(*[link.functions.cost_gradient(*called) for link, called in _calls(nlp)])
@@ -251,21 +252,21 @@ def _jacobian(nlp: Nlp) -> ca.Function:
         parts.append((sign * slope.nz[:], link.gap.start + rows, link.v.start + columns))
         step = np.arange(gap)
         parts.append((ca.MX(ca.DM.ones(gap)), link.gap.start + step, link.ahead.start + step))
-    matrix = _scattered(nlp.size[1], nlp.size[0], parts)
+    matrix = _sparse_matrix(nlp.size[1], nlp.size[0], parts)
     return ca.Function("nlp_jac_g", [x, p], [ca.vertcat(*g), matrix], ["x", "p"], ["g", "jac_g_x"])
 
 
 def _hessian(nlp: Nlp, solver: str) -> ca.Function:
-    """(x, p, lam_f, lam_g) -> Hessian of the Lagrangian; FATROP wants its gradient too."""
+    """(x, p, lam_f, lam_g) -> Hessian of the Lagrangian, for FATROP with its gradient."""
     x, p = nlp.problem["x"], nlp.problem["p"]
     lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", nlp.size[1])
-    gradient, curvatures = _lagrangian(nlp, lam_f, lam_g)
+    gradient, hessians = _lagrangian(nlp, lam_f, lam_g)
     parts = []
-    for link, whole in zip(nlp.links, curvatures, strict=True):
-        curvature = ca.triu(whole) if solver == "ipopt" else whole
+    for link, hessian in zip(nlp.links, hessians, strict=True):
+        curvature = ca.triu(hessian) if solver == "ipopt" else hessian
         rows, columns = _places(curvature)
         parts.append((curvature.nz[:], link.v.start + rows, link.v.start + columns))
-    matrix = _scattered(nlp.size[0], nlp.size[0], parts)
+    matrix = _sparse_matrix(nlp.size[0], nlp.size[0], parts)
     inputs, names = [x, p, lam_f, lam_g], ["x", "p", "lam_f", "lam_g"]
     if solver == "ipopt":
         return ca.Function("nlp_hess_l", inputs, [matrix], names, ["triu_hess_gamma_x_x"])
@@ -279,8 +280,8 @@ def _places(matrix: ca.MX) -> tuple[Indices, Indices]:
     return np.array(rows, int), np.array(columns, int)
 
 
-def _scattered(height: int, width: int, parts: list[tuple[ca.MX, Indices, Indices]]) -> ca.MX:
-    """Sparse matrix of (entries, rows, columns); a place occurs once."""
+def _sparse_matrix(height: int, width: int, parts: list[tuple[ca.MX, Indices, Indices]]) -> ca.MX:
+    """Sparse matrix from parts (entries, rows, columns) without overlap."""
     entries, of_rows, of_columns = zip(*parts, strict=True)
     rows, columns = np.concatenate(of_rows), np.concatenate(of_columns)
     order = np.lexsort((rows, columns))

@@ -13,24 +13,24 @@ from ..throw import Throw
 from ..throw.clearance import BAR
 from ..verdict import FLYING, Code, Finding, Verdict
 
-#: A constraint that an NLP has only after a verdict has found it broken: "carry" (grip, floor and
-#: column at more instants, and the arm's own floor), "flight" and "return" (the hand's body; more
-#: depths of a cup), "passing" (the column in flight), "torque".
+#: A constraint that an NLP gets after a verdict has found it broken: "carry" (grip, floor and
+#: column at more instants, floor of the arm), "flight" and "return" (the hand's body; more depths
+#: of a cup), "passing" (the column in flight), "torque".
 LazyConstraint = str
-#: Lazy constraints at many instants: an NLP with one takes twice as long to solve.
+#: Lazy constraints at many instants: with one, a solve takes twice the time.
 COSTLY: frozenset[LazyConstraint] = frozenset({"carry", "return"})
-#: Times after detach [s] at which "flight" keeps the bar off the hand's body; "return" does later.
+#: Times after detach [s] at which "flight" constrains bar and hand's body.
 PALM_TIMES = (0.01, 0.02, 0.03, 0.045, 0.06, 0.075, 0.09, 0.11, 0.13, 0.15, 0.18, 0.21, 0.25)
-#: Depth [m] of the held bar in an obstacle, between nodes that are clear of it, up to which a
-#: larger margin is tried before more instants.
+#: Penetration [m] of the held bar between clear nodes, up to which a larger margin is tried before
+#: more instants.
 SHALLOW = 0.015
 
 
 @dataclass(frozen=True)
 class Margin:
-    """A distance [m] or share of a limit beyond the usual margin of a constraint.
+    """An addition to the usual margin of a constraint: a distance [m] or a share of a limit.
 
-    A violation (at most `largest` of it) and `extra` are added at a time, up to `maximum`.
+    Each verdict adds its violation (`largest` at most) plus `extra`, up to `maximum` in total.
     """
 
     name: str
@@ -49,11 +49,12 @@ TOOL_SPEED = Margin("tool speed", extra=0.003, maximum=0.2)
 
 @dataclass(frozen=True)
 class Remedy:
-    """What an NLP can do about a finding.
+    """The change of an NLP that removes a finding.
 
-    lazy: the constraint to add, "" for none; escalation: the one to add if the NLP has that.
-    margin: the one to enlarge if there is nothing to add, or at once for a shallow violation where
-    every NLP has the constraint at its nodes (`at_nodes`). body: what must stay clear of obstacles.
+    lazy: the constraint to add, "" for none. escalation: the constraint to add if the NLP has
+    `lazy` already. margin: enlarged if there is nothing to add, or first if the violation is
+    shallow and every NLP has the constraint at its nodes (`at_nodes`). body: gets obstacle
+    constraints.
     """
 
     lazy: LazyConstraint = ""
@@ -63,8 +64,8 @@ class Remedy:
     body: str = ""
 
 
-def _remedy(found: Finding, throw: Throw) -> Remedy | None:
-    """What an NLP can do about a finding of a throw; None for nothing."""
+def _remedy_for(found: Finding, throw: Throw) -> Remedy | None:
+    """The remedy for a finding of a throw; None if an NLP has none."""
     match found.code:
         case Code.SLIP_BEFORE_OPENING:
             return Remedy("carry")
@@ -91,7 +92,7 @@ def _remedy(found: Finding, throw: Throw) -> Remedy | None:
 
 
 def _violation(found: Finding, margin: Margin) -> float:
-    """By how much a finding breaks its limit, in the unit of the margin."""
+    """The amount by which a finding breaks its limit, in the unit of the margin."""
     match found.code:
         case Code.TOOL_SPEED:
             return found.value / found.limit - 1.0
@@ -114,7 +115,7 @@ class Margins:
         return dict(self.values).get(name, 0.0)
 
     def replace(self, /, **values: float) -> Margins:
-        """These with others instead."""
+        """These margins with some values replaced."""
         return Margins(**dict(self.values) | values)
 
 
@@ -131,12 +132,12 @@ class Refinement:
 
     @property
     def costly(self) -> bool:
-        """Whether a solve takes twice as long with it."""
+        """Whether it makes a solve take twice the time."""
         return bool(self.lazy & COSTLY)
 
     def refined(self, verdict: Verdict, throw: Throw) -> Refinement:
-        """This and the remedies for a throw's findings; itself if there is nothing to add."""
-        found = [(one, made) for one in verdict.broken if (made := _remedy(one, throw))]
+        """This with the remedies for a throw's findings; equal to this if there is none."""
+        found = [(one, cure) for one in verdict.broken if (cure := _remedy_for(one, throw))]
         added: set[LazyConstraint] = set()
         violations: dict[Margin, float] = {}
         for finding, remedy in found:
@@ -160,7 +161,7 @@ class Refinement:
 
     @property
     def for_other_motion(self) -> Refinement:
-        """This for another motion: the margin to obstacles belongs to one motion."""
+        """This without the margin to obstacles, which belongs to one motion."""
         return Refinement(self.lazy, self.margins.replace(clear=0.0), self.bodies)
 
 

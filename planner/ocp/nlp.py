@@ -1,7 +1,7 @@
-"""The throw's NLP: built from the problem, and what its decision vectors mean.
+"""The throw's NLP: building it from the problem, and reading its decision vectors.
 
-Every number of the scene is in the parameter vector, so one build serves all
-targets, masses, frictions, limits and grip profiles of its structure.
+All numbers of the scene are parameters: one build serves all targets, masses, frictions, limits and
+grip profiles of its structure.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ import numpy as np
 
 from ...models import Array, Trajectory
 from .assembly import Nlp, assemble
-from .problem import ThrowProblem, Weights
+from .problem import ThrowProblem, Weights, variable_bounds
 from .request import Request, opening_nodes
 from .scene_constraint import BRAKE_SHARE, SceneConstraint
 from .solver import Solution
@@ -22,27 +22,26 @@ from .terms import constraints_of
 from .transcription import UNITS, Ocp, grip_force, grip_instants
 from .variables import JERK_UNIT, Block, Structure
 
-#: Price of a landing that misses [1/m].
+#: Price of an elastic landing's miss [1/m].
 MISS_PRICE = 100.0
-#: Parts of a carry interval at whose ends the grip is constrained: at first, and with the lazy
-#: constraint "carry".
+#: Parts of a carry interval with grip constraints at their ends: without and with lazy "carry".
 INSTANTS = (2, 8)
-#: A limit is named as binding above this share of the largest multiplier.
+#: Share of the largest multiplier above which a limit binds.
 BINDING_SHARE = 0.02
-#: A bound is named as binding within this distance of it, in the variable's unit.
+#: Distance from a bound, in the variable's unit, below which it binds.
 BINDING_DISTANCE = 1e-4
 
 
 @dataclass(frozen=True)
 class ThrowNlp(Nlp):
-    """The NLP of a throw, with the structure and the scene's constraints that it was built for."""
+    """The NLP of a throw, with its structure and the constraints of its scene."""
 
     structure: Structure
     constraints: tuple[SceneConstraint, ...]
 
     @property
     def linearised(self) -> bool:
-        """Whether parameters depend on the throw that a solve starts from."""
+        """Whether parameters depend on the throw at the start of a solve."""
         return any(constraint.linearised for constraint in self.constraints)
 
     def parameter_values(self, request: Request) -> Array:
@@ -54,14 +53,15 @@ class ThrowNlp(Nlp):
 
     def bounds(self, request: Request) -> tuple[Array, Array]:
         """Lower and upper bounds of the decision vector."""
+        given, free = variable_bounds(request), (-np.inf, np.inf)
         return (
-            self.fill(lambda block, _: block.bounds(request)[0]),
-            self.fill(lambda block, _: block.bounds(request)[1]),
+            self.fill(lambda block, _: given.get(block.name, free)[0]),
+            self.fill(lambda block, _: given.get(block.name, free)[1]),
         )
 
     def motion(self, request: Request, x: Array) -> tuple[Trajectory, float]:
-        """The motion in decision vector `x`, from rest to detach or to the window's end, and when
-        the grip force starts to fall on it [s]."""
+        """The motion of decision vector `x`, from rest to detach or the end of the window, and the
+        time [s] on it at which the grip force starts to fall."""
         s, manipulator = self.structure, request.manipulator
         duration = self.block(x, "T", 0)
         assert duration is not None
@@ -141,7 +141,7 @@ class ThrowNlp(Nlp):
 
 
 def build_nlp(request: Request) -> ThrowNlp:
-    """The NLP of a request and others of its structure; numbers come later, as parameters."""
+    """The NLP of a request; it serves all requests of its structure."""
     constraints = constraints_of(request)
     structure = _structure(request, constraints)
     ocp = Ocp(structure, request.manipulator)
@@ -163,7 +163,7 @@ def _structure(request: Request, constraints: tuple[SceneConstraint, ...]) -> St
         instants=INSTANTS["carry" in request.refinement.lazy],
         jerk_control=manipulator.jerk_control,
         free_start=manipulator.start is None,
-        under_way=manipulator.under_way is not None,
+        initial_motion=manipulator.under_way is not None,
         angle=request.angle,
         pivot=request.angle or scene.com_offset > 0 or turns,
         elastic=request.elastic,
@@ -171,7 +171,7 @@ def _structure(request: Request, constraints: tuple[SceneConstraint, ...]) -> St
 
 
 def _common_values(request: Request) -> dict[str, Any]:
-    """Values of the parameters that every throw has."""
+    """Values of the parameters common to all throws."""
     scene, limits, target = request.scene, request.manipulator.planning, request.target
     assert target is not None
     profile = scene.gripper.profile()

@@ -1,31 +1,33 @@
 """The optimal control problem of a throw, as on paper; `transcription` makes it an NLP.
 
-    phase     until                     grip force  object                 intervals
-    carry     T                         full        sticks to the pads     equal, T is free
-    early     the force starts to fall  full        sticks                 a robust window's
-    opening   detach: the force is 0    falls       smoothed sliding pivot shorter towards detach
-    late      the window's end          none        flies                  a robust window's
-
-Minimise    integral of 10 sum (ddq / ddq_max)^2 + sum (jerk / jerk_max)^2 dt  +  2 T
-over        states q, dq, ddq, T, rel; controls c (jerk, or a hand's acceleration); t_f
-subject to  dynamics, limits of the coordinates, sticking under full grip,
-            start at rest (or in the given state of motion), landing on the target,
-            room to brake after the last node, and the constraints of the scene (`terms`).
+Phases      carry        full grip, the object sticks      T, free, in equal intervals
+            opening      grip force falls, object slides   fixed length, graded intervals
+            flight       from detach to the landing        t_f, free, in closed form
+            early, late  margins around the opening        fixed length, robust plans only
+States      q, dq, ddq (no ddq for a free hand); T; rel: slip, angle in the pads, their rates
+Controls    c: jerk, or a free hand's acceleration, constant in an interval; t_f at detach
+Minimise    2 T + integral of 10 sum (ddq / ddq_max)^2 + sum (jerk / jerk_max)^2 dt
+Subject to  bounds of states and controls                          variable_bounds
+            start at rest, or in a given motion; q free or given   initial_state
+            dynamics of q and rel                                  dynamics
+            limits of the coordinates between the nodes            coordinate_limits
+            full grip holds the object; constraints of the scene   grip_constraints, `terms`
+            landing on the target after t_f                        landing, land
+            rest inside the limits after the last node             brake
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import casadi as ca
 
-from ...models import HandMotion
+from .request import Request
 from .scene_constraint import Brake, Flight, Instant, SceneConstraint, gripped_instants
 from .stages import Stage
-from .transcription import Hand, Interval, Node, Ocp
-from .variables import DDQ, DQ, FAR, JERK_UNIT, REL, SHORT, Q, T
+from .transcription import Hand, Interval, Node, Ocp, sliding_pivot
+from .variables import CARRY_MIN, DDQ, DQ, FLIGHT_MAX, JERK_UNIT, REL, SLACKS, T_F, Block, Q, T
 
 
 class Weights(NamedTuple):
@@ -36,26 +38,42 @@ class Weights(NamedTuple):
     carry_time: Any = 2.0
 
 
+def variable_bounds(request: Request) -> dict[str, tuple[Any, Any]]:
+    """(low, high) of states and controls by their names, in their units; all others are free."""
+    limits, scene = request.manipulator.planning, request.scene
+    # The opening command follows the start, and precedes the opening by dwell and mean delay.
+    command = scene.gripper.profile().dwell + scene.mean_delay + request.nodes[0]
+    control = limits.ddq if limits.jerk is None else limits.jerk / JERK_UNIT
+    return {
+        "q": (limits.q_min, limits.q_max),
+        "dq": (-limits.dq, limits.dq),
+        "ddq": (-limits.ddq, limits.ddq),
+        "c": (-control, control),
+        "T": (max(command, CARRY_MIN), scene.mesh.carry_max),
+        "t_f": (0.0, FLIGHT_MAX),
+        **{slack.name: (0.0, ca.inf) for slack in SLACKS},
+    }
+
+
 @dataclass(frozen=True)
 class ThrowProblem:
     """The problem, declared on `ocp`, which has structure, parameters and models."""
 
     ocp: Ocp
-    constraints: Sequence[SceneConstraint]
+    constraints: tuple[SceneConstraint, ...]
 
     def declare(self) -> ca.SX:
         """Declares everything; returns the landing (x, z, theta) in the states at detach."""
-        self.ocp.discretise(self.variables)
-        # Intervals that differ in numbers only are one here.
+        self.ocp.discretise(self.variables, self.initial_state())
         for interval in self.ocp.intervals():
             if interval.phase == "opening":
                 self.opening_constraints(interval)
             self.dynamics(interval)
             self.objective(interval)
             self.coordinate_limits(interval)
-            if interval.phase in ("carry", "early"):
-                self.sticking(interval)
-            elif interval.phase == "late":
+            for instant in gripped_instants(interval):
+                self.grip_constraints(instant)
+            if interval.phase == "late":
                 self.scene_constraints(Instant.of(interval, ca.SX(0), "none"))
             for constraint in self.constraints:
                 constraint.in_interval(interval)
@@ -66,14 +84,11 @@ class ThrowProblem:
         return landing
 
     def variables(self, k: int) -> Stage:
-        """States and controls at node k; known values (rest, a given start) are no states."""
-        s, n, stage = self.ocp.structure, self.ocp.n, Stage()
-        if k > 0 or s.free_start:
-            stage.state(Q, n)
-        if k > 0:
-            stage.state(DQ, n)
-            if s.jerk_control:
-                stage.state(DDQ, n)
+        """States and controls at node k; `land` adds the flight time at detach."""
+        s, n, stage, known = self.ocp.structure, self.ocp.n, Stage(), self.initial_state()
+        for block in (Q, DQ, DDQ) if s.jerk_control else (Q, DQ):
+            if k > 0 or block not in known:
+                stage.state(block, n)
         if k < s.carry:
             stage.state(T)
         if s.opens < k <= s.detach:
@@ -84,9 +99,16 @@ class ThrowProblem:
             stage.control(self.ocp.control, n)
         return stage
 
+    def initial_state(self) -> dict[Block, ca.SX]:
+        """Known values at k = 0 (no variables): rest or a given motion; the pose if given."""
+        ocp = self.ocp
+        pose = {} if ocp.structure.free_start else {Q: ocp.each("start")}
+        if not ocp.structure.initial_motion:
+            return pose | {DQ: ca.SX.zeros(ocp.n), DDQ: ca.SX.zeros(ocp.n)}
+        return pose | {DQ: ocp.each("start_rate"), DDQ: ocp.each("start_acceleration")}
+
     def dynamics(self, interval: Interval) -> None:
-        """The jerk of q is the control (a free hand's acceleration is), constant in an interval;
-        dT/dt = 0; while the pads open the relative states follow the sliding pivot."""
+        """d3q/dt3 = c (a free hand: d2q/dt2 = c); dT/dt = 0; rel follows the sliding pivot."""
         if interval.phase == "opening":
             interval.set_second_derivative(REL, sliding_pivot)
         for block, end in zip((Q, DQ, DDQ), interval.at(interval.dt), strict=True):
@@ -95,7 +117,7 @@ class ThrowProblem:
             interval.set_next(T, interval.stage.states[T])
 
     def objective(self, interval: Interval) -> None:
-        """The effort, and at the start the price of the carry's time."""
+        """The effort of the interval, and in the first one the price of the carry's time."""
         ocp, ends = self.ocp, [interval.at(t)[2] for t in (ca.SX(0), interval.dt)]
         weights = Weights(*ca.vertsplit(interval.p("weights", len(Weights._fields))))
         first, last = (ddq / ocp.each("ddq_max") for ddq in ends)
@@ -108,7 +130,7 @@ class ThrowProblem:
 
     def coordinate_limits(self, interval: Interval) -> None:
         """Positions and velocities inside their limits between the nodes, by inner Bezier control
-        points; in an arm's opening intervals, some ms long, the position margin does it."""
+        points; an arm's opening intervals, some ms long, rely on the position margin."""
         ocp, dt, (q, dq, ddq) = self.ocp, interval.dt, interval.coordinates
         if DQ in interval.stage.states:
             for constraint in self.constraints:
@@ -122,21 +144,14 @@ class ThrowProblem:
             end, rate, _ = interval.at(dt)
             interval.limit_position("position", end - rate * dt / 3)
 
-    def sticking(self, interval: Interval) -> None:
-        """At instants of the interval the full grip holds the object without slip."""
-        for instant in gripped_instants(interval):
-            self.held_constraints(instant)
-
     def opening_constraints(self, interval: Interval) -> None:
-        """At the opening's nodes; where the acceleration steps the full grip bears the new one."""
+        """At nodes; a free hand's acceleration steps at the first, where the full grip holds."""
         s, start = self.ocp.structure, Instant.of(interval, ca.SX(0), "opening")
-        if interval.k == s.opens and not s.jerk_control:
-            self.held_constraints(start)
-        else:
-            self.scene_constraints(start)
+        steps = interval.k == s.opens and not s.jerk_control
+        (self.grip_constraints if steps else self.scene_constraints)(start)
 
-    def held_constraints(self, at: Instant) -> None:
-        """Grip use of at most one less the sticking margin, and the scene's constraints."""
+    def grip_constraints(self, at: Instant) -> None:
+        """The full grip holds the object: use <= 1 - sticking margin. With the scene's."""
         use = self.ocp.contact.utilisation_squared(*at.load, at.p("full_grip"))
         at.subject_to("grip while carrying", use / at.p("sticking_limit") ** 2, high=1.0)
         self.scene_constraints(at)
@@ -152,9 +167,9 @@ class ThrowProblem:
         for i, name in enumerate(("x", "theta") if self.ocp.structure.angle else ("x",)):
             miss = getattr(flight.end, name) - detach.p(f"target_{name}")
             if self.ocp.structure.elastic:
-                short, far = (detach.stage.control(block.number(i)) for block in (SHORT, FAR))
-                detach.add_objective(detach.p(f"price_{name}") * (short + far))
-                miss = miss + short - far
+                under, over = (detach.stage.control(b.number(i)) for b in SLACKS)
+                detach.add_objective(detach.p(f"price_{name}") * (under + over))
+                miss = miss + under - over
             detach.subject_to(f"landing {name}", miss, low=0.0, high=0.0)
         for constraint in self.constraints:
             constraint.in_flight(flight)
@@ -171,31 +186,15 @@ class ThrowProblem:
             constraint.at_last(brake)
 
 
-def sliding_pivot(
-    node: Node, state: list[ca.SX], hand: HandMotion, grip: ca.SX, opening: int = 0
-) -> list[ca.SX]:
-    """Accelerations of slip and angle (no angle without the pivot) by the smoothed law. It depends
-    on seven numbers: slip, the object's angle and rate, the hand's acceleration. opening: 0 is the
-    planned one."""
-    x, z, turn, _, _, spin = node.ocp.full_relative_state(state)
-    x, z, theta, omega, *acceleration = node.stage.lift(
-        x, z, hand.theta + turn, hand.omega + spin, hand.a_x, hand.a_z, hand.alpha
-    )
-    zero, motion = ca.SX(0), HandMotion(theta, omega, *acceleration)
-    rates = node.ocp.release(opening).rates([x, z, zero, zero, zero, zero], motion, grip)
-    return rates[3:] if node.ocp.structure.pivot else rates[3:5]
-
-
 def land(node: Node, hand: Hand, opening: int = 0) -> Flight:
-    """The free flight from a node, down through the target's height after a free time t_f."""
-    flight = Flight.of(node, hand, opening)
+    """The free flight of t_f from a node: ends at the target's height, falling."""
+    flight = Flight.of(node, hand, node.stage.control(T_F.number(opening)), opening)
     flight.subject_to("landing z", flight.end.z - node.p("target_z"), low=0.0, high=0.0)
     flight.subject_to("coming down", flight.end.v_z, high=0.0)
     return flight
 
 
 def mean_effort(first: Any, last: Any, jerk: Any, weights: Weights) -> Any:
-    """Mean effort of each coordinate over an interval, for symbols and numbers. first, last:
-    relative acceleration, linear between; jerk: relative, constant."""
+    """Mean effort over an interval: relative acceleration from first to last, constant jerk."""
     squared = (first**2 + first * last + last**2) / 3
     return weights.acceleration * squared + weights.jerk * jerk**2

@@ -1,4 +1,4 @@
-"""What an NLP is for, its nodes, and the window in which an uncertain gripper may open."""
+"""The request that an NLP answers, its nodes, and the window of an uncertain opening."""
 
 from __future__ import annotations
 
@@ -13,16 +13,25 @@ from ...problems import Mesh, Pose, Scene, Uncertainty
 from ..throw import Manipulator, Throw, friction_use
 from .lazy_constraints import BASE, Refinement
 
-#: Longest interval [s] of the window before the opening and after detach.
-STEP = 0.005
-#: Standard deviations that a normal delay reaches.
-DEVIATIONS = 2.0
-#: The window lasts this share of the opening longer: the brake waits for a slow one.
-SLOWER = 0.2
-#: Instants of the window at which the load is measured.
-SAMPLES = 561
-#: Openings of the scenarios that share the hand's motion, as shares of the window.
-SHARES = (-1.0, -0.5, 0.5, 1.0)
+
+@dataclass(frozen=True)
+class WindowSettings:
+    """How wide and how fine the window of a robust plan is.
+
+    step [s]: longest interval before the opening and after detach. deviations: of a normal
+    distribution, inside the window. slow_opening: share of the opening by which a slow one may
+    outlast it; the brake waits that long. samples: instants at which the load is measured. delays:
+    of the scenarios, as shares of the window before the opening and after detach.
+    """
+
+    step: float = 0.005
+    deviations: float = 2.0
+    slow_opening: float = 0.2
+    samples: int = 561
+    delays: tuple[float, ...] = (-1.0, -0.5, 0.5, 1.0)
+
+
+WINDOW = WindowSettings()
 
 
 @dataclass(frozen=True)
@@ -40,35 +49,38 @@ class Window:
 
 
 def window_of(scene: Scene) -> Window:
-    """The window of a scene's [robust] and [uncertainty]; +-10 ms where they say nothing."""
-    before, after = _reach(scene)
+    """The window of a scene's [robust] and [uncertainty]; +-10 ms without them."""
+    before, after = _uncertain_span(scene)
     if scene.robust is not None:
         before = before if scene.robust.early is None else scene.robust.early
         after = after if scene.robust.late is None else scene.robust.late
-    early, late = math.ceil(before / STEP - 1e-9), math.ceil(after / STEP - 1e-9)
+    early, late = (math.ceil(span / WINDOW.step - 1e-9) for span in (before, after))
     steps = [length / count for length, count in ((before, early), (after, late)) if count]
-    step = max(steps, default=STEP)
-    delays = [step * (early if share < 0 else late) * share for share in SHARES]
+    step = max(steps, default=WINDOW.step)
+    delays = [step * (early if share < 0 else late) * share for share in WINDOW.delays]
     return Window(early, late, step, np.array([d for d in delays if d != 0.0]))
 
 
-def _reach(scene: Scene) -> tuple[float, float]:
-    """The earliest start of the force's fall before its mean, the latest zero after it [s]."""
+def _uncertain_span(scene: Scene) -> tuple[float, float]:
+    """Times [s] from the earliest start of the opening to its mean, and from the mean detach to the
+    latest."""
     section = scene.uncertainty
     delay = section.delay if section is not None else Uncertainty.USUAL.delay
     opening = None if section is None else section.opening
     nominal = scene.gripper.profile().opening
-    before, after = 0.0, SLOWER * nominal
+    before, after = 0.0, WINDOW.slow_opening * nominal
     if delay is not None:
         spread = delay.about(0.0)
         low, high = spread.reach
-        width = DEVIATIONS * spread.deviation if delay.normal is not None else 0.0
+        width = WINDOW.deviations * spread.deviation if delay.normal is not None else 0.0
         before = max(spread.expected - low, width)
         after += max(high - spread.expected, width)
     if opening is not None:
         spread = opening.about(nominal)
-        width = DEVIATIONS * spread.deviation if opening.normal is not None else 0.0
-        after += max(max(spread.reach[1], spread.expected + width) - (1 + SLOWER) * nominal, 0.0)
+        width = WINDOW.deviations * spread.deviation if opening.normal is not None else 0.0
+        after += max(
+            max(spread.reach[1], spread.expected + width) - (1 + WINDOW.slow_opening) * nominal, 0.0
+        )
     return before, after
 
 
@@ -81,21 +93,20 @@ def opening_nodes(mesh: Mesh, opening: float) -> Array:
 def load_curve(throw: Throw) -> tuple[Array, Array]:
     """Times (K,) [s] over the window and the load there (K,).
 
-    The load is the wrench that would keep the object moving with the hand, as a share of
-    the full grip's friction limit: 1 is what the grip can hold, 0 is the object's own free
-    flight.
+    The load is the wrench that keeps the object in the moving hand, as a share of the friction
+    limit of the full grip: at 1 the object slips, at 0 it flies freely.
     """
     scene, window = throw.scene, window_of(throw.scene)
     begin = throw.opening_time - window.early * window.step
     end = throw.opening_time + scene.gripper.profile().opening + window.late * window.step
-    times = np.linspace(max(begin, 0.0), end, SAMPLES)
+    times = np.linspace(max(begin, 0.0), end, WINDOW.samples)
     force, torque = friction_use(scene, throw.hand(times))
     return times, np.asarray(np.hypot(force, torque))
 
 
 def peak_load(throw: Throw) -> float:
-    """The largest load over the window from when the earliest opening has left a quarter of
-    the grip: before that the pads hold any such load."""
+    """The largest load over the window, after the earliest opening has reached a quarter of the
+    full grip: with more grip the pads hold a quiet load."""
     times, load = load_curve(throw)
     profile, window = throw.scene.gripper.profile(), window_of(throw.scene)
     grip = profile.force(times - throw.opening_time + window.early * window.step)
@@ -104,10 +115,10 @@ def peak_load(throw: Throw) -> float:
 
 @dataclass(frozen=True)
 class Request:
-    """What an NLP is for: a scene's throw to a target (None: not known, for the verdict).
+    """A throw of a scene to a target, for an NLP (target None: unknown, for a verdict).
 
-    robust: the method of a robust plan, empty for none. elastic: the landing may miss, at a price.
-    reference: a throw that a solve starts from, about which obstacles are linearised.
+    robust: the method of a robust plan, empty for none. elastic: the landing may miss the target,
+    at a price. reference: the throw at the start of a solve; obstacles are linearised about it.
     """
 
     scene: Scene

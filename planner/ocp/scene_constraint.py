@@ -1,7 +1,7 @@
-"""What the constraints of a scene are written in, and their base class.
+"""Base class of the constraints of a scene, and the quantities that they constrain.
 
-Subclasses of `SceneConstraint` are in `terms`, one optional part of a scene each: what a scene does
-not have adds no variable, constraint or parameter.
+Each subclass of `SceneConstraint`, in `terms`, is for one optional part of a scene. An absent part
+adds no variable, constraint or parameter.
 """
 
 from __future__ import annotations
@@ -20,11 +20,10 @@ from ...models.robot import PlanarArm
 from .request import Request
 from .stages import Constraints, Parameters, Stage
 from .transcription import Hand, Interval, Node, Ocp
-from .variables import T_F
 
 #: Share of the acceleration limit that the brake uses.
 BRAKE_SHARE = 0.95
-#: What holds the object: the full grip, pads that open (all of it or nothing), nothing.
+#: State of the grip: full, opening (the object may stick or slide), none.
 Grip = Literal["full", "opening", "none"]
 Load = tuple[ca.SX, ca.SX, ca.SX]
 
@@ -33,8 +32,8 @@ Load = tuple[ca.SX, ca.SX, ca.SX]
 class Instant:
     """The hand at one instant of an interval.
 
-    q, dq, ddq (n,): the coordinates. given: whether the scene prescribes the pose, so that no
-    more than the usual margin is possible there.
+    q, dq, ddq (n,): the coordinates. given: the scene prescribes the pose, so only the usual margin
+    is possible there.
     """
 
     ocp: Ocp
@@ -52,7 +51,7 @@ class Instant:
 
     @classmethod
     def each(cls, interval: Interval, shares: npt.ArrayLike, grip: Grip) -> Instant:
-        """All instants at these shares of an interval: their constraints are written once."""
+        """The instants at these shares of an interval; their constraints are written once."""
         group, (share,) = interval.stage.at_instants(shares)
         return cls(interval.ocp, group, *interval.at(share * interval.dt), grip)
 
@@ -74,7 +73,7 @@ class Instant:
 
     @cached_property
     def load(self) -> Load:
-        """Force and torque at the pads that keep the object in the hand."""
+        """Force and torque at the pads that hold the object."""
         ocp = self.ocp
         return held_wrench(ocp.body, ocp.gravity, self.hand[2], ocp.grasp_angle)
 
@@ -107,13 +106,12 @@ class Flight(Node):
     time: ca.SX
 
     @classmethod
-    def of(cls, node: Node, hand: Hand, opening: int) -> Flight:
-        """From a node at which the pads hold nothing any more. opening: 0 is the planned one."""
+    def of(cls, node: Node, hand: Hand, time: ca.SX, opening: int) -> Flight:
+        """A flight of `time` [s] from a node without grip force; opening: 0 is the planned one."""
         pose, twist, motion = hand
         state = node.ocp.full_relative_state(node.relative_state(opening))
         values = node.ocp.release(opening).com_state(state, pose, twist, motion)
         start = FlightState(*node.stage.lift(*values))
-        time = node.stage.control(T_F.number(opening))
         end = node.ocp.flight.after(start, time)
         return cls(node.ocp, node.k, node.stage, start, end, time)
 
@@ -126,8 +124,8 @@ class Flight(Node):
 class Brake(Node):
     """Braking to rest from the last node.
 
-    place, rate (n,): where the jerk limit has turned the acceleration into full braking. peak
-    (n,): the largest rate until then.
+    place, rate (n,): at the start of full braking, after the jerk limit has turned the
+    acceleration. peak (n,): the largest rate until then.
     """
 
     place: ca.SX
@@ -150,14 +148,16 @@ class Brake(Node):
 
     @property
     def stop(self) -> ca.SX:
-        """Where the coordinates come to rest (n,)."""
+        """The coordinates (n,) at rest."""
         return self.place + self.rate * ca.sqrt(self.rate**2 + 1e-4) / (
             2 * self.ocp.each("braking")
         )
 
 
 def gripped_instants(interval: Interval) -> list[Instant]:
-    """Where the grip holds in an interval: at even parts, and at a given start by itself."""
+    """Instants of an interval under full grip: at even parts, and at a given start by itself."""
+    if interval.phase not in ("carry", "early"):
+        return []
     s, k = interval.ocp.structure, interval.k
     parts = s.instants if interval.phase == "carry" else 1
     given = k == 0 and not s.free_start
@@ -168,30 +168,33 @@ def gripped_instants(interval: Interval) -> list[Instant]:
 
 
 def braked(q: Any, dq: Any, time: Any, braking: Any, least: Callable[[Any, Any], Any]) -> Any:
-    """Coordinates `time` [s] into a brake from q, dq, each by itself, for symbols and numbers."""
+    """Coordinates `time` [s] into a brake from q, dq, independent of each other.
+
+    For symbols and numbers; least: the minimum of two values of that kind.
+    """
     stop_time = (dq**2 + 1e-6) ** 0.5 / braking
     moving = least(time / stop_time, 1.0)
     return q + dq * stop_time * (moving - moving**2 / 2)
 
 
 class SceneConstraint:
-    """The constraints of one optional part of a scene, or of a lazy constraint.
+    """Constraints of one optional part of a scene, or of a lazy constraint.
 
-    A subclass is a frozen dataclass whose fields select the constraints of an NLP. It overrides
-    `of` and those of the other methods where it adds something.
+    A subclass is a frozen dataclass; its fields select the constraints of an NLP. It overrides
+    `of`, and each other method to which it adds something.
     """
 
-    #: Whether the object's rotation matters with it even where the landing angle is open.
+    #: Whether the object's rotation matters for it although the landing angle is open.
     turns: ClassVar[bool] = False
 
     @property
     def linearised(self) -> bool:
-        """Whether its parameters depend on the throw that a solve starts from."""
+        """Whether its parameters depend on the throw at the start of a solve."""
         return False
 
     @classmethod
     def of(cls, request: Request) -> Self | None:
-        """The constraints of a request, None where its scene has none."""
+        """The constraints of a request, None if its scene has none."""
         raise NotImplementedError
 
     def parameter_values(self, request: Request) -> dict[str, Any]:
@@ -217,4 +220,4 @@ class SceneConstraint:
         """In the flight from detach to the landing."""
 
     def at_last(self, brake: Brake) -> None:
-        """At the last node, from where the coordinates brake to rest."""
+        """At the last node: the coordinates brake to rest from it."""

@@ -1,8 +1,7 @@
 """FATROP and IPOPT on one NLP.
 
-FATROP 1.1 raises its regularisation until a factorisation succeeds, without an end: at rare
-points none does. Nothing ends a call inside a library, so the call is made in a thread that need
-not come back.
+FATROP 1.1 raises its regularisation until a factorisation succeeds; at rare points none does, and
+the call never returns. It therefore runs in a thread that the caller can abandon.
 """
 
 from __future__ import annotations
@@ -33,34 +32,43 @@ class Barrier:
     max_iterations: int
 
 
-#: From a guess. The barrier is small: guesses are good ones.
+#: Start from a guess; guesses are good, so the barrier is small.
 COLD = {"fatrop": Barrier(0.01, 100), "ipopt": Barrier(0.01, 500)}
-#: From a solution for almost the same target (FATROP takes 3 iterations in the median).
+#: Start from a solution for almost the same target; FATROP takes 3 iterations in the median.
 WARM = {"fatrop": Barrier(1e-8, 12), "ipopt": Barrier(1e-5, 500)}
-#: From a solution for a target some centimetres off (FATROP takes 6 iterations in the median), and
-#: where WARM fails.
+#: Start from a solution for a target some centimetres away, or after WARM has failed; FATROP takes
+#: 6 iterations in the median.
 FAR = {"fatrop": Barrier(1e-6, 30), "ipopt": Barrier(1e-5, 500)}
-#: FATROP 1.1 may repeat one factorisation without an end where a derivative of a constraint is
-#: above this at the start (seen from 3e6 on; usual starts are below 500). It gets no such start.
-MAX_DERIVATIVE = 1e5
-#: FATROP's call is given up after this processor time [s] and EVALUATIONS times that of the
-#: constraints' derivatives.
-FATROP_TIME = 0.2
-#: 150 iterations take the time of a thousand evaluations.
-EVALUATIONS = 2000
-#: A call is given up after this time [s], on a machine however busy.
-MAX_TIME = 60.0
-#: Shortest interval [s] at which a thread's processor time is read.
-POLL_INTERVAL = 0.01
 
-#: Names of what `nlp_functions` makes.
+
+@dataclass(frozen=True)
+class CallLimits:
+    """When a call of a solver is not made, or given up.
+
+    max_derivative: of a constraint at the start. Above about 3e6 FATROP 1.1 may repeat one
+    factorisation without end; usual starts are below 500. fatrop_time [s], evaluations: processor
+    time of a FATROP call, plus that of this many evaluations of the constraints' Jacobian; 150
+    iterations take a thousand. max_time [s]: of any call, in wall time. poll_interval [s]: shortest
+    time between two readings of a thread's clock.
+    """
+
+    max_derivative: float = 1e5
+    fatrop_time: float = 0.2
+    evaluations: int = 2000
+    max_time: float = 60.0
+    poll_interval: float = 0.01
+
+
+LIMITS = CallLimits()
+
+#: Names of the functions that `nlp_functions` makes.
 NAMES = ("nlp_f", "nlp_g", "nlp_grad_f", "nlp_jac_g", "nlp_hess_l", "nlp_grad")
 
 Result = TypeVar("Result")
 
 
 class TimeLimitError(Exception):
-    """The call took longer than it may."""
+    """The call exceeded its time limit."""
 
 
 class _WaitTime(threading.local):
@@ -73,16 +81,19 @@ _WAIT_TIME = _WaitTime()
 
 
 def processor_time() -> float:
-    """Processor time [s] of this thread and of those it waited for, not of those it gave up."""
+    """Processor time [s] of this thread and of the threads it waited for; abandoned ones
+    excluded."""
     return time.thread_time() + _WAIT_TIME.seconds
 
 
-def run_limited(call: Callable[[], Result], limit: float, seconds: float = MAX_TIME) -> Result:
-    """call(), in another thread; TimeLimitError once it has used `limit` [s] of processor time.
+def run_limited(
+    call: Callable[[], Result], limit: float, seconds: float = LIMITS.max_time
+) -> Result:
+    """Result of call(), made in another thread; exceptions of the call are raised here.
 
-    seconds: time [s] after which it is given up in any case. Whatever the call raises is raised
-    here. A thread that is given up, or left by Ctrl-C, keeps its memory until the process ends; on
-    Linux it only gets idle processor time.
+    limit: processor time [s]; seconds: wall time [s]. Beyond either it raises TimeLimitError. An
+    abandoned thread (also after Ctrl-C) keeps its memory until the process ends; on Linux it gets
+    idle processor time only.
     """
     results: SimpleQueue[tuple[Any, BaseException | None, float]] = SimpleQueue()
     clocks: list[int] = []
@@ -99,7 +110,7 @@ def run_limited(call: Callable[[], Result], limit: float, seconds: float = MAX_T
     end = time.perf_counter() + seconds
     thread.start()
     try:
-        result, error, spent = _awaited(results, clocks, limit, end)
+        result, error, spent = _await_result(results, clocks, limit, end)
     except BaseException:
         if hasattr(os, "SCHED_IDLE") and thread.native_id is not None:
             with contextlib.suppress(OSError):
@@ -111,7 +122,7 @@ def run_limited(call: Callable[[], Result], limit: float, seconds: float = MAX_T
     return result  # type: ignore[no-any-return]
 
 
-def _awaited(results: SimpleQueue[Any], clocks: list[int], limit: float, end: float) -> Any:
+def _await_result(results: SimpleQueue[Any], clocks: list[int], limit: float, end: float) -> Any:
     """A thread's result; TimeLimitError at its limit of processor time, or at `end`.
 
     clocks: of its processor time; on a system without them the time that has passed counts.
@@ -123,7 +134,7 @@ def _awaited(results: SimpleQueue[Any], clocks: list[int], limit: float, end: fl
             _WAIT_TIME.seconds += used
             raise TimeLimitError(f"no end after {used:.2g} s")
         try:
-            return results.get(timeout=max(left, POLL_INTERVAL))
+            return results.get(timeout=max(left, LIMITS.poll_interval))
         except Empty:
             used = time.perf_counter() - start
         for clock in clocks:
@@ -134,7 +145,7 @@ def _awaited(results: SimpleQueue[Any], clocks: list[int], limit: float, end: fl
 
 @dataclass(frozen=True)
 class Solution:
-    """Point, multipliers and how the solver ended."""
+    """Point, multipliers, cost and status of a solve."""
 
     x: Array
     lam_g: Array
@@ -145,16 +156,16 @@ class Solution:
 
     @classmethod
     def none(cls, guess: Array) -> Solution:
-        """A point that is no solution."""
+        """The result of a failed solve: the guess, without multipliers."""
         empty = np.zeros(0)
         return cls(guess, empty, empty, np.inf, False, 0)
 
 
 @dataclass(frozen=True)
 class WarmStart:
-    """A solution with its multipliers to start from.
+    """A start from a solution with its multipliers.
 
-    near: whether the target is almost that of the solution.
+    near: the target is almost that of the solution (barrier WARM, else FAR).
     """
 
     solution: Solution
@@ -164,14 +175,13 @@ class WarmStart:
 class Solver:
     """One NLP with its functions, for FATROP or IPOPT.
 
-    name: "fatrop" or "ipopt". The functions are machine code if `compile` was ever called for the
-    NLP.
+    name: "fatrop" or "ipopt". The functions are machine code if the cache has them compiled.
     """
 
     def __init__(self, nlp: Nlp, name: str) -> None:
         self.nlp = nlp
         self.name = name
-        self._functions = self._made(make=False)
+        self._functions = self._functions_of(make=False)
         self._plugins: dict[Barrier, ca.Function] = {}
         self._evaluation = np.inf
 
@@ -181,9 +191,9 @@ class Solver:
         parameters: Array,
         bounds: tuple[Array, Array],
         *,
-        seconds: float = MAX_TIME,
+        seconds: float = LIMITS.max_time,
     ) -> Solution:
-        """Solve from a guess (n,), or from a solution; seconds: how long it may take."""
+        """Solves from a guess (n,) or from a solution; seconds: wall time limit [s]."""
         end = time.perf_counter() + seconds
         arguments: dict[str, Any] = {"p": parameters, "lbg": self.nlp.lbg, "ubg": self.nlp.ubg}
         arguments |= {"lbx": bounds[0], "ubx": bounds[1]}
@@ -193,12 +203,15 @@ class Solver:
             barriers = [WARM[self.name], FAR[self.name]][0 if start.near else 1 :]
         else:
             x, barriers = start, [COLD[self.name]]
-            if self.name == "fatrop" and not self._steepest(x, parameters) <= MAX_DERIVATIVE:
+            if (
+                self.name == "fatrop"
+                and not self._max_derivative(x, parameters) <= LIMITS.max_derivative
+            ):
                 return Solution.none(x)
         arguments["x0"], iterations = x, 0
         for barrier in dict.fromkeys(barriers):
             try:
-                result, stats = self._called(barrier, arguments, end - time.perf_counter())
+                result, stats = self._call(barrier, arguments, end - time.perf_counter())
             except TimeLimitError:
                 return Solution.none(x)
             iterations += int(stats.get("iter_count", 0))
@@ -208,23 +221,24 @@ class Solver:
         success = bool(stats["success"]) and bool(np.isfinite(found).all())
         return Solution(found, lam_g, lam_x, float(result["f"]), success, iterations)
 
-    def _called(
+    def _call(
         self, barrier: Barrier, arguments: dict[str, Any], seconds: float
     ) -> tuple[dict[str, ca.DM], dict[str, Any]]:
-        """The plug-in's results and statistics; TimeLimitError where FATROP has none in time."""
+        """The plug-in's results and statistics; raises TimeLimitError if FATROP exceeds its
+        time."""
         if self.name == "ipopt":
             plugin = self._plugin(barrier, {"sb": "yes", "max_wall_time": max(seconds, 1e-3)})
             return dict(plugin(**arguments)), plugin.stats()
         if not np.isfinite(self._evaluation):
-            self._steepest(arguments["x0"], arguments["p"])
+            self._max_derivative(arguments["x0"], arguments["p"])
         if barrier not in self._plugins:
-            # A warm point moves away from its active bounds by this at most.
+            # Largest distance by which the solver moves a warm point off its active bounds.
             push = dict.fromkeys(("bound_push", "bound_frac"), barrier.mu_init)
             self._plugins[barrier] = self._plugin(
                 barrier, {} if barrier == COLD["fatrop"] else push
             )
         plugin = self._plugins[barrier]
-        limit = FATROP_TIME + EVALUATIONS * self._evaluation
+        limit = LIMITS.fatrop_time + LIMITS.evaluations * self._evaluation
         try:
             return run_limited(lambda: dict(plugin(**arguments)), limit, seconds), plugin.stats()
         except BaseException:
@@ -259,7 +273,7 @@ class Solver:
 
     @cached_property
     def _pattern(self) -> tuple[Array, Array]:
-        """Where the Jacobian's columns start among its entries, and the rows of these."""
+        """Column pointers and row indices of the Jacobian (compressed columns)."""
         starts, rows = self._functions["nlp_jac_g"].sparsity_out(1).get_ccs()
         return np.array(starts), np.array(rows)
 
@@ -267,22 +281,22 @@ class Solver:
         """The Lagrangian's Hessian (n, n) at a point; multipliers (m,): of g."""
         found = self._functions["nlp_hess_l"](x, parameters, 1.0, multipliers)
         sparse = found[-1] if isinstance(found, tuple) else found
-        # What `full` gives, in a tenth of its time.
+        # Equal to `sparse.full()`, ten times faster.
         hessian = np.zeros(sparse.shape)
         hessian[sparse.sparsity().get_triplet()] = sparse.nonzeros()
         # IPOPT has the upper triangle.
         return hessian + np.triu(hessian, 1).T if self.name == "ipopt" else hessian
 
     def compile(self) -> None:
-        """Compiles its functions, in some seconds, unless that is done or there is no compiler."""
-        self._functions = self._made(make=True)
+        """Compiles the functions, in some seconds; nothing without a compiler, or if compiled."""
+        self._functions = self._functions_of(make=True)
         self._plugins.clear()
 
-    def _made(self, make: bool) -> dict[str, ca.Function]:
+    def _functions_of(self, make: bool) -> dict[str, ca.Function]:
         functions = partial(nlp_functions, self.nlp, self.name)
         return compiled(nlp_key(self.nlp, self.name), NAMES, functions, make=make)
 
-    def _steepest(self, x: Array, parameters: Array) -> float:
+    def _max_derivative(self, x: Array, parameters: Array) -> float:
         """Largest derivative of a constraint at x; measures the time of its evaluation."""
         start = time.thread_time()
         entries = self._functions["nlp_jac_g"](x, parameters)[1].nonzeros()

@@ -1,10 +1,9 @@
 """One stage of a multiple-shooting NLP: symbols, constraints and cost, functions and derivatives.
 
-A stage's constraints are short expressions of a few intermediate values (the hand's motion at
-an instant, the seven numbers that the sliding pivot depends on), which are short
-expressions of others, and so on down to the variables. Differentiating the whole
-composition in every variable repeats work for each; here each level is
-differentiated in its own few arguments and the levels are joined by the chain rule,
+A stage's constraints are short expressions of a few intermediate values, such as the hand's motion
+at an instant or the seven arguments of the sliding pivot. Intermediates are short expressions of
+earlier ones, down to the variables. Differentiating the composition in every variable repeats work;
+here each level is differentiated in its own few arguments, and the chain rule joins the levels,
 
     H <- H_00 + H_0y D + D' H_y0 + D' H_yy D + sum_i a_i (second derivative of y_i),
 
@@ -31,9 +30,9 @@ import numpy.typing as npt
 from ...models import Array
 from .variables import Block
 
-#: Most intermediates of a stage whose common expressions are shared: with more, which scenarios
-#: have, sharing takes more than half of the build and saves a fifth of the evaluation.
-MOST_SHARED = 20
+#: Largest number of intermediates in a stage with shared common expressions. Beyond it (scenarios)
+#: sharing costs more than half of the build and saves a fifth of the evaluation.
+MAX_SHARED = 20
 
 Lifted = list[tuple[ca.SX, ca.SX]]
 
@@ -52,7 +51,7 @@ class Parameters:
 
     @property
     def symbol(self) -> ca.SX:
-        """The whole vector."""
+        """The parameter vector."""
         return ca.vertcat(*self.blocks.values())
 
     def vector(self, values: dict[str, Any]) -> Array:
@@ -77,7 +76,7 @@ class Row:
 
 @dataclass(kw_only=True)
 class Constraints:
-    """Constraints, and the intermediate values that they are written in."""
+    """Constraints and their intermediate values."""
 
     lifted: Lifted = field(default_factory=list)
     rows: list[Row] = field(default_factory=list)
@@ -89,7 +88,7 @@ class Constraints:
         self.rows.append(Row(name, value, low, high))
 
     def lift(self, *values: ca.SX) -> list[ca.SX]:
-        """Scalar symbols that stand for `values` until derivatives have been taken."""
+        """Scalar symbols in place of `values`, which differentiation substitutes."""
         definition = ca.vertcat(*values)
         symbol = ca.SX.sym(f"y{len(self.lifted)}", definition.numel())
         self.lifted.append((symbol, definition))
@@ -100,8 +99,8 @@ class Constraints:
 class Instants(Constraints):
     """Constraints of a stage at N instants, written and differentiated once.
 
-    They are in the stage's symbols and in `at` (k, 1), whose values at an instant are its column of
-    `data` (k, N).
+    They depend on the stage's symbols and on `at` (k, 1); column i of `data` (k, N) has the values
+    of `at` at instant i.
     """
 
     at: ca.SX
@@ -112,9 +111,9 @@ class Instants(Constraints):
 class Stage(Constraints):
     """One kind of stage: state and control symbols, intermediates, constraints and cost.
 
-    data: symbols whose values differ from stage to stage of the kind, by the name of their
-    parameter block, with the first stage that has values in it. following: the states at the next
-    stage, F_k; empty at the last.
+    data: symbols with other values at each stage of the kind, by the name of their parameter block,
+    and the first stage with values in it. following: the states F_k at the next stage; empty at the
+    last.
     """
 
     states: dict[Block, ca.SX] = field(default_factory=dict)
@@ -176,16 +175,17 @@ class Composition:
 
 
 class _GroupFunctions:
-    """CasADi functions of (z, p) that go through a group's instants; z: the values it depends on.
+    """CasADi functions of (z, p), mapped over a group's instants; z: the arguments of its
+    constraints.
 
     indices (len(z),): of z among the stage's variables and intermediates. value: the constraints,
-    an instant's in each column; jacobian: their derivatives in z, a constraint's in each column;
-    lagrangian (z, p, multipliers): gradient and Hessian of all constraints times the multipliers.
+    one column an instant. jacobian: their derivatives in z, one column a constraint. lagrangian (z,
+    p, multipliers): gradient and Hessian of the sum of all constraints times multipliers.
     """
 
     def __init__(self, group: Instants, everything: ca.SX, parameters: ca.SX, name: str) -> None:
         rows = ca.vertcat(*[row.value for row in group.rows])
-        expanded = inserted([rows], group.lifted)
+        expanded = substitute_lifted([rows], group.lifted)
         self.shape = rows.numel(), group.data.shape[1]
         depends = ca.which_depends(expanded[0], everything, 1, False)
         self.indices = np.flatnonzero(depends).tolist()
@@ -194,11 +194,11 @@ class _GroupFunctions:
         jacobian, _, gradient, hessian = differentiate(written, multipliers, ca.SX(0))
 
         def mapped(
-            what: str, more: list[ca.SX], outputs: list[ca.SX], summed: list[int]
+            kind: str, more: list[ca.SX], outputs: list[ca.SX], summed: list[int]
         ) -> Callable[..., Any]:
             inputs = [z, parameters, group.at, *more]
-            f = ca.Function(f"{name}_{what}", inputs, outputs, {"cse": True})
-            through = f.map(f"{name}_{what}s", "serial", self.shape[1], [0, 1], summed)
+            f = ca.Function(f"{name}_{kind}", inputs, outputs, {"cse": True})
+            through = f.map(f"{name}_{kind}s", "serial", self.shape[1], [0, 1], summed)
             return lambda z, p, *more: through(z, p, ca.DM(group.data), *more)
 
         sums = [ca.densify(gradient), hessian]
@@ -211,12 +211,12 @@ class _GroupFunctions:
 class StageFunctions:
     """CasADi functions of (v, d, p): a kind's variables, its stage's data, all parameters.
 
-    Those of the Lagrangian also take the multipliers of the outputs and the cost's factor.
+    Functions of the Lagrangian also take the multipliers of the outputs and the factor of the cost.
     """
 
     def __init__(self, stage: Stage, parameters: ca.SX, name: str) -> None:
         self._name, self._count = name, stage.outputs.numel()
-        self._options = {"cse": len(stage.lifted) <= MOST_SHARED}
+        self._options = {"cse": len(stage.lifted) <= MAX_SHARED}
         self._stage = Composition(stage.variables, stage.outputs, stage.cost, stage.lifted)
         everything = ca.vertcat(stage.variables, *[symbol for symbol, _ in stage.lifted])
         self._groups = [
@@ -232,7 +232,7 @@ class StageFunctions:
                 ca.SX.sym("hessian", group.hessian),
             ]
         values = [everything[group.indices] for group in self._groups]
-        once = inserted([stage.outputs, stage.cost, *values], stage.lifted)
+        once = substitute_lifted([stage.outputs, stage.cost, *values], stage.lifted)
         self._once = self._function("once", [], once)
 
     def _function(self, name: str, more: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
@@ -308,8 +308,8 @@ class StageFunctions:
         return self._joined("hessian", [ca.MX.sym("l", count), ca.MX.sym("sigma")], outputs)
 
 
-def inserted(expressions: list[ca.SX], lifted: Lifted) -> list[ca.SX]:
-    """The expressions with all intermediates put in."""
+def substitute_lifted(expressions: list[ca.SX], lifted: Lifted) -> list[ca.SX]:
+    """The expressions with all intermediates substituted."""
     if not lifted:
         return expressions
     symbols, definitions = zip(*lifted, strict=True)
@@ -325,8 +325,8 @@ def differentiate(
     """Derivatives through the intermediates, as expressions of the variables (n,).
 
     Jacobian (m, n) of the outputs; gradient (n,) of the cost; gradient (n,) and Hessian (n, n),
-    both triangles, of `sigma * cost + multipliers' outputs`. groups: indices of some variables and
-    intermediates, gradient and Hessian in them of further terms of that sum; the rows of their own
+    both triangles, of `sigma * cost + multipliers' outputs`. groups: further summands, as indices
+    of their variables and intermediates, gradient and Hessian in them; the rows of their
     derivatives follow those of the outputs.
     """
     outputs, cost, lifted = written.outputs, written.cost, written.lifted
@@ -355,5 +355,5 @@ def differentiate(
         gradient = gradient[:start] + slope.T @ adjoint
         of_cost = of_cost[:start] + slope.T @ of_cost[start:]
         jacobian = jacobian[:, :start] + jacobian[:, start:] @ slope
-    found = inserted([jacobian, of_cost, gradient, hessian], lifted + adjoints)
+    found = substitute_lifted([jacobian, of_cost, gradient, hessian], lifted + adjoints)
     return [ca.sparsify(entry) for entry in found]

@@ -1,13 +1,14 @@
 """Direct multiple shooting: from the problem's declarations to stages with states and constraints.
 
-`Ocp` has what all declarations share: structure, parameters, models and stages. A `Node` is a stage
-with its states, an `Interval` also what follows it; coordinates inside it are closed forms.
+`Ocp` has structure, parameters, models and stages. A `Node` is a stage at its place k; an
+`Interval` leads to the next stage. The coordinates inside an interval are polynomials in closed
+form.
 
-The relative states take Gauss collocation or Runge-Kutta steps. Two-point collocation (order 4,
-A-stable) has the accelerations at its points as unknowns: two evaluations of the friction law an
-interval, each a constraint of its own, and a next state that is linear in the unknowns. Classical
-Runge-Kutta needs eight for the same accuracy, nested in one another, and has a stability limit in
-step / epsilon.
+The state of the object in the pads takes Gauss collocation or Runge-Kutta steps. Two-point
+collocation (order 4, A-stable) has the accelerations at its points as unknowns: an interval needs
+two evaluations of the friction law, each a constraint of its own, and the next state is linear in
+the unknowns. Classical Runge-Kutta needs eight nested evaluations for equal accuracy, and its
+stability limits step / epsilon.
 """
 
 from __future__ import annotations
@@ -40,20 +41,21 @@ from .variables import (
     T,
 )
 
-#: Nodes of the two-point Gauss method, as shares of the interval.
+#: Points of the two-point Gauss method, as shares of the interval.
 NODES = (0.5 - math.sqrt(3) / 6, 0.5 + math.sqrt(3) / 6)
-#: Its coefficients: accelerations to rates at the nodes.
+#: Coefficients of accelerations in the rates at the points.
 _RATE = ((0.25, 0.25 - math.sqrt(3) / 6), (0.25 + math.sqrt(3) / 6, 0.25))
-#: Applied twice: accelerations to positions at the nodes, and at the end.
+#: Coefficients of accelerations in the positions at the points: _RATE squared.
 _PLACE = tuple(
     tuple(sum(_RATE[i][k] * _RATE[k][j] for k in range(2)) for j in range(2)) for i in range(2)
 )
+#: Coefficients of accelerations in the position at the end.
 _END = tuple(sum(0.5 * _RATE[k][j] for k in range(2)) for j in range(2))
-#: Units of the unknown accelerations: slip [m/s^2], slip [m/s^2], rotation [rad/s^2].
+#: Units of the unknown accelerations: two of slip [m/s^2], one of rotation [rad/s^2].
 UNITS = (10.0, 10.0, 100.0)
 
 
-#: Pose (x, z, theta) and twist of the hand, and its motion as the release model needs it.
+#: Pose (x, z, theta) and twist of the hand, and its motion for the release model.
 Hand = tuple[list[ca.SX], list[ca.SX], HandMotion]
 Rates = Callable[[list[ca.SX], HandMotion, ca.SX], list[ca.SX]]
 #: Second derivative of the relative state: (node, state, hand, grip force) -> accelerations.
@@ -61,7 +63,7 @@ RelativeDynamics = Callable[["Node", list[ca.SX], HandMotion, ca.SX], list[ca.SX
 
 
 class Ocp:
-    """An optimal control problem that is being declared."""
+    """An optimal control problem during its declaration."""
 
     def __init__(self, structure: Structure, manipulator: Manipulator) -> None:
         self.structure = structure
@@ -74,6 +76,7 @@ class Ocp:
         self.flight = FlightLaw(self.gravity)
         self.grasp_angle = p("grasp_angle")
         self.releases = {0: self._release(self.body, self.contact)}
+        self.initial: dict[Block, ca.SX] = {}
         self.control = JERK if structure.jerk_control else ACCELERATION
         self.rel_size = 6 if structure.pivot else 4
         self.stages: list[Stage] = []
@@ -91,18 +94,22 @@ class Ocp:
             self.releases[opening] = self._release(Body(*values[:3]), contact)
         return self.releases[opening]
 
-    def discretise(self, variables: Callable[[int], Stage]) -> None:
-        """The nodes' stages: nodes with the same states and constraints share one."""
-        s, made = self.structure, dict[tuple[bool, ...], Stage]()
+    def discretise(self, variables: Callable[[int], Stage], initial: dict[Block, ca.SX]) -> None:
+        """Makes the stages; nodes that differ in numbers only share one.
+
+        variables: the stage of node k, with its states and controls. initial: known values at k=0.
+        """
+        self.initial = initial
+        s, kinds = self.structure, dict[tuple[bool, ...], Stage]()
         for k in range(s.last + 1):
             marks = (0, s.carry - 1, s.carry, s.opens, s.detach, s.last)
             kind = tuple(k < mark for mark in marks) + tuple(k == mark for mark in marks)
-            if kind not in made:
-                made[kind] = variables(k)
-            self.stages.append(made[kind])
+            if kind not in kinds:
+                kinds[kind] = variables(k)
+            self.stages.append(kinds[kind])
 
     def intervals(self) -> Iterator[Interval]:
-        """The first interval of each stage."""
+        """The first interval of each stage; it stands for those that differ in numbers only."""
         seen: set[int] = set()
         for k, stage in enumerate(self.stages[:-1]):
             if id(stage) not in seen:
@@ -124,7 +131,7 @@ class Ocp:
         return self.parameters(name, self.n)
 
     def hand(self, constraints: Constraints, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> Hand:
-        """Hand pose, twist, and what the release model needs of its motion; lifted."""
+        """Pose, twist and motion of the hand; lifted."""
         n, kinematics = self.n, self.kinematics
         links = constraints.lift(
             *(v for values in (q, dq, ddq) for v in kinematics.link_angles(values))
@@ -141,7 +148,7 @@ class Ocp:
             constraints.subject_to(f"{name} {kind}", share[i], -1.0, 1.0)
 
     def full_relative_state(self, state: list[ca.SX]) -> list[ca.SX]:
-        """All six relative states: without the pivot the object keeps its grasp angle."""
+        """All six states of the object in the pads; without the pivot it keeps its grasp angle."""
         if self.structure.pivot:
             return state
         return [state[0], state[1], self.grasp_angle, state[2], state[3], ca.SX(0)]
@@ -154,7 +161,7 @@ class Ocp:
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """Node k and its stage."""
+    """Node k with its stage."""
 
     ocp: Ocp
     k: int
@@ -177,14 +184,9 @@ class Node:
 
     @property
     def coordinates(self) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """q, dq and (jerk control) ddq; at the start they may be given, or zero at rest."""
-        ocp, states = self.ocp, self.stage.states
-        q = states[Q] if Q in states else ocp.each("start")
-        rate, acceleration = (
-            ocp.each(name) if ocp.structure.under_way else ca.SX.zeros(ocp.n)
-            for name in ("start_rate", "start_acceleration")
-        )
-        return q, states.get(DQ, rate), states.get(DDQ, acceleration)
+        """q, dq and (jerk control) ddq: states, or known initial values."""
+        values = self.ocp.initial | self.stage.states
+        return values[Q], values[DQ], values[DDQ]
 
     @property
     def hand(self) -> Hand:
@@ -192,12 +194,13 @@ class Node:
         return self.ocp.hand(self.stage, *self.coordinates)
 
     def relative_state(self, opening: int = 0) -> list[ca.SX]:
-        """The relative states; sticking at the opening's start. opening: 0 is the planned one."""
+        """State of the object in the pads; zero at the start of the opening. opening: 0 is the
+        planned one."""
         block = REL.number(opening)
         if block in self.stage.states:
             return list(ca.vertsplit(self.stage.states[block]))
-        held = self.p(f"grasp_angle {opening}") if opening else self.ocp.grasp_angle
-        angle = [held] if self.ocp.structure.pivot else []
+        grasp = self.p(f"grasp_angle {opening}") if opening else self.ocp.grasp_angle
+        angle = [grasp] if self.ocp.structure.pivot else []
         zero = [ca.SX(0)] * (self.ocp.rel_size // 2)
         return [*zero[:2], *angle, *zero]
 
@@ -210,7 +213,7 @@ class Node:
         self.limit(kind, (q - self.ocp.each("q_mid")) / self.ocp.each("q_half"))
 
     def stage_parameter(self, name: str, size: int, first: int, count: int) -> ca.SX:
-        """A symbol (size, 1) with other values at each of `count` stages from `first` on."""
+        """A parameter (size, 1) with its own values at each of `count` stages from `first` on."""
         self.p(name, size * count)
         if name not in self.stage.data:
             self.stage.data[name] = (ca.SX.sym(name, size), first)
@@ -242,7 +245,7 @@ class Interval(Node):
         return self.p("window_step")
 
     def at(self, t: ca.SX) -> tuple[ca.SX, ca.SX, ca.SX]:
-        """q, dq, ddq at time t into the interval: closed forms."""
+        """q, dq, ddq at time t [s] after the node."""
         q, dq, ddq = self.coordinates
         c = self.stage.controls[self.ocp.control]
         if self.ocp.structure.jerk_control:
@@ -255,17 +258,18 @@ class Interval(Node):
         return q + t * (dq + t * c / 2), dq + t * c, c
 
     def set_next(self, block: Block, value: ca.SX) -> None:
-        """The next node's `block` equals `value`; nothing where that is no state."""
+        """Sets the next node's `block` to `value`, if it is a state there."""
         if block in self.following.states:
             self.stage.following[block] = value
-            # In the order of the next stage's states, as FATROP's gaps want it.
+            # FATROP's gaps have the order of the next stage's states.
             order = [b for b in self.following.states if b in self.stage.following]
             self.stage.following = {b: self.stage.following[b] for b in order}
 
     def set_second_derivative(
         self, block: Block, dynamics: RelativeDynamics, *, window: bool = False
     ) -> None:
-        """The relative states `block` follow `dynamics`; window: not in the opening only."""
+        """The state `block` of the object in the pads follows `dynamics`, in the opening; with
+        `window` in the whole window of a robust plan."""
         s, dt, opening = self.ocp.structure, self.dt, block.index
         first, end = (s.carry, s.last) if window else (s.opens, s.detach)
         points = 2 if s.integrator == "gauss" or window else 2 * s.substeps + 1
@@ -293,6 +297,21 @@ class Interval(Node):
         self.set_next(block, ca.vertcat(*end_state))
 
 
+def sliding_pivot(
+    node: Node, state: list[ca.SX], hand: HandMotion, grip: ca.SX, opening: int = 0
+) -> list[ca.SX]:
+    """Accelerations of slip [m/s^2] and angle [rad/s^2] (no angle without the pivot) by the
+    smoothed law of an opening (0: planned). It takes seven numbers: slip, the object's angle and
+    angular velocity, the hand's acceleration."""
+    x, z, turn, _, _, spin = node.ocp.full_relative_state(state)
+    x, z, theta, omega, *acceleration = node.stage.lift(
+        x, z, hand.theta + turn, hand.omega + spin, hand.a_x, hand.a_z, hand.alpha
+    )
+    zero, motion = ca.SX(0), HandMotion(theta, omega, *acceleration)
+    rates = node.ocp.release(opening).rates([x, z, zero, zero, zero, zero], motion, grip)
+    return rates[3:] if node.ocp.structure.pivot else rates[3:5]
+
+
 def grip_force(opening: int) -> str:
     """Name of the parameter with the grip force of an opening."""
     return f"grip_force {opening}"
@@ -307,30 +326,30 @@ def gauss_step(
 ) -> list[ca.SX]:
     """The state at the interval's end; adds the collocation constraints.
 
-    unknown: the accelerations at both nodes, in UNITS. accelerations: (number of the node, its
-    share of the interval, state there) -> what they must be.
+    unknown: the accelerations at both points, in UNITS. accelerations: the law, as a function of
+    the point's number, its share of the interval, and the state there.
     """
     half = len(state) // 2
     place, rate, units = state[:half], state[half:], UNITS[:half]
     points = [unknown[:half], unknown[half:]]
-    found = [[u * a for u, a in zip(units, ca.vertsplit(p), strict=True)] for p in points]
+    acceleration = [[u * a for u, a in zip(units, ca.vertsplit(p), strict=True)] for p in points]
 
-    def moved(i: int, share: float, row: tuple[float, ...]) -> ca.SX:
+    def displacement(i: int, share: float, row: tuple[float, ...]) -> ca.SX:
         return share * dt * rate[i] + dt**2 * sum(
-            weight * a[i] for weight, a in zip(row, found, strict=True)
+            weight * a[i] for weight, a in zip(row, acceleration, strict=True)
         )
 
-    def gained(i: int, row: tuple[float, ...]) -> ca.SX:
-        return dt * sum(weight * a[i] for weight, a in zip(row, found, strict=True))
+    def gain(i: int, row: tuple[float, ...]) -> ca.SX:
+        return dt * sum(weight * a[i] for weight, a in zip(row, acceleration, strict=True))
 
     for k, node in enumerate(NODES):
-        at = [p + moved(i, node, _PLACE[k]) for i, p in enumerate(place)]
-        speed = [r + gained(i, _RATE[k]) for i, r in enumerate(rate)]
+        at = [p + displacement(i, node, _PLACE[k]) for i, p in enumerate(place)]
+        speed = [r + gain(i, _RATE[k]) for i, r in enumerate(rate)]
         law = accelerations(k, node, [*at, *speed])
         for unit, variable, value in zip(units, ca.vertsplit(points[k]), law, strict=True):
             stage.subject_to("sliding pivot", variable - value / unit, 0.0, 0.0)
-    end = [p + moved(i, 1.0, _END) for i, p in enumerate(place)]
-    return [*end, *[r + gained(i, (0.5, 0.5)) for i, r in enumerate(rate)]]
+    end = [p + displacement(i, 1.0, _END) for i, p in enumerate(place)]
+    return [*end, *[r + gain(i, (0.5, 0.5)) for i, r in enumerate(rate)]]
 
 
 def runge_kutta_steps(
@@ -348,7 +367,7 @@ def runge_kutta_steps(
 
 
 def grip_instants(mesh: Mesh, nodes: Array) -> Array:
-    """Times (intervals, k) at which the integrator needs the grip force."""
+    """Times (intervals, k) [s] at which the integrator evaluates the grip force."""
     shares = np.array(NODES)
     if mesh.integrator == "rk4":
         shares = np.linspace(0.0, 1.0, 2 * mesh.substeps + 1)

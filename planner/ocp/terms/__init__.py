@@ -1,7 +1,7 @@
 """The constraints of a scene's optional parts.
 
-A new one is a subclass of `SceneConstraint` in a file here and an entry of `TERMS`, whose order the
-constraints of an NLP have.
+A new constraint is a subclass of `SceneConstraint` in a file of this folder and an entry of
+`TERMS`, which sets the order of the constraints in an NLP.
 """
 
 from ..request import Request

@@ -16,15 +16,15 @@ from ..scene_constraint import Brake, Instant, Load, SceneConstraint
 from ..stages import Constraints
 from ..transcription import Hand, Node, Ocp
 
-#: Parameters: as in `models.Slowing`.
-NAMES = ("slowing", "slowing_offset", "slowing_upper", "slowing_lower")
-#: A joint counts as braking until about this time [s] after its stop.
-STILL = 0.01
+#: Parameters of the slowing limits, see `models.Slowing`.
+SLOWING = ("slowing", "slowing_offset", "slowing_upper", "slowing_lower")
+#: Time [s] around its stop over which a joint's deceleration falls to zero, smoothly.
+STOP_TIME = 0.01
 
 
 @dataclass(frozen=True)
 class SlowingLimits(SceneConstraint):
-    """For arms like the FR3. The verdict checks every sample."""
+    """Velocity limits that fall towards the position limits, as of the FR3."""
 
     @classmethod
     def of(cls, request: Request) -> Self | None:
@@ -34,15 +34,15 @@ class SlowingLimits(SceneConstraint):
     def parameter_values(self, request: Request) -> dict[str, Any]:
         """The limits' curves."""
         assert request.manipulator.planning.slowing is not None
-        return dict(zip(NAMES, request.manipulator.planning.slowing, strict=True))
+        return dict(zip(SLOWING, request.manipulator.planning.slowing, strict=True))
 
     def at_rate(self, node: Node, q: ca.SX, dq: ca.SX) -> None:
         """dq + offset <= sqrt(2 a (upper - q)), squared with the sign kept.
 
-        So there is no root of what may be negative on the way, and the error is on the safe side
-        by 5e-5 (rad/s)^2 at most.
+        The squared form has no root of a negative number at an iterate. Its error is at most
+        5e-5 (rad/s)^2, on the safe side.
         """
-        twice, offset, upper, lower = (node.ocp.each(name) for name in NAMES)
+        twice, offset, upper, lower = (node.ocp.each(name) for name in SLOWING)
         unit = node.ocp.each("dq_max") ** 2
         for side, end in ((1, upper), (-1, lower)):
             speed = side * dq + offset
@@ -53,11 +53,10 @@ class SlowingLimits(SceneConstraint):
 
 @dataclass(frozen=True)
 class ToolSpeed(SceneConstraint):
-    """Flange and pads' centre keep the limit at which the controller stops.
+    """Speed of flange and pads' centre below the limit at which the controller stops.
 
-    On a straight line of a rigid body one end is fastest, so these two stand for all between. At
-    the instants of carry and opening it often binds; in the brake, which the verdict checks too,
-    the speed only falls.
+    On a straight line of a rigid body an end is fastest: these two ends are enough. The limit holds
+    at instants of carry and opening; the speed falls in the brake, which only the verdict checks.
     """
 
     @classmethod
@@ -90,9 +89,9 @@ def _limit_speed(ocp: Ocp, constraints: Constraints, hand: Hand) -> None:
 
 @dataclass(frozen=True)
 class TorqueLimits(SceneConstraint):
-    """active: whether the NLP has them (lazy constraint "torque", or a section [torque]).
+    """Joint torques inside their limits at the nodes and some instants of the brake.
 
-    They hold at nodes and at some instants of the brake; the verdict looks at every sample.
+    active: the NLP has them (lazy constraint "torque", or a section [torque]).
     """
 
     active: bool
@@ -111,7 +110,7 @@ class TorqueLimits(SceneConstraint):
         return {"torque_max": (1 - section.margin - request.refinement.margins["torque"]) * limits}
 
     def at_instant(self, at: Instant) -> None:
-        """With the object, without, or, while the pads open, with all of it or nothing."""
+        """With the load of the object; without it after detach; both while the pads open."""
         if not self.active:
             return
         if at.grip != "none":
@@ -120,24 +119,26 @@ class TorqueLimits(SceneConstraint):
             _limit_torques(at.ocp, at.constraints, at.q, at.dq, at.ddq)
 
     def at_last(self, brake: Brake) -> None:
-        """The brake with an empty hand: as it begins, and as each joint comes to rest.
+        """The brake with an empty hand: at its start, and when each joint comes to rest.
 
-        Every joint brakes by itself; those that have stopped no longer do.
+        Joints brake independently; a joint at rest has no deceleration.
         """
         if not self.active:
             return
         ocp, place, rate = brake.ocp, brake.place, brake.rate
         braking = ocp.each("braking")
-        against = -braking * rate / ca.sqrt(rate**2 + 1e-4)
+        deceleration = -braking * rate / ca.sqrt(rate**2 + 1e-4)
         _limit_torques(ocp, brake.stage, *brake.coordinates)
-        _limit_torques(ocp, brake.stage, place, rate, against)
+        _limit_torques(ocp, brake.stage, place, rate, deceleration)
         stops = ca.sqrt(rate**2 + 1e-6) / braking
         for i in range(ocp.n):
             left = stops - stops[i]
-            going = (1 + (left + STILL) / ca.sqrt((left + STILL) ** 2 + STILL**2 / 4)) / 2
+            moving = (
+                1 + (left + STOP_TIME) / ca.sqrt((left + STOP_TIME) ** 2 + STOP_TIME**2 / 4)
+            ) / 2
             share = ca.fmin(stops[i] / stops, 1.0)
             there = place + rate * stops * (share - share**2 / 2)
-            _limit_torques(ocp, brake.stage, there, rate * (1 - share), going * against)
+            _limit_torques(ocp, brake.stage, there, rate * (1 - share), moving * deceleration)
 
 
 def _limit_torques(
@@ -148,7 +149,7 @@ def _limit_torques(
     ddq: ca.SX,
     load: Load | None = None,
 ) -> None:
-    """The torques inside their limits; load: what the hand gives to the object."""
+    """The torques inside their limits; load: force and torque of the hand on the object."""
     arm = ocp.kinematics
     assert isinstance(arm, PlanarArm)
     angles, rates, turns = map(arm.link_angles, (q, dq, ddq))

@@ -12,13 +12,13 @@ from ..stages import Stage
 from ..transcription import Ocp
 from ..variables import T
 
-#: Margin [s] to the latest time: the exact model lands a little later or earlier than the NLP.
+#: Margin [s] to the latest time: covers the difference between the NLP's landing and the exact one.
 MARGIN = 1e-3
 
 
 @dataclass(frozen=True)
 class LatestArrival(SceneConstraint):
-    """A latest time of the landing. An earliest one needs no constraint: the arm can wait."""
+    """The latest time of the landing. The earliest needs no constraint: the arm can wait."""
 
     @classmethod
     def of(cls, request: Request) -> Self | None:
@@ -33,7 +33,7 @@ class LatestArrival(SceneConstraint):
         return {"arrival": request.target.window[1] - opening - MARGIN}
 
     def add_states(self, ocp: Ocp, k: int, stage: Stage) -> None:
-        """The carry's duration, until the node that has the flight's."""
+        """The carry's duration from the end of the carry to detach, where the flight's is known."""
         if ocp.structure.carry <= k <= ocp.structure.detach:
             stage.state(T)
 

@@ -13,22 +13,24 @@ from ..request import Request
 from ..scene_constraint import Flight, SceneConstraint
 from ..variables import Block
 
-#: Numbers of depths of the lower end: at first, and with the lazy constraint "flight".
+#: Depths of the lower end with constraints: without and with the lazy constraint "flight".
 DEPTHS = (4, 12)
-#: Margin [m] to rim and wall, for what lies between the depths; `refinement.CUP` adds to it.
+#: Margin [m] to rim and wall: covers the motion between depths; `lazy_constraints.CUP` adds to it.
 CUP_MARGIN = 0.001
-#: Times after detach [s]: the lowest corner passes the rim; the lower end is at each depth.
-T_RIM, T_CUP = Block("t_rim", "s"), Block("t_cup", "s")
+#: Time after detach [s] at which the lowest corner passes the rim.
+T_RIM = Block("t_rim", "s")
+#: Time after detach [s] at which the lower end is at a depth.
+T_CUP = Block("t_cup", "s")
 
 
 @dataclass(frozen=True)
 class CupClearance(SceneConstraint):
-    """The bar's outline inside the opening at several depths of its lower end.
+    """The bar's outline inside the cup at several depths of its lower end.
 
-    First its lowest corner passes the rim, at one unknown time, clear of the wall. Then, per
-    depth, one unknown time at which the middle of the lower end is that far below the rim; the
-    end's corners keep the clearance to the wall, and the long edges keep it to the rim. The cup
-    goes with the target, so with a landing that may miss it goes with that.
+    One unknown time is that of the lowest corner at the rim's height: the corner is clear of the
+    wall. Each depth adds an unknown time, at which the middle of the lower end is at that depth:
+    the corners of the end are clear of the wall, the long edges clear of the rim. The cup moves
+    with the target, and in an elastic problem with the landing.
     """
 
     turns: ClassVar[bool] = True

@@ -8,13 +8,14 @@ from typing import Any, Self
 from ..request import Request
 from ..scene_constraint import Flight, SceneConstraint
 
-#: Margin as a share of the bounds: the exact model lands a little differently than the NLP.
+#: Margin, as a share of the bounds: covers the difference between the NLP's landing and the exact
+#: one.
 MARGIN = 0.02
 
 
 @dataclass(frozen=True)
 class LandingBounds(SceneConstraint):
-    """Which of the bounds the scene has."""
+    """Bounds of speed and turning rate at the landing. Fields: whether the scene has the bound."""
 
     speed_min: bool
     speed_max: bool

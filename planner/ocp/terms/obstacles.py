@@ -1,10 +1,10 @@
 """[[obstacle]] and the arm itself: links, held bar and flying bar stay clear of them.
 
-No constraint knows a shape. At each instant a body that a verdict found too near keeps on one side
-of a plane, chosen for the motion that the solve starts from; the next verdict says whether the
-planes were the right ones. A plane touches an obstacle from outside; its normal is one of a family
-of directions. A body that is clear has the plane of largest clearance. One that is not, for some
-instants in a row, has for all of them the plane of least penetration: so it leaves on one side.
+A verdict names the bodies that collide. At each instant such a body stays on one side of a plane
+that touches an obstacle from outside. The planes are chosen for the motion that the solve starts
+from, out of a fixed family of normals; the next verdict checks the result. A body clear of the
+obstacle takes the plane of largest clearance. A body in the obstacle at successive instants takes
+the plane of least penetration for all of them, and so leaves it on one side.
 """
 
 from __future__ import annotations
@@ -36,48 +36,57 @@ from ..request import Request
 from ..scene_constraint import BRAKE_SHARE, Brake, Flight, Instant, SceneConstraint, braked
 from ..transcription import Interval, Node
 
-#: Margin [m] for what lies between instants; `refinement.CLEAR` adds to it.
-CLEAR_MARGIN = 0.003
-#: Planes of a body at an instant: those of the nearest things.
-PLANES = 2
-#: Directions of the planes' normals around the throw's plane.
-AROUND = 32
-#: Angles [rad] by which they are tilted out of it.
-TILTS = (0.0, 0.4, -0.4, 0.8, -0.8)
-#: A plane that excludes nothing: normal x, z; offset of either end.
+
+@dataclass(frozen=True)
+class PlaneSettings:
+    """Separating planes, and the instants at which they hold.
+
+    margin [m]: covers the motion between instants; `lazy_constraints.CLEAR` adds to it. count:
+    planes of a body at an instant, those of its nearest neighbours. around: directions of the
+    normals in the plane of the throw. tilts [rad]: angles of the normals out of that plane. carry:
+    instants of a carry interval. brake [s]: times in the brake, `carry` at most. flight: instants
+    of the flight.
+    """
+
+    margin: float = 0.003
+    count: int = 2
+    around: int = 32
+    tilts: tuple[float, ...] = (0.0, 0.4, -0.4, 0.8, -0.8)
+    carry: int = 6
+    brake: tuple[float, ...] = (0.0, 0.03, 0.06, 0.1, 0.15)
+    flight: int = 32
+
+
+SETTINGS = PlaneSettings()
+#: A plane that excludes nothing: normal x, z; offset [m] of either end.
 EMPTY = (0.0, 0.0, -1.0, -1.0)
 #: Numbers of a plane.
-PLANE = len(EMPTY)
-#: Instants of a carry interval with constraints.
-INSTANTS = 6
-#: Times [s] in the brake with constraints; at most INSTANTS.
-BRAKE = (0.0, 0.03, 0.06, 0.1, 0.15)
-#: Instants of the flight with constraints.
-FLIGHT = 32
+SIZE = len(EMPTY)
 
 
 @dataclass(frozen=True)
 class CollisionAvoidance(SceneConstraint):
-    """bodies: links and held bar that it holds for; flying: whether it holds for the flying bar."""
+    """Separating planes of links and bar. bodies: links and held bar with planes; flying: the
+    flying bar has planes too."""
 
     bodies: tuple[str, ...]
     flying: bool
 
     @classmethod
     def of(cls, request: Request) -> Self | None:
-        """For bodies that a verdict found too reference."""
+        """For the bodies of the refinement: a verdict found them too near."""
         bodies = request.refinement.bodies
         return cls(tuple(sorted(bodies - {FLYING})), FLYING in bodies) if bodies else None
 
     @property
     def linearised(self) -> bool:
-        """The planes are those of a throw."""
+        """The planes belong to the throw that the solve starts from."""
         return True
 
     def parameter_values(self, request: Request) -> dict[str, Any]:
         """The planes at all instants, for the throw that the solve starts from."""
-        margin = CLEAR_MARGIN + request.refinement.margins["clear"]
-        found: dict[str, Any] = {"clear_margin": margin, "brake_times": BRAKE}
+        margin = SETTINGS.margin + request.refinement.margins["clear"]
+        found: dict[str, Any] = {"clear_margin": margin, "brake_times": SETTINGS.brake}
         if self.bodies:
             found["planes"] = self._planes(request).ravel()
         if self.flying:
@@ -87,8 +96,8 @@ class CollisionAvoidance(SceneConstraint):
     def in_interval(self, interval: Interval) -> None:
         """Links, hand and held bar at parts of the carry's intervals, and at later nodes."""
         s, k = interval.ocp.structure, interval.k
-        for number in range(INSTANTS if k < s.carry else 1):
-            at = Instant.of(interval, number / INSTANTS * interval.dt, "full")
+        for number in range(SETTINGS.carry if k < s.carry else 1):
+            at = Instant.of(interval, number / SETTINGS.carry * interval.dt, "full")
             if number or k or s.free_start:
                 self._avoid(interval, at.q, number, at if k < s.detach else None)
 
@@ -97,7 +106,7 @@ class CollisionAvoidance(SceneConstraint):
         if not self._links(brake.ocp.capsules):
             return
         braking = brake.ocp.each("braking")
-        for number, time in enumerate(ca.vertsplit(brake.p("brake_times", len(BRAKE)))):
+        for number, time in enumerate(ca.vertsplit(brake.p("brake_times", len(SETTINGS.brake)))):
             q = braked(brake.place, brake.rate, time, braking, ca.fmin)
             self._avoid(brake, q, number, None)
 
@@ -105,18 +114,20 @@ class CollisionAvoidance(SceneConstraint):
         """The flying bar, at even shares of the flight."""
         if not self.flying:
             return
-        size, p = FLIGHT * PLANES * PLANE, flight.p
+        size, p = SETTINGS.flight * SETTINGS.count * SIZE, flight.p
         planes = flight.stage_parameter("flight_planes", size, flight.ocp.structure.detach, 1)
-        for i in range(FLIGHT):
-            at = flight.after(flight.time * (i / (FLIGHT - 1)))
+        for i in range(SETTINGS.flight):
+            at = flight.after(flight.time * (i / (SETTINGS.flight - 1)))
             cos, sin = ca.cos(at.theta), ca.sin(at.theta)
             ends = [
-                (at.x + along * cos, at.z + along * sin) for along in (-p("behind"), p("ahead"))
+                (at.x + distance * cos, at.z + distance * sin)
+                for distance in (-p("behind"), p("ahead"))
             ]
-            _avoid_planes(flight, ends, planes[i * PLANES * PLANE :])
+            _avoid_planes(flight, ends, planes[i * SETTINGS.count * SIZE :])
 
     def _avoid(self, node: Node, q: ca.SX, number: int, held: Instant | None) -> None:
-        """All bodies at coordinates q, the instant of that number; held: with the bar."""
+        """All bodies at coordinates q and instant `number`; held: the held bar, None after
+        detach."""
         capsules = node.ocp.capsules
         links, ends = self._links(capsules), list[Any]()
         if links:
@@ -126,12 +137,12 @@ class CollisionAvoidance(SceneConstraint):
             ends.append(None if held is None else _bar(held))
         if not ends:
             return
-        size = len(ends) * PLANES * PLANE
+        size = len(ends) * SETTINGS.count * SIZE
         stages = node.ocp.structure.last + 1
-        planes = node.stage_parameter("planes", INSTANTS * size, 0, stages)
+        planes = node.stage_parameter("planes", SETTINGS.carry * size, 0, stages)
         for body, pair in enumerate(ends):
             if pair is not None:
-                begin = number * size + body * PLANES * PLANE
+                begin = number * size + body * SETTINGS.count * SIZE
                 _avoid_planes(node, [(x, z) for x, *_, z in pair], planes[begin:])
 
     def _links(self, capsules: ArmCapsules | None) -> list[int]:
@@ -140,7 +151,7 @@ class CollisionAvoidance(SceneConstraint):
         return [i for i, name in enumerate(names) if name in self.bodies]
 
     def _planes(self, request: Request) -> Array:
-        """Planes (stages, INSTANTS, bodies, PLANES, PLANE) from rest to rest."""
+        """Planes (stages, carry, bodies, count, SIZE) from rest to rest."""
         scene, manipulator, reference = request.scene, request.manipulator, request.reference
         bodies = self._links(manipulator.capsules)
         count = len(manipulator.capsules.names) if manipulator.capsules else 0
@@ -148,12 +159,17 @@ class CollisionAvoidance(SceneConstraint):
             bodies = [*bodies, count]
         stages = scene.mesh.carry + len(request.nodes)
         if reference is None:
-            return np.tile(EMPTY, (stages, INSTANTS, len(bodies), PLANES, 1))
+            return np.tile(EMPTY, (stages, SETTINGS.carry, len(bodies), SETTINGS.count, 1))
         nodes = request.times(reference.opening_time)
-        shares, lengths = np.arange(INSTANTS) / INSTANTS, np.diff(nodes, append=nodes[-1])
+        shares, lengths = (
+            np.arange(SETTINGS.carry) / SETTINGS.carry,
+            np.diff(nodes, append=nodes[-1]),
+        )
         times = nodes[:, None] + shares * lengths[:, None]
         q = reference.path.at(times.ravel()).pose
-        q[:, -INSTANTS:][:, : len(BRAKE)] = _braking(request, reference, np.array(BRAKE))
+        q[:, -SETTINGS.carry :][:, : len(SETTINGS.brake)] = _braking_coordinates(
+            request, reference, np.array(SETTINGS.brake)
+        )
         hand = manipulator.motion(q, 0 * q, 0 * q)[0]
         around = CollisionScene.of(scene, manipulator)
         track = swept_bodies(scene, around.capsules, times.ravel(), q, held_bar(scene, hand))
@@ -161,22 +177,24 @@ class CollisionAvoidance(SceneConstraint):
         found = [
             _planes_of(
                 *(track, body, _solids(around, bar=body == count)),
-                *([i for i, j in pairs if j == body], PLANES),
+                *([i for i, j in pairs if j == body], SETTINGS.count),
             )
             for body in bodies
         ]
-        return np.stack(found, axis=1).reshape(stages, INSTANTS, len(bodies), PLANES, PLANE)
+        return np.stack(found, axis=1).reshape(
+            stages, SETTINGS.carry, len(bodies), SETTINGS.count, SIZE
+        )
 
 
 def _solids(around: CollisionScene, *, bar: bool) -> list[tuple[Solid, float]]:
-    """What a body keeps off, with the clearance [m]."""
+    """Solids that a body must not meet, with their clearance [m]."""
     return [(thing.solid, thing.clearance) for thing in around.things if thing.bar or not bar]
 
 
 def _avoid_planes(node: Node, ends: Sequence[tuple[ca.SX, ca.SX]], planes: ca.SX) -> None:
-    """Both ends of a body beyond its planes, the first PLANES of these."""
-    for k in range(PLANES):
-        plane = planes[k * PLANE : (k + 1) * PLANE]
+    """Constrains both ends of a body to lie beyond its planes, `count` of them."""
+    for k in range(SETTINGS.count):
+        plane = planes[k * SIZE : (k + 1) * SIZE]
         for (x, z), offset in zip(ends, (plane[2], plane[3]), strict=True):
             # An empty plane's offset is far below the margin.
             clearance = plane[0] * x + plane[1] * z - offset - node.p("clear_margin")
@@ -191,7 +209,7 @@ def _bar(held: Instant) -> list[tuple[ca.SX, float, ca.SX]]:
     return [(x - length * cos, 0.0, z - length * sin), (x, 0.0, z)]
 
 
-def _braking(request: Request, reference: Throw, times: Array) -> Array:
+def _braking_coordinates(request: Request, reference: Throw, times: Array) -> Array:
     """Coordinates (n, N) at times (N,) [s] after the nodes of a throw."""
     end = request.times(reference.opening_time)[-1:]
     q, dq, _ = reference.path.at(end)
@@ -201,18 +219,18 @@ def _braking(request: Request, reference: Throw, times: Array) -> Array:
 
 
 def _flight_planes(request: Request) -> Array:
-    """Planes (FLIGHT, PLANES, PLANE) of the flying bar; none just before the landing."""
+    """Planes (flight, count, SIZE) of the flying bar; empty just before the landing."""
     scene, manipulator, reference = request.scene, request.manipulator, request.reference
     if reference is None or not reference.lands:
-        return np.tile(EMPTY, (FLIGHT, PLANES, 1))
-    since = np.linspace(0.0, reference.landing.flight_time, FLIGHT)
-    q = _braking(request, reference, since)
+        return np.tile(EMPTY, (SETTINGS.flight, SETTINGS.count, 1))
+    since = np.linspace(0.0, reference.landing.flight_time, SETTINGS.flight)
+    q = _braking_coordinates(request, reference, since)
     around = CollisionScene.of(scene, manipulator)
     track = swept_bodies(scene, around.capsules, since, q, reference.flight(since), flying=True)
     bar, capsules = len(track.names) - 1, around.capsules
     pairs = pairs_of(capsules) if capsules else []
     links = [i for i, j in pairs if j == bar]
-    found = _planes_of(track, bar, _solids(around, bar=True), links, PLANES)
+    found = _planes_of(track, bar, _solids(around, bar=True), links, SETTINGS.count)
     found[since > since[-1] - LANDING] = EMPTY
     return found
 
@@ -220,10 +238,10 @@ def _flight_planes(request: Request) -> Array:
 @cache
 def _directions() -> tuple[Array, Array]:
     """Unit vectors (D, 3), and their length (D,) in the throw's plane."""
-    around = np.linspace(0.0, 2 * np.pi, AROUND, endpoint=False)
+    around = np.linspace(0.0, 2 * np.pi, SETTINGS.around, endpoint=False)
     found = [
         (np.cos(a) * np.cos(tilt), np.sin(tilt), np.sin(a) * np.cos(tilt))
-        for tilt in TILTS
+        for tilt in SETTINGS.tilts
         for a in around
     ]
     every = np.array(found)
@@ -240,38 +258,38 @@ def _planes_of(
     """Planes (N, count, 4) for a body at the track's instants: n_x, n_z, offset of either end.
 
     solids: with their clearance [m]; links: bodies of the track that it must not meet. An end at
-    (x, z) is clear where n_x x + n_z z >= its offset. Of the nearest `count` things.
+    (x, z) is clear if n_x x + n_z z >= its offset. The planes are those of the `count` nearest.
     """
     normals, in_plane = _directions()
     ends = track.ends[body]
-    along = np.minimum(normals @ ends[0], normals @ ends[1]).T
-    reach: list[Array] = []
+    nearest_end = np.minimum(normals @ ends[0], normals @ ends[1]).T
+    extents: list[Array] = []
     for solid, clearance in solids:
         far = solid.support(normals) + clearance + track.reach[body]
-        reach.append(np.broadcast_to(far, along.shape))
+        extents.append(np.broadcast_to(far, nearest_end.shape))
     for link in links:
         far = np.maximum(*(normals @ end for end in track.ends[link])).T
-        reach.append(far + track.radius[link] + track.radius[body])
-    found = np.tile(np.array(EMPTY), (len(track.times), max(count, len(reach)), 1))
-    room = np.full(found.shape[:2], np.inf)
-    for k, far in enumerate(reach):
-        score = (along - far) / in_plane
-        best = _chosen(score)
+        extents.append(far + track.radius[link] + track.radius[body])
+    found = np.tile(np.array(EMPTY), (len(track.times), max(count, len(extents)), 1))
+    clearances = np.full(found.shape[:2], np.inf)
+    for k, far in enumerate(extents):
+        clearance_in_plane = (nearest_end - far) / in_plane
+        best = _choose_direction(clearance_in_plane)
         each = np.arange(len(best))
-        room[:, k] = score[each, best]
+        clearances[:, k] = clearance_in_plane[each, best]
         found[:, k, :2] = normals[best][:, [0, 2]]
         for end in (0, 1):
             found[:, k, 2 + end] = far[each, best] - normals[best, 1] * ends[end, 1]
-    nearest = np.argsort(room, axis=1)[:, :count]
+    nearest = np.argsort(clearances, axis=1)[:, :count]
     return np.take_along_axis(found, nearest[:, :, None], axis=1)
 
 
-def _chosen(score: Array) -> npt.NDArray[np.intp]:
-    """The direction (N,) for each instant, by the room (N, D) that it leaves."""
-    best: npt.NDArray[np.intp] = score.argmax(axis=1)
-    meets = score.max(axis=1) < 0.0
-    for inside, group in groupby(range(len(best)), key=lambda i: bool(meets[i])):
+def _choose_direction(clearance: Array) -> npt.NDArray[np.intp]:
+    """Index (N,) of the direction at each instant, by the clearance (N, D) in each direction."""
+    best: npt.NDArray[np.intp] = clearance.argmax(axis=1)
+    collides = clearance.max(axis=1) < 0.0
+    for inside, group in groupby(range(len(best)), key=lambda i: bool(collides[i])):
         if inside:
             instants = list(group)
-            best[instants] = score[instants].min(axis=0).argmax()
+            best[instants] = clearance[instants].min(axis=0).argmax()
     return best

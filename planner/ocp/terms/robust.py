@@ -1,17 +1,16 @@
-"""Robust plans: constraints and costs against what is uncertain.
+"""Robust plans: constraints and costs against uncertain parameters.
 
-The quiet release: while the pads may open, the hand follows the held object's own free
-flight, so that they transmit nothing; then neither delay, opening time, friction, patch
-radius nor mass moves the landing. b is the held object's acceleration at its CoM less
-gravity's, and alpha its angular acceleration; quiet is b = 0, alpha = 0. The load matters
-where the grip may be too weak for it, so its price falls with the grip force of the earliest
-opening.
+Quiet release: while the pads may open, the hand follows the free flight of the held object, and
+the pads transmit no force. Delay, opening time, friction, patch radius and mass then do not move
+the landing. The load is b, the acceleration of the object's CoM less gravity's, and alpha, its
+angular acceleration; a quiet release has b = 0, alpha = 0. The grip force of the earliest opening
+sets the price of the load: a firm grip holds the object under load.
 
-Errors of CoM, grasp and hand move the state at detach, and with it the landing: their price is the
-landing's variance by its derivatives.
+Errors of CoM, grasp and hand move the state at detach and with it the landing. Their price is the
+variance of the landing, to first order.
 
-Scenarios: other throws share the hand's motion, each with its own delay, opening, friction, patch
-radius, mass, CoM and grasp.
+Scenarios: several throws share the motion of the hand. Each has its own delay, opening, friction,
+patch radius, mass, CoM and grasp.
 """
 
 from __future__ import annotations
@@ -26,28 +25,39 @@ import numpy as np
 
 from ....models import FlightState
 from ....problems import Robust
-from ..problem import land, sliding_pivot
+from ..problem import land
 from ..request import Request
 from ..scene_constraint import Brake, Flight, SceneConstraint
 from ..stages import Stage
-from ..transcription import NODES, Interval, Ocp, grip_force, grip_instants
+from ..transcription import NODES, Interval, Ocp, grip_force, grip_instants, sliding_pivot
 from ..variables import REL
 
-#: Price of the mean square load over the window, where the grip is open [(m/s^2)^-2].
-WEIGHT = 10.0
-#: Share of the full grip at which the load's price is a quarter of that.
-GRIP = 0.05
-#: Acceleration [m/s^2] below which the load is zero.
-NONE = 0.05
-#: Price of the scenarios' mean square pose error, and of the landing's variance [1/m^2].
-SCENARIO_WEIGHT, VARIANCE_WEIGHT = 1e6, 1e6
-#: Least speed [m/s] of coming down, by which derivatives of the landing are divided.
-SLOWEST = 0.01
+
+@dataclass(frozen=True)
+class RobustSettings:
+    """Prices and thresholds of the robust methods.
+
+    load_price [(m/s^2)^-2]: of the mean square load over the window, without grip. load_grip:
+    share of the full grip at which that price has fallen to a quarter. zero_load [m/s^2]: a
+    smaller load counts as none. miss_price [1/m^2]: of the scenarios' mean square pose error.
+    variance_price [1/m^2]: of the variance of the landing. min_fall_speed [m/s]: keeps the
+    division by the speed of fall at the landing above zero.
+    """
+
+    load_price: float = 10.0
+    load_grip: float = 0.05
+    zero_load: float = 0.05
+    miss_price: float = 1e6
+    variance_price: float = 1e6
+    min_fall_speed: float = 0.01
+
+
+SETTINGS = RobustSettings()
 
 
 @dataclass(frozen=True)
 class Quiet(SceneConstraint):
-    """The method's constraints or cost in each interval of the window; sweeps judge the load."""
+    """Constraints or cost of the load in each interval of the window, by the robust method."""
 
     method: str
 
@@ -61,15 +71,15 @@ class Quiet(SceneConstraint):
     def parameter_values(self, request: Request) -> dict[str, Any]:
         """The window's lengths [s], and prices."""
         assert request.window is not None
-        profile, nodes = request.scene.gripper.profile(), request.nodes
+        s, profile, nodes = SETTINGS, request.scene.gripper.profile(), request.nodes
         earliest = request.window.early * request.window.step
         grip = profile.force((nodes[:-1] + nodes[1:]) / 2 + earliest) / profile.full
         return {
             "window_step": request.window.step,
             "window": nodes[-1] - nodes[0],
             "quiet_arm": request.scene.object.half_length,
-            "quiet_weight": WEIGHT * (GRIP / (GRIP + grip)) ** 2,
-            "quiet_none": NONE,
+            "quiet_weight": s.load_price * (s.load_grip / (s.load_grip + grip)) ** 2,
+            "quiet_none": s.zero_load,
         }
 
     def in_window(self, interval: Interval) -> None:
@@ -91,8 +101,8 @@ def _loads(interval: Interval) -> list[list[ca.SX]]:
     return found
 
 
-def _penalised(interval: Interval) -> None:
-    """A price on the mean square of the load over the window."""
+def _price_load(interval: Interval) -> None:
+    """Adds the price of the mean square load over the window."""
     s, share = interval.ocp.structure, interval.dt / interval.p("window")
     price = interval.stage_parameter("quiet_weight", 1, s.carry, s.last - s.carry)
     for load in _loads(interval):
@@ -100,14 +110,14 @@ def _penalised(interval: Interval) -> None:
         interval.add_objective(price * share / 2 * squared)
 
 
-def _exact(interval: Interval) -> None:
-    """No load at all."""
+def _exclude_load(interval: Interval) -> None:
+    """Constrains the load to zero."""
     for load in _loads(interval):
         for value in load:
             interval.subject_to("quiet release", value / interval.p("quiet_none"), -1.0, 1.0)
 
 
-def _constant_hand(interval: Interval) -> None:
+def _keep_hand_velocity(interval: Interval) -> None:
     """The hand moves and turns at constant velocity."""
     ocp, none = interval.ocp, interval.p("quiet_none")
     for node in NODES:
@@ -116,15 +126,15 @@ def _constant_hand(interval: Interval) -> None:
             interval.subject_to("constant hand velocity", value / none, -1.0, 1.0)
 
 
-def _constant_joints(interval: Interval) -> None:
+def _keep_joint_velocity(interval: Interval) -> None:
     """The coordinates move at constant rates."""
     for share in (0.0, 1.0):
         acceleration = interval.at(share * interval.dt)[2]
         interval.subject_to("constant joint velocity", acceleration, -1e-3, 1e-3)
 
 
-def _steady(interval: Interval) -> None:
-    """The coordinates keep one acceleration."""
+def _keep_acceleration(interval: Interval) -> None:
+    """The coordinates move at constant acceleration."""
     if interval.ocp.structure.jerk_control:
         jerk = interval.stage.controls[interval.ocp.control]
         interval.subject_to("constant acceleration", jerk, -1e-4, 1e-4)
@@ -132,19 +142,19 @@ def _steady(interval: Interval) -> None:
 
 #: What each robust method adds to an interval of the window.
 METHODS: dict[str, Callable[[Interval], None]] = {
-    Robust.QUIET: _penalised,
-    "quiet-exactly": _exact,
-    "stationary": _steady,
-    "hand-velocity": _constant_hand,
-    "joint-velocity": _constant_joints,
+    Robust.QUIET: _price_load,
+    "quiet-exactly": _exclude_load,
+    "stationary": _keep_acceleration,
+    "hand-velocity": _keep_hand_velocity,
+    "joint-velocity": _keep_joint_velocity,
 }
 
 
 @dataclass(frozen=True)
 class LandingVariance(SceneConstraint):
-    """The price of what errors of CoM, grasp and hand do to the landing.
+    """The variance of the landing under errors of CoM, grasp and hand, as a cost.
 
-    names: the uncertain ones among them.
+    names: the uncertain parameters among STATE_ERRORS.
     """
 
     names: tuple[str, ...]
@@ -162,7 +172,7 @@ class LandingVariance(SceneConstraint):
         return {
             "deviations": [deviations[name] for name in self.names],
             "drift_time": request.scene.gripper.profile().opening,
-            "variance_weight": VARIANCE_WEIGHT,
+            "variance_weight": SETTINGS.variance_price,
             "quiet_arm": request.scene.object.half_length,
         }
 
@@ -172,47 +182,47 @@ class LandingVariance(SceneConstraint):
         drift, deviations = p("drift_time"), ca.vertsplit(p("deviations", len(self.names)))
         for name, deviation in zip(self.names, deviations, strict=True):
             x, z, theta, v_x, v_z, omega = STATE_ERRORS[name](flight.start, h, drift)
-            later = (z + v_z * t) / (SLOWEST - end.v_z)
-            moved = (x + v_x * t + end.v_x * later) ** 2
+            delay = (z + v_z * t) / (SETTINGS.min_fall_speed - end.v_z)
+            variance = (x + v_x * t + end.v_x * delay) ** 2
             if flight.ocp.structure.angle:
-                moved += (p("quiet_arm") * (theta + omega * t + end.omega * later)) ** 2
-            flight.add_objective(p("variance_weight") * deviation**2 * moved)
+                variance += (p("quiet_arm") * (theta + omega * t + end.omega * delay)) ** 2
+            flight.add_objective(p("variance_weight") * deviation**2 * variance)
 
 
-def _moved_along(at: FlightState, sign: float) -> list[Any]:
-    """Derivative of the state at detach by a way [m] of the CoM along the bar."""
+def _derivative_along_bar(at: FlightState, sign: float) -> list[Any]:
+    """Derivative of the state at detach in a shift [m] of the CoM along the bar."""
     x, z = sign * ca.cos(at.theta), sign * ca.sin(at.theta)
     return [x, z, 0.0, -at.omega * z, at.omega * x, 0.0]
 
 
-def _turned(at: FlightState, h: ca.SX) -> list[Any]:
-    """Derivative of the state at detach by an angle [rad] of the bar about the pads."""
+def _derivative_of_angle(at: FlightState, h: ca.SX) -> list[Any]:
+    """Derivative of the state at detach in an angle [rad] of the bar about the pads."""
     x, z = -h * ca.sin(at.theta), h * ca.cos(at.theta)
     return [x, z, 1.0, -at.omega * z, at.omega * x, 0.0]
 
 
-def _spun(at: FlightState, h: ca.SX, drift: ca.SX) -> list[Any]:
-    """Derivative of the state at detach by an angular velocity [rad/s] that lasts `drift` [s]."""
+def _derivative_of_spin(at: FlightState, h: ca.SX, drift: ca.SX) -> list[Any]:
+    """Derivative of the state at detach in an angular velocity [rad/s] during `drift` [s]."""
     x, z = -h * ca.sin(at.theta), h * ca.cos(at.theta)
     return [drift * x, drift * z, drift, x, z, 1.0]
 
 
-#: Derivative (6,) of the CoM's state at detach by each error that moves it: of the state, the CoM's
-#: offset [m] from the pads, and the time [s] that errors of the hand's velocity last.
+#: Derivative (6,) of the CoM's state at detach in each error, as a function of the state, the CoM's
+#: offset [m] from the pads, and the duration [s] of an error of the hand's velocity.
 STATE_ERRORS: dict[str, Callable[[FlightState, ca.SX, ca.SX], list[Any]]] = {
-    "com_offset": lambda at, h, drift: _moved_along(at, 1.0),
-    "grasp_offset": lambda at, h, drift: _moved_along(at, -1.0),
-    "grasp_angle": lambda at, h, drift: _turned(at, h),
-    "hand_theta": lambda at, h, drift: _turned(at, h),
-    "hand_omega": _spun,
+    "com_offset": lambda at, h, drift: _derivative_along_bar(at, 1.0),
+    "grasp_offset": lambda at, h, drift: _derivative_along_bar(at, -1.0),
+    "grasp_angle": lambda at, h, drift: _derivative_of_angle(at, h),
+    "hand_theta": lambda at, h, drift: _derivative_of_angle(at, h),
+    "hand_omega": _derivative_of_spin,
     "hand_x": lambda at, h, drift: [1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
     "hand_z": lambda at, h, drift: [0.0, 1.0, 0.0, 0.0, 0.0, 0.0],
     "hand_vx": lambda at, h, drift: [drift, 0.0, 0.0, 1.0, 0.0, 0.0],
     "hand_vz": lambda at, h, drift: [0.0, drift, 0.0, 0.0, 1.0, 0.0],
 }
 
-#: Signs of the errors in the scenarios, whose delays rise: the errors of each group act alike on
-#: the landing, and the groups' signs are orthogonal.
+#: Signs of the errors in the four scenarios, in the order of their delays. Parameters of equal
+#: effect on the landing have equal signs up to a factor; signs of different groups are orthogonal.
 SIGNS = {
     "opening": (-1.0, 1.0, -1.0, 1.0),
     "friction": (1.0, -1.0, -1.0, 1.0),
@@ -227,7 +237,10 @@ SIGNS = {
 
 @dataclass(frozen=True)
 class Scenarios(SceneConstraint):
-    """count: number of the other throws. Their indices are 1 to count, the planned one's is 0."""
+    """Throws with other parameters under the planned motion of the hand.
+
+    count: their number. Their indices are 1 to count; the planned throw has 0.
+    """
 
     count: int
 
@@ -255,7 +268,7 @@ class Scenarios(SceneConstraint):
             found |= {f"{name} {i}": value[name] for name in names}
             found |= {f"com_offset {i}": max(com_offset, 0.0)}
             found[grip_force(i)] = profile.force(since)
-        return {"scenario_weight": SCENARIO_WEIGHT, **found}
+        return {"scenario_weight": SETTINGS.miss_price, **found}
 
     def add_states(self, ocp: Ocp, k: int, stage: Stage) -> None:
         """The relative states from the window's start on."""
@@ -266,7 +279,7 @@ class Scenarios(SceneConstraint):
     def in_window(self, interval: Interval) -> None:
         """Each throw across the interval with its own grip force.
 
-        Under full grip it sticks, without any it flies: one law serves all along.
+        The law holds in all phases: the object sticks under full grip and flies without grip.
         """
         for i in range(1, self.count + 1):
             law = functools.partial(sliding_pivot, opening=i)

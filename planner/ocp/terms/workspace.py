@@ -16,30 +16,41 @@ from ..scene_constraint import Flight, Instant, SceneConstraint, braked
 from ..stages import Constraints
 from ..transcription import Ocp
 
-#: Margin [m] between obstacles and what is carried, for what lies between the nodes, for smoothing
-#: and for correction; `refinement.HELD` adds to it.
-HELD_MARGIN = 0.001
-#: Rounding [m] of the corner between two ways of being clear of an obstacle.
-CORNER = 0.002
-#: Instants of the flight at which the bar is clear of the column.
-PASSING = 40
-#: Margin [m] there, for what lies between; `refinement.PASSING` adds to it.
-PASSING_MARGIN = 0.004
-#: Over this number of last instants the margin falls to zero: the landing pose is given, and
-#: targets next to the column would be lost.
-LAST = 5
-#: From this time after detach [s] on the bar may fall back on the hand.
-LATER_FIRST = 0.1
-#: Instants of the flight from then on at which the bar is clear of the hand.
-LATER = 40
-#: Margin [m] to the hand's body, for what lies between the instants.
-PALM_MARGIN = 0.008
+
+@dataclass(frozen=True)
+class WorkspaceSettings:
+    """Margins, roundings and instants of the constraints of the workspace.
+
+    held_margin [m]: between carried bar and obstacles; covers the motion between nodes, smoothing
+    and correction; `lazy_constraints.HELD` adds to it. corner [m]: rounding of the maximum of two
+    distances. passing_instants: of the flight, for the column. passing_margin [m]: to the column in
+    flight; `lazy_constraints.PASSING` adds to it. last_instants: over these last instants of the
+    flight that margin falls to zero, as the landing pose is given. return_time [s]: after detach; a
+    bar may fall back on the hand from then on. return_instants: of the flight after that time.
+    palm_margin [m]: to the hand's body; covers the motion between instants.
+    """
+
+    held_margin: float = 0.001
+    corner: float = 0.002
+    passing_instants: int = 40
+    passing_margin: float = 0.004
+    last_instants: int = 5
+    return_time: float = 0.1
+    return_instants: int = 40
+    palm_margin: float = 0.008
+
+
+SETTINGS = WorkspaceSettings()
+#: Margin [m] of the flying bar to the base column.
+PASSING_MARGIN = SETTINGS.passing_margin
 
 
 @dataclass(frozen=True)
 class Floor(SceneConstraint):
-    """arm: whether it holds for joints and hand too (lazy constraint "carry"); body: whether the
-    hand has a body."""
+    """Bar, arm and hand above the floor.
+
+    arm: includes joints and hand (lazy constraint "carry"). body: the hand has a body.
+    """
 
     arm: bool
     body: bool
@@ -56,7 +67,7 @@ class Floor(SceneConstraint):
         """Heights and margins; where the hand's body ends."""
         assert request.scene.workspace is not None and request.scene.workspace.floor is not None
         found = {
-            "floor": request.scene.workspace.floor + HELD_MARGIN,
+            "floor": request.scene.workspace.floor + SETTINGS.held_margin,
             "held_margin": request.refinement.margins["held"],
         }
         if request.scene.arm is not None:
@@ -89,7 +100,7 @@ class Floor(SceneConstraint):
 
 @dataclass(frozen=True)
 class Column(SceneConstraint):
-    """passing: whether it holds in flight too (lazy constraint "passing")."""
+    """The bar clear of the base column. passing: in flight too (lazy constraint "passing")."""
 
     passing: bool
 
@@ -105,9 +116,9 @@ class Column(SceneConstraint):
         column, margins = column_of(request.scene), request.refinement.margins
         assert column is not None
         return {
-            "column_radius": column[0] + HELD_MARGIN,
-            "column_height": column[1] + HELD_MARGIN,
-            "column_margin": HELD_MARGIN,
+            "column_radius": column[0] + SETTINGS.held_margin,
+            "column_height": column[1] + SETTINGS.held_margin,
+            "column_margin": SETTINGS.held_margin,
             "held_margin": margins["held"],
             "passing_margin": PASSING_MARGIN + margins["passing"],
         }
@@ -123,8 +134,9 @@ class Column(SceneConstraint):
         p = flight.p
         if not self.passing:
             return
-        shares = np.linspace(0.0, 1.0, PASSING)
-        weights = np.minimum(1.0, (1.0 - shares) * (PASSING - 1) / LAST)
+        count, last = SETTINGS.passing_instants, SETTINGS.last_instants
+        shares = np.linspace(0.0, 1.0, count)
+        weights = np.minimum(1.0, (1.0 - shares) * (count - 1) / last)
         constraints, (share, weight) = flight.stage.at_instants(shares, weights)
         at = flight.after(share * flight.time)
         margin = weight * p("passing_margin") - (1 - weight) * p("column_margin")
@@ -136,9 +148,10 @@ class Column(SceneConstraint):
 
 
 def _distance(ocp: Ocp, x: ca.SX, z: ca.SX, cos: ca.SX, sin: ca.SX) -> ca.SX:
-    """Distance [m] of the bar at a point of its axis from the base column, above or to either side.
+    """Distance [m] from the base column to the bar at the point x, z [m] of its axis: above the
+    column or to a side of it.
 
-    cos, sin: of the bar's angle; its edges lie half its width across.
+    cos, sin: of the bar's angle. The bar extends half its width from its axis.
     """
     p = ocp.parameters
     above = z - p("half_width") * ca.sqrt(cos**2 + 1e-6) - p("column_height")
@@ -148,8 +161,11 @@ def _distance(ocp: Ocp, x: ca.SX, z: ca.SX, cos: ca.SX, sin: ca.SX) -> ca.SX:
 
 @dataclass(frozen=True)
 class Palm(SceneConstraint):
-    """early: whether it holds at the flight's first instants, for the bar's ends (lazy constraint
-    "flight"); later: whether in all the flight, for more points (lazy constraint "return")."""
+    """The flying bar clear of the hand's body.
+
+    early: its ends, at the first instants of the flight (lazy constraint "flight"). later: five
+    points, in all the flight (lazy constraint "return").
+    """
 
     early: bool
     later: bool
@@ -167,7 +183,7 @@ class Palm(SceneConstraint):
         """The hand's body, grown by the clearance and half the bar's width."""
         workspace, arm = request.scene.workspace, request.scene.arm
         assert workspace is not None and workspace.palm_clearance is not None and arm is not None
-        grown = request.scene.object.width / 2 + PALM_MARGIN + workspace.palm_clearance
+        grown = request.scene.object.width / 2 + SETTINGS.palm_margin + workspace.palm_clearance
         return {
             "palm_back": arm.tool.palm_back + grown,
             "palm_front": arm.tool.palm_front - grown,
@@ -177,13 +193,14 @@ class Palm(SceneConstraint):
     def in_flight(self, flight: Flight) -> None:
         """The bar clear of the hand's body at some times."""
         if self.early:
-            # A bar that has just been let go meets the hand with an end.
+            # Just after detach only an end of the bar can meet the hand.
             constraints, (time,) = flight.stage.at_instants(PALM_TIMES)
             points = flight.ocp.along_bar()
             _clear_of_palm(flight, constraints, time, [points[0], points[-1]])
         if self.later:
-            constraints, (share,) = flight.stage.at_instants(np.arange(1, LATER + 1) / LATER)
-            time = LATER_FIRST + share * (flight.time - LATER_FIRST)
+            first, count = SETTINGS.return_time, SETTINGS.return_instants
+            constraints, (share,) = flight.stage.at_instants(np.arange(1, count + 1) / count)
+            time = first + share * (flight.time - first)
             _clear_of_palm(flight, constraints, time, flight.ocp.along_bar())
 
 
@@ -192,8 +209,8 @@ def _clear_of_palm(
 ) -> None:
     """Points of the flying bar clear of the hand's body at `time` after detach.
 
-    Every coordinate brakes at `braking`. Seen from the hand a point is in
-    front of the body, behind it or to its side.
+    Meanwhile every coordinate brakes at `braking`. A point is in front of the body, behind it or at
+    its side.
     """
     ocp, p, (q, dq, _) = flight.ocp, flight.p, flight.coordinates
     still = ca.SX.zeros(ocp.n)
@@ -211,5 +228,5 @@ def _clear_of_palm(
 
 
 def soft_max(a: ca.SX, b: ca.SX) -> ca.SX:
-    """max(a, b) rounded from below: it never claims a distance that is not there."""
-    return 0.5 * (a + b + ca.sqrt((a - b) ** 2 + CORNER**2) - CORNER)
+    """max(a, b), rounded from below: never above the true distance."""
+    return 0.5 * (a + b + ca.sqrt((a - b) ** 2 + SETTINGS.corner**2) - SETTINGS.corner)
