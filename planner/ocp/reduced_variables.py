@@ -88,9 +88,7 @@ class ReducedVariables:
             **dict(zip(("low", "high"), self._bounds(stages), strict=True)),
         }
         for name, values in arrays.items():
-            core.attach(
-                **{name: values if values is None else np.ascontiguousarray(values, float)}
-            )
+            core.attach(**{name: values if values is None else np.ascontiguousarray(values, float)})
         return core
 
     def places(self, nlp: ThrowNlp) -> list[int]:
