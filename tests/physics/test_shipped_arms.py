@@ -107,6 +107,7 @@ def test_no_published_mesh_is_in_an_obstacle_at_a_corner(name):
 @pytest.mark.parametrize(("name", "lateral"), [("ur5e", 0.1333), ("gen3", -0.02485)])
 def test_what_is_sent_puts_the_bar_where_it_was_planned(name, lateral, tmp_path):
     """The throw's plane lies beside the base's axis. Judge: the URDF's own 3-D kinematics."""
+    skip_without_meshes(name)
     chain = chain_for(name)
     planner = tp.Planner(tp.load_scene(name))
     away, bearing = 0.9, -2.2
