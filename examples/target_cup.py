@@ -113,7 +113,7 @@ def follow(step, end):
     found, last = [], plan
     count = round((end - scene.target.x) / step)
     for x in scene.target.x + step * np.arange(1, count + 1):
-        last = planner.plan(tp.Pose(x=x, z=0.22, theta=-math.pi / 2), warm=last)
+        last = planner.plan(tp.Pose(x, 0.22, -math.pi / 2), warm=last, patience=10.0)
         if not last.solved:
             print(f"x {x:.2f} m: {last.message}")
             break

@@ -19,14 +19,14 @@ from .guess import guess_from
 from .nlps import NlpCache, Task
 from .samples import Releases, flies_past_column, in_obstacles, sampled_throw, starts
 
-#: Starts tried with FATROP, then with IPOPT, for each throw that is wanted.
-STARTS = {"fatrop": 6, "ipopt": 4}
+#: Numbers of sampled releases to solve from, for each throw that is wanted, by solver in order.
+STARTS = (("ipopt", 1), ("fatrop", 6), ("ipopt", 4))
 #: Throws of the table that are checked for collisions with obstacles.
 CLEARED = 40
 #: Sampled throws that are judged at most.
 JUDGED = 150
 #: Sampled throws without a violation that are taken first, and others that follow.
-SOUND, OTHERS = 4, 4
+SOUND, OTHERS = 2, 1
 #: NLPs solved at most from one release, each refined by the check of the one before.
 TRIES = 4
 
@@ -42,7 +42,7 @@ class Candidates:
     @cached_property
     def nearest(self) -> list[tuple[int, Pose, float]]:
         """(release, goal, pose error [m]) of the nearest landings."""
-        task, most = self.task, max(STARTS.values()) * self.task.wanted
+        task, most = self.task, max(count for _, count in STARTS) * self.task.wanted
         return starts(self.releases, task.scene, task.target, task.turns, most)
 
     @cached_property

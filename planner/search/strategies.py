@@ -7,7 +7,7 @@ start. Then sampled releases that land near it, and what is possible nearest to 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from heapq import merge
@@ -249,7 +249,7 @@ def from_nearest_samples(search: Search, history: History) -> Try | None:
     """A solver's start from one of few sampled releases that land near the target."""
     if search.blocked:
         return None
-    return _from_samples(search, history, {search.task.solvers[0]: FIRST_STARTS})
+    return _from_samples(search, history, [(search.task.solvers[0], FIRST_STARTS)])
 
 
 def from_beside(search: Search, history: History) -> Try | None:
@@ -264,19 +264,23 @@ def from_beside(search: Search, history: History) -> Try | None:
 
 
 def from_samples(search: Search, history: History) -> Try | None:
-    """A solver's start from a sampled release, by each solver in turn."""
+    """A solver's start from a sampled release, in the order of `STARTS`."""
     if search.blocked or search.is_settled(history):
         return None
-    return _from_samples(search, history, {one: STARTS[one] for one in search.task.solvers})
+    return _from_samples(search, history, STARTS)
 
 
-def _from_samples(search: Search, history: History, counts: dict[str, int]) -> Try | None:
-    """The next release that was not tried, `counts[solver]` of them by each solver."""
+def _from_samples(
+    search: Search, history: History, counts: Sequence[tuple[str, int]]
+) -> Try | None:
+    """The next release that was not tried; counts: of the releases, by solver in order."""
     task, candidates = search.task, search.candidates
     tried = {
         (one.start.solver, one.release, one.start.goal) for one in history.solves_from("samples")
     }
-    for solver, count in counts.items():
+    for solver, count in counts:
+        if solver not in task.solvers:
+            continue
         for index, goal, _ in candidates.clearest[: count * task.wanted]:
             key = candidates.key(index)
             if (solver, key, goal) not in tried:
