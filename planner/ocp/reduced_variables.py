@@ -86,10 +86,10 @@ class ReducedVariables:
             "opening": self.opening,
             **dict(zip(("low", "high"), self._bounds(stages), strict=True)),
         }
-        kept = {k: np.ascontiguousarray(v, float) for k, v in arrays.items() if v is not None}
-        for name, values in kept.items():
+        data = {k: np.ascontiguousarray(v, float) for k, v in arrays.items() if v is not None}
+        for name, values in data.items():
             setattr(core, name, address(values))
-        core.kept = kept
+        core.kept = data
         return core
 
     def places(self, nlp: ThrowNlp) -> list[int]:
