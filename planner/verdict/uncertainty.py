@@ -1,4 +1,4 @@
-"""Samples of what a scene leaves uncertain: one seeded Sobol sequence, any part of it at will."""
+"""Samples of a scene's uncertain parameters: parts of one seeded Sobol sequence."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 from ...models import Array
 from ...problems import Distribution, Scene, Uncertainty
 
-#: Half a cell of SciPy's 30-bit sequence: keeps every share off 0 and 1.
+#: Half a cell of SciPy's 30-bit sequence; added to a share it excludes 0 and 1.
 HALF_CELL = 2.0**-31
-#: Deviations of a normal value that are covered: one draw in 10^19 is farther off.
+#: Standard deviations in the range of a normal value; one draw in 10^19 is outside.
 COVERED = 9.0
-#: Names, factor from SI, unit; the others are lengths, or angles.
+#: Names of parameters, factor from SI, unit; all others are lengths or angles.
 UNITS = (
     (("hand_vx", "hand_vz"), 1e3, "mm/s"),
     (("hand_omega",), math.degrees(1.0), "deg/s"),
@@ -27,7 +27,7 @@ UNITS = (
 
 @dataclass(frozen=True)
 class Sampler:
-    """Draws of the uncertain parameters `names`; sample k is the same whoever draws it.
+    """Draws of the uncertain parameters `names`; sample k depends on the seed only.
 
     spreads: their distributions in SI units; ranges: lowest and highest possible values,
     where normal ones are cut off; factor (P, P): Cholesky factor of the normal scores'
