@@ -14,7 +14,7 @@ from .common import DONE, Add, add_force, print_result
 
 def arguments(add: Add) -> None:
     """The command's options."""
-    add("--write", metavar="NAME", help="copy that scene's file to NAME.toml here")
+    add("--write", metavar="NAME", help="copy the scene's file to NAME.toml in this folder")
     add_force(add)
     add("--reference", action="store_true", help="print all keys of a scene file as Markdown")
 
@@ -22,7 +22,7 @@ def arguments(add: Add) -> None:
 def run(options: argparse.Namespace) -> int:
     """List the scenes, write one, or print the reference."""
     if options.reference and options.write is not None:
-        raise InputError("--write and --reference: give one of them")
+        raise InputError("--write and --reference: give only one of them")
     if options.reference:
         # Made by examples/scene_reference.py: all keys of scene and arm files.
         text = (files("throwplan") / "docs/scene-reference.md").read_text(encoding="utf-8")
