@@ -36,7 +36,7 @@ HEAD = """\
 #define LOST_SLIP {lost}
 """
 
-#: C expressions of CasADi's operations with one and with two operands.
+#: C expressions of CasADi's operations.
 _EXPRESSIONS = {
     ca.OP_ASSIGN: "{0}",
     ca.OP_NEG: "-{0}",
@@ -137,7 +137,7 @@ def _scalar(f: ca.Function) -> str:
 
 
 def text() -> str:
-    """The whole of core/laws.h."""
+    """The text of core/laws.h."""
     head = HEAD.format(iterations=ITERATIONS, lost=LOST_SLIP)
     laws = [*_link_functions(), *_pivot_functions(), *_surface_functions()]
     return head + _flight_text() + "".join(map(_lane_function, laws)) + "\n#endif\n"

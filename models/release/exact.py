@@ -1,8 +1,8 @@
 """Exact releases of one throw by the non-smooth models, in the compiled core.
 
-The sliding pivot goes in Runge-Kutta steps that end where the hand's motion has a kink and where
-pivoting or sliding begins or ends, so that they keep their order; their number is doubled until the
-detach state settles. The limit surface, first order in its steps, is extrapolated.
+The sliding pivot takes Runge-Kutta steps. They end at kinks of the hand's motion and at starts and
+ends of pivoting and sliding, which preserves their order; their number is doubled until the detach
+state converges. The limit surface, first order in its steps, is extrapolated.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from .cases import Release, ReleaseBatch, ReleaseCase
 from .grip import GripProfile
 from .stepping import law_numbers
 
-#: Rows for the nodes of a release besides those at kinks: more than its steps and events.
+#: Rows for the nodes of a release without kinks; more than its steps and events.
 ROOM = 800
 #: The core's linkage of a hand without an arm.
 _FREE = LinkageC(3, 0, 0, 0.0, 0.0, 0.0)
@@ -26,14 +26,14 @@ _FREE = LinkageC(3, 0, 0, 0.0, 0.0, 0.0)
 
 def exact_pivot_release(case: ReleaseCase) -> Release:
     """The release by the non-smooth sliding pivot; no wrench."""
-    rows, onset, lost = _room(case), np.empty(2), ctypes.c_int()
+    rows, onset, lost = _row_count(case), np.empty(2), ctypes.c_int()
     count = library().pivot_release(compiled_release(case), len(rows), rows, onset, lost)
     return Release.from_nodes(rows[:count], onset.tolist(), bool(lost.value))
 
 
 def exact_surface_release(case: ReleaseCase) -> Release:
     """The release by the time-stepping limit surface; no wrench, no onsets (see `slip_onset`)."""
-    rows = _room(case)
+    rows = _row_count(case)
     count = library().surface_release(compiled_release(case), len(rows), rows)
     if not count:
         raise MemoryError
@@ -43,26 +43,28 @@ def exact_surface_release(case: ReleaseCase) -> Release:
 def exact_detaches(
     case: ReleaseCase, batch: ReleaseBatch, delays: Array, *, surface: bool
 ) -> Array:
-    """Detach states (N, 6) of a batch on a case's own motion, by the time-stepping limit surface or
-    the sliding pivot; NaN where one is not to be trusted.
+    """Detach states (N, 6) of a batch on a case's motion, by the time-stepping limit surface or the
+    sliding pivot; NaN for an unreliable one.
 
-    The batch's hands do not count; delays (N,) [s]: of its openings after the case's.
+    The batch's hands are ignored; delays (N,) [s]: of its openings after the case's.
     """
     turning = 0.0 if batch.hands.drift is None else batch.hands.drift[2]
-    angle, later = batch.grasp_angle, float(_path(case).delays) + delays
-    values = (*law_numbers(batch), angle, later, turning, batch.opening)
+    angle, delays_total = batch.grasp_angle, float(_path(case).delays) + delays
+    values = (*law_numbers(batch), angle, delays_total, turning, batch.opening)
     numbers = np.column_stack([np.broadcast_to(value, batch.count) for value in values])
-    numbers, found = np.ascontiguousarray(numbers), np.empty((batch.count, 6))
-    if library().many_releases(compiled_release(case), int(surface), batch.count, numbers, found):
+    numbers, detaches = np.ascontiguousarray(numbers), np.empty((batch.count, 6))
+    if library().many_releases(
+        compiled_release(case), int(surface), batch.count, numbers, detaches
+    ):
         raise MemoryError
-    return found
+    return detaches
 
 
 def relative_states(case: ReleaseCase, nodes: Array) -> Array:
     """Relative states (K + 1, 6) of the sliding pivot at `nodes` [s] of the opening.
 
-    One Runge-Kutta step from each node to the next, from sticking at the first: rough
-    where the nodes are, for starting points.
+    It takes one Runge-Kutta step between nodes, from sticking at the first. Its accuracy is that of
+    an initial guess.
     """
     times, states = np.ascontiguousarray(nodes, float), np.empty((nodes.size, 6))
     library().pivot_track(compiled_release(case), nodes.size, times, states)
@@ -75,8 +77,8 @@ def _path(case: ReleaseCase) -> Trajectory:
     return path
 
 
-def _room(case: ReleaseCase) -> Array:
-    """Rows for all nodes of a release: the hand's acceleration or jerk may step at kinks."""
+def _row_count(case: ReleaseCase) -> Array:
+    """Number of rows for all nodes of a release, kinks included."""
     path = _path(case)
     kinks = path.kinks - path.delays
     inside = np.count_nonzero((kinks > 0.0) & (kinks < case.grip.opening))
@@ -84,26 +86,26 @@ def _room(case: ReleaseCase) -> Array:
 
 
 def compiled_release(case: ReleaseCase) -> ReleaseC:
-    """The case as the core takes it, without owning its arrays."""
+    """The case for the core, without ownership of its arrays."""
     path = _path(case)
     arm, turning = _FREE, 0.0
     if isinstance(case.hand, MovedHand):
         arm, turning = case.hand.linkage, case.hand.turning
     motion, grip = path.core, _grip(case.grip)
     assert motion.n == arm.n
-    found = ReleaseC(ctypes.addressof(motion), ctypes.addressof(arm), grip)
-    found.law[:] = law_numbers(case)
-    found.angle, found.delay, found.turning = case.grasp_angle, float(path.delays), turning
-    found.kept = motion, arm, grip
-    return found
+    release = ReleaseC(ctypes.addressof(motion), ctypes.addressof(arm), grip)
+    release.law[:] = law_numbers(case)
+    release.angle, release.delay, release.turning = case.grasp_angle, float(path.delays), turning
+    release.kept = motion, arm, grip
+    return release
 
 
 def _grip(profile: GripProfile) -> GripC:
-    """A grip force as the core takes it."""
+    """A grip force for the core."""
     curve = profile.curve
     if curve is None:
         return GripC(profile.full, profile.opening, 1.0)
     arrays = [np.ascontiguousarray(values, float) for values in (curve.x, curve.c)]
-    found = GripC(profile.full, profile.opening, 1.0, curve.c.shape[1], *map(address, arrays))
-    found.arrays = arrays
-    return found
+    grip_force = GripC(profile.full, profile.opening, 1.0, curve.c.shape[1], *map(address, arrays))
+    grip_force.arrays = arrays
+    return grip_force

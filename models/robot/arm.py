@@ -15,7 +15,7 @@ Point = tuple[float, float, float]
 
 
 def described(meaning: str, default: Any = MISSING, **limits: float) -> Any:
-    """A field, with what arm data files say of it: unit and meaning, and its limits."""
+    """A field with its unit, meaning and limits in arm data files."""
     return field(default=default, metadata={"meaning": meaning} | limits)
 
 
@@ -104,9 +104,8 @@ class Slowing:
 class JointLimits:
     """Limits per joint: position [rad], velocity [rad/s], acceleration, jerk, torque [N m].
 
-    torque_rate [N m/s]: None where it is not known. tool_speed [m/s]: None for an arm whose tool
-    may be as fast as its joints. slowing: None for one whose velocity limits are the same
-    everywhere.
+    torque_rate [N m/s]: None if unknown. tool_speed [m/s]: None for an arm without a limit of the
+    tool's speed. slowing: None for constant velocity limits.
     """
 
     position_min: Vector = described("rad, lower end of the range")
@@ -176,7 +175,7 @@ class Arm:
     def azimuth_angle(self, azimuth: float) -> float:
         """The azimuth joint's angle [rad] that turns the plane by `azimuth` [rad] from x to y.
 
-        Of those that are whole turns apart, one within the limits where there is any.
+        Among angles that differ by whole turns it prefers one inside the limits.
         """
         joint = self.azimuth_joint - 1
         angle = self.posture[joint] + self._plane[1] * azimuth
@@ -228,5 +227,5 @@ def screw(angle: ca.SX | float, distance: float) -> ca.SX:
 
 
 def exact(value: float) -> float:
-    """Zeros as zeros: cos(pi/2) is not 6e-17, so the planar chain stays planar."""
+    """Rounds tiny values to zero: with cos(pi/2) = 6e-17 a planar chain would not be planar."""
     return 0.0 if abs(value) < 1e-15 else value
