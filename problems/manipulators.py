@@ -1,4 +1,4 @@
-"""What moves the hand: a free planar hand, an arm with its torques, or a motion that is given."""
+"""Motion of the hand: a free planar hand, an arm with its torques, or a given motion."""
 
 from __future__ import annotations
 
@@ -38,18 +38,18 @@ class Hand(Section):
 
     @property
     def turns(self) -> bool:
-        """Whether the hand's angle is planned too."""
+        """Whether the hand's angle is a coordinate."""
         return self.angular_speed is not None
 
     def check(self) -> None:
-        """Ranges the right way round, both angular limits or none, start inside."""
+        """Low limits are below high ones, angular limits are complete, the start is inside."""
         for name in ("x", "z", "theta"):
             low, high = getattr(self, name)
             if low > high or (low == high and name != "theta"):
-                key, shown = name, [low, high]
+                key, ends = name, [low, high]
                 if name == "theta":
-                    key, shown = "theta_deg", [round(math.degrees(v), 6) for v in (low, high)]
-                raise InputError(f"{key} = {shown}: must be [lowest, highest]")
+                    key, ends = "theta_deg", [round(math.degrees(v), 6) for v in (low, high)]
+                raise InputError(f"{key} = {ends}: must be [lowest, highest]")
         if (self.angular_speed is None) != (self.angular_acceleration is None):
             raise InputError("angular_speed and angular_acceleration: give both or neither")
         if self.turns and self.theta[0] == self.theta[1]:
@@ -126,11 +126,11 @@ def check_robot(robot: Robot, arm: Arm) -> None:
                 f"[robot] throwing_joints = {list(joints)}: each must be another of 1 to "
                 f"{arm.joints} and not the azimuth joint {arm.azimuth_joint}"
             )
-    most = arm.limits.tool_speed
-    if robot.tool_speed is not None and most is not None and robot.tool_speed > most:
+    limit = arm.limits.tool_speed
+    if robot.tool_speed is not None and limit is not None and robot.tool_speed > limit:
         file = robot.arm if robot.arm.endswith(".toml") else f"arms/{robot.arm}.toml"
         raise InputError(
-            f"[robot] tool_speed = {robot.tool_speed:g}: must be at most {most:g} m/s, the "
+            f"[robot] tool_speed = {robot.tool_speed:g}: must be at most {limit:g} m/s, the "
             f"tool_speed of {file}"
         )
     if robot.start is None:
@@ -152,9 +152,9 @@ class Torque(Section):
     """Limits of the throwing joints' torques, by inverse dynamics, with the object in the hand and
     without. Only with [robot], and an arm whose data hold link masses.
 
-    Without this section the arm's own limits hold, and enter the NLP only where a throw breaks
-    them; with it they are in the NLP from the start. Left out are friction and rotors of the
-    drives, and the joints that only hold the posture.
+    Without this section the arm's own limits hold, and enter the NLP after a throw has broken them;
+    with it they are in the NLP from the start. The torques neglect friction and rotors of the
+    drives, and the joints that hold the posture.
     """
 
     limits: tuple[float, ...] | None = optional(
@@ -224,7 +224,7 @@ class Motion(Section):
     )
 
     def check(self) -> None:
-        """One kind of motion; as many pieces as times; samples that rise in time."""
+        """There is one kind of motion, a piece for each time, and samples rise in time."""
         constant = any(self.acceleration) or self.angular_acceleration != 0.0
         sampled = self.table is not None or self.joints is not None
         if (constant and (self.accelerations or sampled)) or (self.accelerations and sampled):

@@ -1,4 +1,4 @@
-"""What stands around: boxes, spheres and capsules that arm, held and flying bar keep clear of."""
+"""Obstacles: boxes, spheres and capsules that arm and bar must not touch."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from ..models.robot import Solid, about_z
 from .section import InputError, Section, quantity
 
-#: What `size` says of each kind.
+#: Meaning of `size` for each kind.
 SIZES = {
     "box": ("length, width and height", 3),
     "sphere": ("radius", 1),
@@ -47,7 +47,7 @@ class Obstacle(Section):
     clearance: float = quantity("m, from everything that moves", least=0, most=1.0, default=0.01)
 
     def check(self) -> None:
-        """As many sizes as the kind has."""
+        """The number of sizes is that of the kind."""
         said, count = SIZES[self.kind]
         if len(self.size) != count:
             raise InputError(f"size = {list(self.size)}: of a {self.kind} it must be [{said}]")
