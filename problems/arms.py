@@ -43,7 +43,7 @@ class GripperCapsule:
     """A shape of the gripper: all points within `radius` of a segment."""
 
     begin: tuple[float, float, float] = described(f"m, {FRAME}")
-    end: tuple[float, float, float] = described("m, the same")
+    end: tuple[float, float, float] = described("m, in the same frame")
     radius: float = described("m", above=0)
 
 

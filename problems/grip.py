@@ -116,7 +116,7 @@ class PadContact(Section):
 
     friction: float = quantity("μ, of one pad", above=0, least=1e-6, most=100)
     patch_radius: float = quantity(
-        "m, radius r_p of the pads' patch; left out: 0.0025, with advice",
+        "m, radius r_p of the pads' patch; left out: 0.0025, with a note",
         above=0,
         least=1e-6,
         most=1,
@@ -174,7 +174,7 @@ class Gripper(Section):
         "the arm's own hand, and its `force`, `dwell` and `opening` where they are left out"
     )
     sticking_margin: float = quantity(
-        "share of the full grip's friction limit that a plan keeps in reserve until the opening",
+        "margin of the grip use until the opening, as a share of the full grip's friction limit",
         least=0,
         below=1,
         default=0.05,

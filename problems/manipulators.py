@@ -21,19 +21,19 @@ class Hand(Section):
     speed: float = quantity("m/s, each axis", above=0, most=1e3)
     acceleration: float = quantity("m/s², each axis", above=0, most=1e5)
     theta: tuple[float, float] = quantity(
-        "degrees, lowest and highest; a hand that does not turn keeps the first",
+        "degrees, lowest and highest; a hand without rotation keeps the first",
         degrees=True,
         default=(0.0, 0.0),
     )
     angular_speed: float | None = optional(
-        "rad/s; left out: the hand does not turn", above=0, most=1e3
+        "rad/s; left out: no rotation of the hand", above=0, most=1e3
     )
     angular_acceleration: float | None = optional("rad/s²; with `angular_speed`", above=0, most=1e5)
     start: tuple[float, float] | None = optional(
         "m, x and z at rest before the throw; left out: free"
     )
     start_theta: float | None = optional(
-        "degrees, at rest; with `start`, for a hand that turns", degrees=True
+        "degrees, at rest; with `start`, for a hand with rotation", degrees=True
     )
 
     @property
@@ -98,16 +98,20 @@ class Robot(Section):
         most=1e3,
     )
     position_margin: float = quantity(
-        "rad, kept back from both ends of a joint's range", least=0, below=0.5, default=0.01
+        "rad, margin at both ends of a joint's range", least=0, below=0.5, default=0.01
     )
     velocity_margin: float = quantity(
-        "share of the limit kept back for smoothing and correction",
+        "margin for smoothing and correction, as a share of the limit",
         least=0,
         below=0.9,
         default=0.01,
     )
-    acceleration_margin: float = quantity("the same", least=0, below=0.9, default=0.02)
-    jerk_margin: float = quantity("the same", least=0, below=0.9, default=0.05)
+    acceleration_margin: float = quantity(
+        "margin as for velocity, as a share of the limit", least=0, below=0.9, default=0.02
+    )
+    jerk_margin: float = quantity(
+        "margin as for velocity, as a share of the limit", least=0, below=0.9, default=0.05
+    )
 
 
 def thrown_by(robot: Robot, arm: Arm) -> tuple[int, ...]:
@@ -161,7 +165,7 @@ class Torque(Section):
         "N m, one per throwing joint; the arm's own where left out", above=0, most=1e6
     )
     margin: float = quantity(
-        "share of the limits kept back for smoothing and correction",
+        "margin for smoothing and correction, as a share of the limits",
         least=0,
         below=0.9,
         default=0.02,
@@ -193,19 +197,21 @@ class Motion(Section):
     """
 
     position: tuple[float, float] = quantity(
-        "m, x and z of the hand when the force starts to fall", default=(0.0, 0.0)
+        "m, x and z of the hand at the start of the opening", default=(0.0, 0.0)
     )
-    angle: float = quantity("degrees, the hand's angle then", degrees=True, default=0.0)
+    angle: float = quantity("degrees, angle of the hand at that time", degrees=True, default=0.0)
     velocity: tuple[float, float] = quantity(
-        "m/s, x and z then", least=-1e3, most=1e3, default=(0.0, 0.0)
+        "m/s, x and z at that time", least=-1e3, most=1e3, default=(0.0, 0.0)
     )
-    rate: float = quantity("rad/s, turning rate then", least=-1e4, most=1e4, default=0.0)
+    rate: float = quantity(
+        "rad/s, angular velocity at that time", least=-1e4, most=1e4, default=0.0
+    )
     acceleration: tuple[float, float] = quantity(
         "m/s², x and z, constant", least=-1e5, most=1e5, default=(0.0, 0.0)
     )
     angular_acceleration: float = quantity("rad/s², constant", least=-1e5, most=1e5, default=0.0)
     times: tuple[float, ...] = quantity(
-        "s, from when on each row of `accelerations` holds; the first is 0", default=()
+        "s, start of each row of `accelerations`; the first is 0", default=()
     )
     accelerations: tuple[tuple[float, float, float], ...] = quantity(
         "rows a_x, a_z [m/s²], alpha [rad/s²]", default=()

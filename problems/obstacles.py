@@ -38,7 +38,7 @@ class Obstacle(Section):
     position: tuple[float, float, float] = quantity(
         "m, x, y, z of its centre", least=-100.0, most=100.0
     )
-    yaw: float = quantity("degrees, turned about z", degrees=True, default=0.0)
+    yaw: float = quantity("degrees, rotation about z", degrees=True, default=0.0)
     pitch: float = quantity(
         "degrees, before that about its y axis; 90 lays a capsule along x",
         degrees=True,

@@ -153,8 +153,8 @@ class Scene(Section):
         delay, longest = self.mean_delay, self.mesh.carry_max - 0.05 - dwell
         if self.motion is None and not -dwell <= delay <= longest:
             raise InputError(
-                f"[uncertainty] delay: its mean = {delay:g}: must be {-dwell:g} to {longest:g} s, so "
-                "that the command, [gripper] dwell and it earlier, is inside the motion"
+                f"[uncertainty] delay: its mean = {delay:g}: must be {-dwell:g} to {longest:g} s: "
+                "the command, earlier by it and the [gripper] dwell, must be inside the motion"
             )
 
     def _check_torque(self) -> None:

@@ -68,7 +68,7 @@ class Pose(Section):
         most=100,
         unit="m",
     )
-    z: float = quantity("m, the CoM comes down through this height", least=-100, most=100, unit="m")
+    z: float = quantity("m, the CoM falls through this height", least=-100, most=100, unit="m")
     theta: float | None = optional(
         "degrees, from the grasped end to the CoM, full turns count; left out: any",
         degrees=True,
@@ -77,14 +77,14 @@ class Pose(Section):
     )
     y: float = quantity("m, base frame; only with [robot]", least=-100, most=100, default=0.0)
     velocity: tuple[float] | None = optional(
-        "m/s, along x in the throw's plane, of a target that moves, its cup too; the pose is then "
-        "where it is when the motion starts; left out: at rest",
+        "m/s, along x in the throw's plane, of a moving target and its cup; the pose is that at "
+        "the start of the motion; left out: at rest",
         least=-5.0,
         most=5.0,
     )
     arrival: float | tuple[float, float] | None = optional(
-        "s after the motion starts: when the object lands, to 1 ms, or the earliest and the "
-        "latest; left out: any time",
+        "s from the start of the motion: landing time, to 1 ms, or the "
+        "earliest and the latest; left out: any time",
         above=0,
         most=60.0,
     )
@@ -231,11 +231,10 @@ class Tolerance(Section):
 
     position: float = quantity("m, largest error of an accepted landing", above=0, default=0.002)
     angle: float = quantity(
-        "degrees, the same of the angle", above=0, degrees=True, default=math.radians(0.5)
+        "degrees, largest error of its angle", above=0, degrees=True, default=math.radians(0.5)
     )
     model: str = quantity(
-        "release model that the landing must be true for: the time-stepping limit surface or "
-        "the sliding pivot",
+        "release model that decides: the time-stepping limit surface or the sliding pivot",
         choices=DECIDING,
         default="ls-step",
     )
@@ -276,8 +275,8 @@ class Cup(Section):
     [target], which determines that end.
     """
 
-    x: float = quantity("m, centre, in the throw's plane; goes along with another target")
-    rim: float = quantity("m, height of the rim; goes along with another target")
+    x: float = quantity("m, centre, in the throw's plane; moves with another target")
+    rim: float = quantity("m, height of the rim; moves with another target")
     radius: float = quantity(
         "m, inside; above half the bar's width, the clearance and 1 mm", above=0
     )
@@ -329,4 +328,4 @@ class Choice(Section):
         choices=("effort", "time", "robustness"),
         default="effort",
     )
-    among: int = quantity("throws that differ, to look for", least=1, most=20, default=4)
+    among: int = quantity("number of different throws to compare", least=1, most=20, default=4)

@@ -128,8 +128,7 @@ class Uncertainty(Section):
     USUAL: ClassVar[Uncertainty]
 
     delay: Distribution | None = optional(
-        "s, the gripper opens that much later than commanded; a known mean sends the command "
-        "earlier",
+        "s, from the commanded to the real opening; the command is earlier by a known mean",
         most=10.0,
     )
     opening: Distribution | None = optional("s, duration of the force's fall")
@@ -141,13 +140,19 @@ class Uncertainty(Section):
     grasp_offset: Distribution | None = optional("m, of the pads from the bar's end", most=100.0)
     grasp_angle: Distribution | None = optional("degrees", degrees=True, most=math.tau)
     hand_x: Distribution | None = optional(
-        "m, error of the hand when the force starts to fall", most=10.0
+        "m, error of the hand at the start of the opening", most=10.0
     )
-    hand_z: Distribution | None = optional("m, the same", most=10.0)
-    hand_theta: Distribution | None = optional("degrees, the same", degrees=True, most=math.tau)
-    hand_vx: Distribution | None = optional("m/s, the same", most=100.0)
-    hand_vz: Distribution | None = optional("m/s, the same", most=100.0)
-    hand_omega: Distribution | None = optional("degrees/s, the same", degrees=True, most=1000.0)
+    hand_z: Distribution | None = optional(
+        "m, error of the hand at the start of the opening", most=10.0
+    )
+    hand_theta: Distribution | None = optional(
+        "degrees, error of the hand", degrees=True, most=math.tau
+    )
+    hand_vx: Distribution | None = optional("m/s, error of the hand", most=100.0)
+    hand_vz: Distribution | None = optional("m/s, error of the hand", most=100.0)
+    hand_omega: Distribution | None = optional(
+        "degrees/s, error of the hand", degrees=True, most=1000.0
+    )
     correlation: tuple[tuple[str, str, float], ...] = quantity(
         "rows name, name, coefficient (between −1 and 1) of the normal scores", default=()
     )

@@ -62,7 +62,7 @@ class LinkCapsule:
 
     link: int = described("number of the joint that moves it; 0: the base, joints + 1: the hand")
     begin: Point = described("m, in that joint's frame; of the hand as in [[links]]")
-    end: Point = described("m, the same")
+    end: Point = described("m, in the same frame")
     radius: float = described("m", above=0)
 
 
@@ -81,7 +81,7 @@ class Tool:
     palm_front: float = described("m, to here")
     palm_half_width: float = described("m, half its thickness in the throwing plane")
     xyz: Point = described("m, the mount in the last joint's frame", (0.0, 0.0, 0.0))
-    rpy: Point = described("rad, the same", (0.0, 0.0, 0.0))
+    rpy: Point = described("rad, rotation of the mount in the last joint's frame", (0.0, 0.0, 0.0))
 
 
 @dataclass(frozen=True)
@@ -114,7 +114,7 @@ class JointLimits:
     acceleration: Vector = described("rad/s²", above=0)
     jerk: Vector = described("rad/s³", above=0)
     torque: Vector = described("N m", above=0)
-    torque_rate: Vector | None = described("N m/s; reported, not kept", None, above=0)
+    torque_rate: Vector | None = described("N m/s; reported, not limited", None, above=0)
     tool_speed: float | None = described(
         "m/s, of flange and pads' centre; left out: as fast as the joints", None, above=0
     )
@@ -137,20 +137,20 @@ class Arm:
     azimuth_joint: int = described("turns the throw's vertical plane about the base's z axis")
     throwing_joints: tuple[int, ...] = described("move in that plane")
     posture: Vector = described(
-        "rad, what the other joints keep; of the azimuth joint, where the throw goes along x"
+        "rad, fixed angles of the other joints; of the azimuth joint, its angle for a throw along x"
     )
     links: tuple[LinkInertia, ...] = described(
         "masses, a table per joint and one for the hand, see [[links]]", ()
     )
     capsules: tuple[LinkCapsule, ...] = described(
-        "shapes of the links, see [[capsules]]; left out: the arm meets nothing", ()
+        "shapes of the links, see [[capsules]]; left out: collisions of the arm are not checked", ()
     )
     joint_names: tuple[str, ...] = described(
         "the joints' names in ROS; left out: NAME_joint1 and so on", ()
     )
     cover: float = described(
-        "m, how far the links stick out of `capsules`; kept from obstacles and floor, not between "
-        "links",
+        "m, largest distance of the links' meshes outside `capsules`; added to the clearance of "
+        "obstacles and floor, not between links",
         0.0,
         least=0,
     )
