@@ -22,7 +22,7 @@ def arguments(add: Add) -> None:
 def run(options: argparse.Namespace) -> int:
     """List the scenes, write one, or print the reference."""
     if options.reference and options.write is not None:
-        raise InputError("--write and --reference: give only one of them")
+        raise InputError("--write and --reference: give one of them")
     if options.reference:
         # Made by examples/scene_reference.py: all keys of scene and arm files.
         text = (files("throwplan") / "docs/scene-reference.md").read_text(encoding="utf-8")

@@ -180,8 +180,8 @@ def _collision(finding: Finding) -> str:
         return f"{finding.body} meets {finding.other}{_at(finding)}"
     if finding.value <= 0.0:
         return f"{finding.other}: {finding.body} meets it{_at(finding)}"
-    distance, least = 1e3 * finding.value, 1e3 * finding.limit
-    return f"{finding.other}: {finding.body} {distance:.0f} mm away{_at(finding)}, must be {least:g} mm"
+    distance = f"{finding.body} {1e3 * finding.value:.0f} mm away{_at(finding)}"
+    return f"{finding.other}: {distance}, must be {1e3 * finding.limit:g} mm"
 
 
 def _distance(name: str) -> Callable[[Finding], str]:

@@ -63,10 +63,10 @@ def tolerance_uses(
     """The uses of a tolerance by a landing; dtheta: None where theta is open."""
     x_doubt, theta_doubt = doubt
     allowed = (1 + ROUNDING) * tolerance.position, (1 + ROUNDING) * tolerance.angle
-    uses = [LimitUse(Code.LANDING, np.abs(dx), allowed[0], x_doubt, body="position")]
+    errors = [LimitUse(Code.LANDING, np.abs(dx), allowed[0], x_doubt, body="position")]
     if dtheta is not None:
-        uses.append(LimitUse(Code.LANDING, np.abs(dtheta), allowed[1], theta_doubt, body="angle"))
-    return uses
+        errors.append(LimitUse(Code.LANDING, np.abs(dtheta), allowed[1], theta_doubt, body="angle"))
+    return errors
 
 
 def landing_uses(scene: Scene, target: Pose, at: LandingStates) -> list[LimitUse]:
