@@ -164,7 +164,7 @@ TEST = WAYS[:3]
 
 
 def errors(scene):
-    """Real pose errors [m] of throws planned with this scene: |dx| + |dtheta| l / 2."""
+    """Real scaled errors [m] of throws planned with this scene: |dx| + |dtheta| l / 2."""
     again = planned(scene, TEST)
     off = landed(again) - [[plan.target.x, plan.target.theta] for plan in again]
     return given.object.pose_error(*off.T)
@@ -222,10 +222,10 @@ for count in (1, 3):
     swept[count] = tp.sweep(tp.Planner(scene).plan(), samples=1000, model="sp")
 figure, axis = plt.subplots(figsize=(8, 3.8))
 for (count, sweep), colour in zip(swept.items(), (RED, GREEN), strict=True):
-    pose_errors = 1e3 * np.sort(sweep.errors["scaled"])
-    share = 100 * np.arange(1, pose_errors.size + 1) / pose_errors.size
-    axis.plot(pose_errors, share, color=colour, lw=2, label=f"after {count} throw{'s'[: count > 1]}")
-axis.set(xscale="log", xlabel="expected pose error [mm]", ylabel="share of throws [%]")
+    scaled = 1e3 * np.sort(sweep.errors["scaled"])
+    share = 100 * np.arange(1, scaled.size + 1) / scaled.size
+    axis.plot(scaled, share, color=colour, lw=2, label=f"after {count} throw{'s'[: count > 1]}")
+axis.set(xscale="log", xlabel="expected scaled error [mm]", ylabel="share of throws [%]")
 axis.set_title("What the posterior expects of the next throw")
 axis.legend()
 plt.show()

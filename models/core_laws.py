@@ -1,8 +1,8 @@
-"""The laws as C text, from what the models do with CasADi symbols: writes core/laws.h.
+"""The laws as C text, from the models' CasADi expressions: writes core/laws.h.
 
     python -m throwplan.models.core_laws
 
-A law is a loop over lanes: the same step for LANES throws side by side, one for a single throw.
+A law is a loop over lanes: one step of LANES throws side by side; a single throw has one lane.
 Values are arrays [rows][LANES], so that the compiler turns each loop into vector instructions. No
 branch is left in a loop: a choice is a conditional expression.
 """

@@ -75,7 +75,7 @@ class FlightLaw:
         return np.column_stack([end.x, end.theta, time])
 
     def apex(self, start: FlightState) -> FlightState:
-        """The highest state from `start` on; `start` itself where it falls, or without gravity."""
+        """The highest state from `start` on; `start` itself if it falls, or without gravity."""
         xp = backend(start.v_z, self.gravity)
         rise = xp.maximum(start.v_z, 0.0) / xp.maximum(self.gravity, TINY)
         return self.after(start, xp.where(self.gravity > 0, rise, 0.0 * start.v_z))

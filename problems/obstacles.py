@@ -47,7 +47,7 @@ class Obstacle(Section):
     clearance: float = quantity("m, from everything that moves", least=0, most=1.0, default=0.01)
 
     def check(self) -> None:
-        """The number of sizes is that of the kind."""
+        """`size` has as many numbers as its kind requires."""
         said, count = SIZES[self.kind]
         if len(self.size) != count:
             raise InputError(f"size = {list(self.size)}: of a {self.kind} it must be [{said}]")

@@ -148,7 +148,7 @@ class CaseModel(Protocol):
 
 
 def failed(times: Array, trouble: str) -> Release:
-    """A release that could not be computed: NaN all along, and why."""
+    """A failed release: NaN, with the reason."""
     nothing = np.full((3, len(times)), np.nan)
     return Release(times, nothing, nothing, trouble=trouble)
 

@@ -160,7 +160,7 @@ class SlidingPivot:
         alpha_r = alpha_pivot - alpha_slide
         alpha = hand.alpha + alpha_r
 
-        # r'' = s'' + h e(theta)'', so the slip takes what the pivot motion leaves.
+        # r'' = s'' + h e(theta)'': the slip is the rest of the pivot's motion.
         h_x, h_z = x_r - state[0], z_r - state[1]
         xp = backend(over_force, h_x, alpha_r)
         if self.form == "continuous":

@@ -168,7 +168,7 @@ class PlanarArm:
             if link < 0:
                 continue
             along, up = np.round(places[:, k] - joints[:, link], 12) + 0.0
-            # A frame at the joint itself is that of the link before.
+            # A frame at the joint itself belongs to the link before.
             if (along, up) != (0.0, 0.0):
                 moving_frames.append((link, (float(along), float(up))))
         return list(dict.fromkeys(moving_frames))

@@ -250,13 +250,13 @@ def _approach_of(chain: UrdfChain) -> str:
 
 
 def _moved(origin: Any) -> str:
-    """The shift of the base frame in words; empty without one."""
+    """The shift of the base frame as text; empty without one."""
     x, y = (round(value, 4) + 0.0 for value in origin[:2])
     return f" moved to x {x:.4f}, y {y:.4f} m" if x or y else ""
 
 
 def _text(options: argparse.Namespace, result: dict[str, Any]) -> str:
-    """The arm as lines for people."""
+    """The arm as text."""
     mass, angles = result["mass"], " ".join(f"{angle:.6g}" for angle in result["posture_deg"])
     lines = [
         f"{result['name']}: written to {options.out}; a scene takes it by [robot] arm = "

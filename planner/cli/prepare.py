@@ -69,7 +69,7 @@ def run(options: argparse.Namespace) -> int:
 
 
 def _interrupted(planner: Planner) -> int:
-    """Print the number of throws kept."""
+    """Prints the number of stored throws."""
     kept = f"{planner.prepared:,} throws are kept; run the command again to continue"
     words = NOT_KEPT if planner.library.folder is None else kept
     print(f"throwplan: interrupted: {words}", file=sys.stderr)

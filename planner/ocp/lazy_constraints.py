@@ -1,4 +1,4 @@
-"""Lazy constraints and margins of an NLP: what a verdict on a throw calls for.
+"""Lazy constraints and margins of an NLP: the remedies for the findings of a verdict.
 
 Constraints that are seldom active are left out at first. Where the verdict on a throw finds one
 broken, the next NLP has it, or a larger margin.
@@ -136,7 +136,7 @@ class Refinement:
         return bool(self.lazy & COSTLY)
 
     def refined(self, verdict: Verdict, throw: Throw) -> Refinement:
-        """This with the remedies for a throw's findings; equal to this if there is none."""
+        """This with the remedies for a throw's findings; equal to this without a remedy."""
         remedies = [(one, cure) for one in verdict.broken if (cure := _remedy_for(one, throw))]
         added: set[LazyConstraint] = set()
         violations: dict[Margin, float] = {}

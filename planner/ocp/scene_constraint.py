@@ -93,7 +93,7 @@ class Instant:
 
     @property
     def held_margin(self) -> ca.SX:
-        """Margin [m] between obstacles and what is carried, beyond the usual one."""
+        """Margin [m] between obstacles and held bar, beyond the usual one."""
         return ca.SX(0) if self.given else self.p("held_margin")
 
 

@@ -138,7 +138,7 @@ def _await_result(results: SimpleQueue[Any], clocks: list[int], limit: float, en
         except Empty:
             used = time.perf_counter() - start
         for clock in clocks:
-            # A thread that has just ended has no clock; its result is there.
+            # A thread that has just ended has a result and no clock.
             with contextlib.suppress(OSError):
                 used = time.clock_gettime(clock)
 

@@ -72,7 +72,7 @@ def draw_cloud(space: Any, swept: Sweep) -> Any:
 
 
 def cloud_words(swept: Sweep, half: float) -> str:
-    """The result of the sweep in words."""
+    """The result of the sweep as text."""
     x = swept.landings.pose[:, 0]
     x = x[np.isfinite(x)]
     good = f"{int(swept.success.sum())} of {swept.samples} throws succeed"

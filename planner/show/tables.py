@@ -20,7 +20,7 @@ ENDS = {1: ("",), 2: ("", " std"), 3: ("", " low", " high")}
 class Table:
     """Rows of named cells.
 
-    name: stem of the CSV file; caption: what the table holds, in a few words; short: shown on a
+    name: stem of the CSV file; caption: contents of the table; short: shown on a
     page with many tables; digits: significant digits of a float.
     """
 

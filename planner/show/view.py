@@ -131,7 +131,7 @@ def space_throw(throw: Throw, after: tuple[Array, Array] | None = None) -> Space
 def link_pieces(arm: Arm) -> list[list[tuple[Array, Array]]]:
     """Straight pieces (begin, end) [m] that show the links: of the base, then of each joint.
 
-    Each in the frame that carries it. A Denavit-Hartenberg row goes along its a, then its d.
+    Each is in the frame of its joint. A Denavit-Hartenberg row goes along its a, then its d.
     """
     pieces_of: list[list[tuple[Array, Array]]] = []
     zero = np.zeros(3)
@@ -188,7 +188,7 @@ class View:
         self.change(throw)
 
     def change(self, throw: SpaceThrow) -> None:
-        """Takes another throw with the same bar, hand and arm, from its start."""
+        """Shows another throw of this bar, hand and arm, from its start."""
         self.throw = throw
         with self.server.atomic():
             self.aim(throw.throw.target)

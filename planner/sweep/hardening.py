@@ -179,7 +179,7 @@ class Hardening:
 
 
 @dataclass(frozen=True)
-class _Candidates:
+class _RobustCandidates:
     """Candidates, the plain throw first; attempts of the methods; plans of the sources."""
 
     candidates: tuple[JudgedThrow, ...]
@@ -193,13 +193,15 @@ class _Candidates:
     def is_complete(self, hardening: Hardening) -> bool:
         return self.best.is_good(self.candidates[0]) or hardening.task.clock.late
 
-    def with_method(self, hardening: Hardening, source: JudgedThrow, method: str) -> _Candidates:
+    def with_method(
+        self, hardening: Hardening, source: JudgedThrow, method: str
+    ) -> _RobustCandidates:
         """These with the candidate that one method makes from a source."""
         throw = source.plan.throw
         assert throw is not None
         tried = hardening.attempts_from(source.plan, throw, method)
         solved = [hardening.candidate(source.plan, one, method) for one in tried[-1:] if one.solved]
-        return _Candidates((*self.candidates, *solved), (*self.attempts, *tried), self.plans)
+        return _RobustCandidates((*self.candidates, *solved), (*self.attempts, *tried), self.plans)
 
 
 def robust_scene(scene: Scene) -> Scene:
@@ -249,7 +251,7 @@ def hardened(plan: Plan, hardening: Hardening, others: Callable[[], Plan]) -> Pl
 
     It is `plan` itself, or a robust throw from it or from the alternatives of `others`.
     """
-    candidates = _Candidates((JudgedThrow(plan, PLAIN, plan.solver),), (), (plan,))
+    candidates = _RobustCandidates((JudgedThrow(plan, PLAIN, plan.solver),), (), (plan,))
     scenario_sources = list[JudgedThrow]()
     for source in _sources(candidates, others):
         if source not in candidates.candidates:
@@ -270,14 +272,14 @@ def hardened(plan: Plan, hardening: Hardening, others: Callable[[], Plan]) -> Pl
     return _best_plan(candidates, hardening)
 
 
-def _sources(candidates: _Candidates, others: Callable[[], Plan]) -> Iterator[JudgedThrow]:
+def _sources(candidates: _RobustCandidates, others: Callable[[], Plan]) -> Iterator[JudgedThrow]:
     """The plain throw, then other throws to the target."""
     yield candidates.candidates[0]
     for other in others().alternatives:
         yield JudgedThrow(other, ALTERNATIVE, other.solver)
 
 
-def _best_plan(candidates: _Candidates, hardening: Hardening) -> Plan:
+def _best_plan(candidates: _RobustCandidates, hardening: Hardening) -> Plan:
     """The plan of the best candidate; its message gives the sweeps of this and the plain throw."""
     best, plain = candidates.best, candidates.candidates[0]
     throw = best.plan.throw

@@ -187,7 +187,7 @@ def pose_errors(plan: Plan, landings: Outcomes, nominal: Outcomes) -> dict[str, 
 
 
 def _title(sweep: Sweep, words: str) -> dict[str, Any]:
-    """Title of a picture: the scene, what is shown, number of throws, release model."""
+    """Title of a picture: scene, contents, number of throws, release model."""
     throws = f"{sweep.samples:,} throws, {MODELS[sweep.simulator.batch.model].title}"
     return {"t": f"{sweep.label}: {words} ({throws})", "x": 0.01, "ha": "left", "fontsize": 11}
 

@@ -181,15 +181,15 @@ def _collision(finding: Finding) -> str:
     if finding.value <= 0.0:
         return f"{finding.other}: {finding.body} meets it{_at(finding)}"
     distance = f"{finding.body} {1e3 * finding.value:.0f} mm away{_at(finding)}"
-    return f"{finding.other}: {distance}, must be {1e3 * finding.limit:g} mm"
+    return f"{finding.other}: {distance}, must be at least {1e3 * finding.limit:g} mm"
 
 
 def _distance(name: str) -> Callable[[Finding], str]:
     def words(finding: Finding) -> str:
         if finding.value <= 0.0:
             return f"{name}: {finding.body} touches it{_at(finding)}"
-        distance, least = 1e3 * finding.value, 1e3 * finding.limit
-        return f"{name}: {finding.body} {distance:.1f} mm away{_at(finding)}, must be {least:g} mm"
+        distance = f"{finding.body} {1e3 * finding.value:.1f} mm away{_at(finding)}"
+        return f"{name}: {distance}, must be at least {1e3 * finding.limit:g} mm"
 
     return words
 

@@ -173,7 +173,7 @@ def _throw(
 
 
 def _landing(row: Mapping[str, str], shared: Shared) -> tuple[float, float, float] | None:
-    """x, z [m] and theta [rad] of the row's landing; None where it has none."""
+    """x, z [m] and theta [rad] of the row's landing; None without one."""
     if not all(row.get(name) for name in LANDING):
         return None
     x, z, theta = (_number(row, name) for name in LANDING)

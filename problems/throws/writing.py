@@ -34,7 +34,7 @@ def write_throws(
     """Write dataset.toml, throws.csv and the recordings into `folder`, made if need be, in place
     of those of an earlier data set.
 
-    `load_throws` gives the same back to 9 digits; the grip force is sampled at 1 kHz.
+    `load_throws` reads it back to 9 digits; the grip force is sampled at 1 kHz.
     objects: their names in the files, else object1, object2 and so on. Raises InputError
     for a folder that cannot be written and an arm's file that `folder` does not hold.
     """

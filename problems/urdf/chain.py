@@ -51,7 +51,7 @@ class UrdfChain:
     def frames(self) -> tuple[JointFrame, ...]:
         """The arm's joint frames, then the hand's, each in the frame before, at angle 0.
 
-        Fixed joints are folded in, and so are those that are not chosen, at 0.
+        Fixed joints, and joints not chosen (at 0), are folded in.
         """
         turns = dict(zip(self.names, self.turns, strict=True))
         poses, at = [], self.begin

@@ -58,7 +58,7 @@ def read_urdf(path: Path) -> Any:
 
 
 def urdf_file(path: Path) -> Path:
-    """The file that `read_urdf` reads, of robot_descriptions too; `path` where it says none."""
+    """The file that `read_urdf` reads, also for robot_descriptions; `path` if that names none."""
     if not _is_description(path):
         return path
     try:
@@ -73,7 +73,7 @@ def _is_description(path: Path) -> bool:
 
 
 def _parse(text: str, path: Path) -> Any:
-    """A file as yourdfpy has it, which mends broken ones by leaving out what it cannot read."""
+    """The file parsed by yourdfpy, which skips unreadable parts of broken files."""
     import yourdfpy
 
     text = _declare_prefixes(text)

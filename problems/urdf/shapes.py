@@ -49,7 +49,7 @@ class LinkShapes:
 def link_shapes(chain: UrdfChain, file: Path) -> LinkShapes:
     """A capsule of about the least volume around the meshes of each URDF link.
 
-    A link within the capsules of others that the same joint moves has none of its own.
+    A link inside the capsules of other links of its joint has no capsule.
     """
     meshes, unread = link_meshes(chain, file)
     capsules_found, clouds = list[LinkCapsule](), list[tuple[int, Array]]()

@@ -1,4 +1,4 @@
-"""The pad patch as points: where it presses, and the friction of all points together.
+"""The pad patch as points: their pressure, and their total friction.
 
 A disc under 'uniform' or 'hertz' pressure gets rings of points; its radius is chosen so
 that pure torsion is c r_p mu f_N, the limit of the ellipsoid in (19) of Liu and Billard.

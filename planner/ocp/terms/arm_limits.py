@@ -37,7 +37,7 @@ class SlowingLimits(SceneConstraint):
         return dict(zip(SLOWING, request.manipulator.planning.slowing, strict=True))
 
     def at_rate(self, node: Node, q: ca.SX, dq: ca.SX) -> None:
-        """dq + offset <= sqrt(2 a (upper - q)), squared with the sign kept.
+        """dq + offset <= sqrt(2 a (upper - q)), squared with its sign.
 
         The squared form has no root of a negative number at an iterate. Its error is at most
         5e-5 (rad/s)^2, on the safe side.

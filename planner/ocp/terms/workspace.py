@@ -112,7 +112,7 @@ class Column(SceneConstraint):
         return cls("passing" in request.refinement.lazy)
 
     def parameter_values(self, request: Request) -> dict[str, Any]:
-        """The column grown by the margin of what is carried; other margins."""
+        """The column enlarged by the margin of the held bar; other margins."""
         column, margins = column_of(request.scene), request.refinement.margins
         assert column is not None
         return {
