@@ -1,7 +1,7 @@
-"""A rigid bar in the hand and in flight, and motions over time: floats, arrays and CasADi alike.
+"""Models of a rigid bar in the hand and in flight, and of motions: for floats, arrays and CasADi.
 
-`release` has the release models and their registry, `robot` the arms. Scenes, files and solvers are
-not known here.
+`release` has the release models and their registry, `robot` the arms. This package imports no
+scenes, files or solvers.
 """
 
 from .body import (

@@ -1,11 +1,11 @@
 """A rigid planar body, gripped by two pads or in flight: its parameters and kinematics.
 
-The equations are written component by component with the few functions of `backend`, so
-that the same lines run on floats, on NumPy arrays (N throws) and on CasADi expressions.
+The equations use the few functions of `backend`, component by component: they run on floats, on
+NumPy arrays (N throws) and on CasADi expressions.
 
 Frame: x forward, z up, angles counter-clockwise from +x towards +z, unwrapped; SI units.
-The contact point is the point of the body under the centre of the pads, `r = (x_r, z_r)`
-is the CoM seen from it. Source: (11)-(15), (28)-(33) of Liu and Billard, "On Transient
+The contact point is the point of the body under the centre of the pads; `r = (x_r, z_r)`
+leads from it to the CoM. Source: (11)-(15), (28)-(33) of Liu and Billard, "On Transient
 Release Dynamics in Robot Throwing: A Sliding Pivot Model".
 """
 
@@ -133,7 +133,7 @@ class HandSamples:
 
     @property
     def motion(self) -> HandMotion:
-        """What the contact equations need."""
+        """The hand's motion for the contact equations."""
         return HandMotion(self.pose[2], self.twist[2], *components(self.acceleration))
 
     def __iter__(self) -> Iterator[Array]:
@@ -200,7 +200,7 @@ def pivot_wrench(
 def held_wrench(
     body: Body, gravity: Value, hand: HandMotion, grasp_angle: Value
 ) -> tuple[Value, Value, Value]:
-    """`pivot_wrench` of a body that sticks to the hand at `grasp_angle` [rad] to it."""
+    """`pivot_wrench` of a body that sticks to the hand at `grasp_angle` [rad]."""
     theta, h = hand.theta + grasp_angle, body.com_offset
     xp = backend(theta)
     return pivot_wrench(body, gravity, hand, hand.omega, h * xp.cos(theta), h * xp.sin(theta))

@@ -1,8 +1,8 @@
-"""The laws as C text, from what the models do with CasADi symbols: writes core/laws.h.
+"""The laws as C text, from the models' CasADi expressions: writes core/laws.h.
 
     python -m throwplan.models.core_laws
 
-A law is a loop over lanes: the same step for LANES throws side by side, one for a single throw.
+A law is a loop over lanes: one step of LANES throws side by side; a single throw has one lane.
 Values are arrays [rows][LANES], so that the compiler turns each loop into vector instructions. No
 branch is left in a loop: a choice is a conditional expression.
 """
@@ -36,7 +36,7 @@ HEAD = """\
 #define LOST_SLIP {lost}
 """
 
-#: C expressions of CasADi's operations with one and with two operands.
+#: C expressions of CasADi's operations.
 _EXPRESSIONS = {
     ca.OP_ASSIGN: "{0}",
     ca.OP_NEG: "-{0}",
@@ -137,7 +137,7 @@ def _scalar(f: ca.Function) -> str:
 
 
 def text() -> str:
-    """The whole of core/laws.h."""
+    """The text of core/laws.h."""
     head = HEAD.format(iterations=ITERATIONS, lost=LOST_SLIP)
     laws = [*_link_functions(), *_pivot_functions(), *_surface_functions()]
     return head + _flight_text() + "".join(map(_lane_function, laws)) + "\n#endif\n"

@@ -1,4 +1,4 @@
-"""Free flight, in one place: planner, NLP and pictures ask `FlightLaw`.
+"""Free flight: the law of planner, NLP and pictures.
 
 `core_laws` writes its `after` and `fall_time` as C into core/laws.h.
 """
@@ -11,7 +11,7 @@ import numpy as np
 
 from .body import Array, Value, backend
 
-#: Speed [m/s] in place of 0 as a divisor: keeps 0 / 0 out of a fall from rest at its own height.
+#: Divisor [m/s] in place of 0 for a fall from rest at its own height.
 TINY = 1e-300
 
 
@@ -75,7 +75,7 @@ class FlightLaw:
         return np.column_stack([end.x, end.theta, time])
 
     def apex(self, start: FlightState) -> FlightState:
-        """The highest state from `start` on; `start` itself where it falls, or without gravity."""
+        """The highest state from `start` on; `start` itself if it falls, or without gravity."""
         xp = backend(start.v_z, self.gravity)
         rise = xp.maximum(start.v_z, 0.0) / xp.maximum(self.gravity, TINY)
         return self.after(start, xp.where(self.gravity > 0, rise, 0.0 * start.v_z))

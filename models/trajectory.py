@@ -1,7 +1,7 @@
 """Motions over time as polynomial pieces: of hands and of joints, of one throw or of N.
 
-A hand's coordinates are x, z [m] and theta [rad]; joints count as they are given. Every
-motion in the package is a `Trajectory`, or the hand that a path of joints moves.
+A hand's coordinates are x, z [m] and theta [rad]; joints are in their own order. Every motion is a
+`Trajectory` of these, or the `MovedHand` of a trajectory of joints.
 """
 
 from __future__ import annotations
@@ -18,12 +18,12 @@ import numpy.typing as npt
 from ..core import AXES, LinkageC, PathC, SamplesC, library
 from .body import Array, HandSamples
 
-#: Indices of some of N throws.
+#: Indices among N throws.
 Throws = npt.NDArray[np.int_]
 
-#: Distance [s] from a break at which either side is sampled: the acceleration may step there.
+#: Distance [s] from a break of the samples on either side; the acceleration may step at it.
 INSIDE = 1e-12
-#: Order of the low-pass for recordings; it runs forwards and backwards, which doubles it.
+#: Order of the low-pass for recordings; running it forwards and backwards doubles the order.
 ORDER = 2
 
 
@@ -31,12 +31,12 @@ ORDER = 2
 class Trajectory:
     """n coordinates over time in P polynomial pieces, for one throw or N.
 
-    breaks (P + 1,) [s]: where pieces begin and end; the first and last go on outside, or,
-    `held`, the path stays at its two ends. given (D + 1, n, P, R): coefficients, highest
-    power first, of the time since the piece's begin, or samples (R, P + 1, n) at the breaks,
-    for cubic splines. R is N, or 1 where all throws share one motion. delays (N,) [s]: how
-    much later each throw is on its motion. drift (n, N): rates added from time 0 on.
-    kinks (J,) [s]: where acceleration or jerk may step.
+    breaks (P + 1,) [s]: ends of the pieces. Outside, the first and last piece continue; if `held`,
+    the coordinates keep their values at the ends. given (D + 1, n, P, R): coefficients, highest
+    power first, of the time since the start of the piece; or samples (R, P + 1, n) at the breaks,
+    for cubic splines. R is N, or 1 for a motion shared by all throws. delays (N,) [s]: of each
+    throw on its motion. drift (n, N): rates added from time 0 on. kinks (J,) [s]: steps of
+    acceleration or jerk.
     """
 
     breaks: Array
@@ -113,7 +113,7 @@ class Trajectory:
 
     @classmethod
     def cubics(cls, times: Array, q: Array, dq: Array, ddq: Array, jerk: Array) -> Trajectory:
-        """Pieces from `times` (P + 1,) [s] with these values (P, n) at their begin."""
+        """Pieces between `times` (P + 1,) [s] with these values (P, n) at their start."""
         given = np.stack([jerk / 6, ddq / 2, dq, q]).transpose(0, 2, 1)[..., None]
         return cls(times, given, times)
 
@@ -132,13 +132,16 @@ class Trajectory:
 
     @classmethod
     def joined(cls, parts: Sequence[Trajectory]) -> Trajectory:
-        """Single paths, each from where the one before ends; held at the end as the last is.
+        """Concatenates single paths in time; held at the end like the last.
 
         Kinks are those of the first.
         """
-        most = max(len(part.coefficients) for part in parts)
+        degree_count = max(len(part.coefficients) for part in parts)
         padded = [
-            np.pad(part.coefficients, ((most - len(part.coefficients), 0), (0, 0), (0, 0), (0, 0)))
+            np.pad(
+                part.coefficients,
+                ((degree_count - len(part.coefficients), 0), (0, 0), (0, 0), (0, 0)),
+            )
             for part in parts
         ]
         breaks = np.concatenate([part.breaks[:-1] for part in parts] + [parts[-1].breaks[-1:]])
@@ -156,17 +159,17 @@ class Trajectory:
 
     @cached_property
     def core(self) -> PathC:
-        """A single path, without drift, as the compiled core takes it."""
+        """A single path without drift, for the compiled core."""
         powers, n, pieces, rows = self.coefficients.shape
         assert rows == 1 and n <= AXES and self.drift is None
         arrays = map(np.ascontiguousarray, (self.breaks, self.coefficients, self.kinks))
         breaks, curves, kinks = arrays
-        found = PathC(n=n, powers=powers, pieces=pieces, held=self.held, corners=kinks.size)
-        found.attach(breaks=breaks, curves=curves, kinks=kinks)
-        return found
+        path = PathC(n=n, powers=powers, pieces=pieces, held=self.held, corners=kinks.size)
+        path.attach(breaks=breaks, curves=curves, kinks=kinks)
+        return path
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without addresses, which are this process's own."""
+        """The state without addresses of this process."""
         return {name: value for name, value in vars(self).items() if name != "core"}
 
     @cached_property
@@ -192,7 +195,7 @@ class Trajectory:
         return float(self.breaks[-1])
 
     def starts(self, derivative: int) -> Array:
-        """A derivative (P, n) at the begin of each piece of a single path."""
+        """A derivative (P, n) at the start of each piece of a single path."""
         power = self.coefficients[-1 - derivative, :, :, 0]
         return math.factorial(derivative) * np.ascontiguousarray(power.T)
 
@@ -216,9 +219,9 @@ class Trajectory:
     def shifted(self, delays: Array | float) -> Trajectory:
         """Each throw's clock starts that much later [s] on the motion: one value, or (N,)."""
         # It shares the coefficients if they are known.
-        found = object.__new__(Trajectory)
-        vars(found).update(vars(self), delays=self.delays + delays)
-        return found
+        copy = object.__new__(Trajectory)
+        vars(copy).update(vars(self), delays=self.delays + delays)
+        return copy
 
     def at(self, times: npt.ArrayLike) -> HandSamples:
         """Coordinates and derivatives, each (n, K), at `times` (K,) [s]; N throws: (N,)."""
@@ -258,9 +261,9 @@ class Trajectory:
 class MovedHand:
     """The hand that a path of joints moves.
 
-    motion: function of q, dq, ddq, each (n, K), that gives pose, twist and acceleration of
-    the hand, each (3, K); linkage: the same for the compiled core. turning [rad/s]: how much faster
-    than that the hand turns from time 0 on.
+    motion: function from q, dq, ddq, each (n, K), to pose, twist and acceleration of the hand, each
+    (3, K); linkage: its form for the compiled core. turning [rad/s]: angular velocity added to the
+    hand's from time 0 on.
     """
 
     path: Trajectory

@@ -1,8 +1,8 @@
-"""What is wanted, as data with its checks: scenes, arms and measured throws, and their files.
+"""Problem data with their checks: scenes, arms and measured throws, and their files.
 
-Everything a user writes is read here, and refused with one line where it is wrong (`InputError`).
-Scenes are frozen dataclasses in SI units and radians; a section that is None adds nothing. `files`
-reads and writes, `throws` has measured throws, `urdf` makes arms from robots' files.
+This package reads all files of users and refuses each mistake with one line (`InputError`). Scenes
+are frozen dataclasses in SI units and radians; a section that is None adds nothing. `files` reads
+and writes, `throws` has measured throws, `urdf` makes arms from robots' files.
 """
 
 from .arms import load_arm

@@ -21,7 +21,7 @@ from ..models.robot import (
 from .files import read_text, shipped, toml_lines, toml_tables
 from .section import InputError, from_table, meanings, rows_from, table_of
 
-#: Conventions for the frames of the chain, by the name of the tables, one per joint.
+#: Types of joints in the chain by the name of their tables.
 CHAINS: dict[str, type[Any]] = {"dh": DHRow, "joints": JointFrame}
 #: Tables of an arm data file by name.
 TABLES: dict[str, type[Any]] = {
@@ -34,7 +34,7 @@ TABLES: dict[str, type[Any]] = {
     "capsules": LinkCapsule,
 }
 
-#: Frame of a gripper's body, in words.
+#: Description of the frame of a gripper's body.
 FRAME = "in the flange's frame, z out of the hand, y along the pads' closing"
 
 
@@ -43,13 +43,13 @@ class GripperCapsule:
     """A shape of the gripper: all points within `radius` of a segment."""
 
     begin: tuple[float, float, float] = described(f"m, {FRAME}")
-    end: tuple[float, float, float] = described("m, the same")
+    end: tuple[float, float, float] = described("m, in the same frame")
     radius: float = described("m", above=0)
 
 
 @dataclass(frozen=True)
 class GripperData:
-    """A gripper that any arm may carry: its grip, and its body from the flange on."""
+    """A gripper for any arm: its grip, and its body in the flange's frame."""
 
     description: str = described("one line")
     force: float = described("N, of one pad at full grip", above=0)
@@ -70,22 +70,24 @@ class GripperData:
         """An arm's tables with this gripper in place of any other."""
         own = table_of(self)
         joints = len(tables.get("dh") or tables.get("joints") or ())
-        found = dict(tables)
+        result = dict(tables)
         reach = {key: own[key] for key in ("tcp", "palm_back", "palm_front", "palm_half_width")}
-        found["tool"] = {**tables.get("tool", {}), **reach}
+        result["tool"] = {**tables.get("tool", {}), **reach}
         if tables.get("links"):
             hand = {key: own[key] for key in ("mass", "com", "inertia")}
-            found["links"] = [*tables["links"][:joints], hand]
+            result["links"] = [*tables["links"][:joints], hand]
         if tables.get("capsules"):
-            kept = [row for row in tables["capsules"] if row.get("link") != joints + 1]
-            found["capsules"] = kept + [{"link": joints + 1} | row for row in own["capsules"]]
-        return found
+            arm_capsules = [row for row in tables["capsules"] if row.get("link") != joints + 1]
+            result["capsules"] = arm_capsules + [
+                {"link": joints + 1} | row for row in own["capsules"]
+            ]
+        return result
 
 
 def load_gripper(name: str, folder: Path | None = None) -> GripperData:
     """A gripper from a shipped name or a gripper data file (TOML), relative to `folder`."""
-    found: GripperData = from_table(GripperData, _tables("grippers", name, folder))
-    return found
+    gripper_data: GripperData = from_table(GripperData, _tables("grippers", name, folder))
+    return gripper_data
 
 
 def load_arm(name: str, folder: Path | None = None, gripper: GripperData | None = None) -> Arm:
@@ -105,16 +107,16 @@ def load_arm(name: str, folder: Path | None = None, gripper: GripperData | None 
 
 def _tables(kind: str, name: str, folder: Path | None) -> dict[str, Any]:
     """The tables of a shipped file or of a user's."""
-    known = shipped(kind)
-    if name in known:
-        text = known[name].read_text(encoding="utf-8")
+    names = shipped(kind)
+    if name in names:
+        text = names[name].read_text(encoding="utf-8")
     elif name.endswith(".toml"):
         text = read_text((folder or Path()) / name)
     else:
         unknown = {"arms": "unknown robot", "grippers": "unknown gripper"}[kind] + InputError.hint(
-            name, known
+            name, names
         )
-        raise InputError(f"{unknown} (shipped: {', '.join(known)}; or a .toml file)")
+        raise InputError(f"{unknown} (shipped: {', '.join(names)}; or a .toml file)")
     return toml_tables(text, name)
 
 
@@ -161,7 +163,7 @@ def arm_table(arm: Arm) -> dict[str, Any]:
 
 def arm_text(arm: Arm, remarks: Sequence[str] = ()) -> str:
     """TOML that `load_arm` reads as this arm, with units; remarks go in front."""
-    known = {name: meanings(kind) for name, kind in TABLES.items()}
+    key_meanings = {name: meanings(kind) for name, kind in TABLES.items()}
     lines = [f"# {' '.join(remark.split())}" for remark in remarks]
-    lines += ["# Joint numbers count from 1.", *toml_lines(arm_table(arm), known)]
+    lines += ["# Joint numbers count from 1.", *toml_lines(arm_table(arm), key_meanings)]
     return "\n".join(lines) + "\n"

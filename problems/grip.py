@@ -1,4 +1,4 @@
-"""What is thrown and how it is held: bar, grasp, pads, and the grip force with its recordings."""
+"""The object and its grip: bar, grasp, pads, and the grip force with its recordings."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from ..models import Array
 from ..models.release import GripProfile, LinearRelease, TableRelease
 from .section import InputError, Section, from_table, optional, quantity
 
-#: Largest mass [kg] of an object in a file; a larger one is likely in grams.
+#: Largest mass [kg] of an object in a file; larger values are likely in grams.
 HEAVIEST = 50.0
-#: Radius [m] of the pads' patch where a scene has none: that of the built-in Panda scenes.
+#: Default radius [m] of the pads' patch, that of the built-in Panda scenes.
 USUAL_PATCH = 0.0025
 
 
@@ -40,7 +40,7 @@ class ThrownObject(Section):
 
     @property
     def half_length(self) -> float:
-        """Half the length [m]: what an angle [rad] is multiplied by in a pose error (39)."""
+        """Half the length [m]: the lever of the angle in the pose error (39)."""
         return self.length / 2
 
     @overload
@@ -50,9 +50,10 @@ class ThrownObject(Section):
     def pose_error(self, dx: Array, dtheta: Array | float) -> Array: ...
 
     def pose_error(self, dx: Any, dtheta: Any) -> Any:
-        """|dx| + |dtheta| length / 2 [m], (39): position and angle as one error.
+        """Pose error |dx| + |dtheta| length / 2 [m], (39): position plus angle times half the
+        length.
 
-        dx [m], dtheta [rad]: numbers or arrays (N,); NaN where either is.
+        dx [m], dtheta [rad]: numbers or arrays (N,); NaN if either is NaN.
         """
         return abs(dx) + abs(dtheta) * self.half_length
 
@@ -65,30 +66,30 @@ class ThrownObject(Section):
                 f"width = {self.width:g}: must be at most ten times the length {self.length:g} m "
                 "(is it in mm?)"
             )
-        most = self.mass * (self.com * (self.length - self.com) + self.width**2 / 4)
+        largest = self.mass * (self.com * (self.length - self.com) + self.width**2 / 4)
         if self.inertia is None:
             uniform = self.mass * (self.length**2 + self.width**2) / 12
-            if uniform > most:
+            if uniform > largest:
                 raise InputError(
                     f"key 'inertia' is missing: with com = {self.com:g} the bar is not uniform"
                 )
             words = f"inertia is left out: a uniform bar's, {uniform:.4g} kg m^2, is taken"
             self.assume("inertia", uniform, words)
-        if self.inertia > most * (1 + 1e-9):
+        if self.inertia > largest * (1 + 1e-9):
             raise InputError(
-                f"inertia = {self.inertia:g}: must be at most {most:.4g} kg m^2, "
+                f"inertia = {self.inertia:g}: must be at most {largest:.4g} kg m^2, "
                 "what mass, length, width and com allow"
             )
 
 
 def held_object(table: Mapping[str, Any]) -> ThrownObject:
-    """The object of a file's table, in SI units: of a mass that a hand can hold."""
-    found: ThrownObject = from_table(ThrownObject, table)
-    if found.mass > HEAVIEST:
+    """The object of a file's table, in SI units; InputError for a mass that no hand can hold."""
+    thrown: ThrownObject = from_table(ThrownObject, table)
+    if thrown.mass > HEAVIEST:
         raise InputError(
-            f"mass = {found.mass:g}: must be in kg, at most {HEAVIEST:g} (is it in grams?)"
+            f"mass = {thrown.mass:g}: must be in kg, at most {HEAVIEST:g} (is it in grams?)"
         )
-    return found
+    return thrown
 
 
 @dataclasses.dataclass(frozen=True)
@@ -115,7 +116,7 @@ class PadContact(Section):
 
     friction: float = quantity("μ, of one pad", above=0, least=1e-6, most=100)
     patch_radius: float = quantity(
-        "m, radius r_p of the pads' patch; left out: 0.0025, with advice",
+        "m, radius r_p of the pads' patch; left out: 0.0025, with a note",
         above=0,
         least=1e-6,
         most=1,
@@ -137,7 +138,7 @@ class PadContact(Section):
     )
 
     def check(self) -> None:
-        """The usual patch where none is given."""
+        """Assumes the default patch radius if none is given."""
         if self.patch_radius is None:
             words = (
                 f"patch_radius is left out: {USUAL_PATCH:g} m is taken; better press the closed "
@@ -173,7 +174,7 @@ class Gripper(Section):
         "the arm's own hand, and its `force`, `dwell` and `opening` where they are left out"
     )
     sticking_margin: float = quantity(
-        "share of the full grip's friction limit that a plan keeps in reserve until the opening",
+        "margin of the grip use until the opening, as a share of the full grip's friction limit",
         least=0,
         below=1,
         default=0.05,
@@ -184,7 +185,7 @@ class Gripper(Section):
     )
 
     def check(self) -> None:
-        """Exactly one way of giving the force; a table that falls to zero."""
+        """The force is given in exactly one way; a table falls to zero."""
         linear = self.force is not None or self.opening is not None
         measured = bool(self.times or self.forces or self.table)
         if linear == measured:
@@ -199,13 +200,15 @@ class Gripper(Section):
         return self._profile
 
     def stretched(self, opening: float) -> Gripper:
-        """A gripper whose force falls in `opening` [s], in an unchanged shape; unchecked."""
+        """The gripper with a fall of the force in `opening` [s], of unchanged shape; unchecked."""
         if self.opening is not None:
             return self.changed(opening=opening)
         grip = self.profile()
         times, stretch = np.array(self.times), opening / grip.opening
-        later = grip.dwell + stretch * (times - grip.dwell)
-        return self.changed(times=tuple(np.where(times > grip.dwell, later, times).tolist()))
+        stretched_times = grip.dwell + stretch * (times - grip.dwell)
+        return self.changed(
+            times=tuple(np.where(times > grip.dwell, stretched_times, times).tolist())
+        )
 
     @functools.cached_property
     def _profile(self) -> GripProfile:

@@ -1,4 +1,4 @@
-"""What moves the hand: a free planar hand, an arm with its torques, or a motion that is given."""
+"""Motion of the hand: a free planar hand, an arm with its torques, or a given motion."""
 
 from __future__ import annotations
 
@@ -21,35 +21,35 @@ class Hand(Section):
     speed: float = quantity("m/s, each axis", above=0, most=1e3)
     acceleration: float = quantity("m/s², each axis", above=0, most=1e5)
     theta: tuple[float, float] = quantity(
-        "degrees, lowest and highest; a hand that does not turn keeps the first",
+        "degrees, lowest and highest; a hand without rotation keeps the first",
         degrees=True,
         default=(0.0, 0.0),
     )
     angular_speed: float | None = optional(
-        "rad/s; left out: the hand does not turn", above=0, most=1e3
+        "rad/s; left out: no rotation of the hand", above=0, most=1e3
     )
     angular_acceleration: float | None = optional("rad/s²; with `angular_speed`", above=0, most=1e5)
     start: tuple[float, float] | None = optional(
         "m, x and z at rest before the throw; left out: free"
     )
     start_theta: float | None = optional(
-        "degrees, at rest; with `start`, for a hand that turns", degrees=True
+        "degrees, at rest; with `start`, for a hand with rotation", degrees=True
     )
 
     @property
     def turns(self) -> bool:
-        """Whether the hand's angle is planned too."""
+        """Whether the hand's angle is a coordinate."""
         return self.angular_speed is not None
 
     def check(self) -> None:
-        """Ranges the right way round, both angular limits or none, start inside."""
+        """Low limits are below high ones, angular limits are complete, the start is inside."""
         for name in ("x", "z", "theta"):
             low, high = getattr(self, name)
             if low > high or (low == high and name != "theta"):
-                key, shown = name, [low, high]
+                key, ends = name, [low, high]
                 if name == "theta":
-                    key, shown = "theta_deg", [round(math.degrees(v), 6) for v in (low, high)]
-                raise InputError(f"{key} = {shown}: must be [lowest, highest]")
+                    key, ends = "theta_deg", [round(math.degrees(v), 6) for v in (low, high)]
+                raise InputError(f"{key} = {ends}: must be [lowest, highest]")
         if (self.angular_speed is None) != (self.angular_acceleration is None):
             raise InputError("angular_speed and angular_acceleration: give both or neither")
         if self.turns and self.theta[0] == self.theta[1]:
@@ -98,16 +98,20 @@ class Robot(Section):
         most=1e3,
     )
     position_margin: float = quantity(
-        "rad, kept back from both ends of a joint's range", least=0, below=0.5, default=0.01
+        "rad, margin at both ends of a joint's range", least=0, below=0.5, default=0.01
     )
     velocity_margin: float = quantity(
-        "share of the limit kept back for smoothing and correction",
+        "margin for smoothing and correction, as a share of the limit",
         least=0,
         below=0.9,
         default=0.01,
     )
-    acceleration_margin: float = quantity("the same", least=0, below=0.9, default=0.02)
-    jerk_margin: float = quantity("the same", least=0, below=0.9, default=0.05)
+    acceleration_margin: float = quantity(
+        "margin as for velocity, as a share of the limit", least=0, below=0.9, default=0.02
+    )
+    jerk_margin: float = quantity(
+        "margin as for velocity, as a share of the limit", least=0, below=0.9, default=0.05
+    )
 
 
 def thrown_by(robot: Robot, arm: Arm) -> tuple[int, ...]:
@@ -126,11 +130,11 @@ def check_robot(robot: Robot, arm: Arm) -> None:
                 f"[robot] throwing_joints = {list(joints)}: each must be another of 1 to "
                 f"{arm.joints} and not the azimuth joint {arm.azimuth_joint}"
             )
-    most = arm.limits.tool_speed
-    if robot.tool_speed is not None and most is not None and robot.tool_speed > most:
+    limit = arm.limits.tool_speed
+    if robot.tool_speed is not None and limit is not None and robot.tool_speed > limit:
         file = robot.arm if robot.arm.endswith(".toml") else f"arms/{robot.arm}.toml"
         raise InputError(
-            f"[robot] tool_speed = {robot.tool_speed:g}: must be at most {most:g} m/s, the "
+            f"[robot] tool_speed = {robot.tool_speed:g}: must be at most {limit:g} m/s, the "
             f"tool_speed of {file}"
         )
     if robot.start is None:
@@ -152,16 +156,16 @@ class Torque(Section):
     """Limits of the throwing joints' torques, by inverse dynamics, with the object in the hand and
     without. Only with [robot], and an arm whose data hold link masses.
 
-    Without this section the arm's own limits hold, and enter the NLP only where a throw breaks
-    them; with it they are in the NLP from the start. Left out are friction and rotors of the
-    drives, and the joints that only hold the posture.
+    Without this section the arm's own limits hold, and enter the NLP after a throw has broken them;
+    with it they are in the NLP from the start. The torques neglect friction and rotors of the
+    drives, and the joints that hold the posture.
     """
 
     limits: tuple[float, ...] | None = optional(
         "N m, one per throwing joint; the arm's own where left out", above=0, most=1e6
     )
     margin: float = quantity(
-        "share of the limits kept back for smoothing and correction",
+        "margin for smoothing and correction, as a share of the limits",
         least=0,
         below=0.9,
         default=0.02,
@@ -193,19 +197,21 @@ class Motion(Section):
     """
 
     position: tuple[float, float] = quantity(
-        "m, x and z of the hand when the force starts to fall", default=(0.0, 0.0)
+        "m, x and z of the hand at the start of the opening", default=(0.0, 0.0)
     )
-    angle: float = quantity("degrees, the hand's angle then", degrees=True, default=0.0)
+    angle: float = quantity("degrees, angle of the hand at that time", degrees=True, default=0.0)
     velocity: tuple[float, float] = quantity(
-        "m/s, x and z then", least=-1e3, most=1e3, default=(0.0, 0.0)
+        "m/s, x and z at that time", least=-1e3, most=1e3, default=(0.0, 0.0)
     )
-    rate: float = quantity("rad/s, turning rate then", least=-1e4, most=1e4, default=0.0)
+    rate: float = quantity(
+        "rad/s, angular velocity at that time", least=-1e4, most=1e4, default=0.0
+    )
     acceleration: tuple[float, float] = quantity(
         "m/s², x and z, constant", least=-1e5, most=1e5, default=(0.0, 0.0)
     )
     angular_acceleration: float = quantity("rad/s², constant", least=-1e5, most=1e5, default=0.0)
     times: tuple[float, ...] = quantity(
-        "s, from when on each row of `accelerations` holds; the first is 0", default=()
+        "s, start of each row of `accelerations`; the first is 0", default=()
     )
     accelerations: tuple[tuple[float, float, float], ...] = quantity(
         "rows a_x, a_z [m/s²], alpha [rad/s²]", default=()
@@ -224,7 +230,7 @@ class Motion(Section):
     )
 
     def check(self) -> None:
-        """One kind of motion; as many pieces as times; samples that rise in time."""
+        """There is one kind of motion, a piece for each time, and samples rise in time."""
         constant = any(self.acceleration) or self.angular_acceleration != 0.0
         sampled = self.table is not None or self.joints is not None
         if (constant and (self.accelerations or sampled)) or (self.accelerations and sampled):

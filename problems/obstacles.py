@@ -1,4 +1,4 @@
-"""What stands around: boxes, spheres and capsules that arm, held and flying bar keep clear of."""
+"""Obstacles: boxes, spheres and capsules that arm and bar must not touch."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from ..models.robot import Solid, about_z
 from .section import InputError, Section, quantity
 
-#: What `size` says of each kind.
+#: Meaning of `size` for each kind.
 SIZES = {
     "box": ("length, width and height", 3),
     "sphere": ("radius", 1),
@@ -38,7 +38,7 @@ class Obstacle(Section):
     position: tuple[float, float, float] = quantity(
         "m, x, y, z of its centre", least=-100.0, most=100.0
     )
-    yaw: float = quantity("degrees, turned about z", degrees=True, default=0.0)
+    yaw: float = quantity("degrees, rotation about z", degrees=True, default=0.0)
     pitch: float = quantity(
         "degrees, before that about its y axis; 90 lays a capsule along x",
         degrees=True,
@@ -47,7 +47,7 @@ class Obstacle(Section):
     clearance: float = quantity("m, from everything that moves", least=0, most=1.0, default=0.01)
 
     def check(self) -> None:
-        """As many sizes as the kind has."""
+        """`size` has as many numbers as its kind requires."""
         said, count = SIZES[self.kind]
         if len(self.size) != count:
             raise InputError(f"size = {list(self.size)}: of a {self.kind} it must be [{said}]")

@@ -1,6 +1,6 @@
-"""A scene: what is thrown, what holds it, where it should land. Data only, SI units, radians.
+"""A scene: object, grip, manipulator, target and limits, as data in SI units and radians.
 
-A section that is None is left out of everything: no variable, no constraint.
+A section that is None adds no variable and no constraint.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ from .section import (
 from .targets import Choice, Cup, Landing, Pose, Tolerance, Workspace
 from .uncertainty import Robust, Uncertainty
 
-#: Sections that move the hand: a scene has exactly one of them.
+#: Sections for the motion of the hand; a scene has exactly one of them.
 MOVERS = ("hand", "robot", "motion")
 
 
@@ -64,10 +64,10 @@ class Mesh(Section):
 
 @dataclasses.dataclass(frozen=True, repr=False)
 class Scene(Section):
-    """A whole scene. `file` is where it came from, for messages; `arm` is the robot's data.
+    """A scene. `file` is its origin, for messages; `arm` has the robot's data.
 
-    Sections are given by their names: ``Scene(name="mine", object=Object(...), ...)``; one that is
-    None adds nothing. `replace` makes a variant.
+    Sections are given by their names: ``Scene(name="mine", object=Object(...), ...)``; a section
+    that is None adds nothing. `replace` makes a variant.
     """
 
     name: str = dataclasses.field(
@@ -97,7 +97,7 @@ class Scene(Section):
     file: str = ""
 
     def __repr__(self) -> str:
-        """A line: all of its values would fill a screen; `table` has them."""
+        """One line; `table` has all values."""
         bar, target = self.object, self.target
         manipulator = "hand" if self.hand else self.arm.name if self.arm else "given motion"
         words = f"Scene({self.name}: {manipulator}, {bar.mass:g} kg bar of {bar.length:g} m"
@@ -149,12 +149,12 @@ class Scene(Section):
                 f"[gripper] dwell = {dwell:g}: must be below [mesh] carry_max = "
                 f"{self.mesh.carry_max:g} by 0.05 s"
             )
-        # The command goes out earlier by the known mean of the delay.
-        delay, most = self.mean_delay, self.mesh.carry_max - 0.05 - dwell
-        if self.motion is None and not -dwell <= delay <= most:
+        # The command is earlier by the known mean of the delay.
+        delay, longest = self.mean_delay, self.mesh.carry_max - 0.05 - dwell
+        if self.motion is None and not -dwell <= delay <= longest:
             raise InputError(
-                f"[uncertainty] delay: its mean = {delay:g}: must be {-dwell:g} to {most:g} s, so "
-                "that the command, [gripper] dwell and it earlier, is inside the motion"
+                f"[uncertainty] delay: its mean = {delay:g}: must be {-dwell:g} to {longest:g} s: "
+                "the command, earlier by it and the [gripper] dwell, must be inside the motion"
             )
 
     def _check_torque(self) -> None:
@@ -170,7 +170,7 @@ class Scene(Section):
             raise error.within("[uncertainty]", " ") from None
 
     def _load_arm(self, manipulator: str) -> None:
-        """The data of the arm that [robot] or [motion] names, where they are not given."""
+        """The data of the arm named by [robot] or [motion], unless given."""
         name = getattr(getattr(self, manipulator), "arm", None)
         if name is None and self.arm is not None:
             raise InputError("arm: only for a scene with [robot]")
@@ -187,7 +187,7 @@ class Scene(Section):
         cup = self.cup
         if cup is None:
             return
-        # The bar is as thick as it is wide, and a round cup is narrower off its middle.
+        # Thickness and width of the bar are equal; a round cup is narrower off its middle.
         half = self.object.width / 2
         need = math.hypot(half + cup.clearance + 0.001, half)
         if cup.radius <= need:
@@ -233,7 +233,7 @@ class Scene(Section):
         return scene
 
     def aimed_at(self, target: Pose) -> Scene:
-        """The scene with another target; a cup goes with it by the same way in x and z."""
+        """The scene with another target; a cup moves with the target in x and z."""
         cup, old = self.cup, self.target
         if cup is not None and old is not None:
             dx, dz = target.plane_x - old.plane_x, target.z - old.z
@@ -241,7 +241,7 @@ class Scene(Section):
         return self.changed(target=target, cup=cup)
 
     def without_clearances(self) -> Scene:
-        """The scene in which only what touches is too near: clearances are reserves of a plan."""
+        """The scene with all clearances zero: clearances are reserves of a plan."""
         cup, workspace, changes = self.cup, self.workspace, dict[str, Any]()
         if cup is not None:
             changes["cup"] = cup.changed(clearance=0.0)
@@ -283,51 +283,51 @@ class Scene(Section):
     @property
     def values(self) -> dict[str, float]:
         """The scene's values of the uncertain parameters by name; errors are 0."""
-        held = {name: getattr(self.object, name) for name in ("mass", "inertia")}
+        object_values = {name: getattr(self.object, name) for name in ("mass", "inertia")}
         pads = {name: getattr(self.contact, name) for name in ("friction", "patch_radius")}
         grasp = {"grasp_offset": self.grasp.offset, "grasp_angle": self.grasp.angle}
         rest = {"com_offset": self.com_offset, "opening": self.gripper.profile().opening}
-        return dict.fromkeys(Uncertainty.PARAMETERS, 0.0) | held | pads | grasp | rest
+        return dict.fromkeys(Uncertainty.PARAMETERS, 0.0) | object_values | pads | grasp | rest
 
     @property
     def ranges(self) -> dict[str, tuple[float, float]]:
         """[lowest, highest] possible value of each uncertain parameter."""
         offset, length = self.grasp.offset, self.object.length
-        found = {
+        limits = {
             name: Uncertainty.PARAMETERS[name].range(value) for name, value in self.values.items()
         }
         # The CoM stays in the bar; the pads may reach beyond its end by an error.
-        found["com_offset"] = (0.0 - offset, length - offset)
-        return found | {"grasp_offset": (-length, length)}
+        limits["com_offset"] = (0.0 - offset, length - offset)
+        return limits | {"grasp_offset": (-length, length)}
 
     @property
     def mean_delay(self) -> float:
-        """Known mean [s] of the opening delay: the command goes out earlier by as much."""
+        """Known mean [s] of the opening delay; the command is earlier by it."""
         spread = None if self.uncertainty is None else self.uncertainty.delay
         return 0.0 if spread is None else spread.about(0.0).expected
 
     @property
     def deviations(self) -> dict[str, float]:
         """Standard deviations of the uncertain parameters by name; without [uncertainty] of the
-        usual delay."""
+        default delay."""
         section, values = self.uncertainty or Uncertainty.USUAL, self.values
         spreads = {name: getattr(section, name).about(values[name]) for name in section.names}
         return {name: spread.deviation for name, spread in spreads.items()}
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What the scene leaves out and what is taken instead, in words for people."""
+        """Sentences about the defaults of keys that the scene leaves out."""
         sections = {"object": self.object, "contact": self.contact}
-        found = [f"[{name}] {words}" for name, s in sections.items() for words in s.assumed]
+        sentences = [f"[{name}] {words}" for name, s in sections.items() for words in s.assumed]
         if self.robot is not None and self.arm is not None and not self.arm.capsules:
             words = "its joints keep off the floor, its links off nothing"
-            found.append(f"[robot] arm {self.arm.name} has no [[capsules]]: {words}")
-        return tuple(found)
+            sentences.append(f"[robot] arm {self.arm.name} has no [[capsules]]: {words}")
+        return tuple(sentences)
 
     def table(self) -> dict[str, Any]:
-        """The scene as its file would say it, with the data of its arm as the table `arm`.
+        """The scene as the tables of a file, with the data of its arm as table `arm`.
 
-        What the file takes from other files (a recorded grip force) is in it.
+        It includes the data of other files, such as a recorded grip force.
         """
         table: dict[str, Any] = {key: getattr(self, key) for key in TOP_KEYS}
         for key in SECTIONS:
@@ -351,18 +351,18 @@ class Scene(Section):
         return Path(self.file).name if self.file else self.name
 
 
-#: Sections of a scene file, and what each becomes.
+#: Sections of a scene file, and their types.
 SECTIONS: dict[str, type[Section]] = {
     name: kind
     for name, hint in hints_of(Scene).items()
     for kind in (*typing.get_args(hint), hint)
     if isinstance(kind, type) and issubclass(kind, Section)
 }
-#: Keys of a scene file that stand before its first section.
+#: Keys of a scene file before its first section.
 TOP_KEYS = ("name", "description", "gravity")
 
 
-def _say_sections() -> None:
+def _document_sections() -> None:
     """Every section and its keys with their units, for ``help(Scene)``."""
     lines = ["", "    Sections, and what each holds:", ""]
     for name, hint in hints_of(Scene).items():
@@ -379,4 +379,4 @@ def _say_sections() -> None:
     Scene.__doc__ = "\n".join([(Scene.__doc__ or "").rstrip(), *lines, "    "])
 
 
-_say_sections()
+_document_sections()

@@ -1,7 +1,7 @@
-"""Sections of a scene file: frozen dataclasses whose fields know what they mean and allow.
+"""Sections of a scene file: frozen dataclasses whose fields have meanings, units and limits.
 
-A field is described once, by `rules`: what the reference in docs/ says of it, the unit of its
-file, its limits. Loading, checking, writing and the reference all read that.
+`rules` describes a field once: its meaning for the reference in docs/, its unit in files, its
+limits. Loading, checking, writing and the reference use this description.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ import numpy as np
 
 
 class ThrowplanError(Exception):
-    """Base of all of throwplan's own exceptions."""
+    """Base class of throwplan's exceptions."""
 
 
 class InputError(ThrowplanError, ValueError):
@@ -35,27 +35,27 @@ class InputError(ThrowplanError, ValueError):
 
     @staticmethod
     def hint(word: str, known: Iterable[str]) -> str:
-        """A hint at the known word that is most like a wrong one; empty if none is like it."""
-        near = difflib.get_close_matches(word, list(known), 1, 0.4)
-        return f", did you mean '{near[0]}'?" if near else ""
+        """A hint at the known word most similar to a wrong one; empty without a similar one."""
+        matches = difflib.get_close_matches(word, list(known), 1, 0.4)
+        return f", did you mean '{matches[0]}'?" if matches else ""
 
 
 class Mistakes:
-    """Collects mistakes, so that all of them are said together."""
+    """Collects mistakes, to report them together."""
 
     def __init__(self) -> None:
         self.lines: list[str] = []
 
     @contextlib.contextmanager
     def kept(self) -> Iterator[None]:
-        """Keeps an InputError that is raised inside."""
+        """Collects an InputError of the block."""
         try:
             yield
         except InputError as error:
             self.lines += str(error).splitlines()
 
     def refuse(self) -> None:
-        """InputError with all of them, if there are any."""
+        """Raises an InputError with all collected mistakes, if there are any."""
         if self.lines:
             raise InputError(*self.lines)
 
@@ -70,11 +70,10 @@ def rules(
 ) -> dict[str, Any]:
     """The rules of a field, for its metadata.
 
-    meaning: words for the reference, which begin with the unit that files give the value in.
-    degrees: files give the value in degrees, under the field's name with `_deg` behind it; in
-    the dataclass it is in radians, and so are the limits here. unit: said where a limit
-    refuses a value, for those that are easily given in another unit. choices: of a text.
-    limits: `above`, `least`, `most`, `below`.
+    meaning: text of the reference, which begins with the unit in files. degrees: files have the
+    value in degrees, under the field's name plus `_deg`; the dataclass and the limits here have
+    radians. unit: named in the refusal of a value that users easily give in another unit. choices:
+    of a text. limits: `above`, `least`, `most`, `below`.
     """
     return {"meaning": meaning, "degrees": degrees, "unit": unit, "choices": choices} | limits
 
@@ -93,11 +92,11 @@ def optional(meaning: str, **limits: Any) -> Any:
 class Section:
     """Base of all sections: checks types, finiteness and limits of its fields."""
 
-    #: Words for people about values that were left out and assumed.
+    #: Sentences about the defaults of keys that were left out.
     assumed: ClassVar[tuple[str, ...]] = ()
 
     def __init_subclass__(cls) -> None:
-        """Say in the docstring what the fields mean: in Python angles are in radians."""
+        """Adds the fields' meanings to the docstring; angles in Python are in radians."""
         words = [(cls.__doc__ or "").rstrip(), ""]
         for name, field in vars(cls).items():
             if isinstance(field, dataclasses.Field) and "meaning" in field.metadata:
@@ -117,7 +116,7 @@ class Section:
         self.check()
 
     def assume(self, name: str, value: Any, words: str) -> None:
-        """Take `value` for a field that was left out, and keep the words that say so."""
+        """Sets a field that was left out to `value`, and keeps a sentence about it."""
         object.__setattr__(self, name, value)
         object.__setattr__(self, "assumed", (*self.assumed, words))
 
@@ -125,14 +124,14 @@ class Section:
         """Conditions between fields; raises InputError."""
 
     def changed(self, **values: Any) -> Self:
-        """A copy with other values, unchecked: plans make many from values that are valid."""
-        found, own = object.__new__(type(self)), vars(self)
-        kept = {name: own[name] for name in self.__dataclass_fields__ if name in own}
-        vars(found).update(kept, **values)
-        return found
+        """A copy with other values, unchecked: plans make many copies with valid values."""
+        copy, own = object.__new__(type(self)), vars(self)
+        fields_own = {name: own[name] for name in self.__dataclass_fields__ if name in own}
+        vars(copy).update(fields_own, **values)
+        return copy
 
 
-#: Types of the fields of each section; resolving them takes longer than checking a value.
+#: Types of the fields of each section; resolving them is slower than a check of a value.
 _known_hints: dict[type[Any], dict[str, Any]] = {}
 
 
@@ -149,21 +148,21 @@ def file_key(name: str, about: Mapping[str, Any]) -> str:
 
 
 def unit_of(about: Mapping[str, Any]) -> str:
-    """A field's unit in Python, in brackets; empty for what has none."""
-    found = re.match(
+    """A field's unit in Python, in brackets; empty without a unit."""
+    match = re.match(
         r"(degrees/s|degrees|rad/s²|rad/s|rad|kg m²|kg|m/s²|m/s|m|s|N m|N|Hz)(?=[,;]|$)",
         about["meaning"],
     )
-    return "" if found is None else f" [{found[1].replace('degrees', 'rad')}]"
+    return "" if match is None else f" [{match[1].replace('degrees', 'rad')}]"
 
 
 # From files and to them.
 
 
 def from_table(kind: type[Any], table: Mapping[str, Any], **given: Any) -> Any:
-    """A value of dataclass `kind` from a TOML table, and those in it; unknown keys are refused.
+    """A value of dataclass `kind` from a TOML table and its subtables; refuses unknown keys.
 
-    given: fields that are known already.
+    given: values of fields that are not in the table.
     """
     fields = {
         file_key(f.name, f.metadata): f
@@ -196,15 +195,15 @@ def _read(key: str, value: Any, hint: Any, about: Mapping[str, Any]) -> Any:
         if not isinstance(value, Mapping):
             raise InputError(f"{key} = {value!r}: must be a table")
         try:
-            found = from_table(part, value)
+            result = from_table(part, value)
         except InputError as error:
             raise error.within(key) from None
-        return found.scaled(math.radians(1.0)) if about.get("degrees") else found
+        return result.scaled(math.radians(1.0)) if about.get("degrees") else result
     return checked(key, _radians(key, value) if about.get("degrees") else value, hint, about)
 
 
 def part_of(hint: Any) -> tuple[type[Any] | None, bool]:
-    """The dataclass that a field holds, if it does, and whether it is a list of them."""
+    """The dataclass of a field's values, None for others, and whether the field is a list."""
     options = typing.get_args(hint) if isinstance(hint, types.UnionType) else (hint,)
     for option in options:
         several = typing.get_origin(option) is tuple
@@ -218,19 +217,19 @@ def rows_from(key: str, kind: type[Any], value: Any) -> tuple[Any, ...]:
     """The values of dataclass `kind` in a list of tables."""
     if not isinstance(value, list) or not all(isinstance(row, Mapping) for row in value):
         raise InputError(f"{key} = {value!r}: must be a list of tables")
-    found, mistakes = [], Mistakes()
+    rows_read, mistakes = [], Mistakes()
     for number, row in enumerate(value, start=1):
         with mistakes.kept():
             try:
-                found.append(from_table(kind, row))
+                rows_read.append(from_table(kind, row))
             except InputError as error:
                 raise error.within(f"{key} {number}") from None
     mistakes.refuse()
-    return tuple(found)
+    return tuple(rows_read)
 
 
 def table_of(section: Any) -> dict[str, Any]:
-    """The table that `from_table` makes a dataclass's value from; defaults are left out."""
+    """The table of a dataclass's value, for `from_table`; without defaults."""
     table: dict[str, Any] = {}
     for field in dataclasses.fields(section):
         value = getattr(section, field.name)
@@ -241,7 +240,7 @@ def table_of(section: Any) -> dict[str, Any]:
 
 
 def _plain(value: Any, degrees: bool) -> Any:
-    """A value as TOML or JSON has it."""
+    """A value in the types of TOML and JSON."""
     if isinstance(value, tuple):
         return [_plain(item, degrees) for item in value]
     if dataclasses.is_dataclass(value):
@@ -267,7 +266,7 @@ def _radians(key: str, value: Any) -> Any:
         raise InputError(f"{key}: the number is too large") from None
 
 
-#: Keys that files of earlier versions have, by their sections' classes, and where they are now.
+#: Keys of earlier versions by their sections' classes, and their places now.
 MOVED = {("Mesh", "sticking_margin"): "key 'sticking_margin': moved to [gripper]"}
 
 
@@ -279,10 +278,10 @@ def unknown(key: str, known: Sequence[str]) -> str:
 # Checks of single values.
 
 _WRONG = object()
-#: Largest whole number that becomes a float.
+#: Largest whole number that a float holds.
 _HUGE = 1e308
-#: Largest value of a quantity by its unit, which a field may lower; beyond, squares and ratios
-#: overflow. `_SMALLEST` is the least value of one that must be above 0.
+#: Largest value of a quantity by its unit, unless its field has a lower limit; squares and ratios
+#: of larger values overflow. `_SMALLEST` is the smallest positive value.
 LARGEST = {
     **{"m": 1e3, "degrees": 1e5, "rad": 1e3, "kg": 1e4, "kg m²": 1e6, "s": 1e4, "Hz": 1e5},
     **{"m/s": 1e3, "m/s²": 1e5, "rad/s": 1e4, "rad/s²": 1e6, "rad/s³": 1e9, "N": 1e6, "N m": 1e6},
@@ -298,28 +297,28 @@ _LIMITS: tuple[tuple[str, Any, str], ...] = (
 
 def checked(key: str, value: Any, hint: Any, about: Mapping[str, Any]) -> Any:
     """A field's value as the type `hint`; InputError for a wrong type or a broken limit."""
-    found = _coerced(value, hint)
-    if found is _WRONG:
-        shown = _shown(value, bool(about.get("degrees")))
-        raise InputError(f"{key} = {shown!r}: must be {_describe(hint)}")
-    for item in found if isinstance(found, tuple) else (found,):
+    result = _coerce(value, hint)
+    if result is _WRONG:
+        in_file = _in_file_unit(value, bool(about.get("degrees")))
+        raise InputError(f"{key} = {in_file!r}: must be {_describe(hint)}")
+    for item in result if isinstance(result, tuple) else (result,):
         _check_limits(key, item, about)
-    return found
+    return result
 
 
-def _shown(value: Any, degrees: bool) -> Any:
-    """A value as the file gives it: in degrees where its key says so."""
+def _in_file_unit(value: Any, degrees: bool) -> Any:
+    """A value in the unit of its file key: degrees for keys in `_deg`."""
     if isinstance(value, list | tuple):
-        return [_shown(item, degrees) for item in value]
+        return [_in_file_unit(item, degrees) for item in value]
     return round(math.degrees(value), 9) if degrees and isinstance(value, float) else value
 
 
-def _coerced(value: Any, hint: Any) -> Any:
-    """`value` as the type `hint` asks, or _WRONG."""
+def _coerce(value: Any, hint: Any) -> Any:
+    """`value` as type `hint`, or _WRONG."""
     if isinstance(value, np.generic | np.ndarray):
         value = value.tolist()
     if isinstance(hint, types.UnionType):
-        options = (_coerced(value, option) for option in typing.get_args(hint))
+        options = (_coerce(value, option) for option in typing.get_args(hint))
         return next((found for found in options if found is not _WRONG), _WRONG)
     if typing.get_origin(hint) is tuple:
         return _coerced_tuple(value, typing.get_args(hint))
@@ -343,12 +342,12 @@ def _coerced_tuple(value: Any, hints: tuple[Any, ...]) -> Any:
         hints = (hints[0],) * len(value)
     if len(value) != len(hints):
         return _WRONG
-    items = tuple(_coerced(v, h) for v, h in zip(value, hints, strict=True))
+    items = tuple(_coerce(v, h) for v, h in zip(value, hints, strict=True))
     return _WRONG if _WRONG in items else items
 
 
 def _describe(hint: Any) -> str:
-    """A type in words for messages."""
+    """The name of a type in messages."""
     if isinstance(hint, types.UnionType):
         options = [h for h in typing.get_args(hint) if h is not type(None)]
         return " or ".join(_describe(h) for h in options)
@@ -368,9 +367,9 @@ def _check_limits(key: str, item: Any, about: Mapping[str, Any]) -> None:
         raise InputError(f"{key} = {item!r}: must be one of {', '.join(choices)}{hint}")
     if isinstance(item, bool) or not isinstance(item, int | float):
         return
-    shown = math.degrees(item) if about.get("degrees") else item
+    in_file = math.degrees(item) if about.get("degrees") else item
     if not math.isfinite(item):
-        raise InputError(f"{key} = {shown}: must be a finite number")
+        raise InputError(f"{key} = {in_file}: must be a finite number")
     begins = re.match(r"kg m²|N m|\w+(/s[²³]?)?", about.get("meaning", ""))
     largest = LARGEST.get(begins[0], math.inf) if begins else math.inf
     if about.get("degrees"):
@@ -383,4 +382,4 @@ def _check_limits(key: str, item: Any, about: Mapping[str, Any]) -> None:
         if limit is not None and not holds(item, limit):
             limit = math.degrees(limit) if about.get("degrees") else limit
             unit = f" {about['unit']}" if about.get("unit") else ""
-            raise InputError(f"{key} = {shown:g}: must be {words} {limit:g}{unit}")
+            raise InputError(f"{key} = {in_file:g}: must be {words} {limit:g}{unit}")

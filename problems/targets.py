@@ -1,4 +1,4 @@
-"""What is wanted: where the object lands, how exactly, past what, and which of several throws."""
+"""Target, tolerance, landing bounds, cup, workspace, and the choice among throws."""
 
 from __future__ import annotations
 
@@ -26,13 +26,15 @@ class ThrowPlane:
 
     @property
     def normal(self) -> Array:
-        """To the right of the throw: x along the plane, z up and this one are left-handed."""
+        """Unit vector to the right of the throw; x in the plane, z up and it are left-handed."""
         return np.array([math.sin(self.azimuth), -math.cos(self.azimuth), 0.0])
 
     def points(self, x: Array | float, z: Array | float, aside: Array | float = 0.0) -> Array:
         """Points (..., 3) [m] at x and z in the plane, `aside` to its left."""
-        cos, sin, left = math.cos(self.azimuth), math.sin(self.azimuth), self.lateral + aside
-        return np.stack(np.broadcast_arrays(x * cos - left * sin, x * sin + left * cos, z), axis=-1)
+        cos, sin, sideways = math.cos(self.azimuth), math.sin(self.azimuth), self.lateral + aside
+        return np.stack(
+            np.broadcast_arrays(x * cos - sideways * sin, x * sin + sideways * cos, z), axis=-1
+        )
 
     def poses(self, pose: Array) -> Array:
         """4x4 poses (N, 4, 4) of those in the plane (3, N): x at angle theta, z its normal."""
@@ -45,14 +47,16 @@ class ThrowPlane:
 
     def seen(self, solid: Solid) -> Solid:
         """A solid of the base frame as the plane sees it: x along it, y to its left."""
-        turned = solid.turned(-self.azimuth)
-        return dataclasses.replace(turned, centre=turned.centre - [0.0, self.lateral, 0.0])
+        in_plane_axes = solid.turned(-self.azimuth)
+        return dataclasses.replace(
+            in_plane_axes, centre=in_plane_axes.centre - [0.0, self.lateral, 0.0]
+        )
 
 
 @dataclasses.dataclass(frozen=True)
 class Pose(Section):
     """A landing pose of the object's CoM. Required with [hand] and [robot]; `--target` replaces
-    it. With [motion] it only gives the height at which the landing is read off.
+    it. With [motion] only its height matters: that of the landing.
 
     theta is unwrapped; None leaves it open. For a hand scene x is in the throw's plane and y
     is 0; for an arm x, y, z are in the base frame.
@@ -64,7 +68,7 @@ class Pose(Section):
         most=100,
         unit="m",
     )
-    z: float = quantity("m, the CoM comes down through this height", least=-100, most=100, unit="m")
+    z: float = quantity("m, the CoM falls through this height", least=-100, most=100, unit="m")
     theta: float | None = optional(
         "degrees, from the grasped end to the CoM, full turns count; left out: any",
         degrees=True,
@@ -73,24 +77,25 @@ class Pose(Section):
     )
     y: float = quantity("m, base frame; only with [robot]", least=-100, most=100, default=0.0)
     velocity: tuple[float] | None = optional(
-        "m/s, along x in the throw's plane, of a target that moves, its cup too; the pose is then "
-        "where it is when the motion starts; left out: at rest",
+        "m/s, along x in the throw's plane, of a moving target and its cup; the pose is that at "
+        "the start of the motion; left out: at rest",
         least=-5.0,
         most=5.0,
     )
     arrival: float | tuple[float, float] | None = optional(
-        "s after the motion starts: when the object lands, to 1 ms, or the earliest and the "
-        "latest; left out: any time",
+        "s from the start of the motion: landing time, to 1 ms, or the "
+        "earliest and the latest; left out: any time",
         above=0,
         most=60.0,
     )
-    #: Distance [m] of the throw's plane from the base's z axis: the arm's, no key of files.
+    #: Distance [m] of the throw's plane from the base's z axis, from the arm; no key of files.
     lateral: float = 0.0
-    #: Time [s] after the start of the motion at which a moving target is here: no key of files.
+    #: Time [s] after the start of the motion at which a moving target has this pose; no key of
+    #: files.
     since: float = 0.0
 
     def check(self) -> None:
-        """earliest not after latest."""
+        """The earliest arrival is not after the latest."""
         earliest, latest = self.window
         if earliest > latest:
             raise InputError(f"arrival = [{earliest:g}, {latest:g}]: the earliest comes first")
@@ -104,12 +109,13 @@ class Pose(Section):
 
     @property
     def at_rest(self) -> bool:
-        """Whether the target does not move and has no time of arrival."""
+        """Whether the target has no velocity and no time of arrival."""
         return self.velocity is None and self.arrival is None
 
     @property
     def kind(self) -> tuple[bool, bool, bool]:
-        """Whether theta is fixed, a latest time is given, it moves: kinds of NLPs."""
+        """Key of its kind of NLP: whether theta is fixed, a latest time is given, the target
+        moves."""
         moves = self.velocity is not None
         return self.theta is not None, math.isfinite(self.window[1]), moves
 
@@ -119,9 +125,9 @@ class Pose(Section):
         return 0.0 if self.velocity is None else self.velocity[0]
 
     def at(self, time: float) -> Pose:
-        """Where the target is `time` [s] after the motion starts.
+        """The pose of the target `time` [s] after the start of the motion.
 
-        InputError where it has come to the arm's base axis from another azimuth than 0.
+        InputError if it has crossed the arm's base axis from an azimuth other than 0.
         """
         if self.velocity is None:
             return self
@@ -131,7 +137,8 @@ class Pose(Section):
         return self.in_plane(x, self.theta).changed(since=time)
 
     def with_lateral(self, lateral: float) -> Pose:
-        """The pose for an arm whose plane is beside its axis; InputError where none reaches it."""
+        """The pose for an arm with its plane beside its axis; InputError if no plane contains
+        it."""
         if abs(lateral) >= abs(self.away) and lateral:
             raise InputError(
                 f"target: is {abs(self.away):.3g} m from the base's z axis, must be above "
@@ -141,7 +148,7 @@ class Pose(Section):
 
     @property
     def words(self) -> str:
-        """The pose for people."""
+        """The pose as text."""
         theta = "free" if self.theta is None else f"{math.degrees(self.theta):.1f} deg"
         aside = f", y {self.y:.3f} m" if self.y else ""
         words = f"x {self.x:.3f} m{aside}, z {self.z:.3f} m, theta {theta}"
@@ -169,7 +176,7 @@ class Pose(Section):
 
     @property
     def table(self) -> dict[str, Any]:
-        """The pose as JSON has it, with how it moves and when it is met where that is given."""
+        """The pose as JSON, with velocity and arrival if given."""
         pose = {"x": self.x, "y": self.y, "z": self.z, "theta": self.theta}
         given = {"velocity": self.velocity, "arrival": self.arrival}
         listed = {k: list(v) if isinstance(v, tuple) else v for k, v in given.items()}
@@ -178,8 +185,12 @@ class Pose(Section):
     @property
     def plane_x(self) -> float:
         """x [m] in that plane."""
-        away = self.away
-        return math.copysign(math.sqrt(away**2 - self.lateral**2), away) if self.lateral else away
+        distance = self.away
+        return (
+            math.copysign(math.sqrt(distance**2 - self.lateral**2), distance)
+            if self.lateral
+            else distance
+        )
 
     def in_plane(self, x: float, theta: float | None) -> Pose:
         """The pose at `x` [m] and `theta` [rad] in the same plane and at the same height."""
@@ -187,25 +198,25 @@ class Pose(Section):
         return self.changed(x=x, y=y, theta=None if theta is None else float(theta))
 
     def distance(self, other: Pose, lever: float) -> float:
-        """Scaled distance [m] in the throw's plane: |dx| + |dz| + |dtheta| `lever` [m] (39).
+        """Pose distance [m] in the throw's plane: |dx| + |dz| + |dtheta| `lever` [m] (39).
 
-        theta counts where both fix it.
+        theta counts if both fix it.
         """
         turn = 0.0 if self.theta is None or other.theta is None else self.theta - other.theta
         return abs(self.plane_x - other.plane_x) + abs(self.z - other.z) + abs(turn) * lever
 
     def shifted(self, dx: float, dtheta: float) -> Pose:
-        """The pose `dx` [m] further in its plane, theta, if fixed, `dtheta` [rad] further."""
+        """The pose moved by `dx` [m] in its plane, and by `dtheta` [rad] if theta is fixed."""
         return self.in_plane(self.plane_x + float(dx), self.turned(dtheta).theta)
 
     def turned(self, angle: float) -> Pose:
-        """The pose with theta, if fixed, `angle` [rad] larger."""
+        """The pose with theta increased by `angle` [rad], if fixed."""
         return self if self.theta is None else self.changed(theta=float(self.theta + angle))
 
 
-#: Least tolerance [m] of a landing by the limit surface, which is known to half of it.
+#: Smallest tolerance [m] of a landing by the limit surface, twice its numerical error.
 KNOWN = 2e-4
-#: Least tolerance [rad] of its angle.
+#: Smallest tolerance [rad] of a landing's angle by the limit surface.
 KNOWN_ANGLE = math.radians(0.01)
 
 
@@ -213,23 +224,23 @@ KNOWN_ANGLE = math.radians(0.01)
 class Tolerance(Section):
     """Accepted landing error.
 
-    The NLP has the sliding pivot whatever the model; the aim is corrected for the model, on
-    what is sent. In MuJoCo, and with a meshed patch, throws land where the limit surface says.
+    The NLP uses the sliding pivot with every model; a correction of its target makes the motion
+    that is sent land by the deciding model. MuJoCo and the meshed patch agree with the limit
+    surface.
     """
 
     position: float = quantity("m, largest error of an accepted landing", above=0, default=0.002)
     angle: float = quantity(
-        "degrees, the same of the angle", above=0, degrees=True, default=math.radians(0.5)
+        "degrees, largest error of its angle", above=0, degrees=True, default=math.radians(0.5)
     )
     model: str = quantity(
-        "release model that the landing must be true for: the time-stepping limit surface or "
-        "the sliding pivot",
+        "release model that decides: the time-stepping limit surface or the sliding pivot",
         choices=DECIDING,
         default="ls-step",
     )
 
     def check(self) -> None:
-        """No less than what landings by the limit surface are known to."""
+        """The tolerance is not below the numerical error of the limit surface."""
         if self.model != "sp" and (self.position < KNOWN or self.angle < KNOWN_ANGLE):
             raise InputError(
                 f"position = {self.position:g}, angle_deg = {math.degrees(self.angle):.3g}: must "
@@ -261,11 +272,11 @@ class Landing(Section):
 @dataclasses.dataclass(frozen=True)
 class Cup(Section):
     """A cup, open above, that the bar enters with its lower end first. Needs `theta_deg` in
-    [target], which says which end goes in.
+    [target], which determines that end.
     """
 
-    x: float = quantity("m, centre, in the throw's plane; goes along with another target")
-    rim: float = quantity("m, height of the rim; goes along with another target")
+    x: float = quantity("m, centre, in the throw's plane; moves with another target")
+    rim: float = quantity("m, height of the rim; moves with another target")
     radius: float = quantity(
         "m, inside; above half the bar's width, the clearance and 1 mm", above=0
     )
@@ -279,7 +290,7 @@ class Cup(Section):
     insertion: float = quantity("m; at most `depth`", above=0, default=0.05)
 
     def check(self) -> None:
-        """The bar enters no deeper than the cup is."""
+        """The insertion is at most the depth of the cup."""
         if self.insertion > self.depth:
             raise InputError(
                 f"insertion = {self.insertion:g}: must be at most the depth {self.depth:g}"
@@ -288,7 +299,7 @@ class Cup(Section):
 
 @dataclasses.dataclass(frozen=True)
 class Workspace(Section):
-    """Where nothing may be. Heights and distances in m, in the throw's plane."""
+    """Bounds of the workspace. Heights and distances in m, in the throw's plane."""
 
     floor: float | None = optional(
         "m, lowest height of arm and hand, as their capsules, and of the held bar; left out: none"
@@ -309,7 +320,7 @@ class Workspace(Section):
 
 @dataclasses.dataclass(frozen=True)
 class Choice(Section):
-    """Selection among throws that differ; without it the first one found is taken."""
+    """Choice among different throws; without it the first one found is taken."""
 
     by: str = quantity(
         "least of: the NLP's cost; time from rest to landing; what [uncertainty] does "
@@ -317,4 +328,4 @@ class Choice(Section):
         choices=("effort", "time", "robustness"),
         default="effort",
     )
-    among: int = quantity("throws that differ, to look for", least=1, most=20, default=4)
+    among: int = quantity("number of different throws to compare", least=1, most=20, default=4)

@@ -1,4 +1,4 @@
-"""Scenes as tables: read from TOML files, shipped with the package, kept in a plan's file."""
+"""Scenes from tables: of TOML files, of the package's scenes, and of plan files."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def _parse(text: str, place: str, path: Path | None) -> Scene:
 
 
 def scene_from_table(table: Mapping[str, Any]) -> Scene:
-    """The scene that `Scene.table` made the table from; InputError for what is wrong in it."""
+    """The scene of a `Scene.table`; InputError for a wrong table."""
     sections = {key: value for key, value in table.items() if key != "arm"}
     if "arm" not in table:
         return _scene_from(sections)
@@ -95,9 +95,10 @@ def scene_from_table(table: Mapping[str, Any]) -> Scene:
 def _scene_from(
     tables: Mapping[str, Any], *, file: str = "", folder: Path | None = None, arm: Arm | None = None
 ) -> Scene:
-    """A scene from the tables of its file; `file` for messages, `folder` for files it names.
+    """A scene from the tables of its file; `file` for messages, `folder` for the files that it
+    names.
 
-    arm: the robot's data, instead of looking for what the scene names.
+    arm: the robot's data, in place of the arm named by the scene.
     """
     values: dict[str, Any] = {"file": file, "arm": arm}
     mistakes, fields = Mistakes(), {field.name: field for field in dataclasses.fields(Scene)}
@@ -150,7 +151,7 @@ def _gripper(name: str | None, folder: Path | None) -> GripperData | None:
 
 
 def _grip_of(table: Mapping[str, Any], folder: Path | None) -> dict[str, Any]:
-    """[gripper] with what its file says of the grip, where the scene does not."""
+    """[gripper] with the grip of its file for keys that the scene leaves out."""
     name = table.get("file")
     data = _gripper(name, folder) if isinstance(name, str) else None
     if data is None or {"table", "times", "forces"} & table.keys():
@@ -175,7 +176,7 @@ def _read_grip_table(name: str, folder: Path | None, raw: bool) -> dict[str, Any
 
 
 def _read_motion_samples(table: Mapping[str, Any], folder: Path | None) -> dict[str, Any]:
-    """The samples of a motion given as a CSV file; nothing for the other kinds."""
+    """The samples of a motion from a CSV file; empty for other kinds."""
     if isinstance(table.get("table"), str):
         rows = read_csv("table", table["table"], folder, ("t", "x", "z", "theta"))
     elif isinstance(table.get("joints"), str) and isinstance(table.get("arm"), str):

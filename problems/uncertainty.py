@@ -1,4 +1,4 @@
-"""Uncertain values: their distributions, and plans that are robust to them."""
+"""Uncertain values, their distributions, and the methods of robust plans."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from .section import InputError, Section, from_table, optional, quantity, table_
 
 @dataclasses.dataclass(frozen=True)
 class Distribution(Section):
-    """How a value is spread: one of `uniform`, `normal` and `samples`.
+    """Distribution of a value: one of `uniform`, `normal` and `samples`.
 
-    All numbers are multiples of the scene's value where `relative` says so:
-    `{ uniform = 0.1, relative = true }` is +-10 % of it.
+    With `relative` all numbers are multiples of the scene's value: `{ uniform = 0.1, relative =
+    true }` is +-10 % of it.
     """
 
     uniform: float | None = optional("half width about `mean`", above=0)
@@ -45,7 +45,7 @@ class Distribution(Section):
             raise InputError("mean: not beside 'samples', which have their own")
 
     def about(self, value: float) -> Distribution:
-        """The distribution in the unit of the scene's value `value`, no longer relative to it."""
+        """The distribution in absolute numbers, about the scene's value `value`."""
         unit = value if self.relative else 1.0
         mean = value if self.mean is None else unit * self.mean
         return self._times(unit, None if self.samples else mean)
@@ -86,7 +86,7 @@ class Distribution(Section):
         return self.expected - half, self.expected + half
 
 
-#: Lowest and highest share of the scene's own that a positive value may be.
+#: Range of a positive value, as shares of the scene's value.
 SHARES = (0.01, 100.0)
 #: The positive values, in the order of `Uncertainty`.
 SCALED = ("opening", "friction", "patch_radius", "mass", "inertia")
@@ -96,8 +96,8 @@ SCALED = ("opening", "friction", "patch_radius", "mass", "inertia")
 class Parameter:
     """Rules of one uncertain value.
 
-    key: in files. degrees: files give it in degrees. scaled: a positive value of the scene, which
-    may be spread relative to it. most: the largest deviation from the scene's value of any other.
+    key: in files. degrees: files have degrees. scaled: a positive value of the scene, whose
+    distribution may be relative. most: largest deviation of other values from the scene's.
     """
 
     key: str
@@ -114,22 +114,21 @@ class Parameter:
 
 @dataclasses.dataclass(frozen=True)
 class Uncertainty(Section):
-    """What is not known exactly; feeds sweeps, and robust plans where they are asked for.
+    """Distributions of uncertain values, for sweeps and robust plans.
     At least one of the keys. Each holds a table with exactly one of `uniform`, `normal` and
     `samples`, for example `{ uniform = 0.010, mean = 0.004 }`.
 
-    The errors of the hand's pose and twist are those as the force starts to fall. correlation
+    Errors of the hand's pose and twist are those at the start of the opening. correlation
     is of the normal scores (a Gaussian copula).
     """
 
-    #: The values that may be uncertain, by name.
+    #: Rules of the uncertain values by name.
     PARAMETERS: ClassVar[dict[str, Parameter]]
-    #: What a scene without [uncertainty] is swept under: the opening up to 10 ms early or late.
+    #: Uncertainty of a scene without [uncertainty]: an opening up to 10 ms early or late.
     USUAL: ClassVar[Uncertainty]
 
     delay: Distribution | None = optional(
-        "s, the gripper opens that much later than commanded; a known mean sends the command "
-        "earlier",
+        "s, from the commanded to the real opening; the command is earlier by a known mean",
         most=10.0,
     )
     opening: Distribution | None = optional("s, duration of the force's fall")
@@ -141,13 +140,19 @@ class Uncertainty(Section):
     grasp_offset: Distribution | None = optional("m, of the pads from the bar's end", most=100.0)
     grasp_angle: Distribution | None = optional("degrees", degrees=True, most=math.tau)
     hand_x: Distribution | None = optional(
-        "m, error of the hand when the force starts to fall", most=10.0
+        "m, error of the hand at the start of the opening", most=10.0
     )
-    hand_z: Distribution | None = optional("m, the same", most=10.0)
-    hand_theta: Distribution | None = optional("degrees, the same", degrees=True, most=math.tau)
-    hand_vx: Distribution | None = optional("m/s, the same", most=100.0)
-    hand_vz: Distribution | None = optional("m/s, the same", most=100.0)
-    hand_omega: Distribution | None = optional("degrees/s, the same", degrees=True, most=1000.0)
+    hand_z: Distribution | None = optional(
+        "m, error of the hand at the start of the opening", most=10.0
+    )
+    hand_theta: Distribution | None = optional(
+        "degrees, error of the hand", degrees=True, most=math.tau
+    )
+    hand_vx: Distribution | None = optional("m/s, error of the hand", most=100.0)
+    hand_vz: Distribution | None = optional("m/s, error of the hand", most=100.0)
+    hand_omega: Distribution | None = optional(
+        "degrees/s, error of the hand", degrees=True, most=1000.0
+    )
     correlation: tuple[tuple[str, str, float], ...] = quantity(
         "rows name, name, coefficient (between −1 and 1) of the normal scores", default=()
     )
@@ -158,10 +163,11 @@ class Uncertainty(Section):
         return tuple(name for name in self.PARAMETERS if getattr(self, name) is not None)
 
     def check(self) -> None:
-        """At least one value is uncertain; only positive ones are relative; correlations exist."""
+        """At least one value is uncertain, only positive ones are relative, correlations are
+        valid."""
         if not self.names:
-            known = ", ".join(one.key for one in self.PARAMETERS.values())
-            raise InputError(f"nothing is uncertain (known: {known})")
+            keys = ", ".join(one.key for one in self.PARAMETERS.values())
+            raise InputError(f"nothing is uncertain (known: {keys})")
         for name in self.names:
             if getattr(self, name).relative and not self.PARAMETERS[name].scaled:
                 allowed = ", ".join(key for key, value in self.PARAMETERS.items() if value.scaled)
@@ -204,7 +210,7 @@ class Uncertainty(Section):
         return matrix
 
     def table(self) -> dict[str, Any]:
-        """The table that `uncertainty_from` makes the section from."""
+        """The table of the section, for `uncertainty_from`."""
         table = table_of(self)
         if self.correlation:
             table["correlation"] = [
@@ -216,15 +222,15 @@ class Uncertainty(Section):
     def check_possible(
         self, values: Mapping[str, float], ranges: Mapping[str, tuple[float, float]]
     ) -> None:
-        """InputError where a value can become impossible; `values` are the scene's."""
+        """InputError if a value can become impossible; `values`: the scene's."""
         for name in self.names:
             low, high = ranges[name]
-            least, most = getattr(self, name).about(values[name]).reach
-            if low <= least and most <= high:
+            least, largest = getattr(self, name).about(values[name]).reach
+            if low <= least and largest <= high:
                 continue
             unit = math.degrees(1.0) if self.PARAMETERS[name].degrees else 1.0
-            words = [f"{unit * value:.6g}" for value in (least, most, low, high)]
-            reached = f"is {words[0]}" if least == most else f"reaches [{words[0]}, {words[1]}]"
+            words = [f"{unit * value:.6g}" for value in (least, largest, low, high)]
+            reached = f"is {words[0]}" if least == largest else f"reaches [{words[0]}, {words[1]}]"
             raise InputError(
                 f"{self.PARAMETERS[name].key}: {reached}: must stay within [{words[2]}, {words[3]}]"
             )
@@ -247,8 +253,8 @@ def uncertainty_from(table: Mapping[str, Any]) -> Uncertainty:
     """The section [uncertainty] of a scene file; InputError naming the key."""
     keys = {one.key: name for name, one in Uncertainty.PARAMETERS.items()}
     pairs = {k: _pairs(v, keys) for k, v in table.items() if k == "correlation"}
-    found: Uncertainty = from_table(Uncertainty, {**table, **pairs})
-    return found
+    section_read: Uncertainty = from_table(Uncertainty, {**table, **pairs})
+    return section_read
 
 
 def _pairs(value: Any, keys: Mapping[str, str]) -> Any:
@@ -267,15 +273,15 @@ def _pairs(value: Any, keys: Mapping[str, str]) -> Any:
 class Robust(Section):
     """A robust plan, for all of [uncertainty], or a delay of +-10 ms without it.
 
-    method: 'quiet' (while the pads may open they transmit as little as can be), 'scenarios'
-    (several throws share the hand's motion and all land near the target), 'stationary'
-    (constant acceleration, the landing stationary in the delay), 'auto' (the best of these
-    and the plain throw by a sweep); for comparison 'quiet-exactly' (as a
-    constraint), 'hand-velocity' and 'joint-velocity' (constant over the window).
+    method: 'quiet' (least load on the pads while they may open), 'scenarios' (several throws with
+    other parameters share the hand's motion and land near the target), 'stationary' (constant
+    acceleration: the landing is stationary in the delay), 'auto' (the best of these and the plain
+    throw by a sweep); for comparison 'quiet-exactly' (no load, as a constraint), 'hand-velocity'
+    and 'joint-velocity' (constant over the window).
     """
 
     QUIET: ClassVar[str] = "quiet"
-    #: The methods of the command line.
+    #: Methods of the command line.
     METHODS: ClassVar[tuple[str, ...]] = ("auto", QUIET, "scenarios", "stationary")
     #: Methods for comparison: quiet as a constraint, and those of other papers.
     COMPARED: ClassVar[tuple[str, ...]] = ("quiet-exactly", "hand-velocity", "joint-velocity")

@@ -20,16 +20,16 @@ from .grip import GripProfile
 LOST = "the body slid out of the pads before they let go"
 BLEW_UP = "the steps blew up: needs more steps"
 UNSOLVED = "a step of the patch was not solved"
-#: Slip [m] beyond h at which the body has left the pads and flies freely. By the published law a
-#: body that slides on under a turning hand would run away.
+#: Slip [m] beyond h at which the body has left the pads. By the published law a body that continues
+#: to slide under a turning hand would run away.
 LOST_SLIP = 0.1
-#: Intervals of the opening in which the first slip is searched.
+#: Number of intervals of the opening in the search for the first slip.
 INTERVALS = 200
-#: Share of the surface's normal below which a motion does not begin.
+#: Component of the surface's normal, as a share of it, below which a motion does not start.
 SMALL = 1e-6
-#: Share of the full grip that is added to the force: a wrench of rounding errors does not slip.
+#: Share of the full grip added to the force, against slip by rounding errors.
 NOTHING = 1e-11
-#: Throws per chunk: thirty arrays of 2048 doubles stay in the processor's cache.
+#: Throws of a chunk; thirty arrays of 2048 doubles fit the processor's cache.
 CHUNK = 2048
 
 
@@ -60,10 +60,11 @@ class ReleaseCase:
         return np.array(np.broadcast_arrays(*wrench))
 
     def slip_onset(self) -> tuple[float | None, float | None]:
-        """Times [s] at which pivot and slide begin on the ellipsoid (19), None for what does not.
+        """Times [s] at which pivot and slide start on the ellipsoid (19), None for a motion that
+        does not.
 
-        Slip begins where the wrench that a sticking body needs first reaches the surface of the
-        falling grip force. To 1e-12 of the opening; 0 for a body that the full grip does not hold.
+        Slip starts when the wrench of a sticking body first reaches the surface of the falling grip
+        force. Accurate to 1e-12 of the opening; 0 for a body that slips under full grip.
         """
         from scipy.optimize import brentq
 
@@ -87,10 +88,10 @@ class ReleaseCase:
 
 
 def onsets(time: float, load: Array, arm: float) -> tuple[float | None, float | None]:
-    """Pivot and slide [s] that begin at `time`: along a wrench (3,) in newtons, torque over arm.
+    """Onsets of pivot and slide [s] at `time`, for a wrench (3,) in newtons (torque over arm).
 
-    The contact moves along the surface's normal. A motion that the normal does not have, such as
-    turning where no torque is carried, does not begin.
+    The contact moves along the surface's normal. A motion outside the normal, such as rotation
+    without torque, does not start.
     """
     sizes = np.abs(load / [1.0, 1.0, arm])
     least = SMALL * sizes.max()
@@ -101,11 +102,10 @@ def onsets(time: float, load: Array, arm: float) -> tuple[float | None, float | 
 class Release:
     """One release by one model.
 
-    times (K,) from the start of the opening [s]; com (3, K) and com_twist (3, K) of the
-    body; wrench (3, K): friction on the body at the contact point [N, N, N m], None
-    where the model does not give it; pivot, slide: onset times [s], None if it never
-    happens or the model knows no such thing. trouble: why the result is not to be
-    trusted; empty if it is.
+    times (K,) from the start of the opening [s]; com (3, K) and com_twist (3, K) of the body;
+    wrench (3, K): friction on the body at the contact point [N, N, N m], None for a model without
+    it; pivot, slide: onset times [s], None without an onset. trouble: reason not to trust the
+    result; empty for none.
     """
 
     times: Array
@@ -148,7 +148,7 @@ class CaseModel(Protocol):
 
 
 def failed(times: Array, trouble: str) -> Release:
-    """A release that could not be computed: NaN all along, and why."""
+    """A failed release: NaN, with the reason."""
     nothing = np.full((3, len(times)), np.nan)
     return Release(times, nothing, nothing, trouble=trouble)
 
@@ -219,11 +219,10 @@ class ReleaseBatch:
 class BatchRelease:
     """The results of N releases.
 
-    detach (N, 6): CoM pose and twist at the end of the opening, NaN where it could not be
-    computed, which `why_not` explains; lost (N,): whether the body slid out of the pads
-    before. stray (N, 2): how far the CoM [m] and the angle [rad] leave a body that is held, at
-    most, on the way; doubt (N, 6): by how much the detach state depends on the number of steps.
-    None where a model does not say.
+    detach (N, 6): CoM pose and twist at the end of the opening, NaN for a failed one, with the
+    reason in `why_not`. lost (N,): the body slid out of the pads before. stray (N, 2): largest
+    distance of the CoM [m] and the angle [rad] from a held body; doubt (N, 6): difference of the
+    detach state between two numbers of steps. None for a model without them.
     """
 
     detach: Array

@@ -1,4 +1,4 @@
-"""The force of the pads as they open: linear, or measured.
+"""The force of opening pads: linear or measured.
 
 A law is a `GripProfile` with `full`, `dwell`, `opening` and `force(time)`; `Gripper.profile` in
 `problems/grip.py` chooses it by the keys of a scene.
@@ -20,12 +20,12 @@ from ..body import Array
 
 @dataclass(frozen=True)
 class RecordingSettings:
-    """How a raw recording of the grip force is read, and how a force is written.
+    """Settings for recordings of the grip force.
 
-    step [s]: between the samples that are written. min_rows: fewest rows of a recording. held: a
-    force within this share of the full grip still holds. level: the end of a recording may fall
-    by this share of the full grip. noisy: a recording is raw if its rises add up to more than
-    this share of its peak.
+    step [s]: between written samples. min_rows: fewest rows of a recording. held: share of the full
+    grip by which a full force may differ from it. level: share of the full grip by which the end of
+    a recording may fall. noisy: share of its peak above which the sum of a recording's rises makes
+    it a raw one.
     """
 
     step: float = 0.001
@@ -43,7 +43,7 @@ class GripProfile:
     falling to zero in `opening` [s].
     """
 
-    #: Cubic pieces by which the compiled core takes a law; a smooth force is then known to 1e-6.
+    #: Number of cubic pieces of a law in the compiled core; the error of a smooth force is 1e-6.
     PIECES: ClassVar[int] = 200
 
     full: float
@@ -58,7 +58,7 @@ class GripProfile:
     def curve(self) -> Any:
         """The force over the time from its fall on, as SciPy's piecewise cubics, for the core.
 
-        None for a linear fall, which the core knows.
+        None for a linear fall, which the core has in closed form.
         """
         from scipy.interpolate import PchipInterpolator
 
@@ -88,7 +88,7 @@ class TableRelease(GripProfile):
     more than 5 % of the largest. Raises ValueError saying what is wrong.
     """
 
-    #: The fall starts where the force has lost this share of its first value.
+    #: Loss of force, as a share of its first value, at the start of the fall.
     FALL_SHARE: ClassVar[float] = 0.01
 
     def __init__(self, times: Sequence[float], forces: Sequence[float]) -> None:
@@ -136,10 +136,11 @@ class TableRelease(GripProfile):
         tail = raw[-max(t.size // 10, 2) :]
         force = raw - np.median(tail)
         fall = np.asarray(isotonic_regression(force, increasing=False).x)
-        # Half the force is far from the noise of either end: most samples before it are held.
+        # Half the force is far from the noise of either end; most samples before it have full
+        # force.
         half = int(np.flatnonzero(fall < fall[0] / 2)[0]) if fall[-1] < fall[0] / 2 else 0
-        held = (1 - RECORDING.held) * float(np.median(force[: half // 2 + 1]))
-        flat = np.flatnonzero(fall[:half] >= held)
+        full_level = (1 - RECORDING.held) * float(np.median(force[: half // 2 + 1]))
+        flat = np.flatnonzero(fall[:half] >= full_level)
         if fall[0] <= 0 or half < 2 or flat.size < 2:
             raise ValueError("f_N must start at the full grip and fall from there")
         full = float(np.median(force[flat]))
@@ -168,13 +169,13 @@ class TableRelease(GripProfile):
         and at zero.
         """
         step = RECORDING.step
-        held = np.arange(0.0, self.dwell - step / 1000, step)
+        dwell_times = np.arange(0.0, self.dwell - step / 1000, step)
         falling = np.arange(step, self.opening - step / 1000, step)
         force = self.force(falling)
         inner = (force < (1 - 1.01 * self.FALL_SHARE) * self.full) & (force > 1e-6 * self.full)
         times = np.concatenate([[0.0], falling[inner], [self.opening]])
         forces = np.concatenate([self.force(0.0)[None], force[inner], [0.0]])
-        rows = np.column_stack([held, np.full(held.size, self.full)])
+        rows = np.column_stack([dwell_times, np.full(dwell_times.size, self.full)])
         return np.vstack([rows, np.column_stack([self.dwell + times, forces])])
 
 

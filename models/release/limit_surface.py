@@ -3,11 +3,10 @@
 Sliding with contact twist v, friction is the wrench on the ellipsoid (19) whose normal is along
 -v: Gamma(v) per newton of normal force.
 
-As long as a body sticks, the wrench that it needs is known along the hand's motion, (28)
-and (31). Slip begins where that wrench first reaches the surface of the falling grip
-force. From there the contact moves along the surface's normal, so turning and sliding
-begin at one instant; a motion that the normal does not have, such as turning where no
-torque is carried, has not begun.
+The hand's motion determines the wrench on a sticking body, (28) and (31). Slip starts when that
+wrench first reaches the surface of the falling grip force. Then the contact moves along the
+surface's normal: rotation and sliding start at one instant, except for a motion that the normal
+does not have, such as rotation without torque.
 
 `ls` is Karnopp's routine with explicit Euler steps, as published: it chatters between
 stick and slide once the body starts to slide. With a half-band the sliding wrench is
@@ -38,13 +37,13 @@ from ..body import (
 )
 from .cases import BatchRelease, Release, ReleaseBatch, ReleaseCase, by_chunks, failed
 
-#: Number of steps in which friction reverses, above which a release chatters.
+#: Number of steps with a reversal of friction above which a release chatters.
 CHATTER = 10
-#: Speed [m/s] beyond which an explicit method has blown up: no release reaches it.
+#: Speed [m/s] above which an explicit method has diverged.
 RUNAWAY = 1e4
-#: Steps per second of a batch's opening: the paper's 0.1 ms.
+#: Steps per second of a batch's opening, 0.1 ms each as in the paper.
 RATE = 10_000.0
-#: Most steps of a batch.
+#: Largest number of steps of a batch.
 MOST_STEPS = 20_000
 
 
@@ -100,8 +99,8 @@ class KarnoppRelease:
         state = np.array(sticking_state(pose, twist, part.grasp_angle, part.body.com_offset), float)
         hands, forces = (part.hands.at(s * part.opening) for s in shares), part.forces(shares[:-1])
         problem = part.body, part.contact, part.gravity
-        for later, _ in self._steps(*problem, state, hands, forces, part.opening / steps):
-            state = later
+        for stepped_state, _ in self._steps(*problem, state, hands, forces, part.opening / steps):
+            state = stepped_state
         detach = state.T
         detach[~np.isfinite(detach).all(axis=1)] = np.nan
         return BatchRelease(detach, np.zeros(part.count, bool))

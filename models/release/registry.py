@@ -1,7 +1,6 @@
-"""The release models by name: all that a command, a table or a picture needs of them.
+"""The release models by name, for commands, tables and pictures.
 
-A new model is one module, with a class that throws one case and perhaps batches, and one
-entry of `MODELS` here.
+A new model is a module with a class for one case (and perhaps batches), and an entry of `MODELS`.
 """
 
 from __future__ import annotations
@@ -27,15 +26,13 @@ class BatchModel(CaseModel, Protocol):
 class ReleaseModel:
     """A release model with its settings.
 
-    name: in commands and scenes; title: for people; law: its friction; method: how it is
-    solved; colour: in pictures; single: throws one case; batch: throws many, None if the
-    model cannot.
-    steps: of an opening in a batch; fit_steps: the same where measured throws are thrown
-    hundreds of times; sweep_steps: from coarse to fine, of which a sweep takes the first
-    that suffices; 0 and none: the model's own. chunk: throws of a sweep that take some
-    tenths of a second.
-    chatters: its result does not settle with its steps, so that it has neither sweeps nor
-    derivatives; decides: a scene's tolerance may ask for it.
+    name: key in commands and scenes; title: in text; law: its friction; method: its solution;
+    colour: in pictures; single: for one case; batch: for N, None for a model without batches.
+    steps: of an opening in a batch; fit_steps: in fits, which repeat throws hundreds of times;
+    sweep_steps: from coarse to fine, a sweep takes the first with enough accuracy; 0 and none: the
+    model's own. chunk: throws of a sweep in some tenths of a second. chatters: its result does not
+    settle with its steps, so that it has neither sweeps nor derivatives; decides: a scene's
+    tolerance may ask for it.
     """
 
     name: str
@@ -75,7 +72,7 @@ class ReleaseModel:
         return self.batch is not None and self.chunk >= 1000
 
     def with_pressure(self, pressure: str) -> ReleaseModel:
-        """The model with pads under 'uniform' or 'hertz' pressure; itself if it has no pads."""
+        """The model with 'uniform' or 'hertz' pressure of the pads; itself without meshed pads."""
         if pressure != "hertz" or not isinstance(self.single, PatchRelease):
             return self
         single = replace(self.single, pressure="hertz")
@@ -84,7 +81,7 @@ class ReleaseModel:
 
 #: The model of the NLP.
 SLIDING_PIVOT = "sp"
-#: The model that throws as pads do; plans are true for it unless a scene says otherwise.
+#: The model nearest to real pads; it decides on plans unless a scene names another.
 STEPPED_SURFACE = "ls-step"
 
 _PIVOT = "the bar sticks, pivots about the pads, slides (Liu and Billard)"
@@ -192,6 +189,6 @@ MODELS = {
 }
 
 
-#: Models that sweeps and `simulate_batch` take, and that decide whether a plan is solved.
+#: Models with batches, for sweeps, `simulate_batch` and the verdict on a plan.
 BATCH_MODELS = {n: m for n, m in MODELS.items() if m.batch is not None and not m.nonconvergent}
 DECIDING = tuple(name for name, model in MODELS.items() if model.decides)

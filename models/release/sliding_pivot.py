@@ -49,10 +49,10 @@ from .stepping import (
     with_middles,
 )
 
-#: Acceleration [m/s^2] that keeps the widths above zero in zero gravity.
+#: Acceleration [m/s^2] in place of gravity in the widths, for zero gravity.
 ACCELERATION_FLOOR = 1.0
 
-#: Time [s] between a kink of the hand's motion and where a batch's step reads its acceleration.
+#: Time [s] from a kink of the hand's motion to the next reading of its acceleration in a batch.
 INSIDE_STEP = 1e-9
 
 Form = Literal["continuous", "paper"]
@@ -80,9 +80,9 @@ class Widths:
     def relative(cls, epsilon: Value, body: Body, contact: Contact, gravity: Value) -> Widths:
         """Widths of `epsilon` times the body's weight and its weight's torque about the grasp.
 
-        Both stay above zero at g = 0 and h = 0 (an acceleration of 1 m/s^2 and the
-        patch radius stand in), because a release that transmits nothing has a zero
-        wrench and a zero limit at once, where derivatives must stay finite.
+        Both are above zero at g = 0 and h = 0, by an acceleration of 1 m/s^2 and the patch
+        radius: a release without load has zero wrench at zero limit, and derivatives there must be
+        finite.
         """
         xp = backend(gravity, body.com_offset, contact.patch_radius)
         force = epsilon * body.mass * xp.sqrt(gravity * gravity + ACCELERATION_FLOOR**2)
@@ -160,7 +160,7 @@ class SlidingPivot:
         alpha_r = alpha_pivot - alpha_slide
         alpha = hand.alpha + alpha_r
 
-        # r'' = s'' + h e(theta)'', so the slip takes what the pivot motion leaves.
+        # r'' = s'' + h e(theta)'': the slip is the rest of the pivot's motion.
         h_x, h_z = x_r - state[0], z_r - state[1]
         xp = backend(over_force, h_x, alpha_r)
         if self.form == "continuous":
@@ -181,7 +181,7 @@ class SlidingPivot:
         return [state[3], state[4], state[5], slip_x, slip_z, alpha_r]
 
     def lost(self, state: Value) -> Value:
-        """Whether the body has slid out of the pads before they let go."""
+        """Whether the body has slid out of the pads before detach."""
         limit = self.body.com_offset + LOST_SLIP
         return state[0] * state[0] + state[1] * state[1] > limit * limit
 
@@ -203,7 +203,7 @@ class SlidingPivot:
         f_x, f_z, torque = pivot_wrench(
             self.body, self.gravity, hand, hand.omega + state[5], x_r, z_r
         )
-        # The non-smooth sizes keep a negligible width too: 0/0 at a zero wrench is 0.
+        # A negligible width of the non-smooth sizes: 0/0 at a zero wrench is 0.
         force_width = 1e-12 if self.widths is None else self.widths.force
         torque_width = 1e-14 if self.widths is None else self.widths.torque
         xp = backend(f_x, f_z, torque)
@@ -280,8 +280,8 @@ class SlidingPivotRelease:
     def throw(self, batch: ReleaseBatch, steps: int) -> BatchRelease:
         """N releases by the non-smooth law in `steps` graded Runge-Kutta steps.
 
-        Doubled, once or more, for throws that swing fast; cut where the hands' accelerations
-        step: across such a kink they would be of first order only.
+        The number is doubled for throws with fast swings. Steps end at jumps of the hands'
+        accelerations; across a jump their order would be one.
         """
         return by_levels(batch, lambda part, factor: self._steps(part, steps * factor))
 

@@ -1,7 +1,7 @@
-"""The engine that steps every release law: one case or N at once.
+"""Time stepping of all release laws, for one case or N.
 
-A law (`SteppedLaw`) knows one step. Where the steps lie, who evaluates the hand and the
-grip force, and what happens at events is decided here.
+A law (`SteppedLaw`) has one step. This module places the steps, evaluates hand and grip force, and
+handles events.
 """
 
 from __future__ import annotations
@@ -21,17 +21,17 @@ from ..trajectory import INSIDE, Throws
 from .cases import LOST_SLIP, BatchRelease, ReleaseBatch, ReleaseCase, by_chunks, chunks
 
 Rates = Callable[[Value, HandMotion, Value], list[Value]]
-#: Values at the start, middle and end of a step.
+#: Values at start, middle and end of a step.
 Triple = Sequence[Value] | Array
 
-#: Throws of a batch that one thread takes at a time.
+#: Throws of a batch in one piece of work of a thread.
 PIECE = 8192
 #: Grading of the sliding pivot's steps towards the end of the opening.
 GRADING = 2.0
 
 
 class SteppedLaw(Protocol):
-    """A release law that is taken step by step; a state is a list of values or arrays (N,)."""
+    """A release law with one step; a state is a list of values or arrays (N,)."""
 
     @property
     def uses_middle(self) -> bool:
@@ -88,11 +88,11 @@ def _moved(state: Sequence[Value], rates: Sequence[Value], dt: Value) -> list[Va
 
 @dataclass(frozen=True)
 class Opening:
-    """Where the steps of one opening, or of N, lie, and hand and grip force there.
+    """Steps of one opening or of N, with hand and grip force at their nodes.
 
-    shares: of the duration [s], at the 2 K + 1 nodes and middles of K steps, each a number
-    or an array (N,); hands: the hand at a time [s]; forces [N]: at the shares. gap [s]: the
-    hand is evaluated this far inside a step's ends, where its acceleration may jump.
+    shares: of the duration [s], at the 2 K + 1 nodes and middles of K steps, each a number or an
+    array (N,); hands: the hand at a time [s]; forces [N]: at the shares. gap [s]: distance from a
+    step's ends at which the hand is evaluated; its acceleration may jump at them.
     """
 
     shares: Sequence[Value] | Array
@@ -173,7 +173,7 @@ def compiled_batch(law: str, batch: ReleaseBatch, shares: Array, gap: float = 0.
 
 
 def _numbers(batch: ReleaseBatch) -> Array:
-    """The law's numbers in the order of number_symbols, then grasp angle, opening, force."""
+    """Parameters of the law in the order of number_symbols, then grasp angle, opening, force."""
     values = (*law_numbers(batch), batch.grasp_angle, batch.opening, batch.force)
     return np.array([np.broadcast_to(value, batch.count) for value in values], float)
 
@@ -188,7 +188,7 @@ def graded(steps: int, power: float = GRADING) -> Array:
 
 
 def with_middles(nodes: Array) -> Array:
-    """Nodes (K + 1, ...) and what is halfway between them (2 K + 1, ...)."""
+    """Nodes (K + 1, ...) and midpoints, in order: (2 K + 1, ...)."""
     both = np.empty((2 * len(nodes) - 1, *nodes.shape[1:]))
     both[::2], both[1::2] = nodes, (nodes[:-1] + nodes[1:]) / 2
     return both
@@ -197,9 +197,10 @@ def with_middles(nodes: Array) -> Array:
 def by_levels(
     batch: ReleaseBatch, run: Callable[[ReleaseBatch, int], BatchRelease]
 ) -> BatchRelease:
-    """`run(throws, factor)`, the factor 1, 2, 4, ... by each throw's own swings.
+    """`run(throws, factor)` for groups of throws; the factor 1, 2, 4, ... follows from their
+    swings.
 
-    Many throws are spread over threads: compiled code leaves Python to the others.
+    Threads share the work: compiled code releases Python's lock.
     """
 
     def levelled(piece: Throws) -> BatchRelease:
@@ -211,7 +212,7 @@ def by_levels(
         parts = [run(part.part(throws), 2 ** int(levels[throws[0]])) for throws in groups]
         return BatchRelease.joined(parts).part(np.argsort(np.concatenate(groups)))
 
-    # Piece by piece, so that no array of all hands' splines is ever made.
+    # Piece by piece: the splines of all hands at once would take too much memory.
     pieces = list(chunks(batch.count, PIECE))
     if len(pieces) == 1:
         return levelled(pieces[0])
@@ -220,11 +221,10 @@ def by_levels(
 
 
 def _levels(batch: ReleaseBatch) -> Array:
-    """Number of times the steps of each throw (N,) are doubled, by its own swings alone.
+    """Number of doublings of the steps of each throw (N,), by its own swings.
 
-    A body on a shaken hand swings at most at about sqrt(m h a / J); fast swings over a
-    long opening need more steps. That the number depends on the throw alone keeps its
-    result independent of its neighbours.
+    A body on a shaken hand swings at most at about sqrt(m h a / J); fast swings over a long opening
+    need more steps. The number depends on the throw alone, and so does its result.
     """
     _, twist, acceleration = batch.hands.at(np.zeros(batch.count))
     body = batch.body
@@ -348,7 +348,7 @@ def located_steps(
 
 
 def _root(function: Callable[[float], float], end: float) -> float:
-    """Where `function` changes sign in (0, end], to rounding."""
+    """Zero of `function` in (0, end], to rounding."""
     from scipy.optimize import brentq
 
     if (function(1e-12 * end) > 0) == (function(end) > 0):

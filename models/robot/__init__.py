@@ -1,4 +1,4 @@
-"""Arms as data, the planar motion, torques and shapes of what moves in a throw."""
+"""Arms as data; planar kinematics, torques, and shapes for collisions."""
 
 from .arm import (
     Arm,

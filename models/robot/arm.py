@@ -15,7 +15,7 @@ Point = tuple[float, float, float]
 
 
 def described(meaning: str, default: Any = MISSING, **limits: float) -> Any:
-    """A field, with what arm data files say of it: unit and meaning, and its limits."""
+    """A field with its unit, meaning and limits in arm data files."""
     return field(default=default, metadata={"meaning": meaning} | limits)
 
 
@@ -62,7 +62,7 @@ class LinkCapsule:
 
     link: int = described("number of the joint that moves it; 0: the base, joints + 1: the hand")
     begin: Point = described("m, in that joint's frame; of the hand as in [[links]]")
-    end: Point = described("m, the same")
+    end: Point = described("m, in the same frame")
     radius: float = described("m", above=0)
 
 
@@ -81,7 +81,7 @@ class Tool:
     palm_front: float = described("m, to here")
     palm_half_width: float = described("m, half its thickness in the throwing plane")
     xyz: Point = described("m, the mount in the last joint's frame", (0.0, 0.0, 0.0))
-    rpy: Point = described("rad, the same", (0.0, 0.0, 0.0))
+    rpy: Point = described("rad, rotation of the mount in the last joint's frame", (0.0, 0.0, 0.0))
 
 
 @dataclass(frozen=True)
@@ -104,9 +104,8 @@ class Slowing:
 class JointLimits:
     """Limits per joint: position [rad], velocity [rad/s], acceleration, jerk, torque [N m].
 
-    torque_rate [N m/s]: None where it is not known. tool_speed [m/s]: None for an arm whose tool
-    may be as fast as its joints. slowing: None for one whose velocity limits are the same
-    everywhere.
+    torque_rate [N m/s]: None if unknown. tool_speed [m/s]: None for an arm without a limit of the
+    tool's speed. slowing: None for constant velocity limits.
     """
 
     position_min: Vector = described("rad, lower end of the range")
@@ -115,7 +114,7 @@ class JointLimits:
     acceleration: Vector = described("rad/s²", above=0)
     jerk: Vector = described("rad/s³", above=0)
     torque: Vector = described("N m", above=0)
-    torque_rate: Vector | None = described("N m/s; reported, not kept", None, above=0)
+    torque_rate: Vector | None = described("N m/s; reported, not limited", None, above=0)
     tool_speed: float | None = described(
         "m/s, of flange and pads' centre; left out: as fast as the joints", None, above=0
     )
@@ -138,20 +137,20 @@ class Arm:
     azimuth_joint: int = described("turns the throw's vertical plane about the base's z axis")
     throwing_joints: tuple[int, ...] = described("move in that plane")
     posture: Vector = described(
-        "rad, what the other joints keep; of the azimuth joint, where the throw goes along x"
+        "rad, fixed angles of the other joints; of the azimuth joint, its angle for a throw along x"
     )
     links: tuple[LinkInertia, ...] = described(
         "masses, a table per joint and one for the hand, see [[links]]", ()
     )
     capsules: tuple[LinkCapsule, ...] = described(
-        "shapes of the links, see [[capsules]]; left out: the arm meets nothing", ()
+        "shapes of the links, see [[capsules]]; left out: collisions of the arm are not checked", ()
     )
     joint_names: tuple[str, ...] = described(
         "the joints' names in ROS; left out: NAME_joint1 and so on", ()
     )
     cover: float = described(
-        "m, how far the links stick out of `capsules`; kept from obstacles and floor, not between "
-        "links",
+        "m, largest distance of the links' meshes outside `capsules`; added to the clearance of "
+        "obstacles and floor, not between links",
         0.0,
         least=0,
     )
@@ -176,7 +175,7 @@ class Arm:
     def azimuth_angle(self, azimuth: float) -> float:
         """The azimuth joint's angle [rad] that turns the plane by `azimuth` [rad] from x to y.
 
-        Of those that are whole turns apart, one within the limits where there is any.
+        Among angles that differ by whole turns it prefers one inside the limits.
         """
         joint = self.azimuth_joint - 1
         angle = self.posture[joint] + self._plane[1] * azimuth
@@ -228,5 +227,5 @@ def screw(angle: ca.SX | float, distance: float) -> ca.SX:
 
 
 def exact(value: float) -> float:
-    """Zeros as zeros: cos(pi/2) is not 6e-17, so the planar chain stays planar."""
+    """Rounds tiny values to zero: with cos(pi/2) = 6e-17 a planar chain would not be planar."""
     return 0.0 if abs(value) < 1e-15 else value

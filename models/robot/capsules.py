@@ -21,7 +21,7 @@ NONE = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Solid:
-    """A box grown by `radius` [m]: a sphere where it has no extent, a capsule where it has one.
+    """A box grown by `radius` [m]: a sphere without extents, a capsule with one extent.
 
     centre (3,) [m]; axes (3, 3): its directions as rows; half (3,) [m]: half its extents.
     """
@@ -57,19 +57,18 @@ def about_z(angle: float) -> Array:
 
 def segment_distance(begin: Array, end: Array, other: Array, last: Array) -> Array:
     """Distance (N,) [m] of segments, each (N, 3): `begin` to `end` from `other` to `last`."""
-    found, pairs = np.empty(len(begin)), np.stack([begin, end, other, last], axis=1)
-    library().segment_distances(len(found), pairs, found)
-    return found
+    distances, pairs = np.empty(len(begin)), np.stack([begin, end, other, last], axis=1)
+    library().segment_distances(len(distances), pairs, distances)
+    return distances
 
 
 @dataclass(frozen=True, eq=False)
 class ArmCapsules:
-    """An arm's capsules as its throwing joints move them, in the plane at azimuth 0.
+    """An arm's capsules under the motion of its throwing joints, in the plane at azimuth 0.
 
-    number (C,): of the arm's link, 0 is the base, the last one the hand; moved_by (C,): which link
-    of `PlanarArm` moves it, -1 for none; places (C, 2, 3): ends x, y, z [m], x and z from that
-    link's joint with all coordinates 0, y from the plane; radius (C,) [m], as the robot's maker
-    gives it.
+    number (C,): of the arm's link; 0 is the base, the last one the hand. moved_by (C,): the link of
+    `PlanarArm` that moves it, -1 for none. places (C, 2, 3): ends x, y, z [m]; x and z from the
+    joint of that link with all coordinates 0, y from the plane. radius (C,) [m].
     """
 
     arm: PlanarArm
@@ -80,14 +79,14 @@ class ArmCapsules:
 
     @cached_property
     def names(self) -> tuple[str, ...]:
-        """The links in words."""
+        """Names of the links."""
         hand = self.arm.arm.joints + 1
         words = {0: "base", hand: "hand"}
         return tuple(words.get(number, f"link {number}") for number in self.number)
 
     @cached_property
     def moves(self) -> tuple[bool, ...]:
-        """Which of them the throwing joints move, instead of turning them about their own axis."""
+        """Flags (C,) of the capsules whose place the throwing joints change."""
         aside = np.abs(self.places[:, :, [0, 2]]).max(axis=(1, 2)) > NONE
         return tuple(
             link > 0 or (link == 0 and bool(far))
@@ -136,7 +135,7 @@ class ArmCapsules:
             joints.append((x, z))
             turns.append((cos, sin))
             x, z = x + along * cos - up * sin, z + along * sin + up * cos
-        found = []
+        end_points = []
         for i in which:
             ends = self.places[i].tolist()
             link = self.moved_by[i]
@@ -146,14 +145,14 @@ class ArmCapsules:
                     [x + along * cos - up * sin, y, z + along * sin + up * cos]
                     for along, y, up in ends
                 ]
-            found.append(ends)
-        return found
+            end_points.append(ends)
+        return end_points
 
     def at(self, q: Array) -> Array:
         """Ends x, y, z [m] of all capsules (C, 2, 3, N) at coordinates q (n, N)."""
-        found = np.empty((len(self.number), 2, 3, q.shape[1]))
+        end_places = np.empty((len(self.number), 2, 3, q.shape[1]))
         for i, ends in enumerate(self.ends(self.arm.link_angles(q), range(len(self.number)))):
             for end, place in enumerate(ends):
                 for k, value in enumerate(place):
-                    found[i, end, k] = value
-        return found
+                    end_places[i, end, k] = value
+        return end_places

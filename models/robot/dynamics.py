@@ -1,8 +1,8 @@
 """Inverse dynamics of an arm that moves in a vertical plane, for arrays and CasADi.
 
-The links between two throwing joints move as one rigid body, and all turns are about the
-plane's normal, so the torques of the throwing joints need only mass, CoM and one moment of
-inertia of each such body: Newton and Euler about each joint's axis.
+The links between two throwing joints move as one rigid body, and all rotations are about the
+plane's normal. The torques of the throwing joints thus depend on mass, CoM and one moment of
+inertia of each body: Newton and Euler about each joint's axis.
 """
 
 from __future__ import annotations
@@ -42,8 +42,7 @@ def joint_torque(joint: Row, push: Row) -> Value:
 class PlanarDynamics:
     """Torques of an arm's throwing joints; ValueError for an arm without link masses.
 
-    What is left out: friction and rotors of the drives, and the torques of the joints that
-    only hold the posture.
+    It neglects friction and rotors of the drives, and the torques of joints that hold the posture.
     """
 
     def __init__(self, kinematics: PlanarArm) -> None:
@@ -95,13 +94,13 @@ class PlanarDynamics:
         total: Row = (0.0, 0.0, 0.0)
         if load is not None:
             total = load[0], load[1], load[2] + joint[0] * load[1] - joint[1] * load[0]
-        found = []
+        joint_torques = []
         for sign, joint, push in zip(
             reversed(self._kinematics.signs), reversed(joints), reversed(pushes), strict=True
         ):
             total = total[0] + push[0], total[1] + push[1], total[2] + push[2]
-            found.append(sign * joint_torque(joint, total))
-        return found[::-1]
+            joint_torques.append(sign * joint_torque(joint, total))
+        return joint_torques[::-1]
 
 
 def _composite(parts: list[tuple[LinkInertia, Array]], joint: Array) -> PlanarBody:

@@ -13,7 +13,7 @@ from ...core import AXES, FRAMES, LinkageC
 from ..body import Array, Value, backend, components
 from .arm import Arm
 
-#: Numbers of a link or a joint.
+#: Values of a link or a joint.
 Row = Sequence[Value]
 
 
@@ -90,7 +90,7 @@ class PlanarArm:
     def motion_of(
         self, angles: list[Value], rates: list[Value], turns: list[Value]
     ) -> tuple[list[Value], list[Value], list[Value]]:
-        """`motion` from `link_angles`: a link adds to it by its own three values only."""
+        """`motion` from `link_angles`: the contributions of the links add up."""
         joint: Row = (*self.origin, 0.0, 0.0, 0.0, 0.0)
         for link, *turned in zip(self.links, angles, rates, turns, strict=True):
             joint = link_end(joint, link, turned)
@@ -106,27 +106,27 @@ class PlanarArm:
 
         From `link_angles`. Frames at one place count once; the TCP is left out.
         """
-        found = []
+        frame_heights = []
         xp = backend(*angles)
         for link, place in self.frames:
             z: Value = self.origin[1]
             for phi, (along, up) in zip(angles, [*self.links[:link], place], strict=False):
                 z = z + along * xp.sin(phi) + up * xp.cos(phi)
-            found.append(z)
-        return found
+            frame_heights.append(z)
+        return frame_heights
 
     @functools.cached_property
     def core(self) -> LinkageC:
-        """The arm as the compiled core takes it."""
+        """The arm for the compiled core."""
         (x, z), frames = self.origin, len(self.frames)
-        found = LinkageC(n=self.coordinates, arm=1, frames=frames, x=x, z=z, theta=self.theta)
-        found.sign[: self.coordinates] = self.signs
+        linkage = LinkageC(n=self.coordinates, arm=1, frames=frames, x=x, z=z, theta=self.theta)
+        linkage.sign[: self.coordinates] = self.signs
         for i, link in enumerate(self.links):
-            found.along[i], found.up[i] = link
+            linkage.along[i], linkage.up[i] = link
         for k, (number, place) in enumerate(self.frames):
-            found.link[k] = number
-            found.frame_along[k], found.frame_up[k] = place
-        return found
+            linkage.link[k] = number
+            linkage.frame_along[k], linkage.frame_up[k] = place
+        return linkage
 
     def points(self, q: ca.SX) -> ca.SX:
         """2 x n points (x, z) of the arm in the plane: joint frames, flange and TCP."""
@@ -147,7 +147,7 @@ class PlanarArm:
         joints = ca.horzcat(*[frames[j - 1][:3, 3] for j in self.throwing_joints])
         full = ca.Function("full", [q], [axes, joints, frames[-1][:3, 3], frames[-1][:3, 2]])
         axis, position, tcp, approach = (np.array(o) for o in full(np.zeros(self.coordinates)))
-        # Turning from +x to +z is a turn about -y.
+        # A rotation from +x to +z is about -y.
         self.signs = [float(s) for s in np.round(-axis[1])]
         points = np.column_stack([position, tcp])[[0, 2]]
         self.origin = (float(points[0, 0]), float(points[1, 0]))
@@ -158,21 +158,21 @@ class PlanarArm:
         self._verify(full)
 
     def _frames_of(self, places: Array, joints: Array) -> list[tuple[int, tuple[float, float]]]:
-        """(link, its place from the link's joint at rest) of each frame that moves, TCP left out.
+        """(link, place from the link's joint at q = 0) of each moving frame except the TCP.
 
         places (2, frames), joints (2, links + 1): at q = 0. Frame k is that of joint k + 1
         and is moved by the joints up to k.
         """
-        found: list[tuple[int, tuple[float, float]]] = []
+        moving_frames: list[tuple[int, tuple[float, float]]] = []
         for k in range(places.shape[1] - 1):
             link = sum(joint <= k for joint in self.throwing_joints) - 1
             if link < 0:
                 continue
             along, up = np.round(places[:, k] - joints[:, link], 12) + 0.0
-            # A frame at the joint itself is that of the link before.
+            # A frame at the joint itself belongs to the link before.
             if (along, up) != (0.0, 0.0):
-                found.append((link, (float(along), float(up))))
-        return list(dict.fromkeys(found))
+                moving_frames.append((link, (float(along), float(up))))
+        return list(dict.fromkeys(moving_frames))
 
     def _verify(self, full: ca.Function) -> None:
         """ValueError unless the planar chain is the arm's own kinematics."""
@@ -205,7 +205,8 @@ class PlanarHand:
     def motion(
         self, q: Value, dq: Value, ddq: Value
     ) -> tuple[list[Value], list[Value], list[Value]]:
-        """Pose (x, z, theta), twist and acceleration; theta fixed where it does not turn."""
+        """Pose (x, z, theta), twist and acceleration; theta is constant without a third
+        coordinate."""
         return self.motion_of(self.link_angles(q), self.link_angles(dq), self.link_angles(ddq))
 
     def motion_of(

@@ -1,7 +1,7 @@
 """The command line: `throwplan COMMAND`.
 
-Each command is the file of its name (`import-robot` is import_robot.py) with `arguments(add)` and
-`run(options)`. Only the file of the command that runs is imported.
+Each command has a file of its name (`import-robot`: import_robot.py) with `arguments(add)` and
+`run(options)`. Only the file of the running command is imported.
 """
 
 from __future__ import annotations
@@ -26,19 +26,25 @@ from .common import DONE, WRONG_INPUT, Interrupts, Parser, Progress
 COMMANDS = {
     "scenes": ("list the built-in scenes", "--write cup"),
     "plan": ("plan a throw and check it", "cup --target 0.92 0.22 -90 --out out/cup"),
-    "simulate": ("throw a given hand motion by release models", "drop --model sp"),
-    "map": ("show which landing poses are in reach", "pose --out out/map"),
-    "prepare": ("solve throws all over the reach, for plans to start from", "pose --throws 5000"),
-    "sweep": ("throw a plan many times under uncertainty", "delay --samples 10000 --out out/sweep"),
-    "view": ("look at a plan in 3-D in the browser", "out/cup/plan.json"),
+    "simulate": (
+        "simulate the release of a given hand motion by release models",
+        "drop --model sp",
+    ),
+    "map": ("show the reachable landing poses", "pose --out out/map"),
+    "prepare": ("build a library of solved throws, from which plans start", "pose --throws 5000"),
+    "sweep": (
+        "simulate a plan many times under uncertainty",
+        "delay --samples 10000 --out out/sweep",
+    ),
+    "view": ("show a plan in 3-D in the browser", "out/cup/plan.json"),
     "play": ("move the target on a page and see the throw follow", "cup"),
-    "replay": ("throw a plan's release in MuJoCo", "out/cup/plan.json"),
+    "replay": ("simulate a plan's release in MuJoCo", "out/cup/plan.json"),
     "run": (
-        "throw a plan with a Franka robot, and record it",
+        "execute a plan on a Franka robot and record it",
         "out/fr3/plan.json --robot 172.16.0.2",
     ),
     "correct": (
-        "learn from a recording what to send next",
+        "correct a plan's motion by a recording of it",
         "out/fr3/plan.json out/run/run.csv --out out/next",
     ),
     "export": ("write a plan for a robot controller", "out/cup/plan.json --franka out/franka"),
@@ -47,20 +53,18 @@ COMMANDS = {
         "my.urdf --joints j1 j2 j3 j4 j5 j6 --tool gripper --tcp 0.12 "
         "--acceleration 10 --jerk 1000 --out my-arm.toml",
     ),
-    "make-throws": ("make a synthetic batch of measured throws", "--out out/throws"),
+    "make-throws": ("make a synthetic data set of measured throws", "--out out/throws"),
     "identify": (
         "fit friction and patch radius to measured throws",
         "out/throws --model ls-step --out out/fit",
     ),
     "validate": ("compare release models on measured throws", "out/throws --out out/validation"),
 }
-#: Commands that share a file with another one: their functions carry the command's name.
+#: Commands by the file that they share; their functions there have the command's name.
 SHARED = {"correct": "run", "play": "view"} | dict.fromkeys(
     ("make-throws", "identify", "validate"), "measured"
 )
-
-
-#: Longest word of a message in characters; most paths are shorter.
+#: Longest word [characters] of a printed message; longer words are cut.
 LONGEST = 160
 
 
@@ -76,30 +80,30 @@ def main(arguments: Sequence[str] | None = None) -> int:
         finally:  # After --help and errors in JSON as well.
             sys.stdout.flush()
     except BrokenPipeError:
-        _no_output()
+        _discard_output()
         return DONE
     except OSError as error:
-        _no_output()
-        return _refused(InputError(f"standard output: {error.strerror or error}"), words)
+        _discard_output()
+        return _print_error(InputError(f"standard output: {error.strerror or error}"), words)
 
 
 def _run_command(words: list[str], interrupts: Interrupts) -> int:
-    """Run the command line; returns the exit status, and says why if it is not 0."""
+    """Runs the command line; returns the exit status, and prints the error if it is not 0."""
     try:
-        return _run_uninterrupted(words)
+        return _run_parsed(words)
     except (Exception, KeyboardInterrupt) as error:
         if interrupts.ended_by(error):
             return interrupts.status("throwplan")
         if isinstance(error, InputError | CoreError):
-            return _refused(error, words)
-        # Errors that no command expects, such as a file name that is too long.
+            return _print_error(error, words)
+        # Errors outside the commands' own checks, such as a too long file name.
         if isinstance(error, OSError) and error.filename is not None:
-            return _refused(InputError(f"{error.filename}: {error.strerror or error}"), words)
+            return _print_error(InputError(f"{error.filename}: {error.strerror or error}"), words)
         raise
 
 
-def _run_uninterrupted(words: list[str]) -> int:
-    """Run the command line; raises what ends it."""
+def _run_parsed(words: list[str]) -> int:
+    """Parses and runs the command line; raises its errors."""
     with Progress("starting"):
         parser = parser_of(words[:1])
     options, unknown = parser.parse_known_args(words)
@@ -110,8 +114,8 @@ def _run_uninterrupted(words: list[str]) -> int:
     return status
 
 
-def _refused(error: InputError | CoreError, words: list[str]) -> int:
-    """Print what is wrong."""
+def _print_error(error: InputError | CoreError, words: list[str]) -> int:
+    """Prints an input error; returns its exit status."""
     lines = [_printable(line) for line in str(error).splitlines()]
     if "--json" in words:
         print(json.dumps({"error": "\n".join(lines)}))
@@ -120,14 +124,14 @@ def _refused(error: InputError | CoreError, words: list[str]) -> int:
     return WRONG_INPUT
 
 
-def _no_output() -> None:
-    """Discard what standard output still holds, so that closing it does not fail again."""
+def _discard_output() -> None:
+    """Discards the rest of standard output: closing it would fail again."""
     with contextlib.suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
 
 
 def _set_up_process(interrupts: Interrupts) -> None:
-    """Set up a process of its own: signals end it as Ctrl-C does, pictures go to files."""
+    """Sets up a process of its own: signals act as Ctrl-C, pictures go to files."""
     interrupts.listen()
     os.environ["MPLBACKEND"] = "agg"
     # Warnings of libraries are hidden: commands print their own messages.
@@ -142,8 +146,8 @@ def _set_up_process(interrupts: Interrupts) -> None:
 
 def _printable(line: str) -> str:
     """A line of a message with long words shortened."""
-    short = (w if len(w) <= LONGEST else f"{w[:LONGEST]}..." for w in line.split())
-    words = " ".join(short)
+    parts = (w if len(w) <= LONGEST else f"{w[:LONGEST]}..." for w in line.split())
+    words = " ".join(parts)
     return "".join(c if c.isprintable() else c.encode("unicode_escape").decode() for c in words)
 
 

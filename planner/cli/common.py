@@ -1,4 +1,4 @@
-"""Shared by the commands: parser, options, progress, printed results."""
+"""Parser, options, progress and printed results of all commands."""
 
 from __future__ import annotations
 
@@ -17,29 +17,29 @@ from typing import Any, NoReturn
 
 from ...problems import InputError, Pose, Scene
 
-#: A parser's `add_argument`.
+#: Type of a parser's `add_argument`.
 Add = Callable[..., argparse.Action]
-#: Interval [s] at which a line of progress counts seconds.
+#: Interval [s] between updates of the seconds in a progress line.
 COUNT = 1.0
 #: Exit statuses.
 DONE, WRONG_INPUT, NO_THROW, INTERRUPTED = 0, 2, 3, 130
 
 
 class Interrupts:
-    """A signal handler that ends a command by a KeyboardInterrupt, and remembers it.
+    """A signal handler that raises KeyboardInterrupt and keeps a record of it.
 
     The C code of a library may replace the KeyboardInterrupt by an error of its own.
     """
 
-    came = False
+    received = False
 
     def __call__(self, number: int, frame: FrameType | None) -> None:
         """Raise KeyboardInterrupt."""
-        self.came = True
+        self.received = True
         raise KeyboardInterrupt
 
     def listen(self) -> None:
-        """Treat all signals that end a process as Ctrl-C from now on."""
+        """Handles all signals that end a process like Ctrl-C."""
         for name in ("SIGINT", "SIGTERM", "SIGHUP"):
             kind = getattr(signal, name, None)
             # A signal that the shell ignores, as under nohup, stays ignored.
@@ -48,7 +48,7 @@ class Interrupts:
 
     def ended_by(self, error: BaseException) -> bool:
         """Whether a signal caused the error."""
-        return self.came or isinstance(error, KeyboardInterrupt)
+        return self.received or isinstance(error, KeyboardInterrupt)
 
     def status(self, program: str) -> int:
         """Print that the program was interrupted; returns its exit status."""
@@ -92,17 +92,17 @@ def add_words(add: Add, option: str, metavar: str, what: str) -> None:
 
 def add_out(add: Add, what: str) -> None:
     """The option --out; `what` is written there."""
-    add("--out", metavar="DIR", help=f"write {what} there")
+    add("--out", metavar="DIR", help=f"write {what} to this folder")
 
 
 def add_force(add: Add) -> None:
     """The option --force."""
-    add("--force", action="store_true", help="overwrite a file that is there")
+    add("--force", action="store_true", help="overwrite an existing file")
 
 
 def add_patience(add: Add, words: str) -> None:
-    """The option --patience; words: how long it is by default."""
-    words = f"how long to look for a throw (default: {words})"
+    """The option --patience; words: its default."""
+    words = f"time [s] of the search for a throw (default: {words})"
     add("--patience", type=number(0.001, 3600.0), metavar="S", help=words)
 
 
@@ -113,9 +113,9 @@ def add_target(add: Add) -> None:
     add("--target", nargs=3, type=number(other="free"), metavar=form, help=words)
     words = "turn the throw's plane about the arm's base axis"
     add("--azimuth", type=number(-180, 180), metavar="DEG", help=words)
-    words = "m/s, of a target that moves along x; it is at its pose when the motion starts"
+    words = "velocity [m/s] of the target along x; it has its pose when the motion starts"
     add("--velocity", type=number(), metavar="VX", help=words)
-    words = "s after the motion starts: when the object lands, or the earliest and the latest"
+    words = "landing time [s] from the start of the motion, or the earliest and the latest"
     add("--arrival", nargs="+", type=number(), metavar="T", help=words)
 
 
@@ -128,7 +128,7 @@ def target_of(scene: Scene, options: argparse.Namespace) -> Pose | None:
     if given is not None:
         x, z, degrees = given
         if x is None or z is None:
-            raise InputError("--target free: only THETA_DEG may be, X and Z must be numbers")
+            raise InputError("--target: X and Z must be numbers; only THETA_DEG may be 'free'")
         theta = None if degrees is None else math.radians(degrees)
         target = dataclasses.replace(target or Pose(x=x, z=z), x=x, z=z, theta=theta, y=0.0)
     if target is None:
@@ -136,7 +136,7 @@ def target_of(scene: Scene, options: argparse.Namespace) -> Pose | None:
     moves: dict[str, Any] = {} if velocity is None else {"velocity": (velocity,)}
     if arrival is not None:
         if len(arrival) > 2:
-            raise InputError("--arrival: one time, or the earliest and the latest")
+            raise InputError("--arrival: must be one time, or the earliest and the latest")
         moves["arrival"] = tuple(arrival) if arrival[1:] else arrival[0]
     try:
         target = dataclasses.replace(target, **moves)
@@ -160,9 +160,9 @@ def integer(low: int | None = None, high: int | None = None) -> Callable[[str], 
 
     def value(word: str) -> int:
         try:
-            found = int(word)
-            if low is None or high is None or low <= found <= high:
-                return found
+            result = int(word)
+            if low is None or high is None or low <= result <= high:
+                return result
         except ValueError:
             pass
         words = "" if low is None else f", {low} to {high}"
@@ -180,12 +180,12 @@ def number(
         if other and word == other:
             return None
         try:
-            found = float(word)
+            result = float(word)
         except ValueError:
-            found = math.nan
-        if math.isfinite(found) and low <= found <= high:
-            return found
-        if math.isfinite(found):
+            result = math.nan
+        if math.isfinite(result) and low <= result <= high:
+            return result
+        if math.isfinite(result):
             allowed = f"at least {low:g}" if high == math.inf else f"from {low:g} to {high:g}"
         else:
             allowed = "a finite number" + (f" or '{other}'" if other else "")
@@ -200,12 +200,12 @@ def print_result(options: argparse.Namespace, result: object, text: str) -> None
 
 
 def written(options: argparse.Namespace) -> str:
-    """A last line of the text that names the folder of --out."""
+    """A last line of text with the folder of --out."""
     return "" if options.out is None else f"\n  written to {options.out}"
 
 
 def notes(scene: Scene) -> str:
-    """Lines about defaults that stand for what the scene leaves out."""
+    """Lines about defaults of keys that the scene leaves out."""
     return "".join(f"\n  note: {words}" for words in scene.notes)
 
 
@@ -218,7 +218,7 @@ def report_step(words: str) -> None:
 class Progress:
     """A line on a terminal's stderr: share of the work done, and the seconds left.
 
-    While the line does not change, it counts seconds.
+    An unchanged line counts seconds.
     """
 
     def __init__(self, name: str = "", unit: str = "throws") -> None:

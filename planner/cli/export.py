@@ -11,10 +11,14 @@ from .common import DONE, Add, Progress, add_plan, number, print_result
 def arguments(add: Add) -> None:
     """The command's options."""
     add_plan(add)
-    add("--franka", metavar="DIR", help="write CSV files at 1 kHz for libfranka there")
-    add("--ros", metavar="DIR", help="write a rosbag2 (MCAP) there: trajectory, gripper command")
-    add("--joint-names", nargs="+", metavar="NAME", help="the joints' names in ROS, all of them")
-    words = "gap of the opened gripper in its ROS command (default: 0.08)"
+    add("--franka", metavar="DIR", help="write CSV files at 1 kHz for libfranka to this folder")
+    add(
+        "--ros",
+        metavar="DIR",
+        help="write a rosbag2 (MCAP) with trajectory and gripper command to this folder",
+    )
+    add("--joint-names", nargs="+", metavar="NAME", help="names of all joints in ROS")
+    words = "width [m] of the open gripper in its ROS command (default: 0.08)"
     add("--open-width", type=number(0), metavar="M", help=words)
 
 

@@ -39,28 +39,30 @@ LIMIT_UNITS = {"velocity": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3"
 def arguments(add: Add) -> None:
     """The command's options."""
     add(
-        "urdf", metavar="FILE.urdf", help="the robot; or a xacro, or its name in robot_descriptions"
+        "urdf",
+        metavar="FILE.urdf",
+        help="URDF or xacro of the robot, or its name in robot_descriptions",
     )
-    words = "joints, base first, by name or by number on the way to --tool (default: all of these)"
+    words = "joints, base first, by name or number on the way to --tool (default: all of them)"
     add("--joints", nargs="+", metavar="J", default=[], help=words)
     add("--out", required=True, metavar="FILE.toml", help="the arm data file")
     add_force(add)
     add("--name", help="the arm's name (default: the URDF's)")
     words = "link of the base frame, z upwards (default: the root)"
     add("--base", metavar="LINK", help=words)
-    add("--tool", metavar="LINK", help="link of the hand (default: the last on --joints)")
+    add("--tool", metavar="LINK", help="link of the hand (default: the link of the last joint)")
     add(
         "--approach",
         choices=list(AXES),
-        help="axis of the tool link that points out of the hand; write --approach=-z (default: z, "
-        "where nothing speaks against it)",
+        help="axis of the tool link that points out of the hand, such as --approach=-z (default: z "
+        "if the hand's links agree)",
     )
     add(
         "--closing",
         choices=["x", "y", "z"],
         help="axis of the tool link along which the pads close (default: y, or z, the same)",
     )
-    words = "from the tool link on to the pads' centre (0)"
+    words = "distance from the tool link to the pads' centre (default: 0)"
     add("--tcp", type=number(), metavar="M", default=0.0, help=words)
     add(
         "--palm",
@@ -74,7 +76,7 @@ def arguments(add: Add) -> None:
 
 def _motion_arguments(add: Add) -> None:
     """The options on joints: their task in a throw, and their limits."""
-    add("--azimuth", metavar="J", help="joint that turns the plane (the first)")
+    add("--azimuth", metavar="J", help="joint that turns the throw's plane (default: the first)")
     add(
         "--throwing",
         nargs="+",
@@ -87,7 +89,7 @@ def _motion_arguments(add: Add) -> None:
         type=number(),
         default=[],
         metavar="DEG",
-        help="what the other joints keep, per joint (default: 0 where allowed, pads across)",
+        help="fixed angles of the other joints (default: 0 if allowed, pads across the plane)",
     )
     for name, option in LIMIT_OPTIONS.items():
         add(
@@ -106,44 +108,45 @@ def run(options: argparse.Namespace) -> int:
     if out.suffix != ".toml":
         raise InputError(f"--out {out}: must end in .toml")
     if not out.parent.is_dir():
-        raise InputError(f"--out {out}: its folder is not there")
+        raise InputError(f"--out {out}: its folder does not exist")
     if options.name is not None and not (options.name and options.name.isprintable()):
         raise InputError("--name: must be a word")
     with Progress(f"{urdf}: reading"):
         robot = read_urdf(urdf)
         try:
-            options, chain = _completed(options, robot)
+            options, chain = _fill_options(options, robot)
             limits, choices = limits_of(chain, _given_limits(options)), _choices(options, chain)
-            drawn, held = arm_of(chain, limits, choices), held_joints(chain)
+            arm_data, held_names = arm_of(chain, limits, choices), held_joints(chain)
             shapes = link_shapes(chain, urdf_file(urdf))
-            drawn = dataclasses.replace(drawn, capsules=shapes.capsules, cover=shapes.cover)
+            arm_data = dataclasses.replace(arm_data, capsules=shapes.capsules, cover=shapes.cover)
         except InputError as error:
             raise error.within(str(urdf)) from None
-        text, arm = arm_file(drawn, _remarks(chain, urdf, held, shapes), str(out))
+        text, arm = arm_file(arm_data, _remarks(chain, urdf, held_names, shapes), str(out))
         difference = kinematics_difference(arm, chain)
     if not difference <= EXACT:
         raise InputError(
-            f"{urdf}: the arm's kinematics are {difference:.1e} off yourdfpy's, nothing written"
+            f"{urdf}: the arm's kinematics differ by {difference:.1e} from yourdfpy's, must be at "
+            f"most {EXACT:.0e}: nothing written"
         )
     copy_out(text, out, force=options.force)
-    found = _found(options, arm, chain, held) | {"states": STATES, "difference": difference}
-    found |= {"capsules": len(arm.capsules), "cover": arm.cover, "unread": list(shapes.unread)}
-    print_result(options, found, _text(options, found))
+    result = _found(options, arm, chain, held_names) | {"states": STATES, "difference": difference}
+    result |= {"capsules": len(arm.capsules), "cover": arm.cover, "unread": list(shapes.unread)}
+    print_result(options, result, _text(options, result))
     return DONE
 
 
-def _completed(options: argparse.Namespace, robot: Any) -> tuple[argparse.Namespace, UrdfChain]:
+def _fill_options(options: argparse.Namespace, robot: Any) -> tuple[argparse.Namespace, UrdfChain]:
     """The options with the joints' names, and the chain of these joints.
 
-    InputError with all that is missing and the command line that has it, with values to try.
+    InputError with all missing options, and a complete command line with values to try.
     """
     missing = list[MissingOptionError]()
     while True:
         ends = options.tool, options.base, options.approach, options.closing, options.azimuth
         try:
             chain = chain_of(robot, options.joints, *ends)
-            named = argparse.Namespace(**vars(options) | {"joints": list(chain.names)})
-            limits_of(chain, _given_limits(named))
+            complete = argparse.Namespace(**vars(options) | {"joints": list(chain.names)})
+            limits_of(chain, _given_limits(complete))
             break
         except MissingOptionError as error:
             missing.append(error)
@@ -156,7 +159,7 @@ def _completed(options: argparse.Namespace, robot: Any) -> tuple[argparse.Namesp
             words += [f"{option}={given[0]}"] if alone else [option, *given]
         proposal = f"with values to try: {shlex.join(words)}"
         raise InputError(*(str(error) for error in missing), proposal)
-    return named, chain
+    return complete, chain
 
 
 def _name(option: str) -> str:
@@ -247,47 +250,49 @@ def _approach_of(chain: UrdfChain) -> str:
 
 
 def _moved(origin: Any) -> str:
-    """The shift of the base frame in words; empty without one."""
+    """The shift of the base frame as text; empty without one."""
     x, y = (round(value, 4) + 0.0 for value in origin[:2])
     return f" moved to x {x:.4f}, y {y:.4f} m" if x or y else ""
 
 
-def _text(options: argparse.Namespace, found: dict[str, Any]) -> str:
-    """The arm as lines for people."""
-    mass, angles = found["mass"], " ".join(f"{angle:.6g}" for angle in found["posture_deg"])
+def _text(options: argparse.Namespace, result: dict[str, Any]) -> str:
+    """The arm as text."""
+    mass, angles = result["mass"], " ".join(f"{angle:.6g}" for angle in result["posture_deg"])
     lines = [
-        f"{found['name']}: written to {options.out}; a scene takes it by [robot] arm = "
+        f"{result['name']}: written to {options.out}; a scene takes it by [robot] arm = "
         f'"{Path(options.out).name}"',
-        f"  base {found['base']}{_moved(found['origin'])}, hand {found['tool']}, "
-        f"{found['approach']} points out of it, pads' centre {options.tcp:g} m beyond (--tcp)",
-        f"  {found['azimuth']} turns the plane, {', '.join(found['throwing'])} throw",
+        f"  base {result['base']}{_moved(result['origin'])}, hand {result['tool']}, "
+        f"{result['approach']} points out of it, pads' centre at {options.tcp:g} m (--tcp)",
+        f"  {result['azimuth']} turns the plane, {', '.join(result['throwing'])} throw",
         f"  posture {angles} deg",
     ]
-    if found["lateral"]:
-        lines.append(f"  the throw's plane is {found['lateral']:.4g} m beside the base's z axis")
-    if found["held"]:
-        lines.append(f"  held at 0: {', '.join(found['held'])}")
+    if result["lateral"]:
+        lines.append(f"  the throw's plane is {result['lateral']:.4g} m beside the base's z axis")
+    if result["held"]:
+        lines.append(f"  held at 0: {', '.join(result['held'])}")
     if options.palm is None:
-        lines.append("  no --palm: nothing keeps the bar off the hand's body")
-    lines += _shapes_text(found)
+        lines.append("  no --palm: the bar is not kept clear of the hand's body")
+    lines += _shapes_text(result)
     lines.append(f"  moved mass {mass:.4g} kg" if mass is not None else "  no masses in the URDF")
     lines.append(
-        f"  kinematics at {found['states']} random states: at most {found['difference']:.1e} "
-        "off yourdfpy's"
+        f"  kinematics at {result['states']} random states: at most {result['difference']:.1e} "
+        "from yourdfpy's"
     )
     return "\n".join(lines)
 
 
-def _shapes_text(found: dict[str, Any]) -> list[str]:
+def _shapes_text(result: dict[str, Any]) -> list[str]:
     """Lines about the links' shapes, and about links without one."""
-    words = "no shapes of links in the URDF: without [[capsules]] the arm meets nothing"
-    if found["capsules"]:
+    words = (
+        "no shapes of links in the URDF: collisions of the arm are not checked (no [[capsules]])"
+    )
+    if result["capsules"]:
         words = (
-            f"shapes: {found['capsules']} capsules, out of which the links' meshes stick by at "
-            f"most {1e3 * found['cover']:.3g} mm (cover)"
+            f"shapes: {result['capsules']} capsules; the links' meshes extend at most "
+            f"{1e3 * result['cover']:.3g} mm beyond them (cover)"
         )
     lines = [f"  {words}"]
-    if found["unread"]:
-        links = ", ".join(found["unread"])
+    if result["unread"]:
+        links = ", ".join(result["unread"])
         lines.append(f"  meshes not read: {links}: these links have no shape, cover not measured")
     return lines

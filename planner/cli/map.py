@@ -1,4 +1,4 @@
-"""`throwplan map`: which landing poses are in reach."""
+"""`throwplan map`: the reachable landing poses."""
 
 from __future__ import annotations
 
@@ -45,15 +45,15 @@ def run(options: argparse.Namespace) -> int:
     if options.out is not None:
         prepare_folder(Path(options.out), MAP_FILES)
     with Progress(scene.name) as progress:
-        found = reach_map(scene, z, samples, progress=progress)
-    if not found.reachable:
+        result = reach_map(scene, z, samples, progress=progress)
+    if not result.reachable:
         if options.json:
-            print(json.dumps(found.to_dict(), indent=2, allow_nan=False))
-        print(f"throwplan: {found.message}", file=sys.stderr)
+            print(json.dumps(result.to_dict(), indent=2, allow_nan=False))
+        print(f"throwplan: {result.message}", file=sys.stderr)
         return NO_THROW
     file = None
     if options.out is not None:
         with Progress(f"{scene.name}: writing {options.out}"):
-            file = found.save(options.out)
-    print_result(options, found.to_dict(file), found.summary() + notes(scene) + written(options))
+            file = result.save(options.out)
+    print_result(options, result.to_dict(file), result.summary() + notes(scene) + written(options))
     return DONE

@@ -33,7 +33,7 @@ def arguments(add: Add) -> None:
         "--turns",
         choices=("exact", "any"),
         default="exact",
-        help="whether full turns of the object count (default: exact)",
+        help="exact: THETA_DEG counts full turns; any: it does not (default: exact)",
     )
     add(
         "--solver",
@@ -44,11 +44,11 @@ def arguments(add: Add) -> None:
     add(
         "--robust",
         choices=Robust.METHODS,
-        help="bear all of the scene's [uncertainty] (without one: an opening 10 ms early or late)",
+        help="plan against the scene's [uncertainty] (default: an opening 10 ms early or late)",
     )
-    words = "list up to N more throws that differ from the plan's"
-    most = integer(0, MOST_ALTERNATIVES)
-    add("--alternatives", type=most, metavar="N", default=0, help=words)
+    words = "also list up to N different throws to the target"
+    kind = integer(0, MOST_ALTERNATIVES)
+    add("--alternatives", type=kind, metavar="N", default=0, help=words)
     add_patience(add, "3 s; 6 s for a robust one, 20 s for several")
     add_out(add, "plan.json, motion.csv, throw.png and throw.gif")
 
@@ -76,7 +76,7 @@ def run(options: argparse.Namespace) -> int:
             plan = plan.save(options.out)
     text = plan.summary() + written(options)
     if plan.solved and len(plan.alternatives) < alternatives:
-        text += f"\n  no more of {alternatives} alternatives: other starts lead to the same throws"
+        text += f"\n  found no more of {alternatives} alternatives: all starts lead to these throws"
     print_result(options, plan.to_dict(), text)
     if plan.solved:
         return DONE

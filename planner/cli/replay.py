@@ -14,7 +14,7 @@ from .common import DONE, Add, Progress, add_out, add_plan, number, print_result
 def arguments(add: Add) -> None:
     """The command's options."""
     add_plan(add)
-    words = "share of its speed with which the bar leaves what it hits, 0 to 0.99 (default: 0.1)"
+    words = "coefficient of restitution of the bar, 0 to 0.99 (default: 0.1)"
     add("--restitution", type=number(), metavar="E", default=0.1, help=words)
     add_out(add, "replay.json, replay.csv and replay.png")
 

@@ -1,4 +1,4 @@
-"""`throwplan run`: a plan on a Franka robot; `throwplan correct`: the next motion to send."""
+"""`throwplan run`: a plan on a Franka robot; `throwplan correct`: its corrected motion."""
 
 from __future__ import annotations
 
@@ -28,19 +28,21 @@ from ..throw import TICK
 from ..verdict import outside_tolerance
 from .common import DONE, Add, add_out, add_plan, integer, print_result, report_step, written
 
-#: File of the recording of one throw, and of each of several.
-RECORDING, RECORDINGS = "run.csv", "run{}.csv"
+#: File of a single recording.
+RECORDING = "run.csv"
+#: File of recording k with --repeat.
+RECORDINGS = "run{}.csv"
 
 
 def arguments(add: Add) -> None:
     """The options of `throwplan run`."""
     add_plan(add)
     add("--robot", metavar="HOST", help="address of a Franka Research 3")
-    add("--yes", action="store_true", help="move without asking")
-    add("--dry", action="store_true", help="move nothing, show what would be sent")
-    words = "throws; each corrects the one before it (default: 1)"
+    add("--yes", action="store_true", help="move without confirmation")
+    add("--dry", action="store_true", help="print the motion instead of sending it")
+    words = "number of throws; each recording corrects the next throw (default: 1)"
     add("--repeat", type=integer(1, 100), metavar="N", default=1, help=words)
-    words = "a recording of this plan: send the motion corrected by it"
+    words = "send the motion corrected by this recording of the plan"
     add("--after", metavar="RUN.CSV", help=words)
     words = "write run.csv there, or run1.csv, run2.csv, ... (default: out/run)"
     add("--out", metavar="DIR", default="out/run", help=words)
@@ -56,14 +58,14 @@ def run(options: argparse.Namespace) -> int:
     if options.dry:
         return _print_motion(options, sent)
     if options.robot is None:
-        raise InputError("--robot: needs the robot's address (or give --dry)")
+        raise InputError("--robot: is missing: give the robot's address, or --dry to move nothing")
     if not options.yes and not sys.stdin.isatty():
-        raise InputError("--yes: needed without a terminal to confirm")
+        raise InputError("--yes: is missing: there is no terminal to confirm the motion")
     folder, runs, lines = prepare_folder(Path(options.out), (RECORDING,)), [], []
     report_step(f"connecting to {options.robot}")
     with connected(options.robot) as franka:
-        found = throws(franka, plan, sent, _confirmation(options.yes))
-        for k, recording in enumerate(islice(found, options.repeat), start=1):
+        recordings = throws(franka, plan, sent, _confirmation(options.yes))
+        for k, recording in enumerate(islice(recordings, options.repeat), start=1):
             name = RECORDING if options.repeat == 1 else RECORDINGS.format(k)
             with filling(folder, (name,)) as scratch:
                 recording.save(scratch / name)
@@ -77,8 +79,8 @@ def run(options: argparse.Namespace) -> int:
 def correct_arguments(add: Add) -> None:
     """The options of `throwplan correct`."""
     add_plan(add)
-    add("recording", metavar="RUN.CSV", help="what `throwplan run` recorded of it")
-    add_out(add, "the motion to send next, as `export --franka` does,")
+    add("recording", metavar="RUN.CSV", help="a recording of the plan by `throwplan run`")
+    add_out(add, "the corrected motion in the files of `export --franka`")
 
 
 def run_correct(options: argparse.Namespace) -> int:
@@ -98,8 +100,8 @@ def run_correct(options: argparse.Namespace) -> int:
     }
     text = (
         f"{plan.throw.scene.name}: {recording.summary(plan.throw)}\n"
-        f"  the motion to send next: {1e3 * dx:.1f} mm and {math.degrees(dtheta):.2f} deg off "
-        f"are expected of it, {'outside' if outside else 'within'} the tolerance"
+        f"  the corrected motion: expected landing error {1e3 * dx:.1f} mm and "
+        f"{math.degrees(dtheta):.2f} deg, {'outside' if outside else 'within'} the tolerance"
     )
     print_result(options, result, text + written(options))
     return DONE
@@ -125,7 +127,7 @@ def _print_motion(options: argparse.Namespace, sent: JointMotion) -> int:
 
 
 def _confirmation(yes: bool) -> Callable[[str], None]:
-    """A function that asks before the robot moves; with `yes` it only prints what comes."""
+    """A function that asks for confirmation before the robot moves; with `yes` it only prints."""
 
     def ask(words: str) -> None:
         print(words, file=sys.stderr)

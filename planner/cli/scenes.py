@@ -14,7 +14,7 @@ from .common import DONE, Add, add_force, print_result
 
 def arguments(add: Add) -> None:
     """The command's options."""
-    add("--write", metavar="NAME", help="copy that scene's file to NAME.toml here")
+    add("--write", metavar="NAME", help="copy the scene's file to NAME.toml in this folder")
     add_force(add)
     add("--reference", action="store_true", help="print all keys of a scene file as Markdown")
 

@@ -30,8 +30,8 @@ from .common import (
     written,
 )
 
-#: Success rate below which the command advises a robust plan.
-ADVISED = 0.9
+#: Success rate below which the command recommends a robust plan.
+MIN_RATE = 0.9
 
 
 def arguments(add: Add) -> None:
@@ -42,11 +42,17 @@ def arguments(add: Add) -> None:
     add_patience(add, "3 s; 6 s for a robust one")
     names = f"release model: {', '.join(BATCH_MODELS)} (default: the scene's [tolerance] model)"
     add("--model", default="", metavar="NAME", help=names)
-    words = "processes on this machine (default: 1); the result is the same"
-    add("--samples", type=integer(), metavar="N", default=1000, help="throws (default: 1000)")
-    add("--seed", type=integer(), metavar="N", default=0, help="of the samples (default: 0)")
+    words = "processes on this machine (default: 1); they do not change the result"
+    add(
+        "--samples",
+        type=integer(),
+        metavar="N",
+        default=1000,
+        help="throws (default: 1000)",
+    )
+    add("--seed", type=integer(), metavar="N", default=0, help="seed of the samples (default: 0)")
     add("--workers", type=integer(), metavar="N", help=words)
-    add("--scheduler", metavar="ADDRESS", help="a Dask scheduler that spreads them")
+    add("--scheduler", metavar="ADDRESS", help="address of a Dask scheduler to use instead")
     add_out(add, "sweep.json, sweep.csv and three pictures")
 
 
@@ -58,31 +64,31 @@ def run(options: argparse.Namespace) -> int:
     check_sweep(samples, seed, options.model, "--")
     target = target_of(scene, options)
     with executor_of(options.workers, options.scheduler) as executor:
-        plan = _planned(scene, target, options)
+        plan = _make_plan(scene, target, options)
         if not plan.solved:
             print_result(options, plan.to_dict(), f"{scene.name}: {plan.status}")
             print(f"throwplan: {plan.message}", file=sys.stderr)
             return NO_THROW
         with Progress(scene.name) as progress:
-            found = sweep_until_stopped(plan, samples, seed, options.model, executor, progress)
-    if found is None:
+            outcome = sweep_until_stopped(plan, samples, seed, options.model, executor, progress)
+    if outcome is None:
         raise KeyboardInterrupt
     if options.out is not None:
         with Progress(f"{scene.name}: writing {options.out}"):
-            found.save(options.out)
-    result = found.to_dict()
+            outcome.save(options.out)
+    result = outcome.to_dict()
     advice = ""
-    if plan.target.at_rest and not plan.robust and result["success"]["rate"] < ADVISED:
-        advice = "\n  to plan for more of them: --robust auto"
-    print_result(options, result, found.summary() + advice + notes(scene) + written(options))
-    if found.samples == samples:
+    if plan.target.at_rest and not plan.robust and result["success"]["rate"] < MIN_RATE:
+        advice = "\n  plan with --robust auto to raise the success rate"
+    print_result(options, result, outcome.summary() + advice + notes(scene) + written(options))
+    if outcome.samples == samples:
         return DONE
-    words = f"throwplan: interrupted: {found.samples:,} of {samples:,} samples"
+    words = f"throwplan: interrupted: {outcome.samples:,} of {samples:,} samples"
     print(words, file=sys.stderr)
     return INTERRUPTED
 
 
-def _planned(scene: Scene, target: Pose | None, options: argparse.Namespace) -> Plan:
+def _make_plan(scene: Scene, target: Pose | None, options: argparse.Namespace) -> Plan:
     with Progress(f"{scene.name}: planning"):
         planner = Planner(scene)
         planner.check(target)

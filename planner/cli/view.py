@@ -51,10 +51,10 @@ def play_arguments(add: Add) -> None:
 
 def _add_page(add: Add) -> None:
     """The options of a page."""
-    words = "of the page, on this machine (default: 8080)"
+    words = "port of the page, on this machine (default: 8080)"
     add("--port", type=integer(1, 65535), metavar="N", default=8080, help=words)
-    add("--no-browser", action="store_true", help="open no browser")
-    words = "end after that time (default: when interrupted)"
+    add("--no-browser", action="store_true", help="do not open a browser")
+    words = "end after this time (default: when interrupted)"
     add("--hold", type=number(0.001), metavar="SECONDS", help=words)
 
 
@@ -100,11 +100,11 @@ def run_play(options: argparse.Namespace) -> int:
     return DONE
 
 
-def _show(options: argparse.Namespace, found: dict[str, Any], panel: Panel) -> None:
+def _show(options: argparse.Namespace, facts: dict[str, Any], panel: Panel) -> None:
     """Print the address of the page, open it, and play its panel."""
-    print(json.dumps(found) if options.json else found["address"], flush=True)
-    if not options.no_browser and not open_browser(found["address"]):
-        print("throwplan: no browser to open here; open the address", file=sys.stderr)
+    print(json.dumps(facts) if options.json else facts["address"], flush=True)
+    if not options.no_browser and not open_browser(facts["address"]):
+        print("throwplan: found no browser; open the address in one", file=sys.stderr)
     if options.hold is None:
         report_step("Ctrl-C ends it")
     run_panel(panel, options.hold)

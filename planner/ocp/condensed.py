@@ -202,8 +202,8 @@ class CondensedQp:
             z, multipliers = _solve_qp(hessian, gradient, rows, (low, high), bounds)
             if not np.isfinite(z).all():
                 return None
-            moved = self.rows @ z[:size] + broken_now * z[-1]
-            broken = (moved < self.lower - QP.zero) | (moved > self.upper + QP.zero)
+            change = self.rows @ z[:size] + broken_now * z[-1]
+            broken = (change < self.lower - QP.zero) | (change > self.upper + QP.zero)
             if not (broken & ~included).any():
                 break
             included |= broken
@@ -231,14 +231,14 @@ def _eliminate(jacobian: Any, residual: Array, indices: list[int]) -> tuple[Arra
     from scipy.sparse.linalg import splu
 
     others = np.delete(np.arange(jacobian.shape[1]), indices)
-    known = np.column_stack([jacobian[:, indices].toarray(), residual])
-    found = np.zeros((jacobian.shape[1], len(indices) + 1))
-    found[indices, np.arange(len(indices))] = 1.0
+    right_side = np.column_stack([jacobian[:, indices].toarray(), residual])
+    derivative = np.zeros((jacobian.shape[1], len(indices) + 1))
+    derivative[indices, np.arange(len(indices))] = 1.0
     try:
-        found[others] = splu(jacobian[:, others]).solve(-known)
+        derivative[others] = splu(jacobian[:, others]).solve(-right_side)
     except RuntimeError as error:
         raise np.linalg.LinAlgError(str(error)) from None
-    return found[:, :-1], found[:, -1]
+    return derivative[:, :-1], derivative[:, -1]
 
 
 def _solve_qp(
@@ -246,12 +246,12 @@ def _solve_qp(
 ) -> tuple[Array, Array]:
     """Minimum of a QP and the multipliers of its rows, by DAQP; NaN without a solution."""
     solver = _daqp_solver(*rows.shape)
-    found = solver(
+    result = solver(
         **{"h": hessian, "g": gradient, "a": rows, "lba": between[0], "uba": between[1]},
         **{"lbx": bounds[0], "ubx": bounds[1]},
     )
-    z = np.array(found["x"]).ravel()
-    return z if solver.stats()["success"] else z * np.nan, np.array(found["lam_a"]).ravel()
+    z = np.array(result["x"]).ravel()
+    return z if solver.stats()["success"] else z * np.nan, np.array(result["lam_a"]).ravel()
 
 
 @lru_cache(maxsize=64)

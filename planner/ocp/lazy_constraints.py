@@ -1,4 +1,4 @@
-"""Lazy constraints and margins of an NLP: what a verdict on a throw calls for.
+"""Lazy constraints and margins of an NLP: the remedies for the findings of a verdict.
 
 Constraints that are seldom active are left out at first. Where the verdict on a throw finds one
 broken, the next NLP has it, or a larger margin.
@@ -64,9 +64,9 @@ class Remedy:
     body: str = ""
 
 
-def _remedy_for(found: Finding, throw: Throw) -> Remedy | None:
+def _remedy_for(finding: Finding, throw: Throw) -> Remedy | None:
     """The remedy for a finding of a throw; None if an NLP has none."""
-    match found.code:
+    match finding.code:
         case Code.SLIP_BEFORE_OPENING:
             return Remedy("carry")
         case Code.TOOL_SPEED:
@@ -75,30 +75,30 @@ def _remedy_for(found: Finding, throw: Throw) -> Remedy | None:
             # With a section [torque] every NLP has the constraint.
             return Remedy("torque" if throw.scene.torque is None else "", TORQUE)
         case Code.FLOOR:
-            return Remedy("carry", HELD, at_nodes=found.body == BAR)
-        case Code.COLUMN if found.body == FLYING:
+            return Remedy("carry", HELD, at_nodes=finding.body == BAR)
+        case Code.COLUMN if finding.body == FLYING:
             return Remedy("passing", PASSING)
         case Code.COLUMN:
             return Remedy("carry", HELD, at_nodes=True)
         case Code.PALM:
-            assert found.time is not None
-            early = found.time - throw.detach_time <= PALM_TIMES[-1]
+            assert finding.time is not None
+            early = finding.time - throw.detach_time <= PALM_TIMES[-1]
             return Remedy("flight", escalation="return") if early else Remedy("return")
         case Code.CUP_WALL:
             return Remedy("flight", CUP)
         case Code.COLLISION:
-            return Remedy(margin=CLEAR, body=found.body)
+            return Remedy(margin=CLEAR, body=finding.body)
     return None
 
 
-def _violation(found: Finding, margin: Margin) -> float:
+def _violation(finding: Finding, margin: Margin) -> float:
     """The amount by which a finding breaks its limit, in the unit of the margin."""
-    match found.code:
+    match finding.code:
         case Code.TOOL_SPEED:
-            return found.value / found.limit - 1.0
+            return finding.value / finding.limit - 1.0
         case Code.TORQUE:
-            return found.value - found.limit
-    return min(found.limit - found.value, margin.largest)
+            return finding.value - finding.limit
+    return min(finding.limit - finding.value, margin.largest)
 
 
 @dataclass(frozen=True, init=False)
@@ -136,11 +136,11 @@ class Refinement:
         return bool(self.lazy & COSTLY)
 
     def refined(self, verdict: Verdict, throw: Throw) -> Refinement:
-        """This with the remedies for a throw's findings; equal to this if there is none."""
-        found = [(one, cure) for one in verdict.broken if (cure := _remedy_for(one, throw))]
+        """This with the remedies for a throw's findings; equal to this without a remedy."""
+        remedies = [(one, cure) for one in verdict.broken if (cure := _remedy_for(one, throw))]
         added: set[LazyConstraint] = set()
         violations: dict[Margin, float] = {}
-        for finding, remedy in found:
+        for finding, remedy in remedies:
             has = remedy.body in self.bodies if remedy.body else remedy.lazy in self.lazy
             if remedy.margin is not None:
                 violation, margin = _violation(finding, remedy.margin), remedy.margin
@@ -155,8 +155,8 @@ class Refinement:
             for margin, violation in violations.items()
         }
         if added <= self.lazy:
-            added = {remedy.escalation for _, remedy in found if remedy.escalation}
-        bodies = {remedy.body for _, remedy in found if remedy.body}
+            added = {remedy.escalation for _, remedy in remedies if remedy.escalation}
+        bodies = {remedy.body for _, remedy in remedies if remedy.body}
         return Refinement(self.lazy | added, self.margins.replace(**larger), self.bodies | bodies)
 
     @property

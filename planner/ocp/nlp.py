@@ -69,8 +69,8 @@ class ThrowNlp(Nlp):
         zero, (rate, acceleration) = np.zeros(manipulator.size), manipulator.initial_motion
 
         def blocks(name: str, default: Array) -> Array:
-            found = [self.block(x, name, k) for k in range(s.last)]
-            return np.array([default if value is None else value for value in found])
+            values = [self.block(x, name, k) for k in range(s.last)]
+            return np.array([default if value is None else value for value in values])
 
         q = blocks("q", zero if manipulator.start is None else manipulator.start)
         dq, control = blocks("dq", rate), blocks("c", zero)

@@ -59,7 +59,7 @@ class ReducedVariables:
 
     @cached_property
     def start(self) -> Array | None:
-        """The given start (n,); None where it is free."""
+        """The given start (n,); None for a free start."""
         return self.request.manipulator.start
 
     @property

@@ -93,7 +93,7 @@ class Instant:
 
     @property
     def held_margin(self) -> ca.SX:
-        """Margin [m] between obstacles and what is carried, beyond the usual one."""
+        """Margin [m] between obstacles and held bar, beyond the usual one."""
         return ca.SX(0) if self.given else self.p("held_margin")
 
 
@@ -162,9 +162,9 @@ def gripped_instants(interval: Interval) -> list[Instant]:
     parts = s.instants if interval.phase == "carry" else 1
     given = k == 0 and not s.free_start
     # A continuous acceleration was constrained at the end of the interval before.
-    known = given or (k not in (0, s.carry) and (s.jerk_control or k > s.carry))
+    first = given or (k not in (0, s.carry) and (s.jerk_control or k > s.carry))
     start = [Instant.of(interval, ca.SX(0), "full", given=True)] if given else []
-    return [*start, Instant.each(interval, np.arange(known, parts + 1) / parts, "full")]
+    return [*start, Instant.each(interval, np.arange(first, parts + 1) / parts, "full")]
 
 
 def braked(q: Any, dq: Any, time: Any, braking: Any, least: Callable[[Any, Any], Any]) -> Any:

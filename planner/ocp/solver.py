@@ -129,16 +129,16 @@ def _await_result(results: SimpleQueue[Any], clocks: list[int], limit: float, en
     """
     start, used = time.perf_counter(), 0.0
     while True:
-        left = min(limit - used, end - time.perf_counter())
-        if left <= 0.0:
+        remaining = min(limit - used, end - time.perf_counter())
+        if remaining <= 0.0:
             _WAIT_TIME.seconds += used
             raise TimeLimitError(f"no end after {used:.2g} s")
         try:
-            return results.get(timeout=max(left, LIMITS.poll_interval))
+            return results.get(timeout=max(remaining, LIMITS.poll_interval))
         except Empty:
             used = time.perf_counter() - start
         for clock in clocks:
-            # A thread that has just ended has no clock; its result is there.
+            # A thread that has just ended has a result and no clock.
             with contextlib.suppress(OSError):
                 used = time.clock_gettime(clock)
 
@@ -217,9 +217,9 @@ class Solver:
             iterations += int(stats.get("iter_count", 0))
             if stats["success"]:
                 break
-        found, lam_g, lam_x = (np.array(result[name]).ravel() for name in ("x", "lam_g", "lam_x"))
-        success = bool(stats["success"]) and bool(np.isfinite(found).all())
-        return Solution(found, lam_g, lam_x, float(result["f"]), success, iterations)
+        optimum, lam_g, lam_x = (np.array(result[name]).ravel() for name in ("x", "lam_g", "lam_x"))
+        success = bool(stats["success"]) and bool(np.isfinite(optimum).all())
+        return Solution(optimum, lam_g, lam_x, float(result["f"]), success, iterations)
 
     def _call(
         self, barrier: Barrier, arguments: dict[str, Any], seconds: float
@@ -279,8 +279,8 @@ class Solver:
 
     def hessian(self, x: Array, parameters: Array, multipliers: Array) -> Array:
         """The Lagrangian's Hessian (n, n) at a point; multipliers (m,): of g."""
-        found = self._functions["nlp_hess_l"](x, parameters, 1.0, multipliers)
-        sparse = found[-1] if isinstance(found, tuple) else found
+        outputs = self._functions["nlp_hess_l"](x, parameters, 1.0, multipliers)
+        sparse = outputs[-1] if isinstance(outputs, tuple) else outputs
         # Equal to `sparse.full()`, ten times faster.
         hessian = np.zeros(sparse.shape)
         hessian[sparse.sparsity().get_triplet()] = sparse.nonzeros()

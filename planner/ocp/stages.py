@@ -277,10 +277,10 @@ class StageFunctions:
         def outputs(v: ca.MX, d: ca.MX, p: ca.MX) -> list[ca.MX]:
             once, _, *values = self._once(v, d, p)
             first, *inner = chain.call([v, d, p])
-            found = [first]
+            blocks = [first]
             for group, z, dz_dv in zip(self._groups, values, inner, strict=True):
-                found.append(group.jacobian(z, p).T @ dz_dv)
-            return [self._all_outputs(once, values, p), ca.vertcat(*found)]
+                blocks.append(group.jacobian(z, p).T @ dz_dv)
+            return [self._all_outputs(once, values, p), ca.vertcat(*blocks)]
 
         return self._joined("jacobian", [], outputs)
 
@@ -355,5 +355,5 @@ def differentiate(
         gradient = gradient[:start] + slope.T @ adjoint
         of_cost = of_cost[:start] + slope.T @ of_cost[start:]
         jacobian = jacobian[:, :start] + jacobian[:, start:] @ slope
-    found = substitute_lifted([jacobian, of_cost, gradient, hessian], lifted + adjoints)
-    return [ca.sparsify(entry) for entry in found]
+    derivatives = substitute_lifted([jacobian, of_cost, gradient, hessian], lifted + adjoints)
+    return [ca.sparsify(entry) for entry in derivatives]

@@ -88,7 +88,7 @@ class Block:
     index: int = 0
 
     def number(self, index: int) -> Block:
-        """Another block of the same name."""
+        """The block of this name with another index."""
         return dataclasses.replace(self, index=index)
 
 

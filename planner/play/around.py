@@ -1,4 +1,4 @@
-"""Drawings around a throw on the page: the reach, landings of throws that open off time."""
+"""Drawings around a throw on the page: the reach, and landings under opening delays."""
 
 from __future__ import annotations
 
@@ -18,25 +18,34 @@ from ..verdict import Code
 
 #: Number of throws in a cloud of landings.
 THROWS = 200
-#: Half the angle of the sector that shows an arm's reach, about its first azimuth.
-SECTOR = math.radians(50.0)
-#: Width [m] of the strip that shows a free hand's reach.
-STRIP = 0.2
-#: Margin of the limits at which the reach is drawn blue; orange is no margin.
-MARGIN = 0.4
-#: Height [m] of the drawn reach above the floor.
-ABOVE = 0.002
-#: Half the range [s] of opening delays for a scene without [uncertainty] delay.
-USUAL_DELAY = 0.010
+#: Half the range [s] of opening delays of a scene without [uncertainty] delay.
+DEFAULT_DELAY = 0.010
+
+
+@dataclasses.dataclass(frozen=True)
+class ReachLook:
+    """The drawn reach.
+
+    sector [rad]: half the angle about an arm's azimuth. strip [m]: width for a free hand. margin:
+    of the limits, drawn blue; no margin is orange. height [m]: above the floor.
+    """
+
+    sector: float = math.radians(50.0)
+    strip: float = 0.2
+    margin: float = 0.4
+    height: float = 0.002
+
+
+LOOK = ReachLook()
 
 
 def delay_of(scene: Scene) -> float:
     """Half the width [s] of a uniform delay with the deviation of the scene's."""
     spread = None if scene.uncertainty is None else scene.uncertainty.delay
-    return USUAL_DELAY if spread is None else math.sqrt(3.0) * spread.deviation
+    return DEFAULT_DELAY if spread is None else math.sqrt(3.0) * spread.deviation
 
 
-def off_time(scene: Scene, half: float) -> Scene:
+def with_delay(scene: Scene, half: float) -> Scene:
     """The scene with openings up to `half` [s] early or late."""
     delay = Distribution(uniform=half, mean=scene.mean_delay)
     old = scene.uncertainty
@@ -44,50 +53,50 @@ def off_time(scene: Scene, half: float) -> Scene:
     return scene.replace(uncertainty=uncertain)
 
 
-def late_and_early(plan: Plan, half: float) -> Sweep:
+def sweep_delays(plan: Plan, half: float) -> Sweep:
     """A sweep of the plan with openings up to `half` [s] early or late."""
-    return sweep(dataclasses.replace(plan, scene=off_time(plan.scene, half)), THROWS)
+    return sweep(dataclasses.replace(plan, scene=with_delay(plan.scene, half)), THROWS)
 
 
-def draw_cloud(space: Any, found: Sweep) -> Any:
+def draw_cloud(space: Any, swept: Sweep) -> Any:
     """The bar's axis at each landing, green where the throw succeeds; returns the node."""
-    bar, plane = found.plan.scene.object, found.plan.goal.plane
-    x, theta, time = found.landings.pose.T
+    bar, plane = swept.plan.scene.object, swept.plan.goal.plane
+    x, theta, time = swept.landings.pose.T
     ends = np.array([-bar.com, bar.length - bar.com])[:, None]
-    z = found.plan.goal.z + ends * np.sin(theta)
+    z = swept.plan.goal.z + ends * np.sin(theta)
     axes = plane.points(x + ends * np.cos(theta), z).transpose(1, 0, 2)
-    colours = np.where(found.success[:, None], rgb(GREEN), rgb(RED)).astype(np.uint8)
+    colours = np.where(swept.success[:, None], rgb(GREEN), rgb(RED)).astype(np.uint8)
     landed = np.isfinite(time)
     colours = np.repeat(colours[:, None], 2, axis=1)
     return space.add_line_segments("/cloud", axes[landed], colours[landed], thickness=0.003)
 
 
-def cloud_words(found: Sweep, half: float) -> str:
-    """The result of the sweep in words."""
-    x = found.landings.pose[:, 0]
+def cloud_words(swept: Sweep, half: float) -> str:
+    """The result of the sweep as text."""
+    x = swept.landings.pose[:, 0]
     x = x[np.isfinite(x)]
-    good = f"{int(found.success.sum())} of {found.samples} throws succeed"
-    failed = {code: int(flags.sum()) for code, flags in found.landings.verdicts.broken.items()}
-    if found.plan.scene.cup is not None:
+    good = f"{int(swept.success.sum())} of {swept.samples} throws succeed"
+    failed = {code: int(flags.sum()) for code, flags in swept.landings.verdicts.broken.items()}
+    if swept.plan.scene.cup is not None:
         failed.pop(Code.LANDING, None)
     worst = max(failed, key=failed.__getitem__, default=None)
     if worst is not None and failed[worst]:
         good += f" ({failed[worst]} {worst.fate})"
-    also = [name.replace("_", " ") for name in found.sampler.names if name != "delay"]
+    also = [name.replace("_", " ") for name in swept.sampler.names if name != "delay"]
     varied = f", with {', '.join(also)} as uncertain as [uncertainty] says" if also else ""
     spread = f"; spread {1e3 * float(np.ptp(x)):.0f} mm" if x.size else ""
     return f"{good}, opened up to ±{1e3 * half:g} ms off{varied}{spread}"
 
 
-def bands(found: ReachMap, theta: float | None, farthest: float | None) -> Array:
+def bands(reach: ReachMap, theta: float | None, farthest: float | None) -> Array:
     """Bands (N, 3) of landings at an angle: from x, to x [m], and the largest margin.
 
     farthest [m]: the edge of the reach, which few sampled throws approach; None if unknown.
     """
-    if not found.reachable:
+    if not reach.reachable:
         return np.zeros((0, 3))
-    column = found.bin_of(float(found.x_edges[0]), theta)
-    rows = np.column_stack([found.x_edges[:-1], found.x_edges[1:], found.margin])
+    column = reach.bin_of(float(reach.x_edges[0]), theta)
+    rows = np.column_stack([reach.x_edges[:-1], reach.x_edges[1:], reach.margin])
     rows = rows[:, [0, 1, 2 + column[1]]] if column else rows[:0]
     rows = rows[np.isfinite(rows[:, 2])]
     if farthest is None or not rows.size or farthest <= rows[-1, 1]:
@@ -102,21 +111,21 @@ def draw_reach(space: Any, rows: Array, scene: Scene, target: Pose, floor: float
     """
     from trimesh.creation import revolve
 
-    half = (target.plane.azimuth - SECTOR) / 2 if scene.arm else 0.0
+    half = (target.plane.azimuth - LOOK.sector) / 2 if scene.arm else 0.0
     turn = math.cos(half), 0.0, 0.0, math.sin(half)
-    at = (0.0, 0.0, floor + ABOVE)
+    at = (0.0, 0.0, floor + LOOK.height)
     frame = space.add_frame("/reach", show_axes=False, position=at, wxyz=turn)
     for i, (low, high, margin) in enumerate(rows):
-        share = min(max(margin, 0.0) / MARGIN, 1.0)
+        share = min(max(margin, 0.0) / LOOK.margin, 1.0)
         colour = (1 - share) * np.array(rgb(ORANGE)) + share * np.array(rgb(BLUE))
         look: dict[str, Any] = {"color": tuple(colour.astype(int)), "opacity": 0.35}
         look |= {"cast_shadow": False, "receive_shadow": False}
         name = f"/reach/{i}"
         if scene.arm is None:
             at = ((low + high) / 2, 0.0, 0.0)
-            space.add_box(name, dimensions=(high - low, STRIP, 0.001), position=at, **look)
+            space.add_box(name, dimensions=(high - low, LOOK.strip, 0.001), position=at, **look)
         elif low >= 0.0:
             ends = np.hypot([low, high], target.lateral)
-            mesh = revolve(np.column_stack([ends, [0.0, 0.0]]), 2 * SECTOR, sections=40)
+            mesh = revolve(np.column_stack([ends, [0.0, 0.0]]), 2 * LOOK.sector, sections=40)
             space.add_mesh_simple(name, mesh.vertices, mesh.faces, side="double", **look)
     return frame

@@ -10,7 +10,7 @@ Request = TypeVar("Request")
 
 
 class OutdatedError(Exception):
-    """Raised by work that a newer request, or the end, has made useless."""
+    """Raised by work for an outdated request."""
 
 
 class LatestOnlyWorker(Generic[Request]):

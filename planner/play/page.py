@@ -19,36 +19,45 @@ from ..planner import PATIENCE, Planner
 from ..reach import ReachMap, reach_map
 from ..result import Plan, throw_of
 from ..show import RED, Panel, View, put, space_throw
-from .around import bands, cloud_words, delay_of, draw_cloud, draw_reach, late_and_early, off_time
+from .around import bands, cloud_words, delay_of, draw_cloud, draw_reach, sweep_delays, with_delay
 from .latest_only import LatestOnlyWorker, OutdatedError
 
-#: Time [s] for a plan while the target may still move.
-QUICK = 0.5
-#: Longest time [s] that the page waits for current work before it closes.
-ENDING = 1.0
-#: Range of the sliders of friction and opening time, as shares of the scene's values.
-SHARES = (0.5, 1.5)
-#: Distance [m] beyond every throw.
-BEYOND = 20.0
-#: Landings whose angles differ by less than this are at one angle.
-SAME_ANGLE = math.radians(10.0)
-#: Number of sampled throws of a map.
-SAMPLES = 20_000
-#: Longest delay [ms] of the slider.
-LONGEST = 30.0
+
+@dataclass(frozen=True)
+class PageSettings:
+    """Settings of the page.
+
+    quick_patience [s]: of a plan while the target may still move. close_time [s]: longest wait for
+    current work when the page closes. slider_range: of friction and opening time, as shares of the
+    scene's values. longest_delay [ms]: of the slider. samples: sampled throws of a map.
+    unreachable [m]: distance beyond every throw, whose nearest landing is the edge of the reach.
+    angle_match [rad]: largest difference of that landing's angle from the target's.
+    """
+
+    quick_patience: float = 0.5
+    close_time: float = 1.0
+    slider_range: tuple[float, float] = (0.5, 1.5)
+    longest_delay: float = 30.0
+    samples: int = 20_000
+    unreachable: float = 20.0
+    angle_match: float = math.radians(10.0)
+
+
+SETTINGS = PageSettings()
 
 
 @dataclass(frozen=True)
 class PlanRequest:
-    """Target and scene of a plan; delay [s]: openings off time to tolerate, None for none."""
+    """Target and scene of a plan; delay [s]: half range of opening delays to plan against, or
+    None."""
 
     target: Pose
     scene: Scene
     delay: float | None
 
     @property
-    def mapped(self) -> tuple[Scene, float, float | None]:
-        """The values that the map of the reach depends on."""
+    def map_inputs(self) -> tuple[Scene, float, float | None]:
+        """The inputs of the map of the reach."""
         return self.scene, self.target.z, self.target.theta
 
 
@@ -74,14 +83,14 @@ class PlayPage:
         view.add_bar("/nearest/bar", RED, 0.5)
         self._aim, self._last = self._base, self.request
         view.aim(self._aim)
-        self._mapped: ReachMap | None = None
-        self._surveyor, self.reach = planner, np.zeros((0, 3))
+        self._reach_map: ReachMap | None = None
+        self._map_planner, self.reach = planner, np.zeros((0, 3))
         self.plans, self.maps = LatestOnlyWorker(self._plan), LatestOnlyWorker(self._map)
         self.maps.submit(self._last)
 
     @property
     def request(self) -> PlanRequest:
-        """The plan requested by the controls."""
+        """The request of the controls."""
         scene, base = self._scene, self._base
         theta = None if self.theta is None else math.radians(self.theta.value)
         place = dict(zip("xyz", (control.value for control in self.place), strict=True))
@@ -109,7 +118,9 @@ class PlayPage:
             self.theta = gui.add_slider("angle [deg]", at - 180.0, at + 180.0, 1.0, at)
 
         def about(name: str, value: float, step: float) -> Any:
-            return gui.add_slider(name, *(share * value for share in SHARES), step, value)
+            return gui.add_slider(
+                name, *(share * value for share in SETTINGS.slider_range), step, value
+            )
 
         self.friction = about("friction", scene.contact.friction, 0.01)
         if scene.gripper.opening is not None:
@@ -117,14 +128,14 @@ class PlayPage:
         look: dict[str, Any] = {"scale": 0.2, "depth_test": False, "disable_rotations": True}
         look["position"] = self._position
         self.arrows = server.scene.add_transform_controls("/drag", active_axes=free, **look)
-        self.arrows.on_update(lambda _: self._dragged())
-        half = min(max(1e3 * delay_of(scene), 0.5), LONGEST)
-        self.delay = gui.add_slider("delay up to ± [ms]", 0.5, LONGEST, 0.5, half)
+        self.arrows.on_update(lambda _: self._read_arrows())
+        half = min(max(1e3 * delay_of(scene), 0.5), SETTINGS.longest_delay)
+        self.delay = gui.add_slider("delay up to ± [ms]", 0.5, SETTINGS.longest_delay, 0.5, half)
         self.robust = gui.add_checkbox("plan against delays", False)
         sliders = (self.theta, self.friction, self.opening, self.delay, self.robust)
         for control in (*self.place, *sliders):
             if control is not None:
-                control.on_update(lambda _: self._changed())
+                control.on_update(lambda _: self._update())
 
     def _add_buttons(self, gui: Any) -> None:
         """Buttons for throws and files."""
@@ -141,12 +152,12 @@ class PlayPage:
     def _position(self) -> tuple[float, ...]:
         return tuple(control.value for control in self.place)
 
-    def _dragged(self) -> None:
+    def _read_arrows(self) -> None:
         with self._lock:
             for control, value in zip(self.place, self.arrows.position, strict=True):
                 control.value = float(value)
 
-    def _changed(self) -> None:
+    def _update(self) -> None:
         """The user or the page changed a control."""
         with self._lock:
             try:
@@ -162,7 +173,7 @@ class PlayPage:
                 return
             self.panel.view.aim(self._aim)
         self.plans.submit(request)
-        if request.mapped != last.mapped:
+        if request.map_inputs != last.map_inputs:
             self.maps.submit(request)
 
     def _plan(self, request: PlanRequest) -> None:
@@ -170,12 +181,12 @@ class PlayPage:
         scene, robust = request.scene, None
         try:
             if request.delay is not None:
-                scene, robust = off_time(scene, request.delay), "auto"
+                scene, robust = with_delay(scene, request.delay), "auto"
             if scene != self._planner.scene:
                 self.strip.content = "planning..."
                 self._planner = Planner(scene)
             plan_for = partial(self._planner.plan, request.target, warm=self.plan, robust=robust)
-            plan = plan_for(patience=QUICK)
+            plan = plan_for(patience=SETTINGS.quick_patience)
             done = plan.solved and plan.robust != "nominal"
             if not done and not self.plans.waiting:
                 self.strip.content = "planning..."
@@ -199,37 +210,40 @@ class PlayPage:
             self.strip.content = plan_words(plan)
 
     def _map(self, request: PlanRequest) -> None:
-        """Draw the reach at the target's height and angle, then extend it to its edge."""
-        found, target = self._mapped, request.target
+        """Draws the reach at the target's height and angle, then extends it to the farthest
+        landing."""
+        reach, target = self._reach_map, request.target
         try:
-            if found is None or (found.scene, found.z) != (request.scene, target.z):
-                self._surveyor = Planner(request.scene)
-                found = reach_map(request.scene, target.z, SAMPLES, progress=self._go_on)
-                self._mapped = found
-            self._draw_reach(found, target, None)
-            if found.reachable and not self.maps.waiting:
-                self._draw_reach(found, target, self._edge(target))
+            if reach is None or (reach.scene, reach.z) != (request.scene, target.z):
+                self._map_planner = Planner(request.scene)
+                reach = reach_map(
+                    request.scene, target.z, SETTINGS.samples, progress=self._check_outdated
+                )
+                self._reach_map = reach
+            self._draw_reach(reach, target, None)
+            if reach.reachable and not self.maps.waiting:
+                self._draw_reach(reach, target, self._farthest(target))
         except InputError:
             return
 
-    def _edge(self, target: Pose) -> float | None:
+    def _farthest(self, target: Pose) -> float | None:
         """x [m] of the farthest landing at about the target's angle; None without one."""
-        beyond = target.changed(x=BEYOND, y=0.0, velocity=None, arrival=None)
-        edge = self._surveyor.plan(beyond).nearest
-        if edge is None:
+        beyond = target.changed(x=SETTINGS.unreachable, y=0.0, velocity=None, arrival=None)
+        nearest = self._map_planner.plan(beyond).nearest
+        if nearest is None:
             return None
-        turned = edge.changed(x=BEYOND, y=0.0, z=target.z).distance(beyond, 1.0)
-        return edge.plane_x if turned < SAME_ANGLE else None
+        turn = nearest.changed(x=SETTINGS.unreachable, y=0.0, z=target.z).distance(beyond, 1.0)
+        return nearest.plane_x if turn < SETTINGS.angle_match else None
 
-    def _draw_reach(self, found: ReachMap, target: Pose, farthest: float | None) -> None:
+    def _draw_reach(self, reach: ReachMap, target: Pose, farthest: float | None) -> None:
         with self._lock:
             self._drop("reach")
             view, at = self.panel.view, self._base
-            self.reach = bands(found, target.theta, farthest)
-            scene, floor = found.scene, view.floor
+            self.reach = bands(reach, target.theta, farthest)
+            scene, floor = reach.scene, view.floor
             self._drawn["reach"] = draw_reach(view.scene, self.reach, scene, at, floor)
 
-    def _go_on(self, *_: int) -> None:
+    def _check_outdated(self, *_: int) -> None:
         if self.maps.waiting:
             raise OutdatedError
 
@@ -244,19 +258,19 @@ class PlayPage:
         self.panel.play(True)
 
     def throw_delayed(self) -> str:
-        """Throw the plan with openings off time; returns the result in words."""
+        """Throws the plan under opening delays; returns the result as text."""
         plan, half = self.plan, self.delay.value / 1e3
-        found = late_and_early(plan, half)
+        swept = sweep_delays(plan, half)
         with self._lock:
             if plan is self.plan:
                 self._drop("cloud")
-                self._drawn["cloud"] = draw_cloud(self.panel.view.scene, found)
-        return cloud_words(found, half)
+                self._drawn["cloud"] = draw_cloud(self.panel.view.scene, swept)
+        return cloud_words(swept, half)
 
     def save(self) -> str:
-        """Write the plan shown; returns the folder in words."""
+        """Writes the plan shown; returns a sentence with the folder."""
         if not self.folder.value.strip():
-            raise InputError("folder: needs a name")
+            raise InputError("folder: is empty; type the name of a folder for the plan's files")
         folder = Path(self.folder.value).absolute()
         self.plan.save(folder)
         return f"written to {folder}"
@@ -270,8 +284,8 @@ class PlayPage:
 
     def end(self) -> None:
         """Stops planning."""
-        self.maps.end(ENDING)
-        self.plans.end(ENDING)
+        self.maps.end(SETTINGS.close_time)
+        self.plans.end(SETTINGS.close_time)
 
 
 def first_plan(planner: Planner) -> Plan:
@@ -297,8 +311,8 @@ def plan_words(plan: Plan) -> str:
     for model, name in names.items():
         x, theta = plan.throw.deciding.with_model(model).miss(plan.goal)
         turn = "" if plan.goal.theta is None else f", {math.degrees(abs(theta)):.2f}°"
-        off = f"{1e3 * abs(x):.2f} mm{turn} off"
-        landings.append(f"{off if math.isfinite(x) else 'nowhere'} by the {name}")
+        error = f"{1e3 * abs(x):.2f} mm{turn}"
+        landings.append(f"{error if math.isfinite(x) else 'no landing'} by the {name}")
     if plan.robust:
         landings.append(f"robust by {plan.robust}")
-    return f"**solved**: lands {'; '.join(landings)}; planned in {took}"
+    return f"**solved**: landing error {'; '.join(landings)}; planned in {took}"

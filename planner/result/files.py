@@ -1,4 +1,4 @@
-"""Plans as files: plan.json, motion.csv, throw.png, throw.gif, written whole; and read back."""
+"""Plans as files: writing and reading plan.json, motion.csv, throw.png, throw.gif."""
 
 from __future__ import annotations
 
@@ -25,20 +25,21 @@ from ..throw import (
 )
 
 Status = Literal["solved", "out_of_reach", "not_converged"]
-#: Which pictures of a plan are drawn: both, none, or throw.png alone.
+#: Pictures of a plan: True for both, False for none, "png" for throw.png alone.
 Draw = bool | Literal["png"]
-#: Version of plan.json. `read_plan` refuses any other: the meaning of its keys may differ.
+#: Version of plan.json; `read_plan` refuses other versions.
 FORMAT = 1
-#: The files that a plan may leave in its folder.
+#: Files of a plan's folder.
 FILES = ("motion.csv", "throw.png", "throw.gif", "plan.json")
 
 
 def draw_files(
     throw: Throw, load: tuple[Array, Array] | None, folder: Path, draw: Draw
 ) -> tuple[float, str]:
-    """Draws throw.png, and unless draw is "png" throw.gif; the seconds it took, and why it failed.
+    """Draws throw.png, and unless draw is "png" throw.gif.
 
-    load: of the pads, as `draw_throw` takes it.
+    load: of the pads, see `draw_throw`. Returns the time [s] of drawing, and the reason of a
+    failure (empty for none).
     """
     start, failure = time.perf_counter(), ""
     try:
@@ -99,7 +100,7 @@ class PlanPath:
 
     times (N,) [s], every millisecond; poses (N, 3): x, z [m], theta [rad] of the object's CoM in
     the throw's vertical plane; hand (N, 3): of the pads' centre; joints (N, joints) [rad]: of an
-    arm, None for a free hand. After its motion the arm rests.
+    arm, None for a free hand. The arm rests after its motion.
     """
 
     times: Array
@@ -120,10 +121,10 @@ def path_of(throw: Throw) -> PlanPath:
 
 
 def read_plan(path: str | Path) -> SavedThrow:
-    """The throw of a plan.json (or its folder) with the motion.csv beside it, thrown again.
+    """The throw of a plan.json (or its folder) and its motion.csv, simulated again.
 
-    InputError for a file that is missing, is no plan, is of another version or holds no throw, and
-    for samples that do not fit its scene.
+    InputError for a missing file, a file that is no plan, another version, a plan without a throw,
+    and samples that do not fit its scene.
     """
     path = Path(path)
     if path.is_dir():
@@ -161,8 +162,8 @@ def _plan_object(path: Path) -> dict[str, Any]:
         raise InputError(f"{path}: is not a plan file")
     version = plan.get("format")
     if version != FORMAT:
-        found = "an older version" if version is None else f"version {version!r}"
-        raise InputError(f"{path}: a plan file of {found}, must be {FORMAT}: plan it again")
+        description = "an older version" if version is None else f"version {version!r}"
+        raise InputError(f"{path}: a plan file of {description}, must be {FORMAT}: plan it again")
     if plan["status"] != "solved":
         raise InputError(f"{path}: the plan is {plan['status']}: it holds no throw")
     return plan

@@ -1,4 +1,4 @@
-"""What planning gives back: status, landings, errors, motion; as JSON and as files."""
+"""The result of planning: status, landings, errors, motion; as JSON and as files."""
 
 from __future__ import annotations
 
@@ -32,19 +32,19 @@ from .planned import PlannedThrow
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Times of a release, as named in the JSON.
+#: Keys of a release's times in the JSON.
 MOMENTS = ("command_time", "opening_time", "detach_time", "landing_time")
-#: Names of these times for people.
+#: Labels of MOMENTS in summaries.
 MOMENT_WORDS = ("gripper command", "starts opening", "bar free", "lands")
 
 
 @dataclass(frozen=True, repr=False)
 class Plan:
-    """Result of planning. Times in s; see `to_dict` for the units and frames of the rest.
+    """Result of planning. Times in s; see `to_dict` for all other units and frames.
 
-    robust: the method of a robust plan, "nominal" where that is the plain throw, "alternative"
-    another one to the target, empty if none was asked for; peak_load: of a robust plan, the largest
-    share of the full grip's friction limit that the pads transmit once a quarter of it may be left.
+    robust: the method of a robust plan: "nominal" for the plain throw, "alternative" for another
+    throw to the target; empty without `robust=`. peak_load: of a robust plan, the largest load on
+    the pads after a quarter of the grip may be left, as a share of the full grip's friction limit.
     """
 
     scene: Scene
@@ -71,16 +71,15 @@ class Plan:
 
     @cached_property
     def verdict(self) -> Verdict:
-        """Everything that the throw breaks, and warnings about a solved one."""
+        """The limits that the throw breaks, and warnings about a solved one."""
         if self.throw is None:
             return Verdict()
-        final = self.throw.deciding
-        judged = verdict(final, self.goal)
+        deciding = self.throw.deciding
+        judged = verdict(deciding, self.goal)
         if not self.solved:
             return judged
-        return dataclasses.replace(
-            judged, findings=(*judged.findings, *warnings(final, self.target))
-        )
+        findings = (*judged.findings, *warnings(deciding, self.target))
+        return dataclasses.replace(judged, findings=findings)
 
     @property
     def goal(self) -> Pose:
@@ -90,7 +89,7 @@ class Plan:
 
     @property
     def solved(self) -> bool:
-        """Whether the checked landing is inside the tolerance and nothing is broken."""
+        """Whether the verdict on the throw that is sent has no broken limit."""
         return self.status == "solved"
 
     def to_dict(self) -> dict[str, Any]:
@@ -122,14 +121,14 @@ class Plan:
                 "attempts": self.attempts,
             },
             "nlp": {"variables": self.variables, "constraints": self.constraints},
-            **self._more(),
+            **self._optional_entries(),
             "time": {"build": 0.0, "guess": 0.0, "solve": 0.0, "smooth": 0.0, "check": 0.0}
             | {"total": 0.0, "draw": None}
             | self.time,
         }
 
     def _poses(self, throw: PlannedThrow) -> dict[str, tuple[float, float, float] | None]:
-        """Landings (x, z, theta) in the throw's plane, as named in the JSON."""
+        """Landings (x, z, theta) in the throw's plane, by their JSON keys."""
         return {
             "planned": throw.planned_landing,
             "exact": throw.exact.landing.pose,
@@ -137,7 +136,7 @@ class Plan:
             "limit_surface": throw.limit_surface.landing.pose,
         }
 
-    def _more(self) -> dict[str, Any]:
+    def _optional_entries(self) -> dict[str, Any]:
         """Entries of some plans only: torques of an arm with masses, robustness, alternatives."""
         more: dict[str, Any] = {}
         throw, arm = self.throw, self.scene.arm
@@ -148,9 +147,9 @@ class Plan:
             more["warning"] = "; ".join(finding.words for finding in self.verdict.warnings)
         if throw is not None and arm is not None and torque_limits(self.scene) is not None:
             torques, rates = throw.deciding.torques, arm.limits.torque_rate
-            most = None if rates is None else min(rates)
+            limit = None if rates is None else min(rates)
             use = float(torques.use.max())
-            more["torque"] = {"use": use, "rate": torques.rate, "rate_limit": most}
+            more["torque"] = {"use": use, "rate": torques.rate, "rate_limit": limit}
         if self.scene.notes:
             more["notes"] = list(self.scene.notes)
         if self.robust:
@@ -170,7 +169,7 @@ class Plan:
         """Write plan.json and, for a throw, motion.csv and (draw) throw.png, throw.gif.
 
         draw: "png" draws throw.png alone, False neither. Returns the plan with the time of
-        drawing. Raises InputError if the folder cannot be written; then nothing is left behind.
+        drawing. Raises InputError, and leaves no files, if the folder cannot be written.
         """
         plan, failure = self, ""
         with filling(Path(folder), FILES) as scratch:
@@ -186,11 +185,13 @@ class Plan:
             document = {"format": FORMAT, **plan.to_dict(), "definition": scene}
             write_json(scratch / "plan.json", document)
         if failure:
-            raise InputError(f"--out {folder}: the plan is there, but not its pictures: {failure}")
+            raise InputError(
+                f"--out {folder}: the plan is written, its pictures are not: {failure}"
+            )
         return plan
 
     def draw(self, file: str | Path | None = None) -> Figure:
-        """The picture of the throw, a Matplotlib figure; written to `file` (.png) if that is given.
+        """The picture of the throw, a Matplotlib figure, also written to `file` (.png) if given.
 
         InputError for a plan without a throw.
         """
@@ -221,8 +222,8 @@ class Plan:
         floor = None if scene.workspace is None else scene.workspace.floor
         if floor is not None and self.target.z < floor:
             lines.append(
-                f"  note: the target is below the floor of [workspace] at z {floor:g} m, which "
-                "arm, hand\n        and held bar keep; the flying bar may hit it before the target"
+                f"  note: the target is below the [workspace] floor at z {floor:g} m. Arm, hand "
+                "and held bar\n        stay above it; the flying bar may hit it before the target"
             )
         if self.throw is not None:
             lines.append(f"  {_moments(result['release'])}")
@@ -236,8 +237,9 @@ class Plan:
         )
         if self.robust:
             lines.append(
-                f"  robust by {self.robust}: once a quarter of the grip may be left, the pads "
-                f"transmit at most {100 * (self.peak_load or 0.0):.1f} % of its full friction limit"
+                f"  robust by {self.robust}: load on the pads at most "
+                f"{100 * (self.peak_load or 0.0):.1f} % of the full grip's friction limit,\n"
+                "    from when the grip may have fallen to a quarter"
             )
         for number, other in enumerate(result.get("alternatives", ()), start=1):
             moments = other["release"]
@@ -256,7 +258,7 @@ class Plan:
         return "\n".join(lines)
 
     def error_sent(self) -> tuple[float, float]:
-        """(position [m], angle [rad]) error of the landing that decides; NaN without a throw."""
+        """(position [m], angle [rad]) error of the deciding landing; NaN without a throw."""
         if self.throw is None:
             return math.nan, math.nan
         error = self._json_error(self.throw.deciding.landing.pose)
@@ -283,7 +285,7 @@ class Plan:
 
 
 def _moments(release: dict[str, float | None]) -> str:
-    """The release's times for people."""
+    """The release's times as text."""
     return ", ".join(
         f"{words} {value:.3f} s"
         for words, value in zip(MOMENT_WORDS, release.values(), strict=True)
@@ -292,14 +294,14 @@ def _moments(release: dict[str, float | None]) -> str:
 
 
 def _torque_words(use: float, rate: float, rate_limit: float | None) -> str:
-    """The joints' torques for people."""
+    """Torques and torque rates of the joints as text."""
     words = f"joint torques at most {100 * use:.0f} % of their limits"
     if rate_limit is None or rate <= rate_limit:
-        return f"{words}, changing by at most {rate:,.0f} N m/s"
+        return f"{words}, torque rate at most {rate:,.0f} N m/s"
     return (
-        f"{words}, changing by up to {rate:,.0f} N m/s\n  note: the arm's data sheet recommends at "
-        f"most {rate_limit:,.0f} N m/s: an arm file with {rate_limit / rate:.2g} times the jerk\n"
-        "        limits keeps that; with these limits the controller may stop the arm"
+        f"{words}, torque rate up to {rate:,.0f} N m/s\n  note: the arm's data sheet recommends at "
+        f"most {rate_limit:,.0f} N m/s: use an arm file with {rate_limit / rate:.2g} times\n"
+        "        the jerk limits, or expect the controller to stop the arm"
     )
 
 

@@ -15,13 +15,13 @@ from ..throw import Manipulator, Samples, Throw
 
 @dataclass(frozen=True, repr=False)
 class PlannedThrow:
-    """The throw behind a plan: its motion, the NLP that it comes from, its landing by each model.
+    """The throw behind a plan: its motion, its NLP, its landing by each model.
 
-    planned: the motion up to detach; deciding: what is sent, by the model of the tolerance; effort:
-    the NLP's cost of the motion; nlp_size: variables and constraints of the NLP; refinement: its
-    lazy constraints and margins; aim: offset (dx [m], dtheta [rad]) of the NLP's landing from the
-    target, which makes `deciding` land on it. nlp, solution, landing_of_nlp (x, z [m], theta
-    [rad]): of a throw that is an NLP's solution; optimum: of a throw that was moved from there.
+    planned: the motion up to detach. deciding: the motion that is sent, by the tolerance's model.
+    effort: cost of the NLP. nlp_size: variables and constraints of the NLP. refinement: its lazy
+    constraints and margins. aim: offset (dx [m], dtheta [rad]) of the NLP's target from the target;
+    with it `deciding` lands on the target. nlp, solution, landing_of_nlp (x, z [m], theta [rad]):
+    of a throw that an NLP solved. optimum: of a throw moved from a solved one.
     """
 
     planned: Trajectory
@@ -46,7 +46,7 @@ class PlannedThrow:
     def planned_landing(self) -> tuple[float, float, float]:
         """Landing by the smoothed model: x, z [m], theta [rad].
 
-        A moved throw takes its difference to the exact model from its optimum.
+        A moved throw has the smoothing error of its optimum.
         """
         if self.optimum is None or self.landing_of_nlp is not None:
             return self.landing_of_nlp or (math.nan, math.nan, math.nan)
@@ -60,12 +60,12 @@ class PlannedThrow:
 
     @property
     def manipulator(self) -> Manipulator:
-        """The manipulator that moves the hand."""
+        """The manipulator."""
         return self.deciding.manipulator
 
     @property
     def opening_time(self) -> float:
-        """When the grip force starts to fall [s] on the motion's clock."""
+        """Time [s] on the motion's clock at which the grip force starts to fall."""
         return self.deciding.opening_time
 
     @property
@@ -75,28 +75,28 @@ class PlannedThrow:
 
     @property
     def sent(self) -> Throw | None:
-        """What is sent, by the sliding pivot; None for a hand, which is checked as planned."""
+        """The motion that is sent, by the sliding pivot; None for a free hand."""
         return None if self.scene.robot is None else self.deciding.sliding_pivot
 
     @property
     def limit_surface(self) -> Throw:
-        """What is sent, by the limit surface."""
+        """The motion that is sent, by the limit surface."""
         return self.deciding.limit_surface
 
     @property
     def decides(self) -> str:
-        """Which landing decides: "limit_surface" or "sent", for a hand "exact"."""
+        """Key of the deciding landing: "limit_surface" or "sent", for a hand "exact"."""
         if self.scene.tolerance.model == STEPPED_SURFACE:
             return "limit_surface"
         return "exact" if self.sent is None else "sent"
 
     @property
     def landing_time(self) -> float:
-        """When the object lands [s] on the motion's clock."""
+        """Time [s] of the landing on the motion's clock."""
         return self.deciding.landing_time
 
     def words(self, goal: Pose) -> str:
-        """The landing error to `goal`, for people."""
+        """The landing error to `goal` as text."""
         dx, dtheta = self.deciding.miss(goal)
         turn = "" if goal.theta is None else f" and {math.degrees(abs(dtheta)):.3f} deg"
         return f"lands {1e3 * abs(dx):.3f} mm{turn} from the target"

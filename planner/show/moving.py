@@ -37,33 +37,37 @@ if TYPE_CHECKING:
 
 Pixels = npt.NDArray[np.uint8]
 
-#: Playback speed against real time.
+#: Playback speed over real time.
 SLOW = 0.2
-#: Frames of throw.gif; frames that repeat the last one.
-FRAMES, LAST_FRAMES = 90, 12
-#: Most frames per second of throw.gif; frames per second of a film.
-GIF_FPS, FILM_FPS = 20, 25
-#: Width of a colour cell, of 256: throw.gif's palette takes one colour of each.
+#: Frames of throw.gif, without repeats of the last one.
+FRAMES = 90
+#: Repeats of the last frame of throw.gif.
+LAST_FRAMES = 12
+#: Largest frame rate [1/s] of throw.gif.
+GIF_FPS = 20
+#: Frame rate [1/s] of a film.
+FILM_FPS = 25
+#: Width, of 256, of a cell of colours; throw.gif's palette has one colour of each cell.
 CELL = 16
-#: Artists from this zorder on are drawn in every frame, the others once.
+#: Lowest zorder of the artists that are drawn in every frame; the others are drawn once.
 FRONT = 3
 
 
 def draw_throw_moving(throw: Throw, path: Path) -> None:
-    """The throw as a GIF at a fifth of its speed, which ends shortly after landing."""
+    """The throw as a GIF at a fifth of its speed; it ends shortly after the landing."""
     from PIL import Image
 
     line = timeline(throw)
     last = len(line.times) - 1
-    shown = np.unique(np.linspace(0, last, FRAMES).astype(int))
-    shown = np.append(shown, np.full(LAST_FRAMES, last))
-    fps = max(5.0, min(GIF_FPS, len(shown) * SLOW / line.times[-1]))
+    indices = np.unique(np.linspace(0, last, FRAMES).astype(int))
+    indices = np.append(indices, np.full(LAST_FRAMES, last))
+    fps = max(5.0, min(GIF_FPS, len(indices) * SLOW / line.times[-1]))
     # The first instant of each phase and the last instant show all colours.
     typical = np.append(np.unique(line.phase, return_index=True)[1], last)
     palette = _palette(np.vstack(list(frames(throw, line, typical))))
     images = (
         Image.fromarray(pixels).convert("RGB").quantize(palette=palette, dither=Image.Dither.NONE)
-        for pixels in frames(throw, line, shown)
+        for pixels in frames(throw, line, indices)
     )
     duration = 1000 // round(fps)
     first = next(images)
@@ -132,12 +136,12 @@ def _add_ghosts(view: View) -> list[tuple[float, Any]]:
     throw, line = view.throw, view.throw.line
     opening, landing = line.marks["opening"], line.marks["landing"]
     times = [*np.linspace(0.0, opening, CARRIED), *np.linspace(opening, landing, FLYING)[1:]]
-    found = []
+    ghosts = []
     for k, time in enumerate(times):
         i = line.index(time)
         put(view.scene.add_frame(f"/way{k}"), throw.bar[i])
-        found.append((time, view.add_bar(f"/way{k}/bar", PHASES[line.phase_name(i)], 0.3)))
-    return found
+        ghosts.append((time, view.add_bar(f"/way{k}/bar", PHASES[line.phase_name(i)], 0.3)))
+    return ghosts
 
 
 def _film(throw: SpaceThrow) -> Iterator[Pixels]:
@@ -145,8 +149,8 @@ def _film(throw: SpaceThrow) -> Iterator[Pixels]:
     line, painter = throw.line, Painter()
     view = View(painter, throw)
     ghosts = _add_ghosts(view)
-    shown = np.searchsorted(line.times, np.arange(0.0, line.times[-1], SLOW / FILM_FPS) - 1e-9)
-    for i in shown:
+    indices = np.searchsorted(line.times, np.arange(0.0, line.times[-1], SLOW / FILM_FPS) - 1e-9)
+    for i in indices:
         time = line.times[i]
         view.show(time)
         for passed, ghost in ghosts:
@@ -162,7 +166,7 @@ def _words(line: Timeline, i: int) -> str:
 
 
 def _encode(pictures: Iterable[Pixels], path: Path) -> None:
-    """Pictures (H, W, 3) of one even size as H.264 in the pixel format that all players know."""
+    """Writes pictures (H, W, 3) of one even size as H.264 in the pixel format of all players."""
     pictures = iter(pictures)
     first = next(pictures)
     high, wide = first.shape[:2]
@@ -172,7 +176,7 @@ def _encode(pictures: Iterable[Pixels], path: Path) -> None:
         *("-vcodec", "h264", "-pix_fmt", "yuv420p", "-y", str(path)),
     ]
     silent = subprocess.DEVNULL
-    # If ffmpeg ends early, its exit status tells.
+    # The exit status reports an early end of ffmpeg.
     with (
         contextlib.suppress(BrokenPipeError),
         subprocess.Popen(command, stdin=subprocess.PIPE, stdout=silent, stderr=silent) as process,
@@ -184,7 +188,7 @@ def _encode(pictures: Iterable[Pixels], path: Path) -> None:
         raise subprocess.CalledProcessError(process.returncode, command)
 
 
-def frames(throw: Throw, line: Timeline, shown: Indices) -> Iterator[Pixels]:
+def frames(throw: Throw, line: Timeline, indices: Indices) -> Iterator[Pixels]:
     """The instants `shown` of the throw as pixels (H, W, 4), RGBA, one after another.
 
     The background is drawn once.
@@ -225,7 +229,7 @@ def frames(throw: Throw, line: Timeline, shown: Indices) -> Iterator[Pixels]:
         artist.set_animated(True)
     canvas.draw()
     behind = canvas.copy_from_bbox(figure.bbox)
-    for i in shown:
+    for i in indices:
         show(int(i))
         canvas.restore_region(behind)
         for artist in front:

@@ -20,25 +20,37 @@ from ...problems import InputError
 if TYPE_CHECKING:
     from PIL import Image
 
-#: Width and height of a picture in pixels.
+#: Width and height [px] of a picture.
 SIZE = (960, 720)
-#: Factor by which a picture is painted larger, then reduced.
-FINER = 2
-#: Longest edge of a triangle [m]: long triangles have no clear order in depth.
-EDGE = 0.05
-#: Direction to the light, and the share of ambient light.
-LIGHT, AMBIENT = np.array([-0.35, -0.5, 0.8]), 0.7
-#: Distance [m] to the camera below which nothing is painted.
-NEAR = 0.2
+#: Direction to the light.
+LIGHT = np.array([-0.35, -0.5, 0.8])
 #: Colour of shadows.
 SHADOW = (222, 222, 222)
-#: Factor by which the throw is larger in the picture than in the browser.
-MARGIN = 1.15
-#: Depth [m] of the floor's lines, behind everything else.
-FLOOR = 1e3
 
-#: Pixels and colour; depth [m], parts, width of a line in pixels, and opacity of glass.
+
+@dataclass(frozen=True)
+class PainterSettings:
+    """Resolution, distances and light of a picture.
+
+    oversampling: factor of the painted size over the final one. edge [m]: longest of a triangle;
+    longer triangles have no clear order in depth. ambient: share of ambient light. near [m]:
+    distance to the camera below which nothing is painted. zoom: size of the throw against the
+    browser's view. floor [m]: depth of the floor's lines, behind all other shapes.
+    """
+
+    oversampling: int = 2
+    edge: float = 0.05
+    ambient: float = 0.7
+    near: float = 0.2
+    zoom: float = 1.15
+    floor: float = 1e3
+
+
+LOOK = PainterSettings()
+
+#: Pixels and colour of a polygon or line.
 Part = tuple[list[float], tuple[int, ...]]
+#: Depth [m], parts, width [px] of a line, and opacity of glass.
 Shape = tuple[float, list[Part], int | None, float | None]
 
 
@@ -128,8 +140,8 @@ class Painter:
         self.floor = position[2]
         at = np.arange(-width / 2, width / 2 + cell_size / 2, cell_size)
         points = np.stack([*np.meshgrid(at, at), np.full((len(at),) * 2, self.floor)], axis=-1)
-        for turned in (points, points.transpose(1, 0, 2)):
-            pieces = np.stack([turned[:, :-1], turned[:, 1:]], axis=2)
+        for grid in (points, points.transpose(1, 0, 2)):
+            pieces = np.stack([grid[:, :-1], grid[:, 1:]], axis=2)
             heavy = np.arange(len(at)) % 5 == 0
             for rows, grey in ((pieces[~heavy], 226), (pieces[heavy], 190)):
                 self.add_line_segments("/floor", rows.reshape(-1, 2, 3), (grey,) * 3, 0.0)
@@ -147,11 +159,13 @@ class Painter:
         """The scene as its camera sees it, with a title."""
         from PIL import Image, ImageDraw, ImageFont
 
-        font = ImageFont.load_default(15 * FINER)
-        image = Image.new("RGB", (SIZE[0] * FINER, SIZE[1] * FINER), "white")
+        font = ImageFont.load_default(15 * LOOK.oversampling)
+        image = Image.new(
+            "RGB", (SIZE[0] * LOOK.oversampling, SIZE[1] * LOOK.oversampling), "white"
+        )
         draw = ImageDraw.Draw(image)
         # From far to near: the floor's lines, shadows, then the rest.
-        shapes = sorted([*self._pieces(), *self._solids()], key=lambda shape: -shape[0])
+        shapes = sorted([*self._segments(), *self._triangles()], key=lambda shape: -shape[0])
         for _, parts, width, opacity in shapes:
             if width is not None:
                 draw.line(parts[0][0], fill=parts[0][1], width=width)
@@ -160,11 +174,13 @@ class Painter:
             else:
                 _paint_glass(image, parts, opacity)
         for name, text, at in self.words:
-            place, depth = self._seen(self._pose(name)[:3] @ np.append(at, 1.0))
-            if depth > NEAR:
+            place, depth = self._project(self._pose(name)[:3] @ np.append(at, 1.0))
+            if depth > LOOK.near:
                 look: dict[str, Any] = {"font": font, "stroke_width": 6, "stroke_fill": "white"}
                 draw.text((place[0] + 10, place[1]), text, fill="black", anchor="lm", **look)
-        draw.text((30, 24), title, fill="black", font=ImageFont.load_default(18 * FINER))
+        draw.text(
+            (30, 24), title, fill="black", font=ImageFont.load_default(18 * LOOK.oversampling)
+        )
         return image.resize(SIZE, Image.Resampling.LANCZOS)
 
     def _add(
@@ -175,7 +191,7 @@ class Painter:
         split: Any = remesh.subdivide_to_size
         look = {key: value for key, value in look.items() if not key.endswith("shadow")}
         if len(faces) and look.get("opacity") is None:
-            vertices, faces = split(vertices, faces, EDGE, max_iter=20)
+            vertices, faces = split(vertices, faces, LOOK.edge, max_iter=20)
         self.nodes[name] = MeshNode(name, np.array(vertices), np.array(faces), color, **look)
         return self.nodes[name]
 
@@ -193,32 +209,36 @@ class Painter:
         local[:3, 3] = node.position
         return np.asarray(pose @ local)
 
-    def _seen(self, points: Array) -> tuple[Array, Array]:
+    def _project(self, points: Array) -> tuple[Array, Array]:
         """Pixels (..., 2) and depths (...) [m] of points (..., 3) [m]."""
         camera = self.initial_camera
         ahead = camera.look_at - camera.position
         ahead = ahead / np.linalg.norm(ahead)
         right = np.cross(ahead, camera.up)
         right /= np.linalg.norm(right)
-        turned = (points - camera.position) @ np.array([right, np.cross(ahead, right), ahead]).T
-        size = FINER * np.array(SIZE)
-        scale = MARGIN * size[1] / 2 / np.tan(camera.fov / 2)
-        depth = turned[..., 2]
-        return size / 2 + scale * turned[..., :2] / np.maximum(depth, NEAR)[..., None], depth
+        in_camera = (points - camera.position) @ np.array([right, np.cross(ahead, right), ahead]).T
+        size = LOOK.oversampling * np.array(SIZE)
+        scale = LOOK.zoom * size[1] / 2 / np.tan(camera.fov / 2)
+        depth = in_camera[..., 2]
+        return size / 2 + scale * in_camera[..., :2] / np.maximum(depth, LOOK.near)[
+            ..., None
+        ], depth
 
-    def _pieces(self) -> Iterator[Shape]:
+    def _segments(self) -> Iterator[Shape]:
         """Line segments; those without thickness are on the floor, under everything."""
         for name, pieces, colours, thickness in self.lines:
             pose = self._pose(name)
-            places, depths = self._seen(pieces @ pose[:3, :3].T + pose[:3, 3])
+            places, depths = self._project(pieces @ pose[:3, :3].T + pose[:3, 3])
             middle = depths.mean(axis=1)
-            wide = MARGIN * FINER * SIZE[1] * thickness / np.maximum(middle, NEAR)
-            for k in np.flatnonzero(depths.min(axis=1) > NEAR):
+            wide = (
+                LOOK.zoom * LOOK.oversampling * SIZE[1] * thickness / np.maximum(middle, LOOK.near)
+            )
+            for k in np.flatnonzero(depths.min(axis=1) > LOOK.near):
                 part = places[k].ravel().tolist(), tuple(colours[k])
-                back = FLOOR if thickness == 0.0 else middle[k]
+                back = LOOK.floor if thickness == 0.0 else middle[k]
                 yield back, [part], max(2, round(float(wide[k]))), None
 
-    def _solids(self) -> Iterator[Shape]:
+    def _triangles(self) -> Iterator[Shape]:
         """Triangles that face the camera, and shadows; those of a transparent node as one shape."""
         from scipy.spatial import ConvexHull
 
@@ -233,8 +253,8 @@ class Painter:
             toward = self.initial_camera.position - corners.mean(axis=1)
             facing = (toward * normals).sum(axis=1) > 0
             corners, normals = corners[facing], normals[facing]
-            places, depths = self._seen(corners)
-            shade = AMBIENT + (1 - AMBIENT) * np.maximum(normals @ light, 0.0)
+            places, depths = self._project(corners)
+            shade = LOOK.ambient + (1 - LOOK.ambient) * np.maximum(normals @ light, 0.0)
             colours = (np.array(node.color) * shade[:, None]).astype(int)
             parts = [
                 (place.ravel().tolist(), tuple(colour))
@@ -247,9 +267,9 @@ class Painter:
                 yield depth, [part], None, None
             # The shadow of a convex body: all nodes but a cup's rim are convex.
             corners[..., 2] = self.floor
-            under = self._seen(corners.reshape(-1, 3))[0]
+            under = self._project(corners.reshape(-1, 3))[0]
             under = under[ConvexHull(under).vertices]
-            yield FLOOR / 2, [(under.ravel().tolist(), SHADOW)], None, None
+            yield LOOK.floor / 2, [(under.ravel().tolist(), SHADOW)], None, None
 
 
 def _paint_glass(image: Image.Image, parts: list[Part], opacity: float) -> None:

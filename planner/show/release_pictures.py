@@ -23,17 +23,17 @@ if TYPE_CHECKING:
     from ...problems import Scene
 
 
-#: Number of poses of the bar.
+#: Number of drawn poses of the bar.
 BARS = 7
-#: Quantities plotted over time.
-FOUR = ("v_z of the CoM [m/s]", "ω [rad/s]", "friction f_z [N]", "friction torque [N mm]")
+#: Labels of the quantities over time.
+QUANTITIES = ("v_z of the CoM [m/s]", "ω [rad/s]", "friction f_z [N]", "friction torque [N mm]")
 
 
 def draw_releases(scene: Scene, runs: Mapping[str, Simulation], path: Path) -> None:
     """The bar as it drops; CoM and friction over time by each model.
 
-    Areas show the modes of the sliding pivot. The last row shows v_z and ω less those of the time
-    stepping, for models that converge. A run without numbers appears in the legend only.
+    Areas show the modes of the sliding pivot. The last row has the differences of v_z and ω to the
+    time stepping, for convergent models. A failed run appears in the legend only.
     """
     case = case_of(scene, given_hand(scene))
     figure = new_figure(9.1, 9.9)
@@ -45,16 +45,16 @@ def draw_releases(scene: Scene, runs: Mapping[str, Simulation], path: Path) -> N
         known.get(name) or MODELS[name].release(case) for name in (SLIDING_PIVOT, STEPPED_SURFACE)
     )
     _draw_bars(stage, scene, case, stepped, pivot)
-    calm = [name for name in runs if not MODELS[name].nonconvergent]
-    for name in calm:
+    convergent = [name for name in runs if not MODELS[name].nonconvergent]
+    for name in convergent:
         _draw_run(grid, MODELS[name], runs[name].release, stepped)
-    if calm:
+    if convergent:
         for axes in grid[:2].ravel():
             axes.set_ylim(axes.get_ylim())
-    for name in [name for name in runs if name not in calm]:
+    for name in [name for name in runs if name not in convergent]:
         _draw_run(grid, MODELS[name], runs[name].release, stepped)
     _draw_hand(grid[0], case)
-    for axes, words in zip(grid.ravel(), (*FOUR, *FOUR), strict=False):
+    for axes, words in zip(grid.ravel(), (*QUANTITIES, *QUANTITIES), strict=False):
         axes.set(ylabel=words, xlabel="t [ms]", xlim=(0.0, 1e3 * case.grip.opening))
         axes.grid(alpha=0.25)
         _shade(axes, pivot, case.grip.opening)
@@ -74,14 +74,14 @@ def _draw_bars(
     from matplotlib.patches import Polygon
 
     opening = case.grip.opening
-    begins = {"stick": 0.0, "pivot": pivot.pivot, "slide": pivot.slide, "flight": opening}
+    starts = {"stick": 0.0, "pivot": pivot.pivot, "slide": pivot.slide, "flight": opening}
     named = set()
     for time in np.linspace(0.0, 3 * opening, BARS):
         late = max(0.0, time - opening)
         com = np.array([np.interp(time, stepped.times, row) for row in stepped.com])
         if late:
             com = scene.flight.after(stepped.detach, late).pose
-        phase = [name for name, begin in begins.items() if begin is not None and begin <= time][-1]
+        phase = [name for name, begin in starts.items() if begin is not None and begin <= time][-1]
         look: dict[str, Any] = {"fc": (PHASES[phase], 0.3), "ec": PHASES[phase], "lw": 1.2}
         look["label"] = None if phase in named else phase
         named.add(phase)
@@ -114,7 +114,7 @@ def _draw_run(grid: npt.NDArray[Any], model: ReleaseModel, run: Release, stepped
 
 
 def _values(run: Release) -> tuple[Array, ...]:
-    """The values of FOUR over time; friction is NaN for a model without one."""
+    """The values of QUANTITIES over time; friction is NaN for a model without one."""
     wrench = np.full_like(run.com_twist, np.nan) if run.wrench is None else run.wrench
     return run.com_twist[1], run.com_twist[2], wrench[1], 1e3 * wrench[2]
 

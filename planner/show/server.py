@@ -19,9 +19,9 @@ from .style import PHASES
 from .view import SpaceThrow, View
 
 HOST = "127.0.0.1"
-#: Steps of playback per second.
+#: Rate [1/s] of playback steps.
 RATE = 50.0
-#: Playback speeds against real time.
+#: Playback speeds over real time, by their labels.
 SPEEDS = {"1": 1.0, "1/5": 0.2, "1/20": 0.05}
 FIRST_SPEED = "1/5"
 

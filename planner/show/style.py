@@ -16,11 +16,13 @@ if TYPE_CHECKING:
 
 GREY, BLUE, ORANGE, RED, GREEN = "#8a8f98", "#4c78a8", "#f2a33a", "#d1495b", "#2a9d6f"
 TEAL, BLACK = "#2a788e", "#222222"
-#: The arm and hand, and a cup's wall.
-ARM, WALL = "#3d4450", "#5b4a3f"
-#: The phases of a throw in their order, and their colours.
+#: Colour of arm and hand.
+ARM = "#3d4450"
+#: Colour of a cup's wall.
+WALL = "#5b4a3f"
+#: Colours of the phases of a throw, in their order.
 PHASES = {"carry": GREY, "stick": BLUE, "pivot": ORANGE, "slide": RED, "flight": GREEN}
-#: Pixels per inch of a saved picture.
+#: Resolution [px/in] of a saved picture.
 DPI = 110
 
 

@@ -1,4 +1,4 @@
-"""Tables of named cells: a CSV file with all digits, and the Markdown that people read."""
+"""Tables of named cells: CSV files with all digits, and Markdown."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-#: One cell: text, a number, a mean with its deviation or interval, or None if empty.
+#: One cell: text, a number, a mean with deviation or interval, or None if empty.
 Cell = str | float | int | tuple[float, ...] | None
 #: One row of a table: cells by the name of their column, which holds the unit.
 Row = dict[str, Cell]
@@ -20,7 +20,7 @@ ENDS = {1: ("",), 2: ("", " std"), 3: ("", " low", " high")}
 class Table:
     """Rows of named cells.
 
-    name: stem of the CSV file; caption: what the table holds, in a few words; short: shown on a
+    name: stem of the CSV file; caption: contents of the table; short: shown on a
     page with many tables; digits: significant digits of a float.
     """
 

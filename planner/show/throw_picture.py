@@ -22,23 +22,27 @@ if TYPE_CHECKING:
     from ..throw import Throw
 
 
-#: The plots over time start this long before the command [ms].
+#: Time [ms] from the start of the plots to the command.
 LEAD_MS = 120.0
-#: Least width [m] drawn for a bar.
+#: Least drawn width [m] of a bar.
 MIN_WIDTH = 0.008
-#: Number of poses of the bar in the hand, in flight, and between the opening pads.
-CARRIED, FLYING, RELEASING = 6, 7, 5
-#: Fixed bodies are in the picture up to this distance [m] from what moves.
+#: Drawn poses of the bar in the hand.
+CARRIED = 6
+#: Drawn poses of the bar in flight.
+FLYING = 7
+#: Drawn poses of the bar between the opening pads.
+RELEASING = 5
+#: Distance [m] from the moving bodies up to which fixed bodies are drawn.
 AROUND = 0.4
 #: Least span [rad/s] of the plot of turning rates.
-LEAST_RATE = 1.0
+MIN_RATE_SPAN = 1.0
 
 
 def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None = None) -> Figure:
     """The throw as one picture: the plane, the release seen from the hand, plots over time.
 
-    path: of the PNG to write, None for none. load: times [s] and load of a robust plan's window,
-    as `load_curve` gives them.
+    path: of the PNG file, None for none. load: times [s] and load of a robust plan's window, see
+    `load_curve`.
     """
     line, scene = timeline(throw), throw.scene
     figure = new_figure(12.5, 7.6)
@@ -52,7 +56,7 @@ def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None
     dx, dtheta = throw.deciding.miss(throw.target)
     angle = "" if throw.target.theta is None else f", {np.degrees(abs(dtheta)):.3f} deg"
     title = f"{scene.name}: lands {1e3 * abs(dx):.3f} mm{angle} from the target\n"
-    title += f"{_words_of_flight(throw)}\n{throw.grip_words}"
+    title += f"{_flight_words(throw)}\n{throw.grip_words}"
     stage.set_title(title, loc="left", fontsize=10)
     plots = [figure.add_subplot(grid[i, 1]) for i in (1, 2, 3)]
     _draw_plots(plots, line)
@@ -63,7 +67,7 @@ def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None
     return figure
 
 
-def _words_of_flight(throw: Throw) -> str:
+def _flight_words(throw: Throw) -> str:
     """Speed and turning rate at detach, time and turns of the flight."""
     flight = throw.landing_time - throw.detach_time
     ends = throw.flight(np.array([0.0, flight]))[2]
@@ -115,18 +119,18 @@ def draw_surroundings(stage: Axes, scene: Scene, target: Pose) -> None:
 
 
 def frame_stage(stage: Axes, scene: Scene, target: Pose, line: Timeline) -> None:
-    """Equal axes around all that moves and the bodies near it; the legend below."""
+    """Equal axes around the moving bodies and fixed bodies near them; the legend below."""
     low, high = line.extent(scene)
-    there = [solid.outline() for solid in obstacles_of(scene.aimed_at(target))]
+    outlines = [solid.outline() for solid in obstacles_of(scene.aimed_at(target))]
     if scene.cup is not None:
         cup = scene.cup
         left, right, bottom = cup.x - cup.radius, cup.x + cup.radius, cup.rim - cup.depth
-        there.append(np.array([[left, bottom], [right, cup.rim]]))
+        outlines.append(np.array([[left, bottom], [right, cup.rim]]))
     if (column := column_of(scene)) is not None:
-        there.append(np.array([[-column[0], 0.0], column]))
+        outlines.append(np.array([[-column[0], 0.0], column]))
     if scene.workspace is not None and scene.workspace.floor is not None:
-        there.append(np.array([[low[0], scene.workspace.floor]]))
-    points = np.clip(np.vstack([*there, [low, high]]), low - AROUND, high + AROUND)
+        outlines.append(np.array([[low[0], scene.workspace.floor]]))
+    points = np.clip(np.vstack([*outlines, [low, high]]), low - AROUND, high + AROUND)
     low, high = points.min(axis=0) - 0.06, points.max(axis=0) + 0.06
     stage.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x [m]", ylabel="z [m]")
     stage.set_aspect("equal")
@@ -139,7 +143,7 @@ def frame_stage(stage: Axes, scene: Scene, target: Pose, line: Timeline) -> None
 def _draw_release(axes: Axes, scene: Scene, line: Timeline) -> None:
     """The bar between the pads at some instants of the opening, in the hand's frame.
 
-    Turned so that the carried bar is horizontal; the title gives its slip and pivot angle.
+    The carried bar is horizontal; the title has its slip and pivot angle.
     """
     from matplotlib.patches import Circle, Polygon
 
@@ -147,27 +151,32 @@ def _draw_release(axes: Axes, scene: Scene, line: Timeline) -> None:
     angle = line.hand[2] + scene.grasp.angle
     x, z = line.com[:2] - line.hand[:2]
     cos, sin = np.cos(angle), np.sin(angle)
-    seen = np.array([cos * x + sin * z, cos * z - sin * x, line.com[2] - angle])
+    in_hand = np.array([cos * x + sin * z, cos * z - sin * x, line.com[2] - angle])
     palm = hand_corners(scene, np.array([0.0, 0.0, -scene.grasp.angle]))
     axes.add_patch(Polygon(palm, closed=True, color=ARM, alpha=0.4, lw=0, zorder=1))
     for i in np.linspace(begin, end, RELEASING).astype(int):
-        corners, colour = bar_corners(scene.object, seen[:, i]), PHASES[line.phase_name(i)]
+        corners, colour = bar_corners(scene.object, in_hand[:, i]), PHASES[line.phase_name(i)]
         look: dict[str, Any] = {"fc": (colour, 0.1), "ec": colour, "lw": 1.2, "zorder": 3}
         axes.add_patch(Polygon(corners, closed=True, **look))
     pad = float(scene.patch.patch_radius)
     axes.add_patch(Circle((0.0, 0.0), pad, fill=False, color=BLACK, ls=":", zorder=4))
-    axes.plot(*seen[:2, begin : end + 1], color=BLACK, lw=1.2, zorder=4)
-    axes.plot(*seen[:2, end], "o", color=BLACK, ms=3, zorder=4)
+    axes.plot(*in_hand[:2, begin : end + 1], color=BLACK, lw=1.2, zorder=4)
+    axes.plot(*in_hand[:2, end], "o", color=BLACK, ms=3, zorder=4)
     axes.set_aspect("equal")
     axes.autoscale_view()
     axes.margins(0.04)
     axes.set_xlabel("in the hand's frame [m]", fontsize=8)
     axes.tick_params(labelsize=7)
-    turned = seen[2, end]
+    angle_at_end = in_hand[2, end]
     # Motion of the pads' centre along and across the bar.
-    across = [[np.cos(turned), np.sin(turned)], [-np.sin(turned), np.cos(turned)]]
-    slip = np.linalg.norm(np.array(across) @ seen[:2, end] - seen[:2, begin])
-    words = f"slips {1e3 * slip:.2f} mm, pivots {np.degrees(turned - seen[2, begin]):.1f} deg"
+    across = [
+        [np.cos(angle_at_end), np.sin(angle_at_end)],
+        [-np.sin(angle_at_end), np.cos(angle_at_end)],
+    ]
+    slip = np.linalg.norm(np.array(across) @ in_hand[:2, end] - in_hand[:2, begin])
+    words = (
+        f"slips {1e3 * slip:.2f} mm, pivots {np.degrees(angle_at_end - in_hand[2, begin]):.1f} deg"
+    )
     opening = 1e3 * (line.times[end] - line.times[begin])
     title = f"between the pads (dotted) while they open, {opening:.0f} ms:\n{words}"
     axes.set_title(title, loc="left", fontsize=9)
@@ -191,15 +200,15 @@ def _draw_arms(stage: Axes, scene: Scene, line: Timeline) -> None:
 
 
 def _draw_bars(stage: Axes, bar: ThrownObject, line: Timeline) -> None:
-    """The bar along its way, coloured by phase, and the CoM's path."""
+    """Poses of the bar, coloured by phase, and the CoM's path."""
     from matplotlib.patches import Polygon
 
     stage.plot(line.com[0], line.com[1], color=BLACK, lw=0.9, zorder=3)
     detach, last = line.index(line.marks["detach"]), len(line.times) - 1
     carried = np.linspace(0, line.index(line.marks["opening"]), CARRIED).astype(int)[:-1]
-    shown = np.union1d(carried, np.linspace(detach, last, FLYING).astype(int))
+    indices = np.union1d(carried, np.linspace(detach, last, FLYING).astype(int))
     changes = np.flatnonzero(np.diff(line.phase)) + 1
-    for i in np.union1d(shown, changes):
+    for i in np.union1d(indices, changes):
         colour, corners = PHASES[line.phase_name(i)], bar_corners(bar, line.com[:, i])
         patch = Polygon(corners, closed=True, color=colour, alpha=0.75, lw=0.5, zorder=5)
         stage.add_patch(patch)
@@ -217,8 +226,8 @@ def _draw_plots(axes: list[Axes], line: Timeline) -> None:
     rate.plot(t, line.hand_rate, color=ARM, label="hand")
     rate.plot(t, line.object_rate, color=GREEN, label="object")
     low, high = rate.get_ylim()
-    if high - low < LEAST_RATE:
-        rate.set_ylim((low + high - LEAST_RATE) / 2, (low + high + LEAST_RATE) / 2)
+    if high - low < MIN_RATE_SPAN:
+        rate.set_ylim((low + high - MIN_RATE_SPAN) / 2, (low + high + MIN_RATE_SPAN) / 2)
     rate.set_ylabel("ω [rad/s]")
     use.plot(t, np.minimum(line.force_use, 3.0), color=RED, label="force")
     use.plot(t, np.minimum(line.torque_use, 3.0), color=ORANGE, label="torque")
@@ -238,8 +247,8 @@ def _draw_plots(axes: list[Axes], line: Timeline) -> None:
 
 
 def _draw_window(axis: Axes, times: Array, load: Array) -> None:
-    """When the pads may open, and the load they would transmit then under full grip."""
+    """The window of an uncertain opening, and the load on the pads in it."""
     axis.axvspan(1e3 * times[0], 1e3 * times[-1], color=GREEN, alpha=0.12, lw=0)
-    label = f"load while they may open,\nat most {100 * load.max():.1f} %"
+    label = f"load while the pads may open,\nat most {100 * load.max():.1f} %"
     axis.plot(1e3 * times, load, color=GREEN, lw=2, label=label)
     axis.legend(fontsize=8)

@@ -22,9 +22,9 @@ if TYPE_CHECKING:
 class Timeline:
     """Columns over `times` (N,) [s]: hand and CoM pose (3, N), rates, grip and friction use.
 
-    phase (N,): index into PHASES. arm (N, 2, points): arm points in the plane, None for
-    a hand. force_use, torque_use: the wrench that sticking needs over its limit, NaN in
-    flight. marks: times of command, opening, detach and landing.
+    phase (N,): index into PHASES. arm (N, 2, points): arm points in the plane, None for a hand.
+    force_use, torque_use: wrench without slip over its limit, NaN in flight. marks: times of
+    command, opening, detach and landing.
     """
 
     times: Array
@@ -61,7 +61,7 @@ def timeline(
 ) -> Timeline:
     """The throw every `step` seconds from rest to landing.
 
-    after: times (K,) [s] and CoM poses (3, K), to whose end it goes on.
+    after: times (K,) [s] and CoM poses (3, K) of the motion after the landing.
     """
     scene = throw.scene
     opening, detach, landing = throw.opening_time, throw.detach_time, throw.landing_time
@@ -74,7 +74,7 @@ def timeline(
         com[:, late] = [np.interp(times[late], after[0], row) for row in after[1]]
     profile = scene.gripper.profile()
     grip = np.where(times < opening, profile.full, profile.force(times - opening))
-    # The wrench on the pads that keeps the object still in the hand, over what they transmit.
+    # The wrench of the pads on an object without slip, over its friction limit.
     motion = HandMotion(pose[2], twist[2], *acceleration)
     lever = com[0] - pose[0], com[1] - pose[1]
     f_x, f_z, torque = pivot_wrench(scene.body, scene.gravity, motion, rate, *lever)

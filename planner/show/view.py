@@ -23,23 +23,39 @@ if TYPE_CHECKING:
 
 
 LINK, CUP, PAD = "#7c8899", "#b5713c", "#20242b"
-#: Radius of links as a share of the arm's length.
-LINK_RADIUS = 0.032
-#: Drawn width [m] of the hand along the pads' motion.
-HAND_WIDTH = 0.16
-#: Drawn pads [m]: length beyond their centre, width, thickness.
-PAD_AHEAD, PAD_WIDTH, PAD_THICKNESS = 0.01, 0.02, 0.012
-#: Drawn speed [m/s] and travel [m] of a pad after detach.
-PAD_SPEED, PAD_TRAVEL = 0.1, 0.03
-#: The box that stands for a free hand's body (from, to, half width) behind the pads [m].
-FREE_HAND = (0.12, 0.045, 0.03)
-RIM, LIGHT = 0.006, 2.0
-#: Distance [m] of a mark's name below it: marks at the release are close to each other.
+
+
+@dataclass(frozen=True)
+class ViewShapes:
+    """Drawn sizes [m] of bodies whose real shapes a scene does not have.
+
+    link_radius: of links, as a share of the arm's length. hand_width: along the pads' motion.
+    pad_ahead, pad_width, pad_thickness: of a pad, the first from its centre to its end. pad_speed
+    [m/s], pad_travel: of a pad after detach. free_hand: body of a free hand behind the pads (from,
+    to, half width). rim: thickness of a cup's rim. min_half: least half thickness of a bar.
+    """
+
+    link_radius: float = 0.032
+    hand_width: float = 0.16
+    pad_ahead: float = 0.01
+    pad_width: float = 0.02
+    pad_thickness: float = 0.012
+    pad_speed: float = 0.1
+    pad_travel: float = 0.03
+    free_hand: tuple[float, float, float] = (0.12, 0.045, 0.03)
+    rim: float = 0.006
+    min_half: float = 0.004
+
+
+SHAPES = ViewShapes()
+#: Intensity of the ambient light.
+LIGHT = 2.0
+#: Distance [m] from a mark down to its name; marks at the release are close to each other.
 LABEL_DROP = {"command": 0.2, "opening": 0.13, "detach": 0.06, "landing": 0.0}
-#: Half of the least thickness [m] drawn for a bar.
-LEAST_HALF = 0.004
-#: Vertical angle of the camera; width over height of the view that the throw must fit.
-VIEW_ANGLE, ASPECT = math.radians(40.0), 1.15
+#: Vertical angle [rad] of the camera.
+VIEW_ANGLE = math.radians(40.0)
+#: Width over height of the view around the throw.
+ASPECT = 1.15
 
 
 @dataclass(frozen=True)
@@ -70,7 +86,7 @@ class SpaceThrow:
     def phases(self) -> dict[str, float]:
         """First instant [s] of each phase that occurs, and of the landing.
 
-        Pivoting and sliding begin together on the limit surface: that phase is slide.
+        On the limit surface pivoting and sliding start together; the phase is then slide.
         """
         opening = self.throw.opening_time
         found = {"carry": 0.0, "stick": opening}
@@ -103,7 +119,7 @@ class SpaceThrow:
 
 
 def space_throw(throw: Throw, after: tuple[Array, Array] | None = None) -> SpaceThrow:
-    """The throw in space every millisecond; after: what follows the landing, as of `timeline`."""
+    """The throw in space every millisecond; after: the motion after the landing, see `timeline`."""
     line, plane = timeline(throw, after=after), throw.target.plane
     hand, bar = plane.poses(line.hand), plane.poses(line.com)
     joints = np.empty((len(line.times), 0, 4, 4))
@@ -115,18 +131,18 @@ def space_throw(throw: Throw, after: tuple[Array, Array] | None = None) -> Space
 def link_pieces(arm: Arm) -> list[list[tuple[Array, Array]]]:
     """Straight pieces (begin, end) [m] that show the links: of the base, then of each joint.
 
-    Each in the frame that carries it. A Denavit-Hartenberg row goes along its a, then its d.
+    Each is in the frame of its joint. A Denavit-Hartenberg row goes along its a, then its d.
     """
-    found: list[list[tuple[Array, Array]]] = []
+    pieces_of: list[list[tuple[Array, Array]]] = []
     zero = np.zeros(3)
     for joint in arm.chain:
         end = _number(joint.placed())[:3, 3]
         corner = np.array([joint.a, 0.0, 0.0]) if isinstance(joint, DHRow) else zero
-        found.append([(zero, corner), (corner, end)])
+        pieces_of.append([(zero, corner), (corner, end)])
     mount = _number(placement(arm.tool.xyz, arm.tool.rpy))
     flange = mount[:3, 3] + arm.tool.flange * mount[:3, 2]
-    found.append([(zero, mount[:3, 3]), (mount[:3, 3], flange)])
-    return [[p for p in pieces if np.linalg.norm(p[1] - p[0]) > 1e-6] for pieces in found]
+    pieces_of.append([(zero, mount[:3, 3]), (mount[:3, 3], flange)])
+    return [[p for p in pieces if np.linalg.norm(p[1] - p[0]) > 1e-6] for pieces in pieces_of]
 
 
 def _joint_frames(throw: Throw, kinematics: PlanarArm, times: Array) -> Array:
@@ -149,12 +165,12 @@ def _number(matrix: ca.SX) -> Array:
 class View:
     """A throw in a viser server.
 
-    `show` puts everything where it is at a time, `change` takes another throw of the scene.
+    `show` moves all bodies to a time, `change` takes another throw of the scene.
     """
 
     def __init__(self, server: Any, throw: SpaceThrow) -> None:
         self.server, self.throw, self.scene = server, throw, server.scene
-        self.half_thickness = max(throw.scene.object.width / 2, LEAST_HALF)
+        self.half_thickness = max(throw.scene.object.width / 2, SHAPES.min_half)
         # Light from all sides, and no environment picture, which viser would download.
         self.scene.configure_environment_map(None)
         self.scene.add_light_ambient("/light", intensity=LIGHT)
@@ -172,7 +188,7 @@ class View:
         self.change(throw)
 
     def change(self, throw: SpaceThrow) -> None:
-        """Takes another throw with the same bar, hand and arm, from its start."""
+        """Shows another throw of this bar, hand and arm, from its start."""
         self.throw = throw
         with self.server.atomic():
             self.aim(throw.throw.target)
@@ -180,7 +196,7 @@ class View:
             self.show(0.0)
 
     def aim(self, target: Pose) -> None:
-        """Puts the target, and the cup about it, there."""
+        """Moves target and cup to a target pose."""
         put(self.target, self.throw.target(target))
         cup = self.throw.scene.aimed_at(target).cup
         if cup is not None:
@@ -197,10 +213,10 @@ class View:
             put(self.bar, throw.bar[i])
             self.box.color = rgb(PHASES[throw.line.phase_name(i)])
             since = max(0.0, float(throw.line.times[i]) - throw.throw.detach_time)
-            gap = self.half_thickness + min(PAD_TRAVEL, PAD_SPEED * since)
+            gap = self.half_thickness + min(SHAPES.pad_travel, SHAPES.pad_speed * since)
             for side, pad in zip((-1, 1), self.pads, strict=True):
-                middle = PAD_AHEAD - pad.dimensions[0] / 2
-                pad.position = (middle, 0.0, side * (gap + PAD_THICKNESS / 2))
+                middle = SHAPES.pad_ahead - pad.dimensions[0] / 2
+                pad.position = (middle, 0.0, side * (gap + SHAPES.pad_thickness / 2))
         return i
 
     def _draw_arm(self) -> list[Any]:
@@ -209,7 +225,9 @@ class View:
         if arm is None:
             return []
         pieces = link_pieces(arm)
-        radius = LINK_RADIUS * sum(float(np.linalg.norm(b - a)) for row in pieces for a, b in row)
+        radius = SHAPES.link_radius * sum(
+            float(np.linalg.norm(b - a)) for row in pieces for a, b in row
+        )
         foot = (0.0, 0.0, 0.3 * radius)
         nodes = [scene.add_frame("/arm/base", show_axes=False)]
         scene.add_cylinder("/arm/base/foot", 1.6 * radius, 0.6 * radius, rgb(ARM), position=foot)
@@ -236,14 +254,14 @@ class View:
     def _draw_hand(self) -> tuple[Any, list[Any]]:
         """The hand's body and its two pads; returns the moving node and the pads."""
         arm = self.throw.scene.arm
-        back, front, half = FREE_HAND
+        back, front, half = SHAPES.free_hand
         if arm is not None:
             back, front = arm.tool.palm_back, arm.tool.palm_front
             half = arm.tool.palm_half_width
         node = self.scene.add_frame("/hand", show_axes=False)
-        size = (back - front, 2 * half, HAND_WIDTH)
+        size = (back - front, 2 * half, SHAPES.hand_width)
         self.scene.add_box("/hand/body", rgb(ARM), size, position=(-(back + front) / 2, 0.0, 0.0))
-        size = (front + PAD_AHEAD, PAD_WIDTH, PAD_THICKNESS)
+        size = (front + SHAPES.pad_ahead, SHAPES.pad_width, SHAPES.pad_thickness)
         pads = [self.scene.add_box(f"/hand/pad{k}", rgb(PAD), dimensions=size) for k in (1, 2)]
         return node, pads
 
@@ -302,7 +320,7 @@ class View:
         wall = np.array([[0.0, -cup.depth], [cup.radius, -cup.depth], [cup.radius, 0.0]])
         angle = np.linspace(0.0, 2 * np.pi, 13)
         ring = np.column_stack(
-            [cup.radius + RIM / 2 * (1 + np.cos(angle)), RIM / 2 * np.sin(angle)]
+            [cup.radius + SHAPES.rim / 2 * (1 + np.cos(angle)), SHAPES.rim / 2 * np.sin(angle)]
         )
         for name, profile, opacity in (("wall", wall, 0.45), ("rim", ring, None)):
             mesh = revolve(profile, sections=48)
@@ -327,7 +345,7 @@ class View:
             self.scene.add_label(f"{mark}/text", name, anchor="center-left", position=down)
 
     def _aim_camera(self) -> None:
-        """Looks across the plane, from slightly above, so that the whole throw is seen."""
+        """Looks across the plane from slightly above; the throw fits the view."""
         low, high = self.throw.extent()
         size, middle = high - low, (high + low) / 2
         reach = max(size[1], size[0] / ASPECT) / 2 / math.tan(VIEW_ANGLE / 2)

@@ -1,6 +1,7 @@
-"""One plan under uncertainty: thrown many times with sampled parameters, and made to bear it.
+"""A plan under uncertainty: sweeps of throws with sampled parameters, and robust plans.
 
-Chunks of throws may be spread over processes and machines; the result is the same to the bit.
+An executor may spread chunks of throws over processes and machines without any change of the
+result.
 """
 
 from .hardening import QUIET_MESH, Hardening, hardened, robust_scene

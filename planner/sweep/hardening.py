@@ -1,4 +1,4 @@
-"""From a throw to one that bears what is uncertain: candidates, and the choice between them."""
+"""Robust throws from a plain one: candidates, and the choice between them."""
 
 from __future__ import annotations
 
@@ -22,31 +22,43 @@ from .running import SAMPLES, SEED
 from .statistics import ROUNDING, quantiles
 from .throws import run_sweep, simulator_of
 
-#: A robust throw hardly slides, so its opening needs even intervals, and a wider rounding costs
-#: nothing.
+#: Mesh of robust throws: they hardly slide, so even intervals and a wide rounding are enough.
 QUIET_MESH = Mesh(opening=8, grading=1.0, epsilon=0.03)
-#: Numbers of successes tie if they differ by at most this many standard deviations of the
-#: difference; errors by at most this share.
-DEVIATIONS, SHARE = 2.0, 0.05
-#: The search ends where all samples succeed with at most this share of the plain throw's error.
-ENOUGH = 0.1
-#: The method for throws that cannot be made quiet.
+#: Robust method of constant joint rates, for throws without a quiet release.
 CONSTANT_RATES = "joint-velocity"
-#: The method of several throws that share the hand's motion.
+#: Robust method of several throws under one motion of the hand.
 SCENARIOS = "scenarios"
-#: Methods of candidates that no robust NLP made: the plain throw, and another one to the target.
-PLAIN, ALTERNATIVE = "nominal", "alternative"
-#: Share of the samples for which grip and clearances keep a reserve.
-RESERVED = 0.999
-#: NLPs tried by one method from one throw.
-TRIES = 2
+#: Method of the plain throw among the candidates.
+PLAIN = "nominal"
+#: Method of another plain throw to the target.
+ALTERNATIVE = "alternative"
+
+
+@dataclass(frozen=True)
+class HardeningSettings:
+    """How candidates are compared, and when the search ends.
+
+    deviations: success rates tie within this many standard deviations of their difference.
+    error_tie: 95 % errors tie within this share. good_error: the search ends if all samples succeed
+    with at most this share of the plain throw's error. reserved: share of the samples for which
+    grip and clearances have a reserve. tries: NLPs of one method from one throw.
+    """
+
+    deviations: float = 2.0
+    error_tie: float = 0.05
+    good_error: float = 0.1
+    reserved: float = 0.999
+    tries: int = 2
+
+
+SETTINGS = HardeningSettings()
 
 
 @dataclass(frozen=True, eq=False)
 class JudgedThrow:
-    """A throw to the target, and what the common samples make of it.
+    """A throw to the target, with its success under the common samples.
 
-    plan: with this throw; method, solver: what made it.
+    plan: with this throw; method, solver: its origin.
     """
 
     plan: Plan
@@ -55,16 +67,17 @@ class JudgedThrow:
 
     @cached_property
     def judged(self) -> tuple[Flags, float]:
-        """Which of the samples (N,) succeed, and the 95 % pose error [m], as `sweep` tells them."""
+        """Flags (N,) of the samples that succeed, and the 95 % pose error [m]; equal to
+        `sweep`'s."""
         scene = self.plan.scene
         sampler = sampler_of(scene, SEED)
         simulator = simulator_of(self.plan, scene.tolerance.model, sampler)
-        thrown = run_sweep(simulator, sampler, SAMPLES)
-        if thrown is None or len(thrown[0]) < SAMPLES:
+        throws = run_sweep(simulator, sampler, SAMPLES)
+        if throws is None or len(throws[0]) < SAMPLES:
             raise KeyboardInterrupt
-        nominal = simulator.throw(simulator.batch.nominal())
-        errors = pose_errors(self.plan, thrown[2], nominal)
-        return thrown[2].verdicts.succeeds, quantiles(errors["scaled"])["95"]
+        outcomes, nominal = throws[2], simulator.throw(simulator.batch.nominal())
+        errors = pose_errors(self.plan, outcomes, nominal)
+        return outcomes.verdicts.succeeds, quantiles(errors["scaled"])["95"]
 
     @property
     def error(self) -> float:
@@ -73,41 +86,46 @@ class JudgedThrow:
 
     @property
     def words(self) -> str:
-        """Success and 95 % pose error for people."""
+        """Success and 95 % pose error as text."""
         success, error = self.judged
-        far = f"{1e3 * error:.2f} mm" if math.isfinite(error) else "no landing"
-        return f"{100 * success.mean():.1f} % succeed, 95 % error {far}"
+        size = f"{1e3 * error:.2f} mm" if math.isfinite(error) else "no landing"
+        return f"{100 * success.mean():.1f} % succeed, 95 % error {size}"
 
-    def succeeds_as_often(self, other: JudgedThrow) -> bool:
-        """Whether it is not below the other's success by more than the samples can tell.
+    def is_as_successful(self, other: JudgedThrow) -> bool:
+        """Whether its success rate is not significantly below the other's, by McNemar's test.
 
-        Of the samples on which the two differ each is as likely to go either way, if they are
-        equally good (McNemar's test).
+        Equally good throws succeed with equal probability in each sample on which they differ.
         """
-        mine, others = self.judged[0], other.judged[0]
-        lost, gained = int((others & ~mine).sum()), int((mine & ~others).sum())
-        return lost - gained <= DEVIATIONS * math.sqrt(lost + gained)
+        own, others = self.judged[0], other.judged[0]
+        lost, gained = int((others & ~own).sum()), int((own & ~others).sum())
+        return lost - gained <= SETTINGS.deviations * math.sqrt(lost + gained)
 
-    def bears_enough(self, plain: JudgedThrow) -> bool:
-        """Whether nothing better needs to be looked for."""
-        allowed = max(ENOUGH * plain.error, ROUNDING)
+    def is_good(self, plain: JudgedThrow) -> bool:
+        """Whether the search for a better throw may end."""
+        allowed = max(SETTINGS.good_error * plain.error, ROUNDING)
         return bool(self.judged[0].all()) and self.error <= allowed
 
 
 def best_of(candidates: Sequence[JudgedThrow]) -> JudgedThrow:
-    """The least 95 % error among those that succeed as often as any; the first is the plain throw,
-    which stays unless another is better by more than the samples can tell."""
-    most = max(candidates, key=lambda one: int(one.judged[0].sum()))
-    good = [one for one in candidates if one.succeeds_as_often(most)]
+    """The least 95 % error among the candidates of highest success.
+
+    The first candidate, the plain throw, is chosen unless another is significantly better.
+    """
+    safest = max(candidates, key=lambda one: int(one.judged[0].sum()))
+    good = [one for one in candidates if one.is_as_successful(safest)]
     best, plain = min(good, key=lambda one: one.error), candidates[0]
-    kept = plain in good and (1 - SHARE) * plain.error <= max(best.error, ROUNDING)
-    return plain if kept else best
+    keeps_plain = plain in good and (1 - SETTINGS.error_tie) * plain.error <= max(
+        best.error, ROUNDING
+    )
+    return plain if keeps_plain else best
 
 
 @dataclass(frozen=True)
 class Hardening:
-    """How a throw is made robust by `method`; `auto` is quiet, constant joint rates where that is
-    not enough, and scenarios from the best throw so far where that is not."""
+    """Makes a throw robust by `method`.
+
+    `auto` tries a quiet release, then constant joint rates, then scenarios from the best throw.
+    """
 
     problems: NlpCache
     method: str
@@ -115,14 +133,17 @@ class Hardening:
 
     @property
     def methods(self) -> tuple[str, ...]:
-        """The methods from each source; scenarios start from the best throw so far."""
+        """The NLP methods in their order; scenarios start from the best candidate."""
         if self.method == "auto":
             return Robust.QUIET, CONSTANT_RATES, SCENARIOS
         return (Robust.QUIET, SCENARIOS) if self.method == SCENARIOS else (self.method,)
 
-    def made(self, source: Plan, start: PlannedThrow, method: str) -> tuple[Attempt, ...]:
-        """The attempts of one method from a throw, the solved one last if there is one: with
-        reserves for what is uncertain at first, then without."""
+    def attempts_from(self, source: Plan, start: PlannedThrow, method: str) -> tuple[Attempt, ...]:
+        """Attempts of one method from a throw: with reserves for uncertain parameters, then
+        without.
+
+        A solved attempt is the last.
+        """
         mesh, found = self.problems.scene.mesh, list[Attempt]()
         plain = self.task.scene.replace(mesh=mesh)
         solvers = self.task.solvers[:1] if self.method == "auto" else self.task.solvers
@@ -132,27 +153,34 @@ class Hardening:
             guess = functools.partial(initial_guess_from, throw=start, request=request)
             for solver in solvers:
                 first = Start(
-                    source.target, guess, solver, start.refinement, TRIES, again=True, robust=method
+                    source.target,
+                    guess,
+                    solver,
+                    start.refinement,
+                    SETTINGS.tries,
+                    again=True,
+                    robust=method,
                 )
                 found += attempts(self.problems, first, task)
                 if found[-1].solved or self.task.clock.late:
                     return tuple(found)
             if found[-1].throw is not None:
-                # What it breaks is not for want of room.
+                # Less reserve does not help: a throw was found, and it breaks another limit.
                 break
         return tuple(found)
 
-    def candidate(self, source: Plan, made: Attempt, method: str) -> JudgedThrow:
+    def candidate(self, source: Plan, attempt: Attempt, method: str) -> JudgedThrow:
         """The candidate of a solved attempt."""
-        assert made.throw is not None
+        assert attempt.throw is not None
         scene = self.task.scene.replace(mesh=self.problems.scene.mesh)
-        thrown = dataclasses.replace(made.throw, deciding=made.throw.deciding.in_scene(scene))
-        return JudgedThrow(dataclasses.replace(source, throw=thrown), method, made.solver)
+        deciding = attempt.throw.deciding.in_scene(scene)
+        throw = dataclasses.replace(attempt.throw, deciding=deciding)
+        return JudgedThrow(dataclasses.replace(source, throw=throw), method, attempt.solver)
 
 
 @dataclass(frozen=True)
-class _Found:
-    """Candidates, the plain throw first; attempts of the methods; the plans that they are from."""
+class _RobustCandidates:
+    """Candidates, the plain throw first; attempts of the methods; plans of the sources."""
 
     candidates: tuple[JudgedThrow, ...]
     attempts: tuple[Attempt, ...]
@@ -162,34 +190,37 @@ class _Found:
     def best(self) -> JudgedThrow:
         return best_of(self.candidates)
 
-    def enough(self, hardening: Hardening) -> bool:
-        return self.best.bears_enough(self.candidates[0]) or hardening.task.clock.late
+    def is_complete(self, hardening: Hardening) -> bool:
+        return self.best.is_good(self.candidates[0]) or hardening.task.clock.late
 
-    def with_method(self, hardening: Hardening, source: JudgedThrow, method: str) -> _Found:
-        """Those that one method makes from a source, too."""
+    def with_method(
+        self, hardening: Hardening, source: JudgedThrow, method: str
+    ) -> _RobustCandidates:
+        """These with the candidate that one method makes from a source."""
         throw = source.plan.throw
         assert throw is not None
-        made = hardening.made(source.plan, throw, method)
-        more = [hardening.candidate(source.plan, one, method) for one in made[-1:] if one.solved]
-        return _Found((*self.candidates, *more), (*self.attempts, *made), self.plans)
+        tried = hardening.attempts_from(source.plan, throw, method)
+        solved = [hardening.candidate(source.plan, one, method) for one in tried[-1:] if one.solved]
+        return _RobustCandidates((*self.candidates, *solved), (*self.attempts, *tried), self.plans)
 
 
 def robust_scene(scene: Scene) -> Scene:
-    """The scene with the numerical settings of robust plans, where it has none of its own."""
+    """The scene with the mesh of robust plans, unless it sets its own."""
     return scene.replace(mesh=QUIET_MESH) if scene.mesh == Mesh() else scene
 
 
 def with_reserves(scene: Scene) -> Scene:
-    """The scene with a grip and clearances that bear its [uncertainty] until the opening.
+    """The scene with reserves of grip and clearances for its [uncertainty] until the opening.
 
-    A share `RESERVED` of the samples needs no more friction, and no held bar is farther off.
+    They cover the friction and the displacement of the held bar in a share `reserved` of the
+    samples.
     """
     if scene.uncertainty is None:
         return scene
     sampler = sampler_of(scene, SEED)
     own = scene.values | {"delay": scene.mean_delay}
-    drawn = dict(zip(sampler.names, sampler.draw(0, SAMPLES).T, strict=True))
-    value = {name: drawn.get(name, np.full(SAMPLES, own[name])) for name in own}
+    draws = dict(zip(sampler.names, sampler.draw(0, SAMPLES).T, strict=True))
+    value = {name: draws.get(name, np.full(SAMPLES, own[name])) for name in own}
     h = value["com_offset"] - value["grasp_offset"] + own["grasp_offset"]
     pads = own["friction"] / value["friction"]
     heavy = value["mass"] / own["mass"]
@@ -197,13 +228,13 @@ def with_reserves(scene: Scene) -> Scene:
     if own["com_offset"] > 0.0:
         levers.append(heavy * np.abs(h) / own["com_offset"])
     turning = np.max(levers, axis=0) * own["patch_radius"] / value["patch_radius"]
-    load = float(np.quantile(pads * np.maximum(heavy, turning), RESERVED))
+    load = float(np.quantile(pads * np.maximum(heavy, turning), SETTINGS.reserved))
     margin = max(scene.gripper.sticking_margin, 1.0 - 1.0 / max(load, 1.0))
     scene = scene.changed(gripper=scene.gripper.changed(sticking_margin=margin))
-    far = max(scene.object.com, scene.object.length - scene.object.com)
+    lever = max(scene.object.com, scene.object.length - scene.object.com)
     angle = np.abs(value["grasp_angle"] - own["grasp_angle"] + value["hand_theta"])
-    off = np.abs(value["grasp_offset"] - own["grasp_offset"]) + far * angle
-    off = float(np.quantile(off + np.hypot(value["hand_x"], value["hand_z"]), RESERVED))
+    off = np.abs(value["grasp_offset"] - own["grasp_offset"]) + lever * angle
+    off = float(np.quantile(off + np.hypot(value["hand_x"], value["hand_z"]), SETTINGS.reserved))
     if scene.workspace is None or off == 0.0:
         return scene
     room = scene.workspace
@@ -216,52 +247,54 @@ def with_reserves(scene: Scene) -> Scene:
 
 
 def hardened(plan: Plan, hardening: Hardening, others: Callable[[], Plan]) -> Plan:
-    """The best plan to a target under the scene's uncertainty: `plan`, or a robust throw from it or
-    from the throws of `others`."""
-    found, begun = (
-        _Found((JudgedThrow(plan, PLAIN, plan.solver),), (), (plan,)),
-        list[JudgedThrow](),
-    )
-    for source in _sources(found, others):
-        if source not in found.candidates:
-            found = dataclasses.replace(
-                found, candidates=(*found.candidates, source), plans=(*found.plans, source.plan)
+    """The best plan to a target under the scene's uncertainty.
+
+    It is `plan` itself, or a robust throw from it or from the alternatives of `others`.
+    """
+    candidates = _RobustCandidates((JudgedThrow(plan, PLAIN, plan.solver),), (), (plan,))
+    scenario_sources = list[JudgedThrow]()
+    for source in _sources(candidates, others):
+        if source not in candidates.candidates:
+            candidates = dataclasses.replace(
+                candidates,
+                candidates=(*candidates.candidates, source),
+                plans=(*candidates.plans, source.plan),
             )
         for method in hardening.methods:
-            start = found.best if method == SCENARIOS else source
-            if found.enough(hardening):
+            start = candidates.best if method == SCENARIOS else source
+            if candidates.is_complete(hardening):
                 break
-            if method != SCENARIOS or start not in begun:
-                found = found.with_method(hardening, start, method)
-                begun += [start] if method == SCENARIOS else []
-        if found.enough(hardening):
+            if method != SCENARIOS or start not in scenario_sources:
+                candidates = candidates.with_method(hardening, start, method)
+                scenario_sources += [start] if method == SCENARIOS else []
+        if candidates.is_complete(hardening):
             break
-    return _chosen(found, hardening)
+    return _best_plan(candidates, hardening)
 
 
-def _sources(found: _Found, others: Callable[[], Plan]) -> Iterator[JudgedThrow]:
-    """The plain throw; if that is not enough, other throws to the target."""
-    yield found.candidates[0]
+def _sources(candidates: _RobustCandidates, others: Callable[[], Plan]) -> Iterator[JudgedThrow]:
+    """The plain throw, then other throws to the target."""
+    yield candidates.candidates[0]
     for other in others().alternatives:
         yield JudgedThrow(other, ALTERNATIVE, other.solver)
 
 
-def _chosen(found: _Found, hardening: Hardening) -> Plan:
-    """The plan of the best candidate, whose message cites the sweep for it and the plain throw."""
-    best, plain = found.best, found.candidates[0]
+def _best_plan(candidates: _RobustCandidates, hardening: Hardening) -> Plan:
+    """The plan of the best candidate; its message gives the sweeps of this and the plain throw."""
+    best, plain = candidates.best, candidates.candidates[0]
     throw = best.plan.throw
     assert throw is not None
     uncertain = "[uncertainty]" if best.plan.scene.uncertainty else "a delay of up to 10 ms"
     words = f"{throw.words(best.plan.target)}; of {SAMPLES:,} throws under {uncertain} {best.words}"
-    robust = [one for one in found.candidates if one.method not in (PLAIN, ALTERNATIVE)]
+    robust = [one for one in candidates.candidates if one.method not in (PLAIN, ALTERNATIVE)]
     if best is not plain:
         words += f"; of the plain throw {plain.words}"
     elif robust:
         second = best_of(robust)
-        words += f"; no throw found that is better, by {second.method} {second.words}"
-    elif found.attempts:
-        reason = found.attempts[-1].reason
-        words += f"; no robust throw found by {hardening.method} ({reason}), this is the plain one"
+        words += f"; the best robust throw, by {second.method}, is not better: {second.words}"
+    elif candidates.attempts:
+        reason = candidates.attempts[-1].reason
+        words += f"; the throw is the plain one: {hardening.method} found none ({reason})"
     else:
         words += ", by the plain throw"
     variables, constraints = throw.nlp_size
@@ -273,7 +306,8 @@ def _chosen(found: _Found, hardening: Hardening) -> Plan:
         constraints=constraints,
         robust=best.method,
         peak_load=peak_load(throw.deciding),
-        iterations=sum(p.iterations for p in found.plans)
-        + sum(a.iterations for a in found.attempts),
-        attempts=sum(p.attempts for p in found.plans) + sum(a.solves for a in found.attempts),
+        iterations=sum(p.iterations for p in candidates.plans)
+        + sum(a.iterations for a in candidates.attempts),
+        attempts=sum(p.attempts for p in candidates.plans)
+        + sum(a.solves for a in candidates.attempts),
     )

@@ -1,4 +1,4 @@
-"""What a sweep found: statistics, JSON, files, and its pictures (landings, delay, tornado)."""
+"""The result of a sweep: statistics, JSON, files, and pictures (landings, delay, tornado)."""
 
 from __future__ import annotations
 
@@ -22,14 +22,14 @@ from .throws import Outcomes, ThrowSimulator
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
-#: What a sweep leaves in its folder.
+#: Files of a sweep's folder.
 SWEEP_FILES = ("landings.png", "delay.png", "tornado.png", "sweep.csv", "sweep.json")
-#: Rows of sweep.csv that are formatted at a time.
+#: Rows of sweep.csv formatted at once; bounds the memory.
 ROWS = 8192
-#: Most points that landings.png draws.
+#: Largest number of points in landings.png.
 POINTS = 5000
-#: Least span of an axis [mm, deg]: a narrower one would show rounding.
-LEAST_SPAN = 0.02
+#: Narrowest span [mm, deg] of an axis; narrower ones show rounding.
+MIN_SPAN = 0.02
 
 
 @dataclass(frozen=True)
@@ -37,10 +37,10 @@ class Sweep:
     """A plan's sent motion thrown with sampled parameters, by one release model.
 
     numbers (N,): places in the sequence of samples; values (N, P): their parameters, columns as
-    `sampler.names`, SI units; landings: what came of them; nominal: the throw with the plan's own
+    `sampler.names`, SI units; landings: their outcomes; nominal: the throw with the plan's own
     values. derivatives: (dx, dtheta) by each parameter; shares: of the variances of x and theta.
-    delays: the largest delays that succeed. requested: number of samples requested, N unless
-    Ctrl-C came first. seconds: time of the sweep.
+    delays: the largest delays that succeed. requested: number of samples requested; N is smaller
+    after Ctrl-C. seconds: time of the sweep.
     """
 
     plan: Plan
@@ -92,16 +92,16 @@ class Sweep:
 
         bias: of the nominal landing from the target; position and angle are sizes, x and theta
         signed. quantiles: of the distances from the nominal landing; scaled is the pose error
-        (position plus angle times half the length). sensitivity: derivatives by the parameter, and
-        shares of the variances. delay_inside: the largest delays [s] beyond the mean that still
-        succeed, null beyond 50 ms.
+        (position plus angle times half the length). sensitivity: derivatives in the parameter, and
+        shares of the variances. delay_inside: the largest delays [s] beyond the mean that succeed,
+        null above 50 ms.
         """
         scene, target = self.plan.scene, self.plan.goal
         x, theta = (float(value) for value in self.nominal.pose[0, :2])
         dx = x - target.plane_x
         dtheta = 0.0 if target.theta is None else theta - target.theta
         spread = np.nanstd(self.landings.pose[:, :2], axis=0) if self._lands else [math.nan] * 2
-        found = {
+        entries = {
             "scene": scene.name,
             "samples": self.samples,
             "asked": self.requested,
@@ -127,11 +127,11 @@ class Sweep:
             "delay_inside": {"early": self.delays.early, "late": self.delays.late},
             "time": self.seconds,
         }
-        made: dict[str, Any] = plain(found)
-        return made
+        table: dict[str, Any] = plain(entries)
+        return table
 
     def summary(self) -> str:
-        """The sweep in some lines for people."""
+        """The sweep as text."""
         return sweep_summary(self.plan, self.label, self.to_dict())
 
     def save(self, folder: str | Path) -> None:
@@ -178,7 +178,8 @@ def _rate(successes: Flags) -> dict[str, float]:
 
 
 def pose_errors(plan: Plan, landings: Outcomes, nominal: Outcomes) -> dict[str, Array]:
-    """Distances (N,) from the nominal landing: position [m], angle [rad], scaled [m]."""
+    """Distances (N,) from the nominal landing: position [m], angle [rad], pose error `scaled`
+    [m]."""
     dx, dtheta = (landings.pose - nominal.pose).T[:2]
     turn = dtheta if plan.target.theta is not None else 0.0
     scaled = plan.scene.object.pose_error(dx, turn)
@@ -186,20 +187,20 @@ def pose_errors(plan: Plan, landings: Outcomes, nominal: Outcomes) -> dict[str, 
 
 
 def _title(sweep: Sweep, words: str) -> dict[str, Any]:
-    """Title of a picture: the scene, what is shown, number of throws, release model."""
+    """Title of a picture: scene, contents, number of throws, release model."""
     throws = f"{sweep.samples:,} throws, {MODELS[sweep.simulator.batch.model].title}"
     return {"t": f"{sweep.label}: {words} ({throws})", "x": 0.01, "ha": "left", "fontsize": 11}
 
 
-def _about(sweep: Sweep) -> tuple[float, str]:
-    """The angle [rad] at the origin of the pictures, and its name."""
+def _angle_origin(sweep: Sweep) -> tuple[float, str]:
+    """The angle [rad] at the origin of the pictures, and its label."""
     theta = sweep.plan.target.theta
     return (float(sweep.nominal.pose[0, 1]), "nominal") if theta is None else (theta, "target")
 
 
-def _off(sweep: Sweep, pose: Array) -> Array:
+def _landing_errors(sweep: Sweep, pose: Array) -> Array:
     """Landing errors (..., 2): x [mm], theta [deg]."""
-    about, _ = _about(sweep)
+    about, _ = _angle_origin(sweep)
     x, theta = pose[..., 0] - sweep.plan.goal.plane_x, pose[..., 1] - about
     return np.stack([1e3 * x, np.degrees(theta)], axis=-1)
 
@@ -212,11 +213,11 @@ def _tolerance(sweep: Sweep) -> tuple[float, float]:
 
 
 def _widen(axes: Axes, vertical: bool) -> None:
-    """Axes [mm, deg] no narrower than `LEAST_SPAN`."""
+    """Axes [mm, deg] no narrower than `MIN_SPAN`."""
     for limits, low, high in (("set_xlim", *axes.get_xlim()), ("set_ylim", *axes.get_ylim())):
-        if high - low < LEAST_SPAN and (vertical or limits == "set_xlim"):
+        if high - low < MIN_SPAN and (vertical or limits == "set_xlim"):
             middle = (low + high) / 2
-            getattr(axes, limits)(middle - LEAST_SPAN / 2, middle + LEAST_SPAN / 2)
+            getattr(axes, limits)(middle - MIN_SPAN / 2, middle + MIN_SPAN / 2)
 
 
 def draw_landings(sweep: Sweep, path: Path) -> None:
@@ -225,20 +226,20 @@ def draw_landings(sweep: Sweep, path: Path) -> None:
 
     figure = new_figure(8, 5.2)
     axes = figure.subplots()
-    shown = slice(None, POINTS)
-    off, sticks = _off(sweep, sweep.landings.pose[shown]), sweep.landings.sticks[shown]
+    rows = slice(None, POINTS)
+    off, sticks = _landing_errors(sweep, sweep.landings.pose[rows]), sweep.landings.sticks[rows]
     name = max(sweep.shares, key=lambda key: sum(sweep.shares[key]))
     factor, unit = unit_of(name)
-    colour = factor * sweep.values[shown, sweep.sampler.names.index(name)]
+    colour = factor * sweep.values[rows, sweep.sampler.names.index(name)]
     style: dict[str, Any] = {"cmap": "viridis", "vmin": colour.min(), "vmax": colour.max()}
     size = 14 if len(off) <= 2000 else 6
     x, theta = off.T
-    found = axes.scatter(x[sticks], theta[sticks], s=size, c=colour[sticks], lw=0, **style)
+    points = axes.scatter(x[sticks], theta[sticks], s=size, c=colour[sticks], lw=0, **style)
     if not sticks.all():
-        style |= {"marker": "x", "lw": 0.9, "label": "slips in the full grip before it opens"}
+        style |= {"marker": "x", "lw": 0.9, "label": "slips before the opening"}
         axes.scatter(x[~sticks], theta[~sticks], s=22, c=colour[~sticks], **style)
     label = f"{name.replace('_', ' ')} [{unit}]" if unit else name
-    figure.colorbar(found, ax=axes, label=label, pad=0.01)
+    figure.colorbar(points, ax=axes, label=label, pad=0.01)
     position, angle = _tolerance(sweep)
     if math.isfinite(angle):
         box: dict[str, Any] = {"fill": False, "ec": RED, "lw": 1.6, "zorder": 4}
@@ -247,8 +248,8 @@ def draw_landings(sweep: Sweep, path: Path) -> None:
     else:
         axes.axvspan(-position, position, color=GREEN, alpha=0.25, lw=0, label="tolerance")
     mark: dict[str, Any] = {"color": BLACK, "mec": "white", "ms": 10, "zorder": 5}
-    axes.plot(*_off(sweep, sweep.nominal.pose[0]), "P", label="nominal", **mark)
-    axes.set(xlabel="x − target [mm]", ylabel=f"θ − {_about(sweep)[1]} [deg]")
+    axes.plot(*_landing_errors(sweep, sweep.nominal.pose[0]), "P", label="nominal", **mark)
+    axes.set(xlabel="x − target [mm]", ylabel=f"θ − {_angle_origin(sweep)[1]} [deg]")
     _widen(axes, vertical=True)
     axes.grid(alpha=0.25)
     axes.legend(loc="best", fontsize=9, framealpha=0.9)
@@ -265,11 +266,11 @@ def draw_delay(sweep: Sweep, path: Path) -> None:
     dx, dtheta = np.moveaxis(pose[:, :, :2] - sweep.nominal.pose[0, :2], -1, 0)
     theta_counts = sweep.plan.target.theta is not None
     scaled = sweep.plan.scene.object.pose_error(dx, dtheta if theta_counts else 0.0)
-    off, (position, angle) = _off(sweep, pose), _tolerance(sweep)
+    off, (position, angle) = _landing_errors(sweep, pose), _tolerance(sweep)
     rows = [("x − target [mm]", off[..., 0], position)]
     if theta_counts:
         rows.append(("θ − target [deg]", off[..., 1], angle))
-    rows.append(("scaled error [mm]", 1e3 * scaled, math.nan))
+    rows.append(("pose error [mm]\n|Δx| + |Δθ| l/2", 1e3 * scaled, math.nan))
     figure = new_figure(8, 2.3 * len(rows) + 0.9)
     each = figure.subplots(len(rows), 1, sharex=True)
     for axes, (label, values, tolerance) in zip(each, rows, strict=True):
@@ -278,8 +279,8 @@ def draw_delay(sweep: Sweep, path: Path) -> None:
             axes.axhline(0.0, color=GREEN, lw=0.8)
         _band(axes, 1e3 * delays, values, bool(set(names) - {"delay"}))
         axes.axvline(0.0, color=GREY, lw=0.8, ls=":")
-        # A slip in the full grip is a failure, too.
-        words: str | None = "first delay that fails, slip before the opening counted"
+        # A slip before the opening is a failure.
+        words: str | None = "first delay that fails (landing or slip before the opening)"
         for end in (sweep.delays.early, sweep.delays.late):
             if end is not None and limits[0] <= end <= limits[1]:
                 axes.axvline(1e3 * end, color=RED, lw=1.0, ls="--", label=words)
@@ -305,9 +306,9 @@ def _delay_limits(sweep: Sweep) -> tuple[float, float]:
 
 def _band(axes: Axes, x: Array, values: Array, others: bool) -> None:
     """Median; if other parameters than the delay are uncertain, the band of 5 to 95 %."""
-    # NaN is no landing: infinitely far off.
-    known = np.where(np.isnan(values), np.inf, values)
-    low, middle, high = np.quantile(known, (0.05, 0.5, 0.95), axis=1, method="inverted_cdf")
+    # NaN is no landing: an infinite error.
+    finite_values = np.where(np.isnan(values), np.inf, values)
+    low, middle, high = np.quantile(finite_values, (0.05, 0.5, 0.95), axis=1, method="inverted_cdf")
     low, middle, high = (np.where(np.isfinite(v), v, np.nan) for v in (low, middle, high))
     if others:
         axes.fill_between(x, low, high, color=BLUE, alpha=0.25, lw=0, label="5 to 95 %")
@@ -318,15 +319,15 @@ def _band(axes: Axes, x: Array, values: Array, others: bool) -> None:
 def draw_tornado(sweep: Sweep, path: Path) -> None:
     """Change of the landing by each parameter alone, from its 5 to its 95 % quantile."""
     poses, names = swings(sweep.simulator, sweep.sampler), sweep.sampler.names
-    moved = np.nan_to_num(poses[:, :, :2] - sweep.nominal.pose[0, :2])
+    change = np.nan_to_num(poses[:, :, :2] - sweep.nominal.pose[0, :2])
     figure = new_figure(12, 1.8 + 0.42 * len(names))
     each = figure.subplots(1, 2)
     parts = (("x [mm]", 1e3), ("θ [deg]", math.degrees(1.0)))
     for column, (axes, (label, factor)) in enumerate(zip(each, parts, strict=True)):
-        order = np.argsort(np.ptp(np.pad(moved[:, :, column], ((0, 0), (0, 1))), axis=1))
+        order = np.argsort(np.ptp(np.pad(change[:, :, column], ((0, 0), (0, 1))), axis=1))
         for row, i in enumerate(order):
             share = 100 * sweep.shares[names[i]][column]
-            _swing(axes, row, factor * moved[i, :, column], f"{share:.0f} %")
+            _swing(axes, row, factor * change[i, :, column], f"{share:.0f} %")
         axes.set_yticks(range(len(names)), [_swing_label(sweep, names[i]) for i in order])
         axes.axvline(0.0, color=BLACK, lw=0.8)
         axes.set_xlabel(f"change of landing {label}")
@@ -342,7 +343,7 @@ def draw_tornado(sweep: Sweep, path: Path) -> None:
 
 
 def _swing(axes: Axes, row: int, ends: Array, words: str) -> None:
-    # Bars side by side: both changes may have one sign.
+    # Bars side by side: both changes may have equal signs.
     for end, place, colour in zip(ends, (row + 0.17, row - 0.17), (BLUE, RED), strict=True):
         axes.barh(place, end, color=colour, height=0.34, zorder=2)
     right = max(float(ends.max()), 0.0)

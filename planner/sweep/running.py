@@ -15,10 +15,12 @@ from .results import Sweep
 from .statistics import derivatives, scan_delays, variance_shares
 from .throws import run_sweep, simulator_of
 
-#: Most samples of one sweep: their parameters and landings stay in memory.
+#: Largest number of samples; their parameters and landings stay in memory.
 MOST = 10_000_000
-#: Samples of a sweep, and their seed, where nothing else is asked for.
-SAMPLES, SEED = 1000, 0
+#: Default number of samples.
+SAMPLES = 1000
+#: Default seed of the samples.
+SEED = 0
 
 
 def sweep(
@@ -30,15 +32,15 @@ def sweep(
 ) -> Sweep:
     """Throw a solved plan's sent motion under its scene's [uncertainty].
 
-    A scene without that section gets an opening delay uniform in +-10 ms. model: of the release;
-    if empty the one that the scene's tolerance names. The samples are a seeded Sobol sequence; an
-    executor spreads chunks of them and does not change the result. Raises InputError for a plan
+    A scene without that section has an opening delay uniform in +-10 ms. model: of the release;
+    empty for the model of the scene's tolerance. The samples are a seeded Sobol sequence; an
+    executor spreads chunks of them without any change of the result. Raises InputError for a plan
     without a throw, an unknown model, numbers out of range.
     """
-    found = sweep_until_stopped(plan, samples, seed, model, executor)
-    if found is None or found.samples < samples:
+    result = sweep_until_stopped(plan, samples, seed, model, executor)
+    if result is None or result.samples < samples:
         raise KeyboardInterrupt
-    return found
+    return result
 
 
 def sweep_until_stopped(
@@ -49,7 +51,7 @@ def sweep_until_stopped(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Sweep | None:
-    """As `sweep`; after Ctrl-C the sweep of the samples done until then, None without any."""
+    """Like `sweep`; after Ctrl-C the sweep of the finished samples, None without any."""
     started = time.perf_counter()
     model = model or checked("plan", plan, Plan, {}).scene.tolerance.model
     check_sweep(samples, seed, model)

@@ -12,33 +12,41 @@ from ...problems import Uncertainty
 from ..verdict import Judge, Sampler
 from .throws import FURTHEST, ThrowSimulator
 
-#: Quantiles that are reported [%].
+#: Reported quantiles of the errors [%].
 QUANTILES = (50, 90, 95, 99)
-#: A range of landings below this [m, rad] is rounding and the models' steps.
+#: Range of landings [m, rad] below which differences are rounding and steps of the models.
 ROUNDING = 1e-5
-#: Highest degree of the polynomials behind the shares of the variance.
-DEGREE = 8
-#: Fewest samples for each coefficient of such a polynomial.
-SAMPLES_EACH = 10
-#: Steps of the central differences, as a share of the standard deviation.
-STEP = 0.05
-#: Largest step of a positive parameter, as a share of its value.
-MOST = 0.01
-#: Number of sections in three successive scans for the first delay that fails: of the delays up to
-#: `FURTHEST`, of the section that holds the failure, and of its section.
-SECTIONS = (100, 64, 64)
 #: Quantiles of a parameter at the two ends of its bar in the tornado.
 OUTER = (0.05, 0.95)
-#: delay.png: number of delays, and draws of the other parameters at each.
-BAND = (41, 128)
-#: The same for models that take milliseconds a throw.
-SLOW_BAND = (21, 16)
+
+
+@dataclass(frozen=True)
+class StatisticsSettings:
+    """Settings of variance shares, derivatives and scans over delays.
+
+    degree: highest, of the polynomials of the variance shares. samples_per_term: fewest samples for
+    a coefficient of these. step: of central differences, in standard deviations. max_step: of a
+    positive parameter, as a share of its value. sections: of three nested scans for the first delay
+    that fails; the first covers all delays up to `FURTHEST`. band: number of delays in delay.png,
+    and draws of the other parameters at each. slow_band: for models of milliseconds a throw.
+    """
+
+    degree: int = 8
+    samples_per_term: int = 10
+    step: float = 0.05
+    max_step: float = 0.01
+    sections: tuple[int, ...] = (100, 64, 64)
+    band: tuple[int, int] = (41, 128)
+    slow_band: tuple[int, int] = (21, 16)
+
+
+SETTINGS = StatisticsSettings()
 
 
 def quantiles(errors: Array) -> dict[str, float]:
-    """Quantiles of the errors (N,) by their per cent; no landing (NaN) is an infinite error."""
-    known = np.where(np.isnan(errors), np.inf, errors)
-    values = np.quantile(known, np.array(QUANTILES) / 100, method="inverted_cdf")
+    """Quantiles of the errors (N,) by their percentage; no landing (NaN) is an infinite error."""
+    finite_errors = np.where(np.isnan(errors), np.inf, errors)
+    values = np.quantile(finite_errors, np.array(QUANTILES) / 100, method="inverted_cdf")
     return {str(name): float(value) for name, value in zip(QUANTILES, values, strict=True)}
 
 
@@ -48,11 +56,11 @@ def variance_shares(values: Array, result: Array) -> list[float]:
     values (N, P), result (N,). The conditional mean is a polynomial fitted to the sample
     itself (Lewandowski, Cooke and Duintjer Tebbens, "Sample-based estimation of
     correlation ratio with polynomial approximation", ACM TOMACS 18 (2007) 3), its R^2
-    adjusted for the number of coefficients. No further throws are needed, and it keeps
-    its meaning for correlated parameters, whose shares then overlap.
+    adjusted for the number of coefficients. It needs no further throws, and it is valid for
+    correlated parameters, whose shares overlap.
     """
-    known = np.isfinite(result)
-    values, result = values[known], result[known]
+    finite = np.isfinite(result)
+    values, result = values[finite], result[finite]
     if result.size < 3 or float(np.ptp(result)) < ROUNDING:
         return [0.0] * values.shape[1]
     return [_share(column, result) for column in values.T]
@@ -63,13 +71,13 @@ def _share(column: Array, result: Array) -> float:
     low, high = float(column.min()), float(column.max())
     # The degree is below the number of different values.
     different = np.unique(column).size
-    degree = min(DEGREE, different - 1, (result.size - 1) // SAMPLES_EACH)
+    degree = min(SETTINGS.degree, different - 1, (result.size - 1) // SETTINGS.samples_per_term)
     if degree < 1 or high <= low:
         return 0.0
     basis = np.polynomial.legendre.legvander(2 * (column - low) / (high - low) - 1, degree)
     q, _ = np.linalg.qr(basis)
-    off = result - result.mean()
-    explained = float(((q.T @ off) ** 2).sum() / (off @ off))
+    deviation = result - result.mean()
+    explained = float(((q.T @ deviation) ** 2).sum() / (deviation @ deviation))
     adjusted = 1 - (1 - explained) * (result.size - 1) / (result.size - 1 - degree)
     return min(max(adjusted, 0.0), 1.0)
 
@@ -96,15 +104,15 @@ def derivatives(simulator: ThrowSimulator, sampler: Sampler) -> dict[str, tuple[
 def _step(simulator: ThrowSimulator, sampler: Sampler, i: int) -> float:
     name, value = simulator.batch.names[i], simulator.batch.nominal()[0, i]
     # A single measured value has no deviation.
-    step = STEP * sampler.spreads[i].deviation or 1e-4
-    return min(step, MOST * value) if Uncertainty.PARAMETERS[name].scaled else step
+    step = SETTINGS.step * sampler.spreads[i].deviation or 1e-4
+    return min(step, SETTINGS.max_step * value) if Uncertainty.PARAMETERS[name].scaled else step
 
 
 @dataclass(frozen=True)
 class DelayScan:
-    """The largest delays [s] before and after the mean up to which every throw succeeds.
+    """The largest delays [s] before and after the mean without a failure.
 
-    0 if the nominal throw fails, None if none fails within `FURTHEST`.
+    0 if the nominal throw fails, None without a failure up to `FURTHEST`.
     """
 
     early: float | None
@@ -112,7 +120,7 @@ class DelayScan:
 
 
 def scan_delays(simulator: ThrowSimulator) -> DelayScan:
-    """Find the first failure on either side, all other parameters as planned."""
+    """Finds the first failure on either side; all other parameters have their planned values."""
     if not _succeeds(simulator, np.zeros(1))[0]:
         return DelayScan(0.0, 0.0)
     return DelayScan(_largest_delay(simulator, -1.0), _largest_delay(simulator, 1.0))
@@ -120,7 +128,7 @@ def scan_delays(simulator: ThrowSimulator) -> DelayScan:
 
 def _largest_delay(simulator: ThrowSimulator, sign: float) -> float | None:
     low, high = 0.0, FURTHEST
-    for sections in SECTIONS:
+    for sections in SETTINGS.sections:
         ends = np.linspace(low, high, sections + 1)
         inside = _succeeds(simulator, sign * ends[1:])
         if inside.all() and high == FURTHEST:
@@ -131,12 +139,12 @@ def _largest_delay(simulator: ThrowSimulator, sign: float) -> float | None:
 
 
 def _succeeds(simulator: ThrowSimulator, delays: Array) -> Flags:
-    """Flags of the delays (K,) beyond the mean that succeed, all other parameters as planned."""
-    late, values = _delayed(simulator, delays, simulator.batch.nominal(len(delays)))
+    """Flags of the delays (K,) beyond the mean that succeed; other parameters as planned."""
+    late, values = _with_delays(simulator, delays, simulator.batch.nominal(len(delays)))
     return late.throw(values).verdicts.succeeds
 
 
-def _delayed(
+def _with_delays(
     simulator: ThrowSimulator, delays: Array, values: Array
 ) -> tuple[ThrowSimulator, Array]:
     """A simulator and values (K, P) with these delays (K,) [s] beyond the mean."""
@@ -161,8 +169,9 @@ def delay_band(
     simulator: ThrowSimulator, sampler: Sampler, limits: tuple[float, float]
 ) -> tuple[Array, Array]:
     """Delays (K,) [s] beyond the mean; landings (K, M, 3) of M draws of the other parameters."""
-    count, draws = BAND if MODELS[simulator.batch.model].quick else SLOW_BAND
+    quick = MODELS[simulator.batch.model].quick
+    count, draws = SETTINGS.band if quick else SETTINGS.slow_band
     delays = np.linspace(*limits, count)
     values = sampler.draw(0, draws)
-    late, samples = _delayed(simulator, np.repeat(delays, draws), np.tile(values, (count, 1)))
+    late, samples = _with_delays(simulator, np.repeat(delays, draws), np.tile(values, (count, 1)))
     return delays, late.poses(samples).reshape(count, draws, 3)

@@ -1,4 +1,4 @@
-"""A sweep as lines for people."""
+"""A sweep as text."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from ...problems import Uncertainty
 from ..result import Plan
 from ..verdict import Code, unit_of, words_of
 
-#: Errors in the table: their unit, its size, and what the error is.
+#: Errors in the table by their JSON key: label, unit, factor from SI, definition.
 ERRORS = {
-    "position": ("mm", 1e3, ""),
-    "angle": ("deg", math.degrees(1.0), ""),
-    "scaled": ("mm", 1e3, "  position plus angle times half the length"),
+    "position": ("position", "mm", 1e3, ""),
+    "angle": ("angle", "deg", math.degrees(1.0), ""),
+    "scaled": ("pose error", "mm", 1e3, "  position plus angle times half the length"),
 }
 
 
@@ -40,21 +40,21 @@ def sweep_summary(plan: Plan, label: str, result: dict[str, Any]) -> str:
         off = f"{1e3 * bias['position']:.3f} mm, {math.degrees(bias['angle']):.3f} deg"
         lines.append(f"  nominal landing {off} from the target; distances from it:")
     quantiles = result["quantiles"]
-    lines.append(f"    {'':14}" + "".join(f"{key + ' %':>10}" for key in quantiles["position"]))
-    for name, (unit, scale, note) in ERRORS.items():
+    lines.append(f"    {'':15}" + "".join(f"{key + ' %':>10}" for key in quantiles["position"]))
+    for name, (title, unit, scale, note) in ERRORS.items():
         row = "".join(_cell(value, scale, 10, ".3f") for value in quantiles[name].values())
-        lines.append(f"    {name + ' [' + unit + ']':14}{row}{note}")
+        lines.append(f"    {title + ' [' + unit + ']':15}{row}{note}")
     lines += _sensitivities(result["sensitivity"])
     inside = result["delay_inside"]
     early, late = (_delay(inside["early"], "-50"), _delay(inside["late"], "+50"))
     lines.append(
-        f"  delays from {early} to {late} succeed, all else as planned; {result['time']:.1f} s"
+        f"  delays from {early} to {late} succeed with all else as planned; {result['time']:.1f} s"
     )
     return "\n".join(lines)
 
 
 def _sensitivities(sensitivity: dict[str, Any]) -> list[str]:
-    """How far a change of each parameter moves the landing, and its share of the variance."""
+    """Changes of the landing by each parameter, and its shares of the variances."""
     heads = f"{'x [mm]':>9}{'theta [deg]':>12}{'of var(x)':>12}{'of var(theta)':>15}"
     lines = [f"    {'a change of':24}{heads}"]
     for name, slope in sensitivity.items():

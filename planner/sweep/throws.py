@@ -1,4 +1,4 @@
-"""The throws of a sweep: sampled parameters in, landings and verdicts out."""
+"""The throws of a sweep: landings and verdicts of sampled parameters."""
 
 from __future__ import annotations
 
@@ -17,12 +17,11 @@ from ..throw import BatchFlights, ThrowBatch
 from ..verdict import Code, Judge, Sampler, Verdicts
 from ..workers import Progress, run_jobs
 
-#: Largest delay [s] that a sweep scans and draws.
+#: Largest delay [s] of a sweep's scan.
 FURTHEST = 0.05
-#: Number of throws that choose the number of steps among a model's `sweep_steps`.
+#: Number of throws in the choice of the number of steps.
 PROBES = 64
-#: The coarsest steps are taken whose landings differ from the next finer ones by less than this
-#: share of the tolerance, for 95 % of the probes.
+#: Error of the chosen steps in 95 % of the probes, as a share of the tolerance.
 STEP_ERROR = 0.1
 
 
@@ -30,8 +29,8 @@ STEP_ERROR = 0.1
 class Outcomes:
     """Landings and verdicts of N throws.
 
-    pose (N, 3): x [m], theta [rad] and flight time [s] at the target's height, in the frame of a
-    target that moves; NaN for a throw that never lands.
+    pose (N, 3): x [m], theta [rad] and flight time [s] at the target's height, relative to a moving
+    target; NaN for a throw that never lands.
     """
 
     pose: Array
@@ -44,7 +43,8 @@ class Outcomes:
 
     @property
     def in_cup(self) -> Flags:
-        """Flags (N,) of the throws that enter the cup without contact; without a cup, that land."""
+        """Flags (N,) of the throws that enter the cup without contact; of all that land without
+        one."""
         return ~self.verdicts.breaks(Code.CUP_MISSED, Code.CUP_WALL, Code.NO_LANDING)
 
     @property
@@ -89,8 +89,7 @@ class ThrowSimulator:
 def simulator_of(plan: Plan, model: str, sampler: Sampler) -> ThrowSimulator:
     """A simulator of a solved plan's motion; InputError for a plan without a throw.
 
-    Clearances of the scene are reserves of the plan: a throw may use them up, as long as it touches
-    nothing.
+    Clearances of the scene are reserves of the plan: a throw of a sweep fails only on contact.
     """
     if plan.throw is None or not plan.solved:
         raise InputError(f"plan: status {plan.status}: there is no throw to sweep")
@@ -105,20 +104,20 @@ def simulator_of(plan: Plan, model: str, sampler: Sampler) -> ThrowSimulator:
 
 
 def _with_steps(simulator: ThrowSimulator, sampler: Sampler) -> ThrowSimulator:
-    """The simulator with the number of steps that the scene's tolerance needs."""
+    """The simulator with the coarsest steps that are accurate to `STEP_ERROR`."""
     batch, tolerance = simulator.batch, simulator.batch.scene.tolerance
     probes = np.vstack([batch.nominal(), sampler.draw(0, PROBES - 1)])
     coarse, poses = simulator, None
     for steps in MODELS[batch.model].sweep_steps:
         fine = ThrowSimulator(Judge(replace(batch, steps=steps)))
-        found = fine.poses(probes)[:, :2]
+        fine_poses = fine.poses(probes)[:, :2]
         if poses is not None:
-            moved = np.abs(found - poses) / (tolerance.position, tolerance.angle)
+            change = np.abs(fine_poses - poses) / (tolerance.position, tolerance.angle)
             if batch.throw.target.theta is None:
-                moved = moved[:, :1]
-            if np.quantile(np.nan_to_num(moved.max(axis=1)), 0.95) <= STEP_ERROR:
+                change = change[:, :1]
+            if np.quantile(np.nan_to_num(change.max(axis=1)), 0.95) <= STEP_ERROR:
                 return coarse
-        coarse, poses = fine, found
+        coarse, poses = fine, fine_poses
     return coarse
 
 
@@ -139,11 +138,11 @@ def run_sweep(
     executor: Executor | None = None,
     progress: Progress | None = None,
 ) -> Throws | None:
-    """Throw `samples` samples; after Ctrl-C those done until then, None without any.
+    """Throws `samples` samples; after Ctrl-C the finished ones, None without any.
 
     The chunks, and so the result to the last bit, do not depend on the executor.
     """
-    # A power of two: only then the part of a Sobol sequence is even.
+    # A power of two: other parts of a Sobol sequence are not balanced.
     size = MODELS[simulator.batch.model].chunk
     chunks = iter(range(0, samples, size))
     done: list[Throws] = []

@@ -139,7 +139,7 @@ class Throw:
         use, reserve = self.measured.grip, self.scene.gripper.sticking_margin
         left = f"{100 * (1 - use.value):.0f} % are left (sticking_margin {reserve:g})"
         return (
-            f"grip: at most {100 * use.value:.0f} % of its friction before it opens, at "
+            f"grip: at most {100 * use.value:.0f} % of its friction limit before the opening, at "
             f"{use.time:.2f} s; {left}"
         )
 

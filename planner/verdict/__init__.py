@@ -1,6 +1,6 @@
-"""Every claim about a throw: what it breaks, whether it is solved, whether it succeeds.
+"""Verdicts: which limits a throw breaks, whether it is solved, whether it succeeds.
 
-No other package decides what lands, holds, goes into a cup or stays clear.
+This package alone decides on landing, grip, cup and clearances.
 """
 
 from .batch import Judge, Verdicts, verdicts

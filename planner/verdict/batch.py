@@ -1,7 +1,8 @@
 """Verdicts on N throws of one motion, by the definitions of the single `verdict`.
 
-All throws share the motion, so what the motion breaks by itself is found once. If the step size of
-a release might decide a limit, the throw is thrown again by the exact release of a single throw.
+All throws share the motion: limits that depend on the motion alone are checked once. A throw is
+simulated again, by the exact release of a single throw, if the step size of the batch's release
+might decide a limit.
 """
 
 from __future__ import annotations
@@ -28,16 +29,27 @@ from .flight import InFlight
 from .landing import LandingStates, landing_uses
 from .single import FLYING, verdict
 
-#: Bound on a batch's landing error: LEAST_DOUBT, position [m] and angle [rad], plus DOUBT_FACTOR
-#: times the difference between two step sizes. Of 2,400 throws in eight scenes, all parameters
-#: uncertain, the largest error was half of that.
-DOUBT_FACTOR = 3.0
-LEAST_DOUBT = (2e-4, math.radians(0.15))
+
+@dataclass(frozen=True)
+class ErrorBound:
+    """Bound on the landing error of a batch's release.
+
+    position [m], angle [rad]: its constant part. factor: of the difference between two step sizes,
+    which is added. Among 2,400 throws of eight scenes, all parameters uncertain, the largest error
+    was half the bound.
+    """
+
+    position: float = 2e-4
+    angle: float = math.radians(0.15)
+    factor: float = 3.0
+
+
+BOUND = ErrorBound()
 
 
 @dataclass(frozen=True)
 class Verdicts:
-    """Verdicts on N throws: which (N,) of them break what; cup: whether the scene has one."""
+    """Verdicts on N throws. broken: flags (N,) by code; cup: whether the scene has one."""
 
     broken: dict[Code, Flags]
     count: int
@@ -45,17 +57,17 @@ class Verdicts:
 
     def breaks(self, *codes: Code) -> Flags:
         """Flags (N,) of the throws that break any of the codes."""
-        found = [self.broken[code] for code in codes if code in self.broken]
-        return np.asarray(np.logical_or.reduce([np.zeros(self.count, bool), *found]))
+        flags = [self.broken[code] for code in codes if code in self.broken]
+        return np.asarray(np.logical_or.reduce([np.zeros(self.count, bool), *flags]))
 
     @property
     def ok(self) -> Flags:
-        """Flags (N,) of the throws that break nothing, as `Verdict.ok`."""
+        """Flags (N,) of the throws without findings, see `Verdict.ok`."""
         return ~self.breaks(*Code)
 
     @property
     def succeeds(self) -> Flags:
-        """Flags (N,) of the throws that do their task, as `Verdict.succeeds`."""
+        """Flags (N,) of the successful throws, see `Verdict.succeeds`."""
         excused = {Code.LANDING} if self.cup else set()
         return ~self.breaks(*(set(Code) - excused))
 
@@ -75,18 +87,18 @@ def verdicts(batch: ThrowBatch, values: Array, judge: Judge | None = None) -> Ve
 
 @dataclass(frozen=True)
 class Judge:
-    """Judges throws of one motion; caches what they share."""
+    """Judges throws of one motion; caches the checks of the motion."""
 
     batch: ThrowBatch
 
     def verdicts(self, flights: BatchFlights, values: Array) -> Verdicts:
         """Verdicts on flights of the batch, of parameters (N, P)."""
         count, cup = len(values), self.batch.scene.cup is not None
-        found, unsure = self._judged(flights, self._doubt(flights))
+        found, unsure = self._judge(flights, self._doubt(flights))
         exact = self.batch.model in EXACT
         which = np.flatnonzero(unsure) if exact else np.zeros(0, int)
         if which.size:
-            sure, _ = self._judged(self.batch.exactly(flights, which), np.zeros((2, which.size)))
+            sure, _ = self._judge(self.batch.exactly(flights, which), np.zeros((2, which.size)))
             for code in found.keys() | sure.keys():
                 flags = found.setdefault(code, np.zeros(count, bool))
                 flags[which] = sure.get(code, False)
@@ -98,25 +110,26 @@ class Judge:
             self._decide(found, np.flatnonzero(self._carry.may_collide(flights)), values)
         return Verdicts(found, count, cup)
 
-    def _judged(self, flights: BatchFlights, doubt: Array) -> tuple[dict[Code, Flags], Flags]:
-        """What releases and flights (N,) break, and flags of the throws whose doubt decides."""
+    def _judge(self, flights: BatchFlights, doubt: Array) -> tuple[dict[Code, Flags], Flags]:
+        """Flags (N,) of the limits that releases and flights break, and of the throws whose error
+        bound straddles a limit."""
         down = np.isfinite(flights.landing[:, 2])
         blew = ~np.isfinite(flights.start).all(axis=1)
         found, unsure = {Code.NO_LANDING: ~down, Code.RELEASE: flights.release.lost | blew}, ~down
         for broken, doubtful in (
             self._landings(flights, doubt),
-            self._flight.judged(flights, doubt),
+            self._flight.judge(flights, doubt),
         ):
             found |= {code: flags & down for code, flags in broken.items()}
             unsure = unsure | doubtful
         return found, unsure
 
-    def _decide(self, found: dict[Code, Flags], which: Indices, values: Array) -> None:
-        """Puts single verdicts on some throws into `found`."""
+    def _decide(self, broken: dict[Code, Flags], which: Indices, values: Array) -> None:
+        """Replaces the flags of some throws in `found` by single verdicts."""
         for i in which.tolist():
             judged = self.one(values[i])
-            for code in judged.codes | found.keys():
-                flags = found.setdefault(code, np.zeros(len(values), bool))
+            for code in judged.codes | broken.keys():
+                flags = broken.setdefault(code, np.zeros(len(values), bool))
                 flags[i] = code in judged.codes
 
     def one(self, values: Array) -> Verdict:
@@ -126,10 +139,10 @@ class Judge:
 
     @cached_property
     def _motion(self) -> frozenset[Code]:
-        """What the motion breaks with any object."""
-        found = verdict(self.batch.throw).broken
+        """Codes that the motion breaks with any object."""
+        findings = verdict(self.batch.throw).broken
         always = {*JOINT_LIMITS.values(), Code.KINEMATICS, Code.TOOL_SPEED}
-        arm = {f.code for f in found if f.body not in (BAR, FLYING)}
+        arm = {f.code for f in findings if f.body not in (BAR, FLYING)}
         return frozenset(arm & (always | {Code.FLOOR, Code.COLLISION}))
 
     @cached_property
@@ -145,16 +158,16 @@ class Judge:
     def _doubt(self, flights: BatchFlights) -> Array:
         """Bounds (2, N) [m, rad] on the errors of the batch's landings."""
         doubt = flights.release.doubt
-        least = np.array(LEAST_DOUBT)[:, None]
+        least = np.array([BOUND.position, BOUND.angle])[:, None]
         if doubt is None:
             return np.broadcast_to(least, (2, len(flights.late)))
         time = np.nan_to_num(flights.landing[:, 2])
         falls = np.maximum(np.abs(self._end(flights)[1]), FALLS)
-        # An error of the height delays the landing, and the object flies on meanwhile.
+        # An error of the height delays the landing; the object moves on in the delay.
         late = (doubt[:, 1] + doubt[:, 4] * time) / falls
         x = doubt[:, 0] + doubt[:, 3] * time + np.abs(flights.start[:, 3]) * late
         theta = doubt[:, 2] + doubt[:, 5] * time + np.abs(flights.start[:, 5]) * late
-        return np.asarray(least + DOUBT_FACTOR * np.array([x, theta]))
+        return np.asarray(least + BOUND.factor * np.array([x, theta]))
 
     def _end(self, flights: BatchFlights) -> Array:
         """v_x, v_z [m/s], omega [rad/s] (3, N) at the landing."""
@@ -163,7 +176,8 @@ class Judge:
         return np.array([end.v_x, end.v_z, end.omega])
 
     def _landings(self, flights: BatchFlights, doubt: Array) -> tuple[dict[Code, Flags], Flags]:
-        """Tolerance, bounds and arrival; and flags of the throws whose doubt decides."""
+        """Flags (N,) for tolerance, [landing] and arrival, and of the throws whose error bound
+        straddles a limit."""
         scene, target = self.batch.scene, self.batch.throw.target
         x, theta, time = flights.landing.T
         end = (x, np.full(len(x), target.z), theta, *self._end(flights))
@@ -173,10 +187,10 @@ class Judge:
         uses = landing_uses(scene, target, at)
         broken, unsure = dict[Code, Flags](), np.zeros(len(x), bool)
         for code in {use.code for use in uses}:
-            mine = [use for use in uses if use.code is code]
-            broken[code] = np.logical_or.reduce([use.broken for use in mine])
-            # If one limit is broken beyond doubt, the others of its code do not matter.
-            sure = [use.sign * (use.value - use.limit) > use.doubt for use in mine]
-            near = [np.abs(use.value - use.limit) <= use.doubt for use in mine]
-            unsure |= np.logical_or.reduce(near) & ~np.logical_or.reduce(sure)
+            of_code = [use for use in uses if use.code is code]
+            broken[code] = np.logical_or.reduce([use.broken for use in of_code])
+            # One limit broken beyond its error bound decides the code.
+            sure = [use.sign * (use.value - use.limit) > use.doubt for use in of_code]
+            doubtful = [np.abs(use.value - use.limit) <= use.doubt for use in of_code]
+            unsure |= np.logical_or.reduce(doubtful) & ~np.logical_or.reduce(sure)
         return broken, unsure

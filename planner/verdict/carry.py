@@ -1,7 +1,7 @@
-"""What N throws of one motion break until the pads are open: grip, torques, floor, column.
+"""Limits on N throws of one motion until the pads are open: grip, torques, floor, column.
 
-Bounds over all throws find the instants at which grip or torque may exceed its limit; only there
-each throw is measured.
+Bounds over all throws find the instants at which grip or torque may exceed its limit; single throws
+are measured at these instants only.
 """
 
 from __future__ import annotations
@@ -31,11 +31,11 @@ from ..throw.clearance import (
     reach_of_bar,
 )
 
-#: The grip use is measured up to this time [s] after the opening's start.
-AFTER = 1e-12
-#: A bound above this may stand for a use above 1: rounding.
-ROUNDED = 1 - 1e-9
-#: Parts in which bars are measured in their own grasp: bounds the memory.
+#: Time [s] after the start of the opening of the last measurement of the grip use.
+AFTER_OPENING = 1e-12
+#: Use of grip or torque above which single throws are measured: 1 less rounding.
+MEASURED_USE = 1 - 1e-9
+#: Number of parts in which held bars are measured; more parts take less memory.
 PARTS = 16
 
 
@@ -62,7 +62,7 @@ class _Loads:
         return cls(mass, mass * h, inertia, flights.grasp_angle, force, torque)
 
     def wrench(self, hand: HandMotion, gravity: float) -> tuple[Array, Array, Array]:
-        """Force [N] and torque [N m] at the pads that N bodies need to stick to the hand."""
+        """Force [N] and torque [N m] at the pads that hold N bodies without slip."""
         h = self.lever / self.mass
         body = Body(self.mass, self.inertia - self.lever * h, h)
         return held_wrench(body, gravity, hand, self.angle)
@@ -79,11 +79,11 @@ def _spread(values: Array) -> tuple[float, float]:
     return (low + high) / 2, (high - low) / 2
 
 
-def _bounds(held: _Loads, hand: HandSamples, gravity: float) -> tuple[Array, Array, Array, Array]:
+def _bounds(loads: _Loads, hand: HandSamples, gravity: float) -> tuple[Array, Array, Array, Array]:
     """Bounds for N bodies at instants (K,): a force f_x, f_z [N], the largest difference of any
     body's force to it, and the largest |torque| [N m], each (K,)."""
-    (m, dm), (mh, dmh), (j, dj) = map(_spread, (held.mass, held.lever, held.inertia))
-    angle, da = _spread(held.angle)
+    (m, dm), (mh, dmh), (j, dj) = map(_spread, (loads.mass, loads.lever, loads.inertia))
+    angle, da = _spread(loads.angle)
     theta, (a_x, a_z, alpha) = hand.pose[2] + angle, hand.acceleration
     cos, sin, square, a_z = np.cos(theta), np.sin(theta), hand.twist[2] ** 2, a_z + gravity
     pull, swing = np.hypot(a_x, a_z), np.hypot(alpha, square)
@@ -97,22 +97,22 @@ def _bounds(held: _Loads, hand: HandSamples, gravity: float) -> tuple[Array, Arr
 
 @dataclass(frozen=True)
 class Carry:
-    """Judges throws of a batch until they are free; caches what they share."""
+    """Judges throws of a batch until detach; caches the quantities of the motion."""
 
     batch: ThrowBatch
 
     def slips(self, flights: BatchFlights) -> Flags:
-        """Flags (N,) of the throws that slip in the full grip before the opening."""
-        held, hand, gravity = _Loads.of(self.batch, flights), self._hand, self.batch.scene.gravity
-        f_x, f_z, off, torque = _bounds(held, hand, gravity)
-        force = (np.hypot(f_x, f_z) + off) / held.force.min()
-        most = np.hypot(force, torque / held.torque.min())
+        """Flags (N,) of the throws that slip under full grip before the opening."""
+        loads, hand, gravity = _Loads.of(self.batch, flights), self._hand, self.batch.scene.gravity
+        f_x, f_z, off, torque = _bounds(loads, hand, gravity)
+        force = (np.hypot(f_x, f_z) + off) / loads.force.min()
+        use = np.hypot(force, torque / loads.torque.min())
         until, slips = flights.opened, np.zeros(len(flights.late), bool)
-        for k in np.flatnonzero((most > ROUNDED) & (hand.times < until.max())).tolist():
+        for k in np.flatnonzero((use > MEASURED_USE) & (hand.times < until.max())).tolist():
             now = HandMotion(*(float(v[k]) for v in _rows(hand)))
-            slips |= (held.use(now, gravity) > 1.0) & (hand.times[k] < until)
-        at = self.batch.hands.shifted(flights.late).at(np.full(len(until), AFTER))
-        return np.asarray(slips | (held.use(HandMotion(*_rows(at)), gravity) > 1.0))
+            slips |= (loads.use(now, gravity) > 1.0) & (hand.times[k] < until)
+        at = self.batch.hands.shifted(flights.late).at(np.full(len(until), AFTER_OPENING))
+        return np.asarray(slips | (loads.use(HandMotion(*_rows(at)), gravity) > 1.0))
 
     @cached_property
     def _hand(self) -> HandSamples:
@@ -125,7 +125,7 @@ class Carry:
 
     @property
     def _latest(self) -> float:
-        """The last instant [s] at which pads may still be opening."""
+        """The latest detach [s] of the batch."""
         return self.batch.throw.opening_time + max(self.batch.reach[1], 0.0) + self.batch.reach[2]
 
     # Torques.
@@ -133,18 +133,18 @@ class Carry:
     def strains(self, flights: BatchFlights) -> Flags:
         """Flags (N,) of the throws that need a torque above a joint's limit."""
         times, free, by_force, limits = self._torques
-        held, gravity = _Loads.of(self.batch, flights), self.batch.scene.gravity
+        loads, gravity = _Loads.of(self.batch, flights), self.batch.scene.gravity
         hand = self.batch.throw.hand(times)
-        f_x, f_z, off, torque = _bounds(held, hand, gravity)
+        f_x, f_z, off, torque = _bounds(loads, hand, gravity)
         (torque_of_x, torque_of_z, torque_of_turn) = by_force
         middle = free + torque_of_x * f_x + torque_of_z * f_z
         wide = np.hypot(torque_of_x, torque_of_z) * off + np.abs(torque_of_turn) * torque
-        most = ((np.abs(middle) + wide) / limits[:, None]).max(axis=0)
+        use = ((np.abs(middle) + wide) / limits[:, None]).max(axis=0)
         strains = np.zeros(len(flights.late), bool)
-        for k in np.flatnonzero(most > ROUNDED).tolist():
+        for k in np.flatnonzero(use > MEASURED_USE).tolist():
             # The object loads the joints until the pads are open.
             now = HandMotion(*(float(v[k]) for v in _rows(hand)))
-            load = np.array(held.wrench(now, gravity))
+            load = np.array(loads.wrench(now, gravity))
             total = free[:, k, None] + np.einsum("wj,wn->jn", by_force[:, :, k], load)
             loaded = (np.abs(total) > limits[:, None]).any(axis=0)
             strains |= loaded & (times[k] <= flights.freed)
@@ -167,25 +167,27 @@ class Carry:
     def may_collide(self, flights: BatchFlights) -> Flags:
         """Flags (N,) of the held bars that may collide with floor, column, obstacles or links.
 
-        The distance of a bar to the planned throw's is at most the error of its grasp; while the
-        pads open, plus its motion in the hand. Bars that this bound leaves in doubt until the
-        opening are measured in their own grasp.
+        The error of its grasp bounds the distance of a bar from the planned bar; while the pads
+        open, its motion in the hand adds to it. Until the opening, bars that this bound leaves in
+        doubt are measured in their own grasp.
         """
         own = self.batch.columns(self.batch.nominal())
         shifted = np.abs(flights.columns["grasp_offset"] - own["grasp_offset"])
-        turned = np.abs(flights.grasp_angle - own["grasp_angle"])
-        off = shifted + self._far * turned + np.hypot(*flights.error[:, :2].T)
+        angle = np.abs(flights.grasp_angle - own["grasp_angle"])
+        displacement = shifted + self._far * angle + np.hypot(*flights.error[:, :2].T)
         stray = flights.release.stray
         strays = math.inf if stray is None else stray[:, 0] + self._far * stray[:, 1]
         drift = np.hypot(*flights.error[:, 3:5].T) + self._far * np.abs(flights.error[:, 5])
         strays = strays + drift * flights.columns["opening"]
-        times, room = self._planned_room
+        times, clearance = self._planned_clearance
         opens = times >= self.batch.throw.opening_time + min(self.batch.reach[0], 0.0)
-        collides = off + strays > room[opens].min(initial=math.inf)
-        near = times[(room < off.max(initial=0.0)) & ~opens]
-        for part in np.array_split(np.flatnonzero(off > room[~opens].min(initial=math.inf)), PARTS):
+        collides = displacement + strays > clearance[opens].min(initial=math.inf)
+        near_times = times[(clearance < displacement.max(initial=0.0)) & ~opens]
+        for part in np.array_split(
+            np.flatnonzero(displacement > clearance[~opens].min(initial=math.inf)), PARTS
+        ):
             if part.size:
-                collides[part] |= self._held_room(flights, part, near) <= 0.0
+                collides[part] |= self._held_clearance(flights, part, near_times) <= 0.0
         return np.asarray(collides)
 
     @cached_property
@@ -195,14 +197,14 @@ class Carry:
         return reach_of_bar(scene.object) + abs(scene.com_offset)
 
     @cached_property
-    def _planned_room(self) -> tuple[Array, Array]:
+    def _planned_clearance(self) -> tuple[Array, Array]:
         """Ticks (K,) [s] until the latest opening, and the held bar's clearance (K,) [m] there."""
         end = max(self._latest, TICK)
         times = np.append(np.arange(0.0, end, TICK), end)
         com = held_bar(self.batch.scene, self.batch.throw.hand(times).pose)
         return times, self._clearance(times, com)
 
-    def _held_room(self, flights: BatchFlights, which: Indices, times: Array) -> Array:
+    def _held_clearance(self, flights: BatchFlights, which: Indices, times: Array) -> Array:
         """Least clearance (M,) [m] at `times` (K,) [s] of M bars, each held in its own grasp."""
         scene, hand = self.batch.scene, self.batch.throw.hand(times).pose
         theta = hand[2] + flights.grasp_angle[which, None]
@@ -210,21 +212,22 @@ class Carry:
         x, z = (hand[i] + flights.error[which, i, None] for i in (0, 1))
         com = np.array([x + arm * np.cos(theta), z + arm * np.sin(theta), theta])
         every = np.tile(times, which.size)
-        room = self._clearance(every, com.reshape(3, -1)).reshape(which.size, -1)
-        return np.asarray(room.min(axis=1))
+        clearance = self._clearance(every, com.reshape(3, -1)).reshape(which.size, -1)
+        return np.asarray(clearance.min(axis=1))
 
     def _clearance(self, times: Array, com: Array) -> Array:
-        """How much farther (K,) [m] held bars are from all bodies than they must be, until the
-        next tick; com (3, K): their poses at `times` (K,) [s]."""
+        """Lower bound (K,) [m] until the next tick on the distance of held bars to all bodies, less
+        the required clearance; com (3, K): their poses at `times` (K,) [s]."""
         throw, scene = self.batch.throw, self.batch.scene
-        room = bar_room(throw, times, com, flying=False)
+        clearance = bar_room(throw, times, com, flying=False)
         if scene.workspace is not None and scene.workspace.floor is not None:
-            room = np.minimum(room, lowest_of_bar(scene.object, com) - scene.workspace.floor)
+            height = lowest_of_bar(scene.object, com) - scene.workspace.floor
+            clearance = np.minimum(clearance, height)
         column = column_of(scene)
         if column is not None:
-            room = np.minimum(room, column_distance(scene.object, com, *column))
-        # Between ticks the clearance shrinks by what bar and links move.
-        return np.asarray(room - self._swing * TICK)
+            clearance = np.minimum(clearance, column_distance(scene.object, com, *column))
+        # The motion of bar and links reduces the clearance between ticks.
+        return np.asarray(clearance - self._swing * TICK)
 
     @cached_property
     def _swing(self) -> float:

@@ -1,4 +1,4 @@
-"""Codes of what a throw may break, findings, verdicts, and their sentences."""
+"""Codes of the limits on a throw, findings, verdicts, and their sentences."""
 
 from __future__ import annotations
 
@@ -40,16 +40,16 @@ class Code(Enum):
 
     @property
     def cure(self) -> str:
-        """What a user may change to avoid it."""
+        """The change of the scene that avoids it."""
         return _CURES[self]
 
     @property
     def fate(self) -> str:
-        """What throws that break it do, to follow "34 % ..."."""
+        """The failure of throws that break it, after "34 % ..."."""
         return _FATES[self]
 
 
-#: Codes of a joint's limits by the names of `check.KINDS`.
+#: Codes of a joint's limits by the names of the limited quantities.
 JOINT_LIMITS = {
     "position": Code.JOINT_POSITION,
     "velocity": Code.JOINT_VELOCITY,
@@ -60,11 +60,11 @@ JOINT_LIMITS = {
 
 @dataclass(frozen=True)
 class Finding:
-    """Something that a throw breaks, or a warning about it.
+    """A limit that a throw breaks, or a warning.
 
-    value, limit: what was found and what is allowed, SI units. time [s]: on the motion's clock,
-    None without an instant. body: joint, link or part of the throw; other: what a body meets.
-    broken: False for a warning. note: the sentence, for codes that have none of their own.
+    value, limit: the measured and the allowed value, SI units. time [s]: on the motion's clock,
+    None without an instant. body: joint, link or part of the throw; other: the body that it
+    touches. broken: False for a warning. note: the sentence, for codes without one.
     """
 
     code: Code
@@ -83,7 +83,7 @@ class Finding:
 
     def to_dict(self) -> dict[str, Any]:
         """As JSON: SI units, radians."""
-        found = {
+        entries = {
             "code": self.code.value,
             "broken": self.broken,
             "value": self.value,
@@ -93,48 +93,48 @@ class Finding:
             "other": self.other or None,
             "words": self.words,
         }
-        made: dict[str, Any] = plain(found)
-        return made
+        table: dict[str, Any] = plain(entries)
+        return table
 
 
 @dataclass(frozen=True)
 class Verdict:
-    """All findings about a throw; cup: whether a cup says where the object is to go."""
+    """All findings about a throw; cup: the scene has a cup, which the object must enter."""
 
     findings: tuple[Finding, ...] = ()
     cup: bool = False
 
     @property
     def broken(self) -> tuple[Finding, ...]:
-        """The findings that are not warnings."""
+        """The findings of broken limits."""
         return tuple(finding for finding in self.findings if finding.broken)
 
     @property
     def warnings(self) -> tuple[Finding, ...]:
-        """The findings that break nothing."""
+        """The findings without a broken limit."""
         return tuple(finding for finding in self.findings if not finding.broken)
 
     @property
     def ok(self) -> bool:
-        """Whether nothing is broken: what `solved` means."""
+        """Whether no limit is broken: the condition of status `solved`."""
         return not self.broken
 
     @property
     def succeeds(self) -> bool:
-        """Whether the throw does its task; a sweep counts it.
+        """Whether a sweep counts the throw as a success.
 
-        It breaks nothing; a throw into a cup may miss its target pose.
+        No limit is broken; a throw into a cup may miss its target pose.
         """
         return self.without(Code.LANDING).ok if self.cup else self.ok
 
     @property
     def codes(self) -> frozenset[Code]:
-        """The codes of what is broken."""
+        """The codes of the broken limits."""
         return frozenset(finding.code for finding in self.broken)
 
     @property
     def words(self) -> str:
-        """Sentences about what is broken; empty without any."""
+        """Sentences about the broken limits; empty without any."""
         return "; ".join(finding.words for finding in self.broken)
 
     def without(self, *codes: Code) -> Verdict:
@@ -149,61 +149,65 @@ def _at(finding: Finding) -> str:
     return "" if finding.time is None else f" at {1e3 * finding.time:.0f} ms"
 
 
-def _landing(found: Finding) -> str:
-    if found.body == "angle":
-        off, most = (math.degrees(value) for value in (found.value, found.limit))
-        return f"lands {off:.2f} deg off the target's angle, tolerance {most:g} deg"
-    off, most = 1e3 * found.value, 1e3 * found.limit
-    return f"lands {off:.2f} mm from the target, tolerance {most:g} mm"
+def _landing(finding: Finding) -> str:
+    if finding.body == "angle":
+        error, allowed = (math.degrees(value) for value in (finding.value, finding.limit))
+        return f"lands {error:.2f} deg off the target's angle, tolerance {allowed:g} deg"
+    error, allowed = 1e3 * finding.value, 1e3 * finding.limit
+    return f"lands {error:.2f} mm from the target, tolerance {allowed:g} mm"
 
 
 def _bound(name: str, unit: str) -> Callable[[Finding], str]:
     """A value outside a lower or an upper bound."""
 
-    def words(found: Finding) -> str:
-        allowed = "at least" if found.value < found.limit else "at most"
-        return f"{name}: {found.value:.2f} {unit}, must be {allowed} {found.limit:g} {unit}"
+    def words(finding: Finding) -> str:
+        allowed = "at least" if finding.value < finding.limit else "at most"
+        return f"{name}: {finding.value:.2f} {unit}, must be {allowed} {finding.limit:g} {unit}"
 
     return words
 
 
 def _joint(name: str, unit: str) -> Callable[[Finding], str]:
-    def words(found: Finding) -> str:
-        value = f"{found.value:.4g} {unit}{_at(found)}"
-        return f"{found.body} {name}: {value}, limit {found.limit:.4g} {unit}"
+    def words(finding: Finding) -> str:
+        value = f"{finding.value:.4g} {unit}{_at(finding)}"
+        return f"{finding.body} {name}: {value}, limit {finding.limit:.4g} {unit}"
 
     return words
 
 
-def _collision(found: Finding) -> str:
-    away = found.value
-    near = f"comes as near as {1e3 * away:.0f} mm" if away > 0 else "meets it"
-    if found.other.startswith(("obstacle", "floor")):
-        return f"{found.other}: {found.body} {near}{_at(found)}"
-    return f"{found.body} meets {found.other}{_at(found)}"
+def _collision(finding: Finding) -> str:
+    if not finding.other.startswith(("obstacle", "floor")):
+        return f"{finding.body} meets {finding.other}{_at(finding)}"
+    if finding.value <= 0.0:
+        return f"{finding.other}: {finding.body} meets it{_at(finding)}"
+    distance = f"{finding.body} {1e3 * finding.value:.0f} mm away{_at(finding)}"
+    return f"{finding.other}: {distance}, must be at least {1e3 * finding.limit:g} mm"
 
 
-def _distance(name: str, what: str) -> Callable[[Finding], str]:
-    def words(found: Finding) -> str:
-        away = f"comes as near as {1e3 * found.value:.1f} mm" if found.value > 0 else what
-        return f"{name}: {found.body} {away}{_at(found)}"
+def _distance(name: str) -> Callable[[Finding], str]:
+    def words(finding: Finding) -> str:
+        if finding.value <= 0.0:
+            return f"{name}: {finding.body} touches it{_at(finding)}"
+        distance = f"{finding.body} {1e3 * finding.value:.1f} mm away{_at(finding)}"
+        return f"{name}: {distance}, must be at least {1e3 * finding.limit:g} mm"
 
     return words
 
 
 _SENTENCES: dict[Code, Callable[[Finding], str]] = {
     Code.LANDING: _landing,
-    Code.NO_LANDING: lambda f: "the object never comes down to the target's height",
+    Code.NO_LANDING: lambda f: "the object never falls to the target's height",
     Code.GRAZING: lambda f: (
-        f"the object comes down to the target's height at only {f.value:.3f} m/s: "
-        "its landing place is uncertain"
+        f"the object falls through the target's height at only {f.value:.3f} m/s, must be at least "
+        f"{f.limit:g} m/s: its landing place is uncertain"
     ),
     Code.LANDING_SPEED: _bound("landing speed", "m/s"),
     Code.LANDING_RATE: _bound("landing rate", "rad/s"),
     Code.ARRIVAL: lambda f: f"arrival: lands at {f.value:.3f} s, must be at most {f.limit:g} s",
     Code.RELEASE: lambda f: f.note,
     Code.SLIP_BEFORE_OPENING: lambda f: (
-        f"slips in the full grip: {100 * f.value:.0f} % of its friction{_at(f)}, before it opens"
+        f"slips under full grip before the opening: {100 * f.value:.0f} % of the friction limit"
+        f"{_at(f)}"
     ),
     Code.JOINT_POSITION: _joint("position", "rad"),
     Code.JOINT_VELOCITY: _joint("velocity", "rad/s"),
@@ -214,11 +218,12 @@ _SENTENCES: dict[Code, Callable[[Finding], str]] = {
     ),
     Code.TORQUE: lambda f: f"torque of {f.body}: {100 * f.value:.0f} % of its limit{_at(f)}",
     Code.KINEMATICS: lambda f: (
-        f"the joints hold the hand {1e3 * f.value:.3g} mm off the planar model"
+        f"the arm's frames put the hand {1e3 * f.value:.3g} mm from its pose in the planar model, "
+        f"must be at most {1e3 * f.limit:g} mm"
     ),
     Code.FLOOR: lambda f: f"floor: {f.body} {1e3 * (f.limit - f.value):.0f} mm below it{_at(f)}",
-    Code.COLUMN: _distance("base column", "touches it"),
-    Code.PALM: _distance("palm", "touches it"),
+    Code.COLUMN: _distance("base column"),
+    Code.PALM: _distance("palm"),
     Code.COLLISION: _collision,
     Code.CUP_MISSED: lambda f: "cup: the bar does not get deep enough into it",
     Code.CUP_WALL: lambda f: (
@@ -230,31 +235,31 @@ _SENTENCES: dict[Code, Callable[[Finding], str]] = {
 
 _FATES: dict[Code, str] = {
     Code.LANDING: "land outside the tolerance",
-    Code.NO_LANDING: "never come down to the target's height",
-    Code.GRAZING: "only graze the target's height",
+    Code.NO_LANDING: "never fall to the target's height",
+    Code.GRAZING: "fall through the target's height too slowly",
     Code.LANDING_SPEED: "land too fast or too slow",
     Code.LANDING_RATE: "land turning too fast",
     Code.ARRIVAL: "land too late",
     Code.RELEASE: "slide out of the pads",
-    Code.SLIP_BEFORE_OPENING: "slip in the full grip before it opens",
+    Code.SLIP_BEFORE_OPENING: "slip under full grip before the opening",
     Code.JOINT_POSITION: "leave a joint's range",
     Code.JOINT_VELOCITY: "exceed a joint's velocity",
     Code.JOINT_ACCELERATION: "exceed a joint's acceleration",
     Code.JOINT_JERK: "exceed a joint's jerk",
     Code.TOOL_SPEED: "exceed the tool's speed",
     Code.TORQUE: "need more torque than a joint has",
-    Code.KINEMATICS: "have joints that do not fit the planar model",
+    Code.KINEMATICS: "have frames that differ from the planar model",
     Code.FLOOR: "touch the floor",
     Code.COLUMN: "touch the base column",
     Code.PALM: "touch the palm",
-    Code.COLLISION: "meet an obstacle, or the arm itself",
+    Code.COLLISION: "hit an obstacle or the arm itself",
     Code.CUP_MISSED: "miss the cup",
     Code.CUP_WALL: "touch the cup's wall or rim",
-    Code.MODELS_DIFFER: "land elsewhere by another model",
+    Code.MODELS_DIFFER: "land elsewhere by another release model",
     Code.UNCERTAIN: "use up a reserve",
 }
 
-_LESS = "a nearer or higher target, another angle, or a faster arm"
+_EASIER_THROW = "a nearer or higher target, another angle, or a faster arm"
 _CURES: dict[Code, str] = {
     Code.LANDING: "plan again, or a larger [tolerance]",
     Code.NO_LANDING: "a lower target",
@@ -264,10 +269,10 @@ _CURES: dict[Code, str] = {
     Code.ARRIVAL: "a later [target] arrival",
     Code.RELEASE: "a stronger grip, a shorter [gripper] opening",
     Code.SLIP_BEFORE_OPENING: "raise [gripper] force or sticking_margin",
-    Code.JOINT_POSITION: _LESS,
-    Code.JOINT_VELOCITY: _LESS,
-    Code.JOINT_ACCELERATION: _LESS,
-    Code.JOINT_JERK: _LESS,
+    Code.JOINT_POSITION: _EASIER_THROW,
+    Code.JOINT_VELOCITY: _EASIER_THROW,
+    Code.JOINT_ACCELERATION: _EASIER_THROW,
+    Code.JOINT_JERK: _EASIER_THROW,
     Code.TOOL_SPEED: "a nearer target, or a larger [robot] tool_speed if the robot allows it",
     Code.TORQUE: "a lighter object, or larger limits in [torque] if the robot allows them",
     Code.KINEMATICS: "the arm's data: its planar model and its frames differ",

@@ -1,4 +1,4 @@
-"""What flights of N throws of one motion break: column, palm, cup, obstacles and links."""
+"""Limits on the flights of N throws of one motion: column, palm, cup, obstacles and links."""
 
 from __future__ import annotations
 
@@ -27,20 +27,21 @@ from .findings import Code
 from .landing import least_cup_clearance
 from .single import NEAR
 
-#: Ticks of a window in which a flying bar is compared with the planned throw's.
+#: Ticks of a window of flight; it has one clearance of the planned throw's bar.
 WINDOW = 8
 
 
 @dataclass(frozen=True)
 class InFlight:
-    """Judges flights of a batch; caches what they share."""
+    """Judges flights of a batch; caches the clearances of the planned throw."""
 
     batch: ThrowBatch
 
-    def judged(self, flights: BatchFlights, doubt: Array) -> tuple[dict[Code, Flags], Flags]:
-        """What flights (N,) break, and flags of those whose doubt decides.
+    def judge(self, flights: BatchFlights, doubt: Array) -> tuple[dict[Code, Flags], Flags]:
+        """Flags (N,) of the limits that flights break, and of those whose error bound straddles a
+        limit.
 
-        doubt (2, N): bounds on the errors of their landings, x [m] and theta [rad].
+        doubt (2, N): error bounds of their landings, x [m] and theta [rad].
         """
         scene, count = self.batch.scene, len(flights.late)
         lands = np.flatnonzero(np.isfinite(flights.landing[:, 2]))
@@ -48,46 +49,46 @@ class InFlight:
         wide = doubt[0, lands] + doubt[1, lands] * reach_of_bar(scene.object)
         broken, unsure = dict[Code, Flags](), np.zeros(count, bool)
 
-        def judge(code: Code, which: Indices, away: Array, least: float, flags: Flags) -> None:
+        def add(code: Code, which: Indices, distance: Array, least: float, flags: Flags) -> None:
             broken[code] = np.zeros(count, bool)
             broken[code][lands[which]] = flags
-            unsure[lands[which]] |= np.abs(away - least) <= wide[which]
+            unsure[lands[which]] |= np.abs(distance - least) <= wide[which]
 
         every = np.arange(lands.size)
-        column, palm, palm_time, cup, near = self._measured(rows).T
+        column, palm, palm_time, cup, near = self._measure(rows).T
         workspace = scene.workspace
         if column_of(scene) is not None:
-            judge(Code.COLUMN, every, column, 0.0, column < -NEAR)
+            add(Code.COLUMN, every, column, 0.0, column < -NEAR)
         if workspace is not None and workspace.palm_clearance is not None:
-            judge(Code.PALM, every, palm, workspace.palm_clearance, np.isfinite(palm_time))
+            add(Code.PALM, every, palm, workspace.palm_clearance, np.isfinite(palm_time))
         if scene.cup is not None:
             least, into = least_cup_clearance(scene.cup), np.isfinite(cup)
-            judge(Code.CUP_MISSED, every, np.full(lands.size, np.inf), 0.0, ~into)
-            judge(Code.CUP_WALL, every, cup, least, into & (cup <= least))
+            add(Code.CUP_MISSED, every, np.full(lands.size, np.inf), 0.0, ~into)
+            add(Code.CUP_WALL, every, cup, least, into & (cup <= least))
             # A bar that grazes the mouth may be inside or outside.
             unsure[lands] |= self._at_mouth(flights, lands, doubt[:, lands])
         some = np.flatnonzero(near)
         if some.size:
             lack = self._penetrations(rows[some])
-            judge(Code.COLLISION, some, lack, 0.0, lack > NEAR)
+            add(Code.COLLISION, some, lack, 0.0, lack > NEAR)
         return broken, unsure
 
     def _rows(self, flights: BatchFlights) -> Array:
-        """BatchFlights (N, 17) as the core takes them: `flown_sample` of structures.h."""
+        """BatchFlights (N, 17) in the layout of the core: `flown_sample` of structures.h."""
         given = (flights.opened, flights.freed, flights.landing[:, 2], flights.com, flights.cup)
         return np.hstack([np.column_stack(given), flights.start, flights.error])
 
-    def _measured(self, rows: Array) -> Array:
+    def _measure(self, rows: Array) -> Array:
         """(N, 5): distances to column and palm [m], first time [s] too near the palm, clearance in
         the cup [m], and whether obstacles or links may be near."""
-        found, rows = np.empty((len(rows), 5)), np.ascontiguousarray(rows)
-        library().measure_flights(self.batch.throw.core, self._reference, len(rows), rows, found)
-        return found
+        values, rows = np.empty((len(rows), 5)), np.ascontiguousarray(rows)
+        library().measure_flights(self.batch.throw.core, self._reference, len(rows), rows, values)
+        return values
 
     def _at_mouth(self, flights: BatchFlights, which: Indices, doubt: Array) -> Flags:
-        """Flags of the throws whose lower end passes the rim of the cup within their doubt.
+        """Flags of the throws whose lower end may pass on either side of the cup's rim.
 
-        The lower end counts when the CoM is at the target's height.
+        The lower end is taken at the instant of the CoM at the target's height.
         """
         scene = self.batch.scene
         assert scene.cup is not None
@@ -115,29 +116,29 @@ class InFlight:
         times = np.asarray(begin + TICK * np.arange(count * WINDOW + 1), float)
         com = throw.flight(times - throw.detach_time)
         none, column, workspace = np.full(times.size, np.inf), column_of(scene), scene.workspace
-        rooms = [none, none, bar_room(throw, times, com, flying=True)]
+        clearances = [none, none, bar_room(throw, times, com, flying=True)]
         if workspace is not None and workspace.palm_clearance is not None and scene.arm is not None:
             hand = throw.hand(times).pose
-            rooms[0] = palm_distance(scene.object, scene.arm.tool, com, hand)
-            rooms[0] = rooms[0] - workspace.palm_clearance
+            clearances[0] = palm_distance(scene.object, scene.arm.tool, com, hand)
+            clearances[0] = clearances[0] - workspace.palm_clearance
         if column is not None:
-            rooms[1] = column_distance(scene.object, com, *column)
-        # Between ticks clearances shrink by what bodies move.
+            clearances[1] = column_distance(scene.object, com, *column)
+        # The motion of the bodies reduces clearances between ticks.
         least = [
             np.minimum(
-                np.minimum.reduceat(room[:-1], np.arange(0, room.size - 1, WINDOW)),
-                room[WINDOW::WINDOW],
+                np.minimum.reduceat(one[:-1], np.arange(0, one.size - 1, WINDOW)),
+                one[WINDOW::WINDOW],
             )
             - self._fastest * TICK
-            for room in rooms
+            for one in clearances
         ]
-        found = ReferenceC(begin=begin, step=WINDOW * TICK, n=count)
-        found.detach, found.far = throw.detach_time, self._far
-        found.start[:] = throw.release.end.tolist()
-        found.attach(
+        reference = ReferenceC(begin=begin, step=WINDOW * TICK, n=count)
+        reference.detach, reference.far = throw.detach_time, self._far
+        reference.start[:] = throw.release.end.tolist()
+        reference.attach(
             **dict(zip(("palm", "column", "bodies"), map(np.ascontiguousarray, least), strict=True))
         )
-        return found
+        return reference
 
     @cached_property
     def _fastest(self) -> float:
@@ -160,5 +161,5 @@ class InFlight:
         return CollisionScene.of(self.batch.scene, self.batch.throw.manipulator)
 
     def __getstate__(self) -> dict[str, object]:
-        """The state for another process: without pointers into this one's memory."""
+        """The state for another process, without pointers into the memory of this one."""
         return {key: value for key, value in vars(self).items() if key != "_reference"}

@@ -1,7 +1,7 @@
-"""Where the joints that are sent hold the hand in space.
+"""The hand's pose in space under the joint angles that are sent.
 
-Plans are made with a planar model of the arm. Here the pads' frame comes from all joints, by the
-chain of the arm's data, so that a planar model that is wrong sends nothing.
+Plans use a planar model of the arm. This check computes the pads' frame from all joints, by the
+chain of the arm's data; a wrong planar model is refused.
 """
 
 from __future__ import annotations
@@ -17,17 +17,16 @@ from ...models import Array
 from ...models.robot import PlanarArm, about_z
 from ..throw import TICK, Manipulator, Samples
 
-#: Ticks between the samples that are looked at: the difference depends on the angles only.
+#: Ticks between checked samples; the difference depends on the angles only.
 EVERY = 10
-#: The two agree where the pads' centre [m] and their axes differ by less.
+#: Largest difference of the pads' centre [m] and axes [-] between planar model and chain.
 AGREES = 1e-6
 
 
 @functools.lru_cache(maxsize=16)
 def _stiff_parts(kinematics: PlanarArm) -> Array:
     """4x4 poses (n + 2, 4, 4) of the azimuth joint in the base frame, of each throwing joint after
-    the one before, then of the pads: with these joints at angle 0, the others where they are
-    sent."""
+    the one before, then of the pads: these joints at angle 0, the others in the posture."""
     arm = kinematics.arm
     turning, joints = (arm.azimuth_joint, *kinematics.throwing_joints), list(arm.posture)
     for joint in turning:
@@ -38,9 +37,10 @@ def _stiff_parts(kinematics: PlanarArm) -> Array:
 
 
 def off_in_space(manipulator: Manipulator, sent: Samples, azimuth: float) -> float:
-    """How far [m; 1] centre and axes of the pads are at most from what the planar model has.
+    """Largest difference [m; -] of the pads' centre and axes from the planar model; 0 without an
+    arm.
 
-    azimuth [rad]: how far the throw's plane is turned. 0 for a hand without an arm.
+    azimuth [rad]: of the throw's plane.
     """
     kinematics = manipulator.kinematics
     if not isinstance(kinematics, PlanarArm) or not sent.q.size:
@@ -50,5 +50,5 @@ def off_in_space(manipulator: Manipulator, sent: Samples, azimuth: float) -> flo
         chain = chain.copy()
         chain[0, :3] = about_z(-azimuth) @ chain[0, :3]
     samples, angle = SamplesC.of(TICK, sent.q), arm.azimuth_angle(azimuth)
-    found = library().off_plane(samples, EVERY, kinematics.core, chain, angle, arm.lateral)
-    return float(found)
+    difference = library().off_plane(samples, EVERY, kinematics.core, chain, angle, arm.lateral)
+    return float(difference)

@@ -13,9 +13,9 @@ from ...problems import Cup, Pose, Scene, Tolerance
 from ..throw import FALLS, TICK, cup_entries
 from .findings import Code
 
-#: Share of the tolerance by which a landing may exceed it: files round.
+#: Excess over the tolerance, as a share of it, that is allowed for rounding in files.
 ROUNDING = 1e-6
-#: Error [m] of a clearance in the cup: bisection finds its instants.
+#: Error [m] of a clearance in the cup, from the bisection of its instants.
 CUP_NEAR = 1e-5
 
 
@@ -25,9 +25,9 @@ def least_cup_clearance(cup: Cup) -> float:
 
 
 class LimitUse(NamedTuple):
-    """A value [SI] that must not be above its limit, or, with sign -1, below it.
+    """A value [SI] that must be at most its limit, or, with sign -1, at least.
 
-    doubt: bound on the value's error; body: what it is about, among several of one code.
+    doubt: bound on the value's error. body: distinguishes several values of one code.
     """
 
     code: Code
@@ -61,41 +61,41 @@ def tolerance_uses(
     tolerance: Tolerance, dx: Any, dtheta: Any | None, doubt: tuple[Any, Any] = (0.0, 0.0)
 ) -> list[LimitUse]:
     """The uses of a tolerance by a landing; dtheta: None where theta is open."""
-    off, turned = doubt
-    most = (1 + ROUNDING) * tolerance.position, (1 + ROUNDING) * tolerance.angle
-    found = [LimitUse(Code.LANDING, np.abs(dx), most[0], off, body="position")]
+    x_doubt, theta_doubt = doubt
+    allowed = (1 + ROUNDING) * tolerance.position, (1 + ROUNDING) * tolerance.angle
+    errors = [LimitUse(Code.LANDING, np.abs(dx), allowed[0], x_doubt, body="position")]
     if dtheta is not None:
-        found.append(LimitUse(Code.LANDING, np.abs(dtheta), most[1], turned, body="angle"))
-    return found
+        errors.append(LimitUse(Code.LANDING, np.abs(dtheta), allowed[1], theta_doubt, body="angle"))
+    return errors
 
 
 def landing_uses(scene: Scene, target: Pose, at: LandingStates) -> list[LimitUse]:
     """The uses of tolerance, [landing] and [target] arrival."""
-    bounds, (off, turned) = scene.landing, at.doubt
+    bounds, (x_doubt, theta_doubt) = scene.landing, at.doubt
     v_x, v_z, omega = at.end[3:]
-    # An error of a rate shows in the landing, multiplied by the time of flight.
+    # An error of a rate moves the landing by its product with the time of flight.
     time = np.maximum(np.abs(v_z - at.start[4]) / max(scene.gravity, 1e-9), 0.05)
-    slow, turning = off / time, turned / time
+    speed_doubt, rate_doubt = x_doubt / time, theta_doubt / time
     turn = None if target.theta is None else at.dtheta
     uses = tolerance_uses(scene.tolerance, at.dx, turn, at.doubt)
-    uses.append(LimitUse(Code.GRAZING, -v_z, FALLS, slow, sign=-1.0))
+    uses.append(LimitUse(Code.GRAZING, -v_z, FALLS, speed_doubt, sign=-1.0))
     if bounds is not None:
         speed = np.hypot(v_x, v_z)
-        uses.append(LimitUse(Code.LANDING_SPEED, speed, bounds.speed_min, slow, sign=-1.0))
+        uses.append(LimitUse(Code.LANDING_SPEED, speed, bounds.speed_min, speed_doubt, -1.0))
         if bounds.speed_max is not None:
-            uses.append(LimitUse(Code.LANDING_SPEED, speed, bounds.speed_max, slow))
+            uses.append(LimitUse(Code.LANDING_SPEED, speed, bounds.speed_max, speed_doubt))
         if bounds.rate_max is not None:
-            uses.append(LimitUse(Code.LANDING_RATE, np.abs(omega), bounds.rate_max, turning))
+            uses.append(LimitUse(Code.LANDING_RATE, np.abs(omega), bounds.rate_max, rate_doubt))
     latest = target.window[1]
     if math.isfinite(latest):
-        # One sample later is allowed.
-        late = off / np.maximum(-v_z, FALLS)
-        uses.append(LimitUse(Code.ARRIVAL, at.lands, latest + TICK, late))
+        # The landing may be one sample late.
+        time_doubt = x_doubt / np.maximum(-v_z, FALLS)
+        uses.append(LimitUse(Code.ARRIVAL, at.lands, latest + TICK, time_doubt))
     return uses
 
 
 def lands_well(scene: Scene, detach: Array, landing: Array, more: float = 0.0) -> Flags:
-    """Flags (N,) of the flights that keep [landing] and [cup], with the cup moved to each landing.
+    """Flags (N,) of the flights inside [landing] and [cup], with the cup moved to each landing.
 
     detach (N, 6): CoM pose and twist; landing (N, 3): x, theta and flight time at the height of the
     scene's target; more [m]: clearance in the cup beyond the scene's.

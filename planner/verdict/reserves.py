@@ -1,4 +1,4 @@
-"""What [uncertainty] does to a throw that breaks nothing: warnings, and its landing's spread."""
+"""Effects of [uncertainty] on a solved throw: warnings, and the spread of its landing."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from .batch import Judge
 from .findings import Code, Finding
 from .uncertainty import sampler_of
 
-#: Number of throws that judge reserves and spread.
+#: Number of sampled throws for reserves and spread.
 SAMPLES = 256
-#: Codes that a plan keeps a reserve for. The scatter of the landing is left to sweeps.
+#: Codes of the limits with a reserve in a plan; sweeps judge the scatter of the landing.
 RESERVED = (
     Code.SLIP_BEFORE_OPENING,
     Code.TORQUE,
@@ -32,7 +32,7 @@ RESERVED = (
 def warnings(throw: Throw, target: Pose) -> tuple[Finding, ...]:
     """Warnings about a solved throw.
 
-    target: the one requested, which may move.
+    target: the requested one, which may move.
     """
     return (*_models(throw, target), *_reserves(throw, target))
 
@@ -45,7 +45,7 @@ def _models(throw: Throw, target: Pose) -> Iterator[Finding]:
     theta = 0.0 if target.theta is None else abs(pivot.theta - surface.theta)
     if x <= tolerance.position and theta <= tolerance.angle:
         return
-    words = "only one of sliding pivot and limit surface comes down to the target's height"
+    words = "only one of sliding pivot and limit surface lands at the target's height"
     if math.isfinite(x):
         words = (
             f"sliding pivot and limit surface land {1e3 * x:.1f} mm and "
@@ -57,26 +57,26 @@ def _models(throw: Throw, target: Pose) -> Iterator[Finding]:
 
 
 def _reserves(throw: Throw, target: Pose) -> Iterator[Finding]:
-    """What throws within the scene's [uncertainty] break, other than the tolerance."""
+    """Warnings about limits, except the tolerance, that throws within [uncertainty] break."""
     scene = throw.scene
     if scene.uncertainty is None:
         return
-    batch, values = _sampled(throw.in_scene(scene.without_clearances()), target)
-    found = Judge(batch).verdicts(batch.fly(values), values)
+    batch, values = _sample_throws(throw.in_scene(scene.without_clearances()), target)
+    judged = Judge(batch).verdicts(batch.fly(values), values)
     for code in RESERVED:
-        share = float(np.mean(found.breaks(code)))
+        share = float(np.mean(judged.breaks(code)))
         if share > 0.0:
             used = "" if code is not Code.SLIP_BEFORE_OPENING else _grip(throw)
-            note = f"of the throws that [uncertainty] allows {100 * share:.0f} % {code.fate}{used}"
+            note = f"under [uncertainty] {100 * share:.0f} % of the throws {code.fate}{used}"
             note += f": {code.cure}"
             yield Finding(Code.UNCERTAIN, share, 0.0, body=code.value, broken=False, note=note)
 
 
 def _grip(throw: Throw) -> str:
-    return f", of whose friction the plan uses {100 * throw.measured.grip.value:.0f} %"
+    return f"; the plan uses {100 * throw.measured.grip.value:.0f} % of the friction limit"
 
 
-def _sampled(throw: Throw, target: Pose) -> tuple[ThrowBatch, Array]:
+def _sample_throws(throw: Throw, target: Pose) -> tuple[ThrowBatch, Array]:
     """Throws of one motion, and the values (N, P) of the scene's uncertain parameters."""
     sampler, mean = sampler_of(throw.scene, 0), throw.scene.mean_delay
     opening = throw.scene.gripper.profile().opening
@@ -86,11 +86,14 @@ def _sampled(throw: Throw, target: Pose) -> tuple[ThrowBatch, Array]:
 
 
 def landing_spread(throw: Throw, target: Pose) -> float:
-    """95 % quantile [m] of the pose error about the throw's own landing under the scene's
-    uncertainty; infinite if so many never land. target: says whether theta counts."""
-    batch, values = _sampled(throw, target)
-    moved = batch.fly(values).landing - batch.fly(batch.nominal()).landing
-    turn = 0.0 if target.theta is None else moved[:, 1]
-    errors = throw.scene.object.pose_error(moved[:, 0], turn)
-    known = np.where(np.isnan(errors), np.inf, errors)
-    return float(np.quantile(known, 0.95, method="inverted_cdf"))
+    """95 % quantile [m] of the pose error (position plus angle times half the length) about the
+    throw's own landing under the scene's uncertainty; infinite if over 5 % never land.
+
+    target: theta counts if it fixes it.
+    """
+    batch, values = _sample_throws(throw, target)
+    change = batch.fly(values).landing - batch.fly(batch.nominal()).landing
+    turn = 0.0 if target.theta is None else change[:, 1]
+    errors = throw.scene.object.pose_error(change[:, 0], turn)
+    finite_errors = np.where(np.isnan(errors), np.inf, errors)
+    return float(np.quantile(finite_errors, 0.95, method="inverted_cdf"))

@@ -1,4 +1,4 @@
-"""The verdict on one throw: every rule stands here, once."""
+"""The verdict on one throw: all its rules."""
 
 from __future__ import annotations
 
@@ -26,29 +26,28 @@ from .findings import JOINT_LIMITS, Code, Finding, Verdict
 from .in_space import AGREES, off_in_space
 from .landing import LandingStates, LimitUse, landing_uses, least_cup_clearance, tolerance_uses
 
-#: A clearance may be short by this [m]: rounding.
+#: Violation [m] of a clearance that is allowed for rounding.
 NEAR = 1e-6
-#: The bar after detach, among names of bodies.
+#: Name of the bar after detach, among bodies.
 FLYING = "flying bar"
 
 
 def verdict(throw: Throw, target: Pose | None = None, *, sent: Throw | None = None) -> Verdict:
-    """Everything that a throw breaks, by its release model.
+    """All limits that a throw breaks, by its release model.
 
-    Of a throw that never lands: joint limits, kinematics, release and grip only.
-    target: None for the throw's own. sent: the motion commanded, if joints follow it only roughly
-    and `throw` is what they are expected to do: joint limits are judged on `sent`, the tool's speed
-    on both.
+    For a throw that never lands: joint limits, kinematics, release and grip only. target: None for
+    the throw's own. sent: the commanded motion, if `throw` is the expected motion of joints that
+    lag: joint limits are judged on `sent`, the tool's speed on both.
     """
     commanded, goal = throw if sent is None else sent, throw.target if target is None else target
-    found = [*_limits(commanded), *_kinematics(throw), *_release(throw)]
+    findings = [*_limits(commanded), *_kinematics(throw), *_release(throw)]
     if throw.lands:
-        found += _landing(throw, goal)
+        findings += _landing(throw, goal)
         for rule in _RULES:
-            found += rule(throw)
+            findings += rule(throw)
         if commanded is not throw:
-            found += _tool_speed(commanded)
-    return Verdict(tuple(found), cup=throw.scene.cup is not None)
+            findings += _tool_speed(commanded)
+    return Verdict(tuple(findings), cup=throw.scene.cup is not None)
 
 
 def outside_tolerance(tolerance: Tolerance, dx: float, dtheta: float) -> list[Finding]:
@@ -75,8 +74,10 @@ def _limits(throw: Throw) -> Iterator[Finding]:
 
 
 def _excesses(manipulator: Manipulator, samples: Samples) -> Iterator[Finding]:
-    for found in excesses(manipulator, samples):
-        yield Finding(JOINT_LIMITS[found.kind], found.value, found.limit, found.time, found.joint)
+    for excess in excesses(manipulator, samples):
+        yield Finding(
+            JOINT_LIMITS[excess.kind], excess.value, excess.limit, excess.time, excess.joint
+        )
 
 
 def _kinematics(throw: Throw) -> Iterator[Finding]:
@@ -100,24 +101,26 @@ def _release(throw: Throw) -> Iterator[Finding]:
 
 
 def held_verdict(scene: Scene, manipulator: Manipulator, samples: Samples, first: int) -> Verdict:
-    """What a motion that keeps the object in the hand breaks.
+    """The verdict on a motion that keeps the object in the hand.
 
-    Joint limits; collisions with obstacles, floor and the arm itself from sample `first` on.
+    It covers joint limits, and from sample `first` on collisions with obstacles, floor and the arm.
     """
     q, times = samples.q[first:].T, samples.times[first:]
-    held = held_bar(scene, manipulator.motion(q, 0 * q, 0 * q)[0])
-    around = CollisionScene.of(scene, manipulator)
-    near = clearances_of(swept_bodies(scene, around.capsules, times, q, held), around)
-    return Verdict((*_excesses(manipulator, samples), *map(collision, near)))
+    bar = held_bar(scene, manipulator.motion(q, 0 * q, 0 * q)[0])
+    surroundings = CollisionScene.of(scene, manipulator)
+    clearances = clearances_of(
+        swept_bodies(scene, surroundings.capsules, times, q, bar), surroundings
+    )
+    return Verdict((*_excesses(manipulator, samples), *map(collision, clearances)))
 
 
-# Rules for throws that land, each for a part of a scene.
+# Rules for throws that land, one for each part of a scene.
 
 
 def _tool_speed(throw: Throw) -> Iterator[Finding]:
-    most, speed = throw.scene.tool_speed, throw.measured.speed
-    if most is not None and speed.value > most:
-        yield Finding(Code.TOOL_SPEED, speed.value, most, speed.time)
+    limit, speed = throw.scene.tool_speed, throw.measured.speed
+    if limit is not None and speed.value > limit:
+        yield Finding(Code.TOOL_SPEED, speed.value, limit, speed.time)
 
 
 def _torque(throw: Throw) -> Iterator[Finding]:
@@ -146,9 +149,9 @@ def _column(throw: Throw) -> Iterator[Finding]:
     measured = throw.measured
     if column_of(throw.scene) is None:
         return
-    for body, away in ((BAR, measured.column_held), (FLYING, measured.column_flown)):
-        if -away.value > NEAR:
-            yield Finding(Code.COLUMN, away.value, 0.0, away.time, body)
+    for body, distance in ((BAR, measured.column_held), (FLYING, measured.column_flown)):
+        if -distance.value > NEAR:
+            yield Finding(Code.COLUMN, distance.value, 0.0, distance.time, body)
 
 
 def _palm(throw: Throw) -> Iterator[Finding]:
@@ -173,13 +176,13 @@ def _collisions(throw: Throw) -> Iterator[Finding]:
     return map(collision, contacts(throw))
 
 
-def collision(near: Clearance) -> Finding:
+def collision(pair: Clearance) -> Finding:
     """The finding about two bodies that are too close to each other."""
-    body = FLYING if near.flying else near.body
-    clearance = 0.0 if near.thing is None else near.thing.clearance
-    other = near.other if near.thing is None else near.thing.words
-    away = clearance - near.penetration
-    return Finding(Code.COLLISION, away, clearance, near.time, body, other)
+    body = FLYING if pair.flying else pair.body
+    clearance = 0.0 if pair.thing is None else pair.thing.clearance
+    other = pair.other if pair.thing is None else pair.thing.words
+    distance = clearance - pair.penetration
+    return Finding(Code.COLLISION, distance, clearance, pair.time, body, other)
 
 
 _RULES: tuple[Callable[[Throw], Iterator[Finding]], ...] = (

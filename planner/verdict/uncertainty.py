@@ -1,4 +1,4 @@
-"""Samples of what a scene leaves uncertain: one seeded Sobol sequence, any part of it at will."""
+"""Samples of a scene's uncertain parameters: parts of one seeded Sobol sequence."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ import numpy as np
 from ...models import Array
 from ...problems import Distribution, Scene, Uncertainty
 
-#: Half a cell of SciPy's 30-bit sequence: keeps every share off 0 and 1.
+#: Half a cell of SciPy's 30-bit sequence; added to a share it excludes 0 and 1.
 HALF_CELL = 2.0**-31
-#: Deviations of a normal value that are covered: one draw in 10^19 is farther off.
+#: Standard deviations in the range of a normal value; one draw in 10^19 is outside.
 COVERED = 9.0
-#: Names, factor from SI, unit; the others are lengths, or angles.
+#: Names of parameters, factor from SI, unit; all others are lengths or angles.
 UNITS = (
     (("hand_vx", "hand_vz"), 1e3, "mm/s"),
     (("hand_omega",), math.degrees(1.0), "deg/s"),
@@ -27,11 +27,11 @@ UNITS = (
 
 @dataclass(frozen=True)
 class Sampler:
-    """Draws of the uncertain parameters `names`; sample k is the same whoever draws it.
+    """Draws of the uncertain parameters `names`; sample k depends on the seed only.
 
     spreads: their distributions in SI units; ranges: lowest and highest possible values,
     where normal ones are cut off; factor (P, P): Cholesky factor of the normal scores'
-    correlation, None where there is none.
+    correlation, None for independent parameters.
     """
 
     names: tuple[str, ...]
@@ -48,7 +48,8 @@ class Sampler:
         sequence = qmc.Sobol(len(self.names), rng=np.random.default_rng(self.seed))
         if first:
             sequence.fast_forward(first)
-        # SciPy warns of first draws other than powers of two; a longer one starts the same.
+        # SciPy warns of draws other than powers of two; the first values of a longer draw are
+        # equal.
         shares = sequence.random(1 << max(count - 1, 0).bit_length())[:count] + HALF_CELL
         if self.factor is not None:
             shares = ndtr(ndtri(shares) @ self.factor.T)
@@ -73,7 +74,7 @@ class Sampler:
 
 
 def sampler_of(scene: Scene, seed: int) -> Sampler:
-    """Draws of the scene's [uncertainty], or of the usual one where it has none."""
+    """Draws of the scene's [uncertainty], or of the default one."""
     section = scene.uncertainty or Uncertainty.USUAL
     names, values, ranges = section.names, scene.values, scene.ranges
     return Sampler(
@@ -102,7 +103,7 @@ def quantile(spread: Distribution, shares: Array, bounds: tuple[float, float]) -
 
 
 def words_of(section: Uncertainty) -> list[str]:
-    """The uncertain parameters in words, for people: one line each, units of the file."""
+    """The uncertain parameters as text: one line each, in the units of the file."""
     lines = []
     for name in section.names:
         spread: Distribution = getattr(section, name)

@@ -1,4 +1,4 @@
-"""Files: what users write is read with clear errors; what we write is there whole or not at all."""
+"""Files: reading with errors that name the place, and writing complete files or none."""
 
 from .reading import read_csv, read_text, shipped, table_number, toml_tables
 from .writing import (

@@ -1,4 +1,4 @@
-"""What users write, read with errors that name file, line and value."""
+"""Reading the files of users, with errors that name file, line and value."""
 
 from __future__ import annotations
 
@@ -17,9 +17,9 @@ import numpy as np
 from ...models import Array
 from ..section import LARGEST, InputError
 
-#: Largest file that is read [bytes].
+#: Largest readable file [bytes].
 MOST_BYTES = 200_000_000
-#: Largest size and unit of a number in a CSV file, by its column; a clock may count from 1970.
+#: Largest magnitude and unit of a number in a CSV file, by its column; clocks may count from 1970.
 COLUMNS = {
     column: (LARGEST[unit], unit)
     for unit, columns in {
@@ -34,7 +34,7 @@ COLUMNS = {
     }.items()
     for column in columns
 } | dict.fromkeys(("t", "command", "since_command"), (1e10, "s"))
-#: Longest TOML text [characters]: it is parsed in a second. `DEEP`: dotted keys that take longer.
+#: Longest TOML text [characters], parsed in a second. `DEEP`: dotted keys that take longer.
 LARGEST_TOML = 1_000_000
 DEEP = re.compile(r"""(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){50}""")
 
@@ -47,7 +47,7 @@ def read_text(path: Path) -> str:
             raise InputError(f"{path}: is no regular file")
         if known.st_size > MOST_BYTES:
             raise InputError(f"{path}: must be at most {MOST_BYTES / 1e6:g} MB")
-        # A byte-order mark, as spreadsheets write it, is no part of the first column.
+        # Spreadsheets write a byte-order mark; it is no part of the first column.
         return path.read_text(encoding="utf-8-sig")
     except FileNotFoundError:
         raise InputError(f"{path}: no such file") from None
@@ -122,7 +122,7 @@ def _allowed(column: str) -> tuple[float, str]:
 
 
 def table_number(column: str, word: str) -> float:
-    """A number in a column of a CSV file; InputError for what no throw has."""
+    """A number in a column of a CSV file; InputError outside the range of throws."""
     try:
         value = float(word)
     except ValueError:

@@ -1,4 +1,4 @@
-"""What we write: it is there whole or not at all."""
+"""Writing files: complete, or not at all."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ def toml_lines(
 ) -> list[str]:
     """A table and those in it as lines of TOML, each key with its meaning as a comment.
 
-    meanings: by the name of the section, then by key; "" is what is said of the section itself.
+    meanings: by the name of the section, then by key; "" is the meaning of the section itself.
     place: name of the table's section, empty at the top.
     """
     about, lines, inner = meanings.get(place, {}), list[str](), list[str]()
@@ -51,16 +51,16 @@ def toml_key(name: str) -> str:
 
 
 def prepare_folder(folder: Path, names: tuple[str, ...] = (), option: str = "--out") -> Path:
-    """Make sure that `folder` is there, or can be made, and takes files `names`; InputError if not.
+    """Checks that `folder` exists or can be made and accepts files `names`; InputError if not.
 
-    option: what names the folder on the command line, for messages.
+    option: the option for the folder on the command line, for messages.
     """
     if str(folder) in ("", "."):
         raise InputError(f"{option}: needs a folder's name")
     try:
         if folder.is_file():
             raise InputError(f"{option} {folder}: is a file; must be a folder")
-        with _made(folder), tempfile.TemporaryFile(dir=folder):
+        with _make_folders(folder), tempfile.TemporaryFile(dir=folder):
             pass
     except InputError:
         raise
@@ -74,8 +74,8 @@ def prepare_folder(folder: Path, names: tuple[str, ...] = (), option: str = "--o
 
 
 @contextmanager
-def _made(folder: Path) -> Iterator[None]:
-    """`folder` and those it is in, made; those that were not there go again if they stay empty."""
+def _make_folders(folder: Path) -> Iterator[None]:
+    """Makes `folder` and its parents; removes new ones afterwards if they are empty."""
     new = [path for path in (folder, *folder.parents) if not path.exists()]
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -88,15 +88,14 @@ def _made(folder: Path) -> Iterator[None]:
 
 @contextmanager
 def filling(folder: Path, names: tuple[str, ...], option: str = "--out") -> Iterator[Path]:
-    """A folder to write files `names` into, which are then moved to `folder` together.
+    """A scratch folder for files `names`, which are moved to `folder` together.
 
-    Of the names, those that were not written are deleted there, so that nothing of an earlier
-    result is mistaken for this one's. If anything fails, nothing changes. A name without a
-    suffix is a folder's.
+    Files of these names that the block does not write are deleted from `folder`: they belong to an
+    earlier result. After an error nothing has changed. A name without a suffix is a folder's.
     """
     folder = prepare_folder(folder, tuple(name for name in names if "." in name), option)
     try:
-        with _made(folder), tempfile.TemporaryDirectory(dir=folder) as scratch:
+        with _make_folders(folder), tempfile.TemporaryDirectory(dir=folder) as scratch:
             yield Path(scratch)
             written = {path.name for path in Path(scratch).iterdir()}
             for name in names:
@@ -111,7 +110,7 @@ def filling(folder: Path, names: tuple[str, ...], option: str = "--out") -> Iter
 
 
 def copy_out(text: str, path: Path, *, force: bool = False) -> None:
-    """Write a text file, whole or not at all; InputError if it is there, unless by `force`."""
+    """Writes a text file completely or not at all; InputError if it exists, unless `force`."""
     if path.exists() and not force:
         raise InputError(f"{path}: exists already, not overwritten; --force does it")
     scratch = path.with_suffix(".part")
@@ -124,7 +123,7 @@ def copy_out(text: str, path: Path, *, force: bool = False) -> None:
 
 
 def plain(value: Any) -> Any:
-    """A value as JSON has it: tables, lists, numbers; None for a number that is not finite."""
+    """A value in the types of JSON; None for a number that is not finite."""
     if isinstance(value, Mapping):
         return {key: plain(item) for key, item in value.items()}
     if isinstance(value, list | tuple):

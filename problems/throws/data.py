@@ -1,4 +1,4 @@
-"""Measured throws as data: what a recording holds, and what all throws of a set share."""
+"""Measured throws as data: recordings, and the properties shared by a data set."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ from ..section import Section, quantity
 
 @dataclasses.dataclass(frozen=True)
 class Shared(Section):
-    """What all throws of a data set share.
+    """Properties shared by all throws of a data set.
 
     Faces and torsion of the pads are not identified. arm is None for motions of the hand;
-    synthetic says what made the throws, and is empty for real ones.
+    synthetic: origin of synthetic throws, empty for real ones.
     """
 
     landing_height: float = quantity(
@@ -48,13 +48,12 @@ class Shared(Section):
 
 @dataclasses.dataclass(frozen=True)
 class MeasuredThrow:
-    """One throw as it was recorded.
+    """The recording of one throw.
 
-    motion: times (K,) [s] and columns (K, n): the hand's x, z, theta or the arm's joints;
-    command [s]: when the opening command went out, on the motion's clock; grip: force of
-    one pad from the command on; landing: x [m], z [m], theta [rad], None if only the track
-    was measured; track (K, 4): t on the motion's clock, x, z, theta of the CoM, None if
-    only the landing was. factors: the row's other columns.
+    motion: times (K,) [s] and columns (K, n): the hand's x, z, theta or the arm's joints; command
+    [s]: time of the opening command on the motion's clock; grip: force of one pad from the command
+    on; landing: x [m], z [m], theta [rad], None without a measured landing; track (K, 4): t on the
+    motion's clock, x, z, theta of the CoM, None without a track. factors: the row's other columns.
     """
 
     name: str
@@ -70,14 +69,14 @@ class MeasuredThrow:
 
     @property
     def opening(self) -> float:
-        """When the grip force starts to fall, on the motion's clock [s]."""
+        """Time [s] on the motion's clock at which the grip force starts to fall."""
         return self.command + self.grip.dwell
 
 
 @dataclasses.dataclass(frozen=True)
 class ThrowData:
-    """A data set: its throws, what they share, the arm that its joints belong to, and what
-    is known of the truth of synthetic ones (for comparison only)."""
+    """A data set: throws, shared properties, the arm of its joints, and the true parameters of
+    synthetic throws (for comparison only)."""
 
     name: str
     shared: Shared
@@ -91,7 +90,7 @@ class ThrowData:
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """What objects leave out and what is taken instead, in words for people."""
+        """Sentences about the defaults of keys that objects leave out."""
         words = [f"[objects] {words}" for t in self.throws for words in t.object.assumed]
         return tuple(dict.fromkeys(words))
 

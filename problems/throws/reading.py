@@ -1,7 +1,7 @@
 """Measured throws on disk: a folder with dataset.toml, throws.csv and a file per recording.
 
-`dataset.toml` says what all throws share, `throws.csv` has a row per throw and names the
-files of its motion and grip force. docs/throw-data.md says it in full.
+`dataset.toml` has the shared properties; `throws.csv` has a row per throw with the names of its
+files of motion and grip force. docs/throw-data.md describes the format.
 """
 
 from __future__ import annotations
@@ -28,19 +28,19 @@ from ..grip import Grasp, ThrownObject, held_object
 from ..section import InputError, from_table, unknown
 from .data import MeasuredThrow, Shared, ThrowData
 
-#: Columns of throws.csv that mean something here; any other is a factor, a label.
+#: Columns of throws.csv with a meaning; any other column is a factor, a label.
 NEEDED = ("throw", "object", "motion", "grip", "command")
 LANDING = ("x", "z", "theta")
 MORE = ("track", "grasp_offset", "grasp_angle_deg")
 LARGEST_TRUTH = 1e300  # Whole numbers far beyond it have no float.
 #: Largest distance [m] of a landing's z from the data set's landing_height.
 HEIGHT_ERROR = 0.05
-#: Largest x [m] of a landing; beyond, the unit is another one.
+#: Largest x [m] of a landing; a larger value has another unit.
 FARTHEST = 50.0
-#: Largest theta [rad] of a landing: ten turns; beyond, the unit is another one.
+#: Largest theta [rad] of a landing, ten turns; a larger value has another unit.
 MOST_TURNED = 20 * math.pi
-#: Time [s] that a motion must cover before the force falls and after it is zero: filters err at
-#: the ends of a recording, and a late opening needs more of it.
+#: Time [s] of recorded motion before the opening and after detach: filters err at the ends of a
+#: recording, and a late opening needs later motion.
 MARGIN = 0.03
 
 
@@ -107,16 +107,16 @@ def _rows(path: Path) -> list[tuple[int, dict[str, str]]]:
         raise InputError(
             f"{path}: no landing: the first line must name the columns x, z and theta, or track"
         )
-    found = []
+    rows_read = []
     for number, line in enumerate(lines[1:], start=2):
         if not line:
             continue
         if len(line) != len(header):
             raise InputError(f"{path}: line {number} has {len(line)} cells, not {len(header)}")
-        found.append((number, dict(zip(header, (cell.strip() for cell in line), strict=True))))
-    if not found:
+        rows_read.append((number, dict(zip(header, (cell.strip() for cell in line), strict=True))))
+    if not rows_read:
         raise InputError(f"{path}: holds no throw")
-    return found
+    return rows_read
 
 
 def _throw(
@@ -173,7 +173,7 @@ def _throw(
 
 
 def _landing(row: Mapping[str, str], shared: Shared) -> tuple[float, float, float] | None:
-    """x, z [m] and theta [rad] of the row's landing; None where it has none."""
+    """x, z [m] and theta [rad] of the row's landing; None without one."""
     if not all(row.get(name) for name in LANDING):
         return None
     x, z, theta = (_number(row, name) for name in LANDING)

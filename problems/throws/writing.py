@@ -34,7 +34,7 @@ def write_throws(
     """Write dataset.toml, throws.csv and the recordings into `folder`, made if need be, in place
     of those of an earlier data set.
 
-    `load_throws` gives the same back to 9 digits; the grip force is sampled at 1 kHz.
+    `load_throws` reads it back to 9 digits; the grip force is sampled at 1 kHz.
     objects: their names in the files, else object1, object2 and so on. Raises InputError
     for a folder that cannot be written and an arm's file that `folder` does not hold.
     """
@@ -76,12 +76,15 @@ def _rows_text(data: ThrowData, objects: Mapping[ThrownObject, str], files: Sequ
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
     for throw, file in zip(data.throws, files, strict=True):
-        held = (throw.command, throw.grasp.offset, np.degrees(throw.grasp.angle))
+        hold_values = (throw.command, throw.grasp.offset, np.degrees(throw.grasp.angle))
         landing = throw.landing or ("", "", "")
         writer.writerow(
             [throw.name, objects[throw.object]]
             + [throw.factors.get(name, "") for name in factors]
-            + [value if isinstance(value, str) else FORMAT % value for value in (*held, *landing)]
+            + [
+                value if isinstance(value, str) else FORMAT % value
+                for value in (*hold_values, *landing)
+            ]
             + [f"motion/{file}", f"grip/{file}", "" if throw.track is None else f"track/{file}"]
         )
     return text.getvalue()

@@ -1,4 +1,4 @@
-"""An arm from a URDF's chain: what moves in the throw, limits from file and user, masses."""
+"""An arm from a URDF's chain: throwing joints, limits from file and user, masses."""
 
 from __future__ import annotations
 
@@ -19,11 +19,10 @@ from ..section import InputError
 from .chain import UrdfChain, hanging, joint_named
 from .frames import MissingOptionError, origin
 
-#: One value per joint; None where no option gives it.
+#: One value per joint; None without an option for it.
 Given = Sequence[float | None]
 
-#: Limits by their names in an arm data file, in the order of `JointLimits`, with the options
-#: that give them.
+#: Options for limits by their names in an arm data file, in the order of `JointLimits`.
 LIMIT_OPTIONS = {
     "position_min": "--position-min-deg",
     "position_max": "--position-max-deg",
@@ -32,8 +31,8 @@ LIMIT_OPTIONS = {
     "jerk": "--jerk",
     "torque": "--torque",
 }
-#: Limits to try where neither the URDF nor an option has them, as the options take them [deg;
-#: rad/s, rad/s^2, rad/s^3; N m]: those of a slow arm of medium size.
+#: Proposed limits for those in neither URDF nor options, in the units of the options [deg; rad/s,
+#: rad/s^2, rad/s^3; N m]: limits of a slow arm of medium size.
 PROPOSED = {
     "position_min": "-180",
     "position_max": "180",
@@ -42,22 +41,22 @@ PROPOSED = {
     "jerk": "1000",
     "torque": "50",
 }
-#: Random joint states at which the written file is compared with yourdfpy.
+#: Number of random joint states in the comparison with yourdfpy.
 STATES = 24
-#: Largest difference [m; -] from yourdfpy at these states; beyond it nothing is written.
+#: Largest difference [m; -] from yourdfpy at these states for a file to be written.
 EXACT = 1e-9
-#: Angles [rad] that joints which do not throw are tried at, besides the posture's.
+#: Angles [rad] tried for joints that do not throw, besides the posture's.
 QUARTERS = (math.pi, math.pi / 2, -math.pi / 2)
-#: Largest cosine between axes that count as perpendicular, or 1 less that of parallel ones.
+#: Largest cosine of perpendicular axes, and largest deviation from 1 of parallel ones.
 ALIGNED = 1e-6
 CHANGE = "; change --azimuth, --throwing, --posture-deg, --tool or --approach"
-#: Least distance [m] behind the pads of the point that stands for a hand without a palm.
+#: Smallest distance [m] behind the pads of the point that represents a hand without a palm.
 NO_PALM = 0.1
 
 
 @dataclass(frozen=True)
 class Choices:
-    """What a URDF does not say; None or empty: found from the chain.
+    """Properties that a URDF does not have; None or empty: derived from the chain.
 
     azimuth, throwing: joint names; posture [rad]: a value per joint. tcp [m]: from the tool
     link to the pads' centre along the approach direction; palm [m]: back, front and half
@@ -73,12 +72,12 @@ class Choices:
 
 
 def limits_of(chain: UrdfChain, given: Mapping[str, Given]) -> JointLimits:
-    """The joints' limits: given ones before the file's.
+    """The joints' limits: given ones, else the file's.
 
-    given: by the names in `LIMIT_OPTIONS`, in SI units. MissingOptionError with all that are in
+    given: by the names in `LIMIT_OPTIONS`, in SI units. MissingOptionError with all limits in
     neither.
     """
-    found: dict[str, tuple[float, ...]] = {}
+    limits: dict[str, tuple[float, ...]] = {}
     missing, proposals = list[str](), dict[str, list[str]]()
     for name, option in LIMIT_OPTIONS.items():
         own = [_in_file(joint, name) for joint in chain.joints]
@@ -91,7 +90,7 @@ def limits_of(chain: UrdfChain, given: Mapping[str, Given]) -> JointLimits:
             proposals[option] = [PROPOSED[name] if v is None else "-" for v in values]
             if len(lacking) == len(values):
                 proposals[option] = [PROPOSED[name]]
-        found[name] = tuple(v for v in values if v is not None)
+        limits[name] = tuple(v for v in values if v is not None)
     if missing:
         raise MissingOptionError(
             f"limits are missing that the URDF does not hold; the robot's data sheet has them: "
@@ -99,15 +98,17 @@ def limits_of(chain: UrdfChain, given: Mapping[str, Given]) -> JointLimits:
             proposals,
         )
     for name, option in LIMIT_OPTIONS.items():
-        for joint, value in zip(chain.names, found[name], strict=True):
+        for joint, value in zip(chain.names, limits[name], strict=True):
             if not name.startswith("position") and value <= 0:
                 raise InputError(f"{option}: {value:g} for '{joint}': must be above 0")
-    for joint, *ends in zip(chain.names, found["position_min"], found["position_max"], strict=True):
+    for joint, *ends in zip(
+        chain.names, limits["position_min"], limits["position_max"], strict=True
+    ):
         if ends[0] >= ends[1]:
             first, last = map(math.degrees, ends)
             words = f"{first:g} for '{joint}': must be below {last:g}"
             raise InputError(f"--position-min-deg: {words}")
-    low, high, velocity, acceleration, jerk, torque = (found[name] for name in LIMIT_OPTIONS)
+    low, high, velocity, acceleration, jerk, torque = (limits[name] for name in LIMIT_OPTIONS)
     return JointLimits(low, high, velocity, acceleration, jerk, torque)
 
 
@@ -136,7 +137,7 @@ def arm_of(chain: UrdfChain, limits: JointLimits, choices: Choices) -> Arm:
     _check_base(draft, chain)
     if throwing:
         _check_posture(draft, chain)
-    arm = _planar(draft, [] if choices.posture else QUARTERS)
+    arm = _find_planar_posture(draft, [] if choices.posture else QUARTERS)
     if not choices.posture:
         arm = dataclasses.replace(arm, posture=_pads_in_plane(arm))
     _check_posture(arm, chain)
@@ -163,18 +164,20 @@ def kinematics_difference(arm: Arm, chain: UrdfChain, states: int = STATES) -> f
     reach = np.eye(4)
     reach[2, 3] = arm.tool.tcp
     low, high = np.array(arm.limits.position_min), np.array(arm.limits.position_max)
-    most = 0.0
+    largest = 0.0
     for state in np.random.default_rng(0).uniform(low, high, (states, arm.joints)):
         *frames, _, tcp = (np.array(pose) for pose in function(state))
         origins, axes, hand = chain.posed(state)
         for frame, place, axis in zip(frames, origins, axes, strict=True):
-            most = max(most, np.abs(frame[:3, 3] - place).max(), np.abs(frame[:3, 2] - axis).max())
-        most = max(most, np.abs(tcp - hand @ reach).max())
-    return float(most)
+            largest = max(
+                largest, np.abs(frame[:3, 3] - place).max(), np.abs(frame[:3, 2] - axis).max()
+            )
+        largest = max(largest, np.abs(tcp - hand @ reach).max())
+    return float(largest)
 
 
 def _in_file(joint: object, name: str) -> float | None:
-    """A joint's limit in the URDF; None where it has none that means anything."""
+    """A joint's limit in the URDF; None without a meaningful one."""
     limit = getattr(joint, "limit", None)
     if limit is None:
         return None
@@ -214,7 +217,7 @@ def _check_base(arm: Arm, chain: UrdfChain) -> None:
         )
 
 
-def _planar(arm: Arm, ways: Sequence[float]) -> Arm:
+def _find_planar_posture(arm: Arm, ways: Sequence[float]) -> Arm:
     """The arm with the posture in which the most joints throw in one vertical plane.
 
     ways [rad]: what joints that do not throw may keep, besides the posture's own angle; the least
@@ -224,7 +227,7 @@ def _planar(arm: Arm, ways: Sequence[float]) -> Arm:
     q = ca.SX.sym("q", arm.joints)
     function = ca.Function("axes", [q], [ca.horzcat(*(pose[:3, 2] for pose in arm.frames(q)))])
     low, high = arm.limits.position_min, arm.limits.position_max
-    found: list[tuple[int, float, Array, tuple[int, ...], Array]] = []
+    postures: list[tuple[int, float, Array, tuple[int, ...], Array]] = []
     todo: list[tuple[int, Array, tuple[int, ...], Array | None]] = [
         (1, np.array(arm.posture), (), None)
     ]
@@ -236,13 +239,13 @@ def _planar(arm: Arm, ways: Sequence[float]) -> Arm:
                 turned = np.abs(
                     np.delete(posture, [arm.azimuth_joint - 1, *np.array(throwing) - 1])
                 )
-                found.append((-len(throwing), float(turned.sum()), posture, throwing, normal))
+                postures.append((-len(throwing), float(turned.sum()), posture, throwing, normal))
             continue
-        axis, wanted = axes[joint - 1], joint in (arm.throwing_joints or (joint,))
+        axis, throws = axes[joint - 1], joint in (arm.throwing_joints or (joint,))
         level = abs(axis[2]) < ALIGNED if normal is None else abs(axis @ normal) > 1 - ALIGNED
         if joint == arm.azimuth_joint:
             todo.append((joint + 1, posture, throwing, normal))
-        elif wanted and level:
+        elif throws and level:
             todo.append((joint + 1, posture, (*throwing, joint), axis))
         else:
             for angle in [*(way for way in ways if not level), posture[joint - 1]]:
@@ -250,12 +253,12 @@ def _planar(arm: Arm, ways: Sequence[float]) -> Arm:
                     other = posture.copy()
                     other[joint - 1] = angle
                     todo.append((joint + 1, other, throwing, normal))
-    if not found:
+    if not postures:
         raise InputError(
             f"arm {arm.name}: its joints do not move the hand in the vertical plane of the azimuth "
             f"joint{CHANGE}"
         )
-    _, _, posture, throwing, normal = min(found, key=lambda each: each[:2])
+    _, _, posture, throwing, normal = min(postures, key=lambda each: each[:2])
     turn, at = math.pi / 2 - math.atan2(normal[1], normal[0]), arm.azimuth_joint - 1
     up = float(np.array(function(posture))[2, at])
     angles = [posture[at] + up * (turn + k * math.pi) for k in (0, -1, 1, -2)]
@@ -303,14 +306,14 @@ def link_inertias(chain: UrdfChain) -> tuple[LinkInertia, ...]:
     the tool link and what hangs on it are the hand. Empty if the file has no masses.
     """
     stops = [*chain.names, *(joint.name for joint in chain.path if joint.child == chain.tool)]
-    found = []
+    inertias = []
     for joint, turn in zip(chain.joints, chain.turns, strict=True):
         is_hand = joint.child == chain.tool
         bodies = [] if is_hand else list(_bodies(chain.robot, joint.child, turn.T, stops))
-        found.append(_merged(bodies))
+        inertias.append(_merge_bodies(bodies))
     hand = _bodies(chain.robot, chain.tool, chain.hand_turn.T, stops)
-    found.append(_merged(list(hand)))
-    return tuple(found) if any(link.mass for link in found) else ()
+    inertias.append(_merge_bodies(list(hand)))
+    return tuple(inertias) if any(link.mass for link in inertias) else ()
 
 
 def held_joints(chain: UrdfChain) -> list[str]:
@@ -322,11 +325,11 @@ def held_joints(chain: UrdfChain) -> list[str]:
             todo.append(joint.child)
             if joint not in chain.path:
                 joints.append(joint)
-    held = [j for j in joints if j.type != "fixed" and j.name not in chain.names]
-    for joint in held:
+    fixed_joints = [j for j in joints if j.type != "fixed" and j.name not in chain.names]
+    for joint in fixed_joints:
         if joint.mimic is not None and joint.mimic.joint in chain.names:
             raise InputError(f"joint '{joint.name}' mimics '{joint.mimic.joint}': not supported")
-    return [joint.name for joint in held]
+    return [joint.name for joint in fixed_joints]
 
 
 def _bodies(
@@ -346,7 +349,7 @@ def _bodies(
             yield from _bodies(robot, joint.child, at @ origin(joint), stops)
 
 
-def _merged(bodies: list[tuple[float, Array, Array]]) -> LinkInertia:
+def _merge_bodies(bodies: list[tuple[float, Array, Array]]) -> LinkInertia:
     """Bodies as one: masses added, inertias moved to the common CoM (Steiner)."""
     mass = sum(body[0] for body in bodies)
     if not mass:

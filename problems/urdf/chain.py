@@ -14,8 +14,8 @@ from ...models.robot import JointFrame
 from ..section import InputError
 from .frames import AXES, MissingOptionError, axis_turn, frame_of, hand_turn, origin, unit_axis
 
-#: Cosine between an axis of the tool link and the way to what hangs on it, above which the hand
-#: seems to point along the axis.
+#: Cosine between an axis of the tool link and the direction to its child links above which the hand
+#: points along the axis.
 POINTS = 0.8
 
 
@@ -51,16 +51,16 @@ class UrdfChain:
     def frames(self) -> tuple[JointFrame, ...]:
         """The arm's joint frames, then the hand's, each in the frame before, at angle 0.
 
-        Fixed joints are folded in, and so are those that are not chosen, at 0.
+        Fixed joints, and joints not chosen (at 0), are folded in.
         """
         turns = dict(zip(self.names, self.turns, strict=True))
-        found, at = [], self.begin
+        poses, at = [], self.begin
         for joint in self.path:
             at = at @ origin(joint)
             if joint.name in turns:
-                found.append(frame_of(at @ turns[joint.name]))
+                poses.append(frame_of(at @ turns[joint.name]))
                 at = turns[joint.name].T
-        return (*found, frame_of(at @ self.hand_turn))
+        return (*poses, frame_of(at @ self.hand_turn))
 
     def posed(self, q: Sequence[float]) -> tuple[Array, Array, Array]:
         """By yourdfpy: joint origins (n, 3), axes (n, 3) and the hand's pose (4, 4).
@@ -172,15 +172,15 @@ def _turning(robot: Any, link: str) -> list[str]:
 
 def _hands(robot: Any) -> list[str]:
     """Links that may be a hand: two joints or more turn it, and one at most hangs on it."""
-    turned = {link: _turning(robot, link) for link in robot.link_map}
-    inner = {joint for names in turned.values() for joint in names[:-2]}
-    return [link for link, names in turned.items() if len(names) > 1 and names[-1] not in inner]
+    joints_to = {link: _turning(robot, link) for link in robot.link_map}
+    inner = {joint for names in joints_to.values() for joint in names[:-2]}
+    return [link for link, names in joints_to.items() if len(names) > 1 and names[-1] not in inner]
 
 
 def _approach(robot: Any, path: Sequence[Any], tool: str) -> str:
-    """z, the axis of the tool link out of the hand; InputError where it seems to be another one.
+    """z, the axis of the tool link out of the hand; InputError if the links suggest another one.
 
-    What hangs on the link shows where the hand points, or else the way from the joint before.
+    The child links of the tool show the direction of the hand, else the way from the joint before.
     """
     hung = [at[:3, 3] for _, at in _below(robot, tool)]
     away = np.mean(hung, axis=0) if hung else np.zeros(3)
@@ -261,19 +261,19 @@ def _link(robot: Any, option: str, name: str) -> str:
     return name
 
 
-def _near(name: str, known: Iterable[str]) -> str:
+def _near(name: str, names: Iterable[str]) -> str:
     """Words for the name that is like `name`, or else for all."""
-    return InputError.hint(name, known) or f" (there are: {', '.join(known)})"
+    return InputError.hint(name, names) or f" (there are: {', '.join(names)})"
 
 
 def _path(robot: Any, link: str) -> list[Any]:
     """The joints from the root to a link."""
     manipulators = {joint.child: joint for joint in robot.robot.joints}
-    found: list[Any] = []
+    joints_to_root: list[Any] = []
     while link in manipulators:
-        found.insert(0, manipulators[link])
+        joints_to_root.insert(0, manipulators[link])
         link = manipulators[link].parent
-    return found
+    return joints_to_root
 
 
 def _check_serial(robot: Any, chosen: list[Any]) -> None:

@@ -14,7 +14,7 @@ from ..section import InputError
 
 
 class MissingOptionError(InputError):
-    """Options without which no arm can be made, each with a value to try.
+    """Missing options of an arm, each with a value to try.
 
     proposals: words for the command line by option, one word or one per joint.
     """

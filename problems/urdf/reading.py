@@ -20,11 +20,11 @@ from ..files import read_text
 from ..section import InputError
 from .frames import frame_of, origin, unit_axis
 
-#: Largest difference [rad] from a right angle that is taken for rounding: 1.5708, 3.1416.
+#: Largest deviation [rad] from a right angle that is rounding, as in 1.5708 and 3.1416.
 ROUNDED = 1e-5
-#: Most links of a robot that is read.
+#: Largest number of links of a robot.
 MOST_LINKS = 500
-#: Largest length [m], angle [rad], mass [kg] or inertia [kg m^2] of a robot that is read.
+#: Largest length [m], angle [rad], mass [kg] or inertia [kg m^2] of a robot.
 BEYOND = 1e4
 #: Types of joints.
 TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
@@ -46,11 +46,11 @@ def read_urdf(path: Path) -> Any:
         ) from None
     logging.getLogger("yourdfpy.urdf").setLevel(logging.CRITICAL)
     try:
-        parsed = _fetched(path.name) if named else _parsed(text, path)
+        parsed = _fetch(path.name) if named else _parse(text, path)
         _check_tree(parsed.robot)
         _check_numbers(parsed.robot)
         for joint in parsed.robot.joints:
-            joint.origin = _squared(origin(joint))
+            joint.origin = _round_right_angles(origin(joint))
         return yourdfpy.URDF(robot=parsed.robot, load_meshes=False)
     except Exception as error:  # yourdfpy lets through whatever its parts raise.
         reason = " ".join(str(error).split()) or type(error).__name__
@@ -58,7 +58,7 @@ def read_urdf(path: Path) -> Any:
 
 
 def urdf_file(path: Path) -> Path:
-    """The file that `read_urdf` reads, of robot_descriptions too; `path` where it says none."""
+    """The file that `read_urdf` reads, also for robot_descriptions; `path` if that names none."""
     if not _is_description(path):
         return path
     try:
@@ -72,16 +72,16 @@ def _is_description(path: Path) -> bool:
     return path.name.endswith("_description") and not path.exists()
 
 
-def _parsed(text: str, path: Path) -> Any:
-    """A file as yourdfpy has it, which mends broken ones by leaving out what it cannot read."""
+def _parse(text: str, path: Path) -> Any:
+    """The file parsed by yourdfpy, which skips unreadable parts of broken files."""
     import yourdfpy
 
-    text = _declared(text)
+    text = _declare_prefixes(text)
     root = ElementTree.fromstring(text)
     if root.tag != "robot":
         raise ValueError("its root is not <robot>")
     if any("xacro" in part.tag for part in root.iter()):
-        text = _expanded(path)
+        text = _expand_xacro(path)
         root = ElementTree.fromstring(text)
     links = sum(1 for _ in root.iter("link"))
     if links > MOST_LINKS:
@@ -89,7 +89,7 @@ def _parsed(text: str, path: Path) -> Any:
     return yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False, build_scene_graph=False)
 
 
-def _fetched(name: str) -> Any:
+def _fetch(name: str) -> Any:
     """A robot of robot_descriptions as yourdfpy has it; the package fetches its files at first."""
     try:
         load = importlib.import_module("robot_descriptions.loaders.yourdfpy")
@@ -98,7 +98,7 @@ def _fetched(name: str) -> Any:
     return load.load_robot_description(name, load_meshes=False, build_scene_graph=False)
 
 
-def _declared(text: str) -> str:
+def _declare_prefixes(text: str) -> str:
     """The text with the prefixes of its names declared, which XML asks for and ROS does not."""
     used = set(re.findall(r"<(\w+):", text)) | set(re.findall(r"<[^<>]*?\s(\w+):\w+\s*=", text))
     missing = used - set(re.findall(r"xmlns:(\w+)", text)) - {"xmlns", "xml"}
@@ -106,18 +106,18 @@ def _declared(text: str) -> str:
     return re.sub(r"<robot\b", f"<robot{names}", text, count=1)
 
 
-def _squared(pose: Array) -> Array:
+def _round_right_angles(pose: Array) -> Array:
     """A pose whose right angles are right to the last digit."""
     frame = frame_of(pose)
-    near = [round(angle / (math.pi / 2)) * math.pi / 2 for angle in frame.rpy]
-    pairs = zip(frame.rpy, near, strict=True)
+    rounded = [round(angle / (math.pi / 2)) * math.pi / 2 for angle in frame.rpy]
+    pairs = zip(frame.rpy, rounded, strict=True)
     if not any(1e-14 < abs(angle - right) < ROUNDED for angle, right in pairs):
         return pose
-    rpy = [r if abs(a - r) < ROUNDED else a for a, r in zip(frame.rpy, near, strict=True)]
+    rpy = [r if abs(a - r) < ROUNDED else a for a, r in zip(frame.rpy, rounded, strict=True)]
     return np.array(ca.evalf(placement(frame.xyz, (rpy[0], rpy[1], rpy[2]))))
 
 
-def _expanded(path: Path) -> str:
+def _expand_xacro(path: Path) -> str:
     """The URDF that a xacro file stands for."""
     from xacrodoc import XacroDoc
 

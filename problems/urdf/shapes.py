@@ -18,17 +18,17 @@ from ...models.robot import LinkCapsule, segment_distance
 from .chain import UrdfChain
 from .reading import BEYOND
 
-#: Positions of the fingers, as shares of their joints' ranges.
+#: Positions of the fingers with shapes, as shares of their joints' ranges.
 OPENINGS = (0.0, 0.25, 0.5, 0.75, 1.0)
 #: Sides of the prism that stands for a cylinder: its corners are 0.1 % of the radius inside.
 SIDES = 64
-#: Random directions whose outermost points a capsule is fitted to.
+#: Number of random directions; a capsule is fitted to the outermost points in them.
 DIRECTIONS = 500
-#: Decimals of the capsules' lengths [m]: 1 mm.
+#: Decimals of the capsules' lengths [m], 1 mm.
 DIGITS = 3
-#: Largest difference of the numbers of links that meet at a joint, as in the check.
+#: Largest difference of the numbers of neighbouring links; their collisions are not checked.
 NEIGHBOURS = 2
-#: Random joint states at which capsules of other links are compared.
+#: Number of random joint states in the comparison of capsules of different links.
 STATES = 60
 #: Weights [1/m²] of points outside a capsule, beside its volume in litres, one solve each.
 PENALTIES = (3e2, 3e4, 3e6)
@@ -36,7 +36,7 @@ PENALTIES = (3e2, 3e4, 3e6)
 
 @dataclass(frozen=True)
 class LinkShapes:
-    """Capsules of a robot's links, and how far [m] the links' meshes stick out of them at most.
+    """Capsules of a robot's links, and the largest distance [m] of the links' meshes outside them.
 
     unread: the URDF's links whose meshes could not be read.
     """
@@ -49,20 +49,24 @@ class LinkShapes:
 def link_shapes(chain: UrdfChain, file: Path) -> LinkShapes:
     """A capsule of about the least volume around the meshes of each URDF link.
 
-    A link within the capsules of others that the same joint moves has none of its own.
+    A link inside the capsules of other links of its joint has no capsule.
     """
     meshes, unread = link_meshes(chain, file)
-    found, clouds = list[LinkCapsule](), list[tuple[int, Array]]()
+    capsules_found, clouds = list[LinkCapsule](), list[tuple[int, Array]]()
     for number in sorted(meshes):
         own = [np.vstack([mesh.vertices for mesh in each]) for each in meshes[number]]
         for points in sorted(own, key=lambda cloud: -float(np.ptp(cloud, axis=0).max())):
-            if _outside(points, [c for c in found if c.link == number]) > 0.0:
-                found.append(_around(number, points))
+            if _outside(points, [c for c in capsules_found if c.link == number]) > 0.0:
+                capsules_found.append(_around(number, points))
         clouds += [(number, points) for points in own]
-    less = _overlap(chain, found)
-    found = [replace(c, radius=max(round(c.radius - less, DIGITS), 1e-3)) for c in found]
-    outside = [_outside(points, [c for c in found if c.link == n]) for n, points in clouds]
-    return LinkShapes(tuple(found), math.ceil(1e3 * max(outside, default=0.0)) / 1e3, tuple(unread))
+    less = _overlap(chain, capsules_found)
+    capsules_found = [
+        replace(c, radius=max(round(c.radius - less, DIGITS), 1e-3)) for c in capsules_found
+    ]
+    outside = [_outside(points, [c for c in capsules_found if c.link == n]) for n, points in clouds]
+    return LinkShapes(
+        tuple(capsules_found), math.ceil(1e3 * max(outside, default=0.0)) / 1e3, tuple(unread)
+    )
 
 
 def link_meshes(chain: UrdfChain, file: Path) -> tuple[dict[int, list[list[Any]]], list[str]]:
@@ -75,7 +79,7 @@ def link_meshes(chain: UrdfChain, file: Path) -> tuple[dict[int, list[list[Any]]
     frames = _frames(chain)
     moved_by, still = _numbers(chain), dict.fromkeys(robot.actuated_joint_names, 0.0)
     fingers = {name for name in still if moved_by[robot.joint_map[name].parent] == hand}
-    found, unread = dict[int, list[list[Any]]](), list[str]()
+    meshes, unread = dict[int, list[list[Any]]](), list[str]()
     for link in robot.link_map.values():
         number, placed = moved_by[link.name], list[Any]()
         try:
@@ -90,9 +94,9 @@ def link_meshes(chain: UrdfChain, file: Path) -> tuple[dict[int, list[list[Any]]
             pose = np.linalg.inv(turn) @ robot.get_transform(link.name, frame)
             placed += [part.copy().apply_transform(pose) for part in parts]
         if placed:
-            found.setdefault(number, []).append(placed)
+            meshes.setdefault(number, []).append(placed)
     robot.update_cfg(still)
-    return found, unread
+    return meshes, unread
 
 
 def _frames(chain: UrdfChain) -> list[tuple[str, Array]]:
@@ -108,13 +112,13 @@ def _numbers(chain: UrdfChain) -> dict[str, int]:
     numbers = {joint.child: i for i, joint in enumerate(chain.joints, start=1)}
     numbers[chain.tool] = len(numbers) + 1
     manipulators = {joint.child: joint.parent for joint in chain.robot.robot.joints}
-    found = {}
+    numbers_of = {}
     for name in chain.robot.link_map:
         at = name
         while at in manipulators and at not in numbers:
             at = manipulators[at]
-        found[str(name)] = numbers.get(at, 0)
-    return found
+        numbers_of[str(name)] = numbers.get(at, 0)
+    return numbers_of
 
 
 def _between(joint: Any, share: float) -> float:
@@ -159,9 +163,9 @@ def _path(name: str, file: Path) -> Path:
     for variable, inside in (("ROS_PACKAGE_PATH", ""), ("AMENT_PREFIX_PATH", "share")):
         folders = os.environ.get(variable, "").split(os.pathsep)
         ros += [Path(folder) / inside for folder in folders if folder]
-    tried = [folder / package / rest for folder in [*above, *ros]]
-    tried += [folder / rest for folder in above]
-    return next((path for path in tried if path.is_file()), tried[0])
+    candidates = [folder / package / rest for folder in [*above, *ros]]
+    candidates += [folder / rest for folder in above]
+    return next((path for path in candidates if path.is_file()), candidates[0])
 
 
 # Capsules.
@@ -179,9 +183,9 @@ def _around(number: int, points: Array) -> LinkCapsule:
     outer, best, least = _outermost(points), np.zeros(7), math.inf
     axes = np.linalg.svd(outer - outer.mean(axis=0), full_matrices=False)[2]
     for axis in axes:
-        along = (points - middle) @ axis
-        half = max((along.max() - along.min()) / 4, 1e-3) * axis
-        x = np.concatenate([middle - half, middle + half, [np.abs(along).max()]])
+        axial = (points - middle) @ axis
+        half = max((axial.max() - axial.min()) / 4, 1e-3) * axis
+        x = np.concatenate([middle - half, middle + half, [np.abs(axial).max()]])
         for penalty in PENALTIES:
             x = minimize(_cost, x, args=(outer, penalty), jac=True, method="L-BFGS-B").x
         x[:6] = x[:6].round(DIGITS) + 0.0
@@ -194,13 +198,13 @@ def _around(number: int, points: Array) -> LinkCapsule:
 
 def _cost(x: Array, points: Array, penalty: float) -> tuple[float, Array]:
     """Volume [L] of the capsule x (begin, end, radius), with a penalty for points outside."""
-    distance, away, share = _distances(points, x)
+    distance, difference, share = _distances(points, x)
     d, r = x[3:6] - x[:3], float(x[6])
     length = math.hypot(*d, 1e-6)
     out = np.maximum(distance - r, 0.0)
     value = 1e3 * math.pi * (r**2 * length + 4 / 3 * abs(r) ** 3) + penalty * (out**2).sum()
     pull = 2 * penalty * out
-    towards = (pull / np.maximum(distance, 1e-12))[:, None] * away
+    towards = (pull / np.maximum(distance, 1e-12))[:, None] * difference
     stretch = 1e3 * math.pi * r**2 / length * d
     begin, end = -stretch - (1 - share) @ towards, stretch - share @ towards
     swell = 1e3 * math.pi * (2 * r * length + 4 * r * abs(r)) - pull.sum()
@@ -211,18 +215,18 @@ def _distances(points: Array, x: Array) -> tuple[Array, Array, Array]:
     """Distances (N,), differences (N, 3) and shares (N,) of points (N, 3) from the segment x."""
     d = x[3:6] - x[:3]
     share = np.clip((points - x[:3]) @ d / max(float(d @ d), 1e-12), 0.0, 1.0)
-    away = points - x[:3] - share[:, None] * d
-    return np.linalg.norm(away, axis=1), away, share
+    differences = points - x[:3] - share[:, None] * d
+    return np.linalg.norm(differences, axis=1), differences, share
 
 
 def _outside(points: Array, capsules: Sequence[LinkCapsule]) -> float:
     """Largest distance [m] of points (N, 3) outside the capsule that holds them best."""
     segments = [np.array([*c.begin, *c.end]) for c in capsules]
-    away = [
+    excess = [
         float(_distances(points, x)[0].max()) - c.radius
         for x, c in zip(segments, capsules, strict=True)
     ]
-    return max(min(away, default=math.inf), 0.0)
+    return max(min(excess, default=math.inf), 0.0)
 
 
 def _overlap(chain: UrdfChain, capsules: Sequence[LinkCapsule]) -> float:
@@ -231,14 +235,14 @@ def _overlap(chain: UrdfChain, capsules: Sequence[LinkCapsule]) -> float:
     Capsules around a compact wrist and hand meet where their meshes do not.
     """
     states = np.random.default_rng(0).uniform(-math.pi, math.pi, (STATES, len(chain.names)))
-    most = 0.0
+    largest = 0.0
     placed = np.array([_ends(chain, capsules, state) for state in states])
     for i, j in itertools.combinations(range(len(capsules)), 2):
         one, other = capsules[i], capsules[j]
         if other.link - one.link > NEIGHBOURS:
             apart = segment_distance(*placed[:, i].swapaxes(0, 1), *placed[:, j].swapaxes(0, 1))
-            most = max(most, (one.radius + other.radius - float(np.median(apart))) / 2)
-    return float(math.ceil(most * 10**DIGITS) / 10**DIGITS)
+            largest = max(largest, (one.radius + other.radius - float(np.median(apart))) / 2)
+    return float(math.ceil(largest * 10**DIGITS) / 10**DIGITS)
 
 
 def _ends(chain: UrdfChain, capsules: Sequence[LinkCapsule], state: Array) -> list[Array]:

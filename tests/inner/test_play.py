@@ -11,7 +11,7 @@ from typing import Any
 import pytest
 import throwplan as tp
 from browser import browsing, needs_browser
-from throwplan.planner.play import PlayPage, first_plan, late_and_early
+from throwplan.planner.play import PlayPage, first_plan, sweep_delays
 from throwplan.planner.show import empty_page
 
 
@@ -79,7 +79,7 @@ def test_wrong_wishes_are_refused_and_planning_goes_on(page: Any) -> None:
     found.plans.finish()
     assert found.plan.target.x == 1.15
     found.folder.value = ""
-    with pytest.raises(tp.InputError, match="folder: needs a name"):
+    with pytest.raises(tp.InputError, match="folder: is empty"):
         found.save()
 
 
@@ -108,11 +108,11 @@ def test_the_plan_is_thrown_and_thrown_off_time(page: Any) -> None:
 def test_a_plan_against_delays_bears_more_of_them(page: Any) -> None:
     found, _ = page
     found.delay.value = 4.0
-    before = late_and_early(found.plan, 0.004).success.mean()
+    before = sweep_delays(found.plan, 0.004).success.mean()
     found.robust.value = True
     found.plans.finish()
     assert found.plan.robust and found.plan.scene.uncertainty.delay.uniform == 0.004
-    assert late_and_early(found.plan, 0.004).success.mean() > before
+    assert sweep_delays(found.plan, 0.004).success.mean() > before
 
 
 @pytest.mark.slow

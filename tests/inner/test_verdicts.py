@@ -180,9 +180,9 @@ def test_hard_braking_does_not_hide_a_grip_that_slips_before_the_opening() -> No
     assert 0.0 < found.success.mean() < 1.0
     (warning,) = (f for f in plan.verdict.warnings if f.code is Code.UNCERTAIN)
     assert warning.value == pytest.approx(1.0 - found.landings.sticks.mean(), abs=0.02)
-    assert "slip in the full grip" in warning.words and "sticking_margin" in warning.words
+    assert "slip under full grip" in warning.words and "sticking_margin" in warning.words
     assert warning.words in plan.summary()
-    assert f"{100 * use:.0f} % of its friction before it opens" in plan.summary()
+    assert f"{100 * use:.0f} % of its friction limit before the opening" in plan.summary()
     assert f"{100 * (1 - use):.0f} % are left" in plan.summary()
 
 

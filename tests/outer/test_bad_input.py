@@ -531,7 +531,7 @@ plan pose --velocity 9 | velocity = 9: must be at most 5
 plan pose --velocity nan | --velocity nan: must be a finite number
 plan pose --arrival 0.05 | arrival = 0.05: must be above 0.1 s, the gripper's dwell and opening
 plan pose --arrival 2 1 | arrival = [2, 1]: the earliest comes first
-plan pose --arrival 1 2 3 | --arrival: one time, or the earliest and the latest
+plan pose --arrival 1 2 3 | --arrival: must be one time, or the earliest and the latest
 plan pose --velocity 0.1 --robust auto | velocity and arrival go with neither robust nor
 prepare hand-box --throws 0 | --throws 0: must be a whole number, 1 to 10000
 prepare hand-box --throws many | --throws many: must be a whole number

@@ -99,7 +99,7 @@ def test_a_broken_matplotlibrc_costs_pictures_only(tmp_path) -> None:
     process = started("plan hand-box --out out", tmp_path)
     _, err = process.communicate(timeout=300)
     assert process.returncode == 2 and err.count("\n") == 1, err
-    assert err.startswith("throwplan: --out out: the plan is there, but not its pictures: ")
+    assert err.startswith("throwplan: --out out: the plan is written, its pictures are not: ")
     assert json.loads((tmp_path / "out/plan.json").read_text())["status"] == "solved"
     assert (tmp_path / "out/motion.csv").is_file()
 

@@ -449,10 +449,10 @@ def test_files_that_are_not_there_or_in_the_way(tmp_path, odd_file, refused, unt
     untouched()
     words = ["--joints", *JOINTS, *ODD_OPTIONS, "--out"]
     for out, message in (
-        (tmp_path / "no" / "arm.toml", "its folder is not there"),
+        (tmp_path / "no" / "arm.toml", "its folder does not exist"),
         (tmp_path / "arm.json", "must end in .toml"),
         (taken, "exists already"),
-        (taken / "arm.toml", "its folder is not there"),
+        (taken / "arm.toml", "its folder does not exist"),
     ):
         assert message in refused("import-robot", odd_file, *words, out)
     missing = refused("import-robot", tmp_path / "none.urdf", *words, tmp_path / "arm.toml")

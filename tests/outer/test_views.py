@@ -46,7 +46,7 @@ def test_it_serves_until_interrupted(saved, interruptible, free_port, command) -
         process.kill()
         process.wait()
     assert (process.returncode, out) == (0, "")
-    assert err == "throwplan: no browser to open here; open the address\n"
+    assert err == "throwplan: found no browser; open the address in one\n"
 
 
 @pytest.mark.slow

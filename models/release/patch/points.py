@@ -1,4 +1,4 @@
-"""The pad patch as points: where it presses, and the friction of all points together.
+"""The pad patch as points: their pressure, and their total friction.
 
 A disc under 'uniform' or 'hertz' pressure gets rings of points; its radius is chosen so
 that pure torsion is c r_p mu f_N, the limit of the ellipsoid in (19) of Liu and Billard.
@@ -13,10 +13,10 @@ import numpy as np
 
 from ...body import Array, Flags
 
-#: Most Newton iterations of a step: two or three are usual, 18 were the most in trials.
+#: Largest number of Newton iterations of a step; usual are two or three, 18 the most in trials.
 ITERATIONS = 60
-#: Residual over the limit that ends them. It rises tenfold every PATIENCE iterations, and
-#: after the first of them to what rounding of u / creep keeps where a point all but sticks.
+#: Residual over the friction limit at which they end. It rises tenfold every PATIENCE iterations,
+#: and after the first of these to the rounding of u / creep at an almost sticking point.
 TOLERANCE = 1e-12
 PATIENCE = 12
 
@@ -58,8 +58,10 @@ def disc(pressure: str = "uniform", points: int = 64, torsion_arm: float = 1.0) 
     radius, share = _gauss(np.sin(phi), density / density.sum(), rings)
     angle = (np.arange(sectors) + 0.5) * (2.0 * math.pi / sectors)
     r = np.repeat(radius, sectors) * RADIUS_PER_ARM[pressure] * torsion_arm
-    around = np.tile(angle, rings)
-    return Patch(r * np.cos(around), r * np.sin(around), np.repeat(share / sectors, sectors))
+    angles_tiled = np.tile(angle, rings)
+    return Patch(
+        r * np.cos(angles_tiled), r * np.sin(angles_tiled), np.repeat(share / sectors, sectors)
+    )
 
 
 def _gauss(nodes: Array, weights: Array, count: int) -> tuple[Array, Array]:
@@ -139,8 +141,8 @@ class PointSolver:
 
         slip, share: where to start.
         """
-        found, shares = slip.copy(), share.copy()
-        left = np.arange(slip.shape[1])
+        slips_found, shares = slip.copy(), share.copy()
+        unsolved = np.arange(slip.shape[1])
         floor = TOLERANCE * (problem.limit + np.abs(problem.momentum(problem.free)).max(axis=0))
         for i in range(ITERATIONS):
             u = self.slips(slip)
@@ -148,30 +150,33 @@ class PointSolver:
             steep = 1.0 / (problem.creep + speed)
             exact = (u + problem.creep * problem.memory) * steep
             rest = problem.momentum(slip - problem.free) + problem.limit * self.collect(exact)
-            allowed = floor[left] * 10.0 ** (i // PATIENCE)
+            allowed = floor[unsolved] * 10.0 ** (i // PATIENCE)
             if i >= PATIENCE:
                 allowed = np.maximum(allowed, self._rounding(problem, slip, steep))
             done = np.abs(rest).max(axis=0) <= allowed
             if done.any():
-                found[:, left[done]], shares[:, :, left[done]] = slip[:, done], exact[:, :, done]
+                slips_found[:, unsolved[done]], shares[:, :, unsolved[done]] = (
+                    slip[:, done],
+                    exact[:, :, done],
+                )
                 go = ~done
-                left, problem = left[go], problem.part(go)
+                unsolved, problem = unsolved[go], problem.part(go)
                 slip, share, rest, exact = slip[:, go], share[..., go], rest[:, go], exact[..., go]
-                along, steep = u[..., go] / np.maximum(speed[:, go], 1e-300), steep[:, go]
+                directions, steep = u[..., go] / np.maximum(speed[:, go], 1e-300), steep[:, go]
             else:
-                along = u / np.maximum(speed, 1e-300)
-            if left.size == 0:
+                directions = u / np.maximum(speed, 1e-300)
+            if unsolved.size == 0:
                 break
             # Derivative of the shares by the slips of their points (2, 2, P, N).
-            slope = -share[:, None] * along * steep
+            slope = -share[:, None] * directions * steep
             slope[0, 0] += steep
             slope[1, 1] += steep
             step = self._newton_step(problem, rest, slope)
-            moved = self.slips(step)
-            share = exact + slope[:, 0] * moved[0] + slope[:, 1] * moved[1]
+            point_steps = self.slips(step)
+            share = exact + slope[:, 0] * point_steps[0] + slope[:, 1] * point_steps[1]
             share /= np.maximum(np.sqrt(share[0] ** 2 + share[1] ** 2), 1.0)
             slip = slip + step
-        return found, shares, np.isin(np.arange(len(floor)), left)
+        return slips_found, shares, np.isin(np.arange(len(floor)), unsolved)
 
     def _rounding(self, problem: SlipProblem, slip: Array, steep: Array) -> Array:
         """Bound of the residual (N,) by rounding of u; points that all but stick decide it."""

@@ -1,4 +1,4 @@
-"""A rigid patch of points with Coulomb friction each: the honest reference for a release.
+"""A rigid patch of points with Coulomb friction: the reference for releases.
 
 Backward Euler on velocities, as in time_stepping: per step the contact's slip twist v
 minimises the strictly convex
@@ -12,7 +12,7 @@ Golub and Mulet do for total variation), which makes it converge from afar in tw
 three iterations. A bristle of the LuGre law is one more term in the same equations:
 with the bristle's share y_i of the last step they read y (creep + |u|) = u + creep y_i.
 
-LuGre bristles are a band for compliant pads, not the truth. Each point has a bristle z in
+LuGre bristles bound the effect of compliant pads. Each point has a bristle z in
 the plane (Canudas de Wit et al. 1995, without Stribeck's effect, g(v) = mu, which makes
 the law passive for any damping):
 
@@ -43,14 +43,14 @@ from ..cases import (
 )
 from .points import PointSolver, SlipProblem, disc
 
-#: Speed [m/s] over which a rigid point's friction builds up: half of it at CREEP, 99 % only
-#: at 99 CREEP. What is missing at slow points moves landings by up to 0.03 mm at 1e-9 and
-#: by less than 0.001 mm at 1e-12; 1e-13 takes twice as many iterations at worst.
+#: Speed [m/s] at which a rigid point has half of its friction; it has 99 % at 99 CREEP. Its error
+#: of landings is up to 0.03 mm at 1e-9 and below 0.001 mm at 1e-12; 1e-13 takes up to twice the
+#: iterations.
 CREEP = 1e-12
-#: Slip [m/s] above which a patch moves: one that sticks creeps by a few times CREEP.
+#: Slip [m/s] above which a patch moves; a sticking one creeps at a few CREEP.
 MOVING = 1e-8
-#: Throws per chunk of a batch: arrays of points times throws stay in the cache, and products
-#: below 64^3, from which on BLAS takes threads that wait ten times as long on a busy machine.
+#: Throws of a chunk: arrays of points times throws fit the cache, and products are below 64^3,
+#: above which BLAS uses threads that wait ten times longer on a busy machine.
 PATCH_CHUNK = 112
 
 
@@ -113,13 +113,15 @@ class PatchRelease:
 
         Bristles creep: they have no onset of slip; that of rigid points is good to a step.
         """
-        found = self.march(PatchThrows.of(case, self.steps))
-        times = found.times[:, 0]
-        if not np.isfinite(found.com).all():
+        march_result = self.march(PatchThrows.of(case, self.steps))
+        times = march_result.times[:, 0]
+        if not np.isfinite(march_result.com).all():
             return failed(times, UNSOLVED)
-        assert found.wrench is not None
-        com, twist, wrench = (v[..., 0] for v in (found.com, found.com_twist, found.wrench))
-        return Release(times, com, twist, found.pivot, found.slide, wrench)
+        assert march_result.wrench is not None
+        com, twist, wrench = (
+            v[..., 0] for v in (march_result.com, march_result.com_twist, march_result.wrench)
+        )
+        return Release(times, com, twist, march_result.pivot, march_result.slide, wrench)
 
     def throw(self, batch: ReleaseBatch, steps: int) -> BatchRelease:
         """N releases; NaN for a throw with a step that was not solved."""

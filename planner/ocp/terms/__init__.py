@@ -33,5 +33,5 @@ TERMS: list[type[SceneConstraint]] = [
 
 def constraints_of(request: Request) -> tuple[SceneConstraint, ...]:
     """The scene's constraints of a request."""
-    found = (kind.of(request) for kind in TERMS)
-    return tuple(constraint for constraint in found if constraint is not None)
+    candidates = (kind.of(request) for kind in TERMS)
+    return tuple(constraint for constraint in candidates if constraint is not None)

@@ -37,7 +37,7 @@ class SlowingLimits(SceneConstraint):
         return dict(zip(SLOWING, request.manipulator.planning.slowing, strict=True))
 
     def at_rate(self, node: Node, q: ca.SX, dq: ca.SX) -> None:
-        """dq + offset <= sqrt(2 a (upper - q)), squared with the sign kept.
+        """dq + offset <= sqrt(2 a (upper - q)), squared with its sign.
 
         The squared form has no root of a negative number at an iterate. Its error is at most
         5e-5 (rad/s)^2, on the safe side.
@@ -132,13 +132,14 @@ class TorqueLimits(SceneConstraint):
         _limit_torques(ocp, brake.stage, place, rate, deceleration)
         stops = ca.sqrt(rate**2 + 1e-6) / braking
         for i in range(ocp.n):
-            left = stops - stops[i]
+            remaining = stops - stops[i]
             moving = (
-                1 + (left + STOP_TIME) / ca.sqrt((left + STOP_TIME) ** 2 + STOP_TIME**2 / 4)
+                1
+                + (remaining + STOP_TIME) / ca.sqrt((remaining + STOP_TIME) ** 2 + STOP_TIME**2 / 4)
             ) / 2
             share = ca.fmin(stops[i] / stops, 1.0)
-            there = place + rate * stops * (share - share**2 / 2)
-            _limit_torques(ocp, brake.stage, there, rate * (1 - share), moving * deceleration)
+            place_then = place + rate * stops * (share - share**2 / 2)
+            _limit_torques(ocp, brake.stage, place_then, rate * (1 - share), moving * deceleration)
 
 
 def _limit_torques(

@@ -48,7 +48,7 @@ class CupClearance(SceneConstraint):
         return cls(DEPTHS["flight" in request.refinement.lazy], request.elastic, moves)
 
     def parameter_values(self, request: Request) -> dict[str, Any]:
-        """The cup where it is, and which end goes in."""
+        """Place and size of the cup, and the end of the bar that enters."""
         cup, target = request.scene.cup, request.target
         assert cup is not None and target is not None
         return {

@@ -171,24 +171,24 @@ class CollisionAvoidance(SceneConstraint):
             request, reference, np.array(SETTINGS.brake)
         )
         hand = manipulator.motion(q, 0 * q, 0 * q)[0]
-        around = CollisionScene.of(scene, manipulator)
-        track = swept_bodies(scene, around.capsules, times.ravel(), q, held_bar(scene, hand))
+        surroundings = CollisionScene.of(scene, manipulator)
+        track = swept_bodies(scene, surroundings.capsules, times.ravel(), q, held_bar(scene, hand))
         pairs = pairs_of(manipulator.capsules) if manipulator.capsules else []
-        found = [
+        planes = [
             _planes_of(
-                *(track, body, _solids(around, bar=body == count)),
+                *(track, body, _solids(surroundings, bar=body == count)),
                 *([i for i, j in pairs if j == body], SETTINGS.count),
             )
             for body in bodies
         ]
-        return np.stack(found, axis=1).reshape(
+        return np.stack(planes, axis=1).reshape(
             stages, SETTINGS.carry, len(bodies), SETTINGS.count, SIZE
         )
 
 
-def _solids(around: CollisionScene, *, bar: bool) -> list[tuple[Solid, float]]:
+def _solids(bodies: CollisionScene, *, bar: bool) -> list[tuple[Solid, float]]:
     """Solids that a body must not meet, with their clearance [m]."""
-    return [(thing.solid, thing.clearance) for thing in around.things if thing.bar or not bar]
+    return [(thing.solid, thing.clearance) for thing in bodies.things if thing.bar or not bar]
 
 
 def _avoid_planes(node: Node, ends: Sequence[tuple[ca.SX, ca.SX]], planes: ca.SX) -> None:
@@ -225,26 +225,28 @@ def _flight_planes(request: Request) -> Array:
         return np.tile(EMPTY, (SETTINGS.flight, SETTINGS.count, 1))
     since = np.linspace(0.0, reference.landing.flight_time, SETTINGS.flight)
     q = _braking_coordinates(request, reference, since)
-    around = CollisionScene.of(scene, manipulator)
-    track = swept_bodies(scene, around.capsules, since, q, reference.flight(since), flying=True)
-    bar, capsules = len(track.names) - 1, around.capsules
+    surroundings = CollisionScene.of(scene, manipulator)
+    track = swept_bodies(
+        scene, surroundings.capsules, since, q, reference.flight(since), flying=True
+    )
+    bar, capsules = len(track.names) - 1, surroundings.capsules
     pairs = pairs_of(capsules) if capsules else []
     links = [i for i, j in pairs if j == bar]
-    found = _planes_of(track, bar, _solids(around, bar=True), links, SETTINGS.count)
-    found[since > since[-1] - LANDING] = EMPTY
-    return found
+    planes = _planes_of(track, bar, _solids(surroundings, bar=True), links, SETTINGS.count)
+    planes[since > since[-1] - LANDING] = EMPTY
+    return planes
 
 
 @cache
 def _directions() -> tuple[Array, Array]:
     """Unit vectors (D, 3), and their length (D,) in the throw's plane."""
-    around = np.linspace(0.0, 2 * np.pi, SETTINGS.around, endpoint=False)
-    found = [
+    angles = np.linspace(0.0, 2 * np.pi, SETTINGS.around, endpoint=False)
+    directions = [
         (np.cos(a) * np.cos(tilt), np.sin(tilt), np.sin(a) * np.cos(tilt))
         for tilt in SETTINGS.tilts
-        for a in around
+        for a in angles
     ]
-    every = np.array(found)
+    every = np.array(directions)
     return every, np.hypot(every[:, 0], every[:, 2])
 
 
@@ -265,23 +267,23 @@ def _planes_of(
     nearest_end = np.minimum(normals @ ends[0], normals @ ends[1]).T
     extents: list[Array] = []
     for solid, clearance in solids:
-        far = solid.support(normals) + clearance + track.reach[body]
-        extents.append(np.broadcast_to(far, nearest_end.shape))
+        extent = solid.support(normals) + clearance + track.reach[body]
+        extents.append(np.broadcast_to(extent, nearest_end.shape))
     for link in links:
-        far = np.maximum(*(normals @ end for end in track.ends[link])).T
-        extents.append(far + track.radius[link] + track.radius[body])
-    found = np.tile(np.array(EMPTY), (len(track.times), max(count, len(extents)), 1))
-    clearances = np.full(found.shape[:2], np.inf)
-    for k, far in enumerate(extents):
-        clearance_in_plane = (nearest_end - far) / in_plane
+        extent = np.maximum(*(normals @ end for end in track.ends[link])).T
+        extents.append(extent + track.radius[link] + track.radius[body])
+    planes = np.tile(np.array(EMPTY), (len(track.times), max(count, len(extents)), 1))
+    clearances = np.full(planes.shape[:2], np.inf)
+    for k, extent in enumerate(extents):
+        clearance_in_plane = (nearest_end - extent) / in_plane
         best = _choose_direction(clearance_in_plane)
         each = np.arange(len(best))
         clearances[:, k] = clearance_in_plane[each, best]
-        found[:, k, :2] = normals[best][:, [0, 2]]
+        planes[:, k, :2] = normals[best][:, [0, 2]]
         for end in (0, 1):
-            found[:, k, 2 + end] = far[each, best] - normals[best, 1] * ends[end, 1]
+            planes[:, k, 2 + end] = extent[each, best] - normals[best, 1] * ends[end, 1]
     nearest = np.argsort(clearances, axis=1)[:, :count]
-    return np.take_along_axis(found, nearest[:, :, None], axis=1)
+    return np.take_along_axis(planes, nearest[:, :, None], axis=1)
 
 
 def _choose_direction(clearance: Array) -> npt.NDArray[np.intp]:

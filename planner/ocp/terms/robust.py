@@ -90,15 +90,15 @@ class Quiet(SceneConstraint):
 def _loads(interval: Interval) -> list[list[ca.SX]]:
     """(b_x, b_z, arm * alpha) [m/s^2] at two points of an interval."""
     ocp, arm = interval.ocp, interval.p("quiet_arm")
-    h, found = ocp.body.com_offset, []
+    h, loads = ocp.body.com_offset, []
     for node in NODES:
         pose, _, hand = ocp.hand(interval.stage, *interval.at(node * interval.dt))
         theta = pose[2] + ocp.grasp_angle
         x_r, z_r = h * ca.cos(theta), h * ca.sin(theta)
         b_x = hand.a_x - hand.alpha * z_r - hand.omega**2 * x_r
         b_z = hand.a_z + hand.alpha * x_r - hand.omega**2 * z_r + ocp.gravity
-        found.append(interval.stage.lift(b_x, b_z, arm * hand.alpha))
-    return found
+        loads.append(interval.stage.lift(b_x, b_z, arm * hand.alpha))
+    return loads
 
 
 def _price_load(interval: Interval) -> None:

@@ -112,7 +112,7 @@ class Column(SceneConstraint):
         return cls("passing" in request.refinement.lazy)
 
     def parameter_values(self, request: Request) -> dict[str, Any]:
-        """The column grown by the margin of what is carried; other margins."""
+        """The column enlarged by the margin of the held bar; other margins."""
         column, margins = column_of(request.scene), request.refinement.margins
         assert column is not None
         return {
@@ -142,8 +142,8 @@ class Column(SceneConstraint):
         margin = weight * p("passing_margin") - (1 - weight) * p("column_margin")
         theta = ca.SX(at.theta)
         cos, sin = ca.cos(theta), ca.sin(theta)
-        for along in flight.ocp.along_bar():
-            clear = _distance(flight.ocp, at.x + along * cos, at.z + along * sin, cos, sin)
+        for distance in flight.ocp.along_bar():
+            clear = _distance(flight.ocp, at.x + distance * cos, at.z + distance * sin, cos, sin)
             constraints.subject_to("base column", clear - margin, low=0.0)
 
 
@@ -183,11 +183,11 @@ class Palm(SceneConstraint):
         """The hand's body, grown by the clearance and half the bar's width."""
         workspace, arm = request.scene.workspace, request.scene.arm
         assert workspace is not None and workspace.palm_clearance is not None and arm is not None
-        grown = request.scene.object.width / 2 + SETTINGS.palm_margin + workspace.palm_clearance
+        margin = request.scene.object.width / 2 + SETTINGS.palm_margin + workspace.palm_clearance
         return {
-            "palm_back": arm.tool.palm_back + grown,
-            "palm_front": arm.tool.palm_front - grown,
-            "palm_half_width": arm.tool.palm_half_width + grown,
+            "palm_back": arm.tool.palm_back + margin,
+            "palm_front": arm.tool.palm_front - margin,
+            "palm_half_width": arm.tool.palm_half_width + margin,
         }
 
     def in_flight(self, flight: Flight) -> None:
@@ -214,13 +214,13 @@ def _clear_of_palm(
     """
     ocp, p, (q, dq, _) = flight.ocp, flight.p, flight.coordinates
     still = ca.SX.zeros(ocp.n)
-    there = braked(q, dq, time, ocp.each("braking"), ca.fmin)
-    pose, _, _ = ocp.hand(constraints, there, still, still)
+    coordinates = braked(q, dq, time, ocp.each("braking"), ca.fmin)
+    pose, _, _ = ocp.hand(constraints, coordinates, still, still)
     cos_hand, sin_hand = ca.cos(pose[2]), ca.sin(pose[2])
     at = flight.after(time)
-    for along in points:
-        dx = at.x + along * ca.cos(at.theta) - pose[0]
-        dz = at.z + along * ca.sin(at.theta) - pose[1]
+    for distance in points:
+        dx = at.x + distance * ca.cos(at.theta) - pose[0]
+        dz = at.z + distance * ca.sin(at.theta) - pose[1]
         ahead = cos_hand * dx + sin_hand * dz
         before = ca.fmax(ahead + p("palm_front"), -ahead - p("palm_back"))
         aside = ca.sqrt((cos_hand * dz - sin_hand * dx) ** 2 + 1e-8) - p("palm_half_width")
