@@ -17,7 +17,7 @@ from typing import Any, Literal
 import numpy as np
 from throwplan import InputError, Plan, Planner, Pose, Scene, load_scene
 
-from .judge import Verdict, judged
+from .judge import Judgement, judge
 from .processes import ENDINGS, in_processes
 
 #: Where a case's target is; "own" is the base scene's.
@@ -232,7 +232,7 @@ class CaseOutcome:
     case: Case
     status: str
     cause: str = ""
-    verdict: Verdict | None = None
+    judgement: Judgement | None = None
     finite: bool = True
     iterations: int = 0
     seconds: float = math.nan
@@ -240,16 +240,17 @@ class CaseOutcome:
     @property
     def false(self) -> bool:
         """Whether it is called solved and is not."""
-        return self.verdict is not None and bool(self.verdict.wrong)
+        return self.judgement is not None and bool(self.judgement.broken)
 
     @property
     def undecided(self) -> bool:
-        """Whether the independent steps do not settle to the tolerance."""
-        return self.verdict is not None and self.verdict.doubt > self.case.scene.tolerance.position
+        """Whether the oracle's own error exceeds the tolerance."""
+        allowed = self.case.scene.tolerance.position
+        return self.judgement is not None and self.judgement.doubt > allowed
 
 
 def run(case: Case) -> CaseOutcome:
-    """Plans one case and judges it by other code."""
+    """Plan one case; judge it by the oracle."""
     start = time.perf_counter()
     try:
         planner = Planner(case.scene, library=False)
@@ -260,11 +261,11 @@ def run(case: Case) -> CaseOutcome:
         words = f"{type(error).__name__}: {error}"
         return CaseOutcome(case, "traceback", words, seconds=time.perf_counter() - start)
     seconds = time.perf_counter() - start
-    verdict, cause = None, plan.message
-    if plan.solved and plan.throw is not None:
-        verdict = judged(plan.throw, plan.target)
-        cause = "; ".join(verdict.wrong)
-    return CaseOutcome(case, plan.status, cause, verdict, finite(plan), plan.iterations, seconds)
+    judgement, cause = None, plan.message
+    if plan.solved:
+        judgement = judge(plan)
+        cause = "; ".join(judgement.broken)
+    return CaseOutcome(case, plan.status, cause, judgement, finite(plan), plan.iterations, seconds)
 
 
 def finite(plan: Plan) -> bool:

@@ -20,7 +20,7 @@ from throwplan.planner.show import BLACK, BLUE, GREEN, RED, Row, Table, shown
 from throwplan.planner.throw import send
 from throwplan.planner.verdict import verdict
 
-from .judge import judged
+from .judge import judge
 from .measure import planning_time, quantiles, reachable_targets, warmed
 from .page import Effort, Picture, ReportSection, panels
 from .parts import imports_of
@@ -196,7 +196,7 @@ def _over_map(name: str, effort: Effort) -> tuple[Row, list[Plan]]:
     pairs = [(a.throw, b.throw) for a, b in zip(plans, cold, strict=True) if a.solved and b.solved]
     costs = [a.effort / b.effort for a, b in pairs if a is not None and b is not None]
     looked = [p for p in plans if p.solved][: effort.of(*JUDGED)]
-    wrong = sum(bool(judged(p.throw, p.target).wrong) for p in looked if p.throw is not None)
+    wrong = sum(bool(judge(plan).broken) for plan in looked)
     said = collections.Counter(plan.status for plan in plans)
     row: Row = {
         "scene": name,

@@ -1,4 +1,4 @@
-"""Section `stability`: extreme scenes, each solved one judged by other code, and noisy starts."""
+"""Section `stability`: extreme scenes, each solved one judged by the oracle, and noisy starts."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from throwplan.planner.search.samples import starts
 from throwplan.planner.show import Row, Table
 
 from .extremes import PATIENCE, CaseOutcome, cases, outcomes, some
-from .judge import STEPS, judged
+from .judge import judge
 from .page import Effort, ReportSection
 from .processes import ENDINGS, in_processes
 
@@ -54,13 +54,12 @@ def make(effort: Effort) -> ReportSection:
 
 
 def _case_row(one: CaseOutcome) -> Row:
-    seen = one.verdict
+    seen = one.judgement
     return {
         "case": one.case.name,
         "status": "FALSE solved" if one.false else one.status,
-        "thrown again [mm]": None if seen is None else 1e3 * seen.miss,
-        "independent steps [mm]": None if seen is None else 1e3 * seen.other,
-        "their doubt [mm]": None if seen is None else 1e3 * seen.doubt,
+        "oracle's error [mm]": None if seen is None else 1e3 * seen.error,
+        "its doubt [mm]": None if seen is None else 1e3 * seen.doubt,
         "iterations": one.iterations,
         "plan [ms]": 1e3 * one.seconds,
         "cause": one.cause,
@@ -71,16 +70,16 @@ def _figures(found: list[CaseOutcome]) -> list[str]:
     """Counts, and the worst cases by name."""
     states = collections.Counter(outcome.status for outcome in found)
     said = ", ".join(f"{states[s]} {s}" for s in STATUSES)
-    solved = [outcome for outcome in found if outcome.verdict is not None]
+    solved = [outcome for outcome in found if outcome.judgement is not None]
     undecided = [outcome.case.name for outcome in solved if outcome.undecided]
     times = np.percentile([outcome.seconds for outcome in found], [50, 95])
     slow = max(found, key=lambda outcome: outcome.seconds)
     text = (
         f"{len(found)} extreme scenes: {said}; tracebacks, hangs and crashes "
         f"{sum(states[s] for s in DEFECTS)}, numbers that are not finite "
-        f"{sum(not o.finite for o in found)}. Each solved one is judged by other code, with "
-        f"{STEPS} even steps or more: {sum(o.false for o in solved)} are not true, "
-        f"{len(undecided)} undecided, where these steps do not settle"
+        f"{sum(not o.finite for o in found)}. Each solved one is judged by the oracle, "
+        f"code of its own: {sum(o.false for o in solved)} are not true, "
+        f"{len(undecided)} undecided, where its own error exceeds the tolerance"
     )
     text += f" ({', '.join(undecided)})." if undecided else "."
     return [
@@ -119,8 +118,8 @@ def from_noisy_start(name: str, size: float, number: int) -> tuple[str, str]:
     attempt = attempts(planner.problems, start, task)[0]
     if attempt.throw is None or not attempt.solved:
         return "failed", attempt.reason
-    wrong = judged(attempt.throw, target, STEPS // 4).wrong
-    return ("false" if wrong else "true"), "; ".join(wrong)
+    broken = judge(dataclasses.replace(plan, throw=attempt.throw)).broken
+    return ("false" if broken else "true"), "; ".join(broken)
 
 
 def noisy_rows(name: str, count: int) -> list[Row]:

@@ -7,6 +7,16 @@ import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
+from throwplan.planner.cli import main
+from throwplan.planner.robot import Recording, joint_motion
+from throwplan.planner.show import space_throw
+from throwplan.problems import load_arm
+from throwplan.problems.urdf import (
+    kinematics_difference,
+    limits_of,
+    link_inertias,
+)
+
 from oracle.meshes import (
     MESHES,
     PACKAGES,
@@ -17,15 +27,6 @@ from oracle.meshes import (
     link_points,
 )
 from oracle.studies import SCENES, corner_contacts
-from throwplan.planner.cli import main
-from throwplan.planner.robot import Recording, joint_motion
-from throwplan.planner.show import space_throw
-from throwplan.problems import load_arm
-from throwplan.problems.urdf import (
-    kinematics_difference,
-    limits_of,
-    link_inertias,
-)
 
 STATES = 20
 
