@@ -1,4 +1,4 @@
-"""Release models on measured throws: parameters, errors, cross-validation, factors.
+"""Release models on measured throws: parameters, errors, cross-validation.
 
 Every model gets its best parameters on the batch (Table III), as in the paper; its predictions with
 these are compared with the measurement (Table IV).
@@ -15,7 +15,7 @@ import numpy as np
 from ...models import Array, Indices
 from ...models.release import SLIDING_PIVOT, STEPPED_SURFACE
 from ...problems.throws import ThrowData
-from .factors import SURFACE, FactorRow, batch_rows, comparisons, conditions, factor_rows
+from .conditions import SURFACE, batch_rows, conditions
 from .grid import AXES, CELLS, Grid, grid_of
 from .predict import Predictor, Progress, check_model, parameter_sets
 
@@ -84,7 +84,7 @@ class Validation:
     """Release models compared on a data set.
 
     predictor: of all throws; batch: rows that give the parameters; conditions: of all throws;
-    factors: a list per comparison; left_out: factors that the data lack; seconds: of the work.
+    seconds: of the work.
     """
 
     data: ThrowData
@@ -92,8 +92,6 @@ class Validation:
     batch: Indices
     conditions: list[tuple[str, ...]]
     checks: dict[str, ModelCheck]
-    factors: list[list[FactorRow]]
-    left_out: list[str]
     seconds: float
 
     def scaled(self, model: str) -> Array:
@@ -109,30 +107,16 @@ class Validation:
 def validate(
     data: ThrowData,
     models: Sequence[str] = PAPER_MODELS,
-    factors: Sequence[str] = (),
     about: About | None = None,
 ) -> Validation:
-    """Compare `models` on a data set; factors: columns to compare by, besides the known ones.
-
-    Raises InputError for an unknown model or factor and for throws that never land.
-    """
+    """Compare `models` on a data set; InputError for an unknown model, throws that never land."""
     start = time.perf_counter()
     for model in models:
         check_model(model)
-    compared, left_out = comparisons(data, factors)
     work = _ModelComparison(Predictor.of(data), about or (lambda _: lambda *_: None))
     checks = {model: work.check(model) for model in dict.fromkeys(models)}
-    off = {model: check.landing for model, check in checks.items()}
-    return Validation(
-        data,
-        work.predictor,
-        work.batch,
-        work.conditions,
-        checks,
-        [factor_rows(comparison, work.predictor.truth.landing, off) for comparison in compared],
-        left_out,
-        time.perf_counter() - start,
-    )
+    seconds = time.perf_counter() - start
+    return Validation(data, work.predictor, work.batch, work.conditions, checks, seconds)
 
 
 class _ModelComparison:
