@@ -274,19 +274,19 @@ def finite(plan: Plan) -> bool:
     if plan.nearest is not None:
         found += [plan.nearest.x, plan.nearest.z, plan.nearest.theta or 0.0]
     if plan.solved and plan.throw is not None:
-        thrown = plan.throw
-        solution = thrown.solution
-        found += [thrown.effort, thrown.planned_landing]
+        throw = plan.throw
+        solution = throw.solution
+        found += [throw.effort, throw.planned_landing]
         found += [] if solution is None else [solution.x, solution.lam_g]
-        found += [thrown.samples.q, thrown.samples.dq, thrown.samples.ddq, plan.error_sent()]
-        found += [thrown.deciding.release.com, thrown.deciding.release.com_twist]
+        found += [throw.samples.q, throw.samples.dq, throw.samples.ddq, plan.error_sent()]
+        found += [throw.deciding.release.com, throw.deciding.release.com_twist]
     return all(bool(np.isfinite(np.asarray(value, float)).all()) for value in found)
 
 
-def outcomes(wanted: list[Case]) -> Iterator[CaseOutcome]:
+def outcomes(chosen: list[Case]) -> Iterator[CaseOutcome]:
     """All cases, planned by processes that can be ended."""
-    answers = in_processes(run, [(case,) for case in wanted], PATIENCE)
-    for case, answer in zip(wanted, answers, strict=True):
+    answers = in_processes(run, [(case,) for case in chosen], PATIENCE)
+    for case, answer in zip(chosen, answers, strict=True):
         if isinstance(answer, str):
             yield CaseOutcome(case, answer, ENDINGS[answer], seconds=PATIENCE)
         else:

@@ -100,22 +100,22 @@ def random_throws(count: int, seed: int) -> dict[str, dict[str, Array]]:
     x_r, z_r = body.com_offset * np.cos(pose[2]), body.com_offset * np.sin(pose[2])
     load = pivot_wrench(body, GRAVITY, motion, twist[2], x_r, z_r)
     use = np.asarray(contact.utilisation_squared(*load, force))
-    held = np.flatnonzero(use < HELD**2)[:count]
+    sticking = np.flatnonzero(use < HELD**2)[:count]
     return {
         "object": {
-            "mass": mass[held],
-            "inertia": np.asarray(body.inertia)[held],
-            "com_offset": np.asarray(body.com_offset)[held],
+            "mass": mass[sticking],
+            "inertia": np.asarray(body.inertia)[sticking],
+            "com_offset": np.asarray(body.com_offset)[sticking],
         },
         "contact": {
-            "friction": np.asarray(contact.friction)[held],
-            "patch_radius": np.asarray(contact.patch_radius)[held],
+            "friction": np.asarray(contact.friction)[sticking],
+            "patch_radius": np.asarray(contact.patch_radius)[sticking],
         },
-        "gripper": {"force": force[held], "opening": opening[held]},
+        "gripper": {"force": force[sticking], "opening": opening[sticking]},
         "hand": {
-            "pose": pose.T[held],
-            "twist": twist.T[held],
-            "acceleration": acceleration.T[held],
+            "pose": pose.T[sticking],
+            "twist": twist.T[sticking],
+            "acceleration": acceleration.T[sticking],
         },
     }
 
@@ -295,8 +295,10 @@ def _creeping(case: ReleaseCase, places: Array, weights: Array, arm: float = 0.0
     def jacobian(t: float, state: Array) -> Array:
         """By the twist alone, which is what makes the equations stiff."""
         u, moves, share, size = points(t, state)
-        along = np.einsum("ijp,ip->jp", moves, u) / size
-        damping = np.einsum("ijp,ikp,p->jk", moves, moves, share) - (along * share) @ along.T
+        components = np.einsum("ijp,ip->jp", moves, u) / size
+        damping = (
+            np.einsum("ijp,ikp,p->jk", moves, moves, share) - (components * share) @ components.T
+        )
         none = np.zeros((3, 3))
         return np.block([[none, np.eye(3)], [none, -damping / mass[:, None]]])
 

@@ -160,9 +160,9 @@ def _thrown(
     stop = samples.q[-1]
     if ((stop < manipulator.planning.q_min) | (stop > manipulator.planning.q_max)).any():
         return None
-    thrown = SentThrow.sent(scene.aimed_at(target), manipulator, motion, samples, at).sliding_pivot
-    if thrown.grip_use > GRIP or not np.isfinite(thrown.landing.flight_time):
+    throw = SentThrow.sent(scene.aimed_at(target), manipulator, motion, samples, at).sliding_pivot
+    if throw.grip_use > GRIP or not np.isfinite(throw.landing.flight_time):
         return None
-    theta = None if target.theta is None else thrown.landing.theta
-    pose = target.in_plane(thrown.landing.x, theta)
-    return pose if verdict(replace(thrown, scene=scene.aimed_at(pose))).ok else None
+    theta = None if target.theta is None else throw.landing.theta
+    pose = target.in_plane(throw.landing.x, theta)
+    return pose if verdict(replace(throw, scene=scene.aimed_at(pose))).ok else None

@@ -63,15 +63,15 @@ def measured(scene: Scene, repeats: int) -> Row:
     first = planner.plan()
     # A plan that fails does so slowly, and again.
     plans = [planner.plan() for _ in range(repeats)] if first.solved else [first]
-    last = plans[-1]
+    full = plans[-1]
     return {
-        "variables": last.variables,
-        "constraints": last.constraints,
-        "iterations": last.iterations,
+        "variables": full.variables,
+        "constraints": full.constraints,
+        "iterations": full.iterations,
         "build [ms]": 1e3 * first.time["build"],
         SOLVE: 1e3 * min(plan.time["solve"] for plan in plans),
         "plan [ms]": 1e3 * min(map(planning_time, plans)),
-        "status": last.status if last.solved else f"{last.status}: {last.message}",
+        "status": full.status if full.solved else f"{full.status}: {full.message}",
     }
 
 

@@ -29,13 +29,13 @@ SEED = 3
 
 def make(effort: Effort) -> ReportSection:
     """Extreme cases and noisy starts."""
-    wanted = some(20) if effort.quick else cases()
+    chosen_cases = some(20) if effort.quick else cases()
     scenes = {name: load_scene(name) for name in scene_names()}
     # A scene with an uncertain opening is another one's NLP again.
     names = [n for n, s in scenes.items() if s.motion is None and s.uncertainty is None]
     chosen = ["hand-flip", "cup"] if effort.quick else names
-    step, found = effort.counter(len(wanted) + len(chosen)), list[CaseOutcome]()
-    for outcome in outcomes(wanted):
+    step, found = effort.counter(len(chosen_cases) + len(chosen)), list[CaseOutcome]()
+    for outcome in outcomes(chosen_cases):
         found.append(outcome)
         step()
     noisy = list[Row]()

@@ -43,7 +43,7 @@ from .common import (
 
 #: Default stiffness [1/m] of the bristles.
 SOFT = 1e6
-MOST_THROWS = 1_000_000
+MAX_THROWS = 1_000_000
 #: The models of `--model all`.
 FITTED = (SLIDING_PIVOT, STEPPED_SURFACE)
 
@@ -105,7 +105,7 @@ def identify_arguments(add: Add) -> None:
     add("--delay", action="store_true", help="fit a delay of the opening, too")
     add("--grip-scale", action="store_true", help="and the grip force's scale")
     add("--prior", metavar="SCENE", help="its [contact] and [uncertainty]")
-    add("--throws", type=integer(1, MOST_THROWS), metavar="N", help="only the first N throws")
+    add("--throws", type=integer(1, MAX_THROWS), metavar="N", help="only the first N throws")
     add_words(add, "--only", "FACTOR=LABEL", "only throws with this label")
     add_out(add, "identify.json, contact.toml, a picture")
 

@@ -117,9 +117,9 @@ def _boxes(found: Validation) -> Figure:
         drawn = axis.boxplot(values, positions=range(len(models)), **style)
         for box, shade in zip(drawn["boxes"], colours(models).values(), strict=True):
             box.set(facecolor=shade, alpha=0.75)
-        near = [v.max(initial=0.0) for m, v in zip(models, values, strict=True) if m not in far]
+        largest = [v.max(initial=0.0) for m, v in zip(models, values, strict=True) if m not in far]
         axis.set_xticks(range(len(models)), models, rotation=35, ha="right")
-        axis.set(ylim=(0.0, 1.08 * max(near) or 1.0), ylabel=f"|{name} error| [{unit}]")
+        axis.set(ylim=(0.0, 1.08 * max(largest) or 1.0), ylabel=f"|{name} error| [{unit}]")
         axis.grid(alpha=0.25, axis="y")
     cut = f"; {', '.join(far)} cut off" if far else ""
     _title(figure, found, f"absolute errors, quartiles{cut}")

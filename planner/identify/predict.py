@@ -138,10 +138,10 @@ class Predictor:
         for i, throw in enumerate(self.data.throws):
             fall = throw.grip.force(SHARES * throw.grip.opening) / throw.grip.full
             alike.setdefault(np.round(fall, 9).tobytes(), []).append(i)
-        most = max(MOST // sets, 1)
+        batch_size = max(MOST // sets, 1)
         for rows in alike.values():
-            for first in range(0, len(rows), most):
-                yield np.array(rows[first : first + most])
+            for first in range(0, len(rows), batch_size):
+                yield np.array(rows[first : first + batch_size])
 
     def _end(self, model: str, row: int, one: Array) -> Array:
         """CoM pose and twist (6,) of one throw at the end of the opening."""

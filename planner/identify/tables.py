@@ -151,10 +151,10 @@ def _model_notes(found: Validation, check: ModelCheck) -> list[str]:
     for surface in check.at_edge:
         best = f"its best parameters for {surface}" if surface else "its best parameters"
         lines.append(f"{model}: {best} are at the edge of the grid: it may fit better beyond")
-    missing = int(grid.missed.sum())
-    if missing:
+    missed = int(grid.missed.sum())
+    if missed:
         lines.append(
-            f"{model}: no landing in {100 * missing / grid.predictions:.2g} % of the grid's "
+            f"{model}: no landing in {100 * missed / grid.predictions:.2g} % of the grid's "
             f"predictions, each counts as {MISSED:g} m"
         )
     lost = int((~np.isfinite(check.landing[:, 0])).sum())

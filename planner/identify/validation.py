@@ -26,10 +26,14 @@ About = Callable[[str], Progress]
 PAPER_MODELS = ("ls", SLIDING_PIVOT, "sp-paper", STEPPED_SURFACE)
 #: Number of throws whose single releases are timed.
 TIMED = 20
-#: Number of folds of a cross-validation, and fewest throws for one.
-FOLDS, FEWEST_THROWS = 6, 5
-#: Number of bootstrap samples of the conditions, and the quantiles of the interval.
-RESAMPLED, INTERVAL = 2000, (0.025, 0.975)
+#: Number of folds of a cross-validation.
+FOLDS = 6
+#: Fewest throws for a cross-validation.
+FEWEST_THROWS = 5
+#: Number of bootstrap samples of the conditions.
+RESAMPLED = 2000
+#: Quantiles at the ends of the interval.
+INTERVAL = (0.025, 0.975)
 
 
 @dataclass(frozen=True)
@@ -171,10 +175,10 @@ class _ModelComparison:
         return np.array(spent[1:])
 
 
-def fold_of(known: Sequence[Hashable], folds: int = FOLDS, seed: int = 0) -> Array:
+def fold_of(known: Sequence[Hashable], folds: int = FOLDS) -> Array:
     """The fold (S,) of every throw: one fold per condition, of equal numbers of conditions."""
     names = list(dict.fromkeys(known))
-    order = np.random.default_rng(seed).permutation(len(names))
+    order = np.random.default_rng(0).permutation(len(names))
     fold = {names[i]: k % folds for k, i in enumerate(order)}
     return np.array([fold[name] for name in known])
 
@@ -197,7 +201,7 @@ def cross_validated(grid: Grid, known: Sequence[Hashable]) -> CrossValidation | 
     return CrossValidation(means[0], means[1], means[2], folds, len(known), parameters)
 
 
-def bootstrap(values: Array, known: Sequence[Hashable], seed: int = 0) -> Array:
+def bootstrap(values: Array, known: Sequence[Hashable]) -> Array:
     """Means (RESAMPLED, n) of the columns of values (S, n) over resampled conditions.
 
     Conditions are drawn, not throws: the errors of a condition's repeats are correlated.
@@ -206,5 +210,5 @@ def bootstrap(values: Array, known: Sequence[Hashable], seed: int = 0) -> Array:
     member = np.array([names[name] for name in known])
     totals = np.array([values[member == i].sum(axis=0) for i in range(len(names))])
     counts = np.bincount(member)
-    drawn = np.random.default_rng(seed).integers(len(names), size=(RESAMPLED, len(names)))
+    drawn = np.random.default_rng(0).integers(len(names), size=(RESAMPLED, len(names)))
     return np.asarray(totals[drawn].sum(axis=1) / counts[drawn].sum(axis=1)[:, None])
