@@ -157,8 +157,10 @@ LEVERS: dict[str, tuple[Callable[[Scene, float], Scene], tuple[float, ...]]] = {
     "gravity": (lambda s, v: s.replace(gravity=v), (0.0, 0.1, 1.62, 25.0, 100.0)),
     "tolerance": (lambda s, v: _section(s, "tolerance", position=v, angle=v), (2e-4, 0.05)),
 }
-#: Hand accelerations [m/s^2], and shares of an arm's own.
-HAND_ACCELERATIONS, ARM_ACCELERATIONS = (2.0, 8.0, 200.0, 500.0), (0.15, 0.4)
+#: Accelerations [m/s^2] of a hand.
+HAND_ACCELERATIONS = (2.0, 8.0, 200.0, 500.0)
+#: Accelerations of an arm, over its limits.
+ARM_ACCELERATIONS = (0.15, 0.4)
 AIMS: tuple[Aim, ...] = ("edge", "beyond", "hand height", "straight up", "behind")
 
 

@@ -37,8 +37,10 @@ WIDE_WORKSPACE = Workspace(floor=-10.0, column_radius=0.01, column_height=0.01)
 DELAY = Uncertainty(delay=Distribution(uniform=0.010))
 #: Column of the time of a plan's solves.
 SOLVE = "solve [ms]"
-#: Lines of the ladder that are compared: a free hand with all its parts, and a Panda in its place.
-HAND, ARM = 5, 6
+#: Row of the ladder with all parts of a free hand.
+HAND = 5
+#: Row of the ladder with a Panda in the hand's place.
+ARM = 6
 #: Libraries that take long to import, by the name of their module.
 HEAVY = ("numpy", "casadi", "scipy", "ruckig", "matplotlib", "PIL", "distributed")
 #: Longest process that plans once [s].

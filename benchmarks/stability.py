@@ -22,8 +22,10 @@ from .processes import ENDINGS, in_processes
 #: What a plan says, and what would be a defect.
 STATUSES = ("solved", "out_of_reach", "not_converged", "refused")
 DEFECTS = ("traceback", "hang", "crash")
-#: Sizes of the noise on starts, as shares of each variable, and how many of each: quick, full.
-NOISE, NOISY = (0.01, 0.1, 0.3, 1.0), (3, 8)
+#: Sizes of the noise on starts, over each variable.
+NOISE = (0.01, 0.1, 0.3, 1.0)
+#: Noisy starts of each size: quick, full.
+NOISY = (3, 8)
 SEED = 3
 
 

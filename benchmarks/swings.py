@@ -9,16 +9,23 @@ from collections.abc import Sequence
 import numpy as np
 from throwplan import Plan, Planner, Pose, load_scene, reach_map
 from throwplan.planner.show import Row, Table, shown
-from throwplan.planner.throw import TICK
 
 from .measure import quantiles
 from .page import Effort, ReportSection
 from .reach import SAMPLED, over_map
 
-#: Updates per second, the target's speed at most [m/s], and what an update has time for [s].
-RATE, SPEED, HORIZON = 400, 0.1, 0.02
-#: Scenes, and how many targets of each: quick, full.
-SCENES, TARGETS = ("pose", "cup", "fr3"), (3, 100)
+#: Sampling interval [s] of the motion that is sent.
+TICK = 1e-3
+#: Updates per second.
+RATE = 400
+#: Largest speed [m/s] of the target.
+SPEED = 0.1
+#: Time [s] that an update may take.
+HORIZON = 0.02
+#: Scenes that are thrown in.
+SCENES = ("pose", "cup", "fr3")
+#: Targets of each scene: quick, full.
+TARGETS = (3, 100)
 
 
 def make(effort: Effort) -> ReportSection:

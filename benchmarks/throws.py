@@ -54,13 +54,17 @@ FACTORS = {
     "payload": ("metal", "plastic"),
     "moi": ("small", "large"),
 }
-#: Learning: numbers of throws, and seeds of the noise: quick, full.
-COUNTS, SEEDS = ((3,), (1, 2, 3, 5, 10)), (1, 5)
-#: Reality of the learning: friction, patch radius [m] and delay of the gripper [s]; what rubs
-#: there; the share of the true mu r_p that is believed.
+#: Numbers of throws that are learnt from: quick, full.
+COUNTS = ((3,), (1, 2, 3, 5, 10))
+#: Seeds of the measurement's noise: quick, full.
+SEEDS = (1, 5)
+#: Real friction, patch radius [m] and delay [s] of the gripper.
 TRUTH = {"friction": 1.1, "patch_radius": 0.00325, "delay": 0.010}
 PRODUCT = TRUTH["friction"] * TRUTH["patch_radius"]
-REALITY, BELIEVED = "patch", 0.6
+#: Release model of reality.
+REALITY = "patch"
+#: Share of the real mu r_p that is believed before any throw.
+BELIEVED = 0.6
 #: Noise of a measured landing: x [m], theta [rad].
 NOISE = (0.002, math.radians(0.5))
 #: Goals: how far [m, deg] from the scene's own target. The first `JUDGED` are thrown again.

@@ -164,8 +164,10 @@ def is_franka(arm: Arm) -> bool:
 
 # Files.
 
-#: Programs and files for libfranka and for ROS 2.
-FRANKA_PROGRAM, ROS_PROGRAM = ("throw.cpp", "CMakeLists.txt"), ("throw_node.py",)
+#: Program for libfranka.
+FRANKA_PROGRAM = ("throw.cpp", "CMakeLists.txt")
+#: Program for ROS 2.
+ROS_PROGRAM = ("throw_node.py",)
 FRANKA_FILES = ("joints.csv", "gripper.csv", "franka.json", "franka.txt", *FRANKA_PROGRAM)
 BAG_FILES = ("metadata.yaml", "throw.mcap")
 ROS_FILES = (*BAG_FILES, *ROS_PROGRAM)
@@ -253,7 +255,9 @@ def motion_facts(motion: JointMotion) -> dict[str, Any]:
 
 # ROS 2.
 
-TRAJECTORY, GRIPPER = "/joint_trajectory", "/gripper_command"
+#: Topics of the bag.
+TRAJECTORY = "/joint_trajectory"
+GRIPPER = "/gripper_command"
 TRAJECTORY_TYPE = "trajectory_msgs/msg/JointTrajectory"
 GRIPPER_TYPE = "control_msgs/msg/GripperCommand"
 #: The type as control_msgs defines it: rosbags does not have it.
