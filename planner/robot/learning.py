@@ -29,7 +29,7 @@ from .recording import Recording
 class LearningSettings:
     """Settings of a correction.
 
-    rounds: quadratic programs from one start, at most; step: length of the first step in the
+    rounds: quadratic programs, at most; step: length of the first step in the
     weights of the program; min_gain: share by which the predicted cost must fall for another round.
     palm_clearance [m]: added to a plan whose correction collides with the hand.
     accurate [m]: pose error (position plus angle times half the length) that needs no correction;
@@ -113,11 +113,8 @@ def _proposal(plan: Throw, recording: Recording) -> tuple[Proposal, Finding | No
 
     A finding LANDING: it would land no nearer than the last throw.
     """
-    control, found = LearningControl.of(plan, recording), list[Proposal]()
-    for start in sorted(control.starts(), key=control.cost):
-        found += _rounds(control, start)
-        if found[-1].good:
-            break
+    control = LearningControl.of(plan, recording)
+    found = _rounds(control, control.start())
     best = min(found, key=lambda each: (not each.verdict.ok, each.error))
     nearest = min(found, key=lambda each: each.error)
     allowed = max(LEARNING.progress * _error(recording.throw(plan)), 1.0)

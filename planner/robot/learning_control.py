@@ -63,9 +63,8 @@ class LearningControl:
     plan: the throw to measure. times (N,) [s]; basis: cubic splines (N, K) at these, and their
     first and second derivatives; variables are their coefficients (K, n), n throwing joints.
     reach (3, n, N, K): response of each joint to the splines, its rate and acceleration;
-    disturbance (3, N, n): what is measured beside the response; last (K, n): coefficients of what
-    was sent. window: the samples at which the joints are to move as planned; after: those at which
-    the hand gets out of the object's way.
+    disturbance (3, N, n): what is measured beside the response. window: samples at which the joints
+    are to move as planned; after: those at which the hand gets out of the object's way.
     """
 
     plan: Throw
@@ -74,7 +73,6 @@ class LearningControl:
     basis: tuple[Array, Array, Array]
     reach: Array
     disturbance: Array
-    last: Array
     window: slice
     after: slice
 
@@ -90,11 +88,11 @@ class LearningControl:
         response = Response.fitted(sent, q)
         # On the new clock, at rest before and after the recording.
         clock = times - opening_time + recording.opening_time(plan.scene)
-        q, last = (
+        q, sent = (
             np.column_stack([np.interp(clock, recorded, column) for column in values.T])
             for values in (q, sent)
         )
-        disturbance = low_pass(times, q - response.all(last), CUTOFF)[1]
+        disturbance = low_pass(times, q - response.all(sent), CUTOFF)[1]
         reach = np.array([response.of(j, basis[0]) for j in range(q.shape[1])])
         instants = opening_time + np.array([-CONTROL.before, opening, opening + CONTROL.away])
         first, opened, end = np.searchsorted(times, instants).tolist()
@@ -102,7 +100,6 @@ class LearningControl:
             *(plan, opening_time, times, basis),
             _derivatives(reach, 1),
             _derivatives(disturbance, 0),
-            np.linalg.lstsq(basis[0], last, rcond=None)[0],
             window=slice(first, opened + 1),
             after=slice(opened + 1, end),
         )
@@ -127,12 +124,11 @@ class LearningControl:
         ]
         return float(off @ off / 2 + CONTROL.excess * sum(beyond))
 
-    def starts(self) -> list[Array]:
-        """Coefficients nearest to the plan, and nearest to the last, within the linear limits."""
+    def start(self) -> Array:
+        """Coefficients (K, n) nearest to the plan within the linear limits."""
         left, right = self._as_planned
-        goals = ((left.T @ left, left.T @ right), (np.eye(self.last.size), self.last.T.ravel()))
-        found = [_solved(square, -slope, *self._limits, -np.inf) for square, slope in goals]
-        return [values.reshape(len(self.reach[0]), -1).T for values in found]
+        found = _solved(left.T @ left, -left.T @ right, *self._limits, -np.inf)
+        return found.reshape(len(self.reach[0]), -1).T
 
     def step_from(self, point: Array, step: float) -> tuple[Array, float]:
         """Coefficients (K, n) of less cost, with limits to first order about `point`; that cost.
