@@ -6,7 +6,6 @@ project's root, writes docs/report. A section is a module with `make(effort)`, w
 tables and pictures.
 """
 
-from .judge import judged
 from .page import Effort, Picture, ReportSection
 from .run import SECTIONS, make_report
 from .summary import PAGE

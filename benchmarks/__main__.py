@@ -13,8 +13,10 @@ from throwplan.problems.files import prepare_folder
 
 from . import PAGE, SECTIONS, make_report
 
-#: Where the report is kept, and where a quick look at it goes.
-KEPT, QUICK = "docs/report", "out/report"
+#: Default folder of the report.
+KEPT = "docs/report"
+#: Default folder with --quick.
+QUICK = "out/report"
 
 
 def main(words: Sequence[str] | None = None) -> int:

@@ -17,7 +17,7 @@ from typing import Any, Literal
 import numpy as np
 from throwplan import InputError, Plan, Planner, Pose, Scene, load_scene
 
-from .judge import Verdict, judged
+from .judge import Judgement, judge
 from .processes import ENDINGS, in_processes
 
 #: Where a case's target is; "own" is the base scene's.
@@ -157,8 +157,10 @@ LEVERS: dict[str, tuple[Callable[[Scene, float], Scene], tuple[float, ...]]] = {
     "gravity": (lambda s, v: s.replace(gravity=v), (0.0, 0.1, 1.62, 25.0, 100.0)),
     "tolerance": (lambda s, v: _section(s, "tolerance", position=v, angle=v), (2e-4, 0.05)),
 }
-#: Hand accelerations [m/s^2], and shares of an arm's own.
-HAND_ACCELERATIONS, ARM_ACCELERATIONS = (2.0, 8.0, 200.0, 500.0), (0.15, 0.4)
+#: Accelerations [m/s^2] of a hand.
+HAND_ACCELERATIONS = (2.0, 8.0, 200.0, 500.0)
+#: Accelerations of an arm, over its limits.
+ARM_ACCELERATIONS = (0.15, 0.4)
 AIMS: tuple[Aim, ...] = ("edge", "beyond", "hand height", "straight up", "behind")
 
 
@@ -232,7 +234,7 @@ class CaseOutcome:
     case: Case
     status: str
     cause: str = ""
-    verdict: Verdict | None = None
+    judgement: Judgement | None = None
     finite: bool = True
     iterations: int = 0
     seconds: float = math.nan
@@ -240,16 +242,17 @@ class CaseOutcome:
     @property
     def false(self) -> bool:
         """Whether it is called solved and is not."""
-        return self.verdict is not None and bool(self.verdict.wrong)
+        return self.judgement is not None and bool(self.judgement.broken)
 
     @property
     def undecided(self) -> bool:
-        """Whether the independent steps do not settle to the tolerance."""
-        return self.verdict is not None and self.verdict.doubt > self.case.scene.tolerance.position
+        """Whether the oracle's own error exceeds the tolerance."""
+        allowed = self.case.scene.tolerance.position
+        return self.judgement is not None and self.judgement.doubt > allowed
 
 
 def run(case: Case) -> CaseOutcome:
-    """Plans one case and judges it by other code."""
+    """Plan one case; judge it by the oracle."""
     start = time.perf_counter()
     try:
         planner = Planner(case.scene, library=False)
@@ -260,11 +263,11 @@ def run(case: Case) -> CaseOutcome:
         words = f"{type(error).__name__}: {error}"
         return CaseOutcome(case, "traceback", words, seconds=time.perf_counter() - start)
     seconds = time.perf_counter() - start
-    verdict, cause = None, plan.message
-    if plan.solved and plan.throw is not None:
-        verdict = judged(plan.throw, plan.target)
-        cause = "; ".join(verdict.wrong)
-    return CaseOutcome(case, plan.status, cause, verdict, finite(plan), plan.iterations, seconds)
+    judgement, cause = None, plan.message
+    if plan.solved:
+        judgement = judge(plan)
+        cause = "; ".join(judgement.broken)
+    return CaseOutcome(case, plan.status, cause, judgement, finite(plan), plan.iterations, seconds)
 
 
 def finite(plan: Plan) -> bool:
@@ -273,19 +276,19 @@ def finite(plan: Plan) -> bool:
     if plan.nearest is not None:
         found += [plan.nearest.x, plan.nearest.z, plan.nearest.theta or 0.0]
     if plan.solved and plan.throw is not None:
-        thrown = plan.throw
-        solution = thrown.solution
-        found += [thrown.effort, thrown.planned_landing]
+        throw = plan.throw
+        solution = throw.solution
+        found += [throw.effort, throw.planned_landing]
         found += [] if solution is None else [solution.x, solution.lam_g]
-        found += [thrown.samples.q, thrown.samples.dq, thrown.samples.ddq, plan.error_sent()]
-        found += [thrown.deciding.release.com, thrown.deciding.release.com_twist]
+        found += [throw.samples.q, throw.samples.dq, throw.samples.ddq, plan.error_sent()]
+        found += [throw.deciding.release.com, throw.deciding.release.com_twist]
     return all(bool(np.isfinite(np.asarray(value, float)).all()) for value in found)
 
 
-def outcomes(wanted: list[Case]) -> Iterator[CaseOutcome]:
+def outcomes(chosen: list[Case]) -> Iterator[CaseOutcome]:
     """All cases, planned by processes that can be ended."""
-    answers = in_processes(run, [(case,) for case in wanted], PATIENCE)
-    for case, answer in zip(wanted, answers, strict=True):
+    answers = in_processes(run, [(case,) for case in chosen], PATIENCE)
+    for case, answer in zip(chosen, answers, strict=True):
         if isinstance(answer, str):
             yield CaseOutcome(case, answer, ENDINGS[answer], seconds=PATIENCE)
         else:

@@ -29,16 +29,20 @@ from throwplan.models.release.patch import PatchRelease, disc
 
 Run = Callable[[ReleaseCase], Release]
 
-#: Height of the landing [m]; the hand is at 0 when its grip begins to fall.
-HEIGHT, GRAVITY = -0.9, 9.81
+#: Height [m] of the landing; the hand is at 0 when its grip begins to fall.
+HEIGHT = -0.9
+#: Gravity [m/s^2].
+GRAVITY = 9.81
 #: LuGre stiffnesses sigma_0 [1/m], hardest first.
 STIFFNESSES = (1e7, 1e6, 1e5)
 #: Speed [m/s] over which friction builds up in converged answers: it moves them by less
 #: than 0.001 mm of landing.
 CREEP = 1e-10
-#: Random throws: share of the ellipsoid that the load may use at full grip (the patch's own limit
-#: surface lies up to 6.6 % inside it), and how many are drawn for each that is kept.
-HELD, SPARE = 0.9, 20
+#: Share of the ellipsoid that a random throw's load may use at full grip: the patch's own limit
+#: surface lies up to 6.6 % inside it.
+GRIP_USE = 0.9
+#: Random throws drawn for each that is kept.
+SPARE = 20
 #: Length [m] of the object of random throws, for scaled errors.
 LENGTH = 0.26
 
@@ -100,22 +104,22 @@ def random_throws(count: int, seed: int) -> dict[str, dict[str, Array]]:
     x_r, z_r = body.com_offset * np.cos(pose[2]), body.com_offset * np.sin(pose[2])
     load = pivot_wrench(body, GRAVITY, motion, twist[2], x_r, z_r)
     use = np.asarray(contact.utilisation_squared(*load, force))
-    held = np.flatnonzero(use < HELD**2)[:count]
+    sticking = np.flatnonzero(use < GRIP_USE**2)[:count]
     return {
         "object": {
-            "mass": mass[held],
-            "inertia": np.asarray(body.inertia)[held],
-            "com_offset": np.asarray(body.com_offset)[held],
+            "mass": mass[sticking],
+            "inertia": np.asarray(body.inertia)[sticking],
+            "com_offset": np.asarray(body.com_offset)[sticking],
         },
         "contact": {
-            "friction": np.asarray(contact.friction)[held],
-            "patch_radius": np.asarray(contact.patch_radius)[held],
+            "friction": np.asarray(contact.friction)[sticking],
+            "patch_radius": np.asarray(contact.patch_radius)[sticking],
         },
-        "gripper": {"force": force[held], "opening": opening[held]},
+        "gripper": {"force": force[sticking], "opening": opening[sticking]},
         "hand": {
-            "pose": pose.T[held],
-            "twist": twist.T[held],
-            "acceleration": acceleration.T[held],
+            "pose": pose.T[sticking],
+            "twist": twist.T[sticking],
+            "acceleration": acceleration.T[sticking],
         },
     }
 
@@ -295,8 +299,10 @@ def _creeping(case: ReleaseCase, places: Array, weights: Array, arm: float = 0.0
     def jacobian(t: float, state: Array) -> Array:
         """By the twist alone, which is what makes the equations stiff."""
         u, moves, share, size = points(t, state)
-        along = np.einsum("ijp,ip->jp", moves, u) / size
-        damping = np.einsum("ijp,ikp,p->jk", moves, moves, share) - (along * share) @ along.T
+        components = np.einsum("ijp,ip->jp", moves, u) / size
+        damping = (
+            np.einsum("ijp,ikp,p->jk", moves, moves, share) - (components * share) @ components.T
+        )
         none = np.zeros((3, 3))
         return np.block([[none, np.eye(3)], [none, -damping / mass[:, None]]])
 

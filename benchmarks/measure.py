@@ -31,9 +31,14 @@ from throwplan.planner.verdict import verdict
 
 T = TypeVar("T")
 
-#: A random motion: pieces of its run-up, share of velocity and acceleration limits that it uses at
-#: most, largest friction use while it carries, and states drawn at once.
-PIECES, MOST, GRIP, BATCH = 40, 0.95, 0.9, 2000
+#: Pieces of a random motion's run-up.
+PIECES = 40
+#: Share of velocity and acceleration limits that a random motion may use.
+LIMIT_USE = 0.95
+#: Share of the grip's friction that a random motion may use before the opening.
+GRIP_USE = 0.9
+#: Random states drawn at once.
+BATCH = 2000
 
 
 def least_time(run: Callable[[], T], repeats: int, budget: float, long: float) -> tuple[float, T]:
@@ -115,8 +120,8 @@ def _motions(
     """Random motions within the limits, and when their opening starts [s]."""
     limits, n = manipulator.planning, manipulator.size
     q = rng.uniform(limits.q_min, limits.q_max, (BATCH, n))
-    dq = rng.uniform(-MOST, MOST, (BATCH, n)) * limits.dq
-    ddq = rng.uniform(-MOST, MOST, (BATCH, n)) * limits.ddq
+    dq = rng.uniform(-LIMIT_USE, LIMIT_USE, (BATCH, n)) * limits.dq
+    ddq = rng.uniform(-LIMIT_USE, LIMIT_USE, (BATCH, n)) * limits.ddq
     shortest = max(scene.gripper.profile().dwell, 0.1)
     durations = rng.uniform(shortest, 1.2, BATCH)
     for state in zip(q, dq, ddq, durations, strict=True):
@@ -136,15 +141,15 @@ def _inside(limits: Limits, motion: Trajectory) -> bool:
     q, dq, ddq, jerk = (motion.starts(k) for k in range(4))
     if (q < limits.q_min).any() or (q > limits.q_max).any() or _too_fast(limits, q, dq):
         return False
-    if (np.abs(ddq) > MOST * limits.ddq).any():
+    if (np.abs(ddq) > LIMIT_USE * limits.ddq).any():
         return False
-    return limits.jerk is None or not (np.abs(jerk) > MOST * limits.jerk).any()
+    return limits.jerk is None or not (np.abs(jerk) > LIMIT_USE * limits.jerk).any()
 
 
 def _too_fast(limits: Limits, q: Array, dq: Array) -> bool:
     """Whether any velocity is above its share of the limit there."""
     low, high = limits.velocity(q)
-    return bool(((dq < MOST * low) | (dq > MOST * high)).any())
+    return bool(((dq < LIMIT_USE * low) | (dq > LIMIT_USE * high)).any())
 
 
 def _thrown(
@@ -160,9 +165,9 @@ def _thrown(
     stop = samples.q[-1]
     if ((stop < manipulator.planning.q_min) | (stop > manipulator.planning.q_max)).any():
         return None
-    thrown = SentThrow.sent(scene.aimed_at(target), manipulator, motion, samples, at).sliding_pivot
-    if thrown.grip_use > GRIP or not np.isfinite(thrown.landing.flight_time):
+    throw = SentThrow.sent(scene.aimed_at(target), manipulator, motion, samples, at).sliding_pivot
+    if throw.grip_use > GRIP_USE or not np.isfinite(throw.landing.flight_time):
         return None
-    theta = None if target.theta is None else thrown.landing.theta
-    pose = target.in_plane(thrown.landing.x, theta)
-    return pose if verdict(replace(thrown, scene=scene.aimed_at(pose))).ok else None
+    theta = None if target.theta is None else throw.landing.theta
+    pose = target.in_plane(throw.landing.x, theta)
+    return pose if verdict(replace(throw, scene=scene.aimed_at(pose))).ok else None

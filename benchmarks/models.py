@@ -63,16 +63,24 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-#: Columns of the times and of the two errors.
-TIME, OWN, MODEL = "time [µs]", "own scaled [mm]", "model scaled [mm]"
+#: Column of the times.
+TIME = "time [µs]"
+#: Column of the distance from the model's own converged answer.
+OWN = "own scaled [mm]"
+#: Column of the distance from the meshed pad.
+MODEL = "model scaled [mm]"
 #: Scaled landing errors [mm] whose cheapest settings are listed.
 GOALS = (1.0, 0.1, 0.01)
 #: Points of a finer patch, which tells how well the usual one is meshed.
 FINE_MESH = 256
 #: Seconds from which on a run is not repeated, quick and full.
 LONG = (0.03, 0.2)
-#: Random throws: seed, number in a batch, and of those with converged answers: quick, full.
-SEED, BATCH, FEW = 0, (512, 10_000), (3, 100)
+#: Seed of the random throws.
+SEED = 0
+#: Random throws of a batch: quick, full.
+BATCH = (512, 10_000)
+#: Random throws with converged answers: quick, full.
+FEW = (3, 100)
 #: Colour, marker and line of a release method; only settings that refine each other have a line.
 METHODS = {
     "sp, Euler": (BLUE, "v", ":"),
@@ -89,8 +97,10 @@ METHODS = {
     "LuGre, σ₀ 1e6 1/m": (ORANGE, "2", ""),
     "LuGre, σ₀ 1e5 1/m": (ORANGE, "3", ""),
 }
-#: Errors [mm] below these are drawn on them: converged answers are not known better.
-OWN_FLOOR, MODEL_FLOOR = 1e-7, 1e-4
+#: Accuracy [mm] of a model's converged answer; smaller errors are drawn at it.
+OWN_FLOOR = 1e-7
+#: Accuracy [mm] of the meshed pad's answer; smaller errors are drawn at it.
+MODEL_FLOOR = 1e-4
 
 
 def make(effort: Effort) -> ReportSection:

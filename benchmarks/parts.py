@@ -37,8 +37,10 @@ WIDE_WORKSPACE = Workspace(floor=-10.0, column_radius=0.01, column_height=0.01)
 DELAY = Uncertainty(delay=Distribution(uniform=0.010))
 #: Column of the time of a plan's solves.
 SOLVE = "solve [ms]"
-#: Lines of the ladder that are compared: a free hand with all its parts, and a Panda in its place.
-HAND, ARM = 5, 6
+#: Row of the ladder with all parts of a free hand.
+HAND = 5
+#: Row of the ladder with a Panda in the hand's place.
+ARM = 6
 #: Libraries that take long to import, by the name of their module.
 HEAVY = ("numpy", "casadi", "scipy", "ruckig", "matplotlib", "PIL", "distributed")
 #: Longest process that plans once [s].
@@ -63,15 +65,15 @@ def measured(scene: Scene, repeats: int) -> Row:
     first = planner.plan()
     # A plan that fails does so slowly, and again.
     plans = [planner.plan() for _ in range(repeats)] if first.solved else [first]
-    last = plans[-1]
+    full = plans[-1]
     return {
-        "variables": last.variables,
-        "constraints": last.constraints,
-        "iterations": last.iterations,
+        "variables": full.variables,
+        "constraints": full.constraints,
+        "iterations": full.iterations,
         "build [ms]": 1e3 * first.time["build"],
         SOLVE: 1e3 * min(plan.time["solve"] for plan in plans),
         "plan [ms]": 1e3 * min(map(planning_time, plans)),
-        "status": last.status if last.solved else f"{last.status}: {last.message}",
+        "status": full.status if full.solved else f"{full.status}: {full.message}",
     }
 
 

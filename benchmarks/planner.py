@@ -28,8 +28,10 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-#: Seed of the targets; scenes with their targets: quick, full.
-SEED, TARGETS = 2, {"cup": (2, 14), "hand-flip": (2, 14)}
+#: Seed of the targets.
+SEED = 2
+#: Targets of each scene: quick, full.
+TARGETS = {"cup": (2, 14), "hand-flip": (2, 14)}
 #: Each setting by itself, the others as they usually are: quick, full.
 SETTINGS = {
     "carry": ((6,), (3, 4, 5, 6, 8, 10, 15)),

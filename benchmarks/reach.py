@@ -15,12 +15,11 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 from throwplan import Plan, Planner, Pose, ReachMap, SentThrow, load_scene, reach_map
-from throwplan.planner.search import CORRECTOR
 from throwplan.planner.show import BLACK, BLUE, GREEN, RED, Row, Table, shown
 from throwplan.planner.throw import send
 from throwplan.planner.verdict import verdict
 
-from .judge import judged
+from .judge import judge
 from .measure import planning_time, quantiles, reachable_targets, warmed
 from .page import Effort, Picture, ReportSection, panels
 from .parts import imports_of
@@ -29,8 +28,10 @@ from .processes import shared
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Seed of the targets in reach; of targets on the map and far from it.
-SEED, MAP_SEED = 1, 3
+#: Seed of the targets in reach.
+SEED = 1
+#: Seed of the targets on the map and far from it.
+MAP_SEED = 3
 #: Scenes with the number of their targets: quick, full.
 TARGETS = {
     "pose": (20, 1000),
@@ -40,16 +41,24 @@ TARGETS = {
     "hand-box": (20, 300),
     "hand-flip": (20, 300),
 }
-#: Scenes whose library is measured: quick, full; its throws, targets spread over the bins of their
-#: maps, and plans that the judge looks at.
+#: Scenes whose library is measured: quick, full.
 LIBRARIES = ("hand-box",), ("pose", "cup", "box", "flip", "fr3")
-THROWS, ON_MAP, JUDGED = (60, 5000), (10, 500), (4, 400)
-#: Solved plans whose targets are moved by so much [m, scaled error], for warm plans.
-BESIDE, BY = (4, 300), 0.008
+#: Throws of a library: quick, full.
+THROWS = (60, 5000)
+#: Targets spread over the bins of a map: quick, full.
+ON_MAP = (10, 500)
+#: Plans that the oracle judges: quick, full.
+JUDGED = (4, 400)
+#: Solved plans whose targets are moved, for warm plans: quick, full.
+BESIDE = (4, 300)
+#: Pose error [m] (position plus angle times half the length) by which they are moved.
+BY = 0.008
 #: Plans before any is timed: the NLPs they need are built.
 FIRST = (2, 50)
-#: Sampled states of a map, and targets far from it.
-SAMPLED, FAR_OUT = (20_000, 200_000), (5, 300)
+#: Sampled states of a map: quick, full.
+SAMPLED = (20_000, 200_000)
+#: Targets far from the map: quick, full.
+FAR_OUT = (5, 300)
 #: Far: more than this from the middle of every bin that was hit, x [m] or theta [rad] ...
 FAR = (0.1, math.radians(20))
 #: ... and at most this beyond them.
@@ -196,14 +205,14 @@ def _over_map(name: str, effort: Effort) -> tuple[Row, list[Plan]]:
     pairs = [(a.throw, b.throw) for a, b in zip(plans, cold, strict=True) if a.solved and b.solved]
     costs = [a.effort / b.effort for a, b in pairs if a is not None and b is not None]
     looked = [p for p in plans if p.solved][: effort.of(*JUDGED)]
-    wrong = sum(bool(judged(p.throw, p.target).wrong) for p in looked if p.throw is not None)
+    wrong = sum(bool(judge(plan).broken) for plan in looked)
     said = collections.Counter(plan.status for plan in plans)
     row: Row = {
         "scene": name,
         "throws": throws,
         "prepare [s]": None if before else seconds,
         "library [MB]": planner.library.records.nbytes / 1e6,
-        "moved throws": sum(plan.solved and plan.solver == CORRECTOR for plan in plans),
+        "moved throws": sum(plan.solved and plan.solver == "corrector" for plan in plans),
         "out of reach": said["out_of_reach"],
         "no answer": said["not_converged"],
     }

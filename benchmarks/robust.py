@@ -9,9 +9,8 @@ from collections.abc import Sequence
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from throwplan import Distribution, Plan, Planner, Scene, Uncertainty, load_scene, sweep
+from throwplan import Distribution, InputError, Plan, Planner, Scene, Uncertainty, load_scene, sweep
 from throwplan.planner.show import BLACK, BLUE, GREY, RED, Row, Table, number, shown
-from throwplan.problems import InputError
 
 from .measure import reachable_targets
 from .page import Effort, Picture, ReportSection, panels
@@ -20,8 +19,12 @@ from .processes import shared
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Seed of the scenes; samples that judge a plan, and their seed, which planning does not use.
-SEED, SAMPLES, FRESH = 7, 2000, 1
+#: Seed of the scenes.
+SEED = 7
+#: Samples that judge a plan.
+SAMPLES = 2000
+#: Seed of these samples, which planning does not use.
+FRESH = 1
 #: Scenes that are varied: six arms and a free hand, poses, a position, a cup.
 SCENES = (
     *("delay", "fr3", "iiwa14", "gen3", "ur5e", "xarm7"),
@@ -33,9 +36,10 @@ KINDS = {"delay": (1, 20), "delay, friction, patch radius, mass": (1, 20), "all"
 HARD = 2e-3
 #: Targets that are tried in a scene.
 TARGETS = 12
-#: A robust plan is worse where its success is less by more than this many standard deviations of
-#: the difference, or, where that is not so, its error larger by more than this share.
-DEVIATIONS, SHARE = 2.0, 0.05
+#: Standard deviations of the difference of two success rates beyond which they differ.
+DEVIATIONS = 2.0
+#: Relative difference of two errors beyond which they differ, if success does not.
+SHARE = 0.05
 
 
 def make(effort: Effort) -> ReportSection:

@@ -1,4 +1,4 @@
-"""Section `stability`: extreme scenes, each solved one judged by other code, and noisy starts."""
+"""Section `stability`: extreme scenes, each solved one judged by the oracle, and noisy starts."""
 
 from __future__ import annotations
 
@@ -15,27 +15,29 @@ from throwplan.planner.search.samples import starts
 from throwplan.planner.show import Row, Table
 
 from .extremes import PATIENCE, CaseOutcome, cases, outcomes, some
-from .judge import STEPS, judged
+from .judge import judge
 from .page import Effort, ReportSection
 from .processes import ENDINGS, in_processes
 
 #: What a plan says, and what would be a defect.
 STATUSES = ("solved", "out_of_reach", "not_converged", "refused")
 DEFECTS = ("traceback", "hang", "crash")
-#: Sizes of the noise on starts, as shares of each variable, and how many of each: quick, full.
-NOISE, NOISY = (0.01, 0.1, 0.3, 1.0), (3, 8)
+#: Sizes of the noise on starts, over each variable.
+NOISE = (0.01, 0.1, 0.3, 1.0)
+#: Noisy starts of each size: quick, full.
+NOISY = (3, 8)
 SEED = 3
 
 
 def make(effort: Effort) -> ReportSection:
     """Extreme cases and noisy starts."""
-    wanted = some(20) if effort.quick else cases()
+    chosen_cases = some(20) if effort.quick else cases()
     scenes = {name: load_scene(name) for name in scene_names()}
     # A scene with an uncertain opening is another one's NLP again.
     names = [n for n, s in scenes.items() if s.motion is None and s.uncertainty is None]
     chosen = ["hand-flip", "cup"] if effort.quick else names
-    step, found = effort.counter(len(wanted) + len(chosen)), list[CaseOutcome]()
-    for outcome in outcomes(wanted):
+    step, found = effort.counter(len(chosen_cases) + len(chosen)), list[CaseOutcome]()
+    for outcome in outcomes(chosen_cases):
         found.append(outcome)
         step()
     noisy = list[Row]()
@@ -54,13 +56,12 @@ def make(effort: Effort) -> ReportSection:
 
 
 def _case_row(one: CaseOutcome) -> Row:
-    seen = one.verdict
+    seen = one.judgement
     return {
         "case": one.case.name,
         "status": "FALSE solved" if one.false else one.status,
-        "thrown again [mm]": None if seen is None else 1e3 * seen.miss,
-        "independent steps [mm]": None if seen is None else 1e3 * seen.other,
-        "their doubt [mm]": None if seen is None else 1e3 * seen.doubt,
+        "oracle's error [mm]": None if seen is None else 1e3 * seen.error,
+        "its doubt [mm]": None if seen is None else 1e3 * seen.doubt,
         "iterations": one.iterations,
         "plan [ms]": 1e3 * one.seconds,
         "cause": one.cause,
@@ -71,16 +72,16 @@ def _figures(found: list[CaseOutcome]) -> list[str]:
     """Counts, and the worst cases by name."""
     states = collections.Counter(outcome.status for outcome in found)
     said = ", ".join(f"{states[s]} {s}" for s in STATUSES)
-    solved = [outcome for outcome in found if outcome.verdict is not None]
+    solved = [outcome for outcome in found if outcome.judgement is not None]
     undecided = [outcome.case.name for outcome in solved if outcome.undecided]
     times = np.percentile([outcome.seconds for outcome in found], [50, 95])
     slow = max(found, key=lambda outcome: outcome.seconds)
     text = (
         f"{len(found)} extreme scenes: {said}; tracebacks, hangs and crashes "
         f"{sum(states[s] for s in DEFECTS)}, numbers that are not finite "
-        f"{sum(not o.finite for o in found)}. Each solved one is judged by other code, with "
-        f"{STEPS} even steps or more: {sum(o.false for o in solved)} are not true, "
-        f"{len(undecided)} undecided, where these steps do not settle"
+        f"{sum(not o.finite for o in found)}. Each solved one is judged by the oracle, "
+        f"code of its own: {sum(o.false for o in solved)} are not true, "
+        f"{len(undecided)} undecided, where its own error exceeds the tolerance"
     )
     text += f" ({', '.join(undecided)})." if undecided else "."
     return [
@@ -119,8 +120,8 @@ def from_noisy_start(name: str, size: float, number: int) -> tuple[str, str]:
     attempt = attempts(planner.problems, start, task)[0]
     if attempt.throw is None or not attempt.solved:
         return "failed", attempt.reason
-    wrong = judged(attempt.throw, target, STEPS // 4).wrong
-    return ("false" if wrong else "true"), "; ".join(wrong)
+    broken = judge(dataclasses.replace(plan, throw=attempt.throw)).broken
+    return ("false" if broken else "true"), "; ".join(broken)
 
 
 def noisy_rows(name: str, count: int) -> list[Row]:

@@ -45,10 +45,16 @@ CURVES = {
     "ils, Radau": ("limit surface, implicit", ORANGE),
     "patch": ("meshed pad", BLACK),
 }
-#: The throw that is shown, and those that MuJoCo throws too.
-SHOWN, THROWN = "cup", ("pose", "cup", "flip", "delay", "hand-flip")
-#: The table of MuJoCo's throws, and its columns.
-MUJOCO, SURFACE, PIVOT = "example-mujoco", "limit surface", "sliding pivot"
+#: Scene whose throw is drawn.
+SHOWN = "cup"
+#: Scenes that MuJoCo throws, too.
+THROWN = ("pose", "cup", "flip", "delay", "hand-flip")
+#: Table of MuJoCo's throws.
+MUJOCO = "example-mujoco"
+#: Its column of the limit surface.
+SURFACE = "limit surface"
+#: Its column of the sliding pivot.
+PIVOT = "sliding pivot"
 Rows = list[dict[str, str]]
 
 

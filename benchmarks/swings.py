@@ -9,16 +9,23 @@ from collections.abc import Sequence
 import numpy as np
 from throwplan import Plan, Planner, Pose, load_scene, reach_map
 from throwplan.planner.show import Row, Table, shown
-from throwplan.planner.throw import TICK
 
 from .measure import quantiles
 from .page import Effort, ReportSection
 from .reach import SAMPLED, over_map
 
-#: Updates per second, the target's speed at most [m/s], and what an update has time for [s].
-RATE, SPEED, HORIZON = 400, 0.1, 0.02
-#: Scenes, and how many targets of each: quick, full.
-SCENES, TARGETS = ("pose", "cup", "fr3"), (3, 100)
+#: Sampling interval [s] of the motion that is sent.
+TICK = 1e-3
+#: Updates per second.
+RATE = 400
+#: Largest speed [m/s] of the target.
+SPEED = 0.1
+#: Time [s] that an update may take.
+HORIZON = 0.02
+#: Scenes that are thrown in.
+SCENES = ("pose", "cup", "fr3")
+#: Targets of each scene: quick, full.
+TARGETS = (3, 100)
 
 
 def make(effort: Effort) -> ReportSection:
@@ -56,17 +63,17 @@ def following(name: str, targets: Sequence[Pose]) -> Row:
         if plan.throw is None or not plan.solved or plan.throw.deciding.command_time < 2 * HORIZON:
             continue
         swings += 1
-        begins = random.uniform(0.0, plan.throw.deciding.command_time / 2)
+        start_time = random.uniform(0.0, plan.throw.deciding.command_time / 2)
         speed = random.uniform(-SPEED, SPEED)
-        off, ended = _followed(planner, plan, begins, speed, times)
+        off, ended = _followed(planner, plan, start_time, speed, times)
         if ended:
             stopped += 1
             continue
         lands = plan.throw.landing_time
-        kept.append(abs(speed) * max(lands - begins, 0.0))
+        kept.append(abs(speed) * max(lands - start_time, 0.0))
         missed.append(off)
-        most = scene.tolerance
-        on_target += abs(off[0]) <= most.position and abs(off[1]) <= most.angle
+        tolerance = scene.tolerance
+        on_target += abs(off[0]) <= tolerance.position and abs(off[1]) <= tolerance.angle
     return {
         "scene": name,
         "swings": swings,
@@ -81,7 +88,7 @@ def following(name: str, targets: Sequence[Pose]) -> Row:
 
 
 def _followed(
-    planner: Planner, plan: Plan, begins: float, speed: float, times: list[float]
+    planner: Planner, plan: Plan, start_time: float, speed: float, times: list[float]
 ) -> tuple[tuple[float, float], bool]:
     """How far off the target (dx [m], dtheta [rad]) a swing lands; whether it was stopped.
 
@@ -90,17 +97,17 @@ def _followed(
     session, target, status, tick = planner.follow(plan, HORIZON), plan.target, "", 0
     while status not in ("committed", "stopped"):
         t, sent = TICK * tick, session.throw.samples
-        moving = t >= begins
-        there = _at(target, begins, speed, t)
+        moving = t >= start_time
+        there = _at(target, start_time, speed, t)
         seen = there.changed(velocity=(speed,)) if moving else there
         begin = time.perf_counter()
         update = session.update(t, sent.q[tick], sent.dq[tick], seen)
         times.append(1e3 * (time.perf_counter() - begin))
         status, tick = update.status, tick + round(1 / RATE / TICK)
     throw = session.throw
-    return throw.miss(_at(target, begins, speed, throw.landing_time)), status == "stopped"
+    return throw.miss(_at(target, start_time, speed, throw.landing_time)), status == "stopped"
 
 
-def _at(target: Pose, begins: float, speed: float, t: float) -> Pose:
+def _at(target: Pose, start_time: float, speed: float, t: float) -> Pose:
     """Where the target is at time t [s]."""
-    return target.shifted(speed * max(t - begins, 0.0), 0.0)
+    return target.shifted(speed * max(t - start_time, 0.0), 0.0)

@@ -1,4 +1,4 @@
-"""Section `throws`: contact parameters from measured throws, learning from few.
+"""Section `throws`: contact parameters from measured throws, effects of factors, learning from few.
 
 The throws are synthetic, on the paper's design, by a meshed patch with stated noise: they tell how
 models differ and whether a fit finds the truth, not how well a model predicts real throws.
@@ -9,7 +9,10 @@ from __future__ import annotations
 import dataclasses
 import math
 import statistics
-from collections.abc import Sequence
+import subprocess
+import sys
+import tempfile
+from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -21,13 +24,14 @@ from throwplan import (
     ThrowData,
     identify,
     load_scene,
+    load_throws,
     throw_data,
     thrown,
 )
 from throwplan.models import Array
 from throwplan.models.release import SLIDING_PIVOT, STEPPED_SURFACE
-from throwplan.planner.identify.synthetic import SynthesisConfig, make_throws
-from throwplan.planner.show import BLUE, GREEN, Row, Table, number, shown
+from throwplan.planner.identify import Grid, Predictor, grid_of
+from throwplan.planner.show import BLUE, GREEN, RED, Row, Table, number, shown
 
 from .page import Effort, Picture, ReportSection, panels
 
@@ -35,16 +39,32 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-#: Seed of the throws, and models with a grid.
-SEED, MODELS = 1, ("ls", SLIDING_PIVOT, STEPPED_SURFACE)
-#: Learning: models, numbers of throws, and seeds of the noise: quick, full.
-LEARNERS = (SLIDING_PIVOT, STEPPED_SURFACE)
-COUNTS, SEEDS = ((3,), (1, 2, 3, 5, 10)), (1, 5)
-#: Reality of the learning: friction, patch radius [m] and delay of the gripper [s]; what rubs
-#: there; the share of the true mu r_p that is believed.
+#: Seed of the throws.
+SEED = 1
+#: Models that are fitted, and learnt by.
+FITTED = (SLIDING_PIVOT, STEPPED_SURFACE)
+#: Models with a grid; landings by `ls` are no smooth function of the contact.
+GRIDS = ("ls", *FITTED)
+#: Factors of the paper's Fig. 20: column of throws.csv, and its two labels.
+FACTORS = {
+    "com": ("com1", "com2"),
+    "pitch": ("p1", "p3"),
+    "release": ("a1", "a6"),
+    "surface": ("plastic", "papertape"),
+    "payload": ("metal", "plastic"),
+    "moi": ("small", "large"),
+}
+#: Numbers of throws that are learnt from: quick, full.
+COUNTS = ((3,), (1, 2, 3, 5, 10))
+#: Seeds of the measurement's noise: quick, full.
+SEEDS = (1, 5)
+#: Real friction, patch radius [m] and delay [s] of the gripper.
 TRUTH = {"friction": 1.1, "patch_radius": 0.00325, "delay": 0.010}
 PRODUCT = TRUTH["friction"] * TRUTH["patch_radius"]
-REALITY, BELIEVED = "patch", 0.6
+#: Release model of reality.
+REALITY = "patch"
+#: Share of the real mu r_p that is believed before any throw.
+BELIEVED = 0.6
 #: Noise of a measured landing: x [m], theta [rad].
 NOISE = (0.002, math.radians(0.5))
 #: Goals: how far [m, deg] from the scene's own target. The first `JUDGED` are thrown again.
@@ -56,12 +76,15 @@ JUDGED = 3
 
 
 def make(effort: Effort) -> ReportSection:
-    """Grids and fits, learning from few throws."""
-    step = effort.counter(3)
-    data, _ = make_throws(SynthesisConfig(repeats=effort.of(1, 5), seed=SEED))
-    batch = data.picked(list(range(0, len(data.throws), effort.of(3, 1))))
+    """Grids and fits, effects of factors, learning from few throws."""
+    step = effort.counter(4)
+    data = _synthetic(effort.of(1, 5))
+    batch = data.picked(_rows(data, "set", "batch")[:: effort.of(3, 1)])
     step()
-    identified = _identified(batch)
+    grids = {model: grid_of(Predictor.of(batch), model) for model in GRIDS}
+    identified = _identified(batch, grids)
+    step()
+    factors = _factors(data)
     step()
     learning, before = _learning(effort)
     step()
@@ -79,27 +102,74 @@ def make(effort: Effort) -> ReportSection:
             f"Before any throw the mean real scaled error is {1e3 * before:.1f} mm; "
             f"{_learned(learning)}.",
         ],
-        [identified, learning],
-        [Picture("throws", words, _draw_learning(learning))],
+        [identified, factors, learning],
+        [
+            Picture("throws", words, _draw_learning(learning)),
+            Picture("throws-grid", "Mean pose error by `sp`", _draw_grid(grids[SLIDING_PIVOT])),
+        ],
     )
 
 
-def _identified(data: ThrowData) -> Table:
+def _synthetic(repeats: int) -> ThrowData:
+    """What `throwplan make-throws --factors` writes."""
+    words = ["make-throws", "--factors", "--repeats", str(repeats), "--seed", str(SEED), "--out"]
+    with tempfile.TemporaryDirectory() as folder:
+        command = [sys.executable, "-m", "throwplan", *words, folder]
+        subprocess.run(command, check=True, capture_output=True)
+        return load_throws(folder)
+
+
+def _rows(data: ThrowData, factor: str, label: str) -> list[int]:
+    """The throws with a label."""
+    return [i for i, throw in enumerate(data.throws) if throw.factors[factor] == label]
+
+
+def _factors(data: ThrowData) -> Table:
+    """Shifts of the mean landing from one label of a factor to the other (Fig. 20)."""
+    landed = np.array([(t.landing[0], t.landing[2]) for t in data.throws if t.landing is not None])
+    landings = {"measured": landed} | {model: _predicted(data, model) for model in FITTED}
+    rows = list[Row]()
+    for factor, labels in FACTORS.items():
+        group = "batch" if factor in ("com", "pitch", "release") else "factors"
+        sides = [
+            [i for i in _rows(data, factor, label) if data.throws[i].factors["set"] == group]
+            for label in labels
+        ]
+        row: Row = {"factor": f"{factor}: {' → '.join(labels)}"}
+        row["throws"] = ", ".join(str(len(side)) for side in sides)
+        for source, values in landings.items():
+            x, theta = values[sides[1]].mean(axis=0) - values[sides[0]].mean(axis=0)
+            row |= {f"{source}: x [mm]": 1e3 * x, f"{source}: θ [deg]": math.degrees(theta)}
+        rows.append(row)
+    return Table("throws-factors", "Shift of the mean landing by factor", rows, short=True)
+
+
+def _predicted(data: ThrowData, model: str) -> Array:
+    """Landings (T, 2) with the contact that is fitted to each surface."""
+    found = np.empty((len(data.throws), 2))
+    for surface in data.factors["surface"]:
+        rows = _rows(data, "surface", surface)
+        part = data.picked(rows)
+        found[rows] = thrown(part, model, identify(part, model).posterior.values())
+    return found
+
+
+def _identified(data: ThrowData, grids: Mapping[str, Grid]) -> Table:
     """Grids and fits, a row for each model."""
     true, rows = data.truth["friction"] * data.truth["patch_radius"], list[Row]()
-    for one in (identify(data, model) for model in MODELS):
-        assert one.grid is not None
+    for model, grid in grids.items():
         row: Row = {
-            "model": one.model,
-            "grid, least error [mm]": 1e3 * float(one.grid.error.min()),
-            "grid, μ r_p / truth": one.grid.product / true,
+            "model": model,
+            "grid, least error [mm]": 1e3 * float(grid.error.min()),
+            "grid, μ r_p / truth": math.prod(grid.contact(grid.best())) / true,
             "fit, error [mm]": None,
             "fit, μ r_p / truth": None,
             "± of it": None,
-            "predictions": one.grid.predictions,
-            "grid [s]": one.grid.seconds,
+            "predictions": grid.predictions,
+            "grid [s]": grid.seconds,
         }
-        if one.fit is not None and one.error is not None:
+        if model in FITTED:
+            one = identify(data, model)
             row |= {
                 "fit, error [mm]": 1e3 * one.error,
                 "fit, μ r_p / truth": one.posterior.product / true,
@@ -130,7 +200,7 @@ def _learning(effort: Effort) -> tuple[Table, float]:
     landings = thrown(throw_data(plans), REALITY, TRUTH)
     before = _error(plans[:JUDGED], landings[:JUDGED])
     rows = list[Row]()
-    for model in LEARNERS:
+    for model in FITTED:
         for count in COUNTS[not effort.quick]:
             found = [
                 _after(scene, plans[:count], landings[:count], model, seed)
@@ -171,7 +241,7 @@ def _after(
     noise = np.random.default_rng(seed).normal(size=(len(WAYS), 2))[: len(plans)] * NOISE
     pairs = [(float(x), float(theta)) for x, theta in landings + noise]
     data = throw_data(plans, pairs, *NOISE)
-    found = identify(data, model, prior=scene, delay=True, grid=False)
+    found = identify(data, model, prior=scene, delay=True)
     again = _planned(found.apply(scene), WAYS[:JUDGED])
     error = _error(again, thrown(throw_data(again), REALITY, TRUTH))
     return error, found.posterior.product / PRODUCT
@@ -201,6 +271,21 @@ def _learned(table: Table) -> str:
         f"median ({shown(row['times better, worst'])} at least)"
         for row in table.where(throws=3)
     )
+
+
+def _draw_grid(grid: Grid) -> Figure:
+    """The mean pose error over friction and patch radius, the lowest 10 % encircled (Fig. 15)."""
+    figure, ((axis,),) = panels(7.0, 5.0)
+    mu, radius, error = grid.friction, 1e3 * grid.patch_radius, 100 * grid.error.T
+    top, low = np.quantile(error, (0.98, 0.1))
+    mesh = axis.pcolormesh(mu, radius, error, cmap="inferno", vmax=top, shading="nearest")
+    axis.contour(mu, radius, error, [low], colors="white", linewidths=1.0)
+    label = "mean pose error [cm]: position plus angle times half the length"
+    figure.colorbar(mesh, label=label, extend="max")
+    i, j = grid.best()
+    axis.plot(mu[i], radius[j], "X", color=RED, ms=11, mec="white")
+    axis.set(xlabel="friction μ", ylabel="patch radius r_p [mm]")
+    return figure
 
 
 def _draw_learning(rows: Table) -> Figure:

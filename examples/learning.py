@@ -125,7 +125,7 @@ def learned(count, model=MODEL):
     """What is known after the first throws."""
     landings = [(float(x), float(theta)) for x, theta in seen[:count]]
     data = tp.throw_data(plans[:count], landings, *NOISE)
-    return tp.identify(data, model, prior=wrong, delay=True, grid=False)
+    return tp.identify(data, model, prior=wrong, delay=True)
 
 
 three = learned(3)

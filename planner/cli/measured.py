@@ -9,7 +9,7 @@ import time
 from pathlib import Path
 from typing import Any
 
-from ...models.release import MODELS, SLIDING_PIVOT, STEPPED_SURFACE
+from ...models.release import SLIDING_PIVOT, STEPPED_SURFACE
 from ...problems import InputError, load_scene
 from ...problems.files import prepare_folder, read_text, toml_tables
 from ...problems.throws import THROW_DATA_FILES, ThrowData, load_throws, write_throws
@@ -43,9 +43,9 @@ from .common import (
 
 #: Default stiffness [1/m] of the bristles.
 SOFT = 1e6
-MOST_THROWS = 1_000_000
+MAX_THROWS = 1_000_000
 #: The models of `--model all`.
-FITTED = ("ls", SLIDING_PIVOT, STEPPED_SURFACE)
+FITTED = (SLIDING_PIVOT, STEPPED_SURFACE)
 
 
 def make_throws_arguments(add: Add) -> None:
@@ -102,21 +102,17 @@ def identify_arguments(add: Add) -> None:
     words = f"release model (default: the prior's, or {STEPPED_SURFACE}), or all: "
     words += ", ".join(FITTED)
     add("--model", default="", metavar="NAME", help=words)
-    add("--no-grid", action="store_true", help="only the fit, not the 20 x 20 grid")
     add("--delay", action="store_true", help="fit a delay of the opening, too")
     add("--grip-scale", action="store_true", help="and the grip force's scale")
     add("--prior", metavar="SCENE", help="its [contact] and [uncertainty]")
-    add("--throws", type=integer(1, MOST_THROWS), metavar="N", help="only the first N throws")
+    add("--throws", type=integer(1, MAX_THROWS), metavar="N", help="only the first N throws")
     add_words(add, "--only", "FACTOR=LABEL", "only throws with this label")
-    add_out(add, "identify.json, contact.toml, the grids and pictures")
+    add_out(add, "identify.json, contact.toml, a picture")
 
 
 def run_identify(options: argparse.Namespace) -> int:
     """Fit each model, write and print."""
     models: tuple[str, ...] = FITTED if options.model == "all" else (options.model,)
-    if options.no_grid and len(models) > 1:
-        # A model that does not converge has a grid only.
-        models = tuple(model for model in models if not MODELS[model].nonconvergent)
     for model in filter(None, models):
         check_model(model)
     with Progress(f"{options.data}: reading"):
@@ -132,7 +128,6 @@ def run_identify(options: argparse.Namespace) -> int:
                 prior=prior,
                 delay=options.delay,
                 grip_scale=options.grip_scale,
-                grid=not options.no_grid,
                 about=progress.about,
             )
             for model in models
@@ -153,9 +148,7 @@ def validate_arguments(add: Add) -> None:
     add_data(add)
     words = f"release models, with commas (default: {','.join(PAPER_MODELS)})"
     add("--models", metavar="A,B,C", help=words)
-    words = "more columns of throws.csv: its first label is compared with its last"
-    add_words(add, "--factor", "NAME", words)
-    add_out(add, "validation.md, tables as CSV and three pictures")
+    add_out(add, "validation.md, tables as CSV and two pictures")
 
 
 def run_validate(options: argparse.Namespace) -> int:
@@ -166,7 +159,7 @@ def run_validate(options: argparse.Namespace) -> int:
     if options.out is not None:
         prepare_folder(Path(options.out), VALIDATION_FILES)
     with Progress() as progress:
-        found = validate(data, models, options.factor, progress.about)
+        found = validate(data, models, progress.about)
     if options.out is not None:
         with Progress(f"{data.name}: writing {options.out}"):
             save_validation(found, Path(options.out))

@@ -1,7 +1,6 @@
 """Measured throws: contact parameters fitted to them, release models validated on them."""
 
 from .belief import Belief, applied, contact_text, prior_of
-from .factors import comparisons, factor_rows
 from .grid import Grid, grid_of
 from .identified import FILES as IDENTIFY_FILES
 from .identified import Identified, identify, one_surface, save_identified, summary_of

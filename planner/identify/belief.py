@@ -88,11 +88,11 @@ class Belief:
         fold[names.index("friction"), self.names.index("grip_scale")] = 1.0
         return Belief(names, fold @ self.mean, fold @ self.covariance @ fold.T)
 
-    def ellipse(self, count: int = 121) -> Array:
-        """Outline (count, 2) of the 95 % region of friction and patch_radius [m]."""
+    def ellipse(self) -> Array:
+        """Outline (121, 2) of the 95 % region of friction and patch_radius [m]."""
         pair = [self.names.index("friction"), self.names.index("patch_radius")]
         factor = np.linalg.cholesky(self.covariance[np.ix_(pair, pair)] + 1e-18 * np.eye(2))
-        turn = np.linspace(0.0, 2 * np.pi, count)
+        turn = np.linspace(0.0, 2 * np.pi, 121)
         circle = np.sqrt(CHI2_95) * np.array([np.cos(turn), np.sin(turn)])
         return np.asarray(np.exp(self.mean[pair][:, None] + factor @ circle).T)
 

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import itertools
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -20,42 +20,52 @@ from ...problems import InputError
 from .belief import ASSUMED, Belief, sets_at
 from .predict import Predictor
 
-#: Ranges of the unknowns: mu, r_p [m], delay [s], scale.
+#: Ranges of the unknowns: friction, patch radius [m], delay [s], scale of the grip force.
 RANGES = {
     "friction": (0.05, 3.0),
     "patch_radius": (2e-4, 0.05),
     "delay": (-0.03, 0.03),
     "grip_scale": (0.3, 3.0),
 }
-#: Steps of central differences: of a logarithm, and of the delay [s].
-STEPS = {"delay": 2e-4}
-LOG_STEP = 0.01
-#: Median and relative deviation of the friction without a prior: landings depend almost only on
-#: mu r_p, and a fit would drift along the ridge of constant product.
-WEAK_FRICTION = (0.6, 0.7)
-#: Residual [sigmas] beyond which the loss is linear.
-BEND = 2.0
-#: Residual [sigmas] of a throw without a predicted landing.
-NO_LANDING = 100.0
-#: Most evaluations of the model from one start.
-MOST_EVALUATIONS = 40
-#: Fewest throws for an estimate of the scatter; number of refits with it.
-SCATTER_THROWS, REFITS = 6, 2
-#: Grid of candidate starts: mu, r_p [m] and delay [s].
-START_FRICTION, START_RADIUS = np.geomspace(0.2, 1.5, 6), np.geomspace(0.0015, 0.015, 6)
-START_DELAYS = (-0.015, 0.0, 0.015)
-#: Number of candidate starts drawn from a prior.
-DRAWS = 128
-#: Least distance of two starts in the logarithms of mu and r_p; number of starts.
-APART, STARTS = 0.3, 3
-#: All throws are of one kind if their derivatives differ by less than this share: repeated throws
-#: of an arm differ by 3 to 20 %, throws of different motions by 80 %.
-ALIKE = 0.2
-#: Residuals over noise: a larger ratio points to wrong units, turns or clocks.
-GROSS = 30.0
-#: Scales of the unknowns: a combination with a standard deviation above 1 is not identifiable.
+#: Scales of the unknowns (delay [s], others relative): a standard deviation above 1 is refused.
 UNITS = {"friction": 1.0, "patch_radius": 1.0, "delay": 0.03, "grip_scale": 1.0}
 CURE = "give throws with other motions or objects, or --prior SCENE"
+
+
+@dataclass(frozen=True)
+class FitSettings:
+    """Settings of a fit.
+
+    delay_step [s], log_step: steps of central differences, of the delay and of logarithms.
+    friction, friction_deviation: median and relative deviation of the friction without a prior;
+    landings hardly depend on more than mu r_p, and a fit would drift along that ridge.
+    loss_bend: residual [sigmas] above which the loss is linear.
+    no_landing: residual [sigmas] of a throw without a predicted landing.
+    max_evaluations: of the model in one solve.
+    scatter_throws, refits: fewest throws for an estimate of the scatter, and solves with it.
+    start_friction, start_radius [m], start_delays [s]: grid of candidate starts without a prior.
+    min_variety: least relative spread of the derivatives of different throws; repeated throws of
+    an arm differ by 0.03 to 0.2, throws of different motions by 0.8.
+    wrong_scatter: residuals over noise that point to wrong units, turns or clocks.
+    """
+
+    delay_step: float = 2e-4
+    log_step: float = 0.01
+    friction: float = 0.6
+    friction_deviation: float = 0.7
+    loss_bend: float = 2.0
+    no_landing: float = 100.0
+    max_evaluations: int = 40
+    scatter_throws: int = 6
+    refits: int = 2
+    start_friction: tuple[float, ...] = tuple(np.geomspace(0.2, 1.5, 6))
+    start_radius: tuple[float, ...] = tuple(np.geomspace(0.0015, 0.015, 6))
+    start_delays: tuple[float, ...] = (-0.015, 0.0, 0.015)
+    min_variety: float = 0.2
+    wrong_scatter: float = 30.0
+
+
+SETTINGS = FitSettings()
 
 
 @dataclass(frozen=True)
@@ -94,10 +104,12 @@ class Fit:
             f"{self.seconds:.1f} s",
         ]
         if max(self.scatter) > 1.0:
+            wrong = ", or units, turns or clocks are wrong"
             lines.append(
                 f"    residuals are {self.scatter[0]:.1f} (x) and {self.scatter[1]:.1f} (theta) "
                 "times the measurement's noise: the model errs, or the noise is larger"
-                + (", or units, turns or clocks are wrong" if max(self.scatter) > GROSS else "")
+                + wrong
+                * (max(self.scatter) > SETTINGS.wrong_scatter)
             )
         if self.at_bound:
             lines.append(
@@ -138,11 +150,12 @@ def fit_to(
     shared = predictor.data.shared
     noise = np.array([shared.position_noise, shared.angle_noise])
     problem = _Problem(predictor, model, names, prior, noise, evaluated)
-    point, cost = min((problem.solved(point) for point in problem.starts()), key=lambda s: s[1])
+    point, cost = problem.solved(problem.start())
     if not np.isfinite(problem.missed_by(point[None])).any():
         height = f"landing_height = {shared.landing_height:g}"
         raise InputError(f"no landing: no throw comes down to {height} by {model}")
-    for _ in range(REFITS if len(predictor.data.throws) >= SCATTER_THROWS else 0):
+    count = len(predictor.data.throws)
+    for _ in range(SETTINGS.refits if count >= SETTINGS.scatter_throws else 0):
         sigma = np.maximum(noise, problem.scatter(point))
         if np.allclose(sigma, problem.sigma, rtol=0.02):
             break
@@ -153,7 +166,7 @@ def fit_to(
         _check_identifiable(slopes, names)
     off = problem.missed_by(point[None])[0]
     low, high = problem.bounds
-    near = np.minimum(point - low, high - point) / (high - low) < 1e-3
+    at_bound = np.minimum(point - low, high - point) / (high - low) < 1e-3
     return Fit(
         model,
         Belief(names, point, problem.covariance(point)),
@@ -161,7 +174,7 @@ def fit_to(
         (float(problem.sigma[0] / noise[0]), float(problem.sigma[1] / noise[1])),
         cost,
         int((~np.isfinite(off).all(axis=1)).sum()),
-        tuple(name for name, edge in zip(names, near, strict=True) if edge),
+        tuple(np.array(names)[at_bound].tolist()),
         problem.evaluations,
         time.perf_counter() - start,
     )
@@ -182,6 +195,9 @@ class _Problem:
         self.predictor, self.model = predictor, model
         self.names, self.prior, self.sigma, self.evaluations = names, prior, sigma, 0
         self._evaluated = evaluated or (lambda count: None)
+        self.steps = np.full(len(names), SETTINGS.log_step)
+        if "delay" in names:
+            self.steps[names.index("delay")] = SETTINGS.delay_step
         ranges = [
             RANGES[name] if name == "delay" else np.log(np.array(RANGES[name])) for name in names
         ]
@@ -189,7 +205,8 @@ class _Problem:
         if prior is None:
             self.mean, precision = np.zeros(len(names)), _scale_precision(names)
             i = names.index("friction")
-            self.mean[i], precision[i, i] = np.log(WEAK_FRICTION[0]), WEAK_FRICTION[1] ** -2
+            self.mean[i] = np.log(SETTINGS.friction)
+            precision[i, i] = SETTINGS.friction_deviation**-2
         else:
             self.mean, precision = prior.mean, np.asarray(np.linalg.inv(prior.covariance), float)
         values, vectors = np.linalg.eigh(precision)
@@ -206,7 +223,7 @@ class _Problem:
     def rows(self, point: Array) -> Array:
         """Landing errors at a point and one step to either side along each unknown."""
         if self._last is None or not np.array_equal(self._last[0], point):
-            moves = np.diag([STEPS.get(name, LOG_STEP) for name in self.names])
+            moves = np.diag(self.steps)
             points = np.vstack([point, point + moves, point - moves])
             self._last = point.copy(), self.missed_by(points)
         return self._last[1]
@@ -214,7 +231,7 @@ class _Problem:
     def weighted(self, off: Array, points: Array) -> Array:
         """Residuals (M, 2 T + P) of landing errors at points: throws, then prior."""
         residuals = off / self.sigma
-        residuals[~np.isfinite(residuals).all(axis=2)] = NO_LANDING
+        residuals[~np.isfinite(residuals).all(axis=2)] = SETTINGS.no_landing
         prior = (points - self.mean) @ self._root.T
         return np.hstack([residuals.reshape(len(points), -1), prior])
 
@@ -224,16 +241,16 @@ class _Problem:
 
     def jacobian(self, point: Array) -> Array:
         """Derivatives (2 T + P, P) of the residuals; zero for a throw without a landing."""
-        steps = np.array([STEPS.get(name, LOG_STEP) for name in self.names])
         ahead, behind = np.split(self.rows(point)[1:] / self.sigma, 2)
-        slopes = (ahead - behind) / (2 * steps[:, None, None])
+        slopes = (ahead - behind) / (2 * self.steps[:, None, None])
         slopes[:, ~np.isfinite(slopes).all(axis=(0, 2))] = 0.0
-        return np.vstack([slopes.reshape(len(steps), -1).T, self._root])
+        return np.vstack([slopes.reshape(len(self.names), -1).T, self._root])
 
     def loss(self, squares: Array) -> Array:
         """Soft L1 for the throws, squares for the prior: value and two derivatives."""
-        bent, count = 1.0 + squares / BEND**2, len(self.names)
-        found = np.array([2 * BEND**2 * (bent**0.5 - 1), bent**-0.5, -(bent**-1.5) / (2 * BEND**2)])
+        bend, count = SETTINGS.loss_bend**2, len(self.names)
+        bent = 1.0 + squares / bend
+        found = np.array([2 * bend * (bent**0.5 - 1), bent**-0.5, -(bent**-1.5) / (2 * bend)])
         prior = squares[-count:]
         found[:, -count:] = [prior, np.ones_like(prior), np.zeros_like(prior)]
         return found
@@ -250,36 +267,24 @@ class _Problem:
             (low, high),
             x_scale=np.array([0.01 if name == "delay" else 1.0 for name in self.names]),
             loss=self.loss,
-            max_nfev=MOST_EVALUATIONS,
+            max_nfev=SETTINGS.max_evaluations,
             xtol=3e-4,
             ftol=1e-4,
         )
         return np.asarray(found.x), float(found.cost)
 
-    def starts(self) -> Array:
-        """Starts (S, P): the best candidates that are apart from each other."""
-        points = np.clip(list(self._candidates()), *self.bounds)
+    def start(self) -> Array:
+        """The prior's mean, or the best of a grid of friction, radius and delay (P,)."""
+        if self.prior is not None:
+            return self.prior.mean
+        delays = SETTINGS.start_delays if "delay" in self.names else (0.0,)
+        grid = list(itertools.product(SETTINGS.start_friction, SETTINGS.start_radius, delays))
+        points = np.zeros((len(grid), len(self.names)))
+        for point, (mu, radius, delay) in zip(points, grid, strict=True):
+            known = {"friction": np.log(mu), "patch_radius": np.log(radius), "delay": delay}
+            point[:] = [known.get(name, 0.0) for name in self.names]
         residuals = self.weighted(self.missed_by(points), points)
-        costs = np.array([self.loss(row**2)[0].sum() for row in residuals])
-        order = np.argsort(costs, kind="stable")
-        starts = [] if self.prior is None else [self.prior.mean]
-        for point in points[order]:
-            if all(np.hypot(*(point - other)[:2]) > APART for other in starts):
-                starts.append(point)
-        return np.array(starts[:STARTS])
-
-    def _candidates(self) -> Iterator[Array]:
-        """Draws of the prior, or a grid of friction, radius and delay."""
-        if self.prior is None:
-            delays = START_DELAYS if "delay" in self.names else (0.0,)
-            for mu, radius, late in itertools.product(START_FRICTION, START_RADIUS, delays):
-                known = {"friction": np.log(mu), "patch_radius": np.log(radius), "delay": late}
-                yield np.array([known.get(name, 0.0) for name in self.names])
-            return
-        from scipy.stats import qmc
-
-        mean, covariance, rng = self.prior.mean, self.prior.covariance, np.random.default_rng(0)
-        yield from qmc.MultivariateNormalQMC(mean, covariance, rng=rng).random(DRAWS)
+        return np.asarray(points[np.argmin([self.loss(row**2)[0].sum() for row in residuals])])
 
     def scatter(self, point: Array) -> Array:
         """Robust standard deviation of the residuals (2,): x [m], theta [rad]."""
@@ -312,11 +317,11 @@ def _check_identifiable(slopes: Array, names: tuple[str, ...]) -> None:
             f"from one of theirs; {CURE}"
         )
     spread = np.sqrt(((slopes - slopes.mean(axis=0)) ** 2).sum(axis=(1, 2)).mean())
-    if spread <= ALIKE * np.sqrt((slopes**2).sum(axis=(1, 2)).mean()):
+    if spread <= SETTINGS.min_variety * np.sqrt((slopes**2).sum(axis=(1, 2)).mean()):
         raise InputError(
             f"not identifiable: {words}: all {count} throws are alike (their landings depend on "
-            f"them in the same way within {100 * ALIKE:.0f} %), so that an error of the model "
-            f"looks just like one of theirs; {CURE}"
+            f"them in the same way within {100 * SETTINGS.min_variety:.0f} %), so that an error of "
+            f"the model looks just like one of theirs; {CURE}"
         )
     rows, units = slopes.reshape(-1, len(names)), np.array([UNITS[name] for name in names])
     information = (rows.T @ rows + _scale_precision(names)) * np.outer(units, units)

@@ -72,59 +72,21 @@ class Grid:
         return float(self.friction[cell[0]]), float(self.patch_radius[cell[1]])
 
     @property
-    def optimum(self) -> tuple[float, float]:
-        """friction and patch_radius [m] of the best cell."""
-        return self.contact(self.best())
-
-    @property
-    def product(self) -> float:
-        """mu r_p [m] of the best cell."""
-        return self.optimum[0] * self.optimum[1]
-
-    @property
     def predictions(self) -> int:
         """Throws times cells."""
         return int(self.errors.size)
-
-    def summary(self) -> list[str]:
-        """Lines for people."""
-        mu, radius = self.optimum
-        lost = f", {self.missed.sum()} do not land" if self.missed.any() else ""
-        each = self.seconds / self.predictions
-        return [
-            f"    grid: least mean pose error {100 * self.error.min():.3f} cm (most "
-            f"{100 * self.error.max():.3f}) at friction {mu:.3g}, patch_radius "
-            f"{1e3 * radius:.3g} mm, mu r_p {1e3 * self.product:.3g} mm",
-            f"    {self.predictions:,} predictions in {self.seconds:.1f} s, "
-            f"{1e3 * each:.3g} ms a throw{lost}",
-        ]
-
-    def to_dict(self) -> dict[str, Any]:
-        """As JSON, without the map itself."""
-        return {
-            "friction": self.optimum[0],
-            "patch_radius": self.optimum[1],
-            "product": self.product,
-            "least_error": float(self.error.min()),
-            "most_error": float(self.error.max()),
-            "missed": int(self.missed.sum()),
-            "predictions": self.predictions,
-            "seconds": self.seconds,
-            "time_per_throw": self.seconds / self.predictions,
-        }
 
 
 def grid_of(
     predictor: Predictor,
     model: str,
     axes: Axes = AXES,
-    fixed: tuple[float, float] = (0.0, 1.0),
     progress: Progress | None = None,
 ) -> Grid:
-    """The error landscape of a model; fixed: delay [s] and scale of the grip force."""
+    """The error landscape of a model."""
     shape = (len(predictor.data.throws), len(axes[0]), len(axes[1]))
     friction, radius = (cells.ravel() for cells in np.meshgrid(*axes, indexing="ij"))
-    sets = parameter_sets(friction, radius, *fixed)
+    sets = parameter_sets(friction, radius)
     start = time.perf_counter()
     detach = predictor.detached(model, sets, progress)
     off = predictor.landed(detach) - predictor.truth.landing[:, None]

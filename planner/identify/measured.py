@@ -18,8 +18,10 @@ from ..result import Plan, sent_throw
 SAMPLES = 21
 #: A track without a landing counts up to this time [s] after the opening: the bar flies longer.
 FLIGHT = 0.15
-#: The hand is recorded from BEFORE [s] before the command to AFTER [s] after the opening.
-BEFORE, AFTER = 0.05, 0.06
+#: Time [s] before the command at which a recording of the hand begins.
+BEFORE = 0.05
+#: Time [s] after the opening at which it ends.
+AFTER = 0.06
 #: Time step [s] of the recording.
 TICK = 0.001
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import Array, Body, Contact, FlightLaw, HandTrack, Indices, Trajectory
-from ...models.release import MODELS, ImplicitRelease, Release, ReleaseBatch, ReleaseCase
+from ...models.release import MODELS, Release, ReleaseBatch, ReleaseCase
 from ...problems import InputError, PadContact, checked
 from ...problems.throws import MeasuredThrow, ThrowData
 from ..throw.simulation import named_model, recorded_joints
@@ -29,8 +29,8 @@ BASE = {"delay": 0.0, "grip_scale": 1.0}
 STEP = 0.001
 #: Largest delay [s].
 REACH = 0.05
-#: Most throws times parameter sets of one batch with several throws.
-MOST = 4096
+#: Largest number of throws times parameter sets in a batch of several throws.
+MAX_BATCH = 4096
 #: Shares of the opening at which the fall of two grip forces is compared.
 SHARES = np.linspace(0.0, 1.0, 21)
 
@@ -88,18 +88,14 @@ class Predictor:
     def detached(self, model: str, sets: Array, progress: Progress | None = None) -> Array:
         """CoM pose and twist (T, M, 6) of every throw at the end of the opening, with every
         parameter set (M, 4); NaN if the model fails."""
-        named_model(model, MODELS)
+        check_model(model)
         if np.abs(sets[:, 2]).max() > REACH:
             raise InputError(f"delay = {np.abs(sets[:, 2]).max():g}: must be at most {REACH:g} s")
         count, done = len(self.data.throws), 0
         detach = np.full((count, len(sets), 6), np.nan)
         known = MODELS[model]
-        for rows in self._groups(len(sets) if known.batch is not None else MOST):
-            if known.batch is not None:
-                batch = self._batch(rows, sets)
-                found = known.throw(batch, known.fit_steps).detach
-            else:
-                found = np.array([self._end(model, i, one) for i in rows for one in sets])
+        for rows in self._groups(len(sets)):
+            found = known.throw(self._batch(rows, sets), known.fit_steps).detach
             detach[rows] = found.reshape(len(rows), len(sets), 6)
             done += len(rows)
             if progress is not None:
@@ -138,17 +134,10 @@ class Predictor:
         for i, throw in enumerate(self.data.throws):
             fall = throw.grip.force(SHARES * throw.grip.opening) / throw.grip.full
             alike.setdefault(np.round(fall, 9).tobytes(), []).append(i)
-        most = max(MOST // sets, 1)
+        batch_size = max(MAX_BATCH // sets, 1)
         for rows in alike.values():
-            for first in range(0, len(rows), most):
-                yield np.array(rows[first : first + most])
-
-    def _end(self, model: str, row: int, one: Array) -> Array:
-        """CoM pose and twist (6,) of one throw at the end of the opening."""
-        single = MODELS[model].single
-        if isinstance(single, ImplicitRelease):
-            single = replace(single, samples=2)  # samples in between cost a tenth more
-        return single.release(self.case(row, one)).end
+            for first in range(0, len(rows), batch_size):
+                yield np.array(rows[first : first + batch_size])
 
     def _batch(self, rows: Indices, sets: Array) -> ReleaseBatch:
         """Some throws with every parameter set as one batch, throw by throw."""

@@ -2,21 +2,18 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ...models import Array
 from ...problems.files import filling, plain
 from ..show import Row, Table, save
-from .factors import SIGNIFICANT, FactorRow
 from .grid import MISSED
 from .pictures import DEGREES, PICTURES, validation_pictures
 from .validation import ModelCheck, Validation
 
-TABLES = ("parameters", "errors", "cross_validation", "factors", "errors_by_throw")
+TABLES = ("parameters", "errors", "cross_validation", "errors_by_throw")
 #: All that a validation leaves in its folder.
 FILES = (
     "validation.md",
@@ -29,7 +26,7 @@ ERRORS = {"v_x [m/s]": "v_x", "omega [deg/s]": "omega", "x [m]": "x", "theta [de
 
 def tables(found: Validation) -> list[Table]:
     """The tables of a validation that have rows."""
-    every = (parameter_table(found), error_table(found), crossed_table(found), factor_table(found))
+    every = (parameter_table(found), error_table(found), crossed_table(found))
     return [table for table in every if table.rows]
 
 
@@ -98,39 +95,6 @@ def crossed_table(found: Validation) -> Table:
     return Table("cross_validation", caption, rows)
 
 
-def factor_table(found: Validation) -> Table:
-    """Shifts from condition A to B, errors in both, p of Mann-Whitney U."""
-    rows = list[Row]()
-    for group in found.factors:
-        compared, shift = group[0].comparison, group[0].measured * DEGREES
-        head: Row = {
-            "factor": f"{compared.factor}: {compared.labels[0]} → {compared.labels[1]}",
-            "throws A, B": f"{len(compared.first)}, {len(compared.second)}",
-        }
-        rows.append({**head, "model": "measured", **_shift(shift)})
-        rows += [{**dict.fromkeys(head, ""), **_factor_cells(row)} for row in group]
-    caption = (
-        f"Factors: shift of the mean landing from A to B, MAE ± STD in both; * p < {SIGNIFICANT}"
-    )
-    return Table("factors", caption, rows)
-
-
-def _factor_cells(row: FactorRow) -> Row:
-    mean, std = row.mean * DEGREES, row.std * DEGREES
-    cells: Row = {"model": row.model, **_shift(row.predicted * DEGREES)}
-    for i, name in enumerate(("x error {} [m]", "theta error {} [deg]")):
-        for side, label in enumerate("AB"):
-            spread = float(mean[side, i]), float(std[side, i])
-            cells[name.format(label)] = None if math.isnan(spread[0]) else spread
-        cells[f"p of {name.split()[0]}"] = f"{row.p[i]:.2g}" + " *" * bool(row.p[i] < SIGNIFICANT)
-    return cells
-
-
-def _shift(shift: Array) -> Row:
-    cells: Row = plain({"shift x [m]": shift[0], "shift theta [deg]": shift[1]})
-    return cells
-
-
 def errors_by_throw(found: Validation) -> Table:
     """A row per throw and model, angles in degrees; cells without a landing are empty."""
     names, batch, rows = list(found.data.factors), set(found.batch.tolist()), list[Row]()
@@ -165,7 +129,7 @@ def head(found: Validation) -> list[str]:
 
 def notes(found: Validation) -> list[str]:
     """Lines about what is left out and what limits the results."""
-    lines = [*found.data.notes, *found.left_out]
+    lines = [*found.data.notes]
     for check in found.checks.values():
         lines += _model_notes(found, check)
     surfaces = [name for name in next(iter(found.checks.values())).parameters if name]
@@ -178,11 +142,6 @@ def notes(found: Validation) -> list[str]:
         lines.append("no tracks: v_x and omega are left out")
     if all(check.crossed is None for check in found.checks.values()):
         lines.append("cross-validation: left out, it needs 5 throws of 2 conditions")
-    tests = 2 * sum(len(group) for group in found.factors)
-    if tests:
-        lines.append(
-            f"factors: {tests} tests; where nothing differs one in twenty gets a star by chance"
-        )
     return lines
 
 
@@ -192,10 +151,10 @@ def _model_notes(found: Validation, check: ModelCheck) -> list[str]:
     for surface in check.at_edge:
         best = f"its best parameters for {surface}" if surface else "its best parameters"
         lines.append(f"{model}: {best} are at the edge of the grid: it may fit better beyond")
-    missing = int(grid.missed.sum())
-    if missing:
+    missed = int(grid.missed.sum())
+    if missed:
         lines.append(
-            f"{model}: no landing in {100 * missing / grid.predictions:.2g} % of the grid's "
+            f"{model}: no landing in {100 * missed / grid.predictions:.2g} % of the grid's "
             f"predictions, each counts as {MISSED:g} m"
         )
     lost = int((~np.isfinite(check.landing[:, 0])).sum())
@@ -240,7 +199,6 @@ def as_dict(found: Validation) -> dict[str, Any]:
         "batch": len(found.batch),
         "notes": notes(found),
         "models": {model: _model_dict(found, check) for model, check in found.checks.items()},
-        "factors": [_factor_dict(row) for group in found.factors for row in group],
         "time": found.seconds,
     }
 
@@ -267,18 +225,3 @@ def _model_dict(found: Validation, check: ModelCheck) -> dict[str, Any]:
             "cross_validated": crossed.outside.tolist(),
         },
     }
-
-
-def _factor_dict(row: FactorRow) -> Any:
-    numbers = {
-        "measured": row.measured,
-        "predicted": row.predicted,
-        "mae_a": row.mean[0],
-        "mae_b": row.mean[1],
-        "std_a": row.std[0],
-        "std_b": row.std[1],
-        "p": row.p,
-    }
-    labels = list(row.comparison.labels)
-    head = {"factor": row.comparison.factor, "labels": labels, "model": row.model}
-    return head | plain(numbers)

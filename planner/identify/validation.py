@@ -1,4 +1,4 @@
-"""Release models on measured throws: parameters, errors, cross-validation, factors.
+"""Release models on measured throws: parameters, errors, cross-validation.
 
 Every model gets its best parameters on the batch (Table III), as in the paper; its predictions with
 these are compared with the measurement (Table IV).
@@ -15,7 +15,7 @@ import numpy as np
 from ...models import Array, Indices
 from ...models.release import SLIDING_PIVOT, STEPPED_SURFACE
 from ...problems.throws import ThrowData
-from .factors import SURFACE, FactorRow, batch_rows, comparisons, conditions, factor_rows
+from .conditions import SURFACE, batch_rows, conditions
 from .grid import AXES, CELLS, Grid, grid_of
 from .predict import Predictor, Progress, check_model, parameter_sets
 
@@ -26,10 +26,14 @@ About = Callable[[str], Progress]
 PAPER_MODELS = ("ls", SLIDING_PIVOT, "sp-paper", STEPPED_SURFACE)
 #: Number of throws whose single releases are timed.
 TIMED = 20
-#: Number of folds of a cross-validation, and fewest throws for one.
-FOLDS, FEWEST_THROWS = 6, 5
-#: Number of bootstrap samples of the conditions, and the quantiles of the interval.
-RESAMPLED, INTERVAL = 2000, (0.025, 0.975)
+#: Number of folds of a cross-validation.
+FOLDS = 6
+#: Fewest throws for a cross-validation.
+FEWEST_THROWS = 5
+#: Number of bootstrap samples of the conditions.
+RESAMPLED = 2000
+#: Quantiles at the ends of the interval.
+INTERVAL = (0.025, 0.975)
 
 
 @dataclass(frozen=True)
@@ -84,7 +88,7 @@ class Validation:
     """Release models compared on a data set.
 
     predictor: of all throws; batch: rows that give the parameters; conditions: of all throws;
-    factors: a list per comparison; left_out: factors that the data lack; seconds: of the work.
+    seconds: of the work.
     """
 
     data: ThrowData
@@ -92,8 +96,6 @@ class Validation:
     batch: Indices
     conditions: list[tuple[str, ...]]
     checks: dict[str, ModelCheck]
-    factors: list[list[FactorRow]]
-    left_out: list[str]
     seconds: float
 
     def scaled(self, model: str) -> Array:
@@ -109,30 +111,16 @@ class Validation:
 def validate(
     data: ThrowData,
     models: Sequence[str] = PAPER_MODELS,
-    factors: Sequence[str] = (),
     about: About | None = None,
 ) -> Validation:
-    """Compare `models` on a data set; factors: columns to compare by, besides the known ones.
-
-    Raises InputError for an unknown model or factor and for throws that never land.
-    """
+    """Compare `models` on a data set; InputError for an unknown model, throws that never land."""
     start = time.perf_counter()
     for model in models:
         check_model(model)
-    compared, left_out = comparisons(data, factors)
     work = _ModelComparison(Predictor.of(data), about or (lambda _: lambda *_: None))
     checks = {model: work.check(model) for model in dict.fromkeys(models)}
-    off = {model: check.landing for model, check in checks.items()}
-    return Validation(
-        data,
-        work.predictor,
-        work.batch,
-        work.conditions,
-        checks,
-        [factor_rows(comparison, work.predictor.truth.landing, off) for comparison in compared],
-        left_out,
-        time.perf_counter() - start,
-    )
+    seconds = time.perf_counter() - start
+    return Validation(data, work.predictor, work.batch, work.conditions, checks, seconds)
 
 
 class _ModelComparison:
@@ -187,10 +175,10 @@ class _ModelComparison:
         return np.array(spent[1:])
 
 
-def fold_of(known: Sequence[Hashable], folds: int = FOLDS, seed: int = 0) -> Array:
+def fold_of(known: Sequence[Hashable], folds: int = FOLDS) -> Array:
     """The fold (S,) of every throw: one fold per condition, of equal numbers of conditions."""
     names = list(dict.fromkeys(known))
-    order = np.random.default_rng(seed).permutation(len(names))
+    order = np.random.default_rng(0).permutation(len(names))
     fold = {names[i]: k % folds for k, i in enumerate(order)}
     return np.array([fold[name] for name in known])
 
@@ -213,7 +201,7 @@ def cross_validated(grid: Grid, known: Sequence[Hashable]) -> CrossValidation | 
     return CrossValidation(means[0], means[1], means[2], folds, len(known), parameters)
 
 
-def bootstrap(values: Array, known: Sequence[Hashable], seed: int = 0) -> Array:
+def bootstrap(values: Array, known: Sequence[Hashable]) -> Array:
     """Means (RESAMPLED, n) of the columns of values (S, n) over resampled conditions.
 
     Conditions are drawn, not throws: the errors of a condition's repeats are correlated.
@@ -222,5 +210,5 @@ def bootstrap(values: Array, known: Sequence[Hashable], seed: int = 0) -> Array:
     member = np.array([names[name] for name in known])
     totals = np.array([values[member == i].sum(axis=0) for i in range(len(names))])
     counts = np.bincount(member)
-    drawn = np.random.default_rng(seed).integers(len(names), size=(RESAMPLED, len(names)))
+    drawn = np.random.default_rng(0).integers(len(names), size=(RESAMPLED, len(names)))
     return np.asarray(totals[drawn].sum(axis=1) / counts[drawn].sum(axis=1)[:, None])

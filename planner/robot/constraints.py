@@ -37,22 +37,29 @@ from ..throw.clearance import (
     tool_speeds,
 )
 
-#: Share of a limit that a corrected motion may use.
-SHARE = 0.99
-#: Ticks between the samples at which a motion is held to nonlinear limits.
-PLACES = 4
-#: A use below this is left out of the program: far from its limit.
-ACTIVE = 0.8
-#: Share of grip and torque limits that may be used: accelerations peak at knots between samples.
-FORCE = 0.97
-#: Clearance [m] at which a use is 0.
-FREE = 0.3
-#: Margin [m] of a clearance for motion between samples.
-BETWEEN = 0.002
-#: Landing error [m, rad] at which its use is 1.
-LANDING = (0.02, 0.2)
-#: Step of the derivatives by differences.
-STEP = 1e-6
+
+@dataclass(frozen=True)
+class ConstraintSettings:
+    """Settings of a corrected motion's limits.
+
+    share: of a limit that may be used; force_share: of grip and torque limits, because
+    accelerations peak at knots between samples. spacing: ticks between samples that nonlinear
+    limits are held at. active: use below which a limit is left out of the program.
+    free [m]: clearance whose use is 0; margin [m]: of a clearance, for motion between samples.
+    landing [m, rad]: landing error whose use is 1. step: of the derivatives by differences.
+    """
+
+    share: float = 0.99
+    force_share: float = 0.97
+    spacing: int = 4
+    active: float = 0.8
+    free: float = 0.3
+    margin: float = 0.002
+    landing: tuple[float, float] = (0.02, 0.2)
+    step: float = 1e-6
+
+
+LIMITS = ConstraintSettings()
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,13 +76,14 @@ class Constraint:
     """A limit at P samples.
 
     of: its use (P,) by joints and their rates, each (n, P), and, of a limit on the flight, by the
-    CoM's pose and twist (6,) at detach; state: these joints and rates; by (derivatives, n, P, K):
-    their derivatives by the spline coefficients; detach: the CoM's pose and twist.
+    CoM's pose and twist (6,) at detach; state: these joints and rates; jacobian
+    (derivatives, n, P, K): their derivatives by the spline coefficients; detach: the CoM's pose and
+    twist.
     """
 
     of: Callable[..., Array]
     state: tuple[Array, ...]
-    by: Array
+    jacobian: Array
     detach: tuple[Array, ...] = ()
 
     @classmethod
@@ -91,24 +99,24 @@ class Constraint:
         """The use (P,)."""
         return self.of(*self.state, *self.detach)
 
-    def rows(self, near: Array, flown: Array) -> tuple[Array, Array]:
-        """Rows and upper bounds of the active samples, to first order about `near` (K, n).
+    def rows(self, point: Array, flown: Array) -> tuple[Array, Array]:
+        """Rows and upper bounds of the active samples, to first order about `point` (K, n).
 
         flown (6, n K): derivatives of the CoM's pose and twist at detach by the coefficients.
         """
-        some = np.flatnonzero(self.use > ACTIVE)
-        rows = np.zeros((some.size, near.size))
-        for j, unit in enumerate(np.eye(near.shape[1])[:, :, None]):
+        some = np.flatnonzero(self.use > LIMITS.active)
+        rows = np.zeros((some.size, point.size))
+        for j, unit in enumerate(np.eye(point.shape[1])[:, :, None]):
             for order in range(len(self.state)):
-                moved = [v + STEP * unit * (k == order) for k, v in enumerate(self.state)]
-                slope = (self.of(*moved, *self.detach) - self.use) / STEP
-                columns = slice(j * len(near), (j + 1) * len(near))
-                rows[:, columns] += slope[some, None] * self.by[order, j][some]
+                moved = [v + LIMITS.step * unit * (k == order) for k, v in enumerate(self.state)]
+                slope = (self.of(*moved, *self.detach) - self.use) / LIMITS.step
+                columns = slice(j * len(point), (j + 1) * len(point))
+                rows[:, columns] += slope[some, None] * self.jacobian[order, j][some]
         for detach in self.detach:
             for unit, row in zip(np.eye(len(detach)), flown, strict=True):
-                slope = (self.of(*self.state, detach + STEP * unit) - self.use) / STEP
+                slope = (self.of(*self.state, detach + LIMITS.step * unit) - self.use) / LIMITS.step
                 rows += slope[some, None] * row
-        return rows, SHARE - self.use[some] + rows @ near.T.ravel()
+        return rows, LIMITS.share - self.use[some] + rows @ point.T.ravel()
 
 
 def constraints_of(
@@ -125,38 +133,41 @@ def constraints_of(
     """
     scene, manipulator = plan.scene, plan.manipulator
     opened = int(np.searchsorted(times, opening_time + scene.gripper.profile().opening)) + 1
-    every, grips = slice(None, None, PLACES), int(np.searchsorted(times, opening_time))
+    every, grips = slice(None, None, LIMITS.spacing), int(np.searchsorted(times, opening_time))
     yield from _speeds(scene, manipulator, sent)
 
     def grip(place: Array, rate: Array, turn: Array) -> Array:
         hand = HandSamples(place[0], *manipulator.motion(place, rate, turn))
-        return np.asarray(np.hypot(*friction_use(scene, hand)) / FORCE)
+        return np.asarray(np.hypot(*friction_use(scene, hand)) / LIMITS.force_share)
 
-    yield Constraint.of_motion(grip, measured, slice(0, grips, PLACES // 2), 3)
+    yield Constraint.of_motion(grip, measured, slice(0, grips, LIMITS.spacing // 2), 3)
     if torque_limits(scene) is not None:
 
         def torque(place: Array, rate: Array, turn: Array) -> Array:
-            path = Trajectory.quintics(PLACES * TICK, place.T, rate.T, turn.T)
+            path = Trajectory.quintics(LIMITS.spacing * TICK, place.T, rate.T, turn.T)
             torques = torques_of(scene, manipulator, path, opening_time)
-            return np.asarray(torques.use[::PLACES].max(axis=1) / FORCE)
+            return np.asarray(torques.use[:: LIMITS.spacing].max(axis=1) / LIMITS.force_share)
 
         yield Constraint.of_motion(torque, measured, every, 3)
-    for at, held in ((slice(0, opened, PLACES), True), (slice(opened, None, PLACES), False)):
+    for at, holding in (
+        (slice(0, opened, LIMITS.spacing), True),
+        (slice(opened, None, LIMITS.spacing), False),
+    ):
         yield Constraint.of_motion(
-            partial(_carried, scene, manipulator, times[at], held), measured, at, 1
+            partial(_carried, scene, manipulator, times[at], holding), measured, at, 1
         )
     yield from _flights(plan, times, opened, measured, detach)
 
 
 def _speeds(scene: Scene, manipulator: Manipulator, sent: SplineMotion) -> Iterator[Constraint]:
     """Limits on the tool's speed, and on joint speeds where these depend on the position."""
-    every, limits = slice(None, None, PLACES), manipulator.hard
+    every, limits = slice(None, None, LIMITS.spacing), manipulator.hard
     if scene.arm is not None and scene.tool_speed is not None:
-        tool, most = scene.arm.tool, scene.tool_speed
+        tool, tool_speed = scene.arm.tool, scene.tool_speed
 
         def speed(place: Array, rate: Array) -> Array:
             pose, twist, _ = manipulator.motion(place, rate, 0 * rate)
-            return np.asarray(tool_speeds(tool, pose, twist) / most)
+            return np.asarray(tool_speeds(tool, pose, twist) / tool_speed)
 
         yield Constraint.of_motion(speed, sent, every, 2)
     if limits.slowing is not None:
@@ -164,30 +175,30 @@ def _speeds(scene: Scene, manipulator: Manipulator, sent: SplineMotion) -> Itera
         def slowing(joint: int, place: Array, rate: Array) -> Array:
             low, high = limits.velocity(place.T)
             # Distance to both limits, as a share of the largest limit.
-            room = np.minimum(high - rate.T, rate.T - low) / limits.dq
-            return np.asarray(1 - room[:, joint])
+            distance = np.minimum(high - rate.T, rate.T - low) / limits.dq
+            return np.asarray(1 - distance[:, joint])
 
         for joint in range(manipulator.size):
             yield Constraint.of_motion(partial(slowing, joint), sent, every, 2)
 
 
 def _carried(
-    scene: Scene, manipulator: Manipulator, times: Array, held: bool, place: Array
+    scene: Scene, manipulator: Manipulator, times: Array, holding: bool, place: Array
 ) -> Array:
     """Use of the clearances of arm, hand and held bar to all bodies around them."""
     assert scene.arm is not None
     (pose, heights), column = outline(manipulator, place), column_of(scene)
-    bar = held_bar(scene, pose) if held else None
-    around = CollisionScene.of(scene, manipulator)
-    room = min_clearance(swept_bodies(scene, around.capsules, times, place, bar), around)
+    bar = held_bar(scene, pose) if holding else None
+    obstacles = CollisionScene.of(scene, manipulator)
+    clearance = min_clearance(swept_bodies(scene, obstacles.capsules, times, place, bar), obstacles)
     if scene.workspace is not None and scene.workspace.floor is not None:
         lowest = np.minimum(heights, palm_corners(scene.arm.tool, pose)[1].min(axis=1))
         if bar is not None:
             lowest = np.minimum(lowest, lowest_of_bar(scene.object, bar))
-        room = np.minimum(room, lowest - scene.workspace.floor)
+        clearance = np.minimum(clearance, lowest - scene.workspace.floor)
     if column is not None and bar is not None:
-        room = np.minimum(room, column_distance(scene.object, bar, *column))
-    return 1 - (room - BETWEEN) / FREE
+        clearance = np.minimum(clearance, column_distance(scene.object, bar, *column))
+    return 1 - (clearance - LIMITS.margin) / LIMITS.free
 
 
 def _flights(
@@ -195,36 +206,36 @@ def _flights(
 ) -> Iterator[Constraint]:
     """Limits on the landing, and on the clearances of the flying bar."""
     scene, manipulator, target = plan.scene, plan.manipulator, plan.target
-    arm, around, column = scene.arm, CollisionScene.of(scene, manipulator), column_of(scene)
+    arm, obstacles, column = scene.arm, CollisionScene.of(scene, manipulator), column_of(scene)
     assert arm is not None
 
     def off(side: int, which: int, place: Array, state: Array) -> Array:
         landed = scene.flight.land(state[None], target.z)[0]
         goal = (target.plane_x, landed[1] if target.theta is None else target.theta)
-        use = SHARE + side * (landed[which] - goal[which]) / LANDING[which]
+        use = LIMITS.share + side * (landed[which] - goal[which]) / LIMITS.landing[which]
         return np.full(place.shape[1], np.nan_to_num(use, nan=np.inf))
 
     for side in (-1, 1):
         for which in (0, 1):
             one = Constraint.of_motion(partial(off, side, which), measured, slice(0, 1), 1)
-            yield Constraint(one.of, one.state, one.by, (detach,))
+            yield Constraint(one.of, one.state, one.jacobian, (detach,))
     lasts = scene.flight.land(detach[None], target.z)[0, 2]
     if not math.isfinite(lasts):
         return
-    since = np.arange(0.0, lasts, PLACES * TICK)
-    at = np.minimum(opened - 1 + PLACES * np.arange(since.size), times.size - 1)
-    clearance = None if scene.workspace is None else scene.workspace.palm_clearance
+    since = np.arange(0.0, lasts, LIMITS.spacing * TICK)
+    at = np.minimum(opened - 1 + LIMITS.spacing * np.arange(since.size), times.size - 1)
+    allowed = None if scene.workspace is None else scene.workspace.palm_clearance
 
     def depth(place: Array, state: Array) -> Array:
         com = scene.flight.after(FlightState(*state), since).pose
-        track = swept_bodies(scene, around.capsules, since, place, com, flying=True)
-        room = min_clearance(track, around)
-        if clearance is not None:
+        track = swept_bodies(scene, obstacles.capsules, since, place, com, flying=True)
+        clearance = min_clearance(track, obstacles)
+        if allowed is not None:
             away = palm_distance(scene.object, arm.tool, com, outline(manipulator, place)[0])
-            room = np.minimum(room, away - clearance)
+            clearance = np.minimum(clearance, away - allowed)
         if column is not None:
-            room = np.minimum(room, column_distance(scene.object, com, *column))
-        return 1 - (room - BETWEEN) / FREE
+            clearance = np.minimum(clearance, column_distance(scene.object, com, *column))
+        return 1 - (clearance - LIMITS.margin) / LIMITS.free
 
     one = Constraint.of_motion(depth, measured, at, 1)
-    yield Constraint(one.of, one.state, one.by, (detach,))
+    yield Constraint(one.of, one.state, one.jacobian, (detach,))

@@ -26,7 +26,7 @@ from ..verdict import JOINT_LIMITS, verdict
 FRANKA = "fr3"
 #: At rest: rate [rad/s] and acceleration [rad/s^2] of every joint are below.
 REST = (1e-6, 1e-3)
-#: An instant is on a tick if it is off by less than this share of a tick.
+#: Largest distance of an instant on a tick from that tick, in ticks.
 ON_TICK = 1e-6
 
 
@@ -106,8 +106,8 @@ def _uneven(motion: JointMotion) -> list[str]:
     for name, values, rates, part in pairs:
         off = np.abs(np.diff(values, axis=0) / TICK - (rates[1:] + rates[:-1]) / 2)
         # Twice the change that the jerk limit allows in a tick.
-        most = part * jerk * TICK / 2 + 1e-6
-        for j in np.flatnonzero((off > most).any(axis=0)):
+        allowed = part * jerk * TICK / 2 + 1e-6
+        for j in np.flatnonzero((off > allowed).any(axis=0)):
             found.append(f"joint {j + 1}'s {name} do not fit the samples")
     return found
 
@@ -164,8 +164,10 @@ def is_franka(arm: Arm) -> bool:
 
 # Files.
 
-#: Programs and files for libfranka and for ROS 2.
-FRANKA_PROGRAM, ROS_PROGRAM = ("throw.cpp", "CMakeLists.txt"), ("throw_node.py",)
+#: Program for libfranka.
+FRANKA_PROGRAM = ("throw.cpp", "CMakeLists.txt")
+#: Program for ROS 2.
+ROS_PROGRAM = ("throw_node.py",)
 FRANKA_FILES = ("joints.csv", "gripper.csv", "franka.json", "franka.txt", *FRANKA_PROGRAM)
 BAG_FILES = ("metadata.yaml", "throw.mcap")
 ROS_FILES = (*BAG_FILES, *ROS_PROGRAM)
@@ -253,7 +255,9 @@ def motion_facts(motion: JointMotion) -> dict[str, Any]:
 
 # ROS 2.
 
-TRAJECTORY, GRIPPER = "/joint_trajectory", "/gripper_command"
+#: Topics of the bag.
+TRAJECTORY = "/joint_trajectory"
+GRIPPER = "/gripper_command"
 TRAJECTORY_TYPE = "trajectory_msgs/msg/JointTrajectory"
 GRIPPER_TYPE = "control_msgs/msg/GripperCommand"
 #: The type as control_msgs defines it: rosbags does not have it.

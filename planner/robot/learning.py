@@ -24,25 +24,34 @@ from .controllers import JointMotion
 from .learning_control import LearningControl
 from .recording import Recording
 
-#: Most quadratic programs from one start.
-ROUNDS = 30
-#: Length of the first step, in the weights of the program.
-STEP = 1.0
-#: The rounds end if the predicted cost falls by less than this share.
-LEAST_GAIN = 1e-3
-#: Palm clearance [m] added to a plan whose correction collides with the hand.
-MORE_CLEARANCE = 0.01
-#: A pose error [m] (position plus angle times half the length) below this needs no correction.
-ENOUGH = 4e-4
-#: A correction is sent if its expected pose error is below this share of the last throw's.
-PROGRESS = 0.7
+
+@dataclass(frozen=True)
+class LearningSettings:
+    """Settings of a correction.
+
+    rounds: quadratic programs, at most; step: length of the first step in the
+    weights of the program; min_gain: share by which the predicted cost must fall for another round.
+    palm_clearance [m]: added to a plan whose correction collides with the hand.
+    accurate [m]: pose error (position plus angle times half the length) that needs no correction;
+    progress: a correction is sent if its expected error is below this share of the last throw's.
+    """
+
+    rounds: int = 30
+    step: float = 1.0
+    min_gain: float = 1e-3
+    palm_clearance: float = 0.01
+    accurate: float = 4e-4
+    progress: float = 0.7
+
+
+LEARNING = LearningSettings()
 
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
     """A motion to send and the throw expected of it.
 
-    error: its pose error over `ENOUGH`; verdict: on whether it may be sent.
+    error: its pose error over `LearningSettings.accurate`; verdict: on whether it may be sent.
     """
 
     sent: Throw
@@ -91,7 +100,7 @@ def _roomier(plan: Throw) -> Throw | None:
     """Another throw to the target, planned with more palm clearance."""
     scene = plan.scene
     assert scene.workspace is not None and scene.workspace.palm_clearance is not None
-    clearance = scene.workspace.palm_clearance + MORE_CLEARANCE
+    clearance = scene.workspace.palm_clearance + LEARNING.palm_clearance
     workspace = dataclasses.replace(scene.workspace, palm_clearance=clearance)
     found = Planner(scene.replace(workspace=workspace)).plan(plan.target)
     if not found.solved or found.throw is None:
@@ -104,42 +113,41 @@ def _proposal(plan: Throw, recording: Recording) -> tuple[Proposal, Finding | No
 
     A finding LANDING: it would land no nearer than the last throw.
     """
-    control, found = LearningControl.of(plan, recording), list[Proposal]()
-    for start in sorted(control.starts(), key=control.cost):
-        found += _rounds(control, start)
-        if found[-1].good:
-            break
+    control = LearningControl.of(plan, recording)
+    found = _rounds(control, control.start())
     best = min(found, key=lambda each: (not each.verdict.ok, each.error))
     nearest = min(found, key=lambda each: each.error)
-    allowed = max(PROGRESS * _error(recording.throw(plan)), 1.0)
+    allowed = max(LEARNING.progress * _error(recording.throw(plan)), 1.0)
     if best.verdict.ok and best.error < allowed:
         return best, None
     # The limits that the nearest landing breaks are the reason.
-    farther = Finding(Code.LANDING, ENOUGH * best.error, ENOUGH * allowed, body="position")
+    farther = Finding(
+        Code.LANDING, LEARNING.accurate * best.error, LEARNING.accurate * allowed, body="position"
+    )
     return best, (*nearest.verdict.broken, *best.verdict.broken, farther)[0]
 
 
-def _rounds(control: LearningControl, near: Array) -> list[Proposal]:
+def _rounds(control: LearningControl, point: Array) -> list[Proposal]:
     """Motions of falling cost by sequential quadratic programs, until one is good."""
-    found, cost, step = [Proposal.of(control, near)], control.cost(near), STEP
-    for _ in range(ROUNDS):
+    found, cost, step = [Proposal.of(control, point)], control.cost(point), LEARNING.step
+    for _ in range(LEARNING.rounds):
         if found[-1].good:
             break
-        trial, predicted = control.step_from(near, step)
-        if cost - predicted < LEAST_GAIN * cost:
+        trial, predicted = control.step_from(point, step)
+        if cost - predicted < LEARNING.min_gain * cost:
             break
         now = control.cost(trial)
         # The trust region shrinks if the cost falls by much less than predicted.
         share = (cost - now) / (cost - predicted)
         step *= 0.4 if share < 0.25 else 2.0 if share > 0.75 else 1.0
         if share > 0.0:
-            near, cost = trial, now
-            found.append(Proposal.of(control, near))
+            point, cost = trial, now
+            found.append(Proposal.of(control, point))
     return found
 
 
 def _error(throw: Throw) -> float:
-    """Pose error of a throw's landing over `ENOUGH`; infinite for one that never lands."""
+    """Pose error of a landing over `LearningSettings.accurate`; infinite without a landing."""
     dx, dtheta = throw.miss()
-    error = throw.scene.object.pose_error(dx, dtheta) / ENOUGH
+    error = throw.scene.object.pose_error(dx, dtheta) / LEARNING.accurate
     return error if math.isfinite(error) else math.inf

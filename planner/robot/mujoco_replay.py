@@ -31,20 +31,26 @@ from .mujoco_throw import (
     target_travel,
 )
 
-#: Default steps [s] of the release and of the flight.
-RELEASE_STEP, FLIGHT_STEP = 1e-5, 1e-4
-#: Bounds [s] of these steps.
-SHORTEST, LONGEST = 1e-7, 1e-3
-#: Default and largest number of contact points of a pad.
-POINTS, MOST_POINTS = 12, 64
+#: Default step [s] of the release.
+RELEASE_STEP = 1e-5
+#: Default step [s] of the flight.
+FLIGHT_STEP = 1e-4
+#: Bounds [s] of both steps.
+STEP_BOUNDS = (1e-7, 1e-3)
+#: Default number of contact points of a pad.
+POINTS = 12
+#: Largest number of contact points of a pad.
+MAX_POINTS = 64
 #: Time [s] between the poses in the picture.
 EVERY = 0.02
 #: Models whose landings the picture shows.
 LANDINGS = (("sp", "sliding pivot", BLUE), ("limit_surface", "limit surface", BLACK))
 #: Files that a replay may leave in its folder.
 FILES = ("replay.json", "replay.csv", "replay.png")
-#: Default and largest coefficient of restitution of a collision.
-RESTITUTION, MOST_RESTITUTION = 0.1, 0.99
+#: Default coefficient of restitution of a collision.
+RESTITUTION = 0.1
+#: Largest coefficient of restitution of a collision.
+MAX_RESTITUTION = 0.99
 
 
 @dataclass(frozen=True, repr=False)
@@ -205,10 +211,10 @@ def replay(
     step, flight_step [s]: of the opening, and after it. InputError for what is no plan, and
     without MuJoCo.
     """
-    restitution = checked("restitution", restitution, float, {"least": 0, "most": MOST_RESTITUTION})
-    points = checked("points", points, int, {"least": 1, "most": MOST_POINTS})
+    restitution = checked("restitution", restitution, float, {"least": 0, "most": MAX_RESTITUTION})
+    points = checked("points", points, int, {"least": 1, "most": MAX_POINTS})
     for name, value in (("step", step), ("flight_step", flight_step)):
-        checked(name, value, float, {"least": SHORTEST, "most": LONGEST})
+        checked(name, value, float, dict(zip(("least", "most"), STEP_BOUNDS, strict=True)))
     load_mujoco()
     throw = throw_of(throw)
     start_time = time.perf_counter()

@@ -27,24 +27,32 @@ IMPRATIO = 1e9
 FRICTION = 0.4
 #: Time constant [s] of a contact's spring: 1 mm of penetration at 2 m/s.
 CONTACT_TIME = 0.001
-#: Number of boxes in the cup's wall, and its thickness [m].
-WALL_BOXES, WALL = 48, 0.005
+#: Number of boxes in the cup's wall.
+WALL_BOXES = 48
+#: Thickness [m] of the cup's wall.
+WALL = 0.005
 #: Thickness [m] of a bar without a width.
 THIN = 0.001
 #: Half the depth [m] of the hand's body.
 HAND_DEPTH = 0.1
 #: The replay begins this time [s] before the opening.
 LEAD = 0.05
-#: Least and most steps of the opening; most steps before it.
-STEPS, LEAD_STEPS = (200, 50_000), 20_000
+#: Bounds of the number of steps of the opening.
+STEPS = (200, 50_000)
+#: Largest number of steps before the opening.
+LEAD_STEPS = 20_000
 #: Steps at the start in which the pads settle on the bar.
 SETTLING = 200
 #: Most steps of the flight without collisions.
 FLIGHT_STEPS = 20_000
 #: Longest time [s] after the landing until the bar rests.
 PATIENCE = 4.0
-#: The bar rests if it is slower than this [m/s] and [rad/s] for this time [s].
-STILL, STILL_TURN, STILL_FOR = 0.005, 0.05, 0.1
+#: Speed [m/s] of the CoM below which a bar may rest.
+STILL = 0.005
+#: Turning rate [rad/s] below which a bar may rest.
+STILL_TURN = 0.05
+#: Time [s] below both speeds after which a bar rests.
+STILL_FOR = 0.1
 #: Name of the column under the arm.
 COLUMN = "base column"
 #: Penetration [m] of a contact at rest: a bar on the cup's bottom sinks in by less.
@@ -186,9 +194,9 @@ def fly(
             continue
         if cup is not None:
             entered = entered or _enters(scene, cup, rows[k])
-        met = {names[geom] for geom in data.contact.geom.ravel()} if data.ncon else set()
-        touched_rim |= "cup wall" in met and not entered
-        touched |= dict.fromkeys(sorted(met - {"bar"}))
+        contacts = {names[geom] for geom in data.contact.geom.ravel()} if data.ncon else set()
+        touched_rim |= "cup wall" in contacts and not entered
+        touched |= dict.fromkeys(sorted(contacts - {"bar"}))
         speed, turning = np.linalg.norm(data.qvel[:3]), np.linalg.norm(data.qvel[3:])
         still = still + 1 if speed < STILL and turning < STILL_TURN else 0
         if cup is not None and still * step >= STILL_FOR and times[k] > end:
@@ -261,12 +269,12 @@ def release_model(scene: Scene, step: float, points: int) -> Any:
         for axis in ([1, 0, 0], [0, 0, 1]):
             body.add_joint(type=mujoco.mjtJoint.mjJNT_SLIDE, axis=axis, armature=armature)
         body.add_joint(type=mujoco.mjtJoint.mjJNT_HINGE, axis=[0, -1, 0], armature=armature)
-    hand, held = bodies
+    hand, carried = bodies
     _weigh(hand, 1e-3, [1e-6] * 3)
-    _weigh(held, bar.mass, [bar.inertia] * 3)
+    _weigh(carried, bar.mass, [bar.inertia] * 3)
     reach, untouched = 10 * bar.length + 1, {"contype": 0, "conaffinity": 0}
     box, sphere = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_SPHERE
-    held.add_geom(name="bar", type=box, size=[reach, 1, reach], **untouched)
+    carried.add_geom(name="bar", type=box, size=[reach, 1, reach], **untouched)
     radius, torsion = contact.torsion_arm if points > 1 else 0.0, contact.torsion_arm
     mass = max(PAD_MASS, scene.gripper.profile().full * (2 * step) ** 2 / PENETRATION) / points
     for side in (1, -1)[: pads_of(scene)]:

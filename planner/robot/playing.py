@@ -103,25 +103,25 @@ def play(franka: Franka, motion: JointMotion, way: Array) -> Recording:
     )
 
 
-def _closes(now: GripperState, held: GripperState) -> str:
+def _closes(now: GripperState, grasp: GripperState) -> str:
     """The gripper's action before the throw, in words."""
-    what = "an object" if held.holds else "nothing"
-    if _equal(now, held):
+    what = "an object" if grasp.holds else "nothing"
+    if _equal(now, grasp):
         return f"is {1e3 * now.width:.0f} mm open and holds {what}"
-    return f"closes to {1e3 * held.width:.0f} mm again, on {what}"
+    return f"closes to {1e3 * grasp.width:.0f} mm again, on {what}"
 
 
 def _equal(one: GripperState, other: GripperState) -> bool:
     return one.holds == other.holds and abs(one.width - other.width) < SAME_WIDTH
 
 
-def _close_again(gripper: GripperLink, held: GripperState) -> None:
+def _close_again(gripper: GripperLink, grasp: GripperState) -> None:
     """Close the gripper as before the first throw; InputError if it lacks the object."""
-    if held.holds:
-        gripper.order("grasp", held.width, GRIPPER_SPEED, GRASP_FORCE)
+    if grasp.holds:
+        gripper.order("grasp", grasp.width, GRIPPER_SPEED, GRASP_FORCE)
     else:
-        gripper.order("move", held.width, GRIPPER_SPEED)
-    if gripper.answer().holds != held.holds:
+        gripper.order("move", grasp.width, GRIPPER_SPEED)
+    if gripper.answer().holds != grasp.holds:
         raise InputError(
             f"{gripper.host}: its gripper holds nothing: put the object between the pads"
         )

@@ -66,8 +66,8 @@ def _straight(arm: Arm, start: Array, goal: Array) -> Array:
     order.current_position, order.target_position = start.tolist(), goal.tolist()
     for share in 0.5 ** np.arange(HALVINGS):
         order.max_velocity, order.max_acceleration, order.max_jerk = (
-            (share * part * most).tolist()
-            for part, most in zip(SLOWLY, (limits.dq, limits.ddq, limits.jerk), strict=True)
+            (share * part * limit).tolist()
+            for part, limit in zip(SLOWLY, (limits.dq, limits.ddq, limits.jerk), strict=True)
         )
         if ruckig.Ruckig(n).calculate(order, trajectory) != ruckig.Result.Working:
             break
@@ -90,20 +90,20 @@ def _collision(motion: JointMotion, q: Array) -> str:
         return ""
     # The first link turns about its own axis; the flange turns with the hand.
     moved = (min(number, motion.arm.joints) - 1 for number in capsules.number)
-    around = dataclasses.replace(
+    obstacles = dataclasses.replace(
         CollisionScene.of(scene, motion.throw.manipulator, ThrowPlane(0.0, 0.0)),
         arm=dataclasses.replace(capsules, moved_by=tuple(joint or -1 for joint in moved)),
     )
     places = np.unique(np.append(np.arange(0, len(q), MEASURED), len(q) - 1))
     track = _track(motion, q[places], TICK * places)
-    for found in clearances_of(track, around):
+    for found in clearances_of(track, obstacles):
         return collision(found).words
     floor = None if scene.workspace is None else scene.workspace.floor
     if floor is None:
         return ""
-    room = track.ends[-1, :, 2].min(axis=0) - track.radius[-1] - floor
+    clearance = track.ends[-1, :, 2].min(axis=0) - track.radius[-1] - floor
     # At the start of a throw the capsule around the bar may be below the floor.
-    lowest = (room - min(room[-1], 0.0)).min()
+    lowest = (clearance - min(clearance[-1], 0.0)).min()
     return "" if lowest >= -1e-6 else Finding(Code.FLOOR, floor + lowest, floor, body=BAR).words
 
 

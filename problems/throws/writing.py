@@ -76,15 +76,12 @@ def _rows_text(data: ThrowData, objects: Mapping[ThrownObject, str], files: Sequ
     writer = csv.writer(text, lineterminator="\n")
     writer.writerow(columns)
     for throw, file in zip(data.throws, files, strict=True):
-        hold_values = (throw.command, throw.grasp.offset, np.degrees(throw.grasp.angle))
+        grasp = (throw.command, throw.grasp.offset, np.degrees(throw.grasp.angle))
         landing = throw.landing or ("", "", "")
         writer.writerow(
             [throw.name, objects[throw.object]]
             + [throw.factors.get(name, "") for name in factors]
-            + [
-                value if isinstance(value, str) else FORMAT % value
-                for value in (*hold_values, *landing)
-            ]
+            + [value if isinstance(value, str) else FORMAT % value for value in (*grasp, *landing)]
             + [f"motion/{file}", f"grip/{file}", "" if throw.track is None else f"track/{file}"]
         )
     return text.getvalue()

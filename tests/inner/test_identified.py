@@ -91,7 +91,7 @@ def patched() -> ThrowData:
 
 @pytest.mark.parametrize("model", ["sp", "ls-step"])
 def test_truth_is_recovered_within_five_per_cent(patched: ThrowData, model: str) -> None:
-    belief = identify(patched, model, delay=True, grid=False).posterior
+    belief = identify(patched, model, delay=True).posterior
     assert belief.product == pytest.approx(MU * RADIUS, rel=0.05)
     assert belief.value("delay") == pytest.approx(LATE, abs=0.0015)
     # The ridge: the product is known much better than either of its parts.
@@ -121,7 +121,7 @@ def test_the_grid_counts_what_does_not_land() -> None:
     gone = dataclasses.replace(data, shared=dataclasses.replace(data.shared, landing_height=5.0))
     axes = (np.array([0.6, 0.8, 1.0]), np.array([0.003, 0.004]))
     grid = grid_of(Predictor.of(data), "sp", axes)
-    assert grid.optimum == (0.8, 0.004) and not grid.missed.any()
+    assert grid.contact(grid.best()) == (0.8, 0.004) and not grid.missed.any()
     nowhere = grid_of(Predictor.of(gone), "sp", axes)
     assert (nowhere.missed == 3).all() and (nowhere.error == 10.0).all()
 
@@ -131,14 +131,14 @@ def test_a_prior_pulls() -> None:
     names = ("friction", "patch_radius")
     mean = np.log([1.2, 0.006])
     loose, firm = (Belief(names, mean, width**2 * np.eye(2)) for width in (1.0, 0.001))
-    free, held = (identify(data, "sp", prior=p, grid=False).posterior for p in (loose, firm))
+    free, held = (identify(data, "sp", prior=p).posterior for p in (loose, firm))
     assert held.values() == pytest.approx({"friction": 1.2, "patch_radius": 0.006}, rel=0.01)
     assert abs(math.log(free.product / (MU * RADIUS))) < abs(math.log(held.product / (MU * RADIUS)))
     assert free.product_deviation < 1.0 and held.deviation("friction") <= 0.001
 
 
 def test_the_forces_scale_is_held_by_its_prior() -> None:
-    belief = identify(made(6), "sp", grip_scale=True, grid=False).posterior
+    belief = identify(made(6), "sp", grip_scale=True).posterior
     assert belief.deviation("grip_scale") == pytest.approx(0.1, rel=0.02)
     assert belief.product == pytest.approx(MU * RADIUS, rel=0.05)
     assert belief.effective.names == ("friction", "patch_radius")
@@ -149,7 +149,7 @@ def test_an_outlier_pulls_little() -> None:
     data = made(8)
     places = measured(data).landing.copy()
     places[3] += [0.3, 2.0]
-    belief = identify(with_landings(data, places), "sp", grid=False).posterior
+    belief = identify(with_landings(data, places), "sp").posterior
     assert belief.product == pytest.approx(MU * RADIUS, rel=0.05)
 
 
@@ -185,7 +185,7 @@ BAD: dict[str, tuple[dict[str, Any], str, str]] = {
     "alike": ({"count": 5, "alike": True}, "sp", "all 5 throws are alike"),
     "one": ({"count": 1}, "sp", "1 throw for friction"),
     "model": ({"count": 2}, "ls-stp", "did you mean 'ls-step'"),
-    "no derivatives": ({"count": 2}, "ls", "only its grid"),
+    "no derivatives": ({"count": 2}, "ls", "cannot be fitted"),
     "one at a time": ({"count": 2}, "ils", "throws one at a time, too slow here: take sp, "),
 }
 
@@ -194,7 +194,7 @@ BAD: dict[str, tuple[dict[str, Any], str, str]] = {
 def test_what_cannot_be_identified_is_refused_in_one_line(name: str) -> None:
     throws, model, words = BAD[name]
     with pytest.raises(InputError, match=words) as caught:
-        identify(made(**throws), model, grid=False)
+        identify(made(**throws), model)
     assert "\n" not in str(caught.value)
 
 
@@ -202,7 +202,7 @@ def test_throws_that_never_land_are_refused_in_one_line() -> None:
     data = made(3)
     gone = dataclasses.replace(data.shared, landing_height=5.0)
     with pytest.raises(InputError, match=r"no landing: .* landing_height = 5 by sp"):
-        identify(dataclasses.replace(data, shared=gone), "sp", grid=False)
+        identify(dataclasses.replace(data, shared=gone), "sp")
 
 
 def test_several_surfaces_are_not_pooled() -> None:
@@ -212,16 +212,16 @@ def test_several_surfaces_are_not_pooled() -> None:
         for throw, label in zip(data.throws, ("paper", "steel", "steel", "paper"), strict=True)
     ]
     with pytest.raises(InputError, match="surface: one contact cannot be that of paper, steel"):
-        identify(dataclasses.replace(data, throws=tuple(throws)), "sp", grid=False)
+        identify(dataclasses.replace(data, throws=tuple(throws)), "sp")
 
 
 def test_alike_throws_are_fitted_with_a_prior() -> None:
-    found = identify(made(4, alike=True), "sp", prior=load_scene("pose"), grid=False)
+    found = identify(made(4, alike=True), "sp", prior=load_scene("pose"))
     assert found.posterior.product_deviation < 0.2
 
 
 def test_a_prior_that_knows_a_value_exactly_holds_it() -> None:
     known = Uncertainty(delay=Distribution(samples=(0.004,)))
     prior = load_scene("pose").replace(uncertainty=known)
-    found = identify(made(4, "sp", 0.004), "sp", prior=prior, delay=True, grid=False)
+    found = identify(made(4, "sp", 0.004), "sp", prior=prior, delay=True)
     assert found.posterior.value("delay") == pytest.approx(0.004, abs=1e-5)

@@ -21,7 +21,7 @@ from throwplan.planner.throw import make_manipulator, send
 from throwplan.planner.verdict import verdict
 from throwplan.problems import Choice
 
-from benchmarks import judged
+from benchmarks.judge import judge
 
 COUNT = 60
 
@@ -354,7 +354,7 @@ def test_a_plan_from_wrong_records_costs_time_only(
     kept_as(prepared, rows, monkeypatch, tmp_path)
     plan = tp.Planner(prepared.scene).plan(targets(prepared, 5, 0.004)[3], patience=20.0)
     assert plan.solved and plan.throw is not None, plan.message
-    assert judged(plan.throw, plan.target).wrong == ()
+    assert judge(plan).broken == ()
 
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="files have no owner here")

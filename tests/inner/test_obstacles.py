@@ -12,7 +12,6 @@ import numpy as np
 import pytest
 import throwplan as tp
 from builders import nlp_of, varied
-from oracle import shapes
 from throwplan.models import Trajectory
 from throwplan.models.robot import ArmCapsules, Solid, about_z, segment_distance
 from throwplan.planner.show import serving, space_throw
@@ -29,6 +28,8 @@ from throwplan.planner.throw.clearance import (
 )
 from throwplan.planner.verdict import collision
 from throwplan.problems import Obstacle
+
+from oracle import shapes
 
 mujoco = pytest.importorskip("mujoco")
 

@@ -19,8 +19,6 @@ from throwplan.planner.identify import (
     as_dict,
     as_text,
     bootstrap,
-    comparisons,
-    factor_rows,
     fold_of,
     parameter_sets,
     save_validation,
@@ -160,37 +158,6 @@ def test_the_interval_is_that_of_a_mean():
     assert repeated.std() == pytest.approx(drawn.std(), rel=0.1)
 
 
-def test_factors_compare_like_with_like(data, found):
-    groups = {group[0].comparison.factor: group for group in found.factors}
-    labels = {name: group[0].comparison.labels for name, group in groups.items()}
-    assert labels == {
-        "com": ("0.10", "0.16"),
-        "pitch": ("p1", "p3"),
-        "release": ("1.0", "-1.0"),
-        "surface": ("plastic", "paper"),
-    }
-    surface = groups["surface"][0].comparison
-    assert (len(surface.first), len(surface.second)) == (2, 3)
-    for i in surface.first:
-        factors = data.throws[i].factors
-        assert (factors["com"], factors["pitch"], factors["release"]) == ("0.10", "p1", "1.0")
-    row = next(row for row in groups["com"] if row.model == "ls-step")
-    assert np.abs(row.measured - row.predicted).max() < 0.02
-    away = np.abs(found.checks["ls-step"].landing[row.comparison.first])
-    assert row.mean[0] == pytest.approx(away.mean(axis=0))
-
-
-def test_mixed_labels_and_factors_of_ones_own(data):
-    throws = tuple(
-        dataclasses.replace(t, factors=t.factors | {"day": "mo" if i % 2 else "tu"})
-        for i, t in enumerate(data.throws)
-    )
-    compared, left_out = comparisons(dataclasses.replace(data, throws=throws), ["day"])
-    assert [c.factor for c in compared] == ["com", "pitch", "release", "surface", "day"]
-    assert compared[-1].labels == ("tu", "mo")
-    assert left_out == ["payload: left out, no such column", "moi: left out, no such column"]
-
-
 def test_another_surface_is_fitted_apart_without_a_column_that_says_so(data, found):
     plain = [
         dataclasses.replace(t, factors={k: v for k, v in t.factors.items() if k != "set"})
@@ -211,7 +178,6 @@ def test_landings_without_tracks_and_too_few_throws(data, tmp_path: Path):
     assert "v_x" not in text.split("no tracks")[0]
     assert "no tracks: v_x and omega are left out" in text
     assert "cross-validation: left out" in text
-    assert "com: left out, no such column" in text
     save_validation(found, tmp_path)
     assert {path.stem for path in tmp_path.glob("*.png")} == {"errors", "boxes"}
 
@@ -221,11 +187,7 @@ def test_a_model_that_never_lands(found, tmp_path: Path):
     """No number is made up, nothing is chosen as the lowest, and it is said."""
     check = found.checks["sp"]
     lost = dataclasses.replace(check, landing=np.nan * check.landing, twist=np.nan * check.twist)
-    rows = [
-        factor_rows(g[0].comparison, found.predictor.truth.landing, {"sp": lost.landing})
-        for g in found.factors
-    ]
-    mine = dataclasses.replace(found, checks=found.checks | {"sp": lost}, factors=rows)
+    mine = dataclasses.replace(found, checks=found.checks | {"sp": lost})
     save_validation(mine, tmp_path)
     assert {path.name for path in tmp_path.iterdir()} == set(VALIDATION_FILES)
     page = (tmp_path / "validation.md").read_text(encoding="utf-8")

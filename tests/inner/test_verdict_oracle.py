@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import throwplan as tp
-from oracle import Oracle, read_oracle
 from throwplan.planner.throw import Throw
 from throwplan.planner.verdict import Code, Finding, verdict
 from throwplan.problems import Landing, Obstacle, Scene, Torque, Workspace
+
+from oracle import Oracle, read_oracle
 
 SCENES = ["pose", "near-cup", "box", "flip", "fr3", "gen3", "hand-flip"]
 #: Changes of each plan that are judged.

@@ -9,7 +9,6 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
-from oracle import read_oracle
 from throwplan.planner.throw import ThrowBatch
 from throwplan.planner.verdict import (
     Code,
@@ -22,6 +21,8 @@ from throwplan.planner.verdict import (
     warnings,
 )
 from throwplan.problems import Distribution, Obstacle, Uncertainty
+
+from oracle import read_oracle
 
 #: Samples of each scene.
 COUNT = 200

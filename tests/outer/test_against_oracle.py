@@ -7,6 +7,7 @@ import json
 import numpy as np
 import pytest
 import throwplan as tp
+
 from oracle import read_oracle, read_rows
 from oracle.studies import sweep_counts
 

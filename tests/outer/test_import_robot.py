@@ -20,9 +20,10 @@ import throwplan as tp
 import yourdfpy
 from adam.numpy import KinDynComputations
 from builders import inertia_matrix, varied
-from oracle.shapes import to_segment
 from planar_urdf import JOINTS, ODD_OPTIONS, XACRO, hand_pose, planar_urdf
 from throwplan.planner.cli import main
+
+from oracle.shapes import to_segment
 
 PANDA_URDF = Path(__file__).parent.parent / "data" / "panda.urdf"
 PANDA_JOINTS = [f"panda_joint{i}" for i in range(1, 8)]

@@ -125,7 +125,11 @@ def test_wheel_holds_the_package_and_its_data(wheel) -> None:
     for name in ("py.typed", "__main__.py", "problems/scenes/cup.toml", "problems/arms/panda.toml"):
         assert f"throwplan/{name}" in names
     assert {name.split("/")[0].partition("-")[0] for name in names} == {"throwplan"}
-    assert not [n for n in names if n.startswith(("throwplan/tests", "throwplan/benchmarks"))]
+    assert not [
+        n
+        for n in names
+        if n.startswith(("throwplan/tests", "throwplan/benchmarks", "throwplan/oracle"))
+    ]
     assert "throwplan/setup.py" not in names
     for layer in ("core", "models", "problems", "planner"):
         for path in (ROOT / layer).rglob("*.py"):

@@ -180,14 +180,12 @@ def test_identify_finds_the_product_of_friction_and_radius(made, tmp_path, run) 
     # The ridge: the product is known much better than either of its parts.
     for part in ("friction", "patch_radius"):
         assert told["fit"][part]["deviation"] > 5 * told["fit"]["product"]["deviation"]
-    assert told["grid"]["predictions"] == 12 * 400
-    names = {"identify.json", "grid-sp.csv", "contact-sp.png", "contact.toml"}
+    names = {"identify.json", "contact-sp.png", "contact.toml"}
     assert {path.name for path in out.iterdir()} == names
-    assert len((out / "grid-sp.csv").read_text().splitlines()) == 401
 
 
 def test_identify_takes_filters_and_refuses_what_tells_nothing(made, small, run, refused) -> None:
-    words = ["--model", "sp", "--no-grid"]
+    words = ["--model", "sp"]
     said = run("identify", made, *words, "--only", "com=com2", "--throws", "6", "--json")
     assert json.loads(said.out)[0]["throws"] == 6
     assert "com must be one of com1, com2" in refused("identify", made, *words, "--only", "com=3")
@@ -203,7 +201,7 @@ def test_python_learns_from_planned_throws() -> None:
     places = tp.thrown(tp.throw_data(plans), "sp", truth)
     assert places.shape == (3, 2)
     data = tp.throw_data(plans, [(float(x), float(theta)) for x, theta in places])
-    found = tp.identify(data, "sp", prior=tp.load_scene("delay"), delay=True, grid=False)
+    found = tp.identify(data, "sp", prior=tp.load_scene("delay"), delay=True)
     assert isinstance(found, tp.Identified)
     nominal = planner.scene.contact.friction * planner.scene.contact.patch_radius
     off = abs(found.posterior.product - 0.002)
@@ -218,7 +216,7 @@ def test_python_learns_from_planned_throws() -> None:
 
 @pytest.mark.slow
 def test_validate_writes_beside_the_data_and_leaves_the_data(made, tmp_path, run) -> None:
-    """Twelve throws, two conditions of each factor."""
+    """Twelve throws."""
     copy = Path(shutil.copytree(made, tmp_path / "copy"))
     lines = (copy / "throws.csv").read_text().splitlines(keepends=True)
     few = "".join([lines[0], *lines[1:36:3]])
@@ -226,8 +224,8 @@ def test_validate_writes_beside_the_data_and_leaves_the_data(made, tmp_path, run
     printed = run("validate", copy, "--models", "sp", "--json", "--out", copy).json
     assert printed["synthetic"]
     assert printed["models"]["sp"]["errors"]["theta"]["mae"] < 0.05
-    tables = {"cross_validation", "errors", "errors_by_throw", "factors", "parameters"}
-    pictures = {"boxes", "errors", "factors"}
+    tables = {"cross_validation", "errors", "errors_by_throw", "parameters"}
+    pictures = {"boxes", "errors"}
     names = {f"{n}.csv" for n in tables} | {f"{n}.png" for n in pictures} | {"validation.md"}
     kept = {"dataset.toml", "throws.csv", "motion", "grip", "track"}
     assert {path.name for path in copy.iterdir()} == names | kept
@@ -237,7 +235,7 @@ def test_validate_writes_beside_the_data_and_leaves_the_data(made, tmp_path, run
     (line,) = csv.DictReader((copy / "errors.csv").read_text().splitlines())
     assert float(line["x [m]"]) == pytest.approx(mean, rel=1e-6)
     page = (copy / "validation.md").read_text()
-    for part in ("Table III", "Table IV", "folds", "actors", "SYNTHETIC", "com"):
+    for part in ("Table III", "Table IV", "folds", "SYNTHETIC"):
         assert part in page
     assert (copy / "throws.csv").read_text() == few
     assert len(tp.load_throws(copy).throws) == 12
@@ -249,8 +247,6 @@ def test_validate_writes_beside_the_data_and_leaves_the_data(made, tmp_path, run
         ("--models spp", "--models: model = 'spp': must be one of .* did you mean 'sp'"),
         ("--models ,", "--models ',': names no model"),
         ("--models ils", "--models: model = 'ils': throws one at a time, too slow here: take sp"),
-        ("--factor surfaces", "--factor surfaces: .* did you mean 'surface'"),
-        ("--factor wind", "--factor wind: must be a column of throws.csv"),
     ],
 )
 def test_validate_refuses(words, message, made, refused) -> None:

@@ -7,11 +7,12 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 import throwplan as tp
+from release_cases import STILL, VALUES, expected
+from scipy.interpolate import PPoly
+
 from oracle import shapes
 from oracle.motion import ArmMotion, Curve, Plane, Samples, frames_of, parabolas
 from oracle.release import Held, released
-from release_cases import STILL, VALUES, expected
-from scipy.interpolate import PPoly
 
 #: Landing of the reference [m], [rad] that the oracle must meet, 1 m below the hand.
 LANDING = (2e-4, 2e-3)

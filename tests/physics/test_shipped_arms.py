@@ -7,14 +7,27 @@ import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
-from oracle.meshes import MESHES, PACKAGES, ROBOTS, URDFS, chain_for, has_meshes, link_points
-from oracle.shapes import to_segment
-from oracle.studies import SCENES, corner_contacts
 from throwplan.planner.cli import main
 from throwplan.planner.robot import Recording, joint_motion
 from throwplan.planner.show import space_throw
 from throwplan.problems import load_arm
-from throwplan.problems.urdf import kinematics_difference, limits_of, link_inertias
+from throwplan.problems.urdf import (
+    kinematics_difference,
+    limits_of,
+    link_inertias,
+)
+
+from oracle.meshes import (
+    MESHES,
+    PACKAGES,
+    ROBOTS,
+    URDFS,
+    chain_for,
+    has_meshes,
+    link_points,
+)
+from oracle.shapes import to_segment
+from oracle.studies import SCENES, corner_contacts
 
 STATES = 20
 

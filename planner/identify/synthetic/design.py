@@ -29,8 +29,12 @@ BARS = {
     "moi-small": ThrownObject(mass=0.40, inertia=714e-6, length=0.26, com=0.13, width=0.02),
     "moi-large": ThrownObject(mass=0.40, inertia=1961e-6, length=0.26, com=0.13, width=0.02),
 }
-#: Grip force of one pad [N], the Robotiq 2F-85's largest being 235; dwell and fall [s].
-FORCE, DWELL, OPENING = 220.0, 0.05, 0.06
+#: Grip force [N] of one pad; the Robotiq 2F-85 reaches 235.
+FORCE = 220.0
+#: Time [s] from the opening command until the force falls.
+DWELL = 0.05
+#: Time [s] in which the force falls.
+OPENING = 0.06
 #: Workspace of an arm on a high base [m].
 WORKSPACE = Workspace(floor=-0.3, column_radius=0.12, column_height=0.45, palm_clearance=0.002)
 #: Landing height [m] at which the batch's mean flight time is the paper's 0.6 s.
@@ -60,9 +64,11 @@ PITCHES = {
         (0.5, 0.5, 0.5, 0.5, 0.4, 0.4),
     ),
 }
-#: Joint accelerations from speeding up to slowing down, as shares of the limit of the joint
-#: that reaches its own first; and the numbers of those that the factors are thrown with.
-RELEASES, FACTOR_RELEASES = (0.36, 0.18, 0.0, -0.3, -0.6, -0.9), (2, 4, 6)
+#: Joint accelerations from speeding up to slowing down, over the limit of the joint that reaches
+#: its own first.
+RELEASES = (0.36, 0.18, 0.0, -0.3, -0.6, -0.9)
+#: Numbers of the releases with which single factors vary, from 1.
+FACTOR_RELEASES = (2, 4, 6)
 #: Time [s] beyond the opening for which the acceleration stays constant: late openings and the
 #: low-pass filter see no step.
 LONGER = 0.025

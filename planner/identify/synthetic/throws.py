@@ -36,10 +36,16 @@ from .design import (
     scene_with,
 )
 
-#: Sampling of joints, track and grip force [s], the paper's.
-JOINTS, TRACK, FORCES = 1 / 500, 1 / 250, 1 / 1000
-#: The track starts BEFORE [s] before the command; the force is recorded AFTER [s] beyond its fall.
-BEFORE, AFTER = 0.1, 0.04
+#: Sampling interval [s] of the joints, the paper's.
+JOINTS = 1 / 500
+#: Sampling interval [s] of the track, the paper's.
+TRACK = 1 / 250
+#: Sampling interval [s] of the grip force, the paper's.
+FORCES = 1 / 1000
+#: Time [s] before the command at which the track begins.
+BEFORE = 0.1
+#: Time [s] after the force's fall at which its recording ends.
+AFTER = 0.04
 #: Draws are clipped at this number of standard deviations, so that the full grip holds every bar.
 CUT = 3.0
 
@@ -124,8 +130,8 @@ class Flown:
     def poses(self, manipulator: Manipulator, times: Array) -> Array:
         """CoM poses (K, 3) at times [s] of the motion's clock: held, let go, flying."""
         since = times - self.event.opening
-        held = manipulator.hand(self.event.motion.samples.path).at(times).pose
-        x, z, theta = sticking_state(held, 0 * held, 0.0, self.event.bar.com)[:3]
+        hand = manipulator.hand(self.event.motion.samples.path).at(times).pose
+        x, z, theta = sticking_state(hand, 0 * hand, 0.0, self.event.bar.com)[:3]
         going = [np.interp(since, self.times, values) for values in self.com]
         flying = scene_with("com1").flight.after(self.detach, since - self.times[-1])
         parts = [(x, z, theta), going, (flying.x, flying.z, flying.theta)]
@@ -140,10 +146,10 @@ def make_throws(
 
     Raises InputError for a contact that does not hold the bars on their way.
     """
-    manipulator, wanted = make_manipulator(scene_with("com1")), list(conditions(making.factors))
-    _check_held(making, manipulator, wanted)
+    manipulator, batch = make_manipulator(scene_with("com1")), list(conditions(making.factors))
+    _check_held(making, manipulator, batch)
     rng = np.random.default_rng(making.seed)
-    drawn = [(one, k) for one in wanted for k in range(1, making.repeats + 1)]
+    drawn = [(one, k) for one in batch for k in range(1, making.repeats + 1)]
     events = [_event(making, one, rng) for one, _ in drawn]
     flown = _thrown(manipulator, events, making, progress or (lambda *_: None))
     throws = []
@@ -185,11 +191,11 @@ def _truth(making: SynthesisConfig) -> dict[str, float]:
 
 
 def _check_held(
-    making: SynthesisConfig, manipulator: Manipulator, wanted: Sequence[Condition]
+    making: SynthesisConfig, manipulator: Manipulator, batch: Sequence[Condition]
 ) -> None:
     """InputError for a contact with which a bar uses too much of the grip."""
     uses = {}
-    for one in wanted:
+    for one in batch:
         scene = scene_with(one.bar, one.surface, making.friction, making.patch_radius)
         motion = design()[one.pitch][one.release - 1]
         uses[f"{one.bar}, {one.pitch}, a{one.release}"] = grip_use(manipulator, motion, scene)

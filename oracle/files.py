@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import csv
 import json
+import tempfile
 from pathlib import Path
 
 import numpy as np
+from throwplan import Plan
 from throwplan.problems import scene_from_table
 
 from .judge import Oracle
@@ -30,6 +32,13 @@ def read_oracle(folder: Path) -> Oracle:
         kinds = tuple(tuple(f"{k}{j}" for j in joints) for k in ("q", "dq", "ddq"))
     parts = (np.column_stack([columns[name] for name in names]) for names in kinds)
     return Oracle(scene, Samples(columns["t"], *parts), plan["release"]["opening_time"])
+
+
+def oracle_of(plan: Plan) -> Oracle:
+    """The oracle of a plan, by the files that it saves."""
+    with tempfile.TemporaryDirectory() as folder:
+        plan.save(folder, draw=False)
+        return read_oracle(Path(folder))
 
 
 def read_rows(folder: Path) -> tuple[dict[str, Array], dict[str, Array]]:

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 from scipy.interpolate import PPoly
+from scipy.optimize import least_squares
 
 Array = NDArray[np.float64]
 
@@ -27,6 +28,7 @@ STEP = 1e-6
 TOGETHER = 1e-7
 #: Position [m, rad] that a free hand's steps may leave unexplained in a tick.
 UNEXPLAINED = 1e-9
+TOLERANCES = ("xtol", "ftol", "gtol")
 
 
 def quintics(times: Array, q: Array, dq: Array, ddq: Array) -> PPoly:
@@ -38,11 +40,50 @@ def quintics(times: Array, q: Array, dq: Array, ddq: Array) -> PPoly:
     return PPoly(np.stack([c5 / h**5, c4 / h**4, c3 / h**3, ddq[:-1] / 2, dq[:-1], q[:-1]]), times)
 
 
-def parabolas(times: Array, q: Array, dq: Array, ddq: Array) -> PPoly:
-    """A free hand's planned motion (K, n) again: its accelerations step, once a tick at most.
+def _even(
+    edges: Array, q: Array, dq: Array, accelerations: Array
+) -> tuple[list[float], list[list[Array]], Array]:
+    """Even accelerations between edges [s], from q with rates dq: the pieces' ends, their
+    coefficients, and the position at the last edge."""
+    ends, pieces = list[float](), list[list[Array]]()
+    for (begin, end), a in zip(itertools.pairwise(edges), accelerations, strict=True):
+        h = end - begin
+        if h >= 1e-12:
+            ends.append(end)
+            pieces.append([a / 2, dq, q])
+            q, dq = q + h * (dq + h / 2 * a), dq + h * a
+    return ends, pieces, q
 
-    When they do follows from the rates at the ticks. ValueError where that does not explain
-    the positions.
+
+def _two_steps(
+    h: float, q: Array, dq: Array, ddq: Array
+) -> tuple[list[float], list[list[Array]], Array]:
+    """As `_even`: a tick of h [s] with accelerations that step twice, those of all axes at once.
+
+    q, dq, ddq (2, n): the samples at its ends. The acceleration between the steps follows from the
+    rates, the instants of the steps are those that meet the positions best.
+    """
+
+    def pieces(shares: Array) -> tuple[list[float], list[list[Array]], Array]:
+        first = h * shares[0]
+        edges = np.array([0.0, first, first + (h - first) * shares[1], h])
+        one, two, three = np.diff(edges)
+        between = (dq[1] - dq[0] - one * ddq[0] - three * ddq[1]) / two
+        return _even(edges, q[0], dq[0], np.array([ddq[0], between, ddq[1]]))
+
+    def off(shares: Array) -> Array:
+        return (pieces(shares)[2] - q[1]) / h**2
+
+    starts, close = itertools.product((0.2, 0.5, 0.8), repeat=2), dict.fromkeys(TOLERANCES, 1e-15)
+    found = (least_squares(off, start, bounds=(1e-6, 1 - 1e-6), **close) for start in starts)
+    return pieces(min(found, key=lambda each: each.cost).x)
+
+
+def parabolas(times: Array, q: Array, dq: Array, ddq: Array) -> PPoly:
+    """A free hand's planned motion (K, n) again: its accelerations step, twice a tick at most.
+
+    When they do follows from the rates at the ticks, and, of two steps, from the positions.
+    ValueError where that does not explain the positions.
     """
     h, before, after = np.diff(times)[:, None], ddq[:-1], ddq[1:]
     jump = before - after
@@ -54,16 +95,15 @@ def parabolas(times: Array, q: Array, dq: Array, ddq: Array) -> PPoly:
     cuts = np.sort(np.hstack([0 * h, np.clip(at, 0.0, h), h]), axis=1)
     breaks, pieces = [times[0]], []
     for k, edges in enumerate(cuts):
-        p, v = q[k], dq[k]
-        for begin, end in itertools.pairwise(edges):
-            if end - begin < 1e-12:
-                continue
-            a = np.where((begin + end) / 2 < at[k], before[k], after[k])
-            pieces.append([a / 2, v, p])
-            p, v = p + (end - begin) * (v + (end - begin) / 2 * a), v + (end - begin) * a
-            breaks.append(times[k] + end)
-        if np.abs(p - q[k + 1]).max() > UNEXPLAINED:
-            raise ValueError(f"motion.csv: at {times[k]:.3f} s is not even acceleration, one step")
+        middles = (edges[1:] + edges[:-1])[:, None] / 2
+        rows, single = slice(k, k + 2), np.where(middles < at[k], before[k], after[k])
+        ends, tick, last = _even(edges, q[k], dq[k], single)
+        if np.abs(last - q[k + 1]).max() > UNEXPLAINED:
+            ends, tick, last = _two_steps(h[k, 0], q[rows], dq[rows], ddq[rows])
+        if np.abs(last - q[k + 1]).max() > UNEXPLAINED:
+            raise ValueError(f"motion.csv: at {times[k]:.3f} s accelerations step more than twice")
+        pieces += tick
+        breaks += [times[k] + end for end in ends]
     return PPoly(np.array(pieces).transpose(1, 0, 2), np.array(breaks))
 
 

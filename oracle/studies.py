@@ -14,7 +14,7 @@ import throwplan as tp
 from scipy.spatial import ConvexHull, cKDTree
 from throwplan.problems import Obstacle
 
-from .files import read_oracle, read_rows
+from .files import oracle_of, read_oracle, read_rows
 from .meshes import Array, link_points
 from .motion import TICK
 from .scenes import random_scenes
@@ -57,7 +57,7 @@ def corner_contacts(arm: str, count: int) -> Iterator[tuple[str, float]]:
     """Plans beside small obstacles at corners of moving links and hand: status, and how deep [m] a
     published mesh is in the obstacle at any tick, 0 for not at all."""
     scene, points = tp.load_scene(SCENES[arm]), link_points(arm)
-    oracle, rng = _oracle(tp.plan(scene)), np.random.default_rng(zlib.crc32(arm.encode()))
+    oracle, rng = oracle_of(tp.plan(scene)), np.random.default_rng(zlib.crc32(arm.encode()))
     links = [link for link in points if link > oracle.motion.throwing[0] + 1]
     corners = {link: points[link][ConvexHull(points[link]).vertices] for link in links}
     for number in range(count):
@@ -73,13 +73,7 @@ def corner_contacts(arm: str, count: int) -> Iterator[tuple[str, float]]:
         except tp.InputError:
             yield "refused", 0.0
             continue
-        yield plan.status, _depth(_oracle(plan), points, obstacle) if plan.solved else 0.0
-
-
-def _oracle(plan: tp.Plan) -> Any:
-    with tempfile.TemporaryDirectory() as folder:
-        plan.save(folder, draw=False)
-        return read_oracle(Path(folder))
+        yield plan.status, _depth(oracle_of(plan), points, obstacle) if plan.solved else 0.0
 
 
 def _depth(oracle: Any, points: dict[int, Array], obstacle: Obstacle) -> float:

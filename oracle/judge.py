@@ -129,6 +129,12 @@ class Oracle:
             gripper,
         )
 
+    def landing(self, steps: int) -> Array:
+        """Landing (1, 3) as planned, with another number of steps of the release."""
+        held = self.held(self.columns({}, 1))
+        thrown = released(held, self.hand, self.scene.tolerance.model, steps)
+        return self._landing(np.hstack([thrown.com[-1], thrown.twist]))
+
     # The verdict.
 
     def judge(self, rows: Mapping[str, Any] | None = None, planned: bool = False) -> Judged:

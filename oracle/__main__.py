@@ -1,4 +1,4 @@
-"""`cd tests && ../.venv/bin/python -m oracle sweeps 60` or `corners 100`: prints the counts."""
+"""`.venv/bin/python -m oracle sweeps 60` or `corners 100`: prints the counts."""
 
 from __future__ import annotations
 

@@ -3,12 +3,13 @@
 It reads scenes as data and a plan's files (plan.json, motion.csv), and nothing of
 `throwplan.planner`, `throwplan.core` or the physics of `throwplan.models`.
 
-    oracle = read_oracle(folder)  # of plan.save(folder)
+    oracle = oracle_of(plan)  # or read_oracle(folder), after plan.save(folder)
     oracle.judge(planned=True).found["grip"]  # value, limit, room
     rows, found = read_rows(folder)  # of sweep.save(folder / "sweep")
     oracle.judge(rows).success
 """
 
 from .around import Found
-from .files import read_oracle, read_rows
+from .files import oracle_of, read_oracle, read_rows
 from .judge import Oracle
+from .release import STEPS
