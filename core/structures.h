@@ -138,7 +138,7 @@ typedef struct {
 } scene;
 
 /* Links' masses [kg], CoM from their joints [m] and inertias about it [kg m^2], as `PlanarBody` of
-   models/robot/dynamics.py, and joints' limits [N m]. */
+   models/robot/kinematics.py, and joints' limits [N m]. */
 typedef struct {
     double mass[AXES], along[AXES], up[AXES], inertia[AXES], limit[AXES];
 } torques;

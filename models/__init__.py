@@ -9,6 +9,8 @@ from .body import (
     Body,
     Contact,
     Flags,
+    FlightLaw,
+    FlightState,
     HandMotion,
     HandSamples,
     HandTrack,
@@ -21,5 +23,4 @@ from .body import (
     pivot_wrench,
     sticking_state,
 )
-from .flight import FlightLaw, FlightState
 from .trajectory import MovedHand, Trajectory, low_pass

@@ -1,4 +1,4 @@
-"""A rigid planar body, gripped by two pads or in flight: its parameters and kinematics.
+"""A rigid planar body, gripped by two pads or in flight: its parameters, kinematics and laws.
 
 The equations use the few functions of `backend`, component by component: they run on floats, on
 NumPy arrays (N throws) and on CasADi expressions.
@@ -214,3 +214,73 @@ def sticking_state(pose: Value, twist: Value, grasp_angle: Value, com_offset: Va
     xp = backend(angle)
     x_r, z_r = com_offset * xp.cos(angle), com_offset * xp.sin(angle)
     return [x + x_r, z + z_r, angle, *com_twist(v_x, v_z, omega, x_r, z_r)]
+
+
+# Free flight; `core_laws` writes `after` and `fall_time` as C.
+
+
+@dataclass(frozen=True)
+class FlightState:
+    """CoM position [m], angle [rad], velocity [m/s] and rate [rad/s] of a body in flight."""
+
+    x: Value
+    z: Value
+    theta: Value
+    v_x: Value
+    v_z: Value
+    omega: Value
+
+    @property
+    def pose(self) -> Array:
+        """x, z, theta (3, ...)."""
+        return np.array(np.broadcast_arrays(self.x, self.z, self.theta))
+
+
+@dataclass(frozen=True)
+class FlightLaw:
+    """A rigid body under gravity [m/s^2] along -z, without drag."""
+
+    gravity: Value = 9.81
+
+    def after(self, state: FlightState, time: Value) -> FlightState:
+        """The state `time` [s] later: numbers, arrays, or CasADi expressions."""
+        return FlightState(
+            state.x + state.v_x * time,
+            state.z + state.v_z * time - 0.5 * self.gravity * time * time,
+            state.theta + state.omega * time,
+            state.v_x,
+            state.v_z - self.gravity * time,
+            state.omega,
+        )
+
+    def fall_time(self, state: FlightState, height: Value) -> Value:
+        """Time [s] until the CoM falls through `height` [m]; NaN if it never does.
+
+        In the NLP the flight time is an unknown with a polynomial constraint, which has no NaN.
+        """
+        # The later root of drop + v_z t - g t^2 / 2 = 0, in the form that does not cancel; 1e-300
+        # in place of 0 for a fall from rest at its own height.
+        v_z, g = state.v_z, self.gravity
+        drop, xp = state.z - height, backend(state.z, height)
+        with np.errstate(invalid="ignore", divide="ignore"):
+            root = xp.sqrt(v_z * v_z + 2 * g * drop)
+            falling = 2 * drop / xp.maximum(root - v_z, 1e-300)
+            straight = xp.where(v_z < 0, drop / xp.maximum(-v_z, 1e-300), np.nan)
+            time = xp.where(g > 0, xp.where(v_z > 0, (v_z + root) / g, falling), straight)
+            return xp.where(time >= 0, time, np.nan)
+
+    def land(self, detach: Array, height: float) -> Array:
+        """x [m], theta [rad] and flight time [s] (N, 3) at which the CoM falls through `height`.
+
+        detach (N, 6): x, z, theta, v_x, v_z, omega of the CoM. NaN where it never does.
+        """
+        start = FlightState(*detach.T)
+        time = self.fall_time(start, height)
+        end = self.after(start, time)
+        return np.column_stack([end.x, end.theta, time])
+
+    def apex(self, start: FlightState) -> FlightState:
+        """The highest state from `start` on; `start` itself if it falls, or without gravity."""
+        xp = backend(start.v_z, self.gravity)
+        rise = xp.maximum(start.v_z, 0.0) / xp.maximum(self.gravity, 1e-300)
+        return self.after(start, xp.where(self.gravity > 0, rise, 0.0 * start.v_z))

@@ -11,18 +11,26 @@ from __future__ import annotations
 
 import math
 import re
+from collections.abc import Sequence
 from pathlib import Path
 
 import casadi as ca
 
-from .body import Body, HandSamples, Value, hand_of, held_wrench, sticking_state
-from .flight import FlightLaw, FlightState
+from .body import (
+    Body,
+    FlightLaw,
+    FlightState,
+    HandSamples,
+    Value,
+    hand_of,
+    held_wrench,
+    sticking_state,
+)
 from .release.cases import LOST_SLIP
 from .release.sliding_pivot import SlidingPivot
 from .release.stepping import number_symbols, rk4_step
 from .release.time_stepping import ITERATIONS, ImpulseProblem, Iterate, LimitSurfaceStepping
-from .robot.dynamics import PlanarBody, joint_torque
-from .robot.kinematics import flange_velocity, link_end
+from .robot.kinematics import PlanarBody, flange_velocity, joint_torque, link_end
 
 HEAD = """\
 /* Written by `python -m throwplan.models.core_laws`: do not edit. */
@@ -61,57 +69,33 @@ _EXPRESSIONS = {
 
 
 def _link_functions() -> list[ca.Function]:
-    joint, link, turned = ca.SX.sym("joint", 6), ca.SX.sym("link", 2), ca.SX.sym("turned", 3)
-    body, gravity, push = ca.SX.sym("body", 4), ca.SX.sym("gravity"), ca.SX.sym("push", 3)
-    (hand, samples), held = _hand("hand"), ca.SX.sym("held", 4)
-    length = ca.SX.sym("tool_length")
-    moved = {"joint": joint, "turned": turned}
-    mass, along, up, inertia = ca.vertsplit(body)
-    given = ca.vertsplit(joint), ca.vertsplit(turned)
-    end = link_end(given[0], ca.vertsplit(link), given[1])
-    pushed = PlanarBody(mass, (along, up), inertia).push(*given, gravity)
-    *bar, angle = ca.vertsplit(held)
-    load = held_wrench(Body(*bar), gravity, samples.motion, angle)
+    sizes = {"joint": 6, "link": 2, "turned": 3, "body": 4, "gravity": 1, "push": 3, "held": 4}
+    s = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
+    (s["hand"], samples), s["tool_length"] = _hand("hand"), ca.SX.sym("tool_length")
+    joint, turned, twist = map(ca.vertsplit, (s["joint"], s["turned"], s["hand"][3:6]))
+    mass, along, up, inertia = ca.vertsplit(s["body"])
+    *bar, angle = ca.vertsplit(s["held"])
+    end = link_end(joint, ca.vertsplit(s["link"]), turned)
+    push = PlanarBody(mass, (along, up), inertia).push(joint, turned, s["gravity"])
+    torque = joint_torque(joint, ca.vertsplit(s["push"]))
+    velocity = flange_velocity(s["tool_length"], s["hand"][2], twist)
+    load = held_wrench(Body(*bar), s["gravity"], samples.motion, angle)
     return [
-        _function("link_end", {**moved, "link": link}, {"end": ca.vertcat(*end)}),
-        _function(
-            "link_push",
-            {**moved, "body": body, "gravity": gravity},
-            {"push": ca.vertcat(*pushed)},
-        ),
-        _function(
-            "joint_torque",
-            {"joint": joint, "push": push},
-            {"torque": joint_torque(given[0], ca.vertsplit(push))},
-        ),
-        _function(
-            "flange_velocity",
-            {"hand": hand, "tool_length": length},
-            {"velocity": ca.vertcat(*flange_velocity(length, hand[2], ca.vertsplit(hand[3:6])))},
-        ),
-        _function(
-            "held_load",
-            {"hand": hand, "held": held, "gravity": gravity},
-            {"load": ca.vertcat(*load)},
-        ),
+        _law("link_end", s, "joint turned link", end=end),
+        _law("link_push", s, "joint turned body gravity", push=push),
+        _law("joint_torque", s, "joint push", torque=[torque]),
+        _law("flange_velocity", s, "hand tool_length", velocity=velocity),
+        _law("held_load", s, "hand held gravity", load=load),
     ]
 
 
 def _flight_text() -> str:
-    start, since, height = ca.SX.sym("start", 6), ca.SX.sym("since"), ca.SX.sym("height")
-    gravity, state = ca.SX.sym("gravity"), FlightState(*ca.vertsplit(start))
-    law = FlightLaw(gravity)
-    end = law.after(state, since)
-    pose = _function(
-        "pose",
-        {"start": start, "since": since, "gravity": gravity},
-        {"pose": ca.vertcat(end.x, end.z, end.theta)},
-    )
-    time = _function(
-        "time",
-        {"start": start, "height": height, "gravity": gravity},
-        {"time": law.fall_time(state, height)},
-    )
+    sizes = {"start": 6, "since": 1, "height": 1, "gravity": 1}
+    s = {name: ca.SX.sym(name, size) for name, size in sizes.items()}
+    state, law = FlightState(*ca.vertsplit(s["start"])), FlightLaw(s["gravity"])
+    end = law.after(state, s["since"])
+    pose = _law("pose", s, "start since gravity", pose=[end.x, end.z, end.theta])
+    time = _law("time", s, "start height gravity", time=[law.fall_time(state, s["height"])])
     return f"""
 /* x, z [m] and theta [rad] of a flying bar `since` [s] after x, z, theta and their rates. */
 INLINE void flight_pose(const double start[6], double since, double gravity, double pose[3])
@@ -149,92 +133,75 @@ def _hand(name: str) -> tuple[ca.SX, HandSamples]:
     return symbols, hand_of(symbols)
 
 
-def _function(name: str, inputs: dict[str, Value], outputs: dict[str, Value]) -> ca.Function:
-    dense = [ca.cse(ca.densify(value)) for value in outputs.values()]
-    return ca.Function(name, [*inputs.values()], dense, [*inputs], [*outputs])
+def _law(
+    name: str, symbols: dict[str, ca.SX], inputs: str, **outputs: Sequence[Value]
+) -> ca.Function:
+    """A law of the named `inputs`; outputs: the rows of each."""
+    names = inputs.split()
+    dense = [ca.cse(ca.densify(ca.vertcat(*rows))) for rows in outputs.values()]
+    return ca.Function(name, [symbols[one] for one in names], dense, names, [*outputs])
 
 
 def _pivot_functions() -> list[ca.Function]:
     p, body, contact, gravity = number_symbols()
-    law = SlidingPivot(body, contact, gravity)
-    state, force, dt = ca.SX.sym("state", 6), ca.SX.sym("force", 3), ca.SX.sym("dt")
-    hands = [_hand(name) for name in ("start", "middle", "end")]
-    (start, _), (middle, _), (end, last) = hands
-    motions = [hand.motion for _, hand in hands]
-    step = rk4_step(law.rates, state, motions, ca.vertsplit(force), dt)
-    moved = {"state": state, "start": start, "middle": middle, "end": end}
-    com = law.com_state(state, end[:3], end[3:6], last.motion)
-    gripped = ca.SX.sym("force")
-    over = law.excess(ca.vertsplit(state), last.motion, gripped)
+    law, hands = (
+        SlidingPivot(body, contact, gravity),
+        [_hand(name) for name in ("start", "middle", "end")],
+    )
+    s = {"state": ca.SX.sym("state", 6), "dt": ca.SX.sym("dt"), "law": p}
+    s |= dict(zip(("start", "middle", "end"), (symbols for symbols, _ in hands), strict=True))
+    forces, force = {"force": ca.SX.sym("force", 3)}, {"force": ca.SX.sym("force")}
+    motions = [hand.motion for _, hand in hands.values()]
+    step = rk4_step(law.rates, s["state"], motions, ca.vertsplit(forces["force"]), s["dt"])
+    excess = law.excess(ca.vertsplit(s["state"]), motions[-1], force["force"])
+    com = law.com_state(s["state"], s["end"][:3], s["end"][3:6], motions[-1])
     return [
-        _function(
-            "pivot_step",
-            {**moved, "force": force, "dt": dt, "law": p},
-            {"next": ca.vertcat(*step)},
-        ),
-        _function(
-            "pivot_excess",
-            {"state": state, "end": end, "force": gripped, "law": p},
-            {"excess": ca.vertcat(*over)},
-        ),
-        _function("pivot_lost", {"state": state, "law": p}, {"lost": law.lost(state)}),
-        _function("pivot_end", {"state": state, "end": end, "law": p}, {"com": ca.vertcat(*com)}),
+        _law("pivot_step", s | forces, "state start middle end force dt law", next=step),
+        _law("pivot_excess", s | force, "state end force law", excess=excess),
+        _law("pivot_lost", s, "state law", lost=[law.lost(s["state"])]),
+        _law("pivot_end", s, "state end law", com=com),
     ]
 
 
 def _surface_functions() -> list[ca.Function]:
     p, body, contact, gravity = number_symbols()
     law = LimitSurfaceStepping(body, contact, gravity)
-    state, grasp = ca.SX.sym("state", 6), ca.SX.sym("grasp")
-    force, dt, held = ca.SX.sym("force"), ca.SX.sym("dt"), ca.SX.sym("held")
-    (start, first), (end, last) = _hand("start"), _hand("end")
-    begun = sticking_state(start[:3], start[3:6], grasp, body.com_offset)
+    sizes = {"state": 6, "problem": 10, "found": 5}
+    sizes |= dict.fromkeys(("grasp", "force", "dt", "held", "moving"), 1)
+    s = {name: ca.SX.sym(name, size) for name, size in sizes.items()} | {"law": p}
+    (s["start"], first), (s["end"], last) = _hand("start"), _hand("end")
+    state, dt, held, found = s["state"], s["dt"], s["held"], s["found"]
+    begun = sticking_state(s["start"][:3], s["start"][3:6], s["grasp"], law.body.com_offset)
     lever = law.lever(state, (first, last), dt)
-    posed = law.problem(state, last, lever, force, dt)
-    problem, found = ca.SX.sym("problem", 10), ca.SX.sym("found", 5)
-    rows = ca.vertsplit(problem)
+    posed = law.problem(state, last, lever, s["force"], dt)
+    rows = ca.vertsplit(s["problem"])
     given = ImpulseProblem(rows[:6], rows[6:9], rows[9])
     iterate = Iterate(found[0], ca.vertsplit(found[1:4]), found[4])
-    sticking, moving = given.sticking(), ca.SX.sym("moving")
-    newton = {"problem": problem, "found": found, "held": held}
-    moved = {"state": state, "start": start, "end": end}
-    largest = ca.fmax(given.radius, 1e-300)
-    after = law.after(state, (first, last), lever, given.trimmed(iterate, held), dt)
+    sticking, trimmed = given.sticking(), given.trimmed(iterate, held)
+    better = given.refined(iterate, s["moving"])
+    friction = [y / ca.fmax(given.radius, 1e-300) for y in trimmed]
+    after = law.after(state, (first, last), lever, trimmed, dt)
+    newton, rhs = "problem found held", [*posed.matrix, *posed.rhs, posed.radius]
     return [
-        _function(
-            "surface_start",
-            {"start": start, "grasp": grasp, "law": p},
-            {"state": ca.vertcat(*begun)},
-        ),
-        _function(
-            "surface_problem",
-            {**moved, "force": force, "dt": dt, "law": p},
-            {"problem": ca.vertcat(*posed.matrix, *posed.rhs, posed.radius)},
-        ),
-        _function(
+        _law("surface_start", s, "start grasp law", state=begun),
+        _law("surface_problem", s, "state start end force dt law", problem=rhs),
+        _law(
             "surface_sticking",
-            {"problem": problem},
-            {"found": _column(sticking), "held": sticking.norm <= given.radius},
+            s,
+            "problem",
+            found=[sticking.shift, *sticking.y, sticking.norm],
+            held=[sticking.norm <= given.radius],
         ),
-        _function("surface_moving", newton, {"moving": given.moving(iterate, held)}),
-        _function(
+        _law("surface_moving", s, newton, moving=[given.moving(iterate, held)]),
+        _law(
             "surface_refined",
-            {"problem": problem, "found": found, "moving": moving},
-            {"better": _column(given.refined(iterate, moving))},
+            s,
+            "problem found moving",
+            better=[better.shift, *better.y, better.norm],
         ),
-        _function(
-            "surface_friction",
-            newton,
-            {"friction": ca.vertcat(*(y / largest for y in given.trimmed(iterate, held)))},
-        ),
-        _function(
-            "surface_after", {**moved, **newton, "dt": dt, "law": p}, {"next": ca.vertcat(*after)}
-        ),
+        _law("surface_friction", s, newton, friction=friction),
+        _law("surface_after", s, f"state start end {newton} dt law", next=after),
     ]
-
-
-def _column(found: Iterate) -> Value:
-    return ca.vertcat(found.shift, *found.y, found.norm)
 
 
 def _lane_function(f: ca.Function) -> str:

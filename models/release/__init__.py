@@ -4,13 +4,6 @@ A model is one file with its law; `MODELS` names it for commands, sweeps and pic
 """
 
 from .cases import BatchRelease, Release, ReleaseBatch, ReleaseCase
-from .exact import (
-    compiled_release,
-    exact_detaches,
-    exact_pivot_release,
-    exact_surface_release,
-    relative_states,
-)
 from .grip import GripProfile, LinearRelease, TableRelease
 from .limit_surface import ImplicitRelease, KarnoppRelease
 from .registry import (
@@ -22,12 +15,19 @@ from .registry import (
     ReleaseModel,
 )
 from .sliding_pivot import (
-    PivotSteps,
     SlidingPivot,
     SlidingPivotRelease,
     Widths,
+    march,
     soft_positive,
     world_release,
 )
-from .stepping import Opening, march, rk4_step
+from .stepping import (
+    compiled_release,
+    exact_detaches,
+    exact_pivot_release,
+    exact_surface_release,
+    relative_states,
+    rk4_step,
+)
 from .time_stepping import SteppedRelease

@@ -11,8 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 import numpy.typing as npt
 
-from ..body import Array, Body, Contact, Flags, HandTrack, held_wrench, sticking_state
-from ..flight import FlightState
+from ..body import Array, Body, Contact, Flags, FlightState, HandTrack, held_wrench, sticking_state
 from ..trajectory import Throws, Trajectory
 from .grip import GripProfile
 
@@ -23,14 +22,6 @@ UNSOLVED = "a step of the patch was not solved"
 #: Slip [m] beyond h at which the body has left the pads. By the published law a body that continues
 #: to slide under a turning hand would run away.
 LOST_SLIP = 0.1
-#: Number of intervals of the opening in the search for the first slip.
-INTERVALS = 200
-#: Component of the surface's normal, as a share of it, below which a motion does not start.
-SMALL = 1e-6
-#: Share of the full grip added to the force, against slip by rounding errors.
-NOTHING = 1e-11
-#: Throws of a chunk; thirty arrays of 2048 doubles fit the processor's cache.
-CHUNK = 2048
 
 
 @dataclass(frozen=True)
@@ -71,10 +62,11 @@ class ReleaseCase:
         def excess(times: Array) -> Array:
             """Excess of the needed wrench over the surface, as a share of it."""
             f_x, f_z, torque = self.held_wrench(times)
-            force = self.grip.force(times) + NOTHING * self.grip.full
+            # The addition is against slip by rounding errors.
+            force = self.grip.force(times) + 1e-11 * self.grip.full
             return np.asarray(self.contact.utilisation_squared(f_x, f_z, torque, force) - 1.0)
 
-        times = np.linspace(0.0, self.grip.opening, INTERVALS + 1)
+        times = np.linspace(0.0, self.grip.opening, 201)
         above = np.flatnonzero(excess(times) > 0)
         if above.size == 0:
             return None, None
@@ -91,10 +83,10 @@ def onsets(time: float, load: Array, arm: float) -> tuple[float | None, float | 
     """Onsets of pivot and slide [s] at `time`, for a wrench (3,) in newtons (torque over arm).
 
     The contact moves along the surface's normal. A motion outside the normal, such as rotation
-    without torque, does not start.
+    without torque, does not start: its component is below a millionth of the normal.
     """
     sizes = np.abs(load / [1.0, 1.0, arm])
-    least = SMALL * sizes.max()
+    least = 1e-6 * sizes.max()
     return time if sizes[2] > least else None, time if sizes[:2].max() > least else None
 
 
@@ -205,14 +197,9 @@ class ReleaseBatch:
         )
 
     def forces(self, shares: Array) -> list[Array]:
-        """Grip force (N,) [N] of one pad at each of `shares` (K,) of the openings."""
+        """Grip force (N,) [N] of one pad at each of `shares` (K,), or (K, N), of the openings."""
         shape = self.grip.force(shares * self.grip.opening) / self.grip.full
         return [self.force * value for value in shape]
-
-    def forces_at(self, times: Array) -> Array:
-        """Grip force [N] of one pad at `times` (..., N) [s] after each opening's start."""
-        stretched = times / self.opening * self.grip.opening
-        return np.asarray(self.force * self.grip.force(stretched) / self.grip.full)
 
 
 @dataclass(frozen=True)
@@ -260,16 +247,19 @@ class BatchRelease:
         return BatchRelease(self.detach[throws], self.lost[throws], self.why_not, stray, doubt)
 
 
-def chunks(count: int, size: int = CHUNK) -> Iterator[Throws]:
+def chunks(count: int, size: int) -> Iterator[Throws]:
     """The numbers of `count` throws, `size` at a time."""
     for first in range(0, count, size):
         yield np.arange(first, min(first + size, count))
 
 
 def by_chunks(
-    batch: ReleaseBatch, run: Callable[[ReleaseBatch], BatchRelease], size: int = CHUNK
+    batch: ReleaseBatch, run: Callable[[ReleaseBatch], BatchRelease], size: int = 2048
 ) -> BatchRelease:
-    """`run` on one chunk of throws after the other: memory does not grow with their number."""
+    """`run` on one chunk of throws after the other: memory does not grow with their number.
+
+    Thirty arrays of 2048 doubles fit the processor's cache.
+    """
     if batch.count <= size:
         return run(batch)
     return BatchRelease.joined([run(batch.part(throws)) for throws in chunks(batch.count, size)])

@@ -17,34 +17,14 @@ import numpy.typing as npt
 
 from ..body import Array
 
-
-@dataclass(frozen=True)
-class RecordingSettings:
-    """Settings for recordings of the grip force.
-
-    step [s]: between written samples. min_rows: fewest rows of a recording. held: share of the full
-    grip by which a full force may differ from it. level: share of the full grip by which the end of
-    a recording may fall. noisy: share of its peak above which the sum of a recording's rises makes
-    it a raw one.
-    """
-
-    step: float = 0.001
-    min_rows: int = 20
-    held: float = 0.05
-    level: float = 0.02
-    noisy: float = 0.05
-
-
-RECORDING = RecordingSettings()
+#: Fewest rows of a raw recording of the grip force.
+MIN_ROWS = 20
 
 
 class GripProfile:
     """The force of one pad over time: `full` [N] until `dwell` [s] after the opening command, then
     falling to zero in `opening` [s].
     """
-
-    #: Number of cubic pieces of a law in the compiled core; the error of a smooth force is 1e-6.
-    PIECES: ClassVar[int] = 200
 
     full: float
     dwell: float
@@ -58,11 +38,12 @@ class GripProfile:
     def curve(self) -> Any:
         """The force over the time from its fall on, as SciPy's piecewise cubics, for the core.
 
-        None for a linear fall, which the core has in closed form.
+        None for a linear fall, which the core has in closed form. Here in 200 pieces; the error of
+        a smooth force is 1e-6.
         """
         from scipy.interpolate import PchipInterpolator
 
-        times = np.linspace(0.0, self.opening, self.PIECES + 1)
+        times = np.linspace(0.0, self.opening, 201)
         return PchipInterpolator(times, self.force(times))
 
 
@@ -129,8 +110,8 @@ class TableRelease(GripProfile):
         from scipy.optimize import isotonic_regression
 
         t, raw = np.asarray(times, float), np.asarray(forces, float)
-        if t.shape != raw.shape or t.size < RECORDING.min_rows:
-            raise ValueError(f"needs at least {RECORDING.min_rows} rows of t, f_N")
+        if t.shape != raw.shape or t.size < MIN_ROWS:
+            raise ValueError(f"needs at least {MIN_ROWS} rows of t, f_N")
         if not np.isfinite(raw).all():
             raise ValueError("has a value that is not a finite number")
         tail = raw[-max(t.size // 10, 2) :]
@@ -139,14 +120,14 @@ class TableRelease(GripProfile):
         # Half the force is far from the noise of either end; most samples before it have full
         # force.
         half = int(np.flatnonzero(fall < fall[0] / 2)[0]) if fall[-1] < fall[0] / 2 else 0
-        full_level = (1 - RECORDING.held) * float(np.median(force[: half // 2 + 1]))
+        full_level = 0.95 * float(np.median(force[: half // 2 + 1]))
         flat = np.flatnonzero(fall[:half] >= full_level)
         if fall[0] <= 0 or half < 2 or flat.size < 2:
             raise ValueError("f_N must start at the full grip and fall from there")
         full = float(np.median(force[flat]))
         noise = 3 * float(np.std(np.diff(tail))) / math.sqrt(2)
         ends = [float(np.mean(part)) for part in np.array_split(tail, 2)]
-        if ends[0] - ends[1] > max(RECORDING.level * full, noise):
+        if ends[0] - ends[1] > max(0.02 * full, noise):
             raise ValueError(
                 "f_N must go on, level, for a tenth of the recording after the pads are apart"
             )
@@ -157,9 +138,12 @@ class TableRelease(GripProfile):
 
     @staticmethod
     def noise(forces: Array) -> float:
-        """Sum [N] of the rises of a raw recording; 0 for one that needs no smoothing."""
+        """Sum [N] of the rises of a raw recording; 0 for one that needs no smoothing.
+
+        A raw one rises by more than 5 % of its largest force in all.
+        """
         rises = float(np.maximum(np.diff(forces), 0.0).sum())
-        raw = len(forces) >= RECORDING.min_rows and rises > RECORDING.noisy * np.abs(forces).max()
+        raw = len(forces) >= MIN_ROWS and rises > 0.05 * np.abs(forces).max()
         return rises if raw else 0.0
 
     def samples(self) -> Array:
@@ -168,7 +152,7 @@ class TableRelease(GripProfile):
         A table of these has the same dwell and opening: only its two ends are at the full force
         and at zero.
         """
-        step = RECORDING.step
+        step = 0.001
         dwell_times = np.arange(0.0, self.dwell - step / 1000, step)
         falling = np.arange(step, self.opening - step / 1000, step)
         force = self.force(falling)

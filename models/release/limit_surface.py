@@ -27,7 +27,6 @@ import numpy as np
 from ..body import (
     Array,
     Body,
-    Contact,
     HandMotion,
     HandSamples,
     com_wrench,
@@ -36,15 +35,6 @@ from ..body import (
     sticking_state,
 )
 from .cases import BatchRelease, Release, ReleaseBatch, ReleaseCase, by_chunks, failed
-
-#: Number of steps with a reversal of friction above which a release chatters.
-CHATTER = 10
-#: Speed [m/s] above which an explicit method has diverged.
-RUNAWAY = 1e4
-#: Steps per second of a batch's opening, 0.1 ms each as in the paper.
-RATE = 10_000.0
-#: Largest number of steps of a batch.
-MOST_STEPS = 20_000
 
 
 @dataclass(frozen=True)
@@ -69,9 +59,8 @@ class KarnoppRelease:
         )
         start, dt = case.start()[:, None], case.grip.opening / self.steps
         states, wrenches = [start], list[Array]()
-        problem = case.body, case.contact, case.gravity
-        for state, wrench in self._steps(*problem, start, hands, forces[:-1], dt):
-            if not np.abs(state).max() < RUNAWAY:
+        for state, wrench in self._steps(case, start, hands, forces[:-1], dt):
+            if not np.abs(state).max() < 1e4:
                 return failed(times, "explicit steps blew up: needs more steps")
             states.append(state)
             wrenches.append(wrench)
@@ -84,13 +73,13 @@ class KarnoppRelease:
         turns = int((opposed & sliding[1:] & sliding[:-1]).sum())
         words = f"explicit steps chatter: friction turned round {turns} times"
         release = _as_release(case, times, track, wrench)
-        return replace(release, trouble=words) if turns > CHATTER else release
+        return replace(release, trouble=words) if turns > 10 else release
 
     def throw(self, batch: ReleaseBatch, steps: int) -> BatchRelease:
-        """N releases, in steps of 0.1 ms if `steps` is 0."""
+        """N releases, in steps of 0.1 ms as in the paper if `steps` is 0, 20,000 at most."""
         if steps == 0:
             longest = float(np.max(batch.opening))
-            steps = int(np.clip(np.ceil(longest * RATE - 1e-9), 1, MOST_STEPS))
+            steps = int(np.clip(np.ceil(1e4 * longest - 1e-9), 1, 20_000))
         return by_chunks(batch, lambda part: self._chunk(part, steps))
 
     def _chunk(self, part: ReleaseBatch, steps: int) -> BatchRelease:
@@ -98,8 +87,7 @@ class KarnoppRelease:
         pose, twist, _ = part.hands.at(np.zeros_like(part.opening))
         state = np.array(sticking_state(pose, twist, part.grasp_angle, part.body.com_offset), float)
         hands, forces = (part.hands.at(s * part.opening) for s in shares), part.forces(shares[:-1])
-        problem = part.body, part.contact, part.gravity
-        for stepped_state, _ in self._steps(*problem, state, hands, forces, part.opening / steps):
+        for stepped_state, _ in self._steps(part, state, hands, forces, part.opening / steps):
             state = stepped_state
         detach = state.T
         detach[~np.isfinite(detach).all(axis=1)] = np.nan
@@ -107,15 +95,14 @@ class KarnoppRelease:
 
     def _steps(
         self,
-        body: Body,
-        contact: Contact,
-        gravity: Any,
+        given: ReleaseCase | ReleaseBatch,
         state: Array,
         hands: Iterator[HandSamples],
         forces: Iterable[Array],
         dt: Any,
     ) -> Iterator[tuple[Array, Array]]:
         """CoM states (6, N) of N throws after each step, and the wrenches (3, N) in it."""
+        body, contact, gravity = given.body, given.contact, given.gravity
         arm = contact.torsion_arm
         for force, (pose, twist, acceleration) in zip(forces, hands, strict=False):
             (slip_x, slip_z, slip), lever = _slip(state, pose, twist)

@@ -10,7 +10,7 @@ from typing import Protocol
 
 from .cases import BatchRelease, CaseModel, Release, ReleaseBatch, ReleaseCase
 from .limit_surface import ImplicitRelease, KarnoppRelease
-from .patch.release import PatchRelease
+from .patch import PatchRelease
 from .sliding_pivot import SlidingPivotRelease
 from .time_stepping import SteppedRelease
 
@@ -84,15 +84,10 @@ SLIDING_PIVOT = "sp"
 #: The model nearest to real pads; it decides on plans unless a scene names another.
 STEPPED_SURFACE = "ls-step"
 
-_PIVOT = "the bar sticks, pivots about the pads, slides (Liu and Billard)"
-_JUMPS = "the same, with the paper's jump of the rates as sliding begins"
 _SURFACE = "an ellipsoid of force and torque"
-_SMOOTHED = "an ellipsoid of force and torque, smoothed over the slip speed"
-_POINTS = "64 points with Coulomb friction: the measure of model errors"
-_BRISTLES = "64 points with bristles"
+_SMOOTHED = f"{_SURFACE}, smoothed over the slip speed"
 _CUT = "Runge-Kutta, steps cut at events"
 _KARNOPP = "explicit Euler, Karnopp's dead zone"
-
 
 #: All models, as tables show them.
 MODELS = {
@@ -101,7 +96,7 @@ MODELS = {
         ReleaseModel(
             SLIDING_PIVOT,
             "sliding pivot",
-            _PIVOT,
+            "the bar sticks, pivots about the pads, slides (Liu and Billard)",
             _CUT,
             "#e0912f",
             SlidingPivotRelease(steps=100, events=True),
@@ -114,7 +109,7 @@ MODELS = {
         ReleaseModel(
             "sp-paper",
             "sliding pivot, paper's form",
-            _JUMPS,
+            "the same, with the paper's jump of the rates as sliding begins",
             _CUT,
             "#8c6bb1",
             SlidingPivotRelease("paper", steps=100, events=True),
@@ -168,7 +163,7 @@ MODELS = {
         ReleaseModel(
             "patch",
             "meshed patch",
-            _POINTS,
+            "64 points with Coulomb friction: the measure of model errors",
             "backward Euler",
             "#6b705c",
             PatchRelease(),
@@ -178,7 +173,7 @@ MODELS = {
         ReleaseModel(
             "lugre",
             "meshed patch of bristles (LuGre)",
-            _BRISTLES,
+            "64 points with bristles",
             "backward Euler",
             "#118ab2",
             PatchRelease(stiffness=1e7),

@@ -12,7 +12,7 @@ The CoM seen from the hand is r = s + h (cos theta, sin theta).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cache, partial
 from typing import Literal
@@ -29,31 +29,30 @@ from ..body import (
     Value,
     backend,
     components,
+    hand_of,
     pivot_wrench,
 )
-from .cases import BLEW_UP, LOST, LOST_SLIP, BatchRelease, Release, ReleaseBatch, ReleaseCase, onset
+from ..trajectory import INSIDE
+from .cases import (
+    BLEW_UP,
+    LOST,
+    LOST_SLIP,
+    BatchRelease,
+    Release,
+    ReleaseBatch,
+    ReleaseCase,
+    by_chunks,
+    onset,
+)
 from .stepping import (
-    Triple,
+    Step,
     by_levels,
     compiled_batch,
     euler_step,
-    graded,
-    located_steps,
-    number_symbols,
-    numbers,
     rk4_step,
     run_steps,
-    step_batch,
-    step_columns,
     step_function,
-    with_middles,
 )
-
-#: Acceleration [m/s^2] in place of gravity in the widths, for zero gravity.
-ACCELERATION_FLOOR = 1.0
-
-#: Time [s] from a kink of the hand's motion to the next reading of its acceleration in a batch.
-INSIDE_STEP = 1e-9
 
 Form = Literal["continuous", "paper"]
 Integrator = Literal["rk4", "euler"]
@@ -85,7 +84,7 @@ class Widths:
         finite.
         """
         xp = backend(gravity, body.com_offset, contact.patch_radius)
-        force = epsilon * body.mass * xp.sqrt(gravity * gravity + ACCELERATION_FLOOR**2)
+        force = epsilon * body.mass * xp.sqrt(gravity * gravity + 1.0)
         arm = xp.sqrt(body.com_offset**2 + contact.patch_radius**2)
         return cls(force, force * arm)
 
@@ -213,48 +212,11 @@ class SlidingPivot:
 
 
 @dataclass(frozen=True)
-class PivotSteps:
-    """The sliding pivot by steps of Runge-Kutta, or of the paper's explicit Euler."""
-
-    law: SlidingPivot
-    integrator: Integrator = "rk4"
-
-    @property
-    def uses_middle(self) -> bool:
-        """Runge-Kutta does."""
-        return self.integrator == "rk4"
-
-    def start(self, hand: HandSamples, grasp_angle: Value) -> list[Value]:
-        """Sticking: only the angle against the hand is not zero."""
-        zero = 0.0 * hand.pose[2]
-        return [zero, zero, zero + grasp_angle, zero, zero, zero]
-
-    def advance(
-        self, state: Value, hands: Sequence[HandSamples], forces: Triple, dt: Value
-    ) -> list[Value]:
-        """State `dt` [s] later."""
-        step = rk4_step if self.integrator == "rk4" else euler_step
-        return step(self.law.rates, state, [hand.motion for hand in hands], forces, dt)
-
-    def excess(self, state: Value, hand: HandMotion, normal_force: Value) -> tuple[Value, Value]:
-        """Event functions, see `SlidingPivot.excess`."""
-        return self.law.excess(state, hand, normal_force)
-
-    def lost(self, state: Value) -> Value:
-        """Whether the body has slid out of the pads."""
-        return self.law.lost(state)
-
-    def com(self, state: Value, hand: HandSamples) -> Sequence[Value]:
-        """CoM pose and twist in the world."""
-        return self.law.com_state(state, hand.pose, hand.twist, hand.motion)
-
-
-@dataclass(frozen=True)
 class SlidingPivotRelease:
     """Releases by the sliding pivot in one of its forms.
 
     steps over the opening; integrator: 'rk4' or the paper's 'euler'; events: cut the
-    steps where pivot or slide begins or ends, so that the integrator keeps its order.
+    steps where pivot or slide begins or ends, so that they keep their order.
     """
 
     form: Form = "continuous"
@@ -264,17 +226,13 @@ class SlidingPivotRelease:
 
     def release(self, case: ReleaseCase) -> Release:
         """The release of one case."""
-        law = SlidingPivot(case.body, case.contact, case.gravity, self.form)
+        law = self._law(case)
         if self.events:
-            steps = PivotSteps(law, self.integrator)
-            nodes = np.linspace(0.0, case.grip.opening, self.steps + 1)
-            times, states, onsets = located_steps(steps, case, nodes)
+            times, states, onsets = _located_steps(law, self._formula, case, self.steps)
             release = world_release(law, case.hand.at(times), states.T, case.grip.force(times))
             return replace(release, pivot=onsets[0], slide=onsets[1])
-        hand = case.hand.at(np.linspace(0.0, case.grip.opening, 2 * self.steps + 1))
-        forces, start = case.grip.force(hand.times), np.zeros(6)
-        start[2] = case.grasp_angle
-        states = run_steps(_compiled(self), start, step_columns(hand, forces), numbers(case))
+        start = np.array([0.0, 0.0, case.grasp_angle, 0.0, 0.0, 0.0])
+        hand, forces, states = run_steps(_compiled(self), case, start, self.steps)
         return world_release(law, hand.every(0, 2), states, forces[::2])
 
     def throw(self, batch: ReleaseBatch, steps: int) -> BatchRelease:
@@ -286,25 +244,143 @@ class SlidingPivotRelease:
         return by_levels(batch, lambda part, factor: self._steps(part, steps * factor))
 
     def _steps(self, part: ReleaseBatch, steps: int) -> BatchRelease:
-        gap = INSIDE_STEP if part.hands.kinks.size else 0.0
-        shares = partial(_shares, steps=steps)
+        # Time [s] from a kink of the hand's motion to the next reading of its acceleration.
+        gap = 1e-9 if part.hands.kinks.size else 0.0
         if self.form == "continuous":
-            return compiled_batch("sliding_pivot", part, shares(part), gap)
-        return step_batch(part, self._law, shares, gap)
+            return compiled_batch("sliding_pivot", part, _shares(part, steps), gap)
 
-    def _law(self, batch: ReleaseBatch) -> PivotSteps:
-        """The non-smooth law of N throws."""
-        return PivotSteps(SlidingPivot(batch.body, batch.contact, batch.gravity, self.form))
+        def chunk(throws: ReleaseBatch) -> BatchRelease:
+            shares = _shares(throws, steps)
+            at = (throws.opening, throws.grasp_angle, throws.hands.at)
+            state, lost = march(self._law(throws), shares, *at, throws.forces(shares), gap)
+            return BatchRelease(np.array(state).T, np.broadcast_to(lost, throws.count).copy())
+
+        return by_chunks(part, chunk)
+
+    @property
+    def _formula(self) -> Callable[..., list[Value]]:
+        return rk4_step if self.integrator == "rk4" else euler_step
+
+    def _law(self, given: ReleaseCase | ReleaseBatch) -> SlidingPivot:
+        """The non-smooth law of one throw or N."""
+        return SlidingPivot(given.body, given.contact, given.gravity, self.form)
+
+
+@cache
+def _compiled(model: SlidingPivotRelease) -> ca.Function:
+    def step_of(body: Body, contact: Contact, gravity: Value) -> Step:
+        rates = SlidingPivot(body, contact, gravity, model.form).rates
+        return lambda state, hands, forces, dt: model._formula(
+            rates, state, [hand.motion for hand in hands], forces, dt
+        )
+
+    return step_function(step_of, model.steps)
 
 
 def _shares(batch: ReleaseBatch, steps: int) -> Array:
-    """Graded nodes and middles (K,); (K, N) with nodes at the kinks of the throws' hands."""
-    nodes = graded(steps)
-    if not batch.hands.kinks.size:
-        return with_middles(nodes)
-    kinks = (batch.hands.kinks[:, None] - batch.hands.delays) / batch.opening
-    alike = np.broadcast_to(nodes[:, None], (nodes.size, batch.count))
-    return with_middles(np.sort(np.vstack([alike, np.clip(kinks, 0.0, 1.0)]), axis=0))
+    """Ends and middles of graded steps as shares of the opening (K,); (K, N) with kinks of hands.
+
+    They are denser towards its end, where the body slides: the landing error is a tenth of that of
+    even steps.
+    """
+    nodes = 1.0 - (1.0 - np.linspace(0.0, 1.0, steps + 1)) ** 2.0
+    if batch.hands.kinks.size:
+        kinks = (batch.hands.kinks[:, None] - batch.hands.delays) / batch.opening
+        alike = np.broadcast_to(nodes[:, None], (nodes.size, batch.count))
+        nodes = np.sort(np.vstack([alike, np.clip(kinks, 0.0, 1.0)]), axis=0)
+    both = np.empty((2 * len(nodes) - 1, *nodes.shape[1:]))
+    both[::2], both[1::2] = nodes, (nodes[:-1] + nodes[1:]) / 2
+    return both
+
+
+def march(
+    law: SlidingPivot,
+    shares: Array,
+    duration: Value,
+    grasp_angle: Value,
+    hands: Callable[[Value], HandSamples],
+    forces: Sequence[Value] | Array,
+    gap: float = 0.0,
+) -> tuple[list[Value], Value]:
+    """CoM state at detach (6 values), and whether the body was lost before, of N releases.
+
+    shares: of the duration [s], at ends and middles of K steps, (2 K + 1,) or (2 K + 1, N); hands:
+    the hands at a time [s]; forces [N]: at the shares; gap [s]: as in `compiled_batch`.
+    """
+    end = hands(shares[0] * duration)
+    zero, lost = 0.0 * end.pose[2], np.asarray(False)
+    state = [zero, zero, zero + grasp_angle, zero, zero, zero]
+    for k in range(0, len(shares) - 2, 2):
+        start = end
+        begin, finish = shares[k] * duration, shares[k + 2] * duration
+        dt = finish - begin
+        if gap:
+            inside = np.minimum(gap, dt / 4)
+            start, finish = hands(begin + inside), finish - inside
+        middle, end = hands(shares[k + 1] * duration), hands(finish)
+        motions = start.motion, middle.motion, end.motion
+        state = rk4_step(law.rates, state, motions, forces[k : k + 3], dt)
+        lost = lost | law.lost(state)
+    return list(law.com_state(state, end.pose, end.twist, end.motion)), lost
+
+
+def _located_steps(
+    law: SlidingPivot, formula: Callable[..., list[Value]], case: ReleaseCase, steps: int
+) -> tuple[Array, Array, list[float | None]]:
+    """Even steps of one case, cut at changes of mode inside.
+
+    Times (K,) and states (K, 6), and when pivot and slide first start [s].
+    """
+    nodes = np.linspace(0.0, case.grip.opening, steps + 1)
+    over = 1e-9 * float(nodes[-1]) / len(nodes)
+
+    def motions(*times: float) -> list[HandMotion]:
+        rows = np.concatenate([*case.hand.at(np.array(times))]).T.tolist()
+        return [hand_of(row).motion for row in rows]
+
+    def advance(t: float, state: Array, h: float) -> Array:
+        inside = min(INSIDE, h / 4)
+        times = (t + inside, t + h / 2, t + h - inside)
+        forces = [float(f) for f in case.grip.force(np.array(times))]
+        return np.array(formula(law.rates, state, motions(*times), forces, h))
+
+    def excess(t: float, state: Array) -> Array:
+        return np.array(law.excess(state, motions(t)[0], float(case.grip.force(t))))
+
+    def excess_after(u: float, i: int, t: float, state: Array) -> float:
+        return float(excess(t + u, advance(t, state, u))[i])
+
+    t, state = 0.0, np.array([0.0, 0.0, case.grasp_angle, 0.0, 0.0, 0.0])
+    times, states = [t], [state]
+    before = excess(t, state)
+    onsets: list[float | None] = [0.0 if value > 0 else None for value in before]
+    while t < nodes[-1] - over / 2:
+        end = float(nodes[np.searchsorted(nodes, t + over / 2)])
+        h = end - t
+        after = excess(t + h, advance(t, state, h))
+        changed = np.flatnonzero((before > 0) != (after > 0))
+        if changed.size:
+            root = min(_root(partial(excess_after, i=int(i), t=t, state=state), h) for i in changed)
+            # Up to just before the root in the old mode, then over it in a tiny step.
+            h = max(root - over, 0.0)
+            state, t = advance(t, state, h), t + h
+            h = min(2 * over, end - t)
+        state, t = advance(t, state, h), t + h
+        before = excess(t, state)
+        for i in np.flatnonzero(before > 0):
+            onsets[i] = t if onsets[i] is None else onsets[i]
+        times.append(t)
+        states.append(state)
+    return np.array(times), np.array(states), onsets
+
+
+def _root(function: Callable[[float], float], end: float) -> float:
+    """Zero of `function` in (0, end], to rounding."""
+    from scipy.optimize import brentq
+
+    if (function(1e-12 * end) > 0) == (function(end) > 0):
+        return end
+    return float(brentq(function, 1e-12 * end, end, xtol=1e-13, rtol=1e-12))
 
 
 def world_release(law: SlidingPivot, hand: HandSamples, states: Array, forces: Array) -> Release:
@@ -318,10 +394,3 @@ def world_release(law: SlidingPivot, hand: HandSamples, states: Array, forces: A
     if not np.isfinite(state).all():
         trouble = BLEW_UP
     return Release(hand.times, state[:3], state[3:], pivot, slide, wrench, trouble)
-
-
-@cache
-def _compiled(model: SlidingPivotRelease) -> ca.Function:
-    p, body, contact, gravity = number_symbols()
-    law = PivotSteps(SlidingPivot(body, contact, gravity, model.form), model.integrator)
-    return step_function(law, p, model.steps)

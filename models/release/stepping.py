@@ -1,55 +1,30 @@
-"""Time stepping of all release laws, for one case or N.
+"""Releases in steps: their formulas, and who takes them, CasADi's machine or the compiled core.
 
-A law (`SteppedLaw`) has one step. This module places the steps, evaluates hand and grip force, and
-handles events.
+The core's releases of one throw are exact. The sliding pivot takes Runge-Kutta steps, which end at
+kinks of the hand's motion and at starts and ends of pivoting and sliding; their number is doubled
+until the detach state converges. The limit surface, first order in its steps, is extrapolated.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
-from functools import partial
-from typing import Any, Protocol
+from typing import Any
 
 import casadi as ca
 import numpy as np
 
-from ...core import BatchC, library, threads
+from ...core import BatchC, GripC, LinkageC, ReleaseC, library, threads
 from ..body import Array, Body, Contact, HandMotion, HandSamples, Value, components, hand_of
-from ..trajectory import INSIDE, Throws
-from .cases import LOST_SLIP, BatchRelease, ReleaseBatch, ReleaseCase, by_chunks, chunks
+from ..trajectory import MovedHand, Throws, Trajectory
+from .cases import LOST_SLIP, BatchRelease, Release, ReleaseBatch, ReleaseCase, chunks
+from .grip import GripProfile
 
 Rates = Callable[[Value, HandMotion, Value], list[Value]]
 #: Values at start, middle and end of a step.
 Triple = Sequence[Value] | Array
-
-#: Throws of a batch in one piece of work of a thread.
-PIECE = 8192
-#: Grading of the sliding pivot's steps towards the end of the opening.
-GRADING = 2.0
-
-
-class SteppedLaw(Protocol):
-    """A release law with one step; a state is a list of values or arrays (N,)."""
-
-    @property
-    def uses_middle(self) -> bool:
-        """Whether a step needs the hand in its middle."""
-
-    def start(self, hand: HandSamples, grasp_angle: Value) -> list[Value]:
-        """State of a body that sticks to the hand."""
-
-    def advance(
-        self, state: Value, hands: Sequence[HandSamples], forces: Triple, dt: Value
-    ) -> list[Value]:
-        """State `dt` [s] later; hands and grip force [N] at the step's start, middle, end."""
-
-    def lost(self, state: Value) -> Value:
-        """Whether the body has left the pads."""
-
-    def com(self, state: Value, hand: HandSamples) -> Sequence[Value]:
-        """CoM pose and twist in the world."""
+#: State after a step, from that before, hand and grip force [N] at its start, middle and end, dt.
+Step = Callable[[Value, Sequence[HandSamples], Triple, Value], list[Value]]
 
 
 def rk4_step(
@@ -83,115 +58,79 @@ def _moved(state: Sequence[Value], rates: Sequence[Value], dt: Value) -> list[Va
     return [x + dt * rate for x, rate in zip(state, rates, strict=True)]
 
 
-# Numbers and arrays.
+# One release by CasADi: a step as a function of numbers, all steps in one call.
 
 
-@dataclass(frozen=True)
-class Opening:
-    """Steps of one opening or of N, with hand and grip force at their nodes.
+def number_symbols() -> tuple[ca.SX, Body, Contact, ca.SX]:
+    """Symbols of `law_numbers`: the column, and the body, contact and gravity it describes."""
+    p = ca.SX.sym("p", 8)
+    return p, Body(p[0], p[1], p[2]), Contact(p[3], p[4], p[5], p[6]), p[7]
 
-    shares: of the duration [s], at the 2 K + 1 nodes and middles of K steps, each a number or an
-    array (N,); hands: the hand at a time [s]; forces [N]: at the shares. gap [s]: distance from a
-    step's ends at which the hand is evaluated; its acceleration may jump at them.
+
+def law_numbers(given: ReleaseCase | ReleaseBatch) -> list[Any]:
+    """The law's numbers, in the order of `number_symbols`."""
+    return [*vars(given.body).values(), *vars(given.contact).values(), given.gravity]
+
+
+def step_function(law: Callable[[Body, Contact, Value], Step], steps: int) -> ca.Function:
+    """`steps` steps as one function, for `run_steps`; law: body, contact and gravity to a step."""
+    p, body, contact, gravity = number_symbols()
+    # Hand (9) and grip at start, middle and end; and dt.
+    state, u = ca.SX.sym("state", 6), ca.SX.sym("u", 31)
+    hands, forces = [hand_of(u[i : i + 9]) for i in (0, 10, 20)], [u[i] for i in (9, 19, 29)]
+    new = law(body, contact, gravity)(state, hands, forces, u[30])
+    step = ca.Function("step", [state, u, p], [ca.cse(ca.vertcat(*new))])
+    return step.mapaccum("steps", steps)
+
+
+def run_steps(
+    function: ca.Function, case: ReleaseCase, start: Array, steps: int
+) -> tuple[HandSamples, Array, Array]:
+    """One release in even steps by a `step_function`.
+
+    Hand and grip forces [N] at the steps' ends and middles (2 K + 1), and states (6, K + 1) at the
+    ends, from `start` on.
     """
-
-    shares: Sequence[Value] | Array
-    duration: Value
-    hands: Callable[[Value], HandSamples]
-    forces: Sequence[Value] | Array
-    gap: float = 0.0
-
-
-def march(law: SteppedLaw, opening: Opening, grasp_angle: Value) -> tuple[list[Value], Value]:
-    """CoM state at detach (6 values), and whether the body was lost before."""
-    shares, hands = opening.shares, opening.hands
-    end = hands(shares[0] * opening.duration)
-    state, lost = law.start(end, grasp_angle), np.asarray(False)
-    for k in range(0, len(shares) - 2, 2):
-        start = end
-        begin, finish = shares[k] * opening.duration, shares[k + 2] * opening.duration
-        dt = finish - begin
-        if opening.gap:
-            inside = np.minimum(opening.gap, dt / 4)
-            start, finish = hands(begin + inside), finish - inside
-        middle = hands(shares[k + 1] * opening.duration) if law.uses_middle else start
-        end = hands(finish)
-        state = law.advance(state, (start, middle, end), opening.forces[k : k + 3], dt)
-        lost = lost | law.lost(state)
-    return list(law.com(state, end)), lost
+    hand = case.hand.at(np.linspace(0.0, case.grip.opening, 2 * steps + 1))
+    forces = case.grip.force(hand.times)
+    rows, dt = np.vstack([*hand, forces]), np.diff(hand.times[::2])
+    columns = np.vstack([rows[:, :-2:2], rows[:, 1::2], rows[:, 2::2], dt])
+    numbers = np.tile(np.array(law_numbers(case), float)[:, None], steps)
+    return hand, forces, np.column_stack([start, np.array(function(start, columns, numbers))])
 
 
-def step_batch(
-    batch: ReleaseBatch,
-    law: Callable[[ReleaseBatch], SteppedLaw],
-    shares: Callable[[ReleaseBatch], Array],
-    gap: float = 0.0,
-) -> BatchRelease:
-    """All throws of a batch by a law that the compiled core does not have, chunk by chunk.
-
-    shares, gap: as in `Opening`; shares (2 K + 1,), or (2 K + 1, N) for a chunk of throws.
-    """
-
-    def chunk(part: ReleaseBatch) -> BatchRelease:
-        at = shares(part)
-        forces = part.forces(at) if at.ndim == 1 else part.forces_at(at * part.opening)
-        opening = Opening(at, part.opening, part.hands.at, forces, gap)
-        state, lost = march(law(part), opening, part.grasp_angle)
-        return BatchRelease(np.array(state).T, np.broadcast_to(lost, part.count).copy())
-
-    return by_chunks(batch, chunk)
+# N releases by the core.
 
 
 def compiled_batch(law: str, batch: ReleaseBatch, shares: Array, gap: float = 0.0) -> BatchRelease:
     """N releases of hands on cubics by the compiled core.
 
-    law: a function of core/batch.c. shares: (2 K + 1,), or (2 K + 1, N), of the opening; gap:
-    both as in `Opening`.
+    law: a function of core/batch.c. shares: nodes and middles of K steps as shares of the opening,
+    (2 K + 1,) or (2 K + 1, N). gap [s]: distance from a step's ends at which the hand is evaluated;
+    its acceleration may jump at them.
     """
     powers, axes, pieces, rows = batch.hands.coefficients.shape
     curves = np.zeros((4, pieces, rows, axes))
     curves[4 - powers :] = batch.hands.coefficients.transpose(0, 2, 3, 1)
-    grip = batch.grip.force(shares * batch.grip.opening) / batch.grip.full
-    delays = np.broadcast_to(batch.hands.delays, batch.count)
+    values = (*law_numbers(batch), batch.grasp_angle, batch.opening, batch.force)
+    given: dict[str, Array] = {
+        "shares": shares,
+        "grip": batch.grip.force(shares * batch.grip.opening) / batch.grip.full,
+        "numbers": np.array([np.broadcast_to(value, batch.count) for value in values], float),
+        "curves": curves,
+        "knots": batch.hands.breaks,
+        "delays": np.broadcast_to(batch.hands.delays, batch.count),
+    }
+    if batch.hands.drift is not None:
+        given["drift"] = batch.hands.drift
     width, steps = 1 if shares.ndim == 1 else batch.count, len(shares) // 2
     found = BatchC(count=batch.count, steps=steps, pieces=pieces, rows=rows, width=width, gap=gap)
-    given: dict[str, Array | None] = {
-        "shares": shares,
-        "grip": grip,
-        "numbers": _numbers(batch),
-        "curves": curves,
-    }
-    given |= {"knots": batch.hands.breaks, "delays": delays, "drift": batch.hands.drift}
-    found.attach(
-        **{k: v if v is None else np.ascontiguousarray(v, float) for k, v in given.items()}
-    )
+    found.attach(**{name: np.ascontiguousarray(value, float) for name, value in given.items()})
     detach, stray = np.empty((batch.count, 6)), np.empty((batch.count, 2))
     lost = np.empty(batch.count, bool)
     found.attach(detach=detach, stray=stray, lost=lost)
     getattr(library(), law)(found)
     return BatchRelease(detach, lost, stray=stray)
-
-
-def _numbers(batch: ReleaseBatch) -> Array:
-    """Parameters of the law in the order of number_symbols, then grasp angle, opening, force."""
-    values = (*law_numbers(batch), batch.grasp_angle, batch.opening, batch.force)
-    return np.array([np.broadcast_to(value, batch.count) for value in values], float)
-
-
-def graded(steps: int, power: float = GRADING) -> Array:
-    """Shares of the opening (steps + 1,), denser towards its end.
-
-    The body slides in the last few per cent, where the grip vanishes: with power 2 the
-    landing error is a tenth of that of even steps.
-    """
-    return np.asarray(1.0 - (1.0 - np.linspace(0.0, 1.0, steps + 1)) ** power)
-
-
-def with_middles(nodes: Array) -> Array:
-    """Nodes (K + 1, ...) and midpoints, in order: (2 K + 1, ...)."""
-    both = np.empty((2 * len(nodes) - 1, *nodes.shape[1:]))
-    both[::2], both[1::2] = nodes, (nodes[:-1] + nodes[1:]) / 2
-    return both
 
 
 def by_levels(
@@ -213,7 +152,7 @@ def by_levels(
         return BatchRelease.joined(parts).part(np.argsort(np.concatenate(groups)))
 
     # Piece by piece: the splines of all hands at once would take too much memory.
-    pieces = list(chunks(batch.count, PIECE))
+    pieces = list(chunks(batch.count, 8192))
     if len(pieces) == 1:
         return levelled(pieces[0])
     with ThreadPoolExecutor(threads()) as pool:
@@ -237,120 +176,92 @@ def _levels(batch: ReleaseBatch) -> Array:
     return np.asarray(np.clip(doublings, 0, 6).astype(int))
 
 
-# CasADi: one step as a function of numbers, many of them in one call.
+# One release by the core.
 
 
-def step_symbols() -> tuple[ca.SX, list[HandSamples], list[ca.SX], ca.SX]:
-    """Numbers of one step (31,): hand (9) and grip at start, middle, end, and dt; its parts."""
-    u = ca.SX.sym("u", 31)
-    rows = [u[10 * i : 10 * i + 10] for i in range(3)]
-    hands = [hand_of(row) for row in rows]
-    return u, hands, [row[9] for row in rows], u[30]
+def exact_pivot_release(case: ReleaseCase) -> Release:
+    """The release by the non-smooth sliding pivot; no wrench."""
+    rows, onset, lost = _nodes(case), np.empty(2), np.empty(1, np.int64)
+    count = library().pivot_release(compiled_release(case), len(rows), rows, onset, lost)
+    return Release.from_nodes(rows[:count], onset.tolist(), bool(lost[0]))
 
 
-def step_columns(hand: HandSamples, forces: Array) -> Array:
-    """Those numbers (31, K) for K steps: hand and forces at their 2 K + 1 nodes and middles."""
-    rows = np.vstack([hand.pose, hand.twist, hand.acceleration, forces])
-    dt = np.diff(hand.times[::2])
-    return np.vstack([rows[:, :-2:2], rows[:, 1::2], rows[:, 2::2], dt])
+def exact_surface_release(case: ReleaseCase) -> Release:
+    """The release by the time-stepping limit surface; no wrench, no onsets (see `slip_onset`)."""
+    rows = _nodes(case)
+    count = library().surface_release(compiled_release(case), len(rows), rows)
+    if not count:
+        raise MemoryError
+    return Release.from_nodes(rows[:count])
 
 
-def number_symbols() -> tuple[ca.SX, Body, Contact, ca.SX]:
-    """Symbols of `numbers`: the column, and the body, contact and gravity it describes."""
-    p = ca.SX.sym("p", 8)
-    return p, Body(p[0], p[1], p[2]), Contact(p[3], p[4], p[5], p[6]), p[7]
+def exact_detaches(
+    case: ReleaseCase, batch: ReleaseBatch, delays: Array, *, surface: bool
+) -> Array:
+    """Detach states (N, 6) of a batch on a case's motion, by the time-stepping limit surface or the
+    sliding pivot; NaN for an unreliable one.
 
-
-def numbers(case: ReleaseCase) -> Array:
-    """Parameter column (8, 1) of the compiled steps."""
-    return np.array(law_numbers(case), float)[:, None]
-
-
-def law_numbers(given: ReleaseCase | ReleaseBatch) -> list[Any]:
-    """The law's numbers, in the order of `number_symbols`."""
-    return [*vars(given.body).values(), *vars(given.contact).values(), given.gravity]
-
-
-def step_function(law: SteppedLaw, parameters: ca.SX, steps: int) -> ca.Function:
-    """`steps` steps as one function: (state (6,), columns, parameters) -> states (6, steps).
-
-    law: of the symbols `parameters`, which are given for each step too.
+    The batch's hands are ignored; delays (N,) [s]: of its openings after the case's.
     """
-    state, (u, hands, forces, dt) = ca.SX.sym("state", 6), step_symbols()
-    new = law.advance(state, hands, forces, dt)
-    step = ca.Function("step", [state, u, parameters], [ca.cse(ca.vertcat(*new))])
-    return step.mapaccum("steps", steps)
+    turning = 0.0 if batch.hands.drift is None else batch.hands.drift[2]
+    angle, delays_total = batch.grasp_angle, float(_path(case).delays) + delays
+    values = (*law_numbers(batch), angle, delays_total, turning, batch.opening)
+    numbers = np.column_stack([np.broadcast_to(value, batch.count) for value in values])
+    numbers, detaches = np.ascontiguousarray(numbers), np.empty((batch.count, 6))
+    if library().many_releases(
+        compiled_release(case), int(surface), batch.count, numbers, detaches
+    ):
+        raise MemoryError
+    return detaches
 
 
-def run_steps(function: ca.Function, start: Array, columns: Array, parameters: Array) -> Array:
-    """States (6, K + 1) from `start` on by a `step_function`; parameters (n, 1)."""
-    repeated = np.repeat(parameters, columns.shape[1], axis=1)
-    return np.column_stack([start, np.array(function(start, columns, repeated))])
+def relative_states(case: ReleaseCase, nodes: Array) -> Array:
+    """Relative states (K + 1, 6) of the sliding pivot at `nodes` [s] of the opening.
 
-
-# Steps cut at the events of a law that has modes.
-
-
-class EventLaw(SteppedLaw, Protocol):
-    """A law with modes: it sticks, pivots, slides."""
-
-    def excess(self, state: Value, hand: HandMotion, normal_force: Value) -> Sequence[Value]:
-        """Event functions: above zero the body pivots, slides."""
-
-
-def located_steps(
-    law: EventLaw, case: ReleaseCase, nodes: Array
-) -> tuple[Array, Array, list[float | None]]:
-    """Steps of one case from each of `nodes` [s] to the next, cut at changes of mode inside.
-
-    Times (K,) and states (K, 6), and when each event function first rises above zero [s].
+    It takes one Runge-Kutta step between nodes, from sticking at the first. Its accuracy is that of
+    an initial guess.
     """
-    over = 1e-9 * float(nodes[-1]) / len(nodes)
-
-    def hands(*times: float) -> list[HandSamples]:
-        rows = np.concatenate([*case.hand.at(np.array(times))]).T.tolist()
-        return [hand_of(row) for row in rows]
-
-    def advance(t: float, state: Array, h: float) -> Array:
-        inside = min(INSIDE, h / 4)
-        times = (t + inside, t + h / 2, t + h - inside)
-        forces = [float(f) for f in case.grip.force(np.array(times))]
-        return np.array(law.advance(state, hands(*times), forces, h))
-
-    def excess(t: float, state: Array) -> Array:
-        return np.array(law.excess(state, hands(t)[0].motion, float(case.grip.force(t))))
-
-    def excess_after(u: float, i: int, t: float, state: Array) -> float:
-        return float(excess(t + u, advance(t, state, u))[i])
-
-    t, state = 0.0, np.array(law.start(hands(0.0)[0], case.grasp_angle), float)
-    times, states = [t], [state]
-    before = excess(t, state)
-    onsets: list[float | None] = [0.0 if value > 0 else None for value in before]
-    while t < nodes[-1] - over / 2:
-        end = float(nodes[np.searchsorted(nodes, t + over / 2)])
-        h = end - t
-        after = excess(t + h, advance(t, state, h))
-        changed = np.flatnonzero((before > 0) != (after > 0))
-        if changed.size:
-            root = min(_root(partial(excess_after, i=int(i), t=t, state=state), h) for i in changed)
-            # Up to just before the root in the old mode, then over it in a tiny step.
-            h = max(root - over, 0.0)
-            state, t = advance(t, state, h), t + h
-            h = min(2 * over, end - t)
-        state, t = advance(t, state, h), t + h
-        before = excess(t, state)
-        for i in np.flatnonzero(before > 0):
-            onsets[i] = t if onsets[i] is None else onsets[i]
-        times.append(t)
-        states.append(state)
-    return np.array(times), np.array(states), onsets
+    times, states = np.ascontiguousarray(nodes, float), np.empty((nodes.size, 6))
+    library().pivot_track(compiled_release(case), nodes.size, times, states)
+    return states
 
 
-def _root(function: Callable[[float], float], end: float) -> float:
-    """Zero of `function` in (0, end], to rounding."""
-    from scipy.optimize import brentq
+def _path(case: ReleaseCase) -> Trajectory:
+    path = case.hand.path if isinstance(case.hand, MovedHand) else case.hand
+    assert isinstance(path, Trajectory)
+    return path
 
-    if (function(1e-12 * end) > 0) == (function(end) > 0):
-        return end
-    return float(brentq(function, 1e-12 * end, end, xtol=1e-13, rtol=1e-12))
+
+def _nodes(case: ReleaseCase) -> Array:
+    """Rows for all nodes of a release: time, CoM pose and twist."""
+    path = _path(case)
+    kinks = path.kinks - path.delays
+    inside = np.count_nonzero((kinks > 0.0) & (kinks < case.grip.opening))
+    # A release without kinks has fewer than 800 steps and events.
+    return np.empty((800 + inside, 7))
+
+
+def compiled_release(case: ReleaseCase) -> ReleaseC:
+    """The case for the core."""
+    path = _path(case)
+    arm, turning = LinkageC(n=3), 0.0
+    if isinstance(case.hand, MovedHand):
+        arm, turning = case.hand.linkage, case.hand.turning
+    motion, grip = path.core, _grip(case.grip)
+    assert motion.n == arm.n
+    release = ReleaseC(angle=case.grasp_angle, delay=float(path.delays), turning=turning)
+    release.law[:] = law_numbers(case)
+    release.attach(motion=motion, arm=arm, grip=grip)
+    return release
+
+
+def _grip(profile: GripProfile) -> GripC:
+    """A grip force for the core."""
+    grip = GripC(full=profile.full, opening=profile.opening, stretch=1.0)
+    if profile.curve is not None:
+        breaks, curves = (
+            np.ascontiguousarray(v, float) for v in (profile.curve.x, profile.curve.c)
+        )
+        grip.pieces = curves.shape[1]
+        grip.attach(breaks=breaks, curves=curves)
+    return grip

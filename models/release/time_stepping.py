@@ -31,19 +31,9 @@ from ..body import (
     com_wrench,
     components,
     contact_twist,
-    sticking_state,
 )
 from .cases import BLEW_UP, BatchRelease, Release, ReleaseBatch, ReleaseCase
-from .stepping import (
-    Triple,
-    by_levels,
-    compiled_batch,
-    number_symbols,
-    numbers,
-    run_steps,
-    step_columns,
-    step_function,
-)
+from .stepping import Step, Triple, by_levels, compiled_batch, run_steps, step_function
 
 #: Newton iterations on 1/|y(s)|; they converge monotonically, mostly in 2 to 4. Of 400,000 extreme
 #: random steps a few needed more than 8, none more than 16.
@@ -75,11 +65,11 @@ class ImpulseProblem:
     rhs: Sequence[Value]
     radius: Value
 
-    def solve(self, iterations: int = ITERATIONS) -> list[Value]:
+    def solve(self) -> list[Value]:
         """y (3 values)."""
         iterate = self.sticking()
         sticks = iterate.norm <= self.radius
-        for _ in range(iterations):
+        for _ in range(ITERATIONS):
             iterate = self.refined(iterate, self.moving(iterate, sticks))
         return self.trimmed(iterate, sticks)
 
@@ -144,12 +134,6 @@ class LimitSurfaceStepping:
     body: Body
     contact: Contact
     gravity: Value = 9.81
-    iterations: int = ITERATIONS
-    uses_middle = False
-
-    def start(self, hand: HandSamples, grasp_angle: Value) -> list[Value]:
-        """State of a body that sticks to the hand."""
-        return sticking_state(hand.pose, hand.twist, grasp_angle, self.body.com_offset)
 
     def advance(
         self, state: Value, hands: Sequence[HandSamples], forces: Triple, dt: Value
@@ -162,16 +146,7 @@ class LimitSurfaceStepping:
         """
         lever = self.lever(state, hands, dt)
         problem = self.problem(state, hands[-1], lever, forces[1], dt)
-        y = problem.solve(self.iterations)
-        return self.after(state, hands, lever, y, dt)
-
-    def lost(self, state: Value) -> Value:
-        """Never: the body slides on under the pads."""
-        return False
-
-    def com(self, state: Value, hand: HandSamples) -> Sequence[Value]:
-        """The state itself."""
-        return components(state)
+        return self.after(state, hands, lever, problem.solve(), dt)
 
     @property
     def _axes(self) -> tuple[Value, Value, Value]:
@@ -255,10 +230,7 @@ class SteppedRelease:
 
     def release(self, case: ReleaseCase) -> Release:
         """The release of one case."""
-        hand = case.hand.at(np.linspace(0.0, case.grip.opening, 2 * self.steps + 1))
-        forces = case.grip.force(hand.times)
-        columns = step_columns(hand, forces)
-        states = run_steps(_compiled(self.steps), case.start(), columns, numbers(case))
+        hand, _, states = run_steps(_compiled(self.steps), case, case.start(), self.steps)
         trouble = "" if np.isfinite(states).all() else BLEW_UP
         times, poses = hand.times[::2], hand.pose[:, ::2]
         wrench = _friction(case, states, poses, case.grip.opening / self.steps)
@@ -272,25 +244,24 @@ class SteppedRelease:
         takes away the leading error at three times the cost of the shorter run.
         """
 
-        def run(part: ReleaseBatch, factor: int) -> BatchRelease:
-            coarse = surface_steps(part, steps * factor)
-            fine = surface_steps(part, 2 * steps * factor)
+        def stepped(part: ReleaseBatch, count: int) -> BatchRelease:
+            return compiled_batch("limit_surface", part, np.linspace(0.0, 1.0, 2 * count + 1))
+
+        def extrapolated(part: ReleaseBatch, factor: int) -> BatchRelease:
+            coarse, fine = stepped(part, steps * factor), stepped(part, 2 * steps * factor)
             doubt = np.abs(fine.detach - coarse.detach)
             detach = 2 * fine.detach - coarse.detach
             return BatchRelease(detach, fine.lost, stray=fine.stray, doubt=doubt)
 
-        return by_levels(batch, run)
-
-
-def surface_steps(batch: ReleaseBatch, steps: int) -> BatchRelease:
-    """The limit surface in `steps` even steps for all throws; nothing extrapolated."""
-    return compiled_batch("limit_surface", batch, np.linspace(0.0, 1.0, 2 * steps + 1))
+        return by_levels(batch, extrapolated)
 
 
 @cache
 def _compiled(steps: int) -> ca.Function:
-    p, body, contact, gravity = number_symbols()
-    return step_function(LimitSurfaceStepping(body, contact, gravity), p, steps)
+    def step_of(body: Body, contact: Contact, gravity: Value) -> Step:
+        return LimitSurfaceStepping(body, contact, gravity).advance
+
+    return step_function(step_of, steps)
 
 
 def _friction(case: ReleaseCase, states: Array, hand: Array, dt: float) -> Array:

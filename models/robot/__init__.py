@@ -13,5 +13,10 @@ from .arm import (
     placement,
 )
 from .capsules import ArmCapsules, Solid, about_z, segment_distance
-from .dynamics import PlanarBody, PlanarDynamics
-from .kinematics import PlanarArm, PlanarHand, flange_velocity, hand_motion
+from .kinematics import (
+    PlanarArm,
+    PlanarDynamics,
+    PlanarHand,
+    flange_velocity,
+    hand_motion,
+)

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import functools
 import math
+from collections.abc import Sequence
 from dataclasses import MISSING, dataclass, field
 from typing import Any
 
 import casadi as ca
 import numpy as np
+
+from ..body import Array
 
 Vector = tuple[float, ...]
 Point = tuple[float, float, float]
@@ -163,7 +166,7 @@ class Arm:
     @functools.cached_property
     def _plane(self) -> tuple[float, float]:
         """y [m] of the pads' centre in the posture, and z of the azimuth joint's axis."""
-        frames = [np.array(ca.evalf(pose)) for pose in self.frames(ca.SX(ca.DM(self.posture)))]
+        frames = self.placed(self.posture)
         lateral, up = np.round([frames[-1][1, 3], frames[self.azimuth_joint - 1][2, 2]], 12) + 0.0
         return float(lateral), float(up)
 
@@ -198,6 +201,10 @@ class Arm:
         flange = mount @ screw(0.0, self.tool.flange)
         tcp = flange @ screw(self.tool.rotation, self.tool.tcp)
         return [*poses, flange, tcp]
+
+    def placed(self, q: Sequence[float]) -> list[Array]:
+        """`frames` as numbers, at joint angles q [rad]."""
+        return [np.array(ca.evalf(pose)) for pose in self.frames(ca.SX(ca.DM(list(q))))]
 
 
 def placement(xyz: tuple[float, float, float], rpy: tuple[float, float, float]) -> ca.SX:

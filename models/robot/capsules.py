@@ -8,15 +8,11 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from ...core import library
-from ..body import Array, Value, backend
+from ..body import Array, Value
 from .kinematics import PlanarArm
-
-#: Lengths [m] below this are zero.
-NONE = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,7 +83,7 @@ class ArmCapsules:
     @cached_property
     def moves(self) -> tuple[bool, ...]:
         """Flags (C,) of the capsules whose place the throwing joints change."""
-        aside = np.abs(self.places[:, :, [0, 2]]).max(axis=(1, 2)) > NONE
+        aside = np.abs(self.places[:, :, [0, 2]]).max(axis=(1, 2)) > 1e-12
         return tuple(
             link > 0 or (link == 0 and bool(far))
             for link, far in zip(self.moved_by, aside, strict=True)
@@ -96,16 +92,12 @@ class ArmCapsules:
     @classmethod
     def of(cls, arm: PlanarArm) -> ArmCapsules:
         """The capsules of the arm's data."""
-        given, still = arm.arm.capsules, ca.SX(arm.coordinates, 1)
-        frames = [np.array(ca.evalf(frame)) for frame in arm.arm.frames(arm.full(still))]
-        tcp = frames[-1].copy()
-        tcp[:3, 3] -= arm.arm.tool.tcp * tcp[:3, 2]
-        at = [np.eye(4), *frames[: arm.arm.joints], tcp]
+        given, at = arm.arm.capsules, [np.eye(4), *arm.rest_frames]
         joints = np.vstack([np.zeros(2), np.cumsum([arm.origin, *arm.links[:-1]], axis=0)])
         places, moved = np.zeros((len(given), 2, 3)), []
         for i, capsule in enumerate(given):
             frame = at[capsule.link]
-            link = sum(joint <= capsule.link for joint in arm.throwing_joints) - 1
+            link = arm.moved_by(capsule.link)
             ends = np.array([capsule.begin, capsule.end])
             places[i] = ends @ frame[:3, :3].T + frame[:3, 3]
             x, z = joints[link + 1]
@@ -127,20 +119,13 @@ class ArmCapsules:
 
     def ends(self, angles: Sequence[Value], which: Sequence[int]) -> list[list[list[Any]]]:
         """x, y, z [m] of both ends of some capsules from `PlanarArm.link_angles` values."""
-        x, z = self.arm.origin
-        joints, turns = [], []
-        for (along, up), phi in zip(self.arm.links, angles, strict=True):
-            xp = backend(phi)
-            cos, sin = xp.cos(phi), xp.sin(phi)
-            joints.append((x, z))
-            turns.append((cos, sin))
-            x, z = x + along * cos - up * sin, z + along * sin + up * cos
+        starts = self.arm.link_starts(angles)
         end_points = []
         for i in which:
             ends = self.places[i].tolist()
             link = self.moved_by[i]
             if link >= 0:
-                (x, z), (cos, sin) = joints[link], turns[link]
+                x, z, cos, sin = starts[link]
                 ends = [
                     [x + along * cos - up * sin, y, z + along * sin + up * cos]
                     for along, y, up in ends
@@ -150,9 +135,6 @@ class ArmCapsules:
 
     def at(self, q: Array) -> Array:
         """Ends x, y, z [m] of all capsules (C, 2, 3, N) at coordinates q (n, N)."""
-        end_places = np.empty((len(self.number), 2, 3, q.shape[1]))
-        for i, ends in enumerate(self.ends(self.arm.link_angles(q), range(len(self.number)))):
-            for end, place in enumerate(ends):
-                for k, value in enumerate(place):
-                    end_places[i, end, k] = value
-        return end_places
+        places = self.ends(self.arm.link_angles(q), range(len(self.number)))
+        rows = [np.broadcast_to(value, q.shape[1:]) for ends in places for e in ends for value in e]
+        return np.array(rows).reshape(len(places), 2, 3, -1)

@@ -1,17 +1,22 @@
-"""The planar motion of an arm's hand, and of a hand without an arm, for arrays and CasADi."""
+"""The planar motion of an arm's hand, and of a hand without an arm, for arrays and CasADi.
+
+The torques come from the mass, centre of mass and moment of inertia of each body: Newton and Euler
+about each joint's axis.
+"""
 
 from __future__ import annotations
 
 import functools
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import casadi as ca
 import numpy as np
 
 from ...core import AXES, FRAMES, LinkageC
 from ..body import Array, Value, backend, components
-from .arm import Arm
+from .arm import Arm, LinkInertia
 
 #: Values of a link or a joint.
 Row = Sequence[Value]
@@ -81,16 +86,10 @@ class PlanarArm:
             angles.append(angles[-1] + sign * q[i])
         return angles
 
-    def motion(
-        self, q: Value, dq: Value, ddq: Value
-    ) -> tuple[list[Value], list[Value], list[Value]]:
-        """Pose (x, z, theta), twist and acceleration of the pads' centre in the plane."""
-        return self.motion_of(self.link_angles(q), self.link_angles(dq), self.link_angles(ddq))
-
     def motion_of(
         self, angles: list[Value], rates: list[Value], turns: list[Value]
     ) -> tuple[list[Value], list[Value], list[Value]]:
-        """`motion` from `link_angles`: the contributions of the links add up."""
+        """Pose (x, z, theta), twist and acceleration of the pads' centre, from `link_angles`."""
         joint: Row = (*self.origin, 0.0, 0.0, 0.0, 0.0)
         for link, *turned in zip(self.links, angles, rates, turns, strict=True):
             joint = link_end(joint, link, turned)
@@ -101,19 +100,27 @@ class PlanarArm:
             [a_x, a_z, turns[-1]],
         )
 
+    def link_starts(self, angles: Sequence[Value]) -> list[tuple[Value, Value, Value, Value]]:
+        """x, z [m] of each link's joint, and cosine and sine of the link's angle."""
+        x, z = self.origin
+        starts: list[tuple[Value, Value, Value, Value]] = []
+        for (along, up), phi in zip(self.links, angles, strict=True):
+            xp = backend(phi)
+            cos, sin = xp.cos(phi), xp.sin(phi)
+            starts.append((x, z, cos, sin))
+            x, z = x + along * cos - up * sin, z + along * sin + up * cos
+        return starts
+
     def heights(self, angles: list[Value]) -> list[Value]:
         """Heights [m] of the joint frames and the flange that move in the plane.
 
         From `link_angles`. Frames at one place count once; the TCP is left out.
         """
-        frame_heights = []
-        xp = backend(*angles)
-        for link, place in self.frames:
-            z: Value = self.origin[1]
-            for phi, (along, up) in zip(angles, [*self.links[:link], place], strict=False):
-                z = z + along * xp.sin(phi) + up * xp.cos(phi)
-            frame_heights.append(z)
-        return frame_heights
+        starts = self.link_starts(angles)
+        return [
+            starts[link][1] + along * starts[link][3] + up * starts[link][2]
+            for link, (along, up) in self.frames
+        ]
 
     @functools.cached_property
     def core(self) -> LinkageC:
@@ -127,6 +134,19 @@ class PlanarArm:
             linkage.link[k] = number
             linkage.frame_along[k], linkage.frame_up[k] = place
         return linkage
+
+    def moved_by(self, joint: int) -> int:
+        """Number, from 0, of the link that moves a joint's frame (0: the base's); -1 for none."""
+        return sum(throwing <= joint for throwing in self.throwing_joints) - 1
+
+    @functools.cached_property
+    def rest_frames(self) -> list[Array]:
+        """4x4 poses with all coordinates 0: of each joint, then of the hand as in `Arm.links`."""
+        posture = np.array(self.arm.posture, float)
+        posture[np.array(self.throwing_joints) - 1] = 0.0
+        *frames, flange, hand = self.arm.placed(posture.tolist())
+        hand[:3, 3] = flange[:3, 3]
+        return [*frames, hand]
 
     def points(self, q: ca.SX) -> ca.SX:
         """2 x n points (x, z) of the arm in the plane: joint frames, flange and TCP."""
@@ -165,7 +185,7 @@ class PlanarArm:
         """
         moving_frames: list[tuple[int, tuple[float, float]]] = []
         for k in range(places.shape[1] - 1):
-            link = sum(joint <= k for joint in self.throwing_joints) - 1
+            link = self.moved_by(k)
             if link < 0:
                 continue
             along, up = np.round(places[:, k] - joints[:, link], 12) + 0.0
@@ -176,10 +196,9 @@ class PlanarArm:
 
     def _verify(self, full: ca.Function) -> None:
         """ValueError unless the planar chain is the arm's own kinematics."""
-        q, zero = ca.SX.sym("q", self.coordinates), ca.SX.zeros(self.coordinates)
-        planar = ca.Function("planar", [q], [ca.vertcat(*self.motion(q, zero, zero)[0])])
+        zero = np.zeros(self.coordinates)
         for value in np.random.default_rng(0).uniform(-2, 2, (4, self.coordinates)):
-            x, z, theta = np.array(planar(value)).ravel()
+            x, z, theta = self.motion_of(*map(self.link_angles, (value, zero, zero)))[0]
             axis, _, tcp, approach = (np.array(o) for o in full(value))
             expected = [x, self.arm.lateral, z, math.cos(theta), 0.0, math.sin(theta)]
             off = np.abs(np.vstack([tcp, approach]).ravel() - expected).max()
@@ -202,17 +221,10 @@ class PlanarHand:
         """The coordinates themselves."""
         return list(components(q))
 
-    def motion(
-        self, q: Value, dq: Value, ddq: Value
-    ) -> tuple[list[Value], list[Value], list[Value]]:
-        """Pose (x, z, theta), twist and acceleration; theta is constant without a third
-        coordinate."""
-        return self.motion_of(self.link_angles(q), self.link_angles(dq), self.link_angles(ddq))
-
     def motion_of(
         self, q: list[Value], dq: list[Value], ddq: list[Value]
     ) -> tuple[list[Value], list[Value], list[Value]]:
-        """`motion` from lists of scalars."""
+        """Pose (x, z, theta), twist and acceleration; theta is constant without a coordinate."""
         fixed = [] if self.coordinates == 3 else [0.0]
         pose = [self.theta] if fixed else []
         return [*q, *pose], [*dq, *fixed], [*ddq, *fixed]
@@ -229,5 +241,100 @@ def _hand_motion(kinematics: PlanarArm | PlanarHand, *coordinates: Array) -> lis
     shape = given[0].shape[1:]
     return [
         np.array([np.broadcast_to(row, shape) for row in rows])
-        for rows in kinematics.motion(*given)
+        for rows in kinematics.motion_of(*map(kinematics.link_angles, given))
     ]
+
+
+# Torques.
+
+
+@dataclass(frozen=True)
+class PlanarBody:
+    """What one throwing joint carries up to the next: mass [kg], CoM (along, up) [m] from the
+    joint with all throwing joints at 0, inertia [kg m^2] about it and the plane's normal.
+    """
+
+    mass: Value
+    com: tuple[Value, Value]
+    inertia: Value
+
+    def push(self, joint: Row, turned: Row, gravity: Value) -> Row:
+        """Force (x, z) [N] and torque about the origin [N m] that move it, as `link_end` has it."""
+        x, z, _, _, a_x, a_z = link_end(joint, self.com, turned)
+        f_x, f_z = self.mass * a_x, self.mass * (a_z + gravity)
+        return f_x, f_z, x * f_z - z * f_x + self.inertia * turned[2]
+
+
+def joint_torque(joint: Row, push: Row) -> Value:
+    """Torque [N m] about a joint of what pushes all that it carries."""
+    return push[2] - joint[0] * push[1] + joint[1] * push[0]
+
+
+class PlanarDynamics:
+    """Torques of an arm's throwing joints; ValueError for an arm without link masses.
+
+    It neglects friction and rotors of the drives, and the torques of joints that hold the posture.
+    """
+
+    def __init__(self, kinematics: PlanarArm) -> None:
+        arm = kinematics.arm
+        if not arm.links:
+            raise ValueError(f"arm {arm.name}: has no link masses ('links' in its data file)")
+        self._kinematics = kinematics
+        frames = kinematics.rest_frames
+        links = list(zip(arm.links, frames, strict=True))
+        self.bodies = [
+            _composite(
+                [link for k, link in enumerate(links, start=1) if kinematics.moved_by(k) == number],
+                frames[joint - 1][[0, 2], 3],
+            )
+            for number, joint in enumerate(kinematics.throwing_joints)
+        ]
+
+    def torques(
+        self,
+        angles: list[Value],
+        rates: list[Value],
+        turns: list[Value],
+        gravity: Value,
+        load: tuple[Value, Value, Value] | None = None,
+    ) -> list[Value]:
+        """Torque [N m] of each throwing joint, in its own sense of turning.
+
+        angles, rates, turns: `PlanarArm.link_angles` of q, dq, ddq. load: force (x, z) [N] and
+        torque [N m] about the pads' centre that the hand gives to what it holds.
+        """
+        joint: Row = (0.0,) * 6
+        joints, pushes = [], []
+        for body, link, *turned in zip(
+            self.bodies, self._kinematics.links, angles, rates, turns, strict=True
+        ):
+            joints.append(joint)
+            pushes.append(body.push(joint, turned, gravity))
+            joint = link_end(joint, link, turned)
+        total: Row = (0.0, 0.0, 0.0)
+        if load is not None:
+            total = load[0], load[1], load[2] + joint[0] * load[1] - joint[1] * load[0]
+        joint_torques = []
+        for sign, joint, push in zip(
+            reversed(self._kinematics.signs), reversed(joints), reversed(pushes), strict=True
+        ):
+            total = total[0] + push[0], total[1] + push[1], total[2] + push[2]
+            joint_torques.append(sign * joint_torque(joint, total))
+        return joint_torques[::-1]
+
+
+def _composite(parts: list[tuple[LinkInertia, Array]], joint: Array) -> PlanarBody:
+    """Links at their 4x4 poses as one body, seen from `joint` (x, z)."""
+    masses = np.array([link.mass for link, _ in parts])
+    coms = np.array([(pose @ [*link.com, 1.0])[[0, 2]] for link, pose in parts])
+    mass = float(masses.sum())
+    centre = masses @ coms / mass if mass > 0 else joint
+    about = 0.0
+    for (link, pose), com in zip(parts, coms, strict=True):
+        xx, xy, xz, yy, yz, zz = link.inertia
+        tensor = np.array([[xx, xy, xz], [xy, yy, yz], [xz, yz, zz]])
+        normal = pose[1, :3]
+        about += float(normal @ tensor @ normal + link.mass * ((com - centre) ** 2).sum())
+    along, up = centre - joint
+    return PlanarBody(mass, (float(along), float(up)), about)

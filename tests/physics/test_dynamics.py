@@ -96,7 +96,7 @@ def test_a_load_adds_its_moment_about_each_joint():
     free, loaded = torques(), torques(tuple(ca.SX(v) for v in force))
     kinematics = PlanarArm(PANDA)
     q, zero = ca.SX.sym("q", 3), ca.SX.zeros(3)
-    pose = ca.vertcat(*kinematics.motion(q, zero, zero)[0])
+    pose = ca.vertcat(*kinematics.motion_of(*map(kinematics.link_angles, (q, zero, zero)))[0])
     jacobian = ca.Function("jacobian", [q], [ca.jacobian(pose, q)])
     for start, rate, turn in states(5):
         added = np.array(loaded(start, rate, turn)) - np.array(free(start, rate, turn))

@@ -17,7 +17,7 @@ import numpy as np
 
 from ....core.compile import cache_folder, digest, keep, kept, source_of
 from ....models import Array, Flags, HandSamples, Indices
-from ....models.release import Opening, PivotSteps, SlidingPivot, march, rk4_step
+from ....models.release import SlidingPivot, march, rk4_step
 from ....problems import Scene
 from ...ocp import BRAKE_SHARE, build_nlp
 from ...throw import Limits, Manipulator, friction_use
@@ -44,7 +44,7 @@ class ReleaseSampler:
         self.scene = scene
         self.manipulator = manipulator
         self.profile = scene.gripper.profile()
-        self.release = PivotSteps(SlidingPivot(scene.body, scene.patch, scene.gravity))
+        self.law = SlidingPivot(scene.body, scene.patch, scene.gravity)
 
     def draw(self, count: int, seed: int = 0) -> Releases:
         """Releases from `count` tried states; fewer come back.
@@ -175,8 +175,8 @@ class ReleaseSampler:
         """Detach states (N, 6) by the exact sliding pivot."""
         shares, duration = np.linspace(0.0, 1.0, 2 * TABLE_STEPS + 1), self.profile.opening
         forces = self.profile.force(shares * duration)
-        opening = Opening(shares, duration, partial(self._hand, q, dq, ddq), forces)
-        states, _ = march(self.release, opening, np.full(len(q), self.scene.grasp.angle))
+        angle, hands = np.full(len(q), self.scene.grasp.angle), partial(self._hand, q, dq, ddq)
+        states, _ = march(self.law, shares, duration, angle, hands, forces)
         return np.array(states).T
 
 
@@ -207,7 +207,7 @@ def _bins(values: Array) -> Indices:
 
 #: What decides which releases are drawn for a scene, and where they go.
 MAKERS = (ReleaseSampler, sparse_parents, run_up, clears_carried, column_distance, build_nlp)
-LAWS = (SlidingPivot, PivotSteps, march, rk4_step)
+LAWS = (SlidingPivot, march, rk4_step)
 
 
 def stored_releases(
