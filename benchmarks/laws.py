@@ -27,6 +27,8 @@ from throwplan.models.release import (
 )
 from throwplan.models.release.patch import PatchRelease, disc
 
+from .plain_pivot import PlainPivot
+
 Run = Callable[[ReleaseCase], Release]
 
 #: Height [m] of the landing; the hand is at 0 when its grip begins to fall.
@@ -175,12 +177,12 @@ def methods(quick: bool) -> Iterator[Method]:
         return steps[::2] if quick else steps
 
     for n in some(10, 20, 40, 80, 160, 320, 640, 1280, 2560):
-        run = SlidingPivotRelease(steps=n, integrator="euler").release
+        run = PlainPivot(steps=n, integrator="euler").release
         yield Method("sp, Euler", f"{n} steps", "sp", run)
     for n in some(5, 10, 20, 40, 80, 160, 320, 640, 1280):
-        yield Method("sp, RK4", f"{n} steps", "sp", SlidingPivotRelease(steps=n).release)
+        yield Method("sp, RK4", f"{n} steps", "sp", PlainPivot(steps=n).release)
     for n in some(2, 4, 8, 16, 32, 64):
-        run = SlidingPivotRelease(steps=n, events=True).release
+        run = SlidingPivotRelease(steps=n).release
         yield Method("sp, RK4, events located", f"{n} steps", "sp", run)
     yield from _surfaces(quick)
     for n in some(10, 20, 50, 100, 200, 500, 1000, 2000, 5000):

@@ -56,6 +56,7 @@ from .laws import (
 )
 from .measure import least_time, pareto, quantiles
 from .page import Effort, Picture, ReportSection, panels
+from .plain_pivot import PlainPivot
 from .processes import shared
 
 if TYPE_CHECKING:
@@ -154,7 +155,7 @@ def _law_rows(throw: SampleThrow, truths: Mapping[str, Array], effort: Effort) -
     """How far converged laws are from the patch, and from a second method for the same law."""
     case, patch = throw.case, truths["patch"]
     second = {
-        "sp": SlidingPivotRelease(steps=64, events=True).release(case),
+        "sp": SlidingPivotRelease(steps=64).release(case),
         "ls": extrapolated(SteppedRelease(), effort.of(5000, 10_000), case),
         "patch": extrapolated(PatchRelease(), effort.of(500, 2000), case),
     }
@@ -305,9 +306,9 @@ def _ways(
     yield f"patch, batch, {steps} steps", "patch", few, partial(batch, "patch", first, steps)
     yield f"lugre, batch, {steps} steps", "", few, partial(batch, "lugre", first, steps)
     singles: tuple[tuple[str, str, Callable[[ReleaseCase], Release]], ...] = (
-        ("sp, alone, RK4, 1000 steps", "sp", SlidingPivotRelease().release),
-        ("sp, alone, events, 16 steps", "sp", SlidingPivotRelease(steps=16, events=True).release),
-        ("sp-paper, alone, RK4, 1000 steps", "", SlidingPivotRelease("paper").release),
+        ("sp, alone, RK4, 1000 steps", "sp", PlainPivot().release),
+        ("sp, alone, events, 16 steps", "sp", SlidingPivotRelease(steps=16).release),
+        ("sp-paper, alone, RK4, 1000 steps", "", PlainPivot("paper").release),
         ("ls-step, alone, 50 steps", "ls", SteppedRelease(steps=50).release),
         ("ls-step, alone, 1000 steps", "ls", SteppedRelease(steps=1000).release),
     )

@@ -140,11 +140,6 @@ class HandSamples:
         """pose, twist, acceleration."""
         return iter((self.pose, self.twist, self.acceleration))
 
-    def every(self, first: int, stride: int) -> HandSamples:
-        """Every `stride`-th sample from `first` on."""
-        part = slice(first, None, stride)
-        return HandSamples(self.times[part], *(rows[:, part] for rows in self))
-
 
 def hand_of(numbers: Value) -> HandSamples:
     """The hand at one instant from its nine numbers: pose, twist, acceleration."""

@@ -144,12 +144,10 @@ def _law(
 
 def _pivot_functions() -> list[ca.Function]:
     p, body, contact, gravity = number_symbols()
-    law, hands = (
-        SlidingPivot(body, contact, gravity),
-        [_hand(name) for name in ("start", "middle", "end")],
-    )
+    law = SlidingPivot(body, contact, gravity)
+    hands = {name: _hand(name) for name in ("start", "middle", "end")}
     s = {"state": ca.SX.sym("state", 6), "dt": ca.SX.sym("dt"), "law": p}
-    s |= dict(zip(("start", "middle", "end"), (symbols for symbols, _ in hands), strict=True))
+    s |= {name: symbols for name, (symbols, _) in hands.items()}
     forces, force = {"force": ca.SX.sym("force", 3)}, {"force": ca.SX.sym("force")}
     motions = [hand.motion for _, hand in hands.values()]
     step = rk4_step(law.rates, s["state"], motions, ca.vertsplit(forces["force"]), s["dt"])

@@ -23,8 +23,6 @@ Throws = npt.NDArray[np.int_]
 
 #: Distance [s] from a break of the samples on either side; the acceleration may step at it.
 INSIDE = 1e-12
-#: Order of the low-pass for recordings; running it forwards and backwards doubles the order.
-ORDER = 2
 
 
 @dataclass(frozen=True, eq=False)
@@ -136,12 +134,9 @@ class Trajectory:
 
         Kinks are those of the first.
         """
-        degree_count = max(len(part.coefficients) for part in parts)
+        powers = max(len(part.coefficients) for part in parts)
         padded = [
-            np.pad(
-                part.coefficients,
-                ((degree_count - len(part.coefficients), 0), (0, 0), (0, 0), (0, 0)),
-            )
+            np.pad(part.coefficients, ((powers - len(part.coefficients), 0), *[(0, 0)] * 3))
             for part in parts
         ]
         breaks = np.concatenate([part.breaks[:-1] for part in parts] + [parts[-1].breaks[-1:]])
@@ -162,27 +157,14 @@ class Trajectory:
         """A single path without drift, for the compiled core."""
         powers, n, pieces, rows = self.coefficients.shape
         assert rows == 1 and n <= AXES and self.drift is None
-        arrays = map(np.ascontiguousarray, (self.breaks, self.coefficients, self.kinks))
-        breaks, curves, kinks = arrays
-        path = PathC(n=n, powers=powers, pieces=pieces, held=self.held, corners=kinks.size)
-        path.attach(breaks=breaks, curves=curves, kinks=kinks)
+        path = PathC(n=n, powers=powers, pieces=pieces, held=self.held, corners=self.kinks.size)
+        parts = {"breaks": self.breaks, "curves": self.coefficients, "kinks": self.kinks}
+        path.attach(**{name: np.ascontiguousarray(part) for name, part in parts.items()})
         return path
 
     def __getstate__(self) -> dict[str, Any]:
         """The state without addresses of this process."""
         return {name: value for name, value in vars(self).items() if name != "core"}
-
-    @cached_property
-    def _spline(self) -> Any:
-        """A single path's splines and their derivatives (K, 3 n): one call where models step
-        one release and ask for an instant thousands of times."""
-        from scipy.interpolate import PPoly
-
-        c = self.coefficients[..., 0].transpose(0, 2, 1)
-        zero = np.zeros_like(c[:1])
-        rates = np.concatenate([zero, [[[3.0]], [[2.0]], [[1.0]]] * c[:3]])
-        accelerations = np.concatenate([zero, zero, [[[6.0]], [[2.0]]] * c[:2]])
-        return PPoly(np.concatenate([c, rates, accelerations], axis=2), self.breaks)
 
     @property
     def rows(self) -> int:
@@ -238,9 +220,6 @@ class Trajectory:
     def _at(self, clock: Array) -> tuple[Array, Array, Array]:
         if self.held:
             clock = np.minimum(np.maximum(clock, self.breaks[0]), self.breaks[-1])
-        if self.given.ndim == 3 and self.rows == 1:
-            rows, n = self._spline(clock).T, self.given.shape[-1]
-            return rows[:n], rows[n : 2 * n], rows[2 * n :]
         c = self.coefficients
         if c.shape[2] == 1:
             powers, u = list(c[:, :, 0]), clock - self.breaks[0]
@@ -301,5 +280,6 @@ def low_pass(times: Array, values: Array, cutoff: float) -> tuple[Array, Array]:
     even = np.linspace(times[0], times[-1], round((times[-1] - times[0]) / step) + 1)
     if np.abs(np.diff(times) - step).max() > 1e-6 * step:
         values = CubicSpline(times, values)(even)
-    sections = butter(ORDER, cutoff, output="sos", fs=1.0 / (even[1] - even[0]))
+    # Running it forwards and backwards doubles the order.
+    sections = butter(2, cutoff, output="sos", fs=1.0 / (even[1] - even[0]))
     return even, np.asarray(sosfiltfilt(sections, values, axis=0))

@@ -8,9 +8,8 @@ and writes, `throws` has measured throws, `urdf` makes arms from robots' files.
 from .arms import load_arm
 from .grip import Grasp, Gripper, PadContact, ThrownObject
 from .manipulators import Hand, Motion, Robot, Torque
-from .obstacles import Obstacle
 from .scene import Mesh, Scene
 from .section import InputError, ThrowplanError, checked
-from .targets import Choice, Cup, Landing, Pose, ThrowPlane, Tolerance, Workspace
+from .targets import Choice, Cup, Landing, Obstacle, Pose, ThrowPlane, Tolerance, Workspace
 from .toml import as_scene, load_scene, scene_from_table, scene_names, scene_text
 from .uncertainty import Distribution, Robust, Uncertainty

@@ -19,7 +19,7 @@ from ..models.robot import (
     described,
 )
 from .files import read_text, shipped, toml_lines, toml_tables
-from .section import InputError, from_table, meanings, rows_from, table_of
+from .section import InputError, from_table, meanings, rows_from, table_of, within
 
 #: Types of joints in the chain by the name of their tables.
 CHAINS: dict[str, type[Any]] = {"dh": DHRow, "joints": JointFrame}
@@ -98,10 +98,8 @@ def load_arm(name: str, folder: Path | None = None, gripper: GripperData | None 
     tables = _tables("arms", name, folder)
     own = tables.pop("gripper", None)
     if gripper is None and own is not None:
-        try:
+        with within(f"gripper = {own!r}"):
             gripper = load_gripper(str(own), folder)
-        except InputError as error:
-            raise InputError(f"gripper = {own!r}: {error}") from None
     return arm_from(tables if gripper is None else gripper.on(tables))
 
 

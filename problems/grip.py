@@ -11,7 +11,7 @@ import numpy as np
 
 from ..models import Array
 from ..models.release import GripProfile, LinearRelease, TableRelease
-from .section import InputError, Section, from_table, optional, quantity
+from .section import InputError, Section, from_table, optional, quantity, within
 
 #: Largest mass [kg] of an object in a file; larger values are likely in grams.
 HEAVIEST = 50.0
@@ -214,7 +214,5 @@ class Gripper(Section):
     def _profile(self) -> GripProfile:
         if self.force is not None and self.opening is not None:
             return LinearRelease(self.force, self.dwell, self.opening)
-        try:
+        with within(f"table = {self.table or 'times, forces'}", errors=ValueError):
             return TableRelease(self.times, self.forces)
-        except ValueError as error:
-            raise InputError(f"table = {self.table or 'times, forces'}: {error}") from None

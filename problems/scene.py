@@ -18,7 +18,6 @@ from ..models.robot import Arm
 from .arms import arm_table, load_arm, load_gripper
 from .grip import Grasp, Gripper, PadContact, ThrownObject
 from .manipulators import Hand, Motion, Robot, Torque, check_robot, check_torque, thrown_by
-from .obstacles import Obstacle
 from .section import (
     InputError,
     Mistakes,
@@ -29,8 +28,9 @@ from .section import (
     rules,
     table_of,
     unit_of,
+    within,
 )
-from .targets import Choice, Cup, Landing, Pose, Tolerance, Workspace
+from .targets import Choice, Cup, Landing, Obstacle, Pose, Tolerance, Workspace
 from .uncertainty import Robust, Uncertainty
 
 #: Sections for the motion of the hand; a scene has exactly one of them.
@@ -164,10 +164,8 @@ class Scene(Section):
     def _check_spread(self) -> None:
         if self.uncertainty is None:
             return
-        try:
+        with within("[uncertainty]", " "):
             self.uncertainty.check_possible(self.values, self.ranges)
-        except InputError as error:
-            raise error.within("[uncertainty]", " ") from None
 
     def _load_arm(self, manipulator: str) -> None:
         """The data of the arm named by [robot] or [motion], unless given."""
@@ -177,11 +175,9 @@ class Scene(Section):
         if name is None or self.arm is not None:
             return
         folder, gripper = Path(self.file).parent if self.file else None, self.gripper.file
-        try:
+        with within(f"[{manipulator}] arm = {name!r}"):
             own = None if gripper is None else load_gripper(gripper, folder)
             object.__setattr__(self, "arm", load_arm(name, folder, own))
-        except InputError as error:
-            raise error.within(f"[{manipulator}] arm = {name!r}") from None
 
     def _check_cup(self) -> None:
         cup = self.cup

@@ -9,11 +9,13 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import difflib
+import functools
 import math
+import operator
 import re
 import types
 import typing
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -38,6 +40,15 @@ class InputError(ThrowplanError, ValueError):
         """A hint at the known word most similar to a wrong one; empty without a similar one."""
         matches = difflib.get_close_matches(word, list(known), 1, 0.4)
         return f", did you mean '{matches[0]}'?" if matches else ""
+
+
+@contextlib.contextmanager
+def within(place: str, colon: str = ": ", errors: type[ValueError] = InputError) -> Iterator[None]:
+    """Puts `place` (a file, a section) before each line of an error of the block."""
+    try:
+        yield
+    except errors as error:
+        raise InputError(str(error)).within(place, colon) from None
 
 
 class Mistakes:
@@ -126,20 +137,13 @@ class Section:
     def changed(self, **values: Any) -> Self:
         """A copy with other values, unchecked: plans make many copies with valid values."""
         copy, own = object.__new__(type(self)), vars(self)
-        fields_own = {name: own[name] for name in self.__dataclass_fields__ if name in own}
-        vars(copy).update(fields_own, **values)
+        fields = {name: own[name] for name in self.__dataclass_fields__ if name in own}
+        vars(copy).update(fields, **values)
         return copy
 
 
-#: Types of the fields of each section; resolving them is slower than a check of a value.
-_known_hints: dict[type[Any], dict[str, Any]] = {}
-
-
-def hints_of(kind: type[Any]) -> dict[str, Any]:
-    """The types of a dataclass's fields by name."""
-    if kind not in _known_hints:
-        _known_hints[kind] = typing.get_type_hints(kind)
-    return _known_hints[kind]
+#: The types of a dataclass's fields by name.
+hints_of: Callable[[Any], dict[str, Any]] = functools.cache(typing.get_type_hints)
 
 
 def file_key(name: str, about: Mapping[str, Any]) -> str:
@@ -194,10 +198,8 @@ def _read(key: str, value: Any, hint: Any, about: Mapping[str, Any]) -> Any:
     if part is not None:
         if not isinstance(value, Mapping):
             raise InputError(f"{key} = {value!r}: must be a table")
-        try:
+        with within(key):
             result = from_table(part, value)
-        except InputError as error:
-            raise error.within(key) from None
         return result.scaled(math.radians(1.0)) if about.get("degrees") else result
     return checked(key, _radians(key, value) if about.get("degrees") else value, hint, about)
 
@@ -219,11 +221,8 @@ def rows_from(key: str, kind: type[Any], value: Any) -> tuple[Any, ...]:
         raise InputError(f"{key} = {value!r}: must be a list of tables")
     rows_read, mistakes = [], Mistakes()
     for number, row in enumerate(value, start=1):
-        with mistakes.kept():
-            try:
-                rows_read.append(from_table(kind, row))
-            except InputError as error:
-                raise error.within(f"{key} {number}") from None
+        with mistakes.kept(), within(f"{key} {number}"):
+            rows_read.append(from_table(kind, row))
     mistakes.refuse()
     return tuple(rows_read)
 
@@ -277,9 +276,6 @@ def unknown(key: str, known: Sequence[str]) -> str:
 
 # Checks of single values.
 
-_WRONG = object()
-#: Largest whole number that a float holds.
-_HUGE = 1e308
 #: Largest value of a quantity by its unit, unless its field has a lower limit; squares and ratios
 #: of larger values overflow. `_SMALLEST` is the smallest positive value.
 LARGEST = {
@@ -287,20 +283,21 @@ LARGEST = {
     **{"m/s": 1e3, "m/s²": 1e5, "rad/s": 1e4, "rad/s²": 1e6, "rad/s³": 1e9, "N": 1e6, "N m": 1e6},
 }
 _SMALLEST = 1e-12
-_LIMITS: tuple[tuple[str, Any, str], ...] = (
-    ("above", lambda v, limit: v > limit, "above"),
-    ("least", lambda v, limit: v >= limit, "at least"),
-    ("most", lambda v, limit: v <= limit, "at most"),
-    ("below", lambda v, limit: v < limit, "below"),
-)
+_LIMITS: dict[str, tuple[Callable[[Any, Any], bool], str]] = {
+    "above": (operator.gt, "above"),
+    "least": (operator.ge, "at least"),
+    "most": (operator.le, "at most"),
+    "below": (operator.lt, "below"),
+}
 
 
 def checked(key: str, value: Any, hint: Any, about: Mapping[str, Any]) -> Any:
     """A field's value as the type `hint`; InputError for a wrong type or a broken limit."""
-    result = _coerce(value, hint)
-    if result is _WRONG:
+    try:
+        result = _coerce(value, hint)
+    except (TypeError, ValueError):
         in_file = _in_file_unit(value, bool(about.get("degrees")))
-        raise InputError(f"{key} = {in_file!r}: must be {_describe(hint)}")
+        raise InputError(f"{key} = {in_file!r}: must be {_describe(hint)}") from None
     for item in result if isinstance(result, tuple) else (result,):
         _check_limits(key, item, about)
     return result
@@ -314,36 +311,27 @@ def _in_file_unit(value: Any, degrees: bool) -> Any:
 
 
 def _coerce(value: Any, hint: Any) -> Any:
-    """`value` as type `hint`, or _WRONG."""
+    """`value` as type `hint`; TypeError for another type, ValueError for another length."""
     if isinstance(value, np.generic | np.ndarray):
         value = value.tolist()
     if isinstance(hint, types.UnionType):
-        options = (_coerce(value, option) for option in typing.get_args(hint))
-        return next((found for found in options if found is not _WRONG), _WRONG)
-    if typing.get_origin(hint) is tuple:
-        return _coerced_tuple(value, typing.get_args(hint))
-    if hint is type(None):
-        return None if value is None else _WRONG
-    if hint not in (float, int):
-        return value if isinstance(value, hint) else _WRONG
-    if isinstance(value, bool) or not isinstance(value, int | float):
-        return _WRONG
-    if isinstance(value, int) and abs(value) >= _HUGE:
-        return math.inf  # Which the limits refuse.
-    if hint is int:
-        return value if isinstance(value, int) else _WRONG
-    return float(value)
-
-
-def _coerced_tuple(value: Any, hints: tuple[Any, ...]) -> Any:
-    if not isinstance(value, list | tuple):
-        return _WRONG
-    if hints[-1] is Ellipsis:
-        hints = (hints[0],) * len(value)
-    if len(value) != len(hints):
-        return _WRONG
-    items = tuple(_coerce(v, h) for v, h in zip(value, hints, strict=True))
-    return _WRONG if _WRONG in items else items
+        for option in typing.get_args(hint):
+            with contextlib.suppress(TypeError, ValueError):
+                return _coerce(value, option)
+    elif typing.get_origin(hint) is tuple:
+        if isinstance(value, list | tuple):
+            hints = typing.get_args(hint)
+            hints = hints[:1] * len(value) if hints[-1] is Ellipsis else hints
+            return tuple(_coerce(v, h) for v, h in zip(value, hints, strict=True))
+    elif hint not in (float, int):
+        if isinstance(value, hint):
+            return value
+    elif isinstance(value, int | float) and not isinstance(value, bool):
+        if isinstance(value, int) and abs(value) >= 1e308:
+            return math.inf  # No float holds it; the limits refuse it.
+        if hint is float or isinstance(value, int):
+            return hint(value)
+    raise TypeError
 
 
 def _describe(hint: Any) -> str:
@@ -377,7 +365,7 @@ def _check_limits(key: str, item: Any, about: Mapping[str, Any]) -> None:
     bounds = {"most": largest, "least": -largest}
     if largest < math.inf and about.get("above") == 0:
         bounds["least"] = _SMALLEST
-    for name, holds, words in _LIMITS:
+    for name, (holds, words) in _LIMITS.items():
         limit = about.get(name, bounds.get(name))
         if limit is not None and not holds(item, limit):
             limit = math.degrees(limit) if about.get("degrees") else limit

@@ -1,4 +1,4 @@
-"""Target, tolerance, landing bounds, cup, workspace, and the choice among throws."""
+"""Target, tolerance, landing bounds, cup, workspace, obstacles, and the choice among throws."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 
 from ..models import Array
 from ..models.release import DECIDING
-from ..models.robot import Solid
+from ..models.robot import Solid, about_z
 from .section import InputError, Section, optional, quantity
 
 
@@ -47,10 +47,8 @@ class ThrowPlane:
 
     def seen(self, solid: Solid) -> Solid:
         """A solid of the base frame as the plane sees it: x along it, y to its left."""
-        in_plane_axes = solid.turned(-self.azimuth)
-        return dataclasses.replace(
-            in_plane_axes, centre=in_plane_axes.centre - [0.0, self.lateral, 0.0]
-        )
+        turned = solid.turned(-self.azimuth)
+        return dataclasses.replace(turned, centre=turned.centre - [0.0, self.lateral, 0.0])
 
 
 @dataclasses.dataclass(frozen=True)
@@ -156,9 +154,8 @@ class Pose(Section):
             words += f" at {self.since:.3f} s, moving at {self.speed:g} m/s"
         if self.arrival is not None:
             earliest, latest = self.window
-            words += f", landing at {earliest:g}" + (
-                " s" if latest == earliest else f" to {latest:g} s"
-            )
+            until = "" if latest == earliest else f" to {latest:g}"
+            words += f", landing at {earliest:g}{until} s"
         return words
 
     @property
@@ -170,9 +167,8 @@ class Pose(Section):
     def plane(self) -> ThrowPlane:
         """The vertical plane through the pose."""
         turn = math.atan2(self.y, self.x) if self.y != 0.0 else 0.0
-        return ThrowPlane(
-            turn - math.asin(self.lateral / self.away) if self.lateral else turn, self.lateral
-        )
+        beside = math.asin(self.lateral / self.away) if self.lateral else 0.0
+        return ThrowPlane(turn - beside, self.lateral)
 
     @property
     def table(self) -> dict[str, Any]:
@@ -185,12 +181,9 @@ class Pose(Section):
     @property
     def plane_x(self) -> float:
         """x [m] in that plane."""
-        distance = self.away
-        return (
-            math.copysign(math.sqrt(distance**2 - self.lateral**2), distance)
-            if self.lateral
-            else distance
-        )
+        if not self.lateral:
+            return self.away
+        return math.copysign(math.sqrt(self.away**2 - self.lateral**2), self.away)
 
     def in_plane(self, x: float, theta: float | None) -> Pose:
         """The pose at `x` [m] and `theta` [rad] in the same plane and at the same height."""
@@ -214,12 +207,6 @@ class Pose(Section):
         return self if self.theta is None else self.changed(theta=float(self.theta + angle))
 
 
-#: Smallest tolerance [m] of a landing by the limit surface, twice its numerical error.
-KNOWN = 2e-4
-#: Smallest tolerance [rad] of a landing's angle by the limit surface.
-KNOWN_ANGLE = math.radians(0.01)
-
-
 @dataclasses.dataclass(frozen=True)
 class Tolerance(Section):
     """Accepted landing error.
@@ -240,12 +227,12 @@ class Tolerance(Section):
     )
 
     def check(self) -> None:
-        """The tolerance is not below the numerical error of the limit surface."""
-        if self.model != "sp" and (self.position < KNOWN or self.angle < KNOWN_ANGLE):
+        """The tolerance is at least twice the numerical error of the limit surface."""
+        if self.model != "sp" and (self.position < 2e-4 or self.angle < math.radians(0.01)):
             raise InputError(
                 f"position = {self.position:g}, angle_deg = {math.degrees(self.angle):.3g}: must "
-                f"be at least {KNOWN:g} m and {math.degrees(KNOWN_ANGLE):g}: landings by the limit "
-                "surface are known no better; model = 'sp' may have less"
+                "be at least 0.0002 m and 0.01: landings by the limit surface are known no better; "
+                "model = 'sp' may have less"
             )
 
 
@@ -316,6 +303,56 @@ class Workspace(Section):
         """Both column values or none."""
         if (self.column_radius is None) != (self.column_height is None):
             raise InputError("column_radius and column_height: give both or neither")
+
+
+@dataclasses.dataclass(frozen=True)
+class Obstacle(Section):
+    """Something that arm, held bar and flying bar keep clear of, in the base frame; each under a
+    heading [[obstacle]]. Without [robot] the throw's plane is y = 0, and only the bar has a shape.
+
+    The bar may land on it or next to it: in the last 0.05 s of the flight it may come as near as it
+    lands.
+    """
+
+    name: str = quantity("for messages")
+    kind: str = quantity("shape; a capsule stands upright", choices=("box", "sphere", "capsule"))
+    size: tuple[float, ...] = quantity(
+        "m; box: length, width, height along its x, y, z; sphere: radius; capsule: radius, and "
+        "distance of the centres of its ends",
+        above=0,
+        most=100.0,
+    )
+    position: tuple[float, float, float] = quantity(
+        "m, x, y, z of its centre", least=-100.0, most=100.0
+    )
+    yaw: float = quantity("degrees, rotation about z", degrees=True, default=0.0)
+    pitch: float = quantity(
+        "degrees, before that about its y axis; 90 lays a capsule along x",
+        degrees=True,
+        default=0.0,
+    )
+    clearance: float = quantity("m, from everything that moves", least=0, most=1.0, default=0.01)
+
+    def check(self) -> None:
+        """`size` has as many numbers as its kind requires."""
+        said, count = {
+            "box": ("length, width and height", 3),
+            "sphere": ("radius", 1),
+            "capsule": ("radius, and distance of the centres of its ends", 2),
+        }[self.kind]
+        if len(self.size) != count:
+            raise InputError(f"size = {list(self.size)}: of a {self.kind} it must be [{said}]")
+
+    @property
+    def solid(self) -> Solid:
+        """Its shape in the base frame."""
+        cos, sin = math.cos(self.pitch), math.sin(self.pitch)
+        tilt = np.array([[cos, 0.0, sin], [0.0, 1.0, 0.0], [-sin, 0.0, cos]])
+        half, radius = np.array(self.size) / 2, 0.0
+        if self.kind != "box":
+            half, radius = np.zeros(3), self.size[0]
+            half[2] = self.size[-1] / 2 if self.kind == "capsule" else 0.0
+        return Solid(np.array(self.position), (about_z(self.yaw) @ tilt).T, half, radius)
 
 
 @dataclasses.dataclass(frozen=True)

@@ -10,10 +10,9 @@ from typing import Any
 
 from ..models.release import TableRelease
 from ..models.robot import Arm
-from .arms import GripperData, arm_from, load_arm, load_gripper
+from .arms import arm_from, load_arm, load_gripper
 from .files import read_csv, read_text, shipped, toml_tables
 from .grip import held_object
-from .obstacles import Obstacle
 from .scene import MOVERS, SECTIONS, TOP_KEYS, Scene
 from .section import (
     InputError,
@@ -23,7 +22,9 @@ from .section import (
     hints_of,
     rows_from,
     unknown,
+    within,
 )
+from .targets import Obstacle
 from .uncertainty import uncertainty_from
 
 
@@ -72,23 +73,17 @@ def _parse(text: str, place: str, path: Path | None) -> Scene:
     tables = toml_tables(text, place)
     folder = path.parent if path else None
     name = path.stem if path else place
-    try:
+    with within(place):
         scene = _scene_from({"name": name} | tables, file=str(path or ""), folder=folder)
         scene.check_target_in_cup()
-    except InputError as error:
-        raise error.within(place) from None
     return scene
 
 
 def scene_from_table(table: Mapping[str, Any]) -> Scene:
     """The scene of a `Scene.table`; InputError for a wrong table."""
     sections = {key: value for key, value in table.items() if key != "arm"}
-    if "arm" not in table:
-        return _scene_from(sections)
-    try:
-        arm = arm_from(table["arm"])
-    except InputError as error:
-        raise error.within("arm") from None
+    with within("arm"):
+        arm = arm_from(table["arm"]) if "arm" in table else None
     return _scene_from(sections, arm=arm)
 
 
@@ -125,7 +120,7 @@ def _section(key: str, value: Any, folder: Path | None) -> Any:
         return rows_from(key, Obstacle, value)
     if not isinstance(value, dict):
         raise InputError(f"{key} = {value!r}: must be a section [{key}]")
-    try:
+    with within(f"[{key}]", " "):
         if key == "gripper":
             value = _grip_of(value, folder)
         if key == "gripper" and isinstance(value.get("table"), str):
@@ -138,23 +133,16 @@ def _section(key: str, value: Any, folder: Path | None) -> Any:
         if key == "uncertainty":
             return uncertainty_from(value)
         return held_object(value) if key == "object" else from_table(SECTIONS[key], value)
-    except InputError as error:
-        raise error.within(f"[{key}]", " ") from None
-
-
-def _gripper(name: str | None, folder: Path | None) -> GripperData | None:
-    """The gripper that a scene names."""
-    try:
-        return None if name is None else load_gripper(name, folder)
-    except InputError as error:
-        raise error.within(f"file = {name!r}") from None
 
 
 def _grip_of(table: Mapping[str, Any], folder: Path | None) -> dict[str, Any]:
     """[gripper] with the grip of its file for keys that the scene leaves out."""
     name = table.get("file")
-    data = _gripper(name, folder) if isinstance(name, str) else None
-    if data is None or {"table", "times", "forces"} & table.keys():
+    if not isinstance(name, str):
+        return dict(table)
+    with within(f"file = {name!r}"):
+        data = load_gripper(name, folder)
+    if {"table", "times", "forces"} & table.keys():
         return dict(table)
     return {key: getattr(data, key) for key in ("force", "dwell", "opening")} | dict(table)
 
@@ -163,10 +151,8 @@ def _read_grip_table(name: str, folder: Path | None, raw: bool) -> dict[str, Any
     """Times and forces of a recording; of a raw one, those of its nearest falling curve."""
     rows = read_csv("table", name, folder, ("t", "f_N"))
     if raw:
-        try:
+        with within(f"table = {name}", errors=ValueError):
             rows = TableRelease.from_recording(rows[:, 0], rows[:, 1]).samples()
-        except ValueError as error:
-            raise InputError(f"table = {name}: {error}") from None
     elif rises := TableRelease.noise(rows[:, 1]):
         raise InputError(
             f"table = {name}: f_N must fall, but rises by {rises:.3g} N in all: for a raw "

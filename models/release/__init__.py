@@ -23,11 +23,14 @@ from .sliding_pivot import (
     world_release,
 )
 from .stepping import (
+    Step,
     compiled_release,
     exact_detaches,
     exact_pivot_release,
     exact_surface_release,
     relative_states,
     rk4_step,
+    run_steps,
+    step_function,
 )
 from .time_stepping import SteppedRelease

@@ -6,7 +6,7 @@ A new model is a module with a class for one case (and perhaps batches), and an 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
-from typing import Protocol
+from typing import Protocol, cast
 
 from .cases import BatchRelease, CaseModel, Release, ReleaseBatch, ReleaseCase
 from .limit_surface import ImplicitRelease, KarnoppRelease
@@ -27,8 +27,8 @@ class ReleaseModel:
     """A release model with its settings.
 
     name: key in commands and scenes; title: in text; law: its friction; method: its solution;
-    colour: in pictures; single: for one case; batch: for N, None for a model without batches.
-    steps: of an opening in a batch; fit_steps: in fits, which repeat throws hundreds of times;
+    colour: in pictures; model: for one case, and, if it has batches, for N. steps: of an opening in
+    a batch; fit_steps: in fits, which repeat throws hundreds of times;
     sweep_steps: from coarse to fine, a sweep takes the first with enough accuracy; 0 and none: the
     model's own. chunk: throws of a sweep in some tenths of a second. chatters: its result does not
     settle with its steps, so that it has neither sweeps nor derivatives; decides: a scene's
@@ -40,8 +40,8 @@ class ReleaseModel:
     law: str
     method: str
     colour: str
-    single: CaseModel
-    batch: BatchModel | None = None
+    model: CaseModel
+    batches: bool = True
     steps: int = 0
     fit_steps: int = 0
     sweep_steps: tuple[int, ...] = ()
@@ -51,16 +51,16 @@ class ReleaseModel:
 
     def release(self, case: ReleaseCase) -> Release:
         """The release of one case."""
-        return self.single.release(case)
+        return self.model.release(case)
 
     def throw(self, batch: ReleaseBatch, steps: int = 0) -> BatchRelease:
         """The releases of a batch, in the usual number of steps unless told otherwise.
 
         Raises TypeError for a model without batches.
         """
-        if self.batch is None:
+        if not self.batches:
             raise TypeError(f"{self.name} throws no batches")
-        return self.batch.throw(batch, steps or self.steps)
+        return cast(BatchModel, self.model).throw(batch, steps or self.steps)
 
     def summary(self) -> str:
         """Title, law and method in one line."""
@@ -69,14 +69,13 @@ class ReleaseModel:
     @property
     def quick(self) -> bool:
         """Whether it throws grids of contact parameters in seconds."""
-        return self.batch is not None and self.chunk >= 1000
+        return self.batches and self.chunk >= 1000
 
     def with_pressure(self, pressure: str) -> ReleaseModel:
         """The model with 'uniform' or 'hertz' pressure of the pads; itself without meshed pads."""
-        if pressure != "hertz" or not isinstance(self.single, PatchRelease):
+        if pressure != "hertz" or not isinstance(self.model, PatchRelease):
             return self
-        single = replace(self.single, pressure="hertz")
-        return replace(self, single=single, batch=single)
+        return replace(self, model=replace(self.model, pressure="hertz"))
 
 
 #: The model of the NLP.
@@ -99,7 +98,6 @@ MODELS = {
             "the bar sticks, pivots about the pads, slides (Liu and Billard)",
             _CUT,
             "#e0912f",
-            SlidingPivotRelease(steps=100, events=True),
             SlidingPivotRelease(),
             steps=48,
             sweep_steps=(64, 128, 256),
@@ -112,7 +110,6 @@ MODELS = {
             "the same, with the paper's jump of the rates as sliding begins",
             _CUT,
             "#8c6bb1",
-            SlidingPivotRelease("paper", steps=100, events=True),
             SlidingPivotRelease("paper"),
             steps=400,  # it jumps, so it needs more of them
             # Landings are off by 0.2 mm in the mean and 1.3 mm at most, in a quarter of the time.
@@ -126,7 +123,6 @@ MODELS = {
             _KARNOPP,
             "#d1495b",
             KarnoppRelease(),
-            KarnoppRelease(),
             chunk=2048,
             nonconvergent=True,
         ),
@@ -137,6 +133,7 @@ MODELS = {
             _KARNOPP,
             "#b5838d",
             KarnoppRelease(half_band=0.01),
+            batches=False,
             nonconvergent=True,
         ),
         ReleaseModel(
@@ -146,6 +143,7 @@ MODELS = {
             "LSODA",
             "#2a9d6f",
             ImplicitRelease(),
+            batches=False,
         ),
         ReleaseModel(
             STEPPED_SURFACE,
@@ -153,7 +151,6 @@ MODELS = {
             _SURFACE,
             "Moreau-Jean steps",
             "#4c78a8",
-            SteppedRelease(),
             SteppedRelease(),
             steps=120,
             sweep_steps=(120, 240, 480),
@@ -167,7 +164,6 @@ MODELS = {
             "backward Euler",
             "#6b705c",
             PatchRelease(),
-            PatchRelease(),
             steps=500,
         ),
         ReleaseModel(
@@ -177,7 +173,6 @@ MODELS = {
             "backward Euler",
             "#118ab2",
             PatchRelease(stiffness=1e7),
-            PatchRelease(stiffness=1e7),
             steps=500,
         ),
     )
@@ -185,5 +180,5 @@ MODELS = {
 
 
 #: Models with batches, for sweeps, `simulate_batch` and the verdict on a plan.
-BATCH_MODELS = {n: m for n, m in MODELS.items() if m.batch is not None and not m.nonconvergent}
+BATCH_MODELS = {n: m for n, m in MODELS.items() if m.batches and not m.nonconvergent}
 DECIDING = tuple(name for name, model in MODELS.items() if model.decides)

@@ -14,10 +14,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from functools import cache, partial
+from functools import partial
 from typing import Literal
 
-import casadi as ca
 import numpy as np
 
 from ..body import (
@@ -44,18 +43,9 @@ from .cases import (
     by_chunks,
     onset,
 )
-from .stepping import (
-    Step,
-    by_levels,
-    compiled_batch,
-    euler_step,
-    rk4_step,
-    run_steps,
-    step_function,
-)
+from .stepping import by_levels, compiled_batch, rk4_step
 
 Form = Literal["continuous", "paper"]
-Integrator = Literal["rk4", "euler"]
 
 
 def soft_positive(value: Value, width: Value) -> Value:
@@ -215,25 +205,18 @@ class SlidingPivot:
 class SlidingPivotRelease:
     """Releases by the sliding pivot in one of its forms.
 
-    steps over the opening; integrator: 'rk4' or the paper's 'euler'; events: cut the
-    steps where pivot or slide begins or ends, so that they keep their order.
+    steps over the opening, cut where pivot or slide begins or ends, so that they keep their order.
     """
 
     form: Form = "continuous"
-    steps: int = 1000
-    integrator: Integrator = "rk4"
-    events: bool = False
+    steps: int = 100
 
     def release(self, case: ReleaseCase) -> Release:
         """The release of one case."""
         law = self._law(case)
-        if self.events:
-            times, states, onsets = _located_steps(law, self._formula, case, self.steps)
-            release = world_release(law, case.hand.at(times), states.T, case.grip.force(times))
-            return replace(release, pivot=onsets[0], slide=onsets[1])
-        start = np.array([0.0, 0.0, case.grasp_angle, 0.0, 0.0, 0.0])
-        hand, forces, states = run_steps(_compiled(self), case, start, self.steps)
-        return world_release(law, hand.every(0, 2), states, forces[::2])
+        times, states, onsets = _located_steps(law, case, self.steps)
+        release = world_release(law, case.hand.at(times), states.T, case.grip.force(times))
+        return replace(release, pivot=onsets[0], slide=onsets[1])
 
     def throw(self, batch: ReleaseBatch, steps: int) -> BatchRelease:
         """N releases by the non-smooth law in `steps` graded Runge-Kutta steps.
@@ -257,24 +240,9 @@ class SlidingPivotRelease:
 
         return by_chunks(part, chunk)
 
-    @property
-    def _formula(self) -> Callable[..., list[Value]]:
-        return rk4_step if self.integrator == "rk4" else euler_step
-
     def _law(self, given: ReleaseCase | ReleaseBatch) -> SlidingPivot:
         """The non-smooth law of one throw or N."""
         return SlidingPivot(given.body, given.contact, given.gravity, self.form)
-
-
-@cache
-def _compiled(model: SlidingPivotRelease) -> ca.Function:
-    def step_of(body: Body, contact: Contact, gravity: Value) -> Step:
-        rates = SlidingPivot(body, contact, gravity, model.form).rates
-        return lambda state, hands, forces, dt: model._formula(
-            rates, state, [hand.motion for hand in hands], forces, dt
-        )
-
-    return step_function(step_of, model.steps)
 
 
 def _shares(batch: ReleaseBatch, steps: int) -> Array:
@@ -325,7 +293,7 @@ def march(
 
 
 def _located_steps(
-    law: SlidingPivot, formula: Callable[..., list[Value]], case: ReleaseCase, steps: int
+    law: SlidingPivot, case: ReleaseCase, steps: int
 ) -> tuple[Array, Array, list[float | None]]:
     """Even steps of one case, cut at changes of mode inside.
 
@@ -342,7 +310,7 @@ def _located_steps(
         inside = min(INSIDE, h / 4)
         times = (t + inside, t + h / 2, t + h - inside)
         forces = [float(f) for f in case.grip.force(np.array(times))]
-        return np.array(formula(law.rates, state, motions(*times), forces, h))
+        return np.array(rk4_step(law.rates, state, motions(*times), forces, h))
 
     def excess(t: float, state: Array) -> Array:
         return np.array(law.excess(state, motions(t)[0], float(case.grip.force(t))))

@@ -46,14 +46,6 @@ def rk4_step(
     ]
 
 
-def euler_step(
-    rates: Rates, state: Value, hand: Sequence[HandMotion], normal_force: Triple, dt: Value
-) -> list[Value]:
-    """One explicit Euler step of `dt` seconds; only the start's values are used."""
-    start = components(state)
-    return _moved(start, rates(start, hand[0], normal_force[0]), dt)
-
-
 def _moved(state: Sequence[Value], rates: Sequence[Value], dt: Value) -> list[Value]:
     return [x + dt * rate for x, rate in zip(state, rates, strict=True)]
 

@@ -139,12 +139,16 @@ class PlanarArm:
         """Number, from 0, of the link that moves a joint's frame (0: the base's); -1 for none."""
         return sum(throwing <= joint for throwing in self.throwing_joints) - 1
 
+    def placed(self, q: Array) -> list[Array]:
+        """`Arm.placed` at azimuth 0, at the throwing joints' `q`."""
+        joints = np.array(self.arm.posture, float)
+        joints[np.array(self.throwing_joints) - 1] = q
+        return self.arm.placed(joints.tolist())
+
     @functools.cached_property
     def rest_frames(self) -> list[Array]:
         """4x4 poses with all coordinates 0: of each joint, then of the hand as in `Arm.links`."""
-        posture = np.array(self.arm.posture, float)
-        posture[np.array(self.throwing_joints) - 1] = 0.0
-        *frames, flange, hand = self.arm.placed(posture.tolist())
+        *frames, flange, hand = self.placed(np.zeros(self.coordinates))
         hand[:3, 3] = flange[:3, 3]
         return [*frames, hand]
 
@@ -161,48 +165,35 @@ class PlanarArm:
         the angles before it: far fewer operations than the chain of 4x4 matrices. The
         vectors are read off the full kinematics and checked against it.
         """
-        q = ca.SX.sym("q", self.coordinates)
-        frames = self.arm.frames(self.full(q))
-        axes = ca.horzcat(*[frames[j - 1][:3, 2] for j in self.throwing_joints])
-        joints = ca.horzcat(*[frames[j - 1][:3, 3] for j in self.throwing_joints])
-        full = ca.Function("full", [q], [axes, joints, frames[-1][:3, 3], frames[-1][:3, 2]])
-        axis, position, tcp, approach = (np.array(o) for o in full(np.zeros(self.coordinates)))
+        frames = self.placed(np.zeros(self.coordinates))
+        joints = [frames[joint - 1] for joint in self.throwing_joints]
         # A rotation from +x to +z is about -y.
-        self.signs = [float(s) for s in np.round(-axis[1])]
-        points = np.column_stack([position, tcp])[[0, 2]]
-        self.origin = (float(points[0, 0]), float(points[1, 0]))
-        self.links = [(float(dx), float(dz)) for dx, dz in np.diff(points).T]
-        self.theta = math.atan2(approach[2, 0], approach[0, 0])
-        still = np.array(ca.evalf(self.points(ca.SX(self.coordinates, 1))))
-        self.frames = self._frames_of(still, points)
-        self._verify(full)
+        self.signs = [float(np.round(-joint[1, 2])) for joint in joints]
+        places = np.array([frame[[0, 2], 3] for frame in (*joints, frames[-1])])
+        self.origin = (float(places[0, 0]), float(places[0, 1]))
+        self.links = [(float(dx), float(dz)) for dx, dz in np.diff(places, axis=0)]
+        self.theta = math.atan2(frames[-1][2, 2], frames[-1][0, 2])
+        # Link, and place from the link's joint, of each frame that moves, without the TCP. Frames
+        # at one place count once, and one at the joint itself belongs to the link before.
+        moving: dict[tuple[int, tuple[float, float]], None] = {}
+        for k, frame in enumerate(frames[:-1]):
+            if (link := self.moved_by(k)) >= 0:
+                along, up = np.round(frame[[0, 2], 3] - places[link], 12) + 0.0
+                if (along, up) != (0.0, 0.0):
+                    moving[link, (float(along), float(up))] = None
+        self.frames = list(moving)
+        self._verify()
 
-    def _frames_of(self, places: Array, joints: Array) -> list[tuple[int, tuple[float, float]]]:
-        """(link, place from the link's joint at q = 0) of each moving frame except the TCP.
-
-        places (2, frames), joints (2, links + 1): at q = 0. Frame k is that of joint k + 1
-        and is moved by the joints up to k.
-        """
-        moving_frames: list[tuple[int, tuple[float, float]]] = []
-        for k in range(places.shape[1] - 1):
-            link = self.moved_by(k)
-            if link < 0:
-                continue
-            along, up = np.round(places[:, k] - joints[:, link], 12) + 0.0
-            # A frame at the joint itself belongs to the link before.
-            if (along, up) != (0.0, 0.0):
-                moving_frames.append((link, (float(along), float(up))))
-        return list(dict.fromkeys(moving_frames))
-
-    def _verify(self, full: ca.Function) -> None:
+    def _verify(self) -> None:
         """ValueError unless the planar chain is the arm's own kinematics."""
         zero = np.zeros(self.coordinates)
         for value in np.random.default_rng(0).uniform(-2, 2, (4, self.coordinates)):
             x, z, theta = self.motion_of(*map(self.link_angles, (value, zero, zero)))[0]
-            axis, _, tcp, approach = (np.array(o) for o in full(value))
-            expected = [x, self.arm.lateral, z, math.cos(theta), 0.0, math.sin(theta)]
-            off = np.abs(np.vstack([tcp, approach]).ravel() - expected).max()
-            if off > 1e-9 or np.abs(np.abs(axis[1]) - 1.0).max() > 1e-9:
+            frames = self.placed(value)
+            axes = np.array([frames[joint - 1][1, 2] for joint in self.throwing_joints])
+            expected = [[math.cos(theta), x], [0.0, self.arm.lateral], [math.sin(theta), z]]
+            off = np.abs(frames[-1][:3, 2:] - expected).max()
+            if off > 1e-9 or np.abs(np.abs(axes) - 1.0).max() > 1e-9:
                 raise ValueError(
                     f"arm {self.arm.name}: joints {list(self.throwing_joints)} do not move the "
                     "hand in the vertical plane of the azimuth joint"

@@ -49,8 +49,8 @@ def parameter_sets(
 def check_model(model: str) -> None:
     """InputError for an unknown model, or one without batches, too slow for a grid."""
     named_model(model, MODELS)
-    if MODELS[model].batch is None:
-        quick = ", ".join(name for name, other in MODELS.items() if other.batch is not None)
+    if not MODELS[model].batches:
+        quick = ", ".join(name for name, other in MODELS.items() if other.batches)
         raise InputError(f"model = {model!r}: throws one at a time, too slow here: take {quick}")
 
 

@@ -12,7 +12,6 @@ from .arm import (
     limits_of,
     link_inertias,
 )
-from .chain import UrdfChain, chain_of
-from .frames import AXES, MissingOptionError
+from .chain import AXES, MissingOptionError, UrdfChain, chain_of
 from .reading import read_urdf, urdf_file
 from .shapes import LinkShapes, link_meshes, link_shapes

@@ -16,8 +16,8 @@ from ...models.robot import Arm, JointLimits, LinkInertia, PlanarArm, Tool
 from ..arms import arm_from, arm_text
 from ..files import toml_tables
 from ..section import InputError
-from .chain import UrdfChain, hanging, joint_named
-from .frames import MissingOptionError, origin
+from .chain import MissingOptionError, UrdfChain, hanging, joint_named
+from .reading import origin
 
 #: One value per joint; None without an option for it.
 Given = Sequence[float | None]
@@ -33,25 +33,14 @@ LIMIT_OPTIONS = {
 }
 #: Proposed limits for those in neither URDF nor options, in the units of the options [deg; rad/s,
 #: rad/s^2, rad/s^3; N m]: limits of a slow arm of medium size.
-PROPOSED = {
-    "position_min": "-180",
-    "position_max": "180",
-    "velocity": "1",
-    "acceleration": "10",
-    "jerk": "1000",
-    "torque": "50",
-}
+PROPOSED = dict(zip(LIMIT_OPTIONS, ("-180", "180", "1", "10", "1000", "50"), strict=True))
 #: Number of random joint states in the comparison with yourdfpy.
 STATES = 24
 #: Largest difference [m; -] from yourdfpy at these states for a file to be written.
 EXACT = 1e-9
-#: Angles [rad] tried for joints that do not throw, besides the posture's.
-QUARTERS = (math.pi, math.pi / 2, -math.pi / 2)
 #: Largest cosine of perpendicular axes, and largest deviation from 1 of parallel ones.
 ALIGNED = 1e-6
 CHANGE = "; change --azimuth, --throwing, --posture-deg, --tool or --approach"
-#: Smallest distance [m] behind the pads of the point that represents a hand without a palm.
-NO_PALM = 0.1
 
 
 @dataclass(frozen=True)
@@ -115,7 +104,8 @@ def limits_of(chain: UrdfChain, given: Mapping[str, Given]) -> JointLimits:
 def arm_of(chain: UrdfChain, limits: JointLimits, choices: Choices) -> Arm:
     """The arm; InputError if it does not throw in a vertical plane of its azimuth joint."""
     *joints, mount = chain.frames()
-    behind = max(choices.tcp, NO_PALM)
+    # A hand without a palm is a point, at least this far behind the pads.
+    behind = max(choices.tcp, 0.1)
     palm = choices.palm or (behind, behind, 0.0)
     tool = Tool(0.0, 0.0, choices.tcp, *palm, xyz=mount.xyz, rpy=mount.rpy)
     azimuth = 1 if choices.azimuth is None else _number(chain, "--azimuth", choices.azimuth)
@@ -137,7 +127,8 @@ def arm_of(chain: UrdfChain, limits: JointLimits, choices: Choices) -> Arm:
     _check_base(draft, chain)
     if throwing:
         _check_posture(draft, chain)
-    arm = _find_planar_posture(draft, [] if choices.posture else QUARTERS)
+    quarters = () if choices.posture else (math.pi, math.pi / 2, -math.pi / 2)
+    arm = _find_planar_posture(draft, quarters)
     if not choices.posture:
         arm = dataclasses.replace(arm, posture=_pads_in_plane(arm))
     _check_posture(arm, chain)
@@ -154,7 +145,7 @@ def arm_file(arm: Arm, remarks: Sequence[str], place: str) -> tuple[str, Arm]:
     return text, arm_from(toml_tables(text, place))
 
 
-def kinematics_difference(arm: Arm, chain: UrdfChain, states: int = STATES) -> float:
+def kinematics_difference(arm: Arm, chain: UrdfChain) -> float:
     """Largest difference [m; -] of the arm's kinematics to yourdfpy's at random joint states.
 
     Of the joints' origins and axes, and of the hand's pose.
@@ -165,7 +156,7 @@ def kinematics_difference(arm: Arm, chain: UrdfChain, states: int = STATES) -> f
     reach[2, 3] = arm.tool.tcp
     low, high = np.array(arm.limits.position_min), np.array(arm.limits.position_max)
     largest = 0.0
-    for state in np.random.default_rng(0).uniform(low, high, (states, arm.joints)):
+    for state in np.random.default_rng(0).uniform(low, high, (STATES, arm.joints)):
         *frames, _, tcp = (np.array(pose) for pose in function(state))
         origins, axes, hand = chain.posed(state)
         for frame, place, axis in zip(frames, origins, axes, strict=True):
@@ -201,15 +192,9 @@ def _posture(limits: JointLimits) -> tuple[float, ...]:
     return tuple(0.0 if low <= 0 <= high else (low + high) / 2 for low, high in pairs)
 
 
-def _at_posture(arm: Arm) -> tuple[Array, Array]:
-    """Joint axes (n, 3) and the hand's rotation (3, 3) at the posture."""
-    frames = [np.array(ca.evalf(pose)) for pose in arm.frames(ca.SX(ca.DM(arm.posture)))]
-    return np.array([pose[:3, 2] for pose in frames[: arm.joints]]), frames[-1][:3, :3]
-
-
 def _check_base(arm: Arm, chain: UrdfChain) -> None:
     """InputError unless the azimuth joint turns about the base's z axis."""
-    pose = np.array(ca.evalf(arm.frames(ca.SX(ca.DM(list(arm.posture))))[arm.azimuth_joint - 1]))
+    pose = arm.placed(arm.posture)[arm.azimuth_joint - 1]
     if np.abs(pose[:2, [2, 3]]).max() > EXACT:
         raise InputError(
             f"joint '{chain.names[arm.azimuth_joint - 1]}' does not turn about the z axis, which "
@@ -269,12 +254,13 @@ def _find_planar_posture(arm: Arm, ways: Sequence[float]) -> Arm:
 
 def _pads_in_plane(arm: Arm) -> tuple[float, ...]:
     """The posture with the hand rolled so that its pads close across the plane, if it can."""
-    (axes, hand), posture = _at_posture(arm), list(arm.posture)
+    frames, posture = arm.placed(arm.posture), list(arm.posture)
+    approach, closing = frames[-1][:3, 2], frames[-1][:3, 1]
     for i in range(arm.joints - 1, max(arm.throwing_joints) - 1, -1):
-        if i == arm.azimuth_joint - 1 or abs(axes[i] @ hand[:, 2]) < 1 - 1e-9:
+        axis = frames[i][:3, 2]
+        if i == arm.azimuth_joint - 1 or abs(axis @ approach) < 1 - 1e-9:
             continue
-        closing = hand[:, 1]
-        roll = math.atan2(np.cross(axes[i], closing)[1], closing[1])
+        roll = math.atan2(np.cross(axis, closing)[1], closing[1])
         low, high = arm.limits.position_min[i], arm.limits.position_max[i]
         turns = [posture[i] + roll + k * math.pi for k in range(-3, 4)]
         inside = [turn for turn in turns if low <= turn <= high]

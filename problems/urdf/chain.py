@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -12,11 +12,28 @@ import numpy as np
 from ...models import Array
 from ...models.robot import JointFrame
 from ..section import InputError
-from .frames import AXES, MissingOptionError, axis_turn, frame_of, hand_turn, origin, unit_axis
+from .reading import frame_of, origin, unit_axis
 
 #: Cosine between an axis of the tool link and the direction to its child links above which the hand
 #: points along the axis.
 POINTS = 0.8
+#: A link's own axes, by the names that options have for them.
+AXES = {
+    sign + name: (-1.0 if sign else 1.0) * np.eye(3)[i]
+    for i, name in enumerate("xyz")
+    for sign in ("", "-")
+}
+
+
+class MissingOptionError(InputError):
+    """Missing options of an arm, each with a value to try.
+
+    proposals: words for the command line by option, one word or one per joint.
+    """
+
+    def __init__(self, words: str, proposals: Mapping[str, list[str]]) -> None:
+        super().__init__(words)
+        self.proposals = dict(proposals)
 
 
 @dataclass(frozen=True)
@@ -126,12 +143,35 @@ def chain_of(
     begin[:3, 3] -= place
     if approach is None:
         approach = _approach(robot, path, tool)
-    hand = hand_turn(approach, closing or _closing(robot, tool, approach))
-    turns = tuple(axis_turn(joint) for joint in chosen)
+    hand = _hand_turn(approach, closing or _closing(robot, tool, approach))
+    turns = tuple(_axis_turn(joint) for joint in chosen)
     moving = tuple(joint for joint in before if joint.type != "fixed")
     return UrdfChain(
         robot, tuple(path), tuple(chosen), base, tool, begin, place, moving, turns, hand
     )
+
+
+def _turn(x: Array, y: Array, z: Array) -> Array:
+    """4x4: the rotation whose columns are x, y, z."""
+    turn = np.eye(4)
+    turn[:3, :3] = np.column_stack([x, y, z])
+    return turn
+
+
+def _axis_turn(joint: Any) -> Array:
+    """4x4: a frame whose z is the joint's axis; the link's own where that is z."""
+    z = unit_axis(joint)
+    y = np.cross(z, np.eye(3)[int(np.argmin(np.abs(z)))])
+    y = y / np.linalg.norm(y)
+    return _turn(np.cross(y, z), y, z)
+
+
+def _hand_turn(approach: str, closing: str) -> Array:
+    """4x4: the hand's frame in the tool link's."""
+    z, y = AXES[approach], AXES[closing]
+    if abs(z @ y) > 0.5:
+        raise InputError(f"--closing {closing}: must not be the axis of --approach {approach}")
+    return _turn(np.cross(y, z), y, z)
 
 
 def joint_named(names: Sequence[str], option: str, name: str) -> str:

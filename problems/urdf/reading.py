@@ -1,4 +1,7 @@
-"""A robot's URDF or xacro, read by yourdfpy and checked. Needs the extra `urdf`."""
+"""A robot's URDF or xacro, read by yourdfpy and checked; frames of its joints as 4x4 poses.
+
+Needs the extra `urdf`.
+"""
 
 from __future__ import annotations
 
@@ -15,19 +18,40 @@ import casadi as ca
 import numpy as np
 
 from ...models import Array
-from ...models.robot import placement
+from ...models.robot import JointFrame, placement
 from ..files import read_text
 from ..section import InputError
-from .frames import frame_of, origin, unit_axis
 
-#: Largest deviation [rad] from a right angle that is rounding, as in 1.5708 and 3.1416.
-ROUNDED = 1e-5
-#: Largest number of links of a robot.
-MOST_LINKS = 500
 #: Largest length [m], angle [rad], mass [kg] or inertia [kg m^2] of a robot.
 BEYOND = 1e4
-#: Types of joints.
-TYPES = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
+
+
+def origin(joint: Any) -> Array:
+    """4x4: the joint's frame in its parent link's, at 0."""
+    return np.eye(4) if joint.origin is None else np.asarray(joint.origin, dtype=float)
+
+
+def unit_axis(joint: Any) -> Array:
+    """The joint's axis, of length 1."""
+    axis = np.asarray([1.0, 0.0, 0.0] if joint.axis is None else joint.axis, dtype=float)
+    length = float(np.linalg.norm(axis)) if axis.shape == (3,) else 0.0
+    if not (math.isfinite(length) and length > 0):
+        raise InputError(f"joint '{joint.name}': its axis must be three numbers, not all 0")
+    return np.asarray(axis / length)
+
+
+def frame_of(pose: Array) -> JointFrame:
+    """A 4x4 pose as position and roll, pitch, yaw, good to the last digits at any pitch."""
+    r = pose[:3, :3]
+    level = math.hypot(r[0, 0], r[1, 0])
+    yaw = math.atan2(r[1, 0], r[0, 0]) if level > 1e-12 else 0.0
+    cos, sin = math.cos(yaw), math.sin(yaw)
+    roll = math.atan2(sin * r[0, 2] - cos * r[1, 2], cos * r[1, 1] - sin * r[0, 1])
+    x, y, z, *rpy = (
+        0.0 if abs(value) < 1e-14 else float(value)
+        for value in (*pose[:3, 3], roll, math.atan2(-r[2, 0], level), yaw)
+    )
+    return JointFrame((x, y, z), (rpy[0], rpy[1], rpy[2]))
 
 
 def read_urdf(path: Path) -> Any:
@@ -81,11 +105,13 @@ def _parse(text: str, path: Path) -> Any:
     if root.tag != "robot":
         raise ValueError("its root is not <robot>")
     if any("xacro" in part.tag for part in root.iter()):
-        text = _expand_xacro(path)
+        from xacrodoc import XacroDoc
+
+        text = str(XacroDoc.from_file(path, resolve_packages=False).to_urdf_string())
         root = ElementTree.fromstring(text)
     links = sum(1 for _ in root.iter("link"))
-    if links > MOST_LINKS:
-        raise ValueError(f"it has {links:,} links, must be at most {MOST_LINKS}")
+    if links > 500:
+        raise ValueError(f"it has {links:,} links, must be at most 500")
     return yourdfpy.URDF.load(io.BytesIO(text.encode()), load_meshes=False, build_scene_graph=False)
 
 
@@ -107,21 +133,14 @@ def _declare_prefixes(text: str) -> str:
 
 
 def _round_right_angles(pose: Array) -> Array:
-    """A pose whose right angles are right to the last digit."""
+    """A pose with its right angles, rounded as 1.5708 and 3.1416 are, right to the last digit."""
     frame = frame_of(pose)
-    rounded = [round(angle / (math.pi / 2)) * math.pi / 2 for angle in frame.rpy]
-    pairs = zip(frame.rpy, rounded, strict=True)
-    if not any(1e-14 < abs(angle - right) < ROUNDED for angle, right in pairs):
+    right = [round(angle / (math.pi / 2)) * math.pi / 2 for angle in frame.rpy]
+    pairs = list(zip(frame.rpy, right, strict=True))
+    if not any(1e-14 < abs(angle - known) < 1e-5 for angle, known in pairs):
         return pose
-    rpy = [r if abs(a - r) < ROUNDED else a for a, r in zip(frame.rpy, rounded, strict=True)]
-    return np.array(ca.evalf(placement(frame.xyz, (rpy[0], rpy[1], rpy[2]))))
-
-
-def _expand_xacro(path: Path) -> str:
-    """The URDF that a xacro file stands for."""
-    from xacrodoc import XacroDoc
-
-    return str(XacroDoc.from_file(path, resolve_packages=False).to_urdf_string())
+    roll, pitch, yaw = (known if abs(angle - known) < 1e-5 else angle for angle, known in pairs)
+    return np.array(ca.evalf(placement(frame.xyz, (roll, pitch, yaw))))
 
 
 def _check_numbers(robot: Any) -> None:
@@ -144,9 +163,10 @@ def _check_tree(robot: Any) -> None:
             if names.count(name) > 1:
                 raise ValueError(f"two {kind}s are called '{name}'")
     parents = {}
+    types = ("revolute", "continuous", "prismatic", "fixed", "floating", "planar")
     for joint in robot.joints:
-        if joint.type not in TYPES:
-            raise ValueError(f"the type of joint '{joint.name}' must be one of {', '.join(TYPES)}")
+        if joint.type not in types:
+            raise ValueError(f"the type of joint '{joint.name}' must be one of {', '.join(types)}")
         if joint.type != "fixed":
             unit_axis(joint)
         for link in (joint.parent, joint.child):

@@ -18,20 +18,8 @@ from ...models.robot import LinkCapsule, segment_distance
 from .chain import UrdfChain
 from .reading import BEYOND
 
-#: Positions of the fingers with shapes, as shares of their joints' ranges.
-OPENINGS = (0.0, 0.25, 0.5, 0.75, 1.0)
-#: Sides of the prism that stands for a cylinder: its corners are 0.1 % of the radius inside.
-SIDES = 64
-#: Number of random directions; a capsule is fitted to the outermost points in them.
-DIRECTIONS = 500
 #: Decimals of the capsules' lengths [m], 1 mm.
 DIGITS = 3
-#: Largest difference of the numbers of neighbouring links; their collisions are not checked.
-NEIGHBOURS = 2
-#: Number of random joint states in the comparison of capsules of different links.
-STATES = 60
-#: Weights [1/m²] of points outside a capsule, beside its volume in litres, one solve each.
-PENALTIES = (3e2, 3e4, 3e6)
 
 
 @dataclass(frozen=True)
@@ -88,7 +76,8 @@ def link_meshes(chain: UrdfChain, file: Path) -> tuple[dict[int, list[list[Any]]
             unread.append(link.name)
             continue
         frame, turn = frames[number]
-        for share in OPENINGS if number == hand else OPENINGS[:1]:
+        # Shares of the fingers' ranges.
+        for share in (0.0, 0.25, 0.5, 0.75, 1.0) if number == hand else (0.0,):
             opened = {name: _between(robot.joint_map[name], share) for name in fingers}
             robot.update_cfg(still | (opened if number == hand else {}))
             pose = np.linalg.inv(turn) @ robot.get_transform(link.name, frame)
@@ -140,8 +129,9 @@ def _parts(link: Any, file: Path) -> Iterator[Any]:
         elif shape.box is not None:
             mesh = trimesh.creation.box(shape.box.size)
         elif shape.cylinder is not None:
+            # The corners of the prism are 0.1 % of the radius inside.
             round_, long = shape.cylinder.radius, shape.cylinder.length
-            mesh = trimesh.creation.cylinder(round_, long, sections=SIDES)
+            mesh = trimesh.creation.cylinder(round_, long, sections=64)
         else:
             mesh = trimesh.creation.icosphere(4, shape.sphere.radius)
         mesh.apply_transform(np.eye(4) if part.origin is None else part.origin)
@@ -171,22 +161,20 @@ def _path(name: str, file: Path) -> Path:
 # Capsules.
 
 
-def _outermost(points: Array) -> Array:
-    """The points of (N, 3) that are outermost in some direction."""
-    ways = np.random.default_rng(0).normal(size=(DIRECTIONS, 3))
-    return np.asarray(points[np.unique((ways @ points.T).argmax(axis=1))])
-
-
 def _around(number: int, points: Array) -> LinkCapsule:
     """A capsule of about the least volume around points (N, 3), from three starts."""
     middle = points.mean(axis=0)
-    outer, best, least = _outermost(points), np.zeros(7), math.inf
+    # It is fitted to the points that are outermost in one of many directions.
+    ways = np.random.default_rng(0).normal(size=(500, 3))
+    outer = points[np.unique((ways @ points.T).argmax(axis=1))]
+    best, least = np.zeros(7), math.inf
     axes = np.linalg.svd(outer - outer.mean(axis=0), full_matrices=False)[2]
     for axis in axes:
         axial = (points - middle) @ axis
         half = max((axial.max() - axial.min()) / 4, 1e-3) * axis
         x = np.concatenate([middle - half, middle + half, [np.abs(axial).max()]])
-        for penalty in PENALTIES:
+        # Weights [1/m²] of points outside, beside the volume in litres.
+        for penalty in (3e2, 3e4, 3e6):
             x = minimize(_cost, x, args=(outer, penalty), jac=True, method="L-BFGS-B").x
         x[:6] = x[:6].round(DIGITS) + 0.0
         x[6] = math.ceil(_distances(points, x)[0].max() * 10**DIGITS - 1e-6) / 10**DIGITS
@@ -234,12 +222,12 @@ def _overlap(chain: UrdfChain, capsules: Sequence[LinkCapsule]) -> float:
 
     Capsules around a compact wrist and hand meet where their meshes do not.
     """
-    states = np.random.default_rng(0).uniform(-math.pi, math.pi, (STATES, len(chain.names)))
+    states = np.random.default_rng(0).uniform(-math.pi, math.pi, (60, len(chain.names)))
     largest = 0.0
     placed = np.array([_ends(chain, capsules, state) for state in states])
     for i, j in itertools.combinations(range(len(capsules)), 2):
         one, other = capsules[i], capsules[j]
-        if other.link - one.link > NEIGHBOURS:
+        if other.link - one.link > 2:
             apart = segment_distance(*placed[:, i].swapaxes(0, 1), *placed[:, j].swapaxes(0, 1))
             largest = max(largest, (one.radius + other.radius - float(np.median(apart))) / 2)
     return float(math.ceil(largest * 10**DIGITS) / 10**DIGITS)

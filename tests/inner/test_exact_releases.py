@@ -15,7 +15,6 @@ from throwplan.models.release import (
     Release,
     ReleaseCase,
     SlidingPivot,
-    SlidingPivotRelease,
     SteppedRelease,
     TableRelease,
     exact_pivot_release,
@@ -24,6 +23,8 @@ from throwplan.models.release import (
     world_release,
 )
 from throwplan.planner.throw import Throw, case_of
+
+from benchmarks.plain_pivot import PlainPivot
 
 #: Seen from either side of a kink, so far away [s].
 INSIDE = 1e-12
@@ -80,7 +81,7 @@ def test_sliding_pivot_lands_as_by_another_integrator(throw: Throw) -> None:
 @pytest.mark.parametrize("name", ["pose", "near-cup", "flip"])
 def test_sliding_pivot_lands_as_the_models_own_does(throw: Throw) -> None:
     case = throw.case
-    mine, slow = exact_pivot_release(case), SlidingPivotRelease(steps=16_000).release(case)
+    mine, slow = exact_pivot_release(case), PlainPivot(steps=16_000).release(case)
     assert together(landed(throw, mine), landed(throw, slow), 2e-6, 3e-5)
     # The slow one's instants are its steps: known within half a one, and its own error.
     half = case.grip.opening / 16_000 / 2
@@ -138,7 +139,7 @@ def test_friction_that_turns_round_within_a_step(
 @pytest.mark.parametrize("steps", [5, 32, 40])
 def test_relative_states_are_those_of_plain_runge_kutta(steps: int, throw: Throw) -> None:
     case = throw.case
-    plain = SlidingPivotRelease(steps=steps).release(case)
+    plain = PlainPivot(steps=steps).release(case)
     states = relative_states(case, np.linspace(0.0, case.grip.opening, steps + 1))
     hand = case.hand.at(plain.times)
     law = SlidingPivot(case.body, case.contact, case.gravity)
@@ -154,7 +155,7 @@ def test_extreme_releases_are_as_good_as_by_a_thousand_even_steps() -> None:
         gravity = 0.0 if rng.random() < 0.2 else rng.uniform(0, 25)
         case = dataclasses.replace(single(values, i), gravity=gravity)
         mine = exact_pivot_release(case)
-        slow, plain = (SlidingPivotRelease(steps=n).release(case) for n in (16_000, 1000))
+        slow, plain = (PlainPivot(steps=n).release(case) for n in (16_000, 1000))
         assert mine.trouble == slow.trouble
         if not mine.trouble:
             errors = [np.abs(r.end - slow.end).max() for r in (mine, plain)]

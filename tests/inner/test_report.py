@@ -185,7 +185,7 @@ THROW = laws.four_throws()[1]
 @pytest.mark.parametrize(
     ("law", "run", "close"),
     [
-        ("sp", SlidingPivotRelease(steps=32, events=True).release, 1e-8),
+        ("sp", SlidingPivotRelease(steps=32).release, 1e-8),
         ("ls", lambda case: laws.extrapolated(SteppedRelease(), 4000, case), 2e-6),
     ],
 )
@@ -206,7 +206,7 @@ def test_a_random_throw_alone_is_the_one_of_the_batch() -> None:
     together = tp.simulate_batch(scene, "sp", steps=200, **throws).detach
     for i in (0, 17, 49):
         case = laws.case_of(throws, i, scene.patch)
-        alone = SlidingPivotRelease(steps=32, events=True).release(case)
+        alone = SlidingPivotRelease(steps=32).release(case)
         assert np.abs(alone.end - together[i]).max() < 1e-4
 
 

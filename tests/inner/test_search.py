@@ -11,12 +11,13 @@ import pytest
 import throwplan as tp
 from scipy.interpolate import BPoly
 from throwplan.models import Trajectory
-from throwplan.models.release import SlidingPivotRelease
 from throwplan.planner.ocp import Refinement
 from throwplan.planner.search.samples import Releases, ReleaseSampler, starts, stored_releases
 from throwplan.planner.throw import case_of, make_manipulator
 from throwplan.planner.throw.clearance import column_distance
 from throwplan.planner.verdict import FLYING, Code, Finding, Verdict
+
+from benchmarks.plain_pivot import PlainPivot
 
 ARRAYS = ("q", "dq", "ddq", "run_up", "detach")
 
@@ -67,7 +68,7 @@ def test_sampled_releases_are_feasible_and_thrown_as_the_exact_model_throws(name
         path = Trajectory.cubics(
             ends, table.q[[i]], table.dq[[i]], table.ddq[[i]], 0 * table.q[[i]]
         )
-        release = SlidingPivotRelease(steps=400).release(case_of(scene, manipulator.hand(path)))
+        release = PlainPivot(steps=400).release(case_of(scene, manipulator.hand(path)))
         if not release.trouble:
             end = scene.flight.after(release.detach, time[i])
             assert x[i] == pytest.approx(end.x, abs=6e-3)

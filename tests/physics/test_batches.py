@@ -33,6 +33,8 @@ from throwplan.models.release import (
 from throwplan.models.release.patch import PatchRelease, disc
 from throwplan.planner.throw import case_of
 
+from benchmarks.plain_pivot import PlainPivot
+
 DROP = tp.load_scene("drop")
 
 
@@ -68,8 +70,8 @@ def landing(detach: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize(
     ("model", "exact", "position", "angle"),
     [
-        ("sp", SlidingPivotRelease(steps=300, events=True), 1e-4, 0.1),
-        ("sp-paper", SlidingPivotRelease("paper", steps=300, events=True), 1e-3, 0.2),
+        ("sp", SlidingPivotRelease(steps=300), 1e-4, 0.1),
+        ("sp-paper", SlidingPivotRelease("paper", steps=300), 1e-3, 0.2),
         ("ls-step", SteppedRelease(8000), 1e-3, 0.5),
     ],
 )
@@ -85,7 +87,7 @@ def test_a_batch_lands_where_the_single_models_do(model, exact, position, angle)
 @pytest.mark.parametrize("delayed", [False, True])
 @pytest.mark.parametrize(
     ("model", "exact"),
-    [("sp", SlidingPivotRelease(steps=300, events=True)), ("ls-step", SteppedRelease(8000))],
+    [("sp", SlidingPivotRelease(steps=300)), ("ls-step", SteppedRelease(8000))],
 )
 def test_sampled_hands_throw_as_each_by_itself(model, exact, delayed: bool) -> None:
     """Hands through samples of their own, and one hand that opens at other times."""
@@ -227,7 +229,7 @@ def test_trouble_is_what_the_single_model_says() -> None:
     values["contact"]["friction"][::4] = 0.02
     values["gripper"]["opening"][::4] = 0.3
     result = tp.simulate_batch(DROP, **values)
-    alone = [SlidingPivotRelease().release(single(values, i)).trouble for i in range(24)]
+    alone = [PlainPivot().release(single(values, i)).trouble for i in range(24)]
     assert list(result.trouble) == alone
     assert 0 < (result.trouble == "").sum() < 24
     assert (tp.simulate_batch(DROP, "ls-step", **values).trouble == "").all()
@@ -260,8 +262,8 @@ def test_no_nan_in_extreme_throws(model, steps) -> None:
 @pytest.mark.parametrize(
     ("model", "count"),
     [
-        (SlidingPivotRelease(), 60),
-        (SlidingPivotRelease("paper"), 60),
+        (PlainPivot(), 60),
+        (PlainPivot("paper"), 60),
         (KarnoppRelease(), 60),
         (ImplicitRelease(rtol=1e-5, atol=1e-7), 4),
     ],
@@ -281,7 +283,7 @@ def test_a_body_that_slides_out_of_the_pads_is_reported() -> None:
         LinearRelease(1.0, 0.0, 1.0),
         Trajectory.accelerating((0.0, 0.0, 0.0)),
     )
-    release = SlidingPivotRelease().release(case)
+    release = PlainPivot().release(case)
     assert "slid out" in release.trouble and "slid out" in exact_pivot_release(case).trouble
     # From then on it falls freely.
     late = release.times > 0.5

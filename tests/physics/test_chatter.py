@@ -74,7 +74,7 @@ def test_explicit_steps_detach_elsewhere_than_all_others(case: ReleaseCase) -> N
     explicit = [KarnoppRelease(half_band=d).release(case).detach.omega for d in (0.0, 0.01)]
     others = [
         model.release(case).detach.omega
-        for model in (ImplicitRelease(), SteppedRelease(), SlidingPivotRelease(events=True))
+        for model in (ImplicitRelease(), SteppedRelease(), SlidingPivotRelease())
     ]
     assert max(explicit) < 1.5 * min(others)
     assert max(others) - min(others) < 0.05

@@ -111,7 +111,7 @@ THROWS = throws_of_cases()
 @pytest.mark.parametrize("name", VALUES)
 @pytest.mark.parametrize("form", FORMS)
 def test_detach_agrees_with_the_independent_implementation(form, name):
-    release = SlidingPivotRelease(form, steps=200, events=True).release(reference_case(name))
+    release = SlidingPivotRelease(form, steps=200).release(reference_case(name))
     found, wanted = release.end, expected(name, f"sp_{form}")
     for part in (slice(0, 2), slice(2, 3), slice(3, 5), slice(5, 6)):
         error = np.linalg.norm(found[part] - wanted[part])
@@ -125,7 +125,7 @@ def test_detach_agrees_with_the_independent_implementation(form, name):
 @pytest.mark.parametrize("form", FORMS)
 def test_published_drops(form):
     """The paper: -1.0 rad/s at 10 cm and -0.15 rad/s at 2 cm; one face slips at once."""
-    model = SlidingPivotRelease(form, steps=200, events=True)
+    model = SlidingPivotRelease(form, steps=200)
     long, short, single = (
         model.release(reference_case(f"drop_{name}"))
         for name in ("h100_faces2", "h020_faces2", "h100_faces1")

@@ -1,21 +1,129 @@
-"""Writing files: complete, or not at all."""
+"""Files: reading with errors that name file, line and value; writing completely or not at all."""
 
 from __future__ import annotations
 
+import csv
 import json
 import math
 import os
 import re
 import shutil
+import stat
 import tempfile
+import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
+from importlib import resources
+from importlib.resources.abc import Traversable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from ..section import InputError
+from ..models import Array
+from .section import LARGEST, InputError, within
+
+#: Largest magnitude and unit of a number in a CSV file, by its column; clocks may count from 1970.
+COLUMNS = {
+    column: (LARGEST[unit], unit)
+    for unit, columns in {
+        "m": ("x", "z", "width", "grasp_offset"),
+        "rad": ("theta", "q", "sent"),
+        "degrees": ("grasp_angle_deg",),
+        "m/s": ("vx", "vz"),
+        "rad/s": ("omega", "dq"),
+        "m/s²": ("ax", "az"),
+        "rad/s²": ("alpha", "ddq"),
+        "N": ("f_N",),
+    }.items()
+    for column in columns
+} | dict.fromkeys(("t", "command", "since_command"), (1e10, "s"))
+
+
+def read_text(path: Path) -> str:
+    """The text of a regular file of at most 200 MB; InputError naming it."""
+    try:
+        known = path.stat()
+        if not (stat.S_ISREG(known.st_mode) or stat.S_ISDIR(known.st_mode)):
+            raise InputError(f"{path}: is no regular file")
+        if known.st_size > 200_000_000:
+            raise InputError(f"{path}: must be at most 200 MB")
+        # Spreadsheets write a byte-order mark; it is no part of the first column.
+        return path.read_text(encoding="utf-8-sig")
+    except FileNotFoundError:
+        raise InputError(f"{path}: no such file") from None
+    except InputError:
+        raise
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or "is not a text file"
+        raise InputError(f"{path}: {reason}") from None
+
+
+def shipped(kind: str) -> dict[str, Traversable]:
+    """The TOML files in the package's folder `kind`, by name."""
+    entries = sorted((resources.files("throwplan.problems") / kind).iterdir(), key=lambda e: e.name)
+    return {e.name.removesuffix(".toml"): e for e in entries if e.name.endswith(".toml")}
+
+
+def toml_tables(text: str, place: str) -> dict[str, Any]:
+    """TOML as tables; InputError naming `place`."""
+    # A text of this length is parsed in a second, unless dotted keys are nested deep.
+    if len(text) > 1_000_000:
+        raise InputError(f"{place}: must be at most 1 MB")
+    too_deep = InputError(f"{place}: broken TOML: tables nested too deep")
+    if re.search(r"""(?<![\w-])(?:(?:[\w-]+|"[^"\n]*"|'[^'\n]*')[ \t]*\.[ \t]*){50}""", text):
+        raise too_deep
+    try:
+        return tomllib.loads(text)
+    except RecursionError:
+        raise too_deep from None
+    except ValueError as error:
+        reason = "a number has too many digits" if "digits" in str(error) else error
+        raise InputError(f"{place}: broken TOML: {reason}") from None
+
+
+def csv_lines(path: Path) -> tuple[list[str], list[tuple[int, list[str]]]]:
+    """The first line's cells, and the number and cells of the others that are not empty."""
+    try:
+        lines = list(csv.reader(read_text(path).splitlines())) or [[]]
+    except csv.Error as error:
+        raise InputError(f"{path}: {error}") from None
+    rows = [(number, line) for number, line in enumerate(lines[1:], start=2) if line]
+    return [cell.strip() for cell in lines[0]], rows
+
+
+def read_csv(key: str, name: str, folder: Path | None, columns: tuple[str, ...]) -> Array:
+    """The named columns of a CSV file (K, n); InputError naming file, line, column and value."""
+    with within(f"{key} = ", ""):
+        header, rows = csv_lines((folder or Path()) / name)
+    missing = [column for column in columns if column not in header]
+    if missing:
+        named = f"{', '.join(columns[:-1])} and {columns[-1]}"
+        named += ", parted by commas" if len(header) == 1 else ""
+        raise InputError(
+            f"{key} = {name}: the first line must name the columns {named} "
+            f"({missing[0]} is missing)"
+        )
+    found = []
+    for number, row in rows:
+        cells = row + [""] * (len(header) - len(row))
+        with within(f"{key} = {name}: line {number}"):
+            found.append([table_number(c, cells[header.index(c)]) for c in columns])
+    return np.array(found, float).reshape(-1, len(columns))
+
+
+def table_number(column: str, word: str) -> float:
+    """A number in a column of a CSV file; InputError outside the range of throws."""
+    try:
+        value = float(word)
+    except ValueError:
+        value = math.nan
+    if not math.isfinite(value):
+        raise InputError(f"{column} = {word!r}: must be a finite number")
+    most, unit = COLUMNS[column.rstrip("0123456789")]  # Joints are numbered.
+    if abs(value) > most:
+        raise InputError(f"{column} = {value:g}: must be within -{most:g} and {most:g} {unit}")
+    return value
 
 
 def toml_lines(
@@ -26,6 +134,10 @@ def toml_lines(
     meanings: by the name of the section, then by key; "" is the meaning of the section itself.
     place: name of the table's section, empty at the top.
     """
+
+    def remarked(line: str, remark: str | None) -> str:
+        return f"{line} # {remark}" if remark else line
+
     about, lines, inner = meanings.get(place, {}), list[str](), list[str]()
     for key, value in table.items():
         name = f"{place}.{toml_key(key)}" if place else toml_key(key)
@@ -33,16 +145,12 @@ def toml_lines(
         heading = f"[[{name}]]" if rows else f"[{name}]"
         for row in rows or ([value] if isinstance(value, dict) else []):
             said = meanings.get(name, {}).get("")
-            inner += ["", _remarked(heading, said), *toml_lines(row, meanings, name)]
+            inner += ["", remarked(heading, said), *toml_lines(row, meanings, name)]
         if not rows and not isinstance(value, dict):
             # TOML's texts have JSON's escapes; repr keeps every digit of a number.
             text = json.dumps(value, ensure_ascii=False) if isinstance(value, str) else repr(value)
-            lines.append(_remarked(f"{toml_key(key)} = {text}", about.get(key)))
+            lines.append(remarked(f"{toml_key(key)} = {text}", about.get(key)))
     return lines + inner
-
-
-def _remarked(line: str, remark: str | None) -> str:
-    return f"{line} # {remark}" if remark else line
 
 
 def toml_key(name: str) -> str:
