@@ -13,11 +13,6 @@ from ..models import Array
 from ..models.release import GripProfile, LinearRelease, TableRelease
 from .section import InputError, Section, from_table, optional, quantity, within
 
-#: Largest mass [kg] of an object in a file; larger values are likely in grams.
-HEAVIEST = 50.0
-#: Default radius [m] of the pads' patch, that of the built-in Panda scenes.
-USUAL_PATCH = 0.0025
-
 
 @dataclasses.dataclass(frozen=True)
 class ThrownObject(Section):
@@ -85,10 +80,8 @@ class ThrownObject(Section):
 def held_object(table: Mapping[str, Any]) -> ThrownObject:
     """The object of a file's table, in SI units; InputError for a mass that no hand can hold."""
     thrown: ThrownObject = from_table(ThrownObject, table)
-    if thrown.mass > HEAVIEST:
-        raise InputError(
-            f"mass = {thrown.mass:g}: must be in kg, at most {HEAVIEST:g} (is it in grams?)"
-        )
+    if thrown.mass > 50:
+        raise InputError(f"mass = {thrown.mass:g}: must be in kg, at most 50 (is it in grams?)")
     return thrown
 
 
@@ -138,13 +131,13 @@ class PadContact(Section):
     )
 
     def check(self) -> None:
-        """Assumes the default patch radius if none is given."""
+        """Assumes the patch radius of the built-in Panda scenes if none is given."""
         if self.patch_radius is None:
             words = (
-                f"patch_radius is left out: {USUAL_PATCH:g} m is taken; better press the closed "
-                "pads on inked paper and measure the print, or fit it by `throwplan identify`"
+                "patch_radius is left out: 0.0025 m is taken; better press the closed pads on "
+                "inked paper and measure the print, or fit it by `throwplan identify`"
             )
-            self.assume("patch_radius", USUAL_PATCH, words)
+            self.assume("patch_radius", 0.0025, words)
 
 
 @dataclasses.dataclass(frozen=True)

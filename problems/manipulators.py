@@ -115,13 +115,11 @@ class Robot(Section):
 
 
 def thrown_by(robot: Robot, arm: Arm) -> tuple[int, ...]:
-    """The throwing joints: the scene's, else the arm's."""
-    return arm.throwing_joints if robot.throwing_joints is None else robot.throwing_joints
+    """The throwing joints: the scene's, else the arm's.
 
-
-def check_robot(robot: Robot, arm: Arm) -> None:
-    """InputError for throwing joints or a start that the arm does not have."""
-    joints = thrown_by(robot, arm)
+    InputError for joints, a start or a tool speed that the arm does not have.
+    """
+    joints = arm.throwing_joints if robot.throwing_joints is None else robot.throwing_joints
     if not joints:
         raise InputError("[robot] throwing_joints = []: must name at least one joint")
     for joint in joints:
@@ -138,7 +136,7 @@ def check_robot(robot: Robot, arm: Arm) -> None:
             f"tool_speed of {file}"
         )
     if robot.start is None:
-        return
+        return joints
     if len(robot.start) != len(joints):
         given = [round(math.degrees(angle), 6) for angle in robot.start]
         raise InputError(f"[robot] start_deg = {given}: must be a list of {len(joints)} angles")
@@ -149,6 +147,7 @@ def check_robot(robot: Robot, arm: Arm) -> None:
                 f"[robot] start_deg: joint {joint} at {math.degrees(angle):.1f} is outside "
                 f"[{math.degrees(low):.1f}, {math.degrees(high):.1f}]"
             )
+    return joints
 
 
 @dataclasses.dataclass(frozen=True)
@@ -184,7 +183,7 @@ def check_torque(torque: Torque, robot: Robot | None, arm: Arm | None) -> None:
         raise InputError("[torque]: only for a scene with [robot]")
     if not arm.links:
         raise InputError(f"[torque]: arm {arm.name} has no link masses ('links' in its data file)")
-    count = len(thrown_by(robot, arm))
+    count = len(arm.throwing_joints)
     if torque.limits is not None and len(torque.limits) != count:
         raise InputError(f"[torque] limits = {list(torque.limits)}: must be a list of {count}")
 

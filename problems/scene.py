@@ -17,7 +17,7 @@ from ..models import Body, Contact, FlightLaw
 from ..models.robot import Arm
 from .arms import arm_table, load_arm, load_gripper
 from .grip import Grasp, Gripper, PadContact, ThrownObject
-from .manipulators import Hand, Motion, Robot, Torque, check_robot, check_torque, thrown_by
+from .manipulators import Hand, Motion, Robot, Torque, check_torque, thrown_by
 from .section import (
     InputError,
     Mistakes,
@@ -116,7 +116,6 @@ class Scene(Section):
         if self.target is not None and self.robot is None and self.target.y != 0:
             raise InputError("[target] y: only for a scene with [robot]")
         if self.robot is not None and self.arm is not None:
-            check_robot(self.robot, self.arm)
             joints = thrown_by(self.robot, self.arm)
             if joints != self.arm.throwing_joints:
                 arm = dataclasses.replace(self.arm, throwing_joints=joints)

@@ -86,12 +86,6 @@ class Distribution(Section):
         return self.expected - half, self.expected + half
 
 
-#: Range of a positive value, as shares of the scene's value.
-SHARES = (0.01, 100.0)
-#: The positive values, in the order of `Uncertainty`.
-SCALED = ("opening", "friction", "patch_radius", "mass", "inertia")
-
-
 @dataclasses.dataclass(frozen=True)
 class Parameter:
     """Rules of one uncertain value.
@@ -108,7 +102,7 @@ class Parameter:
     def range(self, value: float) -> tuple[float, float]:
         """Lowest and highest possible value, for the scene's own."""
         if self.scaled:
-            return SHARES[0] * value, SHARES[1] * value
+            return 0.01 * value, 100.0 * value
         return value - self.most, value + self.most
 
 
@@ -240,7 +234,7 @@ Uncertainty.PARAMETERS = {
     field.name: Parameter(
         section.file_key(field.name, field.metadata),
         field.metadata["degrees"],
-        field.name in SCALED,
+        field.name in ("opening", "friction", "patch_radius", "mass", "inertia"),
         field.metadata.get("most", 0.0),
     )
     for field in dataclasses.fields(Uncertainty)

@@ -18,7 +18,6 @@ from .grip import GripProfile
 #: Reasons not to trust a release.
 LOST = "the body slid out of the pads before they let go"
 BLEW_UP = "the steps blew up: needs more steps"
-UNSOLVED = "a step of the patch was not solved"
 #: Slip [m] beyond h at which the body has left the pads. By the published law a body that continues
 #: to slide under a turning hand would run away.
 LOST_SLIP = 0.1

@@ -31,21 +31,13 @@ from typing import Any
 import numpy as np
 
 from ..body import Array, Body, Contact, Flags, HandSamples, sticking_state
-from .cases import (
-    UNSOLVED,
-    BatchRelease,
-    Release,
-    ReleaseBatch,
-    ReleaseCase,
-    by_chunks,
-    failed,
-    onsets,
-)
+from .cases import BatchRelease, Release, ReleaseBatch, ReleaseCase, by_chunks, failed, onsets
 
 #: Speed [m/s] at which a rigid point has half of its friction; it has 99 % at 99 CREEP. Its error
 #: of landings is up to 0.03 mm at 1e-9 and below 0.001 mm at 1e-12; 1e-13 takes up to twice the
 #: iterations.
 CREEP = 1e-12
+UNSOLVED = "a step of the patch was not solved"
 #: Throws of a chunk: arrays of points times throws fit the cache, and products are below 64^3,
 #: above which BLAS uses threads that wait ten times longer on a busy machine.
 PATCH_CHUNK = 112
@@ -115,9 +107,8 @@ class SlipProblem:
     y_i (creep + |u_i|) = u_i + creep * memory_i.
 
     mass K (N, 3, 3); free b (3, N); limit (N,) [N s]; creep (N,) [m/s]; memory (2, P, N).
-    The third slip is spin as a speed. The equations are strongly monotone for
-    |memory_i| <= 1, so there is one solution. Without memory they are the gradient of a
-    convex function, friction's work with |u| rounded over `creep`.
+    The third slip is spin as a speed. The equations are strongly monotone for |memory_i| <= 1, so
+    there is one solution.
     """
 
     mass: Array

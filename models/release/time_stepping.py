@@ -165,12 +165,7 @@ class LimitSurfaceStepping:
         )
 
     def problem(
-        self,
-        state: Value,
-        end: HandSamples,
-        lever: Lever,
-        normal_force: Value,
-        dt: Value,
+        self, state: Value, end: HandSamples, lever: Lever, normal_force: Value, dt: Value
     ) -> ImpulseProblem:
         """The problem whose solution is the contact impulse of one step."""
         _, _, _, v_x, v_z, omega = components(state)

@@ -13,10 +13,4 @@ from .arm import (
     placement,
 )
 from .capsules import ArmCapsules, Solid, about_z, segment_distance
-from .kinematics import (
-    PlanarArm,
-    PlanarDynamics,
-    PlanarHand,
-    flange_velocity,
-    hand_motion,
-)
+from .kinematics import PlanarArm, PlanarDynamics, PlanarHand, flange_velocity, hand_motion

@@ -94,11 +94,7 @@ class PlanarArm:
         for link, *turned in zip(self.links, angles, rates, turns, strict=True):
             joint = link_end(joint, link, turned)
         x, z, v_x, v_z, a_x, a_z = joint
-        return (
-            [x, z, self.theta + angles[-1]],
-            [v_x, v_z, rates[-1]],
-            [a_x, a_z, turns[-1]],
-        )
+        return ([x, z, self.theta + angles[-1]], [v_x, v_z, rates[-1]], [a_x, a_z, turns[-1]])
 
     def link_starts(self, angles: Sequence[Value]) -> list[tuple[Value, Value, Value, Value]]:
         """x, z [m] of each link's joint, and cosine and sine of the link's angle."""

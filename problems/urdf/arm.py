@@ -74,11 +74,10 @@ def limits_of(chain: UrdfChain, given: Mapping[str, Given]) -> JointLimits:
         values = [a if b is None else b for a, b in zip(own, more, strict=True)]
         lacking = [joint for joint, v in zip(chain.names, values, strict=True) if v is None]
         if lacking:
-            who = "all joints" if len(lacking) == len(values) else ", ".join(lacking)
-            missing.append(f"{option} ({name} of {who})")
-            proposals[option] = [PROPOSED[name] if v is None else "-" for v in values]
-            if len(lacking) == len(values):
-                proposals[option] = [PROPOSED[name]]
+            every = len(lacking) == len(values)
+            missing.append(f"{option} ({name} of {'all joints' if every else ', '.join(lacking)})")
+            proposed = [PROPOSED[name] if v is None else "-" for v in values]
+            proposals[option] = proposed[:1] if every else proposed
         limits[name] = tuple(v for v in values if v is not None)
     if missing:
         raise MissingOptionError(
@@ -90,14 +89,11 @@ def limits_of(chain: UrdfChain, given: Mapping[str, Given]) -> JointLimits:
         for joint, value in zip(chain.names, limits[name], strict=True):
             if not name.startswith("position") and value <= 0:
                 raise InputError(f"{option}: {value:g} for '{joint}': must be above 0")
-    for joint, *ends in zip(
-        chain.names, limits["position_min"], limits["position_max"], strict=True
-    ):
+    low, high, velocity, acceleration, jerk, torque = (limits[name] for name in LIMIT_OPTIONS)
+    for joint, *ends in zip(chain.names, low, high, strict=True):
         if ends[0] >= ends[1]:
             first, last = map(math.degrees, ends)
-            words = f"{first:g} for '{joint}': must be below {last:g}"
-            raise InputError(f"--position-min-deg: {words}")
-    low, high, velocity, acceleration, jerk, torque = (limits[name] for name in LIMIT_OPTIONS)
+            raise InputError(f"--position-min-deg: {first:g} for '{joint}': must be below {last:g}")
     return JointLimits(low, high, velocity, acceleration, jerk, torque)
 
 
