@@ -210,6 +210,10 @@ def _attempt(problems: NlpCache, start: Start, task: Task) -> Attempt:
                 )
                 throw, edge = _where_it_lands(throw, start.goal, names)
                 judged = verdict(throw.deciding, edge.pose)
+            elif start.elastic:
+                # No other NLP has the variables of its solution.
+                lands = throw.planned_landing
+                throw = replace(throw, nlp=None, solution=None, landing_of_nlp=lands)
         reason = judged.words
     return Attempt(
         start.goal,

@@ -99,8 +99,9 @@ class Search:
     def neighbours(self) -> Iterator[Neighbour]:
         """Solved throws near the target: the warm plan's and the library's, nearest first."""
         near = self._nearest(self.context.library, self.moves)
-        same = self._nearest(self.context.found, 1, KNOWN)
-        return merge(self._warm_neighbour, same, near, key=lambda one: one.distance)
+        # A landing that was named as the nearest possible is planned by the throw that lands there.
+        named = (one for one in self._nearest(self.context.found, 1, KNOWN) if one.optimum.binding)
+        return merge(self._warm_neighbour, named, near, key=lambda one: one.distance)
 
     def _nearest(self, throws: Library, count: int, within: float = NEARBY) -> Iterator[Neighbour]:
         """At most `count` solved throws with a pose error below `within` [m], nearest first."""

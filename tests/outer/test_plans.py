@@ -250,7 +250,7 @@ def test_the_nearest_is_possible_and_no_more_is(hand_box) -> None:
         ("pose", 1.9, 30.0),
         ("pose", 0.8, -250.0),
         ("near-cup", 0.1, -90.0),
-        ("near-cup", 0.9, 340.0),
+        ("near-cup", 0.9, 330.0),
         pytest.param("box", 2.5, None, marks=pytest.mark.slow),
         pytest.param("ur5e", 2.6, 20.0, marks=pytest.mark.slow),
     ],
@@ -261,8 +261,11 @@ def test_the_nearest_can_be_planned_by_another_planner(scene, x, degrees) -> Non
     theta = None if degrees is None else math.radians(degrees)
     plan = tp.Planner(loaded, library=False).plan(loaded.target.in_plane(x, theta), patience=90.0)
     assert plan.status == "out_of_reach" and plan.binding, plan.message
-    again = tp.Planner(loaded, library=False).plan(plan.nearest, patience=90.0)
+    planner = tp.Planner(loaded, library=False)
+    again = planner.plan(plan.nearest, patience=90.0)
     assert again.solved, again.message
+    # Some of these come from an NLP whose landing may miss, which has variables of its own.
+    assert planner.plan(plan.nearest, warm=again, patience=90.0).solved
 
 
 @pytest.mark.parametrize(("x", "degrees"), [(-2.111, 153.9), (1.259, -173.4)])
