@@ -86,6 +86,10 @@ class Distribution(Section):
         return self.expected - half, self.expected + half
 
 
+#: Range of a positive value, as shares of the scene's value.
+SHARES = (0.01, 100.0)
+
+
 @dataclasses.dataclass(frozen=True)
 class Parameter:
     """Rules of one uncertain value.
@@ -102,7 +106,7 @@ class Parameter:
     def range(self, value: float) -> tuple[float, float]:
         """Lowest and highest possible value, for the scene's own."""
         if self.scaled:
-            return 0.01 * value, 100.0 * value
+            return SHARES[0] * value, SHARES[1] * value
         return value - self.most, value + self.most
 
 

@@ -11,7 +11,6 @@ from .sliding_pivot import (
     SlidingPivot,
     SlidingPivotRelease,
     Widths,
-    march,
     soft_positive,
     world_release,
 )

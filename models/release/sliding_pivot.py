@@ -12,7 +12,7 @@ The CoM seen from the hand is r = s + h (cos theta, sin theta).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
 from typing import Literal
@@ -233,9 +233,7 @@ class SlidingPivotRelease:
             return compiled_batch("sliding_pivot", part, _shares(part, steps), gap)
 
         def chunk(throws: ReleaseBatch) -> BatchRelease:
-            shares = _shares(throws, steps)
-            at = (throws.opening, throws.grasp_angle, throws.hands.at)
-            state, lost = march(self._law(throws), shares, *at, throws.forces(shares), gap)
+            state, lost = _march(self._law(throws), throws, _shares(throws, steps), gap)
             return BatchRelease(np.array(state).T, np.broadcast_to(lost, throws.count).copy())
 
         return by_chunks(part, chunk)
@@ -261,23 +259,17 @@ def _shares(batch: ReleaseBatch, steps: int) -> Array:
     return both
 
 
-def march(
-    law: SlidingPivot,
-    shares: Array,
-    duration: Value,
-    grasp_angle: Value,
-    hands: Callable[[Value], HandSamples],
-    forces: Sequence[Value] | Array,
-    gap: float = 0.0,
+def _march(
+    law: SlidingPivot, batch: ReleaseBatch, shares: Array, gap: float
 ) -> tuple[list[Value], Value]:
     """CoM state at detach (6 values), and whether the body was lost before, of N releases.
 
-    shares: of the duration [s], at ends and middles of K steps, (2 K + 1,) or (2 K + 1, N); hands:
-    the hands at a time [s]; forces [N]: at the shares; gap [s]: as in `compiled_batch`.
+    shares, gap: as in `compiled_batch`.
     """
+    hands, forces, duration = batch.hands.at, batch.forces(shares), batch.opening
     end = hands(shares[0] * duration)
     zero, lost = 0.0 * end.pose[2], np.asarray(False)
-    state = [zero, zero, zero + grasp_angle, zero, zero, zero]
+    state = [zero, zero, zero + batch.grasp_angle, zero, zero, zero]
     for k in range(0, len(shares) - 2, 2):
         start = end
         begin, finish = shares[k] * duration, shares[k + 2] * duration

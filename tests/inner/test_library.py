@@ -145,7 +145,8 @@ def test_its_slopes_are_those_of_the_optimum(plain: tp.Planner, prepared: tp.Pla
     costs = []
     for step in (0.002, 0.004):
         near = target.in_plane(target.plane_x + step, target.theta)
-        moved, solved = plain.plan(near, warm=first), plain.plan(near, solver="fatrop")
+        moved = plain.plan(near, warm=first)
+        solved = plain.plan(near, warm=first, solver="fatrop")
         assert moved.solver == "corrector" and solved.solver == "fatrop"
         costs.append(moved.throw.effort / solved.throw.effort - 1)
     # It is off by the second order.

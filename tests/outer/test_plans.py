@@ -113,10 +113,13 @@ def test_motion_csv_keeps_every_limit_and_rests_at_both_ends(name, saved, table)
 
 
 @pytest.mark.parametrize("name", ["hand-flip", "pose", "cup"])
-def test_ipopt_lands_the_same(name, plan_of) -> None:
-    other = tp.plan(name, solver="ipopt").to_dict()
+def test_ipopt_lands_the_same(name) -> None:
+    """From the same motion, so that it is the same optimum."""
+    planner = tp.Planner(name)
+    plan = planner.plan(solver="fatrop")
+    other = planner.plan(solver="ipopt", warm=plan).to_dict()
     assert (other["status"], other["solver"]["name"]) == ("solved", "ipopt")
-    mine = plan_of(name).to_dict()["landing"]["exact"]
+    mine = plan.to_dict()["landing"]["exact"]
     theirs = other["landing"]["exact"]
     assert mine["x"] == pytest.approx(theirs["x"], abs=2.5e-4)
     assert mine["theta"] == pytest.approx(theirs["theta"], abs=1e-3)
@@ -247,7 +250,7 @@ def test_the_nearest_is_possible_and_no_more_is(hand_box) -> None:
         ("pose", 1.9, 30.0),
         ("pose", 0.8, -250.0),
         ("near-cup", 0.1, -90.0),
-        ("near-cup", 0.9, 340.0),
+        ("near-cup", 0.9, 330.0),
         pytest.param("box", 2.5, None, marks=pytest.mark.slow),
         pytest.param("ur5e", 2.6, 20.0, marks=pytest.mark.slow),
     ],
@@ -258,8 +261,11 @@ def test_the_nearest_can_be_planned_by_another_planner(scene, x, degrees) -> Non
     theta = None if degrees is None else math.radians(degrees)
     plan = tp.Planner(loaded, library=False).plan(loaded.target.in_plane(x, theta), patience=90.0)
     assert plan.status == "out_of_reach" and plan.binding, plan.message
-    again = tp.Planner(loaded, library=False).plan(plan.nearest, patience=90.0)
+    planner = tp.Planner(loaded, library=False)
+    again = planner.plan(plan.nearest, patience=90.0)
     assert again.solved, again.message
+    # Some of these come from an NLP whose landing may miss, which has variables of its own.
+    assert planner.plan(plan.nearest, warm=again, patience=90.0).solved
 
 
 @pytest.mark.parametrize(("x", "degrees"), [(-2.111, 153.9), (1.259, -173.4)])
