@@ -82,16 +82,14 @@ class _GroupFunctions:
 class StageFunctions:
     """CasADi functions of (v, d, p): a kind's variables, its stage's data, all parameters.
 
-    Their outputs are the cost, -F_k, and the constraints; those of groups come last.
+    The outputs are -F_k and the constraints; those of groups come last.
     """
 
     def __init__(self, stage: Stage, parameters: ca.SX, name: str) -> None:
         self._stage, self._name = stage, name
-        self._outputs = ca.vertcat(
-            stage.cost,
-            *[-state for state in stage.following.values()],
-            *[row.value for row in stage.rows],
-        )
+        rows = [row.value for row in stage.rows]
+        outputs = ca.vertcat(*[-state for state in stage.following.values()], *rows)
+        self._outputs = ca.vertcat(stage.cost, outputs)
         everything = ca.vertcat(stage.variables, *[symbol for symbol, _ in stage.lifted])
         self._groups = [
             _GroupFunctions(group, everything, parameters, f"{name}_{i}")
@@ -101,7 +99,7 @@ class StageFunctions:
         self._inputs = [stage.variables, data, parameters]
         self._multipliers = ca.SX.sym("l", self._outputs.numel())
         arguments = [everything[group.indices] for group in self._groups]
-        once = substitute_lifted([self._outputs, *arguments], stage.lifted)
+        once = substitute_lifted([stage.cost, outputs, *arguments], stage.lifted)
         self._once = self._function("once", [], once)
 
     def _function(self, name: str, more: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
@@ -125,25 +123,25 @@ class StageFunctions:
 
     @cached_property
     def value(self) -> ca.Function:
-        """(v, d, p) -> outputs."""
-        return self._joined("value", lambda v, d, p: [self._values(v, d, p)[0]])
+        """(v, d, p) -> cost, outputs."""
+        return self._joined("value", lambda v, d, p: self._values(v, d, p)[:2])
 
-    def _values(self, v: ca.MX, d: ca.MX, p: ca.MX) -> tuple[ca.MX, list[ca.MX]]:
-        """Outputs, and the arguments of each group."""
-        once = self._once.call([v, d, p])
-        pairs = zip(self._groups, once[1:], strict=True)
+    def _values(self, v: ca.MX, d: ca.MX, p: ca.MX) -> list[ca.MX]:
+        """Cost, outputs, and the arguments of each group."""
+        cost, once, *arguments = self._once.call([v, d, p])
+        pairs = zip(self._groups, arguments, strict=True)
         of_groups = [ca.vec(group.value(z, p)) for group, z in pairs]
-        return ca.vertcat(once[0], *of_groups), once[1:]
+        return [cost, ca.vertcat(once, *of_groups), *arguments]
 
     @cached_property
     def jacobian(self) -> ca.Function:
-        """(v, d, p) -> outputs, Jacobian of all but the cost."""
-        counts = [self._outputs.numel(), *(len(group.indices) for group in self._groups)]
-        parts = ca.vertsplit(self._derivatives[0], np.cumsum([0, *counts]).tolist())
-        chain = self._function("chain", [], [parts[0][1:, :], *parts[1:]])
+        """(v, d, p) -> outputs, their Jacobian."""
+        counts = [1, self._outputs.numel() - 1, *(len(group.indices) for group in self._groups)]
+        parts = ca.vertsplit(self._derivatives[0], [0, *np.cumsum(counts).tolist()])
+        chain = self._function("chain", [], parts[1:])
 
         def outputs(v: ca.MX, d: ca.MX, p: ca.MX) -> list[ca.MX]:
-            values, arguments = self._values(v, d, p)
+            _, values, *arguments = self._values(v, d, p)
             first, *dz_dv = chain.call([v, d, p])
             triples = zip(self._groups, arguments, dz_dv, strict=True)
             blocks = [group.jacobian(z, p).T @ slope for group, z, slope in triples]
@@ -158,7 +156,7 @@ class StageFunctions:
 
     @cached_property
     def hessian(self) -> ca.Function:
-        """(v, d, p, multipliers of the outputs) -> gradient (dense) and Hessian of the
+        """(v, d, p, multipliers of cost and outputs) -> gradient (dense) and Hessian of the
         Lagrangian."""
         _, gradient, hessian = self._derivatives
         sums = [symbol for group in self._groups for symbol in (group.gradient, group.hessian)]
@@ -167,7 +165,7 @@ class StageFunctions:
 
         def outputs(v: ca.MX, d: ca.MX, p: ca.MX, multipliers: ca.MX) -> list[ca.MX]:
             first, *parts = ca.vertsplit(multipliers, np.cumsum([0, *counts]).tolist())
-            inputs, arguments = [v, d, p, first], self._once.call([v, d, p])[1:]
+            inputs, arguments = [v, d, p, first], self._once.call([v, d, p])[2:]
             for group, z, part in zip(self._groups, arguments, parts, strict=True):
                 inputs += group.lagrangian(z, p, ca.reshape(part, group.shape))
             return list(whole.call(inputs))
@@ -237,6 +235,10 @@ class Link:
     gap: slice
     rows: slice
     data: list[int]
+
+    def arguments(self, x: ca.MX, p: ca.MX) -> list[ca.MX]:
+        """(v, d, p) of its functions."""
+        return [x[self.v], p[self.data], p]
 
 
 @dataclass(frozen=True)
@@ -320,37 +322,16 @@ def assemble(stages: list[Stage], parameters: Parameters, landing: ca.SX, at: in
         parts = slice(begin, end), slice(gap, first), slice(first, len(rows))
         links.append(Link(kinds[id(stage)], stage, *parts, data))
     x, p = ca.MX.sym("x", end), ca.MX.sym("p", symbol.numel())
-    values = [_split(link.functions.value(*_at(link, x, p))) for link in links]
+    values = [link.functions.value(*link.arguments(x, p)) for link in links]
     costs, outputs = zip(*values, strict=True)
-    pose = ca.Function(
-        "pose", [stages[at].variables, symbol], substitute_lifted([landing], stages[at].lifted)
-    )
+    problem = {"x": x, "p": p, "f": sum(costs[1:], costs[0])}
+    problem["g"] = _ahead(links) @ x + ca.vertcat(*outputs)
+    expanded = substitute_lifted([landing], stages[at].lifted)
+    pose = ca.Function("pose", [stages[at].variables, symbol], expanded)
+    landed = ca.Function("landing", [x, p], [pose(x[links[at].v], p)])
     names, low, high = zip(*rows, strict=True)
-    return Nlp(
-        {
-            "x": x,
-            "p": p,
-            "f": sum(costs[1:], costs[0]),
-            "g": _ahead(links) @ x + ca.vertcat(*outputs),
-        },
-        parameters,
-        links,
-        layout,
-        list(names),
-        np.array(low),
-        np.array(high),
-        ca.Function("landing", [x, p], [pose(x[links[at].v], p)]),
-    )
-
-
-def _at(link: Link, x: ca.MX, p: ca.MX) -> list[ca.MX]:
-    """The arguments (v, d, p) of a stage's functions."""
-    return [x[link.v], p[link.data], p]
-
-
-def _split(outputs: ca.MX) -> list[ca.MX]:
-    """A stage's cost, and its other outputs."""
-    return list(ca.vertsplit(outputs, [0, 1, outputs.numel()]))
+    bounds = np.array(low), np.array(high)
+    return Nlp(problem, parameters, links, layout, list(names), *bounds, landed)
 
 
 def _ahead(links: list[Link]) -> ca.DM:
@@ -371,39 +352,44 @@ def nlp_key(nlp: Nlp, solver: str) -> str:
 
 def nlp_functions(nlp: Nlp, solver: str) -> dict[str, ca.Function]:
     """The functions of a solver plug-in, by its names; they replace those it derives itself."""
-    x, p, f, g = (nlp.problem[key] for key in ("x", "p", "f", "g"))
-    lam_f, lam_g, ahead = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", nlp.size[1]), _ahead(nlp.links)
-    calls = [(link, link.functions, _at(link, x, p)) for link in nlp.links]
-    cost = ca.densify(ca.vertcat(*[of.cost_gradient(*at) for _, of, at in calls]))
-    values, slopes = zip(*(of.jacobian(*at) for _, of, at in calls), strict=True)
-    outputs = ca.vertcat(*[_split(value)[1] for value in values])
-    gradients, hessians = zip(
-        *(
-            of.hessian(*at, ca.vertcat(lam_f, lam_g[link.gap.start : link.rows.stop]))
-            for link, of, at in calls
-        ),
-        strict=True,
-    )
-    gradient = ca.densify(ca.vertcat(*gradients) + ahead.T @ lam_g)
-    hessian, at, lagrangian = ca.diagcat(*hessians), ["x", "p"], ["x", "p", "lam_f", "lam_g"]
-    functions = {
-        "nlp_f": (at, {"f": f}),
-        "nlp_g": (at, {"g": g}),
-        "nlp_grad_f": (at, {"grad_f_x": cost}),
-        "nlp_jac_g": (at, {"g": outputs + ahead @ x, "jac_g_x": ca.diagcat(*slopes) + ahead}),
-        "nlp_hess_l": (lagrangian, {"grad_gamma_x": gradient, "hess_gamma_x_x": hessian}),
-        "nlp_grad": (
-            lagrangian,
-            {"f": f, "g": g, "grad_gamma_x": gradient, "grad_gamma_p": ca.MX.zeros(p.numel())},
-        ),
+    x, p, ahead = nlp.problem["x"], nlp.problem["p"], _ahead(nlp.links)
+    lam_f, lam_g = ca.MX.sym("lam_f"), ca.MX.sym("lam_g", nlp.size[1])
+    costs, jacobians, lagrangians = list[ca.MX](), list[Any](), list[Any]()
+    for link in nlp.links:
+        arguments = link.arguments(x, p)
+        multipliers = ca.vertcat(lam_f, lam_g[link.gap.start : link.rows.stop])
+        costs.append(link.functions.cost_gradient(*arguments))
+        jacobians.append(link.functions.jacobian(*arguments))
+        lagrangians.append(link.functions.hessian(*arguments, multipliers))
+    outputs, slopes = zip(*jacobians, strict=True)
+    gradients, hessians = zip(*lagrangians, strict=True)
+    hessian = ca.diagcat(*hessians)
+    values = {
+        **nlp.problem,
+        "lam_f": lam_f,
+        "lam_g": lam_g,
+        "grad_f_x": ca.densify(ca.vertcat(*costs)),
+        "jac_g_x": ca.diagcat(*slopes) + ahead,
+        "grad_gamma_x": ca.densify(ca.vertcat(*gradients) + ahead.T @ lam_g),
+        "grad_gamma_p": ca.MX.zeros(p.numel()),
+        "hess_gamma_x_x": hessian,
+        "triu_hess_gamma_x_x": ca.triu(hessian),
     }
-    if solver == "ipopt":
-        functions["nlp_grad_f"] = (at, {"f": f, "grad_f_x": cost})
-        functions["nlp_hess_l"] = (lagrangian, {"triu_hess_gamma_x_x": ca.triu(hessian)})
-    symbols = {"x": x, "p": p, "lam_f": lam_f, "lam_g": lam_g}
-    return {
-        name: ca.Function(
-            name, [symbols[key] for key in inputs], list(outs.values()), inputs, list(outs)
-        )
-        for name, (inputs, outs) in functions.items()
+    at, lagrangian, ipopt = ["x", "p"], ["x", "p", "lam_f", "lam_g"], solver == "ipopt"
+    bend = ["triu_hess_gamma_x_x"] if ipopt else ["grad_gamma_x", "hess_gamma_x_x"]
+    names = {
+        "nlp_f": (at, ["f"]),
+        "nlp_g": (at, ["g"]),
+        "nlp_grad_f": (at, ["f", "grad_f_x"] if ipopt else ["grad_f_x"]),
+        "nlp_hess_l": (lagrangian, bend),
+        "nlp_grad": (lagrangian, ["f", "g", "grad_gamma_x", "grad_gamma_p"]),
+        "nlp_jac_g": (at, ["g", "jac_g_x"]),
     }
+    functions = {}
+    for name, (inputs, results) in names.items():
+        if name == "nlp_jac_g":
+            # The calls of the stages' Jacobians give g too.
+            values["g"] = ca.vertcat(*outputs) + ahead @ x
+        used = {key: values[key] for key in (*inputs, *results)}
+        functions[name] = ca.Function(name, used, inputs, results)
+    return functions

@@ -26,10 +26,9 @@ from .transcription import UNITS, Ocp, grip_instants
 MISS_PRICE = 100.0
 #: Parts of a carry interval with grip constraints at their ends: without and with lazy "carry".
 INSTANTS = (2, 8)
-#: Share of the largest multiplier above which a limit binds.
-BINDING_SHARE = 0.02
-#: Distance from a bound, in the variable's unit, below which it binds.
-BINDING_DISTANCE = 1e-4
+#: A limit binds above this share of the largest multiplier; a bound, within this distance of it in
+#: the variable's unit.
+BINDING_SHARE, BINDING_DISTANCE = 0.02, 1e-4
 
 
 @dataclass(frozen=True)

@@ -79,8 +79,6 @@ class ThrowProblem:
                 self.scene_constraints(Instant.of(interval, ca.SX(0), "none"))
             for constraint in self.constraints:
                 constraint.in_interval(interval)
-                if interval.phase != "carry":
-                    constraint.in_window(interval)
         landing = self.landing(self.ocp.node(self.ocp.structure.detach))
         self.brake(self.ocp.node(self.ocp.structure.last))
         return landing

@@ -185,9 +185,6 @@ class SceneConstraint:
     def at_rate(self, node: Node, q: ca.SX, dq: ca.SX) -> None:
         """At rates dq of coordinates q."""
 
-    def in_window(self, interval: Interval) -> None:
-        """In each interval from the end of the carry on, the window of a robust request."""
-
     def in_flight(self, flight: Flight) -> None:
         """In the flight from detach to the landing."""
 

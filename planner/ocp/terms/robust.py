@@ -76,14 +76,10 @@ class Quiet(SceneConstraint):
         }
         return cls(values, Robust.QUIET if request.robust == "scenarios" else request.robust)
 
-    def in_window(self, interval: Interval) -> None:
-        """The method's constraints or cost."""
-        if self.method == Robust.QUIET:
-            _price_load(interval)
-            return
-        name, values, bound = METHODS[self.method](interval)
-        for value in values:
-            interval.subject_to(name, value, -bound, bound)
+    def in_interval(self, interval: Interval) -> None:
+        """The method's constraints or cost in the window: after the carry."""
+        if interval.phase != "carry":
+            METHODS[self.method](interval)
 
 
 def _loads(interval: Interval) -> list[list[ca.SX]]:
@@ -109,43 +105,42 @@ def _price_load(interval: Interval) -> None:
         interval.add_objective(price * share / 2 * squared)
 
 
-#: Constraints of an interval: their name, values, and the bound of the values' size.
-Bounded = tuple[str, list[ca.SX], float]
+def _exclude_load(interval: Interval) -> None:
+    """Constrains the load to zero."""
+    for load in _loads(interval):
+        for value in load:
+            interval.subject_to("quiet release", value / interval.p("quiet_none"), -1.0, 1.0)
 
 
-def _no_load(interval: Interval) -> Bounded:
-    """The load is zero."""
-    values = [value for load in _loads(interval) for value in load]
-    return "quiet release", [value / interval.p("quiet_none") for value in values], 1.0
-
-
-def _constant_hand_velocity(interval: Interval) -> Bounded:
+def _keep_hand_velocity(interval: Interval) -> None:
     """The hand moves and turns at constant velocity."""
-    p, stage, values = interval.p, interval.stage, list[ca.SX]()
+    p = interval.p
     for node in NODES:
         hand = interval.hand_at(node)[2]
-        values += stage.lift(hand.a_x, hand.a_z, p("quiet_arm") * hand.alpha)
-    return "constant hand velocity", [value / p("quiet_none") for value in values], 1.0
+        for value in interval.stage.lift(hand.a_x, hand.a_z, p("quiet_arm") * hand.alpha):
+            interval.subject_to("constant hand velocity", value / p("quiet_none"), -1.0, 1.0)
 
 
-def _constant_joint_velocity(interval: Interval) -> Bounded:
+def _keep_joint_velocity(interval: Interval) -> None:
     """The coordinates move at constant rates."""
-    values = [interval.at(share * interval.dt)[2] for share in (0.0, 1.0)]
-    return "constant joint velocity", values, 1e-3
+    for share in (0.0, 1.0):
+        acceleration = interval.at(share * interval.dt)[2]
+        interval.subject_to("constant joint velocity", acceleration, -1e-3, 1e-3)
 
 
-def _constant_acceleration(interval: Interval) -> Bounded:
-    """The coordinates move at constant acceleration: a free hand in any case."""
-    jerk = interval.stage.controls.get(JERK)
-    return "constant acceleration", [] if jerk is None else [jerk], 1e-4
+def _keep_acceleration(interval: Interval) -> None:
+    """The coordinates move at constant acceleration: a free hand does in any case."""
+    if JERK in interval.stage.controls:
+        interval.subject_to("constant acceleration", interval.stage.controls[JERK], -1e-4, 1e-4)
 
 
-#: The constraints of each robust method in an interval of the window; the others have a cost.
-METHODS: dict[str, Callable[[Interval], Bounded]] = {
-    "quiet-exactly": _no_load,
-    "stationary": _constant_acceleration,
-    "hand-velocity": _constant_hand_velocity,
-    "joint-velocity": _constant_joint_velocity,
+#: What each robust method adds to an interval of the window.
+METHODS: dict[str, Callable[[Interval], None]] = {
+    Robust.QUIET: _price_load,
+    "quiet-exactly": _exclude_load,
+    "stationary": _keep_acceleration,
+    "hand-velocity": _keep_hand_velocity,
+    "joint-velocity": _keep_joint_velocity,
 }
 
 
@@ -184,25 +179,25 @@ class LandingVariance(SceneConstraint):
             flight.add_objective(p("variance_weight") * deviation**2 * variance)
 
 
-def _turned(at: FlightState, x: Any, z: Any, turn: float) -> list[Any]:
-    """Derivative of the state at detach as the CoM moves by x, z and the bar turns by `turn`: the
-    CoM's velocity about the pads turns with it."""
+def _moved(at: FlightState, x: Any, z: Any, turn: float) -> list[Any]:
+    """Derivative of the state at detach as the CoM moves by x, z in the turning hand, and the bar
+    turns by `turn`."""
     return [x, z, turn, -at.omega * z, at.omega * x, 0.0]
 
 
 def _along_bar(at: FlightState, sign: float) -> list[Any]:
-    """In a shift [m] of the CoM along the bar."""
-    return _turned(at, sign * ca.cos(at.theta), sign * ca.sin(at.theta), 0.0)
+    """The derivative in a shift [m] of the CoM along the bar."""
+    return _moved(at, sign * ca.cos(at.theta), sign * ca.sin(at.theta), 0.0)
 
 
-def _angle(at: FlightState, h: ca.SX) -> list[Any]:
-    """In an angle [rad] of the bar about the pads."""
-    return _turned(at, -h * ca.sin(at.theta), h * ca.cos(at.theta), 1.0)
+def _about_pads(at: FlightState, h: ca.SX) -> list[Any]:
+    """The derivative in an angle [rad] of the bar about the pads."""
+    return _moved(at, -h * ca.sin(at.theta), h * ca.cos(at.theta), 1.0)
 
 
 def _spin(at: FlightState, h: ca.SX, drift: ca.SX) -> list[Any]:
-    """In an angular velocity [rad/s] during `drift` [s]."""
-    x, z = -h * ca.sin(at.theta), h * ca.cos(at.theta)
+    """The derivative in an angular velocity [rad/s] during `drift` [s]."""
+    x, z, *_ = _about_pads(at, h)
     return [drift * x, drift * z, drift, x, z, 1.0]
 
 
@@ -211,8 +206,8 @@ def _spin(at: FlightState, h: ca.SX, drift: ca.SX) -> list[Any]:
 STATE_ERRORS: dict[str, Callable[[FlightState, ca.SX, ca.SX], list[Any]]] = {
     "com_offset": lambda at, h, drift: _along_bar(at, 1.0),
     "grasp_offset": lambda at, h, drift: _along_bar(at, -1.0),
-    "grasp_angle": lambda at, h, drift: _angle(at, h),
-    "hand_theta": lambda at, h, drift: _angle(at, h),
+    "grasp_angle": lambda at, h, drift: _about_pads(at, h),
+    "hand_theta": lambda at, h, drift: _about_pads(at, h),
     "hand_omega": _spin,
     "hand_x": lambda at, h, drift: [1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
     "hand_z": lambda at, h, drift: [0.0, 1.0, 0.0, 0.0, 0.0, 0.0],
@@ -271,13 +266,14 @@ class Scenarios(SceneConstraint):
             for i in range(1, self.count + 1):
                 stage.state(REL.number(i), ocp.rel_size)
 
-    def in_window(self, interval: Interval) -> None:
-        """Each throw across the interval with its own grip force.
+    def in_interval(self, interval: Interval) -> None:
+        """Each throw across an interval of the window with its own grip force.
 
         The law holds in all phases: the object sticks under full grip and flies without grip.
         """
-        for i in range(1, self.count + 1):
-            interval.set_sliding_pivot(i, window=True)
+        if interval.phase != "carry":
+            for i in range(1, self.count + 1):
+                interval.set_sliding_pivot(i, window=True)
 
     def at_last(self, brake: Brake) -> None:
         """Each throw's landing, and the price of missing the target."""
