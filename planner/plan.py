@@ -146,5 +146,5 @@ def _failed_plan(search: Search, history: History) -> Plan:
 
 def _is_of_kind(warm: PlannedThrow, task: Task) -> bool:
     """Whether a warm plan's throw is of the NLPs of a task: not robust, theta alike."""
-    robust = warm.nlp is not None and warm.nlp.structure.robust
+    robust = warm.nlp is not None and warm.nlp.structure.late > 0
     return not robust and (warm.deciding.target.theta is None) == (task.target.theta is None)

@@ -5,12 +5,22 @@ own in `terms`; an absent one adds no variable, constraint or parameter.
 """
 
 from .assembly import nlp_functions
-from .condensed import CondensedQp, Step
-from .lazy_constraints import BASE, PALM_TIMES, Margins, Refinement
+from .condensed import CondensedQp, Optimum, ReducedVariables, Step
 from .nlp import ThrowNlp, build_nlp
-from .reduced_variables import Optimum, ReducedVariables
-from .request import Request, load_curve, opening_nodes, peak_load, window_of
+from .problem import FLIGHT_MAX
+from .request import (
+    BASE,
+    PALM_TIMES,
+    Margins,
+    Refinement,
+    Request,
+    load_curve,
+    opening_nodes,
+    peak_load,
+    window_of,
+)
 from .scene_constraint import BRAKE_SHARE
 from .solver import Solution, Solver, TimeLimitError, WarmStart, processor_time, run_limited
-from .terms import CUP_MARGIN, PASSING_MARGIN, lower_end
-from .variables import FLIGHT_MAX, Block
+from .stages import Block
+from .terms.landing import CUP_MARGIN, lower_end
+from .terms.workspace import PASSING_MARGIN

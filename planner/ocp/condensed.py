@@ -1,8 +1,9 @@
-"""The reduced QP: an NLP's linearisation in the `ReducedVariables` `u` of a throw.
+"""The reduced variables `u` of a throw, and the NLP as a quadratic program in them.
 
-Gaps, collocation and flight time are equations for all other variables; eliminating these leaves a
-quadratic program in about 40 variables (a null-space method). One solve of it moves a throw to a
-nearby target inside all limits, with any change of the active set.
+u, about 40 numbers, has the carry's duration, a free start and the controls (jerks, or a hand's
+accelerations). Gaps, collocation and flight time are equations for all other variables; eliminating
+these leaves a QP in u (a null-space method). One solve of it moves a throw to a nearby target
+inside all limits, with any change of the active set.
 """
 
 from __future__ import annotations
@@ -14,14 +15,135 @@ from typing import Any
 import casadi as ca
 import numpy as np
 
-from ...models import Array, Flags, Indices
-from .nlp import MISS_PRICE
+from ...core import MoveC, library
+from ...models import Array, Flags, Indices, Trajectory
+from .nlp import MISS_PRICE, ThrowNlp
+from .problem import Weights, mean_effort, variable_bounds
+from .request import BASE, Refinement, Request
 from .solver import Solution, Solver
+from .stages import JERK_UNIT
 
 Bounds = tuple[Array, Array]
 
 #: Names of the rows with the landing; sensitivities are in it.
 LANDING = ("landing x", "landing theta")
+#: Distance of a variable of u beyond its bounds, as a share of their range, up to which a moved
+#: throw is still sampled: a correction may leave the bounds and return.
+SLACK = 1.0
+#: Rounding [s] of a duration in single precision.
+ROUNDING = 1e-6
+
+
+@dataclass(frozen=True)
+class ReducedVariables:
+    """The variables `u` of a request's throws, and their motion.
+
+    u (size,): the carry's duration [s], the start (n,) where it is free, the controls (n,) of
+    each interval in the units of the decision vector.
+    """
+
+    request: Request
+
+    @property
+    def size(self) -> int:
+        """Length of u."""
+        return int(self.core.size)
+
+    @cached_property
+    def core(self) -> MoveC:
+        """Layout and bounds of u for the compiled core, without a sensitivity.
+
+        The bounds are widened by SLACK; those of the duration are exact.
+        """
+        manipulator, bounds = self.request.manipulator, variable_bounds(self.request)
+        carry, opening = self.request.scene.mesh.carry, np.diff(self.request.nodes)
+        n, stages, free = manipulator.size, carry + len(opening), manipulator.start is None
+        low, high = (
+            np.hstack(
+                [
+                    bounds["T"][end],
+                    bounds["q"][end] if free else [],
+                    np.tile(np.broadcast_to(bounds["c"][end], n), stages),
+                ]
+            )
+            for end in (0, 1)
+        )
+        slack = SLACK * (high - low)
+        slack[0] = ROUNDING
+        core = MoveC(n=n, carry=carry, stages=stages, size=low.size, unit=JERK_UNIT)
+        core.by_jerk = manipulator.jerk_control
+        core.before, (core.shortest, core.longest) = self.request.nodes[0], bounds["T"]
+        rate, acceleration = manipulator.initial_motion
+        arrays = {"rate": rate, "acceleration": acceleration, "opening": opening}
+        arrays |= {"low": low - slack, "high": high + slack}
+        core.attach(start=None if free else np.ascontiguousarray(manipulator.start, float))
+        core.attach(**{name: np.ascontiguousarray(v, float) for name, v in arrays.items()})
+        return core
+
+    def places(self, nlp: ThrowNlp) -> list[int]:
+        """Indices (size,) of u in the NLP's decision vector."""
+        free = self.request.manipulator.start is None
+        names = [("T", 0), *([("q", 0)] if free else [])]
+        names += [("c", k) for k in range(nlp.structure.last)]
+        blocks = [nlp.places[name, k, 0] for name, k in names]
+        return [i for where in blocks for i in range(where.start, where.stop)]
+
+    def motion(self, u: Array) -> tuple[Trajectory, float]:
+        """The motion from rest to detach, and the time [s] on it at which the grip force starts to
+        fall."""
+        n, stages = self.core.n, self.core.stages
+        times, cubics = np.empty(stages + 1), np.empty((4, n, stages, 1))
+        library().plan_motion(self.core, np.ascontiguousarray(u, float), times, cubics)
+        return Trajectory(times, cubics, times), self.opening_time(u)
+
+    def opening_time(self, u: Array) -> float:
+        """The time [s] at which the grip force starts to fall."""
+        return float(u[0] - self.request.nodes[0])
+
+    def effort(self, motion: Trajectory) -> float:
+        """The NLP's cost of a motion: relative acceleration and jerk squared, and the carry's
+        time."""
+        limits, breaks, weights = self.request.manipulator.planning, motion.breaks, Weights()
+        ddq, jerk, lengths = motion.starts(2), motion.starts(3), breaks[1:] - breaks[:-1]
+        first, last = ddq / limits.ddq, (ddq + lengths[:, None] * jerk) / limits.ddq
+        relative = np.zeros_like(jerk) if limits.jerk is None else jerk / limits.jerk
+        cost = (lengths @ mean_effort(first, last, relative, weights)).sum()
+        return float(cost + weights.carry_time * breaks[self.request.scene.mesh.carry])
+
+    @property
+    def durations(self) -> tuple[float, float]:
+        """Shortest and longest carry [s]."""
+        return self.core.shortest, self.core.longest
+
+    def within(self, u: Array) -> Array:
+        """u with the carry's duration clipped to its bounds."""
+        return np.concatenate([[np.clip(u[0], *self.durations)], u[1:]])
+
+    def near_bounds(self, u: Array) -> Flags:
+        """Whether each u (N, size) is inside the widened bounds."""
+        low, high = self.core.kept["low"], self.core.kept["high"]
+        return np.asarray(((u >= low) & (u <= high)).all(axis=1))
+
+
+@dataclass(frozen=True, eq=False)
+class Optimum:
+    """A solved throw and its sensitivity to the target.
+
+    u (size,): see `ReducedVariables`. slope (size, 2; 1 with theta open): du / d(landing x [m],
+    theta [rad]), see `CondensedQp.slope`. detach (6,): CoM pose and twist by the deciding model.
+    effort: cost of the NLP. smoothing: its landing (x [m], theta [rad]) less the exact landing of
+    the planned motion. refinement, nlp_size: of its NLP. binding: limits that bind, strongest
+    first.
+    """
+
+    u: Array
+    slope: Array
+    detach: Array
+    effort: float
+    nlp_size: tuple[int, int]
+    smoothing: tuple[float, float]
+    refinement: Refinement = BASE
+    binding: tuple[str, ...] = ()
 
 
 @dataclass(frozen=True)

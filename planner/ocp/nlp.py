@@ -18,18 +18,17 @@ from .problem import ThrowProblem, Weights, variable_bounds
 from .request import Request, opening_nodes
 from .scene_constraint import BRAKE_SHARE, SceneConstraint
 from .solver import Solution
-from .terms import constraints_of
-from .transcription import UNITS, Ocp, grip_force, grip_instants
-from .variables import JERK_UNIT, Block, Structure
+from .stages import JERK_UNIT, Block, Structure
+from .terms import TERMS
+from .transcription import UNITS, Ocp, grip_instants
 
 #: Price of an elastic landing's miss [1/m].
 MISS_PRICE = 100.0
 #: Parts of a carry interval with grip constraints at their ends: without and with lazy "carry".
 INSTANTS = (2, 8)
-#: Share of the largest multiplier above which a limit binds.
-BINDING_SHARE = 0.02
-#: Distance from a bound, in the variable's unit, below which it binds.
-BINDING_DISTANCE = 1e-4
+#: A limit binds above this share of the largest multiplier; a bound, within this distance of it in
+#: the variable's unit.
+BINDING_SHARE, BINDING_DISTANCE = 0.02, 1e-4
 
 
 @dataclass(frozen=True)
@@ -37,7 +36,7 @@ class ThrowNlp(Nlp):
     """The NLP of a throw, with its structure and the constraints of its scene."""
 
     structure: Structure
-    constraints: tuple[SceneConstraint, ...]
+    constraints: list[SceneConstraint]
 
     @property
     def linearised(self) -> bool:
@@ -47,8 +46,8 @@ class ThrowNlp(Nlp):
     def parameter_values(self, request: Request) -> Array:
         """The parameter vector of a request with this structure."""
         values = _common_values(request)
-        for constraint in self.constraints:
-            values |= constraint.parameter_values(request)
+        for constraint in _constraints_of(request):
+            values |= constraint.values
         return self.parameters.vector(values)
 
     def bounds(self, request: Request) -> tuple[Array, Array]:
@@ -142,18 +141,10 @@ class ThrowNlp(Nlp):
 
 def build_nlp(request: Request) -> ThrowNlp:
     """The NLP of a request; it serves all requests of its structure."""
-    constraints = constraints_of(request)
-    structure = _structure(request, constraints)
-    ocp = Ocp(structure, request.manipulator)
-    landing = ThrowProblem(ocp, constraints).declare()
-    nlp = assemble(ocp.stages, ocp.parameters, landing, structure.detach)
-    return ThrowNlp(**vars(nlp), structure=structure, constraints=constraints)
-
-
-def _structure(request: Request, constraints: tuple[SceneConstraint, ...]) -> Structure:
     scene, manipulator, window = request.scene, request.manipulator, request.window
+    constraints = _constraints_of(request)
     turns = any(constraint.turns for constraint in constraints)
-    return Structure(
+    structure = Structure(
         carry=scene.mesh.carry,
         opening=scene.mesh.opening,
         early=0 if window is None else window.early,
@@ -168,6 +159,14 @@ def _structure(request: Request, constraints: tuple[SceneConstraint, ...]) -> St
         pivot=request.angle or scene.com_offset > 0 or turns,
         elastic=request.elastic,
     )
+    ocp = Ocp(structure, manipulator)
+    landing = ThrowProblem(ocp, constraints).declare()
+    nlp = assemble(ocp.stages, ocp.parameters, landing, structure.detach)
+    return ThrowNlp(**vars(nlp), structure=structure, constraints=constraints)
+
+
+def _constraints_of(request: Request) -> list[SceneConstraint]:
+    return [constraint for kind in TERMS if (constraint := kind.of(request)) is not None]
 
 
 def _common_values(request: Request) -> dict[str, Any]:
@@ -184,7 +183,7 @@ def _common_values(request: Request) -> dict[str, Any]:
         "full_grip": profile.full,
         "sticking_limit": 1.0 - scene.gripper.sticking_margin,
         "interval": np.diff(nodes),
-        grip_force(0): profile.force(grip_instants(scene.mesh, nodes).ravel()),
+        "grip_force 0": profile.force(grip_instants(scene.mesh, nodes).ravel()),
         "epsilon": scene.mesh.epsilon,
         "start": request.manipulator.start,
         "start_rate": request.manipulator.initial_motion[0],

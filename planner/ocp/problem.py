@@ -25,9 +25,11 @@ import casadi as ca
 
 from .request import Request
 from .scene_constraint import Brake, Flight, Instant, SceneConstraint, gripped_instants
-from .stages import Stage
-from .transcription import Hand, Interval, Node, Ocp, sliding_pivot
-from .variables import CARRY_MIN, DDQ, DQ, FLIGHT_MAX, JERK_UNIT, REL, SLACKS, T_F, Block, Q, T
+from .stages import DDQ, DQ, JERK_UNIT, REL, SLACKS, T_F, Block, Q, Stage, T
+from .transcription import Hand, Interval, Node, Ocp
+
+#: Longest flight [s].
+FLIGHT_MAX = 3.0
 
 
 class Weights(NamedTuple):
@@ -49,7 +51,7 @@ def variable_bounds(request: Request) -> dict[str, tuple[Any, Any]]:
         "dq": (-limits.dq, limits.dq),
         "ddq": (-limits.ddq, limits.ddq),
         "c": (-control, control),
-        "T": (max(command, CARRY_MIN), scene.mesh.carry_max),
+        "T": (max(command, 0.02), scene.mesh.carry_max),
         "t_f": (0.0, FLIGHT_MAX),
         **{slack.name: (0.0, ca.inf) for slack in SLACKS},
     }
@@ -60,7 +62,7 @@ class ThrowProblem:
     """The problem, declared on `ocp`, which has structure, parameters and models."""
 
     ocp: Ocp
-    constraints: tuple[SceneConstraint, ...]
+    constraints: list[SceneConstraint]
 
     def declare(self) -> ca.SX:
         """Declares everything; returns the landing (x, z, theta) in the states at detach."""
@@ -77,10 +79,8 @@ class ThrowProblem:
                 self.scene_constraints(Instant.of(interval, ca.SX(0), "none"))
             for constraint in self.constraints:
                 constraint.in_interval(interval)
-                if interval.phase != "carry":
-                    constraint.in_window(interval)
-        landing = self.landing(self.ocp.at_detach)
-        self.brake(self.ocp.at_end)
+        landing = self.landing(self.ocp.node(self.ocp.structure.detach))
+        self.brake(self.ocp.node(self.ocp.structure.last))
         return landing
 
     def variables(self, k: int) -> Stage:
@@ -101,16 +101,16 @@ class ThrowProblem:
 
     def initial_state(self) -> dict[Block, ca.SX]:
         """Known values at k = 0 (no variables): rest or a given motion; the pose if given."""
-        ocp = self.ocp
+        ocp, rest = self.ocp, ca.SX.zeros(self.ocp.n)
         pose = {} if ocp.structure.free_start else {Q: ocp.each("start")}
         if not ocp.structure.initial_motion:
-            return pose | {DQ: ca.SX.zeros(ocp.n), DDQ: ca.SX.zeros(ocp.n)}
+            return pose | {DQ: rest, DDQ: rest}
         return pose | {DQ: ocp.each("start_rate"), DDQ: ocp.each("start_acceleration")}
 
     def dynamics(self, interval: Interval) -> None:
         """d3q/dt3 = c (a free hand: d2q/dt2 = c); dT/dt = 0; rel follows the sliding pivot."""
         if interval.phase == "opening":
-            interval.set_second_derivative(REL, sliding_pivot)
+            interval.set_sliding_pivot()
         for block, end in zip((Q, DQ, DDQ), interval.at(interval.dt), strict=True):
             interval.set_next(block, end)
         if T in interval.stage.states:
@@ -118,9 +118,8 @@ class ThrowProblem:
 
     def objective(self, interval: Interval) -> None:
         """The effort of the interval, and in the first one the price of the carry's time."""
-        ocp, ends = self.ocp, [interval.at(t)[2] for t in (ca.SX(0), interval.dt)]
-        weights = Weights(*ca.vertsplit(interval.p("weights", len(Weights._fields))))
-        first, last = (ddq / ocp.each("ddq_max") for ddq in ends)
+        ocp, weights = self.ocp, Weights(*ca.vertsplit(interval.p("weights", len(Weights()))))
+        first, last = (interval.at(t)[2] / ocp.each("ddq_max") for t in (ca.SX(0), interval.dt))
         jerk = ca.SX.zeros(ocp.n)
         if ocp.structure.jerk_control:
             jerk = JERK_UNIT * interval.stage.controls[ocp.control] / ocp.each("jerk_max")
@@ -146,9 +145,9 @@ class ThrowProblem:
 
     def opening_constraints(self, interval: Interval) -> None:
         """At nodes; a free hand's acceleration steps at the first, where the full grip holds."""
-        s, start = self.ocp.structure, Instant.of(interval, ca.SX(0), "opening")
-        steps = interval.k == s.opens and not s.jerk_control
-        (self.grip_constraints if steps else self.scene_constraints)(start)
+        steps = interval.k == self.ocp.structure.opens and not self.ocp.structure.jerk_control
+        constrain = self.grip_constraints if steps else self.scene_constraints
+        constrain(Instant.of(interval, ca.SX(0), "opening"))
 
     def grip_constraints(self, at: Instant) -> None:
         """The full grip holds the object: use <= 1 - sticking margin. With the scene's."""

@@ -7,19 +7,17 @@ adds no variable, constraint or parameter.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, Literal, Self
 
 import casadi as ca
 import numpy as np
-import numpy.typing as npt
 
 from ...models import FlightState, held_wrench
-from ...models.robot import PlanarArm
 from .request import Request
-from .stages import Constraints, Parameters, Stage
-from .transcription import Hand, Interval, Node, Ocp
+from .stages import Stage
+from .transcription import Hand, Interval, Node, Ocp, Scope
 
 #: Share of the acceleration limit that the brake uses.
 BRAKE_SHARE = 0.95
@@ -29,15 +27,13 @@ Load = tuple[ca.SX, ca.SX, ca.SX]
 
 
 @dataclass(frozen=True, eq=False)
-class Instant:
-    """The hand at one instant of an interval.
+class Instant(Scope):
+    """The hand at one instant of an interval, or at each of a group of instants.
 
     q, dq, ddq (n,): the coordinates. given: the scene prescribes the pose, so only the usual margin
     is possible there.
     """
 
-    ocp: Ocp
-    constraints: Constraints
     q: ca.SX
     dq: ca.SX
     ddq: ca.SX
@@ -49,27 +45,10 @@ class Instant:
         """The hand at time t into an interval."""
         return cls(interval.ocp, interval.stage, *interval.at(t), grip, given)
 
-    @classmethod
-    def each(cls, interval: Interval, shares: npt.ArrayLike, grip: Grip) -> Instant:
-        """The instants at these shares of an interval; their constraints are written once."""
-        group, (share,) = interval.stage.at_instants(shares)
-        return cls(interval.ocp, group, *interval.at(share * interval.dt), grip)
-
-    @property
-    def p(self) -> Parameters:
-        """The parameters."""
-        return self.ocp.parameters
-
-    def subject_to(
-        self, name: str, value: ca.SX, low: float = -np.inf, high: float = np.inf
-    ) -> None:
-        """Add the constraint low <= value <= high, for each component."""
-        self.constraints.subject_to(name, value, low, high)
-
     @cached_property
     def hand(self) -> Hand:
         """The hand's pose (x, z, theta), twist and motion."""
-        return self.ocp.hand(self.constraints, self.q, self.dq, self.ddq)
+        return self.hand_of(self.q, self.dq, self.ddq)
 
     @cached_property
     def load(self) -> Load:
@@ -84,12 +63,6 @@ class Instant:
         reach = self.ocp.body.com_offset + self.p("ahead")
         cos, sin = ca.cos(theta), ca.sin(theta)
         return pose[0] + reach * cos, pose[1] + reach * sin, cos, sin
-
-    @property
-    def joint_heights(self) -> list[ca.SX]:
-        """Heights [m] of the arm's joint frames; none of a hand that moves by itself."""
-        arm = self.ocp.kinematics
-        return arm.heights(arm.link_angles(self.q)) if isinstance(arm, PlanarArm) else []
 
     @property
     def held_margin(self) -> ca.SX:
@@ -113,7 +86,7 @@ class Flight(Node):
         values = node.ocp.release(opening).com_state(state, pose, twist, motion)
         start = FlightState(*node.stage.lift(*values))
         end = node.ocp.flight.after(start, time)
-        return cls(node.ocp, node.k, node.stage, start, end, time)
+        return cls(node.ocp, node.stage, node.k, start, end, time)
 
     def after(self, time: ca.SX) -> FlightState:
         """The state `time` [s] after detach."""
@@ -144,7 +117,7 @@ class Brake(Node):
             rate = dq + turning * (ddq - turning * ahead * jerk / 2)
             # Until the acceleration is zero the rate grows.
             peak = dq + ddq * ca.sqrt(ddq**2 + 1e-2) / (2 * jerk)
-        return cls(ocp, node.k, node.stage, place, rate, peak)
+        return cls(ocp, node.stage, node.k, place, rate, peak)
 
     @property
     def stop(self) -> ca.SX:
@@ -164,7 +137,8 @@ def gripped_instants(interval: Interval) -> list[Instant]:
     # A continuous acceleration was constrained at the end of the interval before.
     first = given or (k not in (0, s.carry) and (s.jerk_control or k > s.carry))
     start = [Instant.of(interval, ca.SX(0), "full", given=True)] if given else []
-    return [*start, Instant.each(interval, np.arange(first, parts + 1) / parts, "full")]
+    scope, (share,) = interval.at_instants(np.arange(first, parts + 1) / parts)
+    return [*start, Instant(interval.ocp, scope.stage, *interval.at(share * interval.dt), "full")]
 
 
 def braked(q: Any, dq: Any, time: Any, braking: Any, least: Callable[[Any, Any], Any]) -> Any:
@@ -177,29 +151,27 @@ def braked(q: Any, dq: Any, time: Any, braking: Any, least: Callable[[Any, Any],
     return q + dq * stop_time * (moving - moving**2 / 2)
 
 
+@dataclass(frozen=True)
 class SceneConstraint:
     """Constraints of one optional part of a scene, or of a lazy constraint.
 
-    A subclass is a frozen dataclass; its fields select the constraints of an NLP. It overrides
+    A subclass is a frozen dataclass; its own fields select the constraints of an NLP. It overrides
     `of`, and each other method to which it adds something.
+
+    values: of the parameters in its constraints, by name, for one request.
     """
 
     #: Whether the object's rotation matters for it although the landing angle is open.
     turns: ClassVar[bool] = False
+    #: Whether its parameters depend on the throw at the start of a solve.
+    linearised: ClassVar[bool] = False
 
-    @property
-    def linearised(self) -> bool:
-        """Whether its parameters depend on the throw at the start of a solve."""
-        return False
+    values: dict[str, Any] = field(repr=False)
 
     @classmethod
     def of(cls, request: Request) -> Self | None:
-        """The constraints of a request, None if its scene has none."""
+        """The constraints of a request with their values, None if its scene has none."""
         raise NotImplementedError
-
-    def parameter_values(self, request: Request) -> dict[str, Any]:
-        """Values of the parameters in its constraints, by name."""
-        return {}
 
     def add_states(self, ocp: Ocp, k: int, stage: Stage) -> None:
         """Adds states to node k."""
@@ -212,9 +184,6 @@ class SceneConstraint:
 
     def at_rate(self, node: Node, q: ca.SX, dq: ca.SX) -> None:
         """At rates dq of coordinates q."""
-
-    def in_window(self, interval: Interval) -> None:
-        """In each interval from the end of the carry on, the window of a robust request."""
 
     def in_flight(self, flight: Flight) -> None:
         """In the flight from detach to the landing."""

@@ -11,9 +11,9 @@ import os
 import threading
 import time
 from collections.abc import Callable
+from concurrent.futures import Future, wait
 from dataclasses import dataclass
 from functools import cached_property, partial
-from queue import Empty, SimpleQueue
 from typing import Any, TypeVar
 
 import casadi as ca
@@ -95,35 +95,34 @@ def run_limited(
     abandoned thread (also after Ctrl-C) keeps its memory until the process ends; on Linux it gets
     idle processor time only.
     """
-    results: SimpleQueue[tuple[Any, BaseException | None, float]] = SimpleQueue()
+    future: Future[tuple[Result, float]] = Future()
     clocks: list[int] = []
 
     def work() -> None:
         if hasattr(time, "pthread_getcpuclockid"):
             clocks.append(time.pthread_getcpuclockid(threading.get_ident()))
         try:
-            results.put((call(), None, time.thread_time()))
+            future.set_result((call(), time.thread_time()))
         except BaseException as error:
-            results.put((None, error, time.thread_time()))
+            future.set_exception(error)
 
     thread = threading.Thread(target=work, name="throwplan-solver", daemon=True)
     end = time.perf_counter() + seconds
     thread.start()
     try:
-        result, error, spent = _await_result(results, clocks, limit, end)
+        _await_end(future, clocks, limit, end)
     except BaseException:
         if hasattr(os, "SCHED_IDLE") and thread.native_id is not None:
             with contextlib.suppress(OSError):
                 os.sched_setscheduler(thread.native_id, os.SCHED_IDLE, os.sched_param(0))
         raise
+    result, spent = future.result()
     _WAIT_TIME.seconds += spent
-    if error is not None:
-        raise error
-    return result  # type: ignore[no-any-return]
+    return result
 
 
-def _await_result(results: SimpleQueue[Any], clocks: list[int], limit: float, end: float) -> Any:
-    """A thread's result; TimeLimitError at its limit of processor time, or at `end`.
+def _await_end(future: Future[Any], clocks: list[int], limit: float, end: float) -> None:
+    """Waits for a thread; TimeLimitError at its limit of processor time, or at `end`.
 
     clocks: of its processor time; on a system without them the time that has passed counts.
     """
@@ -133,10 +132,9 @@ def _await_result(results: SimpleQueue[Any], clocks: list[int], limit: float, en
         if remaining <= 0.0:
             _WAIT_TIME.seconds += used
             raise TimeLimitError(f"no end after {used:.2g} s")
-        try:
-            return results.get(timeout=max(remaining, LIMITS.poll_interval))
-        except Empty:
-            used = time.perf_counter() - start
+        if wait([future], max(remaining, LIMITS.poll_interval)).done:
+            return
+        used = time.perf_counter() - start
         for clock in clocks:
             # A thread that has just ended has a result and no clock.
             with contextlib.suppress(OSError):
@@ -282,8 +280,7 @@ class Solver:
         outputs = self._functions["nlp_hess_l"](x, parameters, 1.0, multipliers)
         sparse = outputs[-1] if isinstance(outputs, tuple) else outputs
         # Equal to `sparse.full()`, ten times faster.
-        hessian = np.zeros(sparse.shape)
-        hessian[sparse.sparsity().get_triplet()] = sparse.nonzeros()
+        hessian = np.asarray(sparse.sparse().toarray())
         # IPOPT has the upper triangle.
         return hessian + np.triu(hessian, 1).T if self.name == "ipopt" else hessian
 

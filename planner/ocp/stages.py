@@ -1,26 +1,23 @@
-"""One stage of a multiple-shooting NLP: symbols, constraints and cost, functions and derivatives.
+"""Stages of a multiple-shooting NLP as symbols: blocks of variables, constraints and cost.
 
-A stage's constraints are short expressions of a few intermediate values, such as the hand's motion
-at an instant or the seven arguments of the sliding pivot. Intermediates are short expressions of
-earlier ones, down to the variables. Differentiating the composition in every variable repeats work;
-here each level is differentiated in its own few arguments, and the chain rule joins the levels,
+The decision vector, stage by stage (n coordinates; C carry intervals, O opening intervals):
 
-    H <- H_00 + H_0y D + D' H_y0 + D' H_yy D + sum_i a_i (second derivative of y_i),
+    stage          states                                     controls
+    k = 0          q (n, unless the start is given), T         c (n)
+    0 < k < C      q (n), dq (n), ddq (n, jerk control), T     c (n)
+    k = C          q (n), dq (n), ddq (n, jerk control)        c (n)
+    C < k < C + O  like k = C, rel (6; 4 without the pivot)    c (n), acc (collocation)
+    k = C + O      like k = C, rel                             t_f, those of scene constraints
 
-with y the last intermediate, D its Jacobian in what comes before, a the gradient with
-respect to y. On a Panda's opening interval this takes a sixth of the operations.
-
-Constraints at many instants (of the carry, of the flight) are differentiated once, and CasADi's map
-goes through the instants: an NLP with 200 constraints on the hand is derived in 0.5 s instead
-of 5, and its C code is a sixth.
+A robust plan has intervals of fixed length before the opening (stages like k = C) and after detach
+(without rel); its stage of detach has c too. With several openings (`terms.robust.Scenarios`) rel,
+acc and t_f have indices: 0 is the planned opening. Known values are no variables: rest, a given
+start pose, the object under full grip.
 """
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field
-from functools import cached_property
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import casadi as ca
@@ -28,13 +25,87 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import Array
-from .variables import Block
 
-#: Largest number of intermediates in a stage with shared common expressions. Beyond it (scenarios)
-#: sharing costs more than half of the build and saves a fifth of the evaluation.
-MAX_SHARED = 20
+#: Unit of the jerk control [rad/s^3]: the variables are of order one.
+JERK_UNIT = 1000.0
 
-Lifted = list[tuple[ca.SX, ca.SX]]
+
+@dataclass(frozen=True)
+class Structure:
+    """The sizes and options of an NLP; numbers of a scene are parameters.
+
+    carry, early, opening, late: numbers of intervals of the phases. instants: parts of a carry
+    interval; grip and held bar are constrained at their ends. initial_motion: whether the throw
+    starts from a given motion instead of rest. pivot: whether the object's rotation in the pads
+    matters (not for a CoM grasp with the landing angle open).
+    """
+
+    carry: int
+    opening: int
+    early: int
+    late: int
+    integrator: str
+    substeps: int
+    instants: int
+    jerk_control: bool
+    free_start: bool
+    initial_motion: bool
+    angle: bool
+    pivot: bool
+    elastic: bool
+
+    @property
+    def opens(self) -> int:
+        """Number of the stage at which the grip force starts to fall."""
+        return self.carry + self.early
+
+    @property
+    def detach(self) -> int:
+        """Number of the stage at which it is zero."""
+        return self.opens + self.opening
+
+    @property
+    def last(self) -> int:
+        """Number of the last stage: at detach, or at the end of the window."""
+        return self.detach + self.late
+
+
+@dataclass(frozen=True)
+class Block:
+    """A block of decision variables.
+
+    limit: name of its bounds where they bind, empty for none. each: one variable per coordinate.
+    index: number among the blocks of a name, e.g. of the opening.
+    """
+
+    name: str
+    unit: str
+    limit: str = ""
+    each: bool = False
+    index: int = 0
+
+    def number(self, index: int) -> Block:
+        """The block of this name with another index."""
+        return replace(self, index=index)
+
+
+#: Coordinates, their rates and accelerations.
+Q = Block("q", "rad; m", "position", each=True)
+DQ = Block("dq", "rad/s; m/s", "velocity", each=True)
+DDQ = Block("ddq", "rad/s^2", "acceleration", each=True)
+#: Controls, constant in an interval: the jerk of the coordinates, or their acceleration.
+JERK = Block("c", "1000 rad/s^3", "jerk", each=True)
+ACCELERATION = Block("c", "rad/s^2; m/s^2", "acceleration", each=True)
+#: Duration of the carry: the release timing.
+T = Block("T", "s", "carry time")
+#: State of the object in the pads: slip, angle, and their rates.
+REL = Block("rel", "m, rad, m/s, rad/s")
+#: Accelerations of slip and angle at the collocation points.
+ACC = Block("acc", "10 m/s^2, 100 rad/s^2")
+#: Duration of the flight.
+T_F = Block("t_f", "s", "flight time")
+#: Slacks of an elastic landing below and above its target, of x (index 0) and theta (1).
+SLACKS = (Block("undershoot", "m; rad"), Block("overshoot", "m; rad"))
 
 
 @dataclass
@@ -76,16 +147,10 @@ class Row:
 
 @dataclass(kw_only=True)
 class Constraints:
-    """Constraints and their intermediate values."""
+    """Constraints and the intermediate values in them, each with its symbol, see `assembly`."""
 
-    lifted: Lifted = field(default_factory=list)
+    lifted: list[tuple[ca.SX, ca.SX]] = field(default_factory=list)
     rows: list[Row] = field(default_factory=list)
-
-    def subject_to(
-        self, name: str, value: ca.SX, low: float = -np.inf, high: float = np.inf
-    ) -> None:
-        """Add the constraint low <= value <= high, for each component."""
-        self.rows.append(Row(name, value, low, high))
 
     def lift(self, *values: ca.SX) -> list[ca.SX]:
         """Scalar symbols in place of `values`, which differentiation substitutes."""
@@ -109,7 +174,7 @@ class Instants(Constraints):
 
 @dataclass
 class Stage(Constraints):
-    """One kind of stage: state and control symbols, intermediates, constraints and cost.
+    """One kind of stage.
 
     data: symbols with other values at each stage of the kind, by the name of their parameter block,
     and the first stage with values in it. following: the states F_k at the next stage; empty at the
@@ -145,11 +210,6 @@ class Stage(Constraints):
         return ca.vertcat(*self.states.values(), *self.controls.values())
 
     @property
-    def outputs(self) -> ca.SX:
-        """F_k, then the constraints outside of groups."""
-        return ca.vertcat(*self.following.values(), *[row.value for row in self.rows])
-
-    @property
     def all_rows(self) -> list[Row]:
         """The constraints outside of groups, then those of each instant."""
         repeated = (group.rows * group.data.shape[1] for group in self.instants)
@@ -158,202 +218,5 @@ class Stage(Constraints):
     @property
     def sizes(self) -> tuple[int, int, int]:
         """Numbers of states, controls and constraints."""
-        states, controls = (
-            sum(symbol.numel() for symbol in some.values()) for some in (self.states, self.controls)
-        )
-        return states, controls, sum(row.value.numel() for row in self.all_rows)
-
-
-@dataclass(frozen=True)
-class Composition:
-    """Outputs and a cost, written in variables and intermediate values."""
-
-    variables: ca.SX
-    outputs: ca.SX
-    cost: ca.SX
-    lifted: Lifted
-
-
-class _GroupFunctions:
-    """CasADi functions of (z, p), mapped over a group's instants; z: the arguments of its
-    constraints.
-
-    indices (len(z),): of z among the stage's variables and intermediates. value: the constraints,
-    one column an instant. jacobian: their derivatives in z, one column a constraint. lagrangian (z,
-    p, multipliers): gradient and Hessian of the sum of all constraints times multipliers.
-    """
-
-    def __init__(self, group: Instants, everything: ca.SX, parameters: ca.SX, name: str) -> None:
-        rows = ca.vertcat(*[row.value for row in group.rows])
-        expanded = substitute_lifted([rows], group.lifted)
-        self.shape = rows.numel(), group.data.shape[1]
-        depends = ca.which_depends(expanded[0], everything, 1, False)
-        self.indices = np.flatnonzero(depends).tolist()
-        z, multipliers = everything[self.indices], ca.SX.sym("l", rows.numel())
-        written = Composition(z, rows, ca.SX(0), group.lifted)
-        jacobian, _, gradient, hessian = differentiate(written, multipliers, ca.SX(0))
-
-        def mapped(
-            kind: str, more: list[ca.SX], outputs: list[ca.SX], summed: list[int]
-        ) -> Callable[..., Any]:
-            inputs = [z, parameters, group.at, *more]
-            f = ca.Function(f"{name}_{kind}", inputs, outputs, {"cse": True})
-            through = f.map(f"{name}_{kind}s", "serial", self.shape[1], [0, 1], summed)
-            return lambda z, p, *more: through(z, p, ca.DM(group.data), *more)
-
-        sums = [ca.densify(gradient), hessian]
-        self.value = mapped("value", [], expanded, [])
-        self.jacobian = mapped("slopes", [], [jacobian.T], [])
-        self.lagrangian = mapped("curvature", [multipliers], sums, [0, 1])
-        self.hessian = hessian.sparsity()
-
-
-class StageFunctions:
-    """CasADi functions of (v, d, p): a kind's variables, its stage's data, all parameters.
-
-    Functions of the Lagrangian also take the multipliers of the outputs and the factor of the cost.
-    """
-
-    def __init__(self, stage: Stage, parameters: ca.SX, name: str) -> None:
-        self._name, self._count = name, stage.outputs.numel()
-        self._options = {"cse": len(stage.lifted) <= MAX_SHARED}
-        self._stage = Composition(stage.variables, stage.outputs, stage.cost, stage.lifted)
-        everything = ca.vertcat(stage.variables, *[symbol for symbol, _ in stage.lifted])
-        self._groups = [
-            _GroupFunctions(group, everything, parameters, f"{name}_{i}")
-            for i, group in enumerate(stage.instants)
-        ]
-        data = ca.vertcat(*[symbol for symbol, _ in stage.data.values()])
-        self._inputs = [stage.variables, data, parameters]
-        self._lagrangian = [ca.SX.sym("l", self._count), ca.SX.sym("sigma")]
-        for group in self._groups:
-            self._lagrangian += [
-                ca.SX.sym("gradient", len(group.indices)),
-                ca.SX.sym("hessian", group.hessian),
-            ]
-        values = [everything[group.indices] for group in self._groups]
-        once = substitute_lifted([stage.outputs, stage.cost, *values], stage.lifted)
-        self._once = self._function("once", [], once)
-
-    def _function(self, name: str, more: list[ca.SX], outputs: list[ca.SX]) -> ca.Function:
-        inputs = [*self._inputs, *more]
-        return ca.Function(f"{self._name}_{name}", inputs, outputs, self._options)
-
-    @cached_property
-    def _derivatives(self) -> list[ca.SX]:
-        multipliers, sigma, *sums = self._lagrangian
-        indices = [group.indices for group in self._groups]
-        groups = list(zip(indices, sums[::2], sums[1::2], strict=True))
-        return differentiate(self._stage, multipliers, sigma, groups)
-
-    def _joined(
-        self, name: str, more: list[ca.MX], outputs: Callable[..., list[ca.MX]]
-    ) -> ca.Function:
-        """A function of (v, d, p, more), made by outputs(v, d, p, *more)."""
-        inputs = [ca.MX.sym("x", symbol.numel()) for symbol in self._inputs] + more
-        return ca.Function(f"{self._name}_{name}", inputs, outputs(*inputs))
-
-    @cached_property
-    def value(self) -> ca.Function:
-        """(v, d, p) -> outputs, cost."""
-
-        def outputs(v: ca.MX, d: ca.MX, p: ca.MX) -> list[ca.MX]:
-            once, cost, *values = self._once(v, d, p)
-            return [self._all_outputs(once, values, p), cost]
-
-        return self._joined("value", [], outputs)
-
-    def _all_outputs(self, once: ca.MX, values: Sequence[ca.MX], p: ca.MX) -> ca.MX:
-        pairs = zip(self._groups, values, strict=True)
-        return ca.vertcat(once, *[ca.vec(group.value(z, p)) for group, z in pairs])
-
-    @cached_property
-    def jacobian(self) -> ca.Function:
-        """(v, d, p) -> outputs, their Jacobian."""
-        counts = [self._count, *(len(group.indices) for group in self._groups)]
-        parts = ca.vertsplit(self._derivatives[0], np.cumsum([0, *counts]).tolist())
-        chain = self._function("chain", [], parts)
-
-        def outputs(v: ca.MX, d: ca.MX, p: ca.MX) -> list[ca.MX]:
-            once, _, *values = self._once(v, d, p)
-            first, *inner = chain.call([v, d, p])
-            blocks = [first]
-            for group, z, dz_dv in zip(self._groups, values, inner, strict=True):
-                blocks.append(group.jacobian(z, p).T @ dz_dv)
-            return [self._all_outputs(once, values, p), ca.vertcat(*blocks)]
-
-        return self._joined("jacobian", [], outputs)
-
-    @cached_property
-    def cost_gradient(self) -> ca.Function:
-        """(v, d, p) -> gradient of the cost, dense."""
-        return self._function("cost", [], [ca.densify(self._derivatives[1])])
-
-    @cached_property
-    def hessian(self) -> ca.Function:
-        """(v, d, p, multipliers, sigma) -> gradient (dense) and Hessian of the Lagrangian."""
-        _, _, gradient, hessian = self._derivatives
-        joined = self._function("whole", self._lagrangian, [ca.densify(gradient), hessian])
-
-        def outputs(v: ca.MX, d: ca.MX, p: ca.MX, multipliers: ca.MX, sigma: ca.MX) -> list[ca.MX]:
-            values = self._once(v, d, p)[2:]
-            first, sums = self._count, []
-            for group, z in zip(self._groups, values, strict=True):
-                end = first + math.prod(group.shape)
-                sums += group.lagrangian(z, p, ca.reshape(multipliers[first:end], group.shape))
-                first = end
-            return list(joined(v, d, p, multipliers[: self._count], sigma, *sums))
-
-        count = self._count + sum(math.prod(group.shape) for group in self._groups)
-        return self._joined("hessian", [ca.MX.sym("l", count), ca.MX.sym("sigma")], outputs)
-
-
-def substitute_lifted(expressions: list[ca.SX], lifted: Lifted) -> list[ca.SX]:
-    """The expressions with all intermediates substituted."""
-    if not lifted:
-        return expressions
-    symbols, definitions = zip(*lifted, strict=True)
-    return list(ca.substitute_inplace(list(symbols), list(definitions), expressions)[1])
-
-
-def differentiate(
-    written: Composition,
-    multipliers: ca.SX,
-    sigma: ca.SX,
-    groups: Sequence[tuple[list[int], ca.SX, ca.SX]] = (),
-) -> list[ca.SX]:
-    """Derivatives through the intermediates, as expressions of the variables (n,).
-
-    Jacobian (m, n) of the outputs; gradient (n,) of the cost; gradient (n,) and Hessian (n, n),
-    both triangles, of `sigma * cost + multipliers' outputs`. groups: further summands, as indices
-    of their variables and intermediates, gradient and Hessian in them; the rows of their
-    derivatives follow those of the outputs.
-    """
-    outputs, cost, lifted = written.outputs, written.cost, written.lifted
-    everything = ca.vertcat(written.variables, *[symbol for symbol, _ in lifted])
-    total = sigma * cost + ca.dot(multipliers, outputs)
-    hessian, gradient = ca.hessian(total, everything)
-    jacobian, of_cost = ca.jacobian(outputs, everything), ca.gradient(cost, everything)
-    for indices, of_group, curvature in groups:
-        picked = ca.DM.eye(everything.numel())[indices, :]
-        jacobian = ca.vertcat(jacobian, picked)
-        gradient += picked.T @ of_group
-        hessian += picked.T @ curvature @ picked
-    adjoints: Lifted = []
-    for symbol, definition in reversed(lifted):
-        start = jacobian.shape[1] - symbol.numel()
-        before = everything[:start]
-        slope = ca.jacobian(definition, before)
-        adjoint = ca.SX.sym("a", symbol.numel())
-        adjoints.append((adjoint, gradient[start:]))
-        curvature = ca.hessian(ca.dot(adjoint, definition), before)[0]
-        cross = hessian[:start, start:] @ slope
-        within = slope.T @ hessian[start:, start:] @ slope
-        hessian = hessian[:start, :start] + cross + cross.T + within + curvature
-        # Each entry is computed once: the upper triangle mirrored.
-        hessian = ca.triu2symm(ca.triu(hessian))
-        gradient = gradient[:start] + slope.T @ adjoint
-        of_cost = of_cost[:start] + slope.T @ of_cost[start:]
-        jacobian = jacobian[:, :start] + jacobian[:, start:] @ slope
-    derivatives = substitute_lifted([jacobian, of_cost, gradient, hessian], lifted + adjoints)
-    return [ca.sparsify(entry) for entry in derivatives]
+        states, controls = ca.vertcat(*self.states.values()), ca.vertcat(*self.controls.values())
+        return states.numel(), controls.numel(), sum(row.value.numel() for row in self.all_rows)

@@ -13,7 +13,6 @@ stability limits step / epsilon.
 
 from __future__ import annotations
 
-import dataclasses
 import math
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -21,13 +20,13 @@ from typing import Literal
 
 import casadi as ca
 import numpy as np
+import numpy.typing as npt
 
 from ...models import Array, Body, Contact, FlightLaw, HandMotion
 from ...models.release import SlidingPivot, Widths, rk4_step
 from ...problems import Mesh
 from ..throw import Manipulator
-from .stages import Constraints, Parameters, Stage
-from .variables import (
+from .stages import (
     ACC,
     ACCELERATION,
     DDQ,
@@ -36,30 +35,25 @@ from .variables import (
     JERK_UNIT,
     REL,
     Block,
+    Constraints,
+    Instants,
+    Parameters,
     Q,
+    Row,
+    Stage,
     Structure,
     T,
 )
 
 #: Points of the two-point Gauss method, as shares of the interval.
 NODES = (0.5 - math.sqrt(3) / 6, 0.5 + math.sqrt(3) / 6)
-#: Coefficients of accelerations in the rates at the points.
-_RATE = ((0.25, 0.25 - math.sqrt(3) / 6), (0.25 + math.sqrt(3) / 6, 0.25))
-#: Coefficients of accelerations in the positions at the points: _RATE squared.
-_PLACE = tuple(
-    tuple(sum(_RATE[i][k] * _RATE[k][j] for k in range(2)) for j in range(2)) for i in range(2)
-)
-#: Coefficients of accelerations in the position at the end.
-_END = tuple(sum(0.5 * _RATE[k][j] for k in range(2)) for j in range(2))
+#: Coefficients of both accelerations in the rates at the points.
+_RATE = np.array([[0.25, 0.25 - math.sqrt(3) / 6], [0.25 + math.sqrt(3) / 6, 0.25]])
 #: Units of the unknown accelerations: two of slip [m/s^2], one of rotation [rad/s^2].
 UNITS = (10.0, 10.0, 100.0)
 
-
 #: Pose (x, z, theta) and twist of the hand, and its motion for the release model.
 Hand = tuple[list[ca.SX], list[ca.SX], HandMotion]
-Rates = Callable[[list[ca.SX], HandMotion, ca.SX], list[ca.SX]]
-#: Second derivative of the relative state: (node, state, hand, grip force) -> accelerations.
-RelativeDynamics = Callable[["Node", list[ca.SX], HandMotion, ca.SX], list[ca.SX]]
 
 
 class Ocp:
@@ -70,28 +64,25 @@ class Ocp:
         self.n, self.names = manipulator.size, manipulator.joints
         self.kinematics, self.capsules = manipulator.kinematics, manipulator.capsules
         p = self.parameters = Parameters()
-        self.body = Body(p("mass"), p("inertia"), p("com_offset"))
-        self.contact = Contact(p("friction"), p("patch_radius"), p("torsion"), p("faces"))
-        self.gravity = p("gravity")
+        self.releases: dict[int, SlidingPivot] = {}
+        release = self.release()
+        self.body, self.contact, self.gravity = release.body, release.contact, p("gravity")
         self.flight = FlightLaw(self.gravity)
         self.grasp_angle = p("grasp_angle")
-        self.releases = {0: self._release(self.body, self.contact)}
         self.initial: dict[Block, ca.SX] = {}
         self.control = JERK if structure.jerk_control else ACCELERATION
         self.rel_size = 6 if structure.pivot else 4
         self.stages: list[Stage] = []
 
-    def _release(self, body: Body, contact: Contact) -> SlidingPivot:
-        widths = Widths.relative(self.parameters("epsilon"), body, contact, self.gravity)
-        return SlidingPivot(body, contact, self.gravity, widths=widths)
-
     def release(self, opening: int = 0) -> SlidingPivot:
         """The release model of a throw; opening: 0 is the planned one."""
         if opening not in self.releases:
-            names = ("mass", "inertia", "com_offset", "friction", "patch_radius")
-            values = [self.parameters(f"{name} {opening}") for name in names]
-            contact = dataclasses.replace(self.contact, friction=values[3], patch_radius=values[4])
-            self.releases[opening] = self._release(Body(*values[:3]), contact)
+            p, own = self.parameters, f" {opening}" if opening else ""
+            body = Body(p(f"mass{own}"), p(f"inertia{own}"), p(f"com_offset{own}"))
+            friction, radius = p(f"friction{own}"), p(f"patch_radius{own}")
+            contact = Contact(friction, radius, p("torsion"), p("faces"))
+            widths = Widths.relative(p("epsilon"), body, contact, p("gravity"))
+            self.releases[opening] = SlidingPivot(body, contact, p("gravity"), widths=widths)
         return self.releases[opening]
 
     def discretise(self, variables: Callable[[int], Stage], initial: dict[Block, ca.SX]) -> None:
@@ -114,38 +105,15 @@ class Ocp:
         for k, stage in enumerate(self.stages[:-1]):
             if id(stage) not in seen:
                 seen.add(id(stage))
-                yield Interval(self, k, stage, self.stages[k + 1])
+                yield Interval(self, stage, k, self.stages[k + 1])
 
-    @property
-    def at_detach(self) -> Node:
-        """The node at which the grip force is zero."""
-        return Node(self, self.structure.detach, self.stages[self.structure.detach])
-
-    @property
-    def at_end(self) -> Node:
-        """The last node: at detach, or at the end of a robust window."""
-        return Node(self, self.structure.last, self.stages[-1])
+    def node(self, k: int) -> Node:
+        """Node k."""
+        return Node(self, self.stages[k], k)
 
     def each(self, name: str) -> ca.SX:
         """The parameter `name` with one value per coordinate."""
         return self.parameters(name, self.n)
-
-    def hand(self, constraints: Constraints, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> Hand:
-        """Pose, twist and motion of the hand; lifted."""
-        n, kinematics = self.n, self.kinematics
-        links = constraints.lift(
-            *(v for values in (q, dq, ddq) for v in kinematics.link_angles(values))
-        )
-        pose, twist, acceleration = kinematics.motion_of(
-            links[:n], links[n : 2 * n], links[2 * n :]
-        )
-        x, z, *motion = constraints.lift(*pose, twist[2], *acceleration)
-        return [x, z, motion[0]], [*twist[:2], motion[1]], HandMotion(*motion)
-
-    def limit(self, constraints: Constraints, kind: str, share: ca.SX) -> None:
-        """-1 <= share <= 1 per coordinate, under the coordinate's name."""
-        for i, name in enumerate(self.names):
-            constraints.subject_to(f"{name} {kind}", share[i], -1.0, 1.0)
 
     def full_relative_state(self, state: list[ca.SX]) -> list[ca.SX]:
         """All six states of the object in the pads; without the pivot it keeps its grasp angle."""
@@ -160,12 +128,11 @@ class Ocp:
 
 
 @dataclass(frozen=True, eq=False)
-class Node:
-    """Node k with its stage."""
+class Scope:
+    """Where constraints are declared: a stage, or a group of instants in it."""
 
     ocp: Ocp
-    k: int
-    stage: Stage
+    stage: Constraints
 
     @property
     def p(self) -> Parameters:
@@ -176,7 +143,34 @@ class Node:
         self, name: str, value: ca.SX, low: float = -np.inf, high: float = np.inf
     ) -> None:
         """Add the constraint low <= value <= high, for each component."""
-        self.stage.subject_to(name, value, low, high)
+        self.stage.rows.append(Row(name, value, low, high))
+
+    def limit(self, kind: str, share: ca.SX) -> None:
+        """-1 <= share <= 1 per coordinate, under the coordinate's name."""
+        for i, name in enumerate(self.ocp.names):
+            self.subject_to(f"{name} {kind}", share[i], -1.0, 1.0)
+
+    def limit_position(self, kind: str, q: ca.SX) -> None:
+        """q within the position limits."""
+        self.limit(kind, (q - self.ocp.each("q_mid")) / self.ocp.each("q_half"))
+
+    def hand_of(self, q: ca.SX, dq: ca.SX, ddq: ca.SX) -> Hand:
+        """Pose, twist and motion of the hand at coordinates; lifted."""
+        n, kinematics, stage = self.ocp.n, self.ocp.kinematics, self.stage
+        links = stage.lift(*(v for values in (q, dq, ddq) for v in kinematics.link_angles(values)))
+        pose, twist, acceleration = kinematics.motion_of(
+            links[:n], links[n : 2 * n], links[2 * n :]
+        )
+        x, z, *motion = stage.lift(*pose, twist[2], *acceleration)
+        return [x, z, motion[0]], [*twist[:2], motion[1]], HandMotion(*motion)
+
+
+@dataclass(frozen=True, eq=False)
+class Node(Scope):
+    """Node k with its stage."""
+
+    stage: Stage
+    k: int
 
     def add_objective(self, cost: ca.SX) -> None:
         """Add to the cost."""
@@ -191,7 +185,7 @@ class Node:
     @property
     def hand(self) -> Hand:
         """The hand at the node."""
-        return self.ocp.hand(self.stage, *self.coordinates)
+        return self.hand_of(*self.coordinates)
 
     def relative_state(self, opening: int = 0) -> list[ca.SX]:
         """State of the object in the pads; zero at the start of the opening. opening: 0 is the
@@ -204,20 +198,18 @@ class Node:
         zero = [ca.SX(0)] * (self.ocp.rel_size // 2)
         return [*zero[:2], *angle, *zero]
 
-    def limit(self, kind: str, share: ca.SX) -> None:
-        """-1 <= share <= 1 per coordinate."""
-        self.ocp.limit(self.stage, kind, share)
-
-    def limit_position(self, kind: str, q: ca.SX) -> None:
-        """q within the position limits."""
-        self.limit(kind, (q - self.ocp.each("q_mid")) / self.ocp.each("q_half"))
-
     def stage_parameter(self, name: str, size: int, first: int, count: int) -> ca.SX:
         """A parameter (size, 1) with its own values at each of `count` stages from `first` on."""
         self.p(name, size * count)
         if name not in self.stage.data:
             self.stage.data[name] = (ca.SX.sym(name, size), first)
         return self.stage.data[name][0]
+
+    def at_instants(self, *data: npt.ArrayLike) -> tuple[Scope, list[ca.SX]]:
+        """A group of N instants, and symbols for the `data` (N,) of each."""
+        at = ca.SX.sym("at", len(data))
+        self.stage.instants.append(Instants(at, np.array(data, float)))
+        return Scope(self.ocp, self.stage.instants[-1]), list(ca.vertsplit(at))
 
 
 @dataclass(frozen=True, eq=False)
@@ -257,6 +249,10 @@ class Interval(Node):
             )
         return q + t * (dq + t * c / 2), dq + t * c, c
 
+    def hand_at(self, share: float) -> Hand:
+        """The hand at a share of the interval."""
+        return self.hand_of(*self.at(share * self.dt))
+
     def set_next(self, block: Block, value: ca.SX) -> None:
         """Sets the next node's `block` to `value`, if it is a state there."""
         if block in self.following.states:
@@ -265,105 +261,65 @@ class Interval(Node):
             order = [b for b in self.following.states if b in self.stage.following]
             self.stage.following = {b: self.stage.following[b] for b in order}
 
-    def set_second_derivative(
-        self, block: Block, dynamics: RelativeDynamics, *, window: bool = False
-    ) -> None:
-        """The state `block` of the object in the pads follows `dynamics`, in the opening; with
-        `window` in the whole window of a robust plan."""
-        s, dt, opening = self.ocp.structure, self.dt, block.index
+    def set_sliding_pivot(self, opening: int = 0, *, window: bool = False) -> None:
+        """The object in the pads follows the sliding pivot of an opening (0: planned), in the
+        opening; with `window` in the whole window of a robust plan."""
+        s, dt = self.ocp.structure, self.dt
         first, end = (s.carry, s.last) if window else (s.opens, s.detach)
-        points = 2 if s.integrator == "gauss" or window else 2 * s.substeps + 1
-        forces = self.stage_parameter(grip_force(opening), points, first, end - first)
+        gauss = s.integrator == "gauss" or window
+        points = 2 if gauss else 2 * s.substeps + 1
+        forces = self.stage_parameter(f"grip_force {opening}", points, first, end - first)
         grips, state = ca.vertsplit(forces), self.relative_state(opening)
+        step = self._gauss_step if gauss else self._runge_kutta_steps
+        self.set_next(REL.number(opening), step(state, dt, grips, opening))
 
-        def hand(share: float) -> HandMotion:
-            return self.ocp.hand(self.stage, *self.at(share * dt))[2]
+    def _gauss_step(self, state: list[ca.SX], dt: ca.SX, grips: list[ca.SX], opening: int) -> ca.SX:
+        """The state at the interval's end; adds the collocation constraints.
 
-        if points == 2:
-            unknown = self.stage.control(ACC.number(opening), self.ocp.rel_size)
+        Its unknowns are the accelerations at both points, in UNITS.
+        """
+        half = len(state) // 2
+        place, rate = ca.vertcat(*state[:half]), ca.vertcat(*state[half:])
+        units = ca.DM(UNITS[:half])
+        unknown = ca.reshape(self.stage.control(ACC.number(opening), 2 * half), half, 2)
+        acceleration = ca.diag(units) @ unknown
+        for k, share in enumerate(NODES):
+            at = place + share * dt * rate + dt**2 * (acceleration @ (_RATE @ _RATE)[k])
+            speed = rate + dt * (acceleration @ _RATE[k])
+            values = [*ca.vertsplit(at), *ca.vertsplit(speed)]
+            law = self._accelerations(values, self.hand_at(share)[2], grips[k], opening)
+            self.subject_to("sliding pivot", unknown[:, k] - ca.vertcat(*law) / units, 0.0, 0.0)
+        end = place + dt * rate + dt**2 * (acceleration @ _RATE.sum(axis=0) / 2)
+        return ca.vertcat(end, rate + dt * ca.sum2(acceleration) / 2)
 
-            def accelerations(k: int, share: float, values: list[ca.SX]) -> list[ca.SX]:
-                return dynamics(self, values, hand(share), grips[k])
+    def _runge_kutta_steps(
+        self, state: list[ca.SX], dt: ca.SX, grips: list[ca.SX], opening: int
+    ) -> ca.SX:
+        """The state at the interval's end; grips: at the ends and the middle of each step."""
+        steps, half = len(grips) // 2, len(state) // 2
+        hands = [self.hand_at(i / (2 * steps))[2] for i in range(2 * steps + 1)]
 
-            end_state = gauss_step(self.stage, state, unknown, dt, accelerations)
-        else:
-            hands = [hand(i / (points - 1)) for i in range(points)]
+        def rates(values: list[ca.SX], hand: HandMotion, grip: ca.SX) -> list[ca.SX]:
+            law = self._accelerations(values, hand, grip, opening)
+            return [*values[half:], *self.stage.lift(*law)]
 
-            def rates(values: list[ca.SX], at: HandMotion, grip: ca.SX) -> list[ca.SX]:
-                moving = values[len(values) // 2 :]
-                return [*moving, *self.stage.lift(*dynamics(self, values, at, grip))]
+        for i in range(0, 2 * steps, 2):
+            state = rk4_step(rates, state, hands[i : i + 3], grips[i : i + 3], dt / steps)
+        return ca.vertcat(*state)
 
-            end_state = runge_kutta_steps(rates, state, hands, grips, dt)
-        self.set_next(block, ca.vertcat(*end_state))
-
-
-def sliding_pivot(
-    node: Node, state: list[ca.SX], hand: HandMotion, grip: ca.SX, opening: int = 0
-) -> list[ca.SX]:
-    """Accelerations of slip [m/s^2] and angle [rad/s^2] (no angle without the pivot) by the
-    smoothed law of an opening (0: planned). It takes seven numbers: slip, the object's angle and
-    angular velocity, the hand's acceleration."""
-    x, z, turn, _, _, spin = node.ocp.full_relative_state(state)
-    x, z, theta, omega, *acceleration = node.stage.lift(
-        x, z, hand.theta + turn, hand.omega + spin, hand.a_x, hand.a_z, hand.alpha
-    )
-    zero, motion = ca.SX(0), HandMotion(theta, omega, *acceleration)
-    rates = node.ocp.release(opening).rates([x, z, zero, zero, zero, zero], motion, grip)
-    return rates[3:] if node.ocp.structure.pivot else rates[3:5]
-
-
-def grip_force(opening: int) -> str:
-    """Name of the parameter with the grip force of an opening."""
-    return f"grip_force {opening}"
-
-
-def gauss_step(
-    stage: Stage,
-    state: list[ca.SX],
-    unknown: ca.SX,
-    dt: ca.SX,
-    accelerations: Callable[[int, float, list[ca.SX]], list[ca.SX]],
-) -> list[ca.SX]:
-    """The state at the interval's end; adds the collocation constraints.
-
-    unknown: the accelerations at both points, in UNITS. accelerations: the law, as a function of
-    the point's number, its share of the interval, and the state there.
-    """
-    half = len(state) // 2
-    place, rate, units = state[:half], state[half:], UNITS[:half]
-    points = [unknown[:half], unknown[half:]]
-    acceleration = [[u * a for u, a in zip(units, ca.vertsplit(p), strict=True)] for p in points]
-
-    def displacement(i: int, share: float, row: tuple[float, ...]) -> ca.SX:
-        return share * dt * rate[i] + dt**2 * sum(
-            weight * a[i] for weight, a in zip(row, acceleration, strict=True)
+    def _accelerations(
+        self, state: list[ca.SX], hand: HandMotion, grip: ca.SX, opening: int
+    ) -> list[ca.SX]:
+        """Accelerations of slip [m/s^2] and angle [rad/s^2] (no angle without the pivot) by the
+        smoothed law of an opening. It takes seven numbers: slip, the object's angle and angular
+        velocity, the hand's acceleration."""
+        x, z, turn, _, _, spin = self.ocp.full_relative_state(state)
+        x, z, theta, omega, *acceleration = self.stage.lift(
+            x, z, hand.theta + turn, hand.omega + spin, hand.a_x, hand.a_z, hand.alpha
         )
-
-    def gain(i: int, row: tuple[float, ...]) -> ca.SX:
-        return dt * sum(weight * a[i] for weight, a in zip(row, acceleration, strict=True))
-
-    for k, node in enumerate(NODES):
-        at = [p + displacement(i, node, _PLACE[k]) for i, p in enumerate(place)]
-        speed = [r + gain(i, _RATE[k]) for i, r in enumerate(rate)]
-        law = accelerations(k, node, [*at, *speed])
-        for unit, variable, value in zip(units, ca.vertsplit(points[k]), law, strict=True):
-            stage.subject_to("sliding pivot", variable - value / unit, 0.0, 0.0)
-    end = [p + displacement(i, 1.0, _END) for i, p in enumerate(place)]
-    return [*end, *[r + gain(i, (0.5, 0.5)) for i, r in enumerate(rate)]]
-
-
-def runge_kutta_steps(
-    rates: Rates,
-    state: list[ca.SX],
-    hands: Sequence[HandMotion],
-    grips: Sequence[ca.SX],
-    dt: ca.SX,
-) -> list[ca.SX]:
-    """The state at the interval's end; hands, grips: at the ends and the middle of each step."""
-    steps = len(hands) // 2
-    for i in range(0, 2 * steps, 2):
-        state = rk4_step(rates, state, hands[i : i + 3], grips[i : i + 3], dt / steps)
-    return state
+        zero, motion = ca.SX(0), HandMotion(theta, omega, *acceleration)
+        rates = self.ocp.release(opening).rates([x, z, zero, zero, zero, zero], motion, grip)
+        return list(rates[3:] if self.ocp.structure.pivot else rates[3:5])
 
 
 def grip_instants(mesh: Mesh, nodes: Array) -> Array:

@@ -282,7 +282,8 @@ class LibraryBuilder:
         goal, at = (self._cells.middle(c, self._target) for c in (cell, source))
         away = np.array([goal.plane_x - at.plane_x, (goal.theta or 0.0) - (at.theta or 0.0)])
         u = optimum.u + optimum.slope @ away[: optimum.slope.shape[1]]
-        effort = self._solver.corrector.controls.effort(u)
+        controls = self._solver.corrector.controls
+        effort = controls.effort(controls.motion(u)[0])
         share = effort / self._solved[cell].optimum.effort
         if share < SETTINGS.cheaper:
             heapq.heappush(self._costly, (share, effort, cell, source))

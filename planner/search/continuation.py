@@ -159,7 +159,7 @@ class SqpContinuation:
             optimum = replace(point.optimum, u=u, refinement=refinement)
             if step.full or not short:
                 # It will be thrown.
-                detach, effort = exact.deciding.release.end, controls.effort(u)
+                detach, effort = exact.deciding.release.end, controls.effort(exact.path)
                 optimum = replace(optimum, slope=step.slope, detach=detach, effort=effort)
             trust = min(2 * trust, 1.0)
             return _Point(optimum, off, 0 * point.du, nlp, x, trust, short), step

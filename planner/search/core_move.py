@@ -85,7 +85,7 @@ class ThrowFamily:
     def _buffers(self) -> MovedC:
         """Room for the largest result."""
         n, brake = self._manipulator.size, self._manipulator.hard.longest_brake
-        longest = self._controls.durations[1] + float(self._controls.opening.sum())
+        longest = self._controls.durations[1] + float(np.ptp(self._controls.request.nodes))
         room = math.ceil((longest + brake) / TICK) + 4
         stages, size, rows = self._fixed.stages, self._controls.size, ROOM + 4 * room
         samples = np.zeros((3, room, n))

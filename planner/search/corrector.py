@@ -64,7 +64,7 @@ class Corrector:
         controls, manipulator = self.controls, self.problems.manipulator
         opens = controls.opening_time(moved.u)
         thrown = Throw.sent(task.scene, manipulator, moved.planned, moved.samples, opens)
-        final, effort = thrown.released(moved.release), controls.effort_of(moved.planned)
+        final, effort = thrown.released(moved.release), controls.effort(moved.planned)
         size, refinement = optimum.nlp_size, optimum.refinement
         return PlannedThrow(moved.planned, final, effort, size, refinement, optimum=optimum)
 

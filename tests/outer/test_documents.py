@@ -136,7 +136,7 @@ def test_the_ceiling_of_the_page_for_contributors_does_what_it_says(tmp_path: Pa
     (terms / "ceiling.py").write_text(term, encoding="utf-8")
     code = (terms / "__init__.py").read_text(encoding="utf-8")
     code = re.sub(r"^(TERMS\b.* = \[)", r"\1\n    Ceiling,", code, flags=re.M)
-    code = code.replace("from .cup import", "from .ceiling import Ceiling\nfrom .cup import")
+    code = code.replace("\n\nTERMS", "\nfrom .ceiling import Ceiling\n\nTERMS")
     (terms / "__init__.py").write_text(code, encoding="utf-8")
     code = (package / "problems" / "targets.py").read_text(encoding="utf-8")
     before, section, after = code.partition("class Workspace(Section):")

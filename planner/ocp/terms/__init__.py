@@ -4,34 +4,21 @@ A new constraint is a subclass of `SceneConstraint` in a file of this folder and
 `TERMS`, which sets the order of the constraints in an NLP.
 """
 
-from ..request import Request
 from ..scene_constraint import SceneConstraint
-from .arm_limits import SlowingLimits, ToolSpeed, TorqueLimits
-from .arrival import LatestArrival
-from .cup import CUP_MARGIN, CupClearance, lower_end
-from .landing import LandingBounds
-from .obstacles import CollisionAvoidance
-from .robust import LandingVariance, Quiet, Scenarios
-from .workspace import PASSING_MARGIN, Column, Floor, Palm
+from . import arm_limits, landing, obstacles, robust, workspace
 
 TERMS: list[type[SceneConstraint]] = [
-    SlowingLimits,
-    ToolSpeed,
-    TorqueLimits,
-    Floor,
-    CupClearance,
-    Palm,
-    Column,
-    LandingBounds,
-    LatestArrival,
-    CollisionAvoidance,
-    Quiet,
-    LandingVariance,
-    Scenarios,
+    arm_limits.SlowingLimits,
+    arm_limits.ToolSpeed,
+    arm_limits.TorqueLimits,
+    workspace.Floor,
+    landing.CupClearance,
+    workspace.Palm,
+    workspace.Column,
+    landing.LandingBounds,
+    landing.LatestArrival,
+    obstacles.CollisionAvoidance,
+    robust.Quiet,
+    robust.LandingVariance,
+    robust.Scenarios,
 ]
-
-
-def constraints_of(request: Request) -> tuple[SceneConstraint, ...]:
-    """The scene's constraints of a request."""
-    candidates = (kind.of(request) for kind in TERMS)
-    return tuple(constraint for constraint in candidates if constraint is not None)

@@ -3,18 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self
 
 import casadi as ca
 
 from ....models.robot import PlanarArm, PlanarDynamics, flange_velocity
 from ....problems import Torque
 from ...throw import torque_limits
-from ..lazy_constraints import TOOL_SPEED
-from ..request import Request
+from ..request import TOOL_SPEED, Request
 from ..scene_constraint import Brake, Instant, Load, SceneConstraint
-from ..stages import Constraints
-from ..transcription import Hand, Node, Ocp
+from ..transcription import Hand, Node, Scope
 
 #: Parameters of the slowing limits, see `models.Slowing`.
 SLOWING = ("slowing", "slowing_offset", "slowing_upper", "slowing_lower")
@@ -29,12 +27,8 @@ class SlowingLimits(SceneConstraint):
     @classmethod
     def of(cls, request: Request) -> Self | None:
         """For an arm that has such limits."""
-        return None if request.manipulator.planning.slowing is None else cls()
-
-    def parameter_values(self, request: Request) -> dict[str, Any]:
-        """The limits' curves."""
-        assert request.manipulator.planning.slowing is not None
-        return dict(zip(SLOWING, request.manipulator.planning.slowing, strict=True))
+        curves = request.manipulator.planning.slowing
+        return None if curves is None else cls(dict(zip(SLOWING, curves, strict=True)))
 
     def at_rate(self, node: Node, q: ca.SX, dq: ca.SX) -> None:
         """dq + offset <= sqrt(2 a (upper - q)), squared with its sign.
@@ -62,97 +56,70 @@ class ToolSpeed(SceneConstraint):
     @classmethod
     def of(cls, request: Request) -> Self | None:
         """For an arm, or a scene, with such a limit."""
-        return None if request.scene.tool_speed is None else cls()
-
-    def parameter_values(self, request: Request) -> dict[str, Any]:
-        """The limit less its margins; the distance of the flange behind the pads' centre."""
         scene = request.scene
-        assert scene.tool_speed is not None and scene.robot is not None and scene.arm is not None
+        if scene.tool_speed is None or scene.robot is None or scene.arm is None:
+            return None
         share = 1 - scene.robot.velocity_margin - request.refinement.margins[TOOL_SPEED.name]
-        return {"tool_speed": share * scene.tool_speed, "tool_length": scene.arm.tool.tcp}
+        return cls({"tool_speed": share * scene.tool_speed, "tool_length": scene.arm.tool.tcp})
 
     def at_instant(self, at: Instant) -> None:
         """At each of them."""
-        _limit_speed(at.ocp, at.constraints, at.hand)
+        _limit_speed(at, at.hand)
 
     def at_last(self, brake: Brake) -> None:
         """At the last node."""
-        _limit_speed(brake.ocp, brake.stage, brake.hand)
+        _limit_speed(brake, brake.hand)
 
 
-def _limit_speed(ocp: Ocp, constraints: Constraints, hand: Hand) -> None:
+def _limit_speed(scope: Scope, hand: Hand) -> None:
     """Squared speeds of the pads' centre and of the flange behind it, over the limit's square."""
-    p, (pose, twist, _) = ocp.parameters, hand
+    p, (pose, twist, _) = scope.p, hand
     for x, z in (twist[:2], flange_velocity(p("tool_length"), pose[2], twist)):
-        constraints.subject_to("tool speed", (x**2 + z**2) / p("tool_speed") ** 2, high=1.0)
+        scope.subject_to("tool speed", (x**2 + z**2) / p("tool_speed") ** 2, high=1.0)
 
 
 @dataclass(frozen=True)
 class TorqueLimits(SceneConstraint):
-    """Joint torques inside their limits at the nodes and some instants of the brake.
-
-    active: the NLP has them (lazy constraint "torque", or a section [torque]).
-    """
-
-    active: bool
+    """Joint torques inside their limits at the nodes and some instants of the brake."""
 
     @classmethod
     def of(cls, request: Request) -> Self | None:
-        """For an arm whose masses are known."""
-        if torque_limits(request.scene) is None:
+        """With a section [torque], or as a lazy constraint, for an arm whose masses are known."""
+        scene, limits = request.scene, torque_limits(request.scene)
+        if limits is None or (scene.torque is None and "torque" not in request.refinement.lazy):
             return None
-        return cls(request.scene.torque is not None or "torque" in request.refinement.lazy)
-
-    def parameter_values(self, request: Request) -> dict[str, Any]:
-        """The limits less the scene's margin and the refinement's."""
-        limits, section = torque_limits(request.scene), request.scene.torque or Torque()
-        assert limits is not None
-        return {"torque_max": (1 - section.margin - request.refinement.margins["torque"]) * limits}
+        margin = (scene.torque or Torque()).margin + request.refinement.margins["torque"]
+        return cls({"torque_max": (1 - margin) * limits})
 
     def at_instant(self, at: Instant) -> None:
         """With the load of the object; without it after detach; both while the pads open."""
-        if not self.active:
-            return
         if at.grip != "none":
-            _limit_torques(at.ocp, at.constraints, at.q, at.dq, at.ddq, at.load)
+            _limit_torques(at, at.q, at.dq, at.ddq, at.load)
         if at.grip != "full":
-            _limit_torques(at.ocp, at.constraints, at.q, at.dq, at.ddq)
+            _limit_torques(at, at.q, at.dq, at.ddq)
 
     def at_last(self, brake: Brake) -> None:
         """The brake with an empty hand: at its start, and when each joint comes to rest.
 
         Joints brake independently; a joint at rest has no deceleration.
         """
-        if not self.active:
-            return
-        ocp, place, rate = brake.ocp, brake.place, brake.rate
-        braking = ocp.each("braking")
+        place, rate, braking = brake.place, brake.rate, brake.ocp.each("braking")
         deceleration = -braking * rate / ca.sqrt(rate**2 + 1e-4)
-        _limit_torques(ocp, brake.stage, *brake.coordinates)
-        _limit_torques(ocp, brake.stage, place, rate, deceleration)
+        _limit_torques(brake, *brake.coordinates)
+        _limit_torques(brake, place, rate, deceleration)
         stops = ca.sqrt(rate**2 + 1e-6) / braking
-        for i in range(ocp.n):
-            remaining = stops - stops[i]
-            moving = (
-                1
-                + (remaining + STOP_TIME) / ca.sqrt((remaining + STOP_TIME) ** 2 + STOP_TIME**2 / 4)
-            ) / 2
+        for i in range(brake.ocp.n):
+            since = stops - stops[i] + STOP_TIME
+            moving = (1 + since / ca.sqrt(since**2 + STOP_TIME**2 / 4)) / 2
             share = ca.fmin(stops[i] / stops, 1.0)
             place_then = place + rate * stops * (share - share**2 / 2)
-            _limit_torques(ocp, brake.stage, place_then, rate * (1 - share), moving * deceleration)
+            _limit_torques(brake, place_then, rate * (1 - share), moving * deceleration)
 
 
-def _limit_torques(
-    ocp: Ocp,
-    constraints: Constraints,
-    q: ca.SX,
-    dq: ca.SX,
-    ddq: ca.SX,
-    load: Load | None = None,
-) -> None:
+def _limit_torques(scope: Scope, q: ca.SX, dq: ca.SX, ddq: ca.SX, load: Load | None = None) -> None:
     """The torques inside their limits; load: force and torque of the hand on the object."""
-    arm = ocp.kinematics
+    ocp, arm = scope.ocp, scope.ocp.kinematics
     assert isinstance(arm, PlanarArm)
     angles, rates, turns = map(arm.link_angles, (q, dq, ddq))
     torques = PlanarDynamics(arm).torques(angles, rates, turns, ocp.gravity, load)
-    ocp.limit(constraints, "torque", ca.vertcat(*torques) / ocp.each("torque_max"))
+    scope.limit("torque", ca.vertcat(*torques) / ocp.each("torque_max"))

@@ -1,25 +1,33 @@
-"""[landing]: speed and turning rate at landing within bounds."""
+"""The landing: its speed ([landing]), its latest time (arrival), its way into a cup ([cup])."""
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import ClassVar, Self
 
+import casadi as ca
+
+from ....problems import Pose, Scene
 from ..request import Request
 from ..scene_constraint import Flight, SceneConstraint
+from ..stages import Block, Stage, T
+from ..transcription import Ocp
 
-#: Margin, as a share of the bounds: covers the difference between the NLP's landing and the exact
-#: one.
-MARGIN = 0.02
+#: Margins for the difference between the NLP's landing and the exact one: a share of the bounds of
+#: [landing], and of the latest arrival [s].
+BOUNDS_MARGIN, ARRIVAL_MARGIN = 0.02, 1e-3
+#: Depths of the lower end with constraints: without and with the lazy constraint "flight".
+DEPTHS = (4, 12)
+#: Margin [m] to rim and wall: covers the motion between depths; `request.CUP` adds to it.
+CUP_MARGIN = 0.001
+#: Times after detach [s]: the lowest corner passes the rim, the lower end is at a depth.
+T_RIM, T_CUP = Block("t_rim", "s"), Block("t_cup", "s")
 
 
 @dataclass(frozen=True)
 class LandingBounds(SceneConstraint):
-    """Bounds of speed and turning rate at the landing. Fields: whether the scene has the bound."""
-
-    speed_min: bool
-    speed_max: bool
-    rate_max: bool
+    """Bounds of speed and turning rate at the landing."""
 
     @classmethod
     def of(cls, request: Request) -> Self | None:
@@ -27,25 +35,117 @@ class LandingBounds(SceneConstraint):
         bounds = request.scene.landing
         if bounds is None:
             return None
-        return cls(bounds.speed_min > 0, bounds.speed_max is not None, bounds.rate_max is not None)
-
-    def parameter_values(self, request: Request) -> dict[str, Any]:
-        """The bounds less the margin."""
-        bounds = request.scene.landing
-        assert bounds is not None
-        return {
-            "speed_min": bounds.speed_min * (1 + MARGIN),
-            "speed_max": (bounds.speed_max or 0.0) * (1 - MARGIN),
-            "rate_max": (bounds.rate_max or 0.0) * (1 - MARGIN),
-        }
+        values = {"speed_min": bounds.speed_min * (1 + BOUNDS_MARGIN)} if bounds.speed_min else {}
+        for name in ("speed_max", "rate_max"):
+            if (most := getattr(bounds, name)) is not None:
+                values[name] = most * (1 - BOUNDS_MARGIN)
+        return cls(values)
 
     def in_flight(self, flight: Flight) -> None:
         """The scene's bounds."""
         p, end = flight.p, flight.end
         squared = end.v_x**2 + end.v_z**2
-        if self.speed_min:
+        if "speed_min" in self.values:
             flight.subject_to("landing speed", squared - p("speed_min") ** 2, low=0.0)
-        if self.speed_max:
+        if "speed_max" in self.values:
             flight.subject_to("landing speed", squared - p("speed_max") ** 2, high=0.0)
-        if self.rate_max:
+        if "rate_max" in self.values:
             flight.subject_to("landing rate", end.omega / p("rate_max"), -1.0, 1.0)
+
+
+@dataclass(frozen=True)
+class LatestArrival(SceneConstraint):
+    """The latest time of the landing. The earliest needs no constraint: the arm can wait."""
+
+    @classmethod
+    def of(cls, request: Request) -> Self | None:
+        """For a target with an arrival."""
+        target = request.target or request.scene.target
+        if target is None or not math.isfinite(target.window[1]):
+            return None
+        opening = request.scene.gripper.profile().opening
+        return cls({"arrival": target.window[1] - opening - ARRIVAL_MARGIN})
+
+    def add_states(self, ocp: Ocp, k: int, stage: Stage) -> None:
+        """The carry's duration from the end of the carry to detach, where the flight's is known."""
+        if ocp.structure.carry <= k <= ocp.structure.detach:
+            stage.state(T)
+
+    def in_flight(self, flight: Flight) -> None:
+        """The landing's time."""
+        arrival = flight.stage.states[T] + flight.time
+        flight.subject_to("arrival", arrival - flight.p("arrival"), high=0.0)
+
+
+@dataclass(frozen=True)
+class CupClearance(SceneConstraint):
+    """The bar's outline inside the cup at several depths of its lower end.
+
+    One unknown time is that of the lowest corner at the rim's height: the corner is clear of the
+    wall. Each depth adds an unknown time, at which the middle of the lower end is at that depth:
+    the corners of the end are clear of the wall, the long edges clear of the rim. The cup moves
+    with the target, and in an elastic problem with the landing.
+    """
+
+    turns: ClassVar[bool] = True
+    depths: int
+    elastic: bool
+
+    @classmethod
+    def of(cls, request: Request) -> Self | None:
+        """For a scene with a cup; the end of the bar that enters depends on the target."""
+        cup, target = request.scene.cup, request.target or request.scene.target
+        if cup is None or target is None:
+            return None
+        values = {
+            "cup_x": cup.x,
+            "cup_rim": cup.rim,
+            "cup_insertion": cup.insertion,
+            # The bar is as thick as it is wide, so a round cup is narrower off its middle.
+            "cup_radius": math.sqrt(cup.radius**2 - (request.scene.object.width / 2) ** 2),
+            "cup_clearance": cup.clearance + CUP_MARGIN + request.refinement.margins["cup"],
+            "lower_end": lower_end(request.scene, target),
+        }
+        if target.velocity is not None:
+            values["cup_speed"] = target.speed
+        return cls(values, DEPTHS["flight" in request.refinement.lazy], request.elastic)
+
+    def in_flight(self, flight: Flight) -> None:
+        """The rim, then each depth."""
+        p, end = flight.p, flight.end
+        radius, clearance, half_width = p("cup_radius"), p("cup_clearance"), p("half_width")
+        landed = p("cup_x") + (end.x - p("target_x") if self.elastic else 0)
+
+        def cup_at(time: ca.SX) -> ca.SX:
+            moves = "cup_speed" in self.values
+            return landed + p("cup_speed") * (time - flight.time) if moves else landed
+
+        lower = p("lower_end")
+        time = flight.stage.control(T_RIM)
+        at, cup_x = flight.after(time), cup_at(time)
+        cos, sin = ca.cos(at.theta), ca.sin(at.theta)
+        across = half_width * cos / ca.sqrt(cos**2 + 1e-6)
+        flight.subject_to("cup depth", at.z + lower * sin - across * cos - p("cup_rim"), 0.0, 0.0)
+        corner = at.x + lower * cos + across * sin - cup_x
+        flight.subject_to("cup clearance", corner / (radius - clearance), -1.0, 1.0)
+        for i in range(self.depths):
+            time = flight.stage.control(T_CUP.number(i))
+            at, cup_x = flight.after(time), cup_at(time)
+            cos, sin = ca.cos(at.theta), ca.sin(at.theta)
+            depth = p("cup_insertion") * i / max(self.depths - 1, 1)
+            flight.subject_to("cup depth", at.z + lower * sin - (p("cup_rim") - depth), 0.0, 0.0)
+            for side in (-1, 1):
+                corner = at.x + lower * cos - side * half_width * sin - cup_x
+                flight.subject_to("cup clearance", corner / (radius - clearance), -1.0, 1.0)
+            # The rim's two edges lie to either side of the bar's axis: signed distances.
+            offset = (at.x - cup_x) * sin + (p("cup_rim") - at.z) * cos
+            free = radius * ca.sqrt(sin**2 + 1e-9) - half_width - clearance
+            flight.subject_to("cup clearance", (offset - free) / radius, high=0.0)
+            flight.subject_to("cup clearance", (offset + free) / radius, low=0.0)
+
+
+def lower_end(scene: Scene, target: Pose) -> float:
+    """Distance [m] from the CoM to the end that lands lower; negative: the grasped end."""
+    theta = 0.0 if target.theta is None else target.theta
+    ahead = scene.object.length - scene.object.com
+    return ahead if math.sin(theta) < 0 else -scene.object.com

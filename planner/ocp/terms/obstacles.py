@@ -13,7 +13,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cache
 from itertools import groupby
-from typing import Any, Self
+from typing import Any, ClassVar, Self
 
 import casadi as ca
 import numpy as np
@@ -41,7 +41,7 @@ from ..transcription import Interval, Node
 class PlaneSettings:
     """Separating planes, and the instants at which they hold.
 
-    margin [m]: covers the motion between instants; `lazy_constraints.CLEAR` adds to it. count:
+    margin [m]: covers the motion between instants; `request.CLEAR` adds to it. count:
     planes of a body at an instant, those of its nearest neighbours. around: directions of the
     normals in the plane of the throw. tilts [rad]: angles of the normals out of that plane. carry:
     instants of a carry interval. brake [s]: times in the brake, `carry` at most. flight: instants
@@ -69,29 +69,25 @@ class CollisionAvoidance(SceneConstraint):
     """Separating planes of links and bar. bodies: links and held bar with planes; flying: the
     flying bar has planes too."""
 
+    linearised: ClassVar[bool] = True
     bodies: tuple[str, ...]
     flying: bool
 
     @classmethod
     def of(cls, request: Request) -> Self | None:
-        """For the bodies of the refinement: a verdict found them too near."""
-        bodies = request.refinement.bodies
-        return cls(tuple(sorted(bodies - {FLYING})), FLYING in bodies) if bodies else None
-
-    @property
-    def linearised(self) -> bool:
-        """The planes belong to the throw that the solve starts from."""
-        return True
-
-    def parameter_values(self, request: Request) -> dict[str, Any]:
-        """The planes at all instants, for the throw that the solve starts from."""
+        """For the bodies that a verdict found too near; their planes at all instants, for the throw
+        that the solve starts from."""
+        bodies, values = request.refinement.bodies, dict[str, Any]()
+        if not bodies:
+            return None
+        held, flying = tuple(sorted(bodies - {FLYING})), FLYING in bodies
+        if held:
+            values["planes"] = _planes(request, held).ravel()
+        if flying:
+            values["flight_planes"] = _flight_planes(request).ravel()
         margin = SETTINGS.margin + request.refinement.margins["clear"]
-        found: dict[str, Any] = {"clear_margin": margin, "brake_times": SETTINGS.brake}
-        if self.bodies:
-            found["planes"] = self._planes(request).ravel()
-        if self.flying:
-            found["flight_planes"] = _flight_planes(request).ravel()
-        return found
+        values |= {"clear_margin": margin, "brake_times": SETTINGS.brake}
+        return cls(values, held, flying)
 
     def in_interval(self, interval: Interval) -> None:
         """Links, hand and held bar at parts of the carry's intervals, and at later nodes."""
@@ -103,7 +99,7 @@ class CollisionAvoidance(SceneConstraint):
 
     def at_last(self, brake: Brake) -> None:
         """The arm in the brake."""
-        if not self._links(brake.ocp.capsules):
+        if not _links(brake.ocp.capsules, self.bodies):
             return
         braking = brake.ocp.each("braking")
         for number, time in enumerate(ca.vertsplit(brake.p("brake_times", len(SETTINGS.brake)))):
@@ -129,7 +125,7 @@ class CollisionAvoidance(SceneConstraint):
         """All bodies at coordinates q and instant `number`; held: the held bar, None after
         detach."""
         capsules = node.ocp.capsules
-        links, ends = self._links(capsules), list[Any]()
+        links, ends = _links(capsules, self.bodies), list[Any]()
         if links:
             assert capsules is not None
             ends += capsules.ends(node.stage.lift(*capsules.arm.link_angles(q)), links)
@@ -145,50 +141,11 @@ class CollisionAvoidance(SceneConstraint):
                 begin = number * size + body * SETTINGS.count * SIZE
                 _avoid_planes(node, [(x, z) for x, *_, z in pair], planes[begin:])
 
-    def _links(self, capsules: ArmCapsules | None) -> list[int]:
-        """Indices of its links among the arm's capsules."""
-        names = () if capsules is None else capsules.names
-        return [i for i, name in enumerate(names) if name in self.bodies]
 
-    def _planes(self, request: Request) -> Array:
-        """Planes (stages, carry, bodies, count, SIZE) from rest to rest."""
-        scene, manipulator, reference = request.scene, request.manipulator, request.reference
-        bodies = self._links(manipulator.capsules)
-        count = len(manipulator.capsules.names) if manipulator.capsules else 0
-        if BAR in self.bodies:
-            bodies = [*bodies, count]
-        stages = scene.mesh.carry + len(request.nodes)
-        if reference is None:
-            return np.tile(EMPTY, (stages, SETTINGS.carry, len(bodies), SETTINGS.count, 1))
-        nodes = request.times(reference.opening_time)
-        shares, lengths = (
-            np.arange(SETTINGS.carry) / SETTINGS.carry,
-            np.diff(nodes, append=nodes[-1]),
-        )
-        times = nodes[:, None] + shares * lengths[:, None]
-        q = reference.path.at(times.ravel()).pose
-        q[:, -SETTINGS.carry :][:, : len(SETTINGS.brake)] = _braking_coordinates(
-            request, reference, np.array(SETTINGS.brake)
-        )
-        hand = manipulator.motion(q, 0 * q, 0 * q)[0]
-        surroundings = CollisionScene.of(scene, manipulator)
-        track = swept_bodies(scene, surroundings.capsules, times.ravel(), q, held_bar(scene, hand))
-        pairs = pairs_of(manipulator.capsules) if manipulator.capsules else []
-        planes = [
-            _planes_of(
-                *(track, body, _solids(surroundings, bar=body == count)),
-                *([i for i, j in pairs if j == body], SETTINGS.count),
-            )
-            for body in bodies
-        ]
-        return np.stack(planes, axis=1).reshape(
-            stages, SETTINGS.carry, len(bodies), SETTINGS.count, SIZE
-        )
-
-
-def _solids(bodies: CollisionScene, *, bar: bool) -> list[tuple[Solid, float]]:
-    """Solids that a body must not meet, with their clearance [m]."""
-    return [(thing.solid, thing.clearance) for thing in bodies.things if thing.bar or not bar]
+def _links(capsules: ArmCapsules | None, bodies: Sequence[str]) -> list[int]:
+    """Indices among the arm's capsules of the links in `bodies`."""
+    names = () if capsules is None else capsules.names
+    return [i for i, name in enumerate(names) if name in bodies]
 
 
 def _avoid_planes(node: Node, ends: Sequence[tuple[ca.SX, ca.SX]], planes: ca.SX) -> None:
@@ -209,6 +166,38 @@ def _bar(held: Instant) -> list[tuple[ca.SX, float, ca.SX]]:
     return [(x - length * cos, 0.0, z - length * sin), (x, 0.0, z)]
 
 
+def _planes(request: Request, bodies: Sequence[str]) -> Array:
+    """Planes (stages, carry, bodies, count, SIZE) of links and held bar, from rest to rest."""
+    scene, manipulator, reference = request.scene, request.manipulator, request.reference
+    capsules, carry = manipulator.capsules, SETTINGS.carry
+    moving = [*_links(capsules, bodies), *([-1] if BAR in bodies else [])]
+    stages = scene.mesh.carry + len(request.nodes)
+    if reference is None:
+        return np.tile(EMPTY, (stages, carry, len(moving), SETTINGS.count, 1))
+    nodes = request.times(reference.opening_time)
+    lengths = np.diff(nodes, append=nodes[-1])
+    times = (nodes[:, None] + np.arange(carry) / carry * lengths[:, None]).ravel()
+    q = reference.path.at(times).pose
+    q[:, -carry:][:, : len(SETTINGS.brake)] = _braking_coordinates(
+        request, reference, np.array(SETTINGS.brake)
+    )
+    bar = held_bar(scene, manipulator.motion(q, 0 * q, 0 * q)[0])
+    planes = _separating_planes(request, times, q, bar, moving)
+    return planes.reshape(stages, carry, len(moving), SETTINGS.count, SIZE)
+
+
+def _flight_planes(request: Request) -> Array:
+    """Planes (flight, 1, count, SIZE) of the flying bar; empty just before the landing."""
+    reference = request.reference
+    if reference is None or not reference.lands:
+        return np.tile(EMPTY, (SETTINGS.flight, 1, SETTINGS.count, 1))
+    since = np.linspace(0.0, reference.landing.flight_time, SETTINGS.flight)
+    q = _braking_coordinates(request, reference, since)
+    planes = _separating_planes(request, since, q, reference.flight(since), [-1], flying=True)
+    planes[since > since[-1] - LANDING] = EMPTY
+    return planes
+
+
 def _braking_coordinates(request: Request, reference: Throw, times: Array) -> Array:
     """Coordinates (n, N) at times (N,) [s] after the nodes of a throw."""
     end = request.times(reference.opening_time)[-1:]
@@ -218,23 +207,19 @@ def _braking_coordinates(request: Request, reference: Throw, times: Array) -> Ar
     )
 
 
-def _flight_planes(request: Request) -> Array:
-    """Planes (flight, count, SIZE) of the flying bar; empty just before the landing."""
-    scene, manipulator, reference = request.scene, request.manipulator, request.reference
-    if reference is None or not reference.lands:
-        return np.tile(EMPTY, (SETTINGS.flight, SETTINGS.count, 1))
-    since = np.linspace(0.0, reference.landing.flight_time, SETTINGS.flight)
-    q = _braking_coordinates(request, reference, since)
-    surroundings = CollisionScene.of(scene, manipulator)
-    track = swept_bodies(
-        scene, surroundings.capsules, since, q, reference.flight(since), flying=True
-    )
-    bar, capsules = len(track.names) - 1, surroundings.capsules
-    pairs = pairs_of(capsules) if capsules else []
-    links = [i for i, j in pairs if j == bar]
-    planes = _planes_of(track, bar, _solids(surroundings, bar=True), links, SETTINGS.count)
-    planes[since > since[-1] - LANDING] = EMPTY
-    return planes
+def _separating_planes(
+    request: Request, times: Array, q: Array, bar: Array, moving: list[int], *, flying: bool = False
+) -> Array:
+    """Planes (N, bodies, count, SIZE) at N instants, for coordinates q (n, N), CoM poses of the bar
+    (3, N), and the bodies `moving`: links by their indices, -1 for the bar."""
+    around = CollisionScene.of(request.scene, request.manipulator)
+    track = swept_bodies(request.scene, around.capsules, times, q, bar, flying=flying)
+    pairs, planes = pairs_of(around.capsules) if around.capsules else [], list[Array]()
+    for index in moving:
+        body = index % len(track.names)
+        solids = [(o.solid, o.clearance) for o in around.things if o.bar or index >= 0]
+        planes.append(_planes_of(track, body, solids, [i for i, j in pairs if j == body]))
+    return np.stack(planes, axis=1)
 
 
 @cache
@@ -255,9 +240,8 @@ def _planes_of(
     body: int,
     solids: Sequence[tuple[Solid, float]],
     links: Sequence[int],
-    count: int,
 ) -> Array:
-    """Planes (N, count, 4) for a body at the track's instants: n_x, n_z, offset of either end.
+    """Planes (N, count, SIZE) for a body at the track's instants: n_x, n_z, offset of either end.
 
     solids: with their clearance [m]; links: bodies of the track that it must not meet. An end at
     (x, z) is clear if n_x x + n_z z >= its offset. The planes are those of the `count` nearest.
@@ -272,7 +256,7 @@ def _planes_of(
     for link in links:
         extent = np.maximum(*(normals @ end for end in track.ends[link])).T
         extents.append(extent + track.radius[link] + track.radius[body])
-    planes = np.tile(np.array(EMPTY), (len(track.times), max(count, len(extents)), 1))
+    planes = np.tile(EMPTY, (len(track.times), max(SETTINGS.count, len(extents)), 1))
     clearances = np.full(planes.shape[:2], np.inf)
     for k, extent in enumerate(extents):
         clearance_in_plane = (nearest_end - extent) / in_plane
@@ -282,7 +266,7 @@ def _planes_of(
         planes[:, k, :2] = normals[best][:, [0, 2]]
         for end in (0, 1):
             planes[:, k, 2 + end] = extent[each, best] - normals[best, 1] * ends[end, 1]
-    nearest = np.argsort(clearances, axis=1)[:, :count]
+    nearest = np.argsort(clearances, axis=1)[:, : SETTINGS.count]
     return np.take_along_axis(planes, nearest[:, :, None], axis=1)
 
 

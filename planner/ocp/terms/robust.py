@@ -15,7 +15,6 @@ patch radius, mass, CoM and grasp.
 
 from __future__ import annotations
 
-import functools
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any, Self
@@ -28,9 +27,8 @@ from ....problems import Robust
 from ..problem import land
 from ..request import Request
 from ..scene_constraint import Brake, Flight, SceneConstraint
-from ..stages import Stage
-from ..transcription import NODES, Interval, Ocp, grip_force, grip_instants, sliding_pivot
-from ..variables import REL
+from ..stages import JERK, REL, Stage
+from ..transcription import NODES, Interval, Ocp, grip_instants
 
 
 @dataclass(frozen=True)
@@ -64,27 +62,24 @@ class Quiet(SceneConstraint):
     @classmethod
     def of(cls, request: Request) -> Self | None:
         """For a robust request. Scenarios have the quiet cost too."""
-        if not request.robust:
+        if request.window is None:
             return None
-        return cls(Robust.QUIET if request.robust == "scenarios" else request.robust)
-
-    def parameter_values(self, request: Request) -> dict[str, Any]:
-        """The window's lengths [s], and prices."""
-        assert request.window is not None
         s, profile, nodes = SETTINGS, request.scene.gripper.profile(), request.nodes
         earliest = request.window.early * request.window.step
         grip = profile.force((nodes[:-1] + nodes[1:]) / 2 + earliest) / profile.full
-        return {
+        values = {
             "window_step": request.window.step,
             "window": nodes[-1] - nodes[0],
             "quiet_arm": request.scene.object.half_length,
             "quiet_weight": s.load_price * (s.load_grip / (s.load_grip + grip)) ** 2,
             "quiet_none": s.zero_load,
         }
+        return cls(values, Robust.QUIET if request.robust == "scenarios" else request.robust)
 
-    def in_window(self, interval: Interval) -> None:
-        """The method's constraints or cost."""
-        METHODS[self.method](interval)
+    def in_interval(self, interval: Interval) -> None:
+        """The method's constraints or cost in the window: after the carry."""
+        if interval.phase != "carry":
+            METHODS[self.method](interval)
 
 
 def _loads(interval: Interval) -> list[list[ca.SX]]:
@@ -92,7 +87,7 @@ def _loads(interval: Interval) -> list[list[ca.SX]]:
     ocp, arm = interval.ocp, interval.p("quiet_arm")
     h, loads = ocp.body.com_offset, []
     for node in NODES:
-        pose, _, hand = ocp.hand(interval.stage, *interval.at(node * interval.dt))
+        pose, _, hand = interval.hand_at(node)
         theta = pose[2] + ocp.grasp_angle
         x_r, z_r = h * ca.cos(theta), h * ca.sin(theta)
         b_x = hand.a_x - hand.alpha * z_r - hand.omega**2 * x_r
@@ -119,11 +114,11 @@ def _exclude_load(interval: Interval) -> None:
 
 def _keep_hand_velocity(interval: Interval) -> None:
     """The hand moves and turns at constant velocity."""
-    ocp, none = interval.ocp, interval.p("quiet_none")
+    p = interval.p
     for node in NODES:
-        hand = ocp.hand(interval.stage, *interval.at(node * interval.dt))[2]
-        for value in interval.stage.lift(hand.a_x, hand.a_z, interval.p("quiet_arm") * hand.alpha):
-            interval.subject_to("constant hand velocity", value / none, -1.0, 1.0)
+        hand = interval.hand_at(node)[2]
+        for value in interval.stage.lift(hand.a_x, hand.a_z, p("quiet_arm") * hand.alpha):
+            interval.subject_to("constant hand velocity", value / p("quiet_none"), -1.0, 1.0)
 
 
 def _keep_joint_velocity(interval: Interval) -> None:
@@ -134,10 +129,9 @@ def _keep_joint_velocity(interval: Interval) -> None:
 
 
 def _keep_acceleration(interval: Interval) -> None:
-    """The coordinates move at constant acceleration."""
-    if interval.ocp.structure.jerk_control:
-        jerk = interval.stage.controls[interval.ocp.control]
-        interval.subject_to("constant acceleration", jerk, -1e-4, 1e-4)
+    """The coordinates move at constant acceleration: a free hand does in any case."""
+    if JERK in interval.stage.controls:
+        interval.subject_to("constant acceleration", interval.stage.controls[JERK], -1e-4, 1e-4)
 
 
 #: What each robust method adds to an interval of the window.
@@ -164,17 +158,13 @@ class LandingVariance(SceneConstraint):
         """For a robust request of a scene that has such errors."""
         deviations = request.scene.deviations if request.robust else {}
         names = tuple(name for name in deviations if name in STATE_ERRORS)
-        return cls(names) if names else None
-
-    def parameter_values(self, request: Request) -> dict[str, Any]:
-        """Standard deviations of the errors, and the price."""
-        deviations = request.scene.deviations
-        return {
-            "deviations": [deviations[name] for name in self.names],
+        values = {
+            "deviations": [deviations[name] for name in names],
             "drift_time": request.scene.gripper.profile().opening,
             "variance_weight": SETTINGS.variance_price,
             "quiet_arm": request.scene.object.half_length,
         }
+        return cls(values, names) if names else None
 
     def in_flight(self, flight: Flight) -> None:
         """The variance of the landing to first order."""
@@ -189,32 +179,36 @@ class LandingVariance(SceneConstraint):
             flight.add_objective(p("variance_weight") * deviation**2 * variance)
 
 
-def _derivative_along_bar(at: FlightState, sign: float) -> list[Any]:
-    """Derivative of the state at detach in a shift [m] of the CoM along the bar."""
-    x, z = sign * ca.cos(at.theta), sign * ca.sin(at.theta)
-    return [x, z, 0.0, -at.omega * z, at.omega * x, 0.0]
+def _moved(at: FlightState, x: Any, z: Any, turn: float) -> list[Any]:
+    """Derivative of the state at detach as the CoM moves by x, z in the turning hand, and the bar
+    turns by `turn`."""
+    return [x, z, turn, -at.omega * z, at.omega * x, 0.0]
 
 
-def _derivative_of_angle(at: FlightState, h: ca.SX) -> list[Any]:
-    """Derivative of the state at detach in an angle [rad] of the bar about the pads."""
-    x, z = -h * ca.sin(at.theta), h * ca.cos(at.theta)
-    return [x, z, 1.0, -at.omega * z, at.omega * x, 0.0]
+def _along_bar(at: FlightState, sign: float) -> list[Any]:
+    """The derivative in a shift [m] of the CoM along the bar."""
+    return _moved(at, sign * ca.cos(at.theta), sign * ca.sin(at.theta), 0.0)
 
 
-def _derivative_of_spin(at: FlightState, h: ca.SX, drift: ca.SX) -> list[Any]:
-    """Derivative of the state at detach in an angular velocity [rad/s] during `drift` [s]."""
-    x, z = -h * ca.sin(at.theta), h * ca.cos(at.theta)
+def _about_pads(at: FlightState, h: ca.SX) -> list[Any]:
+    """The derivative in an angle [rad] of the bar about the pads."""
+    return _moved(at, -h * ca.sin(at.theta), h * ca.cos(at.theta), 1.0)
+
+
+def _spin(at: FlightState, h: ca.SX, drift: ca.SX) -> list[Any]:
+    """The derivative in an angular velocity [rad/s] during `drift` [s]."""
+    x, z, *_ = _about_pads(at, h)
     return [drift * x, drift * z, drift, x, z, 1.0]
 
 
 #: Derivative (6,) of the CoM's state at detach in each error, as a function of the state, the CoM's
 #: offset [m] from the pads, and the duration [s] of an error of the hand's velocity.
 STATE_ERRORS: dict[str, Callable[[FlightState, ca.SX, ca.SX], list[Any]]] = {
-    "com_offset": lambda at, h, drift: _derivative_along_bar(at, 1.0),
-    "grasp_offset": lambda at, h, drift: _derivative_along_bar(at, -1.0),
-    "grasp_angle": lambda at, h, drift: _derivative_of_angle(at, h),
-    "hand_theta": lambda at, h, drift: _derivative_of_angle(at, h),
-    "hand_omega": _derivative_of_spin,
+    "com_offset": lambda at, h, drift: _along_bar(at, 1.0),
+    "grasp_offset": lambda at, h, drift: _along_bar(at, -1.0),
+    "grasp_angle": lambda at, h, drift: _about_pads(at, h),
+    "hand_theta": lambda at, h, drift: _about_pads(at, h),
+    "hand_omega": _spin,
     "hand_x": lambda at, h, drift: [1.0, 0.0, 0.0, 0.0, 0.0, 0.0],
     "hand_z": lambda at, h, drift: [0.0, 1.0, 0.0, 0.0, 0.0, 0.0],
     "hand_vx": lambda at, h, drift: [drift, 0.0, 0.0, 1.0, 0.0, 0.0],
@@ -246,15 +240,11 @@ class Scenarios(SceneConstraint):
 
     @classmethod
     def of(cls, request: Request) -> Self | None:
-        """For the robust method of this name."""
+        """For the robust method of this name: grip force over the window, body, contact and grasp
+        of each throw."""
         if request.robust != "scenarios" or request.window is None:
             return None
-        return cls(len(request.window.delays))
-
-    def parameter_values(self, request: Request) -> dict[str, Any]:
-        """Each throw's grip force over the window, its body, contact and grasp."""
-        assert request.window is not None
-        scene, found = request.scene, dict[str, Any]()
+        scene, values = request.scene, dict[str, Any](scenario_weight=SETTINGS.miss_price)
         profile, deviations = scene.gripper.profile(), scene.deviations
         instants = grip_instants(scene.mesh, request.nodes).ravel()
         for i, delay in enumerate(request.window.delays, start=1):
@@ -265,10 +255,10 @@ class Scenarios(SceneConstraint):
             since = np.where(since > 0.0, since * profile.opening / value["opening"], since)
             com_offset = value["com_offset"] - (value["grasp_offset"] - scene.grasp.offset)
             names = ("mass", "inertia", "friction", "patch_radius", "grasp_angle")
-            found |= {f"{name} {i}": value[name] for name in names}
-            found |= {f"com_offset {i}": max(com_offset, 0.0)}
-            found[grip_force(i)] = profile.force(since)
-        return {"scenario_weight": SETTINGS.miss_price, **found}
+            values |= {f"{name} {i}": value[name] for name in names}
+            values |= {f"com_offset {i}": max(com_offset, 0.0)}
+            values[f"grip_force {i}"] = profile.force(since)
+        return cls(values, len(request.window.delays))
 
     def add_states(self, ocp: Ocp, k: int, stage: Stage) -> None:
         """The relative states from the window's start on."""
@@ -276,14 +266,14 @@ class Scenarios(SceneConstraint):
             for i in range(1, self.count + 1):
                 stage.state(REL.number(i), ocp.rel_size)
 
-    def in_window(self, interval: Interval) -> None:
-        """Each throw across the interval with its own grip force.
+    def in_interval(self, interval: Interval) -> None:
+        """Each throw across an interval of the window with its own grip force.
 
         The law holds in all phases: the object sticks under full grip and flies without grip.
         """
-        for i in range(1, self.count + 1):
-            law = functools.partial(sliding_pivot, opening=i)
-            interval.set_second_derivative(REL.number(i), law, window=True)
+        if interval.phase != "carry":
+            for i in range(1, self.count + 1):
+                interval.set_sliding_pivot(i, window=True)
 
     def at_last(self, brake: Brake) -> None:
         """Each throw's landing, and the price of missing the target."""

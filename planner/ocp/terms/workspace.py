@@ -4,17 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Self
 
 import casadi as ca
 import numpy as np
 
+from ....models.robot import PlanarArm
 from ...throw import column_of
-from ..lazy_constraints import PALM_TIMES
-from ..request import Request
+from ..request import PALM_TIMES, Request
 from ..scene_constraint import Flight, Instant, SceneConstraint, braked
-from ..stages import Constraints
-from ..transcription import Ocp
+from ..transcription import Scope
 
 
 @dataclass(frozen=True)
@@ -22,9 +21,9 @@ class WorkspaceSettings:
     """Margins, roundings and instants of the constraints of the workspace.
 
     held_margin [m]: between carried bar and obstacles; covers the motion between nodes, smoothing
-    and correction; `lazy_constraints.HELD` adds to it. corner [m]: rounding of the maximum of two
+    and correction; `request.HELD` adds to it. corner [m]: rounding of the maximum of two
     distances. passing_instants: of the flight, for the column. passing_margin [m]: to the column in
-    flight; `lazy_constraints.PASSING` adds to it. last_instants: over these last instants of the
+    flight; `request.PASSING` adds to it. last_instants: over these last instants of the
     flight that margin falls to zero, as the landing pose is given. return_time [s]: after detach; a
     bar may fall back on the hand from then on. return_instants: of the flight after that time.
     palm_margin [m]: to the hand's body; covers the motion between instants.
@@ -58,38 +57,33 @@ class Floor(SceneConstraint):
     @classmethod
     def of(cls, request: Request) -> Self | None:
         """For a scene with a floor."""
-        workspace = request.scene.workspace
+        workspace, arm, refinement = request.scene.workspace, request.scene.arm, request.refinement
         if workspace is None or workspace.floor is None:
             return None
-        return cls("carry" in request.refinement.lazy, request.scene.arm is not None)
-
-    def parameter_values(self, request: Request) -> dict[str, Any]:
-        """Heights and margins; where the hand's body ends."""
-        assert request.scene.workspace is not None and request.scene.workspace.floor is not None
-        found = {
-            "floor": request.scene.workspace.floor + SETTINGS.held_margin,
-            "held_margin": request.refinement.margins["held"],
+        values = {
+            "floor": workspace.floor + SETTINGS.held_margin,
+            "held_margin": refinement.margins["held"],
         }
-        if request.scene.arm is not None:
-            tool = request.scene.arm.tool
-            found |= {
-                "body_back": tool.palm_back,
-                "body_front": tool.palm_front,
-                "body_half_width": tool.palm_half_width,
+        if arm is not None:
+            values |= {
+                "body_back": arm.tool.palm_back,
+                "body_front": arm.tool.palm_front,
+                "body_half_width": arm.tool.palm_half_width,
             }
-        return found
+        return cls(values, "carry" in refinement.lazy, arm is not None)
 
     def at_instant(self, at: Instant) -> None:
         """The bar's far end, joint frames, the hand and its body not below the floor."""
         if at.grip == "none":
             return
-        p, margin = at.p, at.held_margin
+        p, margin, arm = at.p, at.held_margin, at.ocp.kinematics
         _, z, _, _ = at.bar_end
         at.subject_to("floor", z - p("half_width") - p("floor") - margin, low=0.0)
         if not self.arm:
             return
         pose, *_ = at.hand
-        heights = at.joint_heights
+        # A hand that moves by itself has no joint frames.
+        heights = arm.heights(arm.link_angles(at.q)) if isinstance(arm, PlanarArm) else []
         if self.body:
             across = p("body_half_width") * ca.sqrt(ca.cos(pose[2]) ** 2 + 1e-6)
             ends = [p(name) * ca.sin(pose[2]) for name in ("body_back", "body_front")]
@@ -106,54 +100,49 @@ class Column(SceneConstraint):
 
     @classmethod
     def of(cls, request: Request) -> Self | None:
-        """For a scene with a base column."""
-        if column_of(request.scene) is None:
+        """For a scene with a base column, enlarged by the margin of the held bar."""
+        column, refinement = column_of(request.scene), request.refinement
+        if column is None:
             return None
-        return cls("passing" in request.refinement.lazy)
-
-    def parameter_values(self, request: Request) -> dict[str, Any]:
-        """The column enlarged by the margin of the held bar; other margins."""
-        column, margins = column_of(request.scene), request.refinement.margins
-        assert column is not None
-        return {
+        values = {
             "column_radius": column[0] + SETTINGS.held_margin,
             "column_height": column[1] + SETTINGS.held_margin,
             "column_margin": SETTINGS.held_margin,
-            "held_margin": margins["held"],
-            "passing_margin": PASSING_MARGIN + margins["passing"],
+            "held_margin": refinement.margins["held"],
+            "passing_margin": PASSING_MARGIN + refinement.margins["passing"],
         }
+        return cls(values, "passing" in refinement.lazy)
 
     def at_instant(self, at: Instant) -> None:
         """The held bar's far end clear of the column."""
         if at.grip != "none":
-            clear = _distance(at.ocp, *at.bar_end)
+            clear = _distance(at, *at.bar_end)
             at.subject_to("base column", clear - at.held_margin, low=0.0)
 
     def in_flight(self, flight: Flight) -> None:
         """Points of the flying bar clear of the column, from detach to landing."""
-        p = flight.p
         if not self.passing:
             return
-        count, last = SETTINGS.passing_instants, SETTINGS.last_instants
+        p, count = flight.p, SETTINGS.passing_instants
         shares = np.linspace(0.0, 1.0, count)
-        weights = np.minimum(1.0, (1.0 - shares) * (count - 1) / last)
-        constraints, (share, weight) = flight.stage.at_instants(shares, weights)
+        weights = np.minimum(1.0, (1.0 - shares) * (count - 1) / SETTINGS.last_instants)
+        scope, (share, weight) = flight.at_instants(shares, weights)
         at = flight.after(share * flight.time)
         margin = weight * p("passing_margin") - (1 - weight) * p("column_margin")
         theta = ca.SX(at.theta)
         cos, sin = ca.cos(theta), ca.sin(theta)
         for distance in flight.ocp.along_bar():
-            clear = _distance(flight.ocp, at.x + distance * cos, at.z + distance * sin, cos, sin)
-            constraints.subject_to("base column", clear - margin, low=0.0)
+            clear = _distance(scope, at.x + distance * cos, at.z + distance * sin, cos, sin)
+            scope.subject_to("base column", clear - margin, low=0.0)
 
 
-def _distance(ocp: Ocp, x: ca.SX, z: ca.SX, cos: ca.SX, sin: ca.SX) -> ca.SX:
+def _distance(scope: Scope, x: ca.SX, z: ca.SX, cos: ca.SX, sin: ca.SX) -> ca.SX:
     """Distance [m] from the base column to the bar at the point x, z [m] of its axis: above the
     column or to a side of it.
 
     cos, sin: of the bar's angle. The bar extends half its width from its axis.
     """
-    p = ocp.parameters
+    p = scope.p
     above = z - p("half_width") * ca.sqrt(cos**2 + 1e-6) - p("column_height")
     aside = ca.sqrt(x**2 + 1e-8) - p("half_width") * ca.sqrt(sin**2 + 1e-6) - p("column_radius")
     return soft_max(above, aside)
@@ -161,52 +150,42 @@ def _distance(ocp: Ocp, x: ca.SX, z: ca.SX, cos: ca.SX, sin: ca.SX) -> ca.SX:
 
 @dataclass(frozen=True)
 class Palm(SceneConstraint):
-    """The flying bar clear of the hand's body.
+    """The flying bar clear of the hand's body: its ends, at the first instants of the flight.
 
-    early: its ends, at the first instants of the flight (lazy constraint "flight"). later: five
-    points, in all the flight (lazy constraint "return").
+    later: five points too, in all the flight (lazy constraint "return" instead of "flight").
     """
 
-    early: bool
     later: bool
 
     @classmethod
     def of(cls, request: Request) -> Self | None:
-        """For a scene with a clearance to the hand's body."""
+        """As a lazy constraint of a scene with a clearance to the hand's body, which grows by the
+        clearance and half the bar's width."""
         workspace, arm = request.scene.workspace, request.scene.arm
-        lazy = request.refinement.lazy
-        if workspace is None or workspace.palm_clearance is None or arm is None:
+        lazy = request.refinement.lazy & {"flight", "return"}
+        if not lazy or workspace is None or workspace.palm_clearance is None or arm is None:
             return None
-        return cls(bool(lazy & {"flight", "return"}), "return" in lazy)
-
-    def parameter_values(self, request: Request) -> dict[str, Any]:
-        """The hand's body, grown by the clearance and half the bar's width."""
-        workspace, arm = request.scene.workspace, request.scene.arm
-        assert workspace is not None and workspace.palm_clearance is not None and arm is not None
         margin = request.scene.object.width / 2 + SETTINGS.palm_margin + workspace.palm_clearance
-        return {
+        values = {
             "palm_back": arm.tool.palm_back + margin,
             "palm_front": arm.tool.palm_front - margin,
             "palm_half_width": arm.tool.palm_half_width + margin,
         }
+        return cls(values, "return" in lazy)
 
     def in_flight(self, flight: Flight) -> None:
         """The bar clear of the hand's body at some times."""
-        if self.early:
-            # Just after detach only an end of the bar can meet the hand.
-            constraints, (time,) = flight.stage.at_instants(PALM_TIMES)
-            points = flight.ocp.along_bar()
-            _clear_of_palm(flight, constraints, time, [points[0], points[-1]])
+        # Just after detach only an end of the bar can meet the hand.
+        scope, (time,) = flight.at_instants(PALM_TIMES)
+        points = flight.ocp.along_bar()
+        _clear_of_palm(flight, scope, time, [points[0], points[-1]])
         if self.later:
             first, count = SETTINGS.return_time, SETTINGS.return_instants
-            constraints, (share,) = flight.stage.at_instants(np.arange(1, count + 1) / count)
-            time = first + share * (flight.time - first)
-            _clear_of_palm(flight, constraints, time, flight.ocp.along_bar())
+            scope, (share,) = flight.at_instants(np.arange(1, count + 1) / count)
+            _clear_of_palm(flight, scope, first + share * (flight.time - first), points)
 
 
-def _clear_of_palm(
-    flight: Flight, constraints: Constraints, time: ca.SX, points: Sequence[ca.SX]
-) -> None:
+def _clear_of_palm(flight: Flight, scope: Scope, time: ca.SX, points: Sequence[ca.SX]) -> None:
     """Points of the flying bar clear of the hand's body at `time` after detach.
 
     Meanwhile every coordinate brakes at `braking`. A point is in front of the body, behind it or at
@@ -214,8 +193,7 @@ def _clear_of_palm(
     """
     ocp, p, (q, dq, _) = flight.ocp, flight.p, flight.coordinates
     still = ca.SX.zeros(ocp.n)
-    coordinates = braked(q, dq, time, ocp.each("braking"), ca.fmin)
-    pose, _, _ = ocp.hand(constraints, coordinates, still, still)
+    pose, _, _ = scope.hand_of(braked(q, dq, time, ocp.each("braking"), ca.fmin), still, still)
     cos_hand, sin_hand = ca.cos(pose[2]), ca.sin(pose[2])
     at = flight.after(time)
     for distance in points:
@@ -224,7 +202,7 @@ def _clear_of_palm(
         ahead = cos_hand * dx + sin_hand * dz
         before = ca.fmax(ahead + p("palm_front"), -ahead - p("palm_back"))
         aside = ca.sqrt((cos_hand * dz - sin_hand * dx) ** 2 + 1e-8) - p("palm_half_width")
-        constraints.subject_to("palm", soft_max(before, aside), low=0.0)
+        scope.subject_to("palm", soft_max(before, aside), low=0.0)
 
 
 def soft_max(a: ca.SX, b: ca.SX) -> ca.SX:
