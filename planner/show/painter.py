@@ -1,4 +1,4 @@
-"""The 3-D view as pictures, without browser or graphics card.
+"""The 3-D view as a picture and as a film, without browser or graphics card.
 
 A `Painter` replaces viser's server. It keeps each shape as triangles and paints them from far to
 near.
@@ -7,8 +7,13 @@ near.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass, field
+from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -16,31 +21,35 @@ import numpy as np
 
 from ...models import Array
 from ...problems import InputError
+from .style import PHASES
+from .throw_picture import CARRIED, FLYING, SLOW, frame_words
+from .view import SpaceThrow, View, put
 
 if TYPE_CHECKING:
     from PIL import Image
 
 #: Width and height [px] of a picture.
 SIZE = (960, 720)
-#: Direction to the light.
-LIGHT = np.array([-0.35, -0.5, 0.8])
-#: Colour of shadows.
-SHADOW = (222, 222, 222)
+#: Frame rate [1/s] of a film.
+FILM_FPS = 25
 
 
 @dataclass(frozen=True)
 class PainterSettings:
-    """Resolution, distances and light of a picture.
+    """Resolution, distances, light and shadows of a picture.
 
     oversampling: factor of the painted size over the final one. edge [m]: longest of a triangle;
-    longer triangles have no clear order in depth. ambient: share of ambient light. near [m]:
-    distance to the camera below which nothing is painted. zoom: size of the throw against the
-    browser's view. floor [m]: depth of the floor's lines, behind all other shapes.
+    longer triangles have no clear order in depth. light: direction to it. ambient: share of light
+    from all sides. near [m]: distance to the camera below which nothing is painted. zoom: size of
+    the throw against the browser's view. floor [m]: depth of the floor's lines, behind all other
+    shapes.
     """
 
     oversampling: int = 2
     edge: float = 0.05
+    light: tuple[float, float, float] = (-0.35, -0.5, 0.8)
     ambient: float = 0.7
+    shadow: tuple[int, int, int] = (222, 222, 222)
     near: float = 0.2
     zoom: float = 1.15
     floor: float = 1e3
@@ -220,9 +229,8 @@ class Painter:
         size = LOOK.oversampling * np.array(SIZE)
         scale = LOOK.zoom * size[1] / 2 / np.tan(camera.fov / 2)
         depth = in_camera[..., 2]
-        return size / 2 + scale * in_camera[..., :2] / np.maximum(depth, LOOK.near)[
-            ..., None
-        ], depth
+        distance = np.maximum(depth, LOOK.near)[..., None]
+        return size / 2 + scale * in_camera[..., :2] / distance, depth
 
     def _segments(self) -> Iterator[Shape]:
         """Line segments; those without thickness are on the floor, under everything."""
@@ -242,7 +250,7 @@ class Painter:
         """Triangles that face the camera, and shadows; those of a transparent node as one shape."""
         from scipy.spatial import ConvexHull
 
-        light = LIGHT / np.linalg.norm(LIGHT)
+        light = np.array(LOOK.light) / np.linalg.norm(LOOK.light)
         for node in self.nodes.values():
             if not (node.visible and len(node.faces)):
                 continue
@@ -269,7 +277,7 @@ class Painter:
             corners[..., 2] = self.floor
             under = self._project(corners.reshape(-1, 3))[0]
             under = under[ConvexHull(under).vertices]
-            yield LOOK.floor / 2, [(under.ravel().tolist(), SHADOW)], None, None
+            yield LOOK.floor / 2, [(under.ravel().tolist(), LOOK.shadow)], None, None
 
 
 def _paint_glass(image: Image.Image, parts: list[Part], opacity: float) -> None:
@@ -285,3 +293,95 @@ def _paint_glass(image: Image.Image, parts: list[Part], opacity: float) -> None:
         ImageDraw.Draw(layer).polygon(shape, fill=colour)
         ImageDraw.Draw(mask).polygon(shape, fill=round(255 * opacity))
     image.paste(layer, tuple(low.astype(int).tolist()), mask)
+
+
+def save_in_space(throw: SpaceThrow, kind: str, path: Path) -> None:
+    """A 3-D picture ("png") just before detach, with poses of the bar; or a film ("mp4") at a fifth
+    of the throw's speed, whose last frame stays half a second.
+
+    Leaves no partial file; InputError if the file cannot be written, and for a film without ffmpeg
+    or trimesh.
+    """
+    (_save_picture if kind == "png" else _save_film)(throw, path)
+
+
+def _save_picture(throw: SpaceThrow, path: Path) -> None:
+    painter = Painter()
+    view = View(painter, throw)
+    _add_ghosts(view)
+    view.show(throw.throw.detach_time - 0.002)
+    with _replacement(path, "png") as file:
+        painter.picture(throw.scene.name).save(file)
+
+
+def _save_film(throw: SpaceThrow, path: Path) -> None:
+    with _replacement(path, "mp4") as file:
+        if shutil.which("ffmpeg") is None:
+            raise InputError("--mp4: needs ffmpeg, which is not installed")
+        if status := _encode(_film(throw), file):
+            raise InputError(f"--mp4 {path}: ffmpeg failed with status {status}")
+
+
+@contextlib.contextmanager
+def _replacement(path: Path, kind: str) -> Iterator[Path]:
+    """A scratch path for a file of a kind; it replaces `path` when the block is done."""
+    if path.suffix != f".{kind}":
+        raise InputError(f"--{kind} {path}: must end in .{kind}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=path.parent) as scratch:
+            yield Path(scratch) / path.name
+            os.replace(Path(scratch) / path.name, path)
+    except OSError as error:
+        raise InputError(f"--{kind} {path}: {error.strerror or error}") from None
+
+
+def _add_ghosts(view: View) -> list[tuple[float, Any]]:
+    """Pale poses of the bar until the landing; their times [s] and nodes."""
+    throw, line = view.throw, view.throw.line
+    opening, landing = line.marks["opening"], line.marks["landing"]
+    times = [*np.linspace(0.0, opening, CARRIED), *np.linspace(opening, landing, FLYING)[1:]]
+    ghosts = []
+    for k, time in enumerate(times):
+        i = line.index(time)
+        put(view.scene.add_frame(f"/way{k}"), throw.bar[i])
+        ghosts.append((time, view.add_bar(f"/way{k}/bar", PHASES[line.phase_name(i)], 0.3)))
+    return ghosts
+
+
+def _film(throw: SpaceThrow) -> Iterator[Image.Image]:
+    """The film's frames, one after another."""
+    line, painter = throw.line, Painter()
+    view = View(painter, throw)
+    ghosts = _add_ghosts(view)
+    moments = np.arange(0.0, line.times[-1], SLOW / FILM_FPS)
+    for i in np.searchsorted(line.times, moments - 1e-9):
+        time = line.times[i]
+        view.show(time)
+        for passed, ghost in ghosts:
+            ghost.visible = passed <= time
+        picture = painter.picture(frame_words(line, i))
+        yield picture
+    yield from [picture] * (FILM_FPS // 2)
+
+
+def _encode(pictures: Iterable[Image.Image], path: Path) -> int:
+    """Writes pictures of `SIZE` as H.264 in the pixel format of all players.
+
+    Returns the exit status of ffmpeg.
+    """
+    command = [
+        *("ffmpeg", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"),
+        *("-s", f"{SIZE[0]}x{SIZE[1]}", "-framerate", str(FILM_FPS), "-i", "pipe:"),
+        *("-vcodec", "h264", "-pix_fmt", "yuv420p", "-y", str(path)),
+    ]
+    silent = subprocess.DEVNULL
+    # The exit status reports an early end of ffmpeg.
+    with (
+        contextlib.suppress(BrokenPipeError),
+        subprocess.Popen(command, stdin=subprocess.PIPE, stdout=silent, stderr=silent) as process,
+    ):
+        assert process.stdin is not None
+        for picture in pictures:
+            process.stdin.write(picture.tobytes())
+    return process.returncode
