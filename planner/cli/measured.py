@@ -72,7 +72,18 @@ def make_synthetic(options: argparse.Namespace) -> int:
     example: throwplan make-throws --out out/throws
     """
     started = time.perf_counter()
-    config = _synthesis(options)
+    lugre = options.truth == "lugre"
+    if options.stiffness is not None and not lugre:
+        raise InputError("--stiffness: only with --truth lugre")
+    config = SynthesisConfig(
+        stiffness=options.stiffness or 1e6 if lugre else None,
+        friction=options.friction,
+        patch_radius=options.patch_radius,
+        repeats=options.repeats,
+        factors=options.factors,
+        noise=Noise.none() if options.no_noise else Noise(),
+        seed=options.seed,
+    )
     if options.out is None:
         raise InputError("--out: needs a folder's name")
     folder = Path(options.out)
@@ -156,22 +167,6 @@ def validate_models(options: argparse.Namespace) -> int:
     text = f"{as_text(found)}\n\n{found.seconds:.0f} s" + written(options)
     print_result(options, as_dict(found), text)
     return DONE
-
-
-def _synthesis(options: argparse.Namespace) -> SynthesisConfig:
-    """The settings of the options."""
-    lugre = options.truth == "lugre"
-    if options.stiffness is not None and not lugre:
-        raise InputError("--stiffness: only with --truth lugre")
-    return SynthesisConfig(
-        stiffness=options.stiffness or 1e6 if lugre else None,
-        friction=options.friction,
-        patch_radius=options.patch_radius,
-        repeats=options.repeats,
-        factors=options.factors,
-        noise=Noise.none() if options.no_noise else Noise(),
-        seed=options.seed,
-    )
 
 
 def _check_place(folder: Path) -> None:

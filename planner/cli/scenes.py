@@ -10,11 +10,10 @@ from pathlib import Path
 from typing import Any
 
 from ...models.release import BATCH_MODELS, MODELS
-from ...problems import InputError, Pose, Robust, Scene, load_scene, scene_names, scene_text
+from ...problems import InputError, Robust, load_scene, scene_names, scene_text
 from ...problems.files import copy_out, filling, write_json
 from ..planner import MOST_ALTERNATIVES, MOST_PREPARED, PREPARED, Planner
 from ..reach import MAP_FILES, MOST, check_map, reach_map
-from ..result import Plan
 from ..show import draw_releases
 from ..sweep import SWEEP_FILES, check_sweep, sweep_until_stopped
 from ..throw import make_manipulator
@@ -43,8 +42,6 @@ from .common import (
 
 #: Message of `prepare` without a cache folder.
 NOT_KEPT = "not kept: there is no cache folder"
-#: Success rate below which `sweep` recommends a robust plan.
-MIN_RATE = 0.9
 
 
 def scenes_arguments(add: Add) -> None:
@@ -285,7 +282,11 @@ def sweep(options: argparse.Namespace) -> int:
     check_sweep(samples, seed, model, "--")
     target = target_of(scene, options)
     with executor_of(options.workers, options.scheduler) as executor:
-        found = _plan_of_sweep(scene, target, options)
+        with Progress(f"{scene.name}: planning"):
+            planner = Planner(scene)
+            planner.check(target)
+            prepare_out(options, SWEEP_FILES)
+            found = planner.plan(target, robust=options.robust, patience=options.patience)
         if not found.solved:
             print_result(options, found.to_dict(), f"{scene.name}: {found.status}")
             return fail(found.message)
@@ -296,17 +297,9 @@ def sweep(options: argparse.Namespace) -> int:
     save_out(options, scene.name, outcome.save)
     result = outcome.to_dict()
     advice = ""
-    if found.target.at_rest and not found.robust and result["success"]["rate"] < MIN_RATE:
+    if found.target.at_rest and not found.robust and result["success"]["rate"] < 0.9:
         advice = "\n  plan with --robust auto to raise the success rate"
     print_result(options, result, outcome.summary() + advice + notes(scene) + written(options))
     if outcome.samples == samples:
         return DONE
     return fail(f"interrupted: {outcome.samples:,} of {samples:,} samples", INTERRUPTED)
-
-
-def _plan_of_sweep(scene: Scene, target: Pose | None, options: argparse.Namespace) -> Plan:
-    with Progress(f"{scene.name}: planning"):
-        planner = Planner(scene)
-        planner.check(target)
-        prepare_out(options, SWEEP_FILES)
-        return planner.plan(target, robust=options.robust, patience=options.patience)

@@ -101,12 +101,6 @@ class Painter:
         """The scene: the painter itself."""
         return self
 
-    def configure_environment_map(self, name: None) -> None:
-        """Ignored: a picture has no environment map."""
-
-    def add_light_ambient(self, name: str, intensity: float) -> None:
-        """Ignored: the light is fixed."""
-
     def add_frame(self, name: str, show_axes: bool = False) -> MeshNode:
         """A frame that other nodes are placed in."""
         return self._add(name, np.zeros((0, 3)), np.zeros((0, 3), int))
