@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
 import json
 import math
@@ -145,18 +146,15 @@ def target_of(scene: Scene, options: argparse.Namespace) -> Pose | None:
 # Types of options, for argparse, which puts the option's name before the message.
 
 
-def integer(low: int | None = None, high: int | None = None) -> Callable[[str], int]:
+def integer(low: float = -math.inf, high: float = math.inf) -> Callable[[str], int]:
     """A whole number from `low` to `high`, if they are given."""
+    allowed = "" if math.isinf(low) else f", {low} to {high}"
 
     def value(word: str) -> int:
-        try:
-            result = int(word)
-            if low is None or high is None or low <= result <= high:
-                return result
-        except ValueError:
-            pass
-        words = "" if low is None else f", {low} to {high}"
-        raise argparse.ArgumentTypeError(f"{word}: must be a whole number{words}")
+        with contextlib.suppress(ValueError):
+            if low <= int(word) <= high:
+                return int(word)
+        raise argparse.ArgumentTypeError(f"{word}: must be a whole number{allowed}")
 
     return value
 

@@ -19,7 +19,7 @@ from ...problems import InputError, Pose, Scene
 from ..planner import PATIENCE, Planner
 from ..reach import ReachMap, reach_map
 from ..result import Plan, throw_of
-from ..show import RED, Panel, View, put, space_throw
+from ..show import RED, Panel, put, space_throw
 from .around import bands, cloud_words, delay_of, draw_cloud, draw_reach, sweep_delays, with_delay
 
 Request = TypeVar("Request")
@@ -126,8 +126,8 @@ class PlayPage:
         self.strip = server.gui.add_markdown(plan_words(plan))
         self._add_controls(server)
         self._add_buttons(server.gui)
-        view = View(server, space_throw(throw_of(plan)))
-        self.panel = Panel(server, view)
+        self.panel = Panel(server, space_throw(throw_of(plan)))
+        view = self.panel.view
         self.panel.go(self.panel.throw.throw.opening_time)
         self._drawn: dict[str, Any] = {}
         self._nearest = server.scene.add_frame("/nearest", show_axes=False, visible=False)

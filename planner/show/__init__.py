@@ -18,4 +18,4 @@ from .style import (
 from .tables import Row, Table, number, shown
 from .throw_picture import draw_throw, draw_throw_moving
 from .timeline import timeline as over_time
-from .view import SpaceThrow, View, put, rgb, space_throw
+from .view import SpaceThrow, put, rgb, space_throw

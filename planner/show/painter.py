@@ -92,9 +92,10 @@ class Painter:
     def __post_init__(self) -> None:
         """InputError without trimesh."""
         try:
-            import trimesh  # noqa: F401
+            import trimesh
         except ImportError:
             raise InputError("pictures in 3-D need trimesh: pip install trimesh") from None
+        self.trimesh: Any = trimesh
 
     @property
     def scene(self) -> Painter:
@@ -103,38 +104,32 @@ class Painter:
 
     def add_frame(self, name: str, show_axes: bool = False) -> MeshNode:
         """A frame that other nodes are placed in."""
-        return self._add(name, np.zeros((0, 3)), np.zeros((0, 3), int))
+        return self._add(name, self.trimesh.Trimesh())
 
     def add_box(self, name: str, color: Any, dimensions: Any, **look: Any) -> MeshNode:
         """A box of three sides [m]."""
-        from trimesh.creation import box
-
-        mesh = box(dimensions)
-        return self._add(name, mesh.vertices, mesh.faces, color, dimensions=dimensions, **look)
+        box = self.trimesh.creation.box(dimensions)
+        return self._add(name, box, color, dimensions=dimensions, **look)
 
     def add_cylinder(
         self, name: str, radius: float, height: float, color: Any, **look: Any
     ) -> MeshNode:
         """A cylinder about z [m]."""
-        from trimesh.creation import cylinder
-
-        mesh = cylinder(radius, height, sections=28)
-        return self._add(name, mesh.vertices, mesh.faces, color, **look)
+        cylinder = self.trimesh.creation.cylinder(radius, height, sections=28)
+        return self._add(name, cylinder, color, **look)
 
     def add_icosphere(
         self, name: str, radius: float, color: Any, subdivisions: int = 2, **look: Any
     ) -> MeshNode:
         """A ball [m]."""
-        from trimesh.creation import icosphere
-
-        mesh = icosphere(min(subdivisions, 2), radius)
-        return self._add(name, mesh.vertices, mesh.faces, color, **look)
+        ball = self.trimesh.creation.icosphere(min(subdivisions, 2), radius)
+        return self._add(name, ball, color, **look)
 
     def add_mesh_simple(
         self, name: str, vertices: Array, faces: Array, color: Any, side: str = "", **look: Any
     ) -> MeshNode:
         """Triangles: vertices (N, 3) [m] and their indices (M, 3)."""
-        return self._add(name, vertices, faces, color, **look)
+        return self._add(name, SimpleNamespace(vertices=vertices, faces=faces), color, **look)
 
     def add_grid(
         self, name: str, width: float, height: float, position: Any, cell_size: float, **look: Any
@@ -186,14 +181,11 @@ class Painter:
         )
         return image.resize(SIZE, Image.Resampling.LANCZOS)
 
-    def _add(
-        self, name: str, vertices: Array, faces: Array, color: Any = 0, **look: Any
-    ) -> MeshNode:
-        from trimesh import remesh
-
-        split: Any = remesh.subdivide_to_size
+    def _add(self, name: str, mesh: Any, color: Any = 0, **look: Any) -> MeshNode:
+        vertices, faces = mesh.vertices, mesh.faces
         look = {key: value for key, value in look.items() if not key.endswith("shadow")}
         if len(faces) and look.get("opacity") is None:
+            split = self.trimesh.remesh.subdivide_to_size
             vertices, faces = split(vertices, faces, LOOK.edge, max_iter=20)
         self.nodes[name] = MeshNode(name, np.array(vertices), np.array(faces), color, **look)
         return self.nodes[name]

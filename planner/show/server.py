@@ -27,7 +27,7 @@ SPEEDS = {"1": 1.0, "1/5": 0.2, "1/20": 0.05}
 def serving(throw: SpaceThrow, port: int) -> Iterator[tuple[str, Any]]:
     """Address and panel of the throw's view while it is served; errors as of `empty_page`."""
     with empty_page(throw.scene.name, port) as (address, server):
-        yield address, Panel(server, View(server, throw))
+        yield address, Panel(server, throw)
 
 
 @contextlib.contextmanager
@@ -100,8 +100,8 @@ class Panel:
     time [s]: the instant shown. viser calls back from other threads, so a lock guards the state.
     """
 
-    def __init__(self, server: Any, view: View) -> None:
-        self.view, self.throw = view, view.throw
+    def __init__(self, server: Any, throw: SpaceThrow) -> None:
+        self.view, self.throw = View(server, throw), throw
         self.end = float(self.throw.line.times[-1])
         self.time, self.playing = 0.0, False
         self._lock = threading.RLock()

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from ...models import Array, Indices
 from ..throw import column_of
 from ..throw.clearance import bar_outline, obstacles_of, palm_corners
-from .style import ARM, BLACK, GREEN, ORANGE, PHASES, RED, draw_cup, new_figure, save
+from .style import ARM, BLACK, GREEN, ORANGE, PHASES, RED, cup_profile, draw_cup, new_figure, save
 from .timeline import Timeline, timeline
 
 if TYPE_CHECKING:
@@ -117,9 +117,7 @@ def frame_stage(stage: Axes, scene: Scene, target: Pose, line: Timeline) -> None
     low, high = line.extent(scene)
     outlines = [solid.outline() for solid in obstacles_of(scene.aimed_at(target))]
     if scene.cup is not None:
-        cup = scene.cup
-        left, right, bottom = cup.x - cup.radius, cup.x + cup.radius, cup.rim - cup.depth
-        outlines.append(np.array([[left, bottom], [right, cup.rim]]))
+        outlines.append(cup_profile(scene.cup))
     if (column := column_of(scene)) is not None:
         outlines.append(np.array([[-column[0], 0.0], column]))
     if scene.workspace is not None and scene.workspace.floor is not None:
@@ -258,7 +256,7 @@ def draw_throw_moving(throw: Throw, path: Path) -> None:
 def _palette(pixels: Pixels) -> Image.Image:
     """At most 256 colours, the most frequent of each cell of 16 values a channel.
 
-    Exact for white and the phases.
+    Exact for white and the phases: Pillow looks up a palette's colours in coarser cells only.
     """
     from PIL import Image
 

@@ -14,7 +14,7 @@ import numpy as np
 
 from ...models import Array
 from ...models.robot import Arm, DHRow, PlanarArm, placement
-from .style import ARM, BLACK, PHASES
+from .style import ARM, BLACK, PHASES, cup_profile
 from .timeline import Timeline, timeline
 
 if TYPE_CHECKING:
@@ -102,9 +102,8 @@ class SpaceThrow:
         """Least and largest (x, z) in the plane of what moves, the cup and an arm's base."""
         low, high = self.line.extent(self.scene)
         if self.scene.cup is not None:
-            cup = self.scene.cup
-            low = np.minimum(low, [cup.x - cup.radius, cup.rim - cup.depth])
-            high = np.maximum(high, [cup.x + cup.radius, cup.rim])
+            cup = cup_profile(self.scene.cup)
+            low, high = np.minimum(low, cup.min(axis=0)), np.maximum(high, cup.max(axis=0))
         if self.scene.arm is not None:
             low, high = np.minimum(low, [-0.1, 0.0]), np.maximum(high, [0.1, 0.0])
         return low, high
