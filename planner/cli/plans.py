@@ -7,7 +7,7 @@ import contextlib
 import json
 import math
 import sys
-from collections.abc import Callable
+from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import Any
@@ -181,7 +181,7 @@ def run(options: argparse.Namespace) -> int:
     folder, runs, lines = prepare_folder(Path(options.out), (RECORDING,)), [], []
     report_step(f"connecting to {options.robot}")
     with robot.connected(options.robot) as franka:
-        recordings = robot.throws(franka, plan, sent, _confirmation(options.yes))
+        recordings = robot.throws(franka, plan, sent, partial(_confirm, options.yes))
         for k, recording in enumerate(islice(recordings, options.repeat), start=1):
             name = RECORDING if options.repeat == 1 else RECORDINGS.format(k)
             with filling(folder, (name,)) as scratch:
@@ -212,19 +212,15 @@ def _print_motion(options: argparse.Namespace, sent: robot.JointMotion) -> int:
     return DONE
 
 
-def _confirmation(yes: bool) -> Callable[[str], None]:
-    """A function that asks for confirmation before the robot moves; with `yes` it only prints."""
-
-    def ask(words: str) -> None:
-        print(words, file=sys.stderr)
-        if yes:
-            return
-        question = "The robot moves. Is its way clear, and the object between the pads? [y/N] "
-        print(question, end="", file=sys.stderr, flush=True)
-        if sys.stdin.readline().strip().lower() not in ("y", "yes"):
-            raise InputError("not confirmed: nothing was moved")
-
-    return ask
+def _confirm(yes: bool, words: str) -> None:
+    """Ask for confirmation before the robot moves; with `yes` only print the words."""
+    print(words, file=sys.stderr)
+    if yes:
+        return
+    question = "The robot moves. Is its way clear, and the object between the pads? [y/N] "
+    print(question, end="", file=sys.stderr, flush=True)
+    if sys.stdin.readline().strip().lower() not in ("y", "yes"):
+        raise InputError("not confirmed: nothing was moved")
 
 
 def correct_arguments(add: Add) -> None:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -15,36 +14,16 @@ from ...models import Array
 from ...models.robot import PlanarArm
 from ...problems import InputError, scene_from_table
 from ...problems.files import read_csv, read_text
-from ..show import draw_throw, draw_throw_moving, over_time
+from ..show import over_time
 from ..throw import TICK, Manipulator, Samples, Throw, make_manipulator
 
 Status = Literal["solved", "out_of_reach", "not_converged"]
-#: Pictures of a plan: True for both, False for none, "png" for throw.png alone.
-Draw = bool | Literal["png"]
 #: Version of plan.json; `read_plan` refuses other versions.
 FORMAT = 1
 #: Columns of a free hand's motion.csv: poses, velocities, accelerations.
 HAND_COLUMNS = (("x", "z", "theta"), ("vx", "vz", "omega"), ("ax", "az", "alpha"))
 #: Files of a plan's folder.
 FILES = ("motion.csv", "throw.png", "throw.gif", "plan.json")
-
-
-def draw_files(
-    throw: Throw, load: tuple[Array, Array] | None, folder: Path, draw: Draw
-) -> tuple[float, str]:
-    """Draws throw.png, and unless draw is "png" throw.gif.
-
-    load: of the pads, see `draw_throw`. Returns the time [s] of drawing, and the reason of a
-    failure (empty for none).
-    """
-    start, failure = time.perf_counter(), ""
-    try:
-        draw_throw(throw, folder / "throw.png", load)
-        if draw != "png":
-            draw_throw_moving(throw, folder / "throw.gif")
-    except Exception as error:  # A user's settings make Matplotlib raise anything.
-        failure = " ".join(str(error).split()) or type(error).__name__
-    return time.perf_counter() - start, failure
 
 
 def write_motion(throw: Throw, path: Path) -> None:

@@ -4,34 +4,27 @@ from __future__ import annotations
 
 import json
 import math
+import time
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
 from ...models import Trajectory
 from ...models.release import SLIDING_PIVOT, STEPPED_SURFACE
 from ...problems import InputError, Pose, Scene
 from ...problems.files import filling, plain, write_json
 from ..ocp import BASE, Optimum, Refinement, Solution, ThrowNlp, load_curve
-from ..show import draw_throw
+from ..show import draw_throw, draw_throw_moving
 from ..throw import Manipulator, Samples, Throw, torque_limits
 from ..verdict import Verdict, verdict, warnings
-from .files import (
-    FILES,
-    FORMAT,
-    Draw,
-    PlanPath,
-    Status,
-    draw_files,
-    path_of,
-    read_plan,
-    write_motion,
-)
+from .files import FILES, FORMAT, PlanPath, Status, path_of, read_plan, write_motion
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+#: Pictures of a plan: True for both, False for none, "png" for throw.png alone.
+Draw = bool | Literal["png"]
 #: Keys of a release's times in the JSON, and their labels in summaries.
 MOMENTS = {
     "command_time": "gripper command",
@@ -256,9 +249,10 @@ class Plan:
                 throw = sent_throw(self)
                 write_motion(throw, scratch / "motion.csv")
                 if draw:
-                    load = load_curve(throw) if self.robust else None
-                    seconds, failure = draw_files(throw, load, scratch, draw)
-                    plan = replace(self, time=self.time | {"draw": seconds})
+                    start = time.perf_counter()
+                    failure = self._draw_files(throw, scratch, draw)
+                    seconds = {"draw": time.perf_counter() - start}
+                    plan = replace(self, time=self.time | seconds)
             # `definition` is the scene that `read_plan` needs.
             scene = self.scene.aimed_at(self.target).table()
             document = {"format": FORMAT, **plan.to_dict(), "definition": scene}
@@ -268,6 +262,17 @@ class Plan:
                 f"--out {folder}: the plan is written, its pictures are not: {failure}"
             )
         return plan
+
+    def _draw_files(self, throw: Throw, folder: Path, draw: Draw) -> str:
+        """Draw throw.png, and unless draw is "png" throw.gif; returns why it failed, or nothing."""
+        load = load_curve(throw) if self.robust else None
+        try:
+            draw_throw(throw, folder / "throw.png", load)
+            if draw != "png":
+                draw_throw_moving(throw, folder / "throw.gif")
+        except Exception as error:  # A user's settings make Matplotlib raise anything.
+            return " ".join(str(error).split()) or type(error).__name__
+        return ""
 
     def draw(self, file: str | Path | None = None) -> Figure:
         """The picture of the throw, a Matplotlib figure, also written to `file` (.png) if given.

@@ -11,8 +11,9 @@ import os
 import shutil
 import subprocess
 import tempfile
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
 from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
@@ -26,7 +27,7 @@ from .throw_picture import CARRIED, FLYING, SLOW, frame_words
 from .view import SpaceThrow, View, put
 
 if TYPE_CHECKING:
-    from PIL import Image
+    from PIL import Image, ImageDraw
 
 #: Width and height [px] of a picture.
 SIZE = (960, 720)
@@ -57,10 +58,8 @@ class PainterSettings:
 
 LOOK = PainterSettings()
 
-#: Pixels and colour of a polygon or line.
-Part = tuple[list[float], tuple[int, ...]]
-#: Depth [m], parts, width [px] of a line, and opacity of glass.
-Shape = tuple[float, list[Part], int | None, float | None]
+#: Depth [m] of a shape, and what paints it.
+Shape = tuple[float, Callable[[], None]]
 
 
 @dataclass(eq=False)
@@ -163,14 +162,9 @@ class Painter:
         )
         draw = ImageDraw.Draw(image)
         # From far to near: the floor's lines, shadows, then the rest.
-        shapes = sorted([*self._segments(), *self._triangles()], key=lambda shape: -shape[0])
-        for _, parts, width, opacity in shapes:
-            if width is not None:
-                draw.line(parts[0][0], fill=parts[0][1], width=width)
-            elif opacity is None:
-                draw.polygon(parts[0][0], fill=parts[0][1])
-            else:
-                _paint_glass(image, parts, opacity)
+        shapes = [*self._segments(draw), *self._triangles(draw, image)]
+        for _, paint in sorted(shapes, key=lambda shape: -shape[0]):
+            paint()
         for name, text, at in self.words:
             place, depth = self._project(self._pose(name)[:3] @ np.append(at, 1.0))
             if depth > LOOK.near:
@@ -218,7 +212,7 @@ class Painter:
         distance = np.maximum(depth, LOOK.near)[..., None]
         return size / 2 + scale * in_camera[..., :2] / distance, depth
 
-    def _segments(self) -> Iterator[Shape]:
+    def _segments(self, draw: ImageDraw.ImageDraw) -> Iterator[Shape]:
         """Line segments; those without thickness are on the floor, under everything."""
         for name, pieces, colours, thickness in self.lines:
             pose = self._pose(name)
@@ -228,11 +222,11 @@ class Painter:
                 LOOK.zoom * LOOK.oversampling * SIZE[1] * thickness / np.maximum(middle, LOOK.near)
             )
             for k in np.flatnonzero(depths.min(axis=1) > LOOK.near):
-                part = places[k].ravel().tolist(), tuple(colours[k])
                 back = LOOK.floor if thickness == 0.0 else middle[k]
-                yield back, [part], max(2, round(float(wide[k]))), None
+                pixels, width = places[k].ravel().tolist(), max(2, round(float(wide[k])))
+                yield back, partial(draw.line, pixels, tuple(colours[k]), width)
 
-    def _triangles(self) -> Iterator[Shape]:
+    def _triangles(self, draw: ImageDraw.ImageDraw, image: Image.Image) -> Iterator[Shape]:
         """Triangles that face the camera, and shadows; those of a transparent node as one shape."""
         from scipy.spatial import ConvexHull
 
@@ -250,33 +244,28 @@ class Painter:
             places, depths = self._project(corners)
             shade = LOOK.ambient + (1 - LOOK.ambient) * np.maximum(normals @ light, 0.0)
             colours = (np.array(node.color) * shade[:, None]).astype(int)
-            parts = [
-                (place.ravel().tolist(), tuple(colour))
-                for place, colour in zip(places, colours.tolist(), strict=True)
-            ]
             if node.opacity is not None:
-                yield float(depths.mean()), parts, None, node.opacity
+                yield depths.mean(), partial(_paint_glass, image, places, colours, node.opacity)
                 continue
-            for depth, part in zip(depths.mean(axis=1), parts, strict=True):
-                yield depth, [part], None, None
+            for depth, place, colour in zip(depths.mean(axis=1), places, colours, strict=True):
+                yield depth, partial(draw.polygon, place.ravel().tolist(), tuple(colour.tolist()))
             # The shadow of a convex body: all nodes but a cup's rim are convex.
             corners[..., 2] = self.floor
             under = self._project(corners.reshape(-1, 3))[0]
             under = under[ConvexHull(under).vertices]
-            yield LOOK.floor / 2, [(under.ravel().tolist(), LOOK.shadow)], None, None
+            yield LOOK.floor / 2, partial(draw.polygon, under.ravel().tolist(), LOOK.shadow)
 
 
-def _paint_glass(image: Image.Image, parts: list[Part], opacity: float) -> None:
-    """Paint transparent triangles at once: one by one, their common edges would show."""
+def _paint_glass(image: Image.Image, places: Array, colours: Array, opacity: float) -> None:
+    """Paint transparent triangles (N, 3, 2) [px] at once: else their common edges would show."""
     from PIL import Image, ImageDraw
 
-    points = np.vstack([np.reshape(pixels, (-1, 2)) for pixels, _ in parts])
-    low, high = np.floor(points.min(axis=0)), np.ceil(points.max(axis=0)) + 1
+    low, high = np.floor(places.min(axis=(0, 1))), np.ceil(places.max(axis=(0, 1))) + 1
     size = tuple((high - low).astype(int).tolist())
     layer, mask = Image.new("RGB", size), Image.new("L", size)
-    for pixels, colour in parts:
-        shape = (np.reshape(pixels, (-1, 2)) - low).ravel().tolist()
-        ImageDraw.Draw(layer).polygon(shape, fill=colour)
+    for place, colour in zip(places, colours, strict=True):
+        shape = (place - low).ravel().tolist()
+        ImageDraw.Draw(layer).polygon(shape, fill=tuple(colour.tolist()))
         ImageDraw.Draw(mask).polygon(shape, fill=round(255 * opacity))
     image.paste(layer, tuple(low.astype(int).tolist()), mask)
 

@@ -59,7 +59,11 @@ def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None
     plots = [figure.add_subplot(grid[i, 1]) for i in (1, 2, 3)]
     _draw_plots(plots, line)
     if load is not None:
-        _draw_window(plots[-1], *load)
+        times, use = 1e3 * load[0], load[1]
+        plots[-1].axvspan(times[0], times[-1], color=GREEN, alpha=0.12, lw=0)
+        label = f"load while the pads may open,\nat most {100 * use.max():.1f} %"
+        plots[-1].plot(times, use, color=GREEN, lw=2, label=label)
+        plots[-1].legend(fontsize=8)
     if path is not None:
         save(figure, path)
     return figure
@@ -223,14 +227,6 @@ def _draw_plots(axes: list[Axes], line: Timeline) -> None:
     for name in ("command", "opening", "detach"):
         place = 1e3 * line.marks[name], 1.0
         grip.annotate(name, place, xycoords=("data", "axes fraction"), **words)
-
-
-def _draw_window(axis: Axes, times: Array, load: Array) -> None:
-    """The window of an uncertain opening, and the load on the pads in it."""
-    axis.axvspan(1e3 * times[0], 1e3 * times[-1], color=GREEN, alpha=0.12, lw=0)
-    label = f"load while the pads may open,\nat most {100 * load.max():.1f} %"
-    axis.plot(1e3 * times, load, color=GREEN, lw=2, label=label)
-    axis.legend(fontsize=8)
 
 
 def draw_throw_moving(throw: Throw, path: Path) -> None:

@@ -18,7 +18,7 @@ from .style import ARM, BLACK, PHASES, cup_profile
 from .timeline import Timeline, timeline
 
 if TYPE_CHECKING:
-    from ...problems import Cup, Obstacle, Pose, Scene, ThrowPlane
+    from ...problems import Cup, Pose, Scene, ThrowPlane
     from ..throw import Throw
 
 
@@ -256,6 +256,8 @@ class View:
 
     def _draw_surroundings(self) -> None:
         """Floor, base column and obstacles."""
+        from trimesh.creation import box, capsule
+
         scene = self.throw.scene
         workspace = scene.workspace
         self.floor = 0.0 if scene.arm is not None else float(self.throw.extent()[0][1]) - 0.05
@@ -269,7 +271,15 @@ class View:
             at = (0.0, 0.0, height / 2)
             self.scene.add_cylinder("/column", radius, height, rgb("#c9c2b8"), position=at, **glass)
         for number, obstacle in enumerate(scene.obstacle):
-            self._draw_obstacle(f"/obstacle{number}", obstacle)
+            solid, pose = obstacle.solid, np.eye(4)
+            pose[:3, :3], pose[:3, 3] = solid.axes.T, solid.centre
+            # A box, or a ball that is as long as a capsule.
+            if solid.half.all():
+                mesh = box(2 * solid.half, pose)
+            else:
+                mesh = capsule(2 * solid.half[2], solid.radius, transform=pose)
+            name, colour = f"/obstacle{number}", rgb("#d9b8a6")
+            self.scene.add_mesh_simple(name, mesh.vertices, mesh.faces, colour, opacity=0.8)
 
     def _draw_target(self) -> None:
         """The target pose, and the cup about it."""
@@ -280,17 +290,6 @@ class View:
         if self.throw.scene.cup is not None:
             self.cup = self.scene.add_frame("/cup", show_axes=False)
             self._draw_cup(self.throw.scene.cup)
-
-    def _draw_obstacle(self, name: str, obstacle: Obstacle) -> None:
-        """A box, or a ball that is as long as a capsule."""
-        from trimesh.creation import box, capsule
-
-        solid, pose = obstacle.solid, np.eye(4)
-        pose[:3, :3], pose[:3, 3] = solid.axes.T, solid.centre
-        mesh = box(2 * solid.half) if solid.half.all() else capsule(2 * solid.half[2], solid.radius)
-        mesh.apply_transform(pose)
-        colour = rgb("#d9b8a6")
-        self.scene.add_mesh_simple(name, mesh.vertices, mesh.faces, color=colour, opacity=0.8)
 
     def _draw_cup(self, cup: Cup) -> None:
         """A round cup: wall and bottom to look through, a solid rim; profiles turned about z."""
