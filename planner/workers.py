@@ -41,13 +41,14 @@ def signals_deferred() -> Iterator[None]:
     A process must be started inside: it prints a traceback if its parent ends before it has said
     what there is to do, and a pool waits for it forever.
     """
-    mask = getattr(signal, "pthread_sigmask", None)
-    before = None if mask is None else mask(signal.SIG_BLOCK, ENDING)
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
     try:
         yield
     finally:
-        if mask is not None:
-            mask(signal.SIG_SETMASK, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def leave_signals_to_parent() -> None:

@@ -19,6 +19,7 @@ from typing import Any, NoReturn, TypeVar
 
 from ...problems import InputError, Pose, Scene
 from ...problems.files import prepare_folder
+from ..workers import ENDING
 
 T = TypeVar("T")
 
@@ -45,10 +46,9 @@ class Interrupts:
 
     def listen(self) -> None:
         """Handles all signals that end a process like Ctrl-C."""
-        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-            kind = getattr(signal, name, None)
+        for kind in ENDING:
             # A signal that the shell ignores, as under nohup, stays ignored.
-            if kind is not None and signal.getsignal(kind) is not signal.SIG_IGN:
+            if signal.getsignal(kind) is not signal.SIG_IGN:
                 signal.signal(kind, self)
 
     def ended_by(self, error: BaseException) -> bool:

@@ -18,7 +18,7 @@ from .style import ARM, BLACK, PHASES, cup_profile
 from .timeline import Timeline, timeline
 
 if TYPE_CHECKING:
-    from ...problems import Cup, Pose, Scene, ThrowPlane
+    from ...problems import Pose, Scene, ThrowPlane
     from ..throw import Throw
 
 
@@ -282,20 +282,19 @@ class View:
             self.scene.add_mesh_simple(name, mesh.vertices, mesh.faces, colour, opacity=0.8)
 
     def _draw_target(self) -> None:
-        """The target pose, and the cup about it."""
+        """The target pose, and a cup: wall and bottom to look through, a solid rim."""
+        from trimesh.creation import revolve
+
         self.target = self.scene.add_frame("/target", show_axes=False)
         self.scene.add_icosphere("/target/com", 0.008, rgb(BLACK))
         if self.throw.throw.target.theta is not None:
             self.add_bar("/target/ghost", BLACK, 0.25)
-        if self.throw.scene.cup is not None:
-            self.cup = self.scene.add_frame("/cup", show_axes=False)
-            self._draw_cup(self.throw.scene.cup)
-
-    def _draw_cup(self, cup: Cup) -> None:
-        """A round cup: wall and bottom to look through, a solid rim; profiles turned about z."""
-        from trimesh.creation import revolve
-
+        cup = self.throw.scene.cup
+        if cup is None:
+            return
+        self.cup = self.scene.add_frame("/cup", show_axes=False)
         look = {"color": rgb(CUP), "side": "double", "cast_shadow": False, "receive_shadow": False}
+        # Profiles that are turned about z.
         wall = np.array([[0.0, -cup.depth], [cup.radius, -cup.depth], [cup.radius, 0.0]])
         angle, half = np.linspace(0.0, 2 * np.pi, 13), SHAPES.rim / 2
         ring = np.column_stack([cup.radius + half * (1 + np.cos(angle)), half * np.sin(angle)])
