@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import functools
+import math
 import time
 from pathlib import Path
 from typing import Any, Literal, TypedDict, Unpack, get_args
@@ -14,7 +15,7 @@ from .interception import intercept
 from .library import Library, Turns
 from .plan import plan_from_warm, plan_throw
 from .reach import default_workers, grow
-from .result import Plan, checked_target
+from .result import Plan
 from .search import (
     Clock,
     NlpCache,
@@ -224,7 +225,7 @@ class Planner:
 
     def check(self, target: Pose | None = None) -> Pose:
         """The target that `plan` would take; InputError if it does not fit the scene."""
-        target = checked_target(self.scene, target)
+        target = _checked_target(self.scene, target)
         if self.scene.obstacle:
             check_obstacles(self.scene.aimed_at(target), self.manipulator)
         return target
@@ -304,3 +305,33 @@ def _check_kinds(**values: object) -> None:
 def _check_one_of(name: str, value: object, allowed: Any) -> None:
     if value not in get_args(allowed):
         raise InputError(f"{name} = {value!r}: must be one of {', '.join(get_args(allowed))}")
+
+
+def _checked_target(scene: Scene, target: Pose | None) -> Pose:
+    """The target to plan for: the given one or the scene's; InputError if it does not fit."""
+    target = target or scene.target
+    if target is None:
+        raise InputError(f"{scene.place}: section [target] is missing")
+    if not isinstance(target, Pose):
+        raise InputError(f"target = {target!r}: must be a Pose")
+    if scene.robot is None and target.y != 0.0:
+        raise InputError("target y: only for a scene with [robot]")
+    least = scene.gripper.profile().dwell + scene.gripper.profile().opening
+    if target.window[1] <= least:
+        raise InputError(
+            f"target: arrival = {target.window[1]:g}: must be above {least:g} s, "
+            "the gripper's dwell and opening"
+        )
+    if scene.cup is not None and target.theta is None:
+        raise InputError("[cup] needs a target with theta_deg, to know which end goes in")
+    if scene.arm is None:
+        return target
+    target, arm = target.with_lateral(scene.arm.lateral), scene.arm
+    joint, angle = arm.azimuth_joint - 1, arm.azimuth_angle(target.plane.azimuth)
+    low, high = arm.limits.position_min[joint], arm.limits.position_max[joint]
+    if not low <= angle <= high:
+        raise InputError(
+            f"target: its azimuth {math.degrees(angle):.1f} deg is outside joint "
+            f"{joint + 1}'s range [{math.degrees(low):.1f}, {math.degrees(high):.1f}] deg"
+        )
+    return target

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import dataclasses
 import json
 import math
@@ -12,10 +13,15 @@ import sys
 import threading
 import time
 from collections.abc import Callable
+from pathlib import Path
 from types import FrameType
-from typing import Any, NoReturn
+from typing import Any, NoReturn, TypeVar
 
 from ...problems import InputError, Pose, Scene
+from ...problems.files import prepare_folder
+from ..workers import ENDING
+
+T = TypeVar("T")
 
 #: Type of a parser's `add_argument`.
 Add = Callable[..., argparse.Action]
@@ -40,10 +46,9 @@ class Interrupts:
 
     def listen(self) -> None:
         """Handles all signals that end a process like Ctrl-C."""
-        for name in ("SIGINT", "SIGTERM", "SIGHUP"):
-            kind = getattr(signal, name, None)
+        for kind in ENDING:
             # A signal that the shell ignores, as under nohup, stays ignored.
-            if kind is not None and signal.getsignal(kind) is not signal.SIG_IGN:
+            if signal.getsignal(kind) is not signal.SIG_IGN:
                 signal.signal(kind, self)
 
     def ended_by(self, error: BaseException) -> bool:
@@ -75,29 +80,15 @@ def add_scene(add: Add) -> None:
     add("scene", metavar="SCENE", help="a built-in scene's name or a TOML file")
 
 
-def add_plan(add: Add) -> None:
-    """The argument PLAN."""
-    add("plan", metavar="PLAN", help="a plan.json, or the folder that it is in")
-
-
-def add_data(add: Add) -> None:
-    """The argument DATA."""
-    add("data", metavar="DATA", help="a folder with dataset.toml and throws.csv")
-
-
-def add_words(add: Add, option: str, metavar: str, what: str) -> None:
-    """An option that takes words and may be repeated."""
-    add(option, nargs="+", action="extend", default=[], metavar=metavar, help=what)
-
-
 def add_out(add: Add, what: str) -> None:
     """The option --out; `what` is written there."""
     add("--out", metavar="DIR", help=f"write {what} to this folder")
 
 
-def add_force(add: Add) -> None:
-    """The option --force."""
-    add("--force", action="store_true", help="overwrite an existing file")
+def add_workers(add: Add, words: str) -> None:
+    """The options --workers, with this help, and --scheduler."""
+    add("--workers", type=integer(), metavar="N", help=words)
+    add("--scheduler", metavar="ADDRESS", help="address of a Dask scheduler to use instead")
 
 
 def add_patience(add: Add, words: str) -> None:
@@ -155,18 +146,15 @@ def target_of(scene: Scene, options: argparse.Namespace) -> Pose | None:
 # Types of options, for argparse, which puts the option's name before the message.
 
 
-def integer(low: int | None = None, high: int | None = None) -> Callable[[str], int]:
+def integer(low: float = -math.inf, high: float = math.inf) -> Callable[[str], int]:
     """A whole number from `low` to `high`, if they are given."""
+    allowed = "" if math.isinf(low) else f", {low} to {high}"
 
     def value(word: str) -> int:
-        try:
-            result = int(word)
-            if low is None or high is None or low <= result <= high:
-                return result
-        except ValueError:
-            pass
-        words = "" if low is None else f", {low} to {high}"
-        raise argparse.ArgumentTypeError(f"{word}: must be a whole number{words}")
+        with contextlib.suppress(ValueError):
+            if low <= int(word) <= high:
+                return int(word)
+        raise argparse.ArgumentTypeError(f"{word}: must be a whole number{allowed}")
 
     return value
 
@@ -197,6 +185,26 @@ def number(
 def print_result(options: argparse.Namespace, result: object, text: str) -> None:
     """Print the command's result: `result` as JSON with --json, else `text`."""
     print(json.dumps(result, indent=2, allow_nan=False) if options.json else text)
+
+
+def fail(message: str, status: int = NO_THROW) -> int:
+    """Print on stderr why the command failed; returns its exit status."""
+    print(f"throwplan: {message}", file=sys.stderr)
+    return status
+
+
+def prepare_out(options: argparse.Namespace, files: tuple[str, ...] = ()) -> None:
+    """Check, before the work, that these files can be written to the folder of --out."""
+    if options.out is not None:
+        prepare_folder(Path(options.out), files)
+
+
+def save_out(options: argparse.Namespace, name: str, save: Callable[[Path], T]) -> T | None:
+    """What `save` returns for the folder of --out, None without the option."""
+    if options.out is None:
+        return None
+    with Progress(f"{name}: writing {options.out}"):
+        return save(Path(options.out))
 
 
 def written(options: argparse.Namespace) -> str:

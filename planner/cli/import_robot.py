@@ -31,79 +31,49 @@ from ...problems.urdf import (
     read_urdf,
     urdf_file,
 )
-from .common import DONE, Add, Progress, add_force, number, print_result
+from .common import DONE, Add, Progress, number, print_result
 
 LIMIT_UNITS = {"velocity": "rad/s", "acceleration": "rad/s^2", "jerk": "rad/s^3", "torque": "N m"}
 
 
 def arguments(add: Add) -> None:
     """The command's options."""
-    add(
-        "urdf",
-        metavar="FILE.urdf",
-        help="URDF or xacro of the robot, or its name in robot_descriptions",
-    )
+    words = "URDF or xacro of the robot, or its name in robot_descriptions"
+    add("urdf", metavar="FILE.urdf", help=words)
     words = "joints, base first, by name or number on the way to --tool (default: all of them)"
     add("--joints", nargs="+", metavar="J", default=[], help=words)
     add("--out", required=True, metavar="FILE.toml", help="the arm data file")
-    add_force(add)
+    add("--force", action="store_true", help="overwrite an existing file")
     add("--name", help="the arm's name (default: the URDF's)")
     words = "link of the base frame, z upwards (default: the root)"
     add("--base", metavar="LINK", help=words)
     add("--tool", metavar="LINK", help="link of the hand (default: the link of the last joint)")
-    add(
-        "--approach",
-        choices=list(AXES),
-        help="axis of the tool link that points out of the hand, such as --approach=-z (default: z "
-        "if the hand's links agree)",
-    )
-    add(
-        "--closing",
-        choices=["x", "y", "z"],
-        help="axis of the tool link along which the pads close (default: y, or z, the same)",
-    )
+    words = "axis of the tool link that points out of the hand, such as --approach=-z (default: z "
+    add("--approach", choices=list(AXES), help=words + "if the hand's links agree)")
+    words = "axis of the tool link along which the pads close (default: y, or z, the same)"
+    add("--closing", choices=["x", "y", "z"], help=words)
     words = "distance from the tool link to the pads' centre (default: 0)"
     add("--tcp", type=number(), metavar="M", default=0.0, help=words)
-    add(
-        "--palm",
-        nargs=3,
-        type=number(),
-        metavar=("BACK", "FRONT", "HALF_WIDTH"),
-        help="the hand's body behind the pads' centre, in m (default: none)",
-    )
-    _motion_arguments(add)
-
-
-def _motion_arguments(add: Add) -> None:
-    """The options on joints: their task in a throw, and their limits."""
+    words = "the hand's body behind the pads' centre, in m (default: none)"
+    form = ("BACK", "FRONT", "HALF_WIDTH")
+    add("--palm", nargs=3, type=number(), metavar=form, help=words)
     add("--azimuth", metavar="J", help="joint that turns the throw's plane (default: the first)")
-    add(
-        "--throwing",
-        nargs="+",
-        metavar="J",
-        help="joints that throw (default: those that turn in the plane y = 0)",
-    )
-    add(
-        "--posture-deg",
-        nargs="+",
-        type=number(),
-        default=[],
-        metavar="DEG",
-        help="fixed angles of the other joints (default: 0 if allowed, pads across the plane)",
-    )
+    words = "joints that throw (default: those that turn in the plane y = 0)"
+    add("--throwing", nargs="+", metavar="J", default=[], help=words)
+    words = "fixed angles of the other joints (default: 0 if allowed, pads across the plane)"
+    add("--posture-deg", nargs="+", type=number(), default=[], metavar="DEG", help=words)
     for name, option in LIMIT_OPTIONS.items():
-        add(
-            option,
-            nargs="+",
-            type=number(other="-"),
-            metavar="VALUE",
-            help=f"{name.replace('_', ' ')} limits [{LIMIT_UNITS.get(name, 'deg')}]: one for all "
-            "joints or one per joint; - keeps the URDF's",
-        )
+        words = f"{name.replace('_', ' ')} limits [{LIMIT_UNITS.get(name, 'deg')}]: one for all "
+        words += "joints or one per joint; - keeps the URDF's"
+        add(option, nargs="+", type=number(other="-"), metavar="VALUE", help=words)
 
 
 def run(options: argparse.Namespace) -> int:
-    """Read the URDF, check the arm, write and print it."""
+    """Turn a robot's URDF into an arm data file.
+
+    example: throwplan import-robot my.urdf --joints j1 j2 j3 j4 j5 j6 --tool gripper
+    --tcp 0.12 --acceleration 10 --jerk 1000 --out my-arm.toml
+    """
     out, urdf = Path(options.out), Path(options.urdf)
     if out.suffix != ".toml":
         raise InputError(f"--out {out}: must end in .toml")
@@ -129,8 +99,14 @@ def run(options: argparse.Namespace) -> int:
             f"most {EXACT:.0e}: nothing written"
         )
     copy_out(text, out, force=options.force)
-    result = _found(options, arm, chain, held_names) | {"states": STATES, "difference": difference}
-    result |= {"capsules": len(arm.capsules), "cover": arm.cover, "unread": list(shapes.unread)}
+    result = _facts(options, arm, chain) | {
+        "held": held_names,
+        "states": STATES,
+        "difference": difference,
+        "capsules": len(arm.capsules),
+        "cover": arm.cover,
+        "unread": list(shapes.unread),
+    }
     print_result(options, result, _text(options, result))
     return DONE
 
@@ -140,44 +116,31 @@ def _fill_options(options: argparse.Namespace, robot: Any) -> tuple[argparse.Nam
 
     InputError with all missing options, and a complete command line with values to try.
     """
-    missing = list[MissingOptionError]()
+    missing = list[str]()
+    words = [word for word in options.words if word != "--json"]
     while True:
         ends = options.tool, options.base, options.approach, options.closing, options.azimuth
         try:
             chain = chain_of(robot, options.joints, *ends)
-            complete = argparse.Namespace(**vars(options) | {"joints": list(chain.names)})
-            limits_of(chain, _given_limits(complete))
+            options.joints = list(chain.names)
+            limits_of(chain, _given_limits(options))
             break
         except MissingOptionError as error:
-            missing.append(error)
-            values = {_name(option): _values(option, v) for option, v in error.proposals.items()}
-            options = argparse.Namespace(**vars(options) | values)
+            missing.append(str(error))
+            for option, values in error.proposals.items():
+                alone = len(values) == 1 and values[0].startswith("-")
+                words += [f"{option}={values[0]}"] if alone else [option, *values]
+            options = options.parser.parse_args(words[1:])
     if missing:
-        words = ["throwplan", *(word for word in options.words if word != "--json")]
-        for option, given in (item for error in missing for item in error.proposals.items()):
-            alone = len(given) == 1 and given[0].startswith("-")
-            words += [f"{option}={given[0]}"] if alone else [option, *given]
-        proposal = f"with values to try: {shlex.join(words)}"
-        raise InputError(*(str(error) for error in missing), proposal)
-    return complete, chain
-
-
-def _name(option: str) -> str:
-    return option[2:].replace("-", "_")
-
-
-def _values(option: str, words: list[str]) -> str | list[float | None]:
-    """An option's words as they are parsed."""
-    if option not in LIMIT_OPTIONS.values():
-        return words[0]
-    return [None if word == "-" else float(word) for word in words]
+        raise InputError(*missing, f"with values to try: {shlex.join(['throwplan', *words])}")
+    return options, chain
 
 
 def _given_limits(options: argparse.Namespace) -> dict[str, list[float | None]]:
     """Limits from the options, per joint, in SI units."""
     given: dict[str, list[float | None]] = {}
     for name, option in LIMIT_OPTIONS.items():
-        words = getattr(options, _name(option))
+        words = getattr(options, option[2:].replace("-", "_"))
         if words is None:
             continue
         unit = math.radians(1.0) if name.startswith("position") else 1.0
@@ -204,7 +167,7 @@ def _choices(options: argparse.Namespace, chain: UrdfChain) -> Choices:
     return Choices(
         options.name or " ".join(str(chain.robot.robot.name or "arm").split()),
         options.azimuth,
-        tuple(options.throwing or ()),
+        tuple(options.throwing),
         tuple(map(math.radians, options.posture_deg)),
         options.tcp,
         None if options.palm is None else tuple(options.palm),
@@ -221,18 +184,17 @@ def _remarks(chain: UrdfChain, urdf: Path, held: list[str], shapes: LinkShapes) 
     return [*remarks, f"Capsules: around the meshes of the links{unread}."]
 
 
-def _found(
-    options: argparse.Namespace, arm: Arm, chain: UrdfChain, held: list[str]
-) -> dict[str, Any]:
+def _facts(options: argparse.Namespace, arm: Arm, chain: UrdfChain) -> dict[str, Any]:
     """The arm as JSON."""
     names = dict(enumerate(chain.names, start=1))
+    out_of_hand = chain.hand_turn[:3, 2]
     return {
         "out": str(options.out),
         "name": arm.name,
         "joints": list(chain.names),
         "base": chain.base,
         "origin": chain.origin.tolist(),
-        "approach": _approach_of(chain),
+        "approach": next(name for name, axis in AXES.items() if axis @ out_of_hand > 0.5),
         "lateral": arm.lateral,
         "tool": chain.tool,
         "azimuth": names[arm.azimuth_joint],
@@ -240,13 +202,7 @@ def _found(
         "posture_deg": [math.degrees(angle) for angle in arm.posture],
         "limits": {k: v for k, v in dataclasses.asdict(arm.limits).items() if v is not None},
         "mass": sum(link.mass for link in arm.links) if arm.links else None,
-        "held": held,
     }
-
-
-def _approach_of(chain: UrdfChain) -> str:
-    """The axis of the tool link out of the hand."""
-    return next(name for name, axis in AXES.items() if axis @ chain.hand_turn[:3, 2] > 0.5)
 
 
 def _moved(origin: Any) -> str:
@@ -261,38 +217,31 @@ def _text(options: argparse.Namespace, result: dict[str, Any]) -> str:
     lines = [
         f"{result['name']}: written to {options.out}; a scene takes it by [robot] arm = "
         f'"{Path(options.out).name}"',
-        f"  base {result['base']}{_moved(result['origin'])}, hand {result['tool']}, "
+        f"base {result['base']}{_moved(result['origin'])}, hand {result['tool']}, "
         f"{result['approach']} points out of it, pads' centre at {options.tcp:g} m (--tcp)",
-        f"  {result['azimuth']} turns the plane, {', '.join(result['throwing'])} throw",
-        f"  posture {angles} deg",
+        f"{result['azimuth']} turns the plane, {', '.join(result['throwing'])} throw",
+        f"posture {angles} deg",
     ]
     if result["lateral"]:
-        lines.append(f"  the throw's plane is {result['lateral']:.4g} m beside the base's z axis")
+        lines.append(f"the throw's plane is {result['lateral']:.4g} m beside the base's z axis")
     if result["held"]:
-        lines.append(f"  held at 0: {', '.join(result['held'])}")
+        lines.append(f"held at 0: {', '.join(result['held'])}")
     if options.palm is None:
-        lines.append("  no --palm: the bar is not kept clear of the hand's body")
-    lines += _shapes_text(result)
-    lines.append(f"  moved mass {mass:.4g} kg" if mass is not None else "  no masses in the URDF")
-    lines.append(
-        f"  kinematics at {result['states']} random states: at most {result['difference']:.1e} "
-        "from yourdfpy's"
-    )
-    return "\n".join(lines)
-
-
-def _shapes_text(result: dict[str, Any]) -> list[str]:
-    """Lines about the links' shapes, and about links without one."""
-    words = (
-        "no shapes of links in the URDF: collisions of the arm are not checked (no [[capsules]])"
-    )
+        lines.append("no --palm: the bar is not kept clear of the hand's body")
     if result["capsules"]:
-        words = (
+        lines.append(
             f"shapes: {result['capsules']} capsules; the links' meshes extend at most "
             f"{1e3 * result['cover']:.3g} mm beyond them (cover)"
         )
-    lines = [f"  {words}"]
+    else:
+        words = "no shapes of links in the URDF: collisions of the arm are not checked"
+        lines.append(f"{words} (no [[capsules]])")
     if result["unread"]:
         links = ", ".join(result["unread"])
-        lines.append(f"  meshes not read: {links}: these links have no shape, cover not measured")
-    return lines
+        lines.append(f"meshes not read: {links}: these links have no shape, cover not measured")
+    lines.append(f"moved mass {mass:.4g} kg" if mass is not None else "no masses in the URDF")
+    lines.append(
+        f"kinematics at {result['states']} random states: at most {result['difference']:.1e} "
+        "from yourdfpy's"
+    )
+    return "\n  ".join(lines)

@@ -6,6 +6,7 @@ import argparse
 import math
 import statistics
 import time
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -32,24 +33,22 @@ from .common import (
     DONE,
     Add,
     Progress,
-    add_data,
     add_out,
-    add_words,
     integer,
     number,
+    prepare_out,
     print_result,
+    save_out,
     written,
 )
 
-#: Default stiffness [1/m] of the bristles.
-SOFT = 1e6
-MAX_THROWS = 1_000_000
+DATA = "a folder with dataset.toml and throws.csv"
 #: The models of `--model all`.
 FITTED = (SLIDING_PIVOT, STEPPED_SURFACE)
 
 
 def make_throws_arguments(add: Add) -> None:
-    """The options of `throwplan make-throws`."""
+    """The options of `make-throws`."""
     words = "of the noise (default: 1)"
     add("--seed", type=integer(0, 2**32 - 1), metavar="N", default=1, help=words)
     laws = "true release law: a rigid meshed patch (default) or LuGre bristles"
@@ -67,10 +66,24 @@ def make_throws_arguments(add: Add) -> None:
     add_out(add, "dataset.toml, throws.csv and the recordings (needed)")
 
 
-def run_make_throws(options: argparse.Namespace) -> int:
-    """Make the throws, write them, print their ranges."""
+def make_synthetic(options: argparse.Namespace) -> int:
+    """Make a synthetic data set of measured throws.
+
+    example: throwplan make-throws --out out/throws
+    """
     started = time.perf_counter()
-    config = _synthesis(options)
+    lugre = options.truth == "lugre"
+    if options.stiffness is not None and not lugre:
+        raise InputError("--stiffness: only with --truth lugre")
+    config = SynthesisConfig(
+        stiffness=options.stiffness or 1e6 if lugre else None,
+        friction=options.friction,
+        patch_radius=options.patch_radius,
+        repeats=options.repeats,
+        factors=options.factors,
+        noise=Noise.none() if options.no_noise else Noise(),
+        seed=options.seed,
+    )
     if options.out is None:
         raise InputError("--out: needs a folder's name")
     folder = Path(options.out)
@@ -79,11 +92,8 @@ def run_make_throws(options: argparse.Namespace) -> int:
         data, flown = make_throws(config, progress)
     write_throws(data, folder, object_names())
     found = _ranges(data, flown) | {"seconds": round(time.perf_counter() - started, 1)}
-    x, theta, flight = (
-        found["landing"]["x"],
-        found["landing"]["theta_deg"],
-        found["flight_time"],
-    )
+    x, theta = found["landing"].values()
+    flight = found["flight_time"]
     text = (
         f"{folder}: {found['throws']} synthetic throws, {found['batch']} of them the batch\n"
         f"  {found['synthetic']}\n"
@@ -97,44 +107,35 @@ def run_make_throws(options: argparse.Namespace) -> int:
 
 
 def identify_arguments(add: Add) -> None:
-    """The options of `throwplan identify`."""
-    add_data(add)
-    words = f"release model (default: the prior's, or {STEPPED_SURFACE}), or all: "
-    words += ", ".join(FITTED)
-    add("--model", default="", metavar="NAME", help=words)
+    """The options of `identify`."""
+    add("data", metavar="DATA", help=DATA)
+    allowed = f"release model (default: the prior's, or {STEPPED_SURFACE}), or all: "
+    add("--model", default="", metavar="NAME", help=allowed + ", ".join(FITTED))
     add("--delay", action="store_true", help="fit a delay of the opening, too")
     add("--grip-scale", action="store_true", help="and the grip force's scale")
     add("--prior", metavar="SCENE", help="its [contact] and [uncertainty]")
-    add("--throws", type=integer(1, MAX_THROWS), metavar="N", help="only the first N throws")
-    add_words(add, "--only", "FACTOR=LABEL", "only throws with this label")
+    add("--throws", type=integer(1, 1_000_000), metavar="N", help="only the first N throws")
+    look = {"nargs": "+", "action": "extend", "default": [], "metavar": "FACTOR=LABEL"}
+    add("--only", help="only throws with this label", **look)
     add_out(add, "identify.json, contact.toml, a picture")
 
 
-def run_identify(options: argparse.Namespace) -> int:
-    """Fit each model, write and print."""
+def identify_models(options: argparse.Namespace) -> int:
+    """Fit friction and patch radius to measured throws.
+
+    example: throwplan identify out/throws --model ls-step --out out/fit
+    """
     models: tuple[str, ...] = FITTED if options.model == "all" else (options.model,)
     for model in filter(None, models):
         check_model(model)
     with Progress(f"{options.data}: reading"):
         data = _selected(load_throws(options.data), options)
     prior = None if options.prior is None else load_scene(options.prior)
-    if options.out is not None:
-        prepare_folder(Path(options.out), IDENTIFY_FILES)
+    prepare_out(options, IDENTIFY_FILES)
     with Progress(data.name) as progress:
-        found = [
-            identify(
-                data,
-                model,
-                prior=prior,
-                delay=options.delay,
-                grip_scale=options.grip_scale,
-                about=progress.about,
-            )
-            for model in models
-        ]
-    if options.out is not None:
-        with Progress(f"{data.name}: writing {options.out}"):
-            save_identified(found, Path(options.out))
+        fit = partial(identify, data, prior=prior, delay=options.delay, about=progress.about)
+        found = [fit(model, grip_scale=options.grip_scale) for model in models]
+    save_out(options, data.name, partial(save_identified, found))
     text = summary_of(found)
     if options.out is not None:
         text += f"{written(options)}; contact.toml is for a scene, in place of its [contact] and "
@@ -144,52 +145,34 @@ def run_identify(options: argparse.Namespace) -> int:
 
 
 def validate_arguments(add: Add) -> None:
-    """The options of `throwplan validate`."""
-    add_data(add)
+    """The options of `validate`."""
+    add("data", metavar="DATA", help=DATA)
     words = f"release models, with commas (default: {','.join(PAPER_MODELS)})"
     add("--models", metavar="A,B,C", help=words)
     add_out(add, "validation.md, tables as CSV and two pictures")
 
 
-def run_validate(options: argparse.Namespace) -> int:
-    """Compare, write and print."""
+def validate_models(options: argparse.Namespace) -> int:
+    """Compare release models on measured throws.
+
+    example: throwplan validate out/throws --out out/validation
+    """
     models = PAPER_MODELS if options.models is None else _models(options.models)
     with Progress(f"{options.data}: reading"):
         data = load_throws(options.data)
-    if options.out is not None:
-        prepare_folder(Path(options.out), VALIDATION_FILES)
+    prepare_out(options, VALIDATION_FILES)
     with Progress() as progress:
         found = validate(data, models, progress.about)
-    if options.out is not None:
-        with Progress(f"{data.name}: writing {options.out}"):
-            save_validation(found, Path(options.out))
+    save_out(options, data.name, partial(save_validation, found))
     text = f"{as_text(found)}\n\n{found.seconds:.0f} s" + written(options)
     print_result(options, as_dict(found), text)
     return DONE
 
 
-def _synthesis(options: argparse.Namespace) -> SynthesisConfig:
-    """The settings of the options."""
-    lugre = options.truth == "lugre"
-    if options.stiffness is not None and not lugre:
-        raise InputError("--stiffness: only with --truth lugre")
-    return SynthesisConfig(
-        stiffness=options.stiffness or SOFT if lugre else None,
-        friction=options.friction,
-        patch_radius=options.patch_radius,
-        repeats=options.repeats,
-        factors=options.factors,
-        noise=Noise.none() if options.no_noise else Noise(),
-        seed=options.seed,
-    )
-
-
 def _check_place(folder: Path) -> None:
     """InputError for a folder that holds anything but a synthetic data set."""
     prepare_folder(folder)
-    if not folder.is_dir():
-        return
-    names = sorted(path.name for path in folder.iterdir())
+    names = sorted(path.name for path in folder.iterdir()) if folder.is_dir() else []
     if not names:
         return
     other = [name for name in names if name not in THROW_DATA_FILES]

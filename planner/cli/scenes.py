@@ -1,26 +1,61 @@
-"""`throwplan scenes`: the built-in scenes, and the keys of a scene file."""
+"""Commands on scenes: `scenes`, `plan`, `simulate`, `map`, `prepare`, `sweep`."""
 
 from __future__ import annotations
 
 import argparse
 import json
+import time
 from importlib.resources import files
 from pathlib import Path
+from typing import Any
 
-from ...problems import InputError, load_scene, scene_names, scene_text
-from ...problems.files import copy_out
-from .common import DONE, Add, add_force, print_result
+from ...models.release import BATCH_MODELS, MODELS
+from ...problems import InputError, Robust, load_scene, scene_names, scene_text
+from ...problems.files import copy_out, filling, write_json
+from ..planner import MOST_ALTERNATIVES, MOST_PREPARED, PREPARED, Planner
+from ..reach import MAP_FILES, MOST, check_map, reach_map
+from ..show import draw_releases
+from ..sweep import SWEEP_FILES, check_sweep, sweep_until_stopped
+from ..throw import make_manipulator
+from ..throw.simulation import simulate
+from ..workers import executor_of
+from .common import (
+    DONE,
+    INTERRUPTED,
+    Add,
+    Progress,
+    add_out,
+    add_patience,
+    add_scene,
+    add_target,
+    add_workers,
+    fail,
+    integer,
+    notes,
+    number,
+    prepare_out,
+    print_result,
+    save_out,
+    target_of,
+    written,
+)
+
+#: Message of `prepare` without a cache folder.
+NOT_KEPT = "not kept: there is no cache folder"
 
 
-def arguments(add: Add) -> None:
-    """The command's options."""
+def scenes_arguments(add: Add) -> None:
+    """The options of `scenes`."""
     add("--write", metavar="NAME", help="copy the scene's file to NAME.toml in this folder")
-    add_force(add)
+    add("--force", action="store_true", help="overwrite an existing file")
     add("--reference", action="store_true", help="print all keys of a scene file as Markdown")
 
 
-def run(options: argparse.Namespace) -> int:
-    """List the scenes, write one, or print the reference."""
+def scenes(options: argparse.Namespace) -> int:
+    """List the built-in scenes.
+
+    example: throwplan scenes --write cup
+    """
     if options.reference and options.write is not None:
         raise InputError("--write and --reference: give one of them")
     if options.reference:
@@ -32,7 +67,239 @@ def run(options: argparse.Namespace) -> int:
         copy_out(scene_text(options.write), path, force=options.force)
         print_result(options, {"file": str(path)}, f"wrote {path}")
     else:
-        scenes = {name: load_scene(name).description for name in scene_names()}
-        lines = [f"{name:12} {description}" for name, description in scenes.items()]
-        print_result(options, {"scenes": scenes}, "\n".join(lines))
+        found = {name: load_scene(name).description for name in scene_names()}
+        lines = [f"{name:12} {description}" for name, description in found.items()]
+        print_result(options, {"scenes": found}, "\n".join(lines))
     return DONE
+
+
+def plan_arguments(add: Add) -> None:
+    """The options of `plan`."""
+    add_scene(add)
+    add_target(add)
+    words = "exact: THETA_DEG counts full turns; any: it does not (default: exact)"
+    add("--turns", choices=("exact", "any"), default="exact", help=words)
+    words = "auto: FATROP, with IPOPT as fallback (default)"
+    add("--solver", choices=("auto", "fatrop", "ipopt"), default="auto", help=words)
+    words = "plan against the scene's [uncertainty] (default: an opening 10 ms early or late)"
+    add("--robust", choices=Robust.METHODS, help=words)
+    words = "also list up to N different throws to the target"
+    kind = integer(0, MOST_ALTERNATIVES)
+    add("--alternatives", type=kind, metavar="N", default=0, help=words)
+    add_patience(add, "3 s; 6 s for a robust one, 20 s for several")
+    add_out(add, "plan.json, motion.csv, throw.png and throw.gif")
+
+
+def plan(options: argparse.Namespace) -> int:
+    """Plan a throw and check it.
+
+    example: throwplan plan cup --target 0.92 0.22 -90 --out out/cup
+    """
+    scene = load_scene(options.scene)
+    target, alternatives = target_of(scene, options), options.alternatives
+    with Progress(f"{scene.name}: building the problem"):
+        planner = Planner(scene)
+        planner.check(target)
+    prepare_out(options)
+    with Progress(f"{scene.name}: planning"):
+        found = planner.plan(
+            target,
+            solver=options.solver,
+            turns=options.turns,
+            robust=options.robust,
+            alternatives=alternatives,
+            patience=options.patience,
+        )
+    found = save_out(options, scene.name, found.save) or found
+    text = found.summary() + written(options)
+    if found.solved and len(found.alternatives) < alternatives:
+        text += f"\n  found no more of {alternatives} alternatives: all starts lead to these throws"
+    print_result(options, found.to_dict(), text)
+    return DONE if found.solved else fail(found.message)
+
+
+def simulate_arguments(add: Add) -> None:
+    """The options of `simulate`."""
+    add_scene(add)
+    names = f"all (default), or one of {', '.join(MODELS)}"
+    add("--model", default="all", metavar="NAME", help=names)
+    add_out(add, "simulation.json and releases.png")
+
+
+def simulate_models(options: argparse.Namespace) -> int:
+    """Simulate the release of a given hand motion by release models.
+
+    example: throwplan simulate drop --model sp
+    """
+    scene = load_scene(options.scene)
+    with Progress(f"{scene.name}: throwing"):
+        runs = simulate(scene, options.model)
+    models = {name: run.to_dict() for name, run in runs.items()}
+    result = {"scene": scene.name, "models": models}
+    if options.out is not None:
+        names = filling(Path(options.out), ("simulation.json", "releases.png"))
+        with Progress(f"{scene.name}: drawing"), names as scratch:
+            write_json(scratch / "simulation.json", result)
+            draw_releases(scene, runs, scratch / "releases.png")
+    print_result(options, result, _simulation_text(scene.name, models) + notes(scene))
+    return DONE
+
+
+def _simulation_text(name: str, models: dict[str, Any]) -> str:
+    """Detach states and events, landings where there is a height, and statuses."""
+    keys = ("x", "z", "theta", "vx", "vz", "omega")
+    wide = max(10, *(len(model) for model in models))
+    heads = "".join(f"{key:>12}" for key in (*keys, "pivot", "slide"))
+    lines = [f"{name}: object at detach, SI units", f"  {'model':{wide}}{heads}"]
+    for model, found in models.items():
+        cells = "".join(_cell(found["detach"][key], 12, 5) for key in keys)
+        for moment in (found["events"]["pivot"], found["events"]["slide"]):
+            cells += _cell(None if moment is None else 1e3 * moment, 9, 2, " ms")
+        lines.append(f"  {model:{wide}}{cells}")
+    for model, found in models.items():
+        if found["landing"] is not None:
+            x, theta = (_cell(found["landing"][key], 10, 4) for key in ("x", "theta"))
+            lines.append(f"  {model:{wide}} lands at x{x} m, theta{theta} rad")
+    lines += [f"  {model:{wide}} {MODELS[model].summary()}" for model in models]
+    for model, found in models.items():
+        if found["status"] != "ok":
+            lines.append(f"  {model}: not to be trusted: {found['status']}")
+    return "\n".join(lines)
+
+
+def _cell(value: float | None, width: int, digits: int, unit: str = "") -> str:
+    """A number for a table, a dash for None."""
+    if value is None:
+        return f"{'-':>{width + len(unit)}}"
+    return f"{value:{width}.{digits}f}{unit}"
+
+
+def map_arguments(add: Add) -> None:
+    """The options of `map`."""
+    add_scene(add)
+    add("--z", type=number(), metavar="Z", help="height of the landing (default: the target's)")
+    words = "sampled states (default: 200000)"
+    add("--samples", type=integer(1, MOST), metavar="N", default=200_000, help=words)
+    add_out(add, "map.png and map.npz")
+
+
+def map_landings(options: argparse.Namespace) -> int:
+    """Show the reachable landing poses.
+
+    example: throwplan map pose --out out/map
+    """
+    z, samples = options.z, options.samples
+    check_map(z, samples, "--")
+    scene = load_scene(options.scene)
+    # Refuse a scene that cannot be planned before making a folder.
+    make_manipulator(scene)
+    prepare_out(options, MAP_FILES)
+    with Progress(scene.name) as progress:
+        result = reach_map(scene, z, samples, progress=progress)
+    if not result.reachable:
+        if options.json:
+            print_result(options, result.to_dict(), "")
+        return fail(result.message)
+    file = save_out(options, scene.name, result.save)
+    print_result(options, result.to_dict(file), result.summary() + notes(scene) + written(options))
+    return DONE
+
+
+def prepare_arguments(add: Add) -> None:
+    """The options of `prepare`."""
+    add_scene(add)
+    words = f"number of throws; fewer if the reach has no room (default: {PREPARED})"
+    kind = integer(1, MOST_PREPARED)
+    add("--throws", type=kind, metavar="N", default=PREPARED, help=words)
+    add_workers(add, "processes on this machine (default: 2 for 400 throws or more)")
+
+
+def prepare(options: argparse.Namespace) -> int:
+    """Build a library of solved throws, from which plans start.
+
+    example: throwplan prepare pose --throws 5000
+    """
+    scene = load_scene(options.scene)
+    name, requested, started = scene.name, options.throws, time.perf_counter()
+    planner = Planner(scene)
+    library, before = planner.library, planner.prepared
+    try:
+        with Progress(name) as progress:
+            count = planner.prepare(
+                requested, progress, workers=options.workers, scheduler=options.scheduler
+            )
+    except KeyboardInterrupt:
+        kept = f"{planner.prepared:,} throws are kept; run the command again to continue"
+        words = NOT_KEPT if library.folder is None else kept
+        return fail(f"interrupted: {words}", INTERRUPTED)
+    seconds = time.perf_counter() - started
+    result = {
+        "scene": name,
+        "throws": count,
+        "added": count - before,
+        "edge": len(library.records) - count,
+        "bytes": library.records.nbytes,
+        "folder": None if library.folder is None else str(library.folder),
+        "time": seconds,
+    }
+    new = f"{count - before:,}" if count > before else "none"
+    text = (
+        f"{name}: {count:,} solved throws, {new} of them new, {result['edge']:,} places out of "
+        f"reach, {library.records.nbytes / 1e6:.1f} MB, in {seconds:.0f} s\n"
+        f"  {NOT_KEPT if library.folder is None else library.folder}"
+    )
+    if 0 < count < requested:
+        text += (
+            f"\n  fewer than the {requested:,} requested: no places are left between them, or no "
+            "throw reaches them; nothing to do: a plan starts from the nearest throw"
+        )
+    print_result(options, result, text)
+    return DONE if count else fail("no throw found: no solve from the sampled starts succeeded")
+
+
+def sweep_arguments(add: Add) -> None:
+    """The options of `sweep`."""
+    add_scene(add)
+    add_target(add)
+    add("--robust", choices=Robust.METHODS, help="plan against the uncertainty")
+    add_patience(add, "3 s; 6 s for a robust one")
+    names = f"release model: {', '.join(BATCH_MODELS)} (default: the scene's [tolerance] model)"
+    add("--model", default="", metavar="NAME", help=names)
+    add("--samples", type=integer(), metavar="N", default=1000, help="throws (default: 1000)")
+    add("--seed", type=integer(), metavar="N", default=0, help="seed of the samples (default: 0)")
+    add_workers(add, "processes on this machine (default: 1); they do not change the result")
+    add_out(add, "sweep.json, sweep.csv and three pictures")
+
+
+def sweep(options: argparse.Namespace) -> int:
+    """Simulate a plan many times under uncertainty.
+
+    example: throwplan sweep delay --samples 10000 --out out/sweep
+    """
+    samples, seed = options.samples, options.seed
+    scene = load_scene(options.scene)
+    model = options.model or scene.tolerance.model
+    check_sweep(samples, seed, model, "--")
+    target = target_of(scene, options)
+    with executor_of(options.workers, options.scheduler) as executor:
+        with Progress(f"{scene.name}: planning"):
+            planner = Planner(scene)
+            planner.check(target)
+            prepare_out(options, SWEEP_FILES)
+            found = planner.plan(target, robust=options.robust, patience=options.patience)
+        if not found.solved:
+            print_result(options, found.to_dict(), f"{scene.name}: {found.status}")
+            return fail(found.message)
+        with Progress(scene.name) as progress:
+            outcome = sweep_until_stopped(found, samples, seed, model, executor, progress)
+    if outcome is None:
+        raise KeyboardInterrupt
+    save_out(options, scene.name, outcome.save)
+    result = outcome.to_dict()
+    advice = ""
+    if found.target.at_rest and not found.robust and result["success"]["rate"] < 0.9:
+        advice = "\n  plan with --robust auto to raise the success rate"
+    print_result(options, result, outcome.summary() + advice + notes(scene) + written(options))
+    if outcome.samples == samples:
+        return DONE
+    return fail(f"interrupted: {outcome.samples:,} of {samples:,} samples", INTERRUPTED)

@@ -16,33 +16,11 @@ from ..show import BLUE, GREEN, ORANGE, RED, rgb
 from ..sweep import Sweep, sweep
 from ..verdict import Code
 
-#: Number of throws in a cloud of landings.
-THROWS = 200
-#: Half the range [s] of opening delays of a scene without [uncertainty] delay.
-DEFAULT_DELAY = 0.010
-
-
-@dataclasses.dataclass(frozen=True)
-class ReachLook:
-    """The drawn reach.
-
-    sector [rad]: half the angle about an arm's azimuth. strip [m]: width for a free hand. margin:
-    of the limits, drawn blue; no margin is orange. height [m]: above the floor.
-    """
-
-    sector: float = math.radians(50.0)
-    strip: float = 0.2
-    margin: float = 0.4
-    height: float = 0.002
-
-
-LOOK = ReachLook()
-
 
 def delay_of(scene: Scene) -> float:
-    """Half the width [s] of a uniform delay with the deviation of the scene's."""
+    """Half the width [s] of a uniform delay with the deviation of the scene's; 10 ms without."""
     spread = None if scene.uncertainty is None else scene.uncertainty.delay
-    return DEFAULT_DELAY if spread is None else math.sqrt(3.0) * spread.deviation
+    return 0.010 if spread is None else math.sqrt(3.0) * spread.deviation
 
 
 def with_delay(scene: Scene, half: float) -> Scene:
@@ -54,8 +32,8 @@ def with_delay(scene: Scene, half: float) -> Scene:
 
 
 def sweep_delays(plan: Plan, half: float) -> Sweep:
-    """A sweep of the plan with openings up to `half` [s] early or late."""
-    return sweep(dataclasses.replace(plan, scene=with_delay(plan.scene, half)), THROWS)
+    """200 throws of the plan with openings up to `half` [s] early or late."""
+    return sweep(dataclasses.replace(plan, scene=with_delay(plan.scene, half)), 200)
 
 
 def draw_cloud(space: Any, swept: Sweep) -> Any:
@@ -105,27 +83,28 @@ def bands(reach: ReachMap, theta: float | None, farthest: float | None) -> Array
 
 
 def draw_reach(space: Any, rows: Array, scene: Scene, target: Pose, floor: float) -> Any:
-    """Draw the bands on the floor, orange for no margin to blue; returns the node.
+    """Draw the bands on the floor, orange for no margin to blue from 0.4; returns the node.
 
-    Rings about the base of an arm, else strips along x.
+    Rings about the base of an arm, 50 degrees to both sides of the target; else strips along x.
     """
     from trimesh.creation import revolve
 
-    half = (target.plane.azimuth - LOOK.sector) / 2 if scene.arm else 0.0
+    sector = math.radians(50.0)
+    half = (target.plane.azimuth - sector) / 2 if scene.arm else 0.0
     turn = math.cos(half), 0.0, 0.0, math.sin(half)
-    at = (0.0, 0.0, floor + LOOK.height)
+    at = (0.0, 0.0, floor + 0.002)
     frame = space.add_frame("/reach", show_axes=False, position=at, wxyz=turn)
     for i, (low, high, margin) in enumerate(rows):
-        share = min(max(margin, 0.0) / LOOK.margin, 1.0)
+        share = min(max(margin, 0.0) / 0.4, 1.0)
         colour = (1 - share) * np.array(rgb(ORANGE)) + share * np.array(rgb(BLUE))
         look: dict[str, Any] = {"color": tuple(colour.astype(int)), "opacity": 0.35}
         look |= {"cast_shadow": False, "receive_shadow": False}
         name = f"/reach/{i}"
         if scene.arm is None:
             at = ((low + high) / 2, 0.0, 0.0)
-            space.add_box(name, dimensions=(high - low, LOOK.strip, 0.001), position=at, **look)
+            space.add_box(name, dimensions=(high - low, 0.2, 0.001), position=at, **look)
         elif low >= 0.0:
             ends = np.hypot([low, high], target.lateral)
-            mesh = revolve(np.column_stack([ends, [0.0, 0.0]]), 2 * LOOK.sector, sections=40)
+            mesh = revolve(np.column_stack([ends, [0.0, 0.0]]), 2 * sector, sections=40)
             space.add_mesh_simple(name, mesh.vertices, mesh.faces, side="double", **look)
     return frame

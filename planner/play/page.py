@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import dataclasses
 import math
+import queue
 import threading
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import Any, Generic, TypeVar
 
 import numpy as np
 
@@ -18,9 +19,10 @@ from ...problems import InputError, Pose, Scene
 from ..planner import PATIENCE, Planner
 from ..reach import ReachMap, reach_map
 from ..result import Plan, throw_of
-from ..show import RED, Panel, View, put, space_throw
+from ..show import RED, Panel, put, space_throw
 from .around import bands, cloud_words, delay_of, draw_cloud, draw_reach, sweep_delays, with_delay
-from .latest_only import LatestOnlyWorker, OutdatedError
+
+Request = TypeVar("Request")
 
 
 @dataclass(frozen=True)
@@ -46,10 +48,59 @@ class PageSettings:
 SETTINGS = PageSettings()
 
 
+class OutdatedError(Exception):
+    """Raised by work for an outdated request."""
+
+
+class LatestOnlyWorker(Generic[Request]):
+    """A thread that calls `work(request)` for the latest request and skips older ones.
+
+    work: raises nothing but OutdatedError.
+    """
+
+    def __init__(self, work: Callable[[Request], None]) -> None:
+        self._work, self._ended = work, False
+        self._requests: queue.Queue[Request | None] = queue.Queue()
+        self._thread = threading.Thread(target=self._run, daemon=True)
+        self._thread.start()
+
+    def submit(self, request: Request) -> None:
+        """Make this the next request."""
+        self._requests.put(request)
+
+    @property
+    def waiting(self) -> bool:
+        """Whether a newer request waits, or the worker is to end."""
+        return not self._requests.empty() or self._ended
+
+    def finish(self) -> None:
+        """Wait until there is no work."""
+        self._requests.join()
+
+    def end(self, seconds: float) -> None:
+        """Take no more requests, and wait at most `seconds` [s] for current work."""
+        self._ended = True
+        self._requests.put(None)
+        self._thread.join(seconds)
+
+    def _run(self) -> None:
+        while not self._ended:
+            request = self._requests.get()
+            try:
+                if request is not None and not self.waiting:
+                    self._work(request)
+            except OutdatedError:
+                pass
+            finally:
+                self._requests.task_done()
+
+
 @dataclass(frozen=True)
 class PlanRequest:
-    """Target and scene of a plan; delay [s]: half range of opening delays to plan against, or
-    None."""
+    """Target and scene of a plan.
+
+    delay [s]: half range of opening delays to plan against, or None.
+    """
 
     target: Pose
     scene: Scene
@@ -75,8 +126,8 @@ class PlayPage:
         self.strip = server.gui.add_markdown(plan_words(plan))
         self._add_controls(server)
         self._add_buttons(server.gui)
-        view = View(server, space_throw(throw_of(plan)))
-        self.panel = Panel(server, view)
+        self.panel = Panel(server, space_throw(throw_of(plan)))
+        view = self.panel.view
         self.panel.go(self.panel.throw.throw.opening_time)
         self._drawn: dict[str, Any] = {}
         self._nearest = server.scene.add_frame("/nearest", show_axes=False, visible=False)
@@ -116,18 +167,20 @@ class PlayPage:
         if base.theta is not None:
             at = math.degrees(base.theta)
             self.theta = gui.add_slider("angle [deg]", at - 180.0, at + 180.0, 1.0, at)
-
-        def about(name: str, value: float, step: float) -> Any:
-            return gui.add_slider(
-                name, *(share * value for share in SETTINGS.slider_range), step, value
-            )
-
-        self.friction = about("friction", scene.contact.friction, 0.01)
+        low, high = SETTINGS.slider_range
+        at = scene.contact.friction
+        self.friction = gui.add_slider("friction", low * at, high * at, 0.01, at)
         if scene.gripper.opening is not None:
-            self.opening = about("opening [ms]", 1e3 * scene.gripper.opening, 1.0)
-        look: dict[str, Any] = {"scale": 0.2, "depth_test": False, "disable_rotations": True}
-        look["position"] = self._position
-        self.arrows = server.scene.add_transform_controls("/drag", active_axes=free, **look)
+            at = 1e3 * scene.gripper.opening
+            self.opening = gui.add_slider("opening [ms]", low * at, high * at, 1.0, at)
+        self.arrows = server.scene.add_transform_controls(
+            "/drag",
+            scale=0.2,
+            active_axes=free,
+            disable_rotations=True,
+            depth_test=False,
+            position=self._position,
+        )
         self.arrows.on_update(lambda _: self._read_arrows())
         half = min(max(1e3 * delay_of(scene), 0.5), SETTINGS.longest_delay)
         self.delay = gui.add_slider("delay up to ± [ms]", 0.5, SETTINGS.longest_delay, 0.5, half)
@@ -210,15 +263,13 @@ class PlayPage:
             self.strip.content = plan_words(plan)
 
     def _map(self, request: PlanRequest) -> None:
-        """Draws the reach at the target's height and angle, then extends it to the farthest
-        landing."""
+        """Draw the reach at the target's height and angle, then extend it to its edge."""
         reach, target = self._reach_map, request.target
         try:
             if reach is None or (reach.scene, reach.z) != (request.scene, target.z):
                 self._map_planner = Planner(request.scene)
-                reach = reach_map(
-                    request.scene, target.z, SETTINGS.samples, progress=self._check_outdated
-                )
+                check, samples = self._check_outdated, SETTINGS.samples
+                reach = reach_map(request.scene, target.z, samples, progress=check)
                 self._reach_map = reach
             self._draw_reach(reach, target, None)
             if reach.reachable and not self.maps.waiting:
@@ -240,8 +291,7 @@ class PlayPage:
             self._drop("reach")
             view, at = self.panel.view, self._base
             self.reach = bands(reach, target.theta, farthest)
-            scene, floor = reach.scene, view.floor
-            self._drawn["reach"] = draw_reach(view.scene, self.reach, scene, at, floor)
+            self._drawn["reach"] = draw_reach(view.scene, self.reach, reach.scene, at, view.floor)
 
     def _check_outdated(self, *_: int) -> None:
         if self.maps.waiting:
@@ -307,8 +357,7 @@ def plan_words(plan: Plan) -> str:
         name = plan.status.replace("_", " ")
         return f"**{name}**: {plan.message.removeprefix(f'{name}: ')}; {took}"
     landings = []
-    names = {STEPPED_SURFACE: "limit surface", SLIDING_PIVOT: "sliding pivot"}
-    for model, name in names.items():
+    for model, name in ((STEPPED_SURFACE, "limit surface"), (SLIDING_PIVOT, "sliding pivot")):
         x, theta = plan.throw.deciding.with_model(model).miss(plan.goal)
         turn = "" if plan.goal.theta is None else f", {math.degrees(abs(theta)):.2f}°"
         error = f"{1e3 * abs(x):.2f} mm{turn}"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import time
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, Literal
@@ -15,40 +14,16 @@ from ...models import Array
 from ...models.robot import PlanarArm
 from ...problems import InputError, scene_from_table
 from ...problems.files import read_csv, read_text
-from ..show import draw_throw, draw_throw_moving, over_time
-from ..throw import (
-    TICK,
-    Manipulator,
-    Samples,
-    Throw,
-    make_manipulator,
-)
+from ..show import over_time
+from ..throw import TICK, Manipulator, Samples, Throw, make_manipulator
 
 Status = Literal["solved", "out_of_reach", "not_converged"]
-#: Pictures of a plan: True for both, False for none, "png" for throw.png alone.
-Draw = bool | Literal["png"]
 #: Version of plan.json; `read_plan` refuses other versions.
 FORMAT = 1
+#: Columns of a free hand's motion.csv: poses, velocities, accelerations.
+HAND_COLUMNS = (("x", "z", "theta"), ("vx", "vz", "omega"), ("ax", "az", "alpha"))
 #: Files of a plan's folder.
 FILES = ("motion.csv", "throw.png", "throw.gif", "plan.json")
-
-
-def draw_files(
-    throw: Throw, load: tuple[Array, Array] | None, folder: Path, draw: Draw
-) -> tuple[float, str]:
-    """Draws throw.png, and unless draw is "png" throw.gif.
-
-    load: of the pads, see `draw_throw`. Returns the time [s] of drawing, and the reason of a
-    failure (empty for none).
-    """
-    start, failure = time.perf_counter(), ""
-    try:
-        draw_throw(throw, folder / "throw.png", load)
-        if draw != "png":
-            draw_throw_moving(throw, folder / "throw.gif")
-    except Exception as error:  # A user's settings make Matplotlib raise anything.
-        failure = " ".join(str(error).split()) or type(error).__name__
-    return time.perf_counter() - start, failure
 
 
 def write_motion(throw: Throw, path: Path) -> None:
@@ -59,7 +34,7 @@ def write_motion(throw: Throw, path: Path) -> None:
         columns = dict(zip(("q", "dq", "ddq"), values, strict=True))
     else:
         outputs = throw.manipulator.motion(samples.q.T, samples.dq.T, samples.ddq.T)
-        names = ("x", "z", "theta", "vx", "vz", "omega", "ax", "az", "alpha")
+        names = (name for row in HAND_COLUMNS for name in row)
         columns = dict(zip(names, np.vstack([np.array(o) for o in outputs]), strict=True))
     write_table(path, {"t": samples.times} | columns)
 
@@ -79,7 +54,7 @@ def joint_samples(
 
 def write_table(path: Path, columns: dict[str, Array]) -> None:
     """Write a CSV of columns (N,), or (N, n) as name1, name2, ... ."""
-    names: list[str] = []
+    names = list[str]()
     for name, values in columns.items():
         names += [name] if values.ndim == 1 else [f"{name}{j + 1}" for j in range(values.shape[1])]
     table = np.column_stack(list(columns.values()))
@@ -176,8 +151,7 @@ def _samples(path: Path, manipulator: Manipulator) -> Samples:
         joints = kinematics.throwing_joints
         names = [f"{prefix}{j}" for prefix in ("q", "dq", "ddq") for j in joints]
     else:
-        columns = (("x", "z", "theta"), ("vx", "vz", "omega"), ("ax", "az", "alpha"))
-        names = [name for row in columns for name in row[: manipulator.size]]
+        names = [name for row in HAND_COLUMNS for name in row[: manipulator.size]]
     rows = read_csv("motion", str(path), None, ("t", *names))
     if len(rows) < 2 or np.abs(rows[:, 0] - TICK * np.arange(len(rows))).max() > 1e-6:
         raise InputError(f"{path}: t must go from 0 in steps of {TICK:g}")

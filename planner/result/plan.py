@@ -1,41 +1,127 @@
-"""The result of planning: status, landings, errors, motion; as JSON and as files."""
+"""The result of planning: the throw, status, landings, errors, motion; as JSON and as files."""
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import math
-from dataclasses import dataclass, field
+import time
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, Literal
 
+from ...models import Trajectory
+from ...models.release import SLIDING_PIVOT, STEPPED_SURFACE
 from ...problems import InputError, Pose, Scene
 from ...problems.files import filling, plain, write_json
-from ..ocp import load_curve
-from ..show import draw_throw
-from ..throw import Manipulator, Throw, torque_limits
+from ..ocp import BASE, Optimum, Refinement, Solution, ThrowNlp, load_curve
+from ..show import draw_throw, draw_throw_moving
+from ..throw import Manipulator, Samples, Throw, torque_limits
 from ..verdict import Verdict, verdict, warnings
-from .files import (
-    FILES,
-    FORMAT,
-    Draw,
-    PlanPath,
-    Status,
-    draw_files,
-    path_of,
-    read_plan,
-    write_motion,
-)
-from .planned import PlannedThrow
+from .files import FILES, FORMAT, PlanPath, Status, path_of, read_plan, write_motion
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Keys of a release's times in the JSON.
-MOMENTS = ("command_time", "opening_time", "detach_time", "landing_time")
-#: Labels of MOMENTS in summaries.
-MOMENT_WORDS = ("gripper command", "starts opening", "bar free", "lands")
+#: Pictures of a plan: True for both, False for none, "png" for throw.png alone.
+Draw = bool | Literal["png"]
+#: Keys of a release's times in the JSON, and their labels in summaries.
+MOMENTS = {
+    "command_time": "gripper command",
+    "opening_time": "starts opening",
+    "detach_time": "bar free",
+    "landing_time": "lands",
+}
+
+
+@dataclass(frozen=True, repr=False)
+class PlannedThrow:
+    """The throw behind a plan: its motion, its NLP, its landing by each model.
+
+    planned: the motion up to detach. deciding: the motion that is sent, by the tolerance's model.
+    effort: cost of the NLP. nlp_size: variables and constraints of the NLP. refinement: its lazy
+    constraints and margins. aim: offset (dx [m], dtheta [rad]) of the NLP's target from the target;
+    with it `deciding` lands on the target. nlp, solution, landing_of_nlp (x, z [m], theta [rad]):
+    of a throw that an NLP solved. optimum: of a throw moved from a solved one.
+    """
+
+    planned: Trajectory
+    deciding: Throw
+    effort: float
+    nlp_size: tuple[int, int]
+    refinement: Refinement = BASE
+    aim: tuple[float, float] = (0.0, 0.0)
+    nlp: ThrowNlp | None = None
+    solution: Solution | None = None
+    landing_of_nlp: tuple[float, float, float] | None = None
+    optimum: Optimum | None = None
+
+    @cached_property
+    def exact(self) -> Throw:
+        """The planned motion by the sliding pivot."""
+        if self.scene.robot is None:
+            return self.deciding.sliding_pivot
+        return replace(self.deciding, path=self.planned, model=SLIDING_PIVOT)
+
+    @cached_property
+    def planned_landing(self) -> tuple[float, float, float]:
+        """Landing by the smoothed model: x, z [m], theta [rad].
+
+        A moved throw has the smoothing error of its optimum.
+        """
+        if self.optimum is None or self.landing_of_nlp is not None:
+            return self.landing_of_nlp or (math.nan, math.nan, math.nan)
+        (x, z, theta), (dx, turn) = self.exact.landing.pose, self.optimum.smoothing
+        return x + dx, z, theta + turn
+
+    @property
+    def scene(self) -> Scene:
+        """The scene, aimed at the target."""
+        return self.deciding.scene
+
+    @property
+    def manipulator(self) -> Manipulator:
+        """The manipulator."""
+        return self.deciding.manipulator
+
+    @property
+    def opening_time(self) -> float:
+        """Time [s] on the motion's clock at which the grip force starts to fall."""
+        return self.deciding.opening_time
+
+    @property
+    def samples(self) -> Samples:
+        """The samples of motion.csv."""
+        return self.deciding.samples
+
+    @property
+    def landings(self) -> dict[str, tuple[float, float, float] | None]:
+        """Landings x, z [m], theta [rad] by their key in plan.json; a free hand sends no motion."""
+        sent = None if self.scene.robot is None else self.deciding.sliding_pivot.landing.pose
+        return {
+            "planned": self.planned_landing,
+            "exact": self.exact.landing.pose,
+            "sent": sent,
+            "limit_surface": self.deciding.limit_surface.landing.pose,
+        }
+
+    @property
+    def decides(self) -> str:
+        """Key of the deciding landing."""
+        if self.scene.tolerance.model == STEPPED_SURFACE:
+            return "limit_surface"
+        return "exact" if self.scene.robot is None else "sent"
+
+    @property
+    def landing_time(self) -> float:
+        """Time [s] of the landing on the motion's clock."""
+        return self.deciding.landing_time
+
+    def words(self, goal: Pose) -> str:
+        """The landing error to `goal` as text."""
+        dx, dtheta = self.deciding.miss(goal)
+        turn = "" if goal.theta is None else f" and {math.degrees(abs(dtheta)):.3f} deg"
+        return f"lands {1e3 * abs(dx):.3f} mm{turn} from the target"
 
 
 @dataclass(frozen=True, repr=False)
@@ -79,7 +165,7 @@ class Plan:
         if not self.solved:
             return judged
         findings = (*judged.findings, *warnings(deciding, self.target))
-        return dataclasses.replace(judged, findings=findings)
+        return replace(judged, findings=findings)
 
     @property
     def goal(self) -> Pose:
@@ -97,7 +183,7 @@ class Plan:
         landing = dict.fromkeys(("planned", "exact", "sent", "limit_surface"))
         error, release = dict.fromkeys(landing), dict.fromkeys(MOMENTS)
         if self.throw is not None:
-            poses = self._poses(self.throw)
+            poses = self.throw.landings
             landing = {name: pose and self._json_pose(pose) for name, pose in poses.items()}
             error = {name: self._json_error(poses[name]) for name in error}
             deciding = self.throw.deciding
@@ -111,9 +197,7 @@ class Plan:
             "landing": landing,
             "error": error,
             "release": release,
-            "nearest": None
-            if nearest is None
-            else nearest.changed(velocity=None, arrival=None).table,
+            "nearest": nearest and nearest.changed(velocity=None, arrival=None).table,
             "binding": list(self.binding),
             "solver": {
                 "name": self.solver,
@@ -125,15 +209,6 @@ class Plan:
             "time": {"build": 0.0, "guess": 0.0, "solve": 0.0, "smooth": 0.0, "check": 0.0}
             | {"total": 0.0, "draw": None}
             | self.time,
-        }
-
-    def _poses(self, throw: PlannedThrow) -> dict[str, tuple[float, float, float] | None]:
-        """Landings (x, z, theta) in the throw's plane, by their JSON keys."""
-        return {
-            "planned": throw.planned_landing,
-            "exact": throw.exact.landing.pose,
-            "sent": None if throw.sent is None else throw.sent.landing.pose,
-            "limit_surface": throw.limit_surface.landing.pose,
         }
 
     def _optional_entries(self) -> dict[str, Any]:
@@ -156,11 +231,8 @@ class Plan:
             more["robust"] = {"method": self.robust, "peak_load": self.peak_load}
         if self.alternatives:
             more["alternatives"] = [
-                {
-                    "landing": other.to_dict()["landing"],
-                    "release": other.to_dict()["release"],
-                    "effort": None if other.throw is None else other.throw.effort,
-                }
+                {key: other.to_dict()[key] for key in ("landing", "release")}
+                | {"effort": None if other.throw is None else other.throw.effort}
                 for other in self.alternatives
             ]
         return more
@@ -177,9 +249,10 @@ class Plan:
                 throw = sent_throw(self)
                 write_motion(throw, scratch / "motion.csv")
                 if draw:
-                    load = load_curve(throw) if self.robust else None
-                    seconds, failure = draw_files(throw, load, scratch, draw)
-                    plan = dataclasses.replace(self, time=self.time | {"draw": seconds})
+                    start = time.perf_counter()
+                    failure = self._draw_files(throw, scratch, draw)
+                    seconds = {"draw": time.perf_counter() - start}
+                    plan = replace(self, time=self.time | seconds)
             # `definition` is the scene that `read_plan` needs.
             scene = self.scene.aimed_at(self.target).table()
             document = {"format": FORMAT, **plan.to_dict(), "definition": scene}
@@ -189,6 +262,17 @@ class Plan:
                 f"--out {folder}: the plan is written, its pictures are not: {failure}"
             )
         return plan
+
+    def _draw_files(self, throw: Throw, folder: Path, draw: Draw) -> str:
+        """Draw throw.png, and unless draw is "png" throw.gif; returns why it failed, or nothing."""
+        load = load_curve(throw) if self.robust else None
+        try:
+            draw_throw(throw, folder / "throw.png", load)
+            if draw != "png":
+                draw_throw_moving(throw, folder / "throw.gif")
+        except Exception as error:  # A user's settings make Matplotlib raise anything.
+            return " ".join(str(error).split()) or type(error).__name__
+        return ""
 
     def draw(self, file: str | Path | None = None) -> Figure:
         """The picture of the throw, a Matplotlib figure, also written to `file` (.png) if given.
@@ -226,7 +310,9 @@ class Plan:
                 "and held bar\n        stay above it; the flying bar may hit it before the target"
             )
         if self.throw is not None:
-            lines.append(f"  {_moments(result['release'])}")
+            moments = {words: result["release"][key] for key, words in MOMENTS.items()}
+            times = [f"{words} {t:.3f} s" for words, t in moments.items() if t is not None]
+            lines.append(f"  {', '.join(times)}")
             lines.append(f"  {self.throw.deciding.grip_words}")
         if "torque" in result:
             lines.append(f"  {_torque_words(**result['torque'])}")
@@ -261,8 +347,8 @@ class Plan:
         """(position [m], angle [rad]) error of the deciding landing; NaN without a throw."""
         if self.throw is None:
             return math.nan, math.nan
-        error = self._json_error(self.throw.deciding.landing.pose)
-        return error["position"], error["angle"]
+        dx, dtheta = self.throw.deciding.miss(self.goal)
+        return abs(dx), abs(dtheta)
 
     def _json_pose(self, pose: tuple[float, float, float]) -> Any:
         """In-plane (x, z, theta) as JSON, turned to the target's azimuth for an arm."""
@@ -282,15 +368,6 @@ class Plan:
     def json(self) -> str:
         """`to_dict` as a JSON text."""
         return json.dumps(self.to_dict(), indent=2, allow_nan=False)
-
-
-def _moments(release: dict[str, float | None]) -> str:
-    """The release's times as text."""
-    return ", ".join(
-        f"{words} {value:.3f} s"
-        for words, value in zip(MOMENT_WORDS, release.values(), strict=True)
-        if value is not None
-    )
 
 
 def _torque_words(use: float, rate: float, rate_limit: float | None) -> str:

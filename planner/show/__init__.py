@@ -1,6 +1,6 @@
 """Pictures, GIF, film and 3-D view of throws and releases in one style, and tables."""
 
-from .moving import draw_throw_moving, save_in_space
+from .painter import save_in_space
 from .release_pictures import draw_releases
 from .server import Panel, empty_page, open_browser, run_panel, serving
 from .style import (
@@ -16,6 +16,6 @@ from .style import (
     save,
 )
 from .tables import Row, Table, number, shown
-from .throw_picture import draw_throw
+from .throw_picture import draw_throw, draw_throw_moving
 from .timeline import timeline as over_time
-from .view import SpaceThrow, View, put, rgb, space_throw
+from .view import SpaceThrow, put, rgb, space_throw

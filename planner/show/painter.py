@@ -1,4 +1,4 @@
-"""The 3-D view as pictures, without browser or graphics card.
+"""The 3-D view as a picture and as a film, without browser or graphics card.
 
 A `Painter` replaces viser's server. It keeps each shape as triangles and paints them from far to
 near.
@@ -7,8 +7,14 @@ near.
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from functools import partial
+from pathlib import Path
 from types import SimpleNamespace
 from typing import TYPE_CHECKING, Any
 
@@ -16,31 +22,35 @@ import numpy as np
 
 from ...models import Array
 from ...problems import InputError
+from .style import PHASES
+from .throw_picture import CARRIED, FLYING, SLOW, frame_words
+from .view import SpaceThrow, View, put
 
 if TYPE_CHECKING:
-    from PIL import Image
+    from PIL import Image, ImageDraw
 
 #: Width and height [px] of a picture.
 SIZE = (960, 720)
-#: Direction to the light.
-LIGHT = np.array([-0.35, -0.5, 0.8])
-#: Colour of shadows.
-SHADOW = (222, 222, 222)
+#: Frame rate [1/s] of a film.
+FILM_FPS = 25
 
 
 @dataclass(frozen=True)
 class PainterSettings:
-    """Resolution, distances and light of a picture.
+    """Resolution, distances, light and shadows of a picture.
 
     oversampling: factor of the painted size over the final one. edge [m]: longest of a triangle;
-    longer triangles have no clear order in depth. ambient: share of ambient light. near [m]:
-    distance to the camera below which nothing is painted. zoom: size of the throw against the
-    browser's view. floor [m]: depth of the floor's lines, behind all other shapes.
+    longer triangles have no clear order in depth. light: direction to it. ambient: share of light
+    from all sides. near [m]: distance to the camera below which nothing is painted. zoom: size of
+    the throw against the browser's view. floor [m]: depth of the floor's lines, behind all other
+    shapes.
     """
 
     oversampling: int = 2
     edge: float = 0.05
+    light: tuple[float, float, float] = (-0.35, -0.5, 0.8)
     ambient: float = 0.7
+    shadow: tuple[int, int, int] = (222, 222, 222)
     near: float = 0.2
     zoom: float = 1.15
     floor: float = 1e3
@@ -48,10 +58,8 @@ class PainterSettings:
 
 LOOK = PainterSettings()
 
-#: Pixels and colour of a polygon or line.
-Part = tuple[list[float], tuple[int, ...]]
-#: Depth [m], parts, width [px] of a line, and opacity of glass.
-Shape = tuple[float, list[Part], int | None, float | None]
+#: Depth [m] of a shape, and what paints it.
+Shape = tuple[float, Callable[[], None]]
 
 
 @dataclass(eq=False)
@@ -83,55 +91,44 @@ class Painter:
     def __post_init__(self) -> None:
         """InputError without trimesh."""
         try:
-            import trimesh  # noqa: F401
+            import trimesh
         except ImportError:
             raise InputError("pictures in 3-D need trimesh: pip install trimesh") from None
+        self.trimesh: Any = trimesh
 
     @property
     def scene(self) -> Painter:
         """The scene: the painter itself."""
         return self
 
-    def configure_environment_map(self, name: None) -> None:
-        """Ignored: a picture has no environment map."""
-
-    def add_light_ambient(self, name: str, intensity: float) -> None:
-        """Ignored: the light is fixed."""
-
     def add_frame(self, name: str, show_axes: bool = False) -> MeshNode:
         """A frame that other nodes are placed in."""
-        return self._add(name, np.zeros((0, 3)), np.zeros((0, 3), int))
+        return self._add(name, self.trimesh.Trimesh())
 
     def add_box(self, name: str, color: Any, dimensions: Any, **look: Any) -> MeshNode:
         """A box of three sides [m]."""
-        from trimesh.creation import box
-
-        mesh = box(dimensions)
-        return self._add(name, mesh.vertices, mesh.faces, color, dimensions=dimensions, **look)
+        box = self.trimesh.creation.box(dimensions)
+        return self._add(name, box, color, dimensions=dimensions, **look)
 
     def add_cylinder(
         self, name: str, radius: float, height: float, color: Any, **look: Any
     ) -> MeshNode:
         """A cylinder about z [m]."""
-        from trimesh.creation import cylinder
-
-        mesh = cylinder(radius, height, sections=28)
-        return self._add(name, mesh.vertices, mesh.faces, color, **look)
+        cylinder = self.trimesh.creation.cylinder(radius, height, sections=28)
+        return self._add(name, cylinder, color, **look)
 
     def add_icosphere(
         self, name: str, radius: float, color: Any, subdivisions: int = 2, **look: Any
     ) -> MeshNode:
         """A ball [m]."""
-        from trimesh.creation import icosphere
-
-        mesh = icosphere(min(subdivisions, 2), radius)
-        return self._add(name, mesh.vertices, mesh.faces, color, **look)
+        ball = self.trimesh.creation.icosphere(min(subdivisions, 2), radius)
+        return self._add(name, ball, color, **look)
 
     def add_mesh_simple(
         self, name: str, vertices: Array, faces: Array, color: Any, side: str = "", **look: Any
     ) -> MeshNode:
         """Triangles: vertices (N, 3) [m] and their indices (M, 3)."""
-        return self._add(name, vertices, faces, color, **look)
+        return self._add(name, SimpleNamespace(vertices=vertices, faces=faces), color, **look)
 
     def add_grid(
         self, name: str, width: float, height: float, position: Any, cell_size: float, **look: Any
@@ -165,14 +162,9 @@ class Painter:
         )
         draw = ImageDraw.Draw(image)
         # From far to near: the floor's lines, shadows, then the rest.
-        shapes = sorted([*self._segments(), *self._triangles()], key=lambda shape: -shape[0])
-        for _, parts, width, opacity in shapes:
-            if width is not None:
-                draw.line(parts[0][0], fill=parts[0][1], width=width)
-            elif opacity is None:
-                draw.polygon(parts[0][0], fill=parts[0][1])
-            else:
-                _paint_glass(image, parts, opacity)
+        shapes = [*self._segments(draw), *self._triangles(draw, image)]
+        for _, paint in sorted(shapes, key=lambda shape: -shape[0]):
+            paint()
         for name, text, at in self.words:
             place, depth = self._project(self._pose(name)[:3] @ np.append(at, 1.0))
             if depth > LOOK.near:
@@ -183,14 +175,11 @@ class Painter:
         )
         return image.resize(SIZE, Image.Resampling.LANCZOS)
 
-    def _add(
-        self, name: str, vertices: Array, faces: Array, color: Any = 0, **look: Any
-    ) -> MeshNode:
-        from trimesh import remesh
-
-        split: Any = remesh.subdivide_to_size
+    def _add(self, name: str, mesh: Any, color: Any = 0, **look: Any) -> MeshNode:
+        vertices, faces = mesh.vertices, mesh.faces
         look = {key: value for key, value in look.items() if not key.endswith("shadow")}
         if len(faces) and look.get("opacity") is None:
+            split = self.trimesh.remesh.subdivide_to_size
             vertices, faces = split(vertices, faces, LOOK.edge, max_iter=20)
         self.nodes[name] = MeshNode(name, np.array(vertices), np.array(faces), color, **look)
         return self.nodes[name]
@@ -220,11 +209,10 @@ class Painter:
         size = LOOK.oversampling * np.array(SIZE)
         scale = LOOK.zoom * size[1] / 2 / np.tan(camera.fov / 2)
         depth = in_camera[..., 2]
-        return size / 2 + scale * in_camera[..., :2] / np.maximum(depth, LOOK.near)[
-            ..., None
-        ], depth
+        distance = np.maximum(depth, LOOK.near)[..., None]
+        return size / 2 + scale * in_camera[..., :2] / distance, depth
 
-    def _segments(self) -> Iterator[Shape]:
+    def _segments(self, draw: ImageDraw.ImageDraw) -> Iterator[Shape]:
         """Line segments; those without thickness are on the floor, under everything."""
         for name, pieces, colours, thickness in self.lines:
             pose = self._pose(name)
@@ -234,15 +222,15 @@ class Painter:
                 LOOK.zoom * LOOK.oversampling * SIZE[1] * thickness / np.maximum(middle, LOOK.near)
             )
             for k in np.flatnonzero(depths.min(axis=1) > LOOK.near):
-                part = places[k].ravel().tolist(), tuple(colours[k])
                 back = LOOK.floor if thickness == 0.0 else middle[k]
-                yield back, [part], max(2, round(float(wide[k]))), None
+                pixels, width = places[k].ravel().tolist(), max(2, round(float(wide[k])))
+                yield back, partial(draw.line, pixels, tuple(colours[k]), width)
 
-    def _triangles(self) -> Iterator[Shape]:
+    def _triangles(self, draw: ImageDraw.ImageDraw, image: Image.Image) -> Iterator[Shape]:
         """Triangles that face the camera, and shadows; those of a transparent node as one shape."""
         from scipy.spatial import ConvexHull
 
-        light = LIGHT / np.linalg.norm(LIGHT)
+        light = np.array(LOOK.light) / np.linalg.norm(LOOK.light)
         for node in self.nodes.values():
             if not (node.visible and len(node.faces)):
                 continue
@@ -256,32 +244,119 @@ class Painter:
             places, depths = self._project(corners)
             shade = LOOK.ambient + (1 - LOOK.ambient) * np.maximum(normals @ light, 0.0)
             colours = (np.array(node.color) * shade[:, None]).astype(int)
-            parts = [
-                (place.ravel().tolist(), tuple(colour))
-                for place, colour in zip(places, colours.tolist(), strict=True)
-            ]
             if node.opacity is not None:
-                yield float(depths.mean()), parts, None, node.opacity
+                yield depths.mean(), partial(_paint_glass, image, places, colours, node.opacity)
                 continue
-            for depth, part in zip(depths.mean(axis=1), parts, strict=True):
-                yield depth, [part], None, None
+            for depth, place, colour in zip(depths.mean(axis=1), places, colours, strict=True):
+                yield depth, partial(draw.polygon, place.ravel().tolist(), tuple(colour.tolist()))
             # The shadow of a convex body: all nodes but a cup's rim are convex.
             corners[..., 2] = self.floor
             under = self._project(corners.reshape(-1, 3))[0]
             under = under[ConvexHull(under).vertices]
-            yield LOOK.floor / 2, [(under.ravel().tolist(), SHADOW)], None, None
+            yield LOOK.floor / 2, partial(draw.polygon, under.ravel().tolist(), LOOK.shadow)
 
 
-def _paint_glass(image: Image.Image, parts: list[Part], opacity: float) -> None:
-    """Paint transparent triangles at once: one by one, their common edges would show."""
+def _paint_glass(image: Image.Image, places: Array, colours: Array, opacity: float) -> None:
+    """Paint transparent triangles (N, 3, 2) [px] at once: else their common edges would show."""
     from PIL import Image, ImageDraw
 
-    points = np.vstack([np.reshape(pixels, (-1, 2)) for pixels, _ in parts])
-    low, high = np.floor(points.min(axis=0)), np.ceil(points.max(axis=0)) + 1
+    low, high = np.floor(places.min(axis=(0, 1))), np.ceil(places.max(axis=(0, 1))) + 1
     size = tuple((high - low).astype(int).tolist())
     layer, mask = Image.new("RGB", size), Image.new("L", size)
-    for pixels, colour in parts:
-        shape = (np.reshape(pixels, (-1, 2)) - low).ravel().tolist()
-        ImageDraw.Draw(layer).polygon(shape, fill=colour)
+    for place, colour in zip(places, colours, strict=True):
+        shape = (place - low).ravel().tolist()
+        ImageDraw.Draw(layer).polygon(shape, fill=tuple(colour.tolist()))
         ImageDraw.Draw(mask).polygon(shape, fill=round(255 * opacity))
     image.paste(layer, tuple(low.astype(int).tolist()), mask)
+
+
+def save_in_space(throw: SpaceThrow, kind: str, path: Path) -> None:
+    """A 3-D picture ("png") just before detach, with poses of the bar; or a film ("mp4") at a fifth
+    of the throw's speed, whose last frame stays half a second.
+
+    Leaves no partial file; InputError if the file cannot be written, and for a film without ffmpeg
+    or trimesh.
+    """
+    (_save_picture if kind == "png" else _save_film)(throw, path)
+
+
+def _save_picture(throw: SpaceThrow, path: Path) -> None:
+    painter = Painter()
+    view = View(painter, throw)
+    _add_ghosts(view)
+    view.show(throw.throw.detach_time - 0.002)
+    with _replacement(path, "png") as file:
+        painter.picture(throw.scene.name).save(file)
+
+
+def _save_film(throw: SpaceThrow, path: Path) -> None:
+    with _replacement(path, "mp4") as file:
+        if shutil.which("ffmpeg") is None:
+            raise InputError("--mp4: needs ffmpeg, which is not installed")
+        if status := _encode(_film(throw), file):
+            raise InputError(f"--mp4 {path}: ffmpeg failed with status {status}")
+
+
+@contextlib.contextmanager
+def _replacement(path: Path, kind: str) -> Iterator[Path]:
+    """A scratch path for a file of a kind; it replaces `path` when the block is done."""
+    if path.suffix != f".{kind}":
+        raise InputError(f"--{kind} {path}: must end in .{kind}")
+    try:
+        path.parent.mkdir(parents=True, exist_ok=True)
+        with tempfile.TemporaryDirectory(dir=path.parent) as scratch:
+            yield Path(scratch) / path.name
+            os.replace(Path(scratch) / path.name, path)
+    except OSError as error:
+        raise InputError(f"--{kind} {path}: {error.strerror or error}") from None
+
+
+def _add_ghosts(view: View) -> list[tuple[float, Any]]:
+    """Pale poses of the bar until the landing; their times [s] and nodes."""
+    throw, line = view.throw, view.throw.line
+    opening, landing = line.marks["opening"], line.marks["landing"]
+    times = [*np.linspace(0.0, opening, CARRIED), *np.linspace(opening, landing, FLYING)[1:]]
+    ghosts = []
+    for k, time in enumerate(times):
+        i = line.index(time)
+        put(view.scene.add_frame(f"/way{k}"), throw.bar[i])
+        ghosts.append((time, view.add_bar(f"/way{k}/bar", PHASES[line.phase_name(i)], 0.3)))
+    return ghosts
+
+
+def _film(throw: SpaceThrow) -> Iterator[Image.Image]:
+    """The film's frames, one after another."""
+    line, painter = throw.line, Painter()
+    view = View(painter, throw)
+    ghosts = _add_ghosts(view)
+    moments = np.arange(0.0, line.times[-1], SLOW / FILM_FPS)
+    for i in np.searchsorted(line.times, moments - 1e-9):
+        time = line.times[i]
+        view.show(time)
+        for passed, ghost in ghosts:
+            ghost.visible = passed <= time
+        picture = painter.picture(frame_words(line, i))
+        yield picture
+    yield from [picture] * (FILM_FPS // 2)
+
+
+def _encode(pictures: Iterable[Image.Image], path: Path) -> int:
+    """Writes pictures of `SIZE` as H.264 in the pixel format of all players.
+
+    Returns the exit status of ffmpeg.
+    """
+    command = [
+        *("ffmpeg", "-loglevel", "error", "-f", "rawvideo", "-pix_fmt", "rgb24"),
+        *("-s", f"{SIZE[0]}x{SIZE[1]}", "-framerate", str(FILM_FPS), "-i", "pipe:"),
+        *("-vcodec", "h264", "-pix_fmt", "yuv420p", "-y", str(path)),
+    ]
+    silent = subprocess.DEVNULL
+    # The exit status reports an early end of ffmpeg.
+    with (
+        contextlib.suppress(BrokenPipeError),
+        subprocess.Popen(command, stdin=subprocess.PIPE, stdout=silent, stderr=silent) as process,
+    ):
+        assert process.stdin is not None
+        for picture in pictures:
+            process.stdin.write(picture.tobytes())
+    return process.returncode

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -22,9 +23,6 @@ if TYPE_CHECKING:
     from ...models.release import Release, ReleaseCase, ReleaseModel
     from ...problems import Scene
 
-
-#: Number of drawn poses of the bar.
-BARS = 7
 #: Labels of the quantities over time.
 QUANTITIES = ("v_z of the CoM [m/s]", "ω [rad/s]", "friction f_z [N]", "friction torque [N mm]")
 
@@ -40,21 +38,19 @@ def draw_releases(scene: Scene, runs: Mapping[str, Simulation], path: Path) -> N
     parts = figure.add_gridspec(4, 2, height_ratios=(1.3, 1, 1, 1))
     stage = figure.add_subplot(parts[0, :])
     grid = np.array([[figure.add_subplot(parts[i, j]) for j in (0, 1)] for i in (1, 2, 3)])
-    known = {name: runs[name].release for name in (SLIDING_PIVOT, STEPPED_SURFACE) if name in runs}
     pivot, stepped = (
-        known.get(name) or MODELS[name].release(case) for name in (SLIDING_PIVOT, STEPPED_SURFACE)
+        runs[name].release if name in runs else MODELS[name].release(case)
+        for name in (SLIDING_PIVOT, STEPPED_SURFACE)
     )
     _draw_bars(stage, scene, case, stepped, pivot)
-    convergent = [name for name in runs if not MODELS[name].nonconvergent]
-    for name in convergent:
-        _draw_run(grid, MODELS[name], runs[name].release, stepped)
-    if convergent:
-        for axes in grid[:2].ravel():
-            axes.set_ylim(axes.get_ylim())
-    for name in [name for name in runs if name not in convergent]:
+    # Convergent models come first: their curves set the axes' limits.
+    for name in sorted(runs, key=lambda name: MODELS[name].nonconvergent):
+        if MODELS[name].nonconvergent and grid[0, 0].lines:
+            for axes in grid[:2].ravel():
+                axes.set_ylim(axes.get_ylim())
         _draw_run(grid, MODELS[name], runs[name].release, stepped)
     _draw_hand(grid[0], case)
-    for axes, words in zip(grid.ravel(), (*QUANTITIES, *QUANTITIES), strict=False):
+    for axes, words in zip(grid.ravel(), itertools.cycle(QUANTITIES), strict=False):
         axes.set(ylabel=words, xlabel="t [ms]", xlim=(0.0, 1e3 * case.grip.opening))
         axes.grid(alpha=0.25)
         _shade(axes, pivot, case.grip.opening)
@@ -71,28 +67,26 @@ def _draw_bars(
     axes: Axes, scene: Scene, case: ReleaseCase, stepped: Release, pivot: Release
 ) -> None:
     """Hand and bar by the time stepping during the opening, then in free flight twice as long."""
-    from matplotlib.patches import Polygon
-
-    opening = case.grip.opening
+    opening, bars = case.grip.opening, 7
     starts = {"stick": 0.0, "pivot": pivot.pivot, "slide": pivot.slide, "flight": opening}
     named = set()
-    for time in np.linspace(0.0, 3 * opening, BARS):
+    for time in np.linspace(0.0, 3 * opening, bars):
         late = max(0.0, time - opening)
         com = np.array([np.interp(time, stepped.times, row) for row in stepped.com])
         if late:
             com = scene.flight.after(stepped.detach, late).pose
         phase = [name for name, begin in starts.items() if begin is not None and begin <= time][-1]
-        look: dict[str, Any] = {"fc": (PHASES[phase], 0.3), "ec": PHASES[phase], "lw": 1.2}
-        look["label"] = None if phase in named else phase
+        colour, label = PHASES[phase], None if phase in named else phase
         named.add(phase)
-        axes.add_patch(Polygon(bar_corners(scene.object, com), closed=True, **look))
+        corners = bar_corners(scene.object, com)
+        axes.fill(*corners.T, fc=(colour, 0.3), ec=colour, lw=1.2, label=label)
     for time, alpha in ((0.0, 0.3), (opening, 0.8)):
         hand = hand_corners(scene, np.ravel(case.hand.at(np.array([time])).pose))
-        axes.add_patch(Polygon(hand, closed=True, color=ARM, alpha=alpha, lw=0, zorder=0))
+        axes.fill(*hand.T, color=ARM, alpha=alpha, lw=0, zorder=0)
     axes.autoscale_view()
     axes.set(aspect="equal", xlabel="x [m]", ylabel="z [m]")
     axes.grid(alpha=0.25)
-    words = f"every {1e3 * 3 * opening / (BARS - 1):.0f} ms by the limit surface, time stepping"
+    words = f"every {1e3 * 3 * opening / (bars - 1):.0f} ms by the limit surface, time stepping"
     axes.set_title(f"hand and bar {words}", loc="left", fontsize=9)
     axes.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.02, 0.5), frameon=False)
 
@@ -107,10 +101,11 @@ def _draw_run(grid: npt.NDArray[Any], model: ReleaseModel, run: Release, stepped
         style |= {"lw": 0.5, "alpha": 0.25, "zorder": 1}
     for axes, values in zip(grid[:2].ravel(), _values(run), strict=True):
         axes.plot(1e3 * run.times, values, **style)
+    if model.nonconvergent:
+        return
     for axes, values, truth in zip(grid[2], _values(run), _values(stepped), strict=False):
-        if not model.nonconvergent:
-            off = values - np.interp(run.times, stepped.times, truth)
-            axes.plot(1e3 * run.times, off, **style)
+        off = values - np.interp(run.times, stepped.times, truth)
+        axes.plot(1e3 * run.times, off, **style)
 
 
 def _values(run: Release) -> tuple[Array, ...]:

@@ -19,18 +19,15 @@ from .style import PHASES
 from .view import SpaceThrow, View
 
 HOST = "127.0.0.1"
-#: Rate [1/s] of playback steps.
-RATE = 50.0
 #: Playback speeds over real time, by their labels.
 SPEEDS = {"1": 1.0, "1/5": 0.2, "1/20": 0.05}
-FIRST_SPEED = "1/5"
 
 
 @contextlib.contextmanager
 def serving(throw: SpaceThrow, port: int) -> Iterator[tuple[str, Any]]:
     """Address and panel of the throw's view while it is served; errors as of `empty_page`."""
     with empty_page(throw.scene.name, port) as (address, server):
-        yield address, Panel(server, View(server, throw))
+        yield address, Panel(server, throw)
 
 
 @contextlib.contextmanager
@@ -55,6 +52,9 @@ def empty_page(title: str, port: int) -> Iterator[tuple[str, Any]]:
         # The share button would let other machines connect.
         server.gui.configure_theme(show_logo=False, show_share_button=False)
         server.gui.main_panel.dock_right()
+        # Light from all sides, and no environment picture, which viser would download.
+        server.scene.configure_environment_map(None)
+        server.scene.add_light_ambient("/light", intensity=2.0)
         yield f"http://{HOST}:{port}", server
     finally:
         with contextlib.redirect_stdout(io.StringIO()):
@@ -74,10 +74,10 @@ def _check_port(port: int) -> None:
 
 
 def run_panel(panel: Any, hold: float | None) -> None:
-    """Play the panel for `hold` seconds or until interrupted."""
+    """Play the panel, 50 steps a second, for `hold` seconds or until interrupted."""
     start = last = time.perf_counter()
     while hold is None or last - start < hold:
-        time.sleep(1 / RATE)
+        time.sleep(0.02)
         now = time.perf_counter()
         panel.advance(now - last)
         last = now
@@ -100,8 +100,8 @@ class Panel:
     time [s]: the instant shown. viser calls back from other threads, so a lock guards the state.
     """
 
-    def __init__(self, server: Any, view: View) -> None:
-        self.view, self.throw = view, view.throw
+    def __init__(self, server: Any, throw: SpaceThrow) -> None:
+        self.view, self.throw = View(server, throw), throw
         self.end = float(self.throw.line.times[-1])
         self.time, self.playing = 0.0, False
         self._lock = threading.RLock()
@@ -111,7 +111,7 @@ class Panel:
             "time [ms]", min=0, max=round(1e3 * self.end), step=1, initial_value=0
         )
         self.button = gui.add_button("play", hint="play from here; from the start at the end")
-        self.speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value=FIRST_SPEED)
+        self.speed = gui.add_dropdown("speed", tuple(SPEEDS), initial_value="1/5")
         self.release = gui.add_button(
             "go to the release", hint="the opening: the force starts to fall"
         )

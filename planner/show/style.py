@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-import contextlib
 import warnings
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...models import Array
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -18,12 +20,8 @@ GREY, BLUE, ORANGE, RED, GREEN = "#8a8f98", "#4c78a8", "#f2a33a", "#d1495b", "#2
 TEAL, BLACK = "#2a788e", "#222222"
 #: Colour of arm and hand.
 ARM = "#3d4450"
-#: Colour of a cup's wall.
-WALL = "#5b4a3f"
 #: Colours of the phases of a throw, in their order.
 PHASES = {"carry": GREY, "stick": BLUE, "pivot": ORANGE, "slide": RED, "flight": GREEN}
-#: Resolution [px/in] of a saved picture.
-DPI = 110
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -34,14 +32,10 @@ def new_figure(width: float, height: float) -> Figure:
 
 
 def save(figure: Figure, path: Path) -> None:
-    """Write the figure as PNG."""
-    with as_written(figure):
-        figure.savefig(path, dpi=DPI)
+    """Write the figure as PNG with literal texts.
 
-
-@contextlib.contextmanager
-def as_written(figure: Figure) -> Iterator[None]:
-    """Draw texts literally: `$` starts no formula, a character without a glyph is a box."""
+    `$` starts no formula, and a character without a glyph is a box.
+    """
     from matplotlib.text import Text
 
     for text in figure.findobj(Text):
@@ -50,11 +44,16 @@ def as_written(figure: Figure) -> Iterator[None]:
             text.set_parse_math(False)
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph")
-        yield
+        figure.savefig(path, dpi=110)
+
+
+def cup_profile(cup: Cup) -> Array:
+    """Corners (4, 2) [m] of a cup in the throw's plane: down, along the bottom and up."""
+    bottom, left, right = cup.rim - cup.depth, cup.x - cup.radius, cup.x + cup.radius
+    return np.array([[left, cup.rim], [left, bottom], [right, bottom], [right, cup.rim]])
 
 
 def draw_cup(axes: Axes, cup: Cup) -> None:
     """A cup's walls and bottom in the throw's plane."""
-    wall: dict[str, Any] = {"color": WALL, "lw": 3, "solid_capstyle": "butt", "zorder": 2}
-    bottom, left, right = cup.rim - cup.depth, cup.x - cup.radius, cup.x + cup.radius
-    axes.plot([left, left, right, right], [cup.rim, bottom, bottom, cup.rim], label="cup", **wall)
+    look: dict[str, Any] = {"color": "#5b4a3f", "lw": 3, "solid_capstyle": "butt", "zorder": 2}
+    axes.plot(*cup_profile(cup).T, label="cup", **look)

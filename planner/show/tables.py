@@ -56,19 +56,18 @@ class Table:
     def markdown(self) -> list[str]:
         """The lines of a Markdown table; columns of numbers are aligned to the right."""
         columns = self.columns
-        words = [any(isinstance(cell, str) for cell in self.column(name)) for name in columns]
+        text = [any(isinstance(cell, str) for cell in self.column(name)) for name in columns]
         lines = [columns]
         for row in self.rows:
             lines.append([shown(row.get(c), self.digits).replace("|", "\\|") for c in columns])
         widths = [max(3, *map(len, cells)) for cells in zip(*lines, strict=True)]
-        lines.insert(
-            1, ["-" * n if w else "-" * (n - 1) + ":" for w, n in zip(words, widths, strict=True)]
+        rule = ["-" * n if t else "-" * (n - 1) + ":" for t, n in zip(text, widths, strict=True)]
+        lines.insert(1, rule)
+        rows = (
+            [c.ljust(n) if t else c.rjust(n) for c, t, n in zip(line, text, widths, strict=True)]
+            for line in lines
         )
-        return ["| " + " | ".join(map(_padded, line, words, widths)) + " |" for line in lines]
-
-
-def _padded(cell: str, words: bool, width: int) -> str:
-    return cell.ljust(width) if words else cell.rjust(width)
+        return ["| " + " | ".join(row) + " |" for row in rows]
 
 
 def shown(cell: Cell, digits: int = 3) -> str:

@@ -1,41 +1,39 @@
-"""throw.png, and parts shared with throw.gif."""
+"""A throw in its plane: throw.png, and throw.gif, which moves."""
 
 from __future__ import annotations
 
 import dataclasses
+import itertools
+from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
+import numpy.typing as npt
 
-from ...models import Array
+from ...models import Array, Indices
 from ..throw import column_of
 from ..throw.clearance import bar_outline, obstacles_of, palm_corners
-from .style import ARM, BLACK, GREEN, ORANGE, PHASES, RED, draw_cup, new_figure, save
+from .style import ARM, BLACK, GREEN, ORANGE, PHASES, RED, cup_profile, draw_cup, new_figure, save
 from .timeline import Timeline, timeline
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
+    from PIL import Image
 
     from ...problems import Pose, Scene, ThrownObject
     from ..throw import Throw
 
 
-#: Time [ms] from the start of the plots to the command.
-LEAD_MS = 120.0
-#: Least drawn width [m] of a bar.
-MIN_WIDTH = 0.008
-#: Drawn poses of the bar in the hand.
-CARRIED = 6
-#: Drawn poses of the bar in flight.
-FLYING = 7
-#: Drawn poses of the bar between the opening pads.
-RELEASING = 5
-#: Distance [m] from the moving bodies up to which fixed bodies are drawn.
-AROUND = 0.4
-#: Least span [rad/s] of the plot of turning rates.
-MIN_RATE_SPAN = 1.0
+Pixels = npt.NDArray[np.uint8]
+
+#: Drawn poses of the bar in the hand and in flight.
+CARRIED, FLYING = 6, 7
+#: Look of the line through an arm's joints.
+ARM_LINE: dict[str, Any] = {"color": ARM, "lw": 5, "ms": 5, "solid_capstyle": "round"}
+#: Playback speed of moving pictures over real time.
+SLOW = 0.2
 
 
 def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None = None) -> Figure:
@@ -61,7 +59,11 @@ def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None
     plots = [figure.add_subplot(grid[i, 1]) for i in (1, 2, 3)]
     _draw_plots(plots, line)
     if load is not None:
-        _draw_window(plots[-1], *load)
+        times, use = 1e3 * load[0], load[1]
+        plots[-1].axvspan(times[0], times[-1], color=GREEN, alpha=0.12, lw=0)
+        label = f"load while the pads may open,\nat most {100 * use.max():.1f} %"
+        plots[-1].plot(times, use, color=GREEN, lw=2, label=label)
+        plots[-1].legend(fontsize=8)
     if path is not None:
         save(figure, path)
     return figure
@@ -79,8 +81,8 @@ def _flight_words(throw: Throw) -> str:
 
 
 def bar_corners(bar: ThrownObject, com: Array) -> Array:
-    """Corners (4, 2) of the bar, drawn at least `MIN_WIDTH` wide."""
-    wide = dataclasses.replace(bar, width=max(bar.width, MIN_WIDTH))
+    """Corners (4, 2) of the bar, drawn at least 8 mm wide."""
+    wide = dataclasses.replace(bar, width=max(bar.width, 0.008))
     return np.asarray(bar_outline(wide, com[:, None])[:, 0].T)
 
 
@@ -95,42 +97,36 @@ def hand_corners(scene: Scene, pose: Array) -> Array:
 
 def draw_surroundings(stage: Axes, scene: Scene, target: Pose) -> None:
     """Target, cup, floor, base column, and obstacles as the plane's side view shows them."""
-    from matplotlib.patches import Polygon, Rectangle
-
     if scene.cup is not None:
         draw_cup(stage, scene.cup)
     workspace = scene.workspace
     if workspace is not None and workspace.floor is not None:
-        look: dict[str, Any] = {"color": "#b0a99f", "lw": 1, "ls": "--", "zorder": 1}
-        stage.axhline(workspace.floor, label="floor", **look)
+        stage.axhline(workspace.floor, color="#b0a99f", lw=1, ls="--", zorder=1, label="floor")
     if (column := column_of(scene)) is not None:
         radius, height = column
-        place = (-radius, 0.0), 2 * radius, height
-        stage.add_patch(Rectangle(*place, color="#e4e1dc", zorder=0, label="base column"))
+        sides, ends = [-radius, radius, radius, -radius], [0.0, 0.0, height, height]
+        stage.fill(sides, ends, color="#e4e1dc", zorder=0, label="base column")
     for number, solid in enumerate(obstacles_of(scene.aimed_at(target))):
         name = "obstacle" if number == 0 else None
-        look = {"color": "#d9b8a6", "alpha": 0.6, "zorder": 0, "label": name}
-        stage.add_patch(Polygon(solid.outline(), closed=True, **look))
+        stage.fill(*solid.outline().T, color="#d9b8a6", alpha=0.6, zorder=0, label=name)
     x = target.plane_x
     if target.theta is not None:
         corners = bar_corners(scene.object, np.array([x, target.z, target.theta]))
-        stage.add_patch(Polygon(corners, closed=True, fill=False, ls="--", color="k", zorder=7))
+        stage.fill(*corners.T, fill=False, ls="--", color="k", zorder=7)
     stage.plot([x], [target.z], "k+", ms=11, zorder=8, label="target")
 
 
 def frame_stage(stage: Axes, scene: Scene, target: Pose, line: Timeline) -> None:
-    """Equal axes around the moving bodies and fixed bodies near them; the legend below."""
+    """Equal axes around the moving bodies and fixed ones up to 0.4 m away; the legend below."""
     low, high = line.extent(scene)
     outlines = [solid.outline() for solid in obstacles_of(scene.aimed_at(target))]
     if scene.cup is not None:
-        cup = scene.cup
-        left, right, bottom = cup.x - cup.radius, cup.x + cup.radius, cup.rim - cup.depth
-        outlines.append(np.array([[left, bottom], [right, cup.rim]]))
+        outlines.append(cup_profile(scene.cup))
     if (column := column_of(scene)) is not None:
         outlines.append(np.array([[-column[0], 0.0], column]))
     if scene.workspace is not None and scene.workspace.floor is not None:
         outlines.append(np.array([[low[0], scene.workspace.floor]]))
-    points = np.clip(np.vstack([*outlines, [low, high]]), low - AROUND, high + AROUND)
+    points = np.clip(np.vstack([*outlines, [low, high]]), low - 0.4, high + 0.4)
     low, high = points.min(axis=0) - 0.06, points.max(axis=0) + 0.06
     stage.set(xlim=(low[0], high[0]), ylim=(low[1], high[1]), xlabel="x [m]", ylabel="z [m]")
     stage.set_aspect("equal")
@@ -145,7 +141,7 @@ def _draw_release(axes: Axes, scene: Scene, line: Timeline) -> None:
 
     The carried bar is horizontal; the title has its slip and pivot angle.
     """
-    from matplotlib.patches import Circle, Polygon
+    from matplotlib.patches import Circle
 
     begin, end = (line.index(line.marks[name]) for name in ("opening", "detach"))
     angle = line.hand[2] + scene.grasp.angle
@@ -153,11 +149,10 @@ def _draw_release(axes: Axes, scene: Scene, line: Timeline) -> None:
     cos, sin = np.cos(angle), np.sin(angle)
     in_hand = np.array([cos * x + sin * z, cos * z - sin * x, line.com[2] - angle])
     palm = hand_corners(scene, np.array([0.0, 0.0, -scene.grasp.angle]))
-    axes.add_patch(Polygon(palm, closed=True, color=ARM, alpha=0.4, lw=0, zorder=1))
-    for i in np.linspace(begin, end, RELEASING).astype(int):
+    axes.fill(*palm.T, color=ARM, alpha=0.4, lw=0, zorder=1)
+    for i in np.linspace(begin, end, 5).astype(int):
         corners, colour = bar_corners(scene.object, in_hand[:, i]), PHASES[line.phase_name(i)]
-        look: dict[str, Any] = {"fc": (colour, 0.1), "ec": colour, "lw": 1.2, "zorder": 3}
-        axes.add_patch(Polygon(corners, closed=True, **look))
+        axes.fill(*corners.T, fc=(colour, 0.1), ec=colour, lw=1.2, zorder=3)
     pad = float(scene.patch.patch_radius)
     axes.add_patch(Circle((0.0, 0.0), pad, fill=False, color=BLACK, ls=":", zorder=4))
     axes.plot(*in_hand[:2, begin : end + 1], color=BLACK, lw=1.2, zorder=4)
@@ -167,42 +162,31 @@ def _draw_release(axes: Axes, scene: Scene, line: Timeline) -> None:
     axes.margins(0.04)
     axes.set_xlabel("in the hand's frame [m]", fontsize=8)
     axes.tick_params(labelsize=7)
-    angle_at_end = in_hand[2, end]
+    cos, sin = np.cos(in_hand[2, end]), np.sin(in_hand[2, end])
     # Motion of the pads' centre along and across the bar.
-    across = [
-        [np.cos(angle_at_end), np.sin(angle_at_end)],
-        [-np.sin(angle_at_end), np.cos(angle_at_end)],
-    ]
-    slip = np.linalg.norm(np.array(across) @ in_hand[:2, end] - in_hand[:2, begin])
-    words = (
-        f"slips {1e3 * slip:.2f} mm, pivots {np.degrees(angle_at_end - in_hand[2, begin]):.1f} deg"
-    )
+    across = np.array([[cos, sin], [-sin, cos]]) @ in_hand[:2, end] - in_hand[:2, begin]
+    pivot = np.degrees(in_hand[2, end] - in_hand[2, begin])
     opening = 1e3 * (line.times[end] - line.times[begin])
-    title = f"between the pads (dotted) while they open, {opening:.0f} ms:\n{words}"
+    title = f"between the pads (dotted) while they open, {opening:.0f} ms:\n"
+    title += f"slips {1e3 * np.linalg.norm(across):.2f} mm, pivots {pivot:.1f} deg"
     axes.set_title(title, loc="left", fontsize=9)
 
 
 def _draw_arms(stage: Axes, scene: Scene, line: Timeline) -> None:
     """The arm (or hand) at rest, as the opening starts and at detach."""
-    from matplotlib.patches import Polygon
-
     kind = "hand" if line.arm is None else "arm"
     moments = {"at rest": 0.0} | {name: line.marks[name] for name in ("opening", "detach")}
     for (name, moment), alpha in zip(moments.items(), (0.25, 0.5, 0.9), strict=True):
         i = line.index(moment)
         if line.arm is not None:
-            stage.plot(
-                *line.arm[i], "-o", color=ARM, alpha=alpha, lw=5, ms=5, solid_capstyle="round"
-            )
+            stage.plot(*line.arm[i], "-o", alpha=alpha, **ARM_LINE)
         outline = hand_corners(scene, line.hand[:, i])
-        stage.add_patch(Polygon(outline, closed=True, color=ARM, alpha=alpha, zorder=2))
+        stage.fill(*outline.T, color=ARM, alpha=alpha, zorder=2)
         stage.plot([], [], color=ARM, alpha=alpha, lw=5, label=f"{kind}, {name}")
 
 
 def _draw_bars(stage: Axes, bar: ThrownObject, line: Timeline) -> None:
     """Poses of the bar, coloured by phase, and the CoM's path."""
-    from matplotlib.patches import Polygon
-
     stage.plot(line.com[0], line.com[1], color=BLACK, lw=0.9, zorder=3)
     detach, last = line.index(line.marks["detach"]), len(line.times) - 1
     carried = np.linspace(0, line.index(line.marks["opening"]), CARRIED).astype(int)[:-1]
@@ -210,15 +194,14 @@ def _draw_bars(stage: Axes, bar: ThrownObject, line: Timeline) -> None:
     changes = np.flatnonzero(np.diff(line.phase)) + 1
     for i in np.union1d(indices, changes):
         colour, corners = PHASES[line.phase_name(i)], bar_corners(bar, line.com[:, i])
-        patch = Polygon(corners, closed=True, color=colour, alpha=0.75, lw=0.5, zorder=5)
-        stage.add_patch(patch)
+        stage.fill(*corners.T, color=colour, alpha=0.75, lw=0.5, zorder=5)
     for i in np.unique(line.phase, return_index=True)[1]:
         name = line.phase_name(i)
         stage.plot([], [], color=PHASES[name], lw=5, label=f"bar, {name}")
 
 
 def _draw_plots(axes: list[Axes], line: Timeline) -> None:
-    """Grip force, turning rates and friction use from shortly before the command."""
+    """Grip force, turning rates and friction use from 120 ms before the command."""
     grip, rate, use = axes
     t = 1e3 * line.times
     grip.plot(t, np.where(line.times <= line.marks["detach"], line.grip, 0.0), color=ARM)
@@ -226,8 +209,8 @@ def _draw_plots(axes: list[Axes], line: Timeline) -> None:
     rate.plot(t, line.hand_rate, color=ARM, label="hand")
     rate.plot(t, line.object_rate, color=GREEN, label="object")
     low, high = rate.get_ylim()
-    if high - low < MIN_RATE_SPAN:
-        rate.set_ylim((low + high - MIN_RATE_SPAN) / 2, (low + high + MIN_RATE_SPAN) / 2)
+    if high - low < 1.0:
+        rate.set_ylim((low + high - 1.0) / 2, (low + high + 1.0) / 2)
     rate.set_ylabel("ω [rad/s]")
     use.plot(t, np.minimum(line.force_use, 3.0), color=RED, label="force")
     use.plot(t, np.minimum(line.torque_use, 3.0), color=ORANGE, label="torque")
@@ -237,7 +220,7 @@ def _draw_plots(axes: list[Axes], line: Timeline) -> None:
         axis.legend(fontsize=8)
     for axis in axes:
         axis.grid(alpha=0.25)
-        axis.set_xlim(max(0.0, 1e3 * line.marks["command"] - LEAD_MS), t[-1])
+        axis.set_xlim(max(0.0, 1e3 * line.marks["command"] - 120.0), t[-1])
         for moment in line.marks.values():
             axis.axvline(1e3 * moment, color="#999999", lw=0.8, ls=":")
     words: dict[str, Any] = {"fontsize": 7, "rotation": 90, "va": "top", "ha": "right"}
@@ -246,9 +229,89 @@ def _draw_plots(axes: list[Axes], line: Timeline) -> None:
         grip.annotate(name, place, xycoords=("data", "axes fraction"), **words)
 
 
-def _draw_window(axis: Axes, times: Array, load: Array) -> None:
-    """The window of an uncertain opening, and the load on the pads in it."""
-    axis.axvspan(1e3 * times[0], 1e3 * times[-1], color=GREEN, alpha=0.12, lw=0)
-    label = f"load while the pads may open,\nat most {100 * load.max():.1f} %"
-    axis.plot(1e3 * times, load, color=GREEN, lw=2, label=label)
-    axis.legend(fontsize=8)
+def draw_throw_moving(throw: Throw, path: Path) -> None:
+    """The throw as a GIF at a fifth of its speed; it ends shortly after the landing."""
+    from PIL import Image
+
+    line = timeline(throw)
+    last = len(line.times) - 1
+    indices = np.append(np.unique(np.linspace(0, last, 90).astype(int)), np.full(12, last))
+    fps = max(5.0, min(20.0, len(indices) * SLOW / line.times[-1]))
+    # The first instant of each phase and the last instant show all colours.
+    typical = np.append(np.unique(line.phase, return_index=True)[1], last)
+    palette = _palette(np.vstack(list(_frames(throw, line, typical))))
+    images = (
+        Image.fromarray(pixels).convert("RGB").quantize(palette=palette, dither=Image.Dither.NONE)
+        for pixels in _frames(throw, line, indices)
+    )
+    duration = 1000 // round(fps)
+    first = next(images)
+    first.save(path, save_all=True, append_images=images, duration=duration, loop=0, optimize=False)
+
+
+def _palette(pixels: Pixels) -> Image.Image:
+    """At most 256 colours, the most frequent of each cell of 16 values a channel.
+
+    Exact for white and the phases: Pillow looks up a palette's colours in coarser cells only.
+    """
+    from PIL import Image
+
+    counts: Any = Image.fromarray(pixels).convert("RGB").getcolors(pixels.size)
+    cells: dict[tuple[int, ...], tuple[int, ...]] = {}
+    for _, colour in sorted(counts, reverse=True):
+        cells.setdefault(tuple(value // 16 for value in colour), colour)
+    palette = Image.new("P", (1, 1))
+    palette.putpalette(list(itertools.chain.from_iterable(cells.values()))[: 3 * 256])
+    return palette
+
+
+def _frames(throw: Throw, line: Timeline, indices: Indices) -> Iterator[Pixels]:
+    """These instants of the throw as pixels (H, W, 4), RGBA, one after another.
+
+    The background is drawn once.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+
+    figure = new_figure(7.2, 5.4)
+    figure.set_dpi(80)
+    canvas: Any = FigureCanvasAgg(figure)
+    stage, scene = figure.subplots(), throw.scene
+    draw_surroundings(stage, scene, throw.target)
+    frame_stage(stage, scene, throw.target, line)
+    bar = stage.fill([], [], zorder=6)[0]
+    trail = stage.plot([], [], color=BLACK, lw=0.8, zorder=3)[0]
+    arm = stage.plot([], [], "-o", zorder=4, **ARM_LINE)[0]
+    hand = stage.fill([], [], color=ARM, zorder=4)[0]
+    label = stage.text(0.02, 0.97, "", transform=stage.transAxes, va="top", fontsize=10)
+
+    def show(i: int) -> None:
+        phase = line.phase_name(i)
+        bar.set(xy=bar_corners(scene.object, line.com[:, i]), color=PHASES[phase])
+        trail.set_data(line.com[0, : i + 1], line.com[1, : i + 1])
+        if line.arm is not None:
+            arm.set_data(*line.arm[i])
+        hand.set_xy(hand_corners(scene, line.hand[:, i]))
+        label.set_text(frame_words(line, i))
+
+    show(0)
+    # The layout is computed once, not for every frame.
+    figure.draw_without_rendering()
+    figure.set_layout_engine("none")
+    children = sorted(stage.get_children(), key=lambda artist: artist.get_zorder())
+    # Grid, floor and fixed bodies are behind; the trail is the first that moves.
+    front = [artist for artist in children if artist.get_zorder() >= trail.get_zorder()]
+    for artist in front:
+        artist.set_animated(True)
+    canvas.draw()
+    behind = canvas.copy_from_bbox(figure.bbox)
+    for i in indices:
+        show(int(i))
+        canvas.restore_region(behind)
+        for artist in front:
+            stage.draw_artist(artist)
+        yield np.array(canvas.buffer_rgba())
+
+
+def frame_words(line: Timeline, i: int) -> str:
+    """Time, phase and playback speed of a frame."""
+    return f"t = {1e3 * line.times[i]:.0f} ms   {line.phase_name(i)}   {1 / SLOW:.0f} times slower"

@@ -14,11 +14,11 @@ import numpy as np
 
 from ...models import Array
 from ...models.robot import Arm, DHRow, PlanarArm, placement
-from .style import ARM, BLACK, PHASES
+from .style import ARM, BLACK, PHASES, cup_profile
 from .timeline import Timeline, timeline
 
 if TYPE_CHECKING:
-    from ...problems import Cup, Obstacle, Pose, Scene, ThrowPlane
+    from ...problems import Pose, Scene, ThrowPlane
     from ..throw import Throw
 
 
@@ -48,14 +48,6 @@ class ViewShapes:
 
 
 SHAPES = ViewShapes()
-#: Intensity of the ambient light.
-LIGHT = 2.0
-#: Distance [m] from a mark down to its name; marks at the release are close to each other.
-LABEL_DROP = {"command": 0.2, "opening": 0.13, "detach": 0.06, "landing": 0.0}
-#: Vertical angle [rad] of the camera.
-VIEW_ANGLE = math.radians(40.0)
-#: Width over height of the view around the throw.
-ASPECT = 1.15
 
 
 @dataclass(frozen=True)
@@ -110,9 +102,8 @@ class SpaceThrow:
         """Least and largest (x, z) in the plane of what moves, the cup and an arm's base."""
         low, high = self.line.extent(self.scene)
         if self.scene.cup is not None:
-            cup = self.scene.cup
-            low = np.minimum(low, [cup.x - cup.radius, cup.rim - cup.depth])
-            high = np.maximum(high, [cup.x + cup.radius, cup.rim])
+            cup = cup_profile(self.scene.cup)
+            low, high = np.minimum(low, cup.min(axis=0)), np.maximum(high, cup.max(axis=0))
         if self.scene.arm is not None:
             low, high = np.minimum(low, [-0.1, 0.0]), np.maximum(high, [0.1, 0.0])
         return low, high
@@ -133,13 +124,12 @@ def link_pieces(arm: Arm) -> list[list[tuple[Array, Array]]]:
 
     Each is in the frame of its joint. A Denavit-Hartenberg row goes along its a, then its d.
     """
-    pieces_of: list[list[tuple[Array, Array]]] = []
-    zero = np.zeros(3)
+    pieces_of, zero = list[list[tuple[Array, Array]]](), np.zeros(3)
     for joint in arm.chain:
-        end = _number(joint.placed())[:3, 3]
+        end = np.array(ca.evalf(joint.placed()))[:3, 3]
         corner = np.array([joint.a, 0.0, 0.0]) if isinstance(joint, DHRow) else zero
         pieces_of.append([(zero, corner), (corner, end)])
-    mount = _number(placement(arm.tool.xyz, arm.tool.rpy))
+    mount = np.array(ca.evalf(placement(arm.tool.xyz, arm.tool.rpy)))
     flange = mount[:3, 3] + arm.tool.flange * mount[:3, 2]
     pieces_of.append([(zero, mount[:3, 3]), (mount[:3, 3], flange)])
     return [[p for p in pieces if np.linalg.norm(p[1] - p[0]) > 1e-6] for pieces in pieces_of]
@@ -158,10 +148,6 @@ def _joint_frames(throw: Throw, kinematics: PlanarArm, times: Array) -> Array:
     return values.reshape(4, len(times), arm.joints, 4).transpose(1, 2, 0, 3)
 
 
-def _number(matrix: ca.SX) -> Array:
-    return np.array(ca.evalf(matrix))
-
-
 class View:
     """A throw in a viser server.
 
@@ -171,9 +157,6 @@ class View:
     def __init__(self, server: Any, throw: SpaceThrow) -> None:
         self.server, self.throw, self.scene = server, throw, server.scene
         self.half_thickness = max(throw.scene.object.width / 2, SHAPES.min_half)
-        # Light from all sides, and no environment picture, which viser would download.
-        self.scene.configure_environment_map(None)
-        self.scene.add_light_ambient("/light", intensity=LIGHT)
         self._draw_surroundings()
         self._draw_target()
         self.joints = self._draw_arm()
@@ -246,8 +229,7 @@ class View:
         x, y, z = (end - begin) / length
         # The quaternion that turns the cylinder's z axis to the link, half a turn if it is -z.
         turn = np.array([1.0 + z, -y, x, 0.0]) if z > -1.0 else np.array([0.0, 1.0, 0.0, 0.0])
-        place: dict[str, Any] = {"wxyz": turn / np.linalg.norm(turn)}
-        place["position"] = (begin + end) / 2
+        place = {"wxyz": turn / np.linalg.norm(turn), "position": (begin + end) / 2}
         self.scene.add_cylinder(f"{name}/rod", radius, length, rgb(LINK), **place)
         self.scene.add_icosphere(f"{name}/end", radius, rgb(LINK), subdivisions=3, position=end)
 
@@ -256,8 +238,8 @@ class View:
         arm = self.throw.scene.arm
         back, front, half = SHAPES.free_hand
         if arm is not None:
-            back, front = arm.tool.palm_back, arm.tool.palm_front
-            half = arm.tool.palm_half_width
+            tool = arm.tool
+            back, front, half = tool.palm_back, tool.palm_front, tool.palm_half_width
         node = self.scene.add_frame("/hand", show_axes=False)
         size = (back - front, 2 * half, SHAPES.hand_width)
         self.scene.add_box("/hand/body", rgb(ARM), size, position=(-(back + front) / 2, 0.0, 0.0))
@@ -269,64 +251,56 @@ class View:
         """A box of the bar's length and width about the CoM's frame."""
         bar = self.throw.scene.object
         size = (bar.length, 2 * self.half_thickness, 2 * self.half_thickness)
-        place: dict[str, Any] = {"position": (bar.length / 2 - bar.com, 0.0, 0.0)}
-        place |= {"opacity": opacity, "cast_shadow": opacity is None}
-        return self.scene.add_box(name, rgb(colour), size, **place)
+        place = {"position": (bar.length / 2 - bar.com, 0.0, 0.0), "opacity": opacity}
+        return self.scene.add_box(name, rgb(colour), size, cast_shadow=opacity is None, **place)
 
     def _draw_surroundings(self) -> None:
         """Floor, base column and obstacles."""
+        from trimesh.creation import box, capsule
+
         scene = self.throw.scene
         workspace = scene.workspace
         self.floor = 0.0 if scene.arm is not None else float(self.throw.extent()[0][1]) - 0.05
         if workspace is not None and workspace.floor is not None:
             self.floor = workspace.floor
-        cells: dict[str, Any] = {"cell_size": 0.1, "section_size": 0.5, "shadow_opacity": 0.0}
-        self.scene.add_grid("/floor", 6.0, 6.0, position=(0.0, 0.0, self.floor), **cells)
+        look = {"cell_size": 0.1, "section_size": 0.5, "shadow_opacity": 0.0}
+        self.scene.add_grid("/floor", 6.0, 6.0, position=(0.0, 0.0, self.floor), **look)
         if workspace is not None and workspace.column_radius is not None:
             radius, height = workspace.column_radius, workspace.column_height or 0.0
             glass: dict[str, Any] = {"opacity": 0.25, "cast_shadow": False}
             at = (0.0, 0.0, height / 2)
             self.scene.add_cylinder("/column", radius, height, rgb("#c9c2b8"), position=at, **glass)
         for number, obstacle in enumerate(scene.obstacle):
-            self._draw_obstacle(f"/obstacle{number}", obstacle)
+            solid, pose = obstacle.solid, np.eye(4)
+            pose[:3, :3], pose[:3, 3] = solid.axes.T, solid.centre
+            # A box, or a ball that is as long as a capsule.
+            if solid.half.all():
+                mesh = box(2 * solid.half, pose)
+            else:
+                mesh = capsule(2 * solid.half[2], solid.radius, transform=pose)
+            name, colour = f"/obstacle{number}", rgb("#d9b8a6")
+            self.scene.add_mesh_simple(name, mesh.vertices, mesh.faces, colour, opacity=0.8)
 
     def _draw_target(self) -> None:
-        """The target pose, and the cup about it."""
+        """The target pose, and a cup: wall and bottom to look through, a solid rim."""
+        from trimesh.creation import revolve
+
         self.target = self.scene.add_frame("/target", show_axes=False)
         self.scene.add_icosphere("/target/com", 0.008, rgb(BLACK))
         if self.throw.throw.target.theta is not None:
             self.add_bar("/target/ghost", BLACK, 0.25)
-        if self.throw.scene.cup is not None:
-            self.cup = self.scene.add_frame("/cup", show_axes=False)
-            self._draw_cup(self.throw.scene.cup)
-
-    def _draw_obstacle(self, name: str, obstacle: Obstacle) -> None:
-        """A box, or a ball that is as long as a capsule."""
-        from trimesh.creation import box, capsule
-
-        solid, pose = obstacle.solid, np.eye(4)
-        pose[:3, :3], pose[:3, 3] = solid.axes.T, solid.centre
-        mesh = box(2 * solid.half) if solid.half.all() else capsule(2 * solid.half[2], solid.radius)
-        mesh.apply_transform(pose)
-        look: dict[str, Any] = {"color": rgb("#d9b8a6"), "opacity": 0.8}
-        self.scene.add_mesh_simple(name, mesh.vertices, mesh.faces, **look)
-
-    def _draw_cup(self, cup: Cup) -> None:
-        """A round cup: wall and bottom to look through, a solid rim; profiles turned about z."""
-        from trimesh.creation import revolve
-
-        look: dict[str, Any] = {"color": rgb(CUP), "side": "double"}
-        look |= {"cast_shadow": False, "receive_shadow": False}
+        cup = self.throw.scene.cup
+        if cup is None:
+            return
+        self.cup = self.scene.add_frame("/cup", show_axes=False)
+        look = {"color": rgb(CUP), "side": "double", "cast_shadow": False, "receive_shadow": False}
+        # Profiles that are turned about z.
         wall = np.array([[0.0, -cup.depth], [cup.radius, -cup.depth], [cup.radius, 0.0]])
-        angle = np.linspace(0.0, 2 * np.pi, 13)
-        ring = np.column_stack(
-            [cup.radius + SHAPES.rim / 2 * (1 + np.cos(angle)), SHAPES.rim / 2 * np.sin(angle)]
-        )
+        angle, half = np.linspace(0.0, 2 * np.pi, 13), SHAPES.rim / 2
+        ring = np.column_stack([cup.radius + half * (1 + np.cos(angle)), half * np.sin(angle)])
         for name, profile, opacity in (("wall", wall, 0.45), ("rim", ring, None)):
-            mesh = revolve(profile, sections=48)
-            self.scene.add_mesh_simple(
-                f"/cup/{name}", mesh.vertices, mesh.faces, opacity=opacity, **look
-            )
+            mesh, look["opacity"] = revolve(profile, sections=48), opacity
+            self.scene.add_mesh_simple(f"/cup/{name}", mesh.vertices, mesh.faces, **look)
 
     def _draw_path(self) -> None:
         """The CoM's path, coloured by phase, and the marks on it."""
@@ -336,25 +310,25 @@ class View:
         pieces = np.stack([path[:-1], path[1:]], axis=1)
         colours = np.repeat(colours[1:, None], 2, axis=1)
         self.scene.add_line_segments("/path", pieces, colours, thickness=0.006)
-        for name, time in line.marks.items():
-            mark, at = f"/marks/{name}", path[line.index(time)]
-            down = np.array([0.0, 0.0, -LABEL_DROP[name]])
+        # Names of marks at the release are at different heights: the marks are close together.
+        for (name, time), drop in zip(line.marks.items(), (0.2, 0.13, 0.06, 0.0), strict=True):
+            mark, at, down = f"/marks/{name}", path[line.index(time)], np.array([0.0, 0.0, -drop])
             leader = np.array([[np.zeros(3), down]])
             self.scene.add_icosphere(mark, 0.009, rgb(BLACK), position=at)
             self.scene.add_line_segments(f"{mark}/leader", leader, rgb(BLACK), thickness=0.002)
             self.scene.add_label(f"{mark}/text", name, anchor="center-left", position=down)
 
     def _aim_camera(self) -> None:
-        """Looks across the plane from slightly above; the throw fits the view."""
+        """Looks across the plane from slightly above; the throw fits the view of 40 degrees."""
         low, high = self.throw.extent()
         size, middle = high - low, (high + low) / 2
-        reach = max(size[1], size[0] / ASPECT) / 2 / math.tan(VIEW_ANGLE / 2)
         plane, camera = self.throw.plane, self.server.initial_camera
+        camera.fov = math.radians(40.0)
+        reach = max(size[1], size[0] / 1.15) / 2 / math.tan(camera.fov / 2)
         across = plane.points(0.25, 0.3) - plane.points(0.0, 0.0) + plane.normal
         camera.look_at = plane.points(middle[0], middle[1])
         camera.position = camera.look_at + 1.3 * reach * across / np.linalg.norm(across)
         camera.up = (0.0, 0.0, 1.0)
-        camera.fov = VIEW_ANGLE
 
 
 def rgb(colour: str) -> tuple[int, int, int]:
@@ -362,14 +336,9 @@ def rgb(colour: str) -> tuple[int, int, int]:
     return int(colour[1:3], 16), int(colour[3:5], 16), int(colour[5:7], 16)
 
 
-def _quaternion(turn: Array) -> Array:
-    """(w, x, y, z) of a rotation matrix."""
-    from scipy.spatial.transform import Rotation
-
-    return np.asarray(Rotation.from_matrix(turn).as_quat(scalar_first=True))
-
-
 def put(node: Any, pose: Array) -> None:
     """Moves a node to a 4x4 pose."""
+    from scipy.spatial.transform import Rotation
+
     node.position = pose[:3, 3]
-    node.wxyz = _quaternion(pose[:3, :3])
+    node.wxyz = Rotation.from_matrix(pose[:3, :3]).as_quat(scalar_first=True)

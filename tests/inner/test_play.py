@@ -123,7 +123,7 @@ def test_the_browser_moves_the_target_and_saves_the_plan(page: Any, tmp_path: Pa
     field = "[...document.querySelectorAll('input')].find(i => i.value == '1.2')"
     button = "[...document.querySelectorAll('button')].find(b => b.innerText == 'save the plan')"
     with browsing(address) as browser:
-        said(browser, "solved: lands", field)
+        said(browser, "solved: landing error", field)
         browser.value(f"{field}.focus(), {field}.select()")
         browser.type("40")
         said(browser, "out of reach: nearest possible x")

@@ -233,7 +233,7 @@ def test_a_stopped_command_says_how_much_is_done(tmp_path, capsys, monkeypatch) 
         def __call__(self, done: int, total: int) -> None:
             raise KeyboardInterrupt
 
-    monkeypatch.setattr("throwplan.planner.cli.sweep.Progress", Stopping)
+    monkeypatch.setattr("throwplan.planner.cli.scenes.Progress", Stopping)
     line = ["sweep", "hand-box", "--samples", "1000", "--json", "--out", str(tmp_path / "out")]
     assert main(line) == 130
     out, err = capsys.readouterr()

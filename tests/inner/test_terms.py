@@ -31,7 +31,9 @@ WEAK = (45.0, 30.0, 6.0)
 
 def checked(plan: tp.Plan, **changes: object) -> Throw:
     """What a plan sends, in its scene with changes."""
-    return dataclasses.replace(plan.throw.sent, scene=varied(plan.scene, **changes))
+    return dataclasses.replace(
+        plan.throw.deciding.sliding_pivot, scene=varied(plan.scene, **changes)
+    )
 
 
 # What a section costs.

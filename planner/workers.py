@@ -1,4 +1,8 @@
-"""The executors that the options ask for: processes of this machine, or a Dask cluster."""
+"""Jobs run by this process, by others on this machine, or by a Dask cluster.
+
+Long work is cut into short jobs, so that any executor can share them and Ctrl-C loses none that
+is done.
+"""
 
 from __future__ import annotations
 
@@ -7,14 +11,21 @@ import re
 import signal
 import socket
 import struct
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from concurrent import futures
-from concurrent.futures import BrokenExecutor, CancelledError, Executor
+from concurrent.futures import Executor, Future
 from contextlib import contextmanager
 from multiprocessing import get_context
+from typing import TypeVar
 
-from ...problems import InputError
+from ..problems import InputError
 
+T = TypeVar("T")
+#: progress(done, total) is called while work goes on.
+Progress = Callable[[int, int], None]
+
+#: Jobs that an executor is given before the first of them is done.
+WINDOW = 64
 #: Largest number of processes on this machine.
 MOST = 256
 #: Time [s] in which a scheduler must answer, and in which it must have a worker.
@@ -30,13 +41,14 @@ def signals_deferred() -> Iterator[None]:
     A process must be started inside: it prints a traceback if its parent ends before it has said
     what there is to do, and a pool waits for it forever.
     """
-    mask = getattr(signal, "pthread_sigmask", None)
-    before = None if mask is None else mask(signal.SIG_BLOCK, ENDING)
+    if not hasattr(signal, "pthread_sigmask"):
+        yield
+        return
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
     try:
         yield
     finally:
-        if mask is not None:
-            mask(signal.SIG_SETMASK, before)
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 def leave_signals_to_parent() -> None:
@@ -80,7 +92,7 @@ def _processes(count: int) -> Iterator[Executor]:
                 for _ in range(count):
                     pool.submit(leave_signals_to_parent)
             yield pool
-    except BrokenExecutor:
+    except futures.BrokenExecutor:
         raise InputError(f"one of {count} worker processes died: out of memory?") from None
 
 
@@ -97,7 +109,7 @@ def _cluster(address: str) -> Iterator[Executor]:
     except (OSError, ValueError) as error:
         raise InputError(f"{place}: {_line(error)}") from None
     # What can go wrong with a cluster, and with what is installed on it.
-    failures = (distributed.KilledWorker, ImportError, OSError, CancelledError)
+    failures = (distributed.KilledWorker, ImportError, OSError, futures.CancelledError)
     try:
         client.wait_for_workers(1, timeout=PATIENCE)
         # Not pure: every sweep is thrown, whatever the cluster remembers. Tasks of a worker
@@ -140,3 +152,38 @@ def _line(error: BaseException) -> str:
     """An error in one line that is not too long."""
     words = str(error) if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
     return " ".join(words.split())[:300]
+
+
+def run_jobs(
+    next_job: Callable[[], Callable[[], T] | None],
+    executor: Executor | None,
+    keep: Callable[[T], None],
+) -> None:
+    """Runs jobs until there is none left and none running; `keep` takes each result.
+
+    next_job: the next job, or None while there is none; it is called again after each result. A job
+    for an executor must be picklable. After Ctrl-C running jobs are finished and kept, the others
+    dropped, and KeyboardInterrupt is raised.
+    """
+    if executor is None:
+        while (job := next_job()) is not None:
+            keep(job())
+        return
+    running: set[Future[T]] = set()
+    try:
+        while True:
+            while len(running) < WINDOW and (job := next_job()) is not None:
+                running.add(executor.submit(job))
+            if not running:
+                return
+            for future in futures.wait(running, return_when=futures.FIRST_COMPLETED).done:
+                running.remove(future)
+                keep(future.result())
+    except KeyboardInterrupt:
+        for future in futures.wait([future for future in running if not future.cancel()]).done:
+            keep(future.result())
+        raise
+    except BaseException:
+        for future in running:
+            future.cancel()
+        raise
