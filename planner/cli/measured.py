@@ -27,7 +27,7 @@ from ..identify import (
     summary_of,
     validate,
 )
-from ..identify.synthetic import Flown, Noise, SynthesisConfig, make_throws, object_names
+from ..identify.synthetic import BARS, Flown, Noise, SynthesisConfig, make_throws
 from .common import (
     DONE,
     Add,
@@ -77,7 +77,7 @@ def run_make_throws(options: argparse.Namespace) -> int:
     _check_place(folder)
     with Progress("make-throws") as progress:
         data, flown = make_throws(config, progress)
-    write_throws(data, folder, object_names())
+    write_throws(data, folder, {bar: name for name, bar in BARS.items()})
     found = _ranges(data, flown) | {"seconds": round(time.perf_counter() - started, 1)}
     x, theta, flight = (
         found["landing"]["x"],
