@@ -108,8 +108,8 @@ def crossed_table(found: Validation) -> Table:
             limits = 1e3 * crossed.parameters.prod(axis=1)
             row: Row = {
                 "model": model,
-                "throws": crossed.throws,
-                "folds": crossed.folds,
+                "throws": len(found.batch),
+                "folds": len(crossed.parameters),
                 "fitted": tuple(crossed.inside.tolist()),
                 "cross-validated": tuple(crossed.outside.tolist()),
                 "difference": tuple(crossed.more.tolist()),
@@ -241,8 +241,8 @@ def _model_dict(found: Validation, check: ModelCheck) -> dict[str, Any]:
         "errors": {name: s and {"mae": s[0], "std": s[1]} for (name, *_), s in spreads},
         "cross_validation": crossed
         and {
-            "throws": crossed.throws,
-            "folds": crossed.folds,
+            "throws": len(found.batch),
+            "folds": len(crossed.parameters),
             "fitted": crossed.inside.tolist(),
             "cross_validated": crossed.outside.tolist(),
         },

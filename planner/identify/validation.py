@@ -33,14 +33,12 @@ class CrossValidation:
     """Errors with parameters from all throws, and from all folds but the judged one.
 
     inside, outside, more (3,): mean pose errors [m] of the two and of their difference, with the
-    ends of 95 % intervals; folds; throws; parameters (K, 2): mu, r_p [m] of each fold.
+    ends of 95 % intervals; parameters (K, 2): mu, r_p [m] of each of K folds.
     """
 
     inside: Array
     outside: Array
     more: Array
-    folds: int
-    throws: int
     parameters: Array
 
 
@@ -183,7 +181,7 @@ def cross_validated(grid: Grid, known: Sequence[Hashable]) -> CrossValidation | 
     ends = np.quantile(bootstrap(judged, known), (0.025, 0.975), axis=0)
     means = np.vstack([judged.mean(axis=0), ends]).T
     parameters = np.array([grid.contact(cell) for cell in cells])
-    return CrossValidation(means[0], means[1], means[2], folds, len(known), parameters)
+    return CrossValidation(means[0], means[1], means[2], parameters)
 
 
 def bootstrap(values: Array, known: Sequence[Hashable]) -> Array:

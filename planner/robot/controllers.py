@@ -46,6 +46,14 @@ class JointMotion:
     dq: Array = field(repr=False)
     ddq: Array = field(repr=False)
 
+    @classmethod
+    def of(cls, throw: Throw) -> JointMotion:
+        """The motion that a throw by an arm sends."""
+        kinematics = throw.manipulator.kinematics
+        assert isinstance(kinematics, PlanarArm)
+        values = joint_samples(kinematics, throw.target.plane.azimuth, throw.samples)
+        return cls(kinematics.arm, throw, *values)
+
     @property
     def times(self) -> Array:
         """Sample times (N,) [s]."""
@@ -70,11 +78,9 @@ def joint_motion(plan: Plan | Throw | str | Path) -> JointMotion:
     """
     throw = throw_of(plan)
     path = plan if isinstance(plan, str | Path) else throw.scene.name
-    kinematics = throw.manipulator.kinematics
-    if not isinstance(kinematics, PlanarArm):
+    if throw.scene.robot is None:
         raise InputError(f"{path}: the plan's scene has no [robot], so there are no joints to send")
-    values = joint_samples(kinematics, throw.target.plane.azimuth, throw.samples)
-    motion = JointMotion(kinematics.arm, throw, *values)
+    motion = JointMotion.of(throw)
     mistake = next(_mistakes(motion), None)
     if mistake is not None:
         raise InputError(f"{path}: not sent, {mistake}")

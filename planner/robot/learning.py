@@ -20,16 +20,14 @@ import casadi as ca
 import numpy as np
 
 from ...models import Array, Trajectory, low_pass
-from ...models.robot import PlanarArm
 from ...problems import InputError
 from ..follow import Response
 from ..planner import Planner
-from ..result import joint_samples
 from ..throw import TICK, Samples, Throw
 from ..verdict import Code, Finding, Verdict, verdict
 from .constraints import LIMITS, Constraint, SplineMotion, constraints_of
 from .controllers import JointMotion
-from .recording import CUTOFF, Recording
+from .recording import CUTOFF, Recording, interpolated
 
 
 @dataclass(frozen=True)
@@ -107,10 +105,7 @@ class LearningControl:
         response = Response.fitted(sent, q)
         # On the new clock, at rest before and after the recording.
         clock = times - opening_time + recording.opening_time(plan.scene)
-        q, sent = (
-            np.column_stack([np.interp(clock, recorded, column) for column in values.T])
-            for values in (q, sent)
-        )
+        q, sent = (interpolated(clock, recorded, values) for values in (q, sent))
         disturbance = low_pass(times, q - response.all(sent), CUTOFF)[1]
         reach = np.array([response.of(j, basis[0]) for j in range(q.shape[1])])
         instants = opening_time + np.array([-LEARNING.before, opening, opening + LEARNING.away])
@@ -324,10 +319,7 @@ def corrected(plan: JointMotion, recording: Recording) -> tuple[JointMotion, Thr
         words = "it would land no nearer than the last"
         words = words if reason.code is Code.LANDING else reason.words
         raise InputError(f"the corrected motion is not sent: {words}")
-    sent = best.sent
-    assert isinstance(sent.manipulator.kinematics, PlanarArm)
-    values = joint_samples(sent.manipulator.kinematics, sent.target.plane.azimuth, sent.samples)
-    return JointMotion(plan.arm, sent, *values), best.expected
+    return JointMotion.of(best.sent), best.expected
 
 
 def _roomier(plan: Throw) -> Throw | None:

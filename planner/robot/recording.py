@@ -98,11 +98,8 @@ class Recording:
         joints = [j - 1 for j in arm.throwing_joints]
         ticks = int(self.times[-1] / TICK + 1e-6)
         even = np.linspace(0.0, TICK * ticks, ticks + 1)
-        q, sent = (
-            np.column_stack([np.interp(even, self.times, column) for column in values.T])
-            for values in (q, self.sent[:, joints])
-        )
-        return even, q, sent
+        measured = interpolated(even, self.times, q)
+        return even, measured, interpolated(even, self.times, self.sent[:, joints])
 
     def to_dict(self, plan: Throw) -> dict[str, Any]:
         """Where the measured motion throws the object, as JSON: SI units, radians.
@@ -166,6 +163,11 @@ class Recording:
         columns = {"t": self.times, "q": self.q, "dq": self.dq, "sent": self.sent}
         columns |= {"width": self.width, "since_command": self.times - self.command_time}
         write_table(path, columns)
+
+
+def interpolated(times: Array, known: Array, values: Array) -> Array:
+    """Values (N, n) at `known` times (N,), linearly at others (K,); at the ends the nearest."""
+    return np.column_stack([np.interp(times, known, column) for column in values.T])
 
 
 def read_recording(path: str | Path, motion: JointMotion) -> Recording:

@@ -129,7 +129,7 @@ def test_the_true_model_finds_the_truth(data, found):
 def test_cross_validation_by_hand(found):
     for check in found.checks.values():
         crossed = check.crossed
-        assert (crossed.folds, crossed.throws) == (6, 24)
+        assert (len(crossed.parameters), len(found.batch)) == (6, 24)
         assert crossed.outside[0] >= crossed.inside[0] == pytest.approx(check.grid.error.min())
         assert crossed.inside[1] < crossed.inside[0] < crossed.inside[2]
     check = found.checks["sp"]
