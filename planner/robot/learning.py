@@ -311,13 +311,12 @@ def corrected(plan: JointMotion, recording: Recording) -> tuple[JointMotion, Thr
     plan with more palm clearance is corrected instead. InputError if no motion within the limits
     lands nearer, or if the expected throw breaks a limit of the scene.
     """
-    best, reason = _proposal(plan.throw, recording)
-    if reason is not None and reason.code is Code.PALM:
+    best, reasons = _proposal(plan.throw, recording)
+    if reasons and reasons[0].code is Code.PALM:
         roomier = _roomier(plan.throw)
-        best, reason = (best, reason) if roomier is None else _proposal(roomier, recording)
-    if reason is not None:
-        words = "it would land no nearer than the last"
-        words = words if reason.code is Code.LANDING else reason.words
+        best, reasons = (best, reasons) if roomier is None else _proposal(roomier, recording)
+    if reasons is not None:
+        words = reasons[0].words if reasons else "it would land no nearer than the last"
         raise InputError(f"the corrected motion is not sent: {words}")
     return JointMotion.of(best.sent), best.expected
 
@@ -334,10 +333,10 @@ def _roomier(plan: Throw) -> Throw | None:
     return dataclasses.replace(found.throw.deciding, scene=scene)
 
 
-def _proposal(plan: Throw, recording: Recording) -> tuple[Proposal, Finding | None]:
-    """The best motion to send for a throw, and the finding that forbids it, None if it may be sent.
+def _proposal(plan: Throw, recording: Recording) -> tuple[Proposal, tuple[Finding, ...] | None]:
+    """The best motion to send for a throw, and the limits that forbid it, None if it may be sent.
 
-    A finding LANDING: it would land no nearer than the last throw.
+    No limits: it would land no nearer than the last throw.
     """
     control = LearningControl.of(plan, recording)
     found = _rounds(control, control.start())
@@ -346,11 +345,8 @@ def _proposal(plan: Throw, recording: Recording) -> tuple[Proposal, Finding | No
     allowed = max(LEARNING.progress * _error(recording.throw(plan)), 1.0)
     if best.verdict.ok and best.error < allowed:
         return best, None
-    # The limits that the nearest landing breaks are the reason.
-    farther = Finding(
-        Code.LANDING, LEARNING.accurate * best.error, LEARNING.accurate * allowed, body="position"
-    )
-    return best, (*nearest.verdict.broken, *best.verdict.broken, farther)[0]
+    # First those that the nearest landing breaks.
+    return best, (*nearest.verdict.broken, *best.verdict.broken)
 
 
 def _rounds(control: LearningControl, point: Array) -> list[Proposal]:
