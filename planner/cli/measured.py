@@ -28,7 +28,7 @@ from ..identify import (
     summary_of,
     validate,
 )
-from ..identify.synthetic import Flown, Noise, SynthesisConfig, make_throws, object_names
+from ..identify.synthetic import BARS, Flown, Noise, SynthesisConfig, make_throws
 from .common import (
     DONE,
     Add,
@@ -90,7 +90,7 @@ def make_synthetic(options: argparse.Namespace) -> int:
     _check_place(folder)
     with Progress("make-throws") as progress:
         data, flown = make_throws(config, progress)
-    write_throws(data, folder, object_names())
+    write_throws(data, folder, {bar: name for name, bar in BARS.items()})
     found = _ranges(data, flown) | {"seconds": round(time.perf_counter() - started, 1)}
     x, theta = found["landing"].values()
     flight = found["flight_time"]

@@ -18,17 +18,8 @@ from ...problems import Distribution, Scene, Uncertainty
 from ...problems.files import toml_lines
 from .predict import BASE, UNKNOWNS, parameter_sets
 
-#: 95 % quantile of chi-squared with two degrees of freedom.
-CHI2_95 = 5.991
 #: Standard deviations for what a scene does not give: relative ones, and the delay's [s].
 ASSUMED = {"friction": 0.4, "patch_radius": 0.4, "delay": 0.01, "grip_scale": 0.1}
-#: A log-normal distribution is written as a normal one if that adds less than this share to the
-#: deviation of the product of friction and radius.
-NARROW = 0.3
-#: Number of values that replace a wider log-normal distribution.
-SAMPLES = 99
-#: Largest magnitude of a correlation that is written.
-STRONGEST = 0.9999
 
 
 @dataclass(frozen=True)
@@ -55,7 +46,10 @@ class Belief:
 
     def deviation(self, name: str) -> float:
         """Standard deviation: of the logarithm (relative), of the delay [s]; 0 if not fitted."""
-        return self.weighted_sum(**{name: 1.0})[1]
+        if name not in self.names:
+            return 0.0
+        i = self.names.index(name)
+        return math.sqrt(max(float(self.covariance[i, i]), 0.0))
 
     def correlation(self, one: str, other: str) -> float:
         """Correlation of two unknowns."""
@@ -63,20 +57,20 @@ class Belief:
         i, j = self.names.index(one), self.names.index(other)
         return float(self.covariance[i, j]) / both if both else 0.0
 
-    def weighted_sum(self, **weights: float) -> tuple[float, float]:
-        """Mean and standard deviation of a weighted sum of the fitted unknowns."""
-        w = np.array([weights.get(name, 0.0) for name in self.names])
-        return float(w @ self.mean), float(np.sqrt(max(w @ self.covariance @ w, 0.0)))
-
     @property
     def product(self) -> float:
         """mu r_p [m] at the measured grip force: a release depends on it most."""
-        return float(np.exp(self.weighted_sum(friction=1, patch_radius=1, grip_scale=1)[0]))
+        return float(np.exp(self._factors @ self.mean))
 
     @property
     def product_deviation(self) -> float:
         """Standard deviation of the product's logarithm (relative)."""
-        return self.weighted_sum(friction=1, patch_radius=1, grip_scale=1)[1]
+        return math.sqrt(max(float(self._factors @ self.covariance @ self._factors), 0.0))
+
+    @property
+    def _factors(self) -> Array:
+        """1 for each factor of the product, which all unknowns are but the delay (P,)."""
+        return np.array([float(name != "delay") for name in self.names])
 
     @property
     def effective(self) -> Belief:
@@ -90,10 +84,11 @@ class Belief:
 
     def ellipse(self) -> Array:
         """Outline (121, 2) of the 95 % region of friction and patch_radius [m]."""
+        quantile = 5.991  # of chi-squared with two degrees of freedom
         pair = [self.names.index("friction"), self.names.index("patch_radius")]
         factor = np.linalg.cholesky(self.covariance[np.ix_(pair, pair)] + 1e-18 * np.eye(2))
         turn = np.linspace(0.0, 2 * np.pi, 121)
-        circle = np.sqrt(CHI2_95) * np.array([np.cos(turn), np.sin(turn)])
+        circle = np.sqrt(quantile) * np.array([np.cos(turn), np.sin(turn)])
         return np.asarray(np.exp(self.mean[pair][:, None] + factor @ circle).T)
 
     def to_dict(self) -> dict[str, Any]:
@@ -165,12 +160,12 @@ def applied(belief: Belief, scene: Scene) -> Scene:
 def uncertainty_of(belief: Belief) -> Uncertainty:
     """The belief as a section [uncertainty], about the scene's values.
 
-    Normal distributions; if friction and radius are much more uncertain than their product, samples
-    of the log-normal ones, which keep the uncertainty of the product.
+    Normal distributions, unless these would add more than 30 % to the deviation of the product of
+    friction and radius: then samples of the log-normal ones.
     """
     known = belief.effective
     both = known.deviation("friction") * known.deviation("patch_radius")
-    wide = both > NARROW * known.product_deviation
+    wide = both > 0.3 * known.product_deviation
     spreads: dict[str, Distribution] = {}
     for name in known.names:
         value, deviation = known.value(name), max(known.deviation(name), 1e-6)
@@ -183,7 +178,7 @@ def uncertainty_of(belief: Belief) -> Uncertainty:
     pairs = []
     for i, one in enumerate(known.names):
         for other in known.names[i + 1 :]:
-            number = float(np.clip(known.correlation(one, other), -STRONGEST, STRONGEST))
+            number = float(np.clip(known.correlation(one, other), -0.9999, 0.9999))
             if abs(number) > 0.01:
                 pairs.append((one, other, round(number, 4)))
     # Rounding may leave no valid correlation matrix: then all correlations shrink until it is one.
@@ -195,10 +190,10 @@ def uncertainty_of(belief: Belief) -> Uncertainty:
 
 
 def _log_normal(value: float, deviation: float) -> tuple[float, ...]:
-    """Values of equal weight of a log-normal distribution, within the range that a scene allows."""
+    """99 values of equal weight of a log-normal distribution, within the range of a scene."""
     from scipy.special import ndtri
 
-    scores = ndtri((np.arange(SAMPLES) + 0.5) / SAMPLES)
+    scores = ndtri((np.arange(99) + 0.5) / 99)
     shares = np.clip(np.exp(deviation * scores), 0.02, 50.0)
     return tuple(float(f"{value * share:.6g}") for share in shares)
 

@@ -1,26 +1,28 @@
-"""Identification from measured throws: the fit, its files and words."""
+"""Identification from measured throws: what it found, its words and files."""
 
 from __future__ import annotations
 
-import json
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from ...models.release import MODELS, STEPPED_SURFACE
 from ...problems import InputError, Scene
-from ...problems.files import filling
+from ...problems.files import filling, write_json
 from ...problems.throws import ThrowData
-from ..show import save
-from .belief import Belief, applied, contact_text, prior_of, sets_at
-from .conditions import SURFACE, batch_surface
-from .fit import Fit, fit_to
-from .grid import MISSED
-from .pictures import contact_picture
-from .predict import UNKNOWNS, Predictor, Progress, check_model
+from ..show import BLUE, GREEN, GREY, new_figure, save
+from .belief import Belief, applied, contact_text, prior_of
+from .fit import FitProblem
+from .measured import SURFACE, batch_surface
+from .predict import MISSED, UNKNOWNS, Predictor, Progress, check_model
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
 
 #: Files that may be left in the folder.
 FILES = (
@@ -34,19 +36,25 @@ FILES = (
 class Identified:
     """The contact identified by one model.
 
-    error [m]: mean pose error (position plus angle times half the length) at the fit.
+    prior, posterior: the beliefs before and after the throws; error [m]: mean pose error (position
+    plus angle times half the length) at the fit; sigma: (x [m], theta [rad]) of the residuals;
+    scatter: sigma over the measurement's noise, 1 or more; cost: of the least squares; missed:
+    number of throws without a landing; at_bound: unknowns that ended at a bound of their range;
+    evaluations: of the model; seconds: of the fit.
     """
 
     model: str
     data: ThrowData
     prior: Belief | None
-    fit: Fit
+    posterior: Belief
     error: float
-
-    @property
-    def posterior(self) -> Belief:
-        """The belief after the throws."""
-        return self.fit.posterior
+    sigma: tuple[float, float]
+    scatter: tuple[float, float]
+    cost: float
+    missed: int
+    at_bound: tuple[str, ...]
+    evaluations: int
+    seconds: float
 
     def apply(self, scene: Scene) -> Scene:
         """The scene with the posterior as its contact and uncertainty."""
@@ -59,14 +67,51 @@ class Identified:
             "data": self.data.name,
             "throws": len(self.data.throws),
             "truth": self.data.truth or None,
-            "fit": self.fit.to_dict(),
+            "fit": {
+                **self.posterior.to_dict(),
+                "sigma": {"x": self.sigma[0], "theta": self.sigma[1]},
+                "scatter": {"x": self.scatter[0], "theta": self.scatter[1]},
+                "cost": self.cost,
+                "missed": self.missed,
+                "at_bound": list(self.at_bound),
+                "evaluations": self.evaluations,
+                "seconds": self.seconds,
+            },
             "prior": None if self.prior is None else self.prior.to_dict(),
             "mean_error": self.error,
         }
 
     def summary(self) -> str:
         """The fit as lines for people."""
-        return "\n".join([f"  {MODELS[self.model].title}:", *self.fit.summary(self.error)])
+        belief, parts = self.posterior, []
+        for name, value in belief.values().items():
+            deviation = belief.deviation(name)
+            if name == "delay":
+                parts.append(f"delay {1e3 * value:.2f} +- {1e3 * deviation:.2f} ms")
+                continue
+            unit, factor = (" mm", 1e3) if name == "patch_radius" else ("", 1.0)
+            parts.append(f"{name} {factor * value:.4g}{unit} +- {100 * deviation:.2g} %")
+        lines = [
+            f"  {MODELS[self.model].title}:",
+            f"    fit: {', '.join(parts)}",
+            f"    mu r_p {1e3 * belief.product:.4g} mm +- {100 * belief.product_deviation:.2g} %, "
+            f"mean pose error {100 * self.error:.3f} cm; {self.evaluations} evaluations, "
+            f"{self.seconds:.1f} s",
+        ]
+        if max(self.scatter) > 1.0:
+            x, theta = self.scatter
+            # So much is no error of a model.
+            wrong = ", or units, turns or clocks are wrong" if max(x, theta) > 30.0 else ""
+            lines.append(
+                f"    residuals are {x:.1f} (x) and {theta:.1f} (theta) times the measurement's "
+                f"noise: the model errs, or the noise is larger{wrong}"
+            )
+        if self.at_bound:
+            lines.append(
+                f"    {', '.join(self.at_bound)}: at the bound of the search: give a --prior, or "
+                "other throws"
+            )
+        return "\n".join(lines)
 
     def save(self, folder: str | Path) -> None:
         """Write identify.json, the picture and contact.toml."""
@@ -111,11 +156,26 @@ def identify(
     show = about or (lambda words: lambda done, total: None)
     predictor, words = Predictor.of(data), f"fit by {model}"
     show(words)
-    fit = fit_to(predictor, model, names, prior, lambda n: show(f"{words}, evaluation {n}"))
-    landing = predictor.landings(model, sets_at(names, fit.posterior.mean))
-    off = landing - predictor.truth.landing[:, None]
-    error = float(np.nan_to_num(predictor.truth.scaled(off), nan=MISSED).mean())
-    return Identified(model, data, prior, fit, error)
+    start = time.perf_counter()
+    problem = FitProblem(predictor, model, names, prior, lambda n: show(f"{words}, evaluation {n}"))
+    point, cost = problem.fitted()
+    off, (low, high) = problem.missed_by(point[None])[0], problem.bounds
+    at_bound = np.minimum(point - low, high - point) / (high - low) < 1e-3
+    scatter, sigma = problem.sigma / problem.noise, problem.sigma
+    return Identified(
+        model,
+        data,
+        prior,
+        Belief(names, point, problem.covariance(point)),
+        float(np.nan_to_num(predictor.truth.scaled(off), nan=MISSED).mean()),
+        (float(sigma[0]), float(sigma[1])),
+        (float(scatter[0]), float(scatter[1])),
+        cost,
+        int((~np.isfinite(off).all(axis=1)).sum()),
+        tuple(np.array(names)[at_bound].tolist()),
+        problem.evaluations,
+        time.perf_counter() - start,
+    )
 
 
 def one_surface(data: ThrowData) -> ThrowData:
@@ -140,12 +200,41 @@ def save_identified(found: list[Identified], folder: Path) -> None:
     """Write the files of one or more models; contact.toml is that of the last."""
     with filling(folder, FILES) as scratch:
         for one in found:
-            title = f"{MODELS[one.model].title}, {len(one.data.throws)} throws"
-            figure = contact_picture(title, one.data.truth, one.prior, one.posterior)
-            save(figure, scratch / f"contact-{one.model}.png")
+            save(_contact_picture(one), scratch / f"contact-{one.model}.png")
         last, shared = found[-1], found[-1].data.shared
         text = f"# from {len(last.data.throws)} throws of {last.data.name}, by {last.model}\n"
         text += contact_text(last.posterior, shared.torsion, shared.faces)
         (scratch / "contact.toml").write_text(text, encoding="utf-8")
-        text = json.dumps([one.to_dict() for one in found], indent=2, allow_nan=False)
-        (scratch / "identify.json").write_text(text + "\n", encoding="utf-8")
+        write_json(scratch / "identify.json", [one.to_dict() for one in found])
+
+
+def _contact_picture(found: Identified) -> Figure:
+    """Prior and fit with 95 % regions over mu and r_p, and the truth of a synthetic data set."""
+    fit, truth = found.posterior, found.data.truth
+    figure = new_figure(7.6, 6.0)
+    axis = figure.add_subplot()
+    if found.prior is not None:
+        _draw_belief(axis, found.prior, "prior, 95 % region", GREY)
+    _draw_belief(axis, fit, "fit, 95 % region", GREEN)
+    limits = axis.get_xlim(), axis.get_ylim()
+    x = np.geomspace(max(limits[0][0], 1e-3), max(limits[0][1], 2e-3), 200)
+    axis.plot(x, 1e3 * fit.product / x, color=GREY, ls=":", lw=1, label="equal μ r_p")
+    axis.set(xlim=limits[0], ylim=limits[1])
+    if {"friction", "patch_radius"} <= set(truth):
+        mu, radius = truth["friction"] * truth.get("grip_scale", 1.0), 1e3 * truth["patch_radius"]
+        axis.plot(mu, radius, "*", color=BLUE, ms=14, mec="white", ls="none", label="truth")
+    axis.set(xlabel="friction μ", ylabel="patch radius r_p [mm]")
+    title = f"{MODELS[found.model].title}, {len(found.data.throws)} throws"
+    words = f"fit: μ r_p {1e3 * fit.product:.3f} mm ± {100 * fit.product_deviation:.1f} %"
+    axis.set_title(f"{title}\n{words}", loc="left", fontsize=10)
+    figure.legend(*axis.get_legend_handles_labels(), loc="outside lower center", ncols=3)
+    return figure
+
+
+def _draw_belief(axis: Axes, belief: Belief, label: str, colour: str) -> None:
+    """A belief's mean and 95 % region."""
+    known = belief.effective
+    outline = known.ellipse()
+    axis.plot(outline[:, 0], 1e3 * outline[:, 1], color=colour, lw=1.8, zorder=4)
+    place = known.value("friction"), 1e3 * known.value("patch_radius")
+    axis.plot(*place, "o-", color=colour, ms=7, mec="white", label=label, zorder=5)

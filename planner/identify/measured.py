@@ -1,4 +1,4 @@
-"""Measured landing poses and twists in flight; planned throws as data."""
+"""Measured throws: landing poses, twists in flight, conditions; planned throws as data."""
 
 from __future__ import annotations
 
@@ -8,22 +8,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from ...models import Array
+from ...models import Array, Indices
 from ...models.release import TableRelease
 from ...problems import InputError, Scene, checked
 from ...problems.throws import MeasuredThrow, Shared, ThrowData
 from ..result import Plan, sent_throw
+from ..throw import TICK
 
 #: Fewest samples of a flight that a parabola is fitted to.
 SAMPLES = 21
-#: A track without a landing counts up to this time [s] after the opening: the bar flies longer.
-FLIGHT = 0.15
-#: Time [s] before the command at which a recording of the hand begins.
-BEFORE = 0.05
-#: Time [s] after the opening at which it ends.
-AFTER = 0.06
-#: Time step [s] of the recording.
-TICK = 0.001
+#: Column with the pads' surface, which has contact parameters of its own.
+SURFACE = "surface"
+#: Columns of throws.csv that define a condition, if the data have them: the paper's six factors.
+FACTORS = ("com", "pitch", "release", SURFACE, "payload", "moi")
 
 
 @dataclass(frozen=True)
@@ -79,8 +76,9 @@ def _from_track(
     height, gravity = data.shared.landing_height, data.shared.gravity
     times, x, z, theta = track[flying].T
     below = np.flatnonzero((z[1:] <= height) & (z[:-1] > height))
-    # A parabola through all samples has less noise than the last two samples.
-    last = below[0] + 2 if below.size else int((times <= start + FLIGHT).sum())
+    # A parabola through all samples has less noise than the last two samples. A track without a
+    # landing counts up to 0.15 s after the opening: the bar flies longer.
+    last = below[0] + 2 if below.size else int((times <= start + 0.15).sum())
     t = times[:last] - start
     forward, turning = np.polyfit(t, x[:last], 1), np.polyfit(t, theta[:last], 1)
     rising = np.polyfit(t, z[:last] + gravity * t**2 / 2, 1)
@@ -91,6 +89,31 @@ def _from_track(
     time = (rising[0] + np.sqrt(root)) / gravity
     landed = (float(np.polyval(forward, time)), float(np.polyval(turning, time)))
     return (float(forward[0]), float(turning[0])), landed
+
+
+def batch_surface(data: ThrowData) -> list[int]:
+    """Rows of the throws on the most frequent surface: one contact fits one surface."""
+    labels = [throw.factors.get(SURFACE, "") for throw in data.throws]
+    frequent = max(dict.fromkeys(labels), key=labels.count)
+    return [i for i, label in enumerate(labels) if label == frequent]
+
+
+def batch_rows(data: ThrowData) -> Indices:
+    """Rows of the throws that parameters are fitted to: of the batch, on its surface."""
+    rows = batch_surface(data)
+    # Throws of the set "factors" vary a single factor.
+    batch = [i for i in rows if data.throws[i].factors.get("set") != "factors"]
+    return np.array(batch or rows, int)
+
+
+def conditions(data: ThrowData) -> list[tuple[str, ...]]:
+    """The condition of each throw; without factors every throw has its own."""
+    known = [name for name in data.factors if name in FACTORS]
+    # Repeats and sets group throws and define no condition.
+    columns = known or [name for name in data.factors if name not in ("repeat", "set")]
+    if not columns:
+        return [(throw.name,) for throw in data.throws]
+    return [tuple(throw.factors[name] for name in columns) for throw in data.throws]
 
 
 def throw_data(
@@ -131,10 +154,11 @@ def throw_data(
 
 
 def _recorded(name: str, plan: Plan, landing: tuple[float, float] | None) -> MeasuredThrow:
-    """A plan's throw as a recording on the plan's clock; the command leads by the mean delay."""
+    """A plan's throw as a recording on the plan's clock, from 50 ms before the command to 60 ms
+    after the opening; the command leads by the mean delay."""
     sent = sent_throw(plan)
-    command, end = sent.command_time, sent.detach_time + AFTER
-    first, last = max(command - BEFORE, 0.0), min(end, sent.until)
+    first = max(sent.command_time - 0.05, 0.0)
+    last = min(sent.detach_time + 0.06, sent.until)
     times = np.linspace(first, last, round((last - first) / TICK) + 1)
     return MeasuredThrow(
         name=name,
@@ -142,7 +166,7 @@ def _recorded(name: str, plan: Plan, landing: tuple[float, float] | None) -> Mea
         grasp=sent.scene.grasp,
         times=times,
         motion=sent.hand(times).pose.T,
-        command=command,
+        command=sent.command_time,
         grip=_recorded_grip(sent.scene),
         landing=None if landing is None else (landing[0], sent.target.z, landing[1]),
         track=None,

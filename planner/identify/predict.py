@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import Any
 
@@ -14,25 +15,26 @@ from ...models import Array, Body, Contact, FlightLaw, HandTrack, Indices, Traje
 from ...models.release import MODELS, Release, ReleaseBatch, ReleaseCase
 from ...problems import InputError, PadContact, checked
 from ...problems.throws import MeasuredThrow, ThrowData
+from ..throw import TICK
 from ..throw.simulation import named_model, recorded_joints
 from .measured import Landings, measured
 
 #: progress(done, total) counts throws.
 Progress = Callable[[int, int], None]
+#: Values of friction (F,) and patch_radius (R,) [m].
+Axes = tuple[Array, Array]
 
 #: Unknowns, the columns of parameter sets: mu, r_p [m], delay [s] of the opening beyond command and
 #: dwell, true grip force over the measured one.
 UNKNOWNS = ("friction", "patch_radius", "delay", "grip_scale")
 #: Values of unknowns that are not fitted.
 BASE = {"delay": 0.0, "grip_scale": 1.0}
-#: Time step [s] of the hands' samples.
-STEP = 0.001
 #: Largest delay [s].
 REACH = 0.05
-#: Largest number of throws times parameter sets in a batch of several throws.
-MAX_BATCH = 4096
-#: Shares of the opening at which the fall of two grip forces is compared.
-SHARES = np.linspace(0.0, 1.0, 21)
+#: The paper's grid: 0.25 to 1.2, and 2.5 to 12 mm.
+AXES: Axes = (np.linspace(0.25, 1.2, 20), np.linspace(0.0025, 0.012, 20))
+#: Pose error [m] of a throw for which a model predicts no landing.
+MISSED = 10.0
 
 
 def parameter_sets(
@@ -81,10 +83,6 @@ class Predictor:
         """The measured landings; InputError for a track that never lands."""
         return measured(self.data)
 
-    def part(self, rows: Indices) -> Predictor:
-        """The predictor of some of the throws."""
-        return Predictor(self.data.picked(rows), tuple(self.hands[i] for i in rows))
-
     def detached(self, model: str, sets: Array, progress: Progress | None = None) -> Array:
         """CoM pose and twist (T, M, 6) of every throw at the end of the opening, with every
         parameter set (M, 4); NaN if the model fails."""
@@ -112,18 +110,15 @@ class Predictor:
         """x [m], theta [rad] (T, M, 2) of every throw with every parameter set (M, 4)."""
         return self.landed(self.detached(model, sets))
 
-    def case(self, row: int, one: Array) -> ReleaseCase:
-        """One throw with one parameter set (4,)."""
+    def released(self, model: str, row: int, one: Array) -> Release:
+        """One throw by a model with one parameter set (4,), over the whole opening."""
         throw, shared = self.data.throws[row], self.data.shared
         friction, radius, delay, scale = (float(value) for value in one)
         contact = Contact(friction * scale, radius, shared.torsion, shared.faces)
         hand = self.hands[row].shifted(delay) if delay else self.hands[row]
-        body = Body(*_body(throw))
-        return ReleaseCase(body, contact, throw.grip, hand, shared.gravity, throw.grasp.angle)
-
-    def released(self, model: str, row: int, one: Array) -> Release:
-        """One throw by a model with one parameter set (4,), over the whole opening."""
-        return MODELS[model].release(self.case(row, one))
+        body, angle = Body(*_body(throw)), throw.grasp.angle
+        case = ReleaseCase(body, contact, throw.grip, hand, shared.gravity, angle)
+        return MODELS[model].release(case)
 
     def _groups(self, sets: int) -> Iterator[Indices]:
         """Groups of throws with equal fall of the grip force, a batch each with M sets per throw.
@@ -132,9 +127,11 @@ class Predictor:
         """
         alike: dict[bytes, list[int]] = {}
         for i, throw in enumerate(self.data.throws):
-            fall = throw.grip.force(SHARES * throw.grip.opening) / throw.grip.full
+            shares = np.linspace(0.0, 1.0, 21)
+            fall = throw.grip.force(shares * throw.grip.opening) / throw.grip.full
             alike.setdefault(np.round(fall, 9).tobytes(), []).append(i)
-        batch_size = max(MAX_BATCH // sets, 1)
+        # Throws times sets of a batch of several throws.
+        batch_size = max(4096 // sets, 1)
         for rows in alike.values():
             for first in range(0, len(rows), batch_size):
                 yield np.array(rows[first : first + batch_size])
@@ -142,10 +139,10 @@ class Predictor:
     def _batch(self, rows: Indices, sets: Array) -> ReleaseBatch:
         """Some throws with every parameter set as one batch, throw by throw."""
         throws, shared = [self.data.throws[i] for i in rows], self.data.shared
-        reach = float(np.abs(sets[:, 2]).max()) + 2 * STEP
+        reach = float(np.abs(sets[:, 2]).max()) + 2 * TICK
         longest = max(throw.grip.opening for throw in throws)
         # A recording that ends early is extrapolated by its spline: others may be longer.
-        times = STEP * np.arange(np.floor(-reach / STEP), np.ceil((longest + reach) / STEP) + 1)
+        times = TICK * np.arange(np.floor(-reach / TICK), np.ceil((longest + reach) / TICK) + 1)
         poses = [self.hands[i].at(times).pose.T for i in rows]
         friction, radius, delay, scale = np.tile(sets, (len(rows), 1)).T
 
@@ -176,9 +173,9 @@ def _sampled(data: ThrowData, throw: MeasuredThrow) -> Trajectory:
     else:
         cutoff = data.shared.cutoff
         hand = recorded_joints(data.arm, throw.times, throw.motion, throw.opening, cutoff)
-    first = max(float(times[0]), -max(throw.grip.dwell, REACH) - 2 * STEP)
-    last = min(float(times[-1]), opening + REACH + 2 * STEP)
-    even = STEP * np.arange(np.ceil(first / STEP), np.floor(last / STEP) + 1)
+    first = max(float(times[0]), -max(throw.grip.dwell, REACH) - 2 * TICK)
+    last = min(float(times[-1]), opening + REACH + 2 * TICK)
+    even = TICK * np.arange(np.ceil(first / TICK), np.floor(last / TICK) + 1)
     return Trajectory.through(even, hand.at(even).pose.T)
 
 
@@ -198,3 +195,65 @@ def thrown(data: ThrowData, model: str, contact: Mapping[str, float]) -> Array:
     checked("delay", contact.get("delay", 0.0), float, {"meaning": "s"})
     checked("grip_scale", contact.get("grip_scale", 1.0), float, {"above": 0, "most": 1e3})
     return Predictor.of(data).landings(model, parameter_sets(**contact))[:, 0]
+
+
+@dataclass(frozen=True)
+class Grid:
+    """Pose errors of T throws for `friction` (F,) and `patch_radius` (R,) [m] (Fig. 15).
+
+    errors (T, F, R) [m], NaN for a throw without a predicted landing; detach (T, F, R, 6):
+    CoM states at the end of the opening; seconds: of the work.
+    """
+
+    friction: Array
+    patch_radius: Array
+    errors: Array
+    detach: Array
+    seconds: float
+
+    @property
+    def scored(self) -> Array:
+        """errors, with `MISSED` for throws without a predicted landing."""
+        return np.nan_to_num(self.errors, nan=MISSED)
+
+    @property
+    def error(self) -> Array:
+        """Mean pose error (F, R) [m] over all throws."""
+        return np.asarray(self.scored.mean(axis=0))
+
+    @property
+    def missed(self) -> Indices:
+        """Number (F, R) of throws without a predicted landing."""
+        return np.asarray(np.isnan(self.errors).sum(axis=0))
+
+    def best(self, rows: npt.NDArray[Any] | slice = slice(None)) -> tuple[int, int]:
+        """The cell with the lowest mean error over some of the throws."""
+        mean = self.scored[rows].mean(axis=0)
+        i, j = np.unravel_index(int(np.argmin(mean)), mean.shape)
+        return int(i), int(j)
+
+    def part(self, rows: Indices) -> Grid:
+        """The grid of some of the throws, with their share of the time."""
+        seconds = self.seconds * len(rows) / len(self.errors)
+        return replace(self, errors=self.errors[rows], detach=self.detach[rows], seconds=seconds)
+
+    def contact(self, cell: tuple[int, int]) -> tuple[float, float]:
+        """friction and patch_radius [m] of a cell."""
+        return float(self.friction[cell[0]]), float(self.patch_radius[cell[1]])
+
+    @property
+    def predictions(self) -> int:
+        """Throws times cells."""
+        return int(self.errors.size)
+
+
+def grid_of(
+    predictor: Predictor, model: str, axes: Axes = AXES, progress: Progress | None = None
+) -> Grid:
+    """The error landscape of a model."""
+    friction, radius = (cells.ravel() for cells in np.meshgrid(*axes, indexing="ij"))
+    start = time.perf_counter()
+    detach = predictor.detached(model, parameter_sets(friction, radius), progress)
+    errors = predictor.truth.scaled(predictor.landed(detach) - predictor.truth.landing[:, None])
+    seconds, shape = time.perf_counter() - start, (len(errors), len(axes[0]), len(axes[1]))
+    return Grid(*axes, errors.reshape(shape), detach.reshape(*shape, 6), seconds)

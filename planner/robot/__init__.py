@@ -13,9 +13,7 @@ from .controllers import (
 )
 from .franka import Franka, GripperState, check_arm, connected
 from .learning import corrected
-from .mujoco_replay import Replay, replay
+from .mujoco_replay import Replay, replay, throw_to_rest, view
 from .mujoco_throw import Rest, load_mujoco
-from .playing import throws
+from .playing import approach, throws
 from .recording import Recording, read_recording
-from .viewing import throw_to_rest, view
-from .way import approach

@@ -43,8 +43,8 @@ class ConstraintSettings:
     """Settings of a corrected motion's limits.
 
     share: of a limit that may be used; force_share: of grip and torque limits, because
-    accelerations peak at knots between samples. spacing: ticks between samples that nonlinear
-    limits are held at. active: use below which a limit is left out of the program.
+    accelerations peak at knots between samples. spacing: ticks between samples that limits are
+    held at. active: use below which a limit is left out of the program.
     free [m]: clearance whose use is 0; margin [m]: of a clearance, for motion between samples.
     landing [m, rad]: landing error whose use is 1. step: of the derivatives by differences.
     """
@@ -73,26 +73,22 @@ class SplineMotion:
 
 @dataclass(frozen=True, eq=False)
 class Constraint:
-    """A limit at P samples.
+    """A limit on a motion at its samples `at`, P of them.
 
-    of: its use (P,) by joints and their rates, each (n, P), and, of a limit on the flight, by the
-    CoM's pose and twist (6,) at detach; state: these joints and rates; jacobian
-    (derivatives, n, P, K): their derivatives by the spline coefficients; detach: the CoM's pose and
-    twist.
+    of: its use (P,) by the first `orders` of joints, rates and accelerations, each (n, P), and, of
+    a limit on the flight, by the CoM's pose and twist (6,) at `detach`.
     """
 
     of: Callable[..., Array]
-    state: tuple[Array, ...]
-    jacobian: Array
+    motion: SplineMotion
+    at: slice | Array
+    orders: int
     detach: tuple[Array, ...] = ()
 
-    @classmethod
-    def of_motion(
-        cls, of: Callable[..., Array], motion: SplineMotion, at: slice | Array, orders: int
-    ) -> Constraint:
-        """A limit on a motion at the samples `at`, by `orders` of joints, rates, accelerations."""
-        state = tuple(values[at].T for values in motion.values[:orders])
-        return cls(of, state, motion.rows[:orders, :, at])
+    @cached_property
+    def state(self) -> tuple[Array, ...]:
+        """Joints, rates and accelerations (n, P) that it depends on."""
+        return tuple(values[self.at].T for values in self.motion.values[: self.orders])
 
     @cached_property
     def use(self) -> Array:
@@ -111,7 +107,8 @@ class Constraint:
                 moved = [v + LIMITS.step * unit * (k == order) for k, v in enumerate(self.state)]
                 slope = (self.of(*moved, *self.detach) - self.use) / LIMITS.step
                 columns = slice(j * len(point), (j + 1) * len(point))
-                rows[:, columns] += slope[some, None] * self.jacobian[order, j][some]
+                jacobian = self.motion.rows[order, j, self.at]
+                rows[:, columns] += slope[some, None] * jacobian[some]
         for detach in self.detach:
             for unit, row in zip(np.eye(len(detach)), flown, strict=True):
                 slope = (self.of(*self.state, detach + LIMITS.step * unit) - self.use) / LIMITS.step
@@ -140,7 +137,7 @@ def constraints_of(
         hand = HandSamples(place[0], *manipulator.motion(place, rate, turn))
         return np.asarray(np.hypot(*friction_use(scene, hand)) / LIMITS.force_share)
 
-    yield Constraint.of_motion(grip, measured, slice(0, grips, LIMITS.spacing // 2), 3)
+    yield Constraint(grip, measured, slice(0, grips, LIMITS.spacing // 2), 3)
     if torque_limits(scene) is not None:
 
         def torque(place: Array, rate: Array, turn: Array) -> Array:
@@ -148,14 +145,12 @@ def constraints_of(
             torques = torques_of(scene, manipulator, path, opening_time)
             return np.asarray(torques.use[:: LIMITS.spacing].max(axis=1) / LIMITS.force_share)
 
-        yield Constraint.of_motion(torque, measured, every, 3)
+        yield Constraint(torque, measured, every, 3)
     for at, holding in (
         (slice(0, opened, LIMITS.spacing), True),
         (slice(opened, None, LIMITS.spacing), False),
     ):
-        yield Constraint.of_motion(
-            partial(_carried, scene, manipulator, times[at], holding), measured, at, 1
-        )
+        yield Constraint(partial(_carried, scene, manipulator, times[at], holding), measured, at, 1)
     yield from _flights(plan, times, opened, measured, detach)
 
 
@@ -169,7 +164,7 @@ def _speeds(scene: Scene, manipulator: Manipulator, sent: SplineMotion) -> Itera
             pose, twist, _ = manipulator.motion(place, rate, 0 * rate)
             return np.asarray(tool_speeds(tool, pose, twist) / tool_speed)
 
-        yield Constraint.of_motion(speed, sent, every, 2)
+        yield Constraint(speed, sent, every, 2)
     if limits.slowing is not None:
 
         def slowing(joint: int, place: Array, rate: Array) -> Array:
@@ -179,7 +174,7 @@ def _speeds(scene: Scene, manipulator: Manipulator, sent: SplineMotion) -> Itera
             return np.asarray(1 - distance[:, joint])
 
         for joint in range(manipulator.size):
-            yield Constraint.of_motion(partial(slowing, joint), sent, every, 2)
+            yield Constraint(partial(slowing, joint), sent, every, 2)
 
 
 def _carried(
@@ -209,16 +204,15 @@ def _flights(
     arm, obstacles, column = scene.arm, CollisionScene.of(scene, manipulator), column_of(scene)
     assert arm is not None
 
-    def off(side: int, which: int, place: Array, state: Array) -> Array:
+    def off(side: int, which: int, state: Array) -> Array:
         landed = scene.flight.land(state[None], target.z)[0]
         goal = (target.plane_x, landed[1] if target.theta is None else target.theta)
         use = LIMITS.share + side * (landed[which] - goal[which]) / LIMITS.landing[which]
-        return np.full(place.shape[1], np.nan_to_num(use, nan=np.inf))
+        return np.asarray(np.nan_to_num([use], nan=np.inf))
 
     for side in (-1, 1):
         for which in (0, 1):
-            one = Constraint.of_motion(partial(off, side, which), measured, slice(0, 1), 1)
-            yield Constraint(one.of, one.state, one.jacobian, (detach,))
+            yield Constraint(partial(off, side, which), measured, slice(0, 1), 0, (detach,))
     lasts = scene.flight.land(detach[None], target.z)[0, 2]
     if not math.isfinite(lasts):
         return
@@ -237,5 +231,4 @@ def _flights(
             clearance = np.minimum(clearance, column_distance(scene.object, com, *column))
         return 1 - (clearance - LIMITS.margin) / LIMITS.free
 
-    one = Constraint.of_motion(depth, measured, at, 1)
-    yield Constraint(one.of, one.state, one.jacobian, (detach,))
+    yield Constraint(depth, measured, at, 1, (detach,))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import os
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from importlib.resources import files
@@ -22,12 +22,15 @@ from ..result import Plan, joint_samples, throw_of, write_table
 from ..throw import TICK, Throw
 from ..verdict import JOINT_LIMITS, verdict
 
-#: The arm whose kinematics all Frankas share.
-FRANKA = "fr3"
-#: At rest: rate [rad/s] and acceleration [rad/s^2] of every joint are below.
-REST = (1e-6, 1e-3)
 #: Largest distance of an instant on a tick from that tick, in ticks.
 ON_TICK = 1e-6
+#: Default gap [m] of an opened gripper: the Franka Hand's.
+OPEN_WIDTH = 0.08
+#: Programs that throw the files beside them: for libfranka, and for ROS 2.
+FRANKA_PROGRAM, ROS_PROGRAM = ("throw.cpp", "CMakeLists.txt"), ("throw_node.py",)
+FRANKA_FILES = ("joints.csv", "gripper.csv", "franka.json", "franka.txt", *FRANKA_PROGRAM)
+BAG_FILES = ("metadata.yaml", "throw.mcap")
+ROS_FILES = (*BAG_FILES, *ROS_PROGRAM)
 
 
 @dataclass(frozen=True)
@@ -42,6 +45,14 @@ class JointMotion:
     q: Array = field(repr=False)
     dq: Array = field(repr=False)
     ddq: Array = field(repr=False)
+
+    @classmethod
+    def of(cls, throw: Throw) -> JointMotion:
+        """The motion that a throw by an arm sends."""
+        kinematics = throw.manipulator.kinematics
+        assert isinstance(kinematics, PlanarArm)
+        values = joint_samples(kinematics, throw.target.plane.azimuth, throw.samples)
+        return cls(kinematics.arm, throw, *values)
 
     @property
     def times(self) -> Array:
@@ -67,49 +78,39 @@ def joint_motion(plan: Plan | Throw | str | Path) -> JointMotion:
     """
     throw = throw_of(plan)
     path = plan if isinstance(plan, str | Path) else throw.scene.name
-    kinematics = throw.manipulator.kinematics
-    if not isinstance(kinematics, PlanarArm):
+    if throw.scene.robot is None:
         raise InputError(f"{path}: the plan's scene has no [robot], so there are no joints to send")
-    values = joint_samples(kinematics, throw.target.plane.azimuth, throw.samples)
-    motion = JointMotion(kinematics.arm, throw, *values)
-    mistakes = _mistakes(motion)
-    if mistakes:
-        raise InputError(f"{path}: not sent, {mistakes[0]}")
+    motion = JointMotion.of(throw)
+    mistake = next(_mistakes(motion), None)
+    if mistake is not None:
+        raise InputError(f"{path}: not sent, {mistake}")
     return motion
 
 
-def _mistakes(motion: JointMotion) -> list[str]:
+def _mistakes(motion: JointMotion) -> Iterator[str]:
     """Reasons not to send the motion."""
-    throw, arm = motion.throw, motion.arm
-    found = []
+    throw, limits, q = motion.throw, motion.arm.limits, motion.q
     for where, sample in (("begin", 0), ("end", -1)):
-        for j in range(arm.joints):
-            rate, acceleration = abs(motion.dq[sample, j]), abs(motion.ddq[sample, j])
-            if not (rate <= REST[0] and acceleration <= REST[1]):
-                found.append(f"the motion does not {where} at rest: joint {j + 1}")
-    low, high = np.array(arm.limits.position_min), np.array(arm.limits.position_max)
-    outside = (motion.q[0] < low) | (motion.q[0] > high)
-    found += [f"joint {j + 1} position: outside its limits" for j in np.flatnonzero(outside)]
+        rest = (np.abs(motion.dq[sample]) <= 1e-6) & (np.abs(motion.ddq[sample]) <= 1e-3)
+        for j in np.flatnonzero(~rest):
+            yield f"the motion does not {where} at rest: joint {j + 1}"
+    outside = (q[0] < np.array(limits.position_min)) | (q[0] > np.array(limits.position_max))
+    for j in np.flatnonzero(outside):
+        yield f"joint {j + 1} position: outside its limits"
     broken = verdict(throw).broken
     # Joint limits first: uneven samples miss the target, too.
-    limits = [finding for finding in broken if finding.code in JOINT_LIMITS.values()]
-    found += [finding.words for finding in limits] + _uneven(motion)
-    if throw.command_time < -ON_TICK * TICK:
-        found.append(f"the opening command would come {-1e3 * throw.command_time:.1f} ms too early")
-    return found + [finding.words for finding in broken if finding not in limits]
-
-
-def _uneven(motion: JointMotion) -> list[str]:
-    """Joints whose positions, rates and accelerations contradict each other."""
-    jerk, found = np.array(motion.arm.limits.jerk), []
-    pairs = (("rates", motion.q, motion.dq, TICK / 4), ("accelerations", motion.dq, motion.ddq, 1))
+    yield from (finding.words for finding in broken if finding.code in JOINT_LIMITS.values())
+    # Positions, rates and accelerations that contradict each other: the mean rate of a tick is off
+    # by more than twice the change that the jerk limit allows in it.
+    pairs = (("rates", q, motion.dq, TICK / 4), ("accelerations", motion.dq, motion.ddq, 1))
     for name, values, rates, part in pairs:
         off = np.abs(np.diff(values, axis=0) / TICK - (rates[1:] + rates[:-1]) / 2)
-        # Twice the change that the jerk limit allows in a tick.
-        allowed = part * jerk * TICK / 2 + 1e-6
+        allowed = part * np.array(limits.jerk) * TICK / 2 + 1e-6
         for j in np.flatnonzero((off > allowed).any(axis=0)):
-            found.append(f"joint {j + 1}'s {name} do not fit the samples")
-    return found
+            yield f"joint {j + 1}'s {name} do not fit the samples"
+    if throw.command_time < -ON_TICK * TICK:
+        yield f"the opening command would come {-1e3 * throw.command_time:.1f} ms too early"
+    yield from (finding.words for finding in broken)
 
 
 def export(
@@ -154,7 +155,7 @@ def export(
 
 def is_franka(arm: Arm) -> bool:
     """Whether the arm's flange moves as a Franka's does (Panda and FR3 alike)."""
-    its = load_arm(FRANKA)
+    its = load_arm("fr3")
     if arm.joints != its.joints:
         return False
     q = ca.SX.sym("q", arm.joints)
@@ -162,17 +163,7 @@ def is_franka(arm: Arm) -> bool:
     return bool(np.abs(np.array(flanges(np.linspace(-1.0, 1.0, arm.joints)))).max() < 1e-3)
 
 
-# Files.
-
-#: Program for libfranka.
-FRANKA_PROGRAM = ("throw.cpp", "CMakeLists.txt")
-#: Program for ROS 2.
-ROS_PROGRAM = ("throw_node.py",)
-FRANKA_FILES = ("joints.csv", "gripper.csv", "franka.json", "franka.txt", *FRANKA_PROGRAM)
-BAG_FILES = ("metadata.yaml", "throw.mcap")
-ROS_FILES = (*BAG_FILES, *ROS_PROGRAM)
-#: Default gap [m] of an opened gripper: the Franka Hand's.
-OPEN_WIDTH = 0.08
+# Files for libfranka.
 
 FRANKA_TEXT = """\
 {scene}, thrown by {arm}.
@@ -198,15 +189,13 @@ throwplan's README says what is not checked. Not checked: the way to the start p
 """
 
 
-def write_franka(motion: JointMotion, folder: Path) -> dict[str, Any]:
-    """Write `FRANKA_FILES` into `folder`; returns what franka.json holds."""
+def write_franka(motion: JointMotion, folder: Path) -> None:
+    """Write `FRANKA_FILES` into `folder`."""
     write_table(folder / "joints.csv", {"t": motion.times, "q": motion.q, "dq": motion.dq})
     throw = motion.throw
     row = f"{throw.command_time:.12g},open,{motion.cycle},{motion.fraction:.6f}"
     (folder / "gripper.csv").write_text(f"t,command,cycle,fraction\n{row}\n", encoding="utf-8")
-    facts = motion_facts(motion)
-    write_json(folder / "franka.json", facts)
-    profile = throw.scene.gripper.profile()
+    write_json(folder / "franka.json", motion_facts(motion))
     words = FRANKA_TEXT.format(
         scene=throw.scene.name,
         arm=motion.arm.description or motion.arm.name,
@@ -214,12 +203,11 @@ def write_franka(motion: JointMotion, folder: Path) -> dict[str, Any]:
         command=1e3 * throw.command_time,
         cycle=motion.cycle,
         dwell=1e3 * (throw.opening_time - throw.command_time),
-        opening=1e3 * profile.opening,
+        opening=1e3 * throw.scene.gripper.profile().opening,
         duration=motion.times[-1],
     )
     (folder / "franka.txt").write_text(words, encoding="utf-8")
     _write_programs(folder, FRANKA_PROGRAM)
-    return facts
 
 
 def _write_programs(folder: Path, names: Sequence[str]) -> None:
@@ -260,11 +248,8 @@ TRAJECTORY = "/joint_trajectory"
 GRIPPER = "/gripper_command"
 TRAJECTORY_TYPE = "trajectory_msgs/msg/JointTrajectory"
 GRIPPER_TYPE = "control_msgs/msg/GripperCommand"
-#: The type as control_msgs defines it: rosbags does not have it.
-GRIPPER_DEFINITION = "float64 position\nfloat64 max_effort\n"
-#: Nanoseconds of a second and of a sample.
+#: Nanoseconds of a second.
 SECOND = 1_000_000_000
-SAMPLE = round(TICK * SECOND)
 
 
 def ros_typestore() -> Any:
@@ -274,7 +259,8 @@ def ros_typestore() -> Any:
     except ImportError:
         raise InputError("--ros: needs rosbags: pip install rosbags") from None
     store = get_typestore(Stores.ROS2_HUMBLE)
-    store.register(get_types_from_msg(GRIPPER_DEFINITION, GRIPPER_TYPE))
+    # As control_msgs defines it: rosbags does not have it.
+    store.register(get_types_from_msg("float64 position\nfloat64 max_effort\n", GRIPPER_TYPE))
     return store
 
 
@@ -322,7 +308,7 @@ def _trajectory(store: Any, motion: JointMotion, names: list[str]) -> Any:
             velocities=dq,
             accelerations=ddq,
             effort=np.zeros(0),
-            time_from_start=duration(*divmod(i * SAMPLE, SECOND)),
+            time_from_start=duration(*divmod(i * round(TICK * SECOND), SECOND)),
         )
         for i, (q, dq, ddq) in enumerate(zip(motion.q, motion.dq, motion.ddq, strict=True))
     ]

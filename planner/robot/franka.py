@@ -26,17 +26,10 @@ from .controllers import OPEN_WIDTH, is_franka
 
 #: Ports of robot and gripper.
 PORTS = (1337, 1338)
-#: Longest time [s] until a port answers.
-PATIENCE = 5.0
-#: Longest time [s] until the gripper's process reports its state.
-START_TIME = 20.0
 #: The only arm that the binding's protocol speaks to.
 ARM = "fr3"
 #: A robot is at rest if no joint is faster than this [rad/s].
 STILL = 0.01
-#: Largest distance [m] of the robot's flange to that of the plan's arm.
-SAME_PLACE = 1e-3
-
 #: Cures for error words of the controller, by parts of the word.
 CURES = {
     "UserStopped": "release the user stop",
@@ -188,7 +181,7 @@ def connected(host: str) -> Iterator[Franka]:
     for port in PORTS:
         # The binding would wait for a minute and ignore interrupts.
         try:
-            socket.create_connection((host, port), PATIENCE).close()
+            socket.create_connection((host, port), timeout=5.0).close()
         except OSError as error:
             why = error.strerror or str(error)
             raise InputError(
@@ -201,7 +194,7 @@ def connected(host: str) -> Iterator[Franka]:
     try:
         # The gripper first: its process can be ended.
         gripper.order("read_once")
-        if not gripper.has_answer(START_TIME):
+        if not gripper.has_answer(patience=20.0):
             raise InputError(
                 f"--robot {host}: port {PORTS[1]} is open and sends nothing: check that it is a "
                 "Franka's address"
@@ -237,7 +230,7 @@ def _check_flange(host: str, arm: Arm, state: Any) -> None:
     flange = np.array(ca.Function("flange", [q], [arm.frames(q)[-2]])(state.q))
     hand, tool = (np.reshape(pose, (4, 4)).T for pose in (state.O_T_EE, state.F_T_EE))
     off = np.linalg.norm((hand @ np.linalg.inv(tool) - flange)[:3, 3])
-    if off > SAME_PLACE:
+    if off > 1e-3:
         raise InputError(
             f"{host}: its flange is {1e3 * off:.0f} mm from where the plan's arm {arm.name} has "
             "it: plan it with the robot's own arm file"

@@ -1,7 +1,11 @@
-"""A throw replayed in MuJoCo, by contacts and flight independent of the planner's."""
+"""A throw replayed in MuJoCo, by contacts and flight independent of the planner's.
+
+Also its view in 3-D: a bar that lands in a cup falls on into it by that replay.
+"""
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import math
 import time
@@ -12,15 +16,28 @@ from typing import Any
 import numpy as np
 
 from ...models import Array
-from ...problems import checked
+from ...problems import InputError, checked
 from ...problems.files import filling, plain, write_json
 from ..result import Plan, throw_of
-from ..show import BLACK, BLUE, GREEN, ORANGE, RED, draw_cup, new_figure, save
+from ..show import (
+    BLACK,
+    BLUE,
+    GREEN,
+    ORANGE,
+    RED,
+    SpaceThrow,
+    draw_cup,
+    new_figure,
+    open_browser,
+    run_panel,
+    save,
+    serving,
+    space_throw,
+)
 from ..throw import TICK, Throw
 from ..throw.clearance import bar_outline
 from ..verdict import outside_tolerance
 from .mujoco_throw import (
-    FLIGHT_STEPS,
     FRICTION,
     LEAD,
     Rest,
@@ -31,26 +48,8 @@ from .mujoco_throw import (
     target_travel,
 )
 
-#: Default step [s] of the release.
-RELEASE_STEP = 1e-5
-#: Default step [s] of the flight.
-FLIGHT_STEP = 1e-4
-#: Bounds [s] of both steps.
-STEP_BOUNDS = (1e-7, 1e-3)
-#: Default number of contact points of a pad.
-POINTS = 12
-#: Largest number of contact points of a pad.
-MAX_POINTS = 64
-#: Time [s] between the poses in the picture.
-EVERY = 0.02
-#: Models whose landings the picture shows.
-LANDINGS = (("sp", "sliding pivot", BLUE), ("limit_surface", "limit surface", BLACK))
 #: Files that a replay may leave in its folder.
 FILES = ("replay.json", "replay.csv", "replay.png")
-#: Default coefficient of restitution of a collision.
-RESTITUTION = 0.1
-#: Largest coefficient of restitution of a collision.
-MAX_RESTITUTION = 0.99
 
 
 @dataclass(frozen=True, repr=False)
@@ -193,10 +192,10 @@ class Replay:
 
 def replay(
     throw: Plan | Throw | str | Path,
-    step: float = RELEASE_STEP,
-    flight_step: float = FLIGHT_STEP,
-    points: int = POINTS,
-    restitution: float = RESTITUTION,
+    step: float = 1e-5,
+    flight_step: float = 1e-4,
+    points: int = 12,
+    restitution: float = 0.1,
 ) -> Replay:
     """Throw a plan in MuJoCo; needs the extra `mujoco`.
 
@@ -211,10 +210,10 @@ def replay(
     step, flight_step [s]: of the opening, and after it. InputError for what is no plan, and
     without MuJoCo.
     """
-    restitution = checked("restitution", restitution, float, {"least": 0, "most": MAX_RESTITUTION})
-    points = checked("points", points, int, {"least": 1, "most": MAX_POINTS})
+    restitution = checked("restitution", restitution, float, {"least": 0, "most": 0.99})
+    points = checked("points", points, int, {"least": 1, "most": 64})
     for name, value in (("step", step), ("flight_step", flight_step)):
-        checked(name, value, float, dict(zip(("least", "most"), STEP_BOUNDS, strict=True)))
+        checked(name, value, float, {"least": 1e-7, "most": 1e-3})
     load_mujoco()
     throw = throw_of(throw)
     start_time = time.perf_counter()
@@ -226,7 +225,7 @@ def replay(
     expected = throw.deciding.landing.flight_time
     expected = expected if math.isfinite(expected) else 1.0
     duration = 1.2 * expected + 0.2
-    fine = duration / float(np.clip(math.ceil(duration / flight_step), 100, FLIGHT_STEPS))
+    fine = duration / float(np.clip(math.ceil(duration / flight_step), 100, 20_000))
     free = fly(throw, detach, start, start + duration, fine, None)
     landing, landing_time = _landing(free, height)
     end = landing_time if math.isfinite(landing_time) else start + expected
@@ -264,35 +263,71 @@ def _landing(free: SimulatedFlight, height: float) -> tuple[tuple[float, float, 
 
 
 def _draw(replay: Replay, path: Path) -> None:
-    """The path of the bar from the opening to the end, with the models' landings."""
-    figure = new_figure(8, 6.4)
+    """The path of CoM and bar from the opening to the end, at true scale, and where models land."""
+    scene, throw, figure = replay.throw.scene, replay.throw, new_figure(8, 6.4)
     axes = figure.subplots()
-    _draw_way(replay, axes)
-    axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=3)
-    title = f"{replay.throw.scene.name}: thrown in MuJoCo"
-    if replay.rest is not None:
-        title += f", ends {'in' if replay.rest.inside else 'outside'} the cup\n{replay.assumed}"
-    figure.suptitle(title, fontsize=11)
-    save(figure, path)
-
-
-def _draw_way(replay: Replay, axes: Any) -> None:
-    """The path of the CoM and the bar along it, at true scale."""
-    scene, throw = replay.throw.scene, replay.throw
     # A thin bar is drawn wider, to be visible.
     bar = dataclasses.replace(scene.object, width=max(scene.object.width, 0.008))
     if scene.cup is not None:
         draw_cup(axes, scene.cup)
     axes.plot(*replay.com[:2], color=BLACK, lw=1, zorder=4, label="CoM")
     opening = replay.times < replay.times[0] + throw.detach_time - throw.opening_time
-    drawn = np.arange(len(replay.times)) % round(EVERY / TICK) == 0
+    drawn = np.arange(len(replay.times)) % round(0.02 / TICK) == 0
     filled = (("opening", ORANGE, drawn & opening), ("after it", GREEN, drawn & ~opening))
     for words, colour, some in filled:
         corners = bar_outline(bar, replay.com[:, some])
         axes.fill(*corners.transpose(0, 2, 1), fc=colour, alpha=0.45, zorder=6)
         axes.plot([], [], color=colour, lw=5, label=words)
     axes.fill(*bar_outline(bar, replay.com[:, -1:])[:, 0], fc=RED, zorder=6, label="end")
-    for name, words, colour in LANDINGS:
-        outline = bar_outline(bar, np.array(getattr(replay, name))[:, None])[:, 0]
+    landings = (("sliding pivot", replay.sp, BLUE), ("limit surface", replay.limit_surface, BLACK))
+    for words, pose, colour in landings:
+        outline = bar_outline(bar, np.array(pose)[:, None])[:, 0]
         axes.fill(*outline, fc="none", ec=colour, lw=1.2, zorder=7, label=f"landing, {words}")
     axes.set(aspect="equal", xlabel="x [m]", ylabel="z [m]")
+    axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=3)
+    title = f"{scene.name}: thrown in MuJoCo"
+    if replay.rest is not None:
+        title += f", ends {'in' if replay.rest.inside else 'outside'} the cup\n{replay.assumed}"
+    figure.suptitle(title, fontsize=11)
+    save(figure, path)
+
+
+def throw_to_rest(plan: Plan | Throw | str | Path) -> tuple[SpaceThrow, str]:
+    """A throw over time until it rests in its cup, and the reason if it stops at the target.
+
+    InputError without a throw that lands.
+    """
+    throw = throw_of(plan)
+    if not throw.lands:
+        place = f"{plan}: thrown again, it" if isinstance(plan, str | Path) else "view: the throw"
+        raise InputError(f"{place} does not land")
+    if throw.scene.cup is None or throw.target.speed:
+        return space_throw(throw), ""
+    try:
+        found = replay(throw)
+    except InputError as error:
+        return space_throw(throw), str(error)
+    return space_throw(throw, (found.times, found.com)), ""
+
+
+def view(
+    plan: Plan | Throw | str | Path,
+    port: int = 8080,
+    hold: float | None = None,
+    browser: bool = True,
+) -> None:
+    """Show a throw in 3-D on a page of this machine; needs the extra `view`.
+
+    plan: a plan, a throw, or the path of a plan.json or of its folder. A bar that lands
+    in a cup falls on into it with the extra `mujoco`. Serves for `hold` seconds, or until
+    interrupted (Ctrl-C, a notebook's stop). InputError without a throw that lands, and for a port
+    that is not available.
+    """
+    port = checked("port", port, int, {"least": 1, "most": 65535})
+    hold = checked("hold", hold, float | None, {"above": 0})
+    space, _ = throw_to_rest(plan)
+    with contextlib.suppress(KeyboardInterrupt), serving(space, port) as (page, panel):
+        print(page)
+        if browser:
+            open_browser(page)
+        run_panel(panel, hold)

@@ -14,49 +14,14 @@ from ...problems import Cup, InputError, Scene
 from ..throw import Throw
 from ..throw.clearance import reach_of_bar
 
-#: Largest penetration [m] of the pads (a pad is a sphere of 1 m on a plate 2 m thick).
-PENETRATION = 0.1
-#: Least mass [kg] of all contact points of a pad together.
-PAD_MASS = 1e-5
-#: Inertia of the driven hand over that of the bar: the bar cannot push the hand.
-HAND_OVER_BAR = 1e4
-#: Stiffness of friction over that of the normal force: below 1e6 loaded points creep.
-IMPRATIO = 1e9
-
 #: Friction of the bar against cup, floor, hand and column.
 FRICTION = 0.4
-#: Time constant [s] of a contact's spring: 1 mm of penetration at 2 m/s.
-CONTACT_TIME = 0.001
-#: Number of boxes in the cup's wall.
-WALL_BOXES = 48
-#: Thickness [m] of the cup's wall.
-WALL = 0.005
-#: Thickness [m] of a bar without a width.
-THIN = 0.001
-#: Half the depth [m] of the hand's body.
-HAND_DEPTH = 0.1
 #: The replay begins this time [s] before the opening.
 LEAD = 0.05
-#: Bounds of the number of steps of the opening.
-STEPS = (200, 50_000)
-#: Largest number of steps before the opening.
-LEAD_STEPS = 20_000
-#: Steps at the start in which the pads settle on the bar.
-SETTLING = 200
-#: Most steps of the flight without collisions.
-FLIGHT_STEPS = 20_000
-#: Longest time [s] after the landing until the bar rests.
-PATIENCE = 4.0
-#: Speed [m/s] of the CoM below which a bar may rest.
-STILL = 0.005
-#: Turning rate [rad/s] below which a bar may rest.
-STILL_TURN = 0.05
-#: Time [s] below both speeds after which a bar rests.
-STILL_FOR = 0.1
+#: Thickness [m] of the cup's wall.
+WALL = 0.005
 #: Name of the column under the arm.
 COLUMN = "base column"
-#: Penetration [m] of a contact at rest: a bar on the cup's bottom sinks in by less.
-SUNK = 0.002
 
 
 @dataclass(frozen=True)
@@ -121,9 +86,9 @@ def release_run(throw: Throw, step: float, points: int) -> tuple[Array, Array]:
     """
     mujoco = load_mujoco()
     scene, profile = throw.scene, throw.scene.gripper.profile()
-    steps = int(np.clip(round(profile.opening / step), *STEPS))
+    steps = int(np.clip(round(profile.opening / step), 200, 50_000))
     step = profile.opening / steps
-    lead = min(round(min(LEAD, throw.opening_time) / step), LEAD_STEPS)
+    lead = min(round(min(LEAD, throw.opening_time) / step), 20_000)
     times = throw.opening_time + step * np.arange(-lead, steps + 1.0)
     hand = throw.hand(times)
     pose, twist = hand.pose.T, hand.twist.T
@@ -136,7 +101,8 @@ def release_run(throw: Throw, step: float, points: int) -> tuple[Array, Array]:
     qpos, qvel, bar = data.qpos, data.qvel, slice(model.nq - 3, None)
     start = sticking_state(pose[0], twist[0], scene.grasp.angle, scene.com_offset)
     data.ctrl[:] = force[0]
-    for _ in range(SETTLING):
+    # The pads settle on the bar.
+    for _ in range(200):
         qpos[:3], qvel[:3], qpos[bar], qvel[bar] = pose[0], twist[0], start[:3], start[3:]
         mujoco.mj_step(model, data)
     qpos[bar], qvel[bar] = start[:3], start[3:]
@@ -156,9 +122,10 @@ def release_run(throw: Throw, step: float, points: int) -> tuple[Array, Array]:
 def fly(
     throw: Throw, detach: Array, start: float, end: float, step: float, restitution: float | None
 ) -> SimulatedFlight:
-    """The flight from `start` to `end` [s], with a cup until the bar rests.
+    """The flight from `start` to `end` [s], with a cup until the bar rests, at most 4 s longer.
 
-    detach (6,): pose and twist of the bar at `start`; restitution: None for no collisions.
+    detach (6,): pose and twist of the bar at `start`; restitution: None for no collisions. A bar
+    rests that has been slower than 5 mm/s and 0.05 rad/s for 0.1 s.
     """
     mujoco = load_mujoco()
     alone, scene = restitution is None, throw.scene
@@ -170,7 +137,7 @@ def fly(
     x, z, theta, v_x, v_z, omega = detach
     data.qpos[:] = x, 0.0, z, math.cos(theta / 2), 0.0, -math.sin(theta / 2), 0.0
     data.qvel[:] = v_x, 0.0, v_z, 0.0, -omega, 0.0
-    last = end if cup is None else end + PATIENCE
+    last = end if cup is None else end + 4.0
     count = max(math.ceil((last - start) / step), 1)
     times = start + step * np.arange(count + 1.0)
     hand = throw.manipulator.hand(throw.to_rest).at(times).pose.T if has_hand(scene) else None
@@ -198,10 +165,10 @@ def fly(
         touched_rim |= "cup wall" in contacts and not entered
         touched |= dict.fromkeys(sorted(contacts - {"bar"}))
         speed, turning = np.linalg.norm(data.qvel[:3]), np.linalg.norm(data.qvel[3:])
-        still = still + 1 if speed < STILL and turning < STILL_TURN else 0
-        if cup is not None and still * step >= STILL_FOR and times[k] > end:
+        still = still + 1 if speed < 0.005 and turning < 0.05 else 0
+        if cup is not None and still * step >= 0.1 and times[k] > end:
             break
-    rows, times, at_rest = rows[: k + 1], times[: k + 1], still * step >= STILL_FOR
+    rows, times, at_rest = rows[: k + 1], times[: k + 1], still * step >= 0.1
     angles = np.unwrap(np.arctan2(rows[:, 5], rows[:, 3]))
     angles += 2 * np.pi * round((detach[2] - angles[0]) / (2 * np.pi))
     poses = np.array([rows[:, 0], rows[:, 2], angles])
@@ -231,7 +198,8 @@ def is_in(scene: Scene, cup: Cup, com: Array, axis: Array) -> bool:
     """Whether the CoM is always inside the cup's radius and the lower end in the cup."""
     low = lowest(scene, com, axis)
     inside = np.hypot(com[:, 0] - cup.x, com[:, 1]) < cup.radius
-    return bool((inside & (cup.rim - cup.depth - SUNK <= low) & (low < cup.rim)).all())
+    # A bar at rest sinks into the cup's bottom by less than 2 mm.
+    return bool((inside & (cup.rim - cup.depth - 0.002 <= low) & (low < cup.rim)).all())
 
 
 def _enters(scene: Scene, cup: Cup, row: Array) -> bool:
@@ -262,7 +230,8 @@ def release_model(scene: Scene, step: float, points: int) -> Any:
     the limit surface. Pads have no size: the bar cannot slip out of them.
     """
     mujoco, contact, bar = load_mujoco(), scene.patch, scene.object
-    spec = _spec(scene, step, IMPRATIO)
+    # Stiffness of friction over that of the normal force: below 1e6 loaded points creep.
+    spec = _spec(scene, step, impratio=1e9)
     spec.option.tolerance, spec.option.jacobian = 1e-14, mujoco.mjtJacobian.mjJAC_DENSE
     bodies = [spec.worldbody.add_body(name=name) for name in ("hand", "bar")]
     for body, armature in zip(bodies, (hand_inertia(scene), 0.0), strict=True):
@@ -276,7 +245,8 @@ def release_model(scene: Scene, step: float, points: int) -> Any:
     box, sphere = mujoco.mjtGeom.mjGEOM_BOX, mujoco.mjtGeom.mjGEOM_SPHERE
     carried.add_geom(name="bar", type=box, size=[reach, 1, reach], **untouched)
     radius, torsion = contact.torsion_arm if points > 1 else 0.0, contact.torsion_arm
-    mass = max(PAD_MASS, scene.gripper.profile().full * (2 * step) ** 2 / PENETRATION) / points
+    # Pads are spheres of 1 m on a plate 2 m thick: heavy enough to sink in by 0.1 m at most.
+    mass = max(1e-5, scene.gripper.profile().full * (2 * step) ** 2 / 0.1) / points
     for side in (1, -1)[: pads_of(scene)]:
         for k in range(points):
             name, angle = f"pad{side}_{k}", 2 * math.pi * k / points
@@ -310,40 +280,40 @@ def _weigh(body: Any, mass: float, inertia: list[float]) -> None:
 
 
 def hand_inertia(scene: Scene) -> float:
-    """Mass and moment of inertia [kg, kg m^2] of the driven hand."""
+    """Mass and moment of inertia [kg, kg m^2] of the driven hand, which no bar can push."""
     bar = scene.object
-    return HAND_OVER_BAR * max(bar.mass, bar.inertia + bar.mass * scene.com_offset**2)
+    return 1e4 * max(bar.mass, bar.inertia + bar.mass * scene.com_offset**2)
 
 
 def landing_model(scene: Scene, step: float, restitution: float) -> Any:
     """The bar, free in space, and the scene's cup, hand and base column.
 
-    The cup is fixed and stands on a floor; the hand is a mocap body.
+    The cup is fixed and stands on a floor; hand and column are mocap bodies, the hand the first.
     """
     mujoco, bar, damping = load_mujoco(), scene.object, damping_ratio(restitution)
-    spec = _spec(scene, step, 10.0)
+    box, workspace = mujoco.mjtGeom.mjGEOM_BOX, scene.workspace
+    spec = _spec(scene, step, impratio=10.0)
     spec.option.integrator = mujoco.mjtIntegrator.mjINT_RK4
     spec.default.geom.friction = [FRICTION, 0.001, 0.0001]
-    spec.default.geom.solref = [CONTACT_TIME / damping, damping]
+    # The contact's spring has a time constant of 1 ms: 1 mm of penetration at 2 m/s.
+    spec.default.geom.solref = [0.001 / damping, damping]
     if scene.cup is not None:
-        _add_cup(spec, scene.cup, 2 * reach_of_bar(scene.object))
-    workspace, box, columns = scene.workspace, mujoco.mjtGeom.mjGEOM_BOX, []
-    if workspace is not None and workspace.column_radius and workspace.column_height:
-        half = workspace.column_height / 2
-        size, kind = [workspace.column_radius, half, 0], mujoco.mjtGeom.mjGEOM_CYLINDER
-        place = [0, 0 if scene.target is None else -scene.target.lateral, half]
-        columns.append((kind, size, place))
+        _add_cup(spec, scene.cup, 2 * reach_of_bar(bar))
     if has_hand(scene):
         assert scene.arm is not None
         back, front = scene.arm.tool.palm_back, scene.arm.tool.palm_front
-        size = [(back - front) / 2, HAND_DEPTH, scene.arm.tool.palm_half_width]
+        size = [(back - front) / 2, 0.1, scene.arm.tool.palm_half_width]
         hand = spec.worldbody.add_body(name="hand", mocap=True)
         hand.add_geom(name="hand", type=box, size=size, pos=[-(back + front) / 2, 0, 0])
-    for kind, size, place in columns:
+    if workspace is not None and workspace.column_radius and workspace.column_height:
+        half, target = workspace.column_height / 2, scene.target
         # In the frame of a cup that moves, the column moves.
+        place = [0, 0 if target is None else -target.lateral, half]
         column = spec.worldbody.add_body(name=COLUMN, mocap=True, pos=place)
+        kind, size = mujoco.mjtGeom.mjGEOM_CYLINDER, [workspace.column_radius, half, 0]
         column.add_geom(name=COLUMN, type=kind, size=size)
-    width = max(bar.width, THIN)
+    # A bar without a width is 1 mm thick.
+    width = max(bar.width, 0.001)
     slender = float(np.clip(bar.mass * width**2 / 6, 1e-2 * bar.inertia, 2 * bar.inertia))
     flying = spec.worldbody.add_body(name="bar")
     flying.add_freejoint()
@@ -355,7 +325,7 @@ def landing_model(scene: Scene, step: float, restitution: float) -> Any:
 
 def _add_cup(spec: Any, cup: Cup, beyond: float) -> None:
     """A round wall of boxes on a plate, and the floor under it; `beyond` [m] is drawn only."""
-    kinds = load_mujoco().mjtGeom
+    kinds, boxes = load_mujoco().mjtGeom, 48
     bottom, half, outer = cup.rim - cup.depth, cup.depth / 2, cup.radius + WALL
 
     def add(name: str, kind: Any, size: list[float], place: list[float], turn: float = 0.0) -> None:
@@ -365,9 +335,9 @@ def _add_cup(spec: Any, cup: Cup, beyond: float) -> None:
     add("floor", kinds.mjGEOM_PLANE, [beyond, beyond, 1.0], [cup.x, 0.0, bottom - WALL])
     plate = [outer, outer, WALL / 2]
     add("cup bottom", kinds.mjGEOM_BOX, plate, [cup.x, 0.0, bottom - WALL / 2])
-    size, away = [WALL / 2, outer * math.tan(math.pi / WALL_BOXES), half], cup.radius + WALL / 2
-    for k in range(WALL_BOXES):
-        turn = 2 * math.pi * k / WALL_BOXES
+    size, away = [WALL / 2, outer * math.tan(math.pi / boxes), half], cup.radius + WALL / 2
+    for k in range(boxes):
+        turn = 2 * math.pi * k / boxes
         place = [cup.x + away * math.cos(turn), away * math.sin(turn), bottom + half]
         add(f"wall {k}", kinds.mjGEOM_BOX, size, place, turn)
 
@@ -378,7 +348,6 @@ def damping_ratio(restitution: float) -> float:
     The mass leaves when the force is zero: exp(-2 d acos(d) / sqrt(1 - d^2)) for a ratio d, 0.135
     at critical damping; no ratio above 4, so that steps stay short enough.
     """
-
     from scipy.optimize import brentq
 
     def left(d: float) -> float:

@@ -2,33 +2,34 @@
 
 from __future__ import annotations
 
+import dataclasses
 import gc
 from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
+import casadi as ca
 import numpy as np
 
 from ...models import Array
-from ...problems import InputError
-from ..throw import TICK
+from ...models.robot import Arm
+from ...problems import InputError, ThrowPlane
+from ..throw import TICK, Samples, joint_limits, within_limits
+from ..throw.clearance import (
+    BAR,
+    CollisionScene,
+    SweptBodies,
+    bar_ends,
+    clearances_of,
+    held_bar,
+)
+from ..verdict import Code, Finding, collision
 from .controllers import OPEN_WIDTH, JointMotion
 from .franka import STILL, Franka, GripperLink, GripperState, controller_errors, load_franka
 from .learning import corrected
 from .recording import Recording
-from .way import approach
 
-#: The arm stands if no joint is faster than `STILL` for this time [s].
-STILL_FOR = 0.1
-#: Largest distance [rad] of a standing joint to its goal.
-NEAR = 0.03
-#: Longest time [s] until the arm stands at its goal.
-SETTLING = 5.0
 #: Largest speed [m/s] of the gripper.
 GRIPPER_SPEED = 0.2
-#: Largest continuous force [N] of a grasp.
-GRASP_FORCE = 70.0
-#: Widths [m] of the gripper that differ by less are equal.
-SAME_WIDTH = 2e-3
 
 
 def throws(
@@ -61,7 +62,8 @@ def play(franka: Franka, motion: JointMotion, way: Array) -> Recording:
     InputError for errors of the controller, and if the arm does not come to rest at the goal.
     """
     binding, gripper = load_franka(), franka.gripper
-    first, sent = _commands(binding, way), _commands(binding, motion.q)
+    # The commands are made before the stream begins.
+    first, sent = ([binding.JointPositions(row) for row in q.tolist()] for q in (way, motion.q))
     # The order is sent in the command's cycle; the gripper's process waits for the rest of it.
     command = motion.throw.command_time
     orders: list[float] = []
@@ -112,13 +114,14 @@ def _closes(now: GripperState, grasp: GripperState) -> str:
 
 
 def _equal(one: GripperState, other: GripperState) -> bool:
-    return one.holds == other.holds and abs(one.width - other.width) < SAME_WIDTH
+    return one.holds == other.holds and abs(one.width - other.width) < 2e-3
 
 
 def _close_again(gripper: GripperLink, grasp: GripperState) -> None:
     """Close the gripper as before the first throw; InputError if it lacks the object."""
     if grasp.holds:
-        gripper.order("grasp", grasp.width, GRIPPER_SPEED, GRASP_FORCE)
+        force = 70.0  # N, the largest continuous one
+        gripper.order("grasp", grasp.width, GRIPPER_SPEED, force)
     else:
         gripper.order("move", grasp.width, GRIPPER_SPEED)
     if gripper.answer().holds != grasp.holds:
@@ -127,18 +130,14 @@ def _close_again(gripper: GripperLink, grasp: GripperState) -> None:
         )
 
 
-def _commands(binding: Any, q: Array) -> list[Any]:
-    """The commands, made before the stream begins."""
-    return [binding.JointPositions(row) for row in q.tolist()]
-
-
 def _stream(
     control: Any, commands: Sequence[Any], goal: Array, cycle: Callable[[float], None] | None = None
 ) -> list[tuple[float, Any]]:
     """Send a command per millisecond of the robot's clock, the last one until the arm stands.
 
-    goal (joints,) [rad]: the last command. cycle: called in each cycle with the time [s] since the
-    first command. Returns that time and the robot's state in each cycle.
+    It stands once it has been at rest for 0.1 s, within 0.03 rad of the goal (joints,) [rad], which
+    is the last command; InputError if it does not within 5 s. cycle: called in each cycle with the
+    time [s] since the first command. Returns that time and the robot's state in each cycle.
     """
     seen: list[tuple[float, Any]] = []
     last, first, still = len(commands) - 1, None, 0
@@ -156,14 +155,117 @@ def _stream(
         if sample < last:
             continue
         still = still + 1 if max(map(abs, state.dq)) < STILL else 0
-        if still >= STILL_FOR / TICK:
-            away = np.abs(np.array(state.q) - goal)
-            if away.max() < NEAR:
-                return seen
-        if elapsed > TICK * last + SETTLING:
-            joint = int(np.argmax(np.abs(np.array(state.q) - goal)))
-            off = abs(state.q[joint] - goal[joint])
+        away = np.abs(np.array(state.q) - goal)
+        if still >= 0.1 / TICK and away.max() < 0.03:
+            return seen
+        if elapsed > TICK * last + 5.0:
             raise InputError(
-                f"the arm does not come to stand where it was sent: joint {joint + 1} is "
-                f"{off:.3f} rad away: check the load set in Desk"
+                f"the arm does not come to stand where it was sent: joint {away.argmax() + 1} is "
+                f"{away.max():.3f} rad away: check the load set in Desk"
             )
+
+
+# The way to the start pose.
+
+
+def approach(motion: JointMotion, start: Array) -> Array:
+    """All joints (N, joints) [rad] every millisecond, slowly from rest at `start` to the motion's.
+
+    Straight, or else by a raised pose: the shoulder in the middle of its range, other joints as in
+    the start pose. InputError if neither keeps the arm's limits, or if arm or held bar would come
+    too close to the floor, an obstacle, or each other.
+    """
+    arm, goal = motion.arm, motion.q[0]
+    raised, shoulder = goal.copy(), arm.throwing_joints[0] - 1
+    raised[shoulder] = (arm.limits.position_min[shoulder] + arm.limits.position_max[shoulder]) / 2
+    straight = _straight(arm, start, goal)
+    collision_words = _collision(motion, straight)
+    if not collision_words:
+        return straight
+    way = np.vstack([_straight(arm, start, raised), _straight(arm, raised, goal)[1:]])
+    if _collision(motion, way):
+        raise InputError(
+            f"the way to the start pose is not clear: {collision_words}: guide the arm nearer to it"
+        )
+    return way
+
+
+def _straight(arm: Arm, start: Array, goal: Array) -> Array:
+    """Joints (N, joints) from rest to rest within all limits; InputError if there are none."""
+    import ruckig
+
+    n, limits = arm.joints, joint_limits(arm, range(1, arm.joints + 1))
+    order, trajectory = ruckig.InputParameter(n), ruckig.Trajectory(n)
+    order.current_position, order.target_position = start.tolist(), goal.tolist()
+    # Shares of the limits, halved until those that depend on the position hold.
+    for share in 0.5 ** np.arange(6):
+        order.max_velocity = (0.2 * share * limits.dq).tolist()
+        order.max_acceleration = (0.1 * share * limits.ddq).tolist()
+        order.max_jerk = (0.1 * share * limits.jerk).tolist()
+        if ruckig.Ruckig(n).calculate(order, trajectory) != ruckig.Result.Working:
+            break
+        times = np.arange(0.0, trajectory.duration + TICK, TICK)
+        states = np.array([trajectory.at_time(min(t, trajectory.duration)) for t in times])
+        rows = np.moveaxis(states, 1, 0)
+        # Joint by joint: an arm may have more joints than the core takes at once.
+        if all(
+            within_limits(joint_limits(arm, [j + 1]), Samples(*rows[:, :, j : j + 1]))
+            for j in range(n)
+        ):
+            return states[:, 0]
+    raise InputError("the way to the start pose breaks a limit: guide the arm nearer to it")
+
+
+def _collision(motion: JointMotion, q: Array) -> str:
+    """The first collision on a way (N, joints) to the start pose, in words; empty without one."""
+    scene, capsules = motion.throw.scene, motion.throw.manipulator.capsules
+    if capsules is None:
+        return ""
+    # The first link turns about its own axis; the flange turns with the hand.
+    moved = (min(number, motion.arm.joints) - 1 for number in capsules.number)
+    obstacles = dataclasses.replace(
+        CollisionScene.of(scene, motion.throw.manipulator, ThrowPlane(0.0, 0.0)),
+        arm=dataclasses.replace(capsules, moved_by=tuple(joint or -1 for joint in moved)),
+    )
+    # The core also measures the motion between these samples.
+    places = np.unique(np.append(np.arange(0, len(q), 10), len(q) - 1))
+    track = _track(motion, q[places], TICK * places)
+    for found in clearances_of(track, obstacles):
+        return collision(found).words
+    floor = None if scene.workspace is None else scene.workspace.floor
+    if floor is None:
+        return ""
+    clearance = track.ends[-1, :, 2].min(axis=0) - track.radius[-1] - floor
+    # At the start of a throw the capsule around the bar may be below the floor.
+    lowest = (clearance - min(clearance[-1], 0.0)).min()
+    return "" if lowest >= -1e-6 else Finding(Code.FLOOR, floor + lowest, floor, body=BAR).words
+
+
+def _track(motion: JointMotion, q: Array, times: Array) -> SweptBodies:
+    """Links, hand and held bar in the base frame, with joints q (N, joints) at times (N,) [s]."""
+    throw, arm, capsules = motion.throw, motion.arm, motion.throw.manipulator.capsules
+    assert capsules is not None
+    angles = ca.SX.sym("q", arm.joints)
+    frames = arm.frames(angles)
+    hand = frames[-1] + 0
+    hand[:3, 3] -= arm.tool.tcp * hand[:3, 2]
+    links = ca.Function("links", [angles], [ca.vec(f) for f in (*frames[: arm.joints], hand)])
+    # (links, N, 4, 4), the base first.
+    found = [np.array(v).T.reshape(-1, 4, 4).swapaxes(1, 2) for v in links.map(len(q))(q.T)]
+    at = np.array([np.broadcast_to(np.eye(4), (len(q), 4, 4)), *found])
+    # The throw's start gives the pose of the bar in the hand.
+    place = throw.path.at([0.0]).pose
+    pose = throw.manipulator.motion(place, 0 * place, 0 * place)[0]
+    ends = bar_ends(throw.scene.object, held_bar(throw.scene, pose))[0, :, :, 0]
+    bar = throw.target.plane.points(ends[:, 0], ends[:, 2])
+    grasp = np.array(links(motion.q[0])[-1]).reshape(4, 4, order="F")
+    local = (bar - grasp[:3, 3]) @ grasp[:3, :3]
+    bodies = [(c.link, np.array([c.begin, c.end])) for c in arm.capsules] + [(-1, local)]
+    placed = [
+        np.einsum("nij,kj->kin", at[link][:, :3, :3], two) + at[link][:, :3, 3].T
+        for link, two in bodies
+    ]
+    width = throw.scene.object.width / np.sqrt(2)
+    cover = np.append(np.full(len(arm.capsules), arm.cover), 0.0)
+    radius = np.append(capsules.radius, width)
+    return SweptBodies((*capsules.names, BAR), np.array(placed), radius, cover, times, flying=False)

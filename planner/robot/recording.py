@@ -27,12 +27,6 @@ from .controllers import JointMotion
 CUTOFF = 60.0
 #: An arm is at rest if every joint is slower than this [rad/s].
 REST_RATE = 0.02
-#: A recording begins on the start pose if every joint is within this [rad] of its command.
-START_ERROR = 0.05
-#: Samples appended to a recording that ends at rest: the arm stays there longer than objects fly.
-HELD_SAMPLES = 2000
-#: Fewest samples of a recording that a response is fitted to.
-FEWEST_SAMPLES = 16
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,21 +57,23 @@ class Recording:
         """
         manipulator, opening_time = plan.manipulator, self.opening_time(plan.scene)
         detach = opening_time + plan.scene.gripper.profile().opening
-        if self.times.size < FEWEST_SAMPLES or self.times[-1] < detach:
+        # A response is fitted to at least 16 samples.
+        if self.times.size < 16 or self.times[-1] < detach:
             last = self.times[-1] if self.times.size else 0.0
             raise InputError(
                 f"the recording ends at {last:.3f} s, before the pads are open ({detach:.3f} s)"
             )
         rate, error = np.abs(self.dq[0]), np.abs(self.q[0] - self.sent[0])
-        if rate.max() > REST_RATE or error.max() > START_ERROR:
+        if rate.max() > REST_RATE or error.max() > 0.05:
             raise InputError("the recording does not begin at rest on the start pose")
         times, q, sent = self.throwing(plan)
         response = Response.fitted(sent, q).all(sent)
         measured = response + low_pass(times, q - response, CUTOFF)[1]
         end, speeds = float(times[-1]), np.abs(self.dq[-1])
         if speeds.max() < REST_RATE:
-            times = np.linspace(0.0, end + TICK * HELD_SAMPLES, len(times) + HELD_SAMPLES)
-            measured = np.pad(measured, ((0, HELD_SAMPLES), (0, 0)), "edge")
+            # At rest it stays there for 2 s, longer than objects fly.
+            times = np.linspace(0.0, end + TICK * 2000, len(times) + 2000)
+            measured = np.pad(measured, ((0, 2000), (0, 0)), "edge")
         path = Trajectory.through(times, measured)
         throw = Throw(plan.scene, manipulator, path, opening_time, model=plan.model)
         if throw.lands and path.end < throw.landing_time:
@@ -102,11 +98,8 @@ class Recording:
         joints = [j - 1 for j in arm.throwing_joints]
         ticks = int(self.times[-1] / TICK + 1e-6)
         even = np.linspace(0.0, TICK * ticks, ticks + 1)
-        q, sent = (
-            np.column_stack([np.interp(even, self.times, column) for column in values.T])
-            for values in (q, self.sent[:, joints])
-        )
-        return even, q, sent
+        measured = interpolated(even, self.times, q)
+        return even, measured, interpolated(even, self.times, self.sent[:, joints])
 
     def to_dict(self, plan: Throw) -> dict[str, Any]:
         """Where the measured motion throws the object, as JSON: SI units, radians.
@@ -170,6 +163,11 @@ class Recording:
         columns = {"t": self.times, "q": self.q, "dq": self.dq, "sent": self.sent}
         columns |= {"width": self.width, "since_command": self.times - self.command_time}
         write_table(path, columns)
+
+
+def interpolated(times: Array, known: Array, values: Array) -> Array:
+    """Values (N, n) at `known` times (N,), linearly at others (K,); at the ends the nearest."""
+    return np.column_stack([np.interp(times, known, column) for column in values.T])
 
 
 def read_recording(path: str | Path, motion: JointMotion) -> Recording:

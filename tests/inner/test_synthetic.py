@@ -18,9 +18,10 @@ from throwplan.planner.identify.synthetic import (
     design,
     grip_use,
     make_throws,
+    panda,
     scene_with,
 )
-from throwplan.planner.throw import Throw, excesses, make_manipulator
+from throwplan.planner.throw import Throw, excesses
 from throwplan.planner.verdict import Code, verdict
 from throwplan.problems import Pose
 from throwplan.problems.throws import ThrowData, load_throws, write_throws
@@ -40,15 +41,15 @@ def exact() -> Made:
 
 @pytest.mark.parametrize("pitch", ["p1", "p2", "p3"])
 def test_the_design_keeps_limits_grip_and_workspace(pitch: str) -> None:
-    manipulator, height = make_manipulator(scene_with("com1")), -0.65
-    held = dict.fromkeys((c.bar, c.surface) for c in conditions(True) if c.pitch == pitch)
+    manipulator, height = panda(), -0.65
+    held = dict.fromkeys((c.bar, c.labels["surface"]) for c in conditions(True) if c.pitch == pitch)
     for motion in design()[pitch]:
         samples, at = motion.samples, motion.opening_time
         assert not excesses(manipulator, samples)
         assert np.abs(samples.q[0] - samples.q[1]).max() < 2e-4
         for bar, surface in held:
             scene = scene_with(bar, surface)
-            assert grip_use(manipulator, motion, scene) <= 0.8
+            assert grip_use(motion, scene) <= 0.8
             aimed = scene.aimed_at(Pose(x=0.0, z=height))
             throw = Throw(aimed, manipulator, samples.path, at).sliding_pivot
             assert verdict(throw).without(Code.LANDING).ok
@@ -96,7 +97,7 @@ def test_more_throws_vary_one_factor_each(batch: Made) -> None:
 
 def test_noise_is_as_stated(batch: Made) -> None:
     data, flown = batch
-    noise, manipulator = Noise(), make_manipulator(scene_with("com1"))
+    noise = Noise()
     landed = np.array([throw.landing for throw in data.throws], float)
     true = np.array([throw.landing for throw in flown])
     off = np.column_stack([landed[:, 0] - true[:, 0], landed[:, 2] - true[:, 1]])
@@ -104,11 +105,7 @@ def test_noise_is_as_stated(batch: Made) -> None:
     still = np.concatenate([throw.motion[:, 4] for throw in data.throws])
     assert still.std() == pytest.approx(noise.joints, rel=0.02)
     pairs = zip(data.throws, flown, strict=True)
-    tracked = [
-        t.track[:, 1:] - f.poses(manipulator, t.track[:, 0])
-        for t, f in pairs
-        if t.track is not None
-    ]
+    tracked = [t.track[:, 1:] - f.poses(t.track[:, 0]) for t, f in pairs if t.track is not None]
     stated = [noise.position, noise.position, noise.angle]
     np.testing.assert_allclose(np.concatenate(tracked).std(axis=0), stated, rtol=0.03)
     events = [throw.event for throw in flown]

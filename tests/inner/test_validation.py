@@ -123,13 +123,13 @@ def test_the_true_model_finds_the_truth(data, found):
     # Nothing but the noise is left: 5 mm and 0.03 rad times half the bar's length.
     left = math.sqrt(2 / math.pi) * (0.005 + 0.03 * 0.13)
     assert check.grid.error.min() == pytest.approx(left, rel=0.35)
-    assert check.surface == [""] * 24 + ["paper"] * 3
+    assert found.surface == [""] * 24 + ["paper"] * 3
 
 
 def test_cross_validation_by_hand(found):
     for check in found.checks.values():
         crossed = check.crossed
-        assert (crossed.folds, crossed.throws) == (6, 24)
+        assert (len(crossed.parameters), len(found.batch)) == (6, 24)
         assert crossed.outside[0] >= crossed.inside[0] == pytest.approx(check.grid.error.min())
         assert crossed.inside[1] < crossed.inside[0] < crossed.inside[2]
     check = found.checks["sp"]
