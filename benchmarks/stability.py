@@ -10,8 +10,8 @@ import numpy as np
 from throwplan import Plan, Planner, load_scene, scene_names
 from throwplan.models import Array
 from throwplan.planner.ocp import ThrowNlp
+from throwplan.planner.samples import starts
 from throwplan.planner.search import Task, attempts, release_start
-from throwplan.planner.search.samples import starts
 from throwplan.planner.show import Row, Table
 
 from .extremes import PATIENCE, CaseOutcome, cases, outcomes, some

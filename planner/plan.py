@@ -5,6 +5,7 @@ from __future__ import annotations
 from ..problems import Pose
 from .ocp import Request
 from .result import Plan, PlannedThrow
+from .samples import highest
 from .search import (
     FROM_NOTHING,
     FROM_THROWS,
@@ -18,7 +19,6 @@ from .search import (
     from_warm_plan,
     nothing_found,
 )
-from .search.samples import highest
 
 #: What binds where no sampled release comes down through the target's height.
 HEIGHT = "landing height"

@@ -16,6 +16,7 @@ from .library import Library, Turns
 from .plan import plan_from_warm, plan_throw
 from .reach import default_workers, grow
 from .result import Plan
+from .samples import Releases, ReleaseSampler, stored_releases
 from .search import (
     Clock,
     NlpCache,
@@ -25,7 +26,6 @@ from .search import (
     check_start,
     remaining_throw,
 )
-from .search.samples import Releases, ReleaseSampler, stored_releases
 from .sweep import Hardening, hardened, robust_scene
 from .throw import State, Throw, make_manipulator
 from .throw.clearance import check_obstacles

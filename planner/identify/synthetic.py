@@ -33,7 +33,7 @@ from ...problems import (
     load_scene,
 )
 from ...problems.throws import MeasuredThrow, Shared, ThrowData
-from ..search.samples import carry
+from ..samples import carry
 from ..throw import TICK, Manipulator, Samples, Throw, make_manipulator, send
 from .predict import Progress
 

@@ -23,8 +23,8 @@ import numpy as np
 
 from ..library import Library, Records
 from ..ocp import Optimum
+from ..samples import Releases, sparse_parents, starts
 from ..search import Clock, NlpCache
-from ..search.samples import Releases, sparse_parents, starts
 from ..workers import Progress, run_jobs
 from .cells import Cell, Cells, Landings, landings_of
 from .solving import (

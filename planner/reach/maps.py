@@ -22,8 +22,8 @@ from ...problems import InputError, Scene, as_scene, checked
 from ...problems.files import filling
 from ..library import Library
 from ..ocp import CUP_MARGIN, FLIGHT_MAX
+from ..samples import highest, joined
 from ..search import check_start
-from ..search.samples import highest, joined
 from ..throw import make_manipulator
 from ..verdict import lands_well
 from ..workers import Progress

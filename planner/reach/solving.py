@@ -10,6 +10,7 @@ from functools import cached_property, lru_cache
 from ...problems import Pose, Scene
 from ..library import Neighbour
 from ..ocp import BASE, Optimum, ReducedVariables, Refinement, Request
+from ..samples import Releases, starts
 from ..search import (
     Clock,
     Corrector,
@@ -22,7 +23,6 @@ from ..search import (
     optimum_of,
     release_start,
 )
-from ..search.samples import Releases, starts
 from ..throw import make_manipulator
 from .cells import Cell
 

@@ -1,16 +1,12 @@
-"""The search for throws: strategies give the next try from the history of tries.
-
-`samples` has the sampled throws that solves start from.
-"""
+"""The search for throws: strategies give the next try from the history of tries."""
 
 from .attempt import Attempt, Start, attempts, error_over
 from .candidates import release_start
 from .continuation import SqpContinuation
 from .corrector import CORRECTOR, Corrector, moved_start, optimum_of
 from .failure import check_contradictions, contradiction, nothing_found
-from .guess import guess_from, initial_guess_from
+from .guess import guess_from, initial_guess_from, remaining_throw, remaining_trajectory
 from .history import History
 from .loop import find_throws
 from .nlps import Clock, NlpCache, Task, check_start
-from .remaining import remaining_throw, remaining_trajectory
 from .strategies import FROM_NOTHING, FROM_THROWS, Search, SearchContext, from_warm_plan

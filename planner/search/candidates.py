@@ -12,12 +12,12 @@ import numpy as np
 
 from ...models import Array, Flags
 from ...problems import Pose, Scene
+from ..samples import Releases, flies_past_column, in_obstacles, sampled_throw, starts
 from ..throw import Manipulator, column_of
 from ..verdict import lands_well, verdict
 from .attempt import Start
 from .guess import guess_from
 from .nlps import NlpCache, Task
-from .samples import Releases, flies_past_column, in_obstacles, sampled_throw, starts
 
 #: Numbers of sampled releases to solve from, for each throw that is wanted, by solver in order.
 STARTS = (("ipopt", 1), ("fatrop", 6), ("ipopt", 4))

@@ -1,8 +1,11 @@
-"""Decision vectors to start an NLP from: of a sampled release, or of a throw of another NLP."""
+"""Where an NLP starts: decision vectors of a sampled release or of another NLP's throw, and the
+motion of a swing under way from an instant on."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,8 +20,8 @@ from ..ocp import (
     opening_nodes,
 )
 from ..result import PlannedThrow
-from ..throw import Manipulator, case_of
-from .samples import Releases, polynomial, run_up
+from ..samples import Releases, polynomial, run_up
+from ..throw import NO_SAMPLES, TICK, Manipulator, Throw, case_of
 
 #: How long before and after the landing height [s] the cup's depths are looked for, and in
 #: how many instants.
@@ -142,3 +145,26 @@ def _as_thrown(nlp: ThrowNlp, throw: PlannedThrow) -> tuple[Array, Array, float,
     assert flown is not None
     entries = [time for time in entered if time is not None]
     return nodes, track, float(flown[0]), np.concatenate([np.zeros(0), *entries])
+
+
+def remaining_throw(throw: PlannedThrow, manipulator: Manipulator) -> PlannedThrow | None:
+    """The rest of a throw from where it is nearest to the state that `manipulator` begins in."""
+    if manipulator.start is None:
+        return None
+    samples, weight = throw.samples, manipulator.hard.dq
+    off = np.abs(samples.q - manipulator.start)
+    off += np.abs(samples.dq - manipulator.initial_motion[0]) / weight
+    before = math.floor(throw.opening_time / TICK)
+    time = TICK * int(off[:before].sum(axis=1).argmin())
+    return remaining_trajectory(throw.deciding, time, manipulator, throw.planned)
+
+
+def remaining_trajectory(
+    throw: Throw, time: float, manipulator: Manipulator, planned: Trajectory | None = None
+) -> PlannedThrow:
+    """The rest of a throw's motion from `time` [s] on; planned: its motion up to detach."""
+    path, opens = throw.path.shifted(time), throw.opening_time - time
+    rest = replace(
+        throw, manipulator=manipulator, path=path, opening_time=opens, samples=NO_SAMPLES
+    )
+    return PlannedThrow(path if planned is None else planned.shifted(time), rest, 0.0, (0, 0))

@@ -16,6 +16,7 @@ from itertools import islice
 from ..library import Library, Neighbour
 from ..ocp import BASE, Optimum, Refinement, Request
 from ..result import PlannedThrow
+from ..samples import Releases, ReleaseSampler
 from ..throw import Manipulator
 from .attempt import Attempt, Start
 from .candidates import STARTS, Candidates, release_start
@@ -24,7 +25,6 @@ from .failure import in_column
 from .guess import initial_guess_from
 from .history import Approach, History, Move, Solve, Try
 from .nlps import NlpCache, Task
-from .samples import Releases, ReleaseSampler
 
 #: Solved throws that are moved to the target: for one throw, and for each of several.
 MOVED, MOVED_FOR_CHOICE = 4, 6

@@ -11,8 +11,8 @@ import pytest
 import throwplan as tp
 from builders import nlp_of, request_of, varied
 from throwplan.planner.ocp import ThrowNlp, nlp_functions
+from throwplan.planner.samples import ReleaseSampler, starts
 from throwplan.planner.search import guess_from
-from throwplan.planner.search.samples import ReleaseSampler, starts
 from throwplan.planner.throw import make_manipulator
 
 #: (variables, constraints) of the built-in scenes: what a scene does not need is not there.

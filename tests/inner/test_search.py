@@ -12,7 +12,7 @@ import throwplan as tp
 from scipy.interpolate import BPoly
 from throwplan.models import Trajectory
 from throwplan.planner.ocp import Refinement
-from throwplan.planner.search.samples import Releases, ReleaseSampler, starts, stored_releases
+from throwplan.planner.samples import Releases, ReleaseSampler, starts, stored_releases
 from throwplan.planner.throw import case_of, make_manipulator
 from throwplan.planner.throw.clearance import column_distance
 from throwplan.planner.verdict import FLYING, Code, Finding, Verdict

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from builders import nlp_of, varied
-from throwplan.planner.search.samples import ReleaseSampler
+from throwplan.planner.samples import ReleaseSampler
 from throwplan.planner.throw import make_manipulator
 from throwplan.planner.verdict import Code, verdict
 

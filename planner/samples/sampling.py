@@ -14,13 +14,13 @@ from pathlib import Path
 
 import numpy as np
 
-from ....core.compile import cache_folder, digest, keep, kept
-from ....models import Array, Flags, HandSamples, Indices, Trajectory
-from ....models.release import MODELS, SLIDING_PIVOT, ReleaseBatch
-from ....problems import Scene
-from ...ocp import BRAKE_SHARE
-from ...throw import Limits, Manipulator, friction_use
-from ...throw.clearance import tool_speeds
+from ...core.compile import cache_folder, digest, keep, kept
+from ...models import Array, Flags, HandSamples, Indices, Trajectory
+from ...models.release import MODELS, SLIDING_PIVOT, ReleaseBatch
+from ...problems import Scene
+from ..ocp import BRAKE_SHARE
+from ..throw import Limits, Manipulator, friction_use
+from ..throw.clearance import tool_speeds
 from .launch import clears_carried, clears_thrown, run_up
 from .releases import ARRAYS, Releases, joined
 

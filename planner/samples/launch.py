@@ -11,11 +11,11 @@ from typing import Any
 
 import numpy as np
 
-from ....models import Array, Flags, FlightState, Trajectory
-from ....problems import Scene
-from ...ocp import BRAKE_SHARE, PALM_TIMES
-from ...throw import Manipulator, Throw, column_of
-from ...throw.clearance import (
+from ...models import Array, Flags, FlightState, Trajectory
+from ...problems import Scene
+from ..ocp import BRAKE_SHARE, PALM_TIMES
+from ..throw import Manipulator, Throw, column_of
+from ..throw.clearance import (
     column_distance,
     contacts,
     held_bar,

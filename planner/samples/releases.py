@@ -10,9 +10,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ....models import Array, Flags, FlightLaw, FlightState, Indices
-from ....problems import Pose, Scene
-from ...library import Turns
+from ...models import Array, Flags, FlightLaw, FlightState, Indices
+from ...problems import Pose, Scene
+from ..library import Turns
 
 #: Nearest landings among which starting points are chosen, and how far apart these are: as a
 #: share of the table's range of some coordinate, rate or the flight time.
