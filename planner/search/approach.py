@@ -37,7 +37,7 @@ def approach(
     source: a solved throw that lands beside the goal, or a start. Where the start's own goal is
     beside it, that is solved for first.
     """
-    problems = corrector.problems
+    problems, sound = corrector.problems, True
     if isinstance(source, Neighbour):
         throw = throw_of(corrector.controls, problems.manipulator, source.optimum, task)
         guess, refinement = _guess(throw, task), throw.refinement
@@ -47,6 +47,7 @@ def approach(
             made = attempts(problems, source, task.aimed_at(source.goal))
             yield from (_beside(one, goal, task) for one in made)
             last = made[-1]
+            sound = last.solved
             if last.solved and last.throw is not None:
                 guess, refinement = _guess(last.throw, task), last.refinement
     if task.scene.cup is not None:
@@ -55,6 +56,9 @@ def approach(
     for _ in range(ROUNDS):
         start = Start(goal, guess, "fatrop", refinement, elastic=True)
         *_, near = attempts(problems, start, task)
+        if near.throw is None and sound and "ipopt" in task.solvers:
+            # From a throw that breaks nothing its restoration finds what FATROP's does not.
+            *_, near = attempts(problems, replace(start, solver="ipopt"), task)
         if near.throw is not None and _reaches(near.throw, goal):
             start = Start(goal, _guess(near.throw, task), task.solvers[0], refinement, TRIES)
             made = attempts(problems, start, task)
