@@ -9,10 +9,7 @@ import numpy as np
 import pytest
 import throwplan as tp
 from scipy.stats import norm, qmc
-from throwplan.planner.sweep.statistics import (
-    quantiles,
-    variance_shares,
-)
+from throwplan.planner.sweep import quantiles, variance_shares
 
 
 def test_quantiles_are_errors_that_were_met() -> None:

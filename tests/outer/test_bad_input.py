@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import math
 import os
 import subprocess
@@ -318,15 +317,6 @@ def test_a_bound_that_no_throw_is_near_to_is_named(bound, words, folder, run):
     assert said.status == 3 and f"[landing] {bound}" in said.err and words in said.err
 
 
-def test_a_cup_beside_the_target_is_refused_in_python_too(folder):
-    """The scene is made of sections, so that no file was checked."""
-    put(edited("", CUP, {}), folder)
-    scene = load_scene("scene.toml")
-    aside = dataclasses.replace(scene, cup=dataclasses.replace(scene.cup, x=0.6))
-    with pytest.raises(InputError, match="the bar is not in the cup"):
-        Planner(aside)
-
-
 @pytest.fixture(scope="module")
 def thrown() -> tuple[Planner, Plan]:
     planner = Planner("hand-flip")
@@ -601,52 +591,6 @@ def test_in_a_process_of_its_own(line, word, folder, untouched):
 
 
 # Odd: an answer, or one line, but no traceback and no NaN. What CasADi prints counts too.
-
-
-@pytest.mark.parametrize(
-    ("sections", "edits", "allowed"),
-    [
-        (HAND, {"object.mass": "1e300"}, {2}),
-        (HAND, {".gravity": "1e300"}, {2}),
-        (TURNING, {"hand.x": "[-0.001, 0.001]", "hand.z": "[0.699, 0.701]"}, {2, 3}),
-        (HAND, {"gripper.opening": "2.0"}, {0, 2, 3}),
-        (HAND, {"gripper.dwell": "3.0"}, {0, 2, 3}),
-        (HAND, {"hand.speed": "1e-6"}, {2, 3}),
-        (HAND, {"hand.speed": "1e6", "hand.acceleration": "1e9"}, {0, 2, 3}),
-        (HAND, {"contact.faces": "1" + 24 * "0"}, {0, 2, 3}),
-    ],
-)
-def test_odd_scenes_get_an_answer(sections, edits, allowed, folder, run):
-    (folder / "scene.toml").write_text(toml(sections, edits))
-    said = run("plan scene.toml --json")
-    assert said.status in allowed
-    assert (list(said.json) == ["error"]) == (said.status == 2)
-    # A line for what went wrong, and for each mistake in the scene.
-    assert len(said.err.splitlines()) == (
-        len(said.json["error"].splitlines()) if said.status == 2 else said.status != 0
-    )
-
-
-@pytest.mark.parametrize("model", ["sp", "all"])
-@pytest.mark.parametrize(
-    "edits",
-    [
-        {"object.mass": "1e300"},
-        {"object.inertia": "1e-30"},
-        {"object.mass": "1e-12", "object.inertia": "1e-15"},
-        {"gripper.opening": "1000.0"},
-        {"contact.patch_radius": "1e-300"},
-        {"motion.velocity": "[1e308, 1e308]"},
-        {"motion.rate": "1e6"},
-    ],
-    ids=str,
-)
-def test_odd_motions_get_an_answer(edits, model, folder, run):
-    (folder / "scene.toml").write_text(toml(DROP, edits))
-    said = run("simulate scene.toml --json --model", model)
-    assert said.status in {0, 2}
-    assert (list(said.json) == ["error"]) == (said.status == 2)
-    assert len(said.err.splitlines()) == (said.status != 0)
 
 
 def test_only_regular_files_are_read(tmp_path: Path, refused) -> None:

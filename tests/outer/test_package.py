@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import types
+import typing
 import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.problems.scene import SECTIONS
 
 ROOT = Path(__file__).parent.parent.parent
 
@@ -34,8 +35,10 @@ def test_public_names_are_classes_and_functions() -> None:
 
 def test_sections_of_a_scene_are_classes_under_their_names() -> None:
     """A scene put together in Python is the one of the file; help names every key."""
-    for name in SECTIONS:
-        assert getattr(tp, name.capitalize()) is SECTIONS[name]
+    kinds = typing.get_type_hints(tp.Scene)
+    reference = (ROOT / "docs" / "scene-reference.md").read_text("utf-8").partition("\n# Arm")[0]
+    for name in re.findall(r"^## \[(\w+)\]", reference, re.M):
+        assert getattr(tp, name.capitalize()) in (kinds[name], *typing.get_args(kinds[name]))
         assert f"\n    {name}: " in (tp.Scene.__doc__ or "")
     built = tp.load_scene("pose")
     scene = tp.Scene(

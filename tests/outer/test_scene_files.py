@@ -83,19 +83,6 @@ def test_scenes_prints_a_line_each_and_one_object(run) -> None:
     assert set(said.json["scenes"]) == set(tp.scene_names()) and said.err == ""
 
 
-def test_near_cup_is_the_interface_s() -> None:
-    scene = tp.load_scene("near-cup")
-    cup = scene.cup
-    assert (cup.x, cup.rim, cup.radius, cup.depth) == (0.90, 0.10, 0.06, 0.15)
-    assert (cup.clearance, cup.insertion) == (0.005, 0.08)
-    assert (scene.target.x, scene.target.y, scene.target.z) == (0.90, 0.0, 0.22)
-    assert scene.target.theta == pytest.approx(-math.pi / 2, abs=1e-15)
-    # CoM end down: at the target's instant the lower end is 4 cm below the rim.
-    lower_end = scene.target.z - (scene.object.length - scene.object.com)
-    assert cup.rim - lower_end == pytest.approx(0.04, abs=1e-12)
-    assert scene.robot.start == pytest.approx((-math.pi / 4, -3 * math.pi / 4, math.pi / 2))
-
-
 @pytest.mark.parametrize("name", ["pose", "near-cup", "cup", "box", "flip"])
 def test_panda_scenes_share_the_paper_s_bar(name) -> None:
     scene = tp.load_scene(name)
@@ -123,14 +110,6 @@ def test_drop_scenes_are_table_one(name, offset) -> None:
     assert (scene.contact.torsion, scene.contact.faces) == (0.6, 2)
     assert (scene.gripper.force, scene.gripper.dwell, scene.gripper.opening) == (50.0, 0.0, 0.05)
     assert scene.gravity == 9.81 and scene.target is None
-
-
-def test_hand_scenes_are_the_interface_s() -> None:
-    box, flip = tp.load_scene("hand-box"), tp.load_scene("hand-flip")
-    assert box.target.theta is None and box.com_offset == 0.0 and not box.hand.turns
-    assert flip.hand.turns
-    assert flip.target.theta - flip.hand.start_theta == pytest.approx(2 * math.pi)
-    assert box.robot is None and flip.robot is None
 
 
 def test_uncertainty_is_data_and_leaves_the_plan_alone() -> None:

@@ -198,27 +198,6 @@ def test_numbers_stand_for_the_scene_and_landing_is_given_at_its_height() -> Non
     assert (np.diff(np.abs(result.detach[:, 5])) < 0).all()
 
 
-def test_sampled_hands_are_the_constant_acceleration_they_sample() -> None:
-    values, t = throws(6), np.linspace(-0.01, 0.12, 60)
-    hand = values["hand"]
-    poses = hand["pose"][:, None] + hand["twist"][:, None] * t[:, None]
-    poses += hand["acceleration"][:, None] * t[:, None] ** 2 / 2
-    plain = tp.simulate_batch(DROP, **values).detach
-    sampled = tp.simulate_batch(DROP, **{**values, "hand": {"times": t, "poses": poses}}).detach
-    assert sampled == pytest.approx(plain, rel=1e-7, abs=1e-9)
-
-
-def test_delays_start_later_on_one_shared_motion() -> None:
-    t = np.linspace(0.0, 0.2, 80)
-    poses = np.column_stack([1.5 * t, 0.8 * t, 0.4 + 3.0 * t])[None]
-    delays = np.array([0.0, 0.02, 0.05])
-    result = tp.simulate_batch(DROP, hand={"times": t, "poses": poses, "delays": delays}).detach
-    assert (np.diff(result[:, 0]) > 0).all()
-    alone = {"pose": [[0.0, 0.0, 0.4 + 3.0 * delays[2]]], "twist": [[1.5, 0.8, 3.0]]}
-    one = tp.simulate_batch(DROP, hand=alone).detach[0]
-    assert result[2, 3:] == pytest.approx(one[3:], rel=1e-6)
-
-
 def test_trouble_is_what_the_single_model_says() -> None:
     """A heavy bar in a slippery grip slides out of the pads; a light one is held."""
     values = throws(24, seed=3)

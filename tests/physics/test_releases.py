@@ -9,7 +9,6 @@ import pytest
 from release_cases import VALUES, expected, order_of, reference_case
 from throwplan.models.release import (
     ImplicitRelease,
-    KarnoppRelease,
     SlidingPivotRelease,
 )
 
@@ -58,10 +57,3 @@ def test_across_events_the_order_drops() -> None:
 
 
 # Explicit Euler and its chatter.
-
-
-def test_karnopp_holds_a_gripped_body_exactly() -> None:
-    case = reference_case("drop_h100_faces2")
-    release = KarnoppRelease().release(case)
-    gripped = release.times < 0.02
-    assert np.abs(release.com_twist[:, gripped]).max() < 1e-9
