@@ -17,9 +17,21 @@ os.environ["THROWPLAN_CACHE"] = _FOLDER.name
 
 
 @pytest.fixture(scope="session")
-def plan_of() -> Callable[[str], tp.Plan]:
+def planner_of() -> Callable[[str], tp.Planner]:
+    """The planner of a built-in scene, made once; its answers do not depend on earlier ones."""
+    return cache(tp.Planner)
+
+
+@pytest.fixture(scope="session")
+def pose_planner(planner_of) -> tp.Planner:
+    """The planner of the scene `pose`."""
+    return planner_of("pose")
+
+
+@pytest.fixture(scope="session")
+def plan_of(planner_of) -> Callable[[str], tp.Plan]:
     """The plan of a built-in scene, made once."""
-    return cache(tp.plan)
+    return cache(lambda name: planner_of(name).plan())
 
 
 @pytest.fixture(scope="session")

@@ -21,14 +21,9 @@ from throwplan.planner.verdict import FLYING, Code, Finding, Verdict
 ARRAYS = ("q", "dq", "ddq", "run_up", "detach")
 
 
-@pytest.fixture(scope="module")
-def pose() -> tp.Planner:
-    return tp.Planner(tp.load_scene("pose"))
-
-
-@pytest.fixture(scope="module")
-def cup() -> tp.Planner:
-    return tp.Planner(tp.load_scene("near-cup"))
+@pytest.fixture
+def cup(planner_of) -> tp.Planner:
+    return planner_of("near-cup")
 
 
 def bare(name: str) -> tp.Scene:
@@ -134,8 +129,8 @@ def test_the_cache_keeps_a_table_and_draws_a_damaged_one_again(
 # What the next NLP is asked.
 
 
-def test_what_the_next_problem_has_after_a_throw_that_breaks_something(pose) -> None:
-    throw = pose.plan().throw.deciding
+def test_what_the_next_problem_has_after_a_throw_that_breaks_something(pose_planner) -> None:
+    throw = pose_planner.plan().throw.deciding
     detach = throw.detach_time
 
     def after(asked: Refinement, *broken: Finding) -> Refinement:
@@ -198,12 +193,12 @@ def test_a_corner_cut_between_two_nodes_takes_a_margin_and_no_more_rows() -> Non
 # Several throws, warm plans, models.
 
 
-def test_warm_plans_follow_a_moving_target(pose: tp.Planner) -> None:
-    plan = pose.plan()
+def test_warm_plans_follow_a_moving_target(pose_planner: tp.Planner) -> None:
+    plan = pose_planner.plan()
     iterations = plan.iterations
     for k in range(1, 5):
         target = plan.target.in_plane(plan.target.plane_x - 0.003, plan.target.theta + 0.006)
-        plan = pose.plan(target, warm=plan)
+        plan = pose_planner.plan(target, warm=plan)
         assert plan.solved and plan.attempts <= 3, k
         assert plan.iterations < iterations
     other = tp.Planner(tp.load_scene("pose")).plan(target, warm=plan)
@@ -232,12 +227,12 @@ def test_a_target_that_the_table_misses_by_far_is_thrown_to() -> None:
     assert plan.solved, plan.message
 
 
-def test_a_millimetre_from_the_base_column(pose: tp.Planner) -> None:
-    plan = pose.plan(aimed(pose, 0.17546259, -106.1607374), patience=90.0)
+def test_a_millimetre_from_the_base_column(pose_planner: tp.Planner) -> None:
+    plan = pose_planner.plan(aimed(pose_planner, 0.17546259, -106.1607374), patience=90.0)
     assert plan.solved, plan.message
     thrown = plan.throw.deciding
     times = np.linspace(0.0, thrown.landing.flight_time, 3000)
-    clearance = column_distance(pose.scene.object, thrown.flight(times), 0.12, 0.45)
+    clearance = column_distance(pose_planner.scene.object, thrown.flight(times), 0.12, 0.45)
     assert -1e-5 < clearance.min() < 2e-3
 
 
@@ -250,25 +245,25 @@ def test_a_bar_that_touches_the_column_between_two_instants_gets_a_margin() -> N
 
 
 @pytest.mark.slow
-def test_a_target_that_only_the_tolerance_allows(pose: tp.Planner) -> None:
+def test_a_target_that_only_the_tolerance_allows(pose_planner: tp.Planner) -> None:
     """There the bar would lie 0.8 mm from the column, by the sliding pivot."""
-    tolerance = dataclasses.replace(pose.scene.tolerance, model="sp")
-    planner = tp.Planner(pose.scene.replace(tolerance=tolerance))
+    tolerance = dataclasses.replace(pose_planner.scene.tolerance, model="sp")
+    planner = tp.Planner(pose_planner.scene.replace(tolerance=tolerance))
     plan = planner.plan(aimed(planner, 0.22, -15), patience=90.0)
     assert plan.solved, plan.message
     position, angle = plan.error_sent()
     assert 1e-4 < position < tolerance.position and angle < tolerance.angle
 
 
-def test_a_target_inside_the_column_is_out_of_reach(pose: tp.Planner) -> None:
-    plan = pose.plan(aimed(pose, 0.2, -20), patience=90.0)
+def test_a_target_inside_the_column_is_out_of_reach(pose_planner: tp.Planner) -> None:
+    plan = pose_planner.plan(aimed(pose_planner, 0.2, -20), patience=90.0)
     assert plan.status == "out_of_reach"
     assert plan.binding == ("base column",)
     near = plan.nearest
     # The bar touches nothing there, and it is thrown there.
     there = np.array([[near.plane_x], [near.z], [near.theta]])
-    assert column_distance(pose.scene.object, there, 0.12, 0.45)[0] > -1e-4
-    out = pose.plan(near)
+    assert column_distance(pose_planner.scene.object, there, 0.12, 0.45)[0] > -1e-4
+    out = pose_planner.plan(near)
     assert out.solved, out.message
 
 

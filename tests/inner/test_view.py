@@ -13,10 +13,10 @@ AZIMUTH = 0.5
 
 
 @pytest.fixture(scope="module")
-def space(tmp_path_factory) -> Any:
+def space(planner_of, tmp_path_factory) -> Any:
     """A throw into the cup, out of the plane y = 0."""
     x, y = 0.92 * np.cos(AZIMUTH), 0.92 * np.sin(AZIMUTH)
-    plan = tp.plan("near-cup", tp.Pose(x=x, y=y, z=0.22, theta=-np.pi / 2))
+    plan = planner_of("near-cup").plan(tp.Pose(x=x, y=y, z=0.22, theta=-np.pi / 2))
     plan.save(folder := tmp_path_factory.mktemp("cup"), draw=False)
     return space_throw(tp.read_plan(folder))
 

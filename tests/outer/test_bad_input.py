@@ -318,9 +318,8 @@ def test_a_bound_that_no_throw_is_near_to_is_named(bound, words, folder, run):
 
 
 @pytest.fixture(scope="module")
-def thrown() -> tuple[Planner, Plan]:
-    planner = Planner("hand-flip")
-    return planner, planner.plan()
+def thrown(planner_of, plan_of) -> tuple[Planner, Plan]:
+    return planner_of("hand-flip"), plan_of("hand-flip")
 
 
 #: What Python is given that is of the wrong kind, or out of range.

@@ -25,11 +25,11 @@ JOINTS = range(1, 8)
 
 
 @pytest.fixture(scope="module")
-def cup(tmp_path_factory) -> tuple[tp.Plan, Path]:
+def cup(planner_of, tmp_path_factory) -> tuple[tp.Plan, Path]:
     """A plan of the cup in a plane turned by 20 degrees, and its folder."""
     folder = tmp_path_factory.mktemp("plans") / "cup"
     target = tp.Pose(x=0.92 * math.cos(TURN), y=0.92 * math.sin(TURN), z=0.22, theta=-math.pi / 2)
-    plan = tp.plan("near-cup", target)
+    plan = planner_of("near-cup").plan(target)
     assert plan.status == "solved", plan.message
     plan.save(folder, draw=False)
     return plan, folder

@@ -113,8 +113,8 @@ def test_motion_csv_keeps_every_limit_and_rests_at_both_ends(name, saved, table)
 
 
 @pytest.mark.parametrize("name", ["hand-flip", "pose", "cup"])
-def test_ipopt_lands_the_same(name, plan_of) -> None:
-    other = tp.plan(name, solver="ipopt").to_dict()
+def test_ipopt_lands_the_same(name, planner_of, plan_of) -> None:
+    other = planner_of(name).plan(solver="ipopt").to_dict()
     assert (other["status"], other["solver"]["name"]) == ("solved", "ipopt")
     mine = plan_of(name).to_dict()["landing"]["exact"]
     theirs = other["landing"]["exact"]
@@ -189,9 +189,9 @@ def test_a_plan_is_read_back(saved, plan_of) -> None:
         assert found.landing_time == pytest.approx(release["landing_time"], abs=blur)
 
 
-@pytest.fixture(scope="module")
-def hand_box() -> tp.Planner:
-    return tp.Planner(tp.load_scene("hand-box"))
+@pytest.fixture
+def hand_box(planner_of) -> tp.Planner:
+    return planner_of("hand-box")
 
 
 def test_out_of_reach_exits_3_with_why_and_the_nearest(tmp_path, run) -> None:
@@ -294,8 +294,8 @@ def test_angles_on_the_command_line(angle, run) -> None:
 # Planners and their options.
 
 
-def test_one_planner_serves_many_targets_and_starts_warm() -> None:
-    planner = tp.Planner(tp.load_scene("near-cup"))
+def test_one_planner_serves_many_targets_and_starts_warm(planner_of) -> None:
+    planner = planner_of("near-cup")
     first = planner.plan()
     again = planner.plan(tp.Pose(x=0.92, z=0.22, theta=-math.pi / 2), warm=first)
     assert first.status == again.status == "solved"
@@ -309,17 +309,17 @@ def test_one_planner_serves_many_targets_and_starts_warm() -> None:
 
 
 @pytest.mark.parametrize("theta", [2 * math.pi - 0.5, 20 * math.pi])
-def test_turns_any_takes_the_angle_modulo_full_turns(theta) -> None:
-    plan = tp.plan("pose", tp.Pose(x=1.1, z=0.1, theta=theta), turns="any")
+def test_turns_any_takes_the_angle_modulo_full_turns(theta, pose_planner) -> None:
+    plan = pose_planner.plan(tp.Pose(x=1.1, z=0.1, theta=theta), turns="any")
     assert plan.status == "solved" and plan.target.theta != theta
     landed = plan.to_dict()["landing"]["sent"]["theta"]
     assert math.remainder(landed - theta, 2 * math.pi) == pytest.approx(0, abs=0.01)
 
 
-def test_azimuth_turns_the_plane_by_joint_1(tmp_path, plan_of, table) -> None:
+def test_azimuth_turns_the_plane_by_joint_1(tmp_path, planner_of, plan_of, table) -> None:
     turn = math.radians(40)
     target = tp.Pose(x=0.9 * math.cos(turn), y=0.9 * math.sin(turn), z=0.22, theta=-math.pi / 2)
-    plan = tp.plan("near-cup", target)
+    plan = planner_of("near-cup").plan(target)
     answer, straight = plan.to_dict(), plan_of("near-cup").to_dict()
     assert answer["status"] == "solved"
     sent = answer["landing"]["sent"]
@@ -330,8 +330,8 @@ def test_azimuth_turns_the_plane_by_joint_1(tmp_path, plan_of, table) -> None:
     assert opening[0] == pytest.approx(opening[1], abs=0.02)
 
 
-def test_alternatives_are_other_throws_to_the_same_target() -> None:
-    plan = tp.Planner(tp.load_scene("hand-flip")).plan(alternatives=2)
+def test_alternatives_are_other_throws_to_the_same_target(planner_of) -> None:
+    plan = planner_of("hand-flip").plan(alternatives=2)
     assert plan.status == "solved" and len(plan.alternatives) >= 1
     times = [one.to_dict()["release"]["opening_time"] for one in (plan, *plan.alternatives)]
     assert len({round(t, 3) for t in times}) == len(times)
@@ -393,16 +393,11 @@ def test_a_target_at_the_apex_gets_an_answer(hand_box) -> None:
     assert plan.status in ("solved", "not_converged", "out_of_reach") and plan.message
 
 
-@pytest.fixture(scope="module")
-def delay() -> tp.Planner:
-    return tp.Planner(tp.load_scene("delay"))
-
-
 @pytest.mark.parametrize(
     "method", ["quiet", "auto", pytest.param("scenarios", marks=pytest.mark.slow)]
 )
-def test_a_robust_plan_scatters_a_twentieth(method, delay, plan_of) -> None:
-    plan = delay.plan(robust=method)
+def test_a_robust_plan_scatters_a_twentieth(method, planner_of, plan_of) -> None:
+    plan = planner_of("delay").plan(robust=method)
     answer = plan.to_dict()
     assert answer["status"] == "solved" and answer["robust"]["method"] == plan.robust
     assert answer["error"]["sent"]["position"] < 1e-4

@@ -204,11 +204,11 @@ def test_the_way_to_the_start_pose_is_clear_or_refused(plan) -> None:
         approach(motion, low)
 
 
-def test_from_a_throws_end_the_way_goes_over_the_floor(tmp_path) -> None:
+def test_from_a_throws_end_the_way_goes_over_the_floor(tmp_path, planner_of) -> None:
     """Straight it would draw the bar through it: the shoulder is raised first."""
-    scene = tp.load_scene("fr3")
-    target = scene.target.in_plane(1.557, math.radians(148))
-    tp.Planner(scene).plan(target).save(tmp_path, draw=False)
+    planner = planner_of("fr3")
+    target = planner.scene.target.in_plane(1.557, math.radians(148))
+    planner.plan(target).save(tmp_path, draw=False)
     motion = joint_motion(tmp_path)
     way = approach(motion, motion.q[-1])
     assert way[-1] == pytest.approx(motion.q[0], abs=1e-6)

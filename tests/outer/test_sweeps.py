@@ -111,11 +111,11 @@ def test_the_command_in_words(run) -> None:
         assert word in said.out
 
 
-def test_without_a_throw(run) -> None:
+def test_without_a_throw(run, planner_of) -> None:
     said = run("sweep hand-box --target 0.3 1.7 free --json")
     assert (said.status, len(said.err.splitlines())) == (3, 1)
     assert said.json["status"] == "out_of_reach"
-    failed = tp.plan("hand-box", tp.Pose(x=0.3, z=1.7))
+    failed = planner_of("hand-box").plan(tp.Pose(x=0.3, z=1.7))
     with pytest.raises(tp.InputError, match="out_of_reach"):
         tp.sweep(failed)
 

@@ -192,18 +192,17 @@ def test_identify_takes_filters_and_refuses_what_tells_nothing(made, small, run,
 
 
 @pytest.mark.slow
-def test_python_learns_from_planned_throws() -> None:
+def test_python_learns_from_planned_throws(pose_planner) -> None:
     """Plans as data, thrown with another contact, and that contact found again."""
-    planner = tp.Planner(tp.load_scene("pose"))
     targets = [tp.Pose(x=x, z=0.1, theta=-1.3) for x in (0.85, 0.95, 1.05)]
-    plans = [planner.plan(target) for target in targets]
+    plans = [pose_planner.plan(target) for target in targets]
     truth = {"friction": 0.8, "patch_radius": 0.0025, "delay": 0.004}
     places = tp.thrown(tp.throw_data(plans), "sp", truth)
     assert places.shape == (3, 2)
     data = tp.throw_data(plans, [(float(x), float(theta)) for x, theta in places])
     found = tp.identify(data, "sp", prior=tp.load_scene("delay"), delay=True)
     assert isinstance(found, tp.Identified)
-    nominal = planner.scene.contact.friction * planner.scene.contact.patch_radius
+    nominal = pose_planner.scene.contact.friction * pose_planner.scene.contact.patch_radius
     off = abs(found.posterior.product - 0.002)
     assert off < 0.5 * (nominal - 0.002)
     assert found.posterior.value("delay") == pytest.approx(0.004, abs=0.002)

@@ -73,12 +73,12 @@ def test_a_taken_port_is_named(saved, refused) -> None:
             assert f"--port {port}: address already in use; choose another with --port" in said
 
 
-def test_the_view_from_python(capsys, free_port, plan_of) -> None:
+def test_the_view_from_python(capsys, free_port, pose_planner, plan_of) -> None:
     """A plan is served for a while; its page's address is printed."""
     port = free_port()
     tp.view(plan_of("hand-flip"), port=port, hold=0.05, browser=False)
     assert capsys.readouterr().out == f"http://127.0.0.1:{port}\n"
-    failed = tp.plan("pose", tp.Pose(x=9.0, z=0.1, theta=0.0), patience=0.05)
+    failed = pose_planner.plan(tp.Pose(x=9.0, z=0.1, theta=0.0), patience=0.05)
     with pytest.raises(tp.InputError, match="holds no throw"):
         tp.view(failed)
 
