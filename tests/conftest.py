@@ -18,7 +18,7 @@ os.environ["THROWPLAN_CACHE"] = _FOLDER.name
 
 @pytest.fixture(scope="session")
 def planner_of() -> Callable[[str], tp.Planner]:
-    """The planner of a built-in scene, made once; its answers do not depend on earlier ones."""
+    """The planner of a built-in scene, made once; it keeps the nearest throws that it named."""
     return cache(tp.Planner)
 
 

@@ -445,13 +445,6 @@ def test_without_a_cache_folder_nothing_is_kept(monkeypatch: pytest.MonkeyPatch)
     assert tp.Planner(tp.load_scene("hand-box")).prepare(5) > 0
 
 
-def test_refused() -> None:
-    scene = tp.load_scene("hand-flip")
-    for throws in (0, -1, 10_001, 2.5, True, "many"):
-        with pytest.raises(tp.InputError, match=r"throws = .*: must be (a whole number|at )"):
-            tp.Planner(scene).prepare(throws)  # type: ignore[arg-type]
-
-
 def test_the_map_shows_it(prepared: tp.Planner, tmp_path: Path) -> None:
     found = tp.reach_map(prepared.scene, samples=3000)
     assert found.solved.shape == (2, prepared.prepared)

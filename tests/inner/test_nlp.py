@@ -15,16 +15,6 @@ from throwplan.planner.search import guess_from
 from throwplan.planner.search.samples import ReleaseSampler, starts
 from throwplan.planner.throw import make_manipulator
 
-#: (variables, constraints) of the built-in scenes: what a scene does not need is not there.
-SIZES = {
-    "hand-box": (127, 149),
-    "hand-flip": (187, 211),
-    "box": (223, 357),
-    "flip": (223, 358),
-    "pose": (226, 358),
-    "cup": (228, 380),
-}
-
 
 def point_of(scene: tp.Scene, nlp: ThrowNlp) -> tuple[np.ndarray, np.ndarray]:
     """A realistic decision vector and the scene's parameters."""
@@ -36,11 +26,6 @@ def point_of(scene: tp.Scene, nlp: ThrowNlp) -> tuple[np.ndarray, np.ndarray]:
     flight = releases.flight_time(index, target.z, scene.flight)
     x = guess_from(nlp, scene, manipulator, releases, int(index), flight)
     return x, nlp.parameter_values(request_of(scene))
-
-
-@pytest.mark.parametrize("name", SIZES)
-def test_sizes(name: str) -> None:
-    assert nlp_of(tp.load_scene(name)).size == SIZES[name]
 
 
 @pytest.mark.parametrize(

@@ -201,15 +201,6 @@ def test_the_drop_converges_to_the_published_turning_rates() -> None:
     assert laws.surface_truth(case)[5] == pytest.approx(-1.0340, abs=1e-3)
 
 
-def test_a_random_throw_alone_is_the_one_of_the_batch() -> None:
-    scene, throws = tp.load_scene("drop"), laws.random_throws(50, 3)
-    together = tp.simulate_batch(scene, "sp", steps=200, **throws).detach
-    for i in (0, 17, 49):
-        case = laws.case_of(throws, i, scene.patch)
-        alone = SlidingPivotRelease(steps=32, events=True).release(case)
-        assert np.abs(alone.end - together[i]).max() < 1e-4
-
-
 def test_each_method_is_there_once() -> None:
     for quick in (True, False):
         ways = list(laws.methods(quick))

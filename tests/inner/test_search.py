@@ -91,7 +91,7 @@ def test_run_ups_through_the_base_column_are_marked() -> None:
     assert not table.clear[through].any() and table.clear[~through].any()
 
 
-def test_the_cache_keeps_a_table_and_draws_a_damaged_one_again(
+def test_the_cache_keeps_a_table_for_all_targets(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
@@ -110,20 +110,14 @@ def test_the_cache_keeps_a_table_and_draws_a_damaged_one_again(
     assert len(draws) == 1
     for name in ARRAYS:
         assert np.array_equal(getattr(first, name), getattr(again, name))
-    (file,) = tmp_path.glob("*.npz")
-    whole = file.read_bytes()
-    for damaged in (whole[:100], b"", whole[: len(whole) // 2]):
-        file.write_bytes(damaged)
-        assert np.array_equal(kept(scene).q, first.q)
-    assert len(draws) == 4
     # Neither target nor tolerance matters; object, contact and limits do.
     kept(scene.aimed_at(tp.Pose(x=1.0, z=0.3, theta=-1.5)))
     kept(scene.replace(tolerance=dataclasses.replace(scene.tolerance, position=0.01)))
-    assert len(draws) == 4
+    assert len(draws) == 1
     kept(scene.replace(object=dataclasses.replace(scene.object, mass=0.23)))
     kept(scene.replace(contact=dataclasses.replace(scene.contact, friction=0.9)))
     kept(scene.replace(robot=dataclasses.replace(scene.robot, velocity_margin=0.1)))
-    assert len(draws) == 7
+    assert len(draws) == 4
 
 
 # What the next NLP is asked.
@@ -203,16 +197,6 @@ def test_warm_plans_follow_a_moving_target(pose_planner: tp.Planner) -> None:
         assert plan.iterations < iterations
     other = tp.Planner(tp.load_scene("pose")).plan(target, warm=plan)
     assert other.solved, "a plan of another planner is no warm start, but no error either"
-
-
-@pytest.mark.parametrize("name", ["pose", "hand-flip"])
-def test_the_landing_is_true_for_the_model_that_the_tolerance_names(name: str) -> None:
-    scene = tp.load_scene(name)
-    truer = dataclasses.replace(scene.tolerance, model="ls-step")
-    plan = tp.plan(scene.replace(tolerance=truer))
-    assert plan.solved
-    dx, dtheta = plan.throw.limit_surface.miss(plan.target)
-    assert abs(dx) < 1e-4 and abs(dtheta) < math.radians(0.02)
 
 
 # The edge of reach.

@@ -17,9 +17,7 @@ from throwplan.planner.throw import (
 from throwplan.planner.throw.clearance import (
     bar_outline,
     column_distance,
-    lowest_of_bar,
     palm_distance,
-    reach_of_bar,
 )
 from throwplan.planner.verdict import verdict
 from throwplan.problems import Landing, Torque
@@ -127,32 +125,9 @@ def test_distances_of_bar_palm_and_column() -> None:
     assert found[1] < 0.0 and found[3] == np.inf
 
 
-def test_lowest_corner_and_reach_of_a_bar() -> None:
-    bar = tp.load_scene("near-cup").object
-    com = np.random.default_rng(0).uniform(-3, 3, (3, 200))
-    corners = bar_outline(bar, com)
-    assert lowest_of_bar(bar, com) == pytest.approx(corners[1].min(axis=1), abs=1e-14)
-    away = np.hypot(*(corners - com[:2, :, None])).max()
-    assert reach_of_bar(bar) == pytest.approx(away, rel=1e-12)
-
-
 def entry(scene: tp.Scene, state: FlightState, flight: float) -> float:
     """Least clearance of one flight's way into the scene's cup."""
     return float(cup_entries(scene, np.array([[*vars(state).values()]]), np.array([flight]))[0])
-
-
-def test_cup_clearance_of_a_bar_that_falls_straight_in() -> None:
-    scene = tp.load_scene("near-cup")
-    chord, upright = math.sqrt(0.06**2 - 0.01**2), -math.pi / 2
-
-    def falls(x: float, theta: float = upright) -> float:
-        return entry(scene, FlightState(x, 0.6, theta, 0.0, 0.0, 0.0), 0.3)
-
-    assert falls(0.90) == pytest.approx(chord - 0.01, abs=1e-6)
-    assert falls(0.92) == pytest.approx(chord - 0.03, abs=1e-6)
-    assert falls(0.96) < 0
-    # Tilted it has less room.
-    assert falls(0.90, upright + 0.2) < falls(0.90) - 0.01
 
 
 @pytest.mark.parametrize("seed", range(10))
@@ -199,15 +174,6 @@ def test_an_arm_without_masses_has_no_torques() -> None:
     assert set(nlp_of(bare).parameters.blocks) == set(nlp_of(scene).parameters.blocks)
     plan = tp.plan(bare)
     assert plan.solved and "torque" not in plan.to_dict()
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", ["flip", "pose", "box"])
-def test_weak_limits_are_kept(name: str) -> None:
-    """The NLP looks at some instants of the brake; the check looks at every sample."""
-    plan = tp.plan(tp.load_scene(name).replace(torque=Torque(limits=WEAK)))
-    assert plan.solved
-    assert checked(plan).torques.use.max() <= 1.0
 
 
 def test_limits_that_bind_change_the_throw(cup_plan: tp.Plan) -> None:

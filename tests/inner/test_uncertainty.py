@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 from scipy import stats
-from throwplan import InputError, load_scene
+from throwplan import load_scene
 from throwplan.planner.verdict import quantile, sampler_of
 from throwplan.problems import Distribution, Uncertainty
 
@@ -20,14 +20,6 @@ def test_relative_is_the_same_as_absolute() -> None:
     assert relative.reach == pytest.approx(absolute.reach)
     measured = Distribution(samples=(0.9, 1.2), relative=True).about(patch)
     assert measured.reach == pytest.approx((0.9 * patch, 1.2 * patch))
-
-
-def test_a_scene_in_python_is_checked_too() -> None:
-    scene = load_scene("pose")
-    with pytest.raises(InputError, match=r"\[uncertainty\] friction"):
-        scene.replace(uncertainty=Uncertainty(friction=Distribution(uniform=2.0)))
-    with pytest.raises(InputError, match="nothing is uncertain"):
-        Uncertainty()
 
 
 def sampled(section: Uncertainty, count: int, seed: int = 0):

@@ -14,7 +14,6 @@ from pathlib import Path
 from typing import Any
 from unittest.mock import MagicMock
 
-import casadi as ca
 import numpy as np
 import pytest
 import throwplan as tp
@@ -67,25 +66,6 @@ def test_franka_files_are_the_motion(cup, tmp_path, run, table) -> None:
     cycle, fraction = int(row["cycle"]), float(row["fraction"])
     assert 0.0 <= fraction < 1.0
     assert (cycle + fraction) * 0.001 == pytest.approx(command, abs=1e-9)
-
-
-def test_all_joints_that_are_sent_hold_the_pads_where_the_plan_has_them(cup, tmp_path, run, table):
-    """In space, by the chain of the arm's data: the swing's plane is turned by 20 degrees."""
-    plan, folder = cup
-    run("export", folder, "--franka", tmp_path)
-    sent, throw = table(tmp_path / "joints.csv"), plan.throw.deciding
-    joints = np.column_stack([sent[f"q{j}"] for j in JOINTS])
-    q = ca.SX.sym("q", 7)
-    pads = ca.Function("pads", [q], [plan.scene.arm.frames(q)[-1]])
-    x, z, theta = throw.hand(sent["t"]).pose
-    plane = np.array([[math.cos(TURN), -math.sin(TURN), 0], [math.sin(TURN), math.cos(TURN), 0]])
-    for k in range(0, len(joints), 50):
-        pose = np.array(pads(joints[k]))
-        along = np.array([math.cos(theta[k]), 0.0, math.sin(theta[k])])
-        assert pose[:2, 2] == pytest.approx(plane @ along, abs=1e-6)
-        assert pose[2, 2] == pytest.approx(along[2], abs=1e-6)
-        centre = plane @ np.array([x[k], plan.scene.arm.lateral, z[k]])
-        assert pose[:3, 3] == pytest.approx([*centre, z[k]], abs=1e-6)
 
 
 def test_franka_json_says_where_to_start_and_what_is_used(cup, tmp_path, run, table) -> None:

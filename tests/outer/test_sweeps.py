@@ -48,15 +48,9 @@ def test_success_of_a_cup_is_going_in(plan_of) -> None:
     assert result["in_cup"]["rate"] >= result["success"]["rate"] > result["in_tolerance"]["rate"]
 
 
-def planned(tmp_path, section: str) -> tp.Plan:
-    """`pose` with a section [uncertainty], which changes no plan."""
-    path = tmp_path / "scene.toml"
-    path.write_text(f"{tp.scene_text('pose')}\n[uncertainty]\n{section}\n")
-    return tp.plan(path)
-
-
-def test_a_known_mean_delay_moves_the_command(tmp_path) -> None:
-    late = planned(tmp_path, "delay = { uniform = 0.001, mean = 0.015 }")
+def test_a_known_mean_delay_moves_the_command() -> None:
+    uncertainty = tp.Uncertainty(delay=tp.Distribution(uniform=0.001, mean=0.015))
+    late = tp.plan(tp.load_scene("pose").replace(uncertainty=uncertainty))
     release, dwell = late.to_dict()["release"], late.scene.gripper.dwell
     assert release["command_time"] == pytest.approx(release["opening_time"] - dwell - 0.015)
     # The command goes out earlier by the mean, so that the mean throw lands at the target.

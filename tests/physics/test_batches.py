@@ -19,7 +19,6 @@ from release_cases import (
     reference_values,
     single,
 )
-from scipy.integrate import solve_ivp
 from throwplan.models import Body, Contact, FlightLaw, Trajectory, core_laws
 from throwplan.models.release import (
     ImplicitRelease,
@@ -30,7 +29,7 @@ from throwplan.models.release import (
     SteppedRelease,
     exact_pivot_release,
 )
-from throwplan.models.release.patch import PatchRelease, disc
+from throwplan.models.release.patch import PatchRelease
 from throwplan.planner.throw import case_of
 
 DROP = tp.load_scene("drop")
@@ -127,45 +126,6 @@ def test_meshed_stepping_is_first_order(model) -> None:
     scale = np.array([1.0, 1.0, 0.1, 1.0, 1.0, 0.1])
     found = [np.linalg.norm((at[n] - exact) * scale, axis=1) for n in grids]
     assert np.median(order_of(grids, found)) == pytest.approx(1.0, abs=0.3)
-
-
-@pytest.mark.slow
-def test_the_converged_patch_solves_the_differential_equation() -> None:
-    """Another integrator, another rounding of Coulomb's corner, world axes."""
-    values = reference_values()
-    fine, coarse = (
-        tp.simulate_batch(DROP, "patch", steps=steps, **values).detach for steps in (1920, 960)
-    )
-    name = "throw_decelerating"
-    found = landing((2 * fine - coarse)[[list(VALUES).index(name)]])[0]
-    exact = landing(by_differential_equation(reference_case(name))[None])[0]
-    assert found[0] == pytest.approx(exact[0], abs=5e-6)
-    assert found[1] == pytest.approx(exact[1], abs=np.radians(2e-3))
-
-
-def by_differential_equation(held: ReleaseCase) -> np.ndarray:
-    """Detach state of the patch by a stiff integrator."""
-    patch = disc("uniform", 64, float(held.contact.torsion_arm))
-    mass, limit = held.body.mass, held.contact.force_limit
-
-    def rates(t: float, state: np.ndarray) -> np.ndarray:
-        hand = held.hand.at(np.array([t]))
-        (x_h, z_h, turn), (v_x, v_z, omega) = hand.pose[:, 0], hand.twist[:, 0]
-        at = np.exp(1j * turn) * (patch.x + 1j * patch.z)
-        lever = at + complex(x_h, z_h) - complex(state[0], state[1])
-        slip = complex(state[3], state[4]) + 1j * state[5] * lever
-        slip -= complex(v_x, v_z) + 1j * omega * at
-        speed = np.sqrt(np.abs(slip) ** 2 + 1e-20)
-        force = -float(limit(held.grip.force(t))) * patch.weights * slip / speed
-        pull, torque = force.sum() / mass, (lever.conj() * force).imag.sum()
-        falling = [pull.real, pull.imag - held.gravity, torque / held.body.inertia]
-        return np.array([*state[3:], *falling])
-
-    end = held.grip.opening
-    options = {"rtol": 1e-8, "atol": 1e-12, "first_step": 1e-7 * end}
-    run = solve_ivp(rates, (0.0, end), held.start(), "Radau", [end], **options)
-    assert run.success, run.message
-    return np.asarray(run.y[:, -1])
 
 
 @pytest.mark.slow

@@ -96,15 +96,6 @@ def test_between_samples_the_force_never_rises_or_overshoots(table):
         assert ((part >= f_low - 1e-9) & (part <= f_high + 1e-9)).all()
 
 
-@relaxed
-@given(table=falling_tables())
-def test_a_table_ends_at_zero_force(table):
-    release = TableRelease(*table)
-    assert release.force(release.opening) == pytest.approx(0.0, abs=1e-9 * 80)
-    assert release.dwell + release.opening <= table[0][-1] + 1e-12
-    assert release.opening > 0
-
-
 @pytest.mark.parametrize(("rows", "apart"), [(101, False), (6, True)])
 def test_rows_every_half_millisecond_leave_nothing_to_interpolation(plan_of, rows, apart) -> None:
     """The landing by monotone cubics and by straight lines between the rows, as the page says."""

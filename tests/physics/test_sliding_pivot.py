@@ -10,7 +10,6 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 from release_cases import BAR, VALUES, expected, order_of, reference_case, reference_values
-from scipy.integrate import solve_ivp
 from throwplan.models import Body, Contact, FlightLaw, FlightState, HandMotion, pivot_wrench
 from throwplan.models.release import (
     SlidingPivot,
@@ -182,20 +181,6 @@ def test_without_grip_and_without_the_hands_turning_it_falls_freely(form, state,
     assert alpha == pytest.approx(0.0, abs=1e-6)
 
 
-@relaxed
-@given(state=slipping, hand=hands, share=st.floats(0, 0.99))
-def test_continuous_form_slips_on_top_of_the_pivot_motion(state, hand, share):
-    law = SlidingPivot(BAR, PADS)
-    (f_x, f_z, _), (x_r, z_r) = wrench_of(law, state, hand)
-    grip = share * math.hypot(f_x, f_z) / 2.0
-    assume(math.hypot(f_x, f_z) > 1e-3)
-    acceleration, alpha = com_acceleration(law, state, hand, grip)
-    omega = hand.omega + state[5]
-    on_pivot = [hand.a_x - alpha * z_r - omega**2 * x_r, hand.a_z + alpha * x_r - omega**2 * z_r]
-    lost = (1 - share) * np.array([f_x, f_z]) / BAR.mass
-    np.testing.assert_allclose(acceleration, on_pivot - lost, atol=1e-8)
-
-
 def at_slide_onset(law, state, hand):
     """CoM acceleration just before and just after sliding sets in, and alpha^o - alpha^h."""
     (f_x, f_z, _), lever = wrench_of(law, state, hand)
@@ -327,22 +312,6 @@ def test_widths_never_vanish_and_are_proportional(h, gravity):
     assert one.force > 0
     assert one.torque > 0
     assert (two.force, two.torque) == pytest.approx((2 * one.force, 2 * one.torque))
-
-
-def test_runge_kutta_converges_at_order_four_on_the_smoothed_law():
-    law = THROWS.law(epsilon=1.0)
-
-    def rates(share, y):
-        t = share * THROWS.opening
-        values = law.rates(y.reshape(6, -1), THROWS.hand(t), THROWS.grip(t))
-        return (THROWS.opening * np.array(values)).ravel()
-
-    start = np.zeros(STATES * len(VALUES))
-    solved = solve_ivp(rates, (0, 1), start, method="DOP853", rtol=1e-13, atol=1e-16)
-    exact = solved.y[:, -1].reshape(6, -1)
-    steps = np.array([80, 160, 320, 640])
-    errors = [np.linalg.norm(THROWS.path(law, n)[-1] - exact, axis=0) for n in steps]
-    np.testing.assert_allclose(order_of(steps, errors), 4.0, atol=0.3)
 
 
 def test_smoothing_moves_landings_by_its_width_squared():
