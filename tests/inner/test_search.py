@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -91,9 +90,7 @@ def test_run_ups_through_the_base_column_are_marked() -> None:
     assert not table.clear[through].any() and table.clear[~through].any()
 
 
-def test_the_cache_keeps_a_table_for_all_targets(
-    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_cache_keeps_a_table_for_all_targets(tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
     scene, draws = tp.load_scene("near-cup"), []
 
@@ -187,7 +184,7 @@ def test_a_corner_cut_between_two_nodes_takes_a_margin_and_no_more_rows() -> Non
 # Several throws, warm plans, models.
 
 
-def test_warm_plans_follow_a_moving_target(pose_planner: tp.Planner) -> None:
+def test_warm_plans_follow_a_moving_target(pose_planner) -> None:
     plan = pose_planner.plan()
     iterations = plan.iterations
     for k in range(1, 5):
@@ -211,7 +208,7 @@ def test_a_target_that_the_table_misses_by_far_is_thrown_to() -> None:
     assert plan.solved, plan.message
 
 
-def test_a_millimetre_from_the_base_column(pose_planner: tp.Planner) -> None:
+def test_a_millimetre_from_the_base_column(pose_planner) -> None:
     plan = pose_planner.plan(aimed(pose_planner, 0.17546259, -106.1607374), patience=90.0)
     assert plan.solved, plan.message
     thrown = plan.throw.deciding
@@ -229,7 +226,7 @@ def test_a_bar_that_touches_the_column_between_two_instants_gets_a_margin() -> N
 
 
 @pytest.mark.slow
-def test_a_target_that_only_the_tolerance_allows(pose_planner: tp.Planner) -> None:
+def test_a_target_that_only_the_tolerance_allows(pose_planner) -> None:
     """There the bar would lie 0.8 mm from the column, by the sliding pivot."""
     tolerance = dataclasses.replace(pose_planner.scene.tolerance, model="sp")
     planner = tp.Planner(pose_planner.scene.replace(tolerance=tolerance))
@@ -239,7 +236,7 @@ def test_a_target_that_only_the_tolerance_allows(pose_planner: tp.Planner) -> No
     assert 1e-4 < position < tolerance.position and angle < tolerance.angle
 
 
-def test_a_target_inside_the_column_is_out_of_reach(pose_planner: tp.Planner) -> None:
+def test_a_target_inside_the_column_is_out_of_reach(pose_planner) -> None:
     plan = pose_planner.plan(aimed(pose_planner, 0.2, -20), patience=90.0)
     assert plan.status == "out_of_reach"
     assert plan.binding == ("base column",)
@@ -252,7 +249,7 @@ def test_a_target_inside_the_column_is_out_of_reach(pose_planner: tp.Planner) ->
 
 
 @pytest.mark.slow
-def test_a_pose_that_no_cup_takes_is_out_of_reach(cup: tp.Planner) -> None:
+def test_a_pose_that_no_cup_takes_is_out_of_reach(cup) -> None:
     """The cup comes along with the target; lying flat the bar enters none."""
     plan = cup.plan(aimed(cup, 0.51, 336.0), patience=90.0)
     assert plan.status == "out_of_reach"
@@ -261,7 +258,7 @@ def test_a_pose_that_no_cup_takes_is_out_of_reach(cup: tp.Planner) -> None:
 
 
 def test_an_elastic_solve_that_ends_farther_off_than_a_release_settles_nothing(
-    cup: tp.Planner,
+    cup,
 ) -> None:
     plan = cup.plan(aimed(cup, -0.735, 258.4), patience=90.0)
     assert plan.solved, plan.message

@@ -68,7 +68,7 @@ def test_torque_adds_rows_only() -> None:
 # Throws that break something.
 
 
-def test_a_solved_plan_breaks_nothing_and_harder_scenes_are_broken(cup_plan: tp.Plan) -> None:
+def test_a_solved_plan_breaks_nothing_and_harder_scenes_are_broken(cup_plan) -> None:
     assert cup_plan.solved and verdict(checked(cup_plan)).ok
     changes = {
         "cup: the bar does not get deep": {"cup": {"rim": cup_plan.scene.cup.rim - 2.0}},
@@ -176,7 +176,7 @@ def test_an_arm_without_masses_has_no_torques() -> None:
     assert plan.solved and "torque" not in plan.to_dict()
 
 
-def test_limits_that_bind_change_the_throw(cup_plan: tp.Plan) -> None:
+def test_limits_that_bind_change_the_throw(cup_plan) -> None:
     most = checked(cup_plan, torque=Torque(limits=WEAK)).torques.use.max(axis=0)
     section = Torque(limits=tuple(float(v) for v in 0.97 * most * np.array(WEAK)))
     tight = tp.plan(cup_plan.scene.replace(torque=section))

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -125,7 +124,7 @@ def assert_the_same(judge: Judge, values: np.ndarray) -> set[Code]:
     "name",
     [name if name in DAILY else pytest.param(name, marks=pytest.mark.slow) for name in SCENES],
 )
-def test_throws_together_are_judged_as_each_by_itself(name: str, tmp_path: Path) -> None:
+def test_throws_together_are_judged_as_each_by_itself(name: str, tmp_path) -> None:
     """And as the oracle judges them, where a limit is not nearer than its accuracy."""
     plan = tp.plan(SCENES[name]().replace(uncertainty=ALL, robust=None))
     judge, values = scattered(plan)
@@ -187,7 +186,7 @@ def test_hard_braking_does_not_hide_a_grip_that_slips_before_the_opening() -> No
     assert f"{100 * (1 - use):.0f} % are left" in plan.summary()
 
 
-def test_what_exceeds_no_reserve_is_not_warned_of(cup_plan: tp.Plan) -> None:
+def test_what_exceeds_no_reserve_is_not_warned_of(cup_plan) -> None:
     scene = cup_plan.scene.replace(uncertainty=Uncertainty(mass=spread(1e-4)))
     assert not warnings(cup_plan.throw.deciding.in_scene(scene), cup_plan.goal)
 
@@ -213,7 +212,7 @@ def test_a_warning_breaks_nothing_and_a_cup_excuses_the_landing() -> None:
     assert Verdict((landing, slip)).words == f"{landing.words}; {slip.words}"
 
 
-def test_findings_say_value_limit_time_and_body(cup_plan: tp.Plan) -> None:
+def test_findings_say_value_limit_time_and_body(cup_plan) -> None:
     throw, scene = cup_plan.throw.deciding, cup_plan.scene
     weaker = scene.replace(gripper=replace(scene.gripper, force=30.0))
     (slip,) = (f for f in verdict(throw.in_scene(weaker)).broken if "slip" in f.code.value)

@@ -140,14 +140,6 @@ def test_the_model_of_the_tolerance_decides(plan_of) -> None:
     assert "warning" not in plan_of("hand-box").to_dict()
 
 
-def test_full_turns_count(plan_of, saved, table) -> None:
-    """hand-flip starts hanging at -90 deg and lands at 270: one full turn."""
-    theta = table(saved("hand-flip") / "motion.csv")["theta"]
-    assert theta[0] == pytest.approx(-math.pi / 2, abs=1e-6)
-    landed = plan_of("hand-flip").to_dict()["landing"]["limit_surface"]["theta"]
-    assert landed == pytest.approx(1.5 * math.pi, abs=math.radians(0.2))
-
-
 # The command, its answer and its files.
 
 
@@ -220,12 +212,6 @@ def test_out_of_reach_exits_3_with_why_and_the_nearest(tmp_path, run) -> None:
     # No motion and no picture of a throw that is not there.
     assert [path.name for path in out.iterdir()] == ["plan.json"]
     assert json.loads((out / "plan.json").read_text())["message"] == answer["message"]
-
-
-def test_a_height_out_of_reach(hand_box) -> None:
-    """The hand rises to 1.1 m at most and throws 3 m/s up: 1.56 m is the highest of all."""
-    plan = hand_box.plan(tp.Pose(x=0.3, z=1.7))
-    assert plan.status == "out_of_reach" and "1.7" in plan.message
 
 
 def test_the_nearest_is_possible_and_no_more_is(hand_box) -> None:
@@ -385,12 +371,6 @@ def test_letting_go_at_rest_is_never_out_of_reach(name, hand, opening, target) -
         dataclasses.replace(scene.gripper, opening=opening),
     )
     assert tp.plan(scene.replace(hand=hand, gripper=gripper), target).status != "out_of_reach"
-
-
-@pytest.mark.slow
-def test_a_target_at_the_apex_gets_an_answer(hand_box) -> None:
-    plan = hand_box.plan(tp.Pose(x=-0.2, z=1.33))
-    assert plan.status in ("solved", "not_converged", "out_of_reach") and plan.message
 
 
 @pytest.mark.parametrize(

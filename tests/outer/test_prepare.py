@@ -17,9 +17,7 @@ from throwplan.problems import load_scene
 KEYS = {"scene", "throws", "added", "edge", "bytes", "folder", "time"}
 
 
-def test_it_says_what_there_is_and_plans_use_it(
-    run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_it_says_what_there_is_and_plans_use_it(run, tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
     said = run("prepare hand-box --throws 40 --json")
     assert said.status == 0 and said.json.keys() == KEYS
@@ -34,9 +32,7 @@ def test_it_says_what_there_is_and_plans_use_it(
     assert said.status == 0 and "solved throws, none of them new" in said.out
 
 
-def test_it_says_why_there_are_fewer_than_asked_for(
-    run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_it_says_why_there_are_fewer_than_asked_for(run, tmp_path, monkeypatch) -> None:
     """A hand so slow that its reach has no room for as many."""
     monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
     text = tp.scene_text("hand-box")
@@ -49,7 +45,7 @@ def test_it_says_why_there_are_fewer_than_asked_for(
 
 @pytest.mark.slow
 @pytest.mark.parametrize("by", [signal.SIGINT, signal.SIGTERM])
-def test_an_end_loses_nothing_that_was_solved(by: int, tmp_path: Path, interruptible: None) -> None:
+def test_an_end_loses_nothing_that_was_solved(by: int, tmp_path, interruptible: None) -> None:
     """Of the command, with the processes that it starts."""
     environment = os.environ | {"THROWPLAN_CACHE": str(tmp_path)}
     command = [sys.executable, "-m", "throwplan", "prepare", "hand-flip", "--throws", "5000"]

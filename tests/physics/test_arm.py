@@ -158,13 +158,3 @@ def test_a_hand_that_does_not_turn_keeps_its_angle():
     np.testing.assert_array_equal(pose, [1, 2, 0.7])
     np.testing.assert_array_equal(twist, [3, 4, 0])
     np.testing.assert_array_equal(acceleration, [5, 6, 0])
-
-
-def test_heights_of_the_frames_are_those_of_the_full_kinematics() -> None:
-    arm = PlanarArm(PANDA)
-    q = ca.SX.sym("q", arm.coordinates)
-    planar = ca.Function("planar", [q], [ca.vertcat(*arm.heights(arm.link_angles(q)))])
-    full = ca.Function("full", [q], [arm.points(q)[1, 2:-1]])
-    for value in np.random.default_rng(3).uniform(-2, 2, (5, arm.coordinates)):
-        mine, theirs = (np.unique(np.array(f(value)).round(9)) for f in (planar, full))
-        assert mine == pytest.approx(theirs, abs=1e-8)
