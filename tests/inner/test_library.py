@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
+from builders import varied
 from throwplan.planner.library import Library
 from throwplan.planner.ocp import Margins, Refinement
 from throwplan.planner.throw import make_manipulator, send
@@ -115,9 +116,8 @@ def test_polishing_brings_a_moved_throw_to_its_optimum(plain) -> None:
     [("pose", "ls-step"), ("pose", "sp"), ("hand-flip", "ls-step"), ("fr3", "sp")],
 )
 def test_a_moved_throw_is_what_its_parts_give(name: str, model: str) -> None:
-    scene = tp.load_scene(name)
-    tolerance = dataclasses.replace(scene.tolerance, model=model)
-    planner = tp.Planner(scene.replace(tolerance=tolerance), library=False)
+    scene = varied(tp.load_scene(name), tolerance={"model": model})
+    planner = tp.Planner(scene, library=False)
     target = planner.scene.target
     near = target.in_plane(target.plane_x + 0.01, target.theta + 0.02)
     plan = planner.plan(near, warm=planner.plan())
@@ -155,8 +155,7 @@ def test_other_planners_find_it_and_other_scenes_do_not(prepared) -> None:
     # A target elsewhere, another name and a choice make no difference; another bar does.
     elsewhere = scene.replace(target=scene.target.in_plane(0.3, 6.0), name="mine", choice=Choice())
     assert tp.Planner(elsewhere).prepared == prepared.prepared
-    heavier = scene.replace(object=dataclasses.replace(scene.object, mass=0.2))
-    assert not tp.Planner(heavier).prepared
+    assert not tp.Planner(varied(scene, object={"mass": 0.2})).prepared
     assert not tp.Planner(scene, library=False).prepared
     one, other = (p.plan(targets(prepared, 3)[1]) for p in (prepared, tp.Planner(scene)))
     assert one.throw.effort == other.throw.effort
@@ -198,9 +197,9 @@ def test_each_number_that_throws_depend_on_has_a_library_of_its_own(name: str) -
     for field in dataclasses.fields(scene):
         if field.name not in FREE:
             for place, other in changed_numbers(getattr(scene, field.name), field.name):
-                varied = copy.copy(scene)
-                object.__setattr__(varied, field.name, other)
-                folders[place] = Library(varied, manipulator).folder
+                edited = copy.copy(scene)
+                object.__setattr__(edited, field.name, other)
+                folders[place] = Library(edited, manipulator).folder
     assert len(folders) > 20 and len(set(folders.values())) == len(folders)
     # One number of `u` more for each interval and coordinate.
     finer = scene.replace(mesh=scene.mesh.changed(carry=scene.mesh.carry + 1))

@@ -8,6 +8,7 @@ import math
 import numpy as np
 import pytest
 import throwplan as tp
+from builders import varied
 from scipy.interpolate import BPoly
 from throwplan.models import Trajectory
 from throwplan.models.release import SlidingPivotRelease
@@ -27,9 +28,7 @@ def cup(planner_of) -> tp.Planner:
 
 def bare(name: str) -> tp.Scene:
     """A scene whose arm has neither tool speed nor capsules: only joints, column and palm bind."""
-    scene = tp.load_scene(name)
-    limits = dataclasses.replace(scene.arm.limits, tool_speed=None)
-    return scene.replace(arm=dataclasses.replace(scene.arm, limits=limits, capsules=()))
+    return varied(tp.load_scene(name), {"tool_speed": None}, arm={"capsules": ()})
 
 
 def aimed(planner: tp.Planner, x: float, degrees: float) -> tp.Pose:
@@ -109,11 +108,11 @@ def test_the_cache_keeps_a_table_for_all_targets(tmp_path, monkeypatch) -> None:
         assert np.array_equal(getattr(first, name), getattr(again, name))
     # Neither target nor tolerance matters; object, contact and limits do.
     kept(scene.aimed_at(tp.Pose(x=1.0, z=0.3, theta=-1.5)))
-    kept(scene.replace(tolerance=dataclasses.replace(scene.tolerance, position=0.01)))
+    kept(varied(scene, tolerance={"position": 0.01}))
     assert len(draws) == 1
-    kept(scene.replace(object=dataclasses.replace(scene.object, mass=0.23)))
-    kept(scene.replace(contact=dataclasses.replace(scene.contact, friction=0.9)))
-    kept(scene.replace(robot=dataclasses.replace(scene.robot, velocity_margin=0.1)))
+    kept(varied(scene, object={"mass": 0.23}))
+    kept(varied(scene, contact={"friction": 0.9}))
+    kept(varied(scene, robot={"velocity_margin": 0.1}))
     assert len(draws) == 4
 
 
@@ -228,12 +227,13 @@ def test_a_bar_that_touches_the_column_between_two_instants_gets_a_margin() -> N
 @pytest.mark.slow
 def test_a_target_that_only_the_tolerance_allows(pose_planner) -> None:
     """There the bar would lie 0.8 mm from the column, by the sliding pivot."""
-    tolerance = dataclasses.replace(pose_planner.scene.tolerance, model="sp")
-    planner = tp.Planner(pose_planner.scene.replace(tolerance=tolerance))
+    planner = tp.Planner(varied(pose_planner.scene, tolerance={"model": "sp"}))
     plan = planner.plan(aimed(planner, 0.22, -15), patience=90.0)
     assert plan.solved, plan.message
     position, angle = plan.error_sent()
-    assert 1e-4 < position < tolerance.position and angle < tolerance.angle
+    assert (
+        1e-4 < position < planner.scene.tolerance.position and angle < planner.scene.tolerance.angle
+    )
 
 
 def test_a_target_inside_the_column_is_out_of_reach(pose_planner) -> None:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import json
 import math
 import subprocess
@@ -11,6 +10,7 @@ import sys
 import numpy as np
 import pytest
 import throwplan as tp
+from builders import varied
 from scipy.interpolate import CubicSpline
 
 #: The JSON of `plan`: keys, and the keys below them.
@@ -125,8 +125,7 @@ def test_ipopt_lands_the_same(name, planner_of, plan_of) -> None:
 def test_the_model_of_the_tolerance_decides(plan_of) -> None:
     """By both models, and a warning where they land farther apart than the tolerance."""
     scene = tp.load_scene("hand-flip")
-    tolerance = dataclasses.replace(scene.tolerance, model="sp")
-    paper = tp.plan(scene.replace(tolerance=tolerance))
+    paper = tp.plan(varied(scene, tolerance={"model": "sp"}))
     for plan, row in ((plan_of("hand-flip"), "limit_surface"), (paper, "exact")):
         answer = plan.to_dict()
         assert plan.solved and answer["decides"] == row
@@ -333,12 +332,8 @@ def test_when_the_time_is_over_no_attempt_is_begun(hand_box) -> None:
 
 
 def test_a_hand_keeps_its_range_while_it_brakes(tmp_path, table) -> None:
-    scene = tp.load_scene("hand-box")
-    tight = scene.replace(
-        hand=dataclasses.replace(scene.hand, z=(0.66, 0.74), x=(-0.4, 0.25)),
-        gripper=dataclasses.replace(scene.gripper, opening=0.1),
-    )
-    plan = tp.plan(tight)
+    hand = {"z": (0.66, 0.74), "x": (-0.4, 0.25)}
+    plan = tp.plan(varied(tp.load_scene("hand-box"), hand=hand, gripper={"opening": 0.1}))
     assert plan.status == "solved"
     plan.save(tmp_path, draw=False)
     rows = table(tmp_path / "motion.csv")
@@ -365,12 +360,8 @@ def test_a_hand_keeps_its_range_while_it_brakes(tmp_path, table) -> None:
 )
 def test_letting_go_at_rest_is_never_out_of_reach(name, hand, opening, target) -> None:
     """A slow gripper, a hand that can hardly move: still the start pose is a release."""
-    scene = tp.load_scene(name)
-    hand, gripper = (
-        dataclasses.replace(scene.hand, **hand),
-        dataclasses.replace(scene.gripper, opening=opening),
-    )
-    assert tp.plan(scene.replace(hand=hand, gripper=gripper), target).status != "out_of_reach"
+    scene = varied(tp.load_scene(name), hand=hand, gripper={"opening": opening})
+    assert tp.plan(scene, target).status != "out_of_reach"
 
 
 @pytest.mark.parametrize(

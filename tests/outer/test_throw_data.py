@@ -167,13 +167,13 @@ def test_nothing_but_synthetic_throws_is_overwritten(small, tmp_path, refused) -
 
 
 def test_identify_takes_filters_and_writes_what_it_finds(made, tmp_path, run, refused) -> None:
-    line, few = "identify --model sp --json --only", ("--throws", 6, "--out", tmp_path)
-    (told,) = json.loads(run(line, "com=com2", made, *few).out)
+    options = ("--model", "sp", "--throws", 6, "--json", "--out", tmp_path)
+    (told,) = json.loads(run("identify", made, "--only", "com=com2", *options).out)
     assert told["throws"] == 6
     assert told["fit"]["product"]["value"] == pytest.approx(TRUE, rel=0.1)
     names = {"identify.json", "contact-sp.png", "contact.toml"}
     assert {path.name for path in tmp_path.iterdir()} == names
-    assert "com must be one of com1, com2" in refused("identify --only com=3", made)
+    assert "com must be one of com1, com2" in refused("identify", made, "--only", "com=3")
 
 
 # validate.
