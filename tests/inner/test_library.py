@@ -422,7 +422,7 @@ def test_turns_alternatives_and_a_choice(prepared) -> None:
         assert other.throw.effort >= several.throw.effort
         assert other.error_sent()[0] <= prepared.scene.tolerance.position
     # No attempt is begun when the time is over.
-    assert not prepared.plan(target, patience=1e-9).solved
+    assert prepared.plan(target, patience=1e-9).status == "not_converged"
 
 
 def test_without_a_cache_folder_nothing_is_kept(monkeypatch) -> None:

@@ -14,7 +14,7 @@ import pytest
 import throwplan as tp
 from builders import nlp_of, varied
 from throwplan.models import Trajectory
-from throwplan.models.robot import ArmCapsules, about_z
+from throwplan.models.robot import about_z
 from throwplan.planner.show import serving, space_throw
 from throwplan.planner.throw import Throw, make_manipulator
 from throwplan.planner.throw.clearance import (
@@ -57,28 +57,20 @@ def test_a_throw_clears_the_arm_as_the_check_says(pose, free) -> None:
     q[:, :50] = throw.path.at(np.linspace(0.0, throw.opening_time, 50)).pose
     bar = held_bar(pose, manipulator.motion(q, 0 * q, 0 * q)[0])
     capsules = manipulator.capsules
+    # Neighbours meet at their joint; the bar comes last, and is held by the last link, the hand.
+    moved_by, number = (*capsules.moved_by, capsules.moved_by[-1]), (*capsules.number, math.inf)
     for where in (None, bar):
         found = overlap(pose, manipulator, q, where)
         track = swept_bodies(pose, capsules, np.zeros(300), q, where)
         expected = np.full(300, -np.inf)
         for i, j in itertools.combinations(range(len(track.names)), 2):
-            # Neighbours meet at their joint; the bar is held by the hand.
-            hand = j == len(capsules.number) and capsules.moved_by[i] == capsules.moved_by[-1]
-            if hand or (j < len(capsules.number) and not_apart(capsules, i, j)):
+            if moved_by[i] == moved_by[j] or abs(number[i] - number[j]) <= 2:
                 continue
             ends = (end.T for body in (i, j) for end in track.ends[body])
             lack = track.radius[i] + track.radius[j] - shapes.between_segments(*ends)
             expected = np.maximum(expected, lack)
         assert found == pytest.approx(expected, abs=1e-9)
         assert (found[:50] <= 0.0).all() and (found > 0.01).sum() > 10
-
-
-def not_apart(capsules: ArmCapsules, i: int, j: int) -> bool:
-    """Whether two links are one, or so near in the chain that they always meet."""
-    return (
-        capsules.moved_by[i] == capsules.moved_by[j]
-        or abs(capsules.number[i] - capsules.number[j]) <= 2
-    )
 
 
 def test_a_solid_reaches_as_far_as_its_points():

@@ -194,22 +194,6 @@ def test_converged_answers_agree_with_other_methods(law, run, close) -> None:
     assert laws.off(THROW, run(THROW.case).end, truth) < close
 
 
-def test_the_drop_converges_to_the_published_turning_rates() -> None:
-    """-1.0 rad/s in the paper; -1.021 and -1.034 rad/s in the reference values."""
-    case = laws.four_throws()[0].case
-    assert laws.pivot_truth(case)[5] == pytest.approx(-1.0212, abs=1e-4)
-    assert laws.surface_truth(case)[5] == pytest.approx(-1.0340, abs=1e-3)
-
-
-def test_each_method_is_there_once() -> None:
-    for quick in (True, False):
-        ways = list(laws.methods(quick))
-        assert len({(way.family, way.setting) for way in ways}) == len(ways)
-        assert {"sp, RK4", "ils, LSODA", "ls-step", "patch", "LuGre, σ₀ 1e7 1/m"} <= {
-            w.family for w in ways
-        }
-
-
 @pytest.mark.slow
 def test_each_part_adds_its_own_and_is_solved() -> None:
     """A pivot has an angle and a rate at each node of the opening; θ is one row more."""

@@ -57,11 +57,6 @@ DELAY = tp.load_scene("delay").uncertainty
 
 
 @pytest.fixture(scope="module")
-def planner() -> tp.Planner:
-    return planner_of("delay", DELAY)
-
-
-@pytest.fixture(scope="module")
 def nominal() -> tp.Plan:
     return planned("delay", DELAY)
 
@@ -120,9 +115,9 @@ def test_the_message_cites_what_a_sweep_says_of_both_plans(nominal) -> None:
         assert [float(n) for n in numbers] == pytest.approx(expected, abs=0.051)
 
 
-def test_a_method_that_fails_leaves_the_plain_plan_and_says_so(planner, nominal) -> None:
+def test_a_method_that_fails_leaves_the_plain_plan_and_says_so(nominal) -> None:
     """No motion of the arm keeps the hand's velocity over the window."""
-    plan = planner.plan(robust="hand-velocity", patience=1.5)
+    plan = planner_of("delay", DELAY).plan(robust="hand-velocity", patience=1.5)
     assert plan.solved and plan.robust == "nominal"
     assert "the throw is the plain one: hand-velocity found none (no motion" in plan.message
     # All numbers are those of the throw that is given.

@@ -16,8 +16,6 @@ from throwplan.planner.throw import (
 )
 from throwplan.planner.throw.clearance import (
     bar_outline,
-    column_distance,
-    palm_distance,
 )
 from throwplan.planner.verdict import verdict
 from throwplan.problems import Landing, Torque
@@ -103,26 +101,6 @@ def test_palm_enters_the_nlp_when_it_decides_and_goes_into_a_warm_start() -> Non
 
 
 # Shapes.
-
-
-def test_distances_of_bar_palm_and_column() -> None:
-    scene = tp.load_scene("near-cup")
-    bar, tool = scene.object, scene.arm.tool
-    level = np.array([[1.0], [0.5], [0.0]])
-    corners = bar_outline(bar, level)[:, 0]
-    assert corners[0].min() == pytest.approx(0.9) and corners[0].max() == pytest.approx(1.16)
-    assert corners[1].max() - corners[1].min() == pytest.approx(bar.width)
-    # Held along the approach axis the bar's end is palm_front in front of the palm.
-    hand = np.array([[0.9], [0.5], [0.0]])
-    assert palm_distance(bar, tool, level, hand)[0] == pytest.approx(tool.palm_front)
-    folded = np.array([[0.8], [0.5], [math.pi]])
-    deep = tool.palm_half_width + bar.width / 2
-    assert palm_distance(bar, tool, folded, hand)[0] == pytest.approx(-deep)
-    # Aside, inside, above, and out of reach.
-    places = np.array([[0.25, 0.1, 0.0, 1.0], [0.2, 0.2, 0.5, 0.5], [0.0, 0.0, 0.0, 0.0]])
-    found = column_distance(bar, places, 0.12, 0.45)
-    assert found[[0, 2]] == pytest.approx([0.03, 0.05 - bar.width / 2])
-    assert found[1] < 0.0 and found[3] == np.inf
 
 
 def entry(scene: tp.Scene, state: FlightState, flight: float) -> float:

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from scipy import stats
 from throwplan import load_scene
-from throwplan.planner.verdict import quantile, sampler_of
+from throwplan.planner.verdict import sampler_of
 from throwplan.problems import Distribution, Uncertainty
 
 
@@ -79,13 +79,3 @@ def test_seeds_differ_and_repeat() -> None:
     # Low discrepancy: each 256th of the range is met once.
     cells = np.floor((draws[0][:, 0] + 0.01) / 0.02 * 256)
     assert sorted(cells) == list(range(256))
-
-
-def test_quantiles_of_a_distribution_invert_its_law() -> None:
-    shares = np.array([0.05, 0.5, 0.95])
-    normal = quantile(Distribution(normal=2.0, mean=1.0), shares, (-100.0, 100.0))
-    assert normal == pytest.approx(stats.norm(1.0, 2.0).ppf(shares))
-    uniform = quantile(Distribution(uniform=2.0, mean=1.0), shares, (-100.0, 100.0))
-    assert uniform == pytest.approx(1.0 + 2.0 * (2 * shares - 1))
-    measured = quantile(Distribution(samples=(3.0, 1.0, 2.0)), shares, (-100.0, 100.0))
-    assert list(measured) == [1.0, 2.0, 3.0]

@@ -579,18 +579,6 @@ def test_names_that_cannot_be_files(name, folder, refused, untouched):
     assert name[:100] in refused("plan", name)
 
 
-@pytest.mark.parametrize(
-    ("line", "word"), [("plan scene.toml", "mass"), ("simulate drop --model x", "ls-step")]
-)
-def test_in_a_process_of_its_own(line, word, folder, untouched):
-    put(edited("", HAND, {"object.mass": "-1"}), folder)
-    untouched()
-    command = [sys.executable, "-m", "throwplan", *line.split()]
-    done = subprocess.run(command, capture_output=True, text=True, check=False)
-    assert (done.returncode, done.stdout) == (2, "")
-    assert len(done.stderr.splitlines()) == 1 and word in done.stderr
-
-
 # Odd: an answer, or one line, but no traceback and no NaN. What CasADi prints counts too.
 
 

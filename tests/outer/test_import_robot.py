@@ -139,21 +139,6 @@ def body_poses(arm, q: np.ndarray) -> list[np.ndarray]:
     return [*poses[: arm.joints], poses[-1] @ back]
 
 
-def test_centre_of_mass_is_yourdfpys(odd, odd_file) -> None:
-    robot = yourdfpy.URDF.load(str(odd_file), load_meshes=False)
-    links = [link for link in robot.robot.links if link.name != "base"]
-    for q in states(odd, 4):
-        robot.update_cfg(dict(zip(JOINTS, q, strict=True)))
-        moment, mass = np.zeros(3), 0.0
-        for link in links:
-            pose = robot.get_transform(link.name) @ link.inertial.origin
-            moment, mass = moment + link.inertial.mass * pose[:3, 3], mass + link.inertial.mass
-        found = np.zeros(3)
-        for link, pose in zip(odd.links, body_poses(odd, q), strict=True):
-            found += link.mass * (pose[:3, :3] @ link.com + pose[:3, 3])
-        np.testing.assert_allclose(found, moment, atol=1e-12 * mass)
-
-
 def kinetic_energy(arm, q: np.ndarray, dq: np.ndarray) -> float:
     """Of all links, their velocities by differences of their poses."""
     h = 1e-6

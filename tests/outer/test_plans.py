@@ -267,6 +267,29 @@ def test_no_motion_of_another_plan_stays(tmp_path, hand_box) -> None:
     assert not (tmp_path / "motion.csv").exists()
 
 
+#: Changes of a plan's file or its whole text, and words of the message.
+PLAN_FILES = [
+    ({}, None, "plan.json: no such file"),
+    ({}, "[1, 2", "is not JSON"),
+    ({}, "[1, 2]", "is not a plan file"),
+    ({"format": 99}, "", "a plan file of version 99"),
+    ({"status": "out_of_reach"}, "", "holds no throw"),
+]
+
+
+@pytest.mark.parametrize(("changes", "text", "words"), PLAN_FILES, ids=[w for *_, w in PLAN_FILES])
+def test_files_that_hold_no_throw_are_refused(changes, text, words, saved, tmp_path, refused):
+    """By every command that reads plans; nothing is written."""
+    plan = json.loads((saved("hand-flip") / "plan.json").read_text())
+    (tmp_path / "plan").mkdir()
+    if text is not None:
+        (tmp_path / "plan" / "plan.json").write_text(text or json.dumps(plan | changes))
+    for command, *more in (("view",), ("replay",), ("view", "--mp4"), ("export", "--franka")):
+        out = [tmp_path / "new.mp4"] if more else []
+        assert words in refused(command, tmp_path / "plan", *more, *out)
+    assert [path.name for path in tmp_path.iterdir()] == ["plan"]
+
+
 @pytest.mark.parametrize("angle", ["-9e1", "-90", "-9.0E1", "free"])
 def test_angles_on_the_command_line(angle, run) -> None:
     answer = run("plan pose --target 0.9 0.1", angle, "--json").json
@@ -322,10 +345,6 @@ def test_alternatives_are_other_throws_to_the_same_target(planner_of) -> None:
     assert len({round(t, 3) for t in times}) == len(times)
     for other in plan.alternatives:
         assert other.status == "solved" and other.error_sent()[0] < 1e-3
-
-
-def test_when_the_time_is_over_no_attempt_is_begun(hand_box) -> None:
-    assert hand_box.plan(patience=1e-9).status == "not_converged"
 
 
 # What a plan keeps.

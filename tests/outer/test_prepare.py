@@ -2,17 +2,9 @@
 
 from __future__ import annotations
 
-import os
-import re
-import signal
-import subprocess
-import sys
-import time
 from pathlib import Path
 
-import pytest
 import throwplan as tp
-from throwplan.problems import load_scene
 
 KEYS = {"scene", "throws", "added", "edge", "bytes", "folder", "time"}
 
@@ -41,25 +33,3 @@ def test_it_says_why_there_are_fewer_than_asked_for(run, tmp_path, monkeypatch) 
     slow.write_text(text.replace("\nspeed = 3.0", "\nspeed = 0.3"))
     said = run("prepare --throws 300", slow)
     assert said.status == 0 and "fewer than the 300 requested: no places are left" in said.out
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("by", [signal.SIGINT, signal.SIGTERM])
-def test_an_end_loses_nothing_that_was_solved(by: int, tmp_path, interruptible: None) -> None:
-    """Of the command, with the processes that it starts."""
-    environment = os.environ | {"THROWPLAN_CACHE": str(tmp_path)}
-    command = [sys.executable, "-m", "throwplan", "prepare", "hand-flip", "--throws", "5000"]
-    process = subprocess.Popen(command, env=environment, stderr=subprocess.PIPE, text=True)
-    until = time.monotonic() + 300
-    while not list(tmp_path.glob("throws-*/*.npy")) and time.monotonic() < until:
-        time.sleep(0.2)
-    process.send_signal(by)
-    _, words = process.communicate(timeout=60)
-    assert process.returncode == 130
-    said = re.fullmatch(r"throwplan: interrupted: ([\d,]+) throws are kept; .* goes on .*\n", words)
-    assert said, words
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setenv("THROWPLAN_CACHE", str(tmp_path))
-        kept = tp.Planner(load_scene("hand-flip")).prepared
-    assert kept == int(said[1].replace(",", "")) > 0
-    assert not [path for path in tmp_path.glob("throws-*/*") if path.suffix != ".npy"]

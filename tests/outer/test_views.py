@@ -94,21 +94,6 @@ def test_wrong_options(saved, refused, tmp_path) -> None:
         assert f"must end in .{kind}" in refused("view", saved("hand-flip"), f"--{kind}", gif)
 
 
-def test_wrong_plans(saved, refused, tmp_path) -> None:
-    plan = json.loads((saved("hand-flip") / "plan.json").read_text())
-    path = tmp_path / "plan.json"
-    assert f"{path}" in refused("view", path)
-    for text, words in (
-        ("[1, 2", "is not JSON"),
-        ("[1, 2]", "is not a plan file"),
-        (json.dumps(plan | {"format": 99}), "a plan file of version 99"),
-        (json.dumps(plan | {"status": "out_of_reach"}), "it holds no throw"),
-    ):
-        path.write_text(text)
-        for more in ([], ["--mp4", tmp_path / "throw.mp4"]):
-            assert words in refused("view", tmp_path, *more)
-
-
 def test_without_viser_the_extra_is_named(saved) -> None:
     code = (
         "import sys; sys.modules['viser'] = None; from throwplan.planner.cli import main; "

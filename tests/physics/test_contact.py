@@ -10,7 +10,6 @@ from release_cases import BAR
 from throwplan.models import (
     Contact,
     HandMotion,
-    com_twist,
     com_wrench,
     contact_twist,
     pivot_wrench,
@@ -60,13 +59,6 @@ def test_power_is_the_same_at_the_contact_and_at_the_com(twist, wrench, r):
     at_com = np.dot(com_wrench(*wrench, *r), twist)
     at_contact = np.dot(wrench, contact_twist(*twist, *r))
     assert at_com == pytest.approx(at_contact, rel=1e-12, abs=1e-10)
-
-
-@relaxed
-@given(twist=triple, r=lever)
-def test_com_twist_inverts_contact_twist(twist, r):
-    np.testing.assert_allclose(com_twist(*contact_twist(*twist, *r), *r), twist, atol=1e-13)
-    np.testing.assert_allclose(contact_twist(*com_twist(*twist, *r), *r), twist, atol=1e-13)
 
 
 @pytest.mark.parametrize("t", [0.0, 0.2, 0.7, 1.3])
@@ -125,19 +117,6 @@ def test_utilisation_is_one_on_the_limits(mu, radius, force, angle):
     assert contact.utilisation_squared(0.0, 0.0, -tau_max, force) == pytest.approx(1.0)
     both = contact.utilisation_squared(0.6 * pull[0], 0.6 * pull[1], 0.8 * tau_max, force)
     assert both == pytest.approx(1.0)
-
-
-@relaxed
-@given(wrench=triple, force=positive)
-def test_two_faces_hold_what_one_holds_at_twice_the_grip(wrench, force):
-    one, two = Contact(0.7, 0.005, faces=1), Contact(0.7, 0.005, faces=2)
-    assert two.force_limit(force) == pytest.approx(2 * one.force_limit(force))
-    assert two.force_limit(force) == pytest.approx(one.force_limit(2 * force))
-    assert two.utilisation_squared(*wrench, force) == pytest.approx(
-        one.utilisation_squared(*wrench, force) / 4
-    )
-    # The torsional arm is a property of one patch: it does not count faces.
-    assert two.torsion_arm == one.torsion_arm == pytest.approx(0.6 * 0.005)
 
 
 # The ellipsoid: its gauge, its sliding wrench, normality.

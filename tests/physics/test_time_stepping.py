@@ -61,12 +61,6 @@ def test_a_fully_gripped_bar_sticks_to_a_moving_hand() -> None:
         assert distance < 1e-7 and angle < 1e-11
 
 
-def test_sticking_to_a_turning_hand_is_second_order() -> None:
-    grids = np.array([50, 100, 200, 400])
-    found = [gripped("throw_accelerating", int(steps))[0] for steps in grids]
-    assert order_of(grids, found) == pytest.approx(2.0, abs=0.3)
-
-
 # Steps: what any dry friction must obey, from the states alone.
 
 
