@@ -24,7 +24,7 @@ from throwplan.problems import Choice
 
 from benchmarks.judge import judge
 
-COUNT = 60
+COUNT = 50
 
 
 @pytest.fixture(scope="module")
@@ -70,9 +70,9 @@ def reopened(planner: tp.Planner) -> Library:
 
 def test_moved_throws_land_break_nothing_and_cost_no_more(plain, prepared) -> None:
     tolerance = plain.scene.tolerance
-    pairs = [(plain.plan(t), prepared.plan(t)) for t in targets(prepared, 12, 0.01)]
+    pairs = [(plain.plan(t), prepared.plan(t)) for t in targets(prepared, 9, 0.01)]
     moved = [after for _, after in pairs if after.solver == "corrector"]
-    assert len(moved) >= 8
+    assert len(moved) >= 6
     for before, after in pairs:
         assert after.solved or not before.solved
     for plan in moved:

@@ -151,7 +151,7 @@ def test_obstacles_are_met_by_the_same_throws() -> None:
     sampler = sampler_of(plan.scene, 2)
     flown = throw.flight(np.linspace(0.0, throw.landing.flight_time, 400))
     at = int(np.abs(flown[0] - 0.75).argmin())
-    values, some = sampler.draw(0, COUNT), 0
+    values = sampler.draw(0, COUNT)
     for above in np.arange(0.03, 0.3, 0.005):
         place = float(flown[0, at]), 0.0, float(flown[1, at]) + above
         ball = Obstacle(name="ball", kind="sphere", size=(0.03,), position=place)
@@ -159,11 +159,9 @@ def test_obstacles_are_met_by_the_same_throws() -> None:
         batch = ThrowBatch.of(throw.in_scene(scene), plan.goal, sampler.names, (-0.03, 0.03, 0.06))
         hits = verdicts(batch, values).breaks(Code.COLLISION)
         if 0 < hits.sum() < COUNT:
-            some += 1
-            assert_the_same(Judge(batch), values)
-        if some == 2:
             break
-    assert some
+    assert 0 < hits.sum() < COUNT
+    assert_the_same(Judge(batch), values)
 
 
 def test_hard_braking_does_not_hide_a_grip_that_slips_before_the_opening() -> None:

@@ -49,7 +49,7 @@ def test_the_oracle_sees_what_is_wrong(saved) -> None:
 def swept(saved, plan_of, tmp_path_factory):
     """Oracle, parameters and findings of a sweep that looks at many parameters."""
     folder = tmp_path_factory.mktemp("sweep")
-    tp.sweep(plan_of("near-cup"), samples=64).save(folder / "sweep")
+    tp.sweep(plan_of("near-cup"), samples=32).save(folder / "sweep")
     return read_oracle(saved("near-cup")), *read_rows(folder)
 
 

@@ -6,6 +6,7 @@ import json
 import math
 import subprocess
 import sys
+from functools import cache
 
 import numpy as np
 import pytest
@@ -225,6 +226,12 @@ def test_the_nearest_is_possible_and_no_more_is(hand_box) -> None:
         assert hand_box.plan(tp.Pose(x=nearest.x + step, z=0.0)).status == status
 
 
+@cache
+def without_library(scene: str, number: int) -> tp.Planner:
+    """A planner by its number, so that one does not know what the other has named."""
+    return tp.Planner(scene, library=False)
+
+
 @pytest.mark.parametrize(
     ("scene", "x", "degrees"),
     [
@@ -239,18 +246,18 @@ def test_the_nearest_is_possible_and_no_more_is(hand_box) -> None:
 )
 def test_the_nearest_can_be_planned_by_another_planner(scene, x, degrees) -> None:
     """No library: what is named has been thrown, so a search from nothing finds it too."""
-    loaded = tp.load_scene(scene)
+    one, other = without_library(scene, 1), without_library(scene, 2)
     theta = None if degrees is None else math.radians(degrees)
-    plan = tp.Planner(loaded, library=False).plan(loaded.target.in_plane(x, theta), patience=90.0)
+    plan = one.plan(one.scene.target.in_plane(x, theta), patience=90.0)
     assert plan.status == "out_of_reach" and plan.binding, plan.message
-    again = tp.Planner(loaded, library=False).plan(plan.nearest, patience=90.0)
+    again = other.plan(plan.nearest, patience=90.0)
     assert again.solved, again.message
 
 
 @pytest.mark.parametrize(("x", "degrees"), [(-2.111, 153.9), (1.259, -173.4)])
 def test_the_planner_that_named_the_nearest_throws_that_throw(x, degrees) -> None:
     """Tool speed binds there: a throw found anew ended 23 mm short of the one that was named."""
-    planner = tp.Planner("pose", library=False)
+    planner = without_library("pose", 1)
     target = planner.scene.target.in_plane(x, math.radians(degrees))
     plan = planner.plan(target, patience=90.0)
     assert plan.status == "out_of_reach" and "tool speed" in plan.binding, plan.message

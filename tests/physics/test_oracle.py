@@ -127,7 +127,7 @@ def dense(a: np.ndarray, b: np.ndarray, count: int = 401) -> np.ndarray:
     return a + np.linspace(0.0, 1.0, count)[:, None] * (b - a)
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(10))
 def test_distances_are_those_of_the_nearest_points(seed: int) -> None:
     random = np.random.default_rng(seed)
     a, b, c, d = random.uniform(-1, 1, (4, 1, 3))
