@@ -1,4 +1,4 @@
-"""The NLP: derivatives, FATROP's block form, consistency with the exact model, sizes."""
+"""The NLP: derivatives, consistency with the exact model, bounds."""
 
 from __future__ import annotations
 

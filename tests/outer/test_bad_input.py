@@ -579,7 +579,7 @@ def test_names_that_cannot_be_files(name, folder, refused, untouched):
     assert name[:100] in refused("plan", name)
 
 
-# Odd: an answer, or one line, but no traceback and no NaN. What CasADi prints counts too.
+# What is odd. Hostile files and words are in test_fuzz.py.
 
 
 def test_only_regular_files_are_read(tmp_path: Path, refused) -> None:

@@ -1,4 +1,4 @@
-"""The command `throwplan prepare`: its object, its library, Ctrl-C and bad input."""
+"""The command `throwplan prepare`: its object, its library, and why there are fewer throws."""
 
 from __future__ import annotations
 

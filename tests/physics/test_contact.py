@@ -1,4 +1,4 @@
-"""Contact kinematics, wrenches and limits, from first principles."""
+"""Contact kinematics, wrenches, limits and the limit surface, from first principles."""
 
 import math
 
@@ -129,14 +129,10 @@ def gauge(wrench: np.ndarray) -> float:
     return float(2 * np.sqrt(CONTACT.utilisation_squared(*wrench, 1.0)))
 
 
-def twists(count: int = 40) -> np.ndarray:
-    """Random contact twists whose rotation counts as much as their translation."""
-    return np.random.default_rng(3).standard_normal((count, 3)) / SCALE * 0.01
-
-
 def test_sliding_wrench_lies_on_the_surface_and_takes_most_power() -> None:
+    """Of random contact twists whose rotation counts as much as their translation."""
     rng = np.random.default_rng(2)
-    for twist in twists():
+    for twist in rng.standard_normal((40, 3)) / SCALE * 0.01:
         wrench = CONTACT.sliding_wrench(twist)
         assert gauge(wrench) == pytest.approx(1.0, rel=1e-9)
         assert wrench @ twist < 0

@@ -1,4 +1,4 @@
-"""Ballistic flight: against integration, energy, and every way of missing a height."""
+"""Ballistic flight: against integration, and every way of missing a height."""
 
 import math
 

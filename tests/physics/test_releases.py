@@ -54,6 +54,3 @@ def test_across_events_the_order_drops() -> None:
     """Without locating the kink at pivot onset Runge-Kutta is second order at best."""
     # Grids that the onset at 0.455 of the opening cuts at about the same share.
     assert 1.5 < order("drop_h100_faces2", [24, 48, 96, 192, 384], slice(5, 6)) < 3.0
-
-
-# Explicit Euler and its chatter.

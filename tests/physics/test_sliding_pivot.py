@@ -1,4 +1,4 @@
-"""Sliding pivot: independent values, published values, mechanics, smoothing and derivatives."""
+"""Sliding pivot: independent values, mechanics, smoothing and derivatives."""
 
 import dataclasses
 import functools
@@ -21,8 +21,6 @@ from throwplan.models.release import (
 
 GRAVITY = 9.81
 FORMS = ("continuous", "paper")
-#: Of the relative state: slip x, z and angle, and their rates.
-STATES = 6
 PADS = Contact(friction=1.0, patch_radius=0.0025)
 
 relaxed = settings(deadline=None)

@@ -14,7 +14,6 @@ from throwplan.models import Body, Contact, Trajectory, contact_twist
 from throwplan.models.release import LinearRelease, Release, ReleaseCase, SteppedRelease
 
 GRAVITY = 9.81
-PADS = Contact(friction=1.0, patch_radius=0.0025)
 TIGHT = LinearRelease(1e5, 0.0, 0.05)
 GRIDS = np.array([125, 250, 500, 1000])
 
