@@ -105,6 +105,7 @@ def test_a_small_data_set_is_read(small) -> None:
             "1e155,-0.8,7.5",
             "line 2: x = 1e+155: must be within -1000",
         ),
+        ("grip/1.csv", "0.115,0", "0.115,50", "f_N must end at 0, but the last row has 50 N"),
         ("grip/1.csv", "t,f_N\n", "t,f_N\n-1,1e7\n", "line 2: f_N = 1e+07: must be within -1e+06"),
         ("motion/1.csv", "theta", "angle", "must name the columns t, x, z and theta"),
     ],
