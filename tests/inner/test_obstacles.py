@@ -108,19 +108,25 @@ def test_an_obstacle_stands_in_the_base_frame(free, pose):
         assert bool(contacts(throw)) == meets
 
 
+def lowest_of_links(plan: tp.Plan) -> float:
+    """Least height [m] of the links' covers from rest to rest, by the oracle's chain."""
+    oracle, arm = oracle_of(plan), plan.scene.arm
+    ends = oracle.arm.capsules(oracle.ticks)[..., 2].min(axis=(1, 2))
+    return float(min(ends - [capsule.radius for capsule in arm.capsules])) - arm.cover
+
+
 def test_no_link_is_below_the_floor_from_rest_to_rest(pose) -> None:
     """A floor that all joints, hand and bar are above, but a link's cover is not."""
     links = tuple(capsule for capsule in pose.arm.capsules if capsule.link > 2)
     padded = varied(pose, arm={"capsules": links, "cover": 0.05})
     first = tp.Planner(padded).plan(TARGET)
-    final, judged = first.throw.deciding, oracle_of(first).judge(planned=True)
-    floor = judged.found["arm, floor"].value[0] + pose.workspace.floor + 0.02
+    final, floor = first.throw.deciding, lowest_of_links(first) + 0.02
     assert floor < min(final.measured.arm.value, final.measured.held.value) - 0.1
     higher = varied(padded, workspace={"floor": floor})
     hit = dataclasses.replace(final, scene=higher.aimed_at(TARGET))
     assert {c.other for c in contacts(hit)} == {"floor"}
     plan = tp.Planner(higher).plan(TARGET)
-    assert plan.solved and oracle_of(plan).judge(planned=True).broken() == [()]
+    assert plan.solved and lowest_of_links(plan) > floor - 1e-6
 
 
 def in_the_way(throw: Throw) -> Obstacle:
