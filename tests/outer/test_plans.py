@@ -236,10 +236,10 @@ def without_library(scene: str, number: int) -> tp.Planner:
     ("scene", "x", "degrees"),
     [
         # Beyond the reach, at an angle that no throw has there, and in the base column.
-        ("pose", 1.9, 30.0),
+        pytest.param("pose", 1.9, 30.0, marks=pytest.mark.slow),
         ("pose", 0.8, -250.0),
         ("near-cup", 0.1, -90.0),
-        ("near-cup", 0.9, 340.0),
+        pytest.param("near-cup", 0.9, 340.0, marks=pytest.mark.slow),
         pytest.param("box", 2.5, None, marks=pytest.mark.slow),
         pytest.param("ur5e", 2.6, 20.0, marks=pytest.mark.slow),
     ],
