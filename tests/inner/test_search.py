@@ -230,10 +230,8 @@ def test_a_target_that_only_the_tolerance_allows(pose_planner) -> None:
     planner = tp.Planner(varied(pose_planner.scene, tolerance={"model": "sp"}))
     plan = planner.plan(aimed(planner, 0.22, -15), patience=90.0)
     assert plan.solved, plan.message
-    position, angle = plan.error_sent()
-    assert (
-        1e-4 < position < planner.scene.tolerance.position and angle < planner.scene.tolerance.angle
-    )
+    (position, angle), tolerance = plan.error_sent(), planner.scene.tolerance
+    assert 1e-4 < position < tolerance.position and angle < tolerance.angle
 
 
 def test_a_target_inside_the_column_is_out_of_reach(pose_planner) -> None:
