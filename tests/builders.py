@@ -13,6 +13,8 @@ from throwplan.models.robot import LinkInertia
 from throwplan.planner.ocp import Request, ThrowNlp, build_nlp
 from throwplan.planner.throw import make_manipulator
 
+from oracle.motion import ArmMotion, Samples
+
 
 def varied(scene: tp.Scene, limits: dict[str, Any] | None = None, **sections: Any) -> tp.Scene:
     """The scene with other values in its sections, and in its arm's limits."""
@@ -54,3 +56,20 @@ def edit_plan(folder: Path, **changes: Any) -> Path:
     path = folder / "plan.json"
     path.write_text(json.dumps(merged(json.loads(path.read_text()), changes)))
     return folder
+
+
+def swinging(name: str, every: bool = False) -> ArmMotion:
+    """An arm of a scene whose throwing joints, or all of them, swing."""
+    scene = tp.load_scene(name)
+    arm, times = scene.arm, 1e-3 * np.arange(401)
+    joints = range(1, arm.joints + 1) if every else arm.throwing_joints
+    throwing = [j - 1 for j in joints]
+    low, high = np.array(arm.limits.position_min), np.array(arm.limits.position_max)
+    q, dq, ddq = (np.zeros((len(times), arm.joints)) for _ in range(3))
+    q[:] = arm.posture
+    for k, j in enumerate(throwing):
+        middle, wide, rate = (low[j] + high[j]) / 2, min(0.5, (high[j] - low[j]) / 4), 6.0 + k
+        q[:, j] = middle + wide * np.sin(rate * times + k)
+        dq[:, j] = wide * rate * np.cos(rate * times + k)
+        ddq[:, j] = -wide * rate**2 * np.sin(rate * times + k)
+    return ArmMotion(arm, throwing, Samples(times, q, dq, ddq))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import socket
 import tempfile
@@ -17,9 +18,21 @@ os.environ["THROWPLAN_CACHE"] = _FOLDER.name
 
 
 @pytest.fixture(scope="session")
-def plan_of() -> Callable[[str], tp.Plan]:
+def planner_of() -> Callable[[str], tp.Planner]:
+    """The planner of a built-in scene, made once; it keeps the nearest throws that it named."""
+    return cache(tp.Planner)
+
+
+@pytest.fixture(scope="session")
+def pose_planner(planner_of) -> tp.Planner:
+    """The planner of the scene `pose`."""
+    return planner_of("pose")
+
+
+@pytest.fixture(scope="session")
+def plan_of(planner_of) -> Callable[[str], tp.Plan]:
     """The plan of a built-in scene, made once."""
-    return cache(tp.plan)
+    return cache(lambda name: planner_of(name).plan())
 
 
 @pytest.fixture(scope="session")
@@ -39,6 +52,16 @@ def saved(plan_of, tmp_path_factory) -> Callable[[str], Path]:
         return folder
 
     return folder_of
+
+
+@pytest.fixture(scope="session")
+def turned(planner_of, tmp_path_factory) -> tuple[tp.Plan, Path]:
+    """A plan of the cup in a plane turned by 20 degrees, and its folder; not to be changed."""
+    turn, folder = math.radians(20.0), tmp_path_factory.mktemp("plans") / "cup"
+    target = tp.Pose(x=0.92 * math.cos(turn), y=0.92 * math.sin(turn), z=0.22, theta=-math.pi / 2)
+    plan = planner_of("near-cup").plan(target)
+    assert plan.status == "solved", plan.message
+    return plan.save(folder, draw=False), folder
 
 
 @pytest.fixture(scope="session")

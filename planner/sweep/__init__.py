@@ -7,3 +7,4 @@ result.
 from .hardening import QUIET_MESH, Hardening, hardened, robust_scene
 from .results import SWEEP_FILES, Sweep
 from .running import check_sweep, sweep, sweep_until_stopped
+from .statistics import quantiles, variance_shares

@@ -55,13 +55,6 @@ def test_grip_use_of_a_lifted_level_bar_by_hand() -> None:
     assert used == pytest.approx(math.hypot(torque, force), rel=1e-9)
 
 
-def test_slip_before_the_opening_is_a_failure() -> None:
-    scene = tp.load_scene("hand-flip").aimed_at(tp.Pose(x=0.0, z=-5.0))
-    thrown = Throw(scene, *lifting_hand(scene, 8.0), 0.1)
-    assert thrown.grip_use > 1
-    assert Code.SLIP_BEFORE_OPENING in verdict(thrown).codes
-
-
 def test_a_peak_of_the_grip_use_where_two_pieces_meet_is_seen() -> None:
     """Acceleration that rises to where a piece ends and is gone after: no even grid sees it."""
     scene = tp.load_scene("hand-flip")

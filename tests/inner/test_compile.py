@@ -97,27 +97,12 @@ def test_machine_code_that_others_could_have_written_is_not_loaded(
     assert compiled("key", NAMES, dict, make=False) == {}
 
 
-def _fifo(path: Path) -> None:
-    path.unlink()
-    os.mkfifo(path)
-
-
-def _device(path: Path) -> None:
-    path.unlink()
-    path.symlink_to("/dev/zero")
-
-
-def _folder(path: Path) -> None:
-    path.unlink()
-    path.mkdir()
-
-
 @pytest.mark.parametrize(
     "spoil",
     [
-        _fifo,
-        _device,
-        _folder,
+        lambda path: (path.unlink(), os.mkfifo(path)),
+        lambda path: (path.unlink(), path.symlink_to("/dev/zero")),
+        lambda path: (path.unlink(), path.mkdir()),
         lambda path: path.write_bytes(b""),
         lambda path: path.write_bytes(bytes(path.stat().st_size)),
         lambda path: path.write_bytes(path.read_bytes()[:-1000]),
@@ -152,7 +137,7 @@ def test_the_core_that_is_loaded_is_of_this_checkout() -> None:
 
 
 @pytest.mark.parametrize("change", ["missing", "damaged", "stale"])
-def test_without_its_core_throwplan_says_what_to_run(change: str, tmp_path: Path) -> None:
+def test_without_its_core_throwplan_says_what_to_run(change: str, tmp_path) -> None:
     """One line from the command line, with machine code for NLPs switched off or not."""
     copy = tmp_path / "throwplan"
     folders = {"core", "models", "planner", "problems"}
@@ -259,7 +244,7 @@ def test_functions_of_the_header_are_all_that_the_core_exports() -> None:
 
 
 @pytest.mark.parametrize("compiler", ["gcc", "clang", f"{sys.executable} -m ziglang cc"])
-def test_the_sources_compile_without_a_warning(compiler: str, tmp_path: Path) -> None:
+def test_the_sources_compile_without_a_warning(compiler: str, tmp_path) -> None:
     words = compiler.split()
     there = ["sh", "-c", f"{compiler} --version"]
     if subprocess.run(there, capture_output=True, check=False).returncode:

@@ -79,7 +79,7 @@ def test_sliding_pivot_lands_as_by_another_integrator(throw: Throw) -> None:
 
 
 @pytest.mark.parametrize("name", ["pose", "near-cup", "flip"])
-def test_sliding_pivot_lands_as_the_models_own_does(throw: Throw) -> None:
+def test_sliding_pivot_slips_when_the_models_own_does(throw: Throw) -> None:
     case = throw.case
     mine, slow = exact_pivot_release(case), PlainPivot(steps=16_000).release(case)
     assert together(landed(throw, mine), landed(throw, slow), 2e-6, 3e-5)
@@ -87,9 +87,6 @@ def test_sliding_pivot_lands_as_the_models_own_does(throw: Throw) -> None:
     half = case.grip.opening / 16_000 / 2
     assert (mine.pivot, mine.slide) == pytest.approx((slow.pivot, slow.slide), abs=half + 1e-7)
     assert mine.trouble == slow.trouble == ""
-    for k in range(3):
-        at_nodes = np.interp(mine.times, slow.times, slow.com[k])
-        assert mine.com[k] == pytest.approx(at_nodes, abs=1e-6)
 
 
 @pytest.mark.parametrize("name", SCENES)

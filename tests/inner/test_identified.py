@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import math
 import re
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -164,7 +163,7 @@ BELIEFS = {
 
 
 @pytest.mark.parametrize("name", BELIEFS)
-def test_the_contact_file_is_part_of_a_scene(name: str, tmp_path: Path) -> None:
+def test_the_contact_file_is_part_of_a_scene(name: str, tmp_path) -> None:
     belief = BELIEFS[name]
     text = re.sub(r"\[contact\].*?(?=\n\[)", "", scene_text("pose"), flags=re.S)
     file = tmp_path / "pasted.toml"

@@ -7,7 +7,6 @@ import math
 from dataclasses import replace
 
 import pytest
-import throwplan as tp
 from throwplan.models.robot import Arm, PlanarArm, hand_motion
 from throwplan.planner.throw import Throw
 from throwplan.planner.verdict import Code, verdict
@@ -24,10 +23,9 @@ def wrong(throw: Throw, part: str, value: object) -> list[Code]:
 
 
 @pytest.fixture(scope="module")
-def sent() -> Throw:
+def sent(pose_planner) -> Throw:
     """A throw that is solved, beside the x axis."""
-    target = replace(tp.load_scene("pose").target, x=0.75, y=0.6)
-    plan = tp.plan("pose", target)
+    plan = pose_planner.plan(replace(pose_planner.scene.target, x=0.75, y=0.6))
     assert plan.status == "solved" and plan.throw is not None
     return plan.throw.deciding
 

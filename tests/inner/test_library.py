@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import throwplan as tp
+from builders import varied
 from throwplan.planner.library import Library
 from throwplan.planner.ocp import Margins, Refinement
 from throwplan.planner.throw import make_manipulator, send
@@ -23,7 +24,7 @@ from throwplan.problems import Choice
 
 from benchmarks.judge import judge
 
-COUNT = 60
+COUNT = 50
 
 
 @pytest.fixture(scope="module")
@@ -67,13 +68,11 @@ def reopened(planner: tp.Planner) -> Library:
     return Library(planner.scene, make_manipulator(planner.scene))
 
 
-def test_moved_throws_land_break_nothing_and_cost_no_more(
-    plain: tp.Planner, prepared: tp.Planner
-) -> None:
+def test_moved_throws_land_break_nothing_and_cost_no_more(plain, prepared) -> None:
     tolerance = plain.scene.tolerance
-    pairs = [(plain.plan(t), prepared.plan(t)) for t in targets(prepared, 12, 0.01)]
+    pairs = [(plain.plan(t), prepared.plan(t)) for t in targets(prepared, 9, 0.01)]
     moved = [after for _, after in pairs if after.solver == "corrector"]
-    assert len(moved) >= 8
+    assert len(moved) >= 6
     for before, after in pairs:
         assert after.solved or not before.solved
     for plan in moved:
@@ -84,7 +83,7 @@ def test_moved_throws_land_break_nothing_and_cost_no_more(
     assert np.median([after / before for before, after in both]) < 1.03
 
 
-def test_a_moved_throw_is_a_whole_plan(prepared: tp.Planner, tmp_path: Path) -> None:
+def test_a_moved_throw_is_a_whole_plan(prepared, tmp_path) -> None:
     plans = map(prepared.plan, targets(prepared, 12, 0.005))
     plan = next(plan for plan in plans if plan.solver == "corrector")
     assert plan.solved and plan.iterations == 0
@@ -99,7 +98,7 @@ def test_a_moved_throw_is_a_whole_plan(prepared: tp.Planner, tmp_path: Path) -> 
     assert prepared.plan(plan.target, robust="quiet").robust
 
 
-def test_polishing_brings_a_moved_throw_to_its_optimum(plain: tp.Planner) -> None:
+def test_polishing_brings_a_moved_throw_to_its_optimum(plain) -> None:
     target = plain.scene.target
     far = target.in_plane(target.plane_x + 0.03, target.theta - 0.1)
     moved = plain.plan(far, warm=plain.plan())
@@ -117,9 +116,8 @@ def test_polishing_brings_a_moved_throw_to_its_optimum(plain: tp.Planner) -> Non
     [("pose", "ls-step"), ("pose", "sp"), ("hand-flip", "ls-step"), ("fr3", "sp")],
 )
 def test_a_moved_throw_is_what_its_parts_give(name: str, model: str) -> None:
-    scene = tp.load_scene(name)
-    tolerance = dataclasses.replace(scene.tolerance, model=model)
-    planner = tp.Planner(scene.replace(tolerance=tolerance), library=False)
+    scene = varied(tp.load_scene(name), tolerance={"model": model})
+    planner = tp.Planner(scene, library=False)
     target = planner.scene.target
     near = target.in_plane(target.plane_x + 0.01, target.theta + 0.02)
     plan = planner.plan(near, warm=planner.plan())
@@ -138,7 +136,7 @@ def test_a_moved_throw_is_what_its_parts_give(name: str, model: str) -> None:
     assert thrown.miss(near) == pytest.approx(moved.miss(near), abs=1e-9)
 
 
-def test_its_slopes_are_those_of_the_optimum(plain: tp.Planner, prepared: tp.Planner) -> None:
+def test_its_slopes_are_those_of_the_optimum(plain, prepared) -> None:
     """How the cost grows along the slope is how optima themselves differ."""
     target = plain.scene.target
     first = plain.plan(target)
@@ -153,13 +151,12 @@ def test_its_slopes_are_those_of_the_optimum(plain: tp.Planner, prepared: tp.Pla
     assert max(map(abs, costs)) < 1e-3
 
 
-def test_other_planners_find_it_and_other_scenes_do_not(prepared: tp.Planner) -> None:
+def test_other_planners_find_it_and_other_scenes_do_not(prepared) -> None:
     scene = prepared.scene
     # A target elsewhere, another name and a choice make no difference; another bar does.
     elsewhere = scene.replace(target=scene.target.in_plane(0.3, 6.0), name="mine", choice=Choice())
     assert tp.Planner(elsewhere).prepared == prepared.prepared
-    heavier = scene.replace(object=dataclasses.replace(scene.object, mass=0.2))
-    assert not tp.Planner(heavier).prepared
+    assert not tp.Planner(varied(scene, object={"mass": 0.2})).prepared
     assert not tp.Planner(scene, library=False).prepared
     one, other = (p.plan(targets(prepared, 3)[1]) for p in (prepared, tp.Planner(scene)))
     assert one.throw.effort == other.throw.effort
@@ -201,16 +198,16 @@ def test_each_number_that_throws_depend_on_has_a_library_of_its_own(name: str) -
     for field in dataclasses.fields(scene):
         if field.name not in FREE:
             for place, other in changed_numbers(getattr(scene, field.name), field.name):
-                varied = copy.copy(scene)
-                object.__setattr__(varied, field.name, other)
-                folders[place] = Library(varied, manipulator).folder
+                edited = copy.copy(scene)
+                object.__setattr__(edited, field.name, other)
+                folders[place] = Library(edited, manipulator).folder
     assert len(folders) > 20 and len(set(folders.values())) == len(folders)
     # One number of `u` more for each interval and coordinate.
     finer = scene.replace(mesh=scene.mesh.changed(carry=scene.mesh.carry + 1))
     assert Library(finer, manipulator).folder not in folders.values()
 
 
-def test_a_library_outlives_a_change_of_the_sources(tmp_path: Path) -> None:
+def test_a_library_outlives_a_change_of_the_sources(tmp_path) -> None:
     code = "import throwplan as tp; print(tp.__file__, tp.Planner('hand-flip').library.folder.name)"
 
     def folder_of(path: Path) -> list[str]:
@@ -227,7 +224,7 @@ def test_a_library_outlives_a_change_of_the_sources(tmp_path: Path) -> None:
     assert folder_of(tmp_path)[1] == before
 
 
-def test_a_record_has_room_for_all_that_may_be_asked(prepared: tp.Planner) -> None:
+def test_a_record_has_room_for_all_that_may_be_asked(prepared) -> None:
     names = ("cup", "held", "passing", "tool speed", "torque")
     asked = Refinement(
         frozenset({"carry", "flight", "passing", "return"}), Margins(**dict.fromkeys(names, 1 / 70))
@@ -240,9 +237,7 @@ def test_a_record_has_room_for_all_that_may_be_asked(prepared: tp.Planner) -> No
     assert dict(kept.margins.values) == pytest.approx(dict(asked.margins.values), abs=1e-6)
 
 
-def test_growth_goes_on_from_what_there_is(
-    prepared: tp.Planner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_growth_goes_on_from_what_there_is(prepared, tmp_path, monkeypatch) -> None:
     copy_of(prepared, monkeypatch, tmp_path)
     planner = tp.Planner(prepared.scene)
 
@@ -263,9 +258,7 @@ def test_growth_goes_on_from_what_there_is(
     ["garbled", "empty"]
     + [pytest.param(one, marks=pytest.mark.slow) for one in ("cut", "renamed", "text")],
 )
-def test_a_harmed_file_is_passed_over(
-    prepared: tp.Planner, harm: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_harmed_file_is_passed_over(prepared, harm: str, tmp_path, monkeypatch) -> None:
     folder = copy_of(prepared, monkeypatch, tmp_path)
     for path in folder.glob("*.npy"):
         data = path.read_bytes()
@@ -313,7 +306,7 @@ def kept_as(
     ],
 )
 def test_records_that_are_none_are_passed_over(
-    prepared: tp.Planner, field: str, value, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    prepared, field: str, value, tmp_path, monkeypatch
 ) -> None:
     rows = prepared.library.records.copy()
     rows[field][::2] = value
@@ -348,7 +341,7 @@ def scrambled(rows: np.ndarray, way: str) -> None:
     "way", ["flat", "steep", "noise", "shuffled", "bytes", "elsewhere", "other margins"]
 )
 def test_a_plan_from_wrong_records_costs_time_only(
-    prepared: tp.Planner, way: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    prepared, way: str, tmp_path, monkeypatch
 ) -> None:
     rows = prepared.library.records.copy()
     scrambled(rows, way)
@@ -359,18 +352,14 @@ def test_a_plan_from_wrong_records_costs_time_only(
 
 
 @pytest.mark.skipif(not hasattr(os, "getuid"), reason="files have no owner here")
-def test_another_users_files_are_passed_over(
-    prepared: tp.Planner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_another_users_files_are_passed_over(prepared, tmp_path, monkeypatch) -> None:
     copy_of(prepared, monkeypatch, tmp_path)
     assert len(reopened(prepared)) == len(prepared.library)
     monkeypatch.setattr(os, "getuid", lambda: 12345)
     assert len(reopened(prepared)) == 0
 
 
-def test_two_that_grow_the_same_one_lose_nothing(
-    prepared: tp.Planner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_two_that_grow_the_same_one_lose_nothing(prepared, tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
     one, other = reopened(prepared), reopened(prepared)
     rows = list(prepared.library.records)
@@ -385,9 +374,7 @@ def test_two_that_grow_the_same_one_lose_nothing(
     assert len(reopened(prepared).records) == 50
 
 
-def test_a_full_disk_costs_the_file_only(
-    prepared: tp.Planner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_full_disk_costs_the_file_only(prepared, tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
     library, rows = reopened(prepared), list(prepared.library.records)
 
@@ -402,9 +389,7 @@ def test_a_full_disk_costs_the_file_only(
     assert len(reopened(prepared).records) == 10
 
 
-def test_far_from_all_of_them_a_target_is_out_of_reach(
-    plain: tp.Planner, prepared: tp.Planner
-) -> None:
+def test_far_from_all_of_them_a_target_is_out_of_reach(plain, prepared) -> None:
     far = plain.scene.target.in_plane(50.0, 0.0)
     before, after = plain.plan(far), prepared.plan(far)
     assert before.status == after.status == "out_of_reach"
@@ -413,7 +398,7 @@ def test_far_from_all_of_them_a_target_is_out_of_reach(
     assert nearest[1] > nearest[0] - 0.02 and after.binding
 
 
-def test_the_nearest_landing_beyond_the_edge_can_be_thrown_to(prepared: tp.Planner) -> None:
+def test_the_nearest_landing_beyond_the_edge_can_be_thrown_to(prepared) -> None:
     target = prepared.scene.target
     farthest = prepared.library.landings(target.z)[0].max()
     answer = prepared.plan(target.in_plane(4.27, 8.9))
@@ -427,7 +412,7 @@ def test_the_nearest_landing_beyond_the_edge_can_be_thrown_to(prepared: tp.Plann
     assert prepared.plan(answer.nearest).solved
 
 
-def test_turns_alternatives_and_a_choice(prepared: tp.Planner) -> None:
+def test_turns_alternatives_and_a_choice(prepared) -> None:
     target = next(t for t in targets(prepared, 4) if prepared.plan(t).solved)
     turned = prepared.plan(target.turned(-6 * math.pi), turns="any")
     turns = (turned.target.theta - target.theta) / (2 * math.pi)
@@ -438,22 +423,15 @@ def test_turns_alternatives_and_a_choice(prepared: tp.Planner) -> None:
         assert other.throw.effort >= several.throw.effort
         assert other.error_sent()[0] <= prepared.scene.tolerance.position
     # No attempt is begun when the time is over.
-    assert not prepared.plan(target, patience=1e-9).solved
+    assert prepared.plan(target, patience=1e-9).status == "not_converged"
 
 
-def test_without_a_cache_folder_nothing_is_kept(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_a_cache_folder_nothing_is_kept(monkeypatch) -> None:
     monkeypatch.setenv("THROWPLAN_CACHE", "")
     assert tp.Planner(tp.load_scene("hand-box")).prepare(5) > 0
 
 
-def test_refused() -> None:
-    scene = tp.load_scene("hand-flip")
-    for throws in (0, -1, 10_001, 2.5, True, "many"):
-        with pytest.raises(tp.InputError, match=r"throws = .*: must be (a whole number|at )"):
-            tp.Planner(scene).prepare(throws)  # type: ignore[arg-type]
-
-
-def test_the_map_shows_it(prepared: tp.Planner, tmp_path: Path) -> None:
+def test_the_map_shows_it(prepared, tmp_path) -> None:
     found = tp.reach_map(prepared.scene, samples=3000)
     assert found.solved.shape == (2, prepared.prepared)
     x, theta, _ = prepared.library.landings(prepared.scene.target.z)

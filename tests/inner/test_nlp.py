@@ -1,4 +1,4 @@
-"""The NLP: derivatives, FATROP's block form, consistency with the exact model, sizes."""
+"""The NLP: derivatives, consistency with the exact model, bounds."""
 
 from __future__ import annotations
 
@@ -15,16 +15,6 @@ from throwplan.planner.samples import ReleaseSampler, starts
 from throwplan.planner.search import guess_from
 from throwplan.planner.throw import make_manipulator
 
-#: (variables, constraints) of the built-in scenes: what a scene does not need is not there.
-SIZES = {
-    "hand-box": (127, 149),
-    "hand-flip": (187, 211),
-    "box": (223, 357),
-    "flip": (223, 358),
-    "pose": (226, 358),
-    "cup": (228, 380),
-}
-
 
 def point_of(scene: tp.Scene, nlp: ThrowNlp) -> tuple[np.ndarray, np.ndarray]:
     """A realistic decision vector and the scene's parameters."""
@@ -36,11 +26,6 @@ def point_of(scene: tp.Scene, nlp: ThrowNlp) -> tuple[np.ndarray, np.ndarray]:
     flight = releases.flight_time(index, target.z, scene.flight)
     x = guess_from(nlp, scene, manipulator, releases, int(index), flight)
     return x, nlp.parameter_values(request_of(scene))
-
-
-@pytest.mark.parametrize("name", SIZES)
-def test_sizes(name: str) -> None:
-    assert nlp_of(tp.load_scene(name)).size == SIZES[name]
 
 
 @pytest.mark.parametrize(
@@ -76,36 +61,6 @@ def test_derivatives_are_those_of_the_whole_composition(name, integrator, solver
     for theirs, mine in zip(expected, ours, strict=True):
         near = 1e-10 * np.abs(theirs).max()
         np.testing.assert_allclose(mine.full().reshape(theirs.shape), theirs, rtol=0, atol=near)
-
-
-@pytest.mark.parametrize("name", ["hand-box", "cup"])
-def test_block_form_that_fatrop_relies_on(name: str) -> None:
-    """Gap rows are X_{k+1} - F(X_k, U_k); rows of a stage see that stage only; the
-    Lagrangian's Hessian has no entry across stages."""
-    nlp = nlp_of(tp.load_scene(name))
-    states, controls, rows_of = nlp.sizes
-    stage_of = np.repeat(np.arange(len(states)), np.add(states, controls))
-    found = nlp_functions(nlp, "fatrop")
-    x, p = 0.1 * np.ones(nlp.size[0]), np.ones(nlp.problem["p"].numel())
-    jacobian = found["nlp_jac_g"](x, p)[1]
-    rows, cols = (np.array(v) for v in jacobian.sparsity().get_triplet())
-    numbers = jacobian.full()
-    at, offset = 0, 0
-    for k, (nx, nu, ng) in enumerate(zip(states, controls, rows_of, strict=True)):
-        offset += nx + nu
-        gaps = states[k + 1] if k + 1 < len(states) else 0
-        for i in range(gaps):
-            columns = cols[rows == at + i]
-            assert set(stage_of[columns]) <= {k, k + 1}
-            ahead = columns[stage_of[columns] == k + 1]
-            assert list(ahead) == [offset + i] and numbers[at + i, offset + i] == 1.0
-        for i in range(gaps, gaps + ng):
-            assert set(stage_of[cols[rows == at + i]]) <= {k}
-        at += gaps + ng
-    assert at == nlp.size[1]
-    hessian = found["nlp_hess_l"](x, p, 1.0, np.ones(nlp.size[1]))[1]
-    i, j = (np.array(v) for v in hessian.sparsity().get_triplet())
-    assert (stage_of[i] == stage_of[j]).all()
 
 
 def model_error(epsilon: float) -> tuple[float, float]:

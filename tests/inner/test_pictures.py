@@ -6,7 +6,6 @@ import json
 import os
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -36,7 +35,7 @@ print(json.dumps([matplotlib.get_backend(auto_select=False), pyplot]))
 
 
 @pytest.mark.slow
-def test_drawing_neither_changes_the_backend_nor_imports_pyplot(tmp_path: Path) -> None:
+def test_drawing_neither_changes_the_backend_nor_imports_pyplot(tmp_path) -> None:
     command = [sys.executable, "-c", DRAW]
     done = subprocess.run(command, cwd=tmp_path, capture_output=True, text=True, check=True)
     assert json.loads(done.stdout) == ["svg", []]
@@ -44,7 +43,7 @@ def test_drawing_neither_changes_the_backend_nor_imports_pyplot(tmp_path: Path) 
         assert (tmp_path / name).exists(), name
 
 
-def test_only_the_pictures_asked_for_are_drawn(plan: tp.Plan, tmp_path: Path) -> None:
+def test_only_the_pictures_asked_for_are_drawn(plan, tmp_path) -> None:
     (tmp_path / "throw.gif").write_text("of an earlier plan")
     for draw, pictures in (("png", {"throw.png"}), (False, set())):
         plan.save(tmp_path, draw=draw)
@@ -57,7 +56,7 @@ def share_of(picture: np.ndarray, colour: str) -> float:
 
 
 @pytest.mark.slow
-def test_the_gif_shows_every_phase_in_its_colour_on_white(saved, tmp_path: Path) -> None:
+def test_the_gif_shows_every_phase_in_its_colour_on_white(saved, tmp_path) -> None:
     throw = tp.read_plan(saved("hand-flip"))
     draw_throw_moving(throw, tmp_path / "throw.gif")
     with Image.open(tmp_path / "throw.gif") as moving:
@@ -88,7 +87,7 @@ def given_motions() -> dict[str, tp.Scene]:
 
 
 @pytest.mark.parametrize("kind", ["moving", "weightless", "weak", "centred"])
-def test_the_releases_are_drawn(kind: str, tmp_path: Path) -> None:
+def test_the_releases_are_drawn(kind: str, tmp_path) -> None:
     scene, path = given_motions()[kind], tmp_path / "releases.png"
     draw_releases(scene, tp.simulate(scene, "ls" if kind == "moving" else "sp"), path)
     with Image.open(path) as picture:

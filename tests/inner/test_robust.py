@@ -57,11 +57,6 @@ DELAY = tp.load_scene("delay").uncertainty
 
 
 @pytest.fixture(scope="module")
-def planner() -> tp.Planner:
-    return planner_of("delay", DELAY)
-
-
-@pytest.fixture(scope="module")
 def nominal() -> tp.Plan:
     return planned("delay", DELAY)
 
@@ -110,7 +105,7 @@ def test_friction_patch_radius_mass_and_delay_are_borne() -> None:
     assert narrow < wide / 10
 
 
-def test_the_message_cites_what_a_sweep_says_of_both_plans(nominal: tp.Plan) -> None:
+def test_the_message_cites_what_a_sweep_says_of_both_plans(nominal) -> None:
     plan = planned("delay", DELAY, "quiet")
     said = re.findall(r"([\d.]+) % succeed, 95 % error ([\d.]+) mm", plan.message)
     assert len(said) == 2
@@ -120,11 +115,9 @@ def test_the_message_cites_what_a_sweep_says_of_both_plans(nominal: tp.Plan) -> 
         assert [float(n) for n in numbers] == pytest.approx(expected, abs=0.051)
 
 
-def test_a_method_that_fails_leaves_the_plain_plan_and_says_so(
-    planner: tp.Planner, nominal: tp.Plan
-) -> None:
+def test_a_method_that_fails_leaves_the_plain_plan_and_says_so(nominal) -> None:
     """No motion of the arm keeps the hand's velocity over the window."""
-    plan = planner.plan(robust="hand-velocity", patience=1.5)
+    plan = planner_of("delay", DELAY).plan(robust="hand-velocity", patience=1.5)
     assert plan.solved and plan.robust == "nominal"
     assert "the throw is the plain one: hand-velocity found none (no motion" in plan.message
     # All numbers are those of the throw that is given.
@@ -146,7 +139,7 @@ def test_a_free_hand_is_quiet_all_the_way() -> None:
     assert scaled_spread(plan) < scaled_spread(planned("hand-flip", None)) / 50
 
 
-def test_quiet_forgives_friction_and_opening_time_too(nominal: tp.Plan) -> None:
+def test_quiet_forgives_friction_and_opening_time_too(nominal) -> None:
     """Planned without knowing it: 30 % less friction and 20 % longer opening."""
     other = nominal.scene
     pads = {"friction": 0.7 * other.contact.friction}
@@ -194,7 +187,7 @@ def test_window_follows_the_uncertainty() -> None:
     assert (short.early, short.late, short.step) == (0, 1, pytest.approx(0.004))
 
 
-def test_a_throw_of_another_mesh_is_a_start_of_the_scenarios(nominal: tp.Plan) -> None:
+def test_a_throw_of_another_mesh_is_a_start_of_the_scenarios(nominal) -> None:
     """Robust NLPs have other opening intervals than the throw they start from."""
     throw = nominal.throw
     scene = nominal.scene.replace(mesh=QUIET_MESH)

@@ -42,8 +42,7 @@ def test_many_callers_at_once() -> None:
     assert sorted(found) == list(range(20))
 
 
-def test_a_start_that_fatrop_never_returned_from() -> None:
+def test_a_start_that_fatrop_never_returned_from(pose_planner) -> None:
     """A usual scene, a usual start: its regularisation grew beyond all numbers."""
-    planner = tp.Planner(tp.load_scene("pose"))
     target = tp.Pose(x=-0.6779736469720694, z=0.1, theta=3.469174496347765)
-    assert planner.plan(target, patience=90.0).solved
+    assert pose_planner.plan(target, patience=90.0).solved

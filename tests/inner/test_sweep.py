@@ -12,13 +12,10 @@ import throwplan as tp
 from builders import varied
 from throwplan.models import FlightLaw, Trajectory
 from throwplan.models.release import MODELS
-from throwplan.models.robot import PlanarHand, hand_motion
-from throwplan.planner.cli import common, main
+from throwplan.planner.cli import Progress, main
 from throwplan.planner.sweep import sweep_until_stopped
-from throwplan.planner.sweep.statistics import derivatives, scan_delays
-from throwplan.planner.sweep.throws import ThrowSimulator
 from throwplan.planner.throw import Throw, ThrowBatch, make_manipulator
-from throwplan.planner.verdict import Judge, sampler_of
+from throwplan.planner.verdict import sampler_of
 from throwplan.problems import Distribution, Gripper, Uncertainty
 
 G = 9.81
@@ -27,53 +24,45 @@ ACCELERATION = np.array([6.0, -4.0, 15.0])
 ERRORS = ("hand_x", "hand_z", "hand_theta", "hand_vx", "hand_vz", "hand_omega")
 
 
-def toy(section: Uncertainty, opening: float = 0.05, model: str = "sp") -> tuple:
-    """A thrower of that hand and the sampler of `section`; nothing is planned."""
-    scene = tp.load_scene("hand-flip").replace(
-        gripper=Gripper(force=120.0, opening=opening), uncertainty=section
-    )
-    sampler = sampler_of(scene, 0)
-    hand = Trajectory.accelerating(POSE, TWIST, ACCELERATION)
-    manipulator = dataclasses.replace(
-        make_manipulator(scene), motion=hand_motion(PlanarHand(True)), start=None
-    )
-    # The same motion from 0.2 s before its opening to 0.3 s after it.
-    begin = [POSE - 0.2 * TWIST + 0.02 * ACCELERATION, TWIST - 0.2 * ACCELERATION, ACCELERATION]
-    motion = Trajectory.cubics(np.array([0.0, 0.5]), *(v[None] for v in begin), np.zeros((1, 3)))
-    throw = Throw(scene, manipulator, motion, 0.2, model=model)
-    batch = ThrowBatch(throw, scene.target, model, sampler.names, hand, (-0.1, 0.1, 0.1), 400)
-    return ThrowSimulator(Judge(batch)), sampler
-
-
-def changed(simulator: ThrowSimulator, scene: tp.Scene) -> ThrowSimulator:
-    """The same throws in another scene."""
-    batch = simulator.batch
-    throw = dataclasses.replace(batch.throw, scene=scene)
-    return ThrowSimulator(Judge(dataclasses.replace(batch, throw=throw, target=scene.target)))
-
-
 def small(*names: str, width: float = 1e-3) -> Uncertainty:
     return Uncertainty(**{name: Distribution(normal=width) for name in names})
+
+
+def batch_of(section: Uncertainty) -> ThrowBatch:
+    """That hand as a batch with the parameters of `section`; nothing is planned."""
+    scene = tp.load_scene("hand-flip").replace(
+        gripper=Gripper(force=120.0, opening=0.05), uncertainty=section
+    )
+    hand = Trajectory.accelerating(POSE, TWIST, ACCELERATION)
+    throw = Throw(scene, make_manipulator(scene), hand, 0.0, model="sp")
+    return ThrowBatch(throw, scene.target, "sp", section.names, hand, (-0.1, 0.1, 0.1), 400)
 
 
 # Physics.
 
 
+@pytest.fixture(scope="module")
+def posed(plan_of) -> tp.Plan:
+    return plan_of("delay")
+
+
 @pytest.mark.parametrize("model", ["sp", "ls-step"])
-def test_derivatives_of_an_instantaneous_release(model: str) -> None:
+def test_derivatives_of_an_instantaneous_release(model: str, posed) -> None:
     """The CoM leaves with the held bar's state at the opening: closed form.
 
     b = a - (0, -g), landing velocity (v_x, -V): dx/ddelay = t_f (b_x + b_z v_x / V),
     dtheta/ddelay = t_f (alpha + omega b_z / V); the hand's errors move that state.
     """
-    thrower, sampler = toy(small("delay", *ERRORS), opening=1e-5, model=model)
-    found = derivatives(thrower, sampler)
-    h, (a_x, a_z, alpha), omega = thrower.batch.scene.com_offset, ACCELERATION, TWIST[2]
-    r_x, r_z = h * math.cos(POSE[2]), h * math.sin(POSE[2])
-    v_x, v_z = TWIST[0] - omega * r_z, TWIST[1] + omega * r_x
+    scene = varied(posed.scene, gripper={"opening": 1e-5}, uncertainty=small("delay", *ERRORS))
+    found = tp.sweep(dataclasses.replace(posed, scene=scene), samples=8, model=model).derivatives
+    hand = posed.throw.deciding.hand([posed.throw.opening_time])
+    (_, z, theta), (v_x, v_z, omega) = hand.pose[:, 0], hand.twist[:, 0]
+    a_x, a_z, alpha = hand.acceleration[:, 0]
+    r_x, r_z = scene.com_offset * math.cos(theta), scene.com_offset * math.sin(theta)
+    v_x, v_z = v_x - omega * r_z, v_z + omega * r_x
     b_x = a_x - alpha * r_z - omega**2 * r_x
     b_z = a_z + alpha * r_x - omega**2 * r_z + G
-    fall = math.sqrt(v_z**2 + 2 * G * (POSE[1] + r_z - thrower.batch.target.z))
+    fall = math.sqrt(v_z**2 + 2 * G * (z + r_z - posed.target.z))
     t_f = (v_z + fall) / G
 
     def moved(dx: float, dz: float, dv_x: float, dv_z: float, dtheta: float, spin: float) -> tuple:
@@ -96,10 +85,9 @@ def test_derivatives_of_an_instantaneous_release(model: str) -> None:
 
 def test_disturbed_hands_are_the_hands_that_they_stand_for() -> None:
     """A 50 ms opening with all errors at once, against hands given that way."""
-    section = small("delay", *ERRORS, "grasp_angle", "com_offset", width=0.01)
-    thrower, sampler = toy(section)
-    values = sampler.draw(0, 64)
-    columns = dict(zip(thrower.batch.names, values.T, strict=True))
+    batch = batch_of(small("delay", *ERRORS, "grasp_angle", "com_offset", width=0.01))
+    values = sampler_of(batch.scene, 0).draw(0, 64)
+    columns = dict(zip(batch.names, values.T, strict=True))
     delay = columns["delay"][:, None]
     offset = np.column_stack([columns[name] for name in ERRORS])
     hands = Trajectory.accelerating(
@@ -107,23 +95,17 @@ def test_disturbed_hands_are_the_hands_that_they_stand_for() -> None:
         TWIST + delay * ACCELERATION + offset[:, 3:],
         np.tile(ACCELERATION, (64, 1)),
     )
-    batch, _ = thrower.batch.releases(thrower.batch.columns(values))
-    plain = dataclasses.replace(batch, hands=hands, grasp_angle=columns["grasp_angle"])
-    expected = FlightLaw(G).land(MODELS["sp"].throw(plain, 400).detach, thrower.batch.target.z)
-    assert thrower.throw(values).pose == pytest.approx(expected, abs=1e-9)
+    disturbed, _ = batch.releases(batch.columns(values))
+    plain = dataclasses.replace(disturbed, hands=hands, grasp_angle=columns["grasp_angle"])
+    expected = FlightLaw(G).land(MODELS["sp"].throw(plain, 400).detach, batch.target.z)
+    assert batch.fly(values).landing == pytest.approx(expected, abs=1e-9)
 
 
 def test_a_com_behind_the_pads_is_thrown_too() -> None:
     """Through h = 0 the landing goes on smoothly: no turn by pi, no kink."""
-    thrower, _ = toy(small("com_offset"))
-    pose = thrower.throw(np.linspace(-2e-3, 2e-3, 41)[:, None]).pose
+    pose = batch_of(small("com_offset")).fly(np.linspace(-2e-3, 2e-3, 41)[:, None]).landing
     assert np.abs(np.diff(pose[:, 0])).max() < 1e-3
     assert np.abs(np.diff(pose[:, 1], 2)).max() < 5e-3
-
-
-@pytest.fixture(scope="module")
-def posed(plan_of) -> tp.Plan:
-    return plan_of("delay")
 
 
 @pytest.mark.parametrize("name", ["delay", "near-cup", "hand-flip"])
@@ -184,13 +166,12 @@ def test_the_largest_delays_are_where_success_ends(posed) -> None:
             assert met == inside
 
 
-def test_no_delay_fails_in_a_wide_tolerance() -> None:
-    thrower, _ = toy(small("delay"))
-    scene = varied(thrower.batch.scene, tolerance={"position": 50.0, "angle": 100.0})
-    scan = scan_delays(changed(thrower, scene=scene))
+def test_no_delay_fails_in_a_wide_tolerance(posed) -> None:
+    wide = varied(posed.scene, tolerance={"position": 50.0, "angle": 100.0})
+    scan = tp.sweep(dataclasses.replace(posed, scene=wide), samples=8).delays
     assert (scan.early, scan.late) == (None, None)
-    nowhere = thrower.batch.scene.aimed_at(dataclasses.replace(thrower.batch.target, x=9.0))
-    scan = scan_delays(changed(thrower, scene=nowhere))
+    elsewhere = dataclasses.replace(posed, target=posed.target.changed(x=9.0))
+    scan = tp.sweep(elsewhere, samples=8).delays
     assert (scan.early, scan.late) == (0.0, 0.0)
 
 
@@ -229,7 +210,7 @@ def test_what_was_done_is_kept_when_stopped(posed, monkeypatch) -> None:
 def test_a_stopped_command_says_how_much_is_done(tmp_path, capsys, monkeypatch) -> None:
     monkeypatch.setitem(MODELS, "ls-step", dataclasses.replace(MODELS["ls-step"], chunk=256))
 
-    class Stopping(common.Progress):
+    class Stopping(Progress):
         def __call__(self, done: int, total: int) -> None:
             raise KeyboardInterrupt
 

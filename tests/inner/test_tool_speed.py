@@ -41,12 +41,7 @@ def free_plan() -> tp.Plan:
     return tp.plan(varied(tp.load_scene("pose"), FREE))
 
 
-@pytest.fixture(scope="module")
-def panda() -> tp.Planner:
-    return tp.Planner(tp.load_scene("pose"))
-
-
-def test_an_arm_without_the_limit_has_nothing_of_it(free_plan: tp.Plan) -> None:
+def test_an_arm_without_the_limit_has_nothing_of_it(free_plan) -> None:
     with_limit, without = nlp_of(tp.load_scene("pose")), nlp_of(free_plan.scene)
     added = set(with_limit.parameters.blocks) - set(without.parameters.blocks)
     assert added == {"tool_speed", "tool_length"}
@@ -55,7 +50,7 @@ def test_an_arm_without_the_limit_has_nothing_of_it(free_plan: tp.Plan) -> None:
     assert rows == list(without.row_names)
 
 
-def test_a_slower_tool_changes_the_throw(free_plan: tp.Plan) -> None:
+def test_a_slower_tool_changes_the_throw(free_plan) -> None:
     assert fastest(free_plan) > 1.1 * SLOW
     final = free_plan.throw.deciding
     slow = varied(final.scene, {"tool_speed": 2.0}, robot={"tool_speed": SLOW})
@@ -66,25 +61,25 @@ def test_a_slower_tool_changes_the_throw(free_plan: tp.Plan) -> None:
 
 
 @pytest.mark.parametrize(("x", "theta"), [(-1.4, 3.7), (1.4, -1.2), (1.4, -1.8)])
-def test_far_throws_keep_the_pandas_limit(panda: tp.Planner, x: float, theta: float) -> None:
+def test_far_throws_keep_the_pandas_limit(pose_planner, x: float, theta: float) -> None:
     """Each of them would be thrown faster, at 2.08 to 2.31 m/s."""
-    plan = panda.plan(tp.Pose(x=x, z=0.1, theta=theta))
+    plan = pose_planner.plan(tp.Pose(x=x, z=0.1, theta=theta))
     assert plan.solved
     assert 1.95 < fastest(plan) <= 2.0
     assert plan.throw.deciding.measured.speed.value == pytest.approx(fastest(plan), abs=1e-3)
 
 
-def test_what_only_a_faster_tool_reaches_is_out_of_reach(panda: tp.Planner) -> None:
+def test_what_only_a_faster_tool_reaches_is_out_of_reach(pose_planner) -> None:
     target = tp.Pose(x=-2.0, z=0.1, theta=4.8)
-    assert tp.Planner(varied(panda.scene, FREE)).plan(target).solved
-    plan = panda.plan(target)
+    assert tp.Planner(varied(pose_planner.scene, FREE)).plan(target).solved
+    plan = pose_planner.plan(target)
     assert plan.status == "out_of_reach"
     assert plan.binding[0] == "tool speed"
     assert plan.nearest is not None and plan.nearest.x > -1.6
 
 
-def test_sampled_releases_keep_it(panda: tp.Planner) -> None:
-    scene = varied(panda.scene, robot={"tool_speed": SLOW})
+def test_sampled_releases_keep_it(pose_planner) -> None:
+    scene = varied(pose_planner.scene, robot={"tool_speed": SLOW})
     sampler = ReleaseSampler(scene, make_manipulator(scene))
     releases, opening = sampler.draw(4000), scene.gripper.profile().opening
     assert len(releases.q) > 100

@@ -7,8 +7,8 @@ import math
 import numpy as np
 import pytest
 from scipy import stats
-from throwplan import InputError, load_scene
-from throwplan.planner.verdict import quantile, sampler_of
+from throwplan import load_scene
+from throwplan.planner.verdict import sampler_of
 from throwplan.problems import Distribution, Uncertainty
 
 
@@ -20,14 +20,6 @@ def test_relative_is_the_same_as_absolute() -> None:
     assert relative.reach == pytest.approx(absolute.reach)
     measured = Distribution(samples=(0.9, 1.2), relative=True).about(patch)
     assert measured.reach == pytest.approx((0.9 * patch, 1.2 * patch))
-
-
-def test_a_scene_in_python_is_checked_too() -> None:
-    scene = load_scene("pose")
-    with pytest.raises(InputError, match=r"\[uncertainty\] friction"):
-        scene.replace(uncertainty=Uncertainty(friction=Distribution(uniform=2.0)))
-    with pytest.raises(InputError, match="nothing is uncertain"):
-        Uncertainty()
 
 
 def sampled(section: Uncertainty, count: int, seed: int = 0):
@@ -87,13 +79,3 @@ def test_seeds_differ_and_repeat() -> None:
     # Low discrepancy: each 256th of the range is met once.
     cells = np.floor((draws[0][:, 0] + 0.01) / 0.02 * 256)
     assert sorted(cells) == list(range(256))
-
-
-def test_quantiles_of_a_distribution_invert_its_law() -> None:
-    shares = np.array([0.05, 0.5, 0.95])
-    normal = quantile(Distribution(normal=2.0, mean=1.0), shares, (-100.0, 100.0))
-    assert normal == pytest.approx(stats.norm(1.0, 2.0).ppf(shares))
-    uniform = quantile(Distribution(uniform=2.0, mean=1.0), shares, (-100.0, 100.0))
-    assert uniform == pytest.approx(1.0 + 2.0 * (2 * shares - 1))
-    measured = quantile(Distribution(samples=(3.0, 1.0, 2.0)), shares, (-100.0, 100.0))
-    assert list(measured) == [1.0, 2.0, 3.0]

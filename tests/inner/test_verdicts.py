@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Callable
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -125,7 +124,7 @@ def assert_the_same(judge: Judge, values: np.ndarray) -> set[Code]:
     "name",
     [name if name in DAILY else pytest.param(name, marks=pytest.mark.slow) for name in SCENES],
 )
-def test_throws_together_are_judged_as_each_by_itself(name: str, tmp_path: Path) -> None:
+def test_throws_together_are_judged_as_each_by_itself(name: str, tmp_path) -> None:
     """And as the oracle judges them, where a limit is not nearer than its accuracy."""
     plan = tp.plan(SCENES[name]().replace(uncertainty=ALL, robust=None))
     judge, values = scattered(plan)
@@ -152,7 +151,7 @@ def test_obstacles_are_met_by_the_same_throws() -> None:
     sampler = sampler_of(plan.scene, 2)
     flown = throw.flight(np.linspace(0.0, throw.landing.flight_time, 400))
     at = int(np.abs(flown[0] - 0.75).argmin())
-    values, some = sampler.draw(0, COUNT), 0
+    values = sampler.draw(0, COUNT)
     for above in np.arange(0.03, 0.3, 0.005):
         place = float(flown[0, at]), 0.0, float(flown[1, at]) + above
         ball = Obstacle(name="ball", kind="sphere", size=(0.03,), position=place)
@@ -160,11 +159,9 @@ def test_obstacles_are_met_by_the_same_throws() -> None:
         batch = ThrowBatch.of(throw.in_scene(scene), plan.goal, sampler.names, (-0.03, 0.03, 0.06))
         hits = verdicts(batch, values).breaks(Code.COLLISION)
         if 0 < hits.sum() < COUNT:
-            some += 1
-            assert_the_same(Judge(batch), values)
-        if some == 2:
             break
-    assert some
+    assert 0 < hits.sum() < COUNT
+    assert_the_same(Judge(batch), values)
 
 
 def test_hard_braking_does_not_hide_a_grip_that_slips_before_the_opening() -> None:
@@ -187,7 +184,7 @@ def test_hard_braking_does_not_hide_a_grip_that_slips_before_the_opening() -> No
     assert f"{100 * (1 - use):.0f} % are left" in plan.summary()
 
 
-def test_what_exceeds_no_reserve_is_not_warned_of(cup_plan: tp.Plan) -> None:
+def test_what_exceeds_no_reserve_is_not_warned_of(cup_plan) -> None:
     scene = cup_plan.scene.replace(uncertainty=Uncertainty(mass=spread(1e-4)))
     assert not warnings(cup_plan.throw.deciding.in_scene(scene), cup_plan.goal)
 
@@ -213,7 +210,7 @@ def test_a_warning_breaks_nothing_and_a_cup_excuses_the_landing() -> None:
     assert Verdict((landing, slip)).words == f"{landing.words}; {slip.words}"
 
 
-def test_findings_say_value_limit_time_and_body(cup_plan: tp.Plan) -> None:
+def test_findings_say_value_limit_time_and_body(cup_plan) -> None:
     throw, scene = cup_plan.throw.deciding, cup_plan.scene
     weaker = scene.replace(gripper=replace(scene.gripper, force=30.0))
     (slip,) = (f for f in verdict(throw.in_scene(weaker)).broken if "slip" in f.code.value)

@@ -9,16 +9,13 @@ import pytest
 import throwplan as tp
 from throwplan.planner.show import serving, space_throw
 
-AZIMUTH = 0.5
+AZIMUTH = np.radians(20.0)
 
 
 @pytest.fixture(scope="module")
-def space(tmp_path_factory) -> Any:
+def space(turned) -> Any:
     """A throw into the cup, out of the plane y = 0."""
-    x, y = 0.92 * np.cos(AZIMUTH), 0.92 * np.sin(AZIMUTH)
-    plan = tp.plan("near-cup", tp.Pose(x=x, y=y, z=0.22, theta=-np.pi / 2))
-    plan.save(folder := tmp_path_factory.mktemp("cup"), draw=False)
-    return space_throw(tp.read_plan(folder))
+    return space_throw(tp.read_plan(turned[1]))
 
 
 @pytest.fixture(scope="module")

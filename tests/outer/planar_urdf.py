@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
-
 import numpy as np
 from scipy.spatial.transform import Rotation
 
@@ -18,16 +16,6 @@ ODD_OPTIONS = [
     *["--acceleration", "10", "--jerk", "1000"],
 ]
 XACRO = 'xmlns:xacro="http://ros.org/xacro"'
-
-
-@dataclasses.dataclass
-class Body:
-    """A link in the world at rest: CoM (3,), mass, inertia about it (3, 3), moving joints."""
-
-    com: np.ndarray
-    mass: float
-    inertia: np.ndarray
-    moved_by: int
 
 
 def point(place: np.ndarray) -> np.ndarray:
@@ -60,23 +48,19 @@ def hand_pose(q: np.ndarray, tcp: float) -> np.ndarray:
     return moved(q, 4) @ pose
 
 
-def planar_urdf(fingers: str = "prismatic", axis_length: float = 2.5) -> tuple[str, list[Body]]:
-    """The URDF and its links in the world: four joints, a fixed cover, a roll, two fingers.
+def planar_urdf(fingers: str = "prismatic", axis_length: float = 2.5) -> str:
+    """The URDF: four joints, a fixed cover, a roll, two fingers.
 
     The tool link points along its -x and closes along its z.
     """
     rng = np.random.default_rng(5)
-    lines, bodies = ['<robot name="odd">'], []
+    lines = ['<robot name="odd">']
     frames = {"base": np.eye(4)}
 
-    def link(name: str, moved_by: int) -> None:
-        pose = frames[name]
+    def link(name: str) -> None:
         spread = rng.uniform(0.01, 0.05, 3)
         inertia = rng.uniform(0.001, 0.004) + np.diag(spread)
         rpy, com, mass = rng.uniform(-1, 1, 3), rng.uniform(-0.1, 0.1, 3), rng.uniform(0.5, 3)
-        own = pose[:3, :3] @ Rotation.from_euler("xyz", rpy).as_matrix()
-        at = pose[:3, :3] @ com + pose[:3, 3]
-        bodies.append(Body(at, mass, own @ inertia @ own.T, moved_by))
         xx, xy, xz, yy, yz, zz = map(float, inertia[np.triu_indices(3)])
         lines.append(
             f'<link name="{name}"><inertial><origin xyz="{words(com)}" rpy="{words(rpy)}"/>'
@@ -85,7 +69,7 @@ def planar_urdf(fingers: str = "prismatic", axis_length: float = 2.5) -> tuple[s
             "</inertial></link>"
         )
 
-    def joint(name, kind, parent, child, pose, axis, moved_by):  # type: ignore[no-untyped-def]
+    def joint(name, kind, parent, child, pose, axis):  # type: ignore[no-untyped-def]
         before = np.linalg.inv(frames[parent]) @ pose
         rpy = Rotation.from_matrix(before[:3, :3]).as_euler("xyz")
         own = pose[:3, :3].T @ axis
@@ -96,34 +80,34 @@ def planar_urdf(fingers: str = "prismatic", axis_length: float = 2.5) -> tuple[s
             f'<axis xyz="{words(axis_length * own)}"/>'
             '<limit lower="-2" upper="2.2" velocity="3" effort="40"/></joint>'
         )
-        link(child, moved_by)
+        link(child)
 
     def somewhere(at: np.ndarray) -> np.ndarray:
         pose = np.eye(4)
         pose[:3, :3], pose[:3, 3] = Rotation.random(rng=rng).as_matrix(), at
         return pose
 
-    link("base", 0)
+    link("base")
     x, y = np.eye(3)[:2]
     parent = "base"
     for i, name in enumerate(JOINTS):
         if name == "flick":
             # On the way to it a joint that is not chosen.
             place = somewhere(point(PLACES[2] + [0.1, 0.0]))
-            joint("roll", "revolute", parent, "forearm", place, x, i)
+            joint("roll", "revolute", parent, "forearm", place, x)
             parent = "forearm"
         place = somewhere(point(PLACES[i]))
-        joint(name, "revolute", parent, f"after_{name}", place, AXES[i], i + 1)
+        joint(name, "revolute", parent, f"after_{name}", place, AXES[i])
         parent = f"after_{name}"
-    joint("screws", "fixed", "after_bend", "cover", somewhere(x), x, 3)
+    joint("screws", "fixed", "after_bend", "cover", somewhere(x), x)
     tool = np.eye(4)
     back = -np.array([np.cos(POINTS), 0.0, np.sin(POINTS)])
     tool[:3, :3], tool[:3, 3] = np.column_stack([back, np.cross(y, back), y]), point(TOOL)
-    joint("flange", "fixed", parent, "hand", tool, x, 4)
+    joint("flange", "fixed", parent, "hand", tool, x)
     for side in (1, -1):
         finger = somewhere(point(TOOL) + side * 0.02 * y)
-        joint(f"finger{side}", fingers, "hand", f"pad{side}", finger, y, 4)
-    return "\n".join([*lines, "</robot>"]), bodies
+        joint(f"finger{side}", fingers, "hand", f"pad{side}", finger, y)
+    return "\n".join([*lines, "</robot>"])
 
 
 def words(values: np.ndarray) -> str:

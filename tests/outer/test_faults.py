@@ -14,7 +14,7 @@ import time
 from pathlib import Path
 
 import pytest
-from throwplan.planner.cli.common import Progress
+from throwplan.planner.cli import Progress
 
 ROOT = Path(__file__).parents[2]
 

@@ -16,13 +16,8 @@ HORIZON = 0.02
 
 
 @pytest.fixture(scope="module")
-def planner() -> tp.Planner:
-    return tp.Planner("pose")
-
-
-@pytest.fixture(scope="module")
-def plan(planner: tp.Planner) -> tp.Plan:
-    return planner.plan()
+def plan(plan_of) -> tp.Plan:
+    return plan_of("pose")
 
 
 def played(
@@ -60,8 +55,8 @@ def miss(session: Session, goal: tp.Pose) -> tuple[float, float]:
 
 
 @pytest.mark.parametrize(("jump", "turn"), [(0.06, 0.0), (-0.05, 0.2), (0.0, -0.3)])
-def test_a_target_that_jumps_is_hit(planner, plan, jump, turn) -> None:
-    session, target = planner.follow(plan, HORIZON), plan.target
+def test_a_target_that_jumps_is_hit(pose_planner, plan, jump, turn) -> None:
+    session, target = pose_planner.follow(plan, HORIZON), plan.target
     there = target.changed(x=target.x + jump, theta=target.theta + turn)
     updates, *_ = played(session, lambda t: target if t < 0.04 else there)
     dx, dtheta = miss(session, there)
@@ -71,10 +66,10 @@ def test_a_target_that_jumps_is_hit(planner, plan, jump, turn) -> None:
     assert updates[-1].command_time == plan.throw.deciding.command_time
 
 
-def test_a_target_that_speeds_up_is_hit_where_it_then_is(planner) -> None:
+def test_a_target_that_speeds_up_is_hit_where_it_then_is(pose_planner) -> None:
     """Planned for 0.1 m/s; from 60 ms on it moves faster, and is seen to."""
-    plan = planner.plan(planner.scene.target.changed(velocity=(0.1,)))
-    session, start = planner.follow(plan, HORIZON), plan.target.x
+    plan = pose_planner.plan(pose_planner.scene.target.changed(velocity=(0.1,)))
+    session, start = pose_planner.follow(plan, HORIZON), plan.target.x
 
     def where(t: float) -> float:
         return start + 0.1 * t + 0.12 * max(t - 0.06, 0.0)
@@ -89,8 +84,8 @@ def test_a_target_that_speeds_up_is_hit_where_it_then_is(planner) -> None:
     assert abs(dtheta) < plan.scene.tolerance.angle / 2
 
 
-def test_a_target_that_leaves_the_reach_stops_the_swing(planner, plan) -> None:
-    session, target = planner.follow(plan, HORIZON), plan.target
+def test_a_target_that_leaves_the_reach_stops_the_swing(pose_planner, plan) -> None:
+    session, target = pose_planner.follow(plan, HORIZON), plan.target
     updates, sent, _ = played(session, lambda t: target.changed(x=target.x + 40 * t**2), 10)
     last = updates[-1]
     assert last.status == "stopped" and last.command_time is None
@@ -101,11 +96,11 @@ def test_a_target_that_leaves_the_reach_stops_the_swing(planner, plan) -> None:
     assert again.status == "stopped" and (again.q == last.q[-1]).all()
 
 
-def test_joints_that_lag_are_learnt_on_the_way(planner, plan) -> None:
+def test_joints_that_lag_are_learnt_on_the_way(pose_planner, plan) -> None:
     """By joints that follow 6 ms late the measured motion lands nearer by over three times."""
     law = Response(np.full(3, 120.0), np.full(3, 0.3))
     noise = np.random.default_rng(0)
-    session, target = planner.follow(plan, HORIZON), plan.target
+    session, target = pose_planner.follow(plan, HORIZON), plan.target
 
     def measured(q: np.ndarray) -> np.ndarray:
         return law.all(q) + noise.normal(scale=2e-4, size=q.shape)
@@ -121,43 +116,43 @@ def test_joints_that_lag_are_learnt_on_the_way(planner, plan) -> None:
     assert landing(sent) < open_loop / 3
 
 
-@pytest.mark.parametrize(
-    ("changes", "words"),
-    [
-        ({"t": math.nan}, "t = nan: must be a finite number"),
-        ({"t": 0.05}, "t = 0.05: must be above 0.05, the last update's"),
-        ({"t": 0.01}, "t = 0.01: must be above 0.05"),
-        ({"q": [math.nan] * 3}, "q: must be 7 or 3 finite numbers"),
-        ({"q": [0.0] * 5}, "q: must be 7 or 3 finite numbers"),
-        ({"dq": "fast"}, "dq: must be numbers"),
-        ({"t": 99.0}, "t = 99: must be at most 0.67., when it is over"),
-        (
-            {"q": [0.0, -2.0, 30.0]},
-            r"q: joint 6 is .* rad off what is sent, must be at most 1 .*degrees",
-        ),
-        ({"dq": [0.0, 1e300, 0.0]}, r"dq: joint 4 is 1e\+300 rad per s, must be at most 20 "),
-        ({"target": (1.0, 0.1)}, "target = .*: must be Pose"),
-        ({"target": tp.Pose(0.9, 0.1, 0.4, y=0.5)}, "target: is 29.1 deg off the throw's plane"),
-        ({"target": tp.Pose(0.9, 0.1)}, "target: must fix theta if the plan's target does"),
-    ],
-)
-def test_wrong_updates_leave_the_motion_as_it_is(planner, plan, changes, words) -> None:
-    session = planner.follow(plan, HORIZON)
+#: What an update is given instead, and words of the message.
+WRONG_UPDATES = [
+    ({"t": math.nan}, "t = nan: must be a finite number"),
+    ({"t": 0.05}, "t = 0.05: must be above 0.05, the last update's"),
+    ({"t": 0.01}, "t = 0.01: must be above 0.05"),
+    ({"q": [math.nan] * 3}, "q: must be 7 or 3 finite numbers"),
+    ({"q": [0.0] * 5}, "q: must be 7 or 3 finite numbers"),
+    ({"dq": "fast"}, "dq: must be numbers"),
+    ({"t": 99.0}, "t = 99: must be at most 0.67., when it is over"),
+    (
+        {"q": [0.0, -2.0, 30.0]},
+        r"q: joint 6 is .* rad off what is sent, must be at most 1 .*degrees",
+    ),
+    ({"dq": [0.0, 1e300, 0.0]}, r"dq: joint 4 is 1e\+300 rad per s, must be at most 20 "),
+    ({"target": (1.0, 0.1)}, "target = .*: must be Pose"),
+    ({"target": tp.Pose(0.9, 0.1, 0.4, y=0.5)}, "target: is 29.1 deg off the throw's plane"),
+    ({"target": tp.Pose(0.9, 0.1)}, "target: must fix theta if the plan's target does"),
+]
+
+
+def test_wrong_updates_leave_the_motion_as_it_is(pose_planner, plan) -> None:
+    session = pose_planner.follow(plan, HORIZON)
     q, dq = plan.throw.samples.q, plan.throw.samples.dq
     moved = plan.target.changed(x=plan.target.x + 0.02)
     session.update(0.05, q[50], dq[50], moved)
     before, given = session.throw, {"t": 0.06, "q": q[60], "dq": dq[60], "target": moved}
-    with pytest.raises(tp.InputError, match=words):
-        session.update(**given | changes)
-    assert session.throw is before
+    for changes, words in WRONG_UPDATES:
+        with pytest.raises(tp.InputError, match=words):
+            session.update(**given | changes)
+        assert session.throw is before
     assert session.update(**given).status in ("followed", "kept")
 
 
-def test_what_can_be_followed(planner, plan) -> None:
+def test_what_can_be_followed(pose_planner, plan, planner_of, plan_of) -> None:
     with pytest.raises(tp.InputError, match=r"horizon = 0\.5: must be above 0 s and below 0\.2"):
-        planner.follow(plan, 0.5)
+        pose_planner.follow(plan, 0.5)
     with pytest.raises(tp.InputError, match="follow: needs a solved plan of this planner"):
         tp.Planner("pose").follow(plan)
-    hand = tp.Planner("hand-box")
     with pytest.raises(tp.InputError, match=r"follow: only for a scene with \[robot\]"):
-        hand.follow(hand.plan())
+        planner_of("hand-box").follow(plan_of("hand-box"))

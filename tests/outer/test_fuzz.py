@@ -105,7 +105,7 @@ def urdf_cases(draw: st.DrawFn) -> Case:
     """URDF files of a planar arm."""
     chain = draw(st.sampled_from([CHAIN, []]))
     words = ["import-robot", "odd.urdf", "--out", "arm.toml", *chain, *ODD_OPTIONS]
-    return {"odd.urdf": draw(hostile.xml_file(planar_urdf()[0]))}, words
+    return {"odd.urdf": draw(hostile.xml_file(planar_urdf()))}, words
 
 
 @st.composite

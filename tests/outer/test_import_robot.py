@@ -19,7 +19,7 @@ import pytest
 import throwplan as tp
 import yourdfpy
 from adam.numpy import KinDynComputations
-from builders import inertia_matrix, varied
+from builders import inertia_matrix
 from planar_urdf import JOINTS, ODD_OPTIONS, XACRO, hand_pose, planar_urdf
 from throwplan.planner.cli import main
 
@@ -53,7 +53,7 @@ def panda(tmp_path_factory):
 @pytest.fixture(scope="module")
 def odd_file(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("odd") / "odd.urdf"
-    path.write_text(planar_urdf()[0])
+    path.write_text(planar_urdf())
     return path
 
 
@@ -139,31 +139,6 @@ def body_poses(arm, q: np.ndarray) -> list[np.ndarray]:
     return [*poses[: arm.joints], poses[-1] @ back]
 
 
-def test_masses_are_merged_with_those_of_their_joints(odd) -> None:
-    bodies = [body for body in planar_urdf()[1] if body.moved_by]
-    assert len(odd.links) == odd.joints + 1
-    assert sum(link.mass for link in odd.links) == pytest.approx(sum(b.mass for b in bodies))
-    # The roll and the forearm move with joint 3, so does the cover; hand and pads are the hand.
-    each = [sum(b.mass for b in bodies if b.moved_by == joint) for joint in (1, 2, 3, 4)]
-    merged = [link.mass for link in odd.links]
-    assert [*merged[:3], merged[3] + merged[4]] == pytest.approx(each)
-
-
-def test_centre_of_mass_is_yourdfpys(odd, odd_file) -> None:
-    robot = yourdfpy.URDF.load(str(odd_file), load_meshes=False)
-    links = [link for link in robot.robot.links if link.name != "base"]
-    for q in states(odd, 4):
-        robot.update_cfg(dict(zip(JOINTS, q, strict=True)))
-        moment, mass = np.zeros(3), 0.0
-        for link in links:
-            pose = robot.get_transform(link.name) @ link.inertial.origin
-            moment, mass = moment + link.inertial.mass * pose[:3, 3], mass + link.inertial.mass
-        found = np.zeros(3)
-        for link, pose in zip(odd.links, body_poses(odd, q), strict=True):
-            found += link.mass * (pose[:3, :3] @ link.com + pose[:3, 3])
-        np.testing.assert_allclose(found, moment, atol=1e-12 * mass)
-
-
 def kinetic_energy(arm, q: np.ndarray, dq: np.ndarray) -> float:
     """Of all links, their velocities by differences of their poses."""
     h = 1e-6
@@ -180,7 +155,7 @@ def kinetic_energy(arm, q: np.ndarray, dq: np.ndarray) -> float:
 
 def test_kinetic_energy_is_that_of_adams_mass_matrix(tmp_path) -> None:
     path = tmp_path / "odd.urdf"
-    path.write_text(planar_urdf("fixed", 1.0)[0])
+    path.write_text(planar_urdf("fixed", 1.0))
     arm = imported(tmp_path, path, JOINTS, *ODD_OPTIONS)
     adam = KinDynComputations(str(path), JOINTS)
     rng = np.random.default_rng(2)
@@ -218,7 +193,7 @@ def with_shapes(folder: Path) -> Path:
     size = " ".join(map(str, np.ptp(BOX, axis=0)))
     shapes = {"after_lift": mesh.format("block.obj"), "after_bend": mesh.format("none.stl")}
     shapes |= dict.fromkeys(("base", "hand", "pad1", "pad-1"), f'<box size="{size}"/>')
-    text, at = planar_urdf()[0], " ".join(map(str, PLACE))
+    text, at = planar_urdf(), " ".join(map(str, PLACE))
     for link, shape in shapes.items():
         part = f'<collision><origin xyz="{at}"/><geometry>{shape}</geometry></collision>'
         text = text.replace(f'<link name="{link}">', f'<link name="{link}">{part}')
@@ -258,12 +233,10 @@ def test_capsules_contain_the_meshes_as_they_move(shaped) -> None:
     assert max(c.radius for c in arm.capsules if c.link == 2) < 0.04 * math.sqrt(3)
 
 
-def test_links_without_a_mesh_are_named(shaped, tmp_path, run) -> None:
-    file, _, said = shaped
-    words = ["import-robot", file, "--joints", *JOINTS, *ODD_OPTIONS]
-    found = run("", *words, "--json", "--out", tmp_path / "a.toml").json
-    assert found["unread"] == ["after_bend"] and found["capsules"] >= 3
-    assert f"at most {1e3 * found['cover']:.3g} mm" in said
+def test_links_without_a_mesh_are_named(shaped) -> None:
+    file, arm, said = shaped
+    assert len(arm.capsules) >= 3
+    assert f"at most {1e3 * arm.cover:.3g} mm" in said
     assert "meshes not read: after_bend: these links have no shape, cover not measured" in said
     assert "no mesh was read of after_bend" in (file.parent / "arm.toml").read_text()
 
@@ -285,20 +258,6 @@ def test_fingers_and_shapes_without_end_are_as_none(tmp_path, run) -> None:
 
 
 # Throwing, and what is printed.
-
-
-@pytest.mark.slow
-def test_imported_panda_throws_to_the_pose(tmp_path, panda) -> None:
-    assert imported(tmp_path, PANDA_URDF, PANDA_JOINTS, *PANDA_OPTIONS) == panda
-    (tmp_path / "mine.toml").write_text(
-        tp.scene_text("pose").replace('arm = "panda"', 'arm = "arm.toml"')
-    )
-    # The URDF has no shapes.
-    pose = tp.load_scene("pose")
-    bare = varied(pose, arm={"capsules": ()})
-    mine, shipped = (tp.plan(scene).to_dict() for scene in (tmp_path / "mine.toml", bare))
-    assert mine["status"] == "solved"
-    assert mine["landing"]["sent"] == pytest.approx(shipped["landing"]["sent"], abs=2e-4)
 
 
 def test_what_is_printed_and_given_limits_go_before_the_file_s(tmp_path, odd_file, run) -> None:

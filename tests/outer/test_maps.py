@@ -163,10 +163,3 @@ def test_a_height_out_of_reach(run) -> None:
     assert not empty.contains(0.0) and empty.distance(0.0) == math.inf
     with pytest.raises(tp.InputError, match="nothing to save"):
         empty.save("never")
-
-
-@pytest.mark.parametrize("wrong", [{"z": math.nan}, {"z": "0.1"}, {"samples": 0}, {"samples": 2.5}])
-def test_refused_in_python(wrong) -> None:
-    (name,) = wrong
-    with pytest.raises(tp.InputError, match=f"{name} = .*must be"):
-        tp.reach_map("pose", **wrong)

@@ -10,11 +10,6 @@ import pytest
 import throwplan as tp
 
 
-@pytest.fixture(scope="module")
-def pose() -> tp.Planner:
-    return tp.Planner("pose")
-
-
 def moving(planner: tp.Planner, speed: float | None = None, **changes) -> tp.Plan:
     velocity = None if speed is None else (speed,)
     return planner.plan(dataclasses.replace(planner.scene.target, velocity=velocity, **changes))
@@ -37,16 +32,16 @@ def assert_met(plan: tp.Plan) -> None:
 
 
 @pytest.mark.parametrize("speed", [pytest.param(-0.4, marks=pytest.mark.slow), 0.1])
-def test_a_target_is_met_where_it_then_is(pose, speed) -> None:
-    plan = moving(pose, speed)
+def test_a_target_is_met_where_it_then_is(pose_planner, speed) -> None:
+    plan = moving(pose_planner, speed)
     assert_met(plan)
     # The same throw to where it is met, at rest, has the same NLP.
-    still = pose.plan(plan.goal.changed(velocity=None))
+    still = pose_planner.plan(plan.goal.changed(velocity=None))
     assert still.solved and still.variables == plan.variables
 
 
-def test_a_target_that_comes_is_waited_for(pose, tmp_path, table) -> None:
-    plan = moving(pose, -0.5, x=2.2)
+def test_a_target_that_comes_is_waited_for(pose_planner, tmp_path, table) -> None:
+    plan = moving(pose_planner, -0.5, x=2.2)
     assert_met(plan)
     plan.save(tmp_path, draw=False)
     rows = table(tmp_path / "motion.csv")
@@ -58,37 +53,37 @@ def test_a_target_that_comes_is_waited_for(pose, tmp_path, table) -> None:
 
 
 @pytest.mark.parametrize("arrival", [0.5, 1.5, (0.8, 1.1)])
-def test_the_object_lands_in_time(pose, arrival, plan_of) -> None:
-    plan = moving(pose, arrival=arrival)
+def test_the_object_lands_in_time(pose_planner, arrival, plan_of) -> None:
+    plan = moving(pose_planner, arrival=arrival)
     assert_met(plan)
     # A time that is not asked for adds nothing to the NLP.
     assert plan.variables > plan_of("pose").variables
 
 
-def test_what_cannot_be_met_says_what_binds(pose) -> None:
-    plan = moving(pose, 0.2, arrival=1.6)
+def test_what_cannot_be_met_says_what_binds(pose_planner) -> None:
+    plan = moving(pose_planner, 0.2, arrival=1.6)
     assert plan.status == "not_converged" and "tool speed" in plan.binding
     assert plan.to_dict()["target"]["arrival"] == 1.6
-    hurried = moving(pose, arrival=0.15)
+    hurried = moving(pose_planner, arrival=0.15)
     assert hurried.status == "not_converged" and hurried.binding == ("arrival",)
     assert "land after at least about 0.4" in hurried.message
-    fast = moving(pose, 3.0)
+    fast = moving(pose_planner, 3.0)
     assert fast.status == "not_converged" and fast.binding[0] == "target velocity"
 
 
 @pytest.mark.parametrize(("x", "speed"), [(1.08, 0.502), (1.16, 0.328)])
-def test_a_target_that_leaves_is_met_by_a_quicker_throw(pose, x, speed) -> None:
+def test_a_target_that_leaves_is_met_by_a_quicker_throw(pose_planner, x, speed) -> None:
     """Where a throw that takes its time would come too late."""
-    assert_met(moving(pose, speed, x=x))
+    assert_met(moving(pose_planner, speed, x=x))
 
 
 def test_the_belt(plan_of) -> None:
     assert_met(plan_of("conveyor"))
 
 
-def test_a_cup_that_moves_is_entered_as_it_sees_the_bar() -> None:
+def test_a_cup_that_moves_is_entered_as_it_sees_the_bar(planner_of) -> None:
     """All corners of the bar below the rim are inside the cup that has moved along."""
-    planner = tp.Planner("near-cup")
+    planner = planner_of("near-cup")
     plan = moving(planner, -0.2)
     assert_met(plan)
     throw, cup, bar = plan.throw.deciding, plan.throw.deciding.scene.cup, planner.scene.object
@@ -107,8 +102,8 @@ def test_a_cup_that_moves_is_entered_as_it_sees_the_bar() -> None:
     assert deepest < cup.rim - cup.insertion / 2
 
 
-def test_a_sweep_counts_from_the_target_that_moves_on(pose) -> None:
-    plan = moving(pose, -0.4)
+def test_a_sweep_counts_from_the_target_that_moves_on(pose_planner) -> None:
+    plan = moving(pose_planner, -0.4)
     found = tp.sweep(plan, samples=20)
     column = found.sampler.names.index("delay")
     for values, landed in zip(found.values, found.landings.pose, strict=True):

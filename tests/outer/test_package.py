@@ -4,16 +4,17 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import subprocess
 import sys
 import types
+import typing
 import zipfile
 from pathlib import Path
 
 import numpy as np
 import pytest
 import throwplan as tp
-from throwplan.problems.scene import SECTIONS
 
 ROOT = Path(__file__).parent.parent.parent
 
@@ -34,8 +35,10 @@ def test_public_names_are_classes_and_functions() -> None:
 
 def test_sections_of_a_scene_are_classes_under_their_names() -> None:
     """A scene put together in Python is the one of the file; help names every key."""
-    for name in SECTIONS:
-        assert getattr(tp, name.capitalize()) is SECTIONS[name]
+    kinds = typing.get_type_hints(tp.Scene)
+    reference = (ROOT / "docs" / "scene-reference.md").read_text("utf-8").partition("\n# Arm")[0]
+    for name in re.findall(r"^## \[(\w+)\]", reference, re.M):
+        assert getattr(tp, name.capitalize()) in (kinds[name], *typing.get_args(kinds[name]))
         assert f"\n    {name}: " in (tp.Scene.__doc__ or "")
     built = tp.load_scene("pose")
     scene = tp.Scene(
@@ -82,21 +85,34 @@ def python(code: str, **options) -> str:
     return done.stdout.strip()
 
 
-def test_a_hand_scene_imports_only_what_it_needs() -> None:
+@pytest.mark.parametrize(
+    ("words", "names"),
+    [
+        (["plan", "hand-box"], ("ruckig", "matplotlib", "scipy", "mujoco", "viser", "PIL")),
+        (["scenes"], ("ruckig", "matplotlib", "scipy")),
+    ],
+)
+def test_a_command_imports_only_what_it_needs(words, names) -> None:
     code = (
-        "import sys; from throwplan.planner.cli import main; "
-        "assert main(['plan', 'hand-box', '--json']) == 0; extras = 'mujoco', 'viser', 'PIL'; "
-        "print([m for m in ('ruckig', 'matplotlib', 'scipy', *extras) if m in sys.modules])"
+        f"import sys; from throwplan.planner.cli import main; assert not main({words} + ['--json'])"
     )
-    assert python(code).endswith("[]")
+    assert python(f"{code}; print([m for m in {names} if m in sys.modules])").endswith("[]")
 
 
-def test_listing_scenes_imports_no_solver() -> None:
-    code = (
-        "import sys; from throwplan.planner.cli import main; main(['scenes', '--json']); "
-        "print([m for m in ('ruckig', 'matplotlib', 'scipy') if m in sys.modules])"
-    )
-    assert python(code).endswith("[]")
+@pytest.mark.parametrize(
+    ("module", "line", "package"),
+    [
+        ("mujoco", "replay {plan}", "mujoco-core"),
+        ("rosbags.typesys", "export {plan} --ros {new}", "rosbags"),
+        ("pylibfranka", "run --yes {plan} --robot 127.0.0.1", "pylibfranka"),
+    ],
+)
+def test_an_extra_that_is_not_there_is_named(
+    module, line, package, saved, tmp_path, refused, monkeypatch
+) -> None:
+    monkeypatch.setitem(sys.modules, module, None)
+    said = refused(line.format(plan=saved("fr3"), new=tmp_path / "new"))
+    assert f"pip install {package}" in said and not list(tmp_path.iterdir())
 
 
 @pytest.fixture(scope="module")

@@ -11,13 +11,8 @@ from throwplan.planner.throw import TICK, Samples, excesses
 
 
 @pytest.fixture(scope="module")
-def planner() -> tp.Planner:
-    return tp.Planner("pose")
-
-
-@pytest.fixture(scope="module")
-def swing(planner) -> tp.Plan:
-    return planner.plan()
+def swing(plan_of) -> tp.Plan:
+    return plan_of("pose")
 
 
 def state_at(plan: tp.Plan, tick: int) -> tp.State:
@@ -26,9 +21,9 @@ def state_at(plan: tp.Plan, tick: int) -> tp.State:
 
 
 @pytest.mark.parametrize(("tick", "dx"), [(60, 0.1), (120, -0.05), (170, 0.04)])
-def test_a_swing_goes_on_to_another_target(planner, swing, tick, dx) -> None:
+def test_a_swing_goes_on_to_another_target(pose_planner, swing, tick, dx) -> None:
     state, target = state_at(swing, tick), swing.target.changed(x=swing.target.x + dx)
-    plan = planner.plan(target, start=state, warm=swing)
+    plan = pose_planner.plan(target, start=state, warm=swing)
     assert plan.solved, plan.message
     sent, before = plan.throw.samples, swing.throw.samples
     for name in ("q", "dq", "ddq"):
@@ -36,9 +31,9 @@ def test_a_swing_goes_on_to_another_target(planner, swing, tick, dx) -> None:
     # What was sent until then and what is sent now are one motion within the limits.
     both = ([getattr(before, k)[:tick], getattr(sent, k)] for k in ("q", "dq", "ddq"))
     whole = Samples(*map(np.vstack, both))
-    assert not excesses(planner.manipulator, whole)
+    assert not excesses(pose_planner.manipulator, whole)
     # It lands there, thrown as one motion too; the gripper is told after the state, not before.
-    one = {"path": whole.path, "samples": whole, "manipulator": planner.manipulator}
+    one = {"path": whole.path, "samples": whole, "manipulator": pose_planner.manipulator}
     opening = plan.throw.opening_time + TICK * tick
     throw = dataclasses.replace(plan.throw.deciding, opening_time=opening, **one)
     dx, dtheta = throw.miss(target)
@@ -46,16 +41,16 @@ def test_a_swing_goes_on_to_another_target(planner, swing, tick, dx) -> None:
     assert plan.throw.deciding.command_time >= 0
 
 
-def test_any_state_within_the_limits_is_a_start(planner, swing) -> None:
+def test_any_state_within_the_limits_is_a_start(pose_planner, swing) -> None:
     """Without a plan to go on from: states drawn at random, at up to a third of the rates."""
-    limits, random, solved = planner.manipulator.planning, np.random.default_rng(3), 0
+    limits, random, solved = pose_planner.manipulator.planning, np.random.default_rng(3), 0
     middle, half = (limits.q_max + limits.q_min) / 2, (limits.q_max - limits.q_min) / 2
     home = swing.throw.samples.q[0]
     home = home + 0.2 * (middle - home)
     for _ in range(4):
         q = home + random.uniform(-0.1, 0.1, 3) * half
         state = tp.State(q, random.uniform(-0.3, 0.3, 3) * limits.dq, np.zeros(3))
-        plan = planner.plan(start=state)
+        plan = pose_planner.plan(start=state)
         if plan.solved:
             solved += 1
             assert plan.throw.samples.q[0] == pytest.approx(q, abs=1e-9)
@@ -73,9 +68,9 @@ def test_any_state_within_the_limits_is_a_start(planner, swing) -> None:
         ("dq", np.zeros(7), "State dq: must be 3 finite numbers"),
     ],
 )
-def test_states_beyond_the_limits_are_refused(planner, swing, name, value, words) -> None:
+def test_states_beyond_the_limits_are_refused(pose_planner, swing, name, value, words) -> None:
     state = dataclasses.replace(state_at(swing, 50), **{name: value})
     with pytest.raises(tp.InputError, match=words):
-        planner.plan(start=state)
+        pose_planner.plan(start=state)
     with pytest.raises(tp.InputError, match="start: a robust plan begins at rest"):
-        planner.plan(start=state_at(swing, 50), robust="auto")
+        pose_planner.plan(start=state_at(swing, 50), robust="auto")

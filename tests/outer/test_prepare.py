@@ -1,4 +1,4 @@
-"""The command `throwplan prepare`: its object, its library, Ctrl-C and bad input."""
+"""The command `throwplan prepare`: its object, its library, why there are fewer throws, Ctrl-C."""
 
 from __future__ import annotations
 
@@ -17,9 +17,7 @@ from throwplan.problems import load_scene
 KEYS = {"scene", "throws", "added", "edge", "bytes", "folder", "time"}
 
 
-def test_it_says_what_there_is_and_plans_use_it(
-    run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_it_says_what_there_is_and_plans_use_it(run, tmp_path, monkeypatch) -> None:
     monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
     said = run("prepare hand-box --throws 40 --json")
     assert said.status == 0 and said.json.keys() == KEYS
@@ -34,9 +32,7 @@ def test_it_says_what_there_is_and_plans_use_it(
     assert said.status == 0 and "solved throws, none of them new" in said.out
 
 
-def test_it_says_why_there_are_fewer_than_asked_for(
-    run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_it_says_why_there_are_fewer_than_asked_for(run, tmp_path, monkeypatch) -> None:
     """A hand so slow that its reach has no room for as many."""
     monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
     text = tp.scene_text("hand-box")

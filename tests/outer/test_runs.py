@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-import shutil
 import socket
-import sys
 import threading
 import types
 from pathlib import Path
@@ -24,7 +22,6 @@ from throwplan.planner.robot import (
     approach,
     corrected,
     joint_motion,
-    read_recording,
 )
 from throwplan.planner.verdict import verdict
 from throwplan.problems import InputError, Obstacle, load_arm
@@ -147,20 +144,14 @@ def test_noise_of_the_encoders_moves_the_landing_little(plan) -> None:
     assert (off < [1e-3, math.radians(1.0)]).all()
 
 
-def test_a_recording_is_read_as_it_was_written(plan, tmp_path) -> None:
+def test_correct_writes_what_to_send_next(plan, tmp_path, run, table) -> None:
     motion = joint_motion(plan)
     recording = lagging(motion)
     recording.save(tmp_path / "run.csv")
-    read = read_recording(tmp_path / "run.csv", motion)
-    assert read.command_time == pytest.approx(recording.command_time, abs=1e-9)
-    assert errors(read, motion) == pytest.approx(errors(recording, motion), abs=1e-6)
-
-
-def test_correct_writes_what_to_send_next(plan, tmp_path, run, table) -> None:
-    motion = joint_motion(plan)
-    lagging(motion).save(tmp_path / "run.csv")
     said = run("correct --json", plan, tmp_path / "run.csv", "--out", tmp_path / "next").json
-    assert said["recorded"]["error"]["position"] > 0.05
+    position, angle = errors(recording, motion)
+    assert said["recorded"]["error"] == pytest.approx({"position": position, "angle": angle}, 1e-4)
+    assert position > 0.05
     assert said["expected"]["position"] < 0.002
     sent = table(tmp_path / "next" / "joints.csv")
     assert sent["q2"][0] == pytest.approx(said["motion"]["start"][1], abs=1e-9)
@@ -204,11 +195,11 @@ def test_the_way_to_the_start_pose_is_clear_or_refused(plan) -> None:
         approach(motion, low)
 
 
-def test_from_a_throws_end_the_way_goes_over_the_floor(tmp_path) -> None:
+def test_from_a_throws_end_the_way_goes_over_the_floor(tmp_path, planner_of) -> None:
     """Straight it would draw the bar through it: the shoulder is raised first."""
-    scene = tp.load_scene("fr3")
-    target = scene.target.in_plane(1.557, math.radians(148))
-    tp.Planner(scene).plan(target).save(tmp_path, draw=False)
+    planner = planner_of("fr3")
+    target = planner.scene.target.in_plane(1.557, math.radians(148))
+    planner.plan(target).save(tmp_path, draw=False)
     motion = joint_motion(tmp_path)
     way = approach(motion, motion.q[-1])
     assert way[-1] == pytest.approx(motion.q[0], abs=1e-6)
@@ -262,11 +253,6 @@ def test_a_robot_that_does_not_answer(plan, refused, tmp_path) -> None:
     assert not out.exists()
 
 
-def test_a_missing_binding_is_named(plan, refused, monkeypatch) -> None:
-    monkeypatch.setitem(sys.modules, "pylibfranka", None)
-    assert "pip install pylibfranka" in refused("run --yes", plan, "--robot", "127.0.0.1")
-
-
 @pytest.mark.parametrize(
     ("spoilt", "words"),
     [
@@ -288,13 +274,6 @@ def test_recordings_that_do_not_fit_are_refused(plan, tmp_path, refused, spoilt,
         order = (plan, path) if command == "correct" else (path, plan)
         said = refused(command, *order)
         assert words in said and "run.csv" in said
-
-
-def test_a_plan_that_was_edited_is_not_sent(plan, tmp_path, refused) -> None:
-    folder = Path(shutil.copytree(plan, tmp_path / "fr3"))
-    lines = (folder / "motion.csv").read_text().splitlines()
-    (folder / "motion.csv").write_text("\n".join(lines[:-60]) + "\n")
-    assert "not sent, the motion does not end at rest" in refused("run --dry", folder)
 
 
 @pytest.mark.parametrize(
@@ -346,22 +325,15 @@ def test_a_robot_is_ready_only_where_all_is_well() -> None:
     arm = load_arm("fr3")
     q, gripper = Franka("host", Standing(), Hand()).check(arm)
     assert q[3] == -1.57 and gripper.width == 0.04
+    elsewhere = Standing()
+    elsewhere.state.O_T_EE[12] += 0.05
     for robot, hand, words in (
         (Standing(mode="UserStopped"), Hand(), "host: its mode is UserStopped, must be Idle: rel"),
         (Standing(mode="Reflex", errors="joint_reflex"), Hand(), "is in error, joint_reflex: "),
         (Standing(rate=0.3), Hand(), "moves (0.30 rad/s), must be at rest"),
         (Standing(), Hand(most=0.0), "gripper is not homed"),
+        (elsewhere, Hand(), "flange is 50 mm from where"),
     ):
         with pytest.raises(InputError) as raised:
             Franka("host", robot, hand).check(arm)
         assert words in str(raised.value) and "\n" not in str(raised.value)
-
-
-def test_another_arms_plan_is_not_sent() -> None:
-    pytest.importorskip("pylibfranka")
-    with pytest.raises(InputError, match=r"is an fr3, whose limit of joint 1 acceleration is 10"):
-        Franka("host", Standing(), Hand()).check(load_arm("panda"))
-    elsewhere = Standing()
-    elsewhere.state.O_T_EE[12] += 0.05
-    with pytest.raises(InputError, match="flange is 50 mm from where"):
-        Franka("host", elsewhere, Hand()).check(load_arm("fr3"))

@@ -83,56 +83,6 @@ def test_scenes_prints_a_line_each_and_one_object(run) -> None:
     assert set(said.json["scenes"]) == set(tp.scene_names()) and said.err == ""
 
 
-def test_near_cup_is_the_interface_s() -> None:
-    scene = tp.load_scene("near-cup")
-    cup = scene.cup
-    assert (cup.x, cup.rim, cup.radius, cup.depth) == (0.90, 0.10, 0.06, 0.15)
-    assert (cup.clearance, cup.insertion) == (0.005, 0.08)
-    assert (scene.target.x, scene.target.y, scene.target.z) == (0.90, 0.0, 0.22)
-    assert scene.target.theta == pytest.approx(-math.pi / 2, abs=1e-15)
-    # CoM end down: at the target's instant the lower end is 4 cm below the rim.
-    lower_end = scene.target.z - (scene.object.length - scene.object.com)
-    assert cup.rim - lower_end == pytest.approx(0.04, abs=1e-12)
-    assert scene.robot.start == pytest.approx((-math.pi / 4, -3 * math.pi / 4, math.pi / 2))
-
-
-@pytest.mark.parametrize("name", ["pose", "near-cup", "cup", "box", "flip"])
-def test_panda_scenes_share_the_paper_s_bar(name) -> None:
-    scene = tp.load_scene(name)
-    bar, contact, grip = scene.object, scene.contact, scene.gripper
-    assert (bar.mass, bar.length, bar.inertia) == (0.24, 0.26, 535e-6)
-    assert scene.com_offset == pytest.approx(0.10) and scene.grasp.angle == 0.0
-    assert (contact.friction, contact.patch_radius, contact.torsion) == (1.0, 0.0025, 0.6)
-    assert contact.faces == 2
-    assert (grip.force, grip.dwell, grip.opening) == (120.0, 0.05, 0.05)
-    assert (scene.tolerance.position, scene.tolerance.angle) == (0.002, math.radians(0.5))
-    assert scene.workspace.floor == 0.02
-    assert scene.workspace.column_radius is not None
-    assert scene.workspace.palm_clearance is not None
-    assert scene.robot.arm == "panda"
-    assert "cup" in name or scene.target.z == 0.1
-    assert (scene.target.theta is None) == (name == "box")
-
-
-@pytest.mark.parametrize(("name", "offset"), [("drop", 0.10), ("drop-2cm", 0.02)])
-def test_drop_scenes_are_table_one(name, offset) -> None:
-    scene = tp.load_scene(name)
-    assert scene.object.mass == 0.2 and scene.com_offset == pytest.approx(offset)
-    assert math.sqrt(scene.object.inertia / scene.object.mass) == pytest.approx(0.05)
-    assert (scene.contact.friction, scene.contact.patch_radius) == (0.8, 0.0075)
-    assert (scene.contact.torsion, scene.contact.faces) == (0.6, 2)
-    assert (scene.gripper.force, scene.gripper.dwell, scene.gripper.opening) == (50.0, 0.0, 0.05)
-    assert scene.gravity == 9.81 and scene.target is None
-
-
-def test_hand_scenes_are_the_interface_s() -> None:
-    box, flip = tp.load_scene("hand-box"), tp.load_scene("hand-flip")
-    assert box.target.theta is None and box.com_offset == 0.0 and not box.hand.turns
-    assert flip.hand.turns
-    assert flip.target.theta - flip.hand.start_theta == pytest.approx(2 * math.pi)
-    assert box.robot is None and flip.robot is None
-
-
 def test_uncertainty_is_data_and_leaves_the_plan_alone() -> None:
     scene, plain = tp.load_scene("delay"), tp.load_scene("pose")
     assert scene.uncertainty is not None and scene.uncertainty.delay.uniform == 0.010

@@ -74,13 +74,6 @@ def test_a_model_that_fails_is_shown_and_the_others_go_on(tmp_path, run) -> None
     assert said.status == 0 and "ls: not to be trusted" in said.out
 
 
-def test_landing_is_given_where_there_is_a_height() -> None:
-    scene = tp.load_scene("drop").replace(target=tp.Pose(x=0.0, z=-1.0))
-    for name in ("sp", "ls-step"):
-        landing = tp.simulate(scene, name)[name].to_dict()["landing"]
-        assert landing["z"] == -1.0 and 0.05 < landing["x"] < 0.15
-
-
 def test_pressure_of_the_scene_reaches_the_meshed_models(drop) -> None:
     hertz = varied(tp.load_scene("drop"), contact={"pressure": "hertz"})
     found = tp.simulate(hertz, "patch")["patch"].to_dict()["detach"]

@@ -48,15 +48,9 @@ def test_success_of_a_cup_is_going_in(plan_of) -> None:
     assert result["in_cup"]["rate"] >= result["success"]["rate"] > result["in_tolerance"]["rate"]
 
 
-def planned(tmp_path, section: str) -> tp.Plan:
-    """`pose` with a section [uncertainty], which changes no plan."""
-    path = tmp_path / "scene.toml"
-    path.write_text(f"{tp.scene_text('pose')}\n[uncertainty]\n{section}\n")
-    return tp.plan(path)
-
-
-def test_a_known_mean_delay_moves_the_command(tmp_path) -> None:
-    late = planned(tmp_path, "delay = { uniform = 0.001, mean = 0.015 }")
+def test_a_known_mean_delay_moves_the_command() -> None:
+    uncertainty = tp.Uncertainty(delay=tp.Distribution(uniform=0.001, mean=0.015))
+    late = tp.plan(tp.load_scene("pose").replace(uncertainty=uncertainty))
     release, dwell = late.to_dict()["release"], late.scene.gripper.dwell
     assert release["command_time"] == pytest.approx(release["opening_time"] - dwell - 0.015)
     # The command goes out earlier by the mean, so that the mean throw lands at the target.
@@ -111,11 +105,11 @@ def test_the_command_in_words(run) -> None:
         assert word in said.out
 
 
-def test_without_a_throw(run) -> None:
+def test_without_a_throw(run, planner_of) -> None:
     said = run("sweep hand-box --target 0.3 1.7 free --json")
     assert (said.status, len(said.err.splitlines())) == (3, 1)
     assert said.json["status"] == "out_of_reach"
-    failed = tp.plan("hand-box", tp.Pose(x=0.3, z=1.7))
+    failed = planner_of("hand-box").plan(tp.Pose(x=0.3, z=1.7))
     with pytest.raises(tp.InputError, match="out_of_reach"):
         tp.sweep(failed)
 

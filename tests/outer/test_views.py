@@ -73,12 +73,12 @@ def test_a_taken_port_is_named(saved, refused) -> None:
             assert f"--port {port}: address already in use; choose another with --port" in said
 
 
-def test_the_view_from_python(capsys, free_port, plan_of) -> None:
+def test_the_view_from_python(capsys, free_port, pose_planner, plan_of) -> None:
     """A plan is served for a while; its page's address is printed."""
     port = free_port()
     tp.view(plan_of("hand-flip"), port=port, hold=0.05, browser=False)
     assert capsys.readouterr().out == f"http://127.0.0.1:{port}\n"
-    failed = tp.plan("pose", tp.Pose(x=9.0, z=0.1, theta=0.0), patience=0.05)
+    failed = pose_planner.plan(tp.Pose(x=9.0, z=0.1, theta=0.0), patience=0.05)
     with pytest.raises(tp.InputError, match="holds no throw"):
         tp.view(failed)
 
@@ -92,21 +92,6 @@ def test_wrong_options(saved, refused, tmp_path) -> None:
     gif = tmp_path / "throw.gif"
     for kind in ("mp4", "png"):
         assert f"must end in .{kind}" in refused("view", saved("hand-flip"), f"--{kind}", gif)
-
-
-def test_wrong_plans(saved, refused, tmp_path) -> None:
-    plan = json.loads((saved("hand-flip") / "plan.json").read_text())
-    path = tmp_path / "plan.json"
-    assert f"{path}" in refused("view", path)
-    for text, words in (
-        ("[1, 2", "is not JSON"),
-        ("[1, 2]", "is not a plan file"),
-        (json.dumps(plan | {"format": 99}), "a plan file of version 99"),
-        (json.dumps(plan | {"status": "out_of_reach"}), "it holds no throw"),
-    ):
-        path.write_text(text)
-        for more in ([], ["--mp4", tmp_path / "throw.mp4"]):
-            assert words in refused("view", tmp_path, *more)
 
 
 def test_without_viser_the_extra_is_named(saved) -> None:

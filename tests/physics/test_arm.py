@@ -64,15 +64,6 @@ def test_frames_agree_with_adam(adam, frames, link):
         np.testing.assert_allclose(pose, pose_of(adam, joints, link), atol=1e-9)
 
 
-def test_stretched_up_the_panda_is_as_tall_as_its_links(frames):
-    pose = np.array(frames(np.zeros(7))[-1])
-    # Base to shoulder, upper and lower arm; the wrist offset turns the hand downwards.
-    np.testing.assert_allclose(
-        pose[:3, 3], [0.088, 0.0, 0.333 + 0.316 + 0.384 - 0.107 - 0.1034], atol=1e-12
-    )
-    np.testing.assert_allclose(pose[:3, 2], [0, 0, -1], atol=1e-12)
-
-
 @given(throwing=angles)
 @settings(max_examples=40, deadline=None)
 def test_planar_chain_is_the_arm_in_its_plane(adam, planar, throwing):
@@ -147,12 +138,6 @@ def test_more_throwing_joints_than_the_core_takes_are_refused():
         PlanarArm(arm, range(2, 11))
 
 
-def test_a_posture_out_of_the_plane_is_refused():
-    bent = dataclasses.replace(PANDA, posture=(0, 0, 0.3, 0, 0, 0, np.pi / 4))
-    with pytest.raises(ValueError, match="vertical plane"):
-        PlanarArm(bent)
-
-
 @pytest.mark.parametrize("joints", [(2, 4), (4, 6), (6,)], ids=str)
 def test_fewer_throwing_joints_leave_the_others_in_posture(adam, joints):
     posture = np.array([0, 0.3, 0, -1.8, 0, 2.0, np.pi / 4])
@@ -173,13 +158,3 @@ def test_a_hand_that_does_not_turn_keeps_its_angle():
     np.testing.assert_array_equal(pose, [1, 2, 0.7])
     np.testing.assert_array_equal(twist, [3, 4, 0])
     np.testing.assert_array_equal(acceleration, [5, 6, 0])
-
-
-def test_heights_of_the_frames_are_those_of_the_full_kinematics() -> None:
-    arm = PlanarArm(PANDA)
-    q = ca.SX.sym("q", arm.coordinates)
-    planar = ca.Function("planar", [q], [ca.vertcat(*arm.heights(arm.link_angles(q)))])
-    full = ca.Function("full", [q], [arm.points(q)[1, 2:-1]])
-    for value in np.random.default_rng(3).uniform(-2, 2, (5, arm.coordinates)):
-        mine, theirs = (np.unique(np.array(f(value)).round(9)) for f in (planar, full))
-        assert mine == pytest.approx(theirs, abs=1e-8)

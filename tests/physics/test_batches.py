@@ -19,7 +19,6 @@ from release_cases import (
     reference_values,
     single,
 )
-from scipy.integrate import solve_ivp
 from throwplan.models import Body, Contact, FlightLaw, Trajectory, core_laws
 from throwplan.models.release import (
     ImplicitRelease,
@@ -30,7 +29,7 @@ from throwplan.models.release import (
     SteppedRelease,
     exact_pivot_release,
 )
-from throwplan.models.release.patch import PatchRelease, disc
+from throwplan.models.release.patch import PatchRelease
 from throwplan.planner.throw import case_of
 
 from benchmarks.plain_pivot import PlainPivot
@@ -132,45 +131,6 @@ def test_meshed_stepping_is_first_order(model) -> None:
 
 
 @pytest.mark.slow
-def test_the_converged_patch_solves_the_differential_equation() -> None:
-    """Another integrator, another rounding of Coulomb's corner, world axes."""
-    values = reference_values()
-    fine, coarse = (
-        tp.simulate_batch(DROP, "patch", steps=steps, **values).detach for steps in (1920, 960)
-    )
-    name = "throw_decelerating"
-    found = landing((2 * fine - coarse)[[list(VALUES).index(name)]])[0]
-    exact = landing(by_differential_equation(reference_case(name))[None])[0]
-    assert found[0] == pytest.approx(exact[0], abs=5e-6)
-    assert found[1] == pytest.approx(exact[1], abs=np.radians(2e-3))
-
-
-def by_differential_equation(held: ReleaseCase) -> np.ndarray:
-    """Detach state of the patch by a stiff integrator."""
-    patch = disc("uniform", 64, float(held.contact.torsion_arm))
-    mass, limit = held.body.mass, held.contact.force_limit
-
-    def rates(t: float, state: np.ndarray) -> np.ndarray:
-        hand = held.hand.at(np.array([t]))
-        (x_h, z_h, turn), (v_x, v_z, omega) = hand.pose[:, 0], hand.twist[:, 0]
-        at = np.exp(1j * turn) * (patch.x + 1j * patch.z)
-        lever = at + complex(x_h, z_h) - complex(state[0], state[1])
-        slip = complex(state[3], state[4]) + 1j * state[5] * lever
-        slip -= complex(v_x, v_z) + 1j * omega * at
-        speed = np.sqrt(np.abs(slip) ** 2 + 1e-20)
-        force = -float(limit(held.grip.force(t))) * patch.weights * slip / speed
-        pull, torque = force.sum() / mass, (lever.conj() * force).imag.sum()
-        falling = [pull.real, pull.imag - held.gravity, torque / held.body.inertia]
-        return np.array([*state[3:], *falling])
-
-    end = held.grip.opening
-    options = {"rtol": 1e-8, "atol": 1e-12, "first_step": 1e-7 * end}
-    run = solve_ivp(rates, (0.0, end), held.start(), "Radau", [end], **options)
-    assert run.success, run.message
-    return np.asarray(run.y[:, -1])
-
-
-@pytest.mark.slow
 def test_usual_steps_are_converged_over_many_throws() -> None:
     values = throws(250, seed=5)
     for model, steps, position, angle in (("sp", 1000, 1e-4, 0.1), ("ls-step", 1500, 1e-3, 0.5)):
@@ -198,27 +158,6 @@ def test_numbers_stand_for_the_scene_and_landing_is_given_at_its_height() -> Non
     assert result.landing[1, 0] == pytest.approx(plain["landing"]["x"], abs=1e-5)
     # More friction holds the bar longer: it leaves with a smaller rate.
     assert (np.diff(np.abs(result.detach[:, 5])) < 0).all()
-
-
-def test_sampled_hands_are_the_constant_acceleration_they_sample() -> None:
-    values, t = throws(6), np.linspace(-0.01, 0.12, 60)
-    hand = values["hand"]
-    poses = hand["pose"][:, None] + hand["twist"][:, None] * t[:, None]
-    poses += hand["acceleration"][:, None] * t[:, None] ** 2 / 2
-    plain = tp.simulate_batch(DROP, **values).detach
-    sampled = tp.simulate_batch(DROP, **{**values, "hand": {"times": t, "poses": poses}}).detach
-    assert sampled == pytest.approx(plain, rel=1e-7, abs=1e-9)
-
-
-def test_delays_start_later_on_one_shared_motion() -> None:
-    t = np.linspace(0.0, 0.2, 80)
-    poses = np.column_stack([1.5 * t, 0.8 * t, 0.4 + 3.0 * t])[None]
-    delays = np.array([0.0, 0.02, 0.05])
-    result = tp.simulate_batch(DROP, hand={"times": t, "poses": poses, "delays": delays}).detach
-    assert (np.diff(result[:, 0]) > 0).all()
-    alone = {"pose": [[0.0, 0.0, 0.4 + 3.0 * delays[2]]], "twist": [[1.5, 0.8, 3.0]]}
-    one = tp.simulate_batch(DROP, hand=alone).detach[0]
-    assert result[2, 3:] == pytest.approx(one[3:], rel=1e-6)
 
 
 def test_trouble_is_what_the_single_model_says() -> None:

@@ -30,13 +30,6 @@ def falling_tables(draw):
     return np.array([0.0, *np.cumsum(steps)]), 80.0 * np.array([1.0, *(1 - fall / fall[-1])])
 
 
-def test_linear_release_falls_in_a_straight_line():
-    release = LinearRelease(full=50.0, dwell=0.03, opening=0.05)
-    np.testing.assert_allclose(
-        release.force([0.0, 0.0125, 0.025, 0.0375, 0.05]), [50.0, 37.5, 25.0, 12.5, 0.0], atol=1e-12
-    )
-
-
 @pytest.mark.parametrize("release", [LinearRelease(50.0, 0, 0.05), TableRelease(TIMES, FORCES)])
 def test_full_before_and_nothing_after_the_fall(release):
     before, after = [-1.0, -1e-9, 0.0], [release.opening, release.opening + 1e-9, 10.0]
@@ -94,15 +87,6 @@ def test_between_samples_the_force_never_rises_or_overshoots(table):
         inside = inside[(inside >= 0) & (inside <= release.opening)]
         part = release.force(inside)
         assert ((part >= f_low - 1e-9) & (part <= f_high + 1e-9)).all()
-
-
-@relaxed
-@given(table=falling_tables())
-def test_a_table_ends_at_zero_force(table):
-    release = TableRelease(*table)
-    assert release.force(release.opening) == pytest.approx(0.0, abs=1e-9 * 80)
-    assert release.dwell + release.opening <= table[0][-1] + 1e-12
-    assert release.opening > 0
 
 
 @pytest.mark.parametrize(("rows", "apart"), [(101, False), (6, True)])

@@ -6,12 +6,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
-import throwplan as tp
+from builders import swinging
 from release_cases import STILL, VALUES, expected
 from scipy.interpolate import PPoly
 
 from oracle import shapes
-from oracle.motion import ArmMotion, Curve, Plane, Samples, frames_of, parabolas
+from oracle.motion import Curve, Plane, frames_of, parabolas
 from oracle.release import Held, released
 
 #: Landing of the reference [m], [rad] that the oracle must meet, 1 m below the hand.
@@ -60,23 +60,6 @@ def test_wrench_is_what_moves_the_held_bar() -> None:
     torque = held.inertia * alpha + r_x * f_z - r_z * f_x
     found = held.wrench(hand.at(np.array([time])))
     assert np.allclose(found, [f_x, f_z, torque], rtol=1e-5, atol=1e-6)
-
-
-def swinging(name: str, every: bool = False) -> ArmMotion:
-    """An arm of a scene whose throwing joints, or all of them, swing."""
-    scene = tp.load_scene(name)
-    arm, times = scene.arm, 1e-3 * np.arange(401)
-    joints = range(1, arm.joints + 1) if every else arm.throwing_joints
-    throwing = [j - 1 for j in joints]
-    low, high = np.array(arm.limits.position_min), np.array(arm.limits.position_max)
-    q, dq, ddq = (np.zeros((len(times), arm.joints)) for _ in range(3))
-    q[:] = arm.posture
-    for k, j in enumerate(throwing):
-        middle, wide, rate = (low[j] + high[j]) / 2, min(0.5, (high[j] - low[j]) / 4), 6.0 + k
-        q[:, j] = middle + wide * np.sin(rate * times + k)
-        dq[:, j] = wide * rate * np.cos(rate * times + k)
-        ddq[:, j] = -wide * rate**2 * np.sin(rate * times + k)
-    return ArmMotion(arm, throwing, Samples(times, q, dq, ddq))
 
 
 @pytest.mark.parametrize("name", ["pose", "ur5e"])
@@ -144,7 +127,7 @@ def dense(a: np.ndarray, b: np.ndarray, count: int = 401) -> np.ndarray:
     return a + np.linspace(0.0, 1.0, count)[:, None] * (b - a)
 
 
-@pytest.mark.parametrize("seed", range(20))
+@pytest.mark.parametrize("seed", range(10))
 def test_distances_are_those_of_the_nearest_points(seed: int) -> None:
     random = np.random.default_rng(seed)
     a, b, c, d = random.uniform(-1, 1, (4, 1, 3))

@@ -180,21 +180,6 @@ def test_releases_land_beside_those_of_the_limit_surface(name: str) -> None:
     assert abs(theta - theta_s) < math.radians(0.5)
 
 
-def test_a_gripped_bar_stays_in_a_moving_hand() -> None:
-    hand = Trajectory.accelerating((0.1, 0.2, 0.3), (1.0, 1.5, 4.0), (-5.0, 3.0, -20.0))
-    tight = LinearRelease(1e4, 0.0, 0.05)
-    for angle in (0.0, -0.8):
-        held = ReleaseCase(BAR, PADS, tight, hand, grasp_angle=angle)
-        release = PatchRelease(steps=500).release(held)
-        samples = hand.at(release.times)
-        # To where the grip has a hundredth of its force left.
-        x, z, theta = (release.com - samples.pose)[:, :495]
-        direction = samples.pose[2, :495] + angle
-        np.testing.assert_allclose(theta, angle, atol=1e-8)
-        np.testing.assert_allclose(x, BAR.com_offset * np.cos(direction), atol=1e-6)
-        np.testing.assert_allclose(z, BAR.com_offset * np.sin(direction), atol=1e-6)
-
-
 def test_the_patch_turns_with_the_hand() -> None:
     # Without gravity a whole throw may be turned: 8 points do not lie evenly in all directions.
     model, turn = PatchRelease(points=8), 1.1

@@ -10,7 +10,6 @@ import pytest
 from release_cases import VALUES, expected, order_of, reference_case
 from throwplan.models.release import (
     ImplicitRelease,
-    KarnoppRelease,
     SlidingPivotRelease,
 )
 
@@ -63,13 +62,3 @@ def test_across_events_the_order_drops() -> None:
     # Grids that the onset at 0.455 of the opening cuts at about the same share.
     steps = [24, 48, 96, 192, 384]
     assert 1.5 < order("drop_h100_faces2", steps, slice(5, 6), PlainPivot()) < 3.0
-
-
-# Explicit Euler and its chatter.
-
-
-def test_karnopp_holds_a_gripped_body_exactly() -> None:
-    case = reference_case("drop_h100_faces2")
-    release = KarnoppRelease().release(case)
-    gripped = release.times < 0.02
-    assert np.abs(release.com_twist[:, gripped]).max() < 1e-9

@@ -8,14 +8,10 @@ import numpy as np
 import pytest
 from release_cases import VALUES, reference_case
 from throwplan.models import Trajectory, contact_twist
-from throwplan.models.release import ImplicitRelease, KarnoppRelease, ReleaseCase, SteppedRelease
+from throwplan.models.release import ImplicitRelease, KarnoppRelease, SteppedRelease
 from throwplan.models.release.patch import PatchRelease
 
 GRAVITY = 9.81
-
-
-def onset(case: ReleaseCase) -> tuple[float | None, float | None]:
-    return case.slip_onset()
 
 
 @pytest.mark.parametrize("name", ["drop_h100_faces2", "drop_h020_faces2"])
@@ -32,7 +28,7 @@ def test_a_level_bar_slips_where_its_weight_reaches_the_ellipsoid(name: str) -> 
 @pytest.mark.parametrize("name", sorted(VALUES))
 def test_the_held_wrench_is_on_the_surface_at_the_onset(name: str) -> None:
     case = reference_case(name)
-    when, _ = onset(case)
+    when, _ = case.slip_onset()
     (wrench,) = case.held_wrench(np.array([when])).T
     use = case.contact.utilisation_squared(*wrench, float(case.grip.force(when)))
     if when == 0:
@@ -55,18 +51,18 @@ def test_steps_stick_before_the_onset_and_slip_after_it() -> None:
 def test_a_hand_that_falls_freely_never_lets_a_body_slip() -> None:
     hand = Trajectory.accelerating((0, 0, 0.3), (1.0, 2.0, 0.0), (0.0, -GRAVITY, 0.0))
     case = dataclasses.replace(reference_case("drop_h100_faces2"), hand=hand)
-    assert onset(case) == (None, None)
+    assert case.slip_onset() == (None, None)
 
 
 def test_a_motion_that_no_wrench_asks_for_does_not_begin() -> None:
     case = reference_case("drop_h100_faces2")
     held_at_com = dataclasses.replace(case, body=dataclasses.replace(case.body, com_offset=0.0))
-    pivot, slide = onset(held_at_com)
+    pivot, slide = held_at_com.slip_onset()
     weight = case.body.mass * GRAVITY / (2 * case.contact.friction)
     assert pivot is None
     assert slide == pytest.approx(case.grip.opening * (1 - weight / case.grip.full), abs=1e-9)
     spun = Trajectory.accelerating((0, 0, 0), acceleration=(0, 0, 300.0))
-    pivot, slide = onset(dataclasses.replace(held_at_com, hand=spun, gravity=0.0))
+    pivot, slide = dataclasses.replace(held_at_com, hand=spun, gravity=0.0).slip_onset()
     assert slide is None and 0 < pivot < case.grip.opening
 
 
@@ -74,13 +70,13 @@ def test_a_jerk_of_the_hand_is_found_to_the_instant() -> None:
     pulls = [(0.0, 0.0, 0.0), (0.0, 60.0, 0.0)]
     hand = Trajectory.stepping((0, 0, 0), (0, 0, 0), (0.0, 0.0123), pulls)
     case = dataclasses.replace(reference_case("drop_h100_faces2"), hand=hand)
-    assert onset(case)[0] == pytest.approx(0.0123, abs=1e-9)
+    assert case.slip_onset()[0] == pytest.approx(0.0123, abs=1e-9)
 
 
 @pytest.mark.parametrize("name", ["drop_h100_faces2", "throw_decelerating"])
 def test_the_patch_slips_about_when_the_ellipsoid_does(name: str) -> None:
     case = reference_case(name)
-    release, (when, _) = PatchRelease(steps=1000).release(case), onset(case)
+    release, (when, _) = PatchRelease(steps=1000).release(case), case.slip_onset()
     assert when is not None and release.pivot == release.slide is not None
     # Its limit is inside the ellipsoid by up to 7 %; a step is 0.05 ms.
     assert when - 0.07 * case.grip.opening < release.pivot < when + 1e-4
