@@ -28,8 +28,8 @@ from .scene_constraint import Brake, Flight, Instant, SceneConstraint, gripped_i
 from .stages import DDQ, DQ, JERK_UNIT, REL, SLACKS, T_F, Block, Q, Stage, T
 from .transcription import Hand, Interval, Node, Ocp
 
-#: Longest flight [s].
-FLIGHT_MAX = 3.0
+#: Shortest carry and longest flight [s] of a plan.
+CARRY_MIN, FLIGHT_MAX = 0.02, 3.0
 
 
 class Weights(NamedTuple):
@@ -51,7 +51,7 @@ def variable_bounds(request: Request) -> dict[str, tuple[Any, Any]]:
         "dq": (-limits.dq, limits.dq),
         "ddq": (-limits.ddq, limits.ddq),
         "c": (-control, control),
-        "T": (max(command, 0.02), scene.mesh.carry_max),
+        "T": (max(command, CARRY_MIN), scene.mesh.carry_max),
         "t_f": (0.0, FLIGHT_MAX),
         **{slack.name: (0.0, ca.inf) for slack in SLACKS},
     }
