@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from scipy.optimize import minimize
 
 from ...models import Array
 from ...models.robot import LinkCapsule, segment_distance
@@ -163,6 +162,9 @@ def _path(name: str, file: Path) -> Path:
 
 def _around(number: int, points: Array) -> LinkCapsule:
     """A capsule of about the least volume around points (N, 3), from three starts."""
+    # Few commands need it, and it takes a while to import.
+    from scipy.optimize import minimize
+
     middle = points.mean(axis=0)
     # It is fitted to the points that are outermost in one of many directions.
     ways = np.random.default_rng(0).normal(size=(500, 3))
