@@ -10,7 +10,7 @@ from ...models.release import MODELS
 from ...problems import load_scene
 from ...problems.files import filling, write_json
 from ..show import draw_releases
-from ..throw.simulation import simulate
+from ..simulation import simulate
 from .common import DONE, Add, Progress, add_out, add_scene, notes, print_result
 
 

@@ -9,8 +9,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass, field
 
+from ..clearance import BAR
 from ..throw import Throw
-from ..throw.clearance import BAR
 from ..verdict import FLYING, Code, Finding, Verdict
 
 #: A constraint that an NLP gets after a verdict has found it broken: "carry" (grip, floor and

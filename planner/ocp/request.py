@@ -100,8 +100,7 @@ def load_curve(throw: Throw) -> tuple[Array, Array]:
     begin = throw.opening_time - window.early * window.step
     end = throw.opening_time + scene.gripper.profile().opening + window.late * window.step
     times = np.linspace(max(begin, 0.0), end, WINDOW.samples)
-    force, torque = friction_use(scene, throw.hand(times))
-    return times, np.asarray(np.hypot(force, torque))
+    return times, friction_use(scene, throw.hand(times))
 
 
 def peak_load(throw: Throw) -> float:

@@ -14,10 +14,10 @@ import numpy as np
 from ...models import Array
 from ...problems import checked
 from ...problems.files import filling, plain, write_json
+from ..clearance import bar_outline
 from ..result import Plan, throw_of
 from ..show import BLACK, BLUE, GREEN, ORANGE, RED, draw_cup, new_figure, save
 from ..throw import TICK, Throw
-from ..throw.clearance import bar_outline
 from ..verdict import outside_tolerance
 from .mujoco_throw import (
     FLIGHT_STEPS,

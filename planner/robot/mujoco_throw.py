@@ -11,8 +11,8 @@ import numpy as np
 
 from ...models import Array, sticking_state
 from ...problems import Cup, InputError, Scene
+from ..clearance import reach_of_bar
 from ..throw import Throw
-from ..throw.clearance import reach_of_bar
 
 #: Largest penetration [m] of the pads (a pad is a sphere of 1 m on a plate 2 m thick).
 PENETRATION = 0.1

@@ -10,19 +10,18 @@ import numpy as np
 from ...models import Array
 from ...models.robot import Arm
 from ...problems import InputError, ThrowPlane
+from ..clearance import (
+    BAR,
+    CollisionScene,
+    SweptBodies,
+    bar_ends,
+    held_bar,
+)
 from ..throw import (
     TICK,
     Samples,
     joint_limits,
     within_limits,
-)
-from ..throw.clearance import (
-    BAR,
-    CollisionScene,
-    SweptBodies,
-    bar_ends,
-    clearances_of,
-    held_bar,
 )
 from ..verdict import Code, Finding, collision
 from .controllers import JointMotion
@@ -96,7 +95,7 @@ def _collision(motion: JointMotion, q: Array) -> str:
     )
     places = np.unique(np.append(np.arange(0, len(q), MEASURED), len(q) - 1))
     track = _track(motion, q[places], TICK * places)
-    for found in clearances_of(track, obstacles):
+    for found in obstacles.clearances(track):
         return collision(found).words
     floor = None if scene.workspace is None else scene.workspace.floor
     if floor is None:
@@ -134,4 +133,4 @@ def _track(motion: JointMotion, q: Array, times: Array) -> SweptBodies:
     width = throw.scene.object.width / np.sqrt(2)
     cover = np.append(np.full(len(arm.capsules), arm.cover), 0.0)
     radius = np.append(capsules.radius, width)
-    return SweptBodies((*capsules.names, BAR), np.array(placed), radius, cover, times, flying=False)
+    return SweptBodies((*capsules.names, BAR), np.array(placed), radius, cover, times)

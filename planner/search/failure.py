@@ -9,8 +9,8 @@ import numpy as np
 
 from ...models import Array, FlightState
 from ...problems import InputError, Pose, Scene
+from ..clearance import column_distance, held_bar, lowest_of_bar
 from ..throw import Manipulator, column_of, outline
-from ..throw.clearance import column_distance, held_bar, lowest_of_bar
 from .attempt import Attempt
 from .samples import Releases
 

@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from ...models import Array
+from ..clearance import bar_outline, palm_corners
 from ..throw import column_of
-from ..throw.clearance import bar_outline, obstacles_of, palm_corners
 from .style import ARM, BLACK, GREEN, ORANGE, PHASES, RED, draw_cup, new_figure, save
 from .timeline import Timeline, timeline
 
@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
+    from ...models.robot import Solid
     from ...problems import Pose, Scene, ThrownObject
     from ..throw import Throw
 
@@ -107,7 +108,7 @@ def draw_surroundings(stage: Axes, scene: Scene, target: Pose) -> None:
         radius, height = column
         place = (-radius, 0.0), 2 * radius, height
         stage.add_patch(Rectangle(*place, color="#e4e1dc", zorder=0, label="base column"))
-    for number, solid in enumerate(obstacles_of(scene.aimed_at(target))):
+    for number, solid in enumerate(_obstacles(scene, target)):
         name = "obstacle" if number == 0 else None
         look = {"color": "#d9b8a6", "alpha": 0.6, "zorder": 0, "label": name}
         stage.add_patch(Polygon(solid.outline(), closed=True, **look))
@@ -118,10 +119,17 @@ def draw_surroundings(stage: Axes, scene: Scene, target: Pose) -> None:
     stage.plot([x], [target.z], "k+", ms=11, zorder=8, label="target")
 
 
+def _obstacles(scene: Scene, target: Pose) -> list[Solid]:
+    """The obstacles as the plane of a throw to the target sees them."""
+    aimed = scene.aimed_at(target).target
+    assert aimed is not None
+    return [aimed.plane.seen(obstacle.solid) for obstacle in scene.obstacle]
+
+
 def frame_stage(stage: Axes, scene: Scene, target: Pose, line: Timeline) -> None:
     """Equal axes around the moving bodies and fixed bodies near them; the legend below."""
     low, high = line.extent(scene)
-    outlines = [solid.outline() for solid in obstacles_of(scene.aimed_at(target))]
+    outlines = [solid.outline() for solid in _obstacles(scene, target)]
     if scene.cup is not None:
         cup = scene.cup
         left, right, bottom = cup.x - cup.radius, cup.x + cup.radius, cup.rim - cup.depth

@@ -31,7 +31,7 @@ class BatchFlights:
     [m], grasp_angle [rad]: of the held body, the hand's error in it; com [m]: from the bar's end;
     error (N, 6): the hand's. release: what the model says; start (N, 6): the state at detach;
     landing (N, 3): x [m], theta [rad] and flight time [s] at the target's height, NaN without one;
-    goal, cup [m]: x of target and cup at that time.
+    way [m]: of a moving target from the throw's own landing until then.
     """
 
     columns: dict[str, Array]
@@ -45,8 +45,14 @@ class BatchFlights:
     release: BatchRelease
     start: Array
     landing: Array
-    goal: Array
-    cup: Array
+    way: Array
+
+    @property
+    def pose(self) -> Array:
+        """`landing` relative to a target that moves."""
+        moved = np.zeros_like(self.landing)
+        moved[:, 0] = self.way
+        return self.landing - moved
 
 
 @dataclass(frozen=True)
@@ -102,10 +108,6 @@ class ThrowBatch:
         values = self.scene.values | {"delay": self.mean_delay}
         return np.tile([values[name] for name in self.names], (count, 1))
 
-    def with_parameter(self, name: str) -> ThrowBatch:
-        """With one more parameter, the last."""
-        return replace(self, names=(*self.names, name))
-
     def columns(self, values: Array) -> dict[str, Array]:
         """All parameters (N,) by name: those given, and the scene's own."""
         known = self.scene.values | {"delay": self.mean_delay}
@@ -159,8 +161,7 @@ class ThrowBatch:
             release,
             start,
             landing,
-            self.throw.target.plane_x + way,
-            (0.0 if scene.cup is None else scene.cup.x) + way,
+            way,
         )
 
     def releases(self, columns: dict[str, Array]) -> tuple[ReleaseBatch, Array]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -268,18 +268,11 @@ def _arm_manipulator(scene: Scene) -> Manipulator:
 def joint_limits(arm: Arm, joints: Sequence[int]) -> Limits:
     """The real limits of some of an arm's joints, numbered from 1."""
     limits, index = arm.limits, [j - 1 for j in joints]
-    low, high, dq, ddq, jerk = (
-        np.array(values)[index]
-        for values in (
-            *(limits.position_min, limits.position_max),
-            *(limits.velocity, limits.acceleration, limits.jerk),
-        )
-    )
-    curves, slowing = limits.slowing, None
-    if curves is not None:
-        rows = [curves.deceleration, curves.offset, curves.upper, curves.lower]
-        slowing = np.array(rows)[:, index]
-    return Limits(low, high, dq, ddq, jerk, slowing)
+    ends = limits.position_min, limits.position_max
+    rates = limits.velocity, limits.acceleration, limits.jerk
+    low, high, dq, ddq, jerk = np.array([*ends, *rates])[:, index]
+    curves = None if limits.slowing is None else np.array(astuple(limits.slowing))[:, index]
+    return Limits(low, high, dq, ddq, jerk, curves)
 
 
 def outline(manipulator: Manipulator, q: Array) -> tuple[Array, Array]:

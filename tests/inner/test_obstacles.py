@@ -14,18 +14,16 @@ import throwplan as tp
 from builders import nlp_of, varied
 from throwplan.models import Trajectory
 from throwplan.models.robot import ArmCapsules, Solid, about_z, segment_distance
-from throwplan.planner.show import serving, space_throw
-from throwplan.planner.throw import Throw, make_manipulator
-from throwplan.planner.throw.clearance import (
+from throwplan.planner.clearance import (
     CollisionScene,
     KeepOut,
     SweptBodies,
     contacts,
     held_bar,
-    min_clearance,
     overlap,
-    swept_bodies,
 )
+from throwplan.planner.show import serving, space_throw
+from throwplan.planner.throw import Throw, make_manipulator
 from throwplan.planner.verdict import collision
 from throwplan.problems import Obstacle
 
@@ -64,7 +62,7 @@ def test_a_throw_clears_the_arm_as_the_check_says(pose, free) -> None:
     capsules = manipulator.capsules
     for where in (None, bar):
         found = overlap(pose, manipulator, q, where)
-        track = swept_bodies(pose, capsules, np.zeros(300), q, where)
+        track = CollisionScene(pose, (), capsules).bodies_at(np.zeros(300), q, where)
         expected = np.full(300, -np.inf)
         for i, j in itertools.combinations(range(len(track.names)), 2):
             # Neighbours meet at their joint; the bar is held by the hand.
@@ -228,7 +226,7 @@ def test_distance_from_solids_against_mujoco(pose):
         ends = np.array([begin, end])[None, ..., None]
         body = SweptBodies(("bar",), ends, bar, np.zeros(1), np.zeros(1), flying=False)
         around = CollisionScene(pose, (KeepOut("o", obstacle.solid, 0.01 - bar[0]),), None)
-        found = min_clearance(body, around)[0]
+        found = around.min_clearance(body)[0]
         if known > 0:
             assert found == pytest.approx(known, abs=1e-5)
         else:

@@ -12,10 +12,10 @@ import throwplan as tp
 from scipy.interpolate import BPoly
 from throwplan.models import Trajectory
 from throwplan.models.release import SlidingPivotRelease
+from throwplan.planner.clearance import column_distance
 from throwplan.planner.ocp import Refinement
 from throwplan.planner.search.samples import Releases, ReleaseSampler, starts, stored_releases
 from throwplan.planner.throw import case_of, make_manipulator
-from throwplan.planner.throw.clearance import column_distance
 from throwplan.planner.verdict import FLYING, Code, Finding, Verdict
 
 ARRAYS = ("q", "dq", "ddq", "run_up", "detach")

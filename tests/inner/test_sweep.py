@@ -16,7 +16,6 @@ from throwplan.models.robot import PlanarHand, hand_motion
 from throwplan.planner.cli import common, main
 from throwplan.planner.sweep import sweep_until_stopped
 from throwplan.planner.sweep.statistics import derivatives, scan_delays
-from throwplan.planner.sweep.throws import ThrowSimulator
 from throwplan.planner.throw import Throw, ThrowBatch, make_manipulator
 from throwplan.planner.verdict import Judge, sampler_of
 from throwplan.problems import Distribution, Gripper, Uncertainty
@@ -42,14 +41,14 @@ def toy(section: Uncertainty, opening: float = 0.05, model: str = "sp") -> tuple
     motion = Trajectory.cubics(np.array([0.0, 0.5]), *(v[None] for v in begin), np.zeros((1, 3)))
     throw = Throw(scene, manipulator, motion, 0.2, model=model)
     batch = ThrowBatch(throw, scene.target, model, sampler.names, hand, (-0.1, 0.1, 0.1), 400)
-    return ThrowSimulator(Judge(batch)), sampler
+    return Judge(batch), sampler
 
 
-def changed(simulator: ThrowSimulator, scene: tp.Scene) -> ThrowSimulator:
+def changed(judge: Judge, scene: tp.Scene) -> Judge:
     """The same throws in another scene."""
-    batch = simulator.batch
+    batch = judge.batch
     throw = dataclasses.replace(batch.throw, scene=scene)
-    return ThrowSimulator(Judge(dataclasses.replace(batch, throw=throw, target=scene.target)))
+    return Judge(dataclasses.replace(batch, throw=throw, target=scene.target))
 
 
 def small(*names: str, width: float = 1e-3) -> Uncertainty:
@@ -67,7 +66,7 @@ def test_derivatives_of_an_instantaneous_release(model: str) -> None:
     dtheta/ddelay = t_f (alpha + omega b_z / V); the hand's errors move that state.
     """
     thrower, sampler = toy(small("delay", *ERRORS), opening=1e-5, model=model)
-    found = derivatives(thrower, sampler)
+    found = derivatives(thrower.batch, sampler)
     h, (a_x, a_z, alpha), omega = thrower.batch.scene.com_offset, ACCELERATION, TWIST[2]
     r_x, r_z = h * math.cos(POSE[2]), h * math.sin(POSE[2])
     v_x, v_z = TWIST[0] - omega * r_z, TWIST[1] + omega * r_x
@@ -110,13 +109,13 @@ def test_disturbed_hands_are_the_hands_that_they_stand_for() -> None:
     batch, _ = thrower.batch.releases(thrower.batch.columns(values))
     plain = dataclasses.replace(batch, hands=hands, grasp_angle=columns["grasp_angle"])
     expected = FlightLaw(G).land(MODELS["sp"].throw(plain, 400).detach, thrower.batch.target.z)
-    assert thrower.throw(values).pose == pytest.approx(expected, abs=1e-9)
+    assert thrower.verdicts(values).pose == pytest.approx(expected, abs=1e-9)
 
 
 def test_a_com_behind_the_pads_is_thrown_too() -> None:
     """Through h = 0 the landing goes on smoothly: no turn by pi, no kink."""
     thrower, _ = toy(small("com_offset"))
-    pose = thrower.throw(np.linspace(-2e-3, 2e-3, 41)[:, None]).pose
+    pose = thrower.verdicts(np.linspace(-2e-3, 2e-3, 41)[:, None]).pose
     assert np.abs(np.diff(pose[:, 0])).max() < 1e-3
     assert np.abs(np.diff(pose[:, 1], 2)).max() < 5e-3
 

@@ -10,16 +10,16 @@ import pytest
 import throwplan as tp
 from builders import nlp_of, varied
 from throwplan.models import FlightLaw, FlightState
-from throwplan.planner.throw import (
-    Throw,
-    cup_entries,
-)
-from throwplan.planner.throw.clearance import (
+from throwplan.planner.clearance import (
     bar_outline,
     column_distance,
     lowest_of_bar,
     palm_distance,
     reach_of_bar,
+)
+from throwplan.planner.throw import (
+    Throw,
+    cup_entries,
 )
 from throwplan.planner.verdict import verdict
 from throwplan.problems import Landing, Torque

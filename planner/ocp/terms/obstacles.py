@@ -21,16 +21,14 @@ import numpy.typing as npt
 
 from ....models import Array
 from ....models.robot import ArmCapsules, Solid
-from ...throw import Throw
-from ...throw.clearance import (
+from ...clearance import (
     BAR,
     LANDING,
     CollisionScene,
     SweptBodies,
     held_bar,
-    pairs_of,
-    swept_bodies,
 )
+from ...throw import Throw
 from ...verdict import FLYING
 from ..request import Request
 from ..scene_constraint import BRAKE_SHARE, Brake, Flight, Instant, SceneConstraint, braked
@@ -172,12 +170,11 @@ class CollisionAvoidance(SceneConstraint):
         )
         hand = manipulator.motion(q, 0 * q, 0 * q)[0]
         surroundings = CollisionScene.of(scene, manipulator)
-        track = swept_bodies(scene, surroundings.capsules, times.ravel(), q, held_bar(scene, hand))
-        pairs = pairs_of(manipulator.capsules) if manipulator.capsules else []
+        track = surroundings.bodies_at(times.ravel(), q, held_bar(scene, hand))
         planes = [
             _planes_of(
                 *(track, body, _solids(surroundings, bar=body == count)),
-                *([i for i, j in pairs if j == body], SETTINGS.count),
+                *([i for i, j in surroundings.pairs if j == body], SETTINGS.count),
             )
             for body in bodies
         ]
@@ -226,12 +223,9 @@ def _flight_planes(request: Request) -> Array:
     since = np.linspace(0.0, reference.landing.flight_time, SETTINGS.flight)
     q = _braking_coordinates(request, reference, since)
     surroundings = CollisionScene.of(scene, manipulator)
-    track = swept_bodies(
-        scene, surroundings.capsules, since, q, reference.flight(since), flying=True
-    )
-    bar, capsules = len(track.names) - 1, surroundings.capsules
-    pairs = pairs_of(capsules) if capsules else []
-    links = [i for i, j in pairs if j == bar]
+    track = surroundings.bodies_at(since, q, reference.flight(since), flying=True)
+    bar = len(track.names) - 1
+    links = [i for i, j in surroundings.pairs if j == bar]
     planes = _planes_of(track, bar, _solids(surroundings, bar=True), links, SETTINGS.count)
     planes[since > since[-1] - LANDING] = EMPTY
     return planes
