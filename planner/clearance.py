@@ -44,9 +44,7 @@ def bar_outline(bar: ThrownObject, com: Array, points: int = 2) -> Array:
 
 def lowest_of_bar(bar: ThrownObject, com: Array) -> Array:
     """Height [m] (N,) of the bar's lowest corner for CoM poses (3, N)."""
-    sin, cos = np.sin(com[2]), np.cos(com[2])
-    end = np.minimum(-bar.com * sin, (bar.length - bar.com) * sin)
-    return np.asarray(com[1] + end - bar.width / 2 * np.abs(cos))
+    return np.asarray(bar_outline(bar, com)[1].min(axis=1))
 
 
 def reach_of_bar(bar: ThrownObject) -> float:

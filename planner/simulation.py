@@ -51,7 +51,13 @@ def given_hand(scene: Scene) -> HandTrack:
     except ValueError as error:
         raise InputError(f"{scene.place}: [motion] {error}") from None
     if motion.samples:
-        _check_span(scene, motion)
+        (first, *_), (last, *_) = motion.samples[0], motion.samples[-1]
+        needed = motion.opening_time + scene.gripper.profile().opening
+        if not first <= motion.opening_time or needed > last + 1e-9:
+            raise InputError(
+                f"{scene.place}: [motion] opening_time = {motion.opening_time:g}: the opening "
+                f"lasts until {needed:g} s, the samples cover {first:g} to {last:g} s"
+            )
     return track
 
 
@@ -106,16 +112,6 @@ def planar_joints(arm: Arm, joints: Array) -> Array:
             f"most {POSTURE_ROOM} is allowed"
         )
     return joints[:, throwing]
-
-
-def _check_span(scene: Scene, motion: Motion) -> None:
-    first, last = motion.samples[0][0], motion.samples[-1][0]
-    needed = motion.opening_time + scene.gripper.profile().opening
-    if not first <= motion.opening_time or needed > last + 1e-9:
-        raise InputError(
-            f"{scene.place}: [motion] opening_time = {motion.opening_time:g}: the opening lasts "
-            f"until {needed:g} s, the samples cover {first:g} to {last:g} s"
-        )
 
 
 def named_model(

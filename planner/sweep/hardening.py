@@ -57,12 +57,11 @@ SETTINGS = HardeningSettings()
 class JudgedThrow:
     """A throw to the target, with its success under the common samples.
 
-    plan: with this throw; method, solver: its origin.
+    plan: with this throw; method: its origin.
     """
 
     plan: Plan
     method: str
-    solver: str
 
     @cached_property
     def judged(self) -> tuple[Flags, float]:
@@ -175,7 +174,8 @@ class Hardening:
         scene = self.task.scene.replace(mesh=self.problems.scene.mesh)
         deciding = attempt.throw.deciding.in_scene(scene)
         throw = dataclasses.replace(attempt.throw, deciding=deciding)
-        return JudgedThrow(dataclasses.replace(source, throw=throw), method, attempt.solver)
+        plan = dataclasses.replace(source, throw=throw, solver=attempt.solver)
+        return JudgedThrow(plan, method)
 
 
 def robust_scene(scene: Scene) -> Scene:
@@ -225,7 +225,7 @@ def hardened(plan: Plan, hardening: Hardening, others: Callable[[], Plan]) -> Pl
 
     It is `plan` itself, or a robust throw from it or from the alternatives of `others`.
     """
-    plain = JudgedThrow(plan, PLAIN, plan.solver)
+    plain = JudgedThrow(plan, PLAIN)
     candidates, plans = [plain], [plan]
     tried, scenario_sources = list[Attempt](), list[JudgedThrow]()
 
@@ -263,7 +263,7 @@ def _sources(plain: JudgedThrow, others: Callable[[], Plan]) -> Iterator[JudgedT
     """The plain throw, then other throws to the target."""
     yield plain
     for other in others().alternatives:
-        yield JudgedThrow(other, ALTERNATIVE, other.solver)
+        yield JudgedThrow(other, ALTERNATIVE)
 
 
 def _best_plan(candidates: Sequence[JudgedThrow], method: str, tried: Sequence[Attempt]) -> Plan:
@@ -288,7 +288,6 @@ def _best_plan(candidates: Sequence[JudgedThrow], method: str, tried: Sequence[A
     return dataclasses.replace(
         best.plan,
         message=words,
-        solver=best.solver,
         variables=variables,
         constraints=constraints,
         robust=best.method,

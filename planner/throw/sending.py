@@ -118,33 +118,28 @@ class Excess(NamedTuple):
     time: float
 
 
-#: What is limited, in the order of `Limits.rounding`.
+#: What is limited; the second velocity where its limit depends on the position.
 KINDS = ("position", "velocity", "acceleration", "velocity", "jerk")
 
 
 def excesses(manipulator: Manipulator, sent: Samples) -> list[Excess]:
     """The worst of what samples and their differences have beyond the real limits, of each kind."""
-    limits, found = manipulator.hard, dict[tuple[str, int], Excess]()
-    values = _excess(limits, sent)
-    for kind, joint in zip(*np.nonzero(values[..., 0] > limits.rounding), strict=True):
-        worst = values[kind, joint, 1:].tolist()
-        found.setdefault(
-            (KINDS[kind], joint), Excess(KINDS[kind], manipulator.joints[joint], *worst)
-        )
+    found = dict[tuple[str, int], Excess]()
+    values = _excess(manipulator.hard, sent)
+    for row, joint in zip(*np.nonzero(values[..., 0] > 0.0), strict=True):
+        kind, worst = KINDS[row], values[row, joint, 1:].tolist()
+        found.setdefault((kind, joint), Excess(kind, manipulator.joints[joint], *worst))
     return list(found.values())
 
 
 def within_limits(limits: Limits, sent: Samples) -> bool:
     """Whether samples and their differences keep the limits."""
-    return not (_excess(limits, sent)[..., 0] > limits.rounding).any()
+    return not (_excess(limits, sent)[..., 0] > 0.0).any()
 
 
 def _excess(limits: Limits, sent: Samples) -> Array:
     """How far (5, n, 4) samples and their differences are beyond the limits at most, then value,
-    limit and time [s] there.
-
-    Rows: position, velocity, acceleration, velocity where it depends on the position, jerk.
-    """
+    limit and time [s] there; rows as of `KINDS`."""
     found = np.empty((len(KINDS), sent.q.shape[1], 4))
     library().excess(SamplesC.of(TICK, sent.q, sent.dq, sent.ddq), limits.core, found)
     return found

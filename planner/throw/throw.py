@@ -116,8 +116,19 @@ class Throw:
         return self._in_place(EXACT[self.model or self.scene.tolerance.model](self.case))
 
     def _in_place(self, released: Release) -> Release:
-        turn = _turn(self.scene)
-        return _displaced(released, self.error, turn) if turn or any(self.error) else released
+        """The release of a hand that is off its motion, and moves off it.
+
+        Friction knows relative motion only: such a hand takes the whole release along.
+        """
+        turn, error = turn_of(self.scene.com_offset), self.error
+        if not turn and not any(error):
+            return released
+        com, twist = released.com.copy(), released.com_twist.copy()
+        com[0] += error.x + error.v_x * released.times
+        com[1] += error.z + error.v_z * released.times
+        com[2] -= turn
+        twist[:2] += np.array([[error.v_x], [error.v_z]])
+        return replace(released, com=com, com_twist=twist)
 
     def released(self, release: Release) -> Throw:
         """The throw whose exact release is known already, as `case` has it."""
@@ -361,8 +372,8 @@ def case_of(scene: Scene, hand: HandTrack, hand_error: float = 0.0) -> ReleaseCa
 
     hand_error [rad]: its angle's. The pads are round, so that is an object held at another angle.
     """
-    grip, angle = scene.gripper.profile(), scene.grasp.angle + hand_error + _turn(scene)
-    body = replace(scene.body, com_offset=abs(scene.com_offset))
+    body, grip = replace(scene.body, com_offset=abs(scene.com_offset)), scene.gripper.profile()
+    angle = scene.grasp.angle + hand_error + turn_of(scene.com_offset)
     return ReleaseCase(body, scene.patch, grip, hand, scene.gravity, angle)
 
 
@@ -370,21 +381,10 @@ def release_numbers(scene: Scene, manipulator: Manipulator) -> tuple[ReleaseC, f
     """A scene's release for the core, its motion and delay left open, and how far the object is
     turned against it [rad]."""
     rest = Trajectory.accelerating(np.zeros(manipulator.size))
-    return compiled_release(case_of(scene, manipulator.hand(rest))), _turn(scene)
+    return compiled_release(case_of(scene, manipulator.hand(rest))), turn_of(scene.com_offset)
 
 
-def _turn(scene: Scene) -> float:
-    """The release models know a CoM ahead of the pads: one behind them is on a bar turned round."""
-    return math.pi if scene.com_offset < 0.0 else 0.0
-
-
-def _displaced(release: Release, error: HandError, turn: float) -> Release:
-    """The release of a hand that is off its motion, and moves off it; turned back by `turn` [rad].
-
-    Friction knows relative motion only: such a hand takes the whole release along.
-    """
-    com, twist = release.com.copy(), release.com_twist.copy()
-    com[:2] += error.at(release.times)[:2]
-    com[2] -= turn
-    twist[:2] += np.array([[error.v_x], [error.v_z]])
-    return replace(release, com=com, com_twist=twist)
+def turn_of(com_offset: Any) -> Any:
+    """Angle [rad] by which release models see a bar turned: a CoM behind the pads (com_offset [m]
+    below 0) is one ahead of them on a bar turned round."""
+    return math.pi * (com_offset < 0.0)

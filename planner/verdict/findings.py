@@ -88,12 +88,8 @@ class Code(Enum):
 
 
 #: Codes of a joint's limits by the names of the limited quantities.
-JOINT_LIMITS = {
-    "position": Code.JOINT_POSITION,
-    "velocity": Code.JOINT_VELOCITY,
-    "acceleration": Code.JOINT_ACCELERATION,
-    "jerk": Code.JOINT_JERK,
-}
+_KINDS = ("position", "velocity", "acceleration", "jerk")
+JOINT_LIMITS = {kind: Code[f"JOINT_{kind.upper()}"] for kind in _KINDS}
 
 
 @dataclass(frozen=True)

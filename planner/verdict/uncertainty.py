@@ -188,14 +188,12 @@ def _reserves(throw: Throw, target: Pose) -> Iterator[Finding]:
     for code in RESERVED:
         share = float(np.mean(judged.breaks(code)))
         if share > 0.0:
-            used = "" if code is not Code.SLIP_BEFORE_OPENING else _grip(throw)
-            note = f"under [uncertainty] {100 * share:.0f} % of the throws {code.fate}{used}"
+            note = f"under [uncertainty] {100 * share:.0f} % of the throws {code.fate}"
+            if code is Code.SLIP_BEFORE_OPENING:
+                use = 100 * throw.measured.grip.value
+                note += f"; the plan uses {use:.0f} % of the friction limit"
             note += f": {code.cure}"
             yield Finding(Code.UNCERTAIN, share, 0.0, body=code.value, broken=False, note=note)
-
-
-def _grip(throw: Throw) -> str:
-    return f"; the plan uses {100 * throw.measured.grip.value:.0f} % of the friction limit"
 
 
 def _sample_throws(throw: Throw, target: Pose) -> tuple[ThrowBatch, Array]:

@@ -106,7 +106,7 @@ def test_disturbed_hands_are_the_hands_that_they_stand_for() -> None:
         TWIST + delay * ACCELERATION + offset[:, 3:],
         np.tile(ACCELERATION, (64, 1)),
     )
-    batch, _ = thrower.batch.releases(thrower.batch.columns(values))
+    batch = thrower.batch.releases(thrower.batch.columns(values))
     plain = dataclasses.replace(batch, hands=hands, grasp_angle=columns["grasp_angle"])
     expected = FlightLaw(G).land(MODELS["sp"].throw(plain, 400).detach, thrower.batch.target.z)
     assert thrower.verdicts(values).pose == pytest.approx(expected, abs=1e-9)
