@@ -24,12 +24,8 @@ ADJACENT = 2
 LANDING = 0.05
 #: The bar, among names of links.
 BAR = "bar"
-#: Penetration [m] up to which a still body is not inside another.
-ROUNDING = 1e-6
 #: Numbers of a contact that the compiled core gives.
 CONTACT = 5
-
-# In the throw's plane.
 
 
 def bar_outline(bar: ThrownObject, com: Array, points: int = 2) -> Array:
@@ -101,9 +97,6 @@ def tool_speeds(tool: Tool, pose: Array, twist: Array) -> Array:
 def held_bar(scene: Scene, hand: Array) -> Array:
     """CoM poses (3, N) of the held bar for hand poses (3, N)."""
     return np.array(sticking_state(hand, np.zeros(3), scene.grasp.angle, scene.com_offset)[:3])
-
-
-# In space.
 
 
 @dataclass(frozen=True)
@@ -190,10 +183,9 @@ class CollisionScene:
             assert scene.target is not None
             plane = scene.target.plane
         found = [KeepOut(o.name, plane.seen(o.solid), o.clearance) for o in scene.obstacle]
-        if manipulator.capsules is None:
-            return cls(scene, tuple(found), None)
-        if scene.workspace is not None and scene.workspace.floor is not None:
-            found.append(_floor(scene.workspace.floor))
+        floor = None if scene.workspace is None else scene.workspace.floor
+        if manipulator.capsules is not None and floor is not None:
+            found.append(_floor(floor))
         return cls(scene, tuple(found), manipulator.capsules, plane.azimuth)
 
     @cached_property
@@ -241,9 +233,9 @@ class CollisionScene:
         found = np.empty((bodies.solids * len(track.names) + bodies.pairs, CONTACT))
         ends, times = np.ascontiguousarray(track.ends), np.ascontiguousarray(track.times, float)
         count = library().near_track(bodies, *track.core, times, ends, found)
-        return self.named(track.names, found, count)
+        return self.list_clearances(track.names, found, count)
 
-    def named(self, names: tuple[str, ...], found: Array, count: int) -> list[Clearance]:
+    def list_clearances(self, names: tuple[str, ...], found: Array, count: int) -> list[Clearance]:
         """What the core says of the bodies of these names."""
         if count < 0:
             raise MemoryError
@@ -256,8 +248,7 @@ class CollisionScene:
         return result
 
     def min_clearance(self, track: SweptBodies, *, bar_only: bool = False) -> Array:
-        """How much farther (N,) [m] bodies are apart than they must be, at least; infinite for
-        none.
+        """Least distance (N,) [m] of bodies beyond what they must keep; infinite for none.
 
         At the end of its flight the bar may come as near to an obstacle as it lands. bar_only: of
         the bar only, and without that.
@@ -267,13 +258,13 @@ class CollisionScene:
         library().rooms(self.core(), *track.core, bar_only, times, ends, room)
         return room
 
-    def inside(self, ends: Array, radius: float) -> KeepOut | None:
+    def obstacle_around(self, ends: Array, radius: float) -> KeepOut | None:
         """The first obstacle that a still capsule of ends (2, 3) and radius [m] is in."""
         bar = _bar_radius(self.scene.object)
         still = SweptBodies((BAR,), ends[None, ..., None], np.full(1, bar), *np.zeros((2, 1)))
         for thing in self.things:
             alone = CollisionScene(self.scene, (replace(thing, clearance=radius - bar),), None)
-            if alone.min_clearance(still)[0] < -ROUNDING:
+            if alone.min_clearance(still)[0] < -1e-6:
                 return thing
         return None
 
@@ -289,10 +280,8 @@ def _floor(height: float) -> KeepOut:
 
 def bar_ends(bar: ThrownObject, com: Array) -> Array:
     """Ends (1, 2, 3, N) of the bar's axis for CoM poses (3, N)."""
-    ends = np.zeros((1, 2, 3, com.shape[1]))
-    for k, along in enumerate((-bar.com, bar.length - bar.com)):
-        ends[0, k, 0] = com[0] + along * np.cos(com[2])
-        ends[0, k, 2] = com[1] + along * np.sin(com[2])
+    ends, along = np.zeros((1, 2, 3, com.shape[1])), np.array([-bar.com, bar.length - bar.com])
+    ends[0, :, ::2] = _placed(com, along, np.zeros(2)).transpose(2, 0, 1)
     return ends
 
 
@@ -328,8 +317,8 @@ def _shape(capsules: ArmCapsules | None, bar: ThrownObject) -> BodiesC:
         pairs = np.array(_pairs_of(capsules), np.int64).reshape(-1, 2)
     found = BodiesC(links=links, bar=1, pairs=len(pairs), landing=LANDING)
     found.behind, found.ahead = bar.com, bar.length - bar.com
-    found.attach(moved_by=moved_by, moves=moves, meet=pairs, places=places)
-    found.attach(radius=radius, reach=radius + cover)
+    body = {"moved_by": moved_by, "moves": moves, "meet": pairs, "places": places}
+    found.attach(**body, radius=radius, reach=radius + cover)
     return found
 
 
@@ -342,12 +331,11 @@ def contacts(throw: Throw) -> list[Clearance]:
     found = np.empty((3 * (bodies.solids * (bodies.links + 1) + bodies.pairs), CONTACT))
     count = library().near_bodies(throw.core, bodies, found)
     names = (*(() if around.arm is None else around.arm.names), BAR)
-    return around.named(names, found, count)
+    return around.list_clearances(names, found, count)
 
 
 def bar_room(throw: Throw, times: Array, com: Array, *, flying: bool) -> Array:
-    """How much farther (N,) [m] the bar is from obstacles and links than it must be, at times (N,)
-    [s]; com (3, N): its poses; infinite for none."""
+    """`min_clearance` (N,) [m] of the bar at times (N,) [s] of a throw; com (3, N): its poses."""
     if not throw.scene.obstacle and throw.manipulator.capsules is None:
         return np.full(times.size, np.inf)
     around, q = CollisionScene.of(throw.scene, throw.manipulator), throw.path.at(times).pose
@@ -384,7 +372,7 @@ def check_obstacles(scene: Scene, manipulator: Manipulator) -> None:
     ends = bar_ends(bar, com)[0, ..., 0]
     if target.theta is None:
         ends[:] = target.plane_x, 0.0, target.z
-    if (thing := around.inside(ends, bar.width / 4)) is not None:
+    if (thing := around.obstacle_around(ends, bar.width / 4)) is not None:
         raise InputError(f"{scene.place}: the target's pose is inside {thing.words}")
     capsules = around.capsules
     if capsules is not None:
@@ -393,7 +381,9 @@ def check_obstacles(scene: Scene, manipulator: Manipulator) -> None:
         for k, number in enumerate(capsules.number):
             if number == 0 or capsules.moves[k]:
                 continue
-            if (thing := around.inside(ends[k, ..., 0], float(capsules.radius[k]))) is not None:
+            if (
+                thing := around.obstacle_around(ends[k, ..., 0], float(capsules.radius[k]))
+            ) is not None:
                 raise InputError(f"{scene.place}: {thing.words}: inside {capsules.names[k]}")
     if manipulator.start is None:
         return

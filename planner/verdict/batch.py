@@ -127,7 +127,7 @@ class Judge:
         found, unsure = {Code.NO_LANDING: ~down, Code.RELEASE: flights.release.lost | blew}, ~down
         for broken, doubtful in (
             self._landings(flights, doubt),
-            self._limits.flown(flights, doubt),
+            self._limits.judge_flights(flights, doubt),
         ):
             found |= {code: flags & down for code, flags in broken.items()}
             unsure = unsure | doubtful

@@ -245,7 +245,7 @@ class MotionLimits:
 
     # The flight.
 
-    def flown(self, flights: BatchFlights, doubt: Array) -> tuple[dict[Code, Flags], Flags]:
+    def judge_flights(self, flights: BatchFlights, doubt: Array) -> tuple[dict[Code, Flags], Flags]:
         """Flags (N,) of the limits that flights break, and of those whose error bound straddles a
         limit.
 
