@@ -117,6 +117,11 @@ class Excess(NamedTuple):
     limit: float
     time: float
 
+    @property
+    def name(self) -> str:
+        """Of the limit."""
+        return f"{self.joint} {self.kind}"
+
 
 #: What is limited; the second velocity where its limit depends on the position.
 KINDS = ("position", "velocity", "acceleration", "velocity", "jerk")

@@ -108,7 +108,7 @@ def test_what_is_beyond_a_limit_is_the_worst_of_samples_and_differences(seed: in
     middle = (limits.q_min + limits.q_max) / 2
     walk = [np.cumsum(rng.normal(0, s, (60, manipulator.size)), axis=0) for s in (2e-3, 0.2, 0.5)]
     samples = Samples(middle + walk[0], *walk[1:])
-    found = {f"{excess.joint} {excess.kind}": excess for excess in excesses(manipulator, samples)}
+    found = {excess.name: excess for excess in excesses(manipulator, samples)}
     both = [np.vstack([v, np.diff(w, axis=0) / TICK]) for v, w in zip(walk[1:], walk, strict=False)]
     beyond = {
         "velocity": np.abs(both[0]).max(axis=0) - limits.dq,
