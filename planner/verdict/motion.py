@@ -279,12 +279,8 @@ class MotionLimits:
             least, into = least_cup_clearance(scene.cup), np.isfinite(cup)
             add(Code.CUP_MISSED, every, np.full(lands.size, np.inf), 0.0, ~into)
             add(Code.CUP_WALL, every, cup, least, into & (cup <= least))
-            # The lower end of a bar that grazes the mouth may pass on either side of the rim; it is
-            # taken when the CoM is at the target's height.
-            bar, theta = scene.object, flights.landing[lands, 1]
-            lower = np.where(np.sin(theta) < 0, bar.length - bar.com, -bar.com)
-            end = flights.landing[lands, 0] + lower * np.cos(theta) - cup_x[lands]
-            unsure[lands] |= np.abs(np.abs(end) - scene.cup.radius) <= wide
+            off = self._off_mouth(flights.landing[lands], cup_x[lands])
+            unsure[lands] |= np.abs(off - scene.cup.radius) <= wide
         some = np.flatnonzero(near)
         if some.size:
             bodies, lack = self._around.core(), np.empty(some.size)
@@ -292,6 +288,13 @@ class MotionLimits:
                 raise MemoryError
             add(Code.COLLISION, some, lack, 0.0, lack > NEAR)
         return broken, unsure
+
+    def _off_mouth(self, landing: Array, cup_x: Array) -> Array:
+        """Distances (N,) [m] of the bars' lower ends from the cup's middle at landings (N, 3):
+        near its radius they may pass on either side of the rim."""
+        bar, (x, theta, _) = self.batch.scene.object, landing.T
+        lower = np.where(np.sin(theta) < 0, bar.length - bar.com, -bar.com)
+        return np.asarray(np.abs(x + lower * np.cos(theta) - cup_x))
 
     @cached_property
     def _around(self) -> CollisionScene:

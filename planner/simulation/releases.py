@@ -14,8 +14,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from ..models import Array, Body, Contact, HandTrack, MovedHand, Trajectory
-from ..models.release import (
+from ...models import Array, Body, Contact, HandTrack, MovedHand, Trajectory
+from ...models.release import (
     BATCH_MODELS,
     MODELS,
     SLIDING_PIVOT,
@@ -25,10 +25,10 @@ from ..models.release import (
     ReleaseCase,
     ReleaseModel,
 )
-from ..models.robot import Arm, PlanarArm, hand_motion
-from ..problems import InputError, Motion, Scene, as_scene
-from ..problems.files import plain
-from .throw import LandingPoint, case_of
+from ...models.robot import Arm, PlanarArm, hand_motion
+from ...problems import InputError, Motion, Scene, as_scene
+from ...problems.files import plain
+from ..throw import LandingPoint, case_of
 
 #: Largest angle [rad] between the arm's posture and a recorded joint that does not throw.
 POSTURE_ROOM = 0.05

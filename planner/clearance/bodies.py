@@ -1,7 +1,4 @@
-"""How near arm, hand and bar come to each other and to what is around them.
-
-Outlines and distances in the throw's plane; arm and bar as capsules among obstacles in 3-D.
-"""
+"""Arm and bar as capsules in 3-D, among obstacles and the floor: how near they come to them."""
 
 from __future__ import annotations
 
@@ -12,11 +9,12 @@ from functools import cached_property, lru_cache
 
 import numpy as np
 
-from ..core import BodiesC, SceneC, SolidC, library
-from ..models import Array, sticking_state
-from ..models.robot import ArmCapsules, Solid, Tool, flange_velocity
-from ..problems import InputError, Scene, ThrownObject, ThrowPlane
-from .throw import Manipulator, Throw
+from ...core import BodiesC, SolidC, library
+from ...models import Array
+from ...models.robot import ArmCapsules, Solid
+from ...problems import InputError, Scene, ThrownObject, ThrowPlane
+from ..throw import Manipulator, Throw
+from .plane import bar_ends, held_bar
 
 #: Links of numbers that differ by this or less meet at a joint, by construction.
 ADJACENT = 2
@@ -26,77 +24,6 @@ LANDING = 0.05
 BAR = "bar"
 #: Numbers of a contact that the compiled core gives.
 CONTACT = 5
-
-
-def bar_outline(bar: ThrownObject, com: Array, points: int = 2) -> Array:
-    """Points (2, N, 2 * points) on the bar's two long edges for CoM poses (3, N).
-
-    With two points an edge: the four corners.
-    """
-    along = np.linspace(-bar.com, bar.length - bar.com, points)
-    along = np.concatenate([along, along[::-1]])
-    return _placed(com, along, np.repeat([-bar.width / 2, bar.width / 2], points))
-
-
-def lowest_of_bar(bar: ThrownObject, com: Array) -> Array:
-    """Height [m] (N,) of the bar's lowest corner for CoM poses (3, N)."""
-    return np.asarray(bar_outline(bar, com)[1].min(axis=1))
-
-
-def reach_of_bar(bar: ThrownObject) -> float:
-    """Distance [m] of the bar's farthest corner from the CoM."""
-    return math.hypot(max(bar.com, bar.length - bar.com), bar.width / 2)
-
-
-def palm_corners(tool: Tool, hand: Array) -> Array:
-    """Corners (2, N, 4) of the hand's body for hand poses (3, N)."""
-    along = -np.array([tool.palm_back, tool.palm_front, tool.palm_front, tool.palm_back])
-    return _placed(hand, along, tool.palm_half_width * np.array([-1, -1, 1, 1]))
-
-
-def _placed(pose: Array, along: Array, across: Array) -> Array:
-    """Points given along and across an axis, at poses (3, N): (2, N, points)."""
-    cos, sin = np.cos(pose[2])[:, None], np.sin(pose[2])[:, None]
-    x = pose[0][:, None] + cos * along - sin * across
-    z = pose[1][:, None] + sin * along + cos * across
-    return np.array([x, z])
-
-
-def palm_distance(bar: ThrownObject, tool: Tool, com: Array, hand: Array) -> Array:
-    """Distance [m] (N,) between bar and hand body; below 0, where they overlap, how deep."""
-    around = _scene(bar)
-    around.palm_back, around.palm_front = tool.palm_back, tool.palm_front
-    around.palm_half_width = tool.palm_half_width
-    found, poses = np.empty(com.shape[1]), (np.ascontiguousarray(rows) for rows in (com, hand))
-    library().palm_distances(around, found.size, *poses, found)
-    return found
-
-
-def column_distance(bar: ThrownObject, com: Array, radius: float, height: float) -> Array:
-    """Signed distance [m] (N,) of the bar from the base column, aside or above; negative inside.
-
-    The least of max(|x| - radius, z - height) on the outline. Infinite where the column is out of
-    the bar's reach.
-    """
-    around, found = _scene(bar), np.empty(com.shape[1])
-    around.column_radius, around.column_height = radius, height
-    library().column_distances(around, found.size, np.ascontiguousarray(com), found)
-    return found
-
-
-def _scene(bar: ThrownObject) -> SceneC:
-    return SceneC(behind=bar.com, ahead=bar.length - bar.com, half_width=bar.width / 2)
-
-
-def tool_speeds(tool: Tool, pose: Array, twist: Array) -> Array:
-    """The higher speed [m/s] (N,) of flange and pads' centre; pose, twist (3, N): the hand's."""
-    flange = flange_velocity(tool.tcp, pose[2], twist)
-    return np.asarray(np.maximum(np.hypot(*twist[:2]), np.hypot(*flange)))
-
-
-def held_bar(scene: Scene, hand: Array) -> Array:
-    """CoM poses (3, N) of the held bar for hand poses (3, N)."""
-    return np.array(sticking_state(hand, np.zeros(3), scene.grasp.angle, scene.com_offset)[:3])
 
 
 @dataclass(frozen=True)
@@ -276,13 +203,6 @@ def _floor(height: float) -> KeepOut:
     half, radius = np.array([100.0, 100.0, 0.0]), 1.0
     plate = Solid(np.array([0.0, 0.0, height - radius]), np.eye(3), half, radius)
     return KeepOut("floor", plate, 0.0, bar=False)
-
-
-def bar_ends(bar: ThrownObject, com: Array) -> Array:
-    """Ends (1, 2, 3, N) of the bar's axis for CoM poses (3, N)."""
-    ends, along = np.zeros((1, 2, 3, com.shape[1])), np.array([-bar.com, bar.length - bar.com])
-    ends[0, :, ::2] = _placed(com, along, np.zeros(2)).transpose(2, 0, 1)
-    return ends
 
 
 def _bar_radius(bar: ThrownObject) -> float:
