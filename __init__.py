@@ -16,10 +16,10 @@ from .planner.planner import Planner, plan
 from .planner.reach import ReachMap, reach_map
 from .planner.result import Plan, PlanPath, SavedThrow, read_plan
 from .planner.robot import Replay, export, replay, view
+from .planner.simulation import simulate, simulate_batch
 from .planner.sweep import Sweep, sweep
 from .planner.throw import State
 from .planner.throw import Throw as SentThrow
-from .planner.throw.simulation import simulate, simulate_batch
 from .problems import (
     Choice,
     Cup,

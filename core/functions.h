@@ -73,10 +73,17 @@ EXPORT int64_t send_motion(const path *p, const limits *most, samples *s,
                            double *kinks   /* [4 * s->rows] s, rising */
 );
 
-/* How far samples and their differences are beyond the limits: rows for position, rate, acceleration, rate
-   where its limit depends on the position, and jerk. */
+/* How far samples and their differences are beyond the limits and their rounding: rows for position, rate,
+   acceleration, rate where its limit depends on the position, and jerk. */
 EXPORT void excess(const samples *s, const limits *m,
                    double *beyond /* [5][s->n][4] excess; where above 0, also value, limit and time [s] there */
+);
+
+/* Lowest and highest rates of n coordinates at `count` positions, where they depend on these. */
+EXPORT void velocity_limits(const limits *m, int64_t n, int64_t count,
+                            const double *q, /* [count][n] */
+                            double *low,     /* [count][n] per s */
+                            double *high     /* [count][n] per s */
 );
 
 /* Instants before `until` [s] at which the grip is looked at along a motion, every `step` [s] at least; how

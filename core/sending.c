@@ -12,6 +12,8 @@
 #define SAME 1e-9
 /* Acceleration [rad/s^2; m/s^2] that a sample may be off even jerk. */
 #define UNEVEN 0.01
+/* Rounding in the last digits of samples, as a share of a limit and at least in its unit, breaks none. */
+#define ROUNDING 1e-7
 
 INLINE double larger(double a, double b) { return a > b ? a : b; }
 
@@ -249,6 +251,13 @@ INLINE void speeds(const limits *m, int64_t i, double q, double *low, double *hi
     *low = down < m->dq[i] ? -down : -m->dq[i];
 }
 
+EXPORT void velocity_limits(const limits *m, int64_t n, int64_t count, const double *q, double *low,
+                            double *high)
+{
+    for (int64_t k = 0; k < n * count; k++)
+        speeds(m, k % n, q[k], low + k, high + k);
+}
+
 /* Margin [rad/s] of a velocity limit that depends on the position, as libfranka keeps it (kLimitEps of
    rate_limiting.h) and an FR3's controller requires. */
 #define KEPT_BACK 1e-3
@@ -330,6 +339,7 @@ EXPORT void excess(const samples *s, const limits *m, double *beyond)
             there + KEPT_BACK,
             step[2] * per - m->jerk[i],
         };
+        const double scale[5] = {1.0, m->dq[i], m->ddq[i], 1.0, m->jerk[i]};
         int breaks = 0;
         for (int kind = 0; kind < 5; kind++) {
             found[kind * n + i][0] = far[kind];
@@ -337,6 +347,8 @@ EXPORT void excess(const samples *s, const limits *m, double *beyond)
         }
         if (breaks)
             locate(s, m, i, found + i);
+        for (int kind = 0; kind < 5; kind++)
+            found[kind * n + i][0] -= ROUNDING * larger(scale[kind], 1.0);
     }
 }
 

@@ -16,7 +16,7 @@ from pathlib import Path
 
 import numpy as np
 from throwplan import InputError, Plan, Planner, Pose, Scene, load_scene
-from throwplan.planner.throw.clearance import contacts
+from throwplan.planner.clearance import contacts
 from throwplan.problems import Obstacle
 
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, Literal, TypedDict, Unpack, get_args
 
 from ..problems import InputError, Pose, Robust, Scene, as_scene, checked
+from .clearance import check_obstacles
 from .follow import Response, Session
 from .interception import intercept
 from .library import Library, Turns
@@ -28,7 +29,6 @@ from .search import (
 )
 from .sweep import Hardening, hardened, robust_scene
 from .throw import State, Throw, make_manipulator
-from .throw.clearance import check_obstacles
 from .workers import Progress, executor_of
 
 SolverName = Literal["auto", "fatrop", "ipopt"]

@@ -15,9 +15,9 @@ from ...problems.files import copy_out, filling, write_json
 from ..planner import MOST_ALTERNATIVES, MOST_PREPARED, PREPARED, Planner
 from ..reach import MAP_FILES, MOST, check_map, reach_map
 from ..show import draw_releases
+from ..simulation import simulate
 from ..sweep import SWEEP_FILES, check_sweep, sweep_until_stopped
 from ..throw import make_manipulator
-from ..throw.simulation import simulate
 from ..workers import executor_of
 from .common import (
     DONE,

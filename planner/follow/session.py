@@ -345,11 +345,10 @@ class Session:
         samples = sent.samples
         joints = self._follower.expected(np.array([samples.q, samples.dq, samples.ddq]))
         path = Trajectory.quintics(TICK, *joints)
-        throw = dataclasses.replace(found.throw, path=path, samples=samples)
-        # The same until the pads are open.
-        vars(throw)["release"] = found.throw.release
-        # A law of two numbers says where the joints are, not what turns them.
-        vars(throw)["torques"] = sent.torques
+        # Until the pads are open the motion is that of `found`.
+        throw = dataclasses.replace(
+            found.throw, path=path, samples=samples, known_release=found.throw.release
+        )
         # It may land off the target as long as it lands nearer than before.
         judged = verdict(throw, found.goal, sent=sent).without(Code.LANDING)
         return judged.broken[0] if judged.broken else None

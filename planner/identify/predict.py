@@ -15,8 +15,8 @@ from ...models import Array, Body, Contact, FlightLaw, HandTrack, Indices, Traje
 from ...models.release import MODELS, Release, ReleaseBatch, ReleaseCase
 from ...problems import InputError, PadContact, checked
 from ...problems.throws import MeasuredThrow, ThrowData
+from ..simulation import named_model, recorded_joints
 from ..throw import TICK
-from ..throw.simulation import named_model, recorded_joints
 from .measured import Landings, measured
 
 #: progress(done, total) counts throws.

@@ -14,8 +14,8 @@ import numpy as np
 
 from ...models import Array
 from ...problems import Mesh, Pose, Scene, Uncertainty
+from ..clearance import BAR
 from ..throw import Manipulator, Throw, friction_use
-from ..throw.clearance import BAR
 from ..verdict import FLYING, Code, Finding, Verdict
 
 #: A constraint that an NLP gets after a verdict has found it broken: "carry" (grip, floor and
@@ -258,8 +258,7 @@ def load_curve(throw: Throw) -> tuple[Array, Array]:
     begin = throw.opening_time - window.early * window.step
     end = throw.opening_time + scene.gripper.profile().opening + window.late * window.step
     times = np.linspace(max(begin, 0.0), end, WINDOW.samples)
-    force, torque = friction_use(scene, throw.hand(times))
-    return times, np.asarray(np.hypot(force, torque))
+    return times, friction_use(scene, throw.hand(times))
 
 
 def peak_load(throw: Throw) -> float:

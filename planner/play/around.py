@@ -54,7 +54,7 @@ def cloud_words(swept: Sweep, half: float) -> str:
     x = swept.landings.pose[:, 0]
     x = x[np.isfinite(x)]
     good = f"{int(swept.success.sum())} of {swept.samples} throws succeed"
-    failed = {code: int(flags.sum()) for code, flags in swept.landings.verdicts.broken.items()}
+    failed = {code: int(flags.sum()) for code, flags in swept.landings.broken.items()}
     if swept.plan.scene.cup is not None:
         failed.pop(Code.LANDING, None)
     worst = max(failed, key=failed.__getitem__, default=None)

@@ -16,10 +16,10 @@ import numpy.typing as npt
 
 from ...models import Array, Flags
 from ...problems import Scene
+from ..clearance import held_bar, lowest_of_bar, palm_corners
 from ..ocp import BRAKE_SHARE, PASSING_MARGIN
 from ..samples import Releases, ReleaseSampler, flies_past_column, run_up
 from ..throw import Limits, Manipulator, outline
-from ..throw.clearance import held_bar, lowest_of_bar, palm_corners
 
 Counts = npt.NDArray[np.int64]
 

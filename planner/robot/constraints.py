@@ -15,6 +15,15 @@ import numpy as np
 
 from ...models import Array, FlightState, HandSamples, Trajectory
 from ...problems import Scene
+from ..clearance import (
+    CollisionScene,
+    column_distance,
+    held_bar,
+    lowest_of_bar,
+    palm_corners,
+    palm_distance,
+    tool_speeds,
+)
 from ..throw import (
     TICK,
     Manipulator,
@@ -24,17 +33,6 @@ from ..throw import (
     outline,
     torque_limits,
     torques_of,
-)
-from ..throw.clearance import (
-    CollisionScene,
-    column_distance,
-    held_bar,
-    lowest_of_bar,
-    min_clearance,
-    palm_corners,
-    palm_distance,
-    swept_bodies,
-    tool_speeds,
 )
 
 
@@ -135,7 +133,7 @@ def constraints_of(
 
     def grip(place: Array, rate: Array, turn: Array) -> Array:
         hand = HandSamples(place[0], *manipulator.motion(place, rate, turn))
-        return np.asarray(np.hypot(*friction_use(scene, hand)) / LIMITS.force_share)
+        return friction_use(scene, hand) / LIMITS.force_share
 
     yield Constraint(grip, measured, slice(0, grips, LIMITS.spacing // 2), 3)
     if torque_limits(scene) is not None:
@@ -185,7 +183,7 @@ def _carried(
     (pose, heights), column = outline(manipulator, place), column_of(scene)
     bar = held_bar(scene, pose) if holding else None
     obstacles = CollisionScene.of(scene, manipulator)
-    clearance = min_clearance(swept_bodies(scene, obstacles.capsules, times, place, bar), obstacles)
+    clearance = obstacles.min_clearance(obstacles.bodies_at(times, place, bar))
     if scene.workspace is not None and scene.workspace.floor is not None:
         lowest = np.minimum(heights, palm_corners(scene.arm.tool, pose)[1].min(axis=1))
         if bar is not None:
@@ -222,8 +220,7 @@ def _flights(
 
     def depth(place: Array, state: Array) -> Array:
         com = scene.flight.after(FlightState(*state), since).pose
-        track = swept_bodies(scene, obstacles.capsules, since, place, com, flying=True)
-        clearance = min_clearance(track, obstacles)
+        clearance = obstacles.min_clearance(obstacles.bodies_at(since, place, com, flying=True))
         if allowed is not None:
             away = palm_distance(scene.object, arm.tool, com, outline(manipulator, place)[0])
             clearance = np.minimum(clearance, away - allowed)

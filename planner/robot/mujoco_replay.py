@@ -18,6 +18,7 @@ import numpy as np
 from ...models import Array
 from ...problems import InputError, checked
 from ...problems.files import filling, plain, write_json
+from ..clearance import bar_outline
 from ..result import Plan, throw_of
 from ..show import (
     BLACK,
@@ -35,7 +36,6 @@ from ..show import (
     space_throw,
 )
 from ..throw import TICK, Throw
-from ..throw.clearance import bar_outline
 from ..verdict import outside_tolerance
 from .mujoco_throw import (
     FRICTION,

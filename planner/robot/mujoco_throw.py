@@ -11,8 +11,8 @@ import numpy as np
 
 from ...models import Array, sticking_state
 from ...problems import Cup, InputError, Scene
+from ..clearance import reach_of_bar
 from ..throw import Throw
-from ..throw.clearance import reach_of_bar
 
 #: Friction of the bar against cup, floor, hand and column.
 FRICTION = 0.4

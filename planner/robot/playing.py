@@ -13,15 +13,8 @@ import numpy as np
 from ...models import Array
 from ...models.robot import Arm
 from ...problems import InputError, ThrowPlane
+from ..clearance import BAR, CollisionScene, SweptBodies, bar_ends, held_bar
 from ..throw import TICK, Samples, joint_limits, within_limits
-from ..throw.clearance import (
-    BAR,
-    CollisionScene,
-    SweptBodies,
-    bar_ends,
-    clearances_of,
-    held_bar,
-)
 from ..verdict import Code, Finding, collision
 from .controllers import OPEN_WIDTH, JointMotion
 from .franka import STILL, Franka, GripperLink, GripperState, controller_errors, load_franka
@@ -230,7 +223,7 @@ def _collision(motion: JointMotion, q: Array) -> str:
     # The core also measures the motion between these samples.
     places = np.unique(np.append(np.arange(0, len(q), 10), len(q) - 1))
     track = _track(motion, q[places], TICK * places)
-    for found in clearances_of(track, obstacles):
+    for found in obstacles.clearances(track):
         return collision(found).words
     floor = None if scene.workspace is None else scene.workspace.floor
     if floor is None:
@@ -268,4 +261,4 @@ def _track(motion: JointMotion, q: Array, times: Array) -> SweptBodies:
     width = throw.scene.object.width / np.sqrt(2)
     cover = np.append(np.full(len(arm.capsules), arm.cover), 0.0)
     radius = np.append(capsules.radius, width)
-    return SweptBodies((*capsules.names, BAR), np.array(placed), radius, cover, times, flying=False)
+    return SweptBodies((*capsules.names, BAR), np.array(placed), radius, cover, times)

@@ -18,8 +18,8 @@ from ...problems import InputError, Scene, ThrowPlane
 from ...problems.files import read_csv
 from ..follow import Response
 from ..result import write_table
+from ..simulation import planar_joints
 from ..throw import TICK, Throw
-from ..throw.simulation import planar_joints
 from ..verdict import Code, Finding, outside_tolerance, verdict
 from .controllers import JointMotion
 

@@ -13,15 +13,15 @@ import numpy as np
 
 from ...models import Array, Flags, FlightState, Trajectory
 from ...problems import Scene
-from ..ocp import BRAKE_SHARE, PALM_TIMES
-from ..throw import Manipulator, Throw, column_of
-from ..throw.clearance import (
+from ..clearance import (
     column_distance,
     contacts,
     held_bar,
     overlap,
     palm_distance,
 )
+from ..ocp import BRAKE_SHARE, PALM_TIMES
+from ..throw import Manipulator, Throw, column_of
 
 #: Instants of the run-up, and of the flight, at which the bar is held against the column.
 INSTANTS, FLIGHT_INSTANTS = 24, 40

@@ -18,9 +18,9 @@ from ...core.compile import cache_folder, digest, keep, kept
 from ...models import Array, Flags, HandSamples, Indices, Trajectory
 from ...models.release import MODELS, SLIDING_PIVOT, ReleaseBatch
 from ...problems import Scene
+from ..clearance import tool_speeds
 from ..ocp import BRAKE_SHARE
 from ..throw import Limits, Manipulator, friction_use
-from ..throw.clearance import tool_speeds
 from .launch import clears_carried, clears_thrown, run_up
 from .releases import ARRAYS, Releases, joined
 
@@ -158,7 +158,7 @@ class ReleaseSampler:
         """Friction use (N,) of the held bar under full grip; 1 slips."""
         pose, twist, acceleration = (np.array(o) for o in self.manipulator.motion(q.T, dq.T, ddq.T))
         hand = HandSamples(np.zeros(len(q)), pose, twist, acceleration)
-        return np.asarray(np.hypot(*friction_use(self.scene, hand)))
+        return friction_use(self.scene, hand)
 
     def can_hold(self, q: Array, dq: Array, ddq: Array) -> Flags:
         """Whether the full grip holds the bar at the opening's start, and it is off the floor."""

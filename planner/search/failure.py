@@ -9,9 +9,9 @@ import numpy as np
 
 from ...models import Array, FlightState
 from ...problems import InputError, Pose, Scene
+from ..clearance import column_distance, held_bar, lowest_of_bar
 from ..samples import Releases
 from ..throw import Manipulator, column_of, outline
-from ..throw.clearance import column_distance, held_bar, lowest_of_bar
 from .attempt import Attempt
 
 #: Random starts that are tried.

@@ -167,7 +167,7 @@ def check_start(scene: Scene, manipulator: Manipulator) -> None:
     hand = HandSamples(
         np.zeros(q.shape[1]), *(np.array(o) for o in manipulator.motion(q, zero, zero))
     )
-    use = float(np.hypot(*friction_use(scene, hand)).min())
+    use = float(friction_use(scene, hand).min())
     allowed = 1.0 - scene.gripper.sticking_margin
     if use > allowed:
         full, table = scene.gripper.profile().full, scene.gripper.table

@@ -12,8 +12,8 @@ import numpy.typing as npt
 
 from ...models import Array
 from ...models.release import MODELS, SLIDING_PIVOT, STEPPED_SURFACE
+from ..simulation import Simulation, given_hand
 from ..throw import case_of
-from ..throw.simulation import Simulation, given_hand
 from .style import ARM, PHASES, new_figure, save
 from .throw_picture import bar_corners, hand_corners
 

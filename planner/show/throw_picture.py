@@ -12,8 +12,8 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import Array, Indices
+from ..clearance import bar_outline, palm_corners
 from ..throw import column_of
-from ..throw.clearance import bar_outline, obstacles_of, palm_corners
 from .style import ARM, BLACK, GREEN, ORANGE, PHASES, RED, cup_profile, draw_cup, new_figure, save
 from .timeline import Timeline, timeline
 
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
     from PIL import Image
 
+    from ...models.robot import Solid
     from ...problems import Pose, Scene, ThrownObject
     from ..throw import Throw
 
@@ -106,7 +107,7 @@ def draw_surroundings(stage: Axes, scene: Scene, target: Pose) -> None:
         radius, height = column
         sides, ends = [-radius, radius, radius, -radius], [0.0, 0.0, height, height]
         stage.fill(sides, ends, color="#e4e1dc", zorder=0, label="base column")
-    for number, solid in enumerate(obstacles_of(scene.aimed_at(target))):
+    for number, solid in enumerate(_obstacles(scene, target)):
         name = "obstacle" if number == 0 else None
         stage.fill(*solid.outline().T, color="#d9b8a6", alpha=0.6, zorder=0, label=name)
     x = target.plane_x
@@ -116,10 +117,17 @@ def draw_surroundings(stage: Axes, scene: Scene, target: Pose) -> None:
     stage.plot([x], [target.z], "k+", ms=11, zorder=8, label="target")
 
 
+def _obstacles(scene: Scene, target: Pose) -> list[Solid]:
+    """The obstacles as the plane of a throw to the target sees them."""
+    aimed = scene.aimed_at(target).target
+    assert aimed is not None
+    return [aimed.plane.seen(obstacle.solid) for obstacle in scene.obstacle]
+
+
 def frame_stage(stage: Axes, scene: Scene, target: Pose, line: Timeline) -> None:
     """Equal axes around the moving bodies and fixed ones up to 0.4 m away; the legend below."""
     low, high = line.extent(scene)
-    outlines = [solid.outline() for solid in obstacles_of(scene.aimed_at(target))]
+    outlines = [solid.outline() for solid in _obstacles(scene, target)]
     if scene.cup is not None:
         outlines.append(cup_profile(scene.cup))
     if (column := column_of(scene)) is not None:

@@ -10,7 +10,7 @@ import numpy as np
 
 from ...models import Array, HandMotion, Indices, pivot_wrench
 from ...models.robot import PlanarArm
-from ..throw.clearance import bar_outline, held_bar
+from ..clearance import bar_outline, held_bar
 from .style import PHASES
 
 if TYPE_CHECKING:

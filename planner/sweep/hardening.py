@@ -14,13 +14,12 @@ import numpy as np
 from ...models import Flags
 from ...problems import Mesh, Robust, Scene
 from ..ocp import Request, peak_load
-from ..result import Plan, PlannedThrow
+from ..result import Plan
 from ..search import Attempt, NlpCache, Start, Task, attempts, initial_guess_from
 from ..verdict import sampler_of
 from .results import pose_errors
-from .running import SAMPLES, SEED
+from .running import SAMPLES, SEED, judge_of, run_sweep
 from .statistics import ROUNDING, quantiles
-from .throws import run_sweep, simulator_of
 
 #: Mesh of robust throws: they hardly slide, so even intervals and a wide rounding are enough.
 QUIET_MESH = Mesh(opening=8, grading=1.0, epsilon=0.03)
@@ -58,12 +57,11 @@ SETTINGS = HardeningSettings()
 class JudgedThrow:
     """A throw to the target, with its success under the common samples.
 
-    plan: with this throw; method, solver: its origin.
+    plan: with this throw; method: its origin.
     """
 
     plan: Plan
     method: str
-    solver: str
 
     @cached_property
     def judged(self) -> tuple[Flags, float]:
@@ -71,13 +69,13 @@ class JudgedThrow:
         `sweep`'s."""
         scene = self.plan.scene
         sampler = sampler_of(scene, SEED)
-        simulator = simulator_of(self.plan, scene.tolerance.model, sampler)
-        throws = run_sweep(simulator, sampler, SAMPLES)
+        judge = judge_of(self.plan, scene.tolerance.model, sampler)
+        throws = run_sweep(judge, sampler, SAMPLES)
         if throws is None or len(throws[0]) < SAMPLES:
             raise KeyboardInterrupt
-        outcomes, nominal = throws[2], simulator.throw(simulator.batch.nominal())
-        errors = pose_errors(self.plan, outcomes, nominal)
-        return outcomes.verdicts.succeeds, quantiles(errors["scaled"])["95"]
+        landings, nominal = throws[2], judge.verdicts(judge.batch.nominal())
+        errors = pose_errors(self.plan, landings, nominal)
+        return landings.succeeds, quantiles(errors["scaled"])["95"]
 
     @property
     def error(self) -> float:
@@ -138,13 +136,14 @@ class Hardening:
             return Robust.QUIET, CONSTANT_RATES, SCENARIOS
         return (Robust.QUIET, SCENARIOS) if self.method == SCENARIOS else (self.method,)
 
-    def attempts_from(self, source: Plan, start: PlannedThrow, method: str) -> tuple[Attempt, ...]:
-        """Attempts of one method from a throw: with reserves for uncertain parameters, then
+    def attempts_from(self, source: Plan, method: str) -> list[Attempt]:
+        """Attempts of one method from a plan's throw: with reserves for uncertain parameters, then
         without.
 
         A solved attempt is the last.
         """
-        mesh, found = self.problems.scene.mesh, list[Attempt]()
+        mesh, start, found = self.problems.scene.mesh, source.throw, list[Attempt]()
+        assert start is not None
         plain = self.task.scene.replace(mesh=mesh)
         solvers = self.task.solvers[:1] if self.method == "auto" else self.task.solvers
         for scene in dict.fromkeys((with_reserves(plain), plain)):
@@ -163,11 +162,11 @@ class Hardening:
                 )
                 found += attempts(self.problems, first, task)
                 if found[-1].solved or self.task.clock.late:
-                    return tuple(found)
+                    return found
             if found[-1].throw is not None:
                 # Less reserve does not help: a throw was found, and it breaks another limit.
                 break
-        return tuple(found)
+        return found
 
     def candidate(self, source: Plan, attempt: Attempt, method: str) -> JudgedThrow:
         """The candidate of a solved attempt."""
@@ -175,33 +174,8 @@ class Hardening:
         scene = self.task.scene.replace(mesh=self.problems.scene.mesh)
         deciding = attempt.throw.deciding.in_scene(scene)
         throw = dataclasses.replace(attempt.throw, deciding=deciding)
-        return JudgedThrow(dataclasses.replace(source, throw=throw), method, attempt.solver)
-
-
-@dataclass(frozen=True)
-class _RobustCandidates:
-    """Candidates, the plain throw first; attempts of the methods; plans of the sources."""
-
-    candidates: tuple[JudgedThrow, ...]
-    attempts: tuple[Attempt, ...]
-    plans: tuple[Plan, ...]
-
-    @property
-    def best(self) -> JudgedThrow:
-        return best_of(self.candidates)
-
-    def is_complete(self, hardening: Hardening) -> bool:
-        return self.best.is_good(self.candidates[0]) or hardening.task.clock.late
-
-    def with_method(
-        self, hardening: Hardening, source: JudgedThrow, method: str
-    ) -> _RobustCandidates:
-        """These with the candidate that one method makes from a source."""
-        throw = source.plan.throw
-        assert throw is not None
-        tried = hardening.attempts_from(source.plan, throw, method)
-        solved = [hardening.candidate(source.plan, one, method) for one in tried[-1:] if one.solved]
-        return _RobustCandidates((*self.candidates, *solved), (*self.attempts, *tried), self.plans)
+        plan = dataclasses.replace(source, throw=throw, solver=attempt.solver)
+        return JudgedThrow(plan, method)
 
 
 def robust_scene(scene: Scene) -> Scene:
@@ -251,63 +225,71 @@ def hardened(plan: Plan, hardening: Hardening, others: Callable[[], Plan]) -> Pl
 
     It is `plan` itself, or a robust throw from it or from the alternatives of `others`.
     """
-    candidates = _RobustCandidates((JudgedThrow(plan, PLAIN, plan.solver),), (), (plan,))
-    scenario_sources = list[JudgedThrow]()
-    for source in _sources(candidates, others):
-        if source not in candidates.candidates:
-            candidates = dataclasses.replace(
-                candidates,
-                candidates=(*candidates.candidates, source),
-                plans=(*candidates.plans, source.plan),
-            )
+    plain = JudgedThrow(plan, PLAIN)
+    candidates, plans = [plain], [plan]
+    tried, scenario_sources = list[Attempt](), list[JudgedThrow]()
+
+    def is_complete() -> bool:
+        return best_of(candidates).is_good(plain) or hardening.task.clock.late
+
+    for source in _sources(plain, others):
+        if source is not plain:
+            candidates.append(source)
+            plans.append(source.plan)
         for method in hardening.methods:
-            start = candidates.best if method == SCENARIOS else source
-            if candidates.is_complete(hardening):
+            start = best_of(candidates) if method == SCENARIOS else source
+            if is_complete():
                 break
-            if method != SCENARIOS or start not in scenario_sources:
-                candidates = candidates.with_method(hardening, start, method)
-                scenario_sources += [start] if method == SCENARIOS else []
-        if candidates.is_complete(hardening):
+            if method == SCENARIOS:
+                if start in scenario_sources:
+                    continue
+                scenario_sources.append(start)
+            found = hardening.attempts_from(start.plan, method)
+            tried += found
+            if found and found[-1].solved:
+                candidates.append(hardening.candidate(start.plan, found[-1], method))
+        if is_complete():
             break
-    return _best_plan(candidates, hardening)
+    best = _best_plan(candidates, hardening.method, tried)
+    iterations, solves = sum(a.iterations for a in tried), sum(a.solves for a in tried)
+    return dataclasses.replace(
+        best,
+        iterations=sum(p.iterations for p in plans) + iterations,
+        attempts=sum(p.attempts for p in plans) + solves,
+    )
 
 
-def _sources(candidates: _RobustCandidates, others: Callable[[], Plan]) -> Iterator[JudgedThrow]:
+def _sources(plain: JudgedThrow, others: Callable[[], Plan]) -> Iterator[JudgedThrow]:
     """The plain throw, then other throws to the target."""
-    yield candidates.candidates[0]
+    yield plain
     for other in others().alternatives:
-        yield JudgedThrow(other, ALTERNATIVE, other.solver)
+        yield JudgedThrow(other, ALTERNATIVE)
 
 
-def _best_plan(candidates: _RobustCandidates, hardening: Hardening) -> Plan:
+def _best_plan(candidates: Sequence[JudgedThrow], method: str, tried: Sequence[Attempt]) -> Plan:
     """The plan of the best candidate; its message gives the sweeps of this and the plain throw."""
-    best, plain = candidates.best, candidates.candidates[0]
+    best, plain = best_of(candidates), candidates[0]
     throw = best.plan.throw
     assert throw is not None
     uncertain = "[uncertainty]" if best.plan.scene.uncertainty else "a delay of up to 10 ms"
     words = f"{throw.words(best.plan.target)}; of {SAMPLES:,} throws under {uncertain} {best.words}"
-    robust = [one for one in candidates.candidates if one.method not in (PLAIN, ALTERNATIVE)]
+    robust = [one for one in candidates if one.method not in (PLAIN, ALTERNATIVE)]
     if best is not plain:
         words += f"; of the plain throw {plain.words}"
     elif robust:
         second = best_of(robust)
         words += f"; the best robust throw, by {second.method}, is not better: {second.words}"
-    elif candidates.attempts:
-        reason = candidates.attempts[-1].reason
-        words += f"; the throw is the plain one: {hardening.method} found none ({reason})"
+    elif tried:
+        reason = tried[-1].reason
+        words += f"; the throw is the plain one: {method} found none ({reason})"
     else:
         words += ", by the plain throw"
     variables, constraints = throw.nlp_size
     return dataclasses.replace(
         best.plan,
         message=words,
-        solver=best.solver,
         variables=variables,
         constraints=constraints,
         robust=best.method,
         peak_load=peak_load(throw.deciding),
-        iterations=sum(p.iterations for p in candidates.plans)
-        + sum(a.iterations for a in candidates.attempts),
-        attempts=sum(p.attempts for p in candidates.plans)
-        + sum(a.solves for a in candidates.attempts),
     )

@@ -14,10 +14,10 @@ from ...models.release import MODELS
 from ...problems.files import filling, plain, write_json
 from ..result import Plan
 from ..show import BLACK, BLUE, GREEN, GREY, RED, new_figure, save
-from ..verdict import Code, Sampler, unit_of
+from ..throw import ThrowBatch
+from ..verdict import Code, Sampler, Verdicts, unit_of
 from .statistics import OUTER, DelayScan, delay_band, quantiles, swings
 from .summary import sweep_summary
-from .throws import Outcomes, ThrowSimulator
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
@@ -44,13 +44,13 @@ class Sweep:
     """
 
     plan: Plan
-    simulator: ThrowSimulator
+    batch: ThrowBatch
     sampler: Sampler
     requested: int
     numbers: Indices
     values: Array
-    landings: Outcomes
-    nominal: Outcomes
+    landings: Verdicts
+    nominal: Verdicts
     derivatives: dict[str, tuple[float, float]]
     shares: dict[str, tuple[float, float]]
     delays: DelayScan
@@ -80,7 +80,7 @@ class Sweep:
     @property
     def success(self) -> Flags:
         """(N,): inside the tolerance, or into the cup; and no other limit is broken."""
-        return self.landings.verdicts.succeeds
+        return self.landings.succeeds
 
     @property
     def errors(self) -> dict[str, Array]:
@@ -106,7 +106,7 @@ class Sweep:
             "samples": self.samples,
             "asked": self.requested,
             "seed": self.sampler.seed,
-            "model": self.simulator.batch.model,
+            "model": self.batch.model,
             "robust": self.robust,
             "uncertain": self.sampler.names,
             "assumed": scene.uncertainty is None,
@@ -159,8 +159,7 @@ class Sweep:
     @property
     def _broken(self) -> dict[str, float]:
         """Shares of the throws by the codes that they break, names as in plan.json."""
-        verdicts = self.landings.verdicts
-        shares = ((code, float(verdicts.breaks(code).mean())) for code in Code)
+        shares = ((code, float(self.landings.breaks(code).mean())) for code in Code)
         return {code.value: share for code, share in shares if share > 0.0}
 
     @property
@@ -177,7 +176,7 @@ def _rate(successes: Flags) -> dict[str, float]:
     return {"rate": count / total, "low": float(interval.low), "high": float(interval.high)}
 
 
-def pose_errors(plan: Plan, landings: Outcomes, nominal: Outcomes) -> dict[str, Array]:
+def pose_errors(plan: Plan, landings: Verdicts, nominal: Verdicts) -> dict[str, Array]:
     """Distances (N,) from the nominal landing: position [m], angle [rad], pose error `scaled`
     [m]."""
     dx, dtheta = (landings.pose - nominal.pose).T[:2]
@@ -188,7 +187,7 @@ def pose_errors(plan: Plan, landings: Outcomes, nominal: Outcomes) -> dict[str, 
 
 def _title(sweep: Sweep, words: str) -> dict[str, Any]:
     """Title of a picture: scene, contents, number of throws, release model."""
-    throws = f"{sweep.samples:,} throws, {MODELS[sweep.simulator.batch.model].title}"
+    throws = f"{sweep.samples:,} throws, {MODELS[sweep.batch.model].title}"
     return {"t": f"{sweep.label}: {words} ({throws})", "x": 0.01, "ha": "left", "fontsize": 11}
 
 
@@ -262,7 +261,7 @@ def draw_landings(sweep: Sweep, path: Path) -> None:
 def draw_delay(sweep: Sweep, path: Path) -> None:
     """Landing error over the opening delay: median and band over all other parameters."""
     names, limits = sweep.sampler.names, _delay_limits(sweep)
-    delays, pose = delay_band(sweep.simulator, sweep.sampler, limits)
+    delays, pose = delay_band(sweep.batch, sweep.sampler, limits)
     dx, dtheta = np.moveaxis(pose[:, :, :2] - sweep.nominal.pose[0, :2], -1, 0)
     theta_counts = sweep.plan.target.theta is not None
     scaled = sweep.plan.scene.object.pose_error(dx, dtheta if theta_counts else 0.0)
@@ -300,7 +299,7 @@ def _delay_limits(sweep: Sweep) -> tuple[float, float]:
     if "delay" not in sweep.sampler.names:
         return -0.01, 0.01
     low, high = sweep.sampler.quantiles("delay", np.array([0.001, 0.999]))
-    mean = sweep.simulator.batch.mean_delay
+    mean = sweep.batch.mean_delay
     return min(float(low) - mean, -1e-3), max(float(high) - mean, 1e-3)
 
 
@@ -318,7 +317,7 @@ def _band(axes: Axes, x: Array, values: Array, others: bool) -> None:
 
 def draw_tornado(sweep: Sweep, path: Path) -> None:
     """Change of the landing by each parameter alone, from its 5 to its 95 % quantile."""
-    poses, names = swings(sweep.simulator, sweep.sampler), sweep.sampler.names
+    poses, names = swings(sweep.batch, sweep.sampler), sweep.sampler.names
     change = np.nan_to_num(poses[:, :, :2] - sweep.nominal.pose[0, :2])
     figure = new_figure(12, 1.8 + 0.42 * len(names))
     each = figure.subplots(1, 2)

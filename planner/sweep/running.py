@@ -3,17 +3,23 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from concurrent.futures import Executor
+from dataclasses import replace
+from functools import partial
 
-from ...models.release import BATCH_MODELS
-from ...problems import checked
+import numpy as np
+
+from ...models import Array, Indices
+from ...models.release import BATCH_MODELS, MODELS
+from ...problems import InputError, checked
 from ..result import Plan
-from ..throw.simulation import named_model
-from ..verdict import sampler_of
-from ..workers import Progress
+from ..simulation import named_model
+from ..throw import ThrowBatch
+from ..verdict import Judge, Sampler, Verdicts, sampler_of
+from ..workers import Progress, run_jobs
 from .results import Sweep
-from .statistics import derivatives, scan_delays, variance_shares
-from .throws import run_sweep, simulator_of
+from .statistics import FURTHEST, derivatives, scan_delays, variance_shares
 
 #: Largest number of samples; their parameters and landings stay in memory.
 MOST = 10_000_000
@@ -21,6 +27,10 @@ MOST = 10_000_000
 SAMPLES = 1000
 #: Default seed of the samples.
 SEED = 0
+#: Number of throws in the choice of the number of steps.
+PROBES = 64
+#: Error of the chosen steps in 95 % of the probes, as a share of the tolerance.
+STEP_ERROR = 0.1
 
 
 def sweep(
@@ -56,24 +66,24 @@ def sweep_until_stopped(
     model = model or checked("plan", plan, Plan, {}).scene.tolerance.model
     check_sweep(samples, seed, model)
     sampler = sampler_of(plan.scene, seed)
-    simulator = simulator_of(plan, model, sampler)
-    parts = run_sweep(simulator, sampler, samples, executor, progress)
+    judge = judge_of(plan, model, sampler)
+    parts = run_sweep(judge, sampler, samples, executor, progress)
     if parts is None:
         return None
     numbers, values, landings = parts
     shares = [variance_shares(values, landings.pose[:, column]) for column in (0, 1)]
     return Sweep(
         plan,
-        simulator,
+        judge.batch,
         sampler,
         requested=samples,
         numbers=numbers,
         values=values,
         landings=landings,
-        nominal=simulator.throw(simulator.batch.nominal()),
-        derivatives=derivatives(simulator, sampler),
+        nominal=judge.verdicts(judge.batch.nominal()),
+        derivatives=derivatives(judge.batch, sampler),
         shares=dict(zip(sampler.names, zip(*shares, strict=True), strict=True)),
-        delays=scan_delays(simulator),
+        delays=scan_delays(judge),
         seconds=time.perf_counter() - started,
     )
 
@@ -83,3 +93,83 @@ def check_sweep(samples: int, seed: int, model: str, prefix: str = "") -> None:
     named_model(model, BATCH_MODELS, prefix=prefix)
     for name, value, low, high in (("samples", samples, 1, MOST), ("seed", seed, 0, 2**32 - 1)):
         checked(f"{prefix}{name}", value, int, {"least": low, "most": high})
+
+
+def judge_of(plan: Plan, model: str, sampler: Sampler) -> Judge:
+    """A judge of throws of a solved plan's motion; InputError for a plan without a throw.
+
+    Clearances of the scene are reserves of the plan: a throw of a sweep fails only on contact.
+    """
+    if plan.throw is None or not plan.solved:
+        raise InputError(f"plan: status {plan.status}: there is no throw to sweep")
+    scene = plan.scene.without_clearances()
+    early, late, longest = sampler.openings(scene)
+    reach = min(-FURTHEST, early), max(FURTHEST, late), longest
+    throw = replace(plan.throw.deciding, scene=scene.aimed_at(plan.goal))
+    batch = ThrowBatch.of(throw, plan.goal, sampler.names, reach, model)
+    return Judge(_with_steps(batch, sampler))
+
+
+def _with_steps(batch: ThrowBatch, sampler: Sampler) -> ThrowBatch:
+    """The batch with the coarsest steps that are accurate to `STEP_ERROR`."""
+    tolerance = batch.scene.tolerance
+    probes = np.vstack([batch.nominal(), sampler.draw(0, PROBES - 1)])
+    coarse, poses = batch, None
+    for steps in MODELS[batch.model].sweep_steps:
+        fine = replace(batch, steps=steps)
+        fine_poses = fine.fly(probes).pose[:, :2]
+        if poses is not None:
+            change = np.abs(fine_poses - poses) / (tolerance.position, tolerance.angle)
+            if batch.throw.target.theta is None:
+                change = change[:, :1]
+            if np.quantile(np.nan_to_num(change.max(axis=1)), 0.95) <= STEP_ERROR:
+                return coarse
+        coarse, poses = fine, fine_poses
+    return coarse
+
+
+#: Numbers (N,) of samples in the sequence, their parameters (N, P), and their verdicts.
+Throws = tuple[Indices, Array, Verdicts]
+
+
+def _throw_chunk(judge: Judge, sampler: Sampler, first: int, count: int) -> Throws:
+    """Draw and throw samples `first` to `first + count`."""
+    values = sampler.draw(first, count)
+    return np.arange(first, first + count), values, judge.verdicts(values)
+
+
+def run_sweep(
+    judge: Judge,
+    sampler: Sampler,
+    samples: int,
+    executor: Executor | None = None,
+    progress: Progress | None = None,
+) -> Throws | None:
+    """Throws `samples` samples; after Ctrl-C the finished ones, None without any.
+
+    The chunks, and so the result to the last bit, do not depend on the executor.
+    """
+    # A power of two: other parts of a Sobol sequence are not balanced.
+    size = MODELS[judge.batch.model].chunk
+    chunks = iter(range(0, samples, size))
+    done: list[Throws] = []
+
+    def next_chunk() -> Callable[[], Throws] | None:
+        first = next(chunks, None)
+        if first is None:
+            return None
+        return partial(_throw_chunk, judge, sampler, first, min(size, samples - first))
+
+    def keep(part: Throws) -> None:
+        done.append(part)
+        if progress is not None:
+            progress(sum(numbers.size for numbers, _, _ in done), samples)
+
+    try:
+        run_jobs(next_chunk, executor, keep)
+    except KeyboardInterrupt:
+        if not done:
+            return None
+    done.sort(key=lambda part: int(part[0][0]))
+    numbers, values, landings = zip(*done, strict=True)
+    return np.concatenate(numbers), np.vstack(values), Verdicts.joined(landings)

@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ...models import Array, Flags
 from ...models.release import MODELS
-from ...problems import Uncertainty
+from ...problems import Distribution, Uncertainty
+from ..throw import ThrowBatch
 from ..verdict import Judge, Sampler
-from .throws import FURTHEST, ThrowSimulator
 
 #: Reported quantiles of the errors [%].
 QUANTILES = (50, 90, 95, 99)
 #: Range of landings [m, rad] below which differences are rounding and steps of the models.
 ROUNDING = 1e-5
+#: Largest delay [s] of a sweep's scan.
+FURTHEST = 0.05
 #: Quantiles of a parameter at the two ends of its bar in the tornado.
 OUTER = (0.05, 0.95)
 
@@ -82,29 +84,23 @@ def _share(column: Array, result: Array) -> float:
     return min(max(adjusted, 0.0), 1.0)
 
 
-def derivatives(simulator: ThrowSimulator, sampler: Sampler) -> dict[str, tuple[float, float]]:
+def derivatives(batch: ThrowBatch, sampler: Sampler) -> dict[str, tuple[float, float]]:
     """d x / d p [m per unit] and d theta / d p [rad per unit] at the plan's own values.
 
     By central differences, for each uncertain parameter p.
     """
-    count = len(simulator.batch.names)
-    steps = np.array([_step(simulator, sampler, i) for i in range(count)])
-    values = np.repeat(simulator.batch.nominal(), 2 * count, axis=0)
-    for i, step in enumerate(steps):
-        values[2 * i, i] += step
-        values[2 * i + 1, i] -= step
-    pose = simulator.poses(values)[:, :2]
-    slopes = (pose[0::2] - pose[1::2]) / (2 * steps[:, None])
-    return {
-        name: (float(s[0]), float(s[1]))
-        for name, s in zip(simulator.batch.names, slopes, strict=True)
-    }
+    nominal = batch.nominal()[0]
+    parameters = zip(batch.names, nominal, sampler.spreads, strict=True)
+    steps = np.array([_step(*parameter) for parameter in parameters])
+    changes = np.diag(steps)
+    pose = batch.fly(nominal + np.concatenate([changes, -changes])).pose[:, :2]
+    slopes = (pose[: len(steps)] - pose[len(steps) :]) / (2 * steps[:, None])
+    return {name: (float(s[0]), float(s[1])) for name, s in zip(batch.names, slopes, strict=True)}
 
 
-def _step(simulator: ThrowSimulator, sampler: Sampler, i: int) -> float:
-    name, value = simulator.batch.names[i], simulator.batch.nominal()[0, i]
+def _step(name: str, value: float, spread: Distribution) -> float:
     # A single measured value has no deviation.
-    step = SETTINGS.step * sampler.spreads[i].deviation or 1e-4
+    step = SETTINGS.step * spread.deviation or 1e-4
     return min(step, SETTINGS.max_step * value) if Uncertainty.PARAMETERS[name].scaled else step
 
 
@@ -119,18 +115,18 @@ class DelayScan:
     late: float | None
 
 
-def scan_delays(simulator: ThrowSimulator) -> DelayScan:
+def scan_delays(judge: Judge) -> DelayScan:
     """Finds the first failure on either side; all other parameters have their planned values."""
-    if not _succeeds(simulator, np.zeros(1))[0]:
+    if not _succeeds(judge, np.zeros(1))[0]:
         return DelayScan(0.0, 0.0)
-    return DelayScan(_largest_delay(simulator, -1.0), _largest_delay(simulator, 1.0))
+    return DelayScan(_largest_delay(judge, -1.0), _largest_delay(judge, 1.0))
 
 
-def _largest_delay(simulator: ThrowSimulator, sign: float) -> float | None:
+def _largest_delay(judge: Judge, sign: float) -> float | None:
     low, high = 0.0, FURTHEST
     for sections in SETTINGS.sections:
         ends = np.linspace(low, high, sections + 1)
-        inside = _succeeds(simulator, sign * ends[1:])
+        inside = _succeeds(judge, sign * ends[1:])
         if inside.all() and high == FURTHEST:
             return None
         first = int(np.argmin(np.append(inside[:-1], False)))
@@ -138,40 +134,38 @@ def _largest_delay(simulator: ThrowSimulator, sign: float) -> float | None:
     return sign * low
 
 
-def _succeeds(simulator: ThrowSimulator, delays: Array) -> Flags:
+def _succeeds(judge: Judge, delays: Array) -> Flags:
     """Flags of the delays (K,) beyond the mean that succeed; other parameters as planned."""
-    late, values = _with_delays(simulator, delays, simulator.batch.nominal(len(delays)))
-    return late.throw(values).verdicts.succeeds
+    batch, values = _with_delays(judge.batch, delays, judge.batch.nominal(len(delays)))
+    late = judge if batch is judge.batch else Judge(batch)
+    return late.verdicts(values).succeeds
 
 
-def _with_delays(
-    simulator: ThrowSimulator, delays: Array, values: Array
-) -> tuple[ThrowSimulator, Array]:
-    """A simulator and values (K, P) with these delays (K,) [s] beyond the mean."""
-    late = simulator.batch.mean_delay + delays
-    if "delay" in simulator.batch.names:
-        values = values.copy()
-        values[:, simulator.batch.names.index("delay")] = late
-        return simulator, values
-    batch = simulator.batch.with_parameter("delay")
-    return ThrowSimulator(Judge(batch)), np.column_stack([values, late])
+def _with_delays(batch: ThrowBatch, delays: Array, values: Array) -> tuple[ThrowBatch, Array]:
+    """A batch and values (K, P) with these delays (K,) [s] beyond the mean."""
+    late = batch.mean_delay + delays
+    if "delay" not in batch.names:
+        names = (*batch.names, "delay")
+        return replace(batch, names=names), np.column_stack([values, late])
+    values = values.copy()
+    values[:, batch.names.index("delay")] = late
+    return batch, values
 
 
-def swings(simulator: ThrowSimulator, sampler: Sampler) -> Array:
+def swings(batch: ThrowBatch, sampler: Sampler) -> Array:
     """Landings (P, 2, 3) with each parameter at its 5 and 95 % quantile, the others as planned."""
-    values = np.repeat(simulator.batch.nominal(), 2 * len(simulator.batch.names), axis=0)
-    for i, name in enumerate(simulator.batch.names):
+    values = np.repeat(batch.nominal(), 2 * len(batch.names), axis=0)
+    for i, name in enumerate(batch.names):
         values[2 * i : 2 * i + 2, i] = sampler.quantiles(name, np.array(OUTER))
-    return simulator.poses(values).reshape(-1, 2, 3)
+    return batch.fly(values).pose.reshape(-1, 2, 3)
 
 
 def delay_band(
-    simulator: ThrowSimulator, sampler: Sampler, limits: tuple[float, float]
+    batch: ThrowBatch, sampler: Sampler, limits: tuple[float, float]
 ) -> tuple[Array, Array]:
     """Delays (K,) [s] beyond the mean; landings (K, M, 3) of M draws of the other parameters."""
-    quick = MODELS[simulator.batch.model].quick
-    count, draws = SETTINGS.band if quick else SETTINGS.slow_band
+    count, draws = SETTINGS.band if MODELS[batch.model].quick else SETTINGS.slow_band
     delays = np.linspace(*limits, count)
-    values = sampler.draw(0, draws)
-    late, samples = _with_delays(simulator, np.repeat(delays, draws), np.tile(values, (count, 1)))
-    return delays, late.poses(samples).reshape(count, draws, 3)
+    values = np.tile(sampler.draw(0, draws), (count, 1))
+    late, samples = _with_delays(batch, np.repeat(delays, draws), values)
+    return delays, late.fly(samples).pose.reshape(count, draws, 3)

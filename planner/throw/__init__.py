@@ -4,7 +4,6 @@ Nothing here knows how a throw was found; what it breaks, `planner/verdict` says
 """
 
 from .batch import BatchFlights, ThrowBatch
-from .core_scene import column_of, cup_entries
 from .loads import friction_use, load_torques, torque_limits, torques_of
 from .manipulator import (
     Limits,
@@ -24,4 +23,13 @@ from .sending import (
     send,
     within_limits,
 )
-from .throw import CARRY_STEP, EXACT, FALLS, Throw, case_of, release_numbers
+from .throw import (
+    CARRY_STEP,
+    EXACT,
+    LandingPoint,
+    Throw,
+    case_of,
+    column_of,
+    cup_entries,
+    release_numbers,
+)

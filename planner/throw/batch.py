@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
@@ -12,7 +11,7 @@ from ...models import Array, Body, Contact, Indices, Trajectory
 from ...models.release import MODELS, STEPPED_SURFACE, BatchRelease, ReleaseBatch, exact_detaches
 from ...problems import Pose, Scene
 from .manipulator import HandError
-from .throw import Throw
+from .throw import Throw, turn_of
 
 #: Longest cell [s] of the hand's tabulated motion.
 CELL = 1e-4
@@ -31,7 +30,7 @@ class BatchFlights:
     [m], grasp_angle [rad]: of the held body, the hand's error in it; com [m]: from the bar's end;
     error (N, 6): the hand's. release: what the model says; start (N, 6): the state at detach;
     landing (N, 3): x [m], theta [rad] and flight time [s] at the target's height, NaN without one;
-    goal, cup [m]: x of target and cup at that time.
+    way [m]: of a moving target from the throw's own landing until then.
     """
 
     columns: dict[str, Array]
@@ -45,8 +44,14 @@ class BatchFlights:
     release: BatchRelease
     start: Array
     landing: Array
-    goal: Array
-    cup: Array
+    way: Array
+
+    @property
+    def pose(self) -> Array:
+        """`landing` relative to a target that moves."""
+        moved = np.zeros_like(self.landing)
+        moved[:, 0] = self.way
+        return self.landing - moved
 
 
 @dataclass(frozen=True)
@@ -102,10 +107,6 @@ class ThrowBatch:
         values = self.scene.values | {"delay": self.mean_delay}
         return np.tile([values[name] for name in self.names], (count, 1))
 
-    def with_parameter(self, name: str) -> ThrowBatch:
-        """With one more parameter, the last."""
-        return replace(self, names=(*self.names, name))
-
     def columns(self, values: Array) -> dict[str, Array]:
         """All parameters (N,) by name: those given, and the scene's own."""
         known = self.scene.values | {"delay": self.mean_delay}
@@ -115,56 +116,41 @@ class ThrowBatch:
     def fly(self, values: Array) -> BatchFlights:
         """N throws: values (N, P) of the parameters, columns as `names`, SI units."""
         columns = self.columns(values)
-        batch, turn = self.releases(columns)
-        release = MODELS[self.model].throw(batch, self.steps)
-        release.detach[:, 2] -= turn
-        return self._flights(columns, release)
+        return self._flights(columns, MODELS[self.model].throw(self.releases(columns), self.steps))
 
     def exactly(self, flights: BatchFlights, which: Indices) -> BatchFlights:
         """Some of the flights, their releases by the model's exact form instead of its steps."""
         columns = {name: column[which] for name, column in flights.columns.items()}
-        batch, turn = self.releases(columns)
+        batch, late = self.releases(columns), flights.late[which]
         surface = self.model == STEPPED_SURFACE
-        found = exact_detaches(self.throw.case, batch, flights.late[which], surface=surface)
-        found[:, 2] -= turn
-        return self._flights(
-            columns, replace(flights.release.part(which), detach=found, doubt=None)
-        )
+        found = exact_detaches(self.throw.case, batch, late, surface=surface)
+        release = replace(flights.release.part(which), detach=found, doubt=None)
+        return self._flights(columns, release)
 
     def _flights(self, columns: dict[str, Array], release: BatchRelease) -> BatchFlights:
         """What comes of releases of hands that are where they should be."""
-        scene, late = self.scene, columns["delay"] - self.mean_delay
-        com = columns["com_offset"] + scene.grasp.offset
+        late, opening = columns["delay"] - self.mean_delay, columns["opening"]
+        com = columns["com_offset"] + self.scene.grasp.offset
+        com_offset = com - columns["grasp_offset"]
         error = np.column_stack([columns[name] for name in HAND])
-        start, opening = release.detach.copy(), columns["opening"]
+        start = release.detach.copy()
+        start[:, 2] -= turn_of(com_offset)
         # Friction knows relative motion only: a hand that is off its path, or moves off it
         # steadily, takes the whole release along.
         start[:, :2] += error[:, :2] + error[:, 3:5] * opening[:, None]
         start[:, 3:5] += error[:, 3:5]
         opened = self.throw.opening_time + late
-        landing = scene.flight.land(start, self.target.z)
-        # Where a target that moves is then.
-        after = opened + opening + landing[:, 2] - self.throw.landing_time
-        way = self.target.speed * after if self.target.speed else np.zeros(len(late))
+        freed, landing = opened + opening, self.scene.flight.land(start, self.target.z)
+        after = freed + landing[:, 2] - self.throw.landing_time
+        # The pads are round: a hand that is turned is an object held at another angle.
+        angle = columns["grasp_angle"] + columns["hand_theta"]
         return BatchFlights(
-            columns,
-            late,
-            opened,
-            opened + opening,
-            com - columns["grasp_offset"],
-            # The pads are round: a hand that is turned is an object held at another angle.
-            columns["grasp_angle"] + columns["hand_theta"],
-            com,
-            error,
-            release,
-            start,
-            landing,
-            self.throw.target.plane_x + way,
-            (0.0 if scene.cup is None else scene.cup.x) + way,
+            *(columns, late, opened, freed, com_offset, angle, com, error, release, start, landing),
+            way=self.target.speed * after if self.target.speed else np.zeros(len(late)),
         )
 
-    def releases(self, columns: dict[str, Array]) -> tuple[ReleaseBatch, Array]:
-        """The releases, and by how much (N,) [rad] the bodies in them are turned."""
+    def releases(self, columns: dict[str, Array]) -> ReleaseBatch:
+        """The releases, of bodies whose CoM is ahead of the pads: others are turned round."""
         scene, contact, friction = self.scene, self.scene.contact, columns["friction"]
         profile = scene.gripper.profile()
         hands = self.hands.shifted(columns["delay"] - self.mean_delay)
@@ -172,9 +158,7 @@ class ThrowBatch:
             still = np.zeros(len(friction))
             hands = replace(hands, drift=np.array([still, still, columns["hand_omega"]]))
         com_offset = columns["com_offset"] + scene.grasp.offset - columns["grasp_offset"]
-        # A CoM behind the pads is one ahead of them on a bar that is turned round.
-        turn = np.where(com_offset < 0, math.pi, 0.0)
-        batch = ReleaseBatch(
+        return ReleaseBatch(
             count=friction.size,
             body=Body(columns["mass"], columns["inertia"], np.abs(com_offset)),
             contact=Contact(friction, columns["patch_radius"], contact.torsion, contact.faces),
@@ -183,9 +167,8 @@ class ThrowBatch:
             opening=columns["opening"],
             force=np.full(friction.size, profile.full),
             gravity=scene.gravity,
-            grasp_angle=columns["grasp_angle"] + columns["hand_theta"] + turn,
+            grasp_angle=columns["grasp_angle"] + columns["hand_theta"] + turn_of(com_offset),
         )
-        return batch, turn
 
     def one(self, values: Array) -> Throw:
         """One of the throws by itself, by the model that decides: values (P,).

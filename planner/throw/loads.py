@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from functools import cached_property, lru_cache, partial
+from functools import cached_property, lru_cache
+from typing import Any
 
 import numpy as np
 
@@ -16,17 +17,14 @@ from .sending import TICK
 
 #: Of scenes that say nothing.
 BASE = Torque()
+_dynamics = lru_cache(maxsize=8)(PlanarDynamics)
 
 
-def friction_use(scene: Scene, hand: HandSamples, hand_error: float = 0.0) -> tuple[Array, Array]:
-    """Wrench that sticking needs, over the full grip's limits: (force share, torque share).
-
-    For a held bar; shares above 1 slip. hand_error [rad]: its angle's against the samples.
-    """
-    angle = scene.grasp.angle + hand_error
-    f_x, f_z, torque = held_wrench(scene.body, scene.gravity, hand.motion, angle)
-    limit = scene.patch.force_limit(scene.gripper.profile().full)
-    return np.hypot(f_x, f_z) / limit, np.abs(torque) / (limit * scene.patch.torsion_arm)
+def friction_use(scene: Scene, hand: HandSamples) -> Array:
+    """Use (K,) of the full grip's friction ellipsoid by a held bar; above 1 it slips."""
+    wrench = held_wrench(scene.body, scene.gravity, hand.motion, scene.grasp.angle)
+    full = scene.gripper.profile().full
+    return np.asarray(np.sqrt(scene.patch.utilisation_squared(*wrench, full)))
 
 
 @dataclass(frozen=True)
@@ -79,16 +77,12 @@ def _limits(scene: Scene) -> tuple[float, ...] | None:
 
 def torques_of(scene: Scene, manipulator: Manipulator, path: Trajectory, opening: float) -> Torques:
     """Of a motion whose grip force starts to fall at `opening` [s], at every sample."""
-    kinematics, limits = manipulator.kinematics, torque_limits(scene)
-    assert limits is not None and isinstance(kinematics, PlanarArm)
-    times = np.arange(0.0, path.end + TICK / 2, TICK)
-    hand, joints = manipulator.hand(path).at(times), path.at(times)
+    limits, times = torque_limits(scene), np.arange(0.0, path.end + TICK / 2, TICK)
+    assert limits is not None
+    hand = manipulator.hand(path).at(times)
     load = held_wrench(scene.body, scene.gravity, hand.motion, scene.grasp.angle)
-    angles, rates, turns = map(kinematics.link_angles, joints)
-    given = partial(_dynamics(kinematics).torques, angles, rates, turns, scene.gravity)
-    held, free = (np.array(given(on)).T for on in (load, None))
-    detach = opening + scene.gripper.profile().opening
-    return Torques(times, held, free, opening, detach, limits)
+    held, free = (_torques(scene, manipulator, path, times, on).T for on in (load, None))
+    return Torques(times, held, free, opening, opening + scene.gripper.profile().opening, limits)
 
 
 def load_torques(
@@ -96,14 +90,20 @@ def load_torques(
 ) -> tuple[Array, Array]:
     """Torques (n, K) [N m] with an empty hand at times (K,) [s], and how they grow (3, n, K) with
     force along x, along z [per N] and torque [per N m] that the hand gives to an object."""
-    kinematics, joints = manipulator.kinematics, path.at(times)
+    free = _torques(scene, manipulator, path, times, None)
+    units = np.eye(3)[..., None] * np.ones(len(times))
+    return free, np.array([_torques(scene, manipulator, path, times, u) - free for u in units])
+
+
+def _torques(
+    scene: Scene, manipulator: Manipulator, path: Trajectory, times: Array, load: Any
+) -> Array:
+    """Torques (n, K) [N m] at times (K,) [s]; load: as of `PlanarDynamics.torques`."""
+    kinematics = manipulator.kinematics
     assert isinstance(kinematics, PlanarArm)
-    angles, rates, turns = map(kinematics.link_angles, joints)
-    given = partial(_dynamics(kinematics).torques, angles, rates, turns, scene.gravity)
-    one, none = np.ones(len(times)), np.zeros(len(times))
-    free = np.array(given(None))
-    units = ((one, none, none), (none, one, none), (none, none, one))
-    return free, np.array([np.array(given(unit)) - free for unit in units])
+    angles, rates, turns = map(kinematics.link_angles, path.at(times))
+    torques = _dynamics(kinematics).torques(angles, rates, turns, scene.gravity, load)
+    return np.array(torques)
 
 
 def core_torques(scene: Scene, manipulator: Manipulator) -> TorquesC | None:
@@ -121,8 +121,3 @@ def _core_torques(kinematics: PlanarArm, limits: tuple[float, ...]) -> TorquesC:
         found.mass[i], found.inertia[i], found.limit[i] = body.mass, body.inertia, limits[i]
         found.along[i], found.up[i] = body.com
     return found
-
-
-@lru_cache(maxsize=8)
-def _dynamics(kinematics: PlanarArm) -> PlanarDynamics:
-    return PlanarDynamics(kinematics)

@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import astuple, dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
 import casadi as ca
 import numpy as np
 
-from ...core import LimitsC
+from ...core import LimitsC, library
 from ...models import Array, MovedHand, Trajectory
 from ...models.robot import Arm, ArmCapsules, PlanarArm, PlanarHand, about_z, hand_motion
 from ...problems import Hand, InputError, Scene
@@ -54,24 +54,14 @@ class Limits:
         turning = 0.0 if self.jerk is None else 3 * self.ddq / self.jerk
         return float((self.dq / self.ddq + turning).max())
 
-    @cached_property
-    def rounding(self) -> Array:
-        """Rounding in the last digits (5, n) of positions, rates, accelerations, rates where they
-        depend on the position, and jerks: it breaks no limit."""
-        none = 0 * self.dq
-        scale = [none, self.dq, self.ddq, none, none if self.jerk is None else self.jerk]
-        return 1e-7 * np.maximum(scale, 1.0)
-
     def velocity(self, q: Array) -> tuple[Array, Array]:
         """Lowest and highest velocity [rad/s; m/s] at positions q (..., n)."""
         if self.slowing is None:
             return -self.dq, self.dq
-        deceleration, offset, upper, lower = self.slowing
-        down, up = (
-            np.clip(np.sqrt(2 * deceleration * np.maximum(way, 0.0)) - offset, 0.0, self.dq)
-            for way in (q - lower, upper - q)
-        )
-        return -down, up
+        low, high = np.empty(q.shape), np.empty(q.shape)
+        rows, n = np.ascontiguousarray(q, float), q.shape[-1]
+        library().velocity_limits(self.core, n, q.size // n, rows, low, high)
+        return low, high
 
 
 class HandError(NamedTuple):
@@ -84,11 +74,6 @@ class HandError(NamedTuple):
     v_x: float = 0.0
     v_z: float = 0.0
     omega: float = 0.0
-
-    def at(self, since: Array) -> Array:
-        """Errors (3, K) of its pose at times (K,) [s] after the opening's start."""
-        pose, rates = np.array(self[:3])[:, None], np.array(self[3:])[:, None]
-        return np.asarray(pose + rates * since)
 
 
 #: A hand that is where it should be.
@@ -268,18 +253,11 @@ def _arm_manipulator(scene: Scene) -> Manipulator:
 def joint_limits(arm: Arm, joints: Sequence[int]) -> Limits:
     """The real limits of some of an arm's joints, numbered from 1."""
     limits, index = arm.limits, [j - 1 for j in joints]
-    low, high, dq, ddq, jerk = (
-        np.array(values)[index]
-        for values in (
-            *(limits.position_min, limits.position_max),
-            *(limits.velocity, limits.acceleration, limits.jerk),
-        )
-    )
-    curves, slowing = limits.slowing, None
-    if curves is not None:
-        rows = [curves.deceleration, curves.offset, curves.upper, curves.lower]
-        slowing = np.array(rows)[:, index]
-    return Limits(low, high, dq, ddq, jerk, slowing)
+    ends = limits.position_min, limits.position_max
+    rates = limits.velocity, limits.acceleration, limits.jerk
+    low, high, dq, ddq, jerk = np.array([*ends, *rates])[:, index]
+    curves = None if limits.slowing is None else np.array(astuple(limits.slowing))[:, index]
+    return Limits(low, high, dq, ddq, jerk, curves)
 
 
 def outline(manipulator: Manipulator, q: Array) -> tuple[Array, Array]:

@@ -24,7 +24,7 @@ TICK = 0.001
 #: Ruckig's limits as a share of the real ones: differences of rounded samples stay inside.
 SHARE = 0.999
 #: Largest distances from a sample in position, rate and acceleration at which Ruckig is on it.
-ON_SAMPLE = (1e-9, 1e-8, 1e-6)
+ON_SAMPLE = np.array([[1e-9], [1e-8], [1e-6]])
 #: Times [s] of a tick and of a piece's end that differ by less are the same.
 SAME = 1e-9
 
@@ -123,47 +123,31 @@ class Excess(NamedTuple):
         return f"{self.joint} {self.kind}"
 
 
-#: What is limited, in the order of `Limits.rounding`.
+#: What is limited; the second velocity where its limit depends on the position.
 KINDS = ("position", "velocity", "acceleration", "velocity", "jerk")
 
 
 def excesses(manipulator: Manipulator, sent: Samples) -> list[Excess]:
     """The worst of what samples and their differences have beyond the real limits, of each kind."""
-    limits, found = manipulator.hard, dict[tuple[str, int], Excess]()
-    values = _excess(limits, sent)
-    for kind, joint in zip(*np.nonzero(values[..., 0] > limits.rounding), strict=True):
-        worst = values[kind, joint, 1:].tolist()
-        found.setdefault(
-            (KINDS[kind], joint), Excess(KINDS[kind], manipulator.joints[joint], *worst)
-        )
+    found = dict[tuple[str, int], Excess]()
+    values = _excess(manipulator.hard, sent)
+    for row, joint in zip(*np.nonzero(values[..., 0] > 0.0), strict=True):
+        kind, worst = KINDS[row], values[row, joint, 1:].tolist()
+        found.setdefault((kind, joint), Excess(kind, manipulator.joints[joint], *worst))
     return list(found.values())
 
 
 def within_limits(limits: Limits, sent: Samples) -> bool:
     """Whether samples and their differences keep the limits."""
-    return not (_excess(limits, sent)[..., 0] > limits.rounding).any()
+    return not (_excess(limits, sent)[..., 0] > 0.0).any()
 
 
 def _excess(limits: Limits, sent: Samples) -> Array:
     """How far (5, n, 4) samples and their differences are beyond the limits at most, then value,
-    limit and time [s] there.
-
-    Rows: position, velocity, acceleration, velocity where it depends on the position, jerk.
-    """
+    limit and time [s] there; rows as of `KINDS`."""
     found = np.empty((len(KINDS), sent.q.shape[1], 4))
     library().excess(SamplesC.of(TICK, sent.q, sent.dq, sent.ddq), limits.core, found)
     return found
-
-
-def _kept_ticks(limits: Limits, planned: Trajectory) -> Flags:
-    """Whether the planned motion keeps the limits all along each tick.
-
-    Then a motion of just one tick leads from sample to sample within the limits, and
-    Ruckig, told to take a tick at least, arrives there as well.
-    """
-    kept = np.empty(math.ceil(planned.end / TICK - SAME), bool)
-    library().kept_ticks(planned.core, limits.core, TICK, len(kept), kept)
-    return kept
 
 
 def _followed(manipulator: Manipulator, planned: Trajectory) -> Samples:
@@ -173,62 +157,56 @@ def _followed(manipulator: Manipulator, planned: Trajectory) -> Samples:
     """
     import ruckig
 
-    kept = _kept_ticks(manipulator.hard, planned)
-    wanted = [values.T for values in planned.at(TICK * np.arange(len(kept) + 1))]
-    sent = [values.copy() for values in wanted]
-    sent[1][0], sent[2][0] = manipulator.initial_motion
-    kept[0] &= all((sent[k][0] == wanted[k][0]).all() for k in (1, 2))
+    limits = manipulator.hard
+    # Along a kept tick the planned motion keeps the limits: Ruckig, told to take a tick at least,
+    # arrives at its end as well.
+    kept = np.empty(math.ceil(planned.end / TICK - SAME), bool)
+    library().kept_ticks(planned.core, limits.core, TICK, len(kept), kept)
+    rows = planned.at(TICK * np.arange(len(kept) + 1))
+    wanted = np.array([values.T for values in rows])
+    sent = wanted.copy()
+    sent[1:, 0] = manipulator.initial_motion
+    kept[0] &= (sent[:, 0] == wanted[:, 0]).all()
     done = 0
     try:
         for tick in np.flatnonzero(~kept).tolist():
             if tick >= done:
-                done = _chase(manipulator.hard, wanted, sent, kept, tick)
+                done = _chase(limits, wanted, sent, kept, tick)
     except ruckig.RuckigError as error:
         raise SmoothingError(f"Ruckig: {' '.join(str(error).split())}") from None
     return Samples(*sent)
 
 
-def _chase(limits: Limits, wanted: list[Array], sent: list[Array], kept: Flags, first: int) -> int:
-    """Ruckig from sample `first` on; the sample where it is back and the next tick is kept."""
+def _chase(limits: Limits, wanted: Array, sent: Array, kept: Flags, first: int) -> int:
+    """Ruckig from sample `first` on; the sample where it is back and the next tick is kept.
+
+    wanted, sent (3, N, n): positions, rates and accelerations; `sent` is changed.
+    """
     import ruckig
 
     n = len(limits.dq)
-    most = [SHARE * limits.dq, SHARE * limits.ddq]
-    otg, trajectory, order = ruckig.Ruckig(n), ruckig.Trajectory(n), ruckig.InputParameter(n)
     assert limits.jerk is not None
-    order.max_velocity, order.max_acceleration = (values.tolist() for values in most)
-    order.max_jerk, order.minimum_duration = (SHARE * limits.jerk).tolist(), TICK
-    q = wanted[0].tolist()
-    dq, ddq = (
-        np.clip(values, -limit, limit).tolist()
-        for values, limit in zip(wanted[1:], most, strict=True)
-    )
-    state = tuple(values[first].tolist() for values in sent)
-    states = []
-    for i in range(first + 1, len(q)):
+    most = SHARE * np.array([limits.dq, limits.ddq, limits.jerk])
+    otg, trajectory, order = ruckig.Ruckig(n), ruckig.Trajectory(n), ruckig.InputParameter(n)
+    order.max_velocity, order.max_acceleration, order.max_jerk = most.tolist()
+    order.minimum_duration = TICK
+    goals = wanted.copy()
+    goals[1:] = np.clip(wanted[1:], -most[:2, None], most[:2, None])
+    state, states = sent[:, first].tolist(), []
+    for i in range(first + 1, goals.shape[1]):
+        goal = goals[:, i]
         order.current_position, order.current_velocity, order.current_acceleration = state
-        order.target_position, order.target_velocity = q[i], dq[i]
-        order.target_acceleration = ddq[i]
+        order.target_position, order.target_velocity, order.target_acceleration = goal.tolist()
         result = otg.calculate(order, trajectory)
         if result not in (ruckig.Result.Working, ruckig.Result.Finished):
             raise SmoothingError(f"Ruckig could not follow at t = {i * TICK:.3f} s: {result.name}")
         state = trajectory.at_time(TICK)
-        if i < len(kept) and kept[i] and _on_sample(state, (q[i], dq[i], ddq[i])):
+        if i < len(kept) and kept[i] and (np.abs(state - goal) <= ON_SAMPLE).all():
             break
         states.append(state)
-    followed = np.array(states).reshape(-1, 3, n)
     back = first + 1 + len(states)
-    for k, values in enumerate(sent):
-        values[first + 1 : back] = followed[:, k]
+    sent[:, first + 1 : back] = np.array(states).reshape(-1, 3, n).swapaxes(0, 1)
     return back
-
-
-def _on_sample(state: tuple[list[float], ...], sample: tuple[list[float], ...]) -> bool:
-    for one, other, near in zip(state, sample, ON_SAMPLE, strict=True):
-        for a, b in zip(one, other, strict=True):
-            if not abs(a - b) <= near:
-                return False
-    return True
 
 
 def _braked_hand(limits: Limits, planned: Trajectory) -> list[Array]:

@@ -7,14 +7,14 @@ scatters. Releases and landings are computed when they are first read.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, replace
+from dataclasses import InitVar, dataclass, replace
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ...core import Measured, ReleaseC, ThrowC, library
+from ...core import Measured, ReleaseC, SceneC, ThrowC, library
 from ...models import Array, FlightLaw, FlightState, HandSamples, HandTrack, Trajectory
 from ...models.release import (
     SLIDING_PIVOT,
@@ -26,16 +26,12 @@ from ...models.release import (
     exact_surface_release,
 )
 from ...problems import Pose, Scene
-from .core_scene import core_scene
 from .loads import Torques, core_torques, torques_of
 from .manipulator import EXACT_HAND, HandError, Manipulator
 from .sending import NO_SAMPLES, TICK, Samples
 
 #: Longest interval [s] between the instants at which sticking is checked before the opening.
 CARRY_STEP = 0.002
-#: A throw that counts falls so fast [m/s] at least through the target's height. Nearer to the top
-#: of its flight some micrometres of the release are millimetres of the landing.
-FALLS = 0.02
 #: Exact release models by their names: the paper's, and the time-stepping limit surface.
 EXACT = {SLIDING_PIVOT: exact_pivot_release, STEPPED_SURFACE: exact_surface_release}
 
@@ -49,6 +45,13 @@ class LandingPoint:
     theta: float
     flight_time: float
     state: FlightState
+
+    @classmethod
+    def of(cls, release: Release, height: float, flight: FlightLaw) -> LandingPoint:
+        """Flight of a release to `height` [m]."""
+        time = library().flight_time(release.end, height, flight.gravity)
+        end = flight.after(release.detach, time)
+        return cls(end.x, height if math.isfinite(time) else math.nan, end.theta, time, end)
 
     @property
     def pose(self) -> tuple[float, float, float]:
@@ -65,7 +68,7 @@ class Throw:
     detach, for a free hand. opening_time [s]: when the grip force starts to fall. samples:
     what is sent, at 1 kHz from rest to rest; empty where nothing is. model: whose release it
     is, of `EXACT`; empty for the one that the scene's tolerance names. error: how far the hand is
-    off its motion.
+    off its motion. known_release: its `release`, where that has been computed already.
     """
 
     scene: Scene
@@ -75,6 +78,12 @@ class Throw:
     samples: Samples = NO_SAMPLES
     model: str = ""
     error: HandError = EXACT_HAND
+    known_release: InitVar[Release | None] = None
+
+    def __post_init__(self, known_release: Release | None) -> None:
+        """Takes a known release; another motion, scene or model made from this has none."""
+        if known_release is not None:
+            vars(self)["release"] = known_release
 
     @classmethod
     def sent(
@@ -107,14 +116,23 @@ class Throw:
         return self._in_place(EXACT[self.model or self.scene.tolerance.model](self.case))
 
     def _in_place(self, released: Release) -> Release:
-        turn = _turn(self.scene)
-        return _displaced(released, self.error, turn) if turn or any(self.error) else released
+        """The release of a hand that is off its motion, and moves off it.
+
+        Friction knows relative motion only: such a hand takes the whole release along.
+        """
+        turn, error = turn_of(self.scene.com_offset), self.error
+        if not turn and not any(error):
+            return released
+        com, twist = released.com.copy(), released.com_twist.copy()
+        com[0] += error.x + error.v_x * released.times
+        com[1] += error.z + error.v_z * released.times
+        com[2] -= turn
+        twist[:2] += np.array([[error.v_x], [error.v_z]])
+        return replace(released, com=com, com_twist=twist)
 
     def released(self, release: Release) -> Throw:
         """The throw whose exact release is known already, as `case` has it."""
-        found = replace(self)
-        vars(found)["release"] = found._in_place(release)
-        return found
+        return replace(self, known_release=self._in_place(release))
 
     @cached_property
     def onsets(self) -> tuple[float | None, float | None]:
@@ -126,7 +144,7 @@ class Throw:
     @cached_property
     def landing(self) -> LandingPoint:
         """The flight of that to the target's height."""
-        return landing(self.release, self.target.z, self.scene.flight)
+        return LandingPoint.of(self.release, self.target.z, self.scene.flight)
 
     @cached_property
     def grip_use(self) -> float:
@@ -279,13 +297,83 @@ def _core_motion(throw: Throw) -> ThrowC:
     return found
 
 
+def column_of(scene: Scene) -> tuple[float, float] | None:
+    """Half the width [m] of the base column where the bar meets it, and its height.
+
+    None without one, and for an arm that throws beside it.
+    """
+    workspace, target = scene.workspace, scene.target
+    if workspace is None or workspace.column_radius is None or workspace.column_height is None:
+        return None
+    lateral = 0.0 if target is None else abs(target.lateral)
+    beside = max(lateral - scene.object.width / 2, 0.0)
+    if beside >= workspace.column_radius:
+        return None
+    return math.sqrt(workspace.column_radius**2 - beside**2), workspace.column_height
+
+
+def core_scene(scene: Scene, hand_error: float) -> SceneC:
+    """What of the scene the compiled core measures a throw by; hand_error [rad]: its angle's."""
+    bar, body, patch, cup, arm = scene.object, scene.body, scene.patch, scene.cup, scene.arm
+    limit = patch.force_limit(scene.gripper.profile().full)
+    workspace, column = scene.workspace, column_of(scene)
+    found = SceneC(
+        gravity=scene.gravity,
+        mass=body.mass,
+        inertia=body.inertia,
+        com_offset=body.com_offset,
+        grasp_angle=scene.grasp.angle + hand_error,
+        force=limit,
+        torque=limit * patch.torsion_arm,
+        behind=bar.com,
+        ahead=bar.length - bar.com,
+        half_width=bar.width / 2,
+        cup_speed=0.0 if scene.target is None else scene.target.speed,
+        # Below 0 is what the scene does not have.
+        column_radius=-1.0,
+        palm_half_width=-1.0,
+        palm_clearance=-1.0,
+        tool_length=-1.0,
+        cup_radius=-1.0,
+    )
+    if column is not None:
+        found.column_radius, found.column_height = column
+    if arm is not None:
+        tool = arm.tool
+        found.palm_back, found.palm_front = tool.palm_back, tool.palm_front
+        found.palm_half_width = tool.palm_half_width
+        if workspace is not None and workspace.palm_clearance is not None:
+            found.palm_clearance = workspace.palm_clearance
+        if scene.tool_speed is not None:
+            found.tool_length = tool.tcp
+    if cup is not None:
+        found.cup_x, found.cup_rim, found.cup_insertion = cup.x, cup.rim, cup.insertion
+        # The bar is as thick as it is wide, so a round cup is narrower off its middle.
+        found.cup_radius = math.sqrt(cup.radius**2 - (bar.width / 2) ** 2)
+    return found
+
+
+def cup_entries(scene: Scene, detach: Array, flight: Array) -> Array:
+    """Least clearance (N,) [m] of the bars' way into the scene's cup; -inf for those that miss it.
+
+    detach (N, 6): CoM pose and twist; flight (N,): seconds until the landing height. The way in is
+    from the lower end's passing the rim plane until it is `insertion` below; the clearance is
+    the least distance of outline and wall or rim, negative outside. The bar is taken as thick as
+    it is wide, so in a round cup the walls are nearer than `radius` off the middle.
+    """
+    found = np.empty(len(detach))
+    states, times = np.ascontiguousarray(detach), np.ascontiguousarray(flight, float)
+    library().cup_entries(core_scene(scene, 0.0), len(detach), states, times, found)
+    return found
+
+
 def case_of(scene: Scene, hand: HandTrack, hand_error: float = 0.0) -> ReleaseCase:
     """The scene's release along a hand motion, counted from the opening's start.
 
     hand_error [rad]: its angle's. The pads are round, so that is an object held at another angle.
     """
-    grip, angle = scene.gripper.profile(), scene.grasp.angle + hand_error + _turn(scene)
-    body = replace(scene.body, com_offset=abs(scene.com_offset))
+    body, grip = replace(scene.body, com_offset=abs(scene.com_offset)), scene.gripper.profile()
+    angle = scene.grasp.angle + hand_error + turn_of(scene.com_offset)
     return ReleaseCase(body, scene.patch, grip, hand, scene.gravity, angle)
 
 
@@ -293,28 +381,10 @@ def release_numbers(scene: Scene, manipulator: Manipulator) -> tuple[ReleaseC, f
     """A scene's release for the core, its motion and delay left open, and how far the object is
     turned against it [rad]."""
     rest = Trajectory.accelerating(np.zeros(manipulator.size))
-    return compiled_release(case_of(scene, manipulator.hand(rest))), _turn(scene)
+    return compiled_release(case_of(scene, manipulator.hand(rest))), turn_of(scene.com_offset)
 
 
-def _turn(scene: Scene) -> float:
-    """The release models know a CoM ahead of the pads: one behind them is on a bar turned round."""
-    return math.pi if scene.com_offset < 0.0 else 0.0
-
-
-def _displaced(release: Release, error: HandError, turn: float) -> Release:
-    """The release of a hand that is off its motion, and moves off it; turned back by `turn` [rad].
-
-    Friction knows relative motion only: such a hand takes the whole release along.
-    """
-    com, twist = release.com.copy(), release.com_twist.copy()
-    com[:2] += error.at(release.times)[:2]
-    com[2] -= turn
-    twist[:2] += np.array([[error.v_x], [error.v_z]])
-    return replace(release, com=com, com_twist=twist)
-
-
-def landing(release: Release, height: float, flight: FlightLaw) -> LandingPoint:
-    """Flight of a release to `height` [m]."""
-    time = library().flight_time(release.end, height, flight.gravity)
-    end = flight.after(release.detach, time)
-    return LandingPoint(end.x, height if math.isfinite(time) else math.nan, end.theta, time, end)
+def turn_of(com_offset: Any) -> Any:
+    """Angle [rad] by which release models see a bar turned: a CoM behind the pads (com_offset [m]
+    below 0) is one ahead of them on a bar turned round."""
+    return math.pi * (com_offset < 0.0)

@@ -15,18 +15,11 @@ from functools import cached_property
 import numpy as np
 
 from ...models import Array, Flags, FlightState, Indices
-from ..throw import (
-    EXACT,
-    FALLS,
-    BatchFlights,
-    ThrowBatch,
-    torque_limits,
-)
-from ..throw.clearance import BAR
-from .carry import Carry
+from ..clearance import BAR
+from ..throw import EXACT, BatchFlights, ThrowBatch, torque_limits
 from .findings import JOINT_LIMITS, Code, Verdict
-from .flight import InFlight
-from .landing import LandingStates, landing_uses
+from .landing import FALLS, LandingStates, landing_uses
+from .motion import MotionLimits
 from .single import FLYING, verdict
 
 
@@ -49,16 +42,21 @@ BOUND = ErrorBound()
 
 @dataclass(frozen=True)
 class Verdicts:
-    """Verdicts on N throws. broken: flags (N,) by code; cup: whether the scene has one."""
+    """Landings of N throws, and verdicts on these.
 
+    pose (N, 3): x [m], theta [rad] and flight time [s] at the target's height, relative to a moving
+    target; NaN for a throw that never lands. broken: flags (N,) by code; cup: whether the scene has
+    one.
+    """
+
+    pose: Array
     broken: dict[Code, Flags]
-    count: int
     cup: bool = False
 
     def breaks(self, *codes: Code) -> Flags:
         """Flags (N,) of the throws that break any of the codes."""
         flags = [self.broken[code] for code in codes if code in self.broken]
-        return np.asarray(np.logical_or.reduce([np.zeros(self.count, bool), *flags]))
+        return np.asarray(np.logical_or.reduce([np.zeros(len(self.pose), bool), *flags]))
 
     @property
     def ok(self) -> Flags:
@@ -71,29 +69,40 @@ class Verdicts:
         excused = {Code.LANDING} if self.cup else set()
         return ~self.breaks(*(set(Code) - excused))
 
+    @property
+    def in_tolerance(self) -> Flags:
+        """Flags (N,) of the throws that land within the tolerance."""
+        return ~self.breaks(Code.LANDING, Code.NO_LANDING)
+
+    @property
+    def in_cup(self) -> Flags:
+        """Flags (N,) of the throws that enter the cup without contact; of all that land without
+        one."""
+        return ~self.breaks(Code.CUP_MISSED, Code.CUP_WALL, Code.NO_LANDING)
+
+    @property
+    def sticks(self) -> Flags:
+        """Flags (N,) of the throws that stick in the grip until the opening."""
+        return ~self.breaks(Code.SLIP_BEFORE_OPENING)
+
     @staticmethod
     def joined(parts: Sequence[Verdicts]) -> Verdicts:
         """The verdicts of several batches as one."""
         codes = {code for part in parts for code in part.broken}
         broken = {code: np.concatenate([part.breaks(code) for part in parts]) for code in codes}
-        return Verdicts(broken, sum(part.count for part in parts), parts[0].cup)
-
-
-def verdicts(batch: ThrowBatch, values: Array, judge: Judge | None = None) -> Verdicts:
-    """Verdicts on N throws: values (N, P) of the batch's parameters, SI units."""
-    judge = Judge(batch) if judge is None else judge
-    return judge.verdicts(batch.fly(values), values)
+        return Verdicts(np.concatenate([part.pose for part in parts]), broken, parts[0].cup)
 
 
 @dataclass(frozen=True)
 class Judge:
-    """Judges throws of one motion; caches the checks of the motion."""
+    """Throws a motion with other values of its parameters, and judges the throws; caches the checks
+    of the motion. It can be pickled."""
 
     batch: ThrowBatch
 
-    def verdicts(self, flights: BatchFlights, values: Array) -> Verdicts:
-        """Verdicts on flights of the batch, of parameters (N, P)."""
-        count, cup = len(values), self.batch.scene.cup is not None
+    def verdicts(self, values: Array) -> Verdicts:
+        """Verdicts on N throws: values (N, P) of the batch's parameters, SI units."""
+        flights, count = self.batch.fly(values), len(values)
         found, unsure = self._judge(flights, self._doubt(flights))
         exact = self.batch.model in EXACT
         which = np.flatnonzero(unsure) if exact else np.zeros(0, int)
@@ -102,13 +111,13 @@ class Judge:
             for code in found.keys() | sure.keys():
                 flags = found.setdefault(code, np.zeros(count, bool))
                 flags[which] = sure.get(code, False)
-        found[Code.SLIP_BEFORE_OPENING] = self._carry.slips(flights)
+        found[Code.SLIP_BEFORE_OPENING] = self._limits.slips(flights)
         if torque_limits(self.batch.scene) is not None:
-            found[Code.TORQUE] = self._carry.strains(flights) & ~found[Code.NO_LANDING]
+            found[Code.TORQUE] = self._limits.strains(flights) & ~found[Code.NO_LANDING]
         found |= {code: np.ones(count, bool) for code in self._motion}
         if exact:
-            self._decide(found, np.flatnonzero(self._carry.may_collide(flights)), values)
-        return Verdicts(found, count, cup)
+            self._decide(found, np.flatnonzero(self._limits.may_collide(flights)), values)
+        return Verdicts(flights.pose, found, self.batch.scene.cup is not None)
 
     def _judge(self, flights: BatchFlights, doubt: Array) -> tuple[dict[Code, Flags], Flags]:
         """Flags (N,) of the limits that releases and flights break, and of the throws whose error
@@ -118,7 +127,7 @@ class Judge:
         found, unsure = {Code.NO_LANDING: ~down, Code.RELEASE: flights.release.lost | blew}, ~down
         for broken, doubtful in (
             self._landings(flights, doubt),
-            self._flight.judge(flights, doubt),
+            self._limits.judge_flights(flights, doubt),
         ):
             found |= {code: flags & down for code, flags in broken.items()}
             unsure = unsure | doubtful
@@ -146,12 +155,8 @@ class Judge:
         return frozenset(arm & (always | {Code.FLOOR, Code.COLLISION}))
 
     @cached_property
-    def _flight(self) -> InFlight:
-        return InFlight(self.batch)
-
-    @cached_property
-    def _carry(self) -> Carry:
-        return Carry(self.batch)
+    def _limits(self) -> MotionLimits:
+        return MotionLimits(self.batch)
 
     # The landing.
 
@@ -182,8 +187,8 @@ class Judge:
         x, theta, time = flights.landing.T
         end = (x, np.full(len(x), target.z), theta, *self._end(flights))
         turn = 0.0 * theta if target.theta is None else theta - target.theta
-        start, lands = flights.start.T, flights.freed + time
-        at = LandingStates(x - flights.goal, turn, start, end, lands, (doubt[0], doubt[1]))
+        dx, start, lands = x - target.plane_x - flights.way, flights.start.T, flights.freed + time
+        at = LandingStates(dx, turn, start, end, lands, (doubt[0], doubt[1]))
         uses = landing_uses(scene, target, at)
         broken, unsure = dict[Code, Flags](), np.zeros(len(x), bool)
         for code in {use.code for use in uses}:

@@ -10,52 +10,86 @@ from typing import Any
 
 from ...problems.files import plain
 
+_EASIER_THROW = "a nearer or higher target, another angle, or a faster arm"
+
 
 class Code(Enum):
-    """The subject of a finding; the value is its name in JSON."""
+    """The subject of a finding: its name in JSON, the failure of throws that break it (after
+    "34 % ..."), and the change of the scene that avoids it."""
 
-    LANDING = "landing"
-    NO_LANDING = "no_landing"
-    GRAZING = "grazing"
-    LANDING_SPEED = "landing_speed"
-    LANDING_RATE = "landing_rate"
-    ARRIVAL = "arrival"
-    RELEASE = "release"
-    SLIP_BEFORE_OPENING = "slip_before_opening"
-    JOINT_POSITION = "joint_position"
-    JOINT_VELOCITY = "joint_velocity"
-    JOINT_ACCELERATION = "joint_acceleration"
-    JOINT_JERK = "joint_jerk"
-    TOOL_SPEED = "tool_speed"
-    TORQUE = "torque"
-    KINEMATICS = "kinematics"
-    FLOOR = "floor"
-    COLUMN = "column"
-    PALM = "palm"
-    COLLISION = "collision"
-    CUP_MISSED = "cup_missed"
-    CUP_WALL = "cup_wall"
-    MODELS_DIFFER = "models_differ"
-    UNCERTAIN = "uncertain"
+    fate: str
+    cure: str
 
-    @property
-    def cure(self) -> str:
-        """The change of the scene that avoids it."""
-        return _CURES[self]
+    LANDING = "landing", "land outside the tolerance", "plan again, or a larger [tolerance]"
+    NO_LANDING = "no_landing", "never fall to the target's height", "a lower target"
+    GRAZING = (
+        "grazing",
+        "fall through the target's height too slowly",
+        "a target below the top of the flight",
+    )
+    LANDING_SPEED = "landing_speed", "land too fast or too slow", "the bounds in [landing]"
+    LANDING_RATE = "landing_rate", "land turning too fast", "the bounds in [landing]"
+    ARRIVAL = "arrival", "land too late", "a later [target] arrival"
+    RELEASE = "release", "slide out of the pads", "a stronger grip, a shorter [gripper] opening"
+    SLIP_BEFORE_OPENING = (
+        "slip_before_opening",
+        "slip under full grip before the opening",
+        "raise [gripper] force or sticking_margin",
+    )
+    JOINT_POSITION = "joint_position", "leave a joint's range", _EASIER_THROW
+    JOINT_VELOCITY = "joint_velocity", "exceed a joint's velocity", _EASIER_THROW
+    JOINT_ACCELERATION = "joint_acceleration", "exceed a joint's acceleration", _EASIER_THROW
+    JOINT_JERK = "joint_jerk", "exceed a joint's jerk", _EASIER_THROW
+    TOOL_SPEED = (
+        "tool_speed",
+        "exceed the tool's speed",
+        "a nearer target, or a larger [robot] tool_speed if the robot allows it",
+    )
+    TORQUE = (
+        "torque",
+        "need more torque than a joint has",
+        "a lighter object, or larger limits in [torque] if the robot allows them",
+    )
+    KINEMATICS = (
+        "kinematics",
+        "have frames that differ from the planar model",
+        "the arm's data: its planar model and its frames differ",
+    )
+    FLOOR = "floor", "touch the floor", "a lower [workspace] floor, another start"
+    COLUMN = "column", "touch the base column", "another target angle, less [workspace] column"
+    PALM = "palm", "touch the palm", "another target angle, less [workspace] palm_clearance"
+    COLLISION = (
+        "collision",
+        "hit an obstacle or the arm itself",
+        "another target angle, less clearance of the obstacle",
+    )
+    CUP_MISSED = (
+        "cup_missed",
+        "miss the cup",
+        "a wider cup, less insertion, an angle nearer -90 deg",
+    )
+    CUP_WALL = (
+        "cup_wall",
+        "touch the cup's wall or rim",
+        "a wider cup, less clearance or insertion, an angle nearer -90 deg",
+    )
+    MODELS_DIFFER = (
+        "models_differ",
+        "land elsewhere by another release model",
+        "a quiet release (--robust quiet)",
+    )
+    UNCERTAIN = "uncertain", "use up a reserve", "the reserve that the finding names"
 
-    @property
-    def fate(self) -> str:
-        """The failure of throws that break it, after "34 % ..."."""
-        return _FATES[self]
+    def __new__(cls, name: str, fate: str, cure: str) -> Code:
+        """A code whose value is its name in JSON."""
+        code = object.__new__(cls)
+        code._value_, code.fate, code.cure = name, fate, cure
+        return code
 
 
 #: Codes of a joint's limits by the names of the limited quantities.
-JOINT_LIMITS = {
-    "position": Code.JOINT_POSITION,
-    "velocity": Code.JOINT_VELOCITY,
-    "acceleration": Code.JOINT_ACCELERATION,
-    "jerk": Code.JOINT_JERK,
-}
+_KINDS = ("position", "velocity", "acceleration", "jerk")
+JOINT_LIMITS = {kind: Code[f"JOINT_{kind.upper()}"] for kind in _KINDS}
 
 
 @dataclass(frozen=True)
@@ -231,57 +265,4 @@ _SENTENCES: dict[Code, Callable[[Finding], str]] = {
     ),
     Code.MODELS_DIFFER: lambda f: f.note,
     Code.UNCERTAIN: lambda f: f.note,
-}
-
-_FATES: dict[Code, str] = {
-    Code.LANDING: "land outside the tolerance",
-    Code.NO_LANDING: "never fall to the target's height",
-    Code.GRAZING: "fall through the target's height too slowly",
-    Code.LANDING_SPEED: "land too fast or too slow",
-    Code.LANDING_RATE: "land turning too fast",
-    Code.ARRIVAL: "land too late",
-    Code.RELEASE: "slide out of the pads",
-    Code.SLIP_BEFORE_OPENING: "slip under full grip before the opening",
-    Code.JOINT_POSITION: "leave a joint's range",
-    Code.JOINT_VELOCITY: "exceed a joint's velocity",
-    Code.JOINT_ACCELERATION: "exceed a joint's acceleration",
-    Code.JOINT_JERK: "exceed a joint's jerk",
-    Code.TOOL_SPEED: "exceed the tool's speed",
-    Code.TORQUE: "need more torque than a joint has",
-    Code.KINEMATICS: "have frames that differ from the planar model",
-    Code.FLOOR: "touch the floor",
-    Code.COLUMN: "touch the base column",
-    Code.PALM: "touch the palm",
-    Code.COLLISION: "hit an obstacle or the arm itself",
-    Code.CUP_MISSED: "miss the cup",
-    Code.CUP_WALL: "touch the cup's wall or rim",
-    Code.MODELS_DIFFER: "land elsewhere by another release model",
-    Code.UNCERTAIN: "use up a reserve",
-}
-
-_EASIER_THROW = "a nearer or higher target, another angle, or a faster arm"
-_CURES: dict[Code, str] = {
-    Code.LANDING: "plan again, or a larger [tolerance]",
-    Code.NO_LANDING: "a lower target",
-    Code.GRAZING: "a target below the top of the flight",
-    Code.LANDING_SPEED: "the bounds in [landing]",
-    Code.LANDING_RATE: "the bounds in [landing]",
-    Code.ARRIVAL: "a later [target] arrival",
-    Code.RELEASE: "a stronger grip, a shorter [gripper] opening",
-    Code.SLIP_BEFORE_OPENING: "raise [gripper] force or sticking_margin",
-    Code.JOINT_POSITION: _EASIER_THROW,
-    Code.JOINT_VELOCITY: _EASIER_THROW,
-    Code.JOINT_ACCELERATION: _EASIER_THROW,
-    Code.JOINT_JERK: _EASIER_THROW,
-    Code.TOOL_SPEED: "a nearer target, or a larger [robot] tool_speed if the robot allows it",
-    Code.TORQUE: "a lighter object, or larger limits in [torque] if the robot allows them",
-    Code.KINEMATICS: "the arm's data: its planar model and its frames differ",
-    Code.FLOOR: "a lower [workspace] floor, another start",
-    Code.COLUMN: "another target angle, less [workspace] column",
-    Code.PALM: "another target angle, less [workspace] palm_clearance",
-    Code.COLLISION: "another target angle, less clearance of the obstacle",
-    Code.CUP_MISSED: "a wider cup, less insertion, an angle nearer -90 deg",
-    Code.CUP_WALL: "a wider cup, less clearance or insertion, an angle nearer -90 deg",
-    Code.MODELS_DIFFER: "a quiet release (--robust quiet)",
-    Code.UNCERTAIN: "the reserve that the finding names",
 }

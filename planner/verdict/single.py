@@ -2,34 +2,32 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 
+import casadi as ca
+import numpy as np
+
+from ...core import SamplesC, library
+from ...models import Array
+from ...models.robot import PlanarArm, about_z
 from ...problems import Pose, Scene, Tolerance
-from ..throw import (
-    Manipulator,
-    Samples,
-    Throw,
-    column_of,
-    excesses,
-)
-from ..throw.clearance import (
-    BAR,
-    Clearance,
-    CollisionScene,
-    clearances_of,
-    contacts,
-    held_bar,
-    swept_bodies,
-)
+from ..clearance import BAR, Clearance, CollisionScene, contacts, held_bar
+from ..throw import TICK, Manipulator, Samples, Throw, column_of, excesses
 from .findings import JOINT_LIMITS, Code, Finding, Verdict
-from .in_space import AGREES, off_in_space
 from .landing import LandingStates, LimitUse, landing_uses, least_cup_clearance, tolerance_uses
 
 #: Violation [m] of a clearance that is allowed for rounding.
 NEAR = 1e-6
 #: Name of the bar after detach, among bodies.
 FLYING = "flying bar"
+#: Ticks between the samples whose hand is compared in space; the difference depends on the angles
+#: only.
+EVERY = 10
+#: Largest difference of the pads' centre [m] and axes [-] between planar model and chain.
+AGREES = 1e-6
 
 
 def verdict(throw: Throw, target: Pose | None = None, *, sent: Throw | None = None) -> Verdict:
@@ -37,12 +35,13 @@ def verdict(throw: Throw, target: Pose | None = None, *, sent: Throw | None = No
 
     For a throw that never lands: joint limits, kinematics, release and grip only. target: None for
     the throw's own. sent: the commanded motion, if `throw` is the expected motion of joints that
-    lag: joint limits are judged on `sent`, the tool's speed on both.
+    lag: joint limits and torques are judged on `sent`, the tool's speed on both.
     """
     commanded, goal = throw if sent is None else sent, throw.target if target is None else target
     findings = [*_limits(commanded), *_kinematics(throw), *_release(throw)]
     if throw.lands:
         findings += _landing(throw, goal)
+        findings += [*_tool_speed(throw), *_torque(throw, commanded)]
         for rule in _RULES:
             findings += rule(throw)
         if commanded is not throw:
@@ -81,9 +80,41 @@ def _excesses(manipulator: Manipulator, samples: Samples) -> Iterator[Finding]:
 
 
 def _kinematics(throw: Throw) -> Iterator[Finding]:
-    off = off_in_space(throw.manipulator, throw.samples, throw.target.plane.azimuth)
+    """Whether the arm's own chain puts the pads where the planar model of plans does."""
+    off = _off_in_space(throw.manipulator, throw.samples, throw.target.plane.azimuth)
     if not off <= AGREES:
         yield Finding(Code.KINEMATICS, off, AGREES)
+
+
+@functools.lru_cache(maxsize=16)
+def _stiff_parts(kinematics: PlanarArm) -> Array:
+    """4x4 poses (n + 2, 4, 4) of the azimuth joint in the base frame, of each throwing joint after
+    the one before, then of the pads: these joints at angle 0, the others in the posture."""
+    arm = kinematics.arm
+    turning, joints = (arm.azimuth_joint, *kinematics.throwing_joints), list(arm.posture)
+    for joint in turning:
+        joints[joint - 1] = 0.0
+    frames = [np.array(ca.evalf(frame)) for frame in arm.frames(ca.SX(ca.DM(joints)))]
+    at = [np.eye(4), *(frames[joint - 1] for joint in turning), frames[-1]]
+    return np.array([np.linalg.solve(before, after) for before, after in pairwise(at)])
+
+
+def _off_in_space(manipulator: Manipulator, sent: Samples, azimuth: float) -> float:
+    """Largest difference [m; -] of the pads' centre and axes from the planar model; 0 without an
+    arm.
+
+    azimuth [rad]: of the throw's plane.
+    """
+    kinematics = manipulator.kinematics
+    if not isinstance(kinematics, PlanarArm) or not sent.q.size:
+        return 0.0
+    chain, arm = _stiff_parts(kinematics), kinematics.arm
+    if azimuth:
+        chain = chain.copy()
+        chain[0, :3] = about_z(-azimuth) @ chain[0, :3]
+    samples, angle = SamplesC.of(TICK, sent.q), arm.azimuth_angle(azimuth)
+    difference = library().off_plane(samples, EVERY, kinematics.core, chain, angle, arm.lateral)
+    return float(difference)
 
 
 def _release(throw: Throw) -> Iterator[Finding]:
@@ -108,9 +139,7 @@ def held_verdict(scene: Scene, manipulator: Manipulator, samples: Samples, first
     q, times = samples.q[first:].T, samples.times[first:]
     bar = held_bar(scene, manipulator.motion(q, 0 * q, 0 * q)[0])
     surroundings = CollisionScene.of(scene, manipulator)
-    clearances = clearances_of(
-        swept_bodies(scene, surroundings.capsules, times, q, bar), surroundings
-    )
+    clearances = surroundings.clearances(surroundings.bodies_at(times, q, bar))
     return Verdict((*_excesses(manipulator, samples), *map(collision, clearances)))
 
 
@@ -123,10 +152,11 @@ def _tool_speed(throw: Throw) -> Iterator[Finding]:
         yield Finding(Code.TOOL_SPEED, speed.value, limit, speed.time)
 
 
-def _torque(throw: Throw) -> Iterator[Finding]:
+def _torque(throw: Throw, commanded: Throw) -> Iterator[Finding]:
     if throw.measured.torque.value <= 1.0:
         return
-    torques = throw.torques
+    # Where the joints are does not say what turns them.
+    torques = commanded.torques
     for name, share in zip(throw.manipulator.joints, torques.use.T, strict=True):
         if share.max() > 1.0:
             when = float(torques.times[share.argmax()])
@@ -186,8 +216,6 @@ def collision(pair: Clearance) -> Finding:
 
 
 _RULES: tuple[Callable[[Throw], Iterator[Finding]], ...] = (
-    _tool_speed,
-    _torque,
     _floor,
     _cup,
     _palm,

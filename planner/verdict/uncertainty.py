@@ -1,14 +1,19 @@
-"""Samples of a scene's uncertain parameters: parts of one seeded Sobol sequence."""
+"""[uncertainty]: samples of the uncertain parameters, and what they make of a solved throw."""
 
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
 from ...models import Array
-from ...problems import Distribution, Scene, Uncertainty
+from ...models.release import SLIDING_PIVOT, STEPPED_SURFACE
+from ...problems import Distribution, Pose, Scene, Uncertainty
+from ..throw import Throw, ThrowBatch
+from .batch import Judge
+from .findings import Code, Finding
 
 #: Half a cell of SciPy's 30-bit sequence; added to a share it excludes 0 and 1.
 HALF_CELL = 2.0**-31
@@ -22,6 +27,18 @@ UNITS = (
     (("friction",), 1.0, ""),
     (("mass",), 1e3, "g"),
     (("inertia",), 1e6, "kg mm²"),
+)
+#: Number of sampled throws for reserves and spread.
+SAMPLES = 256
+#: Codes of the limits with a reserve in a plan; sweeps judge the scatter of the landing.
+RESERVED = (
+    Code.SLIP_BEFORE_OPENING,
+    Code.TORQUE,
+    Code.FLOOR,
+    Code.COLUMN,
+    Code.PALM,
+    Code.COLLISION,
+    Code.RELEASE,
 )
 
 
@@ -71,6 +88,12 @@ class Sampler:
         spread = self.spreads[self.names.index(name)]
         more = COVERED * (spread.normal or 0.0)
         return spread.reach[0] - more, spread.reach[1] + more
+
+    def openings(self, scene: Scene) -> tuple[float, float, float]:
+        """The earliest and the latest opening [s] beside the mean delay, and the longest one."""
+        mean, opening = scene.mean_delay, scene.gripper.profile().opening
+        low, high = self.reach("delay", mean)
+        return low - mean, high - mean, max(opening, self.reach("opening", opening)[1])
 
 
 def sampler_of(scene: Scene, seed: int) -> Sampler:
@@ -126,3 +149,70 @@ def unit_of(name: str) -> tuple[float, str]:
         if name in names:
             return factor, unit
     return (math.degrees(1.0), "deg") if Uncertainty.PARAMETERS[name].degrees else (1e3, "mm")
+
+
+def warnings(throw: Throw, target: Pose) -> tuple[Finding, ...]:
+    """Warnings about a solved throw.
+
+    target: the requested one, which may move.
+    """
+    return (*_models(throw, target), *_reserves(throw, target))
+
+
+def _models(throw: Throw, target: Pose) -> Iterator[Finding]:
+    """A warning if sliding pivot and limit surface land farther apart than the tolerance."""
+    tolerance = throw.scene.tolerance
+    pivot, surface = (throw.with_model(model).landing for model in (SLIDING_PIVOT, STEPPED_SURFACE))
+    x = abs(pivot.x - surface.x)
+    theta = 0.0 if target.theta is None else abs(pivot.theta - surface.theta)
+    if x <= tolerance.position and theta <= tolerance.angle:
+        return
+    words = "only one of sliding pivot and limit surface lands at the target's height"
+    if math.isfinite(x):
+        words = (
+            f"sliding pivot and limit surface land {1e3 * x:.1f} mm and "
+            f"{math.degrees(abs(pivot.theta - surface.theta)):.1f} deg apart, more than the "
+            f"tolerance of {1e3 * tolerance.position:g} mm and "
+            f"{math.degrees(tolerance.angle):g} deg"
+        )
+    yield Finding(Code.MODELS_DIFFER, x, tolerance.position, broken=False, note=words)
+
+
+def _reserves(throw: Throw, target: Pose) -> Iterator[Finding]:
+    """Warnings about limits, except the tolerance, that throws within [uncertainty] break."""
+    scene = throw.scene
+    if scene.uncertainty is None:
+        return
+    batch, values = _sample_throws(throw.in_scene(scene.without_clearances()), target)
+    judged = Judge(batch).verdicts(values)
+    for code in RESERVED:
+        share = float(np.mean(judged.breaks(code)))
+        if share > 0.0:
+            note = f"under [uncertainty] {100 * share:.0f} % of the throws {code.fate}"
+            if code is Code.SLIP_BEFORE_OPENING:
+                use = 100 * throw.measured.grip.value
+                note += f"; the plan uses {use:.0f} % of the friction limit"
+            note += f": {code.cure}"
+            yield Finding(Code.UNCERTAIN, share, 0.0, body=code.value, broken=False, note=note)
+
+
+def _sample_throws(throw: Throw, target: Pose) -> tuple[ThrowBatch, Array]:
+    """Throws of one motion, and the values (N, P) of the scene's uncertain parameters."""
+    sampler = sampler_of(throw.scene, 0)
+    early, late, longest = sampler.openings(throw.scene)
+    reach = min(early, 0.0), max(late, 0.0), longest
+    return ThrowBatch.of(throw, target, sampler.names, reach), sampler.draw(0, SAMPLES)
+
+
+def landing_spread(throw: Throw, target: Pose) -> float:
+    """95 % quantile [m] of the pose error (position plus angle times half the length) about the
+    throw's own landing under the scene's uncertainty; infinite if over 5 % never land.
+
+    target: theta counts if it fixes it.
+    """
+    batch, values = _sample_throws(throw, target)
+    change = batch.fly(values).landing - batch.fly(batch.nominal()).landing
+    turn = 0.0 if target.theta is None else change[:, 1]
+    errors = throw.scene.object.pose_error(change[:, 0], turn)
+    finite_errors = np.where(np.isnan(errors), np.inf, errors)
+    return float(np.quantile(finite_errors, 0.95, method="inverted_cdf"))

@@ -15,14 +15,14 @@ import throwplan as tp
 from builders import nlp_of, varied
 from throwplan.models import Trajectory
 from throwplan.models.robot import about_z
-from throwplan.planner.show import serving, space_throw
-from throwplan.planner.throw import Throw, make_manipulator
-from throwplan.planner.throw.clearance import (
+from throwplan.planner.clearance import (
+    CollisionScene,
     contacts,
     held_bar,
     overlap,
-    swept_bodies,
 )
+from throwplan.planner.show import serving, space_throw
+from throwplan.planner.throw import Throw, make_manipulator
 from throwplan.planner.verdict import collision
 from throwplan.problems import Obstacle
 
@@ -61,7 +61,7 @@ def test_a_throw_clears_the_arm_as_the_check_says(pose, free) -> None:
     moved_by, number = (*capsules.moved_by, capsules.moved_by[-1]), (*capsules.number, math.inf)
     for where in (None, bar):
         found = overlap(pose, manipulator, q, where)
-        track = swept_bodies(pose, capsules, np.zeros(300), q, where)
+        track = CollisionScene(pose, (), capsules).bodies_at(np.zeros(300), q, where)
         expected = np.full(300, -np.inf)
         for i, j in itertools.combinations(range(len(track.names)), 2):
             if moved_by[i] == moved_by[j] or abs(number[i] - number[j]) <= 2:

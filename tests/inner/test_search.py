@@ -11,10 +11,10 @@ import throwplan as tp
 from builders import varied
 from scipy.interpolate import BPoly
 from throwplan.models import Trajectory
+from throwplan.planner.clearance import column_distance
 from throwplan.planner.ocp import Refinement
 from throwplan.planner.samples import Releases, ReleaseSampler, starts, stored_releases
 from throwplan.planner.throw import case_of, make_manipulator
-from throwplan.planner.throw.clearance import column_distance
 from throwplan.planner.verdict import FLYING, Code, Finding, Verdict
 
 from benchmarks.plain_pivot import PlainPivot

@@ -10,12 +10,12 @@ import pytest
 import throwplan as tp
 from builders import nlp_of, varied
 from throwplan.models import FlightLaw, FlightState
+from throwplan.planner.clearance import (
+    bar_outline,
+)
 from throwplan.planner.throw import (
     Throw,
     cup_entries,
-)
-from throwplan.planner.throw.clearance import (
-    bar_outline,
 )
 from throwplan.planner.verdict import verdict
 from throwplan.problems import Landing, Torque

@@ -16,7 +16,6 @@ from throwplan.planner.verdict import (
     Verdict,
     sampler_of,
     verdict,
-    verdicts,
     warnings,
 )
 from throwplan.problems import Distribution, Obstacle, Uncertainty
@@ -111,7 +110,7 @@ def scattered(plan: tp.Plan, seed: int = 1) -> tuple[CountingJudge, np.ndarray]:
 
 def assert_the_same(judge: Judge, values: np.ndarray) -> set[Code]:
     """Each throw's codes of both; returns all that were broken."""
-    together, seen = verdicts(judge.batch, values, judge), set[Code]()
+    together, seen = judge.verdicts(values), set[Code]()
     for i, row in enumerate(values):
         alone = judge.one(row)
         assert {code for code, flags in together.broken.items() if flags[i]} == alone.codes, i
@@ -128,7 +127,7 @@ def test_throws_together_are_judged_as_each_by_itself(name: str, tmp_path) -> No
     """And as the oracle judges them, where a limit is not nearer than its accuracy."""
     plan = tp.plan(SCENES[name]().replace(uncertainty=ALL, robust=None))
     judge, values = scattered(plan)
-    together = verdicts(judge.batch, values, judge)
+    together = judge.verdicts(values)
     assert judge.singles <= COUNT / 20
     seen = assert_the_same(judge, values)
     plan.save(tmp_path, draw=False)
@@ -140,7 +139,7 @@ def test_throws_together_are_judged_as_each_by_itself(name: str, tmp_path) -> No
     # Some fail and some do not, or nothing is compared.
     assert Code.LANDING in seen or Code.CUP_WALL in seen
     if "weak" in name:
-        slips = verdicts(judge.batch, values).breaks(Code.SLIP_BEFORE_OPENING)
+        slips = Judge(judge.batch).verdicts(values).breaks(Code.SLIP_BEFORE_OPENING)
         assert 0 < slips.sum() < COUNT
 
 
@@ -157,7 +156,7 @@ def test_obstacles_are_met_by_the_same_throws() -> None:
         ball = Obstacle(name="ball", kind="sphere", size=(0.03,), position=place)
         scene = throw.scene.replace(obstacle=(ball,)).without_clearances()
         batch = ThrowBatch.of(throw.in_scene(scene), plan.goal, sampler.names, (-0.03, 0.03, 0.06))
-        hits = verdicts(batch, values).breaks(Code.COLLISION)
+        hits = Judge(batch).verdicts(values).breaks(Code.COLLISION)
         if 0 < hits.sum() < COUNT:
             break
     assert 0 < hits.sum() < COUNT

@@ -145,12 +145,10 @@ def test_the_ceiling_of_the_page_for_contributors_does_what_it_says(tmp_path: Pa
     (package / "problems" / "targets.py").write_text(before + section + fields + rest, "utf-8")
     judge = package / "planner" / "verdict"
     code = (judge / "findings.py").read_text(encoding="utf-8")
-    code = re.sub(r"^    UNCERTAIN =", '    CEILING = "ceiling"\n    UNCERTAIN =', code, flags=re.M)
-    words = {"_SENTENCES": 'lambda f: f"ceiling: {f.value:.2f} m"', "_CURES": '""', "_FATES": '""'}
-    for table, text_of in words.items():
-        code = re.sub(
-            rf"^({table}: .* = {{)", rf"\1\n    Code.CEILING: {text_of},", code, flags=re.M
-        )
+    member = '    CEILING = "ceiling", "rise above the ceiling", "a higher ceiling"'
+    code = re.sub(r"^    UNCERTAIN =", rf"{member}\n    UNCERTAIN =", code, flags=re.M)
+    sentence = 'Code.CEILING: lambda f: f"ceiling: {f.value:.2f} m",'
+    code = re.sub(r"^(_SENTENCES: .* = {)", rf"\1\n    {sentence}", code, flags=re.M)
     (judge / "findings.py").write_text(code, encoding="utf-8")
     code = (judge / "landing.py").read_text(encoding="utf-8")
     code = code.replace("    return uses\n", use + "    return uses\n")

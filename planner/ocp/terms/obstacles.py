@@ -21,16 +21,14 @@ import numpy.typing as npt
 
 from ....models import Array
 from ....models.robot import ArmCapsules, Solid
-from ...throw import Throw
-from ...throw.clearance import (
+from ...clearance import (
     BAR,
     LANDING,
     CollisionScene,
     SweptBodies,
     held_bar,
-    pairs_of,
-    swept_bodies,
 )
+from ...throw import Throw
 from ...verdict import FLYING
 from ..request import Request
 from ..scene_constraint import BRAKE_SHARE, Brake, Flight, Instant, SceneConstraint, braked
@@ -213,12 +211,11 @@ def _separating_planes(
     """Planes (N, bodies, count, SIZE) at N instants, for coordinates q (n, N), CoM poses of the bar
     (3, N), and the bodies `moving`: links by their indices, -1 for the bar."""
     around = CollisionScene.of(request.scene, request.manipulator)
-    track = swept_bodies(request.scene, around.capsules, times, q, bar, flying=flying)
-    pairs, planes = pairs_of(around.capsules) if around.capsules else [], list[Array]()
+    track, planes = around.bodies_at(times, q, bar, flying=flying), list[Array]()
     for index in moving:
         body = index % len(track.names)
         solids = [(o.solid, o.clearance) for o in around.things if o.bar or index >= 0]
-        planes.append(_planes_of(track, body, solids, [i for i, j in pairs if j == body]))
+        planes.append(_planes_of(track, body, solids, [i for i, j in around.pairs if j == body]))
     return np.stack(planes, axis=1)
 
 

@@ -6,10 +6,10 @@ import math
 
 import numpy as np
 
-from ....core import SceneC, library
-from ....models import Array
-from ....models.robot import Tool, flange_velocity
-from ....problems import Scene, ThrownObject
+from ...core import SceneC, library
+from ...models import Array, sticking_state
+from ...models.robot import Tool, flange_velocity
+from ...problems import Scene, ThrownObject
 
 
 def bar_outline(bar: ThrownObject, com: Array, points: int = 2) -> Array:
@@ -19,15 +19,12 @@ def bar_outline(bar: ThrownObject, com: Array, points: int = 2) -> Array:
     """
     along = np.linspace(-bar.com, bar.length - bar.com, points)
     along = np.concatenate([along, along[::-1]])
-    across = np.repeat([-bar.width / 2, bar.width / 2], points)
-    return _placed(com, along, across)
+    return _placed(com, along, np.repeat([-bar.width / 2, bar.width / 2], points))
 
 
 def lowest_of_bar(bar: ThrownObject, com: Array) -> Array:
     """Height [m] (N,) of the bar's lowest corner for CoM poses (3, N)."""
-    sin, cos = np.sin(com[2]), np.cos(com[2])
-    end = np.minimum(-bar.com * sin, (bar.length - bar.com) * sin)
-    return np.asarray(com[1] + end - bar.width / 2 * np.abs(cos))
+    return np.asarray(bar_outline(bar, com)[1].min(axis=1))
 
 
 def reach_of_bar(bar: ThrownObject) -> float:
@@ -38,8 +35,7 @@ def reach_of_bar(bar: ThrownObject) -> float:
 def palm_corners(tool: Tool, hand: Array) -> Array:
     """Corners (2, N, 4) of the hand's body for hand poses (3, N)."""
     along = -np.array([tool.palm_back, tool.palm_front, tool.palm_front, tool.palm_back])
-    across = tool.palm_half_width * np.array([-1, -1, 1, 1])
-    return _placed(hand, along, across)
+    return _placed(hand, along, tool.palm_half_width * np.array([-1, -1, 1, 1]))
 
 
 def _placed(pose: Array, along: Array, across: Array) -> Array:
@@ -84,5 +80,11 @@ def tool_speeds(tool: Tool, pose: Array, twist: Array) -> Array:
 
 def held_bar(scene: Scene, hand: Array) -> Array:
     """CoM poses (3, N) of the held bar for hand poses (3, N)."""
-    theta, h = hand[2] + scene.grasp.angle, scene.com_offset
-    return np.array([hand[0] + h * np.cos(theta), hand[1] + h * np.sin(theta), theta])
+    return np.array(sticking_state(hand, np.zeros(3), scene.grasp.angle, scene.com_offset)[:3])
+
+
+def bar_ends(bar: ThrownObject, com: Array) -> Array:
+    """Ends (1, 2, 3, N) of the bar's axis for CoM poses (3, N)."""
+    ends, along = np.zeros((1, 2, 3, com.shape[1])), np.array([-bar.com, bar.length - bar.com])
+    ends[0, :, ::2] = _placed(com, along, np.zeros(2)).transpose(2, 0, 1)
+    return ends

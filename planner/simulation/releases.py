@@ -1,20 +1,21 @@
-"""Given motions through release models: a scene's own by one model or all, or arrays of N."""
+"""Given motions through release models: a scene's own, recorded joints, or arrays of N."""
 
 from __future__ import annotations
 
+import math
 import pathlib
 import time
 from collections.abc import Mapping
 from concurrent.futures import Executor
-from dataclasses import dataclass, field
+from dataclasses import asdict, dataclass, field
 from functools import partial
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from ....models import Array, Body, Contact, Trajectory
-from ....models.release import (
+from ...models import Array, Body, Contact, HandTrack, MovedHand, Trajectory
+from ...models.release import (
     BATCH_MODELS,
     MODELS,
     SLIDING_PIVOT,
@@ -24,21 +25,93 @@ from ....models.release import (
     ReleaseCase,
     ReleaseModel,
 )
-from ....problems import InputError, Scene, as_scene
-from ....problems.files import plain
-from ..throw import LandingPoint, case_of, landing
-from .given_motion import given_hand
+from ...models.robot import Arm, PlanarArm, hand_motion
+from ...problems import InputError, Motion, Scene, as_scene
+from ...problems.files import plain
+from ..throw import LandingPoint, case_of
 
+#: Largest angle [rad] between the arm's posture and a recorded joint that does not throw.
+POSTURE_ROOM = 0.05
 #: Most steps of an opening that may be asked for.
 MOST_STEPS = 100_000
 #: Samples of a scene's own motion over the opening.
 GIVEN_SAMPLES = 1001
 
-_OBJECT = ("mass", "inertia", "com_offset")
-_CONTACT = ("friction", "patch_radius", "torsion", "faces")
-_GRIPPER = ("force", "opening")
 _HAND = ("pose", "twist", "acceleration")
 _SAMPLED = ("times", "poses", "delays")
+
+
+def given_hand(scene: Scene) -> HandTrack:
+    """The hand of the scene's [motion]; InputError without one, and for one that does not fit."""
+    motion = scene.motion
+    if motion is None:
+        raise InputError(f"{scene.place}: has no section [motion] to simulate")
+    try:
+        track = _track(scene, motion)
+    except ValueError as error:
+        raise InputError(f"{scene.place}: [motion] {error}") from None
+    if motion.samples:
+        (first, *_), (last, *_) = motion.samples[0], motion.samples[-1]
+        needed = motion.opening_time + scene.gripper.profile().opening
+        if not first <= motion.opening_time or needed > last + 1e-9:
+            raise InputError(
+                f"{scene.place}: [motion] opening_time = {motion.opening_time:g}: the opening "
+                f"lasts until {needed:g} s, the samples cover {first:g} to {last:g} s"
+            )
+    return track
+
+
+def _track(scene: Scene, motion: Motion) -> HandTrack:
+    pose, twist = (*motion.position, motion.angle), (*motion.velocity, motion.rate)
+    if motion.samples:
+        table = np.array(motion.samples, float)
+        if motion.joints is None:
+            return Trajectory.through(table[:, 0] - motion.opening_time, table[:, 1:])
+        assert scene.arm is not None  # checked by Scene
+        joints = table[:, 1:]
+        return recorded_joints(scene.arm, table[:, 0], joints, motion.opening_time, motion.cutoff)
+    if motion.accelerations:
+        return Trajectory.stepping(pose, twist, motion.times, motion.accelerations)
+    return Trajectory.accelerating(pose, twist, (*motion.acceleration, motion.angular_acceleration))
+
+
+def recorded_joints(
+    arm: Arm, times: Array, joints: Array, opening_time: float, cutoff: float
+) -> MovedHand:
+    """The hand of an arm's recorded joints (K, joints) [rad], in the plane that joint 1 is in.
+
+    ValueError as `planar_joints` and `low_pass`.
+    """
+    kinematics, throwing = PlanarArm(arm), planar_joints(arm, joints)
+    if not times[0] <= opening_time < times[-1]:
+        raise ValueError(f"opening_time {opening_time:g} s is outside the recording")
+    path = Trajectory.recorded(times, throwing, cutoff).shifted(opening_time)
+    return MovedHand(path, hand_motion(kinematics), kinematics.core)
+
+
+def planar_joints(arm: Arm, joints: Array) -> Array:
+    """The throwing joints (K, n) of recorded joints (K, joints) [rad].
+
+    ValueError where the others do not keep the throwing posture.
+    """
+    throwing = [j - 1 for j in arm.throwing_joints]
+    for joint in range(arm.joints):
+        if joint in throwing or joint == arm.azimuth_joint - 1:
+            continue
+        away = np.abs(joints[:, joint] - arm.posture[joint]).max()
+        if away > POSTURE_ROOM:
+            hint = " (is it in degrees?)" if away > math.tau else ""
+            raise ValueError(
+                f"joints: joint {joint + 1} is {away:.2f} rad from the throwing posture, at "
+                f"most {POSTURE_ROOM} is allowed{hint}"
+            )
+    turning = np.ptp(joints[:, arm.azimuth_joint - 1])
+    if turning > POSTURE_ROOM:
+        raise ValueError(
+            f"joints: joint {arm.azimuth_joint} turns the throw's plane by {turning:.2f} rad, at "
+            f"most {POSTURE_ROOM} is allowed"
+        )
+    return joints[:, throwing]
 
 
 def named_model(
@@ -100,7 +173,7 @@ def _simulated(scene: Scene, model: ReleaseModel, case: ReleaseCase) -> Simulati
     start = time.perf_counter()
     release = model.with_pressure(scene.contact.pressure).release(case)
     height = None if scene.target is None else scene.target.z
-    land = None if height is None else landing(release, height, scene.flight)
+    land = None if height is None else LandingPoint.of(release, height, scene.flight)
     return Simulation(model.name, release, land, time.perf_counter() - start)
 
 
@@ -149,40 +222,32 @@ def simulate_batch(
     whole = isinstance(steps, int) and not isinstance(steps, bool)
     if steps is not None and not (whole and 1 <= steps <= MOST_STEPS):
         raise InputError(f"steps = {steps!r}: must be a whole number, 1 to {MOST_STEPS}")
-    batch = _batch(scene, hand or {}, contact or {}, object or {}, gripper or {})
-    release = _thrown(chosen, batch, steps or 0, executor)
+    given = {"object": object or {}, "contact": contact or {}, "gripper": gripper or {}}
+    batch = _batch(scene, hand or {}, **given)
+    run = partial(chosen.throw, steps=steps or 0)
+    if executor is None:
+        release = run(batch)
+    else:
+        shares = np.array_split(np.arange(batch.count), max(batch.count // 4096, 1))
+        release = BatchRelease.joined(list(executor.map(run, map(batch.part, shares))))
     height = None if scene.target is None else scene.target.z
     landing = None if height is None else scene.flight.land(release.detach, height)
     return BatchResult(release.detach, landing, release.trouble)
 
 
-def _thrown(
-    model: ReleaseModel, batch: ReleaseBatch, steps: int, executor: Executor | None
-) -> BatchRelease:
-    if executor is None:
-        return model.throw(batch, steps)
-    shares = np.array_split(np.arange(batch.count), max(batch.count // 4096, 1))
-    run = partial(model.throw, steps=steps)
-    return BatchRelease.joined(list(executor.map(run, map(batch.part, shares))))
-
-
-def _batch(
-    scene: Scene,
-    hand: Mapping[str, Any],
-    contact: Mapping[str, Any],
-    body: Mapping[str, Any],
-    gripper: Mapping[str, Any],
-) -> ReleaseBatch:
+def _batch(scene: Scene, hand: Mapping[str, Any], **given: Mapping[str, Any]) -> ReleaseBatch:
+    """N releases; given: numbers or arrays (N,) by section."""
     profile = scene.gripper.profile()
-    numbers = {
-        "object": _numbers("object", _OBJECT, body),
-        "contact": _numbers("contact", _CONTACT, contact),
-        "gripper": _numbers("gripper", _GRIPPER, gripper),
+    usual = {
+        "object": asdict(scene.body),
+        "contact": asdict(scene.patch),
+        "gripper": {"force": profile.full, "opening": profile.opening},
     }
+    values = {section: _numbers(section, usual[section], given[section]) for section in usual}
     lengths = {
         f"{section}.{name}": value.size
-        for section, values in numbers.items()
-        for name, value in values.items()
+        for section in usual
+        for name, value in values[section].items()
         if value.ndim
     }
     hands, hand_lengths = _hands(scene, hand)
@@ -191,38 +256,28 @@ def _batch(
     for name, length in lengths.items():
         if length != count:
             raise InputError(f"{name}: has {length} entries, other arrays have {count}")
-
-    def spread(values: Mapping[str, Array], name: str, default: float) -> Array:
-        return np.broadcast_to(values.get(name, np.asarray(default, float)), (count,)).copy()
-
-    kept = {"object": scene.body, "contact": scene.patch}
-    opening = spread(numbers["gripper"], "opening", profile.opening)
-    _check_cover(hands, opening)
-    made = {
+    full = {
         section: {
-            name: spread(numbers[section], name, getattr(kept[section], name)) for name in names
+            name: np.broadcast_to(values[section].get(name, np.asarray(value, float)), count).copy()
+            for name, value in usual[section].items()
         }
-        for section, names in (("object", _OBJECT), ("contact", _CONTACT))
+        for section in usual
     }
-    return ReleaseBatch(
-        count,
-        Body(**made["object"]),
-        Contact(**made["contact"]),
-        profile,
-        hands,
-        opening,
-        spread(numbers["gripper"], "force", profile.full),
-        scene.gravity,
-        scene.grasp.angle,
-    )
+    opening, force = full["gripper"]["opening"], full["gripper"]["force"]
+    _check_cover(hands, opening)
+    body, contact = Body(**full["object"]), Contact(**full["contact"])
+    gravity, angle = scene.gravity, scene.grasp.angle
+    return ReleaseBatch(count, body, contact, profile, hands, opening, force, gravity, angle)
 
 
-def _numbers(section: str, names: tuple[str, ...], values: Mapping[str, Any]) -> dict[str, Array]:
+def _numbers(
+    section: str, known: Mapping[str, float], values: Mapping[str, Any]
+) -> dict[str, Array]:
     """Checked numbers or arrays (N,) of one section, all above zero (com_offset: at least)."""
     result = {}
     for name, value in values.items():
-        if name not in names:
-            raise InputError(f"{section}: unknown key '{name}' (known: {', '.join(names)})")
+        if name not in known:
+            raise InputError(f"{section}: unknown key '{name}' (known: {', '.join(known)})")
         array = _array(f"{section}.{name}", value)
         if array.ndim > 1:
             raise InputError(f"{section}.{name}: must be a number or an array (N,)")

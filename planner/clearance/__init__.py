@@ -1,0 +1,25 @@
+"""How near arm, hand and bar come to each other and to what is around them."""
+
+from .bodies import (
+    BAR,
+    LANDING,
+    Clearance,
+    CollisionScene,
+    KeepOut,
+    SweptBodies,
+    bar_room,
+    check_obstacles,
+    contacts,
+    overlap,
+)
+from .plane import (
+    bar_ends,
+    bar_outline,
+    column_distance,
+    held_bar,
+    lowest_of_bar,
+    palm_corners,
+    palm_distance,
+    reach_of_bar,
+    tool_speeds,
+)

@@ -1,0 +1,319 @@
+"""Arm and bar as capsules in 3-D, among obstacles and the floor: how near they come to them."""
+
+from __future__ import annotations
+
+import itertools
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+
+from ...core import BodiesC, SolidC, library
+from ...models import Array
+from ...models.robot import ArmCapsules, Solid
+from ...problems import InputError, Scene, ThrownObject, ThrowPlane
+from ..throw import Manipulator, Throw
+from .plane import bar_ends, held_bar
+
+#: Links of numbers that differ by this or less meet at a joint, by construction.
+ADJACENT = 2
+#: Time [s] before the landing in which the bar may come as near to an obstacle as it lands.
+LANDING = 0.05
+#: The bar, among names of links.
+BAR = "bar"
+#: Numbers of a contact that the compiled core gives.
+CONTACT = 5
+
+
+@dataclass(frozen=True)
+class KeepOut:
+    """A body that the arm avoids: its shape, clearance [m], and whether the bar avoids it too."""
+
+    name: str
+    solid: Solid
+    clearance: float
+    bar: bool = True
+
+    @property
+    def words(self) -> str:
+        """For people."""
+        return f"obstacle {self.name}" if self.bar else self.name
+
+    @cached_property
+    def core(self) -> SolidC:
+        """As the compiled core takes it."""
+        solid, found = self.solid, SolidC()
+        found.centre[:], found.half[:] = solid.centre.tolist(), solid.half.tolist()
+        found.axes[:] = solid.axes.ravel().tolist()
+        found.radius, found.clearance, found.bar = solid.radius, self.clearance, self.bar
+        return found
+
+
+@dataclass(frozen=True)
+class Clearance:
+    """Two bodies nearer to each other than they may be: missing [m] at time [s].
+
+    thing: None where the arm meets itself; flying: whether the body is the bar after detach.
+    """
+
+    body: str
+    other: str
+    thing: KeepOut | None
+    penetration: float
+    time: float
+    flying: bool
+
+
+@dataclass(frozen=True)
+class SweptBodies:
+    """Bodies that move together for a while: names (C,), ends (C, 2, 3, N) [m] in the throw's
+    plane, radius (C,) [m], how far their covers stick out (C,) [m], times (N,) [s]."""
+
+    names: tuple[str, ...]
+    ends: Array
+    radius: Array
+    cover: Array
+    times: Array
+    flying: bool = False
+
+    @property
+    def reach(self) -> Array:
+        """Radii (C,) [m] with the covers, as obstacles meet them."""
+        return self.radius + self.cover
+
+    @property
+    def core(self) -> tuple[int, bool, bool]:
+        """Number of instants, whether the bar is among the bodies, and whether it flies."""
+        return self.times.size, BAR in self.names, self.flying
+
+
+@dataclass(frozen=True)
+class CollisionScene:
+    """Obstacles and floor as the throw's plane sees them, and the arm's shape.
+
+    The floor is for the arm: what the held bar keeps from it is measured by its corners.
+    arm: its capsules in the plane at azimuth 0; azimuth [rad]: the plane's.
+    """
+
+    scene: Scene
+    things: tuple[KeepOut, ...]
+    arm: ArmCapsules | None
+    azimuth: float = 0.0
+
+    @classmethod
+    def of(
+        cls, scene: Scene, manipulator: Manipulator, plane: ThrowPlane | None = None
+    ) -> CollisionScene:
+        """A scene's; plane: the throw's, where it is not to the scene's target."""
+        if plane is None:
+            assert scene.target is not None
+            plane = scene.target.plane
+        found = [KeepOut(o.name, plane.seen(o.solid), o.clearance) for o in scene.obstacle]
+        floor = None if scene.workspace is None else scene.workspace.floor
+        if manipulator.capsules is not None and floor is not None:
+            found.append(_floor(floor))
+        return cls(scene, tuple(found), manipulator.capsules, plane.azimuth)
+
+    @cached_property
+    def capsules(self) -> ArmCapsules | None:
+        """The arm's capsules in the throw's plane."""
+        return None if self.arm is None else self.arm.aimed(self.azimuth)
+
+    @property
+    def pairs(self) -> list[tuple[int, int]]:
+        """Bodies of the arm, and last the bar, that must not meet: see `_pairs_of`."""
+        return [] if self.arm is None else _pairs_of(self.arm)
+
+    def core(self, hand_error: float = 0.0) -> BodiesC:
+        """All of it, and the bar, as the compiled core takes it; hand_error [rad]: its angle's."""
+        scene, found = self.scene, _shape(self.arm, self.scene.object).copy()
+        found.solids = len(self.things)
+        found.attach(around=(SolidC * found.solids)(*(thing.core for thing in self.things)))
+        found.com_offset, found.grasp_angle = scene.com_offset, scene.grasp.angle + hand_error
+        if self.arm is not None and self.azimuth:
+            # Only the base's capsules depend on the azimuth.
+            found.attach(places=self.arm.places_at(self.azimuth))
+        return found
+
+    def bodies_at(
+        self, times: Array, q: Array, com: Array | None = None, *, flying: bool = False
+    ) -> SweptBodies:
+        """Arm at coordinates q (n, N) and bar at CoM poses (3, N), at times (N,) [s]."""
+        names, ends, radius, cover = list[str](), list[Array](), list[float](), list[float]()
+        if self.capsules is not None:
+            names += self.capsules.names
+            ends.append(self.capsules.at(q))
+            radius += self.capsules.radius.tolist()
+            cover += [self.capsules.arm.arm.cover] * len(names)
+        if com is not None:
+            names.append(BAR)
+            ends.append(bar_ends(self.scene.object, com))
+            radius.append(_bar_radius(self.scene.object))
+            cover.append(0.0)
+        placed = np.concatenate(ends) if ends else np.zeros((0, 2, 3, times.size))
+        return SweptBodies(tuple(names), placed, np.array(radius), np.array(cover), times, flying)
+
+    def clearances(self, track: SweptBodies) -> list[Clearance]:
+        """Moving bodies too near to an obstacle; links, or the bar and a link, that meet."""
+        bodies = self.core()
+        found = np.empty((bodies.solids * len(track.names) + bodies.pairs, CONTACT))
+        ends, times = np.ascontiguousarray(track.ends), np.ascontiguousarray(track.times, float)
+        count = library().near_track(bodies, *track.core, times, ends, found)
+        return self.list_clearances(track.names, found, count)
+
+    def list_clearances(self, names: tuple[str, ...], found: Array, count: int) -> list[Clearance]:
+        """What the core says of the bodies of these names."""
+        if count < 0:
+            raise MemoryError
+        result = []
+        for track, body, other, penetration, time in found[:count].tolist():
+            thing = self.things[int(other)] if other >= 0 else None
+            name = names[-1 - int(other)] if thing is None else thing.name
+            flying = track == 1 and names[int(body)] == BAR
+            result.append(Clearance(names[int(body)], name, thing, penetration, time, flying))
+        return result
+
+    def min_clearance(self, track: SweptBodies, *, bar_only: bool = False) -> Array:
+        """Least distance (N,) [m] of bodies beyond what they must keep; infinite for none.
+
+        At the end of its flight the bar may come as near to an obstacle as it lands. bar_only: of
+        the bar only, and without that.
+        """
+        room = np.empty(track.times.size)
+        ends, times = np.ascontiguousarray(track.ends), np.ascontiguousarray(track.times, float)
+        library().rooms(self.core(), *track.core, bar_only, times, ends, room)
+        return room
+
+    def obstacle_around(self, ends: Array, radius: float) -> KeepOut | None:
+        """The first obstacle that a still capsule of ends (2, 3) and radius [m] is in."""
+        bar = _bar_radius(self.scene.object)
+        still = SweptBodies((BAR,), ends[None, ..., None], np.full(1, bar), *np.zeros((2, 1)))
+        for thing in self.things:
+            alone = CollisionScene(self.scene, (replace(thing, clearance=radius - bar),), None)
+            if alone.min_clearance(still)[0] < -1e-6:
+                return thing
+        return None
+
+
+@lru_cache(maxsize=8)
+def _floor(height: float) -> KeepOut:
+    """All that is below a height [m]; distances into it are known down to half its thickness."""
+    # A plate: no link reaches around or through it.
+    half, radius = np.array([100.0, 100.0, 0.0]), 1.0
+    plate = Solid(np.array([0.0, 0.0, height - radius]), np.eye(3), half, radius)
+    return KeepOut("floor", plate, 0.0, bar=False)
+
+
+def _bar_radius(bar: ThrownObject) -> float:
+    """Radius [m] around the bar's axis of its corners: it is as thick as it is wide."""
+    return bar.width / math.sqrt(2)
+
+
+def _pairs_of(capsules: ArmCapsules) -> list[tuple[int, int]]:
+    """Bodies, by their places in a track, that move against each other and are no neighbours.
+
+    The bar comes last; it is held by the hand, and `palm_distance` says how near it flies past it.
+    """
+    count, moved, number = len(capsules.number), capsules.moved_by, capsules.number
+    found = [
+        (i, j)
+        for i, j in itertools.combinations(range(count), 2)
+        if moved[i] != moved[j] and abs(number[i] - number[j]) > ADJACENT
+    ]
+    return found + [(i, count) for i in range(count) if moved[i] != moved[-1]]
+
+
+@lru_cache(maxsize=8)
+def _shape(capsules: ArmCapsules | None, bar: ThrownObject) -> BodiesC:
+    """Arm, in the plane at azimuth 0, and bar as the compiled core takes them."""
+    links = 0 if capsules is None else len(capsules.number)
+    moved_by, moves = np.zeros(links, np.int64), np.ones(links + 1, np.int64)
+    places, pairs = np.zeros((links, 2, 3)), np.zeros((0, 2), np.int64)
+    radius, cover = np.full(links + 1, _bar_radius(bar)), np.zeros(links + 1)
+    if capsules is not None:
+        moved_by[:], moves[:-1], places[:] = capsules.moved_by, capsules.moves, capsules.places
+        radius[:-1], cover[:-1] = capsules.radius, capsules.arm.arm.cover
+        pairs = np.array(_pairs_of(capsules), np.int64).reshape(-1, 2)
+    found = BodiesC(links=links, bar=1, pairs=len(pairs), landing=LANDING)
+    found.behind, found.ahead = bar.com, bar.length - bar.com
+    body = {"moved_by": moved_by, "moves": moves, "meet": pairs, "places": places}
+    found.attach(**body, radius=radius, reach=radius + cover)
+    return found
+
+
+def contacts(throw: Throw) -> list[Clearance]:
+    """Bodies that come nearer to an obstacle, or to each other, than they may."""
+    if not throw.scene.obstacle and throw.manipulator.capsules is None:
+        return []
+    around = CollisionScene.of(throw.scene, throw.manipulator)
+    bodies = around.core(throw.error.theta)
+    found = np.empty((3 * (bodies.solids * (bodies.links + 1) + bodies.pairs), CONTACT))
+    count = library().near_bodies(throw.core, bodies, found)
+    names = (*(() if around.arm is None else around.arm.names), BAR)
+    return around.list_clearances(names, found, count)
+
+
+def bar_room(throw: Throw, times: Array, com: Array, *, flying: bool) -> Array:
+    """`min_clearance` (N,) [m] of the bar at times (N,) [s] of a throw; com (3, N): its poses."""
+    if not throw.scene.obstacle and throw.manipulator.capsules is None:
+        return np.full(times.size, np.inf)
+    around, q = CollisionScene.of(throw.scene, throw.manipulator), throw.path.at(times).pose
+    return around.min_clearance(around.bodies_at(times, q, com, flying=flying), bar_only=True)
+
+
+def overlap(scene: Scene, manipulator: Manipulator, q: Array, com: Array | None = None) -> Array:
+    """How far [m] (N,) two bodies of an arm, or the bar, are nearer than they may be; below 0 not.
+
+    q (n, N): coordinates, each an instant of its own; com (3, N): poses of the bar, None without
+    it. Obstacles do not count: they depend on where the throw goes.
+    """
+    capsules = manipulator.capsules
+    if capsules is None:
+        return np.full(q.shape[1], -np.inf)
+    bodies = CollisionScene(scene, (), capsules).core()
+    rows = np.ascontiguousarray(q.T), None if com is None else np.ascontiguousarray(com.T)
+    penetration, arm = np.empty(q.shape[1]), manipulator.kinematics.core
+    if library().overlaps(q.shape[1], arm, bodies, *rows, penetration):
+        raise MemoryError
+    return penetration
+
+
+def check_obstacles(scene: Scene, manipulator: Manipulator) -> None:
+    """InputError where an obstacle holds the target's pose, is in a link that no throw moves, or is
+    too near to a given start.
+
+    The bar may lie on an obstacle, and the arm's base stand on one.
+    """
+    target, bar = scene.target, scene.object
+    assert target is not None
+    around = CollisionScene.of(scene, manipulator)
+    com = np.array([[target.plane_x], [target.z], [target.theta or 0.0]])
+    ends = bar_ends(bar, com)[0, ..., 0]
+    if target.theta is None:
+        ends[:] = target.plane_x, 0.0, target.z
+    if (thing := around.obstacle_around(ends, bar.width / 4)) is not None:
+        raise InputError(f"{scene.place}: the target's pose is inside {thing.words}")
+    capsules = around.capsules
+    if capsules is not None:
+        # Verdicts look at moving links only.
+        ends = capsules.at(np.zeros((manipulator.size, 1)))
+        for k, number in enumerate(capsules.number):
+            if number == 0 or capsules.moves[k]:
+                continue
+            if (
+                thing := around.obstacle_around(ends[k, ..., 0], float(capsules.radius[k]))
+            ) is not None:
+                raise InputError(f"{scene.place}: {thing.words}: inside {capsules.names[k]}")
+    if manipulator.start is None:
+        return
+    # What lies still is seen at two instants: the core looks between them.
+    q = np.repeat(manipulator.start[:, None], 2, axis=1)
+    held = held_bar(scene, manipulator.motion(q, 0 * q, 0 * q)[0])
+    for found in around.clearances(around.bodies_at(np.zeros(2), q, held)):
+        if found.thing is not None:
+            away = 1e3 * max(found.thing.clearance - found.penetration, 0.0)
+            raise InputError(
+                f"{scene.place}: {found.thing.words}: {away:.0f} mm from the start pose's "
+                f"{found.body}, its clearance is {1e3 * found.thing.clearance:.0f} mm"
+            )
