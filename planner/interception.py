@@ -76,9 +76,9 @@ def intercept(
         if found.solved:
             return dataclasses.replace(found, target=found.target.changed(arrival=target.arrival))
     if sampled(0.0)[0] <= REACHED and min(shares.values(), default=math.inf) > FASTER:
-        words = f"out of reach: it leaves the reach at {target.speed:g} m/s before a throw lands"
+        words = f"no throw found: it leaves the reach at {target.speed:g} m/s before a throw lands"
         names = ("target velocity", *plan.binding)
-        return dataclasses.replace(plan, status="out_of_reach", message=words, binding=names)
+        return dataclasses.replace(plan, status="not_converged", message=words, binding=names)
     return plan
 
 

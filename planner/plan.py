@@ -36,8 +36,11 @@ def plan_throw(context: SearchContext, task: Task, warm: PlannedThrow | None = N
     if not history.found:
         name, words = contradiction(task.scene, context.table, task.target)
         if words:
-            return unsolved_plan(search, history, f"out of reach: {words}", binding=(name,))
+            words = f"no throw found: {words}"
+            return unsolved_plan(search, history, words, out_of_reach=False, binding=(name,))
     history = find_throws(search, FROM_NOTHING, history)
+    for attempt in history.found or history.edges[:1]:
+        search.remember(attempt)
     return solved_plan(search, history) if history.found else _failed_plan(search, history)
 
 
@@ -118,10 +121,7 @@ def _failed_plan(search: Search, history: History) -> Plan:
         return unsolved_plan(
             search, history, words, out_of_reach=far, nearest=pose, binding=(HEIGHT,)
         )
-    edge = None
-    if history.edges:
-        search.context.remember(history.edges[0])
-        edge = history.edges[0].edge
+    edge = history.edges[0].edge if history.edges else None
     settled = search.blocked or search.is_settled(history) or not task.clock.late
     if edge is not None and settled:
         words = edge.words("out of reach: nearest possible x", task.target)

@@ -114,6 +114,11 @@ class Attempt:
         landed = self.verdict is not None and self.verdict.ok
         return landed and self.edge is not None and bool(self.edge.names)
 
+    @property
+    def missed(self) -> float:
+        """How far [m, pose error] limits end its throw short of the goal; inf if they do not."""
+        return math.inf if self.edge is None else self.edge.missed
+
     @cached_property
     def after(self) -> Refinement:
         """The refinement of the next NLP."""

@@ -7,7 +7,7 @@ target. Whether the limits do hold is not taken from this: the throw is checked 
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -15,7 +15,7 @@ import numpy as np
 from ...models import Array
 from ...problems import Pose
 from ..library import Neighbour
-from ..ocp import CondensedQp, Optimum, ReducedVariables, Request
+from ..ocp import CondensedQp, Margins, Optimum, ReducedVariables, Request, ThrowNlp
 from ..result import PlannedThrow
 from ..throw import Manipulator, Throw
 from ..verdict import Verdict, verdict
@@ -121,14 +121,38 @@ def optimum_of(
         slope = at.slope
     except np.linalg.LinAlgError:
         return None
+    return _optimum(controls, nlp, throw, slope, names)
+
+
+def edge_optimum(
+    controls: ReducedVariables, throw: PlannedThrow, errors: int, names: tuple[str, ...]
+) -> Optimum | None:
+    """The optimum of a throw at the edge of the reach, where the limits `names` bind.
+
+    Its slope (size, errors) is zero: they leave no direction.
+    """
+    if throw.nlp is None:
+        return None
+    return _optimum(controls, throw.nlp, throw, np.zeros((controls.size, errors)), names)
+
+
+def _optimum(
+    controls: ReducedVariables,
+    nlp: ThrowNlp,
+    throw: PlannedThrow,
+    slope: Array,
+    names: tuple[str, ...],
+) -> Optimum:
+    assert throw.solution is not None
     lands, exact = throw.planned_landing, throw.exact.landing.pose
+    margins = {name: max(value, 0.0) for name, value in throw.refinement.margins.values}
     return Optimum(
-        solution.x[places],
+        throw.solution.x[controls.places(nlp)],
         slope,
         throw.deciding.release.end,
         throw.effort,
         nlp.size,
         (lands[0] - exact[0], lands[2] - exact[2]),
-        throw.refinement,
+        replace(throw.refinement, margins=Margins(**margins)),
         names,
     )

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, replace
 from functools import cached_property
+from operator import attrgetter
 from typing import Literal
 
 import numpy as np
@@ -26,9 +26,10 @@ DIFFERENT_FLIGHT = 0.05
 
 @dataclass(frozen=True)
 class Move:
-    """Move a solved throw to the target."""
+    """Move a solved throw to the target; found: it is of an earlier plan."""
 
     near: Neighbour
+    found: bool = False
 
 
 @dataclass(frozen=True)
@@ -44,11 +45,13 @@ class Solve:
 class Approach:
     """Bring a throw that lands beside the goal as near to it as limits let it.
 
-    source: a solved throw, or a start that has its own landing for a goal.
+    source: a solved throw, or a start that has its own landing for a goal. found: the throw is of
+    an earlier plan.
     """
 
     goal: Pose
     source: Start | Neighbour
+    found: bool = False
 
 
 Try = Move | Solve | Approach
@@ -98,12 +101,15 @@ class History:
 
         The best of each try, where limits ended the way to the goal.
         """
-        ends = [
-            min(found, key=_missed)
-            for entry in self.entries
-            if (found := [one for one in entry.attempts if one.is_edge])
-        ]
-        return sorted(ends, key=_missed)
+        return _edges(self.entries)
+
+    @property
+    def new_edges(self) -> list[Attempt]:
+        """Those that do not come of throws of earlier plans."""
+        entries = self.entries
+        return _edges(
+            [one for one in entries if not isinstance(one.done, Approach) or not one.done.found]
+        )
 
     @property
     def iterations(self) -> int:
@@ -135,8 +141,17 @@ class History:
         return refinement
 
 
-def _missed(attempt: Attempt) -> float:
-    return math.inf if attempt.edge is None else attempt.edge.missed
+#: How far [m, pose error] an attempt lands from its goal.
+MISSED = attrgetter("missed")
+
+
+def _edges(entries: Iterable[Entry]) -> list[Attempt]:
+    ends = [
+        min(found, key=MISSED)
+        for entry in entries
+        if (found := [one for one in entry.attempts if one.is_edge])
+    ]
+    return sorted(ends, key=MISSED)
 
 
 # Several throws to one target: which of them differ, and which is best.

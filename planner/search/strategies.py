@@ -13,16 +13,13 @@ from functools import cached_property, partial
 from heapq import merge
 from itertools import islice
 
-import numpy as np
-
-from ...problems import Pose
 from ..library import Library, Neighbour
-from ..ocp import BASE, Margins, Optimum, Refinement, Request
+from ..ocp import BASE, Optimum, Refinement, Request
 from ..result import PlannedThrow
 from ..throw import Manipulator
 from .attempt import Attempt, Start
 from .candidates import STARTS, Candidates, release_start
-from .corrector import Corrector, moved_start, optimum_of
+from .corrector import Corrector, edge_optimum, moved_start, optimum_of
 from .failure import in_column
 from .guess import initial_guess_from
 from .history import Approach, History, Move, Solve, Try
@@ -41,6 +38,8 @@ NEAR = 0.005
 FIRST_STARTS = 2
 #: Throws of the library that are brought as near to the target as limits let them.
 SOLVED = 2
+#: A throw is kept for later plans if none is that lands this near to it [m, pose error].
+KNOWN = 0.005
 #: Nearest landings whose pose errors differ by less than this factor count as equal.
 ALIKE = 1.1
 #: Equal nearest landings from which a target is out of reach.
@@ -76,48 +75,14 @@ class SearchContext:
         return Library(self.problems.scene, self.problems.manipulator, keep=self.keep)
 
     @cached_property
-    def reach_boundary(self) -> Library:
-        """Throws at the edge of the reach that plans have named, in memory alone."""
+    def found(self) -> Library:
+        """Throws that plans have found, those at the edge of the reach too, in memory alone."""
         return Library(self.problems.scene, self.problems.manipulator, keep=False)
-
-    def nearest_throws(self, task: Task, count: int, within: float = NEARBY) -> Iterator[Neighbour]:
-        """At most `count` solved throws with a pose error below `within` [m], nearest first."""
-        found = (
-            some.nearest_throws(task.target, task.turns, count, within)
-            for some in (self.library, self.reach_boundary)
-        )
-        return islice(merge(*found, key=lambda one: one.distance), count)
 
     @cached_property
     def corrector(self) -> Corrector:
         """Moves solved throws."""
         return Corrector(self.library.controls, self.problems)
-
-    def remember(self, found: Attempt) -> None:
-        """Keeps a throw at the edge of the reach for the next plans, to where it lands above all.
-
-        Its slope is zero: active limits leave no direction.
-        """
-        throw, edge, controls = found.throw, found.edge, self.library.controls
-        if edge is None or edge.pose is None or throw is None:
-            return
-        if throw.nlp is None or throw.solution is None:
-            return
-        u, lands, exact = throw.solution.x, throw.planned_landing, throw.exact.landing.pose
-        u = u[controls.places(throw.nlp)]
-        margins = {name: max(value, 0.0) for name, value in throw.refinement.margins.values}
-        optimum = Optimum(
-            u,
-            np.zeros((u.size, 1 + self.library.angle)),
-            throw.deciding.release.end,
-            throw.effort,
-            throw.nlp_size,
-            (lands[0] - exact[0], lands[2] - exact[2]),
-            replace(throw.refinement, margins=Margins(**margins)),
-            edge.names,
-        )
-        landing = edge.pose.plane_x, edge.pose.theta or 0.0
-        self.reach_boundary.add([self.reach_boundary.record(optimum, landing, solved=True)])
 
 
 @dataclass(frozen=True, eq=False)
@@ -133,9 +98,17 @@ class Search:
 
     def neighbours(self) -> Iterator[Neighbour]:
         """Solved throws near the target: the warm plan's and the library's, nearest first."""
-        task = self.task
-        near = self.context.nearest_throws(task, self.moves)
-        return merge(self._warm_neighbour, near, key=lambda one: one.distance)
+        near = self._nearest(self.context.library, self.moves)
+        same = self._nearest(self.context.found, 1, KNOWN)
+        return merge(self._warm_neighbour, same, near, key=lambda one: one.distance)
+
+    def _nearest(self, throws: Library, count: int, within: float = NEARBY) -> Iterator[Neighbour]:
+        """At most `count` solved throws with a pose error below `within` [m], nearest first."""
+        return throws.nearest_throws(self.task.target, self.task.turns, count, within)
+
+    def found(self) -> Iterator[Neighbour]:
+        """Throws near the target that earlier plans found, nearest first."""
+        return self._nearest(self.context.found, MOVED)
 
     @property
     def moves(self) -> int:
@@ -162,6 +135,22 @@ class Search:
         program = problems.problem(task.target, warm.refinement, "fatrop", task.clock)
         return optimum_of(self.context.library.controls, program, warm)
 
+    def remember(self, attempt: Attempt) -> None:
+        """Keeps a throw that a solver found, for later plans of this planner."""
+        throw, edge, known = attempt.throw, attempt.edge, self.context.found
+        if throw is None or throw.solution is None:
+            return
+        pose = attempt.goal if edge is None else edge.pose
+        if edge is None:
+            optimum = self._optimum(throw)
+        else:
+            optimum = edge_optimum(known.controls, throw, 1 + known.angle, edge.names)
+        if pose is None or optimum is None:
+            return
+        if not any(known.nearest_throws(pose, "exact", 1, KNOWN)):
+            landing = pose.plane_x, pose.theta or 0.0
+            known.add([known.record(optimum, landing, solved=True)])
+
     def start(self, near: Neighbour) -> Start:
         """A solver's start from a solved throw near the target."""
         context = self.context
@@ -184,16 +173,17 @@ class Search:
         """Of the next NLP from another motion."""
         return history.refinement(Refinement(frozenset({"passing"})) if self.blocked else BASE)
 
-    def nearest_starts(self) -> Iterator[tuple[Pose, Start | Neighbour]]:
-        """Throws that land beside the target, solved ones first, each with its goal."""
+    def beside(self) -> Iterator[Approach]:
+        """From throws that land beside the target: of earlier plans, the library, then samples."""
         task, context = self.task, self.context
         if len(task.solvers) > 1:
-            for near in context.nearest_throws(task, SOLVED, math.inf):
-                yield near.goal, near
+            for throws in (context.found, context.library):
+                for near in self._nearest(throws, SOLVED, math.inf):
+                    yield Approach(near.goal, near, throws is context.found)
         candidates = self.arriving
         for index, goal, pose in candidates.judged:
             start = release_start(context.problems, task, candidates.releases, index, goal)
-            yield goal, replace(start, goal=pose, again=True)
+            yield Approach(goal, replace(start, goal=pose, again=True))
 
     @cached_property
     def arriving(self) -> Candidates:
@@ -203,14 +193,17 @@ class Search:
     def is_settled(self, history: History) -> bool:
         """Whether the target is out of reach.
 
-        `ENOUGH` nearest landings are equal, and no sampled throw that clears column and hand lands
-        nearer to the target.
+        `ENOUGH` nearest landings are equal, not all of them from throws of earlier plans, which may
+        be of one kind, and no sampled throw that clears column and hand lands nearer to the target.
         """
-        far = [one.edge.missed for one in history.edges if one.edge is not None]
+        near = [one.missed for one in history.edges]
+        if len(near) < ENOUGH or near[ENOUGH - 1] > ALIKE * near[0]:
+            return False
+        new = [one.missed for one in history.new_edges]
         clear, nearest = self.candidates.releases.clear, self.candidates.nearest
         sampled = min((away for index, _, away in nearest if clear[index]), default=math.inf)
-        alike = len(far) >= ENOUGH and far[ENOUGH - 1] <= ALIKE * far[0]
-        return alike and far[0] <= ALIKE * sampled + self.task.scene.tolerance.position
+        most = ALIKE * sampled + self.task.scene.tolerance.position
+        return bool(new) and new[0] <= ALIKE * near[0] and near[0] <= most
 
 
 Strategy = Callable[[Search, History], Try | None]
@@ -223,6 +216,14 @@ def from_neighbours(search: Search, history: History) -> Try | None:
     number = sum(isinstance(one, Move) for one in history.tries)
     moves = (Move(near) for near in islice(search.neighbours(), search.moves))
     return next(islice(moves, number, None), None)
+
+
+def from_found(search: Search, history: History) -> Try | None:
+    """Throws of earlier plans, moved to the target."""
+    if len(search.task.solvers) == 1:
+        return None
+    number = sum(isinstance(one, Move) and one.found for one in history.tries)
+    return next((Move(near, True) for near in islice(search.found(), number, None)), None)
 
 
 def from_warm_plan(search: Search, history: History) -> Try | None:
@@ -258,9 +259,7 @@ def from_beside(search: Search, history: History) -> Try | None:
     enough = history.found or search.is_settled(history)
     if enough or not search.candidates.nearest or (search.blocked and number == ENOUGH):
         return None
-    return next(
-        (Approach(*one) for one in islice(search.nearest_starts(), number, number + 1)), None
-    )
+    return next(islice(search.beside(), number, None), None)
 
 
 def from_samples(search: Search, history: History) -> Try | None:
@@ -295,4 +294,9 @@ def _from_samples(
 
 #: Strategies from solved throws, and from nothing but the target; tried in order.
 FROM_THROWS: tuple[Strategy, ...] = (from_neighbours, from_warm_plan)
-FROM_NOTHING: tuple[Strategy, ...] = (from_nearest_samples, from_beside, from_samples)
+FROM_NOTHING: tuple[Strategy, ...] = (
+    from_nearest_samples,
+    from_found,
+    from_beside,
+    from_samples,
+)

@@ -316,6 +316,8 @@ def test_a_bound_that_no_throw_is_near_to_is_named(bound, words, folder, run):
     put(edited("", HAND, {"landing": bound}), folder)
     said = run("plan scene.toml")
     assert said.status == 3 and f"[landing] {bound}" in said.err and words in said.err
+    # No throw was brought near to the target: nothing is proven.
+    assert "not_converged" in said.out
 
 
 def test_a_cup_beside_the_target_is_refused_in_python_too(folder):

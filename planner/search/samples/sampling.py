@@ -10,23 +10,24 @@ import dataclasses
 import io
 import math
 from collections.abc import Callable
-from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from ....core.compile import cache_folder, digest, keep, kept, source_of
-from ....models import Array, Flags, HandSamples, Indices
-from ....models.release import Opening, PivotSteps, SlidingPivot, march, rk4_step
+from ....core.compile import cache_folder, digest, keep, kept
+from ....models import Array, Flags, HandSamples, Indices, Trajectory
+from ....models.release import MODELS, SLIDING_PIVOT, ReleaseBatch
 from ....problems import Scene
-from ...ocp import BRAKE_SHARE, build_nlp
+from ...ocp import BRAKE_SHARE
 from ...throw import Limits, Manipulator, friction_use
-from ...throw.clearance import column_distance, tool_speeds
+from ...throw.clearance import tool_speeds
 from .launch import clears_carried, clears_thrown, run_up
 from .releases import ARRAYS, Releases, joined
 
-#: Runge-Kutta steps of the opening in the table.
-TABLE_STEPS = 12
+#: Version of stored tables. Raise it where other releases are drawn, or thrown otherwise.
+FORMAT = 1
+#: Steps of the opening in the table, and cubic pieces of the hand's motion.
+STEPS, PIECES = 12, 6
 #: Share of a table drawn beside releases whose landings are sparse, and in how many rounds.
 SPARSE_SHARE, ROUNDS = 0.6, 6
 #: How near, in shares of the limits' range.
@@ -44,7 +45,6 @@ class ReleaseSampler:
         self.scene = scene
         self.manipulator = manipulator
         self.profile = scene.gripper.profile()
-        self.release = PivotSteps(SlidingPivot(scene.body, scene.patch, scene.gravity))
 
     def draw(self, count: int, seed: int = 0) -> Releases:
         """Releases from `count` tried states; fewer come back.
@@ -172,12 +172,28 @@ class ReleaseSampler:
         return np.asarray(keep)
 
     def throw(self, q: Array, dq: Array, ddq: Array) -> Array:
-        """Detach states (N, 6) by the exact sliding pivot."""
-        shares, duration = np.linspace(0.0, 1.0, 2 * TABLE_STEPS + 1), self.profile.opening
-        forces = self.profile.force(shares * duration)
-        opening = Opening(shares, duration, partial(self._hand, q, dq, ddq), forces)
-        states, _ = march(self.release, opening, np.full(len(q), self.scene.grasp.angle))
-        return np.array(states).T
+        """Detach states (N, 6) by the exact sliding pivot, with graded steps."""
+        scene, grip, count = self.scene, self.profile, len(q)
+        times = np.linspace(0.0, grip.opening, PIECES + 1)
+        hands = [self._hand(q, dq, ddq, t) for t in times]
+        pose, twist, acceleration = (
+            np.stack([getattr(hand, name) for hand in hands], axis=1)
+            for name in ("pose", "twist", "acceleration")
+        )
+        jerk = np.diff(acceleration, axis=1) / np.diff(times)[:, None]
+        pieces = np.stack([jerk / 6, acceleration[:, :-1] / 2, twist[:, :-1], pose[:, :-1]])
+        batch = ReleaseBatch(
+            count,
+            scene.body,
+            scene.patch,
+            grip,
+            Trajectory(times, pieces, np.empty(0)),
+            np.full(count, grip.opening),
+            np.full(count, grip.full),
+            scene.gravity,
+            scene.grasp.angle,
+        )
+        return MODELS[SLIDING_PIVOT].throw(batch, STEPS).detach
 
 
 def sparse_parents(x: Array, theta: Array, count: int, rng: np.random.Generator) -> Indices:
@@ -203,11 +219,6 @@ def sparse_parents(x: Array, theta: Array, count: int, rng: np.random.Generator)
 def _bins(values: Array) -> Indices:
     low, width = values.min(), max(float(np.ptp(values)), 1e-9)
     return np.asarray(np.minimum(((values - low) / width * BINS).astype(int), BINS - 1))
-
-
-#: What decides which releases are drawn for a scene, and where they go.
-MAKERS = (ReleaseSampler, sparse_parents, run_up, clears_carried, column_distance, build_nlp)
-LAWS = (SlidingPivot, PivotSteps, march, rk4_step)
 
 
 def stored_releases(
@@ -253,7 +264,7 @@ def _key(scene: Scene, manipulator: Manipulator, count: int, seed: int) -> str:
         count,
         seed,
     )
-    return digest("releases", source_of(*MAKERS, *LAWS), *map(repr, parts))
+    return digest(f"releases {FORMAT}", *map(repr, parts))
 
 
 def _read(path: Path) -> Releases | None:
