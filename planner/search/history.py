@@ -54,7 +54,14 @@ class Approach:
     found: bool = False
 
 
-Try = Move | Solve | Approach
+@dataclass(frozen=True)
+class Follow:
+    """Go from a throw on the boundary of the reach towards the target, as far as limits let it."""
+
+    near: Neighbour
+
+
+Try = Move | Solve | Approach | Follow
 
 
 @dataclass(frozen=True, eq=False)

@@ -22,7 +22,7 @@ from .candidates import STARTS, Candidates, release_start
 from .corrector import Corrector, edge_optimum, moved_start, optimum_of
 from .failure import in_column
 from .guess import initial_guess_from
-from .history import Approach, History, Move, Solve, Try
+from .history import Approach, Follow, History, Move, Solve, Try
 from .nlps import NlpCache, Task
 from .samples import Releases, ReleaseSampler
 
@@ -36,6 +36,8 @@ NEARBY = 0.15
 NEAR = 0.005
 #: Starts from samples that are solved before throws beside the target are brought to it.
 FIRST_STARTS = 2
+#: Throws of the library on the boundary of the reach that are followed towards the target.
+FOLLOWED = 3
 #: Throws of the library that are brought as near to the target as limits let them.
 SOLVED = 2
 #: A throw is kept for later plans if none is that lands this near to it [m, pose error].
@@ -194,7 +196,8 @@ class Search:
         """Whether the target is out of reach.
 
         `ENOUGH` nearest landings are equal, not all of them from throws of earlier plans, which may
-        be of one kind, and no sampled throw that clears column and hand lands nearer to the target.
+        be of one kind. No throw of the library lands nearer to the target, nor a sampled one that
+        clears column and hand.
         """
         near = [one.missed for one in history.edges]
         if len(near) < ENOUGH or near[ENOUGH - 1] > ALIKE * near[0]:
@@ -202,7 +205,8 @@ class Search:
         new = [one.missed for one in history.new_edges]
         clear, nearest = self.candidates.releases.clear, self.candidates.nearest
         sampled = min((away for index, _, away in nearest if clear[index]), default=math.inf)
-        most = ALIKE * sampled + self.task.scene.tolerance.position
+        solved = (one.distance for one in self._nearest(self.context.library, 1, math.inf))
+        most = ALIKE * min(sampled, *solved, math.inf) + self.task.scene.tolerance.position
         return bool(new) and new[0] <= ALIKE * near[0] and near[0] <= most
 
 
@@ -246,9 +250,19 @@ def from_warm_plan(search: Search, history: History) -> Try | None:
     return Solve(start, "warm plan")
 
 
+def from_boundary(search: Search, history: History) -> Try | None:
+    """A throw of the library on the boundary of the reach, followed towards the target."""
+    task, library = search.task, search.context.library
+    if history.found or len(task.solvers) == 1 or search.is_settled(history):
+        return None
+    number = sum(isinstance(one, Follow) for one in history.tries)
+    near = library.nearest_of_boundary(task.target, task.turns, FOLLOWED)
+    return next((Follow(one) for one in islice(near, number, None)), None)
+
+
 def from_nearest_samples(search: Search, history: History) -> Try | None:
     """A solver's start from one of few sampled releases that land near the target."""
-    if search.blocked:
+    if search.blocked or search.is_settled(history):
         return None
     return _from_samples(search, history, [(search.task.solvers[0], FIRST_STARTS)])
 
@@ -295,6 +309,7 @@ def _from_samples(
 #: Strategies from solved throws, and from nothing but the target; tried in order.
 FROM_THROWS: tuple[Strategy, ...] = (from_neighbours, from_warm_plan)
 FROM_NOTHING: tuple[Strategy, ...] = (
+    from_boundary,
     from_nearest_samples,
     from_found,
     from_beside,
