@@ -131,10 +131,12 @@ class Library:
         landings = self.landings(target.z)
         return self._nearest(self._solved, landings, target, turns, count, within)
 
-    def nearest_of_boundary(self, target: Pose, turns: Turns, count: int) -> Iterator[Neighbour]:
-        """At most `count` throws of the reach's boundary, those that land nearest first."""
+    def nearest_of_boundary(
+        self, target: Pose, turns: Turns, count: int, within: float = math.inf
+    ) -> Iterator[Neighbour]:
+        """As `nearest_throws`, of the throws on the boundary of the reach."""
         landings = self._landings_at(self._boundary, target.z)
-        return self._nearest(self._boundary, landings, target, turns, count, math.inf)
+        return self._nearest(self._boundary, landings, target, turns, count, within)
 
     def _nearest(
         self,

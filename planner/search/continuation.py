@@ -36,8 +36,8 @@ class StepSettings:
     max_steps, max_throws: most steps, and throws brought to the goal. max_error, always_accept:
     a step is accepted if the pose error of its predicted landing is below this share of the step's
     own length, or below this [m]; else it is shortened by `shrink`, and given up below
-    `min_length`, a share of the longest step. min_progress: ends when a throw short of the goal is
-    not nearer than this share of the last one's distance.
+    `min_length`, a share of the longest step. min_gain [m], min_gain_share: ends when a throw short
+    of the goal is nearer than the last one by less than this pose error, or than this share of it.
     """
 
     max_steps: int = 12
@@ -46,7 +46,8 @@ class StepSettings:
     always_accept: float = 0.05
     shrink: float = 0.5
     min_length: float = 0.002
-    min_progress: float = 0.95
+    min_gain: float = 0.005
+    min_gain_share: float = 0.05
 
 
 SETTINGS = StepSettings()
@@ -86,7 +87,7 @@ class SqpContinuation:
     def attempts(self) -> Iterator[Attempt]:
         """Attempts to throw to the goal; last, where limits end the way to it, the one that does.
 
-        There the linearised limits let no throw nearer by more than `min_progress` tells.
+        There the linearised limits let no throw nearer by more than `min_gain` or its share.
         """
         optimum, off = self.near.optimum, np.array(self.near.miss)
         refinement, slope = optimum.refinement, optimum.slope
@@ -108,9 +109,11 @@ class SqpContinuation:
                 if attempt.solved:
                     return
             elif attempt.verdict is not None and attempt.verdict.ok:
-                if nearest and not attempt.missed < SETTINGS.min_progress * nearest.missed:
-                    yield min(nearest, attempt, key=lambda one: one.missed)
-                    return
+                if nearest is not None:
+                    far, gain = nearest.missed, nearest.missed - attempt.missed
+                    if gain < min(SETTINGS.min_gain, SETTINGS.min_gain_share * far):
+                        yield attempt if gain > 0.0 else nearest
+                        return
                 nearest = attempt
             refinement = attempt.after
 

@@ -100,9 +100,11 @@ class Search:
 
     def neighbours(self) -> Iterator[Neighbour]:
         """Solved throws near the target: the warm plan's and the library's, nearest first."""
-        near = self._nearest(self.context.library, self.moves)
+        task, library = self.task, self.context.library
+        near = self._nearest(library, self.moves)
         same = self._nearest(self.context.found, 1, KNOWN)
-        return merge(self._warm_neighbour, same, near, key=lambda one: one.distance)
+        rim = library.nearest_of_boundary(task.target, task.turns, 1, KNOWN)
+        return merge(self._warm_neighbour, same, rim, near, key=lambda one: one.distance)
 
     def _nearest(self, throws: Library, count: int, within: float = NEARBY) -> Iterator[Neighbour]:
         """At most `count` solved throws with a pose error below `within` [m], nearest first."""
@@ -140,10 +142,10 @@ class Search:
     def remember(self, attempt: Attempt) -> None:
         """Keeps a throw that a solver found, for later plans of this planner."""
         throw, edge, known = attempt.throw, attempt.edge, self.context.found
-        if throw is None or throw.solution is None:
+        if throw is None or (throw.solution is None and edge is None):
             return
         pose = attempt.goal if edge is None else edge.pose
-        if edge is None:
+        if edge is None or throw.solution is None:
             optimum = self._optimum(throw)
         else:
             optimum = edge_optimum(known.controls, throw, 1 + known.angle, edge.names)
