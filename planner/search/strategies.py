@@ -36,8 +36,9 @@ NEARBY = 0.15
 NEAR = 0.005
 #: Starts from samples that are solved before throws beside the target are brought to it.
 FIRST_STARTS = 2
-#: Throws of the library on the boundary of the reach that are followed towards the target.
-FOLLOWED = 3
+#: Throws on the boundary of the reach that are followed to the target, of those this near to it [m,
+#: pose error]: the nearest to a farther target may be at another place of the boundary.
+FOLLOWED, FOLLOWED_WITHIN = 3, 0.3
 #: Throws of the library that are brought as near to the target as limits let them.
 SOLVED = 2
 #: A throw is kept for later plans if none is that lands this near to it [m, pose error].
@@ -258,7 +259,7 @@ def from_boundary(search: Search, history: History) -> Try | None:
     if history.found or len(task.solvers) == 1 or search.is_settled(history):
         return None
     number = sum(isinstance(one, Follow) for one in history.tries)
-    near = library.nearest_of_boundary(task.target, task.turns, FOLLOWED)
+    near = library.nearest_of_boundary(task.target, task.turns, FOLLOWED, FOLLOWED_WITHIN)
     return next((Follow(one) for one in islice(near, number, None)), None)
 
 
