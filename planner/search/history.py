@@ -54,14 +54,7 @@ class Approach:
     found: bool = False
 
 
-@dataclass(frozen=True)
-class Follow:
-    """Go from a throw on the boundary of the reach towards the target, as far as limits let it."""
-
-    near: Neighbour
-
-
-Try = Move | Solve | Approach | Follow
+Try = Move | Solve | Approach
 
 
 @dataclass(frozen=True, eq=False)

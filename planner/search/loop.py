@@ -6,8 +6,7 @@ from collections.abc import Iterable, Sequence
 
 from .approach import approach
 from .attempt import Attempt, attempts
-from .continuation import SqpContinuation
-from .history import Approach, Entry, Follow, History, Move, Solve, Try
+from .history import Approach, Entry, History, Move, Solve, Try
 from .strategies import Search, Strategy
 
 
@@ -34,7 +33,5 @@ def _outcome(search: Search, step: Try) -> Iterable[Attempt]:
             return [context.corrector.attempt(near, task)]
         case Solve(start):
             return attempts(context.problems, start, task)
-        case Follow(near):
-            return SqpContinuation(context.corrector, near, task).attempts()
         case Approach(goal, source):
             return approach(context.corrector, goal, source, task)

@@ -22,7 +22,7 @@ from .candidates import STARTS, Candidates, release_start
 from .corrector import Corrector, edge_optimum, moved_start, optimum_of
 from .failure import in_column
 from .guess import initial_guess_from
-from .history import Approach, Follow, History, Move, Solve, Try
+from .history import Approach, History, Move, Solve, Try
 from .nlps import NlpCache, Task
 from .samples import Releases, ReleaseSampler
 
@@ -36,9 +36,6 @@ NEARBY = 0.15
 NEAR = 0.005
 #: Starts from samples that are solved before throws beside the target are brought to it.
 FIRST_STARTS = 2
-#: Throws on the boundary of the reach that are followed to the target, of those this near to it [m,
-#: pose error]: the nearest to a farther target may be at another place of the boundary.
-FOLLOWED, FOLLOWED_WITHIN = 3, 0.3
 #: Throws of the library that are brought as near to the target as limits let them.
 SOLVED = 2
 #: A throw is kept for later plans if none is that lands this near to it [m, pose error].
@@ -143,10 +140,10 @@ class Search:
     def remember(self, attempt: Attempt) -> None:
         """Keeps a throw that a solver found, for later plans of this planner."""
         throw, edge, known = attempt.throw, attempt.edge, self.context.found
-        if throw is None or (throw.solution is None and edge is None):
+        if throw is None or throw.solution is None:
             return
         pose = attempt.goal if edge is None else edge.pose
-        if edge is None or throw.solution is None:
+        if edge is None:
             optimum = self._optimum(throw)
         else:
             optimum = edge_optimum(known.controls, throw, 1 + known.angle, edge.names)
@@ -253,19 +250,9 @@ def from_warm_plan(search: Search, history: History) -> Try | None:
     return Solve(start, "warm plan")
 
 
-def from_boundary(search: Search, history: History) -> Try | None:
-    """A throw of the library on the boundary of the reach, followed towards the target."""
-    task, library = search.task, search.context.library
-    if history.found or len(task.solvers) == 1 or search.is_settled(history):
-        return None
-    number = sum(isinstance(one, Follow) for one in history.tries)
-    near = library.nearest_of_boundary(task.target, task.turns, FOLLOWED, FOLLOWED_WITHIN)
-    return next((Follow(one) for one in islice(near, number, None)), None)
-
-
 def from_nearest_samples(search: Search, history: History) -> Try | None:
     """A solver's start from one of few sampled releases that land near the target."""
-    if search.blocked or search.is_settled(history):
+    if search.blocked:
         return None
     return _from_samples(search, history, [(search.task.solvers[0], FIRST_STARTS)])
 
@@ -312,7 +299,6 @@ def _from_samples(
 #: Strategies from solved throws, and from nothing but the target; tried in order.
 FROM_THROWS: tuple[Strategy, ...] = (from_neighbours, from_warm_plan)
 FROM_NOTHING: tuple[Strategy, ...] = (
-    from_boundary,
     from_nearest_samples,
     from_found,
     from_beside,

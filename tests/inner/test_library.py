@@ -457,20 +457,6 @@ def test_throws_of_the_boundary_land_where_they_say(prepared: tp.Planner) -> Non
         assert prepared.plan(landing).solved
 
 
-def test_beyond_the_boundary_no_nlp_is_solved(prepared: tp.Planner) -> None:
-    """The stored throws of the boundary lead to the nearest possible landing."""
-    library, scene = prepared.library, prepared.scene
-    rows = library.records[library.records["boundary"]]
-    landings = scene.flight.land(rows["detach"].astype(float), scene.target.z)[:, :2]
-    away = rows["landing"].astype(float) - landings
-    away *= np.minimum(0.1 / scene.object.pose_error(*away.T), 1.0)[:, None]
-    answers = [prepared.plan(scene.target.in_plane(*place)) for place in (landings + away)[:8]]
-    said = [one for one in answers if one.status == "out_of_reach" and not one.iterations]
-    assert len(said) >= len(answers) // 2
-    for answer in said:
-        assert answer.binding and prepared.plan(answer.nearest).solved
-
-
 def test_turns_alternatives_and_a_choice(prepared: tp.Planner) -> None:
     target = next(t for t in targets(prepared, 4) if prepared.plan(t).solved)
     turned = prepared.plan(target.turned(-6 * math.pi), turns="any")
