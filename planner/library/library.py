@@ -14,7 +14,7 @@ from typing import Literal
 
 import numpy as np
 
-from ...models import Array
+from ...models import Array, Indices
 from ...problems import Pose, Scene
 from ..ocp import Optimum, ReducedVariables, Request
 from ..throw import Manipulator
@@ -71,12 +71,13 @@ class Library:
 
     def _take(self, records: Records) -> None:
         """Keeps of several records of one landing the cheapest throw, if there is a throw."""
-        order = np.lexsort((records["effort"], ~records["solved"]))
+        order = np.lexsort((records["effort"], ~records["boundary"], ~records["solved"]))
         places = np.ascontiguousarray(records["landing"][order]).view("<u8").ravel()
         _, first = np.unique(places, return_index=True)
         self.records = records if len(first) == len(records) else records[np.sort(order[first])]
         self._solved = np.flatnonzero(self.records["solved"])
-        self._landings = self._landings_at(self._height)
+        self._boundary = np.flatnonzero(self.records["boundary"])
+        self._landings = self._landings_at(self._solved, self._height)
 
     def add(self, records: Sequence[Records]) -> None:
         """Adds records: to this object, and to the folder in one file."""
@@ -98,9 +99,16 @@ class Library:
                 (self.folder / part).unlink()
         self._parts = {name: self.records}
 
-    def record(self, optimum: Optimum, landing: tuple[float, float], *, solved: bool) -> Records:
+    def record(
+        self,
+        optimum: Optimum,
+        landing: tuple[float, float],
+        *,
+        solved: bool = False,
+        boundary: bool = False,
+    ) -> Records:
         """The record of a throw that lands there, or of a landing that none was found for."""
-        return record_of(self._type, optimum, landing, solved=solved)
+        return record_of(self._type, optimum, landing, solved=solved, boundary=boundary)
 
     def optimum(self, index: int) -> Optimum:
         """The solved throw of that number."""
@@ -108,19 +116,41 @@ class Library:
 
     def landings(self, height: float) -> Array:
         """x [m], theta [rad], flight time [s] (3, N) of the solved throws at a height [m]."""
-        return self._landings if height == self._height else self._landings_at(height)
+        if height == self._height:
+            return self._landings
+        return self._landings_at(self._solved, height)
 
-    def _landings_at(self, height: float) -> Array:
-        detach = self.records["detach"][self._solved].astype(float)
+    def _landings_at(self, rows: Indices, height: float) -> Array:
+        detach = self.records["detach"][rows].astype(float)
         return self._scene.flight.land(detach, height).T.copy()
 
     def nearest_throws(
         self, target: Pose, turns: Turns, count: int, within: float
     ) -> Iterator[Neighbour]:
         """At most `count` solved throws with a pose error below `within` [m], nearest first."""
-        if not len(self) or (target.theta is not None) != self.angle:
+        landings = self.landings(target.z)
+        return self._nearest(self._solved, landings, target, turns, count, within)
+
+    def nearest_of_boundary(
+        self, target: Pose, turns: Turns, count: int, within: float = math.inf
+    ) -> Iterator[Neighbour]:
+        """As `nearest_throws`, of the throws on the boundary of the reach."""
+        landings = self._landings_at(self._boundary, target.z)
+        return self._nearest(self._boundary, landings, target, turns, count, within)
+
+    def _nearest(
+        self,
+        rows: Indices,
+        landings: Array,
+        target: Pose,
+        turns: Turns,
+        count: int,
+        within: float,
+    ) -> Iterator[Neighbour]:
+        """Of the records of numbers `rows` (N,) with their landings (3, N), the nearest."""
+        if not len(rows) or (target.theta is not None) != self.angle:
             return
-        x, theta, _ = self.landings(target.z)
+        x, theta, _ = landings
         off = x - target.plane_x
         turn = full = np.zeros_like(x)
         if target.theta is not None:
@@ -137,7 +167,7 @@ class Library:
             if not away[i] < within:
                 return
             yield Neighbour(
-                self.optimum(int(i)),
+                optimum_in(self.records[rows[i]]),
                 target.turned(float(full[i])) if full[i] else target,
                 (float(off[i]), float(turn[i])),
                 float(away[i]),

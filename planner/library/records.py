@@ -31,11 +31,14 @@ def record_type(controls: ReducedVariables, angle: bool) -> np.dtype[Any]:
     """The fields of a record, those of `Optimum` in single precision.
 
     solved: the record is a throw that lands at landing (x [m], theta [rad]). Else the library's
-    growth found no throw that lands there; the other fields are those of the throw it tried last.
+    growth found no throw that lands there. boundary: the record is the throw that limits let come
+    nearest to the landing; it lands beside it and breaks nothing. A record that is neither has the
+    numbers of the throw that was tried first.
     """
     f, u = "<f4", controls.size
     fields: list[Any] = [
         ("solved", "?"),
+        ("boundary", "?"),
         ("landing", f, 2),
         ("u", f, u),
         ("slope", f, (u, 2 if angle else 1)),
@@ -51,11 +54,16 @@ def record_type(controls: ReducedVariables, angle: bool) -> np.dtype[Any]:
 
 
 def record_of(
-    kind: np.dtype[Any], optimum: Optimum, landing: tuple[float, float], *, solved: bool
+    kind: np.dtype[Any],
+    optimum: Optimum,
+    landing: tuple[float, float],
+    *,
+    solved: bool = False,
+    boundary: bool = False,
 ) -> Records:
     """The record () of a throw that lands at `landing`, or of a landing that none was found for."""
     row = np.zeros((), kind)
-    row["solved"], row["landing"] = solved, landing
+    row["solved"], row["boundary"], row["landing"] = solved, boundary, landing
     for name in ("u", "slope", "detach", "effort", "smoothing", "nlp_size"):
         row[name] = getattr(optimum, name)
     row["guards"] = " ".join(sorted(optimum.refinement.lazy)).encode()

@@ -281,6 +281,11 @@ class CondensedQp:
             hessian=self.hessian[1:, 1:],
         )
 
+    @property
+    def convex(self) -> CondensedQp:
+        """The QP with small and negative curvatures raised to `min_curvature`."""
+        return replace(self, hessian=_raise_curvatures(self.hessian))
+
     def null_space_step(self, active: Flags) -> Array:
         """The cheapest du (size, L) in the null space of the active limits for a unit change of
         each landing component."""
@@ -295,19 +300,19 @@ class CondensedQp:
         inverse = np.linalg.inv(_raise_curvatures(inner.T @ reduced @ inner))
         return np.asarray(free @ (direct - inner @ (inverse @ (inner.T @ reduced @ direct))))
 
-    def step(self, centre: Array, trust: float = 1.0) -> Step | None:
+    def step(self, centre: Array, trust: float = 1.0, lever: float = 1.0) -> Step | None:
         """The step nearest to `centre` (size,) that reaches the target inside all limits.
 
-        It may miss the target, at a price. trust: share of the step bounds. None if the QP has no
-        solution.
+        It may miss the target, at a price: of theta [rad] `lever` times that of x [m]. trust: share
+        of the step bounds. None if the QP has no solution.
         """
         longest, misses = trust * self.step_bounds, len(self.landing)
         size, slacks = len(longest), 2 * misses + 1
         # Variables: du, undershoot and overshoot of the landing, violation of limits broken now.
         hessian = np.diag(np.append(np.zeros(size), np.full(slacks, QP.min_curvature)))
         hessian[:size, :size] = self.hessian
-        gradient = np.append(-self.hessian @ centre, np.full(slacks, MISS_PRICE))
-        gradient[-1] = QP.violation_price
+        prices = MISS_PRICE * np.array([1.0, lever])[:misses]
+        gradient = np.concatenate([-self.hessian @ centre, prices, prices, [QP.violation_price]])
         target = np.hstack([self.landing, np.eye(misses), -np.eye(misses), np.zeros((misses, 1))])
         broken_now = np.where(self.lower > QP.zero, 1.0, np.where(self.upper < -QP.zero, -1.0, 0.0))
         bounds = (

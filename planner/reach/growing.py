@@ -1,10 +1,10 @@
-"""A library of solved throws grown over the reach, cell by cell, to its edge.
+"""A library of solved throws grown over the reach, cell by cell, from the target to the boundary.
 
-Landings of random throws, sorted into cells, say about how large the reach is; a few of them are
-solved from sampled releases. From then on a throw into each cell is made from a throw into a cell
-beside it, so that the library finds its way into every corner that can be thrown to, whether a
-random throw landed there or not. A cell that none leads to is the edge, and keeps the names of the
-limits that bind at it.
+Landings of random throws, sorted into cells, say about how large the reach is. The scene's target
+and a few of them are solved from sampled releases. A throw into each other cell is made from a
+throw into a cell beside it, nearest to the target first, so that the library finds its way into
+every corner that can be thrown to, whether a random throw landed there or not. A cell that none
+leads to is beyond the boundary, and keeps the throw that limits let come nearest to it.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import pickle
 import time
 from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor, Executor
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property, partial
 
 import numpy as np
@@ -42,9 +42,10 @@ from .solving import (
 class GrowthSettings:
     """How a library grows.
 
-    seeds: cells solved from sampled releases before any other; late_seeds: the same at the end,
-    of cells that random throws hit and that no neighbour led to. max_failures: neighbours from
-    which a cell is tried before it counts as beyond the edge. batch: cells in one job of an
+    seeds: cells solved from sampled releases; late_seeds: at the end, of cells that random throws
+    hit and that no neighbour led to. max_failures: neighbours from which a cell is tried before it
+    counts as beyond the boundary; one from which limits end the way there counts as
+    `boundary_failures`. batch: cells in one job of an
     executor. save_every [s]: longest time of work that is lost when the process is killed.
     few: fewer throws than this are solved by this process alone, since others take seconds to
     start; processes: by default for more. overshoot: where the reach is larger than random throws
@@ -57,6 +58,7 @@ class GrowthSettings:
     seeds: int = 24
     late_seeds: int = 24
     max_failures: int = 4
+    boundary_failures: int = 2
     batch: int = 8
     save_every: float = 5.0
     few: int = 400
@@ -124,8 +126,9 @@ class LibraryBuilder:
         self._running: dict[Cell, CellTask] = {}
         #: Tasks that come before all others.
         self._first: list[CellTask] = []
-        #: Cells beside solved ones: whether no random throw hit it, effort, cell, solved cell.
-        self._waiting: list[tuple[bool, float, Cell, Cell]] = []
+        #: Cells to solve: whether no random throw hit it, pose error [m] from the target, effort
+        #: of the source, cell, and its source: a solved cell, or itself for sampled releases.
+        self._waiting: list[tuple[bool, float, float, Cell, Cell]] = []
         #: Solved cells that a neighbour may improve: share of the effort, effort, cell, neighbour.
         self._costly: list[tuple[float, float, Cell, Cell]] = []
         self._hit: set[Cell] = set()
@@ -149,8 +152,10 @@ class LibraryBuilder:
         if not self._solved:
             rng = np.random.default_rng(SEED)
             some = sparse_parents(*landings, SETTINGS.seeds, rng)
-            cells = dict.fromkeys(self._cells(landings[0][i], landings[1][i]) for i in some)
-            self._first = [self._task(cell, self._releases_near(cell)) for cell in cells]
+            target = self._cells(self._target.plane_x, self._target.theta)
+            self._hit.add(target)
+            for cell in {target, *(self._cells(landings[0][i], landings[1][i]) for i in some)}:
+                self._wait_for(cell, cell, 0.0)
 
         def keep(results: Sequence[CellResult]) -> None:
             for result in results:
@@ -187,7 +192,7 @@ class LibraryBuilder:
         return pickle.dumps(self._solver.problems.scene)
 
     def _next_task(self) -> CellTask | None:
-        """Seeds, cells beside solved ones, seeds where none of these led, cells that cost too much.
+        """Cells outward from the target, seeds where none led, cells that cost too much.
 
         The cheapest solved neighbour gives a cell's throw; at the end a cheaper neighbour replaces
         dearer throws.
@@ -198,7 +203,7 @@ class LibraryBuilder:
             _, effort, cell, source = heapq.heappop(self._costly)
             limit = SETTINGS.cheaper * self._solved[cell].optimum.effort
             if effort < limit and cell not in self._running:
-                return self._task(cell, self._solved[source])
+                return self._task(cell, source)
         return None
 
     def _next_new(self) -> CellTask | None:
@@ -208,7 +213,7 @@ class LibraryBuilder:
         while self._waiting:
             *_, cell, source = heapq.heappop(self._waiting)
             if self._is_open(cell):
-                return self._task(cell, self._solved[source])
+                return self._task(cell, source)
         if self._running:
             return None
         if self._late_seeds is None:
@@ -216,11 +221,14 @@ class LibraryBuilder:
         while self._late_seeds:
             cell = self._late_seeds.pop()
             if cell not in self._solved:
-                return self._task(cell, self._releases_near(cell))
+                return self._task(cell, cell)
         return None
 
-    def _task(self, cell: Cell, source: KnownThrow | Releases) -> CellTask:
-        return CellTask(cell, self._cells.middle(cell, self._target), source)
+    def _task(self, cell: Cell, source: Cell) -> CellTask:
+        """To solve a cell from a solved one, or from sampled releases where that is itself."""
+        known = self._releases_near(cell) if source == cell else self._solved[source]
+        goal = self._cells.middle(cell, self._target)
+        return CellTask(cell, goal, known, has_throw=cell in self._solved)
 
     def _releases_near(self, cell: Cell) -> Releases:
         """The sampled releases that land nearest to a cell's middle."""
@@ -256,17 +264,25 @@ class LibraryBuilder:
             self._spread(cell)
             self._record(cell, result.throw.optimum, solved=True)
             return
-        self._failures[cell] = self._failures.get(cell, 0) + 1
-        if isinstance(source, KnownThrow) and self._failures[cell] == 1:
-            optimum = replace(source.optimum, binding=result.binding)
-            self._record(cell, optimum, solved=False)
+        boundary, failures = result.boundary, self._failures.get(cell, 0)
+        self._failures[cell] = failures + (SETTINGS.boundary_failures if boundary else 1)
+        if boundary is not None:
+            self._record(cell, boundary, boundary=True)
+        elif isinstance(source, KnownThrow) and not failures:
+            self._record(cell, source.optimum)
+
+    def _wait_for(self, cell: Cell, source: Cell, effort: float) -> None:
+        """Puts a cell that has no throw into the queue."""
+        goal = self._cells.middle(cell, self._target)
+        away = goal.distance(self._target, self._solver.problems.scene.object.half_length)
+        heapq.heappush(self._waiting, (cell not in self._hit, away, effort, cell, source))
 
     def _spread(self, cell: Cell) -> None:
         """Puts the cells beside a solved one into the queues."""
         effort = self._solved[cell].optimum.effort
         for beside in self._cells.around(cell):
             if beside not in self._solved:
-                heapq.heappush(self._waiting, (beside not in self._hit, effort, beside, cell))
+                self._wait_for(beside, cell, effort)
             else:
                 self._compare(beside, cell)
                 self._compare(cell, beside)
@@ -288,10 +304,10 @@ class LibraryBuilder:
         if share < SETTINGS.cheaper:
             heapq.heappush(self._costly, (share, effort, cell, source))
 
-    def _record(self, cell: Cell, optimum: Optimum, *, solved: bool) -> None:
+    def _record(self, cell: Cell, optimum: Optimum, **kind: bool) -> None:
         goal = self._cells.middle(cell, self._target)
         landing = goal.plane_x, goal.theta or 0.0
-        self._new.append(self._library.record(optimum, landing, solved=solved))
+        self._new.append(self._library.record(optimum, landing, **kind))
 
     def _save(self) -> None:
         """Adds what was solved to the library."""
@@ -299,7 +315,7 @@ class LibraryBuilder:
         self._new, self._saved = [], time.perf_counter()
 
     def _read_library(self) -> None:
-        """The library's throws and edge in these cells."""
+        """The library's throws, and cells beyond the boundary, of these cells."""
         throws = itertools.count()
         for x, theta, solved in zip(
             *self._library.records["landing"].astype(float).T.tolist(),

@@ -7,9 +7,20 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
 
+import numpy as np
+
+from ...models import Array
 from ...problems import Pose, Scene
 from ..library import Neighbour
-from ..ocp import BASE, Optimum, ReducedVariables, Refinement, Request
+from ..ocp import (
+    BASE,
+    CondensedQp,
+    Optimum,
+    ReducedVariables,
+    Refinement,
+    Request,
+    Solution,
+)
 from ..samples import Releases, starts
 from ..search import (
     Clock,
@@ -19,9 +30,11 @@ from ..search import (
     Start,
     Task,
     attempts,
+    initial_guess_from,
     moved_start,
     optimum_of,
     release_start,
+    throw_of,
 )
 from ..throw import make_manipulator
 from .cells import Cell
@@ -32,14 +45,17 @@ class SolverSettings:
     """How a cell is solved.
 
     patience [s]: longest time for one cell. max_distance [m]: a throw with a larger pose error is
-    not moved along its slope. max_moves: a throw is moved along its slope from cell
-    to cell at most this often, then solved anew, which keeps its effort near the least.
-    max_starts: sampled releases that a throw is solved from.
+    not moved along its slope. max_moves: a throw is moved along its slope from cell to cell at most
+    this often; then a Newton step brings it back to the optimum. max_newton_steps: so many of them
+    use the multipliers of one solution of the NLP. gradient_step: of u, for differences of the
+    effort. max_starts: sampled releases that a throw is solved from.
     """
 
     patience: float = 3.0
     max_distance: float = 0.15
     max_moves: int = 2
+    max_newton_steps: int = 12
+    gradient_step: float = 1e-6
     max_starts: int = 2
 
 
@@ -48,28 +64,38 @@ SETTINGS = SolverSettings()
 
 @dataclass(frozen=True)
 class KnownThrow:
-    """A solved throw; moves: how often it was moved along its slope since it was solved."""
+    """A solved throw, and what tells how near its optimum it is.
+
+    multipliers (m,): of the NLP's rows at the solution that it comes from, None without one;
+    newton_steps from there to here; moves: along its slope since the last of these.
+    """
 
     optimum: Optimum
+    multipliers: Array | None = None
+    newton_steps: int = 0
     moves: int = 0
 
 
 @dataclass(frozen=True)
 class CellTask:
-    """A cell, the landing in its middle, and a throw that lands beside it or sampled releases."""
+    """A cell, the landing in its middle, and a throw that lands beside it or sampled releases.
+
+    has_throw: whether the cell has a throw, which a cheaper one is to replace.
+    """
 
     cell: Cell
     goal: Pose
     source: KnownThrow | Releases
+    has_throw: bool = False
 
 
 @dataclass(frozen=True)
 class CellResult:
-    """The throw that lands in a cell; None without one, and names of the limits that bind there."""
+    """The throw that lands in a cell; or None, and the one that limits let come nearest to it."""
 
     cell: Cell
     throw: KnownThrow | None
-    binding: tuple[str, ...] = ()
+    boundary: Optimum | None = None
 
 
 @dataclass(frozen=True)
@@ -88,8 +114,9 @@ class CellSolver:
     def solve(self, cell_task: CellTask) -> CellResult:
         """A throw into the cell.
 
-        A throw near it is moved along its slope; from a farther one the NLP is solved. Where that
-        fails, steps that know all limits lead to the cell.
+        A throw near it is moved along its slope, or by a Newton step where it was moved so before;
+        from a farther one the NLP is solved. Where that fails, steps that know all limits lead to
+        the cell, or to the boundary of the reach.
         """
         cell, goal, source = cell_task.cell, cell_task.goal, cell_task.source
         clock = Clock.lasting(SETTINGS.patience)
@@ -97,18 +124,24 @@ class CellSolver:
         if isinstance(source, Releases):
             return CellResult(cell, self._from_releases(source, task))
         near = self._neighbour(source.optimum, goal)
-        is_near = near.distance < SETTINGS.max_distance and source.moves < SETTINGS.max_moves
-        if is_near and (moved := self._moved(near, task)) is not None:
-            return CellResult(cell, KnownThrow(moved, source.moves + 1))
-        binding = near.optimum.binding
-        found = None if is_near else self._solved_anew(near, task)
-        if found is None:
-            *_, last = None, *SqpContinuation(self.corrector, near, task).attempts()
-            if last is not None and last.solved and last.throw is not None:
-                found = last.throw.optimum
-            elif last is not None and last.edge is not None:
-                binding = last.edge.names
-        return CellResult(cell, None if found is None else KnownThrow(found), binding)
+        is_near = near.distance < SETTINGS.max_distance
+        found = None
+        if is_near and source.moves < SETTINGS.max_moves:
+            found = self._moved(near, source, task)
+        else:
+            if is_near and source.newton_steps < SETTINGS.max_newton_steps:
+                found = self._by_newton_step(near, source, task)
+            found = found or self._solved_anew(near, task)
+        if found is not None or cell_task.has_throw:
+            return CellResult(cell, found)
+        *_, last = None, *SqpContinuation(self.corrector, near, task).attempts()
+        if last is None or last.throw is None or last.throw.optimum is None:
+            return CellResult(cell, None)
+        if last.solved:
+            return CellResult(cell, KnownThrow(last.throw.optimum))
+        if last.edge is None:
+            return CellResult(cell, None)
+        return CellResult(cell, None, replace(last.throw.optimum, binding=last.edge.names))
 
     def _neighbour(self, optimum: Optimum, goal: Pose) -> Neighbour:
         """A throw with how far off the goal it lands."""
@@ -117,21 +150,75 @@ class CellSolver:
         miss = x - goal.plane_x, 0.0 if goal.theta is None else theta - goal.theta
         return Neighbour(optimum, goal, miss, scene.object.pose_error(*miss))
 
-    def _moved(self, near: Neighbour, task: Task) -> Optimum | None:
+    def _moved(self, near: Neighbour, source: KnownThrow, task: Task) -> KnownThrow | None:
         """The throw moved along its slope; None where it breaks something there."""
-        attempt, optimum = self.corrector.attempt(near, task), near.optimum
+        optimum = self._corrected(near, near.optimum, np.array(near.miss), task)
+        return None if optimum is None else replace(source, optimum=optimum, moves=source.moves + 1)
+
+    def _by_newton_step(self, near: Neighbour, source: KnownThrow, task: Task) -> KnownThrow | None:
+        """The throw moved along its slope, and from there by a step towards the optimum.
+
+        It is the step of sequential quadratic programming, inside all limits, at the landing; the
+        Lagrangian's curvature is that of the multipliers at the last solution.
+        """
+        problems, controls, optimum = self.problems, self.corrector.controls, near.optimum
+        manipulator, refinement = problems.manipulator, optimum.refinement
+        program = problems.problem(near.goal, refinement, "fatrop", task.clock)
+        nlp, lam_g = program.nlp, source.multipliers
+        if lam_g is None or lam_g.size != len(nlp.lbg):
+            return None
+        off = np.array(near.miss[: optimum.slope.shape[1]])
+        u = controls.within(optimum.u - optimum.slope @ off)
+        throw = throw_of(controls, manipulator, replace(optimum, u=u), task)
+        x = initial_guess_from(nlp, throw, Request(task.scene, manipulator))
+        exact = throw.exact if nlp.linearised else None
+        aim = near.goal.shifted(*optimum.smoothing)
+        request = Request(task.scene, manipulator, aim, refinement, reference=exact)
+        point = replace(Solution.none(x), lam_g=lam_g, lam_x=np.zeros(x.size))
+        numbers, places = nlp.parameter_values(request), controls.places(nlp)
+        try:
+            at = CondensedQp.about(program.solver, point, numbers, program.limits, places)
+            at = replace(at.convex, target_offset=np.zeros(len(at.landing)))
+            newton = -np.linalg.solve(at.hessian, self._effort_gradient(u)).astype(float)
+            step = at.step(newton)
+        except np.linalg.LinAlgError:
+            return None
+        if step is None:
+            return None
+        u = controls.within(u + step.du)
+        optimum = replace(optimum, u=u, slope=step.slope)
+        lands = throw_of(controls, manipulator, optimum, task).exact.miss(near.goal)
+        found = self._corrected(near, optimum, np.array(lands), task)
+        if found is None:
+            return None
+        return KnownThrow(found, lam_g, source.newton_steps + 1)
+
+    def _effort_gradient(self, u: Array) -> Array:
+        """Derivative (size,) of the effort in u, by central differences."""
+        effort, h = self.corrector.controls.effort, SETTINGS.gradient_step
+        steps = h * np.eye(u.size)
+        return np.array([(effort(u + du) - effort(u - du)) / (2 * h) for du in steps])
+
+    def _corrected(
+        self, near: Neighbour, optimum: Optimum, off: Array, task: Task
+    ) -> Optimum | None:
+        """A throw that lands `off` (x [m], theta [rad]) the goal, brought there along its slope.
+
+        None where it breaks something there.
+        """
+        attempt = self.corrector.attempted(near, optimum, (optimum.u, optimum.slope, off), task)
         if not attempt.solved or attempt.throw is None:
             return None
-        off = near.miss[: optimum.slope.shape[1]]
-        u = self.corrector.controls.within(optimum.u - optimum.slope @ off)
+        along = off[: optimum.slope.shape[1]]
+        u = self.corrector.controls.within(optimum.u - optimum.slope @ along)
         detach = attempt.throw.deciding.release.end
         return replace(optimum, u=u, detach=detach, effort=attempt.throw.effort)
 
-    def _solved_anew(self, near: Neighbour, task: Task) -> Optimum | None:
+    def _solved_anew(self, near: Neighbour, task: Task) -> KnownThrow | None:
         """The NLP's solution from the throw; None where it has none."""
         controls, manipulator = self.corrector.controls, self.problems.manipulator
         start = moved_start(controls, manipulator, near.optimum, near.goal, task)
-        return self._optimum(replace(start, rough=True), task)
+        return self._solution(replace(start, rough=True), task)
 
     def _from_releases(self, releases: Releases, task: Task) -> KnownThrow | None:
         """The NLP's solution from the sampled releases that land nearest; None without one."""
@@ -139,12 +226,12 @@ class CellSolver:
         for index, goal, _ in nearest:
             start = release_start(self.problems, task, releases, index, goal)
             start = replace(start, refinement=first_refinement(self.problems.scene))
-            optimum = self._optimum(start, task)
-            if optimum is not None:
-                return KnownThrow(optimum)
+            found = self._solution(start, task)
+            if found is not None:
+                return found
         return None
 
-    def _optimum(self, start: Start, task: Task) -> Optimum | None:
+    def _solution(self, start: Start, task: Task) -> KnownThrow | None:
         """The solution of an NLP from a start, without the costly constraints."""
         *_, last = attempts(self.problems, replace(start, light=True), task)
         if not last.solved or last.throw is None or last.throw.solution is None:
@@ -152,7 +239,8 @@ class CellSolver:
         program = self.problems.problem(task.target, last.refinement, last.solver, task.clock)
         joints, solution = self.problems.manipulator.joints, last.throw.solution
         names = program.nlp.binding_limits(joints, solution, program.limits)
-        return optimum_of(self.corrector.controls, program, last.throw, names)
+        optimum = optimum_of(self.corrector.controls, program, last.throw, names)
+        return None if optimum is None else KnownThrow(optimum, solution.lam_g)
 
 
 def first_refinement(scene: Scene) -> Refinement:

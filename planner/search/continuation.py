@@ -6,7 +6,6 @@ Each step is the solution of the condensed NLP (`CondensedQp`), about the last o
 from __future__ import annotations
 
 import contextlib
-import math
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
@@ -37,8 +36,8 @@ class StepSettings:
     max_steps, max_throws: most steps, and throws brought to the goal. max_error, always_accept:
     a step is accepted if the pose error of its predicted landing is below this share of the step's
     own length, or below this [m]; else it is shortened by `shrink`, and given up below
-    `min_length`, a share of the longest step. min_progress: ends when a throw short of the goal is
-    not nearer than this share of the last one's distance.
+    `min_length`, a share of the longest step. min_gain [m], min_gain_share: ends when a throw short
+    of the goal is nearer than the last one by less than this pose error, or than this share of it.
     """
 
     max_steps: int = 12
@@ -47,7 +46,8 @@ class StepSettings:
     always_accept: float = 0.05
     shrink: float = 0.5
     min_length: float = 0.002
-    min_progress: float = 0.9
+    min_gain: float = 0.005
+    min_gain_share: float = 0.05
 
 
 SETTINGS = StepSettings()
@@ -85,11 +85,15 @@ class SqpContinuation:
     task: Task
 
     def attempts(self) -> Iterator[Attempt]:
-        """Attempts to throw to the goal; last, where they end short of it, the one that does."""
+        """Attempts to throw to the goal; last, where limits end the way to it, the one that does.
+
+        There the linearised limits let no throw nearer by more than `min_gain` or its share.
+        """
         optimum, off = self.near.optimum, np.array(self.near.miss)
         refinement, slope = optimum.refinement, optimum.slope
         point = _Point(optimum, off, slope @ -off[: slope.shape[1]])
-        nearest, least, throws = list[Attempt](), math.inf, 0
+        nearest: Attempt | None = None
+        throws = 0
         for _ in range(SETTINGS.max_steps):
             program = self._program(refinement)
             found = self._step(program, refinement, point)
@@ -105,11 +109,13 @@ class SqpContinuation:
                 if attempt.solved:
                     return
             elif attempt.verdict is not None and attempt.verdict.ok:
-                if not attempt.edge.missed < SETTINGS.min_progress * least:
-                    break
-                nearest, least = [attempt], attempt.edge.missed
+                if nearest is not None:
+                    far, gain = nearest.missed, nearest.missed - attempt.missed
+                    if gain < min(SETTINGS.min_gain, SETTINGS.min_gain_share * far):
+                        yield attempt if gain > 0.0 else nearest
+                        return
+                nearest = attempt
             refinement = attempt.after
-        yield from nearest
 
     def _program(self, refinement: Refinement) -> CompiledNlp:
         problems, goal = self.corrector.problems, self.near.goal
@@ -175,7 +181,7 @@ class SqpContinuation:
         task, controls, trust, du = self.task, self.corrector.controls, point.trust, point.du
         pose_error, manipulator = task.scene.object.pose_error, self.corrector.problems.manipulator
         while trust > SETTINGS.min_length and not task.clock.late:
-            step = condensed.step(du, trust)
+            step = condensed.step(du, trust, task.scene.object.half_length)
             if step is None:
                 return None
             x = condensed.point + condensed.dx_du @ step.du

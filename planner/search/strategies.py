@@ -8,11 +8,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property, partial
 from heapq import merge
 from itertools import islice
 
+from ...problems import Pose
 from ..library import Library, Neighbour
 from ..ocp import BASE, Optimum, Refinement, Request
 from ..result import PlannedThrow
@@ -40,6 +41,8 @@ FIRST_STARTS = 2
 SOLVED = 2
 #: A throw is kept for later plans if none is that lands this near to it [m, pose error].
 KNOWN = 0.005
+#: A target this near to the nearest landing [m, pose error] may be in reach of another motion.
+CLOSE = 0.05
 #: Nearest landings whose pose errors differ by less than this factor count as equal.
 ALIKE = 1.1
 #: Equal nearest landings from which a target is out of reach.
@@ -51,12 +54,15 @@ class SearchContext:
     """What the searches of one scene share.
 
     table: gives the release table; keep: whether the library is in the cache, or stays empty.
+    waiting: attempts that found a throw and are not among the `found` yet, which takes an NLP's
+    derivatives.
     """
 
     problems: NlpCache
     sampler: ReleaseSampler
     table: Callable[[], Releases]
     keep: bool = True
+    waiting: list[Attempt] = field(default_factory=list)
 
     def from_state(self, manipulator: Manipulator) -> SearchContext:
         """For throws of a manipulator that begins in another state of motion.
@@ -67,6 +73,7 @@ class SearchContext:
             self,
             problems=self.problems.from_state(manipulator),
             keep=False,
+            waiting=[],
         )
 
     @cached_property
@@ -76,7 +83,7 @@ class SearchContext:
 
     @cached_property
     def found(self) -> Library:
-        """Throws that plans have found, those at the edge of the reach too, in memory alone."""
+        """Throws that plans have found, in memory alone; see `Search.known`."""
         return Library(self.problems.scene, self.problems.manipulator, keep=False)
 
     @cached_property
@@ -98,10 +105,13 @@ class Search:
 
     def neighbours(self) -> Iterator[Neighbour]:
         """Solved throws near the target: the warm plan's and the library's, nearest first."""
-        near = self._nearest(self.context.library, self.moves)
+        task, context = self.task, self.context
+        near = self._nearest(context.library, self.moves)
         # A landing that was named as the nearest possible is planned by the throw that lands there.
-        named = (one for one in self._nearest(self.context.found, 1, KNOWN) if one.optimum.binding)
-        return merge(self._warm_neighbour, named, near, key=lambda one: one.distance)
+        named = (one for one in self._nearest(self.known, 1, KNOWN) if one.optimum.binding)
+        boundary = context.library.nearest_of_boundary(task.target, task.turns, 1, KNOWN)
+        found = self._warm_neighbour, named, boundary, near
+        return merge(*found, key=lambda one: one.distance)
 
     def _nearest(self, throws: Library, count: int, within: float = NEARBY) -> Iterator[Neighbour]:
         """At most `count` solved throws with a pose error below `within` [m], nearest first."""
@@ -109,7 +119,7 @@ class Search:
 
     def found(self) -> Iterator[Neighbour]:
         """Throws near the target that earlier plans found, nearest first."""
-        return self._nearest(self.context.found, MOVED)
+        return self._nearest(self.known, MOVED)
 
     @property
     def moves(self) -> int:
@@ -129,28 +139,35 @@ class Search:
         away = task.scene.object.pose_error(*miss)
         return [Neighbour(optimum, task.target, miss, away)] if away < WARM_REACH else []
 
-    def _optimum(self, warm: PlannedThrow) -> Optimum | None:
-        if warm.optimum is not None:
-            return warm.optimum
-        problems, task = self.context.problems, self.task
-        program = problems.problem(task.target, warm.refinement, "fatrop", task.clock)
-        return optimum_of(self.context.library.controls, program, warm)
+    def _optimum(self, throw: PlannedThrow) -> Optimum | None:
+        if throw.optimum is not None or throw.solution is None:
+            return throw.optimum
+        problems, target = self.context.problems, throw.deciding.target
+        program = problems.problem(target, throw.refinement, "fatrop", self.task.clock)
+        return optimum_of(self.context.library.controls, program, throw)
 
-    def remember(self, attempt: Attempt) -> None:
-        """Keeps a throw that a solver found, for later plans of this planner."""
+    @cached_property
+    def known(self) -> Library:
+        """Throws that earlier plans of this planner found, at the edge of the reach too."""
+        known, waiting = self.context.found, self.context.waiting
+        while waiting:
+            attempt = waiting.pop()
+            pose, optimum = self._found_optimum(attempt)
+            if optimum is not None and not any(known.nearest_throws(pose, "exact", 1, KNOWN)):
+                landing = pose.plane_x, pose.theta or 0.0
+                known.add([known.record(optimum, landing, solved=True)])
+        return known
+
+    def _found_optimum(self, attempt: Attempt) -> tuple[Pose, Optimum | None]:
+        """Where an attempt's throw lands, and its optimum if it was not moved from another's."""
         throw, edge, known = attempt.throw, attempt.edge, self.context.found
-        if throw is None or throw.solution is None:
-            return
-        pose = attempt.goal if edge is None else edge.pose
-        if edge is None:
-            optimum = self._optimum(throw)
-        else:
-            optimum = edge_optimum(known.controls, throw, 1 + known.angle, edge.names)
-        if pose is None or optimum is None:
-            return
-        if not any(known.nearest_throws(pose, "exact", 1, KNOWN)):
-            landing = pose.plane_x, pose.theta or 0.0
-            known.add([known.record(optimum, landing, solved=True)])
+        pose = attempt.goal if edge is None or edge.pose is None else edge.pose
+        moved = edge is None and (throw is None or throw.solution is None)
+        if throw is None or moved or (pose.theta is not None) != known.angle:
+            return pose, None
+        if edge is None or throw.solution is None:
+            return pose, self._optimum(throw)
+        return pose, edge_optimum(known.controls, throw, 1 + known.angle, edge.names)
 
     def start(self, near: Neighbour) -> Start:
         """A solver's start from a solved throw near the target."""
@@ -174,13 +191,13 @@ class Search:
         """Of the next NLP from another motion."""
         return history.refinement(Refinement(frozenset({"passing"})) if self.blocked else BASE)
 
-    def beside(self) -> Iterator[Approach]:
+    def approaches(self) -> Iterator[Approach]:
         """From throws that land beside the target: of earlier plans, the library, then samples."""
         task, context = self.task, self.context
         if len(task.solvers) > 1:
-            for throws in (context.found, context.library):
+            for throws in (self.known, context.library):
                 for near in self._nearest(throws, SOLVED, math.inf):
-                    yield Approach(near.goal, near, throws is context.found)
+                    yield Approach(near.goal, near, throws is self.known)
         candidates = self.arriving
         for index, goal, pose in candidates.judged:
             start = release_start(context.problems, task, candidates.releases, index, goal)
@@ -195,15 +212,19 @@ class Search:
         """Whether the target is out of reach.
 
         `ENOUGH` nearest landings are equal, not all of them from throws of earlier plans, which may
-        be of one kind, and no sampled throw that clears column and hand lands nearer to the target.
+        be of one kind, and without a library farther than `CLOSE`. No throw of the library lands
+        nearer to the target, nor a sampled one that clears column and hand.
         """
         near = [one.missed for one in history.edges]
         if len(near) < ENOUGH or near[ENOUGH - 1] > ALIKE * near[0]:
             return False
+        if near[0] < CLOSE and not len(self.context.library):
+            return False
         new = [one.missed for one in history.new_edges]
         clear, nearest = self.candidates.releases.clear, self.candidates.nearest
         sampled = min((away for index, _, away in nearest if clear[index]), default=math.inf)
-        most = ALIKE * sampled + self.task.scene.tolerance.position
+        solved = (one.distance for one in self._nearest(self.context.library, 1, math.inf))
+        most = ALIKE * min(sampled, *solved, math.inf) + self.task.scene.tolerance.position
         return bool(new) and new[0] <= ALIKE * near[0] and near[0] <= most
 
 
@@ -260,7 +281,7 @@ def from_beside(search: Search, history: History) -> Try | None:
     enough = history.found or search.is_settled(history)
     if enough or not search.candidates.nearest or (search.blocked and number == ENOUGH):
         return None
-    return next(islice(search.beside(), number, None), None)
+    return next(islice(search.approaches(), number, None), None)
 
 
 def from_samples(search: Search, history: History) -> Try | None:

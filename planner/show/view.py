@@ -279,7 +279,7 @@ class View:
             else:
                 mesh = capsule(2 * solid.half[2], solid.radius, transform=pose)
             name, colour = f"/obstacle{number}", rgb("#d9b8a6")
-            self.scene.add_mesh_simple(name, mesh.vertices, mesh.faces, colour, opacity=0.8)
+            self.scene.add_mesh_simple(name, mesh.vertices, mesh.faces, color=colour, opacity=0.8)
 
     def _draw_target(self) -> None:
         """The target pose, and a cup: wall and bottom to look through, a solid rim."""

@@ -412,6 +412,37 @@ def test_the_nearest_landing_beyond_the_edge_can_be_thrown_to(prepared) -> None:
     assert prepared.plan(answer.nearest).solved
 
 
+def test_growth_goes_outward_from_the_target(
+    prepared: tp.Planner, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
+    planner, target = tp.Planner(prepared.scene), prepared.scene.target
+
+    def stopped(done: int, total: int) -> None:
+        if done >= COUNT // 4:
+            raise KeyboardInterrupt
+
+    def distances(one: tp.Planner) -> np.ndarray:
+        x, theta, _ = one.library.landings(target.z)
+        return one.scene.object.pose_error(x - target.plane_x, theta - target.theta)
+
+    with pytest.raises(KeyboardInterrupt):
+        planner.prepare(COUNT, stopped)
+    assert planner.prepared >= COUNT // 4
+    assert np.median(distances(planner)) < 0.7 * np.median(distances(prepared))
+
+
+def test_throws_of_the_boundary_land_where_they_say(prepared: tp.Planner) -> None:
+    target = prepared.scene.target
+    found = list(prepared.library.nearest_of_boundary(target, "exact", 8))
+    assert len(found) >= 4
+    assert [one.distance for one in found] == sorted(one.distance for one in found)
+    for near in found:
+        assert near.optimum.binding
+        landing = near.goal.shifted(*near.miss)
+        assert prepared.plan(landing).solved
+
+
 def test_turns_alternatives_and_a_choice(prepared) -> None:
     target = next(t for t in targets(prepared, 4) if prepared.plan(t).solved)
     turned = prepared.plan(target.turned(-6 * math.pi), turns="any")

@@ -95,7 +95,7 @@ def test_disturbed_hands_are_the_hands_that_they_stand_for() -> None:
         TWIST + delay * ACCELERATION + offset[:, 3:],
         np.tile(ACCELERATION, (64, 1)),
     )
-    disturbed, _ = batch.releases(batch.columns(values))
+    disturbed = batch.releases(batch.columns(values))
     plain = dataclasses.replace(disturbed, hands=hands, grasp_angle=columns["grasp_angle"])
     expected = FlightLaw(G).land(MODELS["sp"].throw(plain, 400).detach, batch.target.z)
     assert batch.fly(values).landing == pytest.approx(expected, abs=1e-9)
