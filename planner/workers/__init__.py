@@ -18,7 +18,7 @@ from contextlib import contextmanager
 from multiprocessing import get_context
 from typing import TypeVar
 
-from ..problems import InputError
+from ...problems import InputError
 
 T = TypeVar("T")
 #: progress(done, total) is called while work goes on.
