@@ -195,9 +195,12 @@ class CellSolver:
 
     def _effort_gradient(self, u: Array) -> Array:
         """Derivative (size,) of the effort in u, by central differences."""
-        effort, h = self.corrector.controls.effort, SETTINGS.gradient_step
-        steps = h * np.eye(u.size)
-        return np.array([(effort(u + du) - effort(u - du)) / (2 * h) for du in steps])
+        controls, h = self.corrector.controls, SETTINGS.gradient_step
+
+        def effort(at: Array) -> float:
+            return controls.effort(controls.motion(at)[0])
+
+        return np.array([(effort(u + du) - effort(u - du)) / (2 * h) for du in h * np.eye(u.size)])
 
     def _corrected(
         self, near: Neighbour, optimum: Optimum, off: Array, task: Task

@@ -211,21 +211,20 @@ class Search:
     def is_settled(self, history: History) -> bool:
         """Whether the target is out of reach.
 
-        `ENOUGH` nearest landings are equal, not all of them from throws of earlier plans, which may
-        be of one kind, and without a library farther than `CLOSE`. No throw of the library lands
+        `ENOUGH` nearest landings are equal, and without a library farther than `CLOSE`. Those from
+        throws of earlier plans do not count: they may be of one kind. No throw of the library lands
         nearer to the target, nor a sampled one that clears column and hand.
         """
-        near = [one.missed for one in history.edges]
+        near = [one.missed for one in history.new_edges]
         if len(near) < ENOUGH or near[ENOUGH - 1] > ALIKE * near[0]:
             return False
         if near[0] < CLOSE and not len(self.context.library):
             return False
-        new = [one.missed for one in history.new_edges]
         clear, nearest = self.candidates.releases.clear, self.candidates.nearest
         sampled = min((away for index, _, away in nearest if clear[index]), default=math.inf)
         solved = (one.distance for one in self._nearest(self.context.library, 1, math.inf))
-        most = ALIKE * min(sampled, *solved, math.inf) + self.task.scene.tolerance.position
-        return bool(new) and new[0] <= ALIKE * near[0] and near[0] <= most
+        least = min(sampled, *solved, math.inf)
+        return near[0] <= ALIKE * least + self.task.scene.tolerance.position
 
 
 Strategy = Callable[[Search, History], Try | None]

@@ -407,7 +407,7 @@ def test_the_nearest_landing_beyond_the_edge_can_be_thrown_to(prepared) -> None:
     assert prepared.plan(answer.nearest).solved
     x, theta, _ = prepared.library.landings(target.z)
     first = x.argmin()
-    answer = prepared.plan(target.in_plane(float(x[first]) - 0.6, float(theta[first])))
+    answer = prepared.plan(target.in_plane(float(x[first]) - 3.0, float(theta[first])))
     assert answer.status == "out_of_reach" and answer.binding
     assert prepared.plan(answer.nearest).solved
 

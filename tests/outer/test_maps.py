@@ -60,7 +60,7 @@ def test_the_middle_of_full_bins_is_solved(pose) -> None:
         i, j = np.unravel_index(place, pose.landings.shape)
         x, theta = pose.x_edges[i : i + 2].mean(), pose.theta_edges[j : j + 2].mean()
         assert pose.contains(x, theta)
-        plan = planner.plan(tp.Pose(x=float(x), z=pose.z, theta=float(theta)))
+        plan = planner.plan(tp.Pose(x=float(x), z=pose.z, theta=float(theta)), patience=90.0)
         assert plan.status == "solved"
 
 
