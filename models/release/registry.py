@@ -30,9 +30,9 @@ class ReleaseModel:
     colour: in pictures; model: for one case, and, if it has batches, for N. steps: of an opening in
     a batch; fit_steps: in fits, which repeat throws hundreds of times;
     sweep_steps: from coarse to fine, a sweep takes the first with enough accuracy; 0 and none: the
-    model's own. chunk: throws of a sweep in some tenths of a second. chatters: its result does not
-    settle with its steps, so that it has neither sweeps nor derivatives; decides: a scene's
-    tolerance may ask for it.
+    model's own. chunk: throws of a sweep in some tenths of a second. nonconvergent: its result does
+    not settle with its steps, so that it has neither sweeps nor derivatives; decides: a scene's
+    tolerance may ask for it, and the core throws it exactly (`EXACT` in planner/throw).
     """
 
     name: str

@@ -70,7 +70,7 @@ class Library:
             self._take(np.concatenate(list(self._parts.values())))
 
     def _take(self, records: Records) -> None:
-        """Keeps of several records of one landing the cheapest throw, if there is a throw."""
+        """Keeps one of several records of one landing: a solved one first, then the cheapest."""
         order = np.lexsort((records["effort"], ~records["boundary"], ~records["solved"]))
         places = np.ascontiguousarray(records["landing"][order]).view("<u8").ravel()
         _, first = np.unique(places, return_index=True)

@@ -16,7 +16,8 @@ Landings = tuple[Array, Array]
 
 #: Sampled states whose landings are the map.
 SAMPLES = 60_000
-#: Cells that random throws hit in the estimate of the reach's area, and the area over theirs.
+#: Cells are coarsened until random landings fill at most HIT of them; the reach's area is estimated
+#: as LARGER times theirs.
 HIT, LARGER = 300, 1.3
 #: Narrowest cells, as a share of these bins.
 FINEST = 0.2

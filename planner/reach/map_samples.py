@@ -1,8 +1,8 @@
 """The sampled throws of a map: how they are drawn, which are allowed, and their margins.
 
-`ReleaseSampler` draws the states as if the start were free. From a given start the carry
-first goes to the start of the run-up, at rest there, and the longest carry bounds the time
-of both. Allowed are throws that keep floor, base column and palm.
+`ReleaseSampler` draws the states as if the start were free. With a given start the arm first
+moves, from rest to rest, to where the run-up begins; both must fit into the longest carry.
+Allowed are throws that keep floor, base column and palm.
 """
 
 from __future__ import annotations

@@ -46,8 +46,8 @@ class SolverSettings:
 
     patience [s]: longest time for one cell. max_distance [m]: a throw with a larger pose error is
     not moved along its slope. max_moves: a throw is moved along its slope from cell to cell at most
-    this often; then a Newton step brings it back to the optimum. max_newton_steps: so many of them
-    use the multipliers of one solution of the NLP. gradient_step: of u, for differences of the
+    this often; then a Newton step brings it back to the optimum. max_newton_steps: most of
+    these that use one NLP solution's multipliers. gradient_step: of u, for differences of the
     effort. max_starts: sampled releases that a throw is solved from.
     """
 
@@ -209,7 +209,7 @@ class CellSolver:
 
         None where it breaks something there.
         """
-        attempt = self.corrector.attempted(near, optimum, (optimum.u, optimum.slope, off), task)
+        attempt = self.corrector.attempt_from((optimum.u, optimum.slope, off), near, optimum, task)
         if not attempt.solved or attempt.throw is None:
             return None
         along = off[: optimum.slope.shape[1]]

@@ -23,20 +23,19 @@ from ..clearance import (
 from ..ocp import BRAKE_SHARE, PALM_TIMES
 from ..throw import Manipulator, Throw, column_of
 
-#: Instants of the run-up, and of the flight, at which the bar is held against the column.
+#: Instants of the run-up, and of the flight, at which the bar is checked against the column.
 INSTANTS, FLIGHT_INSTANTS = 24, 40
-#: Times after detach [s] at which the bar is held against the arm besides those of the palm.
+#: Times after detach [s] at which the bar is checked against the arm besides those of the palm.
 LATE_TIMES = tuple(np.arange(0.3, 1.3, 0.05).tolist())
-#: Pieces of a table's run-up that is held against obstacles.
+#: Pieces of a table's run-up that is checked against obstacles.
 PIECES = 12
 
 
 def run_up(manipulator: Manipulator, q: Array, dq: Array, ddq: Array, duration: Any) -> list[Array]:
     """Coefficients c_0 .. c_5 of q(t), t from 0 to `duration` [s], ending at (q, dq, ddq).
 
-    From the manipulator's start by a quintic; without a given one by the rate a t^2 + b t^3 from
-    rest, which begins where it falls. Arrays that broadcast, e.g. (N, n) and
-    durations (N, 1).
+    From a given start by a quintic. With a free start the rate is a t^2 + b t^3, and the start's
+    position follows from it. Arrays that broadcast, e.g. (N, n) and durations (N, 1).
     """
     zero, d, start = 0.0 * q * duration, duration, manipulator.start
     if start is None:

@@ -25,7 +25,8 @@ HEIGHT_ROOM = 0.25
 class Releases:
     """Feasible sampled releases: (N, n) coordinates, rates and accelerations at the
     opening's start, run-up time (N,), detach states (N, 6): x, z, theta, v_x, v_z, omega,
-    and whether (N,) the bar clears the base column on the run-up, and then the hand's body.
+    and whether (N,) the held bar clears column and arm, and the arm itself, on the run-up, and the
+    flying bar arm and palm.
     """
 
     q: Array

@@ -63,8 +63,8 @@ class Start:
 
 @dataclass(frozen=True)
 class NearestFeasible:
-    """The nearest possible landing to `goal` that was found (pose None: none), its pose error
-    `missed` [m], and the names of the limits that bind there."""
+    """A landing short of `goal` (pose None: none), its pose error `missed` [m], and the names of
+    the limits that hold it there; none where the throw was aimed beside the goal."""
 
     goal: Pose
     pose: Pose | None
@@ -90,7 +90,7 @@ class Attempt:
 
     throw: None where no motion was found, and then there is no verdict either; reason: why there is
     no solved throw, in words, empty if there is one. solver: whose; iterations of all its solves.
-    edge: the nearest landing that limits allow, where they hold it short of its goal.
+    edge: where it lands, if that is not the goal.
     """
 
     goal: Pose

@@ -59,8 +59,8 @@ class Candidates:
 
     @cached_property
     def arriving(self) -> Candidates:
-        """Those that land on the target's side of the base column, fly past it, and land in a cup
-        that is moved to their landing. A condition that no release meets is ignored."""
+        """Those that clear arm and column, land on the target's side of the column, and would enter
+        the cup if it stood where they land. A condition that no release meets is ignored."""
         scene, target, releases = self.task.scene, self.task.target, self.releases
         landing = np.column_stack(releases.landings(target.z, scene.flight))
         good = np.isfinite(landing[:, 2])

@@ -85,7 +85,7 @@ class SqpContinuation:
     task: Task
 
     def attempts(self) -> Iterator[Attempt]:
-        """Attempts to throw to the goal; last, where limits end the way to it, the one that does.
+        """Attempts to throw to the goal; where limits stop them, the last is the nearest one.
 
         There the linearised limits let no throw nearer by more than `min_gain` or its share.
         """
@@ -126,12 +126,12 @@ class SqpContinuation:
         goal, task = self.near.goal, self.task
         if not point.short:
             begins = point.optimum.u, step.slope, point.off
-            return self.corrector.attempted(self.near, point.optimum, begins, task)
+            return self.corrector.attempt_from(begins, self.near, point.optimum, task)
         here = goal.shifted(*point.off)
         task = replace(task, scene=task.scene.aimed_at(here), target=here)
         begins = point.optimum.u, step.slope, 0 * point.off
         near = replace(self.near, goal=here)
-        attempt = self.corrector.attempted(near, point.optimum, begins, task)
+        attempt = self.corrector.attempt_from(begins, near, point.optimum, task)
         missed = task.scene.object.pose_error(*map(float, point.off))
         edge = NearestFeasible(goal, here, self._limits(program, point, step), missed)
         return replace(

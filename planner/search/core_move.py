@@ -1,4 +1,4 @@
-"""All throws that free numbers `u` give, and one of them moved to a target by the compiled core."""
+"""A solved throw moved to a target by the compiled core, along the slope of its numbers `u`."""
 
 from __future__ import annotations
 

@@ -40,18 +40,18 @@ class Corrector:
     def attempt(self, near: Neighbour, task: Task) -> Attempt:
         """An attempt to throw to the goal of an optimum near it, along its slope."""
         optimum = near.optimum
-        begins = optimum.u, optimum.slope, np.array(near.miss)
-        return self.attempted(near, optimum, begins, task)
+        start = optimum.u, optimum.slope, np.array(near.miss)
+        return self.attempt_from(start, near, optimum, task)
 
-    def attempted(
-        self, near: Neighbour, optimum: Optimum, begins: tuple[Array, Array, Array], task: Task
+    def attempt_from(
+        self, start: tuple[Array, Array, Array], near: Neighbour, optimum: Optimum, task: Task
     ) -> Attempt:
-        """A throw to the goal from an optimum; begins: its u, slope and miss."""
+        """An attempt at the goal of `near`; start: u, slope and miss that it moves from."""
         found: PlannedThrow | None = None
         judged: Verdict | None = None
         reason = "a solved throw nearby does not move to the target"
         with task.clock("smooth"):
-            moved = self._family.moved(*begins, near.goal, accuracy(task.scene))
+            moved = self._family.moved(*start, near.goal, accuracy(task.scene))
         if moved is not None:
             found = self._planned_throw(moved, optimum, task)
             with task.clock("check"):

@@ -68,11 +68,8 @@ def in_column(scene: Scene, target: Pose) -> bool:
 
 
 def contradiction(scene: Scene, releases: Callable[[], Releases], target: Pose) -> tuple[str, str]:
-    """A bound of [landing], or a latest arrival, that no release near the target is near to.
-
-    Its name, and words; empty if there is none. Of the sampled releases that land nearest to the
-    target.
-    """
+    """A bound of [landing], or a latest arrival, that even the sampled releases nearest to the
+    target miss by more than `FACTOR`: its name, and words; empty if there is none."""
     bounds, latest = scene.landing, target.window[1]
     if bounds is None and not math.isfinite(latest):
         return "", ""

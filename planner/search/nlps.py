@@ -1,4 +1,5 @@
-"""A scene's NLPs with their solvers, built when first needed and kept; whether it has any throw."""
+"""A scene's NLPs with their solvers, built when first needed and kept; a plan's task and clock; the
+check that the grip holds the object at rest in a permitted start."""
 
 from __future__ import annotations
 
@@ -29,8 +30,8 @@ PARTS = ("build", "guess", "solve", "smooth", "check")
 class Clock:
     """When a plan must end, by time.perf_counter(), and how long its parts took [s].
 
-    What is built once, for later plans too, puts `until` off, by BUILDING [s] at most; so does a
-    busy machine, until `processor_time` is `processor`.
+    Up to BUILDING [s] of what is built once, for later plans too, do not count. On a busy machine a
+    plan is late only when the process has used its share as well: `processor_time` is `processor`.
     """
 
     until: float = math.inf

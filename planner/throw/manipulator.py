@@ -25,7 +25,7 @@ SQUARE, SAME = 1 - 1e-6, 1e-9
 class Limits:
     """Limits of the planned coordinates, margins taken off; SI units, each (n,).
 
-    slowing: deceleration, offset, upper, lower (4, n) as in `models.arm.Slowing`; None where
+    slowing: deceleration, offset, upper, lower (4, n) as in `models.robot.Slowing`; None where
     the velocity limits are the same at all positions.
     """
 

@@ -134,7 +134,7 @@ class Judge:
         return found, unsure
 
     def _decide(self, broken: dict[Code, Flags], which: Indices, values: Array) -> None:
-        """Replaces the flags of some throws in `found` by single verdicts."""
+        """Replaces the flags of some throws in `broken` by single verdicts."""
         for i in which.tolist():
             judged = self.one(values[i])
             for code in judged.codes | broken.keys():

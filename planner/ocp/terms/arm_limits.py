@@ -14,7 +14,7 @@ from ..request import TOOL_SPEED, Request
 from ..scene_constraint import Brake, Instant, Load, SceneConstraint
 from ..transcription import Hand, Node, Scope
 
-#: Parameters of the slowing limits, see `models.Slowing`.
+#: Parameters of the slowing limits, see `models.robot.Slowing`.
 SLOWING = ("slowing", "slowing_offset", "slowing_upper", "slowing_lower")
 #: Time [s] around its stop over which a joint's deceleration falls to zero, smoothly.
 STOP_TIME = 0.01
