@@ -18,7 +18,7 @@ from throwplan.models.release import (
     STEPPED_SURFACE,
     ImplicitRelease,
     KarnoppRelease,
-    LinearRelease,
+    LinearGrip,
     Release,
     ReleaseCase,
     SlidingPivot,
@@ -66,7 +66,7 @@ def four_throws() -> list[SampleThrow]:
     def case(
         body: Body, contact: Contact, force: float, opening: float, *hand: Sequence[float]
     ) -> ReleaseCase:
-        grip = LinearRelease(force, 0.0, opening)
+        grip = LinearGrip(force, 0.0, opening)
         return ReleaseCase(body, contact, grip, Trajectory.accelerating(*hand))
 
     still = (0.0, 0.0, 0.0)
@@ -138,7 +138,7 @@ def case_of(throws: Mapping[str, Mapping[str, Array]], i: int, contact: Contact)
             contact.torsion,
             contact.faces,
         ),
-        LinearRelease(float(grip["force"][i]), 0.0, float(grip["opening"][i])),
+        LinearGrip(float(grip["force"][i]), 0.0, float(grip["opening"][i])),
         Trajectory.accelerating(*hand),
         GRAVITY,
     )

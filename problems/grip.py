@@ -10,7 +10,7 @@ from typing import Any, overload
 import numpy as np
 
 from ..models import Array
-from ..models.release import GripProfile, LinearRelease, TableRelease
+from ..models.release import GripProfile, LinearGrip, TableGrip
 from .section import InputError, Section, from_table, optional, quantity, within
 
 
@@ -206,6 +206,6 @@ class Gripper(Section):
     @functools.cached_property
     def _profile(self) -> GripProfile:
         if self.force is not None and self.opening is not None:
-            return LinearRelease(self.force, self.dwell, self.opening)
+            return LinearGrip(self.force, self.dwell, self.opening)
         with within(f"table = {self.table or 'times, forces'}", errors=ValueError):
-            return TableRelease(self.times, self.forces)
+            return TableGrip(self.times, self.forces)

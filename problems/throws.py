@@ -18,7 +18,7 @@ from typing import Any
 import numpy as np
 
 from ..models import Array, Indices
-from ..models.release import TableRelease
+from ..models.release import TableGrip
 from ..models.robot import Arm
 from .arms import load_arm
 from .files import (
@@ -95,7 +95,7 @@ class MeasuredThrow:
     times: Array = dataclasses.field(repr=False)
     motion: Array = dataclasses.field(repr=False)
     command: float
-    grip: TableRelease = dataclasses.field(repr=False)
+    grip: TableGrip = dataclasses.field(repr=False)
     landing: tuple[float, float, float] | None
     track: Array | None = dataclasses.field(repr=False)
     factors: dict[str, str]
@@ -216,7 +216,7 @@ def _throw(
     command = _number(row, "command")
     force = _recording("grip", row["grip"], folder, ("t", "f_N"))
     with within(f"grip = {row['grip']}", errors=ValueError):
-        grip = TableRelease(list(force[:, 0]), list(force[:, 1]))
+        grip = TableGrip(list(force[:, 0]), list(force[:, 1]))
     grasp = Grasp(
         _number(row, "grasp_offset", 0.0), math.radians(_number(row, "grasp_angle_deg", 0.0))
     )

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from ..models.release import TableRelease
+from ..models.release import TableGrip
 from ..models.robot import Arm
 from .arms import arm_from, load_arm, load_gripper
 from .files import read_csv, read_text, shipped, toml_tables
@@ -143,8 +143,8 @@ def _read_grip_table(name: str, folder: Path | None, raw: bool) -> dict[str, Any
     rows = read_csv("table", name, folder, ("t", "f_N"))
     if raw:
         with within(f"table = {name}", errors=ValueError):
-            rows = TableRelease.from_recording(rows[:, 0], rows[:, 1]).samples()
-    elif rises := TableRelease.noise(rows[:, 1]):
+            rows = TableGrip.from_recording(rows[:, 0], rows[:, 1]).samples()
+    elif rises := TableGrip.noise(rows[:, 1]):
         raise InputError(
             f"table = {name}: f_N must fall, but rises by {rises:.3g} N in all: for a raw "
             "recording say raw = true"

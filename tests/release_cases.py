@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from hypothesis import strategies as st
 from throwplan.models import Body, Contact, Trajectory
-from throwplan.models.release import LinearRelease, Release, ReleaseCase
+from throwplan.models.release import LinearGrip, Release, ReleaseCase
 from throwplan.models.release.patch import Patch
 
 VALUES: dict[str, Any] = {
@@ -33,7 +33,7 @@ def reference_case(name: str) -> ReleaseCase:
     return ReleaseCase(
         Body(body["m"], body["I"], body["h"]),
         Contact(contact["mu"], contact["r"], contact["c"], contact["faces"]),
-        LinearRelease(values["fN0"], 0.0, values["T"]),
+        LinearGrip(values["fN0"], 0.0, values["T"]),
         Trajectory.accelerating(
             (0.0, 0.0, hand["theta0"]),
             (*hand["v0"], hand["omega0"]),
@@ -131,6 +131,6 @@ def single(values: Values, i: int) -> ReleaseCase:
     return ReleaseCase(
         Body(*(float(body[k][i]) for k in ("mass", "inertia", "com_offset"))),
         Contact(float(contact["friction"][i]), float(contact["patch_radius"][i]), 0.6, 2),
-        LinearRelease(float(grip["force"][i]), 0.0, float(grip["opening"][i])),
+        LinearGrip(float(grip["force"][i]), 0.0, float(grip["opening"][i])),
         Trajectory.accelerating(*(values["hand"][k][i] for k in ("pose", "twist", "acceleration"))),
     )

@@ -4,7 +4,7 @@ A model is one file with its law; `MODELS` names it for commands, sweeps and pic
 """
 
 from .cases import BatchRelease, Release, ReleaseBatch, ReleaseCase
-from .grip import GripProfile, LinearRelease, TableRelease
+from .grip import GripProfile, LinearGrip, TableGrip
 from .limit_surface import ImplicitRelease, KarnoppRelease
 from .registry import BATCH_MODELS, DECIDING, MODELS, SLIDING_PIVOT, STEPPED_SURFACE, ReleaseModel
 from .sliding_pivot import (

@@ -48,7 +48,7 @@ class GripProfile:
 
 
 @dataclass(frozen=True)
-class LinearRelease(GripProfile):
+class LinearGrip(GripProfile):
     """A force that falls linearly."""
 
     full: float
@@ -61,7 +61,7 @@ class LinearRelease(GripProfile):
         return self.full * np.clip(1.0 - np.asarray(time, float) / self.opening, 0.0, 1.0)
 
 
-class TableRelease(GripProfile):
+class TableGrip(GripProfile):
     """A measured grip force: times [s] from the opening command, forces [N] of one pad.
 
     Interpolated by monotone cubics (PCHIP): no overshoot, continuous slope. The last
@@ -98,14 +98,14 @@ class TableRelease(GripProfile):
         return np.asarray(np.maximum(force, 0.0))
 
     @classmethod
-    def from_recording(cls, times: Array, forces: Array) -> TableRelease:
+    def from_recording(cls, times: Array, forces: Array) -> TableGrip:
         """The falling force nearest to a raw recording of one pad, in the sense of least squares.
 
         times (K,) [s] from the opening command on, forces (K,) [N], until the pads have been apart
         for at least a tenth of the recording. The median of that last tenth is subtracted as the
         offset. The full force is the median of what comes before the fall. Within the noise the
         force is full, or zero. Raises ValueError for fewer than 20 rows, a recording without a
-        fall, and as `TableRelease`.
+        fall, and as `TableGrip`.
         """
         from scipy.optimize import isotonic_regression
 

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from ...models import Array, Indices
-from ...models.release import TableRelease
+from ...models.release import TableGrip
 from ...problems import InputError, Scene, checked
 from ...problems.throws import MeasuredThrow, Shared, ThrowData
 from ..result import Plan, sent_throw
@@ -174,11 +174,11 @@ def _recorded(name: str, plan: Plan, landing: tuple[float, float] | None) -> Mea
     )
 
 
-def _recorded_grip(scene: Scene) -> TableRelease:
+def _recorded_grip(scene: Scene) -> TableGrip:
     """The grip force from the command on, as a recording has it."""
     profile = scene.gripper.profile()
-    if isinstance(profile, TableRelease):
+    if isinstance(profile, TableGrip):
         return profile
     ends = [profile.dwell, profile.dwell + profile.opening]
     start = [] if profile.dwell == 0 else [0.0]
-    return TableRelease([*start, *ends], [*[profile.full] * (len(start) + 1), 0.0])
+    return TableGrip([*start, *ends], [*[profile.full] * (len(start) + 1), 0.0])

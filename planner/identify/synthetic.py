@@ -20,7 +20,7 @@ from functools import cache
 import numpy as np
 
 from ...models import Array, Body, Contact, FlightLaw, FlightState, Trajectory, sticking_state
-from ...models.release import LinearRelease, ReleaseBatch, TableRelease
+from ...models.release import LinearGrip, ReleaseBatch, TableGrip
 from ...models.release.patch import PATCH_CHUNK, PatchRelease, PatchThrows
 from ...problems import (
     Grasp,
@@ -216,7 +216,7 @@ class Event:
     bar: ThrownObject
     friction: float
     patch_radius: float
-    grip: LinearRelease
+    grip: LinearGrip
 
     @property
     def command(self) -> float:
@@ -323,7 +323,7 @@ def _event(making: SynthesisConfig, one: Condition, rng: np.random.Generator) ->
     scene = scene_with(one.bar, one.labels["surface"], making.friction, making.patch_radius)
     force, dwell = FORCE * (1 + noise.force * stronger), DWELL + noise.opening * late
     friction, radius = scene.contact.friction, scene.contact.patch_radius
-    rough, grip = friction * (1 + noise.friction * rougher), LinearRelease(force, dwell, OPENING)
+    rough, grip = friction * (1 + noise.friction * rougher), LinearGrip(force, dwell, OPENING)
     return Event(motion, scene.object, rough, radius, grip)
 
 
@@ -393,7 +393,7 @@ def _measured(throw: Flown, noise: Noise, rng: np.random.Generator) -> MeasuredT
         times=times,
         motion=joints,
         command=event.command,
-        grip=TableRelease.from_recording(clock, force),
+        grip=TableGrip.from_recording(clock, force),
         landing=(float(x + off[0]), float(HEIGHT + off[1]), float(theta + off[2])),
         track=np.column_stack([seen, poses]),
         factors={},

@@ -3,13 +3,14 @@
 Phases      carry        full grip, the object sticks      T, free, in equal intervals
             opening      grip force falls, object slides   fixed length, graded intervals
             flight       from detach to the landing        t_f, free, in closed form
-            early, late  margins around the opening        fixed length, robust plans only
-States      q, dq, ddq (no ddq for a free hand); T; rel: slip, angle in the pads, their rates
-Controls    c: jerk, or a free hand's acceleration, constant in an interval; t_f at detach
-Minimise    2 T + integral of 10 sum (ddq / ddq_max)^2 + sum (jerk / jerk_max)^2 dt
+            early, late  window around the opening         fixed length, robust plans only
+States      q, dq, ddq (not where c is acceleration); T; rel: slip, angle in the pads, their rates
+Controls    c: jerk or acceleration, constant in an interval; t_f at detach
+Minimise    2 T + integral of 10 sum (ddq / ddq_max)^2 + sum (jerk / jerk_max)^2 dt to the last node
+            (limits less margins); price of an elastic landing's miss; costs of a robust method
 Subject to  bounds of states and controls                          variable_bounds
             start at rest, or in a given motion; q free or given   initial_state
-            dynamics of q and rel                                  dynamics
+            dynamics of q; rel' = sliding pivot(rel, hand, grip)   dynamics
             limits of the coordinates between the nodes            coordinate_limits
             full grip holds the object; constraints of the scene   grip_constraints, `terms`
             landing on the target after t_f                        landing, land

@@ -16,7 +16,7 @@ from throwplan.models.release import (
     ReleaseCase,
     SlidingPivot,
     SteppedRelease,
-    TableRelease,
+    TableGrip,
     exact_pivot_release,
     exact_surface_release,
     relative_states,
@@ -165,7 +165,7 @@ def test_extreme_releases_are_as_good_as_by_a_thousand_even_steps() -> None:
 @pytest.mark.parametrize("name", ["pose"])
 def test_a_measured_grip_force_lands_as_by_another_integrator(throw: Throw) -> None:
     times = [0.0, 0.005, 0.02, 0.04, 0.05]
-    table = TableRelease(times, [120.0, 120.0, 60.0, 20.0, 0.0])
+    table = TableGrip(times, [120.0, 120.0, 60.0, 20.0, 0.0])
     case = dataclasses.replace(throw.case, grip=table)
     mine, other = (landed(throw, found(case)) for found in (exact_pivot_release, reference))
     assert together(mine, other, 1e-5, 1e-4)

@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 import pytest
 import throwplan as tp
-from throwplan.models.release import TableRelease
+from throwplan.models.release import TableGrip
 from throwplan.planner.identify import (
     Belief,
     Predictor,
@@ -51,7 +51,7 @@ def made(
 ) -> ThrowData:
     """Synthetic throws of a free hand, with noise on the landings."""
     rng = np.random.default_rng(7)
-    grip = TableRelease([0.0, 0.05, 0.10], [120.0, 120.0, 0.0])
+    grip = TableGrip([0.0, 0.05, 0.10], [120.0, 120.0, 0.0])
     times = np.arange(-0.12, 0.16, 0.001)
     throws = []
     for number in range(count):

@@ -6,7 +6,7 @@ import dataclasses
 
 import numpy as np
 import pytest
-from throwplan.models.release import TableRelease
+from throwplan.models.release import TableGrip
 from throwplan.planner.identify import measured
 from throwplan.problems import Grasp, InputError, ThrownObject
 from throwplan.problems.throws import MeasuredThrow, Shared, ThrowData
@@ -33,7 +33,7 @@ def data(rest_at: float, end: float = 2.0, landing: tuple | None = None) -> Thro
     flight = np.minimum(times, landing_time(rest_at))
     track = np.column_stack([times + OPENED, state(flight)])
     bar = ThrownObject(mass=0.24, inertia=535e-6, length=0.26, com=0.10)
-    grip = TableRelease([0.0, 0.05, 0.10], [120.0, 120.0, 0.0])
+    grip = TableGrip([0.0, 0.05, 0.10], [120.0, 120.0, 0.0])
     motion = np.column_stack([times, 0 * times, 0 * times])
     throw = MeasuredThrow(
         "one", bar, Grasp(), times, motion, OPENED - 0.10, grip, landing, track, {}

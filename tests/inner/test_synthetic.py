@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from throwplan.models.release import TableRelease
+from throwplan.models.release import TableGrip
 from throwplan.planner.identify import measured, thrown
 from throwplan.planner.identify.synthetic import (
     Flown,
@@ -161,12 +161,12 @@ def test_the_full_grip_of_a_noisy_recording_is_no_single_sample(noise: float) ->
     found = []
     for seed in range(20):
         raw = true + 1.5 + noise * np.random.default_rng(seed).normal(size=t.size)
-        found.append(TableRelease.from_recording(t, raw).full)
+        found.append(TableGrip.from_recording(t, raw).full)
         if noise > 1.0:  # that hides the slope of a few samples
             continue
         # Cut off while there is force on the pads: what is left is no offset.
         with pytest.raises(ValueError, match="must go on, level"):
-            TableRelease.from_recording(t[t < 0.075], raw[t < 0.075])
+            TableGrip.from_recording(t[t < 0.075], raw[t < 0.075])
     assert np.abs(np.array(found) - 90.0).max() < 0.5 + noise
     assert np.std(found) < noise / 3
 
@@ -182,4 +182,4 @@ def test_the_full_grip_of_a_noisy_recording_is_no_single_sample(noise: float) ->
 )
 def test_a_raw_force_without_a_fall_is_refused(forces: np.ndarray, message: str) -> None:
     with pytest.raises(ValueError, match=message):
-        TableRelease.from_recording(0.001 * np.arange(len(forces)), forces)
+        TableGrip.from_recording(0.001 * np.arange(len(forces)), forces)

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from throwplan.models import FlightLaw
-from throwplan.models.release import TableRelease
+from throwplan.models.release import TableGrip
 from throwplan.planner.identify import (
     VALIDATION_FILES,
     Predictor,
@@ -44,7 +44,7 @@ def bare_throw(name: str, rng: np.random.Generator, **factors: str) -> MeasuredT
     twist = np.array([2.0, rising, 4.0]) + rng.normal(0, 0.03, 3)
     pose = np.array([0.5, 0.9, angle]) + u * twist + u**2 / 2 * share * np.array([8.0, 5.0, 25.0])
     bar = ThrownObject(mass=0.24, inertia=inertia, length=0.26, width=0.02, com=com)
-    grip = TableRelease([0.0, 0.05, 0.08, 0.11], [100.0, 100.0, 45.0, 0.0])
+    grip = TableGrip([0.0, 0.05, 0.08, 0.11], [100.0, 100.0, 45.0, 0.0])
     return MeasuredThrow(name, bar, Grasp(), times, pose, 0.05, grip, None, None, factors)
 
 

@@ -23,7 +23,7 @@ from throwplan.models import Body, Contact, FlightLaw, Trajectory, core_laws
 from throwplan.models.release import (
     ImplicitRelease,
     KarnoppRelease,
-    LinearRelease,
+    LinearGrip,
     ReleaseCase,
     SlidingPivotRelease,
     SteppedRelease,
@@ -219,7 +219,7 @@ def test_a_body_that_slides_out_of_the_pads_is_reported() -> None:
     case = ReleaseCase(
         Body(5.0, 0.01, 0.05),
         Contact(0.05, 0.001, 0.6, 2),
-        LinearRelease(1.0, 0.0, 1.0),
+        LinearGrip(1.0, 0.0, 1.0),
         Trajectory.accelerating((0.0, 0.0, 0.0)),
     )
     release = PlainPivot().release(case)

@@ -8,7 +8,7 @@ import pytest
 import throwplan as tp
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from throwplan.models.release import LinearRelease, TableRelease
+from throwplan.models.release import LinearGrip, TableGrip
 
 relaxed = settings(deadline=None)
 
@@ -30,7 +30,7 @@ def falling_tables(draw):
     return np.array([0.0, *np.cumsum(steps)]), 80.0 * np.array([1.0, *(1 - fall / fall[-1])])
 
 
-@pytest.mark.parametrize("release", [LinearRelease(50.0, 0, 0.05), TableRelease(TIMES, FORCES)])
+@pytest.mark.parametrize("release", [LinearGrip(50.0, 0, 0.05), TableGrip(TIMES, FORCES)])
 def test_full_before_and_nothing_after_the_fall(release):
     before, after = [-1.0, -1e-9, 0.0], [release.opening, release.opening + 1e-9, 10.0]
     np.testing.assert_allclose(release.force(before), 50.0)
@@ -39,8 +39,8 @@ def test_full_before_and_nothing_after_the_fall(release):
 
 def test_a_table_of_a_straight_fall_is_the_linear_release():
     times = np.arange(0.0, 0.1005, 0.001)
-    linear = LinearRelease(full=50.0, dwell=0.05, opening=0.05)
-    table = TableRelease(times, linear.force(times - 0.05))
+    linear = LinearGrip(full=50.0, dwell=0.05, opening=0.05)
+    table = TableGrip(times, linear.force(times - 0.05))
     assert table.full == 50.0
     assert table.dwell == pytest.approx(linear.dwell)
     assert table.opening == pytest.approx(linear.opening)
@@ -52,7 +52,7 @@ def test_a_table_of_a_straight_fall_is_the_linear_release():
 
 
 def test_a_table_passes_through_its_samples():
-    release = TableRelease(TIMES, FORCES)
+    release = TableGrip(TIMES, FORCES)
     falling = (release.dwell - 1e-12 <= TIMES) & (release.dwell + release.opening >= TIMES)
     np.testing.assert_allclose(
         release.force(TIMES[falling] - release.dwell), FORCES[falling], atol=1e-9
@@ -60,14 +60,14 @@ def test_a_table_passes_through_its_samples():
 
 
 def test_dwell_ends_where_the_force_starts_to_fall():
-    release = TableRelease(TIMES, FORCES)
+    release = TableGrip(TIMES, FORCES)
     assert release.dwell == pytest.approx(0.04, abs=0.001)
     assert release.dwell + release.opening == pytest.approx(0.1, abs=0.001)
 
 
 def test_small_noise_on_the_plateau_is_dwell():
     noise = np.where(TIMES < 0.035, 0.2 * np.sin(1e4 * TIMES), 0.0)
-    release = TableRelease(TIMES, FORCES + noise)
+    release = TableGrip(TIMES, FORCES + noise)
     assert release.dwell == pytest.approx(0.04, abs=0.001)
 
 
@@ -75,7 +75,7 @@ def test_small_noise_on_the_plateau_is_dwell():
 @given(table=falling_tables())
 def test_between_samples_the_force_never_rises_or_overshoots(table):
     times, forces = table
-    release = TableRelease(times, forces)
+    release = TableGrip(times, forces)
     dense = release.force(np.linspace(0.0, release.opening, 500))
     assert np.diff(dense).max() <= 1e-9
     assert dense.min() >= -1e-9

@@ -9,7 +9,7 @@ import pytest
 from release_cases import BAR, VALUES, energy_of, reference_case
 from scipy.integrate import solve_ivp
 from throwplan.models import Contact, Trajectory
-from throwplan.models.release import LinearRelease, ReleaseCase
+from throwplan.models.release import LinearGrip, ReleaseCase
 from throwplan.models.release.patch import PatchRelease, critical_damping, disc
 
 CASES = sorted(VALUES)
@@ -54,7 +54,7 @@ def reference(case: ReleaseCase, model: PatchRelease) -> np.ndarray:
 )
 def test_agrees_with_an_independent_integration(model: PatchRelease) -> None:
     # A light load at first, so that linear and loaded bristles are the same.
-    case = dataclasses.replace(reference_case(DROP), grip=LinearRelease(300.0, 0.0, 0.05))
+    case = dataclasses.replace(reference_case(DROP), grip=LinearGrip(300.0, 0.0, 0.05))
     found, expected = model.release(case).end, reference(case, model)
     assert found[5] == pytest.approx(expected[5], rel=0.01)
     np.testing.assert_allclose(found[3:5], expected[3:5], atol=1e-3)
@@ -77,7 +77,7 @@ def test_stiff_bristles_become_the_rigid_patch(name: str) -> None:
 
 def test_a_gripped_bar_stays_put() -> None:
     contact, hand = Contact(0.8, 0.0075), Trajectory.accelerating((0.0, 0.0, 0.4))
-    case = ReleaseCase(BAR, contact, LinearRelease(400.0, 0.0, 0.05), hand)
+    case = ReleaseCase(BAR, contact, LinearGrip(400.0, 0.0, 0.05), hand)
     release = PatchRelease(stiffness=1e6).release(case)
     # In the first half bristles bend further as the grip falls: less than mu / sigma_0.
     moved = np.abs(release.com[:, :250] - release.com[:, :1]).max(axis=1)

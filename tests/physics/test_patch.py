@@ -18,7 +18,7 @@ from release_cases import (
     sliding_wrench,
 )
 from throwplan.models import Body, Contact, Trajectory
-from throwplan.models.release import LinearRelease, ReleaseCase, SteppedRelease
+from throwplan.models.release import LinearGrip, ReleaseCase, SteppedRelease
 from throwplan.models.release.patch import (
     CREEP,
     RADIUS_PER_ARM,
@@ -31,7 +31,7 @@ from throwplan.models.release.patch import (
 CASES = sorted(VALUES)
 BLOCK = Body(0.24, 5.35e-4, 0.0)
 PADS = Contact(0.8, 0.0075)
-GRIP = LinearRelease(50.0, 0.0, 0.05)
+GRIP = LinearGrip(50.0, 0.0, 0.05)
 REST = Trajectory.accelerating((0.0, 0.0, 0.0))
 PRESSURES = ("uniform", "hertz")
 

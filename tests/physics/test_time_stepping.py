@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from release_cases import VALUES, energy_of, log_floats, order_of, reference_case
 from throwplan.models import Body, Contact, Trajectory, contact_twist
-from throwplan.models.release import LinearRelease, Release, ReleaseCase, SteppedRelease
+from throwplan.models.release import LinearGrip, Release, ReleaseCase, SteppedRelease
 
 GRAVITY = 9.81
-TIGHT = LinearRelease(1e5, 0.0, 0.05)
+TIGHT = LinearGrip(1e5, 0.0, 0.05)
 GRIDS = np.array([125, 250, 500, 1000])
 
 
@@ -68,7 +68,7 @@ cases = st.builds(
     lambda m, arm, h, mu, patch, full, opening, theta, twist, pull: ReleaseCase(
         Body(m, m * arm**2, h),
         Contact(mu, patch),
-        LinearRelease(full, 0.0, opening),
+        LinearGrip(full, 0.0, opening),
         Trajectory.accelerating((0.0, 0.0, theta), twist, (pull[0], pull[1], 5 * pull[2])),
     ),
     *(log_floats(0.05, 2), log_floats(0.01, 0.2), st.floats(0, 0.4)),
@@ -125,7 +125,7 @@ def test_symmetries(name) -> None:
     contact, body = case.contact, case.body
     single = dataclasses.replace(contact, friction=contact.friction * contact.faces, faces=1)
     heavy = Body(7 * body.mass, 7 * body.inertia, body.com_offset)
-    strong = LinearRelease(7 * case.grip.full, 0.0, case.grip.opening)
+    strong = LinearGrip(7 * case.grip.full, 0.0, case.grip.opening)
     for other in (
         dataclasses.replace(case, contact=single),
         dataclasses.replace(case, body=heavy, grip=strong),
@@ -153,7 +153,7 @@ def test_symmetries(name) -> None:
 )
 def test_a_still_hand_gives_no_energy(mass, arm, h, mu, patch, theta, full, steps) -> None:
     body, hand = Body(mass, mass * arm**2, h), Trajectory.accelerating((0.0, 0.0, theta))
-    case = ReleaseCase(body, Contact(mu, patch), LinearRelease(full, 0.0, 0.05), hand)
+    case = ReleaseCase(body, Contact(mu, patch), LinearGrip(full, 0.0, 0.05), hand)
     release = SteppedRelease(steps).release(case)
     energy = energy_of(case, release)
     kinetic = energy - mass * GRAVITY * release.com[1]
