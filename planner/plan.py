@@ -39,7 +39,8 @@ def plan_throw(context: SearchContext, task: Task, warm: PlannedThrow | None = N
             words = f"no throw found: {words}"
             return unsolved_plan(search, history, words, out_of_reach=False, binding=(name,))
     history = find_throws(search, FROM_NOTHING, history)
-    context.waiting.extend(history.found or history.edges[:1])
+    if len(task.solvers) > 1:
+        context.waiting.extend(history.found or history.edges[:1])
     return solved_plan(search, history) if history.found else _failed_plan(search, history)
 
 

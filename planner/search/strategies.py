@@ -252,7 +252,7 @@ def from_warm_plan(search: Search, history: History) -> Try | None:
     warm, task = search.warm, search.task
     if warm is None or history.solves_from("warm plan"):
         return None
-    if warm.solution is not None:
+    if warm.solution is not None and warm.deciding.target.kind == task.target.kind:
         solution, lever = warm.solution, task.scene.object.half_length
         near = task.target.distance(warm.deciding.target, lever) < NEAR
         start = Start(task.target, lambda nlp: solution.x, task.solvers[0], near=near)
