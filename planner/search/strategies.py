@@ -216,9 +216,10 @@ class Search:
         nearer to the target, nor a sampled one that clears column and hand.
         """
         near = [one.missed for one in history.new_edges]
-        if len(near) < ENOUGH or near[ENOUGH - 1] > ALIKE * near[0]:
+        nearest = min((one.missed for one in history.edges), default=math.inf)
+        if len(near) < ENOUGH or near[ENOUGH - 1] > ALIKE * nearest:
             return False
-        if near[0] < CLOSE and not len(self.context.library):
+        if nearest < CLOSE and not len(self.context.library):
             return False
         clear, nearest = self.candidates.releases.clear, self.candidates.nearest
         sampled = min((away for index, _, away in nearest if clear[index]), default=math.inf)
