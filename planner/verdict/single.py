@@ -153,7 +153,7 @@ def _tool_speed(throw: Throw) -> Iterator[Finding]:
 
 
 def _torque(throw: Throw, commanded: Throw) -> Iterator[Finding]:
-    if throw.measured.torque.value <= 1.0:
+    if commanded.measured.torque.value <= 1.0:
         return
     # Where the joints are does not say what turns them.
     torques = commanded.torques
