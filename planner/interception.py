@@ -79,6 +79,10 @@ def intercept(
         words = f"no throw found: it leaves the reach at {target.speed:g} m/s before a throw lands"
         names = ("target velocity", *plan.binding)
         return dataclasses.replace(plan, status="not_converged", message=words, binding=names)
+    if shares and plan.status == "out_of_reach":
+        # Where it is at one time; at another it may be in reach.
+        words = f"no throw found at {target.speed:g} m/s: out of reach where the first throw lands"
+        return dataclasses.replace(plan, status="not_converged", message=words)
     return plan
 
 

@@ -39,8 +39,8 @@ def plan_throw(context: SearchContext, task: Task, warm: PlannedThrow | None = N
             words = f"no throw found: {words}"
             return unsolved_plan(search, history, words, out_of_reach=False, binding=(name,))
     history = find_throws(search, FROM_NOTHING, history)
-    if len(task.solvers) > 1:
-        context.waiting.extend(history.found or history.edges[:1])
+    for attempt in history.found or history.edges[:1]:
+        context.remember(attempt)
     return solved_plan(search, history) if history.found else _failed_plan(search, history)
 
 
@@ -146,5 +146,5 @@ def _failed_plan(search: Search, history: History) -> Plan:
 
 def _is_of_kind(warm: PlannedThrow, task: Task) -> bool:
     """Whether a warm plan's throw is of the NLPs of a task: not robust, theta alike."""
-    robust = warm.nlp is not None and warm.nlp.structure.late > 0
+    robust = warm.nlp is not None and warm.nlp.structure.robust
     return not robust and (warm.deciding.target.theta is None) == (task.target.theta is None)

@@ -129,18 +129,21 @@ class Planner:
 
         plan = intercept(self.scene, target, self.releases, plan_at)
         if method and plan.solved:
-            hardening = Hardening(self._robust_problems, method, task)
-            more = dataclasses.replace(task, wanted=MORE_SOURCES + 1)
-
-            def others() -> Plan:
-                limited = dataclasses.replace(more, clock=clock.part(SOURCES_SHARE))
-                return plan_throw(context, limited)
-
-            plan = hardened(plan, hardening, others)
+            plan = self._hardened(plan, method, task)
         total, spent = time.perf_counter() - started + built, dict(clock.seconds)
         spent["build"] += built
         rest = plan.alternatives[:alternatives]
         return dataclasses.replace(plan, alternatives=rest, time={**spent, "total": total})
+
+    def _hardened(self, plan: Plan, method: str, task: Task) -> Plan:
+        """The plan made robust, or itself; other throws may be where that begins."""
+
+        def others() -> Plan:
+            clock = task.clock.part(SOURCES_SHARE)
+            several = dataclasses.replace(task, wanted=MORE_SOURCES + 1, clock=clock)
+            return plan_throw(self._context, several)
+
+        return hardened(plan, Hardening(self._robust_problems, method, task), others)
 
     def follow(
         self,

@@ -70,14 +70,20 @@ class Library:
             self._take(np.concatenate(list(self._parts.values())))
 
     def _take(self, records: Records) -> None:
-        """Keeps one of several records of one landing: a solved one first, then the cheapest."""
-        order = np.lexsort((records["effort"], ~records["boundary"], ~records["solved"]))
+        """Keeps one of several records of one landing: the cheapest throw that lands there; else of
+        the boundary the one that lands nearest to it."""
+        cost = records["effort"].astype(float)
+        short = np.flatnonzero(records["boundary"])
+        x, theta, _ = self._landings_of(records[short], self._height)
+        off, turn = np.array([x, theta]) - records["landing"][short].T
+        cost[short] = self._scene.object.pose_error(off, turn * self.angle)
+        order = np.lexsort((cost, ~records["boundary"], ~records["solved"]))
         places = np.ascontiguousarray(records["landing"][order]).view("<u8").ravel()
         _, first = np.unique(places, return_index=True)
         self.records = records if len(first) == len(records) else records[np.sort(order[first])]
         self._solved = np.flatnonzero(self.records["solved"])
         self._boundary = np.flatnonzero(self.records["boundary"])
-        self._landings = self._landings_at(self._solved, self._height)
+        self._landings = self._landings_of(self.records[self._solved], self._height)
 
     def add(self, records: Sequence[Records]) -> None:
         """Adds records: to this object, and to the folder in one file."""
@@ -118,11 +124,10 @@ class Library:
         """x [m], theta [rad], flight time [s] (3, N) of the solved throws at a height [m]."""
         if height == self._height:
             return self._landings
-        return self._landings_at(self._solved, height)
+        return self._landings_of(self.records[self._solved], height)
 
-    def _landings_at(self, rows: Indices, height: float) -> Array:
-        detach = self.records["detach"][rows].astype(float)
-        return self._scene.flight.land(detach, height).T.copy()
+    def _landings_of(self, records: Records, height: float) -> Array:
+        return self._scene.flight.land(records["detach"].astype(float), height).T.copy()
 
     def nearest_throws(
         self, target: Pose, turns: Turns, count: int, within: float
@@ -135,7 +140,7 @@ class Library:
         self, target: Pose, turns: Turns, count: int, within: float = math.inf
     ) -> Iterator[Neighbour]:
         """As `nearest_throws`, of the throws on the boundary of the reach."""
-        landings = self._landings_at(self._boundary, target.z)
+        landings = self._landings_of(self.records[self._boundary], target.z)
         return self._nearest(self._boundary, landings, target, turns, count, within)
 
     def _nearest(

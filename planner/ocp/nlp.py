@@ -158,6 +158,7 @@ def build_nlp(request: Request) -> ThrowNlp:
         angle=request.angle,
         pivot=request.angle or scene.com_offset > 0 or turns,
         elastic=request.elastic,
+        robust=bool(request.robust),
     )
     ocp = Ocp(structure, manipulator)
     landing = ThrowProblem(ocp, constraints).declare()

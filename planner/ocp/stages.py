@@ -37,7 +37,8 @@ class Structure:
     carry, early, opening, late: numbers of intervals of the phases. instants: parts of a carry
     interval; grip and held bar are constrained at their ends. initial_motion: whether the throw
     starts from a given motion instead of rest. pivot: whether the object's rotation in the pads
-    matters (not for a CoM grasp with the landing angle open).
+    matters (not for a CoM grasp with the landing angle open). robust: whether it is of a robust
+    plan, whose window may be empty.
     """
 
     carry: int
@@ -53,6 +54,7 @@ class Structure:
     angle: bool
     pivot: bool
     elastic: bool
+    robust: bool
 
     @property
     def opens(self) -> int:

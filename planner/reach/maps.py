@@ -260,12 +260,12 @@ def reach_map(
     empty = ReachMap(scene, height, samples, x=x, theta=theta)
     library = Library(scene, manipulator)
     if len(library):
-        beyond = library.records[~library.records["solved"]]
+        beyond = library.records[library.records["boundary"]]
         empty = dataclasses.replace(
             empty,
             solved=library.landings(height)[:2],
             beyond=beyond["landing"].T.astype(float),
-            binding=tuple(name.decode() for name in beyond["binding"][:, 0] if name),
+            binding=tuple(name.decode() for name in beyond["binding"][:, 0]),
         )
     if not x.size:
         return dataclasses.replace(empty, message=_why_nothing(height, down, rise))

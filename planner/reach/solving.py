@@ -14,7 +14,6 @@ from ...problems import Pose, Scene
 from ..library import Neighbour
 from ..ocp import (
     BASE,
-    CondensedQp,
     Optimum,
     ReducedVariables,
     Refinement,
@@ -30,6 +29,7 @@ from ..search import (
     Start,
     Task,
     attempts,
+    condensed_at,
     initial_guess_from,
     moved_start,
     optimum_of,
@@ -175,9 +175,8 @@ class CellSolver:
         aim = near.goal.shifted(*optimum.smoothing)
         request = Request(task.scene, manipulator, aim, refinement, reference=exact)
         point = replace(Solution.none(x), lam_g=lam_g, lam_x=np.zeros(x.size))
-        numbers, places = nlp.parameter_values(request), controls.places(nlp)
         try:
-            at = CondensedQp.about(program.solver, point, numbers, program.limits, places)
+            at = condensed_at(controls, program, request, point)
             at = replace(at.convex, target_offset=np.zeros(len(at.landing)))
             newton = -np.linalg.solve(at.hessian, self._effort_gradient(u)).astype(float)
             step = at.step(newton)

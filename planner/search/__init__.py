@@ -3,7 +3,7 @@
 from .attempt import Attempt, Start, attempts, error_over
 from .candidates import release_start
 from .continuation import SqpContinuation
-from .corrector import CORRECTOR, Corrector, moved_start, optimum_of, throw_of
+from .corrector import CORRECTOR, Corrector, condensed_at, moved_start, optimum_of, throw_of
 from .failure import check_contradictions, contradiction, nothing_found
 from .guess import guess_from, initial_guess_from, remaining_throw, remaining_trajectory
 from .history import History

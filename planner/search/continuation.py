@@ -24,7 +24,7 @@ from ..ocp import (
 )
 from ..throw import Throw
 from .attempt import Attempt, NearestFeasible, accuracy, error_over
-from .corrector import Corrector, throw_of
+from .corrector import Corrector, condensed_at, throw_of
 from .guess import initial_guess_from
 from .nlps import CompiledNlp, Task
 
@@ -37,7 +37,7 @@ class StepSettings:
     a step is accepted if the pose error of its predicted landing is below this share of the step's
     own length, or below this [m]; else it is shortened by `shrink`, and given up below
     `min_length`, a share of the longest step. min_gain [m], min_gain_share: ends when a throw short
-    of the goal is nearer than the last one by less than this pose error, or than this share of it.
+    of the goal is nearer than the last one by less than both this pose error and this share of it.
     """
 
     max_steps: int = 12
@@ -154,8 +154,7 @@ class SqpContinuation:
         request = Request(task.scene, manipulator, aim, refinement, reference=near)
         places = controls.places(nlp)
         with task.clock("solve"), contextlib.suppress(np.linalg.LinAlgError):
-            at, numbers = Solution.none(x), nlp.parameter_values(request)
-            condensed = CondensedQp.about(program.solver, at, numbers, program.limits, places)
+            condensed = condensed_at(controls, program, request, Solution.none(x))
             found = self._accepted(condensed, places, point)
             if found is None:
                 return None

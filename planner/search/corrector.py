@@ -15,7 +15,15 @@ import numpy as np
 from ...models import Array
 from ...problems import Pose
 from ..library import Neighbour
-from ..ocp import CondensedQp, Margins, Optimum, ReducedVariables, Request, ThrowNlp
+from ..ocp import (
+    CondensedQp,
+    Margins,
+    Optimum,
+    ReducedVariables,
+    Request,
+    Solution,
+    ThrowNlp,
+)
 from ..result import PlannedThrow
 from ..throw import Manipulator, Throw
 from ..verdict import Verdict, verdict
@@ -112,27 +120,33 @@ def optimum_of(
     solution, nlp = throw.solution, throw.nlp
     if solution is None or nlp is None:
         return throw.optimum
-    scene, target = throw.scene, throw.deciding.target
-    aim = target.shifted(*throw.aim)
-    numbers = nlp.parameter_values(Request(scene, throw.manipulator, aim, throw.refinement))
-    places = controls.places(nlp)
+    aim = throw.deciding.target.shifted(*throw.aim)
+    request = Request(throw.scene, throw.manipulator, aim, throw.refinement)
     try:
-        at = CondensedQp.about(program.solver, solution, numbers, program.limits, places)
-        slope = at.slope
+        slope = condensed_at(controls, program, request, solution).slope
     except np.linalg.LinAlgError:
         return None
     return _optimum(controls, nlp, throw, slope, names)
 
 
-def edge_optimum(
-    controls: ReducedVariables, throw: PlannedThrow, errors: int, names: tuple[str, ...]
-) -> Optimum | None:
-    """The optimum of a throw at the edge of the reach, where the limits `names` bind.
+def condensed_at(
+    controls: ReducedVariables, program: CompiledNlp, request: Request, point: Solution
+) -> CondensedQp:
+    """The NLP of a request about a point, in the free numbers; LinAlgError where it is singular."""
+    numbers, places = program.nlp.parameter_values(request), controls.places(program.nlp)
+    return CondensedQp.about(program.solver, point, numbers, program.limits, places)
 
-    Its slope (size, errors) is zero: they leave no direction.
+
+def fixed_optimum(
+    controls: ReducedVariables, throw: PlannedThrow, names: tuple[str, ...]
+) -> Optimum | None:
+    """The optimum of a throw that an NLP was solved for, with no slope; None without that.
+
+    It takes no derivatives, and serves as a start; names: of the limits that bind there.
     """
-    if throw.nlp is None:
+    if throw.nlp is None or throw.solution is None:
         return None
+    errors = 1 if throw.deciding.target.theta is None else 2
     return _optimum(controls, throw.nlp, throw, np.zeros((controls.size, errors)), names)
 
 

@@ -18,7 +18,7 @@ from .attempt import Attempt
 POSES = 500
 #: Angles at which a bar that may land at any angle is compared with the column.
 HALF_TURN = 181
-#: A bound that a sampled release misses by more than this factor is out of reach.
+#: A bound that all sampled releases near the target miss by more than this factor ends the search.
 FACTOR = 2.0
 #: Sampled releases near a target, by the scaled distance of their landings, that are looked at.
 NEAR = 200

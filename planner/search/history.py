@@ -26,10 +26,9 @@ DIFFERENT_FLIGHT = 0.05
 
 @dataclass(frozen=True)
 class Move:
-    """Move a solved throw to the target; found: it is of an earlier plan."""
+    """Move a solved throw to the target."""
 
     near: Neighbour
-    found: bool = False
 
 
 @dataclass(frozen=True)

@@ -8,12 +8,11 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property, partial
 from heapq import merge
 from itertools import islice
 
-from ...problems import Pose
 from ..library import Library, Neighbour
 from ..ocp import BASE, Optimum, Refinement, Request
 from ..result import PlannedThrow
@@ -21,7 +20,7 @@ from ..samples import Releases, ReleaseSampler
 from ..throw import Manipulator
 from .attempt import Attempt, Start
 from .candidates import STARTS, Candidates, release_start
-from .corrector import Corrector, edge_optimum, moved_start, optimum_of
+from .corrector import Corrector, fixed_optimum, moved_start, optimum_of
 from .failure import in_column
 from .guess import initial_guess_from
 from .history import Approach, History, Move, Solve, Try
@@ -42,7 +41,7 @@ SOLVED = 2
 #: A throw is kept for later plans if none is that lands this near to it [m, pose error].
 KNOWN = 0.005
 #: A target this near to the nearest landing [m, pose error] may be in reach of another motion.
-CLOSE = 0.05
+CLOSE = 0.1
 #: Nearest landings whose pose errors differ by less than this factor count as equal.
 ALIKE = 1.1
 #: Equal nearest landings from which a target is out of reach.
@@ -54,27 +53,19 @@ class SearchContext:
     """What the searches of one scene share.
 
     table: gives the release table; keep: whether the library is in the cache, or stays empty.
-    waiting: attempts that found a throw and are not among the `found` yet, which takes an NLP's
-    derivatives.
     """
 
     problems: NlpCache
     sampler: ReleaseSampler
     table: Callable[[], Releases]
     keep: bool = True
-    waiting: list[Attempt] = field(default_factory=list)
 
     def from_state(self, manipulator: Manipulator) -> SearchContext:
         """For throws of a manipulator that begins in another state of motion.
 
         It shares NLPs and table; the library's throws, which begin at rest, are of no use to it.
         """
-        return replace(
-            self,
-            problems=self.problems.from_state(manipulator),
-            keep=False,
-            waiting=[],
-        )
+        return replace(self, problems=self.problems.from_state(manipulator), keep=False)
 
     @cached_property
     def library(self) -> Library:
@@ -83,8 +74,25 @@ class SearchContext:
 
     @cached_property
     def found(self) -> Library:
-        """Throws that plans have found, in memory alone; see `Search.known`."""
+        """Throws that plans have found, those at the edge of the reach too, in memory alone."""
         return Library(self.problems.scene, self.problems.manipulator, keep=False)
+
+    def remember(self, attempt: Attempt) -> None:
+        """Keeps a solver's throw for later plans, to start from.
+
+        None is kept that lands beside another of its kind, so that they stay few.
+        """
+        throw, edge, found = attempt.throw, attempt.edge, self.found
+        pose = attempt.goal if edge is None else edge.pose
+        if throw is None or pose is None or (pose.theta is not None) != found.angle:
+            return
+        optimum = fixed_optimum(found.controls, throw, () if edge is None else edge.names)
+        beside = found.nearest_throws(pose, "exact", 2, KNOWN)
+        if optimum is None or any(
+            bool(one.optimum.binding) == (edge is not None) for one in beside
+        ):
+            return
+        found.add([found.record(optimum, (pose.plane_x, pose.theta or 0.0), solved=True)])
 
     @cached_property
     def corrector(self) -> Corrector:
@@ -108,7 +116,7 @@ class Search:
         task, context = self.task, self.context
         near = self._nearest(context.library, self.moves)
         # A landing that was named as the nearest possible is planned by the throw that lands there.
-        named = (one for one in self._nearest(self.known, 1, KNOWN) if one.optimum.binding)
+        named = (one for one in self._nearest(context.found, 2, KNOWN) if one.optimum.binding)
         boundary = context.library.nearest_of_boundary(task.target, task.turns, 1, KNOWN)
         found = self._warm_neighbour, named, boundary, near
         return merge(*found, key=lambda one: one.distance)
@@ -116,10 +124,6 @@ class Search:
     def _nearest(self, throws: Library, count: int, within: float = NEARBY) -> Iterator[Neighbour]:
         """At most `count` solved throws with a pose error below `within` [m], nearest first."""
         return throws.nearest_throws(self.task.target, self.task.turns, count, within)
-
-    def found(self) -> Iterator[Neighbour]:
-        """Throws near the target that earlier plans found, nearest first."""
-        return self._nearest(self.known, MOVED)
 
     @property
     def moves(self) -> int:
@@ -145,29 +149,6 @@ class Search:
         problems, target = self.context.problems, throw.deciding.target
         program = problems.problem(target, throw.refinement, "fatrop", self.task.clock)
         return optimum_of(self.context.library.controls, program, throw)
-
-    @cached_property
-    def known(self) -> Library:
-        """Throws that earlier plans of this planner found, at the edge of the reach too."""
-        known, waiting = self.context.found, self.context.waiting
-        while waiting:
-            attempt = waiting.pop()
-            pose, optimum = self._found_optimum(attempt)
-            if optimum is not None and not any(known.nearest_throws(pose, "exact", 1, KNOWN)):
-                landing = pose.plane_x, pose.theta or 0.0
-                known.add([known.record(optimum, landing, solved=True)])
-        return known
-
-    def _found_optimum(self, attempt: Attempt) -> tuple[Pose, Optimum | None]:
-        """Where an attempt's throw lands, and its optimum if it was not moved from another's."""
-        throw, edge, known = attempt.throw, attempt.edge, self.context.found
-        pose = attempt.goal if edge is None or edge.pose is None else edge.pose
-        moved = edge is None and (throw is None or throw.solution is None)
-        if throw is None or moved or (pose.theta is not None) != known.angle:
-            return pose, None
-        if edge is None or throw.solution is None:
-            return pose, self._optimum(throw)
-        return pose, edge_optimum(known.controls, throw, 1 + known.angle, edge.names)
 
     def start(self, near: Neighbour) -> Start:
         """A solver's start from a solved throw near the target."""
@@ -195,9 +176,9 @@ class Search:
         """From throws that land beside the target: of earlier plans, the library, then samples."""
         task, context = self.task, self.context
         if len(task.solvers) > 1:
-            for throws in (self.known, context.library):
+            for throws in (context.found, context.library):
                 for near in self._nearest(throws, SOLVED, math.inf):
-                    yield Approach(near.goal, near, throws is self.known)
+                    yield Approach(near.goal, near, throws is context.found)
         candidates = self.arriving
         for index, goal, pose in candidates.judged:
             start = release_start(context.problems, task, candidates.releases, index, goal)
@@ -215,17 +196,16 @@ class Search:
         throws of earlier plans do not count: they may be of one kind. No throw of the library lands
         nearer to the target, nor a sampled one that clears column and hand.
         """
-        near = [one.missed for one in history.new_edges]
-        nearest = min((one.missed for one in history.edges), default=math.inf)
-        if len(near) < ENOUGH or near[ENOUGH - 1] > ALIKE * nearest:
+        new, library = history.new_edges, self.context.library
+        if len(new) < ENOUGH:
             return False
-        if nearest < CLOSE and not len(self.context.library):
+        least = history.edges[0].missed
+        if new[ENOUGH - 1].missed > ALIKE * least or (least < CLOSE and not len(library)):
             return False
-        clear, nearest = self.candidates.releases.clear, self.candidates.nearest
-        sampled = min((away for index, _, away in nearest if clear[index]), default=math.inf)
-        solved = (one.distance for one in self._nearest(self.context.library, 1, math.inf))
-        least = min(sampled, *solved, math.inf)
-        return near[0] <= ALIKE * least + self.task.scene.tolerance.position
+        clear = self.candidates.releases.clear
+        others = [away for index, _, away in self.candidates.nearest if clear[index]]
+        others += [one.distance for one in self._nearest(library, 1, math.inf)]
+        return least <= ALIKE * min(others, default=math.inf) + self.task.scene.tolerance.position
 
 
 Strategy = Callable[[Search, History], Try | None]
@@ -238,14 +218,6 @@ def from_neighbours(search: Search, history: History) -> Try | None:
     number = sum(isinstance(one, Move) for one in history.tries)
     moves = (Move(near) for near in islice(search.neighbours(), search.moves))
     return next(islice(moves, number, None), None)
-
-
-def from_found(search: Search, history: History) -> Try | None:
-    """Throws of earlier plans, moved to the target."""
-    if len(search.task.solvers) == 1:
-        return None
-    number = sum(isinstance(one, Move) and one.found for one in history.tries)
-    return next((Move(near, True) for near in islice(search.found(), number, None)), None)
 
 
 def from_warm_plan(search: Search, history: History) -> Try | None:
@@ -318,7 +290,6 @@ def _from_samples(
 FROM_THROWS: tuple[Strategy, ...] = (from_neighbours, from_warm_plan)
 FROM_NOTHING: tuple[Strategy, ...] = (
     from_nearest_samples,
-    from_found,
     from_beside,
     from_samples,
 )
