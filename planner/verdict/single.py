@@ -30,18 +30,25 @@ EVERY = 10
 AGREES = 1e-6
 
 
-def verdict(throw: Throw, target: Pose | None = None, *, sent: Throw | None = None) -> Verdict:
+def verdict(
+    throw: Throw,
+    target: Pose | None = None,
+    *,
+    sent: Throw | None = None,
+    driven: Throw | None = None,
+) -> Verdict:
     """All limits that a throw breaks, by its release model.
 
     For a throw that never lands: joint limits, kinematics, release and grip only. target: None for
     the throw's own. sent: the commanded motion, if `throw` is the expected motion of joints that
-    lag: joint limits and torques are judged on `sent`, the tool's speed on both.
+    lag: joint limits are judged on `sent`, the tool's speed on both. driven: whose torques are
+    judged, if not those of `throw`.
     """
     commanded, goal = throw if sent is None else sent, throw.target if target is None else target
     findings = [*_limits(commanded), *_kinematics(throw), *_release(throw)]
     if throw.lands:
         findings += _landing(throw, goal)
-        findings += [*_tool_speed(throw), *_torque(throw, commanded)]
+        findings += [*_tool_speed(throw), *_torque(driven or throw)]
         for rule in _RULES:
             findings += rule(throw)
         if commanded is not throw:
@@ -152,11 +159,10 @@ def _tool_speed(throw: Throw) -> Iterator[Finding]:
         yield Finding(Code.TOOL_SPEED, speed.value, limit, speed.time)
 
 
-def _torque(throw: Throw, commanded: Throw) -> Iterator[Finding]:
-    if commanded.measured.torque.value <= 1.0:
+def _torque(throw: Throw) -> Iterator[Finding]:
+    if throw.measured.torque.value <= 1.0:
         return
-    # Where the joints are does not say what turns them.
-    torques = commanded.torques
+    torques = throw.torques
     for name, share in zip(throw.manipulator.joints, torques.use.T, strict=True):
         if share.max() > 1.0:
             when = float(torques.times[share.argmax()])

@@ -44,6 +44,17 @@ def test_a_throw_whose_top_is_the_targets_height_is_not_taken(below, grazes, pla
     assert (Code.GRAZING in verdict(high).codes) == grazes
 
 
+def test_torques_are_those_of_the_motion_that_drives_the_joints(plan_of) -> None:
+    """Where joints lag the motion that is sent may need more than the expected one."""
+    throw = plan_of("pose").throw.deciding
+    weak = dataclasses.replace(throw.scene, torque=tp.Torque(limits=(1.0, 1.0, 1.0)))
+    driven = dataclasses.replace(throw, scene=weak)
+    assert driven.measured.torque.value > 1.0 >= throw.measured.torque.value
+    assert Code.TORQUE not in verdict(throw, sent=throw).codes
+    assert Code.TORQUE in verdict(throw, sent=throw, driven=driven).codes
+    assert Code.TORQUE not in verdict(throw, sent=driven).codes
+
+
 def test_grip_use_of_a_lifted_level_bar_by_hand() -> None:
     """Level bar, hand accelerating up with a: torque m h (g + a) over c r_p n mu f_N."""
     scene = tp.load_scene("hand-flip")
