@@ -13,6 +13,7 @@ import subprocess
 import sys
 import tempfile
 from collections.abc import Mapping, Sequence
+from pathlib import Path
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -32,6 +33,7 @@ from throwplan.models import Array
 from throwplan.models.release import SLIDING_PIVOT, STEPPED_SURFACE
 from throwplan.planner.identify import Grid, Predictor, grid_of
 from throwplan.planner.show import BLUE, GREEN, RED, Row, Table, number, shown
+from throwplan.problems.files import scratch_folder
 
 from .page import Effort, Picture, ReportSection, panels
 
@@ -113,8 +115,8 @@ def make(effort: Effort) -> ReportSection:
 def _synthetic(repeats: int) -> ThrowData:
     """What `throwplan make-throws --factors` writes."""
     words = ["make-throws", "--factors", "--repeats", str(repeats), "--seed", str(SEED), "--out"]
-    with tempfile.TemporaryDirectory() as folder:
-        command = [sys.executable, "-m", "throwplan", *words, folder]
+    with scratch_folder(Path(tempfile.gettempdir())) as folder:
+        command = [sys.executable, "-m", "throwplan", *words, str(folder)]
         subprocess.run(command, check=True, capture_output=True)
         return load_throws(folder)
 

@@ -7,6 +7,7 @@ import json
 import math
 import os
 import re
+import secrets
 import shutil
 import stat
 import tempfile
@@ -195,6 +196,24 @@ def _make_folders(folder: Path) -> Iterator[None]:
 
 
 @contextmanager
+def scratch_folder(parent: Path) -> Iterator[Path]:
+    """A new folder in `parent` that is deleted after the block, also where a signal interrupts.
+
+    `tempfile.TemporaryDirectory` leaves its folder if a signal meets it while it deletes.
+    """
+    scratch = parent / f"tmp{secrets.token_hex(6)}"
+    try:
+        try:
+            scratch.mkdir(0o700)
+            yield scratch
+        finally:
+            shutil.rmtree(scratch, ignore_errors=True)
+    finally:
+        # Again, for the case that the first call was interrupted.
+        shutil.rmtree(scratch, ignore_errors=True)
+
+
+@contextmanager
 def filling(folder: Path, names: tuple[str, ...], option: str = "--out") -> Iterator[Path]:
     """A scratch folder for files `names`, which are moved to `folder` together.
 
@@ -203,14 +222,14 @@ def filling(folder: Path, names: tuple[str, ...], option: str = "--out") -> Iter
     """
     folder = prepare_folder(folder, tuple(name for name in names if "." in name), option)
     try:
-        with _make_folders(folder), tempfile.TemporaryDirectory(dir=folder) as scratch:
-            yield Path(scratch)
-            written = {path.name for path in Path(scratch).iterdir()}
+        with _make_folders(folder), scratch_folder(folder) as scratch:
+            yield scratch
+            written = {path.name for path in scratch.iterdir()}
             for name in names:
                 if (folder / name).is_dir():
                     shutil.rmtree(folder / name)
                 if name in written:
-                    os.replace(Path(scratch) / name, folder / name)
+                    os.replace(scratch / name, folder / name)
                 else:
                     (folder / name).unlink(missing_ok=True)
     except OSError as error:

@@ -10,7 +10,6 @@ import contextlib
 import os
 import shutil
 import subprocess
-import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from functools import partial
@@ -22,6 +21,7 @@ import numpy as np
 
 from ...models import Array
 from ...problems import InputError
+from ...problems.files import scratch_folder
 from .style import PHASES
 from .throw_picture import CARRIED, FLYING, SLOW, frame_words
 from .view import SpaceThrow, View, put
@@ -304,9 +304,9 @@ def _replacement(path: Path, kind: str) -> Iterator[Path]:
         raise InputError(f"--{kind} {path}: must end in .{kind}")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with tempfile.TemporaryDirectory(dir=path.parent) as scratch:
-            yield Path(scratch) / path.name
-            os.replace(Path(scratch) / path.name, path)
+        with scratch_folder(path.parent) as scratch:
+            yield scratch / path.name
+            os.replace(scratch / path.name, path)
     except OSError as error:
         raise InputError(f"--{kind} {path}: {error.strerror or error}") from None
 

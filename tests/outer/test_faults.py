@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import pty
 import random
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -15,6 +17,7 @@ from pathlib import Path
 
 import pytest
 from throwplan.planner.cli import Progress
+from throwplan.problems import InputError, files
 
 ROOT = Path(__file__).parents[2]
 
@@ -84,6 +87,38 @@ def test_what_does_not_fit_leaves_no_folder(tmp_path) -> None:
     _, err = process.communicate(timeout=120)
     assert (process.returncode, err) == (2, "throwplan: --out deep/out: File too large\n")
     assert not (tmp_path / "deep").exists()
+
+
+@pytest.mark.filterwarnings("ignore:unclosed file")
+@pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
+def test_a_signal_at_any_line_leaves_no_scratch_folder(tmp_path) -> None:
+    left_to_run, watched = 0, {files.__file__, shutil.__file__, contextlib.__file__}
+
+    def interrupt(frame, event, arg):
+        nonlocal left_to_run
+        if frame.f_code.co_filename not in watched:
+            return None
+        left_to_run -= event == "line"
+        if left_to_run == 0 and event == "line":
+            raise KeyboardInterrupt
+        return interrupt
+
+    for line in range(1, 1000):
+        left_to_run, folder = line, tmp_path / str(line)
+        folder.mkdir()
+        sys.settrace(interrupt)
+        try:
+            with files.filling(folder, ("one.txt",)) as scratch:
+                (scratch / "one.txt").write_text("1")
+        except (KeyboardInterrupt, InputError):
+            # `shutil` closes a folder twice if it is interrupted between: an error of its own.
+            pass
+        finally:
+            sys.settrace(None)
+        assert {path.name for path in folder.iterdir()} <= {"one.txt"}, line
+        if left_to_run > 0:
+            break
+    assert 30 < line < 999
 
 
 def test_a_reader_that_goes_away_is_no_error(tmp_path) -> None:
