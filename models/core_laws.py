@@ -27,9 +27,9 @@ from .body import (
     sticking_state,
 )
 from .release.cases import LOST_SLIP
+from .release.integrators import number_symbols, rk4_step
 from .release.sliding_pivot import SlidingPivot
-from .release.stepping import number_symbols, rk4_step
-from .release.time_stepping import ITERATIONS, ImpulseProblem, Iterate, LimitSurfaceStepping
+from .release.stepped_surface import ITERATIONS, ImpulseProblem, Iterate, LimitSurfaceStepping
 from .robot.kinematics import PlanarBody, flange_velocity, joint_torque, link_end
 
 HEAD = """\

@@ -5,16 +5,7 @@ A model is one file with its law; `MODELS` names it for commands, sweeps and pic
 
 from .cases import BatchRelease, Release, ReleaseBatch, ReleaseCase
 from .grip import GripProfile, LinearGrip, TableGrip
-from .limit_surface import ImplicitRelease, KarnoppRelease
-from .registry import BATCH_MODELS, DECIDING, MODELS, SLIDING_PIVOT, STEPPED_SURFACE, ReleaseModel
-from .sliding_pivot import (
-    SlidingPivot,
-    SlidingPivotRelease,
-    Widths,
-    soft_positive,
-    world_release,
-)
-from .stepping import (
+from .integrators import (
     Step,
     compiled_release,
     exact_detaches,
@@ -25,4 +16,13 @@ from .stepping import (
     run_steps,
     step_function,
 )
-from .time_stepping import SteppedRelease
+from .limit_surface import ImplicitRelease, KarnoppRelease
+from .registry import BATCH_MODELS, DECIDING, MODELS, SLIDING_PIVOT, STEPPED_SURFACE, ReleaseModel
+from .sliding_pivot import (
+    SlidingPivot,
+    SlidingPivotRelease,
+    Widths,
+    soft_positive,
+    world_release,
+)
+from .stepped_surface import SteppedRelease

@@ -12,7 +12,7 @@ from .cases import BatchRelease, CaseModel, Release, ReleaseBatch, ReleaseCase
 from .limit_surface import ImplicitRelease, KarnoppRelease
 from .patch import PatchRelease
 from .sliding_pivot import SlidingPivotRelease
-from .time_stepping import SteppedRelease
+from .stepped_surface import SteppedRelease
 
 
 class BatchModel(CaseModel, Protocol):

@@ -43,7 +43,7 @@ from .cases import (
     by_chunks,
     onset,
 )
-from .stepping import by_levels, compiled_batch, rk4_step
+from .integrators import by_levels, compiled_batch, rk4_step
 
 Form = Literal["continuous", "paper"]
 

@@ -1,5 +1,5 @@
 """Sampled throws in closed form: drawn within the limits, thrown, and found by where they land."""
 
-from .launch import carry, flies_past_column, in_obstacles, polynomial, run_up, sampled_throw
+from .closed_form import carry, flies_past_column, in_obstacles, polynomial, run_up, sampled_throw
 from .releases import Releases, arrival, highest, joined, nearest, starts
 from .sampling import ReleaseSampler, sparse_parents, stored_releases

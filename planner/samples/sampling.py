@@ -21,7 +21,7 @@ from ...problems import Scene
 from ..clearance import tool_speeds
 from ..ocp import BRAKE_SHARE
 from ..throw import Limits, Manipulator, friction_use
-from .launch import clears_carried, clears_thrown, run_up
+from .closed_form import clears_carried, clears_thrown, run_up
 from .releases import ARRAYS, Releases, joined
 
 #: Version of stored tables. Raise it where other releases are drawn, or thrown otherwise.

@@ -17,9 +17,9 @@ import numpy as np
 from ...models import Array, Flags, FlightState, Indices
 from ..clearance import BAR
 from ..throw import EXACT, BatchFlights, ThrowBatch, torque_limits
+from .batch_limits import MotionLimits
 from .findings import JOINT_LIMITS, Code, Verdict
 from .landing import FALLS, LandingStates, landing_uses
-from .motion import MotionLimits
 from .single import FLYING, verdict
 
 

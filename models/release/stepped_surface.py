@@ -33,7 +33,7 @@ from ..body import (
     contact_twist,
 )
 from .cases import BLEW_UP, BatchRelease, Release, ReleaseBatch, ReleaseCase
-from .stepping import Step, Triple, by_levels, compiled_batch, run_steps, step_function
+from .integrators import Step, Triple, by_levels, compiled_batch, run_steps, step_function
 
 #: Newton iterations on 1/|y(s)|; they converge monotonically, mostly in 2 to 4. Of 400,000 extreme
 #: random steps a few needed more than 8, none more than 16.
