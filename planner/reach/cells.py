@@ -16,9 +16,10 @@ Landings = tuple[Array, Array]
 
 #: Sampled states whose landings are the map.
 SAMPLES = 60_000
-#: Cells are coarsened until random landings fill at most HIT of them; the reach's area is estimated
-#: as LARGER times theirs.
-HIT, LARGER = 300, 1.3
+#: Cells are coarsened until random landings fill at most so many.
+HIT = 300
+#: The reach's area is estimated as this many times that of these cells.
+LARGER = 1.5
 #: Narrowest cells, as a share of these bins.
 FINEST = 0.2
 

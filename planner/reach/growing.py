@@ -49,7 +49,8 @@ class GrowthSettings:
     executor. save_every [s]: longest time of work that is lost when the process is killed.
     few: fewer throws than this are solved by this process alone, since others take seconds to
     start; processes: by default for more. overshoot: where the reach is larger than random throws
-    let it seem, at most this share of the throws asked for is solved. cheaper: a cell is solved
+    let it seem, at most this share of the throws asked for is solved; enough: where it is smaller,
+    this share suffices. cheaper: a cell is solved
     again from a neighbour whose slope predicts an effort below this share of the cell's own.
     max_rounds: how often cells are made finer where they hold fewer throws than asked for, and
     finer_by: for this share of what is asked, since some finer cells lie beyond the edge.
@@ -64,6 +65,7 @@ class GrowthSettings:
     few: int = 400
     processes: int = 2
     overshoot: float = 1.3
+    enough: float = 0.9
     cheaper: float = 0.95
     max_rounds: int = 4
     finer_by: float = 1.1
@@ -105,7 +107,7 @@ def grow(
         builder = LibraryBuilder(CellSolver(problems), releases, library, cells, most)
         builder.grow(landings, throws, executor, progress)
         # A library that was begun before may have the first cells full.
-        if len(library) >= throws or (turn and len(library) == before):
+        if len(library) >= SETTINGS.enough * throws or (turn and len(library) == before):
             return
         # The reach is smaller than random throws let it seem.
         cells = cells.finer(SETTINGS.finer_by * throws / max(len(library), 1))
