@@ -144,17 +144,21 @@ def _law(
 
 def _pivot_functions() -> list[ca.Function]:
     p, body, contact, gravity = number_symbols()
-    law = SlidingPivot(body, contact, gravity)
+    law, paper = (SlidingPivot(body, contact, gravity, form) for form in ("continuous", "paper"))
     hands = {name: _hand(name) for name in ("start", "middle", "end")}
     s = {"state": ca.SX.sym("state", 6), "dt": ca.SX.sym("dt"), "law": p}
     s |= {name: symbols for name, (symbols, _) in hands.items()}
     forces, force = {"force": ca.SX.sym("force", 3)}, {"force": ca.SX.sym("force")}
     motions = [hand.motion for _, hand in hands.values()]
-    step = rk4_step(law.rates, s["state"], motions, ca.vertsplit(forces["force"]), s["dt"])
+    grips = ca.vertsplit(forces["force"])
+    step, paper_step = (
+        rk4_step(one.rates, s["state"], motions, grips, s["dt"]) for one in (law, paper)
+    )
     excess = law.excess(ca.vertsplit(s["state"]), motions[-1], force["force"])
     com = law.com_state(s["state"], s["end"][:3], s["end"][3:6], motions[-1])
     return [
         _law("pivot_step", s | forces, "state start middle end force dt law", next=step),
+        _law("paper_step", s | forces, "state start middle end force dt law", next=paper_step),
         _law("pivot_excess", s | force, "state end force law", excess=excess),
         _law("pivot_lost", s, "state law", lost=[law.lost(s["state"])]),
         _law("pivot_end", s, "state end law", com=com),
