@@ -11,11 +11,10 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from ...core import BatchC, GripC, LinkageC, ReleaseC, library, threads
-from ..body import Array, Body, Contact, HandMotion, Value, components
+from ..body import Array, HandMotion, Value, components
 from ..trajectory import MovedHand, Throws, Trajectory
 from .cases import LOST_SLIP, BatchRelease, Release, ReleaseBatch, ReleaseCase, chunks
 from .grip import GripProfile
@@ -48,14 +47,8 @@ def _moved(state: Sequence[Value], rates: Sequence[Value], dt: Value) -> list[Va
     return [x + dt * rate for x, rate in zip(state, rates, strict=True)]
 
 
-def number_symbols() -> tuple[ca.SX, Body, Contact, ca.SX]:
-    """Symbols of `law_numbers`: the column, and the body, contact and gravity it describes."""
-    p = ca.SX.sym("p", 8)
-    return p, Body(p[0], p[1], p[2]), Contact(p[3], p[4], p[5], p[6]), p[7]
-
-
 def law_numbers(given: ReleaseCase | ReleaseBatch) -> list[Any]:
-    """The law's numbers, in the order of `number_symbols`."""
+    """The law's numbers, in the order of `release` of core/structures.h."""
     return [*vars(given.body).values(), *vars(given.contact).values(), given.gravity]
 
 
