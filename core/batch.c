@@ -1,7 +1,7 @@
 /* Batches: LANES throws side by side, all in equally many steps. */
 #define LANES 16
 #include "functions.h"
-#include "laws.h"
+#include "surface.h"
 
 /* Some throws of a batch side by side, and the cubics their hands are on. */
 typedef struct {
@@ -123,7 +123,10 @@ WIDE_CLONES EXPORT void sliding_pivot(const batch *b)
                 row_of(b, &k, b->grip, 2 * s + i, share);
                 EACH_LANE force[i][l] = k.force[l] * share[l];
             }
-            pivot_step(state, start, middle, end, force, dt, k.law, next);
+            if (b->paper)
+                paper_step(state, start, middle, end, force, dt, k.law, next);
+            else
+                pivot_step(state, start, middle, end, force, dt, k.law, next);
             copy_lanes(6, next, state);
             pivot_lost(state, k.law, out);
             EACH_LANE {
@@ -140,20 +143,12 @@ WIDE_CLONES EXPORT void sliding_pivot(const batch *b)
     }
 }
 
-INLINE int any(const lane flag[1])
-{
-    double sum = 0.0;
-    EACH_LANE sum += flag[0][l];
-    return sum != 0.0;
-}
-
-/* Newton's method runs until a whole block has settled. */
 WIDE_CLONES EXPORT void limit_surface(const batch *b)
 {
     for (int64_t first = 0; first < b->count; first += LANES) {
         block k;
         lane state[6], next[6], start[9], end[9], force[1], dt[1], lost[1], share, begun;
-        lane problem[10], found[5], better[5], held[1], moving[1], stray[2];
+        lane problem[10], found[5], held[1], stray[2];
         load(b, first, &k);
         row_of(b, &k, b->shares, 0, share);
         EACH_LANE begun[l] = share[l] * k.opening[l];
@@ -169,14 +164,7 @@ WIDE_CLONES EXPORT void limit_surface(const batch *b)
             row_of(b, &k, b->grip, 2 * s + 1, share);
             EACH_LANE force[0][l] = k.force[l] * share[l];
             surface_problem(state, start, end, force, dt, k.law, problem);
-            surface_sticking(problem, found, held);
-            for (int i = 0; i < ITERATIONS; i++) {
-                surface_moving(problem, found, held, moving);
-                if (!any(moving))
-                    break;
-                surface_refined(problem, found, moving, better);
-                copy_lanes(5, better, found);
-            }
+            solve_impulse(problem, found, held);
             surface_after(state, start, end, problem, found, held, dt, k.law, next);
             copy_lanes(6, next, state);
             EACH_LANE {

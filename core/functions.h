@@ -14,22 +14,30 @@
 EXPORT void sliding_pivot(const batch *b);
 EXPORT void limit_surface(const batch *b);
 
-/* One release by the non-smooth sliding pivot; how many nodes it has. */
-EXPORT int64_t pivot_release(const release *r, int64_t room,
-                             double *nodes, /* [room][7] time [s] from the opening's start, CoM's pose and twist */
-                             double *onset, /* [2] s: when pivot and slide begin, NaN for none */
-                             int64_t *lost  /* [1] whether the body left the pads before the end */
+/* One release by the non-smooth sliding pivot, in about so many steps (0: as many as it takes), cut where
+   pivot or slide begins or ends; how many nodes it has. */
+EXPORT int64_t pivot_release(const release *r, int64_t steps, int64_t room,
+                             double *nodes,  /* [room][7] time [s] from the opening's start, CoM's pose and twist */
+                             double *states, /* [room][6] place [m] and angle [rad] on the hand, and rates; NULL:
+                                                not written */
+                             double *onset,  /* [2] s: when pivot and slide begin, NaN for none */
+                             int64_t *lost   /* [1] whether the body left the pads before the end */
 );
 
 /* States of the sliding pivot by one step from each node to the next, from sticking at the first. */
 EXPORT void pivot_track(const release *r, int64_t count,
                         const double *times, /* [count] s from the opening's start, rising */
-                        double *states       /* [count][6] place [m] and angle [rad] on the hand, and rates */
+                        double *states       /* [count][6] as of `pivot_release` */
 );
 
 /* One release by the limit surface; how many nodes it has, 0 where memory or room is lacking. */
 EXPORT int64_t surface_release(const release *r, int64_t room,
                                double *nodes /* [room][7] as of `pivot_release` */
+);
+
+/* One release by so many even steps on the limit surface. */
+EXPORT void surface_steps(const release *r, int64_t steps,
+                          double *nodes /* [steps + 1][7] as of `pivot_release` */
 );
 
 /* Many releases of one motion, by the limit surface or the sliding pivot; not 0 without memory. */

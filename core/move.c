@@ -67,7 +67,8 @@ static int throw_trial(const move *m, trial *t, moved *found, double off[2])
     r.delay = t->u[0] - m->before;
     found->nodes = m->surface
         ? surface_release(&r, found->release_room, found->nodes_at)
-        : pivot_release(&r, found->release_room, found->nodes_at, found->onset, &found->lost);
+        : pivot_release(&r, 0, found->release_room, found->nodes_at, NULL, found->onset,
+                        &found->lost);
     if (found->nodes <= 0)
         return 1;
     const double *at = found->nodes_at + 7 * (found->nodes - 1);

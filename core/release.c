@@ -5,6 +5,7 @@
 #define LANES 1
 #include "functions.h"
 #include "motion.h"
+#include "surface.h"
 
 /* Steps of the first run, doubled until the detach state settles, at most so often. */
 #define FIRST 16
@@ -15,7 +16,7 @@
 #define LEVER 0.1
 #define FLIGHT 0.5
 /* Events are located within this share of the opening, and so many of them in a run. */
-#define LOCATED 2e-6
+#define LOCATED 1e-9
 #define EVENTS 200
 /* Kinks nearer than this share of the opening to each other or to its ends are one. */
 #define APART 1e-9
@@ -26,7 +27,8 @@
 typedef struct {
     const release *r;
     int64_t piece, nodes, room, events;
-    double (*rows)[7]; /* node by node: time, CoM pose and twist */
+    double (*rows)[7];   /* node by node: time, CoM pose and twist */
+    double (*states)[6]; /* node by node, or NULL: `state` */
     double time, state[6][1], hand[9][1], excess[3];
     double onset[2];
     int lost;
@@ -73,7 +75,10 @@ static void stepped(run *k, double h, lane state[6], lane hand[9], double excess
     hand_at(k, k->time + h - INSIDE, hand);
     for (int i = 0; i < 3; i++)
         force[i][0] = force_at(g, k->time + i * h / 2);
-    pivot_step(k->state, k->hand, middle, hand, force, dt, law_of(k), state);
+    if (k->r->paper)
+        paper_step(k->state, k->hand, middle, hand, force, dt, law_of(k), state);
+    else
+        pivot_step(k->state, k->hand, middle, hand, force, dt, law_of(k), state);
     excess_at(k, k->time + h, state, hand, excess);
 }
 
@@ -99,10 +104,23 @@ static void record(run *k)
 {
     lane com[6];
     pivot_end(k->state, k->hand, law_of(k), com);
-    double *row = k->rows[k->nodes++];
+    double *row = k->rows[k->nodes];
     row[0] = k->time;
-    for (int i = 0; i < 6; i++)
+    for (int i = 0; i < 6; i++) {
         row[1 + i] = com[i][0];
+        if (k->states)
+            k->states[k->nodes][i] = k->state[i][0];
+    }
+    k->nodes++;
+}
+
+static void arrive(run *k, double time, const lane state[6], const lane hand[9], const double excess[3])
+{
+    k->time = time;
+    copy_lanes(6, state, k->state);
+    copy_lanes(9, hand, k->hand);
+    for (int i = 0; i < 3; i++)
+        k->excess[i] = excess[i];
 }
 
 /* One step to `end`, or to just after the first event before it. */
@@ -126,10 +144,8 @@ static void advance(run *k, double end)
             double next = crossing(k->excess, found);
             if (next < 2.0) {
                 high = at;
-                for (int j = 0; j < 6; j++)
-                    state[j][0] = tried[j][0];
-                for (int j = 0; j < 9; j++)
-                    hand[j][0] = there[j][0];
+                copy_lanes(6, tried, state);
+                copy_lanes(9, there, hand);
                 for (int j = 0; j < 3; j++)
                     excess[j] = found[j];
                 share = crossing(from, found);
@@ -143,14 +159,15 @@ static void advance(run *k, double end)
             }
         }
         end = k->time + high * h;
+        if (k->r->paper) {
+            /* Its rates jump: a step ends before that, and one that is nearly nothing leads over it. */
+            high = fmax(high - 2.0 * near, 0.0);
+            stepped(k, high * h, state, hand, excess);
+            arrive(k, k->time + high * h, state, hand, excess);
+            stepped(k, end - k->time, state, hand, excess);
+        }
     }
-    for (int i = 0; i < 6; i++)
-        k->state[i][0] = state[i][0];
-    for (int i = 0; i < 9; i++)
-        k->hand[i][0] = hand[i][0];
-    for (int i = 0; i < 3; i++)
-        k->excess[i] = excess[i];
-    k->time = end;
+    arrive(k, end, state, hand, excess);
     onsets(k);
     record(k);
 }
@@ -193,19 +210,20 @@ static void run_pivot(run *k, int64_t steps)
     }
 }
 
-EXPORT int64_t pivot_release(const release *r, int64_t room, double *nodes, double *onset, int64_t *lost)
+EXPORT int64_t pivot_release(const release *r, int64_t steps, int64_t room, double *nodes, double *states,
+                             double *onset, int64_t *lost)
 {
     double (*rows)[7] = (double (*)[7])nodes;
-    run k = {.r = r, .room = room, .rows = rows};
+    run k = {.r = r, .room = room, .rows = rows, .states = (double (*)[6])states};
     double before[6];
-    int64_t steps = FIRST;
-    for (int i = 0;; i++, steps *= 2) {
-        run_pivot(&k, steps);
+    int64_t taken = steps ? steps : FIRST;
+    for (int i = 0;; i++, taken *= 2) {
+        run_pivot(&k, taken);
         const double *com = rows[k.nodes - 1] + 1;
         double far = 0.0;
         for (int j = 0; i && j < 6; j++)
             far += fabs(com[j] - before[j]) * (j % 3 == 2 ? LEVER : 1.0) * (j < 3 ? 1.0 : FLIGHT);
-        if (i == DOUBLINGS || (i && far <= SETTLED))
+        if (steps || i == DOUBLINGS || (i && far <= SETTLED))
             break;
         for (int j = 0; j < 6; j++)
             before[j] = com[j];
@@ -273,21 +291,13 @@ static void posed(const surface *f, int64_t k, int64_t stride, const lane state[
 /* States after steps over `stride` intervals; kept for the two finest, with friction for the finest. */
 static void run_surface(surface *f, int64_t stride, double end[6])
 {
-    double state[6][1], next[6][1], problem[10][1], found[5][1], better[5][1];
-    lane held[1], moving[1], grasp[1] = {{f->r->angle}};
+    double state[6][1], next[6][1], problem[10][1], found[5][1];
+    lane held[1], grasp[1] = {{f->r->angle}};
     surface_start(f->hands[0], grasp, numbers_of(f), state);
     for (int64_t k = 0; k < f->steps; k += stride) {
         lane dt[1] = {{f->times[k + stride] - f->times[k]}};
         posed(f, k, stride, state, problem);
-        surface_sticking(problem, found, held);
-        for (int i = 0; i < ITERATIONS; i++) {
-            surface_moving(problem, found, held, moving);
-            if (moving[0][0] == 0.0)
-                break;
-            surface_refined(problem, found, moving, better);
-            for (int j = 0; j < 5; j++)
-                found[j][0] = better[j][0];
-        }
+        solve_impulse(problem, found, held);
         if (stride == 1) {
             for (int j = 0; j < 6; j++)
                 f->states[k][j][0] = state[j][0];
@@ -497,6 +507,30 @@ EXPORT int64_t surface_release(const release *r, int64_t room, double *nodes)
     return count;
 }
 
+EXPORT void surface_steps(const release *r, int64_t steps, double *nodes)
+{
+    run k = {.r = r};
+    double state[6][1], next[6][1], start[9][1], end[9][1], problem[10][1], found[5][1];
+    double opening = r->grip.opening, step = opening / (double)steps;
+    lane held[1], dt[1] = {{step}}, grasp[1] = {{r->angle}};
+    hand_at(&k, 0.0, end);
+    surface_start(end, grasp, law_of(&k), state);
+    for (int64_t n = 0;; n++, nodes += 7) {
+        nodes[0] = n < steps ? step * (double)n : opening;
+        for (int i = 0; i < 6; i++)
+            nodes[1 + i] = state[i][0];
+        if (n >= steps)
+            return;
+        lane force[1] = {{force_at(&r->grip, step * ((double)n + 0.5))}};
+        copy_lanes(9, end, start);
+        hand_at(&k, n + 1 < steps ? step * (double)(n + 1) : opening, end);
+        surface_problem(state, start, end, force, dt, law_of(&k), problem);
+        solve_impulse(problem, found, held);
+        surface_after(state, start, end, problem, found, held, dt, law_of(&k), next);
+        copy_lanes(6, next, state);
+    }
+}
+
 EXPORT int64_t many_releases(const release *shared, int64_t surfaces, int64_t count, const double *numbers,
                              double *detach)
 {
@@ -516,7 +550,7 @@ EXPORT int64_t many_releases(const release *shared, int64_t surfaces, int64_t co
         r.grip.stretch = n[11] / shared->grip.opening;
         r.grip.opening = n[11];
         int64_t nodes = surfaces ? surface_release(&r, room, rows)
-                              : pivot_release(&r, room, rows, onset, &lost);
+                              : pivot_release(&r, 0, room, rows, NULL, onset, &lost);
         for (int i = 0; i < 6; i++)
             detach[6 * k + i] = nodes > 0 && !lost ? rows[7 * (nodes - 1) + 1 + i] : NAN;
     }

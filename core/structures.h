@@ -62,12 +62,13 @@ typedef struct {
 /* A release. law: mass [kg], inertia about the CoM [kg m^2], CoM from the pads [m], friction, radius of
    the contact patch [m], torsion, faces, gravity [m/s^2]; angle [rad]: of the held bar on the hand; delay
    [s]: when on the motion the opening starts; turning [rad/s]: how much faster than the motion the hand
-   turns from then on. */
+   turns from then on; paper: whether the sliding pivot is in the paper's form. */
 typedef struct {
     const path *motion;
     const linkage *arm;
     grip grip;
     double law[8], angle, delay, turning;
+    int64_t paper;
 } release;
 
 /* A known throw and where it is to land. Its free numbers u: the carry's duration [s], the start [n] where
@@ -108,9 +109,10 @@ typedef struct {
 } moved;
 
 /* A batch, as Python has it. width: 1 where all throws share shares and grip, else count; rows: 1 where
-   they share a motion, else count; gap [s]: hands are looked at so far inside a step's ends. */
+   they share a motion, else count; paper: as of `release`; gap [s]: hands are looked at so far inside a
+   step's ends. */
 typedef struct {
-    int64_t count, steps, pieces, rows, width;
+    int64_t count, steps, pieces, rows, width, paper;
     double gap;
     const double *shares;  /* [2 * steps + 1][width] of the opening: nodes of the steps and their middles */
     const double *grip;    /* [2 * steps + 1][width] force over the full one, there */

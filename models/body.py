@@ -141,11 +141,6 @@ class HandSamples:
         return iter((self.pose, self.twist, self.acceleration))
 
 
-def hand_of(numbers: Value) -> HandSamples:
-    """The hand at one instant from its nine numbers: pose, twist, acceleration."""
-    return HandSamples(0.0, numbers[:3], numbers[3:6], numbers[6:9])
-
-
 class HandTrack(Protocol):
     """A hand motion over time, counted from the start of the opening."""
 

@@ -18,16 +18,16 @@ import casadi as ca
 
 from .body import (
     Body,
+    Contact,
     FlightLaw,
     FlightState,
     HandSamples,
     Value,
-    hand_of,
     held_wrench,
     sticking_state,
 )
 from .release.cases import LOST_SLIP
-from .release.integrators import number_symbols, rk4_step
+from .release.integrators import rk4_step
 from .release.sliding_pivot import SlidingPivot
 from .release.stepped_surface import ITERATIONS, ImpulseProblem, Iterate, LimitSurfaceStepping
 from .robot.kinematics import PlanarBody, flange_velocity, joint_torque, link_end
@@ -129,8 +129,14 @@ def text() -> str:
 
 def _hand(name: str) -> tuple[ca.SX, HandSamples]:
     """Pose, twist and acceleration (9,) of a hand, and these as the laws take them."""
-    symbols = ca.SX.sym(name, 9)
-    return symbols, hand_of(symbols)
+    symbols: Value = ca.SX.sym(name, 9)
+    return symbols, HandSamples(0.0, symbols[:3], symbols[3:6], symbols[6:9])
+
+
+def _number_symbols() -> tuple[ca.SX, Body, Contact, ca.SX]:
+    """Symbols of `law_numbers`: the column, and the body, contact and gravity it describes."""
+    p = ca.SX.sym("p", 8)
+    return p, Body(p[0], p[1], p[2]), Contact(p[3], p[4], p[5], p[6]), p[7]
 
 
 def _law(
@@ -143,18 +149,22 @@ def _law(
 
 
 def _pivot_functions() -> list[ca.Function]:
-    p, body, contact, gravity = number_symbols()
-    law = SlidingPivot(body, contact, gravity)
+    p, body, contact, gravity = _number_symbols()
+    law, paper = (SlidingPivot(body, contact, gravity, form) for form in ("continuous", "paper"))
     hands = {name: _hand(name) for name in ("start", "middle", "end")}
     s = {"state": ca.SX.sym("state", 6), "dt": ca.SX.sym("dt"), "law": p}
     s |= {name: symbols for name, (symbols, _) in hands.items()}
     forces, force = {"force": ca.SX.sym("force", 3)}, {"force": ca.SX.sym("force")}
     motions = [hand.motion for _, hand in hands.values()]
-    step = rk4_step(law.rates, s["state"], motions, ca.vertsplit(forces["force"]), s["dt"])
+    grips = ca.vertsplit(forces["force"])
+    step, paper_step = (
+        rk4_step(one.rates, s["state"], motions, grips, s["dt"]) for one in (law, paper)
+    )
     excess = law.excess(ca.vertsplit(s["state"]), motions[-1], force["force"])
     com = law.com_state(s["state"], s["end"][:3], s["end"][3:6], motions[-1])
     return [
         _law("pivot_step", s | forces, "state start middle end force dt law", next=step),
+        _law("paper_step", s | forces, "state start middle end force dt law", next=paper_step),
         _law("pivot_excess", s | force, "state end force law", excess=excess),
         _law("pivot_lost", s, "state law", lost=[law.lost(s["state"])]),
         _law("pivot_end", s, "state end law", com=com),
@@ -162,7 +172,7 @@ def _pivot_functions() -> list[ca.Function]:
 
 
 def _surface_functions() -> list[ca.Function]:
-    p, body, contact, gravity = number_symbols()
+    p, body, contact, gravity = _number_symbols()
     law = LimitSurfaceStepping(body, contact, gravity)
     sizes = {"state": 6, "problem": 10, "found": 5}
     sizes |= dict.fromkeys(("grasp", "force", "dt", "held", "moving"), 1)

@@ -6,15 +6,12 @@ A model is one file with its law; `MODELS` names it for commands, sweeps and pic
 from .cases import BatchRelease, Release, ReleaseBatch, ReleaseCase
 from .grip import GripProfile, LinearGrip, TableGrip
 from .integrators import (
-    Step,
     compiled_release,
     exact_detaches,
     exact_pivot_release,
     exact_surface_release,
     relative_states,
     rk4_step,
-    run_steps,
-    step_function,
 )
 from .limit_surface import ImplicitRelease, KarnoppRelease
 from .registry import BATCH_MODELS, DECIDING, MODELS, SLIDING_PIVOT, STEPPED_SURFACE, ReleaseModel
@@ -23,6 +20,5 @@ from .sliding_pivot import (
     SlidingPivotRelease,
     Widths,
     soft_positive,
-    world_release,
 )
 from .stepped_surface import SteppedRelease

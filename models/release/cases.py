@@ -144,18 +144,6 @@ def failed(times: Array, trouble: str) -> Release:
     return Release(times, nothing, nothing, trouble=trouble)
 
 
-def onset(times: Array, excess: Array) -> float | None:
-    """First time [s] at which `excess` rises above zero; linear between grid points."""
-    above = np.flatnonzero(excess > 0)
-    if above.size == 0:
-        return None
-    i = int(above[0])
-    if i == 0:
-        return float(times[0])
-    low, high = excess[i - 1], excess[i]
-    return float(times[i - 1] + (times[i] - times[i - 1]) * -low / (high - low))
-
-
 # N releases at once.
 
 

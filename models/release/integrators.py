@@ -1,4 +1,4 @@
-"""Releases in steps: their formulas, and who takes them, CasADi's machine or the compiled core.
+"""Releases in steps by the compiled core, and the formula of a Runge-Kutta step.
 
 The core's releases of one throw are exact. The sliding pivot takes Runge-Kutta steps, which end at
 kinks of the hand's motion and at starts and ends of pivoting and sliding; their number is doubled
@@ -11,11 +11,10 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from typing import Any
 
-import casadi as ca
 import numpy as np
 
 from ...core import BatchC, GripC, LinkageC, ReleaseC, library, threads
-from ..body import Array, Body, Contact, HandMotion, HandSamples, Value, components, hand_of
+from ..body import Array, HandMotion, Value, components
 from ..trajectory import MovedHand, Throws, Trajectory
 from .cases import LOST_SLIP, BatchRelease, Release, ReleaseBatch, ReleaseCase, chunks
 from .grip import GripProfile
@@ -23,8 +22,6 @@ from .grip import GripProfile
 Rates = Callable[[Value, HandMotion, Value], list[Value]]
 #: Values at start, middle and end of a step.
 Triple = Sequence[Value] | Array
-#: State after a step, from that before, hand and grip force [N] at its start, middle and end, dt.
-Step = Callable[[Value, Sequence[HandSamples], Triple, Value], list[Value]]
 
 
 def rk4_step(
@@ -50,56 +47,22 @@ def _moved(state: Sequence[Value], rates: Sequence[Value], dt: Value) -> list[Va
     return [x + dt * rate for x, rate in zip(state, rates, strict=True)]
 
 
-# One release by CasADi: a step as a function of numbers, all steps in one call.
-
-
-def number_symbols() -> tuple[ca.SX, Body, Contact, ca.SX]:
-    """Symbols of `law_numbers`: the column, and the body, contact and gravity it describes."""
-    p = ca.SX.sym("p", 8)
-    return p, Body(p[0], p[1], p[2]), Contact(p[3], p[4], p[5], p[6]), p[7]
-
-
 def law_numbers(given: ReleaseCase | ReleaseBatch) -> list[Any]:
-    """The law's numbers, in the order of `number_symbols`."""
+    """The law's numbers, in the order of `release` of core/structures.h."""
     return [*vars(given.body).values(), *vars(given.contact).values(), given.gravity]
-
-
-def step_function(law: Callable[[Body, Contact, Value], Step], steps: int) -> ca.Function:
-    """`steps` steps as one function, for `run_steps`; law: body, contact and gravity to a step."""
-    p, body, contact, gravity = number_symbols()
-    # Hand (9) and grip at start, middle and end; and dt.
-    state, u = ca.SX.sym("state", 6), ca.SX.sym("u", 31)
-    hands, forces = [hand_of(u[i : i + 9]) for i in (0, 10, 20)], [u[i] for i in (9, 19, 29)]
-    new = law(body, contact, gravity)(state, hands, forces, u[30])
-    step = ca.Function("step", [state, u, p], [ca.cse(ca.vertcat(*new))])
-    return step.mapaccum("steps", steps)
-
-
-def run_steps(
-    function: ca.Function, case: ReleaseCase, start: Array, steps: int
-) -> tuple[HandSamples, Array, Array]:
-    """One release in even steps by a `step_function`.
-
-    Hand and grip forces [N] at the steps' ends and middles (2 K + 1), and states (6, K + 1) at the
-    ends, from `start` on.
-    """
-    hand = case.hand.at(np.linspace(0.0, case.grip.opening, 2 * steps + 1))
-    forces = case.grip.force(hand.times)
-    rows, dt = np.vstack([*hand, forces]), np.diff(hand.times[::2])
-    columns = np.vstack([rows[:, :-2:2], rows[:, 1::2], rows[:, 2::2], dt])
-    numbers = np.tile(np.array(law_numbers(case), float)[:, None], steps)
-    return hand, forces, np.column_stack([start, np.array(function(start, columns, numbers))])
 
 
 # N releases by the core.
 
 
-def compiled_batch(law: str, batch: ReleaseBatch, shares: Array, gap: float = 0.0) -> BatchRelease:
+def compiled_batch(
+    law: str, batch: ReleaseBatch, shares: Array, gap: float = 0.0, *, paper: bool = False
+) -> BatchRelease:
     """N releases of hands on cubics by the compiled core.
 
-    law: a function of core/batch.c. shares: nodes and middles of K steps as shares of the opening,
-    (2 K + 1,) or (2 K + 1, N). gap [s]: distance from a step's ends at which the hand is evaluated;
-    its acceleration may jump at them.
+    law: a function of core/batch.c; paper: its sliding pivot in the paper's form. shares: nodes
+    and middles of K steps as shares of the opening, (2 K + 1,) or (2 K + 1, N). gap [s]: distance
+    from a step's ends at which the hand is evaluated; its acceleration may jump at them.
     """
     powers, axes, pieces, rows = batch.hands.coefficients.shape
     curves = np.zeros((4, pieces, rows, axes))
@@ -116,7 +79,8 @@ def compiled_batch(law: str, batch: ReleaseBatch, shares: Array, gap: float = 0.
     if batch.hands.drift is not None:
         given["drift"] = batch.hands.drift
     width, steps = 1 if shares.ndim == 1 else batch.count, len(shares) // 2
-    found = BatchC(count=batch.count, steps=steps, pieces=pieces, rows=rows, width=width, gap=gap)
+    sizes = {"count": batch.count, "steps": steps, "pieces": pieces, "rows": rows, "width": width}
+    found = BatchC(**sizes, gap=gap, paper=paper)
     found.attach(**{name: np.ascontiguousarray(value, float) for name, value in given.items()})
     detach, stray = np.empty((batch.count, 6)), np.empty((batch.count, 2))
     lost = np.empty(batch.count, bool)
@@ -173,9 +137,29 @@ def _levels(batch: ReleaseBatch) -> Array:
 
 def exact_pivot_release(case: ReleaseCase) -> Release:
     """The release by the non-smooth sliding pivot; no wrench."""
-    rows, onset, lost = _nodes(case), np.empty(2), np.empty(1, np.int64)
-    count = library().pivot_release(compiled_release(case), len(rows), rows, onset, lost)
+    return _pivot_release(compiled_release(case), 0, _nodes(case), None)
+
+
+def pivot_steps(case: ReleaseCase, steps: int, *, paper: bool) -> tuple[Release, Array]:
+    """The sliding pivot, in the paper's form or not, in about `steps` steps: its release without
+    a wrench, and the relative states (K, 6)."""
+    release, rows = compiled_release(case), _nodes(case, steps)
+    release.paper, states = paper, np.empty((len(rows), 6))
+    found = _pivot_release(release, steps, rows, states)
+    return found, states[: found.times.size]
+
+
+def _pivot_release(release: ReleaseC, steps: int, rows: Array, states: Array | None) -> Release:
+    onset, lost = np.empty(2), np.empty(1, np.int64)
+    count = library().pivot_release(release, steps, len(rows), rows, states, onset, lost)
     return Release.from_nodes(rows[:count], onset.tolist(), bool(lost[0]))
+
+
+def surface_steps(case: ReleaseCase, steps: int) -> Release:
+    """The release by even steps on the limit surface; no wrench, no onsets."""
+    rows = np.empty((steps + 1, 7))
+    library().surface_steps(compiled_release(case), steps, rows)
+    return Release.from_nodes(rows)
 
 
 def exact_surface_release(case: ReleaseCase) -> Release:
@@ -224,13 +208,13 @@ def _path(case: ReleaseCase) -> Trajectory:
     return path
 
 
-def _nodes(case: ReleaseCase) -> Array:
-    """Rows for all nodes of a release: time, CoM pose and twist."""
+def _nodes(case: ReleaseCase, steps: int = 512) -> Array:
+    """Rows for all nodes of a release in at most so many steps: time, CoM pose and twist."""
     path = _path(case)
     kinks = path.kinks - path.delays
     inside = np.count_nonzero((kinks > 0.0) & (kinks < case.grip.opening))
-    # A release without kinks has fewer than 800 steps and events.
-    return np.empty((800 + inside, 7))
+    # Events cut at most 200 steps in two.
+    return np.empty((steps + 256 + inside, 7))
 
 
 def compiled_release(case: ReleaseCase) -> ReleaseC:

@@ -12,9 +12,7 @@ The CoM seen from the hand is r = s + h (cos theta, sin theta).
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass, replace
-from functools import partial
 from typing import Literal
 
 import numpy as np
@@ -24,26 +22,13 @@ from ..body import (
     Body,
     Contact,
     HandMotion,
-    HandSamples,
     Value,
     backend,
     components,
-    hand_of,
     pivot_wrench,
 )
-from ..trajectory import INSIDE
-from .cases import (
-    BLEW_UP,
-    LOST,
-    LOST_SLIP,
-    BatchRelease,
-    Release,
-    ReleaseBatch,
-    ReleaseCase,
-    by_chunks,
-    onset,
-)
-from .integrators import by_levels, compiled_batch, rk4_step
+from .cases import LOST_SLIP, BatchRelease, Release, ReleaseBatch, ReleaseCase
+from .integrators import by_levels, compiled_batch, pivot_steps
 
 Form = Literal["continuous", "paper"]
 
@@ -205,7 +190,8 @@ class SlidingPivot:
 class SlidingPivotRelease:
     """Releases by the sliding pivot in one of its forms.
 
-    steps over the opening, cut where pivot or slide begins or ends, so that they keep their order.
+    steps: about so many over the opening, cut where pivot or slide begins or ends, so that they
+    keep their order.
     """
 
     form: Form = "continuous"
@@ -213,10 +199,10 @@ class SlidingPivotRelease:
 
     def release(self, case: ReleaseCase) -> Release:
         """The release of one case."""
-        law = self._law(case)
-        times, states, onsets = _located_steps(law, case, self.steps)
-        release = world_release(law, case.hand.at(times), states.T, case.grip.force(times))
-        return replace(release, pivot=onsets[0], slide=onsets[1])
+        release, states = pivot_steps(case, self.steps, paper=self.form == "paper")
+        law, times = SlidingPivot(case.body, case.contact, case.gravity), release.times
+        friction = law.friction(states.T, case.hand.at(times).motion, case.grip.force(times))
+        return replace(release, wrench=np.vstack(friction))
 
     def throw(self, batch: ReleaseBatch, steps: int) -> BatchRelease:
         """N releases by the non-smooth law in `steps` graded Runge-Kutta steps.
@@ -228,19 +214,8 @@ class SlidingPivotRelease:
 
     def _steps(self, part: ReleaseBatch, steps: int) -> BatchRelease:
         # Time [s] from a kink of the hand's motion to the next reading of its acceleration.
-        gap = 1e-9 if part.hands.kinks.size else 0.0
-        if self.form == "continuous":
-            return compiled_batch("sliding_pivot", part, _shares(part, steps), gap)
-
-        def chunk(throws: ReleaseBatch) -> BatchRelease:
-            state, lost = _march(self._law(throws), throws, _shares(throws, steps), gap)
-            return BatchRelease(np.array(state).T, np.broadcast_to(lost, throws.count).copy())
-
-        return by_chunks(part, chunk)
-
-    def _law(self, given: ReleaseCase | ReleaseBatch) -> SlidingPivot:
-        """The non-smooth law of one throw or N."""
-        return SlidingPivot(given.body, given.contact, given.gravity, self.form)
+        gap, paper = 1e-9 if part.hands.kinks.size else 0.0, self.form == "paper"
+        return compiled_batch("sliding_pivot", part, _shares(part, steps), gap, paper=paper)
 
 
 def _shares(batch: ReleaseBatch, steps: int) -> Array:
@@ -257,100 +232,3 @@ def _shares(batch: ReleaseBatch, steps: int) -> Array:
     both = np.empty((2 * len(nodes) - 1, *nodes.shape[1:]))
     both[::2], both[1::2] = nodes, (nodes[:-1] + nodes[1:]) / 2
     return both
-
-
-def _march(
-    law: SlidingPivot, batch: ReleaseBatch, shares: Array, gap: float
-) -> tuple[list[Value], Value]:
-    """CoM state at detach (6 values), and whether the body was lost before, of N releases.
-
-    shares, gap: as in `compiled_batch`.
-    """
-    hands, forces, duration = batch.hands.at, batch.forces(shares), batch.opening
-    end = hands(shares[0] * duration)
-    zero, lost = 0.0 * end.pose[2], np.asarray(False)
-    state = [zero, zero, zero + batch.grasp_angle, zero, zero, zero]
-    for k in range(0, len(shares) - 2, 2):
-        start = end
-        begin, finish = shares[k] * duration, shares[k + 2] * duration
-        dt = finish - begin
-        if gap:
-            inside = np.minimum(gap, dt / 4)
-            start, finish = hands(begin + inside), finish - inside
-        middle, end = hands(shares[k + 1] * duration), hands(finish)
-        motions = start.motion, middle.motion, end.motion
-        state = rk4_step(law.rates, state, motions, forces[k : k + 3], dt)
-        lost = lost | law.lost(state)
-    return list(law.com_state(state, end.pose, end.twist, end.motion)), lost
-
-
-def _located_steps(
-    law: SlidingPivot, case: ReleaseCase, steps: int
-) -> tuple[Array, Array, list[float | None]]:
-    """Even steps of one case, cut at changes of mode inside.
-
-    Times (K,) and states (K, 6), and when pivot and slide first start [s].
-    """
-    nodes = np.linspace(0.0, case.grip.opening, steps + 1)
-    over = 1e-9 * float(nodes[-1]) / len(nodes)
-
-    def motions(*times: float) -> list[HandMotion]:
-        rows = np.concatenate([*case.hand.at(np.array(times))]).T.tolist()
-        return [hand_of(row).motion for row in rows]
-
-    def advance(t: float, state: Array, h: float) -> Array:
-        inside = min(INSIDE, h / 4)
-        times = (t + inside, t + h / 2, t + h - inside)
-        forces = [float(f) for f in case.grip.force(np.array(times))]
-        return np.array(rk4_step(law.rates, state, motions(*times), forces, h))
-
-    def excess(t: float, state: Array) -> Array:
-        return np.array(law.excess(state, motions(t)[0], float(case.grip.force(t))))
-
-    def excess_after(u: float, i: int, t: float, state: Array) -> float:
-        return float(excess(t + u, advance(t, state, u))[i])
-
-    t, state = 0.0, np.array([0.0, 0.0, case.grasp_angle, 0.0, 0.0, 0.0])
-    times, states = [t], [state]
-    before = excess(t, state)
-    onsets: list[float | None] = [0.0 if value > 0 else None for value in before]
-    while t < nodes[-1] - over / 2:
-        end = float(nodes[np.searchsorted(nodes, t + over / 2)])
-        h = end - t
-        after = excess(t + h, advance(t, state, h))
-        changed = np.flatnonzero((before > 0) != (after > 0))
-        if changed.size:
-            root = min(_root(partial(excess_after, i=int(i), t=t, state=state), h) for i in changed)
-            # Up to just before the root in the old mode, then over it in a tiny step.
-            h = max(root - over, 0.0)
-            state, t = advance(t, state, h), t + h
-            h = min(2 * over, end - t)
-        state, t = advance(t, state, h), t + h
-        before = excess(t, state)
-        for i in np.flatnonzero(before > 0):
-            onsets[i] = t if onsets[i] is None else onsets[i]
-        times.append(t)
-        states.append(state)
-    return np.array(times), np.array(states), onsets
-
-
-def _root(function: Callable[[float], float], end: float) -> float:
-    """Zero of `function` in (0, end], to rounding."""
-    from scipy.optimize import brentq
-
-    if (function(1e-12 * end) > 0) == (function(end) > 0):
-        return end
-    return float(brentq(function, 1e-12 * end, end, xtol=1e-13, rtol=1e-12))
-
-
-def world_release(law: SlidingPivot, hand: HandSamples, states: Array, forces: Array) -> Release:
-    """World poses, twists and friction of relative states (6, K) along the hand."""
-    motion = hand.motion
-    state = np.vstack(law.com_state(states, hand.pose, hand.twist, motion))
-    torque, force = law.excess(states, motion, forces)
-    pivot, slide = onset(hand.times, torque), onset(hand.times, force)
-    wrench = np.vstack(law.friction(states, motion, forces))
-    trouble = LOST if law.lost(states).any() else ""
-    if not np.isfinite(state).all():
-        trouble = BLEW_UP
-    return Release(hand.times, state[:3], state[3:], pivot, slide, wrench, trouble)

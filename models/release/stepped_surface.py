@@ -9,16 +9,14 @@ to zero.
 
 With p = S y, S S^T = A^-1, the surface is a sphere |y| <= R and K = S^T W S the inverse
 mass: a trust-region problem, solved by Newton's method on 1/|y(s)|. Its parts are separate
-functions so that a compiled batch can run them in a loop of its own.
+functions, which core/surface.h runs in a loop.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from functools import cache
+from dataclasses import dataclass, replace
 
-import casadi as ca
 import numpy as np
 
 from ..body import (
@@ -32,8 +30,8 @@ from ..body import (
     components,
     contact_twist,
 )
-from .cases import BLEW_UP, BatchRelease, Release, ReleaseBatch, ReleaseCase
-from .integrators import Step, Triple, by_levels, compiled_batch, run_steps, step_function
+from .cases import BatchRelease, Release, ReleaseBatch, ReleaseCase
+from .integrators import by_levels, compiled_batch, surface_steps
 
 #: Newton iterations on 1/|y(s)|; they converge monotonically, mostly in 2 to 4. Of 400,000 extreme
 #: random steps a few needed more than 8, none more than 16.
@@ -64,14 +62,6 @@ class ImpulseProblem:
     matrix: Sequence[Value]
     rhs: Sequence[Value]
     radius: Value
-
-    def solve(self) -> list[Value]:
-        """y (3 values)."""
-        iterate = self.sticking()
-        sticks = iterate.norm <= self.radius
-        for _ in range(ITERATIONS):
-            iterate = self.refined(iterate, self.moving(iterate, sticks))
-        return self.trimmed(iterate, sticks)
 
     def sticking(self) -> Iterate:
         """The impulse that leaves no slip; it is the answer where |y| <= R."""
@@ -128,25 +118,15 @@ def _solve(matrix: Sequence[Value], shift: Value, rhs: Sequence[Value]) -> list[
 class LimitSurfaceStepping:
     """Moreau-Jean stepping of a body held by an ellipsoidal limit surface.
 
-    The state is the CoM's pose and twist in the world: x, z, theta, v_x, v_z, omega.
+    The state is the CoM's pose and twist in the world: x, z, theta, v_x, v_z, omega. The grip
+    force is that in the middle of a step. Slip is measured against the hand at its end, where the
+    new velocity is. The lever is taken at its middle, which keeps a sticking body on a turning hand
+    to second order.
     """
 
     body: Body
     contact: Contact
     gravity: Value = 9.81
-
-    def advance(
-        self, state: Value, hands: Sequence[HandSamples], forces: Triple, dt: Value
-    ) -> list[Value]:
-        """State `dt` [s] later, under the grip force in the middle of the step.
-
-        Slip is measured against the hand at the end of the step, where the new velocity
-        is. The lever is taken at its middle, which keeps a sticking body on a turning
-        hand to second order.
-        """
-        lever = self.lever(state, hands, dt)
-        problem = self.problem(state, hands[-1], lever, forces[1], dt)
-        return self.after(state, hands, lever, problem.solve(), dt)
 
     @property
     def _axes(self) -> tuple[Value, Value, Value]:
@@ -225,12 +205,9 @@ class SteppedRelease:
 
     def release(self, case: ReleaseCase) -> Release:
         """The release of one case."""
-        hand, _, states = run_steps(_compiled(self.steps), case, case.start(), self.steps)
-        trouble = "" if np.isfinite(states).all() else BLEW_UP
-        times, poses = hand.times[::2], hand.pose[:, ::2]
-        wrench = _friction(case, states, poses, case.grip.opening / self.steps)
+        release = surface_steps(case, self.steps)
         pivot, slide = case.slip_onset()
-        return Release(times, states[:3], states[3:], pivot, slide, wrench, trouble)
+        return replace(release, pivot=pivot, slide=slide, wrench=_friction(case, release))
 
     def throw(self, batch: ReleaseBatch, steps: int) -> BatchRelease:
         """N releases on the contact's own ellipsoid.
@@ -251,19 +228,12 @@ class SteppedRelease:
         return by_levels(batch, extrapolated)
 
 
-@cache
-def _compiled(steps: int) -> ca.Function:
-    def step_of(body: Body, contact: Contact, gravity: Value) -> Step:
-        return LimitSurfaceStepping(body, contact, gravity).advance
-
-    return step_function(step_of, steps)
-
-
-def _friction(case: ReleaseCase, states: Array, hand: Array, dt: float) -> Array:
+def _friction(case: ReleaseCase, release: Release) -> Array:
     """Contact wrench (3, K) of each step, from the change of momentum in it."""
-    change = np.diff(states[3:], axis=1) / dt
+    change = np.diff(release.com_twist, axis=1) / np.diff(release.times)
     f_x, f_z = case.body.mass * change[0], case.body.mass * (change[1] + case.gravity)
-    middle = (states[:2, :-1] + states[:2, 1:] - hand[:2, :-1] - hand[:2, 1:]) / 2
+    lever = release.com[:2] - case.hand.at(release.times).pose[:2]
+    middle = (lever[:, :-1] + lever[:, 1:]) / 2
     torque = case.body.inertia * change[2] - f_x * middle[1] + f_z * middle[0]
     wrench = np.vstack([f_x, f_z, torque])
     return np.column_stack([wrench[:, :1], wrench])

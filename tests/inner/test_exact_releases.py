@@ -20,11 +20,10 @@ from throwplan.models.release import (
     exact_pivot_release,
     exact_surface_release,
     relative_states,
-    world_release,
 )
 from throwplan.planner.throw import Throw, case_of
 
-from benchmarks.plain_pivot import PlainPivot
+from benchmarks.plain_pivot import PlainPivot, world_release
 
 #: Seen from either side of a kink, so far away [s].
 INSIDE = 1e-12

@@ -26,6 +26,7 @@ masses = {"mass": np.linspace(0.1, 0.4, 257)}
 for model in ("sp", "ls-step", "sp-paper"):
     drops = tp.simulate_batch(tp.load_scene("drop"), model, object=masses)
     assert np.isfinite(drops.detach).all()
+    assert tp.simulate("drop", model)[model].to_dict()["status"] == "ok"
     for plan in plans:
         tp.sweep(plan, 300, model=model)
 """,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -10,8 +11,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from release_cases import VALUES, energy_of, log_floats, order_of, reference_case
-from throwplan.models import Body, Contact, Trajectory, contact_twist
+from scipy.optimize import brentq
+from throwplan.models import Body, Contact, HandSamples, Trajectory, contact_twist
 from throwplan.models.release import LinearGrip, Release, ReleaseCase, SteppedRelease
+from throwplan.models.release.stepped_surface import LimitSurfaceStepping
 
 GRAVITY = 9.81
 TIGHT = LinearGrip(1e5, 0.0, 0.05)
@@ -41,6 +44,32 @@ def test_stepping_is_first_order(name) -> None:
     scale = np.array([1, 1, h, 1, 1, h])
     errors = [np.linalg.norm((at[n] - exact) * scale) for n in GRIDS]
     assert order_of(GRIDS, errors) == pytest.approx(1.0, abs=0.3)
+
+
+@pytest.mark.parametrize("name", VALUES)
+def test_steps_are_those_of_another_solver_of_the_impulse(name: str) -> None:
+    """The shift of each step by bracketing, on the eigenvalues of the contact's inverse mass."""
+    case, steps = reference_case(name), 60
+    law, state = LimitSurfaceStepping(case.body, case.contact), case.start()
+    for begin, end in itertools.pairwise(np.linspace(0.0, case.grip.opening, steps + 1)):
+        tracks = (case.hand.at(np.array([t])) for t in (begin, end))
+        hands = [HandSamples(0.0, *(rows[:, 0] for rows in track)) for track in tracks]
+        lever, grip = law.lever(state, hands, end - begin), case.grip.force((begin + end) / 2)
+        problem = law.problem(state, hands[-1], lever, float(grip), end - begin)
+        xx, zz, tt, xz, xt, zt = problem.matrix
+        values, vectors = np.linalg.eigh([[xx, xz, xt], [xz, zz, zt], [xt, zt, tt]])
+        rhs = vectors.T @ problem.rhs
+
+        def outside(shift: float, rhs=rhs, values=values, radius=problem.radius) -> float:
+            return float(np.linalg.norm(rhs / (values + shift)) - radius)
+
+        shift = 0.0
+        if outside(0.0) > 0.0:
+            shift = brentq(outside, 0.0, np.linalg.norm(rhs) / problem.radius)
+        impulse = vectors @ (rhs / (values + shift))
+        state = np.array(law.after(state, hands, lever, impulse, end - begin))
+    found = SteppedRelease(steps).release(case).end
+    np.testing.assert_allclose(found, state, rtol=1e-8, atol=1e-9)
 
 
 def gripped(name: str, steps: int) -> tuple[float, float]:
