@@ -34,15 +34,15 @@ MANY_TURNS = 3
 
 @dataclass(frozen=True)
 class Start:
-    """Where solves begin.
+    """The start of one or more solves.
 
-    goal: the target, its turns counted. guess: decision vector for an NLP. refinement: of the first
-    NLP. tries: NLPs solved at most, each refined by what the check of the one before found broken.
-    light: ends where costly constraints would come in. again: whether all NLPs start from `guess`,
-    not from the broken throw. warm: a solution with its multipliers to go on
-    from, near: of almost the same target. aim: (dx [m], dtheta [rad]) from the goal to where the
-    NLP is to land at first. rough: ends within half the scene's tolerance. robust: the method of a
-    robust NLP. elastic: the landing may miss the goal, at a price; where it lands it is checked.
+    goal: the target, with its full turns. guess: decision vector for an NLP. refinement: of the
+    first NLP. tries: most NLPs, each refined by the check of the one before. light: end before an
+    NLP with costly constraints. again: start all NLPs from `guess`, not from the broken throw.
+    warm: solution with multipliers to start from; near: it is for almost this target. aim: (dx [m],
+    dtheta [rad]) from the goal to the first NLP's landing. rough: corrections end at half the
+    scene's tolerance. robust: method of a robust NLP. elastic: the landing may miss the goal at a
+    price, and is checked at its own place.
     """
 
     goal: Pose
@@ -117,7 +117,7 @@ class Attempt:
 
     @property
     def missed(self) -> float:
-        """How far [m, pose error] limits end its throw short of the goal; inf if they do not."""
+        """Pose error [m] to the goal at which limits end the throw; inf if they do not."""
         return math.inf if self.edge is None else self.edge.missed
 
     @cached_property
@@ -130,10 +130,10 @@ class Attempt:
 
 @dataclass(frozen=True)
 class Aim:
-    """Where an NLP is to land so that the throw that counts lands at the target.
+    """The goal of an NLP whose deciding throw is to land at the target.
 
-    accuracy: the error [m, rad] at which it is good; offset (dx [m], dtheta [rad]): from the target
-    to the goal of the NLP.
+    accuracy [m, rad]: largest landing error; offset (dx [m], dtheta [rad]): from the target to the
+    goal of the NLP.
     """
 
     target: Pose

@@ -25,7 +25,7 @@ STARTS = (("ipopt", 1), ("fatrop", 6), ("ipopt", 4))
 CLEARED = 40
 #: Most sampled throws that are judged.
 JUDGED = 150
-#: Judging ends when this many sampled throws break nothing.
+#: Judging ends with this number of sampled throws that break nothing.
 SOUND = 2
 #: Most NLPs solved from one release, each refined by the check of the one before.
 TRIES = 4
@@ -59,8 +59,8 @@ class Candidates:
 
     @cached_property
     def arriving(self) -> Candidates:
-        """Those that clear arm and column, land on the target's side of the column, and would enter
-        the cup if it stood where they land. A condition that no release meets is ignored."""
+        """The releases that clear arm and column, land on the target's side of it, and enter a cup
+        at their landing. A condition that no release meets is ignored."""
         scene, target, releases = self.task.scene, self.task.target, self.releases
         landing = np.column_stack(releases.landings(target.z, scene.flight))
         good = np.isfinite(landing[:, 2])
@@ -85,7 +85,7 @@ class Candidates:
         return sound + others[:1]
 
     def _sound_landing(self, index: int, goal: Pose) -> Pose | None:
-        """Where a release lands, if it breaks nothing there."""
+        """A release's landing; None if its throw breaks a limit."""
         thrown = sampled_throw(self.task.scene, self.manipulator, self.releases, index)
         landing = thrown.landing
         if not math.isfinite(landing.flight_time):

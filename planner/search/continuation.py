@@ -1,4 +1,4 @@
-"""Moves a solved throw towards a target nearby, as near as limits allow, in steps within limits.
+"""Moves a solved throw to a target nearby, or towards it up to the limits, in steps within these.
 
 Each step is the solution of the condensed NLP (`CondensedQp`), about the last one's point.
 """
@@ -23,7 +23,7 @@ from .nlps import CompiledNlp, Task
 
 @dataclass(frozen=True)
 class StepSettings:
-    """How continuation steps.
+    """Settings of the continuation.
 
     max_steps, max_throws: most steps, and throws brought to the goal. max_error, always_accept:
     a step is accepted if the pose error of its predicted landing is below this share of the step's
@@ -47,7 +47,7 @@ SETTINGS = StepSettings()
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """Where continuation is.
+    """A point of the continuation.
 
     optimum: the throw there; off: its landing from the goal (dx [m], dtheta [rad]); nlp, x: a point
     of the NLP, whose states stay free between steps (lifted Newton), None before the first; trust:

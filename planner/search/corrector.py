@@ -60,7 +60,7 @@ class Corrector:
         return Attempt(near.goal, optimum.refinement, CORRECTOR, found, judged, reason, 0, 1)
 
     def _planned_throw(self, moved: MovedThrow, optimum: Optimum, task: Task) -> PlannedThrow:
-        """What the core has planned, sent and thrown, with the numbers of its NLP."""
+        """The core's motion, samples and release as a planned throw."""
         controls, manipulator = self.controls, self.problems.manipulator
         opens = controls.opening_time(moved.u)
         thrown = Throw.sent(task.scene, manipulator, moved.planned, moved.samples, opens)

@@ -16,15 +16,13 @@ from .attempt import Attempt
 
 #: Random start poses that are checked where the start is free.
 POSES = 500
-#: Sampled releases, those that land nearest to the target, that bounds are compared with.
-NEAREST = 200
-#: A bound contradicts the target if all these releases miss it by more than this factor.
+#: A bound contradicts the target if all near sampled releases miss it by more than this factor.
 FACTOR = 2.0
 
 
 def check_contradictions(scene: Scene, manipulator: Manipulator) -> None:
-    """InputError if the bar at the target is not in the cup, or begins below the floor or in the
-    base column at the given start; where the start is free, at each of `POSES` random ones.
+    """InputError if the bar at the target is not in the cup, or the start is below the floor or in
+    the base column: the given start, or each of `POSES` random ones if it is free.
     """
     scene.check_target_in_cup()
     workspace, limits = scene.workspace, manipulator.planning
@@ -68,7 +66,7 @@ def in_column(scene: Scene, target: Pose) -> bool:
 def contradiction(scene: Scene, releases: Callable[[], Releases], target: Pose) -> tuple[str, str]:
     """The first bound of [landing], or latest arrival, that contradicts the target: name and words.
 
-    Both are empty if the nearest sampled releases contradict no bound by more than `FACTOR`.
+    The 200 sampled releases that land nearest decide; both are empty without a contradiction.
     """
     bounds, latest = scene.landing, target.window[1]
     if bounds is None and not math.isfinite(latest):
@@ -79,7 +77,7 @@ def contradiction(scene: Scene, releases: Callable[[], Releases], target: Pose) 
         return "", ""
     turn = 0.0 if target.theta is None else theta - target.theta
     off = scene.object.pose_error(x - target.plane_x, turn)
-    near = np.argsort(off)[: min(NEAREST, int(np.isfinite(off).sum()))]
+    near = np.argsort(off)[: min(200, int(np.isfinite(off).sum()))]
     end = scene.flight.after(FlightState(*table.detach[near].T), flown[near])
     speed, omega = np.hypot(end.v_x, end.v_z), end.omega
     # Rates of either sign pass through zero.
@@ -102,7 +100,7 @@ def contradiction(scene: Scene, releases: Callable[[], Releases], target: Pose) 
 
 
 def _words(name: str, bound: float | None, values: Array, unit: str) -> str:
-    """What contradicts an upper bound, or (values negative) a lower one."""
+    """Why values contradict an upper bound, or (values negative) a lower one; else empty."""
     least = float(values.min())
     if bound is None:
         return ""

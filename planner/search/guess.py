@@ -1,5 +1,5 @@
-"""Where an NLP starts: decision vectors of a sampled release or of another NLP's throw, and the
-motion of a swing under way from an instant on."""
+"""Starts of an NLP: decision vectors of a sampled release or of another NLP's throw, and the rest
+of a swing's motion from an instant on."""
 
 from __future__ import annotations
 
@@ -77,7 +77,7 @@ def _cup_times(scene: Scene, detach: Array, flight: float, depths: int) -> Array
     corner = middle - scene.object.width / 2 * np.abs(np.cos(theta))
 
     def times_at(heights: Array, depth: Array) -> Array:
-        # A spinning bar's end may rise: its largest depth until then counts.
+        # The end of a spinning bar may rise: the largest depth until each instant counts.
         deepest = np.maximum.accumulate(cup.rim - heights)
         return np.interp(depth, deepest + 1e-9 * np.arange(times.size), times)
 

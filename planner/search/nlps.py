@@ -28,7 +28,7 @@ PARTS = ("build", "guess", "solve", "smooth", "check")
 
 @dataclass(frozen=True)
 class Clock:
-    """When a plan must end, by time.perf_counter(), and how long its parts took [s].
+    """Deadline of a plan, by time.perf_counter(), and times [s] of its parts.
 
     `FREE_BUILD_TIME` of building, which serves later plans too, does not count. On a busy machine a
     plan is late only if the process has also used its processor time, up to `processor`.
@@ -42,7 +42,7 @@ class Clock:
 
     @classmethod
     def lasting(cls, patience: float) -> Clock:
-        """From now on, for `patience` [s] of time and of processor time."""
+        """A clock that ends after `patience` [s], on a busy machine of processor time."""
         return cls(time.perf_counter() + patience, processor_time() + patience)
 
     @property

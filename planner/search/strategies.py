@@ -59,7 +59,7 @@ SETTINGS = SearchSettings()
 
 @dataclass(frozen=True, eq=False)
 class SearchContext:
-    """What the searches of one scene share.
+    """Data that the searches of one scene share.
 
     table: gives the release table; keep: whether the library is in the cache, or stays empty.
     """
@@ -70,9 +70,9 @@ class SearchContext:
     keep: bool = True
 
     def from_state(self, manipulator: Manipulator) -> SearchContext:
-        """For throws of a manipulator that begins in another state of motion.
+        """The context of a manipulator that begins in another state of motion.
 
-        It shares NLPs and table; the library's throws, which begin at rest, are of no use to it.
+        It shares NLPs and table, but has no library, whose throws begin at rest.
         """
         return replace(self, problems=self.problems.from_state(manipulator), keep=False)
 
