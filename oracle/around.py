@@ -15,19 +15,23 @@ from scipy.optimize import brentq
 from . import shapes
 from .motion import ArmMotion, Array, HandMotion, Plane, rotation
 
-#: Instants of a flight, and of the way into a cup.
-FLIGHT, WAY_IN = 800, 1500
-#: The way into a cup is followed so long [s] after the landing's height.
+#: Number of instants of a flight at which the bar is checked.
+FLIGHT = 800
+#: Number of instants of the way into a cup at which the bar is checked.
+WAY_IN = 1500
+#: Time [s] after the landing for which the way into a cup is followed.
 BEYOND = 0.3
-#: Links of numbers that differ by this or less meet at a joint.
+#: Links whose numbers differ by at most this meet at a joint and may touch.
 ADJACENT = 2
-#: So long [s] before its landing a bar may come as near to an obstacle as it lands.
+#: Time [s] before the landing in which a bar may be as near to an obstacle as at the landing.
 LANDS = 0.05
-#: Room below 0 by this is rounding.
+#: A limit is kept if its room is above minus this.
 ROUNDING = 1e-6
-#: What rooms are known to: shares of a limit, distances [m].
-SHARE, DISTANCE = 1e-4, 1e-4
-#: The cup's clearance may be short of this [m]: its instants are found by bisection.
+#: Error of a room, as a share of its limit.
+SHARE = 1e-4
+#: Error [m] of a distance.
+DISTANCE = 1e-4
+#: Error [m] of a cup's clearance, whose instants the planner finds by bisection.
 CUP_NEAR = 1e-5
 
 

@@ -14,15 +14,15 @@ from .around import Around, Bar, Flight, Found, at_least, at_most
 from .motion import TICK, ArmMotion, Array, HandMotion, Samples
 from .release import Held, Released, released
 
-#: Instants a tick at which the grip is looked at, and the tool's speed.
+#: Number of instants of a tick at which grip and tool speed are checked.
 INSTANTS = 8
-#: Landings are known to this [m], [rad].
+#: Error (position [m], angle [rad]) of a landing.
 LANDING = 1e-4, math.radians(0.05)
-#: Every so many steps of an opening the bar is looked at.
+#: Number of steps of an opening between checks of the bar.
 EVERY = 20
-#: A bar that comes down slower [m/s] only grazes the target's height.
+#: Least speed [m/s] at which a bar must fall through the target's height.
 FALLS = 0.02
-#: A landing so late [s] after the latest time still counts.
+#: Excess [s] over the latest arrival that is allowed.
 LATE = TICK
 
 

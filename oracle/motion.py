@@ -20,14 +20,15 @@ Array = NDArray[np.float64]
 
 #: Sampling interval [s] of motion.csv.
 TICK = 1e-3
-#: Parts of a tick at which the hand is placed; between them it follows quintics.
+#: Number of parts of a tick between which the hand follows quintics.
 PARTS = 4
-#: Change [m/s^2, rad/s^2] of a free hand's acceleration in a tick that is a step.
+#: A change [m/s^2, rad/s^2] of a free hand's acceleration above this is a step.
 STEP = 1e-6
-#: Steps of two axes nearer in time than this [s] are one.
+#: Steps of two axes are one if their times [s] differ by less than this.
 TOGETHER = 1e-7
-#: Position [m, rad] that a free hand's steps may leave unexplained in a tick.
+#: Largest residual [m, rad] of a tick's position after the fit of a free hand's steps.
 UNEXPLAINED = 1e-9
+#: Names of the fit's tolerances.
 TOLERANCES = ("xtol", "ftol", "gtol")
 
 

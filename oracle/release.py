@@ -10,14 +10,16 @@ from scipy.interpolate import PchipInterpolator
 
 from .motion import Array, Curve
 
-#: Steps of an opening; a run of twice as many is extrapolated with it. Landings are then known to
-#: 0.05 mm and 0.04 deg on the hardest built-in scene (hand-flip), to a tenth of that on others.
+#: Steps of an opening; results are extrapolated from this and the double number. Landings then err
+#: by 0.05 mm and 0.04 deg on the hardest built-in scene (hand-flip), by a tenth of that on others.
 STEPS = 2000
-#: Most Newton iterations of a step, and the radius' share that ends them.
-NEWTON, CLOSE = 60, 1e-12
-#: Either side of a step of the hand's acceleration [s].
+#: Most Newton iterations of a step.
+NEWTON = 60
+#: Newton iterations end at this error of the radius, a share of it.
+CLOSE = 1e-12
+#: Distance [s] from a step of the hand's acceleration at which each side of it is read.
 SIDE = 1e-11
-#: A table's fall starts where its force leaves the first value by this share.
+#: A table's fall starts at this loss of force, a share of its first value.
 FALL = 0.01
 
 

@@ -8,7 +8,7 @@ import numpy as np
 
 from .motion import Array
 
-#: Ternary steps to the least of a convex function on [0, 1].
+#: Number of ternary search steps for the minimum of a convex function on [0, 1].
 THIRDS = 40
 
 

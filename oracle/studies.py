@@ -19,7 +19,7 @@ from .meshes import Array, link_points
 from .motion import TICK
 from .scenes import random_scenes
 
-#: Of each arm: a built-in scene that it throws in.
+#: A built-in scene for each arm.
 SCENES = {
     "panda": "pose",
     "fr3": "fr3",
@@ -28,7 +28,7 @@ SCENES = {
     "ur5e": "ur5e",
     "gen3": "gen3",
 }
-#: Sizes of obstacles [m].
+#: Smallest and largest size [m] of obstacles.
 SIZES = 0.004, 0.020
 
 
