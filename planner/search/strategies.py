@@ -125,14 +125,9 @@ class Search:
         task, context = self.task, self.context
         near = self._nearest(context.library, self.moves)
         # For targets that an earlier plan named as the nearest possible: its throw lands there.
-        named = (
-            one
-            for one in self._nearest(context.found, 2, SETTINGS.same_distance)
-            if one.optimum.binding
-        )
-        boundary = context.library.nearest_of_boundary(
-            task.target, task.turns, 1, SETTINGS.same_distance
-        )
+        same = SETTINGS.same_distance
+        named = (one for one in self._nearest(context.found, 2, same) if one.optimum.binding)
+        boundary = context.library.nearest_of_boundary(task.target, task.turns, 1, same)
         found = self._warm_neighbour, named, boundary, near
         return merge(*found, key=lambda one: one.distance)
 
@@ -145,11 +140,8 @@ class Search:
     @property
     def moves(self) -> int:
         """Most neighbours that are moved."""
-        return (
-            SETTINGS.moves
-            if self.task.wanted == 1
-            else SETTINGS.moves_for_choice * self.task.wanted
-        )
+        wanted = self.task.wanted
+        return SETTINGS.moves if wanted == 1 else SETTINGS.moves_for_choice * wanted
 
     @cached_property
     def _warm_neighbour(self) -> list[Neighbour]:
@@ -162,9 +154,8 @@ class Search:
         turn = 0.0 if task.target.theta is None else theta - task.target.theta
         miss = x - task.target.plane_x, turn
         away = task.scene.object.pose_error(*miss)
-        return (
-            [Neighbour(optimum, task.target, miss, away)] if away < SETTINGS.warm_distance else []
-        )
+        is_near = away < SETTINGS.warm_distance
+        return [Neighbour(optimum, task.target, miss, away)] if is_near else []
 
     def _optimum(self, throw: PlannedThrow) -> Optimum | None:
         if throw.optimum is not None or throw.solution is None:
@@ -220,21 +211,17 @@ class Search:
         the library, nor a sampled one that clears column and hand, lands nearer to the target.
         """
         new, library = history.new_edges, self.context.library
-        if len(new) < SETTINGS.equal_landings:
+        number, ratio = SETTINGS.equal_landings, SETTINGS.equal_ratio
+        if len(new) < number:
             return False
         least = history.edges[0].missed
-        if new[SETTINGS.equal_landings - 1].missed > SETTINGS.equal_ratio * least or (
-            least < SETTINGS.close_distance and not len(library)
-        ):
+        is_close = least < SETTINGS.close_distance and not len(library)
+        if is_close or new[number - 1].missed > ratio * least:
             return False
         clear = self.candidates.releases.clear
         others = [away for index, _, away in self.candidates.nearest if clear[index]]
         others += [one.distance for one in self._nearest(library, 1, math.inf)]
-        return (
-            least
-            <= SETTINGS.equal_ratio * min(others, default=math.inf)
-            + self.task.scene.tolerance.position
-        )
+        return least <= ratio * min(others, default=math.inf) + self.task.scene.tolerance.position
 
 
 Strategy = Callable[[Search, History], Try | None]
@@ -280,11 +267,8 @@ def from_beside(search: Search, history: History) -> Try | None:
     """A throw that lands beside the target, brought as near to it as limits let it."""
     number = sum(isinstance(one, Approach) for one in history.tries)
     enough = history.found or search.is_settled(history)
-    if (
-        enough
-        or not search.candidates.nearest
-        or (search.blocked and number == SETTINGS.equal_landings)
-    ):
+    is_given_up = search.blocked and number == SETTINGS.equal_landings
+    if enough or is_given_up or not search.candidates.nearest:
         return None
     return next(islice(search.approaches(), number, None), None)
 
