@@ -1,4 +1,4 @@
-"""Collision meshes that the makers of the shipped arms publish, from packages (extra `sim`)."""
+"""Published collision meshes of the shipped arms, from packages (extra `sim`)."""
 
 from __future__ import annotations
 

@@ -25,7 +25,7 @@ FALL = 0.01
 
 @dataclass(frozen=True)
 class Held:
-    """N held bars as they really are, each (N,): mass [kg], inertia [kg m^2] about the CoM,
+    """Real parameters of N held bars, each (N,): mass [kg], inertia [kg m^2] about the CoM,
     offset h [m] of the CoM from the pads, angle [rad] of their axis to the hand's; friction;
     arm [m]: torsional over tangential limit; opening [s]; begins [s]: when the force falls;
     omega [rad/s]: of the hand beyond its motion, from then on. full [N]: of one pad, faces."""
@@ -83,7 +83,7 @@ class Released:
 
 
 def released(held: Held, hand: Curve, model: str, steps: int = STEPS) -> Released:
-    """By the model `ls-step` or `sp` of a scene's tolerance.
+    """The release by the model `ls-step` or `sp` of a scene's tolerance.
 
     The first is of first order in its steps: two runs are extrapolated.
     """
@@ -136,7 +136,7 @@ def surface(held: Held, hand: Curve, shares: Array) -> Released:
         radius = held.faces * held.full * middle[k] * dt
         x, z = (com[:2] + dt / 2 * v[:2]) - (pose[k, :, :2] + pose[k + 1, :, :2]).T / 2
         free = v - np.array([0 * dt, held.gravity * dt, 0 * dt])
-        # The impulse at the CoM that makes the contact move as the hand does, then at the pads.
+        # The impulse at the CoM with which the contact follows the hand, then that at the pads.
         rate = twist[k + 1, :, 2]
         wanted = twist[k + 1, :, 0] - rate * z, twist[k + 1, :, 1] + rate * x
         p_x, p_z = m * (wanted[0] - free[0]), m * (wanted[1] - free[1])
@@ -189,7 +189,7 @@ def pivoting(held: Held, hand: Curve, shares: Array) -> Released:
     """The sliding pivot in its continuous form, by the classical Runge-Kutta method; every
     second of the shares is in the middle of a step."""
     times, pose, twist, acceleration = _tracks(held, hand, shares)
-    # At a step of the hand's acceleration each step of time sees its own side.
+    # At a step of the hand's acceleration each time step reads its own side.
     after, before = (hand.at(times + aside)[2] for aside in (SIDE, -SIDE))
     limit = held.faces * held.full * held.friction * held.grip(shares)
     m, h, inertia = held.mass, held.offset, held.inertia + held.mass * held.offset**2

@@ -1,4 +1,4 @@
-"""Random scenes that are hard on the grip: weak, braked hard, opened early or late."""
+"""Random scenes with high grip use: weak grips, hard braking, early and late openings."""
 
 from __future__ import annotations
 
@@ -78,7 +78,7 @@ def spread(random: np.random.Generator) -> Uncertainty:
 
 
 def random_scenes(seed: int = 0) -> Iterator[tuple[str, Scene]]:
-    """Endless: names and scenes, each with a generator of its own."""
+    """Endless names and random scenes, each with its own generator."""
     names, number = list(BASES), 0
     while True:
         name = names[number % len(names)]
