@@ -60,9 +60,8 @@ HELD = (0.8, 0.0031)
 #: Factors on friction and patch radius of the surfaces: the paper's values for papertape, 0.4 and
 #: 5 mm, over those for the plastic, 1.0 and 2.5 mm.
 SURFACES = {"base": (1.0, 1.0), "plastic": (1.0, 1.0), "papertape": (0.4, 2.0)}
-#: Positions [rad] and rates [rad/s] of joints 2, 4 and 6 at the start of the force's fall: an
-#: upward throw, one in between and a forward one. They are random draws from which every motion
-#: passes the checks of a plan.
+#: Positions [rad] and rates [rad/s] of joints 2, 4 and 6 at the start of the force's fall, drawn at
+#: random: an upward throw, one in between, a forward one. All their motions pass a plan's checks.
 PITCHES = {
     "p1": ((-0.120472, -2.706771, 3.368954), (-1.333137, 0.958174, 1.824863)),
     "p2": ((-0.060491, -2.421472, 2.874295), (-1.329277, 0.583433, 1.272851)),
