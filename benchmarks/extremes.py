@@ -1,7 +1,7 @@
-"""Scenes at the ends of what a scene may be: one quantity far out at a time, then all at once.
+"""Extreme scenes: one quantity at an extreme value, then all quantities at random.
 
-The targets come from the scene's own table of releases, so that most are in reach however odd the
-scene: somewhere among its landings, at their far edge, beyond it, at the height of the hand.
+The targets come from the scene's own table of releases, so that most are in reach: among its
+landings, at the farthest one, beyond it, at the height of the hand.
 """
 
 from __future__ import annotations
@@ -20,27 +20,27 @@ from throwplan import InputError, Plan, Planner, Pose, Scene, load_scene
 from .judge import Judgement, judge
 from .processes import ENDINGS, in_processes
 
-#: Where a case's target is; "own" is the base scene's.
+#: Place of a case's target; "own" is the base scene's target.
 Aim = Literal["own", "inside", "edge", "beyond", "hand height", "straight up", "behind"]
-#: The scenes that are varied, and random mixtures of each: two free hands, and three Pandas,
-#: which take ten times as long.
+#: Number of random mixtures of each base scene; those with a Panda take ten times as long.
 BASES = {"hand-flip": 75, "hand-box": 70, "pose": 6, "box": 2, "cup": 2}
-#: Which of a lever's values an arm takes: the first in one scene, the last in another.
+#: Index of the value that each scene with an arm takes of a lever's values.
 ENDS = {"pose": -1, "box": 0, "cup": -1}
+#: Seed of the mixtures.
 SEED = 7
-#: A case that takes longer than this [s] is a hang; its process is ended.
+#: Time limit [s] of a case; a longer one is a hang, and its process is ended.
 PATIENCE = 120.0
-#: Targets from the table fly no longer than this [s]: the planner's longest flight is 3 s.
+#: Longest flight [s] to a target from the table; the planner's own limit is 3 s.
 LONGEST = 2.5
-#: An arm throws forwards, past its base [m]; "behind" is a case of its own.
+#: Least x [m] of an arm's targets, ahead of its base, except in the case "behind".
 AHEAD = 0.5
-#: Share of a quick look's cases that are Pandas.
+#: Share of cases with a Panda in a quick run.
 QUICK_ARMS = 0.1
 
 
 @dataclass(frozen=True)
 class Case:
-    """One extreme scene: its base, which quantity is far out, how far, and where it throws."""
+    """One extreme scene: its base, the extreme quantity, its value, and the place of the target."""
 
     base: str
     lever: str
@@ -50,11 +50,11 @@ class Case:
 
     @property
     def name(self) -> str:
-        """What tables call it."""
+        """Name in tables."""
         return f"{self.base}: {self.lever} {self.value}".strip()
 
     def target(self, planner: Planner) -> Pose:
-        """Where the case throws; the scene's own target where no release lands."""
+        """The case's target; the scene's own if no release lands."""
         own = self.scene.target
         assert own is not None
         if self.aim == "own":
@@ -65,7 +65,7 @@ class Case:
         if self.aim == "straight up":
             height = 1.5
         x, theta, time = planner.releases().landings(height, self.scene.flight)
-        # NaN where a release never comes down there.
+        # NaN for a release that does not land at this height.
         found = np.flatnonzero((time < LONGEST) & planner.releases().clear)
         if found.size == 0:
             return dataclasses.replace(own, z=height)
@@ -84,8 +84,8 @@ class Case:
 
 
 def bar(scene: Scene, *, mass: float, gyration: float, h: float) -> Scene:
-    """The scene with a symmetric bar of that mass [kg] and radius of gyration [m], held at
-    `h` [m] from its middle."""
+    """The scene with a symmetric bar of this mass [kg] and radius of gyration [m], held at `h` [m]
+    from its middle."""
     length = max(2.4 * gyration, 2.0 * h)
     thing = dataclasses.replace(
         scene.object, mass=mass, inertia=mass * gyration**2, length=length, com=length / 2
@@ -95,7 +95,7 @@ def bar(scene: Scene, *, mass: float, gyration: float, h: float) -> Scene:
 
 
 def _usual(scene: Scene) -> dict[str, float]:
-    """The scene's bar in the terms of `bar`."""
+    """The scene's bar as arguments of `bar`."""
     thing = scene.object
     gyration = math.sqrt(thing.inertia / thing.mass)
     return {"mass": thing.mass, "gyration": gyration, "h": scene.com_offset}
@@ -119,13 +119,13 @@ def _heavy(scene: Scene, factor: float) -> Scene:
 
 
 def _slippery(scene: Scene, friction: float) -> Scene:
-    """A low friction, and a grip that is stronger by the same factor."""
+    """Friction reduced and grip force increased by one factor."""
     factor = scene.contact.friction / friction
     return _grip(_section(scene, "contact", friction=friction), factor)
 
 
 def _agile(scene: Scene, acceleration: float) -> Scene:
-    """A free hand of other accelerations; of an arm only a share of its own."""
+    """Acceleration limits of a hand [m/s^2]; for an arm, a share of its limits."""
     if scene.hand is None:
         return _section(scene, "robot", acceleration_margin=1 - acceleration)
     angular = scene.hand.angular_acceleration
@@ -134,7 +134,7 @@ def _agile(scene: Scene, acceleration: float) -> Scene:
     return _section(scene, "hand", acceleration=acceleration, angular_acceleration=angular)
 
 
-#: Quantity -> how it is set, and its values: SI units.
+#: Extreme quantities: the function that sets one, and its values, SI units.
 LEVERS: dict[str, tuple[Callable[[Scene, float], Scene], tuple[float, ...]]] = {
     "mass": (lambda s, v: bar(s, **_usual(s) | {"mass": v}), (1e-4, 0.01, 2.0, 50.0)),
     "mass and grip times": (_heavy, (1e-3, 0.1, 10.0, 1e3)),
@@ -157,15 +157,16 @@ LEVERS: dict[str, tuple[Callable[[Scene, float], Scene], tuple[float, ...]]] = {
     "gravity": (lambda s, v: s.replace(gravity=v), (0.0, 0.1, 1.62, 25.0, 100.0)),
     "tolerance": (lambda s, v: _section(s, "tolerance", position=v, angle=v), (2e-4, 0.05)),
 }
-#: Accelerations [m/s^2] of a hand.
+#: Extreme acceleration limits [m/s^2] of a hand.
 HAND_ACCELERATIONS = (2.0, 8.0, 200.0, 500.0)
-#: Accelerations of an arm, over its limits.
+#: Extreme accelerations of an arm, as shares of its limits.
 ARM_ACCELERATIONS = (0.15, 0.4)
+#: Places of targets in the otherwise unchanged base scenes.
 AIMS: tuple[Aim, ...] = ("edge", "beyond", "hand height", "straight up", "behind")
 
 
 def cases() -> list[Case]:
-    """All extreme cases, always the same ones in the same order."""
+    """All extreme cases; equal in each call."""
     found = []
     for number, (name, mixtures) in enumerate(BASES.items()):
         base = load_scene(name)
@@ -177,11 +178,11 @@ def cases() -> list[Case]:
 
 
 def some(count: int) -> list[Case]:
-    """`count` of the cases, evenly among the hands' and among the arms'."""
+    """`count` of the cases, spread evenly over those of hands and over those of arms."""
     everything, chosen = cases(), []
     arms = round(QUICK_ARMS * count)
     for robot, number in ((False, count - arms), (True, arms)):
-        # Not the arms' mixtures: some of them take ten seconds.
+        # Without mixtures of arms: some take ten seconds.
         kind = [case for case in everything if (case.scene.robot is not None) == robot]
         kind = [case for case in kind if not robot or case.lever != "mixture"]
         places = np.linspace(0, len(kind) - 1, number).round().astype(int)
@@ -190,8 +191,8 @@ def some(count: int) -> list[Case]:
 
 
 def _levers(name: str, base: Scene) -> Iterator[Case]:
-    """One quantity far out at a time: several values for a hand, one end for an arm."""
-    # A cup moves with the target, but the angle at which the bar fits in does not.
+    """One extreme quantity at a time: several values for a hand, one for an arm."""
+    # With a cup the target stays: the bar fits into it at one angle only.
     aim: Aim = "own" if base.cup is not None else "inside"
     for lever, (change, settings) in LEVERS.items():
         for value in settings if base.robot is None else [settings[ENDS[name]]]:
@@ -201,7 +202,7 @@ def _levers(name: str, base: Scene) -> Iterator[Case]:
 
 
 def _mixture(name: str, base: Scene, rng: np.random.Generator, number: int) -> Case:
-    """Everything drawn at once: log-uniform over the widest ranges that make sense together.
+    """All quantities at random, log-uniform over wide ranges.
 
     The grip is strong enough for the bar's weight, by a factor of 1.2 to 30.
     """
@@ -215,7 +216,7 @@ def _mixture(name: str, base: Scene, rng: np.random.Generator, number: int) -> C
     gravity = 0.0 if rng.random() < 0.2 else float(rng.uniform(1, 25))
     weight = mass * max(gravity, 1.0)
     patch = scene.patch
-    # Weight alone, and with it the torque of a bar held level.
+    # The load of a bar held level: its weight and the torque of that.
     needed = weight * math.hypot(1.0, h / patch.torsion_arm) / float(patch.force_limit(1.0))
     force = min(needed * wide(1.2, 30), 1e6)
     scene = _section(scene, "gripper", force=force, opening=wide(5e-4, 0.5))
@@ -229,7 +230,7 @@ def _mixture(name: str, base: Scene, rng: np.random.Generator, number: int) -> C
 
 @dataclass(frozen=True)
 class CaseOutcome:
-    """What became of one case. cause: why it is not solved, or not truly; seconds: of the plan."""
+    """The outcome of a case. cause: why it is not solved or judged wrong; seconds: of the plan."""
 
     case: Case
     status: str
@@ -241,7 +242,7 @@ class CaseOutcome:
 
     @property
     def false(self) -> bool:
-        """Whether it is called solved and is not."""
+        """Whether the oracle judges a solved plan wrong."""
         return self.judgement is not None and bool(self.judgement.broken)
 
     @property
@@ -271,7 +272,7 @@ def run(case: Case) -> CaseOutcome:
 
 
 def finite(plan: Plan) -> bool:
-    """Whether every number that the plan stands for is one."""
+    """Whether all numbers of a plan are finite."""
     found: list[Any] = []
     if plan.nearest is not None:
         found += [plan.nearest.x, plan.nearest.z, plan.nearest.theta or 0.0]

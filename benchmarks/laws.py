@@ -31,21 +31,20 @@ from .plain_pivot import PlainPivot
 
 Run = Callable[[ReleaseCase], Release]
 
-#: Height [m] of the landing; the hand is at 0 when its grip begins to fall.
+#: Landing height [m]; the hand is at 0 at the start of the force's fall.
 HEIGHT = -0.9
 #: Gravity [m/s^2].
 GRAVITY = 9.81
 #: LuGre stiffnesses sigma_0 [1/m], hardest first.
 STIFFNESSES = (1e7, 1e6, 1e5)
-#: Speed [m/s] over which friction builds up in converged answers: it moves them by less
-#: than 0.001 mm of landing.
+#: Speed [m/s] that regularises friction in converged answers: it moves landings by < 0.001 mm.
 CREEP = 1e-10
-#: Share of the ellipsoid that a random throw's load may use at full grip: the patch's own limit
-#: surface lies up to 6.6 % inside it.
+#: Largest use of the ellipsoid by a random throw's load at full grip; the patch's own limit surface
+#: lies up to 6.6 % inside it.
 GRIP_USE = 0.9
-#: Random throws drawn for each that is kept.
+#: Number of random throws drawn for each that is kept.
 SPARE = 20
-#: Length [m] of the object of random throws, for scaled errors.
+#: Length [m] of the object, for the scaled errors of random throws.
 LENGTH = 0.26
 
 
@@ -209,7 +208,7 @@ def _surfaces(quick: bool) -> Iterator[Method]:
     settings += [(1e-3, 1e-4), (1e-3, 1e-6), (1e-4, 1e-6), (1e-5, 1e-6), (1e-6, 1e-6)]
     budget = 12_000 if quick else 100_000
     for integrator in ("LSODA", "Radau", "BDF"):
-        # A hundred times slower than the others; what a small d costs, LSODA shows.
+        # A hundred times slower than the others; LSODA shows the cost of a small d.
         few = settings[1:7:5] if integrator == "LSODA" else settings[:1]
         for d, rtol in few if quick else settings:
             model = ImplicitRelease(d, integrator, rtol, rtol / 100, samples=2, budget=budget)
@@ -218,7 +217,7 @@ def _surfaces(quick: bool) -> Iterator[Method]:
 
 
 def bristles(stiffness: float) -> str:
-    """What tables call bristles of that stiffness [1/m]."""
+    """Name in tables of bristles of a stiffness [1/m]."""
     return f"LuGre, σ₀ {stiffness:.0e} 1/m".replace("e+0", "e")
 
 
@@ -263,7 +262,7 @@ def patch_truth(case: ReleaseCase, points: int = 64) -> Array:
     return _creeping(case, np.array([patch.x, patch.z]), patch.weights)
 
 
-#: Converged answers by law.
+#: Functions that compute converged answers, by law.
 TRUTHS = {"sp": pivot_truth, "ls": surface_truth, "patch": patch_truth}
 
 

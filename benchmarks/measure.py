@@ -1,4 +1,4 @@
-"""What several sections measure with: random targets in reach, warm planners, times, Pareto sets.
+"""Tools of several sections: random targets in reach, warm planners, times, Pareto sets.
 
 A target in reach is where a random motion throws the bar: from rest along a polynomial run-up to a
 random state, through the opening at constant acceleration, and braked to rest; sent at 1 kHz and
@@ -31,13 +31,13 @@ from throwplan.planner.verdict import verdict
 
 T = TypeVar("T")
 
-#: Pieces of a random motion's run-up.
+#: Number of pieces of a random motion's run-up.
 PIECES = 40
-#: Share of velocity and acceleration limits that a random motion may use.
+#: Largest use of velocity and acceleration limits by a random motion.
 LIMIT_USE = 0.95
-#: Share of the grip's friction that a random motion may use before the opening.
+#: Largest use of the grip's friction by a random motion before the opening.
 GRIP_USE = 0.9
-#: Random states drawn at once.
+#: Number of random states drawn at once.
 BATCH = 2000
 
 
@@ -82,7 +82,7 @@ def pareto(*figures: Sequence[float] | Array, margins: Sequence[float] | None = 
 
 
 def warmed(scene: Scene, targets: Sequence[Pose], solver: SolverName = "auto") -> Planner:
-    """A planner whose times are those of planning alone: `targets` show what has to be built."""
+    """A planner with its NLPs built by plans to `targets`, so that later times exclude that."""
     planner = Planner(scene, library=False)
     for target in targets:
         planner.plan(target, solver=solver)
@@ -137,7 +137,7 @@ def _motions(
 
 
 def _inside(limits: Limits, motion: Trajectory) -> bool:
-    """Whether the motion keeps all limits, looked at at its nodes."""
+    """Whether the motion keeps all limits at its nodes."""
     q, dq, ddq, jerk = (motion.starts(k) for k in range(4))
     if (q < limits.q_min).any() or (q > limits.q_max).any() or _too_fast(limits, q, dq):
         return False

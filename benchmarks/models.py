@@ -1,4 +1,4 @@
-"""Section `models`: which release model to take, and how many steps of it.
+"""Section `models`: error against run time of the release models and their numbers of steps.
 
 There are two errors. The own error is the distance to the converged answer of the law that a
 method approximates; more steps make it smaller. The model error is the distance to a patch meshed
@@ -25,18 +25,7 @@ from throwplan.models.release import (
     SteppedRelease,
 )
 from throwplan.models.release.patch import PatchRelease
-from throwplan.planner.show import (
-    BLACK,
-    BLUE,
-    GREEN,
-    GREY,
-    ORANGE,
-    RED,
-    Row,
-    Table,
-    number,
-    shown,
-)
+from throwplan.planner.show import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Row, Table, number, shown
 
 from .laws import (
     LENGTH,
@@ -64,23 +53,23 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
 
-#: Column of the times.
+#: Name of the column with the times.
 TIME = "time [µs]"
-#: Column of the distance from the model's own converged answer.
+#: Name of the column with the distance from the model's own converged answer.
 OWN = "own scaled [mm]"
-#: Column of the distance from the meshed pad.
+#: Name of the column with the distance from the meshed pad's converged answer.
 MODEL = "model scaled [mm]"
-#: Scaled landing errors [mm] whose cheapest settings are listed.
+#: Scaled landing errors [mm] for which the cheapest settings are listed.
 GOALS = (1.0, 0.1, 0.01)
-#: Points of a finer patch, which tells how well the usual one is meshed.
+#: Number of points of a finer patch, to measure the error of the usual mesh.
 FINE_MESH = 256
-#: Seconds from which on a run is not repeated, quick and full.
+#: Time [s] of a run above which it is not repeated: quick, full.
 LONG = (0.03, 0.2)
 #: Seed of the random throws.
 SEED = 0
-#: Random throws of a batch: quick, full.
+#: Number of random throws of a batch: quick, full.
 BATCH = (512, 10_000)
-#: Random throws with converged answers: quick, full.
+#: Number of random throws with converged answers: quick, full.
 FEW = (3, 100)
 #: Colour, marker and line of a release method; only settings that refine each other have a line.
 METHODS = {
@@ -152,7 +141,7 @@ def converged(case: ReleaseCase, effort: Effort) -> dict[str, Array]:
 
 
 def _law_rows(throw: SampleThrow, truths: Mapping[str, Array], effort: Effort) -> list[Row]:
-    """How far converged laws are from the patch, and from a second method for the same law."""
+    """Distances of converged laws from the patch, and from a second method for the law."""
     case, patch = throw.case, truths["patch"]
     second = {
         "sp": SlidingPivotRelease(steps=64).release(case),
@@ -182,7 +171,7 @@ def _measured(
     effort: Effort,
     tick: Callable[[], None],
 ) -> Row:
-    """One method on one throw: its time, its errors, and why it is not to be trusted."""
+    """One method on one throw: its time, its errors, and a reason not to trust it."""
     long = LONG[effort.of(0, 1)]
     run = partial(method.run, throw.case)
     seconds, release = least_time(run, effort.of(1, 3), long / 5, long)
@@ -216,7 +205,7 @@ def marked(rows: Sequence[Row], known: Row) -> list[Row]:
         errors = [max(_number(rows[i][OWN]), floor) for i in some]
         for k in pareto([_number(rows[i][TIME]) for i in some], errors) if some else []:
             best[some[k]] += ("own",)
-    # The patch's own rows are the measure, not models of it.
+    # Without the patch's rows: it is the reference of the model error.
     some = [i for i in sound if rows[i]["law"] != "patch"]
     for k in pareto(*([_number(rows[i][name]) for i in some] for name in (TIME, MODEL))):
         best[some[k]] += ("model",)
@@ -260,7 +249,7 @@ def _sample_table(effort: Effort) -> Table:
     count, few = effort.of(*BATCH), effort.of(*FEW)
     throws, contact = random_throws(count, SEED), load_scene("drop").patch
     cases = [case_of(throws, i, contact) for i in range(few)]
-    # Nothing is timed meanwhile.
+    # In several processes, as nothing is timed here.
     found = list(shared(_truths, cases, quick=effort.quick))
     ends = {law: np.array([one[law] for one in found]) for law in TRUTHS}
     sure = np.isfinite(np.hstack(list(ends.values()))).all(axis=1)
@@ -289,7 +278,7 @@ def _truths(case: ReleaseCase) -> dict[str, Array]:
 def _ways(
     throws: Mapping[str, Mapping[str, Array]], cases: Sequence[ReleaseCase], effort: Effort
 ) -> Iterator[tuple[str, str, int, Callable[[], Array]]]:
-    """Name, law, number of throws and how to get their detach states (N, 6)."""
+    """Name, law, number of throws, and the function that computes their detach states (N, 6)."""
     drop, count, few = load_scene("drop"), len(throws["object"]["mass"]), len(cases)
     first = {key: {k: v[:few] for k, v in some.items()} for key, some in throws.items()}
 
@@ -321,7 +310,7 @@ def _alone(run: Callable[[ReleaseCase], Release], cases: Sequence[ReleaseCase]) 
 
 
 def _cheapest(sample: Table) -> str:
-    """Which batch to take, by its own error and with that of its law."""
+    """Sentences on the batches, by their own error and that of their law."""
     goal, best = GOALS[0], {}
     for kind in (OWN, MODEL):
         able = [

@@ -26,7 +26,7 @@ HEAD = """Landings are those of models: nothing here is measured on real throws,
 error of the sliding pivot is 2.4 cm and 15° (Liu and Billard, the paper). Times belong to the
 machine and run that a section names at its end; compare times within one table only. A scaled
 error is |Δx| + |Δθ| l/2, with the length l of the object. All random draws have fixed seeds."""
-#: The page of all sections, behind the one that `summary` makes of them.
+#: File of the page with all sections; `summary` makes a page for anyone from them.
 APPENDIX = "appendix.md"
 
 

@@ -1,4 +1,4 @@
-"""Section `parts`: what a scene leaves out is not in its problem, and what that saves."""
+"""Section `parts`: size and solving time of the NLP with each optional part of a scene."""
 
 from __future__ import annotations
 
@@ -31,21 +31,23 @@ from .page import Effort, Picture, ReportSection, panels
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-#: Sections whose bounds never decide: they cost their variables and rows and change no throw.
+#: Bounds of the landing that are never active: they add constraints and change no throw.
 WIDE_LANDING = Landing(speed_min=0.01, speed_max=100.0, rate_max=1e3)
+#: Bounds of the workspace that are never active.
 WIDE_WORKSPACE = Workspace(floor=-10.0, column_radius=0.01, column_height=0.01)
+#: Openings up to 10 ms early or late.
 DELAY = Uncertainty(delay=Distribution(uniform=0.010))
-#: Column of the time of a plan's solves.
+#: Name of the column with the time of a plan's solves.
 SOLVE = "solve [ms]"
-#: Row of the ladder with all parts of a free hand.
+#: Number of the ladder's row with all parts of a free hand.
 HAND = 5
-#: Row of the ladder with a Panda in the hand's place.
+#: Number of the ladder's row with a Panda instead of the hand.
 ARM = 6
-#: Libraries that take long to import, by the name of their module.
+#: Names of modules that take long to import.
 HEAVY = ("numpy", "casadi", "scipy", "ruckig", "matplotlib", "PIL", "distributed")
-#: Longest process that plans once [s].
+#: Time limit [s] of a process that plans once.
 PATIENCE = 300.0
-#: A fresh process that plans the scene it is given, and tells what it imported.
+#: Program that plans the scene on its stdin and prints the modules that it imported.
 PLAN_ONCE = """
 import pickle, sys
 before = set(sys.modules)
@@ -63,7 +65,7 @@ def measured(scene: Scene, repeats: int) -> Row:
     """
     planner = Planner(scene, library=False)
     first = planner.plan()
-    # A plan that fails does so slowly, and again.
+    # A plan that fails takes long and fails again.
     plans = [planner.plan() for _ in range(repeats)] if first.solved else [first]
     full = plans[-1]
     return {
@@ -78,7 +80,7 @@ def measured(scene: Scene, repeats: int) -> Row:
 
 
 def make(effort: Effort) -> ReportSection:
-    """The ladder from a bare throw to one with everything; every scene, with its imports."""
+    """The ladder from a bare throw to one with all parts; all scenes with their imports."""
     names = [name for name in scene_names() if load_scene(name).motion is None]
     chosen = ["hand-box", "cup"] if effort.quick else names
     rungs = list(ladder(load_scene("hand-box")))
@@ -86,7 +88,7 @@ def make(effort: Effort) -> ReportSection:
         rungs = [rungs[i] for i in (0, HAND, ARM)]
     step, climbed = effort.counter(len(rungs) + len(chosen)), list[Row]()
     for words, scene in rungs:
-        # Robust plans take longer: fewer of them.
+        # Fewer robust plans, as they take longer.
         cost = measured(scene, effort.of(2, 3 if scene.robust else 5))
         first = climbed[0] if climbed else cost
         ratio: Row = {"solve, times the first": _time(cost) / _time(first)}
@@ -155,25 +157,25 @@ def ladder(scene: Scene) -> Iterator[tuple[str, Scene]]:
     yield "+ θ of the target", scene
     scene = scene.replace(landing=WIDE_LANDING)
     yield "+ landing bounds", scene
-    # A cup so far below and so wide that the bar falls in anyhow.
+    # A cup that is low and wide enough for any throw to enter it.
     cup = Cup(x=target.plane_x, rim=target.z - 0.1 - scene.object.length, radius=50.0, depth=0.1)
     scene = scene.replace(cup=cup)
     yield "+ cup", scene
     scene = scene.replace(workspace=WIDE_WORKSPACE)
     yield "+ floor and column", scene
-    # What sticks out behind the grasp would be in the Panda's hand: it holds the bar's end.
+    # The Panda holds the bar's end, since its hand has no room behind the grasp.
     arm, end = load_scene("box"), dataclasses.replace(scene.grasp, offset=0.0)
     bare = {"hand": None, "robot": arm.robot, "arm": arm.arm, "cup": None, "workspace": None}
     scene = at_own_angle(scene.replace(grasp=end, target=target, **bare))
     palm = dataclasses.replace(WIDE_WORKSPACE, palm_clearance=0.0)
     scene = scene.replace(cup=cup, workspace=palm)
     yield "+ Panda for the hand, held at the end", scene
-    # An opening up to 10 ms early or late, and a plan against that.
+    # An uncertain opening and a robust plan.
     yield "+ four other openings", scene.replace(uncertainty=DELAY, robust=Robust("scenarios"))
 
 
 def at_own_angle(scene: Scene) -> Scene:
-    """The scene whose target has the angle at which the bar lands anyway."""
+    """The scene with the angle of a plain throw's landing as the target's."""
     plan = Planner(scene, library=False).plan()
     assert scene.target is not None and plan.throw is not None
     theta = plan.throw.deciding.landing.theta
@@ -181,7 +183,7 @@ def at_own_angle(scene: Scene) -> Scene:
 
 
 def _draw_ladder(rows: Table) -> Figure:
-    """Variables and solving time of the same throw, with one part more at a time."""
+    """Variables and solving time of a throw over the number of the scene's parts."""
     figure, ((left, right),) = panels(10.0, 4.0, 1, 2, sharey=True)
     names = [str(name) for name in rows.column("hand-box")]
     for axis, column, colour in ((left, "variables", BLUE), (right, "solve [ms]", GREEN)):

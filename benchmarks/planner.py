@@ -30,24 +30,22 @@ if TYPE_CHECKING:
 
 #: Seed of the targets.
 SEED = 2
-#: Targets of each scene: quick, full.
+#: Number of targets of each scene: quick, full.
 TARGETS = {"cup": (2, 14), "hand-flip": (2, 14)}
-#: Each setting by itself, the others as they usually are: quick, full.
+#: Values of one setting at a time, the others at their defaults: quick, full.
 SETTINGS = {
     "carry": ((6,), (3, 4, 5, 6, 8, 10, 15)),
     "opening": ((8,), (4, 6, 8, 12, 16, 24, 32)),
     "grading": ((), (1.0, 1.25, 1.5, 2.0, 3.0)),
     "epsilon": ((0.01,), (0.3, 0.1, 0.03, 0.02, 0.015, 0.01, 0.003, 0.001)),
 }
-#: Intervals of the opening, with Runge-Kutta steps in each: quick, full.
+#: (intervals of the opening, Runge-Kutta steps in each): quick, full.
 STEPS = (((8, 2),), ((4, 1), (8, 1), (16, 1), (4, 2), (8, 2), (16, 4)))
-#: By how much solving time, error and effort must differ to decide. Times differ by chance, and
-#: errors of coarse meshes cancel by chance. The effort does not, but half a percent of it is not
-#: worth a tenth of the time.
+#: Relative differences of solving time, error and effort below which settings count as equal.
 MARGINS = (0.1, 0.1, 5e-3)
-#: A setting that solves a smaller share of the targets is not compared.
+#: Least share of solved targets of a setting that is compared.
 SOLVED = 0.9
-#: Colour, marker and line of the planner's settings, by the first word of what differs.
+#: Colour, marker and line of a variant, by the first word of its name.
 STYLES = {
     "carry": (BLUE, "o", "-"),
     "opening": (GREEN, "o", "-"),
@@ -61,14 +59,14 @@ STYLES = {
 
 @dataclass(frozen=True)
 class Variant:
-    """One way to pose and solve: mesh settings other than the usual, and solver."""
+    """A variant of the planner: changed mesh settings, and solver."""
 
     mesh: tuple[tuple[str, float | str], ...] = ()
     solver: SolverName = "fatrop"
 
     @property
     def words(self) -> str:
-        """What differs from the default."""
+        """Name of the variant: its difference from the default."""
         return ", ".join(f"{name} {value}" for name, value in self.mesh) or "default"
 
 
@@ -82,7 +80,7 @@ class VariantRuns:
 
     @property
     def solved(self) -> int:
-        """How many plans are solved."""
+        """Number of solved plans."""
         return sum(plan.solved for plan in self.plans)
 
     @property
@@ -107,7 +105,7 @@ class VariantRuns:
 
 
 def variants(quick: bool) -> list[Variant]:
-    """All that is measured, the default first."""
+    """All variants, the default first."""
     which = int(not quick)
     found = [Variant(), Variant(solver="ipopt")]
     for name, values in SETTINGS.items():
@@ -150,7 +148,7 @@ def make(effort: Effort) -> ReportSection:
 
 
 def measured(scene: Scene, targets: list[Pose], variant: Variant, usual: Planner) -> VariantRuns:
-    """A variant on all targets; building is not in the times."""
+    """A variant's plans to all targets; their times exclude building."""
     mesh = dataclasses.replace(scene.mesh, **dict(variant.mesh))  # type: ignore[arg-type]
     planner = warmed(scene.replace(mesh=mesh), targets[:1], variant.solver)
     first, plans = [], []
@@ -171,7 +169,7 @@ def _before(plan: Plan) -> float:
 
 
 def _final(plan: Plan) -> float:
-    """Scaled error [m] of what is sent; NaN without a solved throw."""
+    """Scaled error [m] of the sent motion; NaN without a solved throw."""
     if not plan.solved:
         return math.nan
     return plan.scene.object.pose_error(*plan.error_sent())
@@ -195,7 +193,7 @@ def points(found: list[VariantRuns]) -> Array:
 
 
 def best_of(figures: Array) -> list[bool]:
-    """Which of (N, 3) no other beats."""
+    """Flags of the rows of (N, 3) that no other row beats."""
     kept = np.flatnonzero(np.isfinite(figures).all(axis=1))
     best = {int(kept[k]) for k in pareto(*figures[kept].T, margins=MARGINS)}
     return [k in best for k in range(len(figures))]
@@ -251,7 +249,7 @@ def _together(scenes: list[list[VariantRuns]]) -> Table:
 
 
 def _default(name: str, found: list[VariantRuns]) -> str:
-    """What the default does on a scene."""
+    """The default's results on a scene as a sentence."""
     first = found[0]
     ipopt = next(one for one in found if one.variant.solver == "ipopt")
     whole = [planning_time(plan) for plan in first.plans]
@@ -290,7 +288,7 @@ def _draw_settings(rows: Table) -> Figure:
 
 
 def _family(row: Row) -> str:
-    """Which setting differs from the default, or the other solver."""
+    """The setting that differs from the default, or the other solver."""
     words = str(row["setting"]).split(maxsplit=1)[0]
     return "IPOPT" if row["solver"] == "ipopt" else words
 

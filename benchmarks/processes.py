@@ -1,4 +1,4 @@
-"""Work spread over processes; those whose work may hang or crash can be ended."""
+"""Work in several processes, which are ended if they hang."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from throwplan.planner.workers import executor_of, leave_signals_to_parent, sign
 
 T = TypeVar("T")
 
-#: Processes that share jobs.
+#: Number of processes that share jobs.
 LANES = 2
-#: What `in_processes` yields for a job without an answer, with its cause in words.
+#: Results of `in_processes` for a job without an answer, with their causes in words.
 ENDINGS = {"hang": "no answer in time: process ended", "crash": "its process died"}
 
 
 def shared(work: Callable[..., T], *jobs: Iterable[Any], quick: bool) -> Iterator[T]:
-    """`work` on each job in order, as `map`, by several processes; by this one if `quick`."""
+    """Results of `work` in the order of the jobs, by several processes; by this one if `quick`."""
     with executor_of(1 if quick else LANES, None) as executor:
         yield from (map if executor is None else executor.map)(work, *jobs)
 
@@ -31,13 +31,13 @@ def shared(work: Callable[..., T], *jobs: Iterable[Any], quick: bool) -> Iterato
 def in_processes(
     work: Callable[..., T], jobs: Sequence[tuple[Any, ...]], patience: float
 ) -> Iterator[T | str]:
-    """work(*job) for each job, in order; "hang" or "crash" where that gives no answer.
+    """work(*job) for each job, in order; "hang" or "crash" for a job without an answer.
 
-    patience [s]: longest time of one job, with the start of its process. The process is then
-    ended and another one goes on: a solver that hangs hears no exception. What `work` raises is
-    raised here.
+    patience [s]: longest time of one job, with the start of its process. After that the process is
+    killed, as a solver that hangs ignores exceptions, and another one continues. Exceptions of
+    `work` are raised here.
     """
-    # Each process computes with one thread: small matrices are slower with more.
+    # One thread in each process, as small matrices are slower with more.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     waiting, answers = enumerate(jobs), dict[int, tuple[Any, Exception | None]]()
     workers = [_Worker(work) for _ in range(LANES)]
@@ -62,9 +62,9 @@ def in_processes(
 
 
 class _Worker:
-    """A process that does one job after the other; started when there is one to do.
+    """A process that does one job after the other; the first job starts it.
 
-    until: when its job is given up, by the monotonic clock [s].
+    until: deadline [s] of its job by the monotonic clock.
     """
 
     def __init__(self, work: Callable[..., Any]) -> None:
@@ -78,9 +78,9 @@ class _Worker:
         return self._number >= 0
 
     def begin(self, number: int, job: tuple[Any, ...], until: float) -> None:
-        """Start the job of that number."""
+        """Start job `number`."""
         if self.pipe is None:
-            # Spawned: forking a process whose libraries have threads is not safe.
+            # Spawn, as forking a process whose libraries have threads is not safe.
             context = get_context("spawn")
             with signals_deferred():
                 self.pipe, theirs = context.Pipe()
@@ -89,12 +89,12 @@ class _Worker:
                 self._process = process
                 theirs.close()
         self._number, self.until = number, until
-        # One that died meanwhile is found when it is asked for its answer.
+        # `answered` finds a process that has died.
         with contextlib.suppress(OSError):
             self.pipe.send(job)
 
     def answered(self) -> dict[int, tuple[Any, Exception | None]]:
-        """By its number the job's result or what it raised, once there is one."""
+        """The finished job's number with its result or exception; empty before that."""
         if self.pipe is None or not self.busy:
             return {}
         ending = "hang" if time.monotonic() > self.until else ""
@@ -112,7 +112,7 @@ class _Worker:
         return {number: answer}
 
     def end(self) -> None:
-        """End the process, whatever it does."""
+        """Kill the process."""
         if self._process is not None and self.pipe is not None:
             self._process.kill()
             self._process.join()
@@ -121,9 +121,9 @@ class _Worker:
 
 
 def _serve(pipe: Connection, work: Callable[..., Any]) -> None:
-    """Does jobs in a process of its own until nobody wants more."""
+    """The process: does jobs until the pipe is closed."""
     leave_signals_to_parent()
-    # Keeps hundreds of release tables that nobody needs again out of the user's cache.
+    # Hundreds of release tables, each used once, stay out of the user's cache.
     os.environ["THROWPLAN_CACHE"] = ""
     answer: tuple[Any, Exception | None]
     with contextlib.suppress(EOFError):

@@ -1,7 +1,7 @@
-"""Section `reach`: random targets, how many are thrown to, how fast, and what of the others.
+"""Section `reach`: random targets: how many are solved, how fast, and the status of the others.
 
-Targets far from all that a map's samples hit are out of reach; one that is solved all the same,
-under the exact check, was in reach after all.
+Targets far from all landings of a map should be out of reach; if a plan to one is solved, under the
+exact check, the target was in reach after all.
 """
 
 from __future__ import annotations
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 SEED = 1
 #: Seed of the targets on the map and far from it.
 MAP_SEED = 3
-#: Scenes with the number of their targets: quick, full.
+#: Number of targets of each scene: quick, full.
 TARGETS = {
     "pose": (20, 1000),
     "cup": (5, 1000),
@@ -43,30 +43,30 @@ TARGETS = {
 }
 #: Scenes whose library is measured: quick, full.
 LIBRARIES = ("hand-box",), ("pose", "cup", "box", "flip", "fr3")
-#: Throws of a library: quick, full.
+#: Number of throws of a library: quick, full.
 THROWS = (60, 5000)
-#: Targets spread over the bins of a map: quick, full.
+#: Number of targets in random bins of a map: quick, full.
 ON_MAP = (10, 500)
-#: Plans that the oracle judges: quick, full.
+#: Number of plans that the oracle judges: quick, full.
 JUDGED = (4, 400)
-#: Solved plans whose targets are moved, for warm plans: quick, full.
-BESIDE = (4, 300)
-#: Pose error [m] (position plus angle times half the length) by which they are moved.
-BY = 0.008
-#: Plans before any is timed: the NLPs they need are built.
+#: Number of warm plans, each to a target beside that of a solved plan: quick, full.
+WARM_PLANS = (4, 300)
+#: Pose error [m] (position plus angle times half the length) between the two targets.
+WARM_DISTANCE = 0.008
+#: Number of plans before the timed ones, which build the NLPs: quick, full.
 FIRST = (2, 50)
-#: Sampled states of a map: quick, full.
+#: Number of sampled states of a map: quick, full.
 SAMPLED = (20_000, 200_000)
-#: Targets far from the map: quick, full.
+#: Number of targets far from the map: quick, full.
 FAR_OUT = (5, 300)
-#: Far: more than this from the middle of every bin that was hit, x [m] or theta [rad] ...
+#: A target is far if x [m] or theta [rad] differs from that of every landing by more than this.
 FAR = (0.1, math.radians(20))
-#: ... and at most this beyond them.
+#: Far targets are at most this beyond the ranges of x [m] and theta [rad] of the landings.
 ROUND = np.array([1.0, 2.0])
 
 
 def make(effort: Effort) -> ReportSection:
-    """Targets in reach, far out, on the map."""
+    """Plans to targets in reach, to far ones, and to targets all over the map."""
     counts = {name: effort.of(*sizes) for name, sizes in TARGETS.items() if effort.of(*sizes)}
     spread = LIBRARIES[0] if effort.quick else LIBRARIES[1]
     step = effort.counter(len(counts) + len(spread) + 2)
@@ -135,13 +135,13 @@ def _row(plans: list[Plan]) -> Row:
 
 
 def _said(plan: Plan) -> Row:
-    """A target, and what was said of it."""
+    """A plan's target and status."""
     place = {"scene": plan.scene.name} | _place("", plan.target)
     return place | {"status": plan.status}
 
 
 def _nearest(plan: Plan) -> Row:
-    """The pose that was named instead."""
+    """The nearest landing that a plan names."""
     return _place("nearest ", plan.nearest)
 
 
@@ -152,7 +152,7 @@ def _place(which: str, pose: Pose | None) -> Row:
 
 
 def _figures(rows: list[Row], far: list[Plan], mapped: list[Row]) -> list[str]:
-    """What is thrown to, and how fast."""
+    """Counts and times as sentences."""
     words = [
         f"`{row['scene']}` {row['solved']} of {row['targets']}, "
         f"{shown(row['plan, median [ms]'])} ms a plan"
@@ -193,13 +193,13 @@ def outside(name: str, effort: Effort) -> list[Pose]:
 
 
 def _over_map(name: str, effort: Effort) -> tuple[Row, list[Plan]]:
-    """Plans to random places of random bins of a scene's map by its library, beside cold ones."""
+    """Plans with a library and without one to random places in random bins of a scene's map."""
     scene, count = load_scene(name), effort.of(*ON_MAP)
     targets = over_map(reach_map(scene, samples=effort.of(*SAMPLED)), count)
     planner, before, started = Planner(scene), Planner(scene).prepared, time.perf_counter()
     throws = planner.prepare(effort.of(*THROWS))
     seconds = time.perf_counter() - started
-    # What is built once is no plan's time.
+    # The first plan builds what others share; it is not timed.
     planner.plan(targets[0])
     plans, cold = _planned(planner, targets), _planned(warmed(scene, targets[:2]), targets)
     pairs = [(a.throw, b.throw) for a, b in zip(plans, cold, strict=True) if a.solved and b.solved]
@@ -217,7 +217,7 @@ def _over_map(name: str, effort: Effort) -> tuple[Row, list[Plan]]:
         "no answer": said["not_converged"],
     }
     row |= _row(plans) | {f"cold: {name}": value for name, value in _row(cold).items()}
-    row |= _beside(planner, [p for p in plans if p.solved][: effort.of(*BESIDE)])
+    row |= _beside(planner, [p for p in plans if p.solved][: effort.of(*WARM_PLANS)])
     row["fresh process [s]"] = imports_of(scene)["fresh process [s]"]
     for share, value in zip((50, 90), quantiles(costs, 50, 90), strict=True):
         row[f"cost over the cold plan's, {share} %"] = value
@@ -225,15 +225,15 @@ def _over_map(name: str, effort: Effort) -> tuple[Row, list[Plan]]:
 
 
 def _beside(planner: Planner, plans: list[Plan]) -> Row:
-    """Warm plans to targets beside those of `plans`; throws and checks of what these send."""
+    """Times of warm plans to targets beside those of `plans`, and of throws and checks of these."""
     rng, seconds, checks = np.random.default_rng(SEED), list[float](), list[float]()
     for plan in plans:
         throw, target = plan.throw, plan.target
         assert throw is not None
         share = rng.uniform(-1.0, 1.0)
         turned = math.copysign(1.0 - abs(share), rng.uniform(-1.0, 1.0))
-        away = BY * turned / plan.scene.object.half_length
-        moved = target.shifted(BY * share, away)
+        away = WARM_DISTANCE * turned / plan.scene.object.half_length
+        moved = target.shifted(WARM_DISTANCE * share, away)
         start = time.perf_counter()
         planner.plan(moved, warm=plan)
         seconds.append(time.perf_counter() - start)
@@ -246,14 +246,14 @@ def _beside(planner: Planner, plans: list[Plan]) -> Row:
         checks.append(time.perf_counter() - start)
     (warm, longest), (check,) = quantiles(seconds, 50, 99), quantiles(checks, 50)
     return {
-        f"warm by {1e3 * BY:.0f} mm, median [ms]": 1e3 * warm,
+        f"warm by {1e3 * WARM_DISTANCE:.0f} mm, median [ms]": 1e3 * warm,
         "warm, 99 % [ms]": 1e3 * longest,
         "throw and check [ms]": 1e3 * check,
     }
 
 
 def over_map(found: ReachMap, count: int) -> list[Pose]:
-    """Targets at random places of `count` random bins of a map that were hit."""
+    """Targets at random places in `count` random bins with a landing."""
     rng, target, edges = np.random.default_rng(MAP_SEED), found.scene.target, found.theta_edges
     assert target is not None
     hit = np.argwhere(found.landings > 0)
@@ -273,7 +273,7 @@ def _targets(name: str, count: int) -> list[Pose]:
 
 
 def _draw_targets(rows: Table) -> Figure:
-    """Targets in x and theta, what was said of them, and the nearest poses that were named."""
+    """Targets in x and theta by status, and the nearest landings that plans name."""
     figure, ((axis,),) = panels(9.0, 5.0)
     some = rows.rows
     named = [row for row in some if row["nearest x [m]"] is not None]

@@ -21,24 +21,24 @@ if TYPE_CHECKING:
 
 #: Seed of the scenes.
 SEED = 7
-#: Samples that judge a plan.
+#: Number of samples of the sweep that judges a plan.
 SAMPLES = 2000
-#: Seed of these samples, which planning does not use.
+#: Seed of these samples; planning uses another.
 FRESH = 1
-#: Scenes that are varied: six arms and a free hand, poses, a position, a cup.
+#: Base scenes: six arms and a free hand, poses, a position, a cup.
 SCENES = (
     *("delay", "fr3", "iiwa14", "gen3", "ur5e", "xarm7"),
     *("hand-flip", "near-cup", "box", "flip"),
 )
-#: What is uncertain, and the number of scenes: quick, full.
+#: Number of scenes by their uncertain parameters: quick, full.
 KINDS = {"delay": (1, 20), "delay, friction, patch radius, mass": (1, 20), "all": (1, 20)}
-#: Plain plans with a 95 % error below this [m] are left out: there is nothing to gain.
+#: Least 95 % error [m] of a plain plan in the study; a smaller one leaves nothing to gain.
 HARD = 2e-3
-#: Targets that are tried in a scene.
+#: Most targets tried in a scene.
 TARGETS = 12
-#: Standard deviations of the difference of two success rates beyond which they differ.
+#: Success rates differ if they do by more than this number of standard deviations.
 DEVIATIONS = 2.0
-#: Relative difference of two errors beyond which they differ, if success does not.
+#: Errors differ if they do by more than this share.
 SHARE = 0.05
 
 
@@ -63,7 +63,7 @@ def make(effort: Effort) -> ReportSection:
 
 
 def _figures(rows: list[Row]) -> list[str]:
-    """What to take from it."""
+    """The results as sentences."""
     found = [
         "Random scenes of six arms and a free hand, random targets whose plain throw has a 95 % "
         f"pose error above {1e3 * HARD:g} mm; each plan thrown {SAMPLES:,} times with samples that "
@@ -103,7 +103,7 @@ def scene_of(kind: str, count: int) -> Scene:
 
 
 def _uncertain(kind: str, rng: np.random.Generator) -> dict[str, Any]:
-    """Random distributions of what a kind of scene leaves uncertain."""
+    """Random distributions of the uncertain parameters of a kind of scene."""
 
     def share(low: float, high: float) -> Distribution:
         return Distribution(normal=rng.uniform(low, high), relative=True)
@@ -132,7 +132,7 @@ def judged(plan: Plan) -> tuple[np.ndarray, float]:
 
 
 def is_worse(plain: tuple[np.ndarray, float], robust: tuple[np.ndarray, float]) -> bool:
-    """Whether the robust plan is worse than the plain one by more than the samples can tell."""
+    """Whether the robust plan is significantly worse than the plain one."""
     lost = int((plain[0] & ~robust[0]).sum())
     gained = int((robust[0] & ~plain[0]).sum())
     noise = DEVIATIONS * math.sqrt(lost + gained)
@@ -142,7 +142,7 @@ def is_worse(plain: tuple[np.ndarray, float], robust: tuple[np.ndarray, float]) 
 
 
 def _studied(job: tuple[str, int]) -> list[Row]:
-    """The plain and the robust plan of one scene; no row where no target has a plain throw."""
+    """Plain and robust plan of one scene; no row if no target has a plain throw."""
     kind, count = job
     scene = scene_of(kind, count)
     try:
@@ -198,7 +198,7 @@ def _row(kind: str, found: Sequence[Row]) -> Row:
 
 
 def _draw_ratios(rows: Table) -> Figure:
-    """How many times less the error of robust plans is, a dot a scene, a bar at the median."""
+    """Error of plain over robust plans: a dot for each scene, a bar at the median."""
     figure, grid = panels(7.0, 4.5)
     axis, rng = grid[0][0], np.random.default_rng(0)
     for place, kind in enumerate(KINDS):

@@ -15,7 +15,7 @@ from throwplan.problems.files import filling
 from . import models, parts, planner, reach, robust, stability, summary, swings, throws
 from .page import APPENDIX, Effort, ReportSection, parts_of, write_page
 
-#: Sections by what `--only` calls them, in the page's order.
+#: Sections by their names for `--only`, in the page's order.
 SECTIONS: dict[str, Callable[[Effort], ReportSection]] = {
     "example": summary.make,
     "models": models.make,
@@ -27,7 +27,7 @@ SECTIONS: dict[str, Callable[[Effort], ReportSection]] = {
     "robust": robust.make,
     "throws": throws.make,
 }
-#: Libraries whose versions decide the figures.
+#: Libraries whose versions the report names.
 LIBRARIES = ("throwplan", "casadi", "numpy", "scipy", "ruckig")
 
 Show = Callable[[str], Callable[[int, int], None]]
@@ -60,7 +60,7 @@ def make_report(
 
 
 def _made(quick: bool) -> str:
-    """Date, machine and versions, and whether few samples were taken."""
+    """Date, machine and versions, and a note on a quick run."""
     date = datetime.datetime.now(datetime.UTC).strftime("%Y-%m-%d %H:%M UTC")
     versions = ", ".join(f"{name} {version(name)}" for name in LIBRARIES)
     machine = f"{_processor()}, {os.cpu_count()} cores, Python {platform.python_version()}"
@@ -69,7 +69,7 @@ def _made(quick: bool) -> str:
 
 
 def _processor() -> str:
-    """The processor's name, as far as the system tells."""
+    """The processor's name if the system has it."""
     try:
         text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
     except OSError:

@@ -19,13 +19,15 @@ from .judge import judge
 from .page import Effort, ReportSection
 from .processes import ENDINGS, in_processes
 
-#: What a plan says, and what would be a defect.
+#: Outcomes of a plan without a defect.
 STATUSES = ("solved", "out_of_reach", "not_converged", "refused")
+#: Outcomes that are defects.
 DEFECTS = ("traceback", "hang", "crash")
-#: Sizes of the noise on starts, over each variable.
+#: Standard deviations of the noise on starts, over each variable's size.
 NOISE = (0.01, 0.1, 0.3, 1.0)
-#: Noisy starts of each size: quick, full.
+#: Number of noisy starts of each size: quick, full.
 NOISY = (3, 8)
+#: Seed of the noise.
 SEED = 3
 
 

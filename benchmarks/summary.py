@@ -1,4 +1,4 @@
-"""The report's first pages, for anyone: made from the tables that the sections left.
+"""The report's first page, for anyone, made from the sections' tables.
 
 Section `example`: what only they show, a throw, and the built-in scenes thrown in MuJoCo.
 """
@@ -18,7 +18,10 @@ from throwplan.planner.show import BLACK, BLUE, GREEN, ORANGE, Row, Table
 from .models import MODEL, TIME
 from .page import Effort, Picture, ReportSection, panels
 
-PAGE, PICTURE = "index.md", "summary.png"
+#: File of the report's first page.
+PAGE = "index.md"
+#: File of its picture.
+PICTURE = "summary.png"
 HEAD = """# How well throwplan throws
 
 A robot arm swings a bar and opens its gripper. throwplan plans the swing and the instant, so that
@@ -38,28 +41,28 @@ LIMITS = """## What is not validated
 - Left out: a robot that lags behind what it is sent, soft pads, air drag, bars that bend, and what
   happens after landing.
 """
-#: The curves of the one picture: methods of the table, their names for people and colours.
+#: Curves of the picture: methods of the table, with label and colour.
 CURVES = {
     "sp, RK4": ("sliding pivot", BLUE),
     STEPPED_SURFACE: ("limit surface, time stepping", GREEN),
     "ils, Radau": ("limit surface, implicit", ORANGE),
     "patch": ("meshed pad", BLACK),
 }
-#: Scene whose throw is drawn.
+#: Scene of the drawn throw.
 SHOWN = "cup"
-#: Scenes that MuJoCo throws, too.
+#: Scenes that are also thrown in MuJoCo.
 THROWN = ("pose", "cup", "flip", "delay", "hand-flip")
-#: Table of MuJoCo's throws.
+#: Name of the table of MuJoCo's throws.
 MUJOCO = "example-mujoco"
-#: Its column of the limit surface.
+#: Name of that table's column of the limit surface.
 SURFACE = "limit surface"
-#: Its column of the sliding pivot.
+#: Name of that table's column of the sliding pivot.
 PIVOT = "sliding pivot"
 Rows = list[dict[str, str]]
 
 
 def write_summary(folder: Path, parts: Mapping[str, str]) -> None:
-    """The page, of what the folder's tables hold; parts: of the appendix, by section."""
+    """Write the page from the folder's tables; parts: of the appendix, by section."""
     blocks = [HEAD]
     for make, key in ((_throw, "example"), (_often, "reach"), (_robust, "robust")):
         blocks += _block(list(make(folder)), parts.get(key, ""))
@@ -76,7 +79,7 @@ def _block(lines: list[str], part: str) -> list[str]:
 
 
 def _rows(folder: Path, name: str) -> Rows:
-    """A table; empty where it is not there."""
+    """A table's rows; empty without its file."""
     path = folder / f"{name}.csv"
     if not path.exists():
         return []
@@ -114,7 +117,7 @@ def _often(folder: Path) -> Iterator[str]:
 
 
 def _rate(row: Mapping[str, str], targets: str, ahead: int | None = None) -> Row:
-    """How many targets of a scene are solved, and how fast; ahead: throws solved before."""
+    """Solved targets of a scene, and times of their plans; ahead: throws solved before."""
     return {
         "scene": row["scene"],
         "targets": f"{row['targets']} {targets}",
@@ -226,7 +229,7 @@ def _curve(rows: Rows, method: str) -> list[tuple[float, float]]:
 
 
 def _draw(points: Mapping[str, list[tuple[float, float]]]) -> Picture:
-    """The curves; of settings that are slower and no better only the better is kept."""
+    """The curves, without settings that are slower and no better than another."""
     figure, axes = panels(6.4, 4.2)
     (axis,) = axes.flat
     for method, (name, colour) in CURVES.items():
@@ -245,7 +248,7 @@ def _draw(points: Mapping[str, list[tuple[float, float]]]) -> Picture:
 
 
 def make(effort: Effort) -> ReportSection:
-    """Plans, a picture of one, and where MuJoCo lands them."""
+    """Plans, a picture of one, and their landings in MuJoCo."""
     rows, pictures, step = list[Row](), list[Picture](), effort.counter(len(THROWN))
     for name in THROWN:
         plan = Planner(name, library=False).plan()

@@ -1,4 +1,4 @@
-"""Section `swings`: targets that move while the arm swings: time of an update, and what is hit."""
+"""Section `swings`: targets that move while the arm swings: time of an update, landing errors."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from .measure import quantiles
 from .page import Effort, ReportSection
 from .reach import SAMPLED, over_map
 
-#: Sampling interval [s] of the motion that is sent.
+#: Sampling interval [s] of a sent motion.
 TICK = 1e-3
 #: Updates per second.
 RATE = 400
 #: Largest speed [m/s] of the target.
 SPEED = 0.1
-#: Time [s] that an update may take.
+#: Horizon [s] of the session: delay until an update takes effect.
 HORIZON = 0.02
-#: Scenes that are thrown in.
+#: Scenes whose swings are followed.
 SCENES = ("pose", "cup", "fr3")
-#: Targets of each scene: quick, full.
+#: Number of targets of each scene: quick, full.
 TARGETS = (3, 100)
 
 
 def make(effort: Effort) -> ReportSection:
-    """Throws to targets all over the maps of some scenes, which begin to move on the way."""
+    """Throws to targets all over the maps of some scenes; the targets move during the swing."""
     step, rows = effort.counter(len(SCENES)), list[Row]()
     for name in SCENES:
         found = reach_map(load_scene(name), samples=effort.of(*SAMPLED))
@@ -90,7 +90,7 @@ def following(name: str, targets: Sequence[Pose]) -> Row:
 def _followed(
     planner: Planner, plan: Plan, start_time: float, speed: float, times: list[float]
 ) -> tuple[tuple[float, float], bool]:
-    """How far off the target (dx [m], dtheta [rad]) a swing lands; whether it was stopped.
+    """Landing error (dx [m], dtheta [rad]) of a swing, and whether it was stopped.
 
     times: the updates' durations [ms] are added.
     """
@@ -109,5 +109,5 @@ def _followed(
 
 
 def _at(target: Pose, start_time: float, speed: float, t: float) -> Pose:
-    """Where the target is at time t [s]."""
+    """The target's pose at time t [s]."""
     return target.shifted(speed * max(t - start_time, 0.0), 0.0)

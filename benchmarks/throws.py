@@ -1,6 +1,6 @@
 """Section `throws`: contact parameters from measured throws, effects of factors, learning from few.
 
-The throws are synthetic, on the paper's design, by a meshed patch with stated noise: they tell how
+The throws are synthetic, on the paper's design, by a meshed patch with stated noise. They show how
 models differ and whether a fit finds the truth, not how well a model predicts real throws.
 """
 
@@ -43,7 +43,7 @@ if TYPE_CHECKING:
 
 #: Seed of the throws.
 SEED = 1
-#: Models that are fitted, and learnt by.
+#: Models that are fitted and used for learning.
 FITTED = (SLIDING_PIVOT, STEPPED_SURFACE)
 #: Models with a grid; landings by `ls` are no smooth function of the contact.
 GRIDS = ("ls", *FITTED)
@@ -56,24 +56,26 @@ FACTORS = {
     "payload": ("metal", "plastic"),
     "moi": ("small", "large"),
 }
-#: Numbers of throws that are learnt from: quick, full.
+#: Numbers of throws to learn from: quick, full.
 COUNTS = ((3,), (1, 2, 3, 5, 10))
-#: Seeds of the measurement's noise: quick, full.
+#: Number of seeds of the measurement's noise: quick, full.
 SEEDS = (1, 5)
-#: Real friction, patch radius [m] and delay [s] of the gripper.
+#: True friction, patch radius [m] and delay [s] of the gripper.
 TRUTH = {"friction": 1.1, "patch_radius": 0.00325, "delay": 0.010}
+#: True mu r_p [m].
 PRODUCT = TRUTH["friction"] * TRUTH["patch_radius"]
-#: Release model of reality.
+#: Release model that stands for reality.
 REALITY = "patch"
-#: Share of the real mu r_p that is believed before any throw.
+#: The prior's mu r_p over the true one.
 BELIEVED = 0.6
 #: Noise of a measured landing: x [m], theta [rad].
 NOISE = (0.002, math.radians(0.5))
-#: Goals: how far [m, deg] from the scene's own target. The first `JUDGED` are thrown again.
+#: Distances [m, deg] of the goals from the scene's own target.
 WAYS = (
     *((0.0, 0), (-0.15, 20), (0.1, -25), (-0.05, 40), (-0.1, -40)),
     *((0.05, 15), (-0.2, -10), (0.12, 5), (-0.08, 60), (0.03, -15)),
 )
+#: Number of goals, the first ones, that are thrown again.
 JUDGED = 3
 
 
@@ -113,7 +115,7 @@ def make(effort: Effort) -> ReportSection:
 
 
 def _synthetic(repeats: int) -> ThrowData:
-    """What `throwplan make-throws --factors` writes."""
+    """The data of `throwplan make-throws --factors`."""
     words = ["make-throws", "--factors", "--repeats", str(repeats), "--seed", str(SEED), "--out"]
     with scratch_folder(Path(tempfile.gettempdir())) as folder:
         command = [sys.executable, "-m", "throwplan", *words, str(folder)]
@@ -147,7 +149,7 @@ def _factors(data: ThrowData) -> Table:
 
 
 def _predicted(data: ThrowData, model: str) -> Array:
-    """Landings (T, 2) with the contact that is fitted to each surface."""
+    """Landings (T, 2) with the contact fitted to each surface."""
     found = np.empty((len(data.throws), 2))
     for surface in data.factors["surface"]:
         rows = _rows(data, "surface", surface)
@@ -182,7 +184,7 @@ def _identified(data: ThrowData, grids: Mapping[str, Grid]) -> Table:
 
 
 def _fitted(table: Table) -> str:
-    """What to take from grids and fits."""
+    """The results of grids and fits as sentences."""
     fits = ", ".join(
         f"`{row['model']}` {shown(row['fit, μ r_p / truth'])}"
         for row in table.rows
@@ -250,7 +252,7 @@ def _after(
 
 
 def _planned(scene: Scene, ways: Sequence[tuple[float, float]]) -> list[Plan]:
-    """Solved plans to the scene's target, moved some ways."""
+    """Solved plans to the scene's target moved by some distances."""
     planner, aim = Planner(scene, library=False), scene.target
     assert aim is not None and aim.theta is not None
     goals = [Pose(aim.x + dx, aim.z, aim.theta + math.radians(turn)) for dx, turn in ways]
@@ -267,7 +269,7 @@ def _error(plans: list[Plan], landings: Array) -> float:
 
 
 def _learned(table: Table) -> str:
-    """What three throws are worth."""
+    """The results of learning from three throws as a sentence."""
     return "after three it is " + ", ".join(
         f"{shown(row['times better, median'])} times smaller by `{row['learned by']}` in the "
         f"median ({shown(row['times better, worst'])} at least)"

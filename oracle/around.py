@@ -1,4 +1,4 @@
-"""How near the arm, the held bar and the flying bar come to what is around them."""
+"""Clearances of the arm, the held bar and the flying bar to the bodies around them."""
 
 from __future__ import annotations
 
@@ -15,26 +15,30 @@ from scipy.optimize import brentq
 from . import shapes
 from .motion import ArmMotion, Array, HandMotion, Plane, rotation
 
-#: Instants of a flight, and of the way into a cup.
-FLIGHT, WAY_IN = 800, 1500
-#: The way into a cup is followed so long [s] after the landing's height.
+#: Number of instants of a flight at which the bar is checked.
+FLIGHT = 800
+#: Number of instants of the way into a cup at which the bar is checked.
+WAY_IN = 1500
+#: Time [s] after the landing for which the way into a cup is followed.
 BEYOND = 0.3
-#: Links of numbers that differ by this or less meet at a joint.
+#: Links whose numbers differ by at most this meet at a joint and may touch.
 ADJACENT = 2
-#: So long [s] before its landing a bar may come as near to an obstacle as it lands.
+#: Time [s] before the landing in which a bar may be as near to an obstacle as at the landing.
 LANDS = 0.05
-#: Room below 0 by this is rounding.
+#: A limit is kept if its room is above minus this.
 ROUNDING = 1e-6
-#: What rooms are known to: shares of a limit, distances [m].
-SHARE, DISTANCE = 1e-4, 1e-4
-#: The cup's clearance may be short of this [m]: its instants are found by bisection.
+#: Error of a room, as a share of its limit.
+SHARE = 1e-4
+#: Error [m] of a distance.
+DISTANCE = 1e-4
+#: Error [m] of a cup's clearance, whose instants the planner finds by bisection.
 CUP_NEAR = 1e-5
 
 
 @dataclass(frozen=True)
 class Found:
-    """What was found of N throws: value and limit (N,), and the room relative to the limit, or,
-    for a distance, to the bar's length. A room below 0 is broken; it is known to `known`."""
+    """A quantity of N throws: value and limit (N,), and its room relative to the limit, or, for a
+    distance, to the bar's length. The limit is broken if the room is below 0; known: its error."""
 
     value: Array
     limit: Array
@@ -62,7 +66,7 @@ def at_least(value: Any, limit: Any, scale: float = 1.0, known: float = 0.0) -> 
 
 @dataclass(frozen=True)
 class Bar:
-    """One bar: its ends from the CoM, half its width, angle to the hand and offset h."""
+    """A bar: distances of its ends from the CoM, half width, grasp angle and offset h."""
 
     first: float
     last: float
@@ -91,8 +95,7 @@ class Bar:
 
 @dataclass(frozen=True)
 class Flight:
-    """A bar that has left the hand: CoM pose and twist (6,) at `begins` [s], until it lands after
-    `duration` [s]."""
+    """A flight: CoM pose and twist (6,) at its start at `begins` [s], and its `duration` [s]."""
 
     detach: Array
     begins: float
@@ -127,13 +130,13 @@ class Solid:
         return cls(o.name, np.array(o.position), axes, half, radius, o.clearance)
 
     def distance(self, begin: Array, end: Array) -> Array:
-        """Of segments (K, 3)."""
+        """Distance (K,) of segments (K, 3)."""
         return shapes.to_box(begin, end, self.centre, self.axes, self.half) - self.radius
 
 
 class Around:
-    """What stands around a motion. ticks (K,) [s]: when the arm is looked at; speed [m/s]: of the
-    cup along x."""
+    """The bodies around a motion. ticks (K,) [s]: instants at which the arm is checked; speed
+    [m/s]: of the cup along x."""
 
     def __init__(
         self, scene: Any, motion: ArmMotion | HandMotion, ticks: Array, speed: float
@@ -151,8 +154,8 @@ class Around:
 
     @cached_property
     def _capsules(self) -> tuple[Array, list[int], Array]:
-        """Ends (C, 2, K, 3) of the links' capsules at the ticks, the group that moves as one that
-        each belongs to, and radii."""
+        """Ends (C, 2, K, 3) of the links' capsules at the ticks, the group of capsules that move
+        together for each, and radii."""
         arm = self.moved
         if arm is None or not arm.arm.capsules:
             return np.zeros((0, 2, self.ticks.size, 3)), [], np.zeros(0)
@@ -247,7 +250,7 @@ class Around:
     def _of_axis(
         self, axis: list[Array], times: Array, radius: float, flies: bool, planned: bool
     ) -> Iterator[tuple[str, float, float]]:
-        """Of the bar's capsule from obstacles and links: name, least [m], and what is needed."""
+        """Distances of the bar's capsule to obstacles and links: name, least [m], clearance."""
         for solid in self.solids:
             away = solid.distance(*axis) - radius
             kept = np.full(away.shape, solid.clearance if planned else 0.0)
@@ -260,7 +263,7 @@ class Around:
         ends, groups, radii = self._capsules
         links = [k for k, group in enumerate(groups) if group != max(groups)]
         if links:
-            # Between ticks of a millisecond links move evenly, to some micrometres.
+            # Between ticks of a millisecond links move linearly, to some micrometres.
             after = np.searchsorted(self.ticks, times).clip(1, self.ticks.size - 1)
             first, last = self.ticks[after - 1], self.ticks[after]
             share = ((times - first) / (last - first)).clip(0.0, 1.0)[:, None]
@@ -290,7 +293,7 @@ class Around:
         end = brentq(lambda t: depth(t)[0] - cup.insertion, times[last - 1], times[last])
         since = np.linspace(begin, end, WAY_IN)
         corners = bar.outline(flight.at(since))
-        # The bar is as thick as it is wide: a round cup is narrower off its middle.
+        # The bar's thickness equals its width: a round cup is narrower off its middle.
         half = math.sqrt(cup.radius**2 - bar.half**2)
         middle = cup.x + self.speed * (flight.begins + since)
         wall = half - np.abs(corners[..., 0] - middle[:, None])

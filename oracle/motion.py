@@ -1,4 +1,4 @@
-"""The motion that is sent, the arm that it moves in 3-D, and the hand in the throw's plane.
+"""The sent motion, the arm's 3-D motion, and the hand's motion in the throw's plane.
 
 In the plane: x forward, z up, angles counter-clockwise from x to z, so a turn about -y.
 """
@@ -20,19 +20,20 @@ Array = NDArray[np.float64]
 
 #: Sampling interval [s] of motion.csv.
 TICK = 1e-3
-#: Parts of a tick at which the hand is placed; between them it follows quintics.
+#: Number of parts of a tick between which the hand follows quintics.
 PARTS = 4
-#: Change [m/s^2, rad/s^2] of a free hand's acceleration in a tick that is a step.
+#: A change [m/s^2, rad/s^2] of a free hand's acceleration above this is a step.
 STEP = 1e-6
-#: Steps of two axes nearer in time than this [s] are one.
+#: Steps of two axes are one if their times [s] differ by less than this.
 TOGETHER = 1e-7
-#: Position [m, rad] that a free hand's steps may leave unexplained in a tick.
+#: Largest residual [m, rad] of a tick's position after the fit of a free hand's steps.
 UNEXPLAINED = 1e-9
+#: Names of the fit's tolerances.
 TOLERANCES = ("xtol", "ftol", "gtol")
 
 
 def quintics(times: Array, q: Array, dq: Array, ddq: Array) -> PPoly:
-    """Pieces that meet value, rate and acceleration (K, n) at both ends."""
+    """Pieces with the given values, rates and accelerations (K, n) at both ends."""
     h = np.diff(times)[:, None]
     d = q[1:] - q[:-1] - h * dq[:-1] - h**2 / 2 * ddq[:-1]
     e, f = h * (dq[1:] - dq[:-1] - h * ddq[:-1]), h**2 * (ddq[1:] - ddq[:-1])
@@ -43,8 +44,8 @@ def quintics(times: Array, q: Array, dq: Array, ddq: Array) -> PPoly:
 def _even(
     edges: Array, q: Array, dq: Array, accelerations: Array
 ) -> tuple[list[float], list[list[Array]], Array]:
-    """Even accelerations between edges [s], from q with rates dq: the pieces' ends, their
-    coefficients, and the position at the last edge."""
+    """Constant accelerations between edges [s], from q with rates dq: ends and coefficients of the
+    pieces, and the position at the last edge."""
     ends, pieces = list[float](), list[list[Array]]()
     for (begin, end), a in zip(itertools.pairwise(edges), accelerations, strict=True):
         h = end - begin
@@ -58,7 +59,7 @@ def _even(
 def _two_steps(
     h: float, q: Array, dq: Array, ddq: Array
 ) -> tuple[list[float], list[list[Array]], Array]:
-    """As `_even`: a tick of h [s] with accelerations that step twice, those of all axes at once.
+    """`_even` for a tick of h [s] with two steps of the accelerations, of all axes at once.
 
     q, dq, ddq (2, n): the samples at its ends. The acceleration between the steps follows from the
     rates, the instants of the steps are those that meet the positions best.
@@ -80,7 +81,7 @@ def _two_steps(
 
 
 def parabolas(times: Array, q: Array, dq: Array, ddq: Array) -> PPoly:
-    """A free hand's planned motion (K, n) again: its accelerations step, twice a tick at most.
+    """A free hand's planned motion from its samples (K, n), with at most two steps in a tick.
 
     When they do follows from the rates at the ticks, and, of two steps, from the positions.
     ValueError where that does not explain the positions.
@@ -89,7 +90,7 @@ def parabolas(times: Array, q: Array, dq: Array, ddq: Array) -> PPoly:
     jump = before - after
     stepped = np.abs(jump) > STEP
     at = np.where(stepped, (dq[1:] - dq[:-1] - h * after) / np.where(stepped, jump, 1.0), h)
-    # Axes that step together do so to rounding: no sliver in which one has stepped alone.
+    # Steps of several axes at one instant differ by rounding and are one step.
     first = np.take_along_axis(at, np.abs(jump).argmax(axis=1)[:, None], axis=1)
     at = np.where(np.abs(at - first) < TOGETHER, first, at)
     cuts = np.sort(np.hstack([0 * h, np.clip(at, 0.0, h), h]), axis=1)
@@ -109,13 +110,13 @@ def parabolas(times: Array, q: Array, dq: Array, ddq: Array) -> PPoly:
 
 @dataclass(frozen=True)
 class Curve:
-    """Coordinates over time, at rest outside of it."""
+    """Coordinates over time, at rest before and after."""
 
     pieces: PPoly
 
     @cached_property
     def steps(self) -> Array:
-        """When [s] the acceleration of a motion at even accelerations steps; none of others."""
+        """Times [s] of acceleration steps between constant accelerations; none of other motions."""
         if len(self.pieces.c) > 3:
             return np.empty(0)
         jumps = np.abs(np.diff(self.pieces.c[0], axis=0)).max(axis=1)
@@ -138,7 +139,7 @@ class Curve:
         return float(self.pieces.x[-1])
 
     def instants(self, until: float, parts: int) -> Array:
-        """From rest to `until` [s]: `parts` a piece, both sides of its ends, and the end."""
+        """Instants up to `until` [s]: `parts` in a piece, both sides of its ends, and `until`."""
         x = self.pieces.x
         share = np.linspace(1e-6, 1 - 1e-6, parts)
         inside = (x[:-1, None] + np.diff(x)[:, None] * share).ravel()
@@ -187,7 +188,7 @@ class Frame:
 
 
 def frames_of(arm: Any, q: Array, dq: Array, ddq: Array) -> list[Frame]:
-    """Of the base, each joint, the hand (at the flange, turned as the tool) and the pads' centre.
+    """Frames of the base, each joint, the hand (at the flange, turned as the tool) and the pads.
 
     q, dq, ddq (K, joints): all joints of an arm's data, modified Denavit-Hartenberg or URDF.
     """
@@ -282,8 +283,8 @@ class ArmMotion:
         return np.maximum(np.linalg.norm(hand.v, axis=1), np.linalg.norm(pads.v, axis=1))
 
     def torques(self, t: Array, gravity: float) -> tuple[Array, Array]:
-        """Of the throwing joints with an empty hand (K, n) [N m], by virtual work; and how the
-        pads' centre moves with them (K, n, 3): x, z [m], theta [rad], for the load's share."""
+        """Torques (K, n) [N m] of the throwing joints with an empty hand, by virtual work, and the
+        Jacobian (K, n, 3) of the pads' centre, x, z [m] and theta [rad], for those of the load."""
         frames, (along, left) = self.frames(t), self.plane.ways
         empty, lever = [], []
         for joint in self.throwing:

@@ -10,20 +10,22 @@ from scipy.interpolate import PchipInterpolator
 
 from .motion import Array, Curve
 
-#: Steps of an opening; a run of twice as many is extrapolated with it. Landings are then known to
-#: 0.05 mm and 0.04 deg on the hardest built-in scene (hand-flip), to a tenth of that on others.
+#: Steps of an opening; results are extrapolated from this and the double number. Landings then err
+#: by 0.05 mm and 0.04 deg on the hardest built-in scene (hand-flip), by a tenth of that on others.
 STEPS = 2000
-#: Most Newton iterations of a step, and the radius' share that ends them.
-NEWTON, CLOSE = 60, 1e-12
-#: Either side of a step of the hand's acceleration [s].
+#: Most Newton iterations of a step.
+NEWTON = 60
+#: Newton iterations end at this error of the radius, a share of it.
+CLOSE = 1e-12
+#: Distance [s] from a step of the hand's acceleration at which each side of it is read.
 SIDE = 1e-11
-#: A table's fall starts where its force leaves the first value by this share.
+#: A table's fall starts at this loss of force, a share of its first value.
 FALL = 0.01
 
 
 @dataclass(frozen=True)
 class Held:
-    """N held bars as they really are, each (N,): mass [kg], inertia [kg m^2] about the CoM,
+    """Real parameters of N held bars, each (N,): mass [kg], inertia [kg m^2] about the CoM,
     offset h [m] of the CoM from the pads, angle [rad] of their axis to the hand's; friction;
     arm [m]: torsional over tangential limit; opening [s]; begins [s]: when the force falls;
     omega [rad/s]: of the hand beyond its motion, from then on. full [N]: of one pad, faces."""
@@ -81,7 +83,7 @@ class Released:
 
 
 def released(held: Held, hand: Curve, model: str, steps: int = STEPS) -> Released:
-    """By the model `ls-step` or `sp` of a scene's tolerance.
+    """The release by the model `ls-step` or `sp` of a scene's tolerance.
 
     The first is of first order in its steps: two runs are extrapolated.
     """
@@ -134,7 +136,7 @@ def surface(held: Held, hand: Curve, shares: Array) -> Released:
         radius = held.faces * held.full * middle[k] * dt
         x, z = (com[:2] + dt / 2 * v[:2]) - (pose[k, :, :2] + pose[k + 1, :, :2]).T / 2
         free = v - np.array([0 * dt, held.gravity * dt, 0 * dt])
-        # The impulse at the CoM that makes the contact move as the hand does, then at the pads.
+        # The impulse at the CoM with which the contact follows the hand, then that at the pads.
         rate = twist[k + 1, :, 2]
         wanted = twist[k + 1, :, 0] - rate * z, twist[k + 1, :, 1] + rate * x
         p_x, p_z = m * (wanted[0] - free[0]), m * (wanted[1] - free[1])
@@ -187,7 +189,7 @@ def pivoting(held: Held, hand: Curve, shares: Array) -> Released:
     """The sliding pivot in its continuous form, by the classical Runge-Kutta method; every
     second of the shares is in the middle of a step."""
     times, pose, twist, acceleration = _tracks(held, hand, shares)
-    # At a step of the hand's acceleration each step of time sees its own side.
+    # At a step of the hand's acceleration each time step reads its own side.
     after, before = (hand.at(times + aside)[2] for aside in (SIDE, -SIDE))
     limit = held.faces * held.full * held.friction * held.grip(shares)
     m, h, inertia = held.mass, held.offset, held.inertia + held.mass * held.offset**2

@@ -1,4 +1,4 @@
-"""Random scenes that are hard on the grip: weak, braked hard, opened early or late."""
+"""Random scenes with high grip use: weak grips, hard braking, early and late openings."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ import numpy as np
 import throwplan as tp
 from throwplan.problems import Distribution, Obstacle, Scene, Uncertainty
 
-#: Built-in scenes to vary, and the grip use of their own plans.
+#: Grip use of the plan of each built-in scene that is varied.
 BASES = {
     "pose": 0.41,
     "near-cup": 0.40,
@@ -19,13 +19,13 @@ BASES = {
     "hand-flip": 0.95,
     "hand-box": 0.05,
 }
-#: Force beside the one with which such a plan would use all of the grip.
+#: Range of the grip force over the one at which such a plan uses all of the grip.
 FORCE = (0.75, 1.1)
-#: Distances [m] that targets are moved by at most.
+#: Largest distance [m] by which targets are moved.
 MOVED = 0.06
-#: Tolerances: position [m], angle [rad]; narrow ones leave nothing for the grip to spoil.
+#: Ranges of the tolerance of position [m] and angle [rad].
 TOLERANCES = (0.002, 0.05), (np.radians(0.5), np.radians(20.0))
-#: Share of arm scenes without a cup that get a wall in front of the target.
+#: Share of arm scenes without a cup to which a wall in front of the target is added.
 WALLS = 0.3
 
 
@@ -78,7 +78,7 @@ def spread(random: np.random.Generator) -> Uncertainty:
 
 
 def random_scenes(seed: int = 0) -> Iterator[tuple[str, Scene]]:
-    """Endless: names and scenes, each with a generator of its own."""
+    """Endless names and random scenes, each with its own generator."""
     names, number = list(BASES), 0
     while True:
         name = names[number % len(names)]

@@ -1,4 +1,4 @@
-"""Distances between segments, boxes and outlines, by convexity: no case is worked out by hand."""
+"""Distances between segments, boxes and outlines, by convex minimisation without cases."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ import numpy as np
 
 from .motion import Array
 
-#: Ternary steps to the least of a convex function on [0, 1].
+#: Number of ternary search steps for the minimum of a convex function on [0, 1].
 THIRDS = 40
 
 
 def least_along(function: Callable[[Array], Array], shape: tuple[int, ...]) -> Array:
-    """The least of convex functions of a share in [0, 1], all of `shape` at once."""
+    """Minima of convex functions of a share in [0, 1], an array of `shape` at once."""
     low, high = np.zeros(shape), np.ones(shape)
     for _ in range(THIRDS):
         one, two = low + (high - low) / 3, high - (high - low) / 3

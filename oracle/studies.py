@@ -1,4 +1,4 @@
-"""What the verdict says of many random cases, counted by the oracle and by the makers' meshes."""
+"""Verdicts on many random cases, compared with the oracle and with published meshes."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from .meshes import Array, link_points
 from .motion import TICK
 from .scenes import random_scenes
 
-#: Of each arm: a built-in scene that it throws in.
+#: A built-in scene for each arm.
 SCENES = {
     "panda": "pose",
     "fr3": "fr3",
@@ -28,13 +28,13 @@ SCENES = {
     "ur5e": "ur5e",
     "gen3": "gen3",
 }
-#: Sizes of obstacles [m].
+#: Smallest and largest size [m] of obstacles.
 SIZES = 0.004, 0.020
 
 
 def sweep_counts(count: int, samples: int) -> Iterator[dict[str, Any]]:
-    """Of solved random scenes: the successes of a sweep, those that the oracle counts, and the rows
-    in which they differ where the oracle is sure."""
+    """Successes of sweeps of solved random scenes, by the sweep and by the oracle, and the rows in
+    which they differ although the oracle is sure."""
     for name, scene in islice(random_scenes(), count):
         plan = tp.plan(scene)
         if not plan.solved:
@@ -54,8 +54,8 @@ def sweep_counts(count: int, samples: int) -> Iterator[dict[str, Any]]:
 
 
 def corner_contacts(arm: str, count: int) -> Iterator[tuple[str, float]]:
-    """Plans beside small obstacles at corners of moving links and hand: status, and how deep [m] a
-    published mesh is in the obstacle at any tick, 0 for not at all."""
+    """Plans beside small obstacles at corners of moving links and hand: status, and the largest
+    penetration [m] of a published mesh at any tick, 0 without one."""
     scene, points = tp.load_scene(SCENES[arm]), link_points(arm)
     oracle, rng = oracle_of(tp.plan(scene)), np.random.default_rng(zlib.crc32(arm.encode()))
     links = [link for link in points if link > oracle.motion.throwing[0] + 1]
@@ -77,7 +77,7 @@ def corner_contacts(arm: str, count: int) -> Iterator[tuple[str, float]]:
 
 
 def _depth(oracle: Any, points: dict[int, Array], obstacle: Obstacle) -> float:
-    """How deep [m] the meshes of moving links are in an obstacle (an upright box or a sphere)."""
+    """Penetration [m] of moving links' meshes into an obstacle (an upright box or a sphere)."""
     frames = oracle.motion.frames(np.arange(0.0, oracle.hand.end, TICK))
     centre, deepest = np.array(obstacle.position), 0.0
     box = obstacle.kind == "box"

@@ -1,7 +1,7 @@
-"""Targets that move, and times of arrival: where the object is thrown to, and how long it waits.
+"""Targets that move, and times of arrival: the place of interception, and the wait before a throw.
 
-A throw to where the target will be is a throw to a target at rest. When it lands depends on where
-that is, so place and time are found in turn; near a throw its time changes little with the place.
+A throw to the target's future place is a throw to a target at rest. Its landing time depends on
+that place, so place and time are found in turn; the time changes little with the place.
 """
 
 from __future__ import annotations
@@ -20,40 +20,52 @@ from .samples import Releases, arrival
 from .throw import TICK, Samples, Throw
 from .verdict import verdict
 
-#: Times [s] at which interceptions are looked for.
+#: Times [s] at which interceptions are tried.
 TIMES = np.arange(0.3, 8.0, 0.1)
-#: No throw is planned to where all sampled throws land farther [m, pose error] from the target than
-#: this; the target is in reach where one lands nearer than the second.
-FAR, REACHED = 0.12, 0.05
-#: Most times at which an interception is tried, and the least [s] between two of them.
-MAX_TIMES, SPREAD = 4, 0.15
-#: A time is late enough if sampled throws need at most this share of it. Planned throws may be
-#: faster than sampled ones by the second factor.
-ENOUGH, FASTER = 0.9, 2.0
-#: Throws take no longer than this [s] unless they must: for later times the arm waits.
-LONG = 1.0
-#: Throws planned at most, each aimed at where the target is when the one before lands.
-MAX_THROWS = 12
-#: Times [samples] that differ by less are equal.
-EQUAL = 1e-3
-#: The longest change [s] of the time of interception from one throw to the next.
-MAX_CHANGE = 0.5
-#: How far [m] the target may be from where the throw was aimed when it lands.
-NEAR = 2e-5
-
 #: Plans a throw to a target at rest, from a plan for a target nearby.
 PlanAt = Callable[[Pose, Plan | None], Plan]
+
+
+@dataclasses.dataclass(frozen=True)
+class InterceptionSettings:
+    """Settings of the search for place and time of an interception.
+
+    max_distance [m]: pose error of the nearest sampled landing above which no throw is planned.
+    reached_distance [m]: below it the target counts as in reach. max_times: most times that are
+    tried, at least `spacing` [s] apart. late_enough: a time is late enough if the fastest sampled
+    throw takes at most this share of it. max_speedup: a planned throw may be faster than that by
+    this factor. usual_time [s]: a throw takes longer only if it must; for later times the arm
+    waits. max_throws: most throws planned, each aimed at the target's place when the one before
+    lands. equal_ticks [samples]: times that differ by less are equal. max_change [s]: of the time
+    from one throw to the next. max_miss [m]: largest way of the target between its time and the
+    landing.
+    """
+
+    max_distance: float = 0.12
+    reached_distance: float = 0.05
+    max_times: int = 4
+    spacing: float = 0.15
+    late_enough: float = 0.9
+    max_speedup: float = 2.0
+    usual_time: float = 1.0
+    max_throws: int = 12
+    equal_ticks: float = 1e-3
+    max_change: float = 0.5
+    max_miss: float = 2e-5
+
+
+SETTINGS = InterceptionSettings()
 
 
 def intercept(
     scene: Scene, target: Pose, releases: Callable[[], Releases], plan_at: PlanAt
 ) -> Plan:
-    """The plan whose object lands where the target then is, in its time.
+    """The plan whose object meets the target within its times of arrival.
 
-    plan_at(pose, warm): the plan for a target at rest; releases: sampled throws. Where the object
-    would land too early the arm waits at rest, in whole samples. Where the target is out of reach
-    when a throw by itself would land, other times are tried: first those that sampled throws leave
-    most time for.
+    plan_at(pose, warm): the plan for a target at rest; releases: sampled throws. If the object
+    would land too early, the arm waits at rest for whole samples. If the target is out of reach
+    when the first throw would land, other times are tried: first those that leave sampled throws
+    most time.
     """
     if target.at_rest:
         return plan_at(target, None)
@@ -63,40 +75,44 @@ def intercept(
 
     @functools.cache
     def sampled(time: float) -> tuple[float, float]:
-        return arrival(releases(), scene, target.at(time), FAR)
+        return arrival(releases(), scene, target.at(time), SETTINGS.max_distance)
 
-    plan = _intercept_from(target, plan_at, earliest, lambda time: sampled(time)[0] > FAR)
+    def is_beyond(time: float) -> bool:
+        return sampled(time)[0] > SETTINGS.max_distance
+
+    plan = _intercept_from(target, plan_at, earliest, is_beyond)
     if plan.solved:
         return plan
     times = TIMES[(earliest <= TIMES) & (latest >= TIMES)].tolist()
-    shares = {time: sampled(time)[1] / time for time in times if sampled(time)[0] <= FAR}
+    shares = {time: sampled(time)[1] / time for time in times if not is_beyond(time)}
     for time in _spread(shares):
-        aim = target.changed(arrival=time) if time < LONG else target
+        aim = target.changed(arrival=time) if time < SETTINGS.usual_time else target
         found = _intercept_from(aim, plan_at, time)
         if found.solved:
             return dataclasses.replace(found, target=found.target.changed(arrival=target.arrival))
-    if sampled(0.0)[0] <= REACHED and min(shares.values(), default=math.inf) > FASTER:
+    begins_in_reach = sampled(0.0)[0] <= SETTINGS.reached_distance
+    if begins_in_reach and min(shares.values(), default=math.inf) > SETTINGS.max_speedup:
         words = f"no throw found: it leaves the reach at {target.speed:g} m/s before a throw lands"
         names = ("target velocity", *plan.binding)
         return dataclasses.replace(plan, status="not_converged", message=words, binding=names)
     if shares and plan.status == "out_of_reach":
-        # Where it is at one time; at another it may be in reach.
+        # At another time the target may be in reach.
         words = f"no throw found at {target.speed:g} m/s: out of reach where the first throw lands"
         return dataclasses.replace(plan, status="not_converged", message=words)
     return plan
 
 
 def _spread(shares: dict[float, float]) -> Iterator[float]:
-    """Times [s] to try, some way apart: the first that is late enough, then those that are most.
+    """Times [s] to try: the first that is late enough, then in the order of their shares.
 
-    shares: of each time [s] that sampled throws need.
+    shares: of each time [s], the share that the fastest sampled throw takes.
     """
     tried: list[float] = []
-    for time in sorted(shares, key=lambda time: max(shares[time], ENOUGH)):
-        if all(abs(time - other) >= SPREAD for other in tried):
+    for time in sorted(shares, key=lambda time: max(shares[time], SETTINGS.late_enough)):
+        if all(abs(time - other) >= SETTINGS.spacing for other in tried):
             tried.append(time)
             yield time
-        if len(tried) == MAX_TIMES:
+        if len(tried) == SETTINGS.max_times:
             return
 
 
@@ -111,7 +127,7 @@ def _intercept_from(
     time, last, wait = earliest, None, 0
     before: tuple[float, float] | None = None
     words = "no throw found: the time of its landing does not settle while the target moves"
-    for number in range(MAX_THROWS):
+    for number in range(SETTINGS.max_throws):
         if number and is_beyond(time):
             words = f"no throw found: it is out of reach at {time:.2f} s, when a throw would land"
             break
@@ -119,23 +135,24 @@ def _intercept_from(
         if not plan.solved or plan.throw is None:
             return dataclasses.replace(plan, target=target)
         lands = plan.throw.landing_time
-        # The wait is kept from then on, or it would go up and down by a sample.
-        if not -EQUAL <= (lands - earliest) / TICK + wait <= 2.0:
+        # A wait is kept, else it would change by a sample each time.
+        if not -SETTINGS.equal_ticks <= (lands - earliest) / TICK + wait <= 2.0:
             wait = max(0, math.ceil((earliest - lands) / TICK))
         lands += wait * TICK
-        if abs(target.speed * (lands - time)) <= NEAR:
+        if abs(target.speed * (lands - time)) <= SETTINGS.max_miss:
             return _plan_of(plan, plan.throw, target, wait)
         late, last, change = lands - time, plan, lands - time
         if before is not None and abs(late - before[1]) > 1e-9:
-            # Where the line through two throws' times meets the target's.
+            # A secant step to the time at which throw and target meet.
             change = late * (time - before[0]) / (before[1] - late)
-        before, time = (time, late), max(time + min(max(change, -MAX_CHANGE), MAX_CHANGE), 0.0)
+        change = min(max(change, -SETTINGS.max_change), SETTINGS.max_change)
+        before, time = (time, late), max(time + change, 0.0)
     return dataclasses.replace(plan, target=target, status="not_converged", message=words)
 
 
 def _plan_of(plan: Plan, throw: PlannedThrow, target: Pose, wait: int) -> Plan:
-    """The plan for the target itself, of a throw to where it is intercepted."""
-    # Full turns may have been chosen.
+    """The plan for the moving target, of a throw to the place of interception."""
+    # The plan may have chosen full turns.
     target = target.changed(theta=plan.target.theta)
     throw = _waiting(throw, wait) if wait else throw
     goal = target.at(throw.landing_time)
@@ -158,14 +175,8 @@ def _waiting(throw: PlannedThrow, wait: int) -> PlannedThrow:
     if len(samples.q):
         still = np.repeat(samples.q[:1], wait, axis=0)
         zero = np.zeros_like(still)
-        samples = Samples(
-            *(
-                np.vstack([first, rows])
-                for first, rows in zip(
-                    (still, zero, zero), (samples.q, samples.dq, samples.ddq), strict=True
-                )
-            )
-        )
+        rows = zip((still, zero, zero), (samples.q, samples.dq, samples.ddq), strict=True)
+        samples = Samples(*(np.vstack(pair) for pair in rows))
     opened = final.opening_time + seconds
     final = Throw.sent(final.scene, final.manipulator, planned, samples, opened)
     lands = throw.planned_landing

@@ -1,4 +1,4 @@
-"""The way of one plan to a target at rest: from solved throws near it, else from nothing."""
+"""One plan to a target at rest: from solved throws near it, else from sampled ones."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from .search import (
     nothing_found,
 )
 
-#: What binds where no sampled release comes down through the target's height.
+#: Name of the limit that binds if no sampled release lands at the target's height.
 HEIGHT = "landing height"
-#: What binds where the bar would be inside the base column at the target.
+#: Name of the limit that binds if the bar at the target is inside the base column.
 COLUMN = "base column"
 
 
@@ -45,7 +45,7 @@ def plan_throw(context: SearchContext, task: Task, warm: PlannedThrow | None = N
 
 
 def plan_from_warm(context: SearchContext, task: Task, warm: PlannedThrow) -> Plan | None:
-    """The plan solved from a warm plan's throw; None without one."""
+    """The plan solved from a warm plan's throw; None if that fails."""
     if not _is_of_kind(warm, task):
         return None
     search = Search(context, task, warm)
@@ -118,8 +118,9 @@ def _failed_plan(search: Search, history: History) -> Plan:
     task = search.task
     if not search.candidates.nearest:
         far, pose, words = highest(search.candidates.releases, task.target, task.scene.flight)
+        binding = (HEIGHT,)
         return unsolved_plan(
-            search, history, words, out_of_reach=far, nearest=pose, binding=(HEIGHT,)
+            search, history, words, out_of_reach=far, nearest=pose, binding=binding
         )
     edge = history.edges[0].edge if history.edges else None
     settled = search.blocked or search.is_settled(history) or not task.clock.late
@@ -145,6 +146,6 @@ def _failed_plan(search: Search, history: History) -> Plan:
 
 
 def _is_of_kind(warm: PlannedThrow, task: Task) -> bool:
-    """Whether a warm plan's throw is of the NLPs of a task: not robust, theta alike."""
+    """Whether a task's NLPs fit a warm plan's throw: not robust, theta fixed in both or neither."""
     robust = warm.nlp is not None and warm.nlp.structure.robust
     return not robust and (warm.deciding.target.theta is None) == (task.target.theta is None)

@@ -1,4 +1,4 @@
-"""What users hold: plans of one scene's throws, whose NLPs are built once for many targets."""
+"""`Planner`: plans throws of one scene, whose NLPs are built once for many targets."""
 
 from __future__ import annotations
 
@@ -33,28 +33,30 @@ from .workers import Progress, executor_of
 
 SolverName = Literal["auto", "fatrop", "ipopt"]
 
-#: Other throws to a target that robust planning may start from.
-MORE_SOURCES = 3
-#: Share of the time left that they are looked for.
-SOURCES_SHARE = 0.4
-#: Most alternatives that may be asked for.
+#: Largest number of alternatives of a plan.
 MOST_ALTERNATIVES = 20
-#: Random releases drawn for the starting points.
+#: Random states of the table of sampled releases.
 SAMPLES = 20_000
-#: How long [s] a throw is looked for, a robust one, and several throws.
-PATIENCE, ROBUST_PATIENCE, LONG_PATIENCE = 3.0, 6.0, 20.0
-#: Throws that `prepare` solves where the reach has room for so many, and the most it may be asked.
-PREPARED, MOST_PREPARED = 5000, 10_000
+#: Default patience [s] of a plan of one throw.
+PATIENCE = 3.0
+#: Default patience [s] of a robust plan.
+ROBUST_PATIENCE = 6.0
+#: Default patience [s] of a plan with several throws.
+LONG_PATIENCE = 20.0
+#: Default number of throws of `prepare`.
+PREPARED = 5000
+#: Largest number of throws of `prepare`.
+MOST_PREPARED = 10_000
 
 
 class Planner:
     """Plans throws of one scene; builds its NLP once and solves for many targets.
 
     scene: a `Scene`, a built-in name or a TOML file. library: whether plans start from the
-    scene's solved throws where the cache has them (see `prepare`).
+    scene's solved throws in the cache (see `prepare`).
 
-    Raises InputError for a scene that cannot be planned at all: no [hand] or [robot],
-    or a grip too weak to hold the object at rest in any permitted start pose.
+    Raises InputError for a scene without [hand] and [robot], and for a grip too weak to hold the
+    object at rest in any permitted start pose.
     """
 
     def __init__(self, scene: Scene | str | Path, *, library: bool = True) -> None:
@@ -89,11 +91,11 @@ class Planner:
 
         Always returns; raises InputError only for wrong input. solver: 'auto' is FATROP with IPOPT
         as fallback. turns: 'any' takes theta modulo full turns. warm: a solved plan of this planner
-        for a target nearby. alternatives: how many throws that differ from the plan's to look for,
-        for `Plan.alternatives`. robust: a method of the section [robust], instead of the scene's.
-        patience [s]: how long to look, besides what is built once; 3 s, 6 s for a robust throw,
-        20 s for several. start: a state of motion that the throw goes on from, at its time 0; it is
-        a given start then, and `warm` a plan whose motion passes there.
+        for a target nearby. alternatives: number of further throws to look for, each different, for
+        `Plan.alternatives`. robust: a method of the section [robust], instead of the scene's.
+        patience [s]: time limit, without building; by default 3 s, 6 s for a robust throw, 20 s for
+        several. start: a state of motion in which the throw begins at its time 0, instead of the
+        scene's start; `warm` is then a plan whose motion passes that state.
         """
         started = time.perf_counter()
         target = self.check(target)
@@ -136,11 +138,11 @@ class Planner:
         return dataclasses.replace(plan, alternatives=rest, time={**spent, "total": total})
 
     def _hardened(self, plan: Plan, method: str, task: Task) -> Plan:
-        """The plan made robust, or itself; other throws may be where that begins."""
+        """The robust plan of a plan, or of other throws to the target; the plan itself if none."""
 
         def others() -> Plan:
-            clock = task.clock.part(SOURCES_SHARE)
-            several = dataclasses.replace(task, wanted=MORE_SOURCES + 1, clock=clock)
+            # Three more throws to start from, in 40 % of the time left.
+            several = dataclasses.replace(task, wanted=4, clock=task.clock.part(0.4))
             return plan_throw(self._context, several)
 
         return hardened(plan, Hardening(self._robust_problems, method, task), others)
@@ -155,10 +157,9 @@ class Planner:
     ) -> Session:
         """A session that corrects the swing of a solved plan until the hand opens.
 
-        Takes some tenths of a second, before the swing. horizon [s]: after a measurement until
-        what is sent for it is on its way. sent: what is sent instead of the plan's motion to joints
-        that lag, response: how these follow, where that is known. InputError for a plan that is not
-        this planner's.
+        Takes some tenths of a second, before the swing. horizon [s]: delay from a measurement until
+        a new command takes effect. sent: the motion sent to joints that lag, instead of the plan's;
+        response: their response, if known. InputError for a plan of another planner.
         """
         horizon = checked("horizon", horizon, float, {"above": 0})
         checked("plan", plan, Plan, {})
@@ -167,11 +168,11 @@ class Planner:
         return Session(self._in_motion.problems, plan, horizon, sent, response)
 
     def polish(self, plan: Plan) -> Plan:
-        """The plan at its optimum: solved again from where it is, for times without other work.
+        """The plan at its optimum: solved again from its own throw.
 
-        A throw that was moved, from the library or after a target, costs more than need be. The
-        plan itself comes back where nothing cheaper is found, where it is robust or not solved, and
-        for a target that moves or is to be met at a time.
+        A throw that was moved, from the library or after a target, costs more than its optimum.
+        Returns the plan itself if no cheaper one is found, if it is robust or not solved, and if
+        its target moves or has a time of arrival.
         """
         before = checked("plan", plan, Plan, {}).throw
         mine = plan.solved and plan.manipulator is self.manipulator and plan.target.at_rest
@@ -193,17 +194,16 @@ class Planner:
         workers: int | None = None,
         scheduler: str | None = None,
     ) -> int:
-        """Grows a library of solved throws all over the reach, for plans to start from.
+        """Builds a library of solved throws all over the reach, from which plans start.
 
-        Takes minutes (docs/performance.md has them); all is kept in the cache folder, and every
-        planner of the scene uses it. A plan is then a stored throw moved to its target and checked,
-        in a few milliseconds.
-        throws: about how many, fewer where the reach has no room for them: its finest cells are
-        4 mm and 1 degree wide. Ended early (Ctrl-C), it goes on from there when called again.
-        progress(solved, throws) is called on the way. workers: processes on this machine, by
-        default two for 400 throws or more; scheduler: address of a Dask scheduler that spreads the
-        work instead. Returns how many there are. InputError for a number out of range, and where no
-        scheduler answers.
+        Takes minutes (see docs/performance.md). The library is in the cache folder, for every
+        planner of the scene. A plan is then a stored throw moved to its target and checked, in a
+        few milliseconds.
+        throws: approximate number, fewer in a small reach, as the finest cells are 4 mm and 1
+        degree wide. After Ctrl-C the next call continues. progress(solved, throws) is called on the
+        way. workers: processes on this machine, by default two for 400 throws or more; scheduler:
+        address of a Dask scheduler that spreads the work instead. Returns the number of throws.
+        InputError for a number out of range, and if no scheduler answers.
         """
         throws = checked("throws", throws, int, {"least": 1, "most": MOST_PREPARED})
         try:
@@ -218,12 +218,12 @@ class Planner:
 
     @property
     def prepared(self) -> int:
-        """How many solved throws plans may start from."""
+        """Number of solved throws that plans may start from."""
         return len(self.library)
 
     @property
     def library(self) -> Library:
-        """The scene's solved throws, as far as the cache has them."""
+        """The scene's solved throws that the cache has."""
         return self._context.library
 
     def check(self, target: Pose | None = None) -> Pose:
@@ -234,7 +234,7 @@ class Planner:
         return target
 
     def releases(self) -> Releases:
-        """The table of sampled releases that starting points come from."""
+        """The table of sampled releases, from which solves start."""
         return self._releases
 
     @functools.cached_property
@@ -244,12 +244,12 @@ class Planner:
 
     @functools.cached_property
     def _in_motion(self) -> SearchContext:
-        """For throws that go on from a state of motion, whose NLPs are others."""
+        """The context of throws from a state of motion, which have NLPs of their own."""
         problems = NlpCache(self.problems.scene, self.manipulator)
         return dataclasses.replace(self._context, problems=problems)
 
     def _method(self, robust: str | None) -> str:
-        """The robust method that is asked for, empty if none."""
+        """The robust method of a plan; empty for a plain plan."""
         if robust is None:
             return "" if self.scene.robust is None else self.scene.robust.method
         if robust not in Robust.METHODS + Robust.COMPARED:
@@ -262,13 +262,13 @@ class Planner:
         return NlpCache(robust_scene(self.scene), self.manipulator)
 
     def _wanted(self, alternatives: int) -> int:
-        """How many distinct throws to find before one is chosen."""
+        """Number of distinct throws to find before one is chosen."""
         choice = self.scene.choice
         return max(1 if choice is None else choice.among, 1 + alternatives)
 
 
 class Options(TypedDict, total=False):
-    """What `Planner.plan` takes besides the target."""
+    """Arguments of `Planner.plan` besides the target."""
 
     solver: SolverName
     turns: Turns
@@ -288,7 +288,7 @@ def plan(scene: Scene | str | Path, target: Pose | None = None, **options: Unpac
     return Planner(scene).plan(target, **options)
 
 
-#: Of the arguments of `Planner.plan`: default, kind and limits.
+#: Default, type and limits of arguments of `Planner.plan`.
 _KINDS: dict[str, tuple[Any, Any, dict[str, float]]] = {
     "alternatives": (0, int, {"least": 0, "most": MOST_ALTERNATIVES}),
     "patience": (None, float | None, {"above": 0}),
@@ -298,7 +298,7 @@ _KINDS: dict[str, tuple[Any, Any, dict[str, float]]] = {
 
 
 def _check_kinds(**values: object) -> None:
-    """InputError for an argument of `Planner.plan` of another kind or out of range."""
+    """InputError for an argument of `Planner.plan` of a wrong type or out of range."""
     for name, value in values.items():
         usual, kind, limits = _KINDS[name]
         if value is not usual:

@@ -194,11 +194,11 @@ class Scene(Section):
             raise InputError("[cup] needs a target with theta_deg, to know which end goes in")
 
     def check_target_in_cup(self) -> None:
-        """InputError where no flight through the target's pose can have entered the cup.
+        """InputError if no flight through the target's pose can have entered the cup.
 
-        Where the lower end is below the rim at the target, it and the place where the axis
-        passes the rim plane are inside the cup, as far as the tolerance lets the pose be off.
-        `aimed_at` does not ask this: it moves the cup, and which angles fit is for the plan.
+        If the lower end at the target is below the rim, that end and the point of the axis in the
+        rim plane must be inside the cup for some pose within the tolerance. `aimed_at` does not
+        check this: it moves the cup, and the plan finds whether an angle fits.
         """
         cup, target, bar = self.cup, self.target, self.object
         if cup is None or target is None or target.theta is None:

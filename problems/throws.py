@@ -35,13 +35,15 @@ from .files import (
 from .grip import Grasp, ThrownObject, held_object
 from .section import InputError, Section, from_table, meanings, quantity, table_of, unknown, within
 
-#: Columns of throws.csv with a meaning; any other column is a factor, a label.
+#: Required columns of throws.csv.
 NEEDED = ("throw", "object", "motion", "grip", "command")
+#: Columns of throws.csv with the landing.
 LANDING = ("x", "z", "theta")
+#: Optional columns of throws.csv; any other column is a factor, a label.
 MORE = ("track", "grasp_offset", "grasp_angle_deg")
 #: Files and folders of a data set, dataset.toml last.
 THROW_DATA_FILES = ("motion", "grip", "track", "throws.csv", "dataset.toml")
-#: Format of every number: nine digits.
+#: Format of numbers: nine digits.
 FORMAT = "%.9g"
 
 

@@ -1,4 +1,4 @@
-"""How near arm, hand and bar come to each other and to what is around them."""
+"""Clearances of arm, hand and bar to each other and to the bodies around them."""
 
 from .bodies import (
     BAR,

@@ -1,4 +1,4 @@
-"""Arm and bar as capsules in 3-D, among obstacles and the floor: how near they come to them."""
+"""Clearances of arm and bar, as capsules in 3-D, to obstacles, the floor and each other."""
 
 from __future__ import annotations
 
@@ -16,13 +16,11 @@ from ...problems import InputError, Scene, ThrownObject, ThrowPlane
 from ..throw import Manipulator, Throw
 from .plane import bar_ends, held_bar
 
-#: Links of numbers that differ by this or less meet at a joint, by construction.
-ADJACENT = 2
-#: Time [s] before the landing in which the bar may come as near to an obstacle as it lands.
+#: Time [s] before the landing in which the bar may be as near to an obstacle as at the landing.
 LANDING = 0.05
-#: The bar, among names of links.
+#: Name of the bar, among those of links.
 BAR = "bar"
-#: Numbers of a contact that the compiled core gives.
+#: Number of values of a contact in the compiled core.
 CONTACT = 5
 
 
@@ -37,12 +35,12 @@ class KeepOut:
 
     @property
     def words(self) -> str:
-        """For people."""
+        """Name in messages."""
         return f"obstacle {self.name}" if self.bar else self.name
 
     @cached_property
     def core(self) -> SolidC:
-        """As the compiled core takes it."""
+        """The body for the compiled core."""
         solid, found = self.solid, SolidC()
         found.centre[:], found.half[:] = solid.centre.tolist(), solid.half.tolist()
         found.axes[:] = solid.axes.ravel().tolist()
@@ -52,9 +50,9 @@ class KeepOut:
 
 @dataclass(frozen=True)
 class Clearance:
-    """Two bodies nearer to each other than they may be: missing [m] at time [s].
+    """Two bodies too near to each other: penetration [m] of the clearance, at time [s].
 
-    thing: None where the arm meets itself; flying: whether the body is the bar after detach.
+    thing: None if the arm meets itself; flying: whether the body is the bar after detach.
     """
 
     body: str
@@ -67,8 +65,8 @@ class Clearance:
 
 @dataclass(frozen=True)
 class SweptBodies:
-    """Bodies that move together for a while: names (C,), ends (C, 2, 3, N) [m] in the throw's
-    plane, radius (C,) [m], how far their covers stick out (C,) [m], times (N,) [s]."""
+    """Moving bodies: names (C,), ends (C, 2, 3, N) [m] in the throw's plane, radius (C,) [m],
+    thickness of their covers (C,) [m], times (N,) [s]."""
 
     names: tuple[str, ...]
     ends: Array
@@ -79,7 +77,7 @@ class SweptBodies:
 
     @property
     def reach(self) -> Array:
-        """Radii (C,) [m] with the covers, as obstacles meet them."""
+        """Radii (C,) [m] including the covers, for distances to obstacles."""
         return self.radius + self.cover
 
     @property
@@ -90,10 +88,10 @@ class SweptBodies:
 
 @dataclass(frozen=True)
 class CollisionScene:
-    """Obstacles and floor as the throw's plane sees them, and the arm's shape.
+    """Obstacles and floor in the frame of the throw's plane, and the arm's shape.
 
-    The floor is for the arm: what the held bar keeps from it is measured by its corners.
-    arm: its capsules in the plane at azimuth 0; azimuth [rad]: the plane's.
+    The floor is for the arm only: the held bar's distance to it is that of the bar's corners.
+    arm: its capsules in the plane at azimuth 0; azimuth [rad]: of the plane.
     """
 
     scene: Scene
@@ -105,7 +103,7 @@ class CollisionScene:
     def of(
         cls, scene: Scene, manipulator: Manipulator, plane: ThrowPlane | None = None
     ) -> CollisionScene:
-        """A scene's; plane: the throw's, where it is not to the scene's target."""
+        """The bodies of a scene; plane: of the throw, by default that of the scene's target."""
         if plane is None:
             assert scene.target is not None
             plane = scene.target.plane
@@ -126,7 +124,7 @@ class CollisionScene:
         return [] if self.arm is None else _pairs_of(self.arm)
 
     def core(self, hand_error: float = 0.0) -> BodiesC:
-        """All of it, and the bar, as the compiled core takes it; hand_error [rad]: its angle's."""
+        """Scene, arm and bar for the compiled core; hand_error [rad]: of the hand's angle."""
         scene, found = self.scene, _shape(self.arm, self.scene.object).copy()
         found.solids = len(self.things)
         found.attach(around=(SolidC * found.solids)(*(thing.core for thing in self.things)))
@@ -155,7 +153,7 @@ class CollisionScene:
         return SweptBodies(tuple(names), placed, np.array(radius), np.array(cover), times, flying)
 
     def clearances(self, track: SweptBodies) -> list[Clearance]:
-        """Moving bodies too near to an obstacle; links, or the bar and a link, that meet."""
+        """Pairs of bodies that are too near: one with an obstacle, two links, or bar and link."""
         bodies = self.core()
         found = np.empty((bodies.solids * len(track.names) + bodies.pairs, CONTACT))
         ends, times = np.ascontiguousarray(track.ends), np.ascontiguousarray(track.times, float)
@@ -163,7 +161,7 @@ class CollisionScene:
         return self.list_clearances(track.names, found, count)
 
     def list_clearances(self, names: tuple[str, ...], found: Array, count: int) -> list[Clearance]:
-        """What the core says of the bodies of these names."""
+        """The core's first `count` contacts in `found`, of bodies with these names."""
         if count < 0:
             raise MemoryError
         result = []
@@ -175,10 +173,10 @@ class CollisionScene:
         return result
 
     def min_clearance(self, track: SweptBodies, *, bar_only: bool = False) -> Array:
-        """Least distance (N,) [m] of bodies beyond what they must keep; infinite for none.
+        """Least distance (N,) [m] of bodies beyond their clearances; infinite without a pair.
 
-        At the end of its flight the bar may come as near to an obstacle as it lands. bar_only: of
-        the bar only, and without that.
+        In the last `LANDING` of its flight the bar may be as near to an obstacle as it lands.
+        bar_only: of the bar only, and without this exception.
         """
         room = np.empty(track.times.size)
         ends, times = np.ascontiguousarray(track.ends), np.ascontiguousarray(track.times, float)
@@ -186,7 +184,7 @@ class CollisionScene:
         return room
 
     def obstacle_around(self, ends: Array, radius: float) -> KeepOut | None:
-        """The first obstacle that a still capsule of ends (2, 3) and radius [m] is in."""
+        """The first obstacle that contains part of a capsule of ends (2, 3) and radius [m]."""
         bar = _bar_radius(self.scene.object)
         still = SweptBodies((BAR,), ends[None, ..., None], np.full(1, bar), *np.zeros((2, 1)))
         for thing in self.things:
@@ -198,35 +196,37 @@ class CollisionScene:
 
 @lru_cache(maxsize=8)
 def _floor(height: float) -> KeepOut:
-    """All that is below a height [m]; distances into it are known down to half its thickness."""
-    # A plate: no link reaches around or through it.
+    """The space below a height [m], as a plate that no link reaches around or through.
+
+    Penetrations are known up to half its thickness."""
     half, radius = np.array([100.0, 100.0, 0.0]), 1.0
     plate = Solid(np.array([0.0, 0.0, height - radius]), np.eye(3), half, radius)
     return KeepOut("floor", plate, 0.0, bar=False)
 
 
 def _bar_radius(bar: ThrownObject) -> float:
-    """Radius [m] around the bar's axis of its corners: it is as thick as it is wide."""
+    """Distance [m] of the bar's edges from its axis; its thickness equals its width."""
     return bar.width / math.sqrt(2)
 
 
 def _pairs_of(capsules: ArmCapsules) -> list[tuple[int, int]]:
-    """Bodies, by their places in a track, that move against each other and are no neighbours.
+    """Pairs of bodies, as indices in a track, that move relative to each other and do not adjoin.
 
-    The bar comes last; it is held by the hand, and `palm_distance` says how near it flies past it.
+    Links whose numbers differ by at most 2 adjoin. The bar is last; it has no pair with the hand,
+    since `palm_distance` measures that.
     """
     count, moved, number = len(capsules.number), capsules.moved_by, capsules.number
     found = [
         (i, j)
         for i, j in itertools.combinations(range(count), 2)
-        if moved[i] != moved[j] and abs(number[i] - number[j]) > ADJACENT
+        if moved[i] != moved[j] and abs(number[i] - number[j]) > 2
     ]
     return found + [(i, count) for i in range(count) if moved[i] != moved[-1]]
 
 
 @lru_cache(maxsize=8)
 def _shape(capsules: ArmCapsules | None, bar: ThrownObject) -> BodiesC:
-    """Arm, in the plane at azimuth 0, and bar as the compiled core takes them."""
+    """Arm, in the plane at azimuth 0, and bar for the compiled core."""
     links = 0 if capsules is None else len(capsules.number)
     moved_by, moves = np.zeros(links, np.int64), np.ones(links + 1, np.int64)
     places, pairs = np.zeros((links, 2, 3)), np.zeros((0, 2), np.int64)
@@ -243,7 +243,7 @@ def _shape(capsules: ArmCapsules | None, bar: ThrownObject) -> BodiesC:
 
 
 def contacts(throw: Throw) -> list[Clearance]:
-    """Bodies that come nearer to an obstacle, or to each other, than they may."""
+    """Pairs of bodies that come too near to each other in a throw."""
     if not throw.scene.obstacle and throw.manipulator.capsules is None:
         return []
     around = CollisionScene.of(throw.scene, throw.manipulator)
@@ -263,10 +263,10 @@ def bar_room(throw: Throw, times: Array, com: Array, *, flying: bool) -> Array:
 
 
 def overlap(scene: Scene, manipulator: Manipulator, q: Array, com: Array | None = None) -> Array:
-    """How far [m] (N,) two bodies of an arm, or the bar, are nearer than they may be; below 0 not.
+    """Largest penetration [m] (N,) between two links, or bar and link; below 0: a distance.
 
     q (n, N): coordinates, each an instant of its own; com (3, N): poses of the bar, None without
-    it. Obstacles do not count: they depend on where the throw goes.
+    it. Obstacles are excluded: their places depend on the throw's plane.
     """
     capsules = manipulator.capsules
     if capsules is None:
@@ -280,10 +280,10 @@ def overlap(scene: Scene, manipulator: Manipulator, q: Array, com: Array | None 
 
 
 def check_obstacles(scene: Scene, manipulator: Manipulator) -> None:
-    """InputError where an obstacle holds the target's pose, is in a link that no throw moves, or is
-    too near to a given start.
+    """InputError if an obstacle contains the target's pose, penetrates a link that no throw moves,
+    or is too near to a given start.
 
-    The bar may lie on an obstacle, and the arm's base stand on one.
+    The bar may lie on an obstacle, and the arm's base may stand on one.
     """
     target, bar = scene.target, scene.object
     assert target is not None
@@ -296,18 +296,17 @@ def check_obstacles(scene: Scene, manipulator: Manipulator) -> None:
         raise InputError(f"{scene.place}: the target's pose is inside {thing.words}")
     capsules = around.capsules
     if capsules is not None:
-        # Verdicts look at moving links only.
+        # Verdicts check moving links only.
         ends = capsules.at(np.zeros((manipulator.size, 1)))
         for k, number in enumerate(capsules.number):
             if number == 0 or capsules.moves[k]:
                 continue
-            if (
-                thing := around.obstacle_around(ends[k, ..., 0], float(capsules.radius[k]))
-            ) is not None:
+            radius = float(capsules.radius[k])
+            if (thing := around.obstacle_around(ends[k, ..., 0], radius)) is not None:
                 raise InputError(f"{scene.place}: {thing.words}: inside {capsules.names[k]}")
     if manipulator.start is None:
         return
-    # What lies still is seen at two instants: the core looks between them.
+    # Two instants at rest: the core measures between instants.
     q = np.repeat(manipulator.start[:, None], 2, axis=1)
     held = held_bar(scene, manipulator.motion(q, 0 * q, 0 * q)[0])
     for found in around.clearances(around.bodies_at(np.zeros(2), q, held)):

@@ -27,8 +27,14 @@ T = TypeVar("T")
 Add = Callable[..., argparse.Action]
 #: Interval [s] between updates of the seconds in a progress line.
 COUNT = 1.0
-#: Exit statuses.
-DONE, WRONG_INPUT, NO_THROW, INTERRUPTED = 0, 2, 3, 130
+#: Exit status of a command that did its work.
+DONE = 0
+#: Exit status after wrong input.
+WRONG_INPUT = 2
+#: Exit status of a command that found no throw.
+NO_THROW = 3
+#: Exit status after Ctrl-C or another signal.
+INTERRUPTED = 130
 
 
 class Interrupts:
@@ -200,7 +206,7 @@ def prepare_out(options: argparse.Namespace, files: tuple[str, ...] = ()) -> Non
 
 
 def save_out(options: argparse.Namespace, name: str, save: Callable[[Path], T]) -> T | None:
-    """What `save` returns for the folder of --out, None without the option."""
+    """The result of `save` for the folder of --out, None without the option."""
     if options.out is None:
         return None
     with Progress(f"{name}: writing {options.out}"):

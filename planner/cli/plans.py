@@ -37,9 +37,6 @@ from .common import (
     written,
 )
 
-#: Files of recordings: of a single throw, and of throw k with --repeat.
-RECORDING, RECORDINGS = "run.csv", "run{}.csv"
-
 
 def _add_plan(add: Add) -> None:
     add("plan", metavar="PLAN", help="a plan.json, or the folder that it is in")
@@ -178,12 +175,12 @@ def run(options: argparse.Namespace) -> int:
         raise InputError("--robot: is missing: give the robot's address, or --dry to move nothing")
     if not options.yes and not sys.stdin.isatty():
         raise InputError("--yes: is missing: there is no terminal to confirm the motion")
-    folder, runs, lines = prepare_folder(Path(options.out), (RECORDING,)), [], []
+    folder, runs, lines = prepare_folder(Path(options.out), ("run.csv",)), [], []
     report_step(f"connecting to {options.robot}")
     with robot.connected(options.robot) as franka:
         recordings = robot.throws(franka, plan, sent, partial(_confirm, options.yes))
         for k, recording in enumerate(islice(recordings, options.repeat), start=1):
-            name = RECORDING if options.repeat == 1 else RECORDINGS.format(k)
+            name = "run.csv" if options.repeat == 1 else f"run{k}.csv"
             with filling(folder, (name,)) as scratch:
                 recording.save(scratch / name)
             runs.append({"file": str(folder / name)} | recording.to_dict(plan.throw))

@@ -1,8 +1,8 @@
-"""How the rest of a swing is changed so that the object lands elsewhere.
+"""Changes of the rest of a swing that make the object land elsewhere.
 
-From an instant on, what is still to be sent may change; position, rate and acceleration at that
-instant stay, and so does the time at which the pads open. The NLP, linearised about the rest of the
-swing, says which change is the cheapest, and how far one may go inside all limits.
+The samples after an instant may change; position, rate and acceleration at that instant stay, and
+the time at which the pads open. The NLP, linearised about the rest of the swing, gives the cheapest
+change and the longest one inside all limits.
 """
 
 from __future__ import annotations
@@ -17,9 +17,10 @@ from ..ocp import CondensedQp, ReducedVariables, Refinement, Request, Solution
 from ..search import Clock, NlpCache, initial_guess_from, remaining_trajectory
 from ..throw import TICK, State, Throw
 
-#: How far a target usually goes: x [m], theta [rad]; limits that are nearer than this share of such
-#: a change of the controls bind.
-BASE, BINDS = np.array([0.02, 0.1]), 0.05
+#: Usual move of a target: x [m], theta [rad].
+USUAL_MOVE = np.array([0.02, 0.1])
+#: A limit binds if its margin is below this share of the controls' change for the usual move.
+BINDING_SHARE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +41,7 @@ class RestOfSwing:
     def of(
         cls, problems: NlpCache, throw: Throw, refinement: Refinement, first: int
     ) -> RestOfSwing | None:
-        """Of what is sent; None where the landing does not follow from there."""
+        """The NLP about what is sent; None if its equations are singular there."""
         sent, clock = throw.samples, Clock()
         manipulator = problems.manipulator.from_state(
             State(sent.q[first], sent.dq[first], sent.ddq[first])
@@ -67,19 +68,20 @@ class RestOfSwing:
         )
 
     def direction(self, later: int) -> Direction:
-        """The cheapest change per landing, with the limits that bind where they are.
+        """The cheapest change per landing along the limits that bind.
 
-        later: by so many samples than this the swing is played.
+        later: samples by which the played swing is behind this one.
         """
         at = self.about
         cheapest = at.null_space_step(np.zeros(len(at.rows), bool))
-        near = BINDS * float(np.linalg.norm(cheapest @ BASE[: len(at.landing)]))
+        change = cheapest @ USUAL_MOVE[: len(at.landing)]
+        near = BINDING_SHARE * float(np.linalg.norm(change))
         found = self._direction(at.null_space_step((at.lower > -near) | (at.upper < near)))
         return replace(found, first=self.first + later)
 
     def step(self, off: Array) -> tuple[Array, Direction] | None:
-        """A change (3, K, n) that moves the landing by -off (L,) inside all limits, or as far as
-        they let it; and the direction along those that bind then. None where there is none."""
+        """A change (3, K, n) that moves the landing by -off (L,), or as near to that as limits
+        allow, and the direction along the limits that then bind. None without a solution."""
         step = replace(self.about, target_offset=-off).step(np.zeros(len(self.about.step_bounds)))
         if step is None:
             return None
@@ -89,7 +91,7 @@ class RestOfSwing:
         return Direction(self.first, np.array([self._change(column) for column in slope.T]))
 
     def _change(self, du: Array) -> Array:
-        """Of q, dq, ddq (3, K, n): linear in du, as the times stay."""
+        """Change of q, dq, ddq (3, K, n): linear in du, as the times stay."""
         return self._motion(self.u + np.append(0.0, du)) - self._motion(self.u)
 
     def _motion(self, u: Array) -> Array:
@@ -98,8 +100,8 @@ class RestOfSwing:
 
 @dataclass(frozen=True, eq=False)
 class Direction:
-    """What changes from sample `first` on: (L, 3, K, n) of q, dq, ddq per landing x [m] and theta
-    [rad] (L of them), until the pads are open."""
+    """Change (L, 3, K, n) of q, dq, ddq from sample `first` until the pads are open, per change of
+    the landing's x [m] and theta [rad] (L components)."""
 
     first: int
     change: Array

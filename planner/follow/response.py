@@ -1,4 +1,4 @@
-"""How an arm's joints follow what is sent to them: a lag per joint, fitted to what was measured."""
+"""The response of an arm's joints to what is sent: a lag per joint, fitted to measured joints."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ...models import Array
 from ...problems import InputError
 from ..throw import TICK
 
-#: Least and most of the lag's rate [1/s].
+#: Smallest and largest rate [1/s] of a joint's lag.
 RATES = (2.0, 500.0)
 
 
@@ -27,9 +27,9 @@ class Response:
 
     @classmethod
     def fitted(cls, sent: Array, q: Array) -> Response:
-        """Of least squares to joints (N, n) [rad] sent and measured at 1 kHz from rest on.
+        """Least-squares fit to joints (N, n) [rad] sent and measured at 1 kHz from rest on.
 
-        InputError for what are no such numbers.
+        InputError if they are not finite numbers of equal shape.
         """
         sent, q = np.asarray(sent, float), np.asarray(q, float)
         right = sent.shape == q.shape and sent.ndim == 2 and len(sent) > 1
@@ -41,17 +41,17 @@ class Response:
             law = np.column_stack([behind, np.diff(u)])
             rate, share = np.linalg.lstsq(law, np.diff(y), rcond=None)[0]
             if not RATES[0] <= rate <= RATES[1]:
-                # It follows at once, or this joint hardly moved.
+                # The joint follows at once, or it hardly moved.
                 rate, share = RATES[1], 1.0
             found.append((rate, share))
         return cls(*np.array(found).T)
 
     def of(self, joint: int, sent: Array) -> Array:
-        """What joint number `joint` of these does of `sent` (N, ...), which begins at rest."""
+        """The response of joint number `joint` to `sent` (N, ...), which begins at rest."""
         return _lagging(self.rate[joint], self.share[joint], sent)
 
     def all(self, sent: Array) -> Array:
-        """The same of all joints (..., N, n), and of their rates and accelerations."""
+        """The response of all joints to `sent` (..., N, n); of rates and accelerations alike."""
         return np.moveaxis(_lagging(self.rate, self.share, np.moveaxis(sent, -2, 0)), 0, -2)
 
 
@@ -68,10 +68,7 @@ def _lagging(rate: Array, share: Array, sent: Array) -> Array:
 
 
 def _decaying(factor: Array, driven: Array) -> Array:
-    """y (N, ...) with y_k = factor y_(k-1) + driven_k.
-
-    By sums over twice as many samples each time.
-    """
+    """y (N, ...) with y_k = factor y_(k-1) + driven_k, by sums over 1, 2, 4, ... samples."""
     found, reach = driven, 1
     while reach < len(found):
         before, found = found, found.copy()
@@ -80,61 +77,77 @@ def _decaying(factor: Array, driven: Array) -> Array:
     return found
 
 
-#: What is taken of joints of which nothing is known: at once, give or take; by how much what is
-#: known of them may be off: the lag's logarithm, the share, the offset [rad].
-AT_ONCE, UNKNOWN, KNOWN = (math.log(0.02), 1.0, 0.0), (1.0, 0.5, 3e-3), (0.1, 0.1, 3e-3)
-#: Noise of measured joints [rad], as far as the law leaves them unexplained.
-NOISE = 1e-3
-#: Steps of the parameters for derivatives, and the least and most of the first two.
-STEP, BOUNDS = 1e-4, ((-math.log(RATES[1]), -4.0), (-math.log(RATES[0]), 1.5))
+@dataclass(frozen=True)
+class FollowerSettings:
+    """Settings of the fit. Its law has, per joint, the lag's logarithm, share and offset [rad].
+
+    mean: prior of an unknown joint. deviations, known_deviations: standard deviations of the
+    prior of an unknown joint, and of one with a known response. noise [rad]: standard deviation of
+    a measured joint. step: of logarithm and share for derivatives. bounds: least and largest
+    logarithm and share.
+    """
+
+    mean: tuple[float, float, float] = (math.log(0.02), 1.0, 0.0)
+    deviations: tuple[float, float, float] = (1.0, 0.5, 3e-3)
+    known_deviations: tuple[float, float, float] = (0.1, 0.1, 3e-3)
+    noise: float = 1e-3
+    step: float = 1e-4
+    bounds: tuple[tuple[float, float], tuple[float, float]] = (
+        (-math.log(RATES[1]), -4.0),
+        (-math.log(RATES[0]), 1.5),
+    )
+
+
+SETTINGS = FollowerSettings()
 
 
 class Follower:
-    """The response of joints as it is learnt while they move: nearest to what was known before.
+    """The response of joints, learnt while they move from a prior law.
 
-    One Gauss-Newton step for each measurement of the joints, over all that were made: the law is
-    fitted to the joints, not to their differences, which noise would govern.
+    Each measurement of the joints adds a Gauss-Newton step over all measurements: the law is fitted
+    to the joints, not to their differences, in which noise prevails.
     """
 
     def __init__(self, joints: int, known: Response | None) -> None:
-        self._mean = np.tile(AT_ONCE, (joints, 1))
-        self._weight = np.tile(np.array(UNKNOWN) ** -2, (joints, 1))
+        self._mean = np.tile(SETTINGS.mean, (joints, 1))
+        self._weight = np.tile(np.array(SETTINGS.deviations) ** -2, (joints, 1))
         if known is not None:
             self._mean[:, 0], self._mean[:, 1] = -np.log(known.rate), known.share
-            self._weight[:] = np.array(KNOWN) ** -2
+            self._weight[:] = np.array(SETTINGS.known_deviations) ** -2
         self._law = self._mean.copy()
         self._times: list[float] = []
         self._joints: list[Array] = []
 
     @property
     def response(self) -> Response:
-        """The law as it is known now."""
+        """The law learnt until now."""
         return Response(np.exp(-self._law[:, 0]), self._law[:, 1])
 
     def expected(self, sent: Array) -> Array:
-        """Joints, rates and accelerations (3, N, n) for those that are sent."""
+        """Joints, rates and accelerations (3, N, n) in response to those that are sent."""
         found = self.response.all(sent)
         found[0] += self._law[:, 2]
         return found
 
     def learn(self, time: float, q: Array, sent: Array) -> None:
-        """Takes up joints (n,) measured at `time` [s]; sent (N, n) from time 0 on."""
+        """Learns from joints (n,) measured at `time` [s]; sent (N, n): from time 0 on."""
         self._times.append(time)
         self._joints.append(q)
-        count, law = min(int(time / TICK) + 2, len(sent)), self._law
-        # Where they are by the law, and by laws a little beside it: (N, 3, n), then as measured.
-        near = law[:, :2].T[:, None] + STEP * np.array([[0, 1, 0], [0, 0, 1]])[:, :, None]
+        count, law, step = min(int(time / TICK) + 2, len(sent)), self._law, SETTINGS.step
+        # Joints (N, 3, n) by the law and by two laws a step beside it, then at the measured times.
+        near = law[:, :2].T[:, None] + step * np.array([[0, 1, 0], [0, 0, 1]])[:, :, None]
         sent = np.broadcast_to(sent[:count, None], (count, 3, len(law)))
         moved = _lagging(np.exp(-near[0]), near[1], sent)
         times = np.array(self._times) / TICK
         tick = np.minimum(times.astype(int), count - 1)
         after, share = np.minimum(tick + 1, count - 1), (times - tick)[:, None, None]
         here, *beside = np.moveaxis(moved[tick] * (1 - share) + moved[after] * share, 1, 0)
-        slope = np.array([*((one - here) / STEP for one in beside), np.ones_like(here)])
+        slope = np.array([*((one - here) / step for one in beside), np.ones_like(here)])
         left = np.array(self._joints) - here - law[:, 2]
-        square = np.einsum("aij,bij->jab", slope, slope) / NOISE**2
+        square = np.einsum("aij,bij->jab", slope, slope) / SETTINGS.noise**2
         square[:, range(3), range(3)] += self._weight
-        off = np.einsum("aij,ij->ja", slope, left) / NOISE**2 - self._weight * (law - self._mean)
+        off = np.einsum("aij,ij->ja", slope, left) / SETTINGS.noise**2
+        off -= self._weight * (law - self._mean)
         law = law + np.linalg.solve(square, off[..., None])[..., 0]
-        law[:, :2] = np.clip(law[:, :2], *BOUNDS)
+        law[:, :2] = np.clip(law[:, :2], *SETTINGS.bounds)
         self._law = law

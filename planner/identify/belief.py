@@ -18,7 +18,7 @@ from ...problems import Distribution, Scene, Uncertainty
 from ...problems.files import toml_lines
 from .predict import BASE, UNKNOWNS, parameter_sets
 
-#: Standard deviations for what a scene does not give: relative ones, and the delay's [s].
+#: Standard deviations that a scene does not give: relative ones, and the delay's [s].
 ASSUMED = {"friction": 0.4, "patch_radius": 0.4, "delay": 0.01, "grip_scale": 0.1}
 
 
@@ -144,9 +144,7 @@ def applied(belief: Belief, scene: Scene) -> Scene:
     """
     known = belief.effective
     contact = dataclasses.replace(
-        scene.contact,
-        friction=known.value("friction"),
-        patch_radius=known.value("patch_radius"),
+        scene.contact, friction=known.value("friction"), patch_radius=known.value("patch_radius")
     )
     old = scene.uncertainty
     spreads = {} if old is None else {name: getattr(old, name) for name in old.names}

@@ -24,12 +24,8 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
-#: Files that may be left in the folder.
-FILES = (
-    "identify.json",
-    "contact.toml",
-    *(f"contact-{model}.png" for model in MODELS),
-)
+#: Files of an identification's folder.
+FILES = ("identify.json", "contact.toml", *(f"contact-{model}.png" for model in MODELS))
 
 
 @dataclass(frozen=True)
@@ -100,7 +96,7 @@ class Identified:
         ]
         if max(self.scatter) > 1.0:
             x, theta = self.scatter
-            # So much is no error of a model.
+            # No model errs by more than 30 times the noise.
             wrong = ", or units, turns or clocks are wrong" if max(x, theta) > 30.0 else ""
             lines.append(
                 f"    residuals are {x:.1f} (x) and {theta:.1f} (theta) times the measurement's "

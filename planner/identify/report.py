@@ -23,7 +23,7 @@ PICTURES = {
     "errors": "Predicted less measured landing of every throw of the batch.",
     "boxes": "Absolute errors: median, quartiles, outliers.",
 }
-#: All that a validation leaves in its folder.
+#: Files of a validation's folder.
 FILES = (
     "validation.md",
     "parameters.csv",
@@ -39,8 +39,9 @@ QUANTITIES = (
     ("x", "x [m]", "x", "mm"),
     ("theta", "theta [deg]", "θ", "deg"),
 )
-#: From metres and radians to metres, or millimetres, and degrees.
+#: Factors from metres and radians to metres and degrees.
 DEGREES = np.array([1.0, math.degrees(1.0)])
+#: Factors from metres and radians to millimetres and degrees.
 MILLIMETRES = np.array([1e3, math.degrees(1.0)])
 
 

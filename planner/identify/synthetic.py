@@ -47,35 +47,35 @@ BARS = {
     "moi-small": ThrownObject(mass=0.40, inertia=714e-6, length=0.26, com=0.13, width=0.02),
     "moi-large": ThrownObject(mass=0.40, inertia=1961e-6, length=0.26, com=0.13, width=0.02),
 }
-#: The grip: force [N] of one pad (the Robotiq 2F-85 reaches 235), time [s] from the opening command
-#: until it falls, and time [s] in which it falls.
-FORCE, DWELL, OPENING = 220.0, 0.05, 0.06
+#: Full grip force [N] of one pad; the Robotiq 2F-85 reaches 235.
+FORCE = 220.0
+#: Time [s] from the opening command to the start of the force's fall.
+DWELL = 0.05
+#: Time [s] in which the force falls to zero.
+OPENING = 0.06
 #: Landing height [m] at which the batch's mean flight time is the paper's 0.6 s.
 HEIGHT = -0.65
-#: Friction and patch radius [m] with which the grip must hold the bars on all motions.
+#: Friction and patch radius [m] at which the grip must hold the bars in all motions.
 HELD = (0.8, 0.0031)
-#: Factors on friction and patch radius of the surfaces: what the paper identified for
-#: papertape, 0.4 and 5 mm, over its 1.0 and 2.5 mm for the plastic.
+#: Factors on friction and patch radius of the surfaces: the paper's values for papertape, 0.4 and
+#: 5 mm, over those for the plastic, 1.0 and 2.5 mm.
 SURFACES = {"base": (1.0, 1.0), "plastic": (1.0, 1.0), "papertape": (0.4, 2.0)}
-#: Joint positions [rad] and rates [rad/s] of joints 2, 4 and 6 as the force starts to fall: an
-#: upward throw, one in between and a forward one. Drawn at random once, and kept because every
-#: motion from them passes the checks of a plan.
+#: Positions [rad] and rates [rad/s] of joints 2, 4 and 6 at the start of the force's fall, drawn at
+#: random: an upward throw, one in between, a forward one. All their motions pass a plan's checks.
 PITCHES = {
     "p1": ((-0.120472, -2.706771, 3.368954), (-1.333137, 0.958174, 1.824863)),
     "p2": ((-0.060491, -2.421472, 2.874295), (-1.329277, 0.583433, 1.272851)),
     "p3": ((0.462194, -2.157387, 2.954733), (-0.109184, 1.228937, 1.434976)),
 }
-#: How long the launch of each release takes [s].
+#: Duration [s] of the launch of each release.
 LAUNCHES = {
     "p1": (0.5, 0.5, 0.5, 0.4, 0.4, 0.4),
     "p2": (0.5, 0.5, 0.5, 0.5, 0.5, 0.4),
     "p3": (0.5, 0.5, 0.5, 0.5, 0.4, 0.4),
 }
-#: Joint accelerations from speeding up to slowing down, over the limit of the joint that reaches
-#: its own first.
+#: Joint accelerations of the releases, as shares of the limit that is reached first.
 RELEASES = (0.36, 0.18, 0.0, -0.3, -0.6, -0.9)
-#: Time [s] beyond the opening for which the acceleration stays constant: late openings and the
-#: low-pass filter see no step.
+#: Time [s] after the opening with constant acceleration, for late openings and the low-pass filter.
 LONGER = 0.025
 
 
@@ -220,12 +220,12 @@ class Event:
 
     @property
     def command(self) -> float:
-        """When the opening command goes out [s]."""
+        """Time [s] of the opening command."""
         return self.motion.opening_time - DWELL
 
     @property
     def opening(self) -> float:
-        """When the grip force truly starts to fall [s]."""
+        """True time [s] at which the grip force starts to fall."""
         return self.command + self.grip.dwell
 
 
@@ -316,7 +316,7 @@ def _check_held(making: SynthesisConfig, batch: Sequence[Condition]) -> None:
 
 
 def _event(making: SynthesisConfig, one: Condition, rng: np.random.Generator) -> Event:
-    """One throw of a condition, with what varies from throw to throw."""
+    """One throw of a condition, with its random scatter."""
     # Clipped, so that the full grip holds every bar.
     late, stronger, rougher = np.clip(rng.standard_normal(3), -3.0, 3.0)
     noise, motion = making.noise, design()[one.pitch][one.release - 1]

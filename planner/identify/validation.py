@@ -22,7 +22,7 @@ from .predict import AXES, Grid, Predictor, Progress, check_model, grid_of, para
 #: about(words) announces a part of the work and returns its progress(done, total).
 About = Callable[[str], Progress]
 
-#: Models of the two tables.
+#: Models of Tables III and IV.
 PAPER_MODELS = ("ls", SLIDING_PIVOT, "sp-paper", STEPPED_SURFACE)
 #: Number of folds of a cross-validation.
 FOLDS = 6
@@ -99,9 +99,7 @@ class Validation:
 
 
 def validate(
-    data: ThrowData,
-    models: Sequence[str] = PAPER_MODELS,
-    about: About | None = None,
+    data: ThrowData, models: Sequence[str] = PAPER_MODELS, about: About | None = None
 ) -> Validation:
     """Compare `models` on a data set; InputError for an unknown model, throws that never land."""
     start = time.perf_counter()

@@ -25,10 +25,9 @@ from .stages import JERK_UNIT
 
 Bounds = tuple[Array, Array]
 
-#: Names of the rows with the landing; sensitivities are in it.
+#: Names of the landing's rows; sensitivities are to these.
 LANDING = ("landing x", "landing theta")
-#: Distance of a variable of u beyond its bounds, as a share of their range, up to which a moved
-#: throw is still sampled: a correction may leave the bounds and return.
+#: A moved throw whose u leaves its bounds by up to this share of their range is still sampled.
 SLACK = 1.0
 #: Rounding [s] of a duration in single precision.
 ROUNDING = 1e-6

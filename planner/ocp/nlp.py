@@ -22,13 +22,14 @@ from .stages import JERK_UNIT, Block, Structure
 from .terms import TERMS
 from .transcription import UNITS, Ocp, grip_instants
 
-#: Price of an elastic landing's miss [1/m].
+#: Price [1/m] of an elastic landing's pose error.
 MISS_PRICE = 100.0
 #: Parts of a carry interval with grip constraints at their ends: without and with lazy "carry".
 INSTANTS = (2, 8)
-#: A limit binds above this share of the largest multiplier; a bound, within this distance of it in
-#: the variable's unit.
-BINDING_SHARE, BINDING_DISTANCE = 0.02, 1e-4
+#: A limit binds if its multiplier is above this share of the largest one.
+BINDING_SHARE = 0.02
+#: A variable's bound binds only within this distance, in the variable's unit.
+BINDING_DISTANCE = 1e-4
 
 
 @dataclass(frozen=True)

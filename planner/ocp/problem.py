@@ -29,8 +29,10 @@ from .scene_constraint import Brake, Flight, Instant, SceneConstraint, gripped_i
 from .stages import DDQ, DQ, JERK_UNIT, REL, SLACKS, T_F, Block, Q, Stage, T
 from .transcription import Hand, Interval, Node, Ocp
 
-#: Shortest carry and longest flight [s] of a plan.
-CARRY_MIN, FLIGHT_MAX = 0.02, 3.0
+#: Shortest carry [s] of a plan.
+CARRY_MIN = 0.02
+#: Longest flight [s] of a plan.
+FLIGHT_MAX = 3.0
 
 
 class Weights(NamedTuple):

@@ -18,14 +18,13 @@ from ..clearance import BAR
 from ..throw import Manipulator, Throw, friction_use
 from ..verdict import FLYING, Code, Finding, Verdict
 
-#: A constraint that an NLP gets after a verdict has found it broken: "carry" (grip, floor and
-#: column at more instants, floor of the arm), "flight" and "return" (the hand's body; more depths
-#: of a cup), "passing" (the column in flight), "torque".
+#: A constraint that an NLP has only after a verdict found it broken: "carry" (grip, floor,
+#: column at more instants, floor of the arm), "flight" and "return" (hand's body, more depths of a
+#: cup), "passing" (column in flight) or "torque".
 LazyConstraint = str
 #: Times after detach [s] at which "flight" constrains bar and hand's body.
 PALM_TIMES = (0.01, 0.02, 0.03, 0.045, 0.06, 0.075, 0.09, 0.11, 0.13, 0.15, 0.18, 0.21, 0.25)
-#: Penetration [m] of the held bar between clear nodes, up to which a larger margin is tried before
-#: more instants.
+#: A larger margin is tried before more instants if the held bar penetrates by less than this [m].
 SHALLOW = 0.015
 
 
@@ -174,7 +173,7 @@ BASE = Refinement()
 
 @dataclass(frozen=True)
 class WindowSettings:
-    """How wide and how fine the window of a robust plan is.
+    """Settings of a robust plan's window and its mesh.
 
     step [s]: longest interval before the opening and after detach. deviations: of a normal
     distribution, inside the window. slow_opening: share of the opening by which a slow one may

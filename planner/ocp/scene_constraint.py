@@ -107,7 +107,7 @@ class Brake(Node):
 
     @classmethod
     def of(cls, node: Node) -> Brake:
-        """From a node."""
+        """The brake from a node."""
         ocp, (q, dq, ddq) = node.ocp, node.coordinates
         place, rate, peak = q, dq, dq
         if ocp.structure.jerk_control:

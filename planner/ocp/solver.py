@@ -32,18 +32,17 @@ class Barrier:
     max_iterations: int
 
 
-#: Start from a guess; guesses are good, so the barrier is small.
+#: Barrier of a start from a guess; guesses are good, so it is small.
 COLD = {"fatrop": Barrier(0.01, 100), "ipopt": Barrier(0.01, 500)}
-#: Start from a solution for almost the same target; FATROP takes 3 iterations in the median.
+#: Barrier of a start from the solution for a close target; FATROP's median is 3 iterations.
 WARM = {"fatrop": Barrier(1e-8, 12), "ipopt": Barrier(1e-5, 500)}
-#: Start from a solution for a target some centimetres away, or after WARM has failed; FATROP takes
-#: 6 iterations in the median.
+#: Barrier of a start from a solution centimetres away, or after WARM; FATROP's median is 6.
 FAR = {"fatrop": Barrier(1e-6, 30), "ipopt": Barrier(1e-5, 500)}
 
 
 @dataclass(frozen=True)
 class CallLimits:
-    """When a call of a solver is not made, or given up.
+    """Limits at which a call of a solver is skipped or given up.
 
     max_derivative: of a constraint at the start. Above about 3e6 FATROP 1.1 may repeat one
     factorisation without end; usual starts are below 500. fatrop_time [s], evaluations: processor
@@ -61,7 +60,7 @@ class CallLimits:
 
 LIMITS = CallLimits()
 
-#: Names of the functions that `nlp_functions` makes.
+#: Names of the functions of `nlp_functions`.
 NAMES = ("nlp_f", "nlp_g", "nlp_grad_f", "nlp_jac_g", "nlp_hess_l", "nlp_grad")
 
 Result = TypeVar("Result")

@@ -1,4 +1,4 @@
-"""The reach of a scene in cells of x and theta, each of which a library has a throw in."""
+"""The reach of a scene in cells of x and theta; a library has one throw in each."""
 
 from __future__ import annotations
 
@@ -14,38 +14,38 @@ from .maps import WIDTHS, reach_map
 Cell = tuple[int, int]
 Landings = tuple[Array, Array]
 
-#: Sampled states whose landings are the map.
+#: Sampled states of the map.
 SAMPLES = 60_000
-#: Cells are coarsened until random landings fill at most so many.
-HIT = 300
-#: The reach's area is estimated as this many times that of these cells.
-LARGER = 1.5
-#: Narrowest cells, as a share of these bins.
+#: Cells are coarsened until random landings fill at most this number of them.
+MAX_FILLED = 300
+#: Estimated area of the reach over the area of the cells with random landings.
+AREA_RATIO = 1.5
+#: Width of the narrowest cells over that of the finest bins.
 FINEST = 0.2
 
 
 @dataclass(frozen=True)
 class Cells:
-    """Cells of x [m] and theta [rad] that a library has a throw in each; theta's is 0 if open."""
+    """Width of the cells in x [m] and theta [rad]; theta is 0 if the scene leaves it open."""
 
     x: float
     theta: float
 
     @classmethod
     def of(cls, x: Array, theta: Array, count: int, *, angle: bool) -> Cells:
-        """Cells so wide that `count` of them cover a map's landings x, theta (N,), about."""
+        """Cells of which about `count` cover a map's landings x, theta (N,)."""
         wide, turn = WIDTHS[0]
         columns = np.column_stack([x / wide, theta / turn] if angle else [x / wide])
         scale, filled = 1.0, math.inf
-        while filled > HIT:
+        while filled > MAX_FILLED:
             scale *= 1.2
             filled = len(np.unique(np.floor(columns / scale), axis=0))
-        scale *= (LARGER * max(filled, 1) / count) ** (1 / columns.shape[1])
+        scale *= (AREA_RATIO * max(filled, 1) / count) ** (1 / columns.shape[1])
         scale = max(scale, FINEST)
         return cls(scale * wide, scale * turn if angle else 0.0)
 
     def finer(self, times: float) -> Cells | None:
-        """Smaller cells, `times` as many; None where these are the finest."""
+        """Smaller cells, `times` their number; None if these are the finest."""
         finest = FINEST * WIDTHS[0][0]
         scale = max(times ** -(0.5 if self.theta else 1.0), finest / self.x)
         return Cells(scale * self.x, scale * self.theta) if self.x > 1.001 * finest else None
@@ -68,6 +68,6 @@ class Cells:
 
 
 def landings_of(scene: Scene) -> Landings:
-    """Where a map's random throws land: x [m], theta [rad] (N,)."""
+    """Landings of a map's random throws: x [m], theta [rad] (N,)."""
     found = reach_map(scene, samples=SAMPLES)
     return found.x, found.theta

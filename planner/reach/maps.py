@@ -1,7 +1,7 @@
-"""Which landing poses are in reach: sampled throws, sorted into bins of x and theta.
+"""Landing poses in reach: sampled throws, sorted into bins of x and theta.
 
-A bin with a landing is one that was hit, not one that a plan was made for; `benchmarks`
-plans to random places in them. An empty bin next to full ones may only have been missed.
+A bin has a landing if a sampled throw hit it; no plan is made for it. `benchmarks` plans to random
+places in such bins. Sampling may have missed an empty bin next to full ones.
 """
 
 from __future__ import annotations
@@ -32,18 +32,22 @@ from .picture import MapPicture
 
 Counts = npt.NDArray[np.int64]
 
-#: Bin widths [m, rad], finest first. The first is taken that leaves a reached bin FILL
-#: landings on average and at most BINS bins on each axis.
+#: Bin widths [m, rad]; a map has the finest that meet `MIN_FILL` and `MAX_BINS`.
 WIDTHS = tuple(
     (x, math.radians(degrees))
     for x, degrees in ((0.02, 5.0), (0.04, 10.0), (0.06, 15.0), (0.1, 22.5), (0.2, 45.0))
 )
-FILL, BINS = 10.0, 400
-#: Most sampled states, and how many are drawn by default.
-MOST, SAMPLES = 10_000_000, 200_000
-#: Height [m] and distance [m] a target may have.
+#: Fewest landings, on average, of a bin with a landing.
+MIN_FILL = 10.0
+#: Most bins on each axis.
+MAX_BINS = 400
+#: Most sampled states.
+MOST = 10_000_000
+#: Default number of sampled states.
+SAMPLES = 200_000
+#: Largest height and depth [m] of a map.
 FARTHEST = 1e4
-#: What a map leaves in its folder.
+#: Files of a map's folder.
 MAP_FILES = ("map.png", "map.npz")
 
 
@@ -78,12 +82,12 @@ class ReachMap:
     message: str = ""
 
     def __repr__(self) -> str:
-        """A line: its arrays would fill a screen."""
+        """One line instead of the arrays."""
         return f"ReachMap({self.scene.name}: {self.reachable:,} bins in reach at z {self.z:g} m)"
 
     @property
     def reachable(self) -> int:
-        """How many bins a throw landed in."""
+        """Number of bins with a landing."""
         return int(np.count_nonzero(self.landings))
 
     @property
@@ -157,7 +161,7 @@ class ReachMap:
         )
 
     def _library_words(self) -> str:
-        """What the library says; empty without one."""
+        """Numbers of solved throws and unreachable places in the library; empty without one."""
         if not self.solved.size:
             return ""
         most = [name for name, _ in collections.Counter(self.binding).most_common(3)]
@@ -200,7 +204,7 @@ class ReachMap:
         return Path(folder) / "map.npz"
 
     def _picture(self) -> MapPicture:
-        """What map.png shows of it."""
+        """The content of map.png."""
         wide, angle = self.widths
         size = f"{100 * wide:g} cm" + ("" if angle is None else f" × {math.degrees(angle):g}°")
         cup = ", with the cup there" if self.scene.cup is not None else ""
@@ -225,8 +229,8 @@ def reach_map(
     """The landing poses in reach of a scene at height `z` [m], by default the target's.
 
     Equal arguments give equal maps. progress(done, samples) is called on the way. Raises
-    InputError for a scene that cannot be planned and for numbers out of range; a height that no
-    throw comes down through gives an empty map with its message.
+    InputError for a scene that cannot be planned and for numbers out of range; if no throw lands at
+    the height, the map is empty and has a message.
     """
     scene = as_scene(scene)
     check_map(z, samples)
@@ -281,7 +285,7 @@ def check_map(z: float | None, samples: int, prefix: str = "") -> None:
 def _binned(found: ReachMap, margin: Array, cells: Counts) -> ReachMap:
     """The map with its landings in bins, of theta only where the target has one.
 
-    margin (N,): of each landing; cells (N,): equal for throws that count as the same.
+    margin (N,): of each landing; cells (N,): equal for throws that count as one.
     """
     x, theta, target = found.x, found.theta, found.scene.target
     angle = target is not None and target.theta is not None
@@ -306,7 +310,7 @@ def _binned(found: ReachMap, margin: Array, cells: Counts) -> ReachMap:
 
 
 def _why_nothing(z: float, down: int, rise: tuple[float, str]) -> str:
-    """Why no throw was found; down: throws that land; rise: the highest [m], in words too."""
+    """Why no throw was found; down: throws that land; rise: the highest apex [m], and words."""
     if down:
         kept = "keeps floor, base column, longest carry and the bounds of [landing]"
         return f"no throw found: none of {down:,} sampled throws down to z {z:g} m {kept}"
@@ -322,12 +326,12 @@ def edges_of(axes: list[Array]) -> list[Array]:
     """
     coarser = (tuple(2.0**k * width for width in WIDTHS[-1]) for k in itertools.count(1))
     for number, widths in enumerate(itertools.chain(WIDTHS, coarser)):
-        if any(np.ptp(v) > (BINS - 2) * w for v, w in zip(axes, widths, strict=False)):
+        if any(np.ptp(v) > (MAX_BINS - 2) * w for v, w in zip(axes, widths, strict=False)):
             continue
         edges = [_multiples(v, w) for v, w in zip(axes, widths, strict=False)]
         found = [places(e, v) for e, v in zip(edges, axes, strict=True)]
         reached = np.unique(np.column_stack(found), axis=0)
-        if len(axes[0]) >= FILL * len(reached) or number >= len(WIDTHS) - 1:
+        if len(axes[0]) >= MIN_FILL * len(reached) or number >= len(WIDTHS) - 1:
             break
     return edges
 

@@ -17,14 +17,13 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
     from matplotlib.patheffects import AbstractPathEffect
 
-#: Levels of contour lines in a decade; the number of the highest that are drawn; and the least
-#: level: one throw more would move a lower line far.
-LEVELS, LINES, LEAST = (1.0, 2.0, 5.0), 3, 4.0
+#: Lowest level [throws] of a contour line: one throw more would move a lower line far.
+MIN_LEVEL = 4.0
 
 
 @dataclass(frozen=True, eq=False)
 class MapPicture:
-    """What map.png shows.
+    """The content of map.png.
 
     x_edges (X + 1,) [m], theta_edges (T + 1,) [rad] or None; best margin and number of different
     throws per bin (X, T); x and theta of the library's throws solved (2, S) and of the places
@@ -42,7 +41,7 @@ class MapPicture:
     z: float
 
     def draw(self, path: Path) -> None:
-        """Over x and theta, or over x alone where theta is open."""
+        """Draws it over x and theta, or over x alone if theta is open."""
         if self.theta_edges is None:
             _draw_line(self, path)
         else:
@@ -76,15 +75,15 @@ def _draw_plane(found: MapPicture, theta_edges: Array, path: Path) -> None:
 
 
 def _contours(axes: Axes, found: MapPicture, theta: Array) -> None:
-    """Lines of equal number of different throws, smoothed over some bins."""
+    """Lines of equal number of different throws, smoothed over some bins, at the 3 top levels."""
     from matplotlib.patheffects import withStroke
     from scipy.ndimage import uniform_filter
 
     number = found.solutions
     for _ in range(3):
         number = uniform_filter(number, 3, mode="constant")
-    decades = [10.0**k * m for k in range(6) for m in LEVELS]
-    levels = [level for level in decades if LEAST <= level < 0.9 * number.max()][-LINES:]
+    decades = [10.0**k * m for k in range(6) for m in (1.0, 2.0, 5.0)]
+    levels = [level for level in decades if MIN_LEVEL <= level < 0.9 * number.max()][-3:]
     if not levels or min(number.shape) < 4:
         return
     x, middle = ((edges[1:] + edges[:-1]) / 2 for edges in (found.x_edges, theta))
@@ -97,7 +96,7 @@ def _contours(axes: Axes, found: MapPicture, theta: Array) -> None:
 
 
 def _mark_library(axes: Axes, found: MapPicture) -> None:
-    """The library's throws, and where it found the edge of the reach."""
+    """The library's throws, and the places that it found to be out of reach."""
     dots: dict[str, Any] = {"s": 3, "lw": 0, "zorder": 3, "rasterized": True}
     for (x, theta), colour, label in (
         (found.solved, BLACK, "solved throws of the library"),

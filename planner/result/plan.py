@@ -152,7 +152,7 @@ class Plan:
     peak_load: float | None = None
 
     def __repr__(self) -> str:
-        """One line: the arrays would fill a screen."""
+        """One line instead of the arrays."""
         return f"Plan({self.scene.name}: {self.status}, {self.message})"
 
     @cached_property

@@ -3,14 +3,7 @@
 All read a saved plan back (`read_plan`) and check it again, since files can be edited.
 """
 
-from .controllers import (
-    FRANKA_FILES,
-    JointMotion,
-    export,
-    joint_motion,
-    motion_facts,
-    write_franka,
-)
+from .controllers import FRANKA_FILES, JointMotion, export, joint_motion, motion_facts, write_franka
 from .franka import Franka, GripperState, check_arm, connected
 from .learning import corrected
 from .mujoco_replay import Replay, replay, throw_to_rest, view

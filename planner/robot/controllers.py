@@ -22,14 +22,19 @@ from ..result import Plan, joint_samples, throw_of, write_table
 from ..throw import TICK, Throw
 from ..verdict import JOINT_LIMITS, verdict
 
-#: Largest distance of an instant on a tick from that tick, in ticks.
+#: An instant is on a tick if it is within this distance of it [ticks].
 ON_TICK = 1e-6
 #: Default gap [m] of an opened gripper: the Franka Hand's.
 OPEN_WIDTH = 0.08
-#: Programs that throw the files beside them: for libfranka, and for ROS 2.
-FRANKA_PROGRAM, ROS_PROGRAM = ("throw.cpp", "CMakeLists.txt"), ("throw_node.py",)
+#: Program for libfranka that throws the files beside it.
+FRANKA_PROGRAM = ("throw.cpp", "CMakeLists.txt")
+#: Files for libfranka.
 FRANKA_FILES = ("joints.csv", "gripper.csv", "franka.json", "franka.txt", *FRANKA_PROGRAM)
+#: Program for ROS 2 that throws the bag beside it.
+ROS_PROGRAM = ("throw_node.py",)
+#: Files of the bag.
 BAG_FILES = ("metadata.yaml", "throw.mcap")
+#: Files for ROS 2.
 ROS_FILES = (*BAG_FILES, *ROS_PROGRAM)
 
 

@@ -24,9 +24,9 @@ from ...models.robot import Arm
 from ...problems import InputError, load_arm
 from .controllers import OPEN_WIDTH, is_franka
 
-#: Ports of robot and gripper.
+#: TCP ports of robot and gripper.
 PORTS = (1337, 1338)
-#: The only arm that the binding's protocol speaks to.
+#: The only arm that the binding's protocol supports.
 ARM = "fr3"
 #: A robot is at rest if no joint is faster than this [rad/s].
 STILL = 0.01

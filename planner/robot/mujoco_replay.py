@@ -48,7 +48,7 @@ from .mujoco_throw import (
     target_travel,
 )
 
-#: Files that a replay may leave in its folder.
+#: Files of a replay's folder.
 FILES = ("replay.json", "replay.csv", "replay.png")
 
 
@@ -76,7 +76,7 @@ class Replay:
     run: float
 
     def __repr__(self) -> str:
-        """One line: the arrays would fill a screen."""
+        """One line instead of the arrays."""
         x, z, theta = self.landing
         return f"Replay(landing x {x:.4f} m, z {z:.4f} m, theta {math.degrees(theta):.2f} deg)"
 

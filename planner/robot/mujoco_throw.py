@@ -16,7 +16,7 @@ from ..throw import Throw
 
 #: Friction of the bar against cup, floor, hand and column.
 FRICTION = 0.4
-#: The replay begins this time [s] before the opening.
+#: Time [s] of the replay before the opening.
 LEAD = 0.05
 #: Thickness [m] of the cup's wall.
 WALL = 0.005

@@ -1,7 +1,7 @@
-"""What a robot did of a throw: recorded at 1 kHz, as a file, and thrown by the exact model.
+"""A robot's motion recorded at 1 kHz: its file, and its throw by the exact model.
 
-A throw depends on the joints' accelerations, which a low-pass strong enough for a recording's
-noise would blur. So only what the fitted response leaves unexplained is low-passed.
+A throw depends on the joints' accelerations. A low-pass of the recording itself would distort them,
+so the low-pass is for the residuals of the fitted response only.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from ..throw import TICK, Throw
 from ..verdict import Code, Finding, outside_tolerance, verdict
 from .controllers import JointMotion
 
-#: Cut-off [Hz] of the low-pass on what the fitted response leaves of recorded joints.
+#: Cut-off [Hz] of the low-pass on the residuals of the fitted response.
 CUTOFF = 60.0
 #: An arm is at rest if every joint is slower than this [rad/s].
 REST_RATE = 0.02
@@ -46,7 +46,7 @@ class Recording:
     command_time: float
 
     def opening_time(self, scene: Scene) -> float:
-        """When the grip force starts to fall [s]."""
+        """Time [s] at which the grip force starts to fall."""
         return self.command_time + scene.gripper.profile().dwell + scene.mean_delay
 
     def throw(self, plan: Throw) -> Throw:
@@ -102,11 +102,11 @@ class Recording:
         return even, measured, interpolated(even, self.times, self.sent[:, joints])
 
     def to_dict(self, plan: Throw) -> dict[str, Any]:
-        """Where the measured motion throws the object, as JSON: SI units, radians.
+        """The throw of the measured motion as JSON: SI units, radians.
 
         landing in the base frame; error.position is the distance from the target at its height,
-        also across the throw's plane. Both are None where the object never lands. lag [rad]: the
-        largest difference of a joint to its command; width [m]: the gripper's, before and after.
+        also across the throw's plane. Both are None if the object never lands. lag [rad]: largest
+        difference of a joint to its command; width [m]: of the gripper, before and after.
         """
         throw, target, lag = self.throw(plan), plan.target, np.abs(self.q - self.sent).max()
         found: dict[str, Any] = {"landing": None, "error": None, "lag": float(lag)}
@@ -128,7 +128,7 @@ class Recording:
     def _findings(
         self, throw: Throw, plan: Throw, error: dict[str, float] | None
     ) -> tuple[Finding, ...]:
-        """What the measured throw breaks.
+        """The limits that the measured throw breaks.
 
         A measured throw may use up the clearances of its plan, as in a sweep. Torques and speeds
         are judged on what was sent: recorded joints are too noisy to differentiate.

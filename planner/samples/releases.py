@@ -1,4 +1,4 @@
-"""The table of sampled releases, and which of them a solve for a target starts from."""
+"""The table of sampled releases, and those of them that a solve for a target starts from."""
 
 from __future__ import annotations
 
@@ -14,10 +14,11 @@ from ...models import Array, Flags, FlightLaw, FlightState, Indices
 from ...problems import Pose, Scene
 from ..library import Turns
 
-#: Nearest landings among which starting points are chosen, and how far apart these are: as a
-#: share of the table's range of some coordinate, rate or the flight time.
-POOL, DIFFERENT = 400, 0.15
-#: A height this far [m] above every sampled apex is out of reach.
+#: Nearest landings among which starting points are chosen.
+POOL = 400
+#: Releases differ if a coordinate, a rate or the flight time does by this share of its range.
+DIFFERENT = 0.15
+#: Height [m] above every sampled apex from which a target is out of reach.
 HEIGHT_ROOM = 0.25
 
 
@@ -37,12 +38,12 @@ class Releases:
     clear: Flags
 
     def landings(self, height: float, flight: FlightLaw) -> tuple[Array, Array, Array]:
-        """x [m], theta [rad] and flight time [s] of coming down through `height`; NaN if not."""
+        """x [m], theta [rad] and flight time [s] of the landing at `height`; NaN without one."""
         x, theta, time = _landings(self, height, flight)
         return x, theta, time
 
     def flight_time(self, index: int, height: float, flight: FlightLaw) -> float:
-        """How long release `index` flies down to `height` [s]; NaN if it does not."""
+        """Time [s] that release `index` flies down to `height`; NaN if it does not."""
         return float(self.landings(height, flight)[2][index])
 
     def picked(self, chosen: npt.NDArray[Any]) -> Releases:
@@ -67,7 +68,7 @@ def _shares(releases: Releases, height: float, flight: FlightLaw) -> Array:
     return np.asarray(states / np.maximum(spread, 1e-9))
 
 
-#: What a table of releases holds.
+#: Names of a table's arrays.
 ARRAYS = ("q", "dq", "ddq", "run_up", "detach", "clear")
 
 
@@ -77,13 +78,9 @@ def joined(*parts: Releases) -> Releases:
 
 
 def distances(
-    releases: Releases,
-    scene: Scene,
-    x: float,
-    height: float,
-    theta: float | None,
+    releases: Releases, scene: Scene, x: float, height: float, theta: float | None
 ) -> Array:
-    """Pose errors [m] (39) (N,) of the landings; inf where there is none."""
+    """Pose errors [m] (39) (N,) of the landings; inf without a landing."""
     land_x, land_theta, time = releases.landings(height, scene.flight)
     turn = 0.0 if theta is None else land_theta - theta
     distance = scene.object.pose_error(land_x - x, turn)
@@ -100,17 +97,11 @@ def arrival(releases: Releases, scene: Scene, pose: Pose, within: float) -> tupl
 
 
 def nearest(
-    releases: Releases,
-    scene: Scene,
-    x: float,
-    height: float,
-    theta: float | None,
-    count: int,
+    releases: Releases, scene: Scene, x: float, height: float, theta: float | None, count: int
 ) -> tuple[Indices, Array]:
-    """Indices and scaled distances [m] (39) of `count` near landings, nearest first.
+    """Indices and pose errors [m] (39) of `count` near landings, nearest first.
 
-    Each differs from those before it; where there are too few such among the nearest, others
-    like them fill up.
+    The releases differ, except if fewer than `count` of the nearest do.
     """
     distance = distances(releases, scene, x, height, theta)
     size = min(max(POOL, count), len(distance))
@@ -126,7 +117,7 @@ def nearest(
 
 
 def _different(states: Array, count: int) -> Indices:
-    """Indices of at most `count` rows, in order, that differ; filled up with other rows."""
+    """Indices, in order, of at most `count` rows that differ, then of other rows up to `count`."""
     chosen: list[int] = []
     free = np.ones(len(states), bool)
     while len(chosen) < count and free.any():
@@ -140,9 +131,9 @@ def _different(states: Array, count: int) -> Indices:
 def starts(
     releases: Releases, scene: Scene, target: Pose, turns: Turns, count: int
 ) -> list[tuple[int, Pose, float]]:
-    """(release's number, target, scaled distance [m]) of the `count` nearest landings.
+    """(release's number, target, pose error [m]) of the `count` nearest landings.
 
-    With turns 'any' theta counts modulo full turns, and each entry says which it is for.
+    With turns 'any' theta counts modulo full turns; an entry's target has the turns it is for.
     """
     found: list[tuple[int, Pose, float]] = []
     for goal in goals_of(releases, scene, target, turns):
@@ -152,7 +143,7 @@ def starts(
 
 
 def goals_of(releases: Releases, scene: Scene, target: Pose, turns: Turns) -> list[Pose]:
-    """The target; with turns 'any' at the turns about what is usual in the table."""
+    """The target; with turns 'any' at the turns around the table's median."""
     if turns == "exact" or target.theta is None:
         return [target]
     _, thetas, _ = releases.landings(target.z, scene.flight)
@@ -162,9 +153,9 @@ def goals_of(releases: Releases, scene: Scene, target: Pose, turns: Turns) -> li
 
 
 def highest(releases: Releases, target: Pose, flight: FlightLaw) -> tuple[bool, Pose | None, str]:
-    """Where no sampled release comes down through the target's height: the highest apex.
+    """The highest apex, if no sampled release lands at the target's height.
 
-    Whether the target is clearly above it, the pose there, and words.
+    Returns whether the target is out of reach above it, the pose at the apex, and words.
     """
     if len(releases.q) == 0:
         return False, None, "no throw found: no sampled release keeps limits and grip"

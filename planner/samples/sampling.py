@@ -1,4 +1,4 @@
-"""Random feasible releases: all over the limits, where landings are sparse, near a target.
+"""Random feasible releases: evenly within the limits, and beside those with sparse landings.
 
 Random states of the coordinates at the start of the opening, kept when limits, grip, run-up and
 brake allow them, are thrown through the non-smooth sliding pivot as one batch.
@@ -24,18 +24,31 @@ from ..throw import Limits, Manipulator, friction_use
 from .closed_form import clears_carried, clears_thrown, run_up
 from .releases import ARRAYS, Releases, joined
 
-#: Version of stored tables. Raise it where other releases are drawn, or thrown otherwise.
+#: Version of stored tables; raise it after a change of how releases are drawn or thrown.
 FORMAT = 1
-#: Steps of the opening in the table, and cubic pieces of the hand's motion.
-STEPS, PIECES = 12, 6
-#: Share of a table drawn beside releases whose landings are sparse, and in how many rounds.
-SPARSE_SHARE, ROUNDS = 0.6, 6
-#: How near, in shares of the limits' range.
-NEARNESS = (0.01, 0.1)
-#: Bins across the range of landings, each way.
+#: Bins of landings on each axis.
 BINS = 40
-#: How much more often a bin at the edge of the reached ones is taken.
-EDGE = 3.0
+
+
+@dataclasses.dataclass(frozen=True)
+class SamplingSettings:
+    """Settings of a table of releases.
+
+    steps: of the opening, along `pieces` cubic pieces of the hand's motion. sparse_share: of the
+    table, drawn in `rounds` beside releases with sparse landings. widths: least and largest
+    standard deviation of these draws, as shares of the limits' range. boundary_weight: factor on
+    the probability of a bin beside an empty one.
+    """
+
+    steps: int = 12
+    pieces: int = 6
+    sparse_share: float = 0.6
+    rounds: int = 6
+    widths: tuple[float, float] = (0.01, 0.1)
+    boundary_weight: float = 3.0
+
+
+SETTINGS = SamplingSettings()
 
 
 class ReleaseSampler:
@@ -49,14 +62,15 @@ class ReleaseSampler:
     def draw(self, count: int, seed: int = 0) -> Releases:
         """Releases from `count` tried states; fewer come back.
 
-        The first of them evenly in the states, then, in rounds, beside the releases whose
-        landings are sparse: those at the edge of what is in reach above all.
+        The first are drawn evenly over all states, the others, in rounds, beside releases with
+        sparse landings, above all at the reach's boundary.
         """
         rng = np.random.default_rng(seed)
-        beside = int(SPARSE_SHARE * count / ROUNDS)
-        table = self._evenly(count - ROUNDS * beside, rng)
-        for _ in range(ROUNDS if len(table.q) else 0):
-            # Where most come down: the table serves all heights.
+        rounds = SETTINGS.rounds
+        beside = int(SETTINGS.sparse_share * count / rounds)
+        table = self._evenly(count - rounds * beside, rng)
+        for _ in range(rounds if len(table.q) else 0):
+            # The table serves all heights: at this one most releases land.
             height = float(np.quantile(table.detach[:, 1], 0.05))
             x, theta, _ = table.landings(height, self.scene.flight)
             if table.clear.any():
@@ -66,7 +80,7 @@ class ReleaseSampler:
         return table
 
     def _evenly(self, count: int, rng: np.random.Generator) -> Releases:
-        """Releases from `count` states all over the limits; the last few let go at rest."""
+        """Releases from `count` states evenly within the limits; the last few let go at rest."""
         limits, n = self.manipulator.planning, self.manipulator.size
         q = rng.uniform(limits.q_min, limits.q_max, (count, n))
         dq = rng.uniform(-limits.dq, limits.dq, (count, n))
@@ -81,7 +95,7 @@ class ReleaseSampler:
         """Releases from states near those of `parents` (indices), some nearer, some farther."""
         limits, n = self.manipulator.planning, self.manipulator.size
         size = (len(parents), n)
-        low, high = map(math.log, NEARNESS)
+        low, high = map(math.log, SETTINGS.widths)
         width = np.exp(rng.uniform(low, high, (len(parents), 1)))
         q = table.q[parents] + width * (limits.q_max - limits.q_min) * rng.normal(size=size)
         dq = table.dq[parents] + width * 2 * limits.dq * rng.normal(size=size)
@@ -94,7 +108,7 @@ class ReleaseSampler:
     ) -> Releases:
         """The feasible ones of some states, thrown."""
         if self.manipulator.start is not None:
-            # From a given start the way may be long: up to the longest carry.
+            # The way from a given start may take up to the longest carry.
             longest = self.scene.mesh.carry_max
             duration = np.maximum(duration, 0.25)
             duration = duration * (longest / duration) ** rng.uniform(0.0, 1.0, duration.size)
@@ -136,7 +150,7 @@ class ReleaseSampler:
         for position in positions:
             inside &= (position >= limits.q_min) & (position <= limits.q_max)
         if self.manipulator.start is not None:
-            # From a given start: as far as the run-up's time allows.
+            # The run-up from a given start must not accelerate too fast.
             gap = np.abs(q - self.manipulator.start - dq * duration[:, None] / 2)
             inside &= gap <= 0.15 * limits.ddq * duration[:, None] ** 2
         return np.asarray(inside.all(axis=1))
@@ -174,7 +188,7 @@ class ReleaseSampler:
     def throw(self, q: Array, dq: Array, ddq: Array) -> Array:
         """Detach states (N, 6) by the exact sliding pivot, with graded steps."""
         scene, grip, count = self.scene, self.profile, len(q)
-        times = np.linspace(0.0, grip.opening, PIECES + 1)
+        times = np.linspace(0.0, grip.opening, SETTINGS.pieces + 1)
         hands = [self._hand(q, dq, ddq, t) for t in times]
         pose, twist, acceleration = (
             np.stack([getattr(hand, name) for hand in hands], axis=1)
@@ -193,13 +207,12 @@ class ReleaseSampler:
             scene.gravity,
             scene.grasp.angle,
         )
-        return MODELS[SLIDING_PIVOT].throw(batch, STEPS).detach
+        return MODELS[SLIDING_PIVOT].throw(batch, SETTINGS.steps).detach
 
 
 def sparse_parents(x: Array, theta: Array, count: int, rng: np.random.Generator) -> Indices:
-    """Indices (count,) of landings, drawn so that each filled bin is as likely as the next.
-
-    x (N,) [m], theta (N,) [rad]; entries that are not finite are not taken.
+    """Indices (count,) of landings, drawn so that all filled bins away from the boundary are
+    equally likely. x (N,) [m], theta (N,) [rad]; entries that are not finite are not taken.
     """
     finite = np.flatnonzero(np.isfinite(x) & np.isfinite(theta))
     if len(finite) == 0:
@@ -212,7 +225,7 @@ def sparse_parents(x: Array, theta: Array, count: int, rng: np.random.Generator)
     for axis in (0, 1):
         for step in (-1, 1):
             edge |= np.roll(empty, step, axis)
-    weight = np.where(edge, EDGE, 1.0)[i + 1, j + 1] / filled[i + 1, j + 1]
+    weight = np.where(edge, SETTINGS.boundary_weight, 1.0)[i + 1, j + 1] / filled[i + 1, j + 1]
     return np.asarray(rng.choice(finite, count, p=weight / weight.sum()))
 
 
@@ -226,8 +239,8 @@ def stored_releases(
 ) -> Releases:
     """The table of a scene from the cache, or drawn and put there.
 
-    Its name is a hash of all that it depends on: not of the target, cup or tolerance. A
-    damaged file is drawn again; without a cache folder nothing is kept.
+    Its name is a hash of all that it depends on: not of target, cup or tolerance. A damaged file
+    is drawn again; without a cache folder nothing is kept.
     """
     folder = cache_folder()
     if folder is None:

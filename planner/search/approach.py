@@ -1,8 +1,8 @@
 """A throw brought to a goal, or as near to it as limits let it.
 
-From a throw that lands beside the goal the NLP is solved with a landing that may miss the goal, at
-a price in the pose error (39). Where that lands is thrown and checked as any other throw: a landing
-is called the nearest possible only if its throw breaks nothing there.
+From a throw that lands beside the goal the NLP is solved with an elastic landing: it may miss the
+goal at a price in the pose error (39). The solution is thrown and checked as any other throw: its
+landing is called the nearest possible only if the throw breaks nothing.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from .corrector import Corrector, throw_of
 from .guess import initial_guess_from
 from .nlps import Task
 
-#: NLPs with a landing that may miss, each with what the check of the one before found broken.
+#: Most NLPs with an elastic landing, each refined by the check of the one before.
 ROUNDS = 4
-#: NLPs tried for the goal itself from where it is reached.
+#: Most NLPs for the goal itself, once an elastic landing reaches it.
 TRIES = 4
-#: Margin [m] beyond the cup's clearance that is kept.
-LEAST = 2e-4
+#: Margin [m] to rim and wall of a cup, beyond its clearance.
+ELASTIC_CUP_MARGIN = 2e-4
 
 
 def approach(
@@ -51,13 +51,13 @@ def approach(
             if last.solved and last.throw is not None:
                 guess, refinement = _guess(last.throw, task), last.refinement
     if task.scene.cup is not None:
-        margins = refinement.margins.replace(cup=LEAST - CUP_MARGIN)
+        margins = refinement.margins.replace(cup=ELASTIC_CUP_MARGIN - CUP_MARGIN)
         refinement = Refinement(refinement.lazy | {"flight"}, margins, refinement.bodies)
     for _ in range(ROUNDS):
         start = Start(goal, guess, "fatrop", refinement, elastic=True)
         *_, near = attempts(problems, start, task)
         if near.throw is None and sound and "ipopt" in task.solvers:
-            # From a throw that breaks nothing its restoration finds what FATROP's does not.
+            # From a sound throw IPOPT's restoration solves some that FATROP's does not.
             *_, near = attempts(problems, replace(start, solver="ipopt"), task)
         if near.throw is not None and _reaches(near.throw, goal):
             start = Start(goal, _guess(near.throw, task), task.solvers[0], refinement, TRIES)
@@ -68,7 +68,7 @@ def approach(
         yield near
         if near.throw is None or near.after == refinement:
             return
-        # Again from the throw that breaks nothing.
+        # Again from the throw that this round began with.
         refinement = near.after
 
 

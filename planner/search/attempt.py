@@ -1,9 +1,9 @@
 """From one starting point to a checked throw: solve, send, throw, correct the aim, check.
 
-The smoothed model in the NLP lands a little off the model that counts, thrown with what is really
-sent. The aim moves by that error and the NLP is solved again from its last solution, until the
-error is under `ACCURACY` or no longer falls. A throw whose check finds something broken is solved
-again with the constraints and margins against it (`Refinement`).
+The NLP's smoothed model lands beside the deciding model, which throws the samples that are sent.
+The aim moves by that error and the NLP is solved again from its last solution, until the error is
+below `ACCURACY` or no longer falls. If the check finds a limit broken, the NLP is solved again with
+further constraints and larger margins (`Refinement`).
 """
 
 from __future__ import annotations
@@ -24,26 +24,25 @@ from ..verdict import Verdict, verdict
 from .guess import initial_guess_from
 from .nlps import CompiledNlp, NlpCache, Task
 
-#: Error [m, rad] of the landing that counts at which corrections end; half the scene's tolerance
-#: where that is less.
+#: Landing error (position [m], angle [rad]) at which corrections end, or half the tolerance.
 ACCURACY = (1e-4, math.radians(0.02))
-#: NLPs solved at most to correct one aim.
+#: Most NLPs solved to correct one aim.
 MAX_CORRECTIONS = 8
-#: A target of more full turns than this may have been given in degrees.
+#: Full turns of a target's angle from which a message says that Pose takes radians.
 MANY_TURNS = 3
 
 
 @dataclass(frozen=True)
 class Start:
-    """Where solves begin.
+    """The start of one or more solves.
 
-    goal: the target, its turns counted. guess: decision vector for an NLP. refinement: of the first
-    NLP. tries: NLPs solved at most, each refined by what the check of the one before found broken.
-    light: ends where costly constraints would come in. again: whether all NLPs start from `guess`,
-    not from the broken throw. warm: a solution with its multipliers to go on
-    from, near: of almost the same target. aim: (dx [m], dtheta [rad]) from the goal to where the
-    NLP is to land at first. rough: ends within half the scene's tolerance. robust: the method of a
-    robust NLP. elastic: the landing may miss the goal, at a price; where it lands it is checked.
+    goal: the target, with its full turns. guess: decision vector for an NLP. refinement: of the
+    first NLP. tries: most NLPs, each refined by the check of the one before. light: end before an
+    NLP with costly constraints. again: start all NLPs from `guess`, not from the broken throw.
+    warm: solution with multipliers to start from; near: it is for almost this target. aim: (dx [m],
+    dtheta [rad]) from the goal to the first NLP's landing. rough: corrections end at half the
+    scene's tolerance. robust: method of a robust NLP. elastic: the landing may miss the goal at a
+    price, and is checked at its own place.
     """
 
     goal: Pose
@@ -63,8 +62,10 @@ class Start:
 
 @dataclass(frozen=True)
 class NearestFeasible:
-    """A landing short of `goal` (pose None: none), its pose error `missed` [m], and the names of
-    the limits that hold it there; none where the throw was aimed beside the goal."""
+    """A landing short of `goal` (pose None: no landing) and its pose error `missed` [m].
+
+    names: of the limits that hold it there; empty if the throw was aimed beside the goal.
+    """
 
     goal: Pose
     pose: Pose | None
@@ -72,7 +73,7 @@ class NearestFeasible:
     missed: float
 
     def words(self, what: str, target: Pose) -> str:
-        """What it is and where, for people; and a hint where the target may be in degrees."""
+        """`what` with the landing and its limits, and a hint if the target may be in degrees."""
         pose = self.pose
         assert pose is not None
         angle = "" if pose.theta is None else f", theta {math.degrees(pose.theta):.1f} deg"
@@ -86,7 +87,7 @@ class NearestFeasible:
 
 @dataclass(frozen=True)
 class Attempt:
-    """One NLP solved, or one throw moved, for a goal, and what came of it.
+    """One NLP solved, or one throw moved, for a goal, and its outcome.
 
     throw: None where no motion was found, and then there is no verdict either; reason: why there is
     no solved throw, in words, empty if there is one. solver: whose; iterations of all its solves.
@@ -116,7 +117,7 @@ class Attempt:
 
     @property
     def missed(self) -> float:
-        """How far [m, pose error] limits end its throw short of the goal; inf if they do not."""
+        """Pose error [m] to the goal at which limits end the throw; inf if they do not."""
         return math.inf if self.edge is None else self.edge.missed
 
     @cached_property
@@ -129,10 +130,10 @@ class Attempt:
 
 @dataclass(frozen=True)
 class Aim:
-    """Where an NLP is to land so that the throw that counts lands at the target.
+    """The goal of an NLP whose deciding throw is to land at the target.
 
-    accuracy: the error [m, rad] at which it is good; offset (dx [m], dtheta [rad]): from the target
-    to the goal of the NLP.
+    accuracy [m, rad]: largest landing error; offset (dx [m], dtheta [rad]): from the target to the
+    goal of the NLP.
     """
 
     target: Pose
@@ -231,7 +232,7 @@ def _attempt(problems: NlpCache, start: Start, task: Task) -> Attempt:
 def _where_it_lands(
     throw: PlannedThrow, goal: Pose, names: tuple[str, ...]
 ) -> tuple[PlannedThrow, NearestFeasible]:
-    """A throw short of its goal as one to the pose that it lands at; names: what binds there."""
+    """A throw short of its goal, aimed at its own landing; names: of the limits that bind there."""
     landing, turn = throw.deciding.landing, 0.0
     pose = goal.in_plane(landing.x, None if goal.theta is None else landing.theta)
     if goal.theta is not None:

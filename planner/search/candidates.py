@@ -19,15 +19,15 @@ from .attempt import Start
 from .guess import guess_from
 from .nlps import NlpCache, Task
 
-#: Numbers of sampled releases to solve from, for each throw that is wanted, by solver in order.
+#: (solver, number of sampled releases it starts from for each wanted throw), in order.
 STARTS = (("ipopt", 1), ("fatrop", 6), ("ipopt", 4))
-#: Throws of the table that are checked for collisions with obstacles.
+#: Nearest sampled throws that are checked for collisions with obstacles.
 CLEARED = 40
-#: Sampled throws that are judged at most.
+#: Most sampled throws that are judged.
 JUDGED = 150
-#: Sampled throws without a violation that are taken first, and others that follow.
-SOUND, OTHERS = 2, 1
-#: NLPs solved at most from one release, each refined by the check of the one before.
+#: Judging ends with this number of sampled throws that break nothing.
+SOUND = 2
+#: Most NLPs solved from one release, each refined by the check of the one before.
 TRIES = 4
 
 
@@ -47,7 +47,7 @@ class Candidates:
 
     @cached_property
     def clearest(self) -> list[tuple[int, Pose, float]]:
-        """The nearest landings; with obstacles, of more of them those whose throws clear these."""
+        """The nearest landings; with obstacles, of `CLEARED` the least deep in one first."""
         task, scene = self.task, self.task.scene
         if not scene.obstacle:
             return self.nearest
@@ -59,8 +59,8 @@ class Candidates:
 
     @cached_property
     def arriving(self) -> Candidates:
-        """Those that clear arm and column, land on the target's side of the column, and would enter
-        the cup if it stood where they land. A condition that no release meets is ignored."""
+        """The releases that clear arm and column, land on the target's side of it, and enter a cup
+        at their landing. A condition that no release meets is ignored."""
         scene, target, releases = self.task.scene, self.task.target, self.releases
         landing = np.column_stack(releases.landings(target.z, scene.flight))
         good = np.isfinite(landing[:, 2])
@@ -72,7 +72,7 @@ class Candidates:
     def judged(self) -> list[tuple[int, Pose, Pose]]:
         """(release, goal, landing) of the nearest throws that break nothing where they land.
 
-        Then of the nearest of the others, whose landing is the goal.
+        The nearest of the others follows, with the goal for its landing.
         """
         task = self.task
         sound, others = list[tuple[int, Pose, Pose]](), list[tuple[int, Pose, Pose]]()
@@ -82,10 +82,10 @@ class Candidates:
             (others if pose is None else sound).append((index, goal, pose or goal))
             if len(sound) == SOUND:
                 break
-        return sound + others[:OTHERS]
+        return sound + others[:1]
 
     def _sound_landing(self, index: int, goal: Pose) -> Pose | None:
-        """Where a release lands, if it breaks nothing there."""
+        """A release's landing; None if its throw breaks a limit."""
         thrown = sampled_throw(self.task.scene, self.manipulator, self.releases, index)
         landing = thrown.landing
         if not math.isfinite(landing.flight_time):
@@ -95,7 +95,7 @@ class Candidates:
         return pose if verdict(thrown, pose).ok else None
 
     def key(self, index: int) -> bytes:
-        """What tells a release from others."""
+        """A release's coordinates and state at detach, as bytes that identify it."""
         return bytes(self.releases.q[index].tobytes() + self.releases.detach[index].tobytes())
 
 

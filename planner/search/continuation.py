@@ -1,4 +1,4 @@
-"""A solved throw moved to a target nearby by steps that know all limits, or as near as these let.
+"""Moves a solved throw to a target nearby, or towards it up to the limits, in steps within these.
 
 Each step is the solution of the condensed NLP (`CondensedQp`), about the last one's point.
 """
@@ -13,15 +13,7 @@ import numpy as np
 
 from ...models import Array
 from ..library import Neighbour
-from ..ocp import (
-    CondensedQp,
-    Optimum,
-    Refinement,
-    Request,
-    Solution,
-    Step,
-    ThrowNlp,
-)
+from ..ocp import CondensedQp, Optimum, Refinement, Request, Solution, Step, ThrowNlp
 from ..throw import Throw
 from .attempt import Attempt, NearestFeasible, accuracy, error_over
 from .corrector import Corrector, condensed_at, throw_of
@@ -31,7 +23,7 @@ from .nlps import CompiledNlp, Task
 
 @dataclass(frozen=True)
 class StepSettings:
-    """How continuation steps.
+    """Settings of the continuation.
 
     max_steps, max_throws: most steps, and throws brought to the goal. max_error, always_accept:
     a step is accepted if the pose error of its predicted landing is below this share of the step's
@@ -55,7 +47,7 @@ SETTINGS = StepSettings()
 
 @dataclass(frozen=True, eq=False)
 class _Point:
-    """Where continuation is.
+    """A point of the continuation.
 
     optimum: the throw there; off: its landing from the goal (dx [m], dtheta [rad]); nlp, x: a point
     of the NLP, whose states stay free between steps (lifted Newton), None before the first; trust:
@@ -74,7 +66,7 @@ class _Point:
 
 @dataclass(frozen=True, eq=False)
 class SqpContinuation:
-    """Steps from an optimum near a goal towards it, whichever limits come in on the way.
+    """Steps from an optimum near a goal towards it, within all limits.
 
     The throw of a step is brought to the goal along the limits that are active there. Where limits
     hold it short of the goal, it is brought to where the step lands instead, and checked there.
@@ -163,7 +155,7 @@ class SqpContinuation:
             u = controls.within(x[places])
             optimum = replace(point.optimum, u=u, refinement=refinement)
             if step.full or not short:
-                # It will be thrown.
+                # This point is thrown next.
                 detach, effort = exact.deciding.release.end, controls.effort(exact.path)
                 optimum = replace(optimum, slope=step.slope, detach=detach, effort=effort)
             trust = min(2 * trust, 1.0)
@@ -173,9 +165,9 @@ class SqpContinuation:
     def _accepted(
         self, condensed: CondensedQp, places: list[int], point: _Point
     ) -> tuple[float, Step, Array, Throw, Array] | None:
-        """The longest step that lands near where it is predicted to, as trust region methods do.
+        """The longest step whose landing is near its prediction, as in trust region methods.
 
-        Its share of the longest, the step, its point, throw and landing off the goal; None without.
+        Returns its share of the full length, the step, its point, throw and landing off the goal.
         """
         task, controls, trust, du = self.task, self.corrector.controls, point.trust, point.du
         pose_error, manipulator = task.scene.object.pose_error, self.corrector.problems.manipulator
@@ -194,7 +186,7 @@ class SqpContinuation:
         return None
 
     def _limits(self, program: CompiledNlp, point: _Point, step: Step) -> tuple[str, ...]:
-        """The names of those that bind at a step."""
+        """The names of the limits that bind at a step."""
         assert point.x is not None
         rows, bounds = step.multipliers
         held = replace(Solution.none(point.x), lam_g=rows, lam_x=bounds)

@@ -15,17 +15,16 @@ from ...problems import Pose
 from ..ocp import ReducedVariables
 from ..throw import TICK, Samples, release_numbers, send
 
-#: Exact throws of one move, the first included.
+#: Most exact throws of one move, the first included.
 THROWS = 6
-#: A throw must come nearer than this share of the least miss before it; else the next step is at
-#: most half its length.
-NEARER = 0.9
-#: Nodes of a release besides those at kinks of the motion, as in core/release.c.
-ROOM = 800
+#: The next step is cut to half or less if a throw misses by over this share of the least miss.
+MIN_PROGRESS = 0.9
+#: Most nodes of a release besides those at kinks of the motion, as in core/release.c.
+MAX_NODES = 800
 
 
 class MovedThrow(NamedTuple):
-    """u (size,), the motion that it plans, what is sent for that, and the exact release."""
+    """u (size,), its planned motion, the samples sent for that motion, and the exact release."""
 
     u: Array
     planned: Trajectory
@@ -52,7 +51,7 @@ class ThrowFamily:
         """The throw of the family that lands at the goal, by the model that counts.
 
         u (size,) and slope (size, 1 or 2): of a throw that lands `off` (x [m], theta [rad]) the
-        goal; aim [m], [rad]: how near is near enough. None without such a throw.
+        goal; aim [m], [rad]: the largest error. None without such a throw.
         """
         move, found = self._fixed, self._buffers
         move.errors, move.aim[:], move.off[:] = slope.shape[1], aim, off.tolist()
@@ -72,12 +71,12 @@ class ThrowFamily:
 
     @cached_property
     def _fixed(self) -> MoveC:
-        """What all moves have in common."""
+        """The arguments that are equal for all moves."""
         scene, limits = self._scene, self._manipulator.hard.core
         release, turned = release_numbers(scene, self._manipulator)
         found = self._controls.core.copy()
         found.surface, found.throws = scene.tolerance.model == STEPPED_SURFACE, THROWS
-        found.nearer, found.gravity, found.turned = NEARER, scene.gravity, turned
+        found.nearer, found.gravity, found.turned = MIN_PROGRESS, scene.gravity, turned
         found.attach(limits=limits if self._arm else None, release=release)
         return found
 
@@ -87,7 +86,7 @@ class ThrowFamily:
         n, brake = self._manipulator.size, self._manipulator.hard.longest_brake
         longest = self._controls.durations[1] + float(np.ptp(self._controls.request.nodes))
         room = math.ceil((longest + brake) / TICK) + 4
-        stages, size, rows = self._fixed.stages, self._controls.size, ROOM + 4 * room
+        stages, size, rows = self._fixed.stages, self._controls.size, MAX_NODES + 4 * room
         samples = np.zeros((3, room, n))
         found = MovedC(room=room, stages=stages, size=size, release_room=rows)
         found.attach(
@@ -104,7 +103,7 @@ class ThrowFamily:
         return found
 
     def _sent(self, found: MovedC) -> Samples:
-        """What an arm is sent."""
+        """The samples that an arm is sent."""
         rows, n, kept = found.sent.rows, self._manipulator.size, found.kept
         samples = found.samples[:, :rows]
         curves = kept["curves"][: 6 * n * (rows - 1)].reshape(6, n, rows - 1, 1)

@@ -1,8 +1,8 @@
 """A solved throw moved to a target nearby, by the throw itself instead of a solver.
 
-An optimum says how its free numbers move with the target (`Optimum.slope`), so that limits which
-bind stay just kept. Along these one or two directions `ThrowFamily` brings the exact throw to the
-target. Whether the limits do hold is not taken from this: the throw is checked as any other.
+`Optimum.slope` says how the free numbers of an optimum move with its target while the active limits
+stay active. Along these one or two directions `ThrowFamily` brings the exact throw to the
+target. The throw is then checked as any other, since limits may break on the way.
 """
 
 from __future__ import annotations
@@ -15,15 +15,7 @@ import numpy as np
 from ...models import Array
 from ...problems import Pose
 from ..library import Neighbour
-from ..ocp import (
-    CondensedQp,
-    Margins,
-    Optimum,
-    ReducedVariables,
-    Request,
-    Solution,
-    ThrowNlp,
-)
+from ..ocp import CondensedQp, Margins, Optimum, ReducedVariables, Request, Solution, ThrowNlp
 from ..result import PlannedThrow
 from ..throw import Manipulator, Throw
 from ..verdict import Verdict, verdict
@@ -32,9 +24,9 @@ from .core_move import MovedThrow, ThrowFamily
 from .guess import initial_guess_from
 from .nlps import CompiledNlp, NlpCache, Task
 
-#: NLPs tried from an optimum whose correction fails.
+#: Most NLPs solved from an optimum, each refined by the check of the one before.
 TRIES = 2
-#: What an attempt by correction is called where a solver is named.
+#: Name of the solver of an attempt by correction.
 CORRECTOR = "corrector"
 
 
@@ -68,7 +60,7 @@ class Corrector:
         return Attempt(near.goal, optimum.refinement, CORRECTOR, found, judged, reason, 0, 1)
 
     def _planned_throw(self, moved: MovedThrow, optimum: Optimum, task: Task) -> PlannedThrow:
-        """What the core has planned, sent and thrown, with the numbers of its NLP."""
+        """The core's motion, samples and release as a planned throw."""
         controls, manipulator = self.controls, self.problems.manipulator
         opens = controls.opening_time(moved.u)
         thrown = Throw.sent(task.scene, manipulator, moved.planned, moved.samples, opens)
@@ -113,7 +105,7 @@ def optimum_of(
     throw: PlannedThrow,
     names: tuple[str, ...] = (),
 ) -> Optimum | None:
-    """The optimum that a throw is, which an NLP was solved for; None without that.
+    """The optimum of a throw; None without a solution of an NLP.
 
     names: of the limits that bind there.
     """
@@ -140,9 +132,9 @@ def condensed_at(
 def fixed_optimum(
     controls: ReducedVariables, throw: PlannedThrow, names: tuple[str, ...]
 ) -> Optimum | None:
-    """The optimum of a throw that an NLP was solved for, with no slope; None without that.
+    """The optimum of a throw with a slope of zero, as a start; None without a solution of an NLP.
 
-    It takes no derivatives, and serves as a start; names: of the limits that bind there.
+    It takes no derivatives. names: of the limits that bind there.
     """
     if throw.nlp is None or throw.solution is None:
         return None

@@ -1,4 +1,4 @@
-"""Why there is no throw, in words: what a scene contradicts, what was tried and in the way."""
+"""Why there is no throw, in words: contradictions in the scene, and what the attempts broke."""
 
 from __future__ import annotations
 
@@ -14,19 +14,15 @@ from ..samples import Releases
 from ..throw import Manipulator, column_of, outline
 from .attempt import Attempt
 
-#: Random starts that are tried.
+#: Random start poses that are checked where the start is free.
 POSES = 500
-#: Angles at which a bar that may land at any angle is compared with the column.
-HALF_TURN = 181
-#: A bound that all sampled releases near the target miss by more than this factor ends the search.
+#: A bound contradicts the target if all near sampled releases miss it by more than this factor.
 FACTOR = 2.0
-#: Sampled releases near a target, by the scaled distance of their landings, that are looked at.
-NEAR = 200
 
 
 def check_contradictions(scene: Scene, manipulator: Manipulator) -> None:
-    """InputError where the bar is not in the cup at the target, begins below the floor or in the
-    base column: at the given start, or at each of some random ones where it is free.
+    """InputError if the bar at the target is not in the cup, or the start is below the floor or in
+    the base column: the given start, or each of `POSES` random ones if it is free.
     """
     scene.check_target_in_cup()
     workspace, limits = scene.workspace, manipulator.planning
@@ -60,7 +56,7 @@ def in_column(scene: Scene, target: Pose) -> bool:
     column, most = column_of(scene), scene.tolerance
     if column is None:
         return False
-    half_turn = np.linspace(0.0, math.pi, HALF_TURN)
+    half_turn = np.linspace(0.0, math.pi, 181)
     theta = half_turn if target.theta is None else np.array([target.theta])
     poses = np.array([np.full(theta.size, target.plane_x), np.full(theta.size, target.z), theta])
     room = column_distance(scene.object, poses, *column).max()
@@ -68,8 +64,10 @@ def in_column(scene: Scene, target: Pose) -> bool:
 
 
 def contradiction(scene: Scene, releases: Callable[[], Releases], target: Pose) -> tuple[str, str]:
-    """A bound of [landing], or a latest arrival, that even the sampled releases nearest to the
-    target miss by more than `FACTOR`: its name, and words; empty if there is none."""
+    """The first bound of [landing], or latest arrival, that contradicts the target: name and words.
+
+    The 200 sampled releases that land nearest decide; both are empty without a contradiction.
+    """
     bounds, latest = scene.landing, target.window[1]
     if bounds is None and not math.isfinite(latest):
         return "", ""
@@ -79,7 +77,7 @@ def contradiction(scene: Scene, releases: Callable[[], Releases], target: Pose) 
         return "", ""
     turn = 0.0 if target.theta is None else theta - target.theta
     off = scene.object.pose_error(x - target.plane_x, turn)
-    near = np.argsort(off)[: min(NEAR, int(np.isfinite(off).sum()))]
+    near = np.argsort(off)[: min(200, int(np.isfinite(off).sum()))]
     end = scene.flight.after(FlightState(*table.detach[near].T), flown[near])
     speed, omega = np.hypot(end.v_x, end.v_z), end.omega
     # Rates of either sign pass through zero.
@@ -102,7 +100,7 @@ def contradiction(scene: Scene, releases: Callable[[], Releases], target: Pose) 
 
 
 def _words(name: str, bound: float | None, values: Array, unit: str) -> str:
-    """What contradicts an upper bound, or (values negative) a lower one."""
+    """Why values contradict an upper bound, or (values negative) a lower one; else empty."""
     least = float(values.min())
     if bound is None:
         return ""
@@ -117,7 +115,7 @@ def _words(name: str, bound: float | None, values: Array, unit: str) -> str:
 
 
 def nothing_found(tried: Sequence[Attempt], broken: Sequence[Attempt], late: bool) -> str:
-    """Why there is no throw, in words: what was tried and what was in the way."""
+    """Why there is no throw, in words: how many attempts there were, and what they broke."""
     if not tried:
         begun = "time was over before the first attempt"
         words = f"no throw found: {begun if late else 'no feasible release to start from'}"

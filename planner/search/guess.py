@@ -1,5 +1,5 @@
-"""Where an NLP starts: decision vectors of a sampled release or of another NLP's throw, and the
-motion of a swing under way from an instant on."""
+"""Starts of an NLP: decision vectors of a sampled release or of another NLP's throw, and the rest
+of a swing's motion from an instant on."""
 
 from __future__ import annotations
 
@@ -12,20 +12,10 @@ import numpy as np
 from ...models import Array, FlightState, Trajectory
 from ...models.release import ReleaseCase, relative_states
 from ...problems import Scene
-from ..ocp import (
-    Block,
-    Request,
-    ThrowNlp,
-    lower_end,
-    opening_nodes,
-)
+from ..ocp import Block, Request, ThrowNlp, lower_end, opening_nodes
 from ..result import PlannedThrow
 from ..samples import Releases, polynomial, run_up
 from ..throw import NO_SAMPLES, TICK, Manipulator, Throw, case_of
-
-#: How long before and after the landing height [s] the cup's depths are looked for, and in
-#: how many instants.
-CUP_SPAN, CUP_INSTANTS = (0.15, 0.3), 181
 
 
 def guess_from(
@@ -54,7 +44,7 @@ def guess_from(
 
 def _relative(nlp: ThrowNlp, case: ReleaseCase, nodes: Array) -> Array:
     """Relative states (K + 1, 6; 4 without the pivot) of the sliding pivot at the nodes."""
-    # A step in the middle of each interval too: one alone is rough.
+    # Two steps in each interval: one alone is too rough.
     fine = np.sort(np.concatenate([nodes, (nodes[:-1] + nodes[1:]) / 2]))
     track = relative_states(case, fine)[::2]
     return track if nlp.structure.pivot else track[:, [0, 1, 3, 4]]
@@ -72,21 +62,22 @@ def _others(entries: Array, flight: float) -> Callable[[Block], float]:
 
 
 def _cup_times(scene: Scene, detach: Array, flight: float, depths: int) -> Array:
-    """When (1 + depths,) [s] after detach the bar's lowest corner is at the rim, and the middle
-    of its lower end at each depth below; none without a cup.
+    """Times (1 + depths,) [s] after detach: of the bar's lowest corner at the rim, then of the
+    middle of its lower end at each depth below; none without a cup.
 
-    detach (6,): CoM pose and twist. The landing height may well be above the rim.
+    detach (6,): CoM pose and twist. The landing height may be above the rim.
     """
     cup, target = scene.cup, scene.target
     if cup is None or target is None:
         return np.zeros(0)
-    times = flight + np.linspace(-CUP_SPAN[0], CUP_SPAN[1], CUP_INSTANTS)
+    # From 0.15 s before the landing height to 0.3 s after it, every 2.5 ms.
+    times = flight + np.linspace(-0.15, 0.3, 181)
     _, z, theta = scene.flight.after(FlightState(*detach), times).pose
     middle = z + lower_end(scene, target) * np.sin(theta)
     corner = middle - scene.object.width / 2 * np.abs(np.cos(theta))
 
     def times_at(heights: Array, depth: Array) -> Array:
-        # A spinning bar's end may rise: its largest depth until then counts.
+        # The end of a spinning bar may rise: the largest depth until each instant counts.
         deepest = np.maximum.accumulate(cup.rim - heights)
         return np.interp(depth, deepest + 1e-9 * np.arange(times.size), times)
 
@@ -115,7 +106,7 @@ def initial_guess_from(nlp: ThrowNlp, throw: PlannedThrow, request: Request) -> 
         if block.name == "t_rim":
             return float(entries[0])
         if block.name == "t_f":
-            # Those of other openings start at the window's end.
+            # The flights of other openings start at the window's end.
             late = times[-1] - times[s.detach]
             return flight if block.index == 0 else flight - late
         return 0.0
@@ -124,12 +115,11 @@ def initial_guess_from(nlp: ThrowNlp, throw: PlannedThrow, request: Request) -> 
 
 
 def _as_thrown(nlp: ThrowNlp, throw: PlannedThrow) -> tuple[Array, Array, float, Array]:
-    """Nodes [s] of a throw's opening and the relative states there, time of flight [s] and times
-    into the cup: of its own NLP's solution, or, of a throw that has none, by the exact model."""
-    source, nodes = (
-        throw.nlp,
-        opening_nodes(throw.scene.mesh, throw.scene.gripper.profile().opening),
-    )
+    """Nodes [s] of a throw's opening, relative states there, flight time [s], times into the cup.
+
+    Of its own NLP's solution; of the exact model if the throw has no NLP."""
+    nodes = opening_nodes(throw.scene.mesh, throw.scene.gripper.profile().opening)
+    source = throw.nlp
     if source is None or throw.solution is None:
         pivot = throw.exact
         flight, depths = pivot.landing.flight_time, nlp.count("t_cup")
@@ -148,7 +138,7 @@ def _as_thrown(nlp: ThrowNlp, throw: PlannedThrow) -> tuple[Array, Array, float,
 
 
 def remaining_throw(throw: PlannedThrow, manipulator: Manipulator) -> PlannedThrow | None:
-    """The rest of a throw from where it is nearest to the state that `manipulator` begins in."""
+    """The rest of a throw from its sample nearest to the state that `manipulator` begins in."""
     if manipulator.start is None:
         return None
     samples, weight = throw.samples, manipulator.hard.dq

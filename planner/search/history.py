@@ -1,4 +1,4 @@
-"""The tries of one plan and what came of them; which of the throws found differ, and the best."""
+"""The tries of one plan with their attempts; which of the throws found differ, and the best."""
 
 from __future__ import annotations
 
@@ -17,10 +17,9 @@ from ..result import PlannedThrow
 from ..verdict import landing_spread
 from .attempt import Attempt, Start
 
-#: Throws differ if, at the opening's start, their coordinates or their rates are further apart than
-#: this share of the larger ones.
+#: Throws differ if their coordinates or rates at the opening's start do by more than this share.
 DIFFERENT_SHARE = 0.1
-#: Throws differ if their times of flight do by more than this [s].
+#: Throws differ if their flight times do by more than this [s].
 DIFFERENT_FLIGHT = 0.05
 
 
@@ -33,7 +32,7 @@ class Move:
 
 @dataclass(frozen=True)
 class Solve:
-    """Solve the NLP from a start; release: what tells the sampled release that it is from."""
+    """Solve the NLP from a start; release: identifies the sampled release it is made of."""
 
     start: Start
     origin: Literal["warm plan", "samples"]
@@ -58,7 +57,7 @@ Try = Move | Solve | Approach
 
 @dataclass(frozen=True, eq=False)
 class Entry:
-    """A try and the attempts that came of it."""
+    """A try and its attempts."""
 
     done: Try
     attempts: tuple[Attempt, ...] = ()
@@ -76,7 +75,7 @@ class History:
 
     @property
     def tries(self) -> list[Try]:
-        """What was tried."""
+        """The tries, in order."""
         return [entry.done for entry in self.entries]
 
     @cached_property
@@ -91,20 +90,20 @@ class History:
         return distinct(solved) if len(solved) > 1 else solved
 
     def ordered(self, criterion: str) -> list[Attempt]:
-        """The throws found, best first; criterion: what a scene's [choice] asks the least of."""
+        """The throws found, best first by a criterion of `CRITERIA`."""
         return sorted(self.found, key=CRITERIA[criterion]) if self.found[1:] else self.found
 
     @cached_property
     def edges(self) -> list[Attempt]:
-        """The throws short of their goal that break nothing where they land, nearest to it first.
+        """The best throw of each try that limits end short of its goal, nearest to it first.
 
-        The best of each try, where limits ended the way to the goal.
+        Each breaks nothing where it lands.
         """
         return _edges(self.entries)
 
     @property
     def new_edges(self) -> list[Attempt]:
-        """Those that do not come of throws of earlier plans."""
+        """The edges of tries that do not start from throws of earlier plans."""
         entries = self.entries
         return _edges(
             [one for one in entries if not isinstance(one.done, Approach) or not one.done.found]
@@ -125,7 +124,7 @@ class History:
         return [one for one in self.tries if isinstance(one, Solve) and one.origin == origin]
 
     def refinement(self, first: Refinement = BASE) -> Refinement:
-        """Of the next NLP that starts from another motion, by what the checks found broken."""
+        """Refinement of the next NLP from another motion, by what the checks found broken."""
         refinement = first
         for entry in self.entries:
             if not isinstance(entry.done, Solve) or not entry.attempts:
@@ -140,17 +139,14 @@ class History:
         return refinement
 
 
-#: How far [m, pose error] an attempt lands from its goal.
-MISSED = attrgetter("missed")
-
-
 def _edges(entries: Iterable[Entry]) -> list[Attempt]:
+    missed = attrgetter("missed")
     ends = [
-        min(found, key=MISSED)
+        min(found, key=missed)
         for entry in entries
         if (found := [one for one in entry.attempts if one.is_edge])
     ]
-    return sorted(ends, key=MISSED)
+    return sorted(ends, key=missed)
 
 
 # Several throws to one target: which of them differ, and which is best.
@@ -185,7 +181,7 @@ def distinct(found: list[Attempt]) -> list[Attempt]:
     return kept
 
 
-#: What a scene's [choice] may ask for the least of.
+#: Values of a throw that a scene's [choice] may ask to be least.
 CRITERIA: dict[str, Callable[[Attempt], float]] = {
     "effort": lambda found: _throw_of(found).effort,
     "time": lambda found: _throw_of(found).landing_time,

@@ -18,20 +18,20 @@ from ..library import Turns
 from ..ocp import Refinement, Request, Solver, ThrowNlp, build_nlp, processor_time
 from ..throw import Manipulator, friction_use
 
-#: Build time [s] that is not charged to a plan's patience, at most.
-BUILDING = 1.5
-#: Random start poses tried when the start is free.
+#: Most build time [s] that does not count against a plan's patience.
+FREE_BUILD_TIME = 1.5
+#: Random start poses that are checked where the start is free.
 POSES = 4000
-#: Parts of a plan whose times are always told; a plan that needs no solve spent no time on it.
+#: Parts of a plan whose times are always reported, zero for a part that is not run.
 PARTS = ("build", "guess", "solve", "smooth", "check")
 
 
 @dataclass(frozen=True)
 class Clock:
-    """When a plan must end, by time.perf_counter(), and how long its parts took [s].
+    """Deadline of a plan, by time.perf_counter(), and times [s] of its parts.
 
-    Up to BUILDING [s] of what is built once, for later plans too, do not count. On a busy machine a
-    plan is late only when the process has used its share as well: `processor_time` is `processor`.
+    `FREE_BUILD_TIME` of building, which serves later plans too, does not count. On a busy machine a
+    plan is late only if the process has also used its processor time, up to `processor`.
     """
 
     until: float = math.inf
@@ -42,14 +42,14 @@ class Clock:
 
     @classmethod
     def lasting(cls, patience: float) -> Clock:
-        """From now on, for `patience` [s], all of which planning must have had to itself."""
+        """A clock that ends after `patience` [s], on a busy machine of processor time."""
         return cls(time.perf_counter() + patience, processor_time() + patience)
 
     @property
     def left(self) -> float:
         """Time for planning that is left [s]."""
         left = max(self.until - time.perf_counter(), self.processor - processor_time())
-        return left + min(self.seconds["build"], BUILDING)
+        return left + min(self.seconds["build"], FREE_BUILD_TIME)
 
     @property
     def late(self) -> bool:
@@ -86,7 +86,7 @@ class Task:
     wanted: int = 1
 
     def aimed_at(self, target: Pose) -> Task:
-        """The same for another target."""
+        """This task for another target."""
         if target is self.target:
             return self
         return replace(self, scene=self.scene.aimed_at(target), target=target)
@@ -101,8 +101,7 @@ class CompiledNlp:
     limits: tuple[Array, Array]
 
 
-#: What tells a scene's NLPs apart: the target's kind, lazy constraints, bodies, robust method, and
-#: whether the landing may miss the target.
+#: Key of a scene's NLP: target's kind, lazy constraints, bodies, robust method, elastic landing.
 _Kind = tuple[tuple[bool, bool, bool], frozenset[str], frozenset[str], str, bool]
 
 

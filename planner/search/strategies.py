@@ -26,31 +26,40 @@ from .guess import initial_guess_from
 from .history import Approach, History, Move, Solve, Try
 from .nlps import NlpCache, Task
 
-#: Solved throws that are moved to the target: for one throw, and for each of several.
-MOVED, MOVED_FOR_CHOICE = 4, 6
-#: A warm plan is moved to targets within this pose error [m] of its landing.
-WARM_REACH = 0.06
-#: Solved throws within this pose error [m] of the target are moved to it.
-NEARBY = 0.15
-#: A solution for a target within this pose error [m] needs few iterations.
-NEAR = 0.005
-#: Starts from samples that are solved before throws beside the target are brought to it.
-FIRST_STARTS = 2
-#: Throws of the library that are brought as near to the target as limits let them.
-SOLVED = 2
-#: A throw is kept for later plans if none is that lands this near to it [m, pose error].
-KNOWN = 0.005
-#: A target this near to the nearest landing [m, pose error] may be in reach of another motion.
-CLOSE = 0.1
-#: Nearest landings whose pose errors differ by less than this factor count as equal.
-ALIKE = 1.1
-#: Equal nearest landings from which a target is out of reach.
-ENOUGH = 2
+
+@dataclass(frozen=True)
+class SearchSettings:
+    """Numbers of throws, and distances as pose errors [m] from a landing to the target.
+
+    moves, moves_for_choice: most solved throws moved, for one throw and for each of several.
+    max_distance, warm_distance: largest distance of a throw that is moved, and of a warm plan.
+    near_distance: within it a warm plan's solution needs few iterations. first_starts: sampled
+    starts solved before throws beside the target are brought to it. approaches: solved throws
+    brought as near to the target as limits allow. same_distance: a throw within it of one that is
+    kept is not kept. close_distance: a target within it of the nearest landing may be in reach of
+    another motion. A target is out of reach if its `equal_landings` nearest landings have distances
+    within a factor of `equal_ratio`.
+    """
+
+    moves: int = 4
+    moves_for_choice: int = 6
+    max_distance: float = 0.15
+    warm_distance: float = 0.06
+    near_distance: float = 0.005
+    first_starts: int = 2
+    approaches: int = 2
+    same_distance: float = 0.005
+    close_distance: float = 0.1
+    equal_landings: int = 2
+    equal_ratio: float = 1.1
+
+
+SETTINGS = SearchSettings()
 
 
 @dataclass(frozen=True, eq=False)
 class SearchContext:
-    """What the searches of one scene share.
+    """Data that the searches of one scene share.
 
     table: gives the release table; keep: whether the library is in the cache, or stays empty.
     """
@@ -61,33 +70,33 @@ class SearchContext:
     keep: bool = True
 
     def from_state(self, manipulator: Manipulator) -> SearchContext:
-        """For throws of a manipulator that begins in another state of motion.
+        """The context of a manipulator that begins in another state of motion.
 
-        It shares NLPs and table; the library's throws, which begin at rest, are of no use to it.
+        It shares NLPs and table, but has no library, whose throws begin at rest.
         """
         return replace(self, problems=self.problems.from_state(manipulator), keep=False)
 
     @cached_property
     def library(self) -> Library:
-        """The scene's solved throws, as far as the cache has them."""
+        """The scene's solved throws that the cache has."""
         return Library(self.problems.scene, self.problems.manipulator, keep=self.keep)
 
     @cached_property
     def found(self) -> Library:
-        """Throws that plans have found, those at the edge of the reach too, in memory alone."""
+        """Throws that plans have found, also at the reach's boundary; in memory only."""
         return Library(self.problems.scene, self.problems.manipulator, keep=False)
 
     def remember(self, attempt: Attempt) -> None:
         """Keeps a solver's throw for later plans, to start from.
 
-        None is kept that lands beside another of its kind, so that they stay few.
+        It keeps none that lands beside another of its kind.
         """
         throw, edge, found = attempt.throw, attempt.edge, self.found
         pose = attempt.goal if edge is None else edge.pose
         if throw is None or pose is None or (pose.theta is not None) != found.angle:
             return
         optimum = fixed_optimum(found.controls, throw, () if edge is None else edge.names)
-        beside = found.nearest_throws(pose, "exact", 2, KNOWN)
+        beside = found.nearest_throws(pose, "exact", 2, SETTINGS.same_distance)
         if optimum is None or any(
             bool(one.optimum.binding) == (edge is not None) for one in beside
         ):
@@ -115,20 +124,24 @@ class Search:
         """Solved throws near the target: the warm plan's and the library's, nearest first."""
         task, context = self.task, self.context
         near = self._nearest(context.library, self.moves)
-        # A landing that was named as the nearest possible is planned by the throw that lands there.
-        named = (one for one in self._nearest(context.found, 2, KNOWN) if one.optimum.binding)
-        boundary = context.library.nearest_of_boundary(task.target, task.turns, 1, KNOWN)
+        # For targets that an earlier plan named as the nearest possible: its throw lands there.
+        same = SETTINGS.same_distance
+        named = (one for one in self._nearest(context.found, 2, same) if one.optimum.binding)
+        boundary = context.library.nearest_of_boundary(task.target, task.turns, 1, same)
         found = self._warm_neighbour, named, boundary, near
         return merge(*found, key=lambda one: one.distance)
 
-    def _nearest(self, throws: Library, count: int, within: float = NEARBY) -> Iterator[Neighbour]:
+    def _nearest(
+        self, throws: Library, count: int, within: float = SETTINGS.max_distance
+    ) -> Iterator[Neighbour]:
         """At most `count` solved throws with a pose error below `within` [m], nearest first."""
         return throws.nearest_throws(self.task.target, self.task.turns, count, within)
 
     @property
     def moves(self) -> int:
-        """How many neighbours are moved."""
-        return MOVED if self.task.wanted == 1 else MOVED_FOR_CHOICE * self.task.wanted
+        """Most neighbours that are moved."""
+        wanted = self.task.wanted
+        return SETTINGS.moves if wanted == 1 else SETTINGS.moves_for_choice * wanted
 
     @cached_property
     def _warm_neighbour(self) -> list[Neighbour]:
@@ -141,7 +154,8 @@ class Search:
         turn = 0.0 if task.target.theta is None else theta - task.target.theta
         miss = x - task.target.plane_x, turn
         away = task.scene.object.pose_error(*miss)
-        return [Neighbour(optimum, task.target, miss, away)] if away < WARM_REACH else []
+        is_near = away < SETTINGS.warm_distance
+        return [Neighbour(optimum, task.target, miss, away)] if is_near else []
 
     def _optimum(self, throw: PlannedThrow) -> Optimum | None:
         if throw.optimum is not None or throw.solution is None:
@@ -169,15 +183,15 @@ class Search:
         return in_column(self.task.scene, self.task.target)
 
     def refinement(self, history: History) -> Refinement:
-        """Of the next NLP from another motion."""
+        """Refinement of the next NLP from another motion."""
         return history.refinement(Refinement(frozenset({"passing"})) if self.blocked else BASE)
 
     def approaches(self) -> Iterator[Approach]:
-        """From throws that land beside the target: of earlier plans, the library, then samples."""
+        """Approaches from throws of earlier plans, then of the library, then from samples."""
         task, context = self.task, self.context
         if len(task.solvers) > 1:
             for throws in (context.found, context.library):
-                for near in self._nearest(throws, SOLVED, math.inf):
+                for near in self._nearest(throws, SETTINGS.approaches, math.inf):
                     yield Approach(near.goal, near, throws is context.found)
         candidates = self.arriving
         for index, goal, pose in candidates.judged:
@@ -192,20 +206,22 @@ class Search:
     def is_settled(self, history: History) -> bool:
         """Whether the target is out of reach.
 
-        `ENOUGH` nearest landings are equal, and without a library farther than `CLOSE`. Those from
-        throws of earlier plans do not count: they may be of one kind. No throw of the library lands
-        nearer to the target, nor a sampled one that clears column and hand.
+        The nearest landings are equal and, without a library, not close (`SearchSettings`).
+        Landings from throws of earlier plans do not count, since these may be alike. No throw of
+        the library, nor a sampled one that clears column and hand, lands nearer to the target.
         """
         new, library = history.new_edges, self.context.library
-        if len(new) < ENOUGH:
+        number, ratio = SETTINGS.equal_landings, SETTINGS.equal_ratio
+        if len(new) < number:
             return False
         least = history.edges[0].missed
-        if new[ENOUGH - 1].missed > ALIKE * least or (least < CLOSE and not len(library)):
+        is_close = least < SETTINGS.close_distance and not len(library)
+        if is_close or new[number - 1].missed > ratio * least:
             return False
         clear = self.candidates.releases.clear
         others = [away for index, _, away in self.candidates.nearest if clear[index]]
         others += [one.distance for one in self._nearest(library, 1, math.inf)]
-        return least <= ALIKE * min(others, default=math.inf) + self.task.scene.tolerance.position
+        return least <= ratio * min(others, default=math.inf) + self.task.scene.tolerance.position
 
 
 Strategy = Callable[[Search, History], Try | None]
@@ -227,13 +243,13 @@ def from_warm_plan(search: Search, history: History) -> Try | None:
         return None
     if warm.solution is not None and warm.deciding.target.kind == task.target.kind:
         solution, lever = warm.solution, task.scene.object.half_length
-        near = task.target.distance(warm.deciding.target, lever) < NEAR
+        near = task.target.distance(warm.deciding.target, lever) < SETTINGS.near_distance
         start = Start(task.target, lambda nlp: solution.x, task.solvers[0], near=near)
         start = replace(start, refinement=warm.refinement, warm=solution, aim=warm.aim)
     elif warm.optimum is not None:
         start = search.start(Neighbour(warm.optimum, task.target, (0.0, 0.0), 0.0))
     else:
-        # The rest of a swing: no solution of the NLPs of this task.
+        # The rest of a swing has no solution of an NLP of this task.
         request = Request(task.scene, warm.manipulator)
         guess = partial(initial_guess_from, throw=warm, request=request)
         start = Start(task.target, guess, task.solvers[0])
@@ -244,14 +260,15 @@ def from_nearest_samples(search: Search, history: History) -> Try | None:
     """A solver's start from one of few sampled releases that land near the target."""
     if search.blocked:
         return None
-    return _from_samples(search, history, [(search.task.solvers[0], FIRST_STARTS)])
+    return _from_samples(search, history, [(search.task.solvers[0], SETTINGS.first_starts)])
 
 
 def from_beside(search: Search, history: History) -> Try | None:
     """A throw that lands beside the target, brought as near to it as limits let it."""
     number = sum(isinstance(one, Approach) for one in history.tries)
     enough = history.found or search.is_settled(history)
-    if enough or not search.candidates.nearest or (search.blocked and number == ENOUGH):
+    is_given_up = search.blocked and number == SETTINGS.equal_landings
+    if enough or is_given_up or not search.candidates.nearest:
         return None
     return next(islice(search.approaches(), number, None), None)
 
@@ -286,10 +303,7 @@ def _from_samples(
     return None
 
 
-#: Strategies from solved throws, and from nothing but the target; tried in order.
+#: Strategies that start from solved throws, in the order of tries.
 FROM_THROWS: tuple[Strategy, ...] = (from_neighbours, from_warm_plan)
-FROM_NOTHING: tuple[Strategy, ...] = (
-    from_nearest_samples,
-    from_beside,
-    from_samples,
-)
+#: Strategies that need no solved throw, in the order of tries.
+FROM_NOTHING: tuple[Strategy, ...] = (from_nearest_samples, from_beside, from_samples)

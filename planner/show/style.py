@@ -16,8 +16,13 @@ if TYPE_CHECKING:
 
     from ...problems import Cup
 
-GREY, BLUE, ORANGE, RED, GREEN = "#8a8f98", "#4c78a8", "#f2a33a", "#d1495b", "#2a9d6f"
-TEAL, BLACK = "#2a788e", "#222222"
+GREY = "#8a8f98"
+BLUE = "#4c78a8"
+ORANGE = "#f2a33a"
+RED = "#d1495b"
+GREEN = "#2a9d6f"
+TEAL = "#2a788e"
+BLACK = "#222222"
 #: Colour of arm and hand.
 ARM = "#3d4450"
 #: Colours of the phases of a throw, in their order.

@@ -29,8 +29,10 @@ if TYPE_CHECKING:
 
 Pixels = npt.NDArray[np.uint8]
 
-#: Drawn poses of the bar in the hand and in flight.
-CARRIED, FLYING = 6, 7
+#: Number of drawn poses of the held bar.
+CARRIED = 6
+#: Number of drawn poses of the flying bar.
+FLYING = 7
 #: Look of the line through an arm's joints.
 ARM_LINE: dict[str, Any] = {"color": ARM, "lw": 5, "ms": 5, "solid_capstyle": "round"}
 #: Playback speed of moving pictures over real time.

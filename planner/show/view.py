@@ -22,7 +22,12 @@ if TYPE_CHECKING:
     from ..throw import Throw
 
 
-LINK, CUP, PAD = "#7c8899", "#b5713c", "#20242b"
+#: Colour of links.
+LINK = "#7c8899"
+#: Colour of a cup.
+CUP = "#b5713c"
+#: Colour of pads.
+PAD = "#20242b"
 
 
 @dataclass(frozen=True)
@@ -72,7 +77,7 @@ class SpaceThrow:
 
     @property
     def plane(self) -> ThrowPlane:
-        """Where the throw is in the base frame."""
+        """The throw's plane in the base frame."""
         return self.throw.target.plane
 
     def phases(self) -> dict[str, float]:

@@ -35,7 +35,7 @@ ALTERNATIVE = "alternative"
 
 @dataclass(frozen=True)
 class HardeningSettings:
-    """How candidates are compared, and when the search ends.
+    """Settings of the comparison of candidates, and of the end of the search.
 
     deviations: success rates tie within this many standard deviations of their difference.
     error_tie: 95 % errors tie within this share. good_error: the search ends if all samples succeed

@@ -24,11 +24,11 @@ if TYPE_CHECKING:
 
 #: Files of a sweep's folder.
 SWEEP_FILES = ("landings.png", "delay.png", "tornado.png", "sweep.csv", "sweep.json")
-#: Rows of sweep.csv formatted at once; bounds the memory.
+#: Rows of sweep.csv formatted at once, to bound the memory.
 ROWS = 8192
 #: Largest number of points in landings.png.
 POINTS = 5000
-#: Narrowest span [mm, deg] of an axis; narrower ones show rounding.
+#: Narrowest span [mm, deg] of an axis; a narrower one shows rounding.
 MIN_SPAN = 0.02
 
 
@@ -62,7 +62,7 @@ class Sweep:
         return len(self.numbers)
 
     def __repr__(self) -> str:
-        """One line: the arrays would fill a screen."""
+        """One line instead of the arrays."""
         rate = 100 * float(self.success.mean())
         return f"Sweep({self.label}: {self.samples:,} throws, {rate:.1f} % succeed)"
 

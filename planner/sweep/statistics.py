@@ -14,9 +14,9 @@ from ..verdict import Judge, Sampler
 
 #: Reported quantiles of the errors [%].
 QUANTILES = (50, 90, 95, 99)
-#: Range of landings [m, rad] below which differences are rounding and steps of the models.
+#: Range of landings [m, rad] below which differences are rounding and errors of the models.
 ROUNDING = 1e-5
-#: Largest delay [s] of a sweep's scan.
+#: Largest delay [s] of a scan over delays.
 FURTHEST = 0.05
 #: Quantiles of a parameter at the two ends of its bar in the tornado.
 OUTER = (0.05, 0.95)

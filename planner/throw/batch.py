@@ -1,4 +1,4 @@
-"""One motion thrown with other numbers: N throws at once, or one of them by itself."""
+"""One motion thrown with other parameters: N throws at once, or one of them by itself."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from .throw import Throw, turn_of
 
 #: Longest cell [s] of the hand's tabulated motion.
 CELL = 1e-4
-#: Distance [s] inside a cell's ends at which the acceleration is taken: it may step at the ends.
+#: Distance [s] from a cell's ends at which its acceleration is read; it may step at the ends.
 INSIDE_CELL = 1e-10
 #: Names of the hand's errors, in the order of `HandError`.
 HAND = ("hand_x", "hand_z", "hand_theta", "hand_vx", "hand_vz", "hand_omega")
@@ -25,12 +25,12 @@ HAND = ("hand_x", "hand_z", "hand_theta", "hand_vx", "hand_vz", "hand_omega")
 class BatchFlights:
     """N flights of one motion's throws, each array (N, ...).
 
-    columns: the parameters by name, SI units. late [s]: of the opening after the planned one;
-    opened, freed [s]: when the force starts to fall and is zero, on the motion's clock. com_offset
-    [m], grasp_angle [rad]: of the held body, the hand's error in it; com [m]: from the bar's end;
-    error (N, 6): the hand's. release: what the model says; start (N, 6): the state at detach;
+    columns: the parameters by name, SI units. late [s]: delay of the opening after the planned one;
+    opened, freed [s]: times on the motion's clock at which the force starts to fall and is zero.
+    com_offset [m], grasp_angle [rad]: of the held body, with the hand's error; com [m]: from the
+    bar's end; error (N, 6): of the hand. release: by the model; start (N, 6): state at detach;
     landing (N, 3): x [m], theta [rad] and flight time [s] at the target's height, NaN without one;
-    way [m]: of a moving target from the throw's own landing until then.
+    way [m]: of a moving target between the throw's own landing and this one.
     """
 
     columns: dict[str, Array]
@@ -58,10 +58,10 @@ class BatchFlights:
 class ThrowBatch:
     """Throws a motion with other values of the parameters `names`, by `model`.
 
-    throw: with the scene's own values, by the model that decides, its scene aimed at where the
-    target is when it lands; target: as it is asked for, it may move. hands: the hand's motion,
-    counted from the planned opening; reach [s]: the earliest and the latest opening counted so, and
-    its longest duration. steps: over the opening, 0 for the model's own.
+    throw: with the scene's own values, by the deciding model, its scene aimed at the target's pose
+    at the landing; target: the plan's, which may move. hands: the hand's motion, with time 0 at the
+    planned opening; reach [s]: the earliest and the latest opening on that clock, and its longest
+    duration. steps: over the opening, 0 for the model's own number.
     """
 
     throw: Throw
@@ -81,25 +81,25 @@ class ThrowBatch:
         reach: tuple[float, float, float],
         model: str = "",
     ) -> ThrowBatch:
-        """Of a throw, its hand tabulated over that reach."""
+        """Throws of a motion, with the hand tabulated over `reach`."""
         early, late, longest = reach
         begin = throw.opening_time
         span = max(begin + early, 0.0), min(begin + late + longest, throw.to_rest.end)
         chosen = model or throw.model or throw.scene.tolerance.model
         hands = tabulated(throw, span)
         if not throw.path.held:
-            # A free hand brakes too, and is at rest before and after.
+            # With the brake of a free hand, which rests before and after.
             throw = replace(throw, path=replace(throw.to_rest, held=True))
         return cls(throw, target, chosen, tuple(names), hands, reach)
 
     @property
     def scene(self) -> Scene:
-        """The throw's."""
+        """The throw's scene."""
         return self.throw.scene
 
     @property
     def mean_delay(self) -> float:
-        """What the opening command is early by [s]."""
+        """Time [s] by which the opening command is sent early."""
         return self.scene.mean_delay
 
     def nominal(self, count: int = 1) -> Array:
@@ -119,7 +119,7 @@ class ThrowBatch:
         return self._flights(columns, MODELS[self.model].throw(self.releases(columns), self.steps))
 
     def exactly(self, flights: BatchFlights, which: Indices) -> BatchFlights:
-        """Some of the flights, their releases by the model's exact form instead of its steps."""
+        """Flights `which`, with releases by the model's exact form instead of its steps."""
         columns = {name: column[which] for name, column in flights.columns.items()}
         batch, late = self.releases(columns), flights.late[which]
         surface = self.model == STEPPED_SURFACE
@@ -128,21 +128,21 @@ class ThrowBatch:
         return self._flights(columns, release)
 
     def _flights(self, columns: dict[str, Array], release: BatchRelease) -> BatchFlights:
-        """What comes of releases of hands that are where they should be."""
+        """The flights after releases by hands without error, to which the errors are added."""
         late, opening = columns["delay"] - self.mean_delay, columns["opening"]
         com = columns["com_offset"] + self.scene.grasp.offset
         com_offset = com - columns["grasp_offset"]
         error = np.column_stack([columns[name] for name in HAND])
         start = release.detach.copy()
         start[:, 2] -= turn_of(com_offset)
-        # Friction knows relative motion only: a hand that is off its path, or moves off it
-        # steadily, takes the whole release along.
+        # Friction depends on relative motion only: a constant error of the hand's place or
+        # velocity moves the whole release.
         start[:, :2] += error[:, :2] + error[:, 3:5] * opening[:, None]
         start[:, 3:5] += error[:, 3:5]
         opened = self.throw.opening_time + late
         freed, landing = opened + opening, self.scene.flight.land(start, self.target.z)
         after = freed + landing[:, 2] - self.throw.landing_time
-        # The pads are round: a hand that is turned is an object held at another angle.
+        # The pads are round: an error of the hand's angle is one of the grasp angle.
         angle = columns["grasp_angle"] + columns["hand_theta"]
         return BatchFlights(
             *(columns, late, opened, freed, com_offset, angle, com, error, release, start, landing),
@@ -150,7 +150,7 @@ class ThrowBatch:
         )
 
     def releases(self, columns: dict[str, Array]) -> ReleaseBatch:
-        """The releases, of bodies whose CoM is ahead of the pads: others are turned round."""
+        """The releases; a body whose CoM is behind the pads is turned by half a turn."""
         scene, contact, friction = self.scene, self.scene.contact, columns["friction"]
         profile = scene.gripper.profile()
         hands = self.hands.shifted(columns["delay"] - self.mean_delay)
@@ -171,9 +171,9 @@ class ThrowBatch:
         )
 
     def one(self, values: Array) -> Throw:
-        """One of the throws by itself, by the model that decides: values (P,).
+        """One of the throws by itself, by the deciding model: values (P,).
 
-        Its scene has the values, and is aimed at where the target is when it lands.
+        Its scene has the values, and is aimed at the target's pose at the landing.
         """
         columns, scene = self.columns(values[None]), self.scene
         value = {name: float(column[0]) for name, column in columns.items()}

@@ -1,4 +1,4 @@
-"""What a motion with the held object asks of the grip and of an arm's throwing joints."""
+"""Loads of a motion with the held object on the grip and on an arm's throwing joints."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from ...problems import Scene, Torque
 from .manipulator import Manipulator
 from .sending import TICK
 
-#: Of scenes that say nothing.
+#: Torque limits of a scene without [torque].
 BASE = Torque()
 _dynamics = lru_cache(maxsize=8)(PlanarDynamics)
 
@@ -53,7 +53,7 @@ class Torques:
     def rate(self) -> float:
         """Highest rate of change [N m/s] of any joint, from sample to sample.
 
-        While the pads open the load is taken to go evenly from the hand.
+        While the pads open, the load on the hand is assumed to fall linearly.
         """
         left = (self.detach - self.times) / (self.detach - self.opening)
         share = np.clip(left, 0.0, 1.0)[:, None]
@@ -76,7 +76,7 @@ def _limits(scene: Scene) -> tuple[float, ...] | None:
 
 
 def torques_of(scene: Scene, manipulator: Manipulator, path: Trajectory, opening: float) -> Torques:
-    """Of a motion whose grip force starts to fall at `opening` [s], at every sample."""
+    """Torques at every sample of a motion whose grip force starts to fall at `opening` [s]."""
     limits, times = torque_limits(scene), np.arange(0.0, path.end + TICK / 2, TICK)
     assert limits is not None
     hand = manipulator.hand(path).at(times)

@@ -1,4 +1,4 @@
-"""What moves the hand in a scene: its coordinates, kinematics and limits as numbers."""
+"""The manipulator, arm or free hand, of a scene: coordinates, kinematics and limits as numbers."""
 
 from __future__ import annotations
 
@@ -16,17 +16,18 @@ from ...models import Array, MovedHand, Trajectory
 from ...models.robot import Arm, ArmCapsules, PlanarArm, PlanarHand, about_z, hand_motion
 from ...problems import Hand, InputError, Scene
 
-#: The pads close across the throwing plane where the cosine of what they are askew is at least this
-#: (0.08 deg); poses that differ by less than this [m, 1] are the same.
-SQUARE, SAME = 1 - 1e-6, 1e-9
+#: Least cosine between the pads' closing and the normal of the throwing plane: 0.08 deg.
+SQUARE = 1 - 1e-6
+#: Rounding of a state [SI units] and of a frame's entries [m, 1].
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True)
 class Limits:
     """Limits of the planned coordinates, margins taken off; SI units, each (n,).
 
-    slowing: deceleration, offset, upper, lower (4, n) as in `models.robot.Slowing`; None where
-    the velocity limits are the same at all positions.
+    slowing: deceleration, offset, upper, lower (4, n) as in `models.robot.Slowing`; None if the
+    velocity limits do not depend on the position.
     """
 
     q_min: Array
@@ -50,7 +51,7 @@ class Limits:
 
     @cached_property
     def longest_brake(self) -> float:
-        """No brake within these limits takes longer [s], from any rate and acceleration."""
+        """Longest time [s] of a brake within these limits, from any rate and acceleration."""
         turning = 0.0 if self.jerk is None else 3 * self.ddq / self.jerk
         return float((self.dq / self.ddq + turning).max())
 
@@ -65,8 +66,8 @@ class Limits:
 
 
 class HandError(NamedTuple):
-    """How far a hand is off its motion: x, z [m] and theta [rad] all along, and the rates [m/s,
-    rad/s] by which it leaves its motion from the opening's start on."""
+    """Error of a hand: constant in x, z [m] and theta [rad], and, from the opening's start on, in
+    its velocities [m/s, rad/s]."""
 
     x: float = 0.0
     z: float = 0.0
@@ -76,7 +77,7 @@ class HandError(NamedTuple):
     omega: float = 0.0
 
 
-#: A hand that is where it should be.
+#: A hand without error.
 EXACT_HAND = HandError()
 
 
@@ -90,7 +91,7 @@ class State:
     ddq: Array
 
     def checked(self, manipulator: Manipulator) -> State:
-        """As arrays; InputError where it does not fit the manipulator or breaks its limits."""
+        """The state as arrays; InputError if it does not fit the manipulator or its limits."""
         limits, found = manipulator.hard, list[Array]()
         for name, most in (("q", None), ("dq", limits.dq), ("ddq", limits.ddq)):
             try:
@@ -103,7 +104,7 @@ class State:
             for joint, value, least, greatest in zip(
                 manipulator.joints, values, low, high, strict=True
             ):
-                if not least - SAME <= value <= greatest + SAME:
+                if not least - ROUNDING <= value <= greatest + ROUNDING:
                     allowed = f"must be {least:.6g} to {greatest:.6g}"
                     raise InputError(f"State {name}: {joint} at {value:.6g}: {allowed}")
             found.append(values)
@@ -129,7 +130,7 @@ class Manipulator:
     under_way: tuple[Array, Array] | None = None
 
     def from_state(self, state: State) -> Manipulator:
-        """The same, which begins in a state of motion."""
+        """This manipulator, beginning in a state of motion."""
         return replace(self, start=state.q, under_way=(state.dq, state.ddq))
 
     @property
@@ -144,7 +145,7 @@ class Manipulator:
 
     @cached_property
     def capsules(self) -> ArmCapsules | None:
-        """The arm's shape; None for a hand, and for an arm whose data do not say it."""
+        """The arm's shape; None for a hand, and for an arm whose data have no shape."""
         arm = self.kinematics
         return ArmCapsules.of(arm) if isinstance(arm, PlanarArm) and arm.arm.capsules else None
 
@@ -191,7 +192,7 @@ def _hand_manipulator(hand: Hand) -> Manipulator:
 def _check_plane(kinematics: PlanarArm) -> None:
     """ValueError unless the pads close across the throwing plane and the azimuth joint turns it.
 
-    By the arm's own 3-D kinematics at random postures: about the base's z axis, all of it.
+    Checked with the arm's 3-D kinematics at random postures; the axis is the base's z axis.
     """
     arm, q = kinematics.arm, ca.SX.sym("q", kinematics.coordinates)
     every = ca.SX.sym("every", arm.joints)
@@ -211,7 +212,7 @@ def _check_plane(kinematics: PlanarArm) -> None:
         joints[arm.azimuth_joint - 1] = arm.azimuth_angle(azimuth)
         turn = np.eye(4)
         turn[:3, :3] = about_z(azimuth)
-        if np.abs(np.array(pads(joints)) - turn @ here).max() > SAME:
+        if np.abs(np.array(pads(joints)) - turn @ here).max() > ROUNDING:
             raise ValueError(
                 f"arm {arm.name}: azimuth_joint = {arm.azimuth_joint} does not turn the throwing "
                 "plane about the base's z axis"
@@ -229,7 +230,7 @@ def _arm_manipulator(scene: Scene) -> Manipulator:
     hard = joint_limits(arm, kinematics.throwing_joints)
     share, slower = 1 - robot.velocity_margin, None
     if hard.slowing is not None:
-        # Curves whose velocity is `share` of these everywhere.
+        # Velocity limits reduced to `share` at all positions.
         slower = hard.slowing * np.array([[share**2], [share], [1.0], [1.0]])
     assert hard.jerk is not None
     planning = Limits(

@@ -21,12 +21,12 @@ from .manipulator import Limits, Manipulator
 
 #: Sampling interval [s] of everything that is sent: 1 kHz.
 TICK = 0.001
-#: Ruckig's limits as a share of the real ones: differences of rounded samples stay inside.
+#: Ruckig's limits as a share of the real ones, so that rounded samples stay inside these.
 SHARE = 0.999
-#: Largest distances from a sample in position, rate and acceleration at which Ruckig is on it.
+#: Ruckig is on a sample if position, rate and acceleration differ by less than these [SI units].
 ON_SAMPLE = np.array([[1e-9], [1e-8], [1e-6]])
-#: Times [s] of a tick and of a piece's end that differ by less are the same.
-SAME = 1e-9
+#: Times [s] of a tick and of a piece's end are equal if they differ by less.
+ROUNDING = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +39,7 @@ class Samples:
 
     @classmethod
     def known(cls, rows: Array, times: Array, quintics: Array, kinks: Array) -> Samples:
-        """Of rows (3, N, n) between which the core has made the motion: see `Trajectory`."""
+        """Samples (3, N, n) with the motion between them as the core made it: see `Trajectory`."""
         found = cls(*rows)
         vars(found)["path"] = Trajectory(times, quintics, kinks, held=True)
         return found
@@ -51,11 +51,11 @@ class Samples:
 
     @cached_property
     def path(self) -> Trajectory:
-        """The motion between them: the quintics that meet all three at both samples."""
+        """The motion: quintics with position, rate and acceleration of the samples at both ends."""
         return Trajectory.quintics(TICK, self.q, self.dq, self.ddq)
 
 
-#: Nothing is sent.
+#: No samples: nothing is sent.
 NO_SAMPLES = Samples(*(np.empty((0, 0)) for _ in range(3)))
 
 
@@ -77,7 +77,7 @@ def send(manipulator: Manipulator, planned: Trajectory) -> Samples:
 
 
 def _sent_as_planned(manipulator: Manipulator, planned: Trajectory) -> Samples | None:
-    """Samples of a motion that keeps the limits all along, and of its brake; None of others."""
+    """Samples of a motion within the limits and of its brake; None for a motion beyond these."""
     limits, path = manipulator.hard, planned.core
     rows, n = math.ceil((planned.end + limits.longest_brake) / TICK) + 4, path.n
     found, curves, kinks = (np.empty(shape) for shape in ((3, rows, n), 6 * n * rows, 4 * rows))
@@ -95,11 +95,11 @@ def _sent_as_planned(manipulator: Manipulator, planned: Trajectory) -> Samples |
 def braked(manipulator: Manipulator, samples: Samples, ease: float = 1.0) -> Samples:
     """An arm's samples, and after the last of them its brake to rest.
 
-    ease: share of the acceleration limit that it brakes with.
+    ease: share of the acceleration limit that the brake uses.
     """
     given, rows = len(samples.q), (samples.q, samples.dq, samples.ddq)
     limits = replace(manipulator.hard, ddq=ease * manipulator.hard.ddq).core
-    # Without room for it, it says how many samples there are with it.
+    # The first call has no room for the brake and returns the number of samples with it.
     count = library().brake(limits, given, SamplesC.of(TICK, *rows))
     found = np.empty((3, count, manipulator.size))
     found[:, :given] = rows
@@ -119,16 +119,16 @@ class Excess(NamedTuple):
 
     @property
     def name(self) -> str:
-        """Of the limit."""
+        """Name of the limit."""
         return f"{self.joint} {self.kind}"
 
 
-#: What is limited; the second velocity where its limit depends on the position.
+#: Limited quantities; the second velocity is for limits that depend on the position.
 KINDS = ("position", "velocity", "acceleration", "velocity", "jerk")
 
 
 def excesses(manipulator: Manipulator, sent: Samples) -> list[Excess]:
-    """The worst of what samples and their differences have beyond the real limits, of each kind."""
+    """The largest excess of samples and their differences over the real limits, of each kind."""
     found = dict[tuple[str, int], Excess]()
     values = _excess(manipulator.hard, sent)
     for row, joint in zip(*np.nonzero(values[..., 0] > 0.0), strict=True):
@@ -143,24 +143,24 @@ def within_limits(limits: Limits, sent: Samples) -> bool:
 
 
 def _excess(limits: Limits, sent: Samples) -> Array:
-    """How far (5, n, 4) samples and their differences are beyond the limits at most, then value,
-    limit and time [s] there; rows as of `KINDS`."""
+    """Largest excess (5, n, 4) of samples and their differences over the limits, then its value,
+    limit and time [s]; rows as in `KINDS`."""
     found = np.empty((len(KINDS), sent.q.shape[1], 4))
     library().excess(SamplesC.of(TICK, sent.q, sent.dq, sent.ddq), limits.core, found)
     return found
 
 
 def _followed(manipulator: Manipulator, planned: Trajectory) -> Samples:
-    """Ruckig chases the planned samples: each tick heads for the next, from where it got to.
+    """Ruckig follows the planned samples: in each tick it heads for the next one.
 
-    SmoothingError where it finds no motion within the limits.
+    SmoothingError if it finds no motion within the limits.
     """
     import ruckig
 
     limits = manipulator.hard
-    # Along a kept tick the planned motion keeps the limits: Ruckig, told to take a tick at least,
-    # arrives at its end as well.
-    kept = np.empty(math.ceil(planned.end / TICK - SAME), bool)
+    # Where the planned motion keeps the limits for a tick, Ruckig arrives at the tick's end too,
+    # as its shortest duration is a tick.
+    kept = np.empty(math.ceil(planned.end / TICK - ROUNDING), bool)
     library().kept_ticks(planned.core, limits.core, TICK, len(kept), kept)
     rows = planned.at(TICK * np.arange(len(kept) + 1))
     wanted = np.array([values.T for values in rows])
@@ -178,7 +178,7 @@ def _followed(manipulator: Manipulator, planned: Trajectory) -> Samples:
 
 
 def _chase(limits: Limits, wanted: Array, sent: Array, kept: Flags, first: int) -> int:
-    """Ruckig from sample `first` on; the sample where it is back and the next tick is kept.
+    """Ruckig from sample `first` on; returns the sample where it is back on the planned motion.
 
     wanted, sent (3, N, n): positions, rates and accelerations; `sent` is changed.
     """

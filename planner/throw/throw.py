@@ -1,7 +1,7 @@
-"""A throw: a motion, when the pads open on it, and what the exact models make of it.
+"""A throw: a motion, the time at which the pads open on it, and its release by the exact models.
 
-The same type for what the NLP planned, what is sent, what was read back and what a delay
-scatters. Releases and landings are computed when they are first read.
+Planned, sent, recorded and delayed motions are all throws of this type. Releases and landings are
+computed when they are first read.
 """
 
 from __future__ import annotations
@@ -30,15 +30,15 @@ from .loads import Torques, core_torques, torques_of
 from .manipulator import EXACT_HAND, HandError, Manipulator
 from .sending import NO_SAMPLES, TICK, Samples
 
-#: Longest interval [s] between the instants at which sticking is checked before the opening.
+#: Longest interval [s] between checks of sticking before the opening.
 CARRY_STEP = 0.002
-#: Exact release models by their names: the paper's, and the time-stepping limit surface.
+#: Exact releases by their models' names.
 EXACT = {SLIDING_PIVOT: exact_pivot_release, STEPPED_SURFACE: exact_surface_release}
 
 
 @dataclass(frozen=True)
 class LandingPoint:
-    """Where and when the CoM comes down through a height; NaN if it never does."""
+    """Place and time at which the falling CoM passes a height; NaN if it never does."""
 
     x: float
     z: float
@@ -63,12 +63,12 @@ class LandingPoint:
 class Throw:
     """A motion thrown to the height of its scene's target.
 
-    scene: aimed at the target (a cup comes along). path: the motion that counts, of the
-    manipulator's coordinates from rest at time 0: the samples' for an arm, the planned one, up to
-    detach, for a free hand. opening_time [s]: when the grip force starts to fall. samples:
-    what is sent, at 1 kHz from rest to rest; empty where nothing is. model: whose release it
-    is, of `EXACT`; empty for the one that the scene's tolerance names. error: how far the hand is
-    off its motion. known_release: its `release`, where that has been computed already.
+    scene: aimed at the target (a cup moves with it). path: the motion of the manipulator's
+    coordinates that is judged, from rest at time 0: that of the samples for an arm, the planned
+    one, up to detach, for a free hand. opening_time [s]: start of the grip force's fall. samples:
+    what is sent, at 1 kHz from rest to rest; empty if nothing is. model: name of the release model
+    in `EXACT`; empty for that of the scene's tolerance. error: of the hand against its motion.
+    known_release: the `release`, if it is computed already.
     """
 
     scene: Scene
@@ -81,7 +81,7 @@ class Throw:
     known_release: InitVar[Release | None] = None
 
     def __post_init__(self, known_release: Release | None) -> None:
-        """Takes a known release; another motion, scene or model made from this has none."""
+        """Keep a known release; a copy with another motion, scene or model has none."""
         if known_release is not None:
             vars(self)["release"] = known_release
 
@@ -94,31 +94,31 @@ class Throw:
         samples: Samples,
         opening_time: float,
     ) -> Throw:
-        """The throw that goes to the robot."""
+        """The throw of a sent motion."""
         counts = planned if scene.robot is None else samples.path
         return cls(scene, manipulator, counts, opening_time, samples)
 
     def __repr__(self) -> str:
-        """A line: its arrays would fill a screen."""
+        """One line instead of the arrays."""
         return f"Throw({self.scene.name}, landing at {self.landing_time:.3f} s)"
 
     @property
     def target(self) -> Pose:
-        """Where it should land."""
+        """The target of the scene."""
         assert self.scene.target is not None
         return self.scene.target
 
-    # What it comes to.
+    # Release, landing and measures.
 
     @cached_property
     def release(self) -> Release:
-        """The object from the opening's start until the pads have let go."""
+        """The object's motion from the opening's start to detach."""
         return self._in_place(EXACT[self.model or self.scene.tolerance.model](self.case))
 
     def _in_place(self, released: Release) -> Release:
-        """The release of a hand that is off its motion, and moves off it.
+        """The release by a hand with `error`.
 
-        Friction knows relative motion only: such a hand takes the whole release along.
+        Friction depends on relative motion only: the error moves the whole release.
         """
         turn, error = turn_of(self.scene.com_offset), self.error
         if not turn and not any(error):
@@ -131,19 +131,19 @@ class Throw:
         return replace(released, com=com, com_twist=twist)
 
     def released(self, release: Release) -> Throw:
-        """The throw whose exact release is known already, as `case` has it."""
+        """The throw with a known exact release of `case`."""
         return replace(self, known_release=self._in_place(release))
 
     @cached_property
     def onsets(self) -> tuple[float | None, float | None]:
-        """When pivot and slide begin [s] from the opening's start; None for what does not."""
+        """Onsets [s] of pivot and slide after the opening's start; None without one."""
         if (self.model or self.scene.tolerance.model) == STEPPED_SURFACE:
             return self.case.slip_onset()
         return self.release.pivot, self.release.slide
 
     @cached_property
     def landing(self) -> LandingPoint:
-        """The flight of that to the target's height."""
+        """The landing at the target's height."""
         return LandingPoint.of(self.release, self.target.z, self.scene.flight)
 
     @cached_property
@@ -153,7 +153,7 @@ class Throw:
 
     @property
     def grip_words(self) -> str:
-        """Largest use of the grip's friction, what is left, and what the scene keeps in reserve."""
+        """Largest use of the grip's friction, the rest, and the scene's reserve, as text."""
         use, reserve = self.measured.grip, self.scene.gripper.sticking_margin
         left = f"{100 * (1 - use.value):.0f} % are left (sticking_margin {reserve:g})"
         return (
@@ -163,14 +163,14 @@ class Throw:
 
     @cached_property
     def measured(self) -> Measured:
-        """How near bar, hand and arm come to what is around them."""
+        """Clearances and uses of limits, measured by the compiled core."""
         found = Measured()
         library().measure(self.core, found)
         return found
 
     @cached_property
     def core(self) -> ThrowC:
-        """As the compiled core takes it."""
+        """The throw for the compiled core."""
         found, release = _core_motion(self), self.release
         times, com = self.opening_time + release.times, np.ascontiguousarray(release.com)
         found.detach, found.flight, found.nodes = times[-1], self.landing.flight_time, len(times)
@@ -178,40 +178,40 @@ class Throw:
         return found
 
     def __getstate__(self) -> dict[str, Any]:
-        """Without addresses, which are this process's own."""
+        """The state without `core`, whose addresses are valid in this process only."""
         return {name: value for name, value in vars(self).items() if name != "core"}
 
     @cached_property
     def torques(self) -> Torques:
-        """Of the arm's joints along it; for an arm with masses."""
+        """Joint torques along the motion; for an arm with masses."""
         return torques_of(self.scene, self.manipulator, self.path, self.opening_time)
 
     def miss(self, target: Pose | None = None) -> tuple[float, float]:
-        """(Δx [m], Δtheta [rad]) to the target; 0 where it leaves theta open."""
+        """Landing error (Δx [m], Δtheta [rad]); Δtheta is 0 if the target leaves theta open."""
         target = target or self.target
         angle = 0.0 if target.theta is None else self.landing.theta - target.theta
         return self.landing.x - target.plane_x, angle
 
-    # The same motion otherwise.
+    # Copies of the throw.
 
     def with_model(self, model: str) -> Throw:
-        """Thrown by another of the `EXACT` models."""
+        """The throw by another of the `EXACT` models."""
         own = self.model or self.scene.tolerance.model
         return self if own == model else replace(self, model=model)
 
     @cached_property
     def deciding(self) -> Throw:
-        """Thrown by the model of the tolerance."""
+        """The throw by the model of the tolerance, which decides."""
         return self.with_model(self.scene.tolerance.model)
 
     @cached_property
     def sliding_pivot(self) -> Throw:
-        """Thrown by the sliding pivot."""
+        """The throw by the sliding pivot."""
         return self.with_model(SLIDING_PIVOT)
 
     @cached_property
     def limit_surface(self) -> Throw:
-        """Thrown by the time-stepping limit surface."""
+        """The throw by the time-stepping limit surface."""
         return self.with_model(STEPPED_SURFACE)
 
     def in_scene(self, scene: Scene) -> Throw:
@@ -219,14 +219,14 @@ class Throw:
         return replace(self, scene=scene)
 
     def delayed(self, delay: float) -> Throw:
-        """Opened so much later [s], at rest at the earliest."""
+        """The throw opened later by `delay` [s], at time 0 at the earliest."""
         return replace(self, opening_time=max(self.opening_time + delay, 0.0))
 
-    # The hand, and when what happens.
+    # The hand, and times of the motion.
 
     @property
     def case(self) -> ReleaseCase:
-        """What a release model needs of it."""
+        """The arguments of a release model."""
         hand = self.manipulator.hand(self.path.shifted(self.opening_time), self.error.omega)
         return case_of(self.scene, hand, self.error.theta)
 
@@ -236,18 +236,18 @@ class Throw:
 
     @property
     def until(self) -> float:
-        """When the motion that counts ends [s]: detach for a free hand, rest for an arm."""
+        """End [s] of the motion that is judged: detach for a free hand, rest for an arm."""
         return self.path.end
 
     @cached_property
     def to_rest(self) -> Trajectory:
-        """The whole motion: of a free hand its brake too, which only the samples have."""
+        """The whole motion; for a free hand with its brake, which only the samples have."""
         samples = self.samples
         if not len(samples.q) or self.path is samples.path:
             return self.path
         planned, end = self.path, self.path.end
         first = min(math.ceil(end / TICK - 1e-9), len(samples.q) - 1)
-        # From detach to the next sample at the even rate of the brake.
+        # From detach to the next sample at the constant deceleration of the brake.
         before, ddq = end - TICK * first, samples.ddq[first]
         dq = samples.dq[first] + before * ddq
         q = samples.q[first] + before * (dq + samples.dq[first]) / 2
@@ -265,27 +265,27 @@ class Throw:
 
     @property
     def lands(self) -> bool:
-        """Whether the object comes down to the target's height."""
+        """Whether the object falls to the target's height."""
         return math.isfinite(self.landing.flight_time)
 
     @property
     def detach_time(self) -> float:
-        """When the grip force is zero [s]."""
+        """Time [s] at which the grip force is zero."""
         return self.opening_time + self.scene.gripper.profile().opening
 
     @property
     def command_time(self) -> float:
-        """When the opening command is sent [s]."""
+        """Time [s] at which the opening command is sent."""
         return self.opening_time - self.scene.gripper.profile().dwell - self.scene.mean_delay
 
     @property
     def landing_time(self) -> float:
-        """When the CoM comes down through the target's height [s]."""
+        """Time [s] at which the falling CoM passes the target's height."""
         return self.detach_time + self.landing.flight_time
 
 
 def _core_motion(throw: Throw) -> ThrowC:
-    """A throw's motion as the compiled core takes it, without release and flight."""
+    """A throw's motion for the compiled core, without release and flight."""
     found = ThrowC(tick=TICK, step=CARRY_STEP, opening=throw.opening_time)
     found.error[:] = throw.error
     found.attach(
@@ -298,9 +298,9 @@ def _core_motion(throw: Throw) -> ThrowC:
 
 
 def column_of(scene: Scene) -> tuple[float, float] | None:
-    """Half the width [m] of the base column where the bar meets it, and its height.
+    """Half width [m] of the base column's section in the bar's plane, and its height [m].
 
-    None without one, and for an arm that throws beside it.
+    None without a column, and for an arm that throws beside it.
     """
     workspace, target = scene.workspace, scene.target
     if workspace is None or workspace.column_radius is None or workspace.column_height is None:
@@ -313,7 +313,7 @@ def column_of(scene: Scene) -> tuple[float, float] | None:
 
 
 def core_scene(scene: Scene, hand_error: float) -> SceneC:
-    """What of the scene the compiled core measures a throw by; hand_error [rad]: its angle's."""
+    """The scene's data for measures by the compiled core; hand_error [rad]: of the hand's angle."""
     bar, body, patch, cup, arm = scene.object, scene.body, scene.patch, scene.cup, scene.arm
     limit = patch.force_limit(scene.gripper.profile().full)
     workspace, column = scene.workspace, column_of(scene)
@@ -329,7 +329,7 @@ def core_scene(scene: Scene, hand_error: float) -> SceneC:
         ahead=bar.length - bar.com,
         half_width=bar.width / 2,
         cup_speed=0.0 if scene.target is None else scene.target.speed,
-        # Below 0 is what the scene does not have.
+        # A negative value marks an absent part of the scene.
         column_radius=-1.0,
         palm_half_width=-1.0,
         palm_clearance=-1.0,
@@ -354,12 +354,12 @@ def core_scene(scene: Scene, hand_error: float) -> SceneC:
 
 
 def cup_entries(scene: Scene, detach: Array, flight: Array) -> Array:
-    """Least clearance (N,) [m] of the bars' way into the scene's cup; -inf for those that miss it.
+    """Least clearance (N,) [m] of the bars' way into the scene's cup; -inf for a missed cup.
 
-    detach (N, 6): CoM pose and twist; flight (N,): seconds until the landing height. The way in is
-    from the lower end's passing the rim plane until it is `insertion` below; the clearance is
-    the least distance of outline and wall or rim, negative outside. The bar is taken as thick as
-    it is wide, so in a round cup the walls are nearer than `radius` off the middle.
+    detach (N, 6): CoM pose and twist; flight (N,) [s]: time to the landing height. The way in
+    begins as the lower end passes the rim plane and ends `insertion` below it; the clearance is
+    the least distance between outline and wall or rim, negative outside. The bar's thickness
+    equals its width, so the walls of a round cup are nearer than `radius` off the middle.
     """
     found = np.empty(len(detach))
     states, times = np.ascontiguousarray(detach), np.ascontiguousarray(flight, float)
@@ -370,7 +370,7 @@ def cup_entries(scene: Scene, detach: Array, flight: Array) -> Array:
 def case_of(scene: Scene, hand: HandTrack, hand_error: float = 0.0) -> ReleaseCase:
     """The scene's release along a hand motion, counted from the opening's start.
 
-    hand_error [rad]: its angle's. The pads are round, so that is an object held at another angle.
+    hand_error [rad]: of the hand's angle; as the pads are round, it adds to the grasp angle.
     """
     body, grip = replace(scene.body, com_offset=abs(scene.com_offset)), scene.gripper.profile()
     angle = scene.grasp.angle + hand_error + turn_of(scene.com_offset)

@@ -7,12 +7,4 @@ from .batch import Judge, Verdicts
 from .findings import JOINT_LIMITS, Code, Finding, Verdict
 from .landing import lands_well
 from .single import FLYING, collision, held_verdict, outside_tolerance, verdict
-from .uncertainty import (
-    Sampler,
-    landing_spread,
-    quantile,
-    sampler_of,
-    unit_of,
-    warnings,
-    words_of,
-)
+from .uncertainty import Sampler, landing_spread, quantile, sampler_of, unit_of, warnings, words_of

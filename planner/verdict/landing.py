@@ -13,11 +13,11 @@ from ...problems import Cup, Pose, Scene, Tolerance
 from ..throw import TICK, cup_entries
 from .findings import Code
 
-#: A throw that counts falls so fast [m/s] at least through the target's height. Nearer to the top
-#: of its flight some micrometres of the release are millimetres of the landing.
+#: Least speed [m/s] at which the CoM must fall through the target's height. At slower falls, near
+#: the apex, micrometres of the release are millimetres of the landing.
 FALLS = 0.02
 
-#: Excess over the tolerance, as a share of it, that is allowed for rounding in files.
+#: Allowed excess over the tolerance, a share of it: covers rounding in files.
 ROUNDING = 1e-6
 #: Error [m] of a clearance in the cup, from the bisection of its instants.
 CUP_NEAR = 1e-5

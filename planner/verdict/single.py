@@ -19,13 +19,10 @@ from ..throw import TICK, Manipulator, Samples, Throw, column_of, excesses
 from .findings import JOINT_LIMITS, Code, Finding, Verdict
 from .landing import LandingStates, LimitUse, landing_uses, least_cup_clearance, tolerance_uses
 
-#: Violation [m] of a clearance that is allowed for rounding.
+#: Allowed violation [m] of a clearance: covers rounding.
 NEAR = 1e-6
 #: Name of the bar after detach, among bodies.
 FLYING = "flying bar"
-#: Ticks between the samples whose hand is compared in space; the difference depends on the angles
-#: only.
-EVERY = 10
 #: Largest difference of the pads' centre [m] and axes [-] between planar model and chain.
 AGREES = 1e-6
 
@@ -120,8 +117,8 @@ def _off_in_space(manipulator: Manipulator, sent: Samples, azimuth: float) -> fl
         chain = chain.copy()
         chain[0, :3] = about_z(-azimuth) @ chain[0, :3]
     samples, angle = SamplesC.of(TICK, sent.q), arm.azimuth_angle(azimuth)
-    difference = library().off_plane(samples, EVERY, kinematics.core, chain, angle, arm.lateral)
-    return float(difference)
+    # Every 10th sample is compared.
+    return float(library().off_plane(samples, 10, kinematics.core, chain, angle, arm.lateral))
 
 
 def _release(throw: Throw) -> Iterator[Finding]:

@@ -19,7 +19,7 @@ from .findings import Code, Finding
 HALF_CELL = 2.0**-31
 #: Standard deviations in the range of a normal value; one draw in 10^19 is outside.
 COVERED = 9.0
-#: Names of parameters, factor from SI, unit; all others are lengths or angles.
+#: Names of parameters with their factor from SI and unit; all others are lengths or angles.
 UNITS = (
     (("hand_vx", "hand_vz"), 1e3, "mm/s"),
     (("hand_omega",), math.degrees(1.0), "deg/s"),

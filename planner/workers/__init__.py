@@ -1,7 +1,6 @@
 """Jobs run by this process, by others on this machine, or by a Dask cluster.
 
-Long work is cut into short jobs, so that any executor can share them and Ctrl-C loses none that
-is done.
+Long work is cut into short jobs: any executor can share them, and Ctrl-C loses no finished job.
 """
 
 from __future__ import annotations
@@ -24,11 +23,11 @@ T = TypeVar("T")
 #: progress(done, total) is called while work goes on.
 Progress = Callable[[int, int], None]
 
-#: Jobs that an executor is given before the first of them is done.
+#: Most unfinished jobs of an executor.
 WINDOW = 64
 #: Largest number of processes on this machine.
 MOST = 256
-#: Time [s] in which a scheduler must answer, and in which it must have a worker.
+#: Time limit [s] for a scheduler's answer, and for its first worker.
 PATIENCE = 5.0
 #: Signals that end a process.
 ENDING = {getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if name in dir(signal)}
@@ -38,8 +37,8 @@ ENDING = {getattr(signal, name) for name in ("SIGINT", "SIGTERM", "SIGHUP") if n
 def signals_deferred() -> Iterator[None]:
     """Signals that end this process wait until the block is done.
 
-    A process must be started inside: it prints a traceback if its parent ends before it has said
-    what there is to do, and a pool waits for it forever.
+    Processes are started inside such a block: one whose parent ends before it has its first job
+    prints a traceback, and its pool waits forever.
     """
     if not hasattr(signal, "pthread_sigmask"):
         yield
@@ -52,7 +51,7 @@ def signals_deferred() -> Iterator[None]:
 
 
 def leave_signals_to_parent() -> None:
-    """In a process that was started so: Ctrl-C is for its parent, other signals end it."""
+    """In a worker process: its parent handles Ctrl-C, other signals end it."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     if hasattr(signal, "pthread_sigmask"):
         signal.pthread_sigmask(signal.SIG_UNBLOCK, ENDING)
@@ -60,10 +59,10 @@ def leave_signals_to_parent() -> None:
 
 @contextmanager
 def executor_of(workers: int | None, scheduler: str | None) -> Iterator[Executor | None]:
-    """The executor that the options ask for, None for this process.
+    """The executor of the options, None for this process.
 
-    InputError for options that do not go together or are out of range, where there is no
-    such cluster, and for what goes wrong on workers.
+    InputError for options that exclude each other or are out of range, for a missing cluster, and
+    for failures on workers.
     """
     if workers is not None and not 1 <= workers <= MOST:
         raise InputError(f"--workers {workers}: must be a whole number, 1 to {MOST}")
@@ -81,10 +80,10 @@ def executor_of(workers: int | None, scheduler: str | None) -> Iterator[Executor
 
 @contextmanager
 def _processes(count: int) -> Iterator[Executor]:
-    # Spawned: forking a process whose libraries have threads is not safe.
-    # One thread each: small matrices are slower with more.
+    # Spawn, as forking a process whose libraries have threads is not safe. One thread each, as
+    # small matrices are slower with more.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
-    # Taken from the module here, since it takes 15 ms to import.
+    # Imported here with the attribute, which takes 15 ms.
     pool = futures.ProcessPoolExecutor(count, get_context("spawn"), leave_signals_to_parent)
     try:
         with pool:
@@ -108,12 +107,12 @@ def _cluster(address: str) -> Iterator[Executor]:
         client = distributed.Client(address, timeout=PATIENCE, set_as_default=False)
     except (OSError, ValueError) as error:
         raise InputError(f"{place}: {_line(error)}") from None
-    # What can go wrong with a cluster, and with what is installed on it.
+    # Failures of a cluster and of the packages on it.
     failures = (distributed.KilledWorker, ImportError, OSError, futures.CancelledError)
     try:
         client.wait_for_workers(1, timeout=PATIENCE)
-        # Not pure: every sweep is thrown, whatever the cluster remembers. Tasks of a worker
-        # that is lost are done again by others.
+        # Not pure: the cluster must not return an earlier result. Other workers repeat the tasks
+        # of a lost one.
         with client.get_executor(pure=False) as executor:
             yield executor
     except TimeoutError:
@@ -125,9 +124,9 @@ def _cluster(address: str) -> Iterator[Executor]:
 
 
 def _check_scheduler(address: str, place: str) -> None:
-    """InputError unless something like a Dask scheduler answers there.
+    """InputError unless a Dask scheduler seems to answer there.
 
-    Dask's own client waits long for other servers, and for names that do not exist.
+    Dask's own client waits long for other servers and for unknown names.
     """
     found = re.fullmatch(r"(?:(tcp|tls)://)?(\[.+\]|[^/:]+):(\d{1,5})", address)
     if found is None:
@@ -149,7 +148,7 @@ def _check_scheduler(address: str, place: str) -> None:
 
 
 def _line(error: BaseException) -> str:
-    """An error in one line that is not too long."""
+    """An error in one line of at most 300 characters."""
     words = str(error) if isinstance(error, OSError) else f"{type(error).__name__}: {error}"
     return " ".join(words.split())[:300]
 
@@ -159,11 +158,11 @@ def run_jobs(
     executor: Executor | None,
     keep: Callable[[T], None],
 ) -> None:
-    """Runs jobs until there is none left and none running; `keep` takes each result.
+    """Runs jobs until the last is done; `keep` takes each result.
 
-    next_job: the next job, or None while there is none; it is called again after each result. A job
-    for an executor must be picklable. After Ctrl-C running jobs are finished and kept, the others
-    dropped, and KeyboardInterrupt is raised.
+    next_job: the next job or None; it is called again after each result. A job for an executor must
+    be picklable. After Ctrl-C running jobs are finished and kept, the others dropped, and
+    KeyboardInterrupt is raised.
     """
     if executor is None:
         while (job := next_job()) is not None:

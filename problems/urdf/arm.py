@@ -31,12 +31,11 @@ LIMIT_OPTIONS = {
     "jerk": "--jerk",
     "torque": "--torque",
 }
-#: Proposed limits for those in neither URDF nor options, in the units of the options [deg; rad/s,
-#: rad/s^2, rad/s^3; N m]: limits of a slow arm of medium size.
+#: Proposed limits, of a slow arm of medium size, in the options' units [deg; rad/s^k; N m].
 PROPOSED = dict(zip(LIMIT_OPTIONS, ("-180", "180", "1", "10", "1000", "50"), strict=True))
 #: Number of random joint states in the comparison with yourdfpy.
 STATES = 24
-#: Largest difference [m; -] from yourdfpy at these states for a file to be written.
+#: Largest difference [m; -] from yourdfpy at which the file is written.
 EXACT = 1e-9
 #: Largest cosine of perpendicular axes, and largest deviation from 1 of parallel ones.
 ALIGNED = 1e-6
@@ -100,7 +99,7 @@ def limits_of(chain: UrdfChain, given: Mapping[str, Given]) -> JointLimits:
 def arm_of(chain: UrdfChain, limits: JointLimits, choices: Choices) -> Arm:
     """The arm; InputError if it does not throw in a vertical plane of its azimuth joint."""
     *joints, mount = chain.frames()
-    # A hand without a palm is a point, at least this far behind the pads.
+    # A hand without a palm is a point, at least 0.1 m behind the pads.
     behind = max(choices.tcp, 0.1)
     palm = choices.palm or (behind, behind, 0.0)
     tool = Tool(0.0, 0.0, choices.tcp, *palm, xyz=mount.xyz, rpy=mount.rpy)
@@ -282,10 +281,10 @@ def _check_posture(arm: Arm, chain: UrdfChain) -> None:
 
 
 def link_inertias(chain: UrdfChain) -> tuple[LinkInertia, ...]:
-    """What each chosen joint moves up to the next, then the hand, in the arm's own frames.
+    """The body that each chosen joint moves, up to the next, then the hand, in the arm's frames.
 
-    Links on fixed joints, and on joints held at 0, are merged into the link they hang on;
-    the tool link and what hangs on it are the hand. Empty if the file has no masses.
+    Links on fixed joints, and on joints held at 0, are merged into their parent link; the tool link
+    and its descendants are the hand. Empty if the file has no masses.
     """
     stops = [*chain.names, *(joint.name for joint in chain.path if joint.child == chain.tool)]
     inertias = []

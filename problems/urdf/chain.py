@@ -14,10 +14,9 @@ from ...models.robot import JointFrame
 from ..section import InputError
 from .reading import frame_of, origin, unit_axis
 
-#: Cosine between an axis of the tool link and the direction to its child links above which the hand
-#: points along the axis.
+#: The hand points along an axis of the tool link if the cosine to its child links is above this.
 POINTS = 0.8
-#: A link's own axes, by the names that options have for them.
+#: A link's axes by their names in options.
 AXES = {
     sign + name: (-1.0 if sign else 1.0) * np.eye(3)[i]
     for i, name in enumerate("xyz")
@@ -175,7 +174,7 @@ def _hand_turn(approach: str, closing: str) -> Array:
 
 
 def joint_named(names: Sequence[str], option: str, name: str) -> str:
-    """The one of the chosen joints that an option names, or numbers from 1."""
+    """The chosen joint of an option's name, or of its number from 1."""
     if name in names:
         return name
     if name.isdigit() and 1 <= int(name) <= len(names):
@@ -211,7 +210,7 @@ def _turning(robot: Any, link: str) -> list[str]:
 
 
 def _hands(robot: Any) -> list[str]:
-    """Links that may be a hand: two joints or more turn it, and one at most hangs on it."""
+    """Links that may be a hand: at least two joints turn it, and at most one is below it."""
     joints_to = {link: _turning(robot, link) for link in robot.link_map}
     inner = {joint for names in joints_to.values() for joint in names[:-2]}
     return [link for link, names in joints_to.items() if len(names) > 1 and names[-1] not in inner]
@@ -277,7 +276,7 @@ def _root(robot: Any, link: str) -> str:
 
 
 def hanging(robot: Any, link: str) -> list[Any]:
-    """The joints that hang on a link."""
+    """The joints whose parent is a link."""
     return [joint for joint in robot.robot.joints if joint.parent == link]
 
 

@@ -220,9 +220,9 @@ def _outside(points: Array, capsules: Sequence[LinkCapsule]) -> float:
 
 
 def _overlap(chain: UrdfChain, capsules: Sequence[LinkCapsule]) -> float:
-    """By how much [m] radii must be less for links that are no neighbours to be apart mostly.
+    """Reduction [m] of radii at which links that do not adjoin are apart in most postures.
 
-    Capsules around a compact wrist and hand meet where their meshes do not.
+    Capsules around a compact wrist and hand may overlap although their meshes do not.
     """
     states = np.random.default_rng(0).uniform(-math.pi, math.pi, (60, len(chain.names)))
     largest = 0.0

@@ -16,7 +16,7 @@ from ..transcription import Hand, Node, Scope
 
 #: Parameters of the slowing limits, see `models.robot.Slowing`.
 SLOWING = ("slowing", "slowing_offset", "slowing_upper", "slowing_lower")
-#: Time [s] around its stop over which a joint's deceleration falls to zero, smoothly.
+#: Time [s] around a joint's stop in which its deceleration falls to zero smoothly.
 STOP_TIME = 0.01
 
 

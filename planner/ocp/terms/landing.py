@@ -14,15 +14,14 @@ from ..scene_constraint import Flight, SceneConstraint
 from ..stages import Block, Stage, T
 from ..transcription import Ocp
 
-#: Margins for the difference between the NLP's landing and the exact one: a share of the bounds of
-#: [landing], and of the latest arrival [s].
-BOUNDS_MARGIN, ARRIVAL_MARGIN = 0.02, 1e-3
-#: Depths of the lower end with constraints: without and with the lazy constraint "flight".
+#: Margin to the bounds of [landing], a share of them: covers the NLP's error of the landing.
+BOUNDS_MARGIN = 0.02
+#: Margin [s] to the latest arrival: covers the NLP's error of the landing.
+ARRIVAL_MARGIN = 1e-3
+#: Number of depths with constraints: without and with the lazy constraint "flight".
 DEPTHS = (4, 12)
 #: Margin [m] to rim and wall: covers the motion between depths; `request.CUP` adds to it.
 CUP_MARGIN = 0.001
-#: Times after detach [s]: the lowest corner passes the rim, the lower end is at a depth.
-T_RIM, T_CUP = Block("t_rim", "s"), Block("t_cup", "s")
 
 
 @dataclass(frozen=True)
@@ -121,7 +120,7 @@ class CupClearance(SceneConstraint):
             return landed + p("cup_speed") * (time - flight.time) if moves else landed
 
         lower = p("lower_end")
-        time = flight.stage.control(T_RIM)
+        time = flight.stage.control(Block("t_rim", "s"))
         at, cup_x = flight.after(time), cup_at(time)
         cos, sin = ca.cos(at.theta), ca.sin(at.theta)
         across = half_width * cos / ca.sqrt(cos**2 + 1e-6)
@@ -129,7 +128,7 @@ class CupClearance(SceneConstraint):
         corner = at.x + lower * cos + across * sin - cup_x
         flight.subject_to("cup clearance", corner / (radius - clearance), -1.0, 1.0)
         for i in range(self.depths):
-            time = flight.stage.control(T_CUP.number(i))
+            time = flight.stage.control(Block("t_cup", "s").number(i))
             at, cup_x = flight.after(time), cup_at(time)
             cos, sin = ca.cos(at.theta), ca.sin(at.theta)
             depth = p("cup_insertion") * i / max(self.depths - 1, 1)

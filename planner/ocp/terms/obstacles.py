@@ -21,13 +21,7 @@ import numpy.typing as npt
 
 from ....models import Array
 from ....models.robot import ArmCapsules, Solid
-from ...clearance import (
-    BAR,
-    LANDING,
-    CollisionScene,
-    SweptBodies,
-    held_bar,
-)
+from ...clearance import BAR, LANDING, CollisionScene, SweptBodies, held_bar
 from ...throw import Throw
 from ...verdict import FLYING
 from ..request import Request
@@ -233,10 +227,7 @@ def _directions() -> tuple[Array, Array]:
 
 
 def _planes_of(
-    track: SweptBodies,
-    body: int,
-    solids: Sequence[tuple[Solid, float]],
-    links: Sequence[int],
+    track: SweptBodies, body: int, solids: Sequence[tuple[Solid, float]], links: Sequence[int]
 ) -> Array:
     """Planes (N, count, SIZE) for a body at the track's instants: n_x, n_z, offset of either end.
 

@@ -40,7 +40,7 @@ class WorkspaceSettings:
 
 
 SETTINGS = WorkspaceSettings()
-#: Margin [m] of the flying bar to the base column.
+#: Margin [m] between flying bar and base column.
 PASSING_MARGIN = SETTINGS.passing_margin
 
 

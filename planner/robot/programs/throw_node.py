@@ -22,9 +22,9 @@ from rclpy.node import Node
 from rclpy.serialization import deserialize_message
 from trajectory_msgs.msg import JointTrajectory, JointTrajectoryPoint
 
-#: What the bag holds.
+#: Message types of the bag by topic.
 TYPES = {"/joint_trajectory": JointTrajectory, "/gripper_command": GripperCommandMessage}
-#: From sending the goal until the motion starts [s].
+#: Time [s] from sending the goal to the start of the motion.
 LEAD = 0.5
 
 
