@@ -27,7 +27,11 @@ from throwplan.models.release import (
 from throwplan.models.release.patch import PatchRelease
 from throwplan.planner.show import BLACK, BLUE, GREEN, GREY, ORANGE, RED, Row, Table, number, shown
 
-from .laws import (
+from .measure import least_time, pareto, quantiles
+from .page import Effort, Picture, ReportSection, panels
+from .plain_pivot import PlainPivot
+from .processes import shared
+from .reference_releases import (
     LENGTH,
     STIFFNESSES,
     TRUTHS,
@@ -43,10 +47,6 @@ from .laws import (
     random_throws,
     scaled_errors,
 )
-from .measure import least_time, pareto, quantiles
-from .page import Effort, Picture, ReportSection, panels
-from .plain_pivot import PlainPivot
-from .processes import shared
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes

@@ -1,4 +1,4 @@
-/* Written by `python -m throwplan.models.core_laws`: do not edit. */
+/* Written by `python -m throwplan.models.write_core_laws`: do not edit. */
 #ifndef LAWS_H
 #define LAWS_H
 

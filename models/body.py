@@ -206,7 +206,7 @@ def sticking_state(pose: Value, twist: Value, grasp_angle: Value, com_offset: Va
     return [x + x_r, z + z_r, angle, *com_twist(v_x, v_z, omega, x_r, z_r)]
 
 
-# Free flight; `core_laws` writes `after` and `fall_time` as C.
+# Free flight; `write_core_laws` writes `after` and `fall_time` as C.
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,7 @@ It reads scenes as data and a plan's files (plan.json, motion.csv), and nothing 
     oracle.judge(rows).success
 """
 
-from .around import Found
+from .clearance import Found
 from .files import oracle_of, read_oracle, read_rows
 from .judge import Oracle
 from .release import STEPS

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from .around import Around, Bar, Flight, Found, at_least, at_most
+from .clearance import Around, Bar, Flight, Found, at_least, at_most
 from .motion import TICK, ArmMotion, Array, HandMotion, Samples
 from .release import Held, Released, released
 

@@ -14,7 +14,7 @@ from .clearance import check_obstacles
 from .follow import Response, Session
 from .interception import intercept
 from .library import Library, Turns
-from .plan import plan_from_warm, plan_throw
+from .planning import plan_from_warm, plan_throw
 from .reach import default_workers, grow
 from .result import Plan
 from .samples import Releases, ReleaseSampler, stored_releases

@@ -9,7 +9,7 @@ from .arms import load_arm
 from .grip import Grasp, Gripper, PadContact, ThrownObject
 from .manipulators import Hand, Motion, Robot, Torque
 from .scene import Mesh, Scene
+from .scene_files import as_scene, load_scene, scene_from_table, scene_names, scene_text
 from .section import InputError, ThrowplanError, checked
 from .targets import Choice, Cup, Landing, Obstacle, Pose, ThrowPlane, Tolerance, Workspace
-from .toml import as_scene, load_scene, scene_from_table, scene_names, scene_text
 from .uncertainty import Distribution, Robust, Uncertainty

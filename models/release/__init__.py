@@ -13,7 +13,8 @@ from .integrators import (
     relative_states,
     rk4_step,
 )
-from .limit_surface import ImplicitRelease, KarnoppRelease
+from .limit_surface import SteppedRelease
+from .published_surface import ImplicitRelease, KarnoppRelease
 from .registry import BATCH_MODELS, DECIDING, MODELS, SLIDING_PIVOT, STEPPED_SURFACE, ReleaseModel
 from .sliding_pivot import (
     SlidingPivot,
@@ -21,4 +22,3 @@ from .sliding_pivot import (
     Widths,
     soft_positive,
 )
-from .stepped_surface import SteppedRelease

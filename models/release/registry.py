@@ -9,10 +9,10 @@ from dataclasses import dataclass, replace
 from typing import Protocol, cast
 
 from .cases import BatchRelease, CaseModel, Release, ReleaseBatch, ReleaseCase
-from .limit_surface import ImplicitRelease, KarnoppRelease
+from .limit_surface import SteppedRelease
 from .patch import PatchRelease
+from .published_surface import ImplicitRelease, KarnoppRelease
 from .sliding_pivot import SlidingPivotRelease
-from .stepped_surface import SteppedRelease
 
 
 class BatchModel(CaseModel, Protocol):

@@ -12,7 +12,7 @@ from .bodies import (
     contacts,
     overlap,
 )
-from .plane import (
+from .outlines import (
     bar_ends,
     bar_outline,
     column_distance,

@@ -14,7 +14,7 @@ from ...models import Array
 from ...models.robot import ArmCapsules, Solid
 from ...problems import InputError, Scene, ThrownObject, ThrowPlane
 from ..throw import Manipulator, Throw
-from .plane import bar_ends, held_bar
+from .outlines import bar_ends, held_bar
 
 #: Time [s] before the landing in which the bar may be as near to an obstacle as at the landing.
 LANDING = 0.05

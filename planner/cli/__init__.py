@@ -18,7 +18,7 @@ from collections.abc import Sequence
 from ... import __version__
 from ...core import CoreError
 from ...problems import InputError
-from . import import_robot, measured, plans, scenes
+from . import import_robot, measured, saved_plans, scenes
 from .common import DONE, WRONG_INPUT, Interrupts, Parser, Progress
 
 #: The functions of each command, in the order of the help.
@@ -29,12 +29,12 @@ COMMANDS = {
     "map": (scenes.map_arguments, scenes.map_landings),
     "prepare": (scenes.prepare_arguments, scenes.prepare),
     "sweep": (scenes.sweep_arguments, scenes.sweep),
-    "view": (plans.view_arguments, plans.view),
-    "play": (plans.play_arguments, plans.play),
-    "replay": (plans.replay_arguments, plans.replay),
-    "run": (plans.run_arguments, plans.run),
-    "correct": (plans.correct_arguments, plans.correct),
-    "export": (plans.export_arguments, plans.export),
+    "view": (saved_plans.view_arguments, saved_plans.view),
+    "play": (saved_plans.play_arguments, saved_plans.play),
+    "replay": (saved_plans.replay_arguments, saved_plans.replay),
+    "run": (saved_plans.run_arguments, saved_plans.run),
+    "correct": (saved_plans.correct_arguments, saved_plans.correct),
+    "export": (saved_plans.export_arguments, saved_plans.export),
     "import-robot": (import_robot.arguments, import_robot.run),
     "make-throws": (measured.make_throws_arguments, measured.make_synthetic),
     "identify": (measured.identify_arguments, measured.identify_models),

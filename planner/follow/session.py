@@ -28,9 +28,9 @@ from ..throw import (
     braked,
 )
 from ..verdict import Code, Finding, held_verdict, verdict
-from .directions import Direction, RestOfSwing
-from .expected import ExpectedThrow
-from .response import Follower, Response
+from .expected_throw import ExpectedThrow
+from .joint_lag import Follower, Response
+from .swing_changes import Direction, RestOfSwing
 
 Status = Literal["followed", "kept", "committed", "stopped"]
 

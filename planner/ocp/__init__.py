@@ -5,9 +5,9 @@ own in `terms`; an absent one adds no variable, constraint or parameter.
 """
 
 from .assembly import nlp_functions
-from .condensed import CondensedQp, Optimum, ReducedVariables, Step
 from .nlp import ThrowNlp, build_nlp
 from .problem import FLIGHT_MAX
+from .reduced_qp import CondensedQp, Optimum, ReducedVariables, Step
 from .request import (
     BASE,
     PALM_TIMES,

@@ -1,4 +1,4 @@
 """The reach of a scene: the map of landing poses, and the building of a library all over it."""
 
-from .growing import default_workers, grow
+from .library_growth import default_workers, grow
 from .maps import MAP_FILES, MOST, ReachMap, check_map, reach_map

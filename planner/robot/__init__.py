@@ -3,10 +3,17 @@
 All read a saved plan back (`read_plan`) and check it again, since files can be edited.
 """
 
-from .controllers import FRANKA_FILES, JointMotion, export, joint_motion, motion_facts, write_franka
+from .controller_files import (
+    FRANKA_FILES,
+    JointMotion,
+    export,
+    joint_motion,
+    motion_facts,
+    write_franka,
+)
 from .franka import Franka, GripperState, check_arm, connected
+from .franka_run import approach, throws
 from .learning import corrected
 from .mujoco_replay import Replay, replay, throw_to_rest, view
 from .mujoco_throw import Rest, load_mujoco
-from .playing import approach, throws
 from .recording import Recording, read_recording

@@ -22,7 +22,7 @@ import numpy as np
 from ...models import Array
 from ...models.robot import Arm
 from ...problems import InputError, load_arm
-from .controllers import OPEN_WIDTH, is_franka
+from .controller_files import OPEN_WIDTH, is_franka
 
 #: TCP ports of robot and gripper.
 PORTS = (1337, 1338)

@@ -21,7 +21,7 @@ from ..result import write_table
 from ..simulation import planar_joints
 from ..throw import TICK, Throw
 from ..verdict import Code, Finding, outside_tolerance, verdict
-from .controllers import JointMotion
+from .controller_files import JointMotion
 
 #: Cut-off [Hz] of the low-pass on the residuals of the fitted response.
 CUTOFF = 60.0

@@ -21,8 +21,8 @@ from ...problems import Scene
 from ..clearance import tool_speeds
 from ..ocp import BRAKE_SHARE
 from ..throw import Limits, Manipulator, friction_use
-from .closed_form import clears_carried, clears_thrown, run_up
-from .releases import ARRAYS, Releases, joined
+from .release_table import ARRAYS, Releases, joined
+from .run_ups import clears_carried, clears_thrown, run_up
 
 #: Version of stored tables; raise it after a change of how releases are drawn or thrown.
 FORMAT = 1

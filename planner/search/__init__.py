@@ -3,10 +3,10 @@
 from .attempt import Attempt, Start, attempts, error_over
 from .candidates import release_start
 from .continuation import SqpContinuation
-from .corrector import CORRECTOR, Corrector, condensed_at, moved_start, optimum_of, throw_of
 from .failure import check_contradictions, contradiction, nothing_found
 from .guess import guess_from, initial_guess_from, remaining_throw, remaining_trajectory
 from .history import History
 from .loop import find_throws
-from .nlps import Clock, NlpCache, Task, check_start
+from .move import CORRECTOR, Corrector, condensed_at, moved_start, optimum_of, throw_of
+from .nlp_cache import Clock, NlpCache, Task, check_start
 from .strategies import FROM_NOTHING, FROM_THROWS, Search, SearchContext, from_warm_plan

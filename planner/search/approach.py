@@ -17,9 +17,9 @@ from ..library import Neighbour
 from ..ocp import CUP_MARGIN, Refinement, Request, ThrowNlp
 from ..result import PlannedThrow
 from .attempt import Attempt, NearestFeasible, Start, attempts
-from .corrector import Corrector, throw_of
 from .guess import initial_guess_from
-from .nlps import Task
+from .move import Corrector, throw_of
+from .nlp_cache import Task
 
 #: Most NLPs with an elastic landing, each refined by the check of the one before.
 ROUNDS = 4

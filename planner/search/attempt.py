@@ -22,7 +22,7 @@ from ..result import PlannedThrow
 from ..throw import SmoothingError, Throw, send
 from ..verdict import Verdict, verdict
 from .guess import initial_guess_from
-from .nlps import CompiledNlp, NlpCache, Task
+from .nlp_cache import CompiledNlp, NlpCache, Task
 
 #: Landing error (position [m], angle [rad]) at which corrections end, or half the tolerance.
 ACCURACY = (1e-4, math.radians(0.02))

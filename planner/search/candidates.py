@@ -17,7 +17,7 @@ from ..throw import Manipulator, column_of
 from ..verdict import lands_well, verdict
 from .attempt import Start
 from .guess import guess_from
-from .nlps import NlpCache, Task
+from .nlp_cache import NlpCache, Task
 
 #: (solver, number of sampled releases it starts from for each wanted throw), in order.
 STARTS = (("ipopt", 1), ("fatrop", 6), ("ipopt", 4))

@@ -16,9 +16,9 @@ from ..library import Neighbour
 from ..ocp import CondensedQp, Optimum, Refinement, Request, Solution, Step, ThrowNlp
 from ..throw import Throw
 from .attempt import Attempt, NearestFeasible, accuracy, error_over
-from .corrector import Corrector, condensed_at, throw_of
 from .guess import initial_guess_from
-from .nlps import CompiledNlp, Task
+from .move import Corrector, condensed_at, throw_of
+from .nlp_cache import CompiledNlp, Task
 
 
 @dataclass(frozen=True)

@@ -20,11 +20,11 @@ from ..samples import Releases, ReleaseSampler
 from ..throw import Manipulator
 from .attempt import Attempt, Start
 from .candidates import STARTS, Candidates, release_start
-from .corrector import Corrector, fixed_optimum, moved_start, optimum_of
 from .failure import in_column
 from .guess import initial_guess_from
 from .history import Approach, History, Move, Solve, Try
-from .nlps import NlpCache, Task
+from .move import Corrector, fixed_optimum, moved_start, optimum_of
+from .nlp_cache import NlpCache, Task
 
 
 @dataclass(frozen=True)

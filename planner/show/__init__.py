@@ -1,6 +1,5 @@
 """Pictures, GIF, film and 3-D view of throws and releases in one style, and tables."""
 
-from .painter import save_in_space
 from .release_pictures import draw_releases
 from .server import Panel, empty_page, open_browser, run_panel, serving
 from .style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, TEAL, draw_cup, new_figure, save
@@ -8,3 +7,4 @@ from .tables import Row, Table, number, shown
 from .throw_picture import draw_throw, draw_throw_moving
 from .timeline import timeline as over_time
 from .view import SpaceThrow, put, rgb, space_throw
+from .view_painter import save_in_space

@@ -4,7 +4,7 @@ An executor may spread chunks of throws over processes and machines without any 
 result.
 """
 
-from .hardening import QUIET_MESH, Hardening, hardened, robust_scene
 from .results import SWEEP_FILES, Sweep
+from .robust_plans import QUIET_MESH, Hardening, hardened, robust_scene
 from .running import check_sweep, sweep, sweep_until_stopped
 from .statistics import quantiles, variance_shares

@@ -22,11 +22,13 @@ from benchmarks import (
     Picture,
     ReportSection,
     extremes,
-    laws,
     make_report,
     measure,
     parts,
     processes,
+)
+from benchmarks import (
+    reference_releases as laws,
 )
 from benchmarks.__main__ import main
 from benchmarks.judge import judge

@@ -14,7 +14,7 @@ from release_cases import VALUES, energy_of, log_floats, order_of, reference_cas
 from scipy.optimize import brentq
 from throwplan.models import Body, Contact, HandSamples, Trajectory, contact_twist
 from throwplan.models.release import LinearGrip, Release, ReleaseCase, SteppedRelease
-from throwplan.models.release.stepped_surface import LimitSurfaceStepping
+from throwplan.models.release.limit_surface import LimitSurfaceStepping
 
 GRAVITY = 9.81
 TIGHT = LinearGrip(1e5, 0.0, 0.05)

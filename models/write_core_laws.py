@@ -1,6 +1,6 @@
 """The laws as C text, from the models' CasADi expressions: writes core/laws.h.
 
-    python -m throwplan.models.core_laws
+    python -m throwplan.models.write_core_laws
 
 A law is a loop over lanes: one step of LANES throws side by side; a single throw has one lane.
 Values are arrays [rows][LANES], so that the compiler turns each loop into vector instructions. No
@@ -28,12 +28,12 @@ from .body import (
 )
 from .release.cases import LOST_SLIP
 from .release.integrators import rk4_step
+from .release.limit_surface import ITERATIONS, ImpulseProblem, Iterate, LimitSurfaceStepping
 from .release.sliding_pivot import SlidingPivot
-from .release.stepped_surface import ITERATIONS, ImpulseProblem, Iterate, LimitSurfaceStepping
 from .robot.kinematics import PlanarBody, flange_velocity, joint_torque, link_end
 
 HEAD = """\
-/* Written by `python -m throwplan.models.core_laws`: do not edit. */
+/* Written by `python -m throwplan.models.write_core_laws`: do not edit. */
 #ifndef LAWS_H
 #define LAWS_H
 

@@ -26,8 +26,7 @@ from ..ocp import Optimum
 from ..samples import Releases, sparse_parents, starts
 from ..search import Clock, NlpCache
 from ..workers import Progress, run_jobs
-from .cells import Cell, Cells, Landings, landings_of
-from .solving import (
+from .cell_solver import (
     CellResult,
     CellSolver,
     CellTask,
@@ -36,6 +35,7 @@ from .solving import (
     first_refinement,
     solve_in_worker,
 )
+from .cells import Cell, Cells, Landings, landings_of
 
 
 @dataclass(frozen=True)

@@ -16,7 +16,7 @@ from ...problems import InputError, ThrowPlane
 from ..clearance import BAR, CollisionScene, SweptBodies, bar_ends, held_bar
 from ..throw import TICK, Samples, joint_limits, within_limits
 from ..verdict import Code, Finding, collision
-from .controllers import OPEN_WIDTH, JointMotion
+from .controller_files import OPEN_WIDTH, JointMotion
 from .franka import STILL, Franka, GripperLink, GripperState, controller_errors, load_franka
 from .learning import corrected
 from .recording import Recording

@@ -20,9 +20,9 @@ from ..result import PlannedThrow
 from ..throw import Manipulator, Throw
 from ..verdict import Verdict, verdict
 from .attempt import Attempt, Start, accuracy
-from .core_move import MovedThrow, ThrowFamily
+from .compiled_move import MovedThrow, ThrowFamily
 from .guess import initial_guess_from
-from .nlps import CompiledNlp, NlpCache, Task
+from .nlp_cache import CompiledNlp, NlpCache, Task
 
 #: Most NLPs solved from an optimum, each refined by the check of the one before.
 TRIES = 2
