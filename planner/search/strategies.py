@@ -207,21 +207,31 @@ class Search:
         """Whether the target is out of reach.
 
         The nearest landings are equal and, without a library, not close (`SearchSettings`).
-        Landings from throws of earlier plans do not count, since these may be alike. No throw of
-        the library, nor a sampled one that clears column and hand, lands nearer to the target.
+        Landings from throws of earlier plans do not count, since these may be alike; but one that
+        such a plan named after all its starts is enough, if a new start leads no nearer. No throw
+        of the library, nor a sampled one that clears column and hand, lands nearer to the target.
         """
         new, library = history.new_edges, self.context.library
         number, ratio = SETTINGS.equal_landings, SETTINGS.equal_ratio
-        if len(new) < number:
+        if not new:
             return False
         least = history.edges[0].missed
-        is_close = least < SETTINGS.close_distance and not len(library)
-        if is_close or new[number - 1].missed > ratio * least:
-            return False
+        if not self._is_named(history.edges[0]):
+            is_close = least < SETTINGS.close_distance and not len(library)
+            if is_close or len(new) < number or new[number - 1].missed > ratio * least:
+                return False
         clear = self.candidates.releases.clear
         others = [away for index, _, away in self.candidates.nearest if clear[index]]
         others += [one.distance for one in self._nearest(library, 1, math.inf)]
         return least <= ratio * min(others, default=math.inf) + self.task.scene.tolerance.position
+
+    def _is_named(self, attempt: Attempt) -> bool:
+        """Whether an earlier plan named the attempt's landing as the nearest possible."""
+        edge, found = attempt.edge, self.context.found
+        if edge is None or edge.pose is None:
+            return False
+        near = found.nearest_throws(edge.pose, "exact", 2, SETTINGS.same_distance)
+        return any(one.optimum.binding for one in near)
 
 
 Strategy = Callable[[Search, History], Try | None]

@@ -261,3 +261,17 @@ def test_an_elastic_solve_that_ends_farther_off_than_a_release_settles_nothing(
 ) -> None:
     plan = cup.plan(aimed(cup, -0.735, 258.4), patience=90.0)
     assert plan.solved, plan.message
+
+
+def test_a_landing_once_named_is_named_again_for_targets_beyond() -> None:
+    planner = tp.Planner("cup", library=False)
+    target = planner.scene.target
+    planner.plan(target.in_plane(1.34, target.theta))
+    first, second = (
+        planner.plan(target.in_plane(x, target.theta), patience=60.0) for x in (1.36, 1.38)
+    )
+    assert first.status == second.status == "out_of_reach"
+    assert second.nearest.x == pytest.approx(first.nearest.x, abs=0.005)
+    assert planner.plan(second.nearest).solved
+    # Without the starts that the first plan has tried in vain.
+    assert second.attempts < first.attempts
