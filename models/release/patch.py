@@ -2,7 +2,7 @@
 
 A disc under 'uniform' or 'hertz' pressure gets rings of points; its radius is chosen so that pure
 torsion is c r_p mu f_N, the limit of the ellipsoid in (19) of Liu and Billard. Backward Euler on
-velocities, as in stepped_surface: per step the contact's slip twist v minimises the strictly convex
+velocities, as in `limit_surface`: per step the contact's slip twist v minimises the strictly convex
 
     (v - b)^T K (v - b) / 2 + sum_i mu N_i dt |u_i(v)|,
 

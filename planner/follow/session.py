@@ -1,8 +1,8 @@
 """Correction until the hand opens: the rest of a swing is moved to hit where the target is.
 
-Along the directions of `directions` the throw that is expected is brought to the target by Newton
-steps, and checked as any plan. What is expected follows from what is sent by a lag per joint,
-learnt from the joints as they are measured on the way.
+Newton steps along the directions of `swing_changes` bring the expected throw to the target; it is
+checked as any plan. What is expected follows from what is sent by a lag per joint, learnt from the
+joints as they are measured on the way.
 """
 
 from __future__ import annotations
