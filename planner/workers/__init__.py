@@ -10,11 +10,12 @@ import re
 import signal
 import socket
 import struct
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from concurrent import futures
 from concurrent.futures import Executor, Future
 from contextlib import contextmanager
-from multiprocessing import get_context
+from multiprocessing import active_children, get_context
+from multiprocessing.process import BaseProcess
 from typing import TypeVar
 
 from ...problems import InputError
@@ -84,15 +85,32 @@ def _processes(count: int) -> Iterator[Executor]:
     # small matrices are slower with more.
     os.environ.setdefault("OPENBLAS_NUM_THREADS", "1")
     # Imported here with the attribute, which takes 15 ms.
+    others = active_children()
     pool = futures.ProcessPoolExecutor(count, get_context("spawn"), leave_signals_to_parent)
     try:
         with pool:
             with signals_deferred():  # Each of the first jobs starts a process.
                 for _ in range(count):
                     pool.submit(leave_signals_to_parent)
-            yield pool
+            try:
+                yield pool
+            finally:
+                _end_missed_workers(pool, others)
     except futures.BrokenExecutor:
         raise InputError(f"one of {count} worker processes died: out of memory?") from None
+
+
+def _end_missed_workers(pool: Executor, others: Sequence[BaseProcess]) -> None:
+    """Ends the workers of a broken pool.
+
+    Python 3.11 misses one that starts while the pool breaks, and waits for it forever.
+    """
+    try:
+        pool.submit(leave_signals_to_parent)
+    except futures.BrokenExecutor:
+        for child in active_children():
+            if child not in others:
+                child.terminate()
 
 
 @contextmanager

@@ -205,6 +205,37 @@ def _judge_end(process: subprocess.Popen[str], err: str, kind: signal.Signals) -
     assert not left(process.pid)
 
 
+def test_a_worker_that_starts_while_the_pool_breaks_is_ended(tmp_path) -> None:
+    # Python's own pool waits for it forever.
+    code = (
+        "import os, signal, time\n"
+        "from concurrent.futures import ProcessPoolExecutor as Pool\n"
+        "from throwplan.planner.workers import executor_of\n"
+        "from concurrent.futures import process\n"
+        "def late(self):\n"
+        "    first = list(self._processes)\n"
+        "    words = self._call_queue, self._result_queue, self._initializer, (), None\n"
+        "    new = self._mp_context.Process(target=process._process_worker, args=words)\n"
+        "    new.start()\n"
+        "    for pid in first:\n"
+        "        os.kill(pid, signal.SIGKILL)\n"
+        "    while first and not self._broken:\n"
+        "        time.sleep(0.01)\n"
+        "    time.sleep(0.2)\n"
+        "    self._processes[new.pid] = new\n"
+        "if __name__ == '__main__':\n"
+        "    Pool._spawn_process = late\n"
+        "    with executor_of(2, None) as pool:\n"
+        "        print(pool._broken)\n"
+    )
+    (tmp_path / "late.py").write_text(code)
+    words = [sys.executable, "late.py"]
+    ended = subprocess.run(
+        words, cwd=tmp_path, capture_output=True, text=True, timeout=60, check=False
+    )
+    assert ended.returncode == 0 and "terminated abruptly" in ended.stdout, ended.stderr
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
     ("words", "status"),
