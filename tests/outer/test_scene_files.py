@@ -335,7 +335,9 @@ def test_the_rich_scenes_are_right(tmp_path) -> None:
         loaded(tmp_path, text)
 
 
-@settings(max_examples=300, suppress_health_check=[HealthCheck.function_scoped_fixture])
+@settings(
+    max_examples=300, deadline=None, suppress_health_check=[HealthCheck.function_scoped_fixture]
+)
 @given(data=st.data())
 def test_wrong_types_are_refused_by_their_key(data, tmp_path) -> None:
     name, section, key = data.draw(st.sampled_from(PLACES))
