@@ -41,6 +41,8 @@ def plan_throw(context: SearchContext, task: Task, warm: PlannedThrow | None = N
     history = find_throws(search, FROM_NOTHING, history)
     for attempt in history.found or history.edges[:1]:
         context.remember(attempt)
+        if attempt.edge is not None and not task.clock.late and not search.is_settled(history):
+            context.exhausted.append(attempt.edge)
     return solved_plan(search, history) if history.found else _failed_plan(search, history)
 
 

@@ -90,4 +90,4 @@ def _beside(attempt: Attempt, goal: Pose, task: Task) -> Attempt:
     if goal.theta is not None and pose.theta is not None:
         turn = pose.theta - goal.theta
     missed = task.scene.object.pose_error(pose.plane_x - goal.plane_x, turn)
-    return replace(attempt, goal=goal, edge=NearestFeasible(goal, pose, (), missed))
+    return replace(attempt, goal=goal, edge=NearestFeasible(pose, (), missed))

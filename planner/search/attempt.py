@@ -62,20 +62,18 @@ class Start:
 
 @dataclass(frozen=True)
 class NearestFeasible:
-    """A landing short of `goal` (pose None: no landing) and its pose error `missed` [m].
+    """A landing short of a goal and its pose error `missed` [m].
 
     names: of the limits that hold it there; empty if the throw was aimed beside the goal.
     """
 
-    goal: Pose
-    pose: Pose | None
+    pose: Pose
     names: tuple[str, ...]
     missed: float
 
     def words(self, what: str, target: Pose) -> str:
         """`what` with the landing and its limits, and a hint if the target may be in degrees."""
         pose = self.pose
-        assert pose is not None
         angle = "" if pose.theta is None else f", theta {math.degrees(pose.theta):.1f} deg"
         limits = f" (limited by {', '.join(self.names[:4])})" if self.names else ""
         words = f"{what} {pose.plane_x:.3f} m{angle}{limits}"
@@ -239,7 +237,7 @@ def _where_it_lands(
         turn = landing.theta - goal.theta
     missed = throw.scene.object.pose_error(landing.x - goal.plane_x, turn)
     aimed = replace(throw.deciding, scene=throw.scene.aimed_at(pose))
-    return replace(throw, deciding=aimed), NearestFeasible(goal, pose, names, missed)
+    return replace(throw, deciding=aimed), NearestFeasible(pose, names, missed)
 
 
 @dataclass

@@ -125,7 +125,7 @@ class SqpContinuation:
         near = replace(self.near, goal=here)
         attempt = self.corrector.attempt_from(begins, near, point.optimum, task)
         missed = task.scene.object.pose_error(*map(float, point.off))
-        edge = NearestFeasible(goal, here, self._limits(program, point, step), missed)
+        edge = NearestFeasible(here, self._limits(program, point, step), missed)
         return replace(
             attempt, goal=goal, edge=edge, reason=edge.words("short of the goal: nearest x", goal)
         )

@@ -18,7 +18,7 @@ from ..ocp import BASE, Optimum, Refinement, Request
 from ..result import PlannedThrow
 from ..samples import Releases, ReleaseSampler
 from ..throw import Manipulator
-from .attempt import Attempt, Start
+from .attempt import Attempt, NearestFeasible, Start
 from .candidates import STARTS, Candidates, release_start
 from .failure import in_column
 from .guess import initial_guess_from
@@ -93,7 +93,7 @@ class SearchContext:
         """
         throw, edge, found = attempt.throw, attempt.edge, self.found
         pose = attempt.goal if edge is None else edge.pose
-        if throw is None or pose is None or (pose.theta is not None) != found.angle:
+        if throw is None or (pose.theta is not None) != found.angle:
             return
         optimum = fixed_optimum(found.controls, throw, () if edge is None else edge.names)
         beside = found.nearest_throws(pose, "exact", 2, SETTINGS.same_distance)
@@ -102,6 +102,11 @@ class SearchContext:
         ):
             return
         found.add([found.record(optimum, (pose.plane_x, pose.theta or 0.0), solved=True)])
+
+    @cached_property
+    def exhausted(self) -> list[NearestFeasible]:
+        """Nearest landings of the plans that tried all their starts in vain."""
+        return []
 
     @cached_property
     def corrector(self) -> Corrector:
@@ -207,16 +212,17 @@ class Search:
         """Whether the target is out of reach.
 
         The nearest landings are equal and, without a library, not close (`SearchSettings`).
-        Landings from throws of earlier plans do not count, since these may be alike; but one that
-        such a plan named after all its starts is enough, if a new start leads no nearer. No throw
-        of the library, nor a sampled one that clears column and hand, lands nearer to the target.
+        Landings from throws of earlier plans do not count, since these may be alike; but one new
+        start that leads no nearer is enough beyond a target for which all starts ended there. No
+        throw of the library, nor a sampled one that clears column and hand, lands nearer to the
+        target.
         """
         new, library = history.new_edges, self.context.library
         number, ratio = SETTINGS.equal_landings, SETTINGS.equal_ratio
         if not new:
             return False
         least = history.edges[0].missed
-        if not self._is_named(history.edges[0]):
+        if not self._is_known(history.edges[0].edge):
             is_close = least < SETTINGS.close_distance and not len(library)
             if is_close or len(new) < number or new[number - 1].missed > ratio * least:
                 return False
@@ -225,13 +231,14 @@ class Search:
         others += [one.distance for one in self._nearest(library, 1, math.inf)]
         return least <= ratio * min(others, default=math.inf) + self.task.scene.tolerance.position
 
-    def _is_named(self, attempt: Attempt) -> bool:
-        """Whether an earlier plan named the attempt's landing as the nearest possible."""
-        edge, found = attempt.edge, self.context.found
-        if edge is None or edge.pose is None:
-            return False
-        near = found.nearest_throws(edge.pose, "exact", 2, SETTINGS.same_distance)
-        return any(one.optimum.binding for one in near)
+    def _is_known(self, edge: NearestFeasible | None) -> bool:
+        """Whether all starts of a plan to a target not farther off ended at the same landing."""
+        lever = self.task.scene.object.half_length
+        return edge is not None and any(
+            known.missed <= edge.missed
+            and edge.pose.distance(known.pose, lever) <= SETTINGS.same_distance
+            for known in self.context.exhausted
+        )
 
 
 Strategy = Callable[[Search, History], Try | None]
