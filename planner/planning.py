@@ -39,10 +39,7 @@ def plan_throw(context: SearchContext, task: Task, warm: PlannedThrow | None = N
             words = f"no throw found: {words}"
             return unsolved_plan(search, history, words, out_of_reach=False, binding=(name,))
     history = find_throws(search, FROM_NOTHING, history)
-    for attempt in history.found or history.edges[:1]:
-        context.remember(attempt)
-        if attempt.edge is not None and not task.clock.late and not search.is_settled(history):
-            context.exhausted.append(attempt.edge)
+    search.remember(history)
     return solved_plan(search, history) if history.found else _failed_plan(search, history)
 
 

@@ -231,6 +231,20 @@ class Search:
         others += [one.distance for one in self._nearest(library, 1, math.inf)]
         return least <= ratio * min(others, default=math.inf) + self.task.scene.tolerance.position
 
+    def remember(self, history: History) -> None:
+        """Keeps throws for later plans, and the nearest landing if all starts were tried in vain.
+
+        Under a time of arrival other throws fail than without.
+        """
+        context, task = self.context, self.task
+        for attempt in history.found or history.edges[:1]:
+            context.remember(attempt)
+        is_stopped = history.found or task.clock.late or self.is_settled(history)
+        if history.edges and not is_stopped and len(task.solvers) > 1 and not task.target.arrival:
+            edge = history.edges[0].edge
+            assert edge is not None
+            context.exhausted.append(edge)
+
     def _is_known(self, edge: NearestFeasible | None) -> bool:
         """Whether all starts of a plan to a target not farther off ended at the same landing."""
         lever = self.task.scene.object.half_length
