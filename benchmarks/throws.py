@@ -29,11 +29,11 @@ from throwplan import (
     throw_data,
     thrown,
 )
+from throwplan.core.compile import scratch_folder
 from throwplan.models import Array
 from throwplan.models.release import SLIDING_PIVOT, STEPPED_SURFACE
 from throwplan.planner.identify import Grid, Predictor, grid_of
 from throwplan.planner.show import BLUE, GREEN, RED, Row, Table, number, shown
-from throwplan.problems.files import scratch_folder
 
 from .page import Effort, Picture, ReportSection, panels
 

@@ -7,10 +7,8 @@ import json
 import math
 import os
 import re
-import secrets
 import shutil
 import stat
-import tempfile
 import tomllib
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -21,6 +19,7 @@ from typing import Any
 
 import numpy as np
 
+from ..core.compile import scratch_folder
 from ..models import Array
 from .section import LARGEST, InputError, within
 
@@ -169,7 +168,7 @@ def prepare_folder(folder: Path, names: tuple[str, ...] = (), option: str = "--o
     try:
         if folder.is_file():
             raise InputError(f"{option} {folder}: is a file; must be a folder")
-        with _make_folders(folder), tempfile.TemporaryFile(dir=folder):
+        with _make_folders(folder), scratch_folder(folder):
             pass
     except InputError:
         raise
@@ -193,24 +192,6 @@ def _make_folders(folder: Path) -> Iterator[None]:
         for path in new:
             with suppress(OSError):
                 path.rmdir()
-
-
-@contextmanager
-def scratch_folder(parent: Path) -> Iterator[Path]:
-    """A new folder in `parent` that is deleted after the block, also where a signal interrupts.
-
-    `tempfile.TemporaryDirectory` leaves its folder if a signal meets it while it deletes.
-    """
-    scratch = parent / f"tmp{secrets.token_hex(6)}"
-    try:
-        try:
-            scratch.mkdir(0o700)
-            yield scratch
-        finally:
-            shutil.rmtree(scratch, ignore_errors=True)
-    finally:
-        # Again, for the case that the first call was interrupted.
-        shutil.rmtree(scratch, ignore_errors=True)
 
 
 @contextmanager

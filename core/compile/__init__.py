@@ -3,5 +3,5 @@
 Compiler and folder may be missing: callers then run slower and give the same answers.
 """
 
-from .cache import DAMAGED, cache_folder, digest, keep, kept, publish, source_of
+from .cache import DAMAGED, cache_folder, digest, keep, kept, publish, scratch_folder, source_of
 from .machine_code import c_compiler, compiled

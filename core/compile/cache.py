@@ -9,13 +9,15 @@ from __future__ import annotations
 
 import hashlib
 import os
+import secrets
+import shutil
 import stat
 import sys
-import tempfile
 import tokenize
 import zipfile
 import zlib
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 #: Characters of a sum.
@@ -39,11 +41,29 @@ def cache_folder() -> Path | None:
     folder = Path(given) if given else Path(usual) / "throwplan"
     try:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        with tempfile.TemporaryFile(dir=folder):
+        with scratch_folder(folder):
             pass
     except (OSError, RuntimeError):
         return None
     return folder
+
+
+@contextmanager
+def scratch_folder(parent: Path) -> Iterator[Path]:
+    """A new folder in `parent` that is deleted after the block, also where a signal interrupts.
+
+    `tempfile.TemporaryDirectory` leaves its folder if a signal meets it while it deletes.
+    """
+    scratch = parent / f"tmp{secrets.token_hex(6)}"
+    try:
+        try:
+            scratch.mkdir(0o700)
+            yield scratch
+        finally:
+            shutil.rmtree(scratch, ignore_errors=True)
+    finally:
+        # Again, for the case that the first call was interrupted.
+        shutil.rmtree(scratch, ignore_errors=True)
 
 
 def digest(*parts: str | bytes) -> str:
@@ -65,8 +85,8 @@ def publish(folder: Path, name: str, write: Callable[[Path], None]) -> Path | No
     """Entry `name`, made by `write(path)` beside it and then renamed; None if that fails."""
     target = folder / name
     try:
-        with tempfile.TemporaryDirectory(dir=folder) as scratch:
-            path = Path(scratch) / name
+        with scratch_folder(folder) as scratch:
+            path = scratch / name
             write(path)
             os.replace(path, target)
     except OSError:

@@ -7,13 +7,12 @@ import os
 import platform
 import shutil
 import subprocess
-import tempfile
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import casadi as ca
 
-from .cache import cache_folder, digest, keep, kept, only_ours
+from .cache import cache_folder, digest, keep, kept, only_ours, scratch_folder
 
 #: More optimisation compiles twice as long and runs no faster.
 FLAGS = ("-O1", "-fPIC", "-shared")
@@ -64,12 +63,12 @@ def _compile(target: Path, functions: Functions) -> bool:
     if len(source) > LARGEST:
         return False
     try:
-        with tempfile.TemporaryDirectory(dir=target.parent) as scratch:
-            code, made = Path(scratch) / "code.c", Path(scratch) / target.name
+        with scratch_folder(target.parent) as scratch:
+            code, made = scratch / "code.c", scratch / target.name
             code.write_text(source, encoding="utf-8")
             order = [command, *FLAGS, "-o", str(made), str(code), "-lm"]
             # A compiler that is ended leaves its own temporary files.
-            own = os.environ | dict.fromkeys(("TMPDIR", "TMP", "TEMP"), scratch)
+            own = os.environ | dict.fromkeys(("TMPDIR", "TMP", "TEMP"), str(scratch))
             run = functools.partial(subprocess.run, stdin=subprocess.DEVNULL, capture_output=True)
             run(order, check=True, timeout=PATIENCE, env=own)
             # What stands behind its end does not matter to a library.

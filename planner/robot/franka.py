@@ -22,6 +22,7 @@ import numpy as np
 from ...models import Array
 from ...models.robot import Arm
 from ...problems import InputError, load_arm
+from ..workers import leave_signals_to_parent, signals_deferred
 from .controller_files import OPEN_WIDTH, is_franka
 
 #: TCP ports of robot and gripper.
@@ -88,7 +89,8 @@ class GripperLink:
         self.host, context = host, multiprocessing.get_context("spawn")
         self._pipe, other = context.Pipe()
         self._process = context.Process(target=_serve, args=(host, other), daemon=True)
-        self._process.start()
+        with signals_deferred():
+            self._process.start()
         other.close()
 
     def order(self, name: str, *values: float, after: float = 0.0) -> None:
@@ -123,6 +125,7 @@ class GripperLink:
 
 def _serve(host: str, pipe: Connection) -> None:
     """The gripper's process: carries out orders from the pipe and answers with the state."""
+    leave_signals_to_parent()
     import pylibfranka
 
     try:

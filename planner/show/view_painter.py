@@ -19,9 +19,9 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
+from ...core.compile import scratch_folder
 from ...models import Array
 from ...problems import InputError
-from ...problems.files import scratch_folder
 from .style import PHASES
 from .throw_picture import CARRIED, FLYING, SLOW, frame_words
 from .view import SpaceThrow, View, put

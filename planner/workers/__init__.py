@@ -10,6 +10,7 @@ import re
 import signal
 import socket
 import struct
+import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent import futures
 from concurrent.futures import Executor, Future
@@ -39,16 +40,26 @@ def signals_deferred() -> Iterator[None]:
     """Signals that end this process wait until the block is done.
 
     Processes are started inside such a block: one whose parent ends before it has its first job
-    prints a traceback, and its pool waits forever.
+    prints a traceback, and its pool waits forever. They inherit the mask, so that a Ctrl-C does not
+    meet their start either. The mask alone does not defer: another thread, of NumPy for instance,
+    may take the signal.
     """
-    if not hasattr(signal, "pthread_sigmask"):
-        yield
-        return
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING)
+    received = list[int]()
+    ours = ENDING if threading.current_thread() is threading.main_thread() else ()
+    handlers = {kind: signal.getsignal(kind) for kind in ours if callable(signal.getsignal(kind))}
+    masks = hasattr(signal, "pthread_sigmask")
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, ENDING) if masks else None
     try:
+        for kind in handlers:
+            signal.signal(kind, lambda number, frame: received.append(number))
         yield
     finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        if before is not None:
+            signal.pthread_sigmask(signal.SIG_SETMASK, before)
+        for kind, handler in handlers.items():
+            signal.signal(kind, handler)
+        for number in received:
+            signal.raise_signal(number)
 
 
 def leave_signals_to_parent() -> None:

@@ -16,6 +16,7 @@ import time
 from pathlib import Path
 
 import pytest
+from throwplan.core.compile import cache
 from throwplan.planner.cli import Progress
 from throwplan.problems import InputError, files
 
@@ -91,8 +92,20 @@ def test_what_does_not_fit_leaves_no_folder(tmp_path) -> None:
 
 @pytest.mark.filterwarnings("ignore:unclosed file")
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")
-def test_a_signal_at_any_line_leaves_no_scratch_folder(tmp_path) -> None:
-    left_to_run, watched = 0, {files.__file__, shutil.__file__, contextlib.__file__}
+@pytest.mark.parametrize("task", ["fill", "keep", "cache"])
+def test_a_signal_at_any_line_leaves_no_scratch_folder(task, tmp_path, monkeypatch) -> None:
+    left_to_run = 0
+    watched = {files.__file__, cache.__file__, shutil.__file__, contextlib.__file__}
+
+    def work(folder: Path) -> None:
+        if task == "fill":
+            with files.filling(folder, ("one.txt",)) as scratch:
+                (scratch / "one.txt").write_text("1")
+        elif task == "keep":
+            cache.keep(folder, "one.txt", b"1")
+        else:
+            monkeypatch.setenv("THROWPLAN_CACHE", str(folder))
+            cache.cache_folder()
 
     def interrupt(frame, event, arg):
         nonlocal left_to_run
@@ -108,8 +121,7 @@ def test_a_signal_at_any_line_leaves_no_scratch_folder(tmp_path) -> None:
         folder.mkdir()
         sys.settrace(interrupt)
         try:
-            with files.filling(folder, ("one.txt",)) as scratch:
-                (scratch / "one.txt").write_text("1")
+            work(folder)
         except (KeyboardInterrupt, InputError):
             # `shutil` closes a folder twice if it is interrupted between: an error of its own.
             pass
@@ -119,6 +131,25 @@ def test_a_signal_at_any_line_leaves_no_scratch_folder(tmp_path) -> None:
         if left_to_run > 0:
             break
     assert 30 < line < 999
+
+
+def test_a_signal_that_another_thread_takes_waits_for_the_start_of_processes(tmp_path) -> None:
+    code = (
+        "import os, signal, threading, time\n"
+        "from throwplan.planner.workers import signals_deferred\n"
+        "threading.Thread(target=time.sleep, args=(0.5,)).start()\n"
+        "try:\n"
+        "    with signals_deferred():\n"
+        "        os.kill(os.getpid(), signal.SIGINT)\n"
+        "        time.sleep(0.2)\n"
+        "        print('started')\n"
+        "    print('never')\n"
+        "except KeyboardInterrupt:\n"
+        "    print('interrupted')\n"
+    )
+    words = [sys.executable, "-c", code]
+    ended = subprocess.run(words, cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert (ended.stdout, ended.stderr) == ("started\ninterrupted\n", "")
 
 
 def test_a_reader_that_goes_away_is_no_error(tmp_path) -> None:
