@@ -39,11 +39,11 @@ def make_report(
     """Measure the sections `only` (all, if empty) and write them into `folder`.
 
     The page is written after each section, so that an interrupted report keeps what was
-    measured. With `only`, the other sections of a page that is there stay. show: given a
+    measured. Sections of a page that is there stay until they are measured again. show: given a
     section's key, returns what is called with its progress.
     """
     made = []
-    page = {key: text for key, text in parts_of(folder).items() if only and key not in only}
+    page = parts_of(folder)
     for key, make in SECTIONS.items():
         if only and key not in only:
             continue
