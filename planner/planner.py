@@ -87,7 +87,7 @@ class Planner:
         patience: float | None = None,
         start: State | None = None,
     ) -> Plan:
-        """A throw to `target` (the scene's by default), with its status.
+        """A throw to `target`, a `Pose` or a `Region` (the scene's by default), with its status.
 
         Always returns; raises InputError only for wrong input. solver: 'auto' is FATROP with IPOPT
         as fallback. turns: 'any' takes theta modulo full turns. warm: a solved plan of this planner
@@ -316,7 +316,7 @@ def _checked_target(scene: Scene, target: Pose | None) -> Pose:
     if target is None:
         raise InputError(f"{scene.place}: section [target] is missing")
     if not isinstance(target, Pose):
-        raise InputError(f"target = {target!r}: must be a Pose")
+        raise InputError(f"target = {target!r}: must be a Pose or a Region")
     if scene.robot is None and target.y != 0.0:
         raise InputError("target y: only for a scene with [robot]")
     least = scene.gripper.profile().dwell + scene.gripper.profile().opening
@@ -325,8 +325,7 @@ def _checked_target(scene: Scene, target: Pose | None) -> Pose:
             f"target: arrival = {target.window[1]:g}: must be above {least:g} s, "
             "the gripper's dwell and opening"
         )
-    if scene.cup is not None and target.theta is None:
-        raise InputError("[cup] needs a target with theta_deg, to know which end goes in")
+    scene.check_lower_end(target)
     if scene.arm is None:
         return target
     target, arm = target.with_lateral(scene.arm.lateral), scene.arm

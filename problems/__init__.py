@@ -11,5 +11,5 @@ from .manipulators import Hand, Motion, Robot, Torque
 from .scene import Mesh, Scene
 from .scene_files import as_scene, load_scene, scene_from_table, scene_names, scene_text
 from .section import InputError, ThrowplanError, checked
-from .targets import Choice, Cup, Landing, Obstacle, Pose, ThrowPlane, Tolerance, Workspace
+from .targets import Choice, Cup, Landing, Obstacle, Pose, Region, ThrowPlane, Tolerance, Workspace
 from .uncertainty import Distribution, Robust, Uncertainty

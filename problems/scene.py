@@ -33,6 +33,8 @@ from .section import (
 from .targets import Choice, Cup, Landing, Obstacle, Pose, Tolerance, Workspace
 from .uncertainty import Robust, Uncertainty
 
+#: Poses along each range of a region at which a bar may be in the cup: odd, with the middle.
+GRID = 21
 #: Sections for the motion of the hand; a scene has exactly one of them.
 MOVERS = ("hand", "robot", "motion")
 
@@ -190,35 +192,53 @@ class Scene(Section):
                 f"[cup] radius = {cup.radius:g}: must be above {need:.4g}, for half the bar's "
                 "width, the clearance and 1 mm"
             )
-        if self.target is not None and self.target.theta is None:
+        if self.target is not None:
+            self.check_lower_end(self.target)
+
+    def check_lower_end(self, target: Pose) -> None:
+        """InputError if the scene has a cup and the target leaves open which end goes in."""
+        if self.cup is None:
+            return
+        if target.theta is None:
             raise InputError("[cup] needs a target with theta_deg, to know which end goes in")
+        below, above = (math.sin(target.theta + side * target.room[1]) for side in (-1, 1))
+        if target.room[1] >= math.pi / 2 + 1e-9 or below * above < -1e-9:
+            words = "[cup] needs a target whose theta_deg keeps one end below, as [-110, -70] does"
+            raise InputError(words)
 
     def check_target_in_cup(self) -> None:
         """InputError if no flight through the target's pose can have entered the cup.
 
         If the lower end at the target is below the rim, that end and the point of the axis in the
-        rim plane must be inside the cup for some pose within the tolerance. `aimed_at` does not
-        check this: it moves the cup, and the plan finds whether an angle fits.
+        rim plane must be inside the cup for some pose within the tolerance, of a region for any of
+        a grid. `aimed_at` does not check this: it moves the cup, and the plan finds whether an
+        angle fits.
         """
-        cup, target, bar = self.cup, self.target, self.object
-        if cup is None or target is None or target.theta is None:
+        if self.cup is None or self.target is None or self.target.theta is None:
             return
-        cos, sin = math.cos(target.theta), math.sin(target.theta)
+        grid = self.target.grid(GRID).T.tolist()
+        reasons = [self._outside_cup(self.cup, x, self.target.z, theta) for x, theta in grid]
+        if all(reasons):
+            why = reasons[len(reasons) // 2]
+            raise InputError(f"[cup] at the [target] the bar is not in the cup: {why}")
+
+    def _outside_cup(self, cup: Cup, x: float, z: float, theta: float) -> str:
+        """Why a bar with its CoM at x, z cannot have entered the cup; empty if it can."""
+        cos, sin, bar = math.cos(theta), math.sin(theta), self.object
         along = min(-bar.com, bar.length - bar.com, key=lambda s: s * sin)
-        x, z = target.plane_x + along * cos, target.z + along * sin
+        x, z = x + along * cos, z + along * sin
         if z >= cup.rim:
-            return
+            return ""
         # From the lower end up to the rim plane, or to the other end.
         up = min((cup.rim - z) / abs(sin), bar.length) if sin else bar.length
         mouth = x - math.copysign(up, along) * cos
         off = max(abs(x - cup.x), abs(mouth - cup.x))
         error = self.tolerance.position + bar.length * self.tolerance.angle
-        why = f"{off:.3g} m off its centre, radius {cup.radius:g} m"
-        if off <= cup.radius + error:
-            if z >= cup.rim - cup.depth - error:
-                return
-            why = f"{cup.rim - z:.3g} m below its rim, depth {cup.depth:g} m"
-        raise InputError(f"[cup] at the [target] the bar is not in the cup: {why}")
+        if off > cup.radius + error:
+            return f"{off:.3g} m off its centre, radius {cup.radius:g} m"
+        if z < cup.rim - cup.depth - error:
+            return f"{cup.rim - z:.3g} m below its rim, depth {cup.depth:g} m"
+        return ""
 
     def replace(self, **changes: Any) -> Scene:
         """A copy with the given sections changed, e.g. ``scene.replace(target=Pose(...))``."""
@@ -228,7 +248,8 @@ class Scene(Section):
         return scene
 
     def aimed_at(self, target: Pose) -> Scene:
-        """The scene with another target; a cup moves with the target in x and z."""
+        """The scene with another target; a cup moves with the target in x and z, as far as its
+        middle does."""
         cup, old = self.cup, self.target
         if cup is not None and old is not None:
             dx, dz = target.plane_x - old.plane_x, target.z - old.z

@@ -15,7 +15,7 @@ from .files import read_csv, read_text, shipped, toml_tables
 from .grip import held_object
 from .scene import MOVERS, SECTIONS, TOP_KEYS, Scene
 from .section import InputError, Mistakes, checked, from_table, hints_of, rows_from, unknown, within
-from .targets import Obstacle
+from .targets import Obstacle, Region
 from .uncertainty import uncertainty_from
 
 
@@ -123,6 +123,8 @@ def _section(key: str, value: Any, folder: Path | None) -> Any:
             value = value | _read_motion_samples(value, folder)
         if key == "uncertainty":
             return uncertainty_from(value)
+        if key == "target" and list in {type(value.get("x")), type(value.get("theta_deg"))}:
+            return from_table(Region, value)
         return held_object(value) if key == "object" else from_table(SECTIONS[key], value)
 
 

@@ -77,6 +77,7 @@ def rules(
     degrees: bool = False,
     unit: str = "",
     choices: tuple[str, ...] = (),
+    range: float = 0.0,
     **limits: float,
 ) -> dict[str, Any]:
     """The rules of a field, for its metadata.
@@ -84,9 +85,11 @@ def rules(
     meaning: text of the reference, which begins with the unit in files. degrees: files have the
     value in degrees, under the field's name plus `_deg`; the dataclass and the limits here have
     radians. unit: named in the refusal of a value that users easily give in another unit. choices:
-    of a text. limits: `above`, `least`, `most`, `below`.
+    of a text. range: the value may be [lowest, highest], by at most this apart. limits: `above`,
+    `least`, `most`, `below`.
     """
-    return {"meaning": meaning, "degrees": degrees, "unit": unit, "choices": choices} | limits
+    about = {"meaning": meaning, "degrees": degrees, "unit": unit, "choices": choices}
+    return about | {"range": range} | limits
 
 
 def quantity(meaning: str, *, default: Any = dataclasses.MISSING, **limits: Any) -> Any:
@@ -133,6 +136,10 @@ class Section:
 
     def check(self) -> None:
         """Conditions between fields; raises InputError."""
+
+    def in_file(self, name: str) -> Any:
+        """A field's value as files have it, but for the unit."""
+        return getattr(self, name)
 
     def changed(self, **values: Any) -> Self:
         """A copy with other values, unchecked: plans make many copies with valid values."""
@@ -231,7 +238,8 @@ def table_of(section: Any) -> dict[str, Any]:
     """The table of a dataclass's value, for `from_table`; without defaults."""
     table: dict[str, Any] = {}
     for field in dataclasses.fields(section):
-        value = getattr(section, field.name)
+        own = isinstance(section, Section)
+        value = section.in_file(field.name) if own else getattr(section, field.name)
         if value is not None and value != field.default and "meaning" in field.metadata:
             key = file_key(field.name, field.metadata)
             table[key] = _plain(value, bool(field.metadata.get("degrees")))
@@ -240,7 +248,7 @@ def table_of(section: Any) -> dict[str, Any]:
 
 def _plain(value: Any, degrees: bool) -> Any:
     """A value in the types of TOML and JSON."""
-    if isinstance(value, tuple):
+    if isinstance(value, list | tuple):
         return [_plain(item, degrees) for item in value]
     if dataclasses.is_dataclass(value):
         scaled: Any = value
@@ -293,13 +301,19 @@ _LIMITS: dict[str, tuple[Callable[[Any, Any], bool], str]] = {
 
 def checked(key: str, value: Any, hint: Any, about: Mapping[str, Any]) -> Any:
     """A field's value as the type `hint`; InputError for a wrong type or a broken limit."""
+    widest, degrees = about.get("range", 0.0), bool(about.get("degrees"))
+    is_range = bool(widest) and isinstance(value, list | tuple)
     try:
-        result = _coerce(value, hint)
+        result = _coerce(value, tuple[float, float] if is_range else hint)
     except (TypeError, ValueError):
-        in_file = _in_file_unit(value, bool(about.get("degrees")))
-        raise InputError(f"{key} = {in_file!r}: must be {_describe(hint)}") from None
+        kind = _describe(hint) + (" or [lowest, highest]" if widest else "")
+        raise InputError(f"{key} = {_in_file_unit(value, degrees)!r}: must be {kind}") from None
     for item in result if isinstance(result, tuple) else (result,):
         _check_limits(key, item, about)
+    if is_range and not 0.0 < result[1] - result[0] < widest:
+        found, most = (_in_file_unit(one, degrees) for one in (value, widest))
+        words = f"[lowest, highest], rising, less than {most:g} apart"
+        raise InputError(f"{key} = {found!r}: must be {words}")
     return result
 
 

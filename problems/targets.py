@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from typing import Any
+from typing import TYPE_CHECKING, Any, Self
 
 import numpy as np
 
@@ -61,17 +61,21 @@ class Pose(Section):
     """
 
     x: float = quantity(
-        "m, of the CoM; with [robot] in the base frame, else in the throw's plane",
+        "m, of the CoM; with [robot] in the base frame, else in the throw's plane; [lowest, "
+        "highest]: any place between, along the throw's plane",
         least=-100,
         most=100,
         unit="m",
+        range=100.0,
     )
     z: float = quantity("m, the CoM falls through this height", least=-100, most=100, unit="m")
     theta: float | None = optional(
-        "degrees, from the grasped end to the CoM, full turns count; left out: any",
+        "degrees, from the grasped end to the CoM, full turns count; [lowest, highest]: any angle "
+        "between, less than a turn apart; left out: any",
         degrees=True,
         least=-1e4,
         most=1e4,
+        range=2 * math.pi,
     )
     y: float = quantity("m, base frame; only with [robot]", least=-100, most=100, default=0.0)
     velocity: tuple[float] | None = optional(
@@ -93,7 +97,10 @@ class Pose(Section):
     since: float = 0.0
 
     def check(self) -> None:
-        """The earliest arrival is not after the latest."""
+        """Ranges are a `Region`'s; the earliest arrival is not after the latest."""
+        for key, value in (("x", self.x), ("theta", self.theta)):
+            if isinstance(value, tuple):
+                raise InputError(f"{key} = {list(value)}: a Pose has one number, a Region a range")
         earliest, latest = self.window
         if earliest > latest:
             raise InputError(f"arrival = [{earliest:g}, {latest:g}]: the earliest comes first")
@@ -111,11 +118,22 @@ class Pose(Section):
         return self.velocity is None and self.arrival is None
 
     @property
-    def kind(self) -> tuple[bool, bool, bool]:
+    def room(self) -> tuple[float, float]:
+        """Half the widths of a `Region` about its middle: x [m], theta [rad]; 0 for a pose."""
+        return 0.0, 0.0
+
+    @property
+    def middle(self) -> Pose:
+        """The pose itself, of a region the one in its middle."""
+        return self
+
+    @property
+    def kind(self) -> tuple[bool, ...]:
         """Key of its kind of NLP: whether theta is fixed, a latest time is given, the target
-        moves."""
-        moves = self.velocity is not None
-        return self.theta is not None, math.isfinite(self.window[1]), moves
+        moves, x and theta have room."""
+        x, theta = self.room
+        latest, moves = math.isfinite(self.window[1]), self.velocity is not None
+        return self.theta is not None, latest, moves, x > 0.0, theta > 0.0
 
     @property
     def speed(self) -> float:
@@ -132,7 +150,7 @@ class Pose(Section):
         x = self.plane_x + self.speed * (time - self.since)
         if self.y and x * self.plane_x <= 0.0:
             raise InputError("target: it moves past the base's z axis; with y = 0 it may")
-        return self.in_plane(x, self.theta).changed(since=time)
+        return self._moved(x, self.theta).changed(since=time)
 
     def with_lateral(self, lateral: float) -> Pose:
         """The pose for an arm with its plane beside its axis; InputError if no plane contains
@@ -147,9 +165,11 @@ class Pose(Section):
     @property
     def words(self) -> str:
         """The pose as text."""
-        theta = "free" if self.theta is None else f"{math.degrees(self.theta):.1f} deg"
+        (x, turn), theta = self.room, "free"
+        if self.theta is not None:
+            theta = f"{_words(math.degrees(self.theta), math.degrees(turn), 1)} deg"
         aside = f", y {self.y:.3f} m" if self.y else ""
-        words = f"x {self.x:.3f} m{aside}, z {self.z:.3f} m, theta {theta}"
+        words = f"x {_words(self.x, x, 3)} m{aside}, z {self.z:.3f} m, theta {theta}"
         if self.velocity is not None:
             words += f" at {self.since:.3f} s, moving at {self.speed:g} m/s"
         if self.arrival is not None:
@@ -172,8 +192,9 @@ class Pose(Section):
 
     @property
     def table(self) -> dict[str, Any]:
-        """The pose as JSON, with velocity and arrival if given."""
-        pose = {"x": self.x, "y": self.y, "z": self.z, "theta": self.theta}
+        """The pose as JSON, with velocity and arrival if given; ranges as [lowest, highest]."""
+        x, theta = self.in_file("x"), self.in_file("theta")
+        pose = {"x": x, "y": self.y, "z": self.z, "theta": theta}
         given = {"velocity": self.velocity, "arrival": self.arrival}
         listed = {k: list(v) if isinstance(v, tuple) else v for k, v in given.items()}
         return pose | {key: value for key, value in listed.items() if value is not None}
@@ -187,8 +208,33 @@ class Pose(Section):
 
     def in_plane(self, x: float, theta: float | None) -> Pose:
         """The pose at `x` [m] and `theta` [rad] in the same plane and at the same height."""
+        return self.middle._moved(x, theta)
+
+    def _moved(self, x: float, theta: float | None) -> Self:
+        """This with its middle at `x` [m] and `theta` [rad]."""
         x, y, _ = map(float, self.plane.points(x, self.z))
         return self.changed(x=x, y=y, theta=None if theta is None else float(theta))
+
+    def miss(self, x: Any, theta: Any) -> tuple[Any, Any]:
+        """A landing less the target's nearest pose: dx [m], dtheta [rad] (0 with theta open).
+
+        x [m], theta [rad]: in the throw's plane, floats or arrays (N,).
+        """
+        return x - self.plane_x, x - x if self.theta is None else theta - self.theta
+
+    def nearest(self, x: float, theta: float) -> Pose:
+        """The target's pose nearest to a landing at `x` [m], `theta` [rad]."""
+        return self
+
+    def grid(self, count: int) -> Array:
+        """x [m] and theta [rad], 0 where open, (2, N) of a target's poses: `count` along each
+        range, in the throw's plane."""
+        middle, shares = (self.plane_x, self.theta or 0.0), np.linspace(-1.0, 1.0, count)
+        ranges = [
+            m + room * (shares if room else np.zeros(1))
+            for m, room in zip(middle, self.room, strict=True)
+        ]
+        return np.array(np.meshgrid(*ranges)).reshape(2, -1)
 
     def distance(self, other: Pose, lever: float) -> float:
         """Pose distance [m] in the throw's plane: |dx| + |dz| + |dtheta| `lever` [m] (39).
@@ -200,11 +246,82 @@ class Pose(Section):
 
     def shifted(self, dx: float, dtheta: float) -> Pose:
         """The pose moved by `dx` [m] in its plane, and by `dtheta` [rad] if theta is fixed."""
-        return self.in_plane(self.plane_x + float(dx), self.turned(dtheta).theta)
+        return self._moved(self.plane_x + float(dx), self.turned(dtheta).theta)
 
     def turned(self, angle: float) -> Pose:
         """The pose with theta increased by `angle` [rad], if fixed."""
         return self if self.theta is None else self.changed(theta=float(self.theta + angle))
+
+
+@dataclasses.dataclass(frozen=True)
+class Region(Pose):
+    """Landing poses between bounds: ``Region(x=(1.28, 1.42), z=0.1, theta=(-1.9, -1.2))``.
+
+    x, theta or both are (lowest, highest), full turns counted. Afterwards `x` and `theta` are
+    those of the middle, about which a place is measured along the throw's plane. A landing between
+    the bounds has no error; that of another is its distance from the nearest bound. A cup stays
+    where it is for all poses of a region; it moves with the middle of another target.
+    """
+
+    room: tuple[float, float] = (0.0, 0.0)
+
+    if TYPE_CHECKING:
+
+        def __init__(
+            self,
+            x: float | tuple[float, float],
+            z: float,
+            theta: float | tuple[float, float] | None = None,
+            y: float = 0.0,
+            velocity: tuple[float] | None = None,
+            arrival: float | tuple[float, float] | None = None,
+            lateral: float = 0.0,
+            since: float = 0.0,
+            room: tuple[float, float] = (0.0, 0.0),
+        ) -> None: ...
+
+    def check(self) -> None:
+        """Takes ranges apart into the middle and the room about it."""
+        room = list(self.room)
+        for i, name in enumerate(("x", "theta")):
+            value: Any = getattr(self, name)
+            if isinstance(value, tuple):
+                low, high = value
+                object.__setattr__(self, name, (low + high) / 2)
+                room[i] = (high - low) / 2
+        object.__setattr__(self, "room", tuple(room))
+        super().check()
+
+    def in_file(self, name: str) -> Any:
+        """A range as (lowest, highest), where there is one."""
+        value, room = getattr(self, name), dict(zip(("x", "theta"), self.room, strict=True))
+        if not room.get(name):
+            return value
+        # 15 digits are without the rounding errors of middle and room.
+        return [float(f"{value + side * room[name]:.15g}") for side in (-1, 1)]
+
+    @property
+    def middle(self) -> Pose:
+        """The pose in the middle."""
+        return Pose(**{field.name: getattr(self, field.name) for field in dataclasses.fields(Pose)})
+
+    def miss(self, x: Any, theta: Any) -> tuple[Any, Any]:
+        """See `Pose.miss`; 0 between the bounds."""
+        off = super().miss(x, theta)
+        dx, dtheta = (d - np.clip(d, -room, room) for d, room in zip(off, self.room, strict=True))
+        return dx, dtheta
+
+    def nearest(self, x: float, theta: float) -> Pose:
+        """The target's pose nearest to a landing at `x` [m], `theta` [rad]."""
+        dx, dtheta = self.miss(x, theta)
+        return self.in_plane(x - dx, None if self.theta is None else theta - dtheta)
+
+
+def _words(middle: float, room: float, digits: int) -> str:
+    """A number, or the ends of a range, as text."""
+    if not room:
+        return f"{middle:.{digits}f}"
+    return f"{middle - room:.{digits}f} to {middle + room:.{digits}f}"
 
 
 @dataclasses.dataclass(frozen=True)

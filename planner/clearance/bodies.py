@@ -288,11 +288,12 @@ def check_obstacles(scene: Scene, manipulator: Manipulator) -> None:
     target, bar = scene.target, scene.object
     assert target is not None
     around = CollisionScene.of(scene, manipulator)
-    com = np.array([[target.plane_x], [target.z], [target.theta or 0.0]])
-    ends = bar_ends(bar, com)[0, ..., 0]
+    x, theta = target.grid(9)
+    places = np.moveaxis(bar_ends(bar, np.array([x, np.full(x.size, target.z), theta]))[0], -1, 0)
     if target.theta is None:
-        ends[:] = target.plane_x, 0.0, target.z
-    if (thing := around.obstacle_around(ends, bar.width / 4)) is not None:
+        places[:] = np.array([x, 0.0 * x, np.full(x.size, target.z)]).T[:, None]
+    inside = [around.obstacle_around(ends, bar.width / 4) for ends in places]
+    if (thing := inside[0]) is not None and all(inside):
         raise InputError(f"{scene.place}: the target's pose is inside {thing.words}")
     capsules = around.capsules
     if capsules is not None:

@@ -47,7 +47,8 @@ class RestOfSwing:
             State(sent.q[first], sent.dq[first], sent.ddq[first])
         )
         rest = remaining_trajectory(throw, TICK * first, manipulator)
-        problems, goal = problems.from_state(manipulator), throw.target
+        # The derivative of the landing is that of any target; an equation, not bounds.
+        problems, goal = problems.from_state(manipulator), throw.target.middle
         program = problems.problem(goal, refinement, "fatrop", clock)
         near = rest.exact if program.nlp.linearised else None
         request = Request(throw.scene, manipulator, goal, refinement, reference=near)

@@ -27,13 +27,29 @@ Turns = Literal["exact", "any"]
 
 @dataclass(frozen=True)
 class Neighbour:
-    """A solved throw near a target: its optimum, the goal (turns counted), by how much it misses
-    that (dx [m], dtheta [rad]; 0 with theta open), and its pose error [m]."""
+    """A solved throw near a target: its optimum, the goal (turns counted), its landing there
+    (x [m], theta [rad]), and its pose error [m]."""
 
     optimum: Optimum
     goal: Pose
-    miss: tuple[float, float]
+    landing: tuple[float, float]
     distance: float
+
+    @classmethod
+    def of(cls, optimum: Optimum, goal: Pose, scene: Scene) -> Neighbour:
+        """A solved throw with its landing at the goal's height."""
+        x, theta, _ = map(float, scene.flight.land(optimum.detach[None], goal.z)[0])
+        return cls(optimum, goal, (x, theta), scene.object.pose_error(*goal.miss(x, theta)))
+
+    @property
+    def nearest(self) -> Pose:
+        """The pose of the goal that is nearest to the landing."""
+        return self.goal.nearest(*self.landing)
+
+    @property
+    def miss(self) -> tuple[float, float]:
+        """The landing less that pose: dx [m], dtheta [rad] (0 with theta open)."""
+        return self.goal.miss(*self.landing)
 
 
 class Library:
@@ -156,17 +172,16 @@ class Library:
         if not len(rows) or (target.theta is not None) != self.angle:
             return
         x, theta, _ = landings
-        off = x - target.plane_x
-        turn = full = np.zeros_like(x)
-        if target.theta is not None:
-            turn = theta - target.theta
-            if turns == "any":
-                full = 2 * math.pi * np.round(turn / (2 * math.pi))
-                turn = turn - full
-        away = self._scene.object.pose_error(off, turn)
+        full = np.zeros_like(x)
+        if target.theta is not None and turns == "any":
+            full = 2 * math.pi * np.round((theta - target.theta) / (2 * math.pi))
+        away = self._scene.object.pose_error(*target.miss(x, theta - full))
         count = min(count, len(away))
         # NaN, of throws that do not come down there, is last.
         nearest = np.argpartition(away, count - 1)[:count]
+        if any(target.room):
+            # Of the throws that land in a region, the cheapest come first.
+            nearest = np.lexsort((self.records["effort"][rows], away))[:count]
         nearest = nearest[np.argsort(away[nearest], kind="stable")]
         for i in nearest:
             if not away[i] < within:
@@ -174,6 +189,6 @@ class Library:
             yield Neighbour(
                 optimum_in(self.records[rows[i]]),
                 target.turned(float(full[i])) if full[i] else target,
-                (float(off[i]), float(turn[i])),
+                (float(x[i]), float(theta[i])),
                 float(away[i]),
             )

@@ -13,7 +13,7 @@ Subject to  bounds of states and controls                          variable_boun
             dynamics of q; rel' = sliding pivot(rel, hand, grip)   dynamics
             limits of the coordinates between the nodes            coordinate_limits
             full grip holds the object; constraints of the scene   grip_constraints, `terms`
-            landing on the target after t_f                        landing, land
+            landing on the target, or at a place in it, after t_f  landing, land
             rest inside the limits after the last node             brake
 """
 
@@ -26,7 +26,7 @@ import casadi as ca
 
 from .request import Request
 from .scene_constraint import Brake, Flight, Instant, SceneConstraint, gripped_instants
-from .stages import DDQ, DQ, JERK_UNIT, REL, SLACKS, T_F, Block, Q, Stage, T
+from .stages import DDQ, DQ, JERK_UNIT, PLACE, REL, SLACKS, T_F, Block, Q, Stage, T
 from .transcription import Hand, Interval, Node, Ocp
 
 #: Shortest carry [s] of a plan.
@@ -56,6 +56,7 @@ def variable_bounds(request: Request) -> dict[str, tuple[Any, Any]]:
         "c": (-control, control),
         "T": (max(command, CARRY_MIN), scene.mesh.carry_max),
         "t_f": (0.0, FLIGHT_MAX),
+        PLACE.name: (-1.0, 1.0),
         **{slack.name: (0.0, ca.inf) for slack in SLACKS},
     }
 
@@ -164,10 +165,15 @@ class ThrowProblem:
             constraint.at_instant(at)
 
     def landing(self, detach: Node) -> ca.SX:
-        """x = x*, and theta = theta* if the target fixes it; an elastic problem pays for a miss."""
+        """x = x*, and theta = theta* if the target fixes it; an elastic problem pays for a miss.
+
+        A region has x* free within its room about the middle, and theta*.
+        """
         flight = land(detach, detach.hand)
         for i, name in enumerate(("x", "theta") if self.ocp.structure.angle else ("x",)):
             miss = getattr(flight.end, name) - detach.p(f"target_{name}")
+            if self.ocp.structure.room[i]:
+                miss = miss - detach.p(f"room_{name}") * detach.stage.control(PLACE.number(i))
             if self.ocp.structure.elastic:
                 under, over = (detach.stage.control(b.number(i)) for b in SLACKS)
                 detach.add_objective(detach.p(f"price_{name}") * (under + over))

@@ -290,6 +290,12 @@ class Request:
         """Whether the target fixes theta."""
         return self.target is not None and self.target.theta is not None
 
+    @property
+    def room(self) -> tuple[bool, bool]:
+        """Whether the target has room in x, in theta."""
+        x, theta = (0.0, 0.0) if self.target is None else self.target.room
+        return x > 0.0, theta > 0.0
+
     @cached_property
     def window(self) -> Window | None:
         """The window of a robust request."""

@@ -123,7 +123,7 @@ class CellSolver:
         task = Task(self.problems.scene.aimed_at(goal), goal, ("fatrop",), clock)
         if isinstance(source, Releases):
             return CellResult(cell, self._from_releases(source, task))
-        near = self._neighbour(source.optimum, goal)
+        near = Neighbour.of(source.optimum, goal, self.problems.scene)
         is_near = near.distance < SETTINGS.max_distance
         found = None
         if is_near and source.moves < SETTINGS.max_moves:
@@ -142,13 +142,6 @@ class CellSolver:
         if last.edge is None:
             return CellResult(cell, None)
         return CellResult(cell, None, replace(last.throw.optimum, binding=last.edge.names))
-
-    def _neighbour(self, optimum: Optimum, goal: Pose) -> Neighbour:
-        """A throw with how far off the goal it lands."""
-        scene = self.problems.scene
-        x, theta, _ = map(float, scene.flight.land(optimum.detach[None], goal.z)[0])
-        miss = x - goal.plane_x, 0.0 if goal.theta is None else theta - goal.theta
-        return Neighbour(optimum, goal, miss, scene.object.pose_error(*miss))
 
     def _moved(self, near: Neighbour, source: KnownThrow, task: Task) -> KnownThrow | None:
         """The throw moved along its slope; None where it breaks something there."""

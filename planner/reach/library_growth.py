@@ -99,7 +99,7 @@ def grow(
         # Workers on this machine then find the machine code in the cache.
         target, refinement = problems.scene.target, first_refinement(problems.scene)
         assert target is not None
-        problems.problem(target, refinement, "fatrop", Clock()).solver.compile()
+        problems.problem(target.middle, refinement, "fatrop", Clock()).solver.compile()
     for turn in range(SETTINGS.max_rounds):
         if cells is None:
             return

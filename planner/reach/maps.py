@@ -176,7 +176,8 @@ class ReachMap:
         target = self.scene.target
         assert target is not None  # a scene with a map has one
         x, theta = target.plane_x, target.theta
-        words = f"target x {x:.4g} m" + (" in the throw's plane" if x != target.x else "")
+        words = "middle of the " if any(target.room) else ""
+        words += f"target x {x:.4g} m" + (" in the throw's plane" if x != target.x else "")
         if theta is not None:
             words += f", theta {math.degrees(theta):g} deg"
         where = self.bin_of(x, theta)

@@ -120,6 +120,8 @@ class PlannedThrow:
     def words(self, goal: Pose) -> str:
         """The landing error to `goal` as text."""
         dx, dtheta = self.deciding.miss(goal)
+        if any(goal.room) and dx == dtheta == 0.0:
+            return "lands in the target region"
         turn = "" if goal.theta is None else f" and {math.degrees(abs(dtheta)):.3f} deg"
         return f"lands {1e3 * abs(dx):.3f} mm{turn} from the target"
 
@@ -361,9 +363,8 @@ class Plan:
     def _json_error(self, pose: tuple[float, float, float] | None) -> Any:
         if pose is None:
             return None
-        angle = 0.0 if self.target.theta is None else abs(pose[2] - self.target.theta)
-        position = abs(pose[0] - self.goal.plane_x)
-        return plain({"position": position, "angle": angle})
+        position, angle = self.goal.miss(pose[0], pose[2])
+        return plain({"position": abs(position), "angle": abs(angle)})
 
     def json(self) -> str:
         """`to_dict` as a JSON text."""

@@ -202,15 +202,16 @@ def _flights(
     arm, obstacles, column = scene.arm, CollisionScene.of(scene, manipulator), column_of(scene)
     assert arm is not None
 
-    def off(side: int, which: int, state: Array) -> Array:
+    def landing_use(side: int, which: int, state: Array) -> Array:
         landed = scene.flight.land(state[None], target.z)[0]
         goal = (target.plane_x, landed[1] if target.theta is None else target.theta)
-        use = LIMITS.share + side * (landed[which] - goal[which]) / LIMITS.landing[which]
+        off = side * (landed[which] - goal[which]) - target.room[which]
+        use = LIMITS.share + off / LIMITS.landing[which]
         return np.asarray(np.nan_to_num([use], nan=np.inf))
 
     for side in (-1, 1):
         for which in (0, 1):
-            yield Constraint(partial(off, side, which), measured, slice(0, 1), 0, (detach,))
+            yield Constraint(partial(landing_use, side, which), measured, slice(0, 1), 0, (detach,))
     lasts = scene.flight.land(detach[None], target.z)[0, 2]
     if not math.isfinite(lasts):
         return

@@ -94,7 +94,7 @@ class Replay:
 
         other: "target", "sp" or "limit_surface"; dtheta is NaN for a target that leaves it open.
         """
-        target = self.throw.target
+        target = self.throw.target.nearest(self.landing[0], self.landing[2])
         theta = math.nan if target.theta is None else target.theta
         x, _, angle = {
             "target": (target.plane_x, target.z, theta),

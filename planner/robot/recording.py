@@ -116,7 +116,8 @@ class Recording:
             opening = np.searchsorted(self.times, throw.opening_time)
             azimuth = arm.azimuth_at(float(self.q[opening, arm.azimuth_joint - 1]))
             place = ThrowPlane(azimuth, arm.lateral).points(x, z).tolist()
-            off = math.dist(place[:2], (target.x, target.y)), abs(throw.miss()[1])
+            aim = target.nearest(x, theta)
+            off = math.dist(place[:2], (aim.x, aim.y)), abs(throw.miss()[1])
             found["landing"] = dict(zip("xyz", place, strict=True)) | {"theta": theta}
             found["error"] = {"position": off[0], "angle": off[1]}
         findings = self._findings(throw, plan, found["error"])

@@ -77,33 +77,28 @@ def joined(*parts: Releases) -> Releases:
     return Releases(*(np.concatenate([getattr(p, name) for p in parts]) for name in ARRAYS))
 
 
-def distances(
-    releases: Releases, scene: Scene, x: float, height: float, theta: float | None
-) -> Array:
+def distances(releases: Releases, scene: Scene, target: Pose) -> Array:
     """Pose errors [m] (39) (N,) of the landings; inf without a landing."""
-    land_x, land_theta, time = releases.landings(height, scene.flight)
-    turn = 0.0 if theta is None else land_theta - theta
-    distance = scene.object.pose_error(land_x - x, turn)
+    x, theta, time = releases.landings(target.z, scene.flight)
+    distance = scene.object.pose_error(*target.miss(x, theta))
     return np.asarray(np.where(np.isfinite(time), distance, np.inf))
 
 
 def arrival(releases: Releases, scene: Scene, pose: Pose, within: float) -> tuple[float, float]:
     """The least pose error [m] of the landings at a pose, and the earliest time [s] at which one
     within a pose error [m] lands; inf for none."""
-    away = distances(releases, scene, pose.plane_x, pose.z, pose.theta)
+    away = distances(releases, scene, pose)
     flown = releases.landings(pose.z, scene.flight)[2]
     lands = releases.run_up + scene.gripper.profile().opening + flown
     return float(away.min(initial=np.inf)), float(lands[away <= within].min(initial=np.inf))
 
 
-def nearest(
-    releases: Releases, scene: Scene, x: float, height: float, theta: float | None, count: int
-) -> tuple[Indices, Array]:
+def nearest(releases: Releases, scene: Scene, target: Pose, count: int) -> tuple[Indices, Array]:
     """Indices and pose errors [m] (39) of `count` near landings, nearest first.
 
     The releases differ, except if fewer than `count` of the nearest do.
     """
-    distance = distances(releases, scene, x, height, theta)
+    distance = distances(releases, scene, target)
     size = min(max(POOL, count), len(distance))
     if size == 0:
         return np.zeros(0, int), np.zeros(0)
@@ -111,7 +106,7 @@ def nearest(
     pool = pool[np.argsort(distance[pool], kind="stable")]
     pool = pool[np.isfinite(distance[pool])]
     if count > 1 and len(pool):
-        pool = pool[_different(_shares(releases, height, scene.flight)[pool], count)]
+        pool = pool[_different(_shares(releases, target.z, scene.flight)[pool], count)]
     found = pool[:count]
     return found, distance[found]
 
@@ -137,7 +132,7 @@ def starts(
     """
     found: list[tuple[int, Pose, float]] = []
     for goal in goals_of(releases, scene, target, turns):
-        pairs = zip(*nearest(releases, scene, goal.plane_x, goal.z, goal.theta, count), strict=True)
+        pairs = zip(*nearest(releases, scene, goal, count), strict=True)
         found += [(int(i), goal, float(d)) for i, d in pairs]
     return sorted(found, key=lambda entry: entry[2])
 

@@ -80,14 +80,12 @@ def _guess(throw: PlannedThrow, task: Task) -> Callable[[ThrowNlp], Array]:
 def _reaches(throw: PlannedThrow, goal: Pose) -> bool:
     """Whether the NLP's own landing is within the tolerance of the goal."""
     x, _, theta = throw.planned_landing
-    most, turn = throw.scene.tolerance, 0.0 if goal.theta is None else theta - goal.theta
-    return abs(x - goal.plane_x) <= most.position and abs(turn) <= most.angle
+    most, (dx, dtheta) = throw.scene.tolerance, goal.miss(x, theta)
+    return bool(abs(dx) <= most.position and abs(dtheta) <= most.angle)
 
 
 def _beside(attempt: Attempt, goal: Pose, task: Task) -> Attempt:
     """An attempt to land beside the goal."""
-    pose, turn = attempt.goal, 0.0
-    if goal.theta is not None and pose.theta is not None:
-        turn = pose.theta - goal.theta
-    missed = task.scene.object.pose_error(pose.plane_x - goal.plane_x, turn)
+    pose = attempt.goal
+    missed = task.scene.object.pose_error(*goal.miss(pose.plane_x, pose.theta or 0.0))
     return replace(attempt, goal=goal, edge=NearestFeasible(pose, (), missed))

@@ -231,11 +231,9 @@ def _where_it_lands(
     throw: PlannedThrow, goal: Pose, names: tuple[str, ...]
 ) -> tuple[PlannedThrow, NearestFeasible]:
     """A throw short of its goal, aimed at its own landing; names: of the limits that bind there."""
-    landing, turn = throw.deciding.landing, 0.0
+    landing = throw.deciding.landing
     pose = goal.in_plane(landing.x, None if goal.theta is None else landing.theta)
-    if goal.theta is not None:
-        turn = landing.theta - goal.theta
-    missed = throw.scene.object.pose_error(landing.x - goal.plane_x, turn)
+    missed = throw.scene.object.pose_error(*throw.deciding.miss(goal))
     aimed = replace(throw.deciding, scene=throw.scene.aimed_at(pose))
     return replace(throw, deciding=aimed), NearestFeasible(pose, names, missed)
 

@@ -52,13 +52,14 @@ def check_contradictions(scene: Scene, manipulator: Manipulator) -> None:
 
 
 def in_column(scene: Scene, target: Pose) -> bool:
-    """Whether the bar would be inside the base column there, wherever the tolerance lets it be."""
+    """Whether the bar would be inside the base column at all poses that the tolerance allows."""
     column, most = column_of(scene), scene.tolerance
     if column is None:
         return False
-    half_turn = np.linspace(0.0, math.pi, 181)
-    theta = half_turn if target.theta is None else np.array([target.theta])
-    poses = np.array([np.full(theta.size, target.plane_x), np.full(theta.size, target.z), theta])
+    x, theta = target.grid(21)
+    if target.theta is None:
+        x, theta = np.array(np.meshgrid(x, np.linspace(0.0, math.pi, 181))).reshape(2, -1)
+    poses = np.array([x, np.full(x.size, target.z), theta])
     room = column_distance(scene.object, poses, *column).max()
     return bool(room < -most.position - most.angle * scene.object.length)
 
@@ -75,8 +76,7 @@ def contradiction(scene: Scene, releases: Callable[[], Releases], target: Pose) 
     x, theta, flown = table.landings(target.z, scene.flight)
     if not np.isfinite(x).any():
         return "", ""
-    turn = 0.0 if target.theta is None else theta - target.theta
-    off = scene.object.pose_error(x - target.plane_x, turn)
+    off = scene.object.pose_error(*target.miss(x, theta))
     near = np.argsort(off)[: min(200, int(np.isfinite(off).sum()))]
     end = scene.flight.after(FlightState(*table.detach[near].T), flown[near])
     speed, omega = np.hypot(end.v_x, end.v_z), end.omega

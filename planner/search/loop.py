@@ -11,12 +11,12 @@ from .strategies import Search, Strategy
 
 
 def find_throws(search: Search, strategies: Sequence[Strategy], history: History) -> History:
-    """The history and further tries, until as many throws are found as the task wants.
+    """The history and further tries, until there are enough.
 
     Ends before that where no strategy has a next try, or time is over.
     """
     task = search.task
-    while len(history.found) < task.wanted and not task.clock.late:
+    while not search.is_complete(history) and not task.clock.late:
         tries = (strategy(search, history) for strategy in strategies)
         step = next((step for step in tries if step is not None), None)
         if step is None:

@@ -51,7 +51,7 @@ class Corrector:
         judged: Verdict | None = None
         reason = "a solved throw nearby does not move to the target"
         with task.clock("smooth"):
-            moved = self._family.moved(*start, near.goal, accuracy(task.scene))
+            moved = self._family.moved(*start, near.nearest, accuracy(task.scene))
         if moved is not None:
             found = self._planned_throw(moved, optimum, task)
             with task.clock("check"):
@@ -105,12 +105,13 @@ def optimum_of(
     throw: PlannedThrow,
     names: tuple[str, ...] = (),
 ) -> Optimum | None:
-    """The optimum of a throw; None without a solution of an NLP.
+    """The optimum of a throw; None without a solution of an NLP for a pose.
 
     names: of the limits that bind there.
     """
     solution, nlp = throw.solution, throw.nlp
-    if solution is None or nlp is None:
+    if solution is None or nlp is None or any(nlp.structure.room):
+        # In a region the landing is chosen by the optimum.
         return throw.optimum
     aim = throw.deciding.target.shifted(*throw.aim)
     request = Request(throw.scene, throw.manipulator, aim, throw.refinement)

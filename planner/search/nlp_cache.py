@@ -102,7 +102,7 @@ class CompiledNlp:
 
 
 #: Key of a scene's NLP: target's kind, lazy constraints, bodies, robust method, elastic landing.
-_Kind = tuple[tuple[bool, bool, bool], frozenset[str], frozenset[str], str, bool]
+_Kind = tuple[tuple[bool, ...], frozenset[str], frozenset[str], str, bool]
 
 
 @dataclass(frozen=True, eq=False)

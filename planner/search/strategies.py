@@ -33,7 +33,9 @@ class SearchSettings:
 
     moves, moves_for_choice: most solved throws moved, for one throw and for each of several.
     max_distance, warm_distance: largest distance of a throw that is moved, and of a warm plan.
-    near_distance: within it a warm plan's solution needs few iterations. first_starts: sampled
+    near_distance: within it a warm plan's solution needs few iterations. region_throws: solved
+    throws to a region, of which the best is taken: places in it differ in cost, and its NLP has
+    some local optima. first_starts: sampled
     starts solved before throws beside the target are brought to it. approaches: solved throws
     brought as near to the target as limits allow. same_distance: a throw within it of one that is
     kept is not kept. close_distance: a target within it of the nearest landing may be in reach of
@@ -46,6 +48,7 @@ class SearchSettings:
     max_distance: float = 0.15
     warm_distance: float = 0.06
     near_distance: float = 0.005
+    region_throws: int = 4
     first_starts: int = 2
     approaches: int = 2
     same_distance: float = 0.005
@@ -92,9 +95,10 @@ class SearchContext:
         It keeps none that lands beside another of its kind.
         """
         throw, edge, found = attempt.throw, attempt.edge, self.found
-        pose = attempt.goal if edge is None else edge.pose
-        if throw is None or (pose.theta is not None) != found.angle:
+        if throw is None or (attempt.goal.theta is not None) != found.angle:
             return
+        landing = throw.deciding.landing
+        pose = attempt.goal.nearest(landing.x, landing.theta) if edge is None else edge.pose
         optimum = fixed_optimum(found.controls, throw, () if edge is None else edge.names)
         beside = found.nearest_throws(pose, "exact", 2, SETTINGS.same_distance)
         if optimum is None or any(
@@ -155,12 +159,8 @@ class Search:
         optimum = None if warm is None else self._optimum(warm)
         if optimum is None:
             return []
-        x, theta, _ = map(float, task.scene.flight.land(optimum.detach[None], task.target.z)[0])
-        turn = 0.0 if task.target.theta is None else theta - task.target.theta
-        miss = x - task.target.plane_x, turn
-        away = task.scene.object.pose_error(*miss)
-        is_near = away < SETTINGS.warm_distance
-        return [Neighbour(optimum, task.target, miss, away)] if is_near else []
+        near = Neighbour.of(optimum, task.target, task.scene)
+        return [near] if near.distance < SETTINGS.warm_distance else []
 
     def _optimum(self, throw: PlannedThrow) -> Optimum | None:
         if throw.optimum is not None or throw.solution is None:
@@ -168,6 +168,15 @@ class Search:
         problems, target = self.context.problems, throw.deciding.target
         program = problems.problem(target, throw.refinement, "fatrop", self.task.clock)
         return optimum_of(self.context.library.controls, program, throw)
+
+    def is_complete(self, history: History) -> bool:
+        """Whether there are as many throws as the task wants; to a region, further ones to compare,
+        except with the throw from a warm plan."""
+        if len(history.found) < self.task.wanted:
+            return False
+        solved = sum(attempt.solved for attempt in history.attempts)
+        is_compared = solved >= SETTINGS.region_throws or history.solves_from("warm plan")
+        return bool(is_compared) or not any(self.task.target.room)
 
     def start(self, near: Neighbour) -> Start:
         """A solver's start from a solved throw near the target."""
@@ -259,12 +268,18 @@ Strategy = Callable[[Search, History], Try | None]
 
 
 def from_neighbours(search: Search, history: History) -> Try | None:
-    """Solved throws near the target, moved to it."""
+    """Solved throws near the target, moved to it; for a region, a solver's starts."""
     if len(search.task.solvers) == 1:
         return None
+    neighbours = islice(search.neighbours(), search.moves)
+    if any(search.task.target.room):
+        # A moved throw keeps its place in a region, where another may cost less.
+        number = len(history.solves_from("neighbour"))
+        near = next(islice(neighbours, number, None), None)
+        waits = search.warm is not None and not history.solves_from("warm plan")
+        return None if near is None or waits else Solve(search.start(near), "neighbour")
     number = sum(isinstance(one, Move) for one in history.tries)
-    moves = (Move(near) for near in islice(search.neighbours(), search.moves))
-    return next(islice(moves, number, None), None)
+    return next(islice(map(Move, neighbours), number, None), None)
 
 
 def from_warm_plan(search: Search, history: History) -> Try | None:
@@ -278,7 +293,7 @@ def from_warm_plan(search: Search, history: History) -> Try | None:
         start = Start(task.target, lambda nlp: solution.x, task.solvers[0], near=near)
         start = replace(start, refinement=warm.refinement, warm=solution, aim=warm.aim)
     elif warm.optimum is not None:
-        start = search.start(Neighbour(warm.optimum, task.target, (0.0, 0.0), 0.0))
+        start = search.start(Neighbour.of(warm.optimum, task.target, task.scene))
     else:
         # The rest of a swing has no solution of an NLP of this task.
         request = Request(task.scene, warm.manipulator)

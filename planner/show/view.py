@@ -95,11 +95,11 @@ class SpaceThrow:
         return found | {"flight": self.throw.detach_time, "landing": self.throw.landing_time}
 
     def target(self, target: Pose | None = None) -> Array:
-        """Pose (4, 4) of a target, default the throw's; the landing's angle if its own is open."""
-        target = target or self.throw.target
-        theta = target.theta
-        if theta is None:
-            theta = float(self.line.com[2, self.line.index(self.throw.landing_time)])
+        """Pose (4, 4) of a target, default the throw's; of a region that nearest to the landing;
+        the landing's angle if its own is open."""
+        x, _, landed = map(float, self.line.com[:, self.line.index(self.throw.landing_time)])
+        target = (target or self.throw.target).nearest(x, landed)
+        theta = landed if target.theta is None else target.theta
         poses = target.plane.poses(np.array([[target.plane_x], [target.z], [theta]]))
         return np.asarray(poses[0])
 

@@ -98,8 +98,7 @@ class Sweep:
         """
         scene, target = self.plan.scene, self.plan.goal
         x, theta = (float(value) for value in self.nominal.pose[0, :2])
-        dx = x - target.plane_x
-        dtheta = 0.0 if target.theta is None else theta - target.theta
+        dx, dtheta = target.miss(x, theta)
         spread = np.nanstd(self.landings.pose[:, :2], axis=0) if self._lands else [math.nan] * 2
         entries = {
             "scene": scene.name,
@@ -205,10 +204,10 @@ def _landing_errors(sweep: Sweep, pose: Array) -> Array:
 
 
 def _tolerance(sweep: Sweep) -> tuple[float, float]:
-    """The tolerance of x [mm] and theta [deg], NaN where theta is open."""
-    allowed = sweep.plan.scene.tolerance
-    angle = math.nan if sweep.plan.target.theta is None else math.degrees(allowed.angle)
-    return 1e3 * allowed.position, angle
+    """Largest errors from the target's middle: x [mm]; theta [deg], NaN where theta is open."""
+    allowed, target = sweep.plan.scene.tolerance, sweep.plan.target
+    x, theta = allowed.position + target.room[0], allowed.angle + target.room[1]
+    return 1e3 * x, math.nan if target.theta is None else math.degrees(theta)
 
 
 def _widen(axes: Axes, vertical: bool) -> None:

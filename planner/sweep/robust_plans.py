@@ -151,8 +151,9 @@ class Hardening:
             request = Request(scene, self.problems.manipulator, robust=method)
             guess = functools.partial(initial_guess_from, throw=start, request=request)
             for solver in solvers:
+                # The middle of a region is the farthest from its bounds.
                 first = Start(
-                    source.target,
+                    source.target.middle,
                     guess,
                     solver,
                     start.refinement,

@@ -187,10 +187,8 @@ class Throw:
         return torques_of(self.scene, self.manipulator, self.path, self.opening_time)
 
     def miss(self, target: Pose | None = None) -> tuple[float, float]:
-        """Landing error (Δx [m], Δtheta [rad]); Δtheta is 0 if the target leaves theta open."""
-        target = target or self.target
-        angle = 0.0 if target.theta is None else self.landing.theta - target.theta
-        return self.landing.x - target.plane_x, angle
+        """Landing error (Δx [m], Δtheta [rad]), see `Pose.miss`."""
+        return (target or self.target).miss(self.landing.x, self.landing.theta)
 
     # Copies of the throw.
 

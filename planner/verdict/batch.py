@@ -186,8 +186,8 @@ class Judge:
         scene, target = self.batch.scene, self.batch.throw.target
         x, theta, time = flights.landing.T
         end = (x, np.full(len(x), target.z), theta, *self._end(flights))
-        turn = 0.0 * theta if target.theta is None else theta - target.theta
-        dx, start, lands = x - target.plane_x - flights.way, flights.start.T, flights.freed + time
+        dx, turn = target.miss(x - flights.way, theta)
+        start, lands = flights.start.T, flights.freed + time
         at = LandingStates(dx, turn, start, end, lands, (doubt[0], doubt[1]))
         uses = landing_uses(scene, target, at)
         broken, unsure = dict[Code, Flags](), np.zeros(len(x), bool)
