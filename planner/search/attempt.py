@@ -26,6 +26,8 @@ from .nlp_cache import CompiledNlp, NlpCache, Task
 
 #: Landing error (position [m], angle [rad]) at which corrections end, or half the tolerance.
 ACCURACY = (1e-4, math.radians(0.02))
+#: An NLP's landing is at a bound of a region within this share of half its width.
+AT_BOUND = 1e-3
 #: Most NLPs solved to correct one aim.
 MAX_CORRECTIONS = 8
 #: Full turns of a target's angle from which a message says that Pose takes radians.
@@ -142,6 +144,20 @@ class Aim:
     def goal(self) -> Pose:
         """The pose that the NLP is solved for."""
         return self.target.shifted(*self.offset)
+
+    def miss(self, throw: Throw, planned: tuple[float, float]) -> tuple[float, float]:
+        """Landing error of a throw, (dx [m], dtheta [rad]).
+
+        planned: the NLP's landing (x [m], theta [rad]). Where that is at a bound of a region, the
+        error is the distance to this bound: there the throw costs least.
+        """
+        misses = list(throw.miss(self.target))
+        landing, goal, middle = throw.landing, self.goal.middle, self.target.middle
+        off = middle.miss(landing.x, landing.theta)
+        for i, (place, room) in enumerate(zip(goal.miss(*planned), self.target.room, strict=True)):
+            if abs(place) > (1.0 - AT_BOUND) * room > 0.0:
+                misses[i] = off[i] - math.copysign(room, place)
+        return misses[0], misses[1]
 
     def corrected(self, miss: tuple[float, float]) -> Aim:
         """The aim after a throw that misses the target by (dx [m], dtheta [rad])."""
@@ -266,7 +282,8 @@ class _Solves:
             except SmoothingError as error:
                 reason = str(error)
                 break
-            miss = candidate.throw.miss(start.goal)
+            x, _, theta = _landing_of(self.program.nlp, candidate)
+            miss = aim.miss(candidate.throw, (x, theta))
             missed = error_over(*miss, aim.accuracy)
             if not missed < least:
                 reason = "the object never comes down to the target's height"
@@ -307,7 +324,6 @@ class _Solves:
 
 def _planned_throw(nlp: ThrowNlp, best: _Candidate, refinement: Refinement) -> PlannedThrow:
     """The candidate as a throw."""
-    x, z, theta = (float(v) for v in np.array(nlp.landing(best.solution.x, best.numbers)).ravel())
     return PlannedThrow(
         best.planned,
         best.throw,
@@ -317,8 +333,14 @@ def _planned_throw(nlp: ThrowNlp, best: _Candidate, refinement: Refinement) -> P
         best.aim.offset,
         nlp,
         best.solution,
-        (x, z, theta),
+        _landing_of(nlp, best),
     )
+
+
+def _landing_of(nlp: ThrowNlp, best: _Candidate) -> tuple[float, float, float]:
+    """The NLP's landing: x, z [m], theta [rad]."""
+    x, z, theta = (float(v) for v in np.array(nlp.landing(best.solution.x, best.numbers)).ravel())
+    return x, z, theta
 
 
 def accuracy(scene: Scene) -> tuple[float, float]:
