@@ -29,8 +29,8 @@ CHAPTERS = {
     "Releases and sweeps": "simulate simulate_batch sweep Sweep reach_map ReachMap",
     "Measured throws": "load_throws ThrowData throw_data thrown identify Identified",
     "Scenes": "load_scene scene_names scene_text Scene",
-    "Sections of a scene": "Object Contact Gripper Grasp Hand Robot Motion Target Pose Tolerance "
-    "Choice Cup Landing Workspace Obstacle Torque Uncertainty Distribution Robust Mesh",
+    "Sections of a scene": "Object Contact Gripper Grasp Hand Robot Motion Target Pose Region "
+    "Tolerance Choice Cup Landing Workspace Obstacle Torque Uncertainty Distribution Robust Mesh",
     "Errors": "InputError ThrowplanError",
 }
 

@@ -325,7 +325,8 @@ def _checked_target(scene: Scene, target: Pose | None) -> Pose:
             f"target: arrival = {target.window[1]:g}: must be above {least:g} s, "
             "the gripper's dwell and opening"
         )
-    scene.check_lower_end(target)
+    if scene.cup is not None:
+        scene.cup.check_target(target)
     if scene.arm is None:
         return target
     target, arm = target.with_lateral(scene.arm.lateral), scene.arm

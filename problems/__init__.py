@@ -8,8 +8,9 @@ and writes, `throws` has measured throws, `urdf` makes arms from robots' files.
 from .arms import load_arm
 from .grip import Grasp, Gripper, PadContact, ThrownObject
 from .manipulators import Hand, Motion, Robot, Torque
+from .poses import Pose, Region, ThrowPlane
 from .scene import Mesh, Scene
 from .scene_files import as_scene, load_scene, scene_from_table, scene_names, scene_text
 from .section import InputError, ThrowplanError, checked
-from .targets import Choice, Cup, Landing, Obstacle, Pose, Region, ThrowPlane, Tolerance, Workspace
+from .targets import Choice, Cup, Landing, Obstacle, Tolerance, Workspace
 from .uncertainty import Distribution, Robust, Uncertainty

@@ -18,6 +18,7 @@ from ..models.robot import Arm
 from .arms import arm_table, load_arm, load_gripper
 from .grip import Grasp, Gripper, PadContact, ThrownObject
 from .manipulators import Hand, Motion, Robot, Torque, check_torque, thrown_by
+from .poses import Pose
 from .section import (
     InputError,
     Mistakes,
@@ -30,7 +31,7 @@ from .section import (
     unit_of,
     within,
 )
-from .targets import Choice, Cup, Landing, Obstacle, Pose, Tolerance, Workspace
+from .targets import Choice, Cup, Landing, Obstacle, Tolerance, Workspace
 from .uncertainty import Robust, Uncertainty
 
 #: Poses along each range of a region at which a bar may be in the cup: odd, with the middle.
@@ -193,18 +194,7 @@ class Scene(Section):
                 "width, the clearance and 1 mm"
             )
         if self.target is not None:
-            self.check_lower_end(self.target)
-
-    def check_lower_end(self, target: Pose) -> None:
-        """InputError if the scene has a cup and the target leaves open which end goes in."""
-        if self.cup is None:
-            return
-        if target.theta is None:
-            raise InputError("[cup] needs a target with theta_deg, to know which end goes in")
-        below, above = (math.sin(target.theta + side * target.room[1]) for side in (-1, 1))
-        if target.room[1] >= math.pi / 2 + 1e-9 or below * above < -1e-9:
-            words = "[cup] needs a target whose theta_deg keeps one end below, as [-110, -70] does"
-            raise InputError(words)
+            cup.check_target(self.target)
 
     def check_target_in_cup(self) -> None:
         """InputError if no flight through the target's pose can have entered the cup.

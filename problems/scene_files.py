@@ -13,9 +13,10 @@ from ..models.robot import Arm
 from .arms import arm_from, load_arm, load_gripper
 from .files import read_csv, read_text, shipped, toml_tables
 from .grip import held_object
+from .poses import Region
 from .scene import MOVERS, SECTIONS, TOP_KEYS, Scene
 from .section import InputError, Mistakes, checked, from_table, hints_of, rows_from, unknown, within
-from .targets import Obstacle, Region
+from .targets import Obstacle
 from .uncertainty import uncertainty_from
 
 

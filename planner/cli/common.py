@@ -17,7 +17,7 @@ from pathlib import Path
 from types import FrameType
 from typing import Any, NoReturn, TypeVar
 
-from ...problems import InputError, Pose, Scene
+from ...problems import InputError, Pose, Region, Scene
 from ...problems.files import prepare_folder
 from ..workers import ENDING
 
@@ -72,8 +72,9 @@ class Parser(argparse.ArgumentParser):
 
     def __init__(self, **options: Any) -> None:
         super().__init__(allow_abbrev=False, **options)
-        # Negative numbers with an exponent are values, not options.
-        self._negative_number_matcher = re.compile(r"-(\d+\.?\d*|\.\d+)(e[-+]?\d+)?$", re.I)
+        # Negative numbers with an exponent, and ranges from one, are values, not options.
+        size = r"(\d+\.?\d*|\.\d+)(e[-+]?\d+)?"
+        self._negative_number_matcher = re.compile(rf"-{size}(:-?{size})?$", re.I)
 
     def error(self, message: str) -> NoReturn:
         """Raise InputError for wrong arguments."""
@@ -105,9 +106,10 @@ def add_patience(add: Add, words: str) -> None:
 
 def add_target(add: Add) -> None:
     """The options --target, --azimuth, --velocity and --arrival, for `target_of`."""
-    words = "landing pose instead of the scene's; THETA_DEG may be 'free'"
+    words = "landing pose instead of the scene's; X and THETA_DEG may be ranges, as 1.28:1.42, and "
+    words += "THETA_DEG 'free'"
     form = ("X", "Z", "THETA_DEG")
-    add("--target", nargs=3, type=number(other="free"), metavar=form, help=words)
+    add("--target", nargs=3, type=number_or_range, metavar=form, help=words)
     words = "turn the throw's plane about the arm's base axis"
     add("--azimuth", type=number(-180, 180), metavar="DEG", help=words)
     words = "velocity [m/s] of the target along x; it has its pose when the motion starts"
@@ -123,11 +125,7 @@ def target_of(scene: Scene, options: argparse.Namespace) -> Pose | None:
     if given is azimuth is velocity is arrival is None:
         return None
     if given is not None:
-        x, z, degrees = given
-        if x is None or z is None:
-            raise InputError("--target: X and Z must be numbers; only THETA_DEG may be 'free'")
-        theta = None if degrees is None else math.radians(degrees)
-        target = dataclasses.replace(target or Pose(x=x, z=z), x=x, z=z, theta=theta, y=0.0)
+        target = _target_from(given, target)
     if target is None:
         raise InputError(f"{scene.place}: section [target] is missing")
     moves: dict[str, Any] = {} if velocity is None else {"velocity": (velocity,)}
@@ -163,6 +161,31 @@ def integer(low: float = -math.inf, high: float = math.inf) -> Callable[[str], i
         raise argparse.ArgumentTypeError(f"{word}: must be a whole number{allowed}")
 
     return value
+
+
+def _target_from(given: list[Any], own: Pose | None) -> Pose:
+    """The target of --target, with velocity and arrival of the scene's own."""
+    x, z, theta = given
+    if x is None or not isinstance(z, float):
+        raise InputError(
+            "--target: X must be a number or a range, Z a number; only THETA_DEG may be 'free'"
+        )
+    if theta is not None:
+        theta = tuple(map(math.radians, theta)) if isinstance(theta, tuple) else math.radians(theta)
+    kind = Region if tuple in {type(x), type(theta)} else Pose
+    try:
+        target = kind(x=x, z=z, theta=theta)
+    except InputError as error:
+        raise error.within("--target") from None
+    return target if own is None else target.changed(velocity=own.velocity, arrival=own.arrival)
+
+
+def number_or_range(word: str) -> float | tuple[float, ...] | None:
+    """A finite number, two of them as LOWEST:HIGHEST, or the word 'free', which is None."""
+    if word.count(":") != 1:
+        return number(other="free")(word)
+    low, high = (number()(part) for part in word.split(":"))
+    return low or 0.0, high or 0.0
 
 
 def number(

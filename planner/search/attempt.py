@@ -44,7 +44,7 @@ class Start:
     warm: solution with multipliers to start from; near: it is for almost this target. aim: (dx [m],
     dtheta [rad]) from the goal to the first NLP's landing. rough: corrections end at half the
     scene's tolerance. robust: method of a robust NLP. elastic: the landing may miss the goal at a
-    price, and is checked at its own place.
+    price, and is checked at its own place. below: a solution of a higher cost is given up.
     """
 
     goal: Pose
@@ -60,6 +60,7 @@ class Start:
     rough: bool = False
     robust: str = ""
     elastic: bool = False
+    below: float = math.inf
 
 
 @dataclass(frozen=True)
@@ -276,6 +277,9 @@ class _Solves:
             solution, numbers = self._solved(aim.goal, begin)
             if not solution.success:
                 reason = "no motion keeps all constraints"
+                break
+            if solution.cost > start.below:
+                reason = "another throw costs less"
                 break
             try:
                 candidate = self._candidate(solution, numbers, aim)

@@ -21,6 +21,8 @@ from .nlp_cache import NlpCache, Task
 
 #: (solver, number of sampled releases it starts from for each wanted throw), in order.
 STARTS = (("ipopt", 1), ("fatrop", 6), ("ipopt", 4))
+#: Most sampled releases from which throws to a region are solved, to find the cheapest.
+REGION_STARTS = 8
 #: Nearest sampled throws that are checked for collisions with obstacles.
 CLEARED = 40
 #: Most sampled throws that are judged.
@@ -42,7 +44,8 @@ class Candidates:
     @cached_property
     def nearest(self) -> list[tuple[int, Pose, float]]:
         """(release, goal, pose error [m]) of the nearest landings."""
-        task, most = self.task, max(count for _, count in STARTS) * self.task.wanted
+        task, most = self.task, max(count for _, count in STARTS)
+        most = (REGION_STARTS if any(task.target.room) else most) * task.wanted
         return starts(self.releases, task.scene, task.target, task.turns, most)
 
     @cached_property

@@ -21,6 +21,7 @@ def find_throws(search: Search, strategies: Sequence[Strategy], history: History
         step = next((step for step in tries if step is not None), None)
         if step is None:
             break
+        step = search.comparable(step, history)
         history = history.with_entry(Entry(step, tuple(_outcome(search, step))))
     return history
 

@@ -19,7 +19,7 @@ from ..result import PlannedThrow
 from ..samples import Releases, ReleaseSampler
 from ..throw import Manipulator
 from .attempt import Attempt, NearestFeasible, Start
-from .candidates import STARTS, Candidates, release_start
+from .candidates import REGION_STARTS, STARTS, Candidates, release_start
 from .failure import in_column
 from .guess import initial_guess_from
 from .history import Approach, History, Move, Solve, Try
@@ -33,14 +33,13 @@ class SearchSettings:
 
     moves, moves_for_choice: most solved throws moved, for one throw and for each of several.
     max_distance, warm_distance: largest distance of a throw that is moved, and of a warm plan.
-    near_distance: within it a warm plan's solution needs few iterations. region_throws: solved
-    throws to a region, of which the best is taken: places in it differ in cost, and its NLP has
-    some local optima. first_starts: sampled
-    starts solved before throws beside the target are brought to it. approaches: solved throws
-    brought as near to the target as limits allow. same_distance: a throw within it of one that is
-    kept is not kept. close_distance: a target within it of the nearest landing may be in reach of
-    another motion. A target is out of reach if its `equal_landings` nearest landings have distances
-    within a factor of `equal_ratio`.
+    near_distance: within it a warm plan's solution needs few iterations. comparable: further
+    solutions for a region are corrected up to this multiple of the least cost. first_starts:
+    sampled starts solved before throws beside the target are brought to it. approaches: solved
+    throws brought as near to the target as limits allow. same_distance: a throw within it of one
+    that is kept is not kept. close_distance: a target within it of the nearest landing may be in
+    reach of another motion. A target is out of reach if its `equal_landings` nearest landings have
+    distances within a factor of `equal_ratio`.
     """
 
     moves: int = 4
@@ -48,7 +47,7 @@ class SearchSettings:
     max_distance: float = 0.15
     warm_distance: float = 0.06
     near_distance: float = 0.005
-    region_throws: int = 4
+    comparable: float = 1.02
     first_starts: int = 2
     approaches: int = 2
     same_distance: float = 0.005
@@ -170,13 +169,24 @@ class Search:
         return optimum_of(self.context.library.controls, program, throw)
 
     def is_complete(self, history: History) -> bool:
-        """Whether there are as many throws as the task wants; to a region, further ones to compare,
-        except with the throw from a warm plan."""
-        if len(history.found) < self.task.wanted:
-            return False
-        solved = sum(attempt.solved for attempt in history.attempts)
-        is_compared = solved >= SETTINGS.region_throws or history.solves_from("warm plan")
-        return bool(is_compared) or not any(self.task.target.room)
+        """Whether there are as many throws as the task wants.
+
+        Of throws to a region the cheapest is wanted, unless a warm plan or the library leads there.
+        """
+        if len(history.found) < self.task.wanted or not any(self.task.target.room):
+            return len(history.found) >= self.task.wanted
+        warm, known = (len(history.solves_from(name)) for name in ("warm plan", "neighbour"))
+        tries = len(history.tries)
+        return warm > 0 or known >= SETTINGS.moves or tries >= REGION_STARTS
+
+    def comparable(self, step: Try, history: History) -> Try:
+        """A try that ends early where it leads to no cheaper throw into a region."""
+        is_compared = any(self.task.target.room) and self.task.wanted == 1 and history.found
+        if not isinstance(step, Solve) or not is_compared:
+            return step
+        assert history.found[0].throw is not None
+        most = SETTINGS.comparable * history.found[0].throw.effort
+        return replace(step, start=replace(step.start, below=most))
 
     def start(self, near: Neighbour) -> Start:
         """A solver's start from a solved throw near the target."""
@@ -306,7 +316,9 @@ def from_nearest_samples(search: Search, history: History) -> Try | None:
     """A solver's start from one of few sampled releases that land near the target."""
     if search.blocked:
         return None
-    return _from_samples(search, history, [(search.task.solvers[0], SETTINGS.first_starts)])
+    compares = any(search.task.target.room) and history.found
+    count = REGION_STARTS if compares else SETTINGS.first_starts
+    return _from_samples(search, history, [(search.task.solvers[0], count)])
 
 
 def from_beside(search: Search, history: History) -> Try | None:
