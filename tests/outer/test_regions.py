@@ -1,0 +1,273 @@
+"""Targets that are regions: met at the least cost, judged by their bounds, kept in files."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import math
+
+import numpy as np
+import pytest
+import throwplan as tp
+from builders import nlp_of
+
+#: A region about the target of `pose`, by its bounds in x [m] and theta [rad].
+X, THETA = (1.15, 1.25), (-0.2, 0.2)
+#: Errors at which a landing counts as corrected: 0.1 mm and 0.02 deg.
+NEAR = 1.01e-4, math.radians(0.0202)
+
+
+def region(**changes) -> tp.Region:
+    return tp.Region(**{"x": X, "z": 0.1, "theta": THETA} | changes)
+
+
+@pytest.fixture(scope="module")
+def plan(pose_planner) -> tp.Plan:
+    return pose_planner.plan(region())
+
+
+def assert_inside(landing: dict, x, theta=None) -> None:
+    assert x[0] - NEAR[0] <= landing["x"] <= x[1] + NEAR[0]
+    if theta is not None:
+        assert theta[0] - NEAR[1] <= landing["theta"] <= theta[1] + NEAR[1]
+
+
+# Planning.
+
+
+def test_it_lands_between_the_bounds_at_no_higher_cost_than_at_any_of_its_poses(
+    plan, pose_planner
+) -> None:
+    assert plan.solved, plan.message
+    assert_inside(plan.to_dict()["landing"]["limit_surface"], X, THETA)
+    costs = [
+        found.throw.effort
+        for x in np.linspace(*X, 3)
+        for theta in np.linspace(*THETA, 3)
+        if (found := pose_planner.plan(tp.Pose(x=x, z=0.1, theta=theta))).solved
+    ]
+    assert costs and plan.throw.effort <= 1.001 * min(costs)
+
+
+def test_a_landing_between_the_bounds_has_no_error(planner_of) -> None:
+    # A box, whose angle is free: the cheapest throw lands short of the middle.
+    planner = planner_of("hand-box")
+    x = planner.scene.target.x
+    found = planner.plan(tp.Region(x=(x - 0.3, x + 0.3), z=planner.scene.target.z))
+    error, landing = (found.to_dict()[name] for name in ("error", "landing"))
+    assert found.solved and landing["limit_surface"]["x"] < x
+    assert error["planned"]["position"] == error["limit_surface"]["angle"] == 0.0
+    assert error["limit_surface"]["position"] <= NEAR[0]
+
+
+def test_no_landing_is_corrected_where_there_is_room(pose_planner) -> None:
+    # The cheapest angle is between the bounds, so models may land at different angles.
+    found = pose_planner.plan(region(theta=(-1.0, 1.0)))
+    landing, error = found.to_dict()["landing"], found.to_dict()["error"]
+    assert found.solved and abs(landing["limit_surface"]["theta"]) < 0.9
+    assert abs(landing["planned"]["theta"] - landing["limit_surface"]["theta"]) > 10 * NEAR[1]
+    assert all(error[name]["angle"] == 0.0 for name in ("planned", "exact", "limit_surface"))
+
+
+def test_the_program_has_one_unknown_more_for_each_range() -> None:
+    scene = tp.load_scene("pose")
+    variables, constraints = nlp_of(scene).size
+    for changes, ranges in (({}, 2), ({"theta": 0.0}, 1), ({"x": 1.2}, 1)):
+        nlp = nlp_of(scene.replace(target=region(**changes)))
+        assert nlp.size == (variables + ranges, constraints)
+
+
+@pytest.mark.parametrize("shift", [0.0, -0.05])
+def test_a_cup_stays_where_it_is(planner_of, shift) -> None:
+    planner = planner_of("near-cup")
+    middle, cup = planner.scene.target, planner.scene.cup
+    x, theta = middle.x + shift, middle.theta
+    found = planner.plan(
+        tp.Region(x=(x - 0.02, x + 0.02), z=middle.z, theta=(theta - 0.3, theta + 0.3))
+    )
+    assert found.solved, found.message
+    # As far as the middle of the target moved, and no farther.
+    assert found.scene.cup.x == pytest.approx(cup.x + shift, abs=1e-12)
+    assert found.throw.deciding.scene.cup == found.scene.cup
+    landing = found.to_dict()["landing"]["limit_surface"]
+    assert_inside(landing, (x - 0.02, x + 0.02), (theta - 0.3, theta + 0.3))
+    assert abs(landing["x"] - x) + abs(landing["theta"] - theta) > 0.01
+
+
+def test_out_of_reach_the_nearest_landing_is_a_pose_that_can_be_planned(pose_planner) -> None:
+    found = pose_planner.plan(region(x=(2.0, 2.1)))
+    assert found.status == "out_of_reach" and found.binding
+    nearest = found.to_dict()["nearest"]
+    assert 1.2 < nearest["x"] < 2.0 and THETA[0] - 0.5 < nearest["theta"] < THETA[1] + 0.5
+    assert pose_planner.plan(found.nearest).solved
+    # A wider region reaches as far as it does.
+    wide = pose_planner.plan(region(x=(nearest["x"] - 0.02, 2.1)))
+    assert wide.solved, wide.message
+
+
+def test_turns_count_as_for_a_pose(pose_planner, plan) -> None:
+    full = 2 * math.pi
+    turned = region(theta=(THETA[0] + full, THETA[1] + full))
+    found = pose_planner.plan(turned, turns="any")
+    assert found.solved and found.target.table["theta"] == pytest.approx(THETA)
+
+
+def test_a_warm_plan_is_brought_to_the_next_region(pose_planner, plan) -> None:
+    found = pose_planner.plan(region(x=(1.16, 1.26)), warm=plan)
+    assert found.solved and found.attempts < plan.attempts
+    assert_inside(found.to_dict()["landing"]["limit_surface"], (1.16, 1.26), THETA)
+    # From a region to a pose.
+    assert pose_planner.plan(tp.Pose(x=1.2, z=0.1, theta=0.0), warm=plan).solved
+
+
+def test_a_region_that_moves_is_met_where_it_then_is(pose_planner) -> None:
+    found = pose_planner.plan(region(x=(1.3, 1.4), velocity=(-0.2,)))
+    assert found.solved, found.message
+    answer = found.to_dict()
+    moved = -0.2 * answer["release"]["landing_time"]
+    assert_inside(answer["landing"]["limit_surface"], (1.3 + moved, 1.4 + moved), THETA)
+    assert answer["target"]["x"] == [1.3, 1.4] and answer["target"]["velocity"] == [-0.2]
+
+
+def test_a_swing_is_corrected_if_it_would_land_outside(pose_planner, plan) -> None:
+    session, samples = pose_planner.follow(plan), plan.throw.samples
+    inside = region(x=(1.1, 1.3), theta=(-0.3, 0.3))
+    update = session.update(0.05, samples.q[50], samples.dq[50], inside)
+    assert update.status == "kept" and session.throw is plan.throw.deciding
+    update = session.update(0.1, samples.q[100], samples.dq[100], region(x=(1.18, 1.28)))
+    assert update.status == "followed"
+    x, _, theta = session.throw.landing.pose
+    assert_inside({"x": x, "theta": theta}, (1.1795, 1.28), (-0.205, 0.2))
+
+
+def test_a_robust_plan_lands_in_the_middle(pose_planner, plan) -> None:
+    found = pose_planner.plan(region(), robust="quiet")
+    assert found.solved and found.robust == "quiet"
+    landing = found.to_dict()["landing"]["limit_surface"]
+    assert_inside(landing, (1.1999, 1.2001), (-1e-3, 1e-3))
+    plain, quiet = (
+        tp.sweep(one, samples=256).to_dict()["success"]["rate"] for one in (plan, found)
+    )
+    assert quiet > 0.9 > plain
+
+
+# Results.
+
+
+def test_a_sweep_counts_landings_in_the_region(pose_planner) -> None:
+    wide = pose_planner.plan(region(x=(1.0, 1.4), theta=(-3.0, 3.0)))
+    swept = tp.sweep(wide, samples=128)
+    answer, (x, theta) = swept.to_dict(), swept.landings.pose[:, :2].T
+    assert answer["bias"]["position"] == answer["bias"]["angle"] == 0.0
+    tolerance = wide.scene.tolerance
+    inside = np.abs(x - 1.2) <= 0.2 + tolerance.position
+    inside &= np.abs(theta) <= 3.0 + tolerance.angle
+    assert (swept.landings.in_tolerance == inside).all()
+    assert "in the region" in swept.summary()
+
+
+def test_files_keep_the_bounds(plan, tmp_path) -> None:
+    plan.save(tmp_path, draw="png")
+    saved = json.loads((tmp_path / "plan.json").read_text())
+    assert saved["target"]["x"] == list(X)
+    assert saved["target"]["theta"] == pytest.approx(THETA, abs=1e-15)
+    again = tp.read_plan(tmp_path)
+    assert isinstance(again.target, tp.Region) and again.target.table == saved["target"]
+    assert all(abs(off) <= near for off, near in zip(again.miss(), NEAR, strict=True))
+
+
+def test_pictures_show_where_the_object_may_land(plan) -> None:
+    stage = plan.draw().axes[0]
+    target = next(line for line in stage.lines if line.get_label() == "target")
+    assert target.get_xdata().tolist() == pytest.approx(X)
+    assert target.get_ydata().tolist() == [0.1, 0.1]
+
+
+# Scene files and the command line.
+
+
+def test_a_scene_file_gives_ranges(tmp_path, run) -> None:
+    text = tp.scene_text("pose").replace("x = 1.2 ", "x = [1.15, 1.25] ")
+    text = text.replace("theta_deg = 0.0 ", "theta_deg = [-20, 20] ")
+    (tmp_path / "bin.toml").write_text(text)
+    scene = tp.load_scene(tmp_path / "bin.toml")
+    assert scene.target == tp.Region(x=X, z=0.1, theta=(math.radians(-20), math.radians(20)))
+    table = scene.table()["target"]
+    assert (table["x"], table["z"]) == ([1.15, 1.25], 0.1)
+    assert table["theta_deg"] == pytest.approx([-20.0, 20.0], abs=1e-12)
+    answer = run("plan --json", tmp_path / "bin.toml").json
+    assert answer["status"] == "solved" and answer["target"]["x"] == [1.15, 1.25]
+    assert_inside(answer["landing"]["limit_surface"], X, scene.target.table["theta"])
+    mapped = run("map --json", tmp_path / "bin.toml")
+    assert mapped.status == 0 and mapped.json["reachable"] > 0
+
+
+def test_the_command_line_takes_ranges(run) -> None:
+    answer = run("plan pose --target 1.0:1.1 0.1 -20:20 --azimuth 30 --json").json
+    x, y = (answer["landing"]["limit_surface"][name] for name in "xy")
+    assert answer["status"] == "solved"
+    assert math.degrees(math.atan2(y, x)) == pytest.approx(30.0)
+    # Ranges count along the throw's plane.
+    assert_inside({"x": math.hypot(x, y)}, (1.0, 1.1))
+    assert answer["target"]["theta"] == pytest.approx([math.radians(-20), math.radians(20)])
+
+
+@pytest.mark.parametrize(
+    ("given", "words"),
+    [
+        ({"x": (1.4, 1.2)}, ("x = [1.4, 1.2]", "[lowest, highest], rising")),
+        ({"x": (1.2, 1.2)}, ("x = [1.2, 1.2]", "rising")),
+        ({"x": (1.0, 1.1, 1.2)}, ("x = [1.0, 1.1, 1.2]", "a number or [lowest, highest]")),
+        ({"x": (1.0, math.nan)}, ("x = nan", "finite number")),
+        ({"x": (1.0, "far")}, ("x = [1.0, 'far']", "a number or [lowest, highest]")),
+        ({"x": (1.0, 200.0)}, ("x = 200", "at most 100")),
+        ({"z": (0.1, 0.2)}, ("z = ", "must be a number")),
+        ({"theta": (-math.pi, math.pi)}, ("theta_deg = [-180.0, 180.0]", "less than 360 apart")),
+        ({"theta": (1.0, -1.0)}, ("theta_deg", "rising")),
+    ],
+)
+def test_wrong_bounds_are_refused_in_one_line(given, words, tmp_path, refused) -> None:
+    with pytest.raises(tp.InputError) as error:
+        region(**given)
+    assert len(str(error.value).splitlines()) == 1
+    for word in words:
+        assert word in str(error.value).replace("(", "[").replace(")", "]")
+    table = {"x": "1.2", "z": "0.1", "theta_deg": "0.0"}
+    for name, values in given.items():
+        degrees = math.degrees if name == "theta" else lambda value: value
+        numbers = [value if isinstance(value, str) else degrees(value) for value in values]
+        text = ", ".join(json.dumps(number).replace("NaN", "nan") for number in numbers)
+        table["theta_deg" if name == "theta" else name] = f"[{text}]"
+    head, tail = tp.scene_text("pose").split("[target]")
+    rest = tail[tail.index("[tolerance]") :]
+    target = "\n".join(f"{key} = {value}" for key, value in table.items())
+    (tmp_path / "wrong.toml").write_text(f"{head}[target]\n{target}\n{rest}")
+    said = refused("plan", tmp_path / "wrong.toml")
+    assert "wrong.toml: [target]" in said and all(word in said for word in words)
+
+
+def test_a_pose_has_no_ranges_and_a_cup_needs_one_end_below(planner_of) -> None:
+    with pytest.raises(tp.InputError, match="a Region a range"):
+        tp.Pose(x=X, z=0.1)
+    scene = planner_of("near-cup").scene
+    both = tp.Region(x=scene.target.x, z=scene.target.z, theta=(-math.pi / 2, 0.5))
+    for wrong in (lambda: scene.replace(target=both), lambda: planner_of("near-cup").plan(both)):
+        with pytest.raises(tp.InputError, match=r"\[cup\].*one end below"):
+            wrong()
+    # Outside the cup at all of its poses.
+    beside = tp.Region(x=(0.5, 0.6), z=0.22, theta=(-1.8, -1.4))
+    with pytest.raises(tp.InputError, match="not in the cup"):
+        scene.replace(target=beside)
+    assert scene.replace(target=dataclasses.replace(beside, room=(0.4, 0.2))).target.room[0] == 0.4
+
+
+@pytest.mark.slow
+def test_a_library_leads_to_the_cheapest_throw_in_a_region(tmp_path, monkeypatch) -> None:
+    monkeypatch.setenv("THROWPLAN_CACHE", str(tmp_path))
+    scene = tp.load_scene("pose").replace(target=region())
+    planner = tp.Planner(scene)
+    assert planner.prepare(60, workers=1) >= 50
+    # Scenes that differ in their target alone share a library.
+    assert tp.Planner("pose").prepared == planner.prepared
+    with_library, without = planner.plan(), tp.Planner(scene, library=False).plan()
+    assert with_library.solved and with_library.throw.effort <= 1.01 * without.throw.effort
