@@ -38,8 +38,7 @@ class Structure:
     interval; grip and held bar are constrained at their ends. initial_motion: whether the throw
     starts from a given motion instead of rest. pivot: whether the object's rotation in the pads
     matters (not for a CoM grasp with the landing angle open). room: whether the target has room in
-    x, in theta. robust: whether it is of a robust
-    plan, whose window may be empty.
+    x, in theta. robust: whether it is of a robust plan, whose window may be empty.
     """
 
     carry: int

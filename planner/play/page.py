@@ -279,7 +279,7 @@ class PlayPage:
 
     def _farthest(self, target: Pose) -> float | None:
         """x [m] of the farthest landing at about the target's angle; None without one."""
-        beyond = target.changed(x=SETTINGS.unreachable, y=0.0, velocity=None, arrival=None)
+        beyond = target.middle.changed(x=SETTINGS.unreachable, y=0.0, velocity=None, arrival=None)
         nearest = self._map_planner.plan(beyond).nearest
         if nearest is None:
             return None

@@ -16,6 +16,7 @@ from ...problems import Pose
 from ..library import Neighbour
 from ..ocp import CUP_MARGIN, Refinement, Request, ThrowNlp
 from ..result import PlannedThrow
+from ..verdict import verdict
 from .attempt import Attempt, NearestFeasible, Start, attempts
 from .guess import initial_guess_from
 from .move import Corrector, throw_of
@@ -45,6 +46,9 @@ def approach(
         guess, refinement = source.guess, source.refinement
         if source.goal != goal:
             made = attempts(problems, source, task.aimed_at(source.goal))
+            if task.contains(source.goal) and made[-1].solved:
+                yield _in_region(made[-1], goal, task)
+                return
             yield from (_beside(one, goal, task) for one in made)
             last = made[-1]
             sound = last.solved
@@ -82,6 +86,16 @@ def _reaches(throw: PlannedThrow, goal: Pose) -> bool:
     x, _, theta = throw.planned_landing
     most, (dx, dtheta) = throw.scene.tolerance, goal.miss(x, theta)
     return bool(abs(dx) <= most.position and abs(dtheta) <= most.angle)
+
+
+def _in_region(attempt: Attempt, goal: Pose, task: Task) -> Attempt:
+    """A solved attempt to land at a pose of a region, as one for the region."""
+    throw = attempt.throw
+    assert throw is not None
+    lands, deciding = throw.planned_landing, replace(throw.deciding, scene=task.scene)
+    # The region's NLP has other variables.
+    throw = replace(throw, deciding=deciding, nlp=None, solution=None, landing_of_nlp=lands)
+    return replace(attempt, goal=goal, throw=throw, verdict=verdict(deciding, goal))
 
 
 def _beside(attempt: Attempt, goal: Pose, task: Task) -> Attempt:

@@ -94,7 +94,7 @@ class Candidates:
         if not math.isfinite(landing.flight_time):
             return None
         pose = goal.in_plane(landing.x, None if goal.theta is None else landing.theta)
-        thrown = replace(thrown, scene=self.task.scene.aimed_at(pose))
+        thrown = replace(thrown, scene=self.task.aimed_at(pose).scene)
         return pose if verdict(thrown, pose).ok else None
 
     def key(self, index: int) -> bytes:

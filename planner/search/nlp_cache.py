@@ -86,10 +86,18 @@ class Task:
     wanted: int = 1
 
     def aimed_at(self, target: Pose) -> Task:
-        """This task for another target."""
+        """This task for another target; a cup stays where it is for a pose of the task's region."""
         if target is self.target:
             return self
-        return replace(self, scene=self.scene.aimed_at(target), target=target)
+        inside = self.contains(target)
+        scene = self.scene.changed(target=target) if inside else self.scene.aimed_at(target)
+        return replace(self, scene=scene, target=target)
+
+    def contains(self, pose: Pose) -> bool:
+        """Whether the target is a region that has this pose."""
+        if not any(self.target.room) or any(pose.room):
+            return False
+        return not any(self.target.miss(pose.plane_x, pose.theta or 0.0))
 
 
 @dataclass(frozen=True)

@@ -139,3 +139,17 @@ def said(browser: Any, words: str, there: str = "true") -> None:
     while not browser.value(f"document.body.innerText.includes('{words}') && !!{there}"):
         assert time.monotonic() < end, browser.value("document.body.innerText")
         time.sleep(0.2)
+
+
+def test_a_region_is_moved_as_a_pose(free_port: Any) -> None:
+    scene = tp.load_scene("hand-box")
+    wide = tp.Region(x=(1.1, 1.3), z=scene.target.z)
+    planner = tp.Planner(scene.replace(target=wide))
+    with empty_page("hand-box", free_port()) as (_, server):
+        found = PlayPage(server, planner, first_plan(planner))
+        found.place[0].value = 1.1
+        found.plans.finish()
+        assert found.strip.content.startswith("**solved**")
+        assert found.plan.target.table["x"] == [1.0, 1.2]
+        assert found.plan.throw.deciding.miss()[0] == pytest.approx(0.0, abs=1e-4)
+        found.end()
