@@ -12,7 +12,7 @@ from pathlib import Path
 
 from throwplan.problems.files import filling
 
-from . import models, parts, planner, reach, robust, stability, summary, swings, throws
+from . import models, parts, planner, reach, regions, robust, stability, summary, swings, throws
 from .page import APPENDIX, Effort, ReportSection, parts_of, write_page
 
 #: Sections by their names for `--only`, in the page's order.
@@ -23,6 +23,7 @@ SECTIONS: dict[str, Callable[[Effort], ReportSection]] = {
     "stability": stability.make,
     "parts": parts.make,
     "reach": reach.make,
+    "regions": regions.make,
     "swings": swings.make,
     "robust": robust.make,
     "throws": throws.make,
