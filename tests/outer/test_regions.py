@@ -271,3 +271,15 @@ def test_a_library_leads_to_the_cheapest_throw_in_a_region(tmp_path, monkeypatch
     assert tp.Planner("pose").prepared == planner.prepared
     with_library, without = planner.plan(), tp.Planner(scene, library=False).plan()
     assert with_library.solved and with_library.throw.effort <= 1.01 * without.throw.effort
+
+
+@pytest.mark.slow
+def test_an_obstacle_may_stand_in_a_region() -> None:
+    # The cheapest landings are at the wall, where the flying bar meets it.
+    place = {"kind": "box", "size": (0.1, 0.6, 0.44), "position": (0.9, 0.0, 0.22)}
+    scene = tp.load_scene("pose").replace(
+        obstacle=(tp.Obstacle(name="wall", **place),), target=region(x=(0.85, 1.25))
+    )
+    found = tp.Planner(scene, library=False).plan(patience=30.0)
+    assert found.solved, found.message
+    assert_inside(found.to_dict()["landing"]["limit_surface"], (0.95, 1.25), THETA)
