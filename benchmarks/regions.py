@@ -16,8 +16,8 @@ from .processes import shared
 SEED = 0
 #: Poses of a grid over a region: of x, of theta.
 GRID = (5, 3)
-#: Half the width of a region: x as a share of the bin's radius, theta [rad].
-ROOM = 0.5, math.radians(25.0)
+#: Half the widths of a region: x as a share of the bin's radius, theta [rad].
+HALF_WIDTHS = 0.5, math.radians(25.0)
 #: Costs are equal within this share: the solver's and the correction's accuracy.
 EQUAL = 1e-3
 
@@ -65,9 +65,9 @@ def bin_scene(number: int) -> Scene:
                 object=type(base.object)(width=0.02, inertia=mass * length**2 / 12, **bar),
                 cup=Cup(x, rim, radius, depth, clearance=0.003, insertion=min(0.6 * depth, 0.08)),
                 target=Region(
-                    x=(x - ROOM[0] * radius, x + ROOM[0] * radius),
+                    x=(x - HALF_WIDTHS[0] * radius, x + HALF_WIDTHS[0] * radius),
                     z=z,
-                    theta=(theta - ROOM[1], theta + ROOM[1]),
+                    theta=(theta - HALF_WIDTHS[1], theta + HALF_WIDTHS[1]),
                 ),
             )
         except InputError:
@@ -82,8 +82,8 @@ def _compared(number: int, columns: int) -> Row:
     assert region is not None and scene.cup is not None
     plan = Planner(scene, library=False).plan()
     costs, count = list[float](), 0
-    for x in np.linspace(-1.0, 1.0, columns) * region.room[0]:
-        for theta in np.linspace(-1.0, 1.0, GRID[1]) * region.room[1]:
+    for x in np.linspace(-1.0, 1.0, columns) * region.half_widths[0]:
+        for theta in np.linspace(-1.0, 1.0, GRID[1]) * region.half_widths[1]:
             pose = region.middle.shifted(x, theta)
             try:
                 found = Planner(scene.replace(target=pose), library=False).plan()

@@ -220,11 +220,11 @@ class Oracle:
         goal = self.target_x + self.speed * lands
         found["comes down"] = at_least(np.where(np.isfinite(landing[:, 2]), 1.0, -1.0), 0.0)
         if scene.cup is None or planned:
-            error = np.abs(landing[:, 0] - goal) - target.room[0]
+            error = np.abs(landing[:, 0] - goal) - target.half_widths[0]
             allowed = scene.tolerance.position
             found["position"] = at_most(error, allowed, LANDING[0] / allowed)
             if target.theta is not None:
-                error = np.abs(landing[:, 1] - target.theta) - target.room[1]
+                error = np.abs(landing[:, 1] - target.theta) - target.half_widths[1]
                 allowed = scene.tolerance.angle
                 found["angle"] = at_most(error, allowed, LANDING[1] / allowed)
         v_z = detach[:, 4] - scene.gravity * landing[:, 2]

@@ -117,9 +117,14 @@ class Pose(Section):
         return self.velocity is None and self.arrival is None
 
     @property
-    def room(self) -> tuple[float, float]:
+    def half_widths(self) -> tuple[float, float]:
         """Half the widths of a `Region` about its middle: x [m], theta [rad]; 0 for a pose."""
         return 0.0, 0.0
+
+    @property
+    def is_region(self) -> bool:
+        """Whether x or theta is a range."""
+        return any(self.half_widths)
 
     @property
     def middle(self) -> Pose:
@@ -129,8 +134,8 @@ class Pose(Section):
     @property
     def kind(self) -> tuple[bool, ...]:
         """Key of its kind of NLP: whether theta is fixed, a latest time is given, the target
-        moves, x and theta have room."""
-        x, theta = self.room
+        moves, x and theta are ranges."""
+        x, theta = self.half_widths
         latest, moves = math.isfinite(self.window[1]), self.velocity is not None
         return self.theta is not None, latest, moves, x > 0.0, theta > 0.0
 
@@ -164,7 +169,7 @@ class Pose(Section):
     @property
     def words(self) -> str:
         """The pose as text."""
-        (x, turn), theta = self.room, "free"
+        (x, turn), theta = self.half_widths, "free"
         if self.theta is not None:
             theta = f"{_words(math.degrees(self.theta), math.degrees(turn), 1)} deg"
         aside = f", y {self.y:.3f} m" if self.y else ""
@@ -230,8 +235,8 @@ class Pose(Section):
         range, in the throw's plane."""
         middle, shares = (self.plane_x, self.theta or 0.0), np.linspace(-1.0, 1.0, count)
         ranges = [
-            m + room * (shares if room else np.zeros(1))
-            for m, room in zip(middle, self.room, strict=True)
+            m + half * (shares if half else np.zeros(1))
+            for m, half in zip(middle, self.half_widths, strict=True)
         ]
         return np.array(np.meshgrid(*ranges)).reshape(2, -1)
 
@@ -262,7 +267,7 @@ class Region(Pose):
     where it is for all poses of a region; it moves with the middle of another target.
     """
 
-    room: tuple[float, float] = (0.0, 0.0)
+    half_widths: tuple[float, float] = (0.0, 0.0)
 
     if TYPE_CHECKING:
 
@@ -276,28 +281,27 @@ class Region(Pose):
             arrival: float | tuple[float, float] | None = None,
             lateral: float = 0.0,
             since: float = 0.0,
-            room: tuple[float, float] = (0.0, 0.0),
+            half_widths: tuple[float, float] = (0.0, 0.0),
         ) -> None: ...
 
     def check(self) -> None:
-        """Takes ranges apart into the middle and the room about it."""
-        room = list(self.room)
+        """Takes ranges apart into middles and half widths."""
+        half_widths = list(self.half_widths)
         for i, name in enumerate(("x", "theta")):
             value: Any = getattr(self, name)
             if isinstance(value, tuple):
                 low, high = value
                 object.__setattr__(self, name, (low + high) / 2)
-                room[i] = (high - low) / 2
-        object.__setattr__(self, "room", tuple(room))
+                half_widths[i] = (high - low) / 2
+        object.__setattr__(self, "half_widths", tuple(half_widths))
         super().check()
 
     def in_file(self, name: str) -> Any:
         """A range as (lowest, highest), where there is one."""
-        value, room = getattr(self, name), dict(zip(("x", "theta"), self.room, strict=True))
-        if not room.get(name):
-            return value
-        # 15 digits are without the rounding errors of middle and room.
-        return [float(f"{value + side * room[name]:.15g}") for side in (-1, 1)]
+        value = getattr(self, name)
+        half = dict(zip(("x", "theta"), self.half_widths, strict=True)).get(name, 0.0)
+        # 15 digits are without the rounding errors of middle and half width.
+        return [float(f"{value + side * half:.15g}") for side in (-1, 1)] if half else value
 
     @property
     def middle(self) -> Pose:
@@ -306,9 +310,9 @@ class Region(Pose):
 
     def miss(self, x: Any, theta: Any) -> tuple[Any, Any]:
         """See `Pose.miss`; 0 between the bounds."""
-        off = super().miss(x, theta)
-        dx, dtheta = (d - np.clip(d, -room, room) for d, room in zip(off, self.room, strict=True))
-        return dx, dtheta
+        off, (half_x, half_theta) = super().miss(x, theta), self.half_widths
+        dx, dtheta = np.clip(off[0], -half_x, half_x), np.clip(off[1], -half_theta, half_theta)
+        return off[0] - dx, off[1] - dtheta
 
     def nearest(self, x: float, theta: float) -> Pose:
         """The target's pose nearest to a landing at `x` [m], `theta` [rad]."""
@@ -316,8 +320,8 @@ class Region(Pose):
         return self.in_plane(x - dx, None if self.theta is None else theta - dtheta)
 
 
-def _words(middle: float, room: float, digits: int) -> str:
+def _words(middle: float, half_width: float, digits: int) -> str:
     """A number, or the ends of a range, as text."""
-    if not room:
+    if not half_width:
         return f"{middle:.{digits}f}"
-    return f"{middle - room:.{digits}f} to {middle + room:.{digits}f}"
+    return f"{middle - half_width:.{digits}f} to {middle + half_width:.{digits}f}"

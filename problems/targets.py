@@ -93,9 +93,9 @@ class Cup(Section):
         """InputError if the target leaves open which end goes in."""
         if target.theta is None:
             raise InputError("[cup] needs a target with theta_deg, to know which end goes in")
-        heights = [math.sin(target.theta + side * target.room[1]) for side in (-1, 1)]
+        heights = [math.sin(target.theta + side * target.half_widths[1]) for side in (-1, 1)]
         # Products of two ends that are level are 0 but for rounding.
-        if target.room[1] > math.pi / 2 + 1e-9 or math.prod(heights) < -1e-9:
+        if target.half_widths[1] > math.pi / 2 + 1e-9 or math.prod(heights) < -1e-9:
             words = "[cup] needs a target whose theta_deg keeps one end below, as [-110, -70] does"
             raise InputError(words)
 

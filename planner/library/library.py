@@ -179,7 +179,7 @@ class Library:
         count = min(count, len(away))
         # NaN, of throws that do not come down there, is last.
         nearest = np.argpartition(away, count - 1)[:count]
-        if any(target.room):
+        if target.is_region:
             # Of the throws that land in a region, the cheapest come first.
             nearest = np.lexsort((self.records["effort"][rows], away))[:count]
         nearest = nearest[np.argsort(away[nearest], kind="stable")]

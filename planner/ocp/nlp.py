@@ -158,7 +158,7 @@ def build_nlp(request: Request) -> ThrowNlp:
         initial_motion=manipulator.under_way is not None,
         angle=request.angle,
         pivot=request.angle or scene.com_offset > 0 or turns,
-        room=request.room,
+        ranges=request.ranges,
         elastic=request.elastic,
         robust=bool(request.robust),
     )
@@ -204,8 +204,8 @@ def _common_values(request: Request) -> dict[str, Any]:
         "target_x": target.plane_x,
         "target_z": target.z,
         "target_theta": 0.0 if target.theta is None else target.theta,
-        "room_x": target.room[0],
-        "room_theta": target.room[1],
+        "half_width_x": target.half_widths[0],
+        "half_width_theta": target.half_widths[1],
         "price_x": MISS_PRICE,
         "price_theta": MISS_PRICE * scene.object.half_length,
     }

@@ -167,13 +167,13 @@ class ThrowProblem:
     def landing(self, detach: Node) -> ca.SX:
         """x = x*, and theta = theta* if the target fixes it; an elastic problem pays for a miss.
 
-        A region has x* free within its room about the middle, and theta*.
+        Of a region x* is between its bounds, and theta* too.
         """
         flight = land(detach, detach.hand)
         for i, name in enumerate(("x", "theta") if self.ocp.structure.angle else ("x",)):
             miss = getattr(flight.end, name) - detach.p(f"target_{name}")
-            if self.ocp.structure.room[i]:
-                miss = miss - detach.p(f"room_{name}") * detach.stage.control(PLACE.number(i))
+            if self.ocp.structure.ranges[i]:
+                miss = miss - detach.p(f"half_width_{name}") * detach.stage.control(PLACE.number(i))
             if self.ocp.structure.elastic:
                 under, over = (detach.stage.control(b.number(i)) for b in SLACKS)
                 detach.add_objective(detach.p(f"price_{name}") * (under + over))

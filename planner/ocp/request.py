@@ -291,9 +291,9 @@ class Request:
         return self.target is not None and self.target.theta is not None
 
     @property
-    def room(self) -> tuple[bool, bool]:
-        """Whether the target has room in x, in theta."""
-        x, theta = (0.0, 0.0) if self.target is None else self.target.room
+    def ranges(self) -> tuple[bool, bool]:
+        """Whether the target is a range of x, of theta."""
+        x, theta = (0.0, 0.0) if self.target is None else self.target.half_widths
         return x > 0.0, theta > 0.0
 
     @cached_property

@@ -37,8 +37,8 @@ class Structure:
     carry, early, opening, late: numbers of intervals of the phases. instants: parts of a carry
     interval; grip and held bar are constrained at their ends. initial_motion: whether the throw
     starts from a given motion instead of rest. pivot: whether the object's rotation in the pads
-    matters (not for a CoM grasp with the landing angle open). room: whether the target has room in
-    x, in theta. robust: whether it is of a robust plan, whose window may be empty.
+    matters (not for a CoM grasp with the landing angle open). ranges: whether the target is a range
+    of x, of theta. robust: whether it is of a robust plan, whose window may be empty.
     """
 
     carry: int
@@ -53,7 +53,7 @@ class Structure:
     initial_motion: bool
     angle: bool
     pivot: bool
-    room: tuple[bool, bool]
+    ranges: tuple[bool, bool]
     elastic: bool
     robust: bool
 
@@ -107,7 +107,7 @@ REL = Block("rel", "m, rad, m/s, rad/s")
 ACC = Block("acc", "10 m/s^2, 100 rad/s^2")
 #: Duration of the flight.
 T_F = Block("t_f", "s", "flight time")
-#: The aimed place in a target's room, from -1 to 1, of x (index 0) and theta (1).
+#: The landing in a region: from -1 at the lowest to 1 at the highest x (index 0), theta (1).
 PLACE = Block("place", "half the width")
 #: Slacks of an elastic landing below and above its target, of x (index 0) and theta (1).
 SLACKS = (Block("undershoot", "m; rad"), Block("overshoot", "m; rad"))

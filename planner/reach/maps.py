@@ -176,7 +176,7 @@ class ReachMap:
         target = self.scene.target
         assert target is not None  # a scene with a map has one
         x, theta = target.plane_x, target.theta
-        words = "middle of the " if any(target.room) else ""
+        words = "middle of the " if target.is_region else ""
         words += f"target x {x:.4g} m" + (" in the throw's plane" if x != target.x else "")
         if theta is not None:
             words += f", theta {math.degrees(theta):g} deg"

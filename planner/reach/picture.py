@@ -114,8 +114,8 @@ def _mark_target(axes: Axes, found: MapPicture, theta: Array) -> None:
     label = "target" if here else f"target's x and θ (it is at z = {target.z:g} m)"
     face, edge = (RED, "white") if here else ("none", RED)
     x, angle = target.plane_x, math.degrees(target.theta)
-    if any(target.room):
-        wide, high = target.room[0], math.degrees(target.room[1])
+    if target.is_region:
+        wide, high = target.half_widths[0], math.degrees(target.half_widths[1])
         ends = [x - wide, x + wide, x + wide, x - wide, x - wide]
         angles = [angle - high] * 2 + [angle + high] * 2 + [angle - high]
         axes.plot(ends, angles, color=RED, lw=1.4, zorder=4)
@@ -140,7 +140,7 @@ def _draw_line(found: MapPicture, path: Path) -> None:
     ):
         axes.stairs(values, found.x_edges, fill=True, color=colour, alpha=0.75, lw=0)
         axes.stairs(values, found.x_edges, color=colour, lw=1.2)
-        ends = {target.plane_x - target.room[0], target.plane_x + target.room[0]}
+        ends = {target.plane_x - target.half_widths[0], target.plane_x + target.half_widths[0]}
         for number, x in enumerate(sorted(ends)):
             axes.axvline(x, color=RED, lw=1.4, label=None if number else words)
         axes.set(ylabel=label, axisbelow=True)

@@ -120,7 +120,7 @@ class PlannedThrow:
     def words(self, goal: Pose) -> str:
         """The landing error to `goal` as text."""
         dx, dtheta = self.deciding.miss(goal)
-        if any(goal.room) and dx == dtheta == 0.0:
+        if goal.is_region and dx == dtheta == 0.0:
             return "lands in the target region"
         turn = "" if goal.theta is None else f" and {math.degrees(abs(dtheta)):.3f} deg"
         return f"lands {1e3 * abs(dx):.3f} mm{turn} from the target"

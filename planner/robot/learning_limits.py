@@ -205,7 +205,7 @@ def _flights(
     def landing_use(side: int, which: int, state: Array) -> Array:
         landed = scene.flight.land(state[None], target.z)[0]
         goal = (target.plane_x, landed[1] if target.theta is None else target.theta)
-        off = side * (landed[which] - goal[which]) - target.room[which]
+        off = side * (landed[which] - goal[which]) - target.half_widths[which]
         use = LIMITS.share + off / LIMITS.landing[which]
         return np.asarray(np.nan_to_num([use], nan=np.inf))
 

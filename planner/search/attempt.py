@@ -155,9 +155,10 @@ class Aim:
         misses = list(throw.miss(self.target))
         landing, goal, middle = throw.landing, self.goal.middle, self.target.middle
         off = middle.miss(landing.x, landing.theta)
-        for i, (place, room) in enumerate(zip(goal.miss(*planned), self.target.room, strict=True)):
-            if abs(place) > (1.0 - AT_BOUND) * room > 0.0:
-                misses[i] = off[i] - math.copysign(room, place)
+        places = zip(goal.miss(*planned), self.target.half_widths, strict=True)
+        for i, (place, half) in enumerate(places):
+            if abs(place) > (1.0 - AT_BOUND) * half > 0.0:
+                misses[i] = off[i] - math.copysign(half, place)
         return misses[0], misses[1]
 
     def corrected(self, miss: tuple[float, float]) -> Aim:

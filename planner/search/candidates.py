@@ -45,7 +45,7 @@ class Candidates:
     def nearest(self) -> list[tuple[int, Pose, float]]:
         """(release, goal, pose error [m]) of the nearest landings."""
         task, most = self.task, max(count for _, count in STARTS)
-        most = (REGION_STARTS if any(task.target.room) else most) * task.wanted
+        most = (REGION_STARTS if task.target.is_region else most) * task.wanted
         return starts(self.releases, task.scene, task.target, task.turns, most)
 
     @cached_property

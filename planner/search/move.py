@@ -110,7 +110,7 @@ def optimum_of(
     names: of the limits that bind there.
     """
     solution, nlp = throw.solution, throw.nlp
-    if solution is None or nlp is None or any(nlp.structure.room):
+    if solution is None or nlp is None or any(nlp.structure.ranges):
         # In a region the landing is chosen by the optimum.
         return throw.optimum
     aim = throw.deciding.target.shifted(*throw.aim)

@@ -95,7 +95,7 @@ class Task:
 
     def contains(self, pose: Pose) -> bool:
         """Whether the target is a region that has this pose."""
-        if not any(self.target.room) or any(pose.room):
+        if not self.target.is_region or pose.is_region:
             return False
         return not any(self.target.miss(pose.plane_x, pose.theta or 0.0))
 

@@ -173,7 +173,7 @@ class Search:
 
         Of throws to a region the cheapest is wanted, unless a warm plan or the library leads there.
         """
-        if len(history.found) < self.task.wanted or not any(self.task.target.room):
+        if len(history.found) < self.task.wanted or not self.task.target.is_region:
             return len(history.found) >= self.task.wanted
         warm, known = (len(history.solves_from(name)) for name in ("warm plan", "neighbour"))
         tries = len(history.tries)
@@ -181,7 +181,7 @@ class Search:
 
     def comparable(self, step: Try, history: History) -> Try:
         """A try that ends early where it leads to no cheaper throw into a region."""
-        is_compared = any(self.task.target.room) and self.task.wanted == 1 and history.found
+        is_compared = self.task.target.is_region and self.task.wanted == 1 and history.found
         if not isinstance(step, Solve) or not is_compared:
             return step
         assert history.found[0].throw is not None
@@ -282,7 +282,7 @@ def from_neighbours(search: Search, history: History) -> Try | None:
     if len(search.task.solvers) == 1:
         return None
     neighbours = islice(search.neighbours(), search.moves)
-    if any(search.task.target.room):
+    if search.task.target.is_region:
         # A moved throw keeps its place in a region, where another may cost less.
         number = len(history.solves_from("neighbour"))
         near = next(islice(neighbours, number, None), None)
@@ -316,7 +316,7 @@ def from_nearest_samples(search: Search, history: History) -> Try | None:
     """A solver's start from one of few sampled releases that land near the target."""
     if search.blocked:
         return None
-    compares = any(search.task.target.room) and history.found
+    compares = search.task.target.is_region and history.found
     count = REGION_STARTS if compares else SETTINGS.first_starts
     return _from_samples(search, history, [(search.task.solvers[0], count)])
 

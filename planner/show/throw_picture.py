@@ -112,13 +112,13 @@ def draw_surroundings(stage: Axes, scene: Scene, target: Pose) -> None:
     for number, solid in enumerate(_obstacles(scene, target)):
         name = "obstacle" if number == 0 else None
         stage.fill(*solid.outline().T, color="#d9b8a6", alpha=0.6, zorder=0, label=name)
-    x, (room, turn) = target.plane_x, target.room
+    x, (half, turn) = target.plane_x, target.half_widths
     if target.theta is not None:
         for theta in {target.theta - turn, target.theta + turn}:
             corners = bar_corners(scene.object, np.array([x, target.z, theta]))
             stage.fill(*corners.T, fill=False, ls="--", color="k", zorder=7)
-    mark = "k|-" if room else "k+"
-    stage.plot([x - room, x + room], [target.z] * 2, mark, ms=11, zorder=8, label="target")
+    mark = "k|-" if half else "k+"
+    stage.plot([x - half, x + half], [target.z] * 2, mark, ms=11, zorder=8, label="target")
 
 
 def _obstacles(scene: Scene, target: Pose) -> list[Solid]:

@@ -206,7 +206,7 @@ def _landing_errors(sweep: Sweep, pose: Array) -> Array:
 def _tolerance(sweep: Sweep) -> tuple[float, float]:
     """Largest errors from the target's middle: x [mm]; theta [deg], NaN where theta is open."""
     allowed, target = sweep.plan.scene.tolerance, sweep.plan.target
-    x, theta = allowed.position + target.room[0], allowed.angle + target.room[1]
+    x, theta = allowed.position + target.half_widths[0], allowed.angle + target.half_widths[1]
     return 1e3 * x, math.nan if target.theta is None else math.degrees(theta)
 
 

@@ -24,7 +24,7 @@ def sweep_summary(plan: Plan, label: str, result: dict[str, Any]) -> str:
     usual = " (no [uncertainty] in the scene: assumed)" if result["assumed"] else ""
     lines = [f"{label}: {result['samples']:,} throws by the {MODELS[result['model']].title}"]
     lines += [f"  {line}{usual}" for line in words_of(uncertainty or Uncertainty.USUAL)]
-    box = "in the region, " if any(plan.target.room) else ""
+    box = "in the region, " if plan.target.is_region else ""
     box += f"within {1e3 * tolerance.position:g} mm"
     if plan.target.theta is not None:
         box += f", {math.degrees(tolerance.angle):g} deg"

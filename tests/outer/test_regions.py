@@ -258,7 +258,12 @@ def test_a_pose_has_no_ranges_and_a_cup_needs_one_end_below(planner_of) -> None:
     beside = tp.Region(x=(0.5, 0.6), z=0.22, theta=(-1.8, -1.4))
     with pytest.raises(tp.InputError, match="not in the cup"):
         scene.replace(target=beside)
-    assert scene.replace(target=dataclasses.replace(beside, room=(0.4, 0.2))).target.room[0] == 0.4
+    assert (
+        scene.replace(
+            target=dataclasses.replace(beside, half_widths=(0.4, 0.2))
+        ).target.half_widths[0]
+        == 0.4
+    )
 
 
 @pytest.mark.slow
