@@ -14,8 +14,9 @@ from .planner.follow import Response, Session, Update
 from .planner.identify import Identified, identify, throw_data, thrown
 from .planner.planner import Planner, plan
 from .planner.reach import ReachMap, reach_map
-from .planner.result import Plan, PlanPath, SavedThrow, read_plan
+from .planner.result import Plan, PlanPath, SavedThrow, draw_flight, read_plan
 from .planner.robot import Replay, export, replay, view
+from .planner.show import draw_bars, draw_cup
 from .planner.simulation import simulate, simulate_batch
 from .planner.sweep import Sweep, sweep
 from .planner.throw import State
@@ -34,6 +35,7 @@ from .problems import (
     Obstacle,
     Pose,
     Region,
+    Rest,
     Robot,
     Robust,
     Scene,
@@ -79,6 +81,7 @@ __all__ = [
     "Region",
     "Replay",
     "Response",
+    "Rest",
     "Robot",
     "Robust",
     "SavedThrow",
@@ -95,6 +98,9 @@ __all__ = [
     "Uncertainty",
     "Update",
     "Workspace",
+    "draw_bars",
+    "draw_cup",
+    "draw_flight",
     "export",
     "identify",
     "load_scene",

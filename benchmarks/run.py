@@ -12,7 +12,19 @@ from pathlib import Path
 
 from throwplan.problems.files import filling
 
-from . import models, parts, planner, reach, regions, robust, stability, summary, swings, throws
+from . import (
+    models,
+    parts,
+    planner,
+    reach,
+    regions,
+    rest,
+    robust,
+    stability,
+    summary,
+    swings,
+    throws,
+)
 from .page import APPENDIX, Effort, ReportSection, parts_of, write_page
 
 #: Sections by their names for `--only`, in the page's order.
@@ -24,6 +36,7 @@ SECTIONS: dict[str, Callable[[Effort], ReportSection]] = {
     "parts": parts.make,
     "reach": reach.make,
     "regions": regions.make,
+    "rest": rest.make,
     "swings": swings.make,
     "robust": robust.make,
     "throws": throws.make,

@@ -18,7 +18,7 @@ import nbformat
 
 FOLDER = Path(__file__).parent
 #: In the order in which they are to be read.
-NOTEBOOKS = ("target_cup", "fifty_milliseconds", "timing", "your_own", "learning")
+NOTEBOOKS = ("target_cup", "fifty_milliseconds", "timing", "bin", "your_own", "learning")
 #: Longest time of one cell [s].
 LONGEST = 300
 

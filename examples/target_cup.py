@@ -31,7 +31,6 @@ import matplotlib.pyplot as plt
 import numpy as np
 import throwplan as tp
 from IPython.display import Image, display
-from matplotlib.patches import Polygon
 
 plt.style.use("notebook.mplstyle")
 
@@ -155,38 +154,12 @@ detach.
 
 
 # %%
-def bar(pose):
-    """Corners (4, 2) of the bar whose CoM is at `pose` (x, z, theta)."""
-    ahead, behind = scene.object.length - scene.object.com, -scene.object.com
-    half = scene.object.width / 2
-    corners = np.array([[behind, -half], [ahead, -half], [ahead, half], [behind, half]])
-    cos, sin = math.cos(pose[2]), math.sin(pose[2])
-    return pose[:2] + corners @ np.array([[cos, sin], [-sin, cos]])
-
-
-def flight(plan, count=60):
-    """CoM poses (3, count) from detach to landing."""
-    final = plan.throw.deciding
-    start, t = final.release.detach, np.linspace(0.0, final.landing.flight_time, count)
-    z = start.z + start.v_z * t - scene.gravity * t**2 / 2
-    return np.array([start.x + start.v_x * t, z, start.theta + start.omega * t])
-
-
-def draw_cup(axis, x, color="#5b4a3f"):
-    """The scene's cup at x [m]."""
-    rim, low, r = scene.cup.rim, scene.cup.rim - scene.cup.depth, scene.cup.radius
-    axis.plot([x - r, x - r, x + r, x + r], [rim, low, low, rim], color=color, lw=2)
-
-
 figure, axis = plt.subplots(figsize=(8, 6.4))
 shades = plt.get_cmap("viridis")((cups - cups.min()) / np.ptp(cups) * 0.9)
 for one, shade in list(zip(moved, shades, strict=True))[::8]:
-    opening, path = one.throw.deciding.release.com, flight(one)
-    axis.plot(*opening[:2], color=shade, lw=4, alpha=0.5)
-    axis.plot(*path[:2], color=shade)
-    axis.plot(*path[:2, 0], "o", color=shade, ms=5)
-    axis.add_patch(Polygon(bar(path[:, -1]), color=shade))
-    draw_cup(axis, one.target.x, shade)
+    tp.draw_flight(axis, one, color=shade)
+    tp.draw_bars(axis, scene.object, one.path().poses[-1], color=shade)
+    tp.draw_cup(axis, scene.aimed_at(one.target).cup, color=shade)
 axis.set(xlabel="x [m]", ylabel="z [m]", title="One scene, many cups (thick: the pads open)")
 axis.set_aspect("equal")
 plt.show()
@@ -262,12 +235,13 @@ aims = {angle: tp.Pose(0.9, 0.22, math.radians(angle)) for angle in (-90, 90)}
 others = {angle: planner.plan(aim, patience=30) for angle, aim in aims.items()}
 figure, axes = plt.subplots(1, 2, figsize=(6.5, 5.4), sharey=True)
 for axis, (angle, one) in zip(axes, others.items(), strict=True):
-    path = flight(one, 9)
-    draw_cup(axis, 0.9)
-    axis.plot(*flight(one)[:2], color="#222222", lw=0.9)
-    for k, pose in enumerate(path.T):
+    path = one.path()
+    flying = path.poses[path.times >= one.throw.deciding.detach_time]
+    tp.draw_cup(axis, scene.cup)
+    tp.draw_flight(axis, one)
+    for k, pose in enumerate(flying[np.linspace(0, len(flying) - 1, 9).astype(int)]):
         shade = plt.get_cmap("viridis")(0.9 - 0.9 * k / 8)
-        axis.add_patch(Polygon(bar(pose), color=shade, alpha=0.8))
+        tp.draw_bars(axis, scene.object, pose, color=shade, alpha=0.8)
         tip = pose[:2] + (scene.object.length - scene.object.com) * np.array(
             [math.cos(pose[2]), math.sin(pose[2])]
         )

@@ -234,13 +234,10 @@ print(f"command at {back.command_time:.3f} s, pads open from {back.opening_time:
 print(f"lands at {back.landing_time:.3f} s")
 
 # %%
-start, count = back.deciding.release.detach, 9
-times = np.linspace(0.0, landing.flight_time, count)
+count = 9
+flown = back.flight(np.linspace(0.0, landing.flight_time, count))
 figure, axis = plt.subplots(figsize=(6, 6))
-for k, moment in enumerate(times):
-    x = start.x + start.v_x * moment
-    z = start.z + start.v_z * moment - 9.81 * moment**2 / 2
-    angle = start.theta + start.omega * moment
+for k, (x, z, angle) in enumerate(flown.T):
     along, across = np.array(
         [[math.cos(angle), math.sin(angle)], [-math.sin(angle), math.cos(angle)]]
     )
@@ -251,7 +248,7 @@ for k, moment in enumerate(times):
         outline = [(x, z) + a * along + b * across for a, b in corners]
         axis.add_patch(Polygon(outline, color=shade, alpha=0.85))
 axis.plot(scene.target.x, scene.target.z, "k+", ms=14, label="target of the CoM")
-axis.plot(*back.deciding.release.com[:2], color="#d1495b", lw=3, label="CoM while the pads open")
+tp.draw_flight(axis, back, color="#d1495b", label="CoM")
 axis.axhline(0.02, color="#b0a99f", ls="--", lw=1, label="floor")
 axis.set(xlabel="x [m]", ylabel="z [m]", title="The hammer's flight")
 axis.set_aspect("equal")

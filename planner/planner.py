@@ -16,6 +16,7 @@ from .interception import intercept
 from .library import Library, Turns
 from .planning import plan_from_warm, plan_throw
 from .reach import default_workers, grow
+from .resting import check_rest, most_resting
 from .result import Plan
 from .samples import Releases, ReleaseSampler, stored_releases
 from .search import (
@@ -41,6 +42,8 @@ SAMPLES = 20_000
 PATIENCE = 3.0
 #: Default patience [s] of a robust plan.
 ROBUST_PATIENCE = 6.0
+#: Patience [s] of the choice of the throw that stays.
+REST_PATIENCE = 5.0
 #: Default patience [s] of a plan with several throws.
 LONG_PATIENCE = 20.0
 #: Default number of throws of `prepare`.
@@ -65,7 +68,7 @@ class Planner:
         self.scene = scene
         self.manipulator = make_manipulator(scene)
         # Obstacles stand in the base frame, tables and libraries in the throw's own plane.
-        scene = scene.replace(obstacle=()) if scene.obstacle else scene
+        scene = scene.changed(obstacle=()) if scene.obstacle else scene
         check_start(scene, self.manipulator)
         check_contradictions(scene, self.manipulator)
         # The floor alone: no target moves it.
@@ -110,11 +113,10 @@ class Planner:
         if start is not None and method:
             raise InputError("start: a robust plan begins at rest")
         wanted = self._wanted(alternatives)
-        if patience is None:
-            several = LONG_PATIENCE if wanted > 1 else PATIENCE
-            patience = ROBUST_PATIENCE if method else several
+        several = LONG_PATIENCE if wanted > 1 else PATIENCE
+        usual = ROBUST_PATIENCE if method else several
         solvers = ("fatrop", "ipopt") if solver == "auto" else (solver,)
-        clock = Clock.lasting(patience)
+        clock = Clock.lasting(usual if patience is None else patience)
         task = Task(self.scene.aimed_at(target), target, solvers, clock, turns, wanted)
         built, self._build_time = self._build_time, 0.0
         context, known = self._context, None if warm is None else warm.throw
@@ -130,8 +132,12 @@ class Planner:
             return plan_throw(context, task.aimed_at(goal), throw if mine else None)
 
         plan = intercept(self.scene, target, self.releases, plan_at)
-        if method and plan.solved:
+        if plan.solved and method:
             plan = self._hardened(plan, method, task)
+        elif plan.solved and self.scene.rest is not None:
+            more = Clock.lasting(REST_PATIENCE) if patience is None else clock
+            more = dataclasses.replace(more, seconds=clock.seconds)
+            plan = most_resting(context, task, plan, more)
         total, spent = time.perf_counter() - started + built, dict(clock.seconds)
         spent["build"] += built
         rest = plan.alternatives[:alternatives]
@@ -231,6 +237,8 @@ class Planner:
         target = _checked_target(self.scene, target)
         if self.scene.obstacle:
             check_obstacles(self.scene.aimed_at(target), self.manipulator)
+        if self.scene.rest is not None:
+            check_rest(self.scene.aimed_at(target))
         return target
 
     def releases(self) -> Releases:

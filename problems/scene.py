@@ -31,7 +31,7 @@ from .section import (
     unit_of,
     within,
 )
-from .targets import Choice, Cup, Landing, Obstacle, Tolerance, Workspace
+from .targets import Choice, Cup, Landing, Obstacle, Rest, Tolerance, Workspace
 from .uncertainty import Robust, Uncertainty
 
 #: Poses along each range of a region at which a bar may be in the cup: odd, with the middle.
@@ -95,6 +95,7 @@ class Scene(Section):
     torque: Torque | None = None
     uncertainty: Uncertainty | None = None
     robust: Robust | None = None
+    rest: Rest | None = None
     mesh: Mesh = dataclasses.field(default_factory=Mesh)
     arm: Arm | None = None
     file: str = ""
@@ -132,6 +133,7 @@ class Scene(Section):
             self._check_torque,
             self._check_cup,
             self._check_spread,
+            self._check_rest,
         ):
             with mistakes.kept():
                 check()
@@ -168,6 +170,21 @@ class Scene(Section):
             return
         with within("[uncertainty]", " "):
             self.uncertainty.check_possible(self.values, self.ranges)
+
+    def _check_rest(self) -> None:
+        rest = self.rest
+        if rest is None:
+            return
+        if self.target is None:
+            raise InputError("[rest]: only for a scene with [target]")
+        if rest.in_ and self.cup is None:
+            raise InputError("[rest] in = 'cup': the scene has no [cup]")
+        named = {obstacle.name: obstacle for obstacle in self.obstacle}
+        if rest.on is not None and rest.on not in named:
+            known = f"; obstacles: {', '.join(named)}" if named else ": the scene has none"
+            raise InputError(f"[rest] on = {rest.on!r}: must name an [[obstacle]]{known}")
+        if rest.on is not None and (named[rest.on].kind != "box" or named[rest.on].pitch):
+            raise InputError(f"[rest] on = {rest.on!r}: must be a box without pitch_deg")
 
     def _load_arm(self, manipulator: str) -> None:
         """The data of the arm named by [robot] or [motion], unless given."""

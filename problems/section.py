@@ -154,8 +154,8 @@ hints_of: Callable[[Any], dict[str, Any]] = functools.cache(typing.get_type_hint
 
 
 def file_key(name: str, about: Mapping[str, Any]) -> str:
-    """A field's key in files."""
-    return f"{name}_deg" if about.get("degrees") else name
+    """A field's key in files: `in_` stands for the key `in`, which is a word of Python."""
+    return f"{name}_deg" if about.get("degrees") else name.removesuffix("_")
 
 
 def unit_of(about: Mapping[str, Any]) -> str:

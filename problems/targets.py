@@ -172,6 +172,54 @@ class Obstacle(Section):
 
 
 @dataclasses.dataclass(frozen=True)
+class Rest(Section):
+    """Where the object is to come to rest after it has landed; needs MuJoCo.
+
+    Exactly one of `in`, `on` and `within`. The contact's defaults are about a plastic cube's on
+    wood: restitution 0.125, friction 0.18 (the parameters beside the 570 recorded tosses of
+    ContactNets, Pfrommer, Halm and Posa, 2020), and up to what rougher pairs have.
+    """
+
+    in_: str | None = optional("the object is to rest inside the cup", choices=("cup",))
+    on: str | None = optional("name of the obstacle on whose top it is to rest")
+    within: float | None = optional(
+        "m, largest horizontal distance of the resting CoM from the target", above=0
+    )
+    at_least: float = quantity(
+        "share of throws that are to rest there; fewer are a warning", above=0, most=1, default=0.9
+    )
+    restitution: tuple[float, float] = quantity(
+        "lowest and highest: share of its speed with which the object leaves what it hits",
+        least=0,
+        most=0.9,
+        default=(0.05, 0.25),
+    )
+    friction: tuple[float, float] = quantity(
+        "lowest and highest μ between the object and what it hits",
+        least=0,
+        most=2,
+        default=(0.15, 0.45),
+    )
+    floor: float | None = optional("m, height of the ground; left out: under the cup, else 0")
+
+    def check(self) -> None:
+        """One place, and ranges in order."""
+        if sum(value is not None for value in (self.in_, self.on, self.within)) != 1:
+            raise InputError("give exactly one of in, on and within")
+        for name in ("restitution", "friction"):
+            low, high = getattr(self, name)
+            if low > high:
+                raise InputError(f"{name} = [{low:g}, {high:g}]: the lowest comes first")
+
+    @property
+    def place(self) -> str:
+        """The wanted place as text, after "rests"."""
+        if self.within is not None:
+            return f"within {1e3 * self.within:g} mm of the target"
+        return "in the cup" if self.in_ else f"on {self.on}"
+
+
+@dataclasses.dataclass(frozen=True)
 class Choice(Section):
     """Choice among different throws; without it the first one found is taken."""
 

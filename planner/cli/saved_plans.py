@@ -17,6 +17,7 @@ from ...problems.files import filling, prepare_folder
 from .. import robot
 from ..planner import Planner
 from ..play import PlayPage, first_plan
+from ..rest import load_mujoco
 from ..result import read_plan
 from ..show import Panel, empty_page, open_browser, run_panel, save_in_space, serving
 from ..throw import TICK
@@ -134,7 +135,7 @@ def replay(options: argparse.Namespace) -> int:
 
     example: throwplan replay out/cup/plan.json
     """
-    robot.load_mujoco()
+    load_mujoco("replay")
     prepare_out(options)
     with Progress("reading the plan") as progress:
         throw = read_plan(options.plan)

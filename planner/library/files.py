@@ -29,8 +29,8 @@ FORMAT = 4
 def folder_of(scene: Scene, kind: np.dtype[Any]) -> Path | None:
     """The folder of a scene's library with records of this kind; None without a cache folder.
 
-    The target's place, [choice] and [robust], and obstacles do not enter the name: throws of one
-    library serve any of them.
+    The target's place, [choice], [robust] and [rest], and obstacles do not enter the name: throws
+    of one library serve any of them.
     """
     cache = cache_folder()
     if cache is None:
@@ -38,13 +38,14 @@ def folder_of(scene: Scene, kind: np.dtype[Any]) -> Path | None:
     target = scene.target
     assert target is not None
     anywhere = Pose(1.0, target.z, theta=None if target.theta is None else 0.0)
-    like = scene.aimed_at(anywhere).replace(
+    like = scene.aimed_at(anywhere).changed(
         name="", description="", file="", choice=None, robust=None, obstacle=()
     )
     if like.cup is not None:
         # A cup that was moved and moved back may differ in the last digit.
-        like = like.replace(cup=dataclasses.replace(like.cup, x=round(like.cup.x, 9)))
-    sections = [repr(getattr(like, field.name)) for field in dataclasses.fields(like)]
+        like = like.changed(cup=like.cup.changed(x=round(like.cup.x, 9)))
+    names = [field.name for field in dataclasses.fields(like) if field.name != "rest"]
+    sections = [repr(getattr(like, name)) for name in names]
     return cache / f"throws-{digest(f'throws {FORMAT}', repr(kind.descr), *sections)}"
 
 

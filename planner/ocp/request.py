@@ -7,7 +7,7 @@ broken, the refinement of the next NLP has it, or a larger margin.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -126,11 +126,13 @@ class Refinement:
     """Lazy constraints and margins of an NLP.
 
     bodies: links, "held bar" and "flying bar" that keep clear of obstacles and of the arm's links.
+    soft: price of the landing's speed, for a scene with [rest].
     """
 
     lazy: frozenset[LazyConstraint] = frozenset()
     margins: Margins = field(default_factory=Margins)
     bodies: frozenset[str] = frozenset()
+    soft: float = 0.0
 
     @property
     def costly(self) -> bool:
@@ -159,12 +161,17 @@ class Refinement:
         if added <= self.lazy:
             added = {remedy.escalation for _, remedy in remedies if remedy.escalation}
         bodies = {remedy.body for _, remedy in remedies if remedy.body}
-        return Refinement(self.lazy | added, self.margins.replace(**larger), self.bodies | bodies)
+        return replace(
+            self,
+            lazy=self.lazy | added,
+            margins=self.margins.replace(**larger),
+            bodies=self.bodies | bodies,
+        )
 
     @property
     def for_other_motion(self) -> Refinement:
         """This without the margin to obstacles, which belongs to one motion."""
-        return Refinement(self.lazy, self.margins.replace(clear=0.0), self.bodies)
+        return replace(self, margins=self.margins.replace(clear=0.0))
 
 
 #: No lazy constraint, usual margins.

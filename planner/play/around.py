@@ -63,6 +63,8 @@ def cloud_words(swept: Sweep, half: float) -> str:
     also = [name.replace("_", " ") for name in swept.sampler.names if name != "delay"]
     varied = f", with {', '.join(also)} as uncertain as [uncertainty] says" if also else ""
     spread = f"; spread {1e3 * float(np.ptp(x)):.0f} mm" if x.size else ""
+    if swept.rests is not None:
+        varied += f"; {swept.rests.words}"
     return f"{good}, opened up to ±{1e3 * half:g} ms off{varied}{spread}"
 
 

@@ -364,4 +364,6 @@ def plan_words(plan: Plan) -> str:
         landings.append(f"{error if math.isfinite(x) else 'no landing'} by the {name}")
     if plan.robust:
         landings.append(f"robust by {plan.robust}")
+    if plan.rests is not None:
+        landings.append(plan.rests.words)
     return f"**solved**: landing error {'; '.join(landings)}; planned in {took}"

@@ -71,7 +71,7 @@ class SavedThrow(Throw):
 
 @dataclass(frozen=True, repr=False, eq=False)
 class PlanPath:
-    """A throw over time, from rest until the object lands.
+    """A throw over time, from rest until the object lands; with [rest] until it rests.
 
     times (N,) [s], every millisecond; poses (N, 3): x, z [m], theta [rad] of the object's CoM in
     the throw's vertical plane; hand (N, 3): of the pads' centre; joints (N, joints) [rad]: of an

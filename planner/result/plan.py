@@ -10,17 +10,17 @@ from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal
 
-from ...models import Trajectory
-from ...models.release import SLIDING_PIVOT, STEPPED_SURFACE
 from ...problems import InputError, Pose, Scene
 from ...problems.files import filling, plain, write_json
-from ..ocp import BASE, Optimum, Refinement, Solution, ThrowNlp, load_curve
-from ..show import draw_throw, draw_throw_moving
-from ..throw import Manipulator, Samples, Throw, torque_limits
-from ..verdict import Verdict, verdict, warnings
+from .. import show
+from ..ocp import load_curve
+from ..throw import Manipulator, Throw, torque_limits
+from ..verdict import RestCount, Verdict, verdict, warnings
 from .files import FILES, FORMAT, PlanPath, Status, path_of, read_plan, write_motion
+from .planned_throw import PlannedThrow
 
 if TYPE_CHECKING:
+    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
 
 #: Pictures of a plan: True for both, False for none, "png" for throw.png alone.
@@ -32,98 +32,6 @@ MOMENTS = {
     "detach_time": "bar free",
     "landing_time": "lands",
 }
-
-
-@dataclass(frozen=True, repr=False)
-class PlannedThrow:
-    """The throw behind a plan: its motion, its NLP, its landing by each model.
-
-    planned: the motion up to detach. deciding: the motion that is sent, by the tolerance's model.
-    effort: cost of the NLP. nlp_size: variables and constraints of the NLP. refinement: its lazy
-    constraints and margins. aim: offset (dx [m], dtheta [rad]) of the NLP's target from the target;
-    with it `deciding` lands on the target. nlp, solution, landing_of_nlp (x, z [m], theta [rad]):
-    of a throw that an NLP solved. optimum: of a throw moved from a solved one.
-    """
-
-    planned: Trajectory
-    deciding: Throw
-    effort: float
-    nlp_size: tuple[int, int]
-    refinement: Refinement = BASE
-    aim: tuple[float, float] = (0.0, 0.0)
-    nlp: ThrowNlp | None = None
-    solution: Solution | None = None
-    landing_of_nlp: tuple[float, float, float] | None = None
-    optimum: Optimum | None = None
-
-    @cached_property
-    def exact(self) -> Throw:
-        """The planned motion by the sliding pivot."""
-        if self.scene.robot is None:
-            return self.deciding.sliding_pivot
-        return replace(self.deciding, path=self.planned, model=SLIDING_PIVOT)
-
-    @cached_property
-    def planned_landing(self) -> tuple[float, float, float]:
-        """Landing by the smoothed model: x, z [m], theta [rad].
-
-        A moved throw has the smoothing error of its optimum.
-        """
-        if self.optimum is None or self.landing_of_nlp is not None:
-            return self.landing_of_nlp or (math.nan, math.nan, math.nan)
-        (x, z, theta), (dx, turn) = self.exact.landing.pose, self.optimum.smoothing
-        return x + dx, z, theta + turn
-
-    @property
-    def scene(self) -> Scene:
-        """The scene, aimed at the target."""
-        return self.deciding.scene
-
-    @property
-    def manipulator(self) -> Manipulator:
-        """The manipulator."""
-        return self.deciding.manipulator
-
-    @property
-    def opening_time(self) -> float:
-        """Time [s] on the motion's clock at which the grip force starts to fall."""
-        return self.deciding.opening_time
-
-    @property
-    def samples(self) -> Samples:
-        """The samples of motion.csv."""
-        return self.deciding.samples
-
-    @property
-    def landings(self) -> dict[str, tuple[float, float, float] | None]:
-        """Landings x, z [m], theta [rad] by their key in plan.json; a free hand sends no motion."""
-        sent = None if self.scene.robot is None else self.deciding.sliding_pivot.landing.pose
-        return {
-            "planned": self.planned_landing,
-            "exact": self.exact.landing.pose,
-            "sent": sent,
-            "limit_surface": self.deciding.limit_surface.landing.pose,
-        }
-
-    @property
-    def decides(self) -> str:
-        """Key of the deciding landing."""
-        if self.scene.tolerance.model == STEPPED_SURFACE:
-            return "limit_surface"
-        return "exact" if self.scene.robot is None else "sent"
-
-    @property
-    def landing_time(self) -> float:
-        """Time [s] of the landing on the motion's clock."""
-        return self.deciding.landing_time
-
-    def words(self, goal: Pose) -> str:
-        """The landing error to `goal` as text."""
-        dx, dtheta = self.deciding.miss(goal)
-        if goal.is_region and dx == dtheta == 0.0:
-            return "lands in the target region"
-        turn = "" if goal.theta is None else f" and {math.degrees(abs(dtheta)):.3f} deg"
-        return f"lands {1e3 * abs(dx):.3f} mm{turn} from the target"
 
 
 @dataclass(frozen=True, repr=False)
@@ -167,6 +75,8 @@ class Plan:
         if not self.solved:
             return judged
         findings = (*judged.findings, *warnings(deciding, self.target))
+        if self.rests is not None:
+            findings += self.rests.findings
         return replace(judged, findings=findings)
 
     @property
@@ -176,29 +86,27 @@ class Plan:
         return self.target.at(self.throw.landing_time) if moves and self.throw else self.target
 
     @property
+    def rests(self) -> RestCount | None:
+        """How often the object comes to rest where [rest] wants it.
+
+        None without [rest] and without a throw.
+        """
+        return self.throw.rests if self.throw is not None and self.solved else None
+
+    @property
     def solved(self) -> bool:
         """Whether the verdict on the throw that is sent has no broken limit."""
         return self.status == "solved"
 
     def to_dict(self) -> dict[str, Any]:
         """The plan as JSON: SI units, radians; poses in the base frame for an arm."""
-        landing = dict.fromkeys(("planned", "exact", "sent", "limit_surface"))
-        error, release = dict.fromkeys(landing), dict.fromkeys(MOMENTS)
-        if self.throw is not None:
-            poses = self.throw.landings
-            landing = {name: pose and self._json_pose(pose) for name, pose in poses.items()}
-            error = {name: self._json_error(poses[name]) for name in error}
-            deciding = self.throw.deciding
-            release = {name: plain(getattr(deciding, name)) for name in MOMENTS}
         nearest = self.nearest
         return {
             "scene": self.scene.name,
             "status": self.status,
             "message": self.message,
             "target": self.target.table,
-            "landing": landing,
-            "error": error,
-            "release": release,
+            **self._landing_entries(),
             "nearest": nearest and nearest.changed(velocity=None, arrival=None).table,
             "binding": list(self.binding),
             "solver": {
@@ -212,6 +120,17 @@ class Plan:
             | {"total": 0.0, "draw": None}
             | self.time,
         }
+
+    def _landing_entries(self) -> dict[str, Any]:
+        """Landings, their errors, and the times of the release."""
+        landing = dict.fromkeys(("planned", "exact", "sent", "limit_surface"))
+        error, release = dict.fromkeys(landing), dict.fromkeys(MOMENTS)
+        if self.throw is not None:
+            poses = self.throw.landings
+            landing = {name: pose and self._json_pose(pose) for name, pose in poses.items()}
+            error = {name: self._json_error(poses[name]) for name in error}
+            release = {name: plain(getattr(self.throw.deciding, name)) for name in MOMENTS}
+        return {"landing": landing, "error": error, "release": release}
 
     def _optional_entries(self) -> dict[str, Any]:
         """Entries of some plans only: torques of an arm with masses, robustness, alternatives."""
@@ -229,11 +148,13 @@ class Plan:
             more["torque"] = {"use": use, "rate": torques.rate, "rate_limit": limit}
         if self.scene.notes:
             more["notes"] = list(self.scene.notes)
+        if self.rests is not None:
+            more["rest"] = self.rests.to_dict()
         if self.robust:
             more["robust"] = {"method": self.robust, "peak_load": self.peak_load}
         if self.alternatives:
             more["alternatives"] = [
-                {key: other.to_dict()[key] for key in ("landing", "release")}
+                {key: other._landing_entries()[key] for key in ("landing", "release")}
                 | {"effort": None if other.throw is None else other.throw.effort}
                 for other in self.alternatives
             ]
@@ -269,9 +190,9 @@ class Plan:
         """Draw throw.png, and unless draw is "png" throw.gif; returns why it failed, or nothing."""
         load = load_curve(throw) if self.robust else None
         try:
-            draw_throw(throw, folder / "throw.png", load)
+            show.draw_throw(throw, folder / "throw.png", load)
             if draw != "png":
-                draw_throw_moving(throw, folder / "throw.gif")
+                show.draw_throw_moving(throw, folder / "throw.gif")
         except Exception as error:  # A user's settings make Matplotlib raise anything.
             return " ".join(str(error).split()) or type(error).__name__
         return ""
@@ -283,7 +204,7 @@ class Plan:
         """
         throw = sent_throw(self)
         load = load_curve(throw) if self.robust else None
-        return draw_throw(throw, None if file is None else Path(file), load)
+        return show.draw_throw(throw, None if file is None else Path(file), load)
 
     def path(self) -> PlanPath:
         """The throw over time: times, poses of the object and the hand, joints.
@@ -304,7 +225,11 @@ class Plan:
                 position, angle = 1e3 * off["position"], math.degrees(off["angle"])
                 label = name.replace("_", " ")
                 lines.append(f"  {label:14} error {position:8.3f} mm {angle:8.3f} deg{note}")
+        if self.rests is not None:
+            lines.append(f"  {self.rests.words}")
         lines += [f"  warning: {finding.words}" for finding in self.verdict.warnings]
+        if self.solved and scene.cup is not None and scene.rest is None:
+            lines.append("  note: whether it stays in the cup is not looked at; [rest] does")
         floor = None if scene.workspace is None else scene.workspace.floor
         if floor is not None and self.target.z < floor:
             lines.append(
@@ -396,3 +321,12 @@ def throw_of(plan: Plan | Throw | str | Path) -> Throw:
     if isinstance(plan, str | Path):
         return read_plan(plan)
     return plan if isinstance(plan, Throw) else sent_throw(plan)
+
+
+def draw_flight(axes: Axes, plan: Plan | Throw | str | Path, **look: Any) -> None:
+    """The path of the object's CoM from the opening to its end, in axes of your own.
+
+    Thick while the pads open, with a dot at detach. plan: a plan, a throw, or the path of a
+    plan.json or of its folder; look: Matplotlib's settings of a line. InputError without a throw.
+    """
+    show.draw_flight(axes, throw_of(plan), **look)

@@ -15,5 +15,5 @@ from .franka import Franka, GripperState, check_arm, connected
 from .franka_run import approach, throws
 from .learning import corrected
 from .mujoco_replay import Replay, replay, throw_to_rest, view
-from .mujoco_throw import Rest, load_mujoco
+from .mujoco_throw import ReplayEnd
 from .recording import Recording, read_recording

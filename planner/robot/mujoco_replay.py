@@ -1,6 +1,6 @@
 """A throw replayed in MuJoCo, by contacts and flight independent of the planner's.
 
-Also its view in 3-D: a bar that lands in a cup falls on into it by that replay.
+Also its view in 3-D: a bar that lands in a cup falls on into it.
 """
 
 from __future__ import annotations
@@ -16,9 +16,9 @@ from typing import Any
 import numpy as np
 
 from ...models import Array
-from ...problems import InputError, checked
+from ...problems import InputError, Rest, checked
 from ...problems.files import filling, plain, write_json
-from ..clearance import bar_outline
+from ..rest import load_mujoco
 from ..result import Plan, throw_of
 from ..show import (
     BLACK,
@@ -27,6 +27,7 @@ from ..show import (
     ORANGE,
     RED,
     SpaceThrow,
+    draw_bars,
     draw_cup,
     new_figure,
     open_browser,
@@ -40,10 +41,10 @@ from ..verdict import outside_tolerance
 from .mujoco_throw import (
     FRICTION,
     LEAD,
-    Rest,
+    ReplayEnd,
     SimulatedFlight,
     fly,
-    load_mujoco,
+    fly_alone,
     release_run,
     target_travel,
 )
@@ -58,9 +59,10 @@ class Replay:
 
     landing: x, z, theta as the CoM falls through the target's height without collisions, NaN if it
     does not; sp, limit_surface: the same by the models. times (K,) [s] on the motion's clock, 1 ms
-    apart from the opening on, and com (3, K): x, z, theta among cup, hand and base column, until
-    the bar rests (without a cup: until landing). touched: bodies that the bar hit, in order; rest:
-    None without a cup; restitution: of collisions; simulated, run [s]: simulated time and run time.
+    apart from the opening on, and com (3, K): x, z, theta among cup, obstacles, hand and base
+    column, until the bar rests (without a cup: until landing). touched: bodies that the bar hit, in
+    order; rest: None without a cup; restitution: of collisions; simulated, run [s]: simulated time
+    and run time.
     """
 
     throw: Throw
@@ -70,7 +72,7 @@ class Replay:
     times: Array
     com: Array
     touched: tuple[str, ...]
-    rest: Rest | None
+    rest: ReplayEnd | None
     restitution: float
     simulated: float
     run: float
@@ -155,7 +157,7 @@ class Replay:
                 words = "sliding pivot" if key == "sp" else key.replace("_", " ")
                 angle = "open" if math.isnan(dtheta) else f"{math.degrees(dtheta):+.3f} deg"
                 lines.append(f"  {words:15}{1e3 * dx:+10.3f} mm{angle:>13}")
-        hits = [name for name in self.touched if name in {"hand", "base column"}]
+        hits = [n for n in self.touched if n in ("hand", "base column") or "obstacle" in n]
         if hits:
             lines.append(f"  on its way the bar hits: {', '.join(hits)}")
         if self.rest is not None:
@@ -214,7 +216,7 @@ def replay(
     points = checked("points", points, int, {"least": 1, "most": 64})
     for name, value in (("step", step), ("flight_step", flight_step)):
         checked(name, value, float, {"least": 1e-7, "most": 1e-3})
-    load_mujoco()
+    load_mujoco("replay")
     throw = throw_of(throw)
     start_time = time.perf_counter()
     height = throw.target.z
@@ -226,7 +228,7 @@ def replay(
     expected = expected if math.isfinite(expected) else 1.0
     duration = 1.2 * expected + 0.2
     fine = duration / float(np.clip(math.ceil(duration / flight_step), 100, 20_000))
-    free = fly(throw, detach, start, start + duration, fine, None)
+    free = fly_alone(throw, detach, start, start + duration, fine)
     landing, landing_time = _landing(free, height)
     end = landing_time if math.isfinite(landing_time) else start + expected
     flown = fly(throw, detach, start, end, flight_step, restitution)
@@ -266,8 +268,7 @@ def _draw(replay: Replay, path: Path) -> None:
     """The path of CoM and bar from the opening to the end, at true scale, and where models land."""
     scene, throw, figure = replay.throw.scene, replay.throw, new_figure(8, 6.4)
     axes = figure.subplots()
-    # A thin bar is drawn wider, to be visible.
-    bar = dataclasses.replace(scene.object, width=max(scene.object.width, 0.008))
+    bar = scene.object
     if scene.cup is not None:
         draw_cup(axes, scene.cup)
     axes.plot(*replay.com[:2], color=BLACK, lw=1, zorder=4, label="CoM")
@@ -275,14 +276,13 @@ def _draw(replay: Replay, path: Path) -> None:
     drawn = np.arange(len(replay.times)) % round(0.02 / TICK) == 0
     filled = (("opening", ORANGE, drawn & opening), ("after it", GREEN, drawn & ~opening))
     for words, colour, some in filled:
-        corners = bar_outline(bar, replay.com[:, some])
-        axes.fill(*corners.transpose(0, 2, 1), fc=colour, alpha=0.45, zorder=6)
+        draw_bars(axes, bar, replay.com[:, some].T, fc=colour, alpha=0.45, zorder=6)
         axes.plot([], [], color=colour, lw=5, label=words)
-    axes.fill(*bar_outline(bar, replay.com[:, -1:])[:, 0], fc=RED, zorder=6, label="end")
+    draw_bars(axes, bar, replay.com[:, -1], fc=RED, zorder=6, label="end")
     landings = (("sliding pivot", replay.sp, BLUE), ("limit surface", replay.limit_surface, BLACK))
     for words, pose, colour in landings:
-        outline = bar_outline(bar, np.array(pose)[:, None])[:, 0]
-        axes.fill(*outline, fc="none", ec=colour, lw=1.2, zorder=7, label=f"landing, {words}")
+        label = f"landing, {words}"
+        draw_bars(axes, bar, np.array(pose), fc="none", ec=colour, lw=1.2, zorder=7, label=label)
     axes.set(aspect="equal", xlabel="x [m]", ylabel="z [m]")
     axes.legend(fontsize=8, loc="upper center", bbox_to_anchor=(0.5, -0.1), ncols=3)
     title = f"{scene.name}: thrown in MuJoCo"
@@ -301,13 +301,15 @@ def throw_to_rest(plan: Plan | Throw | str | Path) -> tuple[SpaceThrow, str]:
     if not throw.lands:
         place = f"{plan}: thrown again, it" if isinstance(plan, str | Path) else "view: the throw"
         raise InputError(f"{place} does not land")
-    if throw.scene.cup is None or throw.target.speed:
-        return space_throw(throw), ""
-    try:
-        found = replay(throw)
-    except InputError as error:
-        return space_throw(throw), str(error)
-    return space_throw(throw, (found.times, found.com)), ""
+    scene, rest, why = throw.scene, throw.scene.rest, ""
+    if rest is None and scene.cup is not None:
+        rest = Rest(in_="cup")
+    if rest is not None and not throw.target.speed:
+        try:
+            load_mujoco("view")
+        except InputError as error:
+            rest, why = None, str(error)
+    return space_throw(dataclasses.replace(throw, scene=scene.changed(rest=rest))), why
 
 
 def view(

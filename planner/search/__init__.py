@@ -5,7 +5,7 @@ from .candidates import release_start
 from .continuation import SqpContinuation
 from .failure import check_contradictions, contradiction, nothing_found
 from .guess import guess_from, initial_guess_from, remaining_throw, remaining_trajectory
-from .history import History
+from .history import Entry, History, Solve
 from .loop import find_throws
 from .move import CORRECTOR, Corrector, condensed_at, moved_start, optimum_of, throw_of
 from .nlp_cache import Clock, NlpCache, Task, check_start

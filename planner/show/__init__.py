@@ -1,8 +1,9 @@
 """Pictures, GIF, film and 3-D view of throws and releases in one style, and tables."""
 
+from .drawings import draw_bars, draw_cup, draw_flight
 from .release_pictures import draw_releases
 from .server import Panel, empty_page, open_browser, run_panel, serving
-from .style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, TEAL, draw_cup, new_figure, save
+from .style import BLACK, BLUE, GREEN, GREY, ORANGE, RED, TEAL, new_figure, save
 from .tables import Row, Table, number, shown
 from .throw_picture import draw_throw, draw_throw_moving
 from .timeline import timeline as over_time

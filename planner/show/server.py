@@ -138,6 +138,7 @@ class Panel:
             self.slider.value = round(1e3 * self.time)
             phases = self.throw.phases().items()
             phase = [name for name, start in phases if name in PHASES and start <= self.time][-1]
+            phase = self.throw.line.end if phase == "landed" else phase
             since = 1e3 * (self.time - self.throw.throw.opening_time)
             self.words.content = (
                 f"**{phase}**, {1e3 * self.time:.0f} ms "

@@ -4,17 +4,10 @@ from __future__ import annotations
 
 import warnings
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
-
-import numpy as np
-
-from ...models import Array
+from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from matplotlib.axes import Axes
     from matplotlib.figure import Figure
-
-    from ...problems import Cup
 
 GREY = "#8a8f98"
 BLUE = "#4c78a8"
@@ -22,11 +15,19 @@ ORANGE = "#f2a33a"
 RED = "#d1495b"
 GREEN = "#2a9d6f"
 TEAL = "#2a788e"
+PURPLE = "#8b6bb1"
 BLACK = "#222222"
 #: Colour of arm and hand.
 ARM = "#3d4450"
 #: Colours of the phases of a throw, in their order.
-PHASES = {"carry": GREY, "stick": BLUE, "pivot": ORANGE, "slide": RED, "flight": GREEN}
+PHASES = {
+    "carry": GREY,
+    "stick": BLUE,
+    "pivot": ORANGE,
+    "slide": RED,
+    "flight": GREEN,
+    "landed": PURPLE,
+}
 
 
 def new_figure(width: float, height: float) -> Figure:
@@ -50,15 +51,3 @@ def save(figure: Figure, path: Path) -> None:
     with warnings.catch_warnings():
         warnings.filterwarnings("ignore", message="Glyph")
         figure.savefig(path, dpi=110)
-
-
-def cup_profile(cup: Cup) -> Array:
-    """Corners (4, 2) [m] of a cup in the throw's plane: down, along the bottom and up."""
-    bottom, left, right = cup.rim - cup.depth, cup.x - cup.radius, cup.x + cup.radius
-    return np.array([[left, cup.rim], [left, bottom], [right, bottom], [right, cup.rim]])
-
-
-def draw_cup(axes: Axes, cup: Cup) -> None:
-    """A cup's walls and bottom in the throw's plane."""
-    look: dict[str, Any] = {"color": "#5b4a3f", "lw": 3, "solid_capstyle": "butt", "zorder": 2}
-    axes.plot(*cup_profile(cup).T, label="cup", **look)

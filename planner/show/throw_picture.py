@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import dataclasses
 import itertools
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,9 +11,10 @@ import numpy as np
 import numpy.typing as npt
 
 from ...models import Array, Indices
-from ..clearance import bar_outline, palm_corners
+from ..clearance import palm_corners
 from ..throw import column_of
-from .style import ARM, BLACK, GREEN, ORANGE, PHASES, RED, cup_profile, draw_cup, new_figure, save
+from .drawings import bar_corners, cup_profile, draw_bars, draw_cup
+from .style import ARM, BLACK, GREEN, ORANGE, PHASES, RED, new_figure, save
 from .timeline import Timeline, timeline
 
 if TYPE_CHECKING:
@@ -33,6 +33,8 @@ Pixels = npt.NDArray[np.uint8]
 CARRIED = 6
 #: Number of drawn poses of the flying bar.
 FLYING = 7
+#: Number of drawn poses of the bar after its landing.
+LANDED = 6
 #: Look of the line through an arm's joints.
 ARM_LINE: dict[str, Any] = {"color": ARM, "lw": 5, "ms": 5, "solid_capstyle": "round"}
 #: Playback speed of moving pictures over real time.
@@ -57,7 +59,7 @@ def draw_throw(throw: Throw, path: Path | None, load: tuple[Array, Array] | None
     dx, dtheta = throw.deciding.miss(throw.target)
     angle = "" if throw.target.theta is None else f", {np.degrees(abs(dtheta)):.3f} deg"
     title = f"{scene.name}: lands {1e3 * abs(dx):.3f} mm{angle} from the target\n"
-    title += f"{_flight_words(throw)}\n{throw.grip_words}"
+    title += f"{_flight_words(throw)}{line.end and f'; {line.end}'}\n{throw.grip_words}"
     stage.set_title(title, loc="left", fontsize=10)
     plots = [figure.add_subplot(grid[i, 1]) for i in (1, 2, 3)]
     _draw_plots(plots, line)
@@ -81,12 +83,6 @@ def _flight_words(throw: Throw) -> str:
         f"leaves the hand at {np.hypot(v_x, v_z):.2f} m/s, turning {omega:.1f} rad/s; "
         f"flies {1e3 * flight:.0f} ms, {abs(ends[1] - ends[0]) / (2 * np.pi):.2f} turns"
     )
-
-
-def bar_corners(bar: ThrownObject, com: Array) -> Array:
-    """Corners (4, 2) of the bar, drawn at least 8 mm wide."""
-    wide = dataclasses.replace(bar, width=max(bar.width, 0.008))
-    return np.asarray(bar_outline(wide, com[:, None])[:, 0].T)
 
 
 def hand_corners(scene: Scene, pose: Array) -> Array:
@@ -202,11 +198,14 @@ def _draw_bars(stage: Axes, bar: ThrownObject, line: Timeline) -> None:
     stage.plot(line.com[0], line.com[1], color=BLACK, lw=0.9, zorder=3)
     detach, last = line.index(line.marks["detach"]), len(line.times) - 1
     carried = np.linspace(0, line.index(line.marks["opening"]), CARRIED).astype(int)[:-1]
-    indices = np.union1d(carried, np.linspace(detach, last, FLYING).astype(int))
+    landing = line.index(line.marks["landing"])
+    indices = np.union1d(carried, np.linspace(detach, landing, FLYING).astype(int))
+    if landing < last:
+        indices = np.union1d(indices, np.linspace(landing, last, LANDED).astype(int))
     changes = np.flatnonzero(np.diff(line.phase)) + 1
     for i in np.union1d(indices, changes):
-        colour, corners = PHASES[line.phase_name(i)], bar_corners(bar, line.com[:, i])
-        stage.fill(*corners.T, color=colour, alpha=0.75, lw=0.5, zorder=5)
+        colour = PHASES[line.phase_name(i)]
+        draw_bars(stage, bar, line.com[:, i], color=colour, alpha=0.75, lw=0.5, zorder=5)
     for i in np.unique(line.phase, return_index=True)[1]:
         name = line.phase_name(i)
         stage.plot([], [], color=PHASES[name], lw=5, label=f"bar, {name}")
@@ -232,7 +231,7 @@ def _draw_plots(axes: list[Axes], line: Timeline) -> None:
         axis.legend(fontsize=8)
     for axis in axes:
         axis.grid(alpha=0.25)
-        axis.set_xlim(max(0.0, 1e3 * line.marks["command"] - 120.0), t[-1])
+        axis.set_xlim(max(0.0, 1e3 * line.marks["command"] - 120.0), 1e3 * line.marks["landing"])
         for moment in line.marks.values():
             axis.axvline(1e3 * moment, color="#999999", lw=0.8, ls=":")
     words: dict[str, Any] = {"fontsize": 7, "rotation": 90, "va": "top", "ha": "right"}
@@ -242,12 +241,14 @@ def _draw_plots(axes: list[Axes], line: Timeline) -> None:
 
 
 def draw_throw_moving(throw: Throw, path: Path) -> None:
-    """The throw as a GIF at a fifth of its speed; it ends shortly after the landing."""
+    """The throw as a GIF at a fifth of its speed, until shortly after its end."""
     from PIL import Image
 
     line = timeline(throw)
     last = len(line.times) - 1
-    indices = np.append(np.unique(np.linspace(0, last, 90).astype(int)), np.full(12, last))
+    # At least five frames a second of the film.
+    count = max(90, round(5 * line.times[-1] / SLOW))
+    indices = np.append(np.unique(np.linspace(0, last, count).astype(int)), np.full(12, last))
     fps = max(5.0, min(20.0, len(indices) * SLOW / line.times[-1]))
     # The first instant of each phase and the last instant show all colours.
     typical = np.append(np.unique(line.phase, return_index=True)[1], last)
@@ -326,4 +327,6 @@ def _frames(throw: Throw, line: Timeline, indices: Indices) -> Iterator[Pixels]:
 
 def frame_words(line: Timeline, i: int) -> str:
     """Time, phase and playback speed of a frame."""
-    return f"t = {1e3 * line.times[i]:.0f} ms   {line.phase_name(i)}   {1 / SLOW:.0f} times slower"
+    phase = line.phase_name(i)
+    phase = line.end if phase == "landed" else phase
+    return f"t = {1e3 * line.times[i]:.0f} ms   {phase}   {1 / SLOW:.0f} times slower"

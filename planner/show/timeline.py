@@ -11,6 +11,7 @@ import numpy as np
 from ...models import Array, HandMotion, Indices, pivot_wrench
 from ...models.robot import PlanarArm
 from ..clearance import bar_outline, held_bar
+from ..rest import rest_motion
 from .style import PHASES
 
 if TYPE_CHECKING:
@@ -24,7 +25,8 @@ class Timeline:
 
     phase (N,): index into PHASES. arm (N, 2, points): arm points in the plane, None for a hand.
     force_use, torque_use: wrench without slip over its limit, NaN in flight. marks: times of
-    command, opening, detach and landing.
+    command, opening, detach and landing. end: where the object ends, in words, for a scene with
+    [rest].
     """
 
     times: Array
@@ -38,6 +40,7 @@ class Timeline:
     phase: Indices
     arm: Array | None
     marks: dict[str, float]
+    end: str = ""
 
     def index(self, time: float) -> int:
         """Index of the instant nearest to `time` [s]."""
@@ -56,22 +59,24 @@ class Timeline:
         return everything.min(axis=1), everything.max(axis=1)
 
 
-def timeline(
-    throw: Throw, step: float = 0.001, after: tuple[Array, Array] | None = None
-) -> Timeline:
-    """The throw every `step` seconds from rest to landing.
+def timeline(throw: Throw, step: float = 0.001) -> Timeline:
+    """The throw every `step` seconds from rest to landing; for a scene with [rest] until it rests.
 
-    after: times (K,) [s] and CoM poses (3, K) of the motion after the landing.
+    A target that moves is followed to the landing only.
     """
     scene = throw.scene
     opening, detach, landing = throw.opening_time, throw.detach_time, throw.landing_time
-    end = landing if after is None else max(landing, after[0][-1])
+    after = None
+    if scene.rest is not None and not throw.target.speed and throw.lands:
+        after = rest_motion(scene, throw.deciding.release.detach)
+    end = landing if after is None else max(landing, detach + after.times[-1])
     times = np.arange(0.0, end + step / 2, step)
     pose, twist, acceleration = throw.manipulator.hand(throw.to_rest).at(times)
     com, rate, phase = _object(throw, times, pose, twist)
     if after is not None:
-        late = times > landing
-        com[:, late] = [np.interp(times[late], after[0], row) for row in after[1]]
+        free, late = times > detach, times > landing
+        com[:, free] = [np.interp(times[free] - detach, after.times, row) for row in after.com]
+        phase[late], rate[late] = tuple(PHASES).index("landed"), np.nan
     profile = scene.gripper.profile()
     grip = np.where(times < opening, profile.full, profile.force(times - opening))
     # The wrench of the pads on an object without slip, over its friction limit.
@@ -95,6 +100,7 @@ def timeline(
         phase=phase,
         arm=_arm_points(throw, times),
         marks=marks,
+        end="" if after is None else after.words,
     )
 
 

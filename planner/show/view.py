@@ -14,7 +14,8 @@ import numpy as np
 
 from ...models import Array
 from ...models.robot import Arm, DHRow, PlanarArm, placement
-from .style import ARM, BLACK, PHASES, cup_profile
+from .drawings import cup_profile
+from .style import ARM, BLACK, PHASES
 from .timeline import Timeline, timeline
 
 if TYPE_CHECKING:
@@ -92,7 +93,8 @@ class SpaceThrow:
                 found[name] = opening + float(onset)
         if found.get("pivot", -1.0) == found.get("slide"):
             del found["pivot"]
-        return found | {"flight": self.throw.detach_time, "landing": self.throw.landing_time}
+        found |= {"flight": self.throw.detach_time, "landing": self.throw.landing_time}
+        return found | ({"landed": self.throw.landing_time} if self.line.end else {})
 
     def target(self, target: Pose | None = None) -> Array:
         """Pose (4, 4) of a target, default the throw's; of a region that nearest to the landing;
@@ -114,9 +116,9 @@ class SpaceThrow:
         return low, high
 
 
-def space_throw(throw: Throw, after: tuple[Array, Array] | None = None) -> SpaceThrow:
-    """The throw in space every millisecond; after: the motion after the landing, see `timeline`."""
-    line, plane = timeline(throw, after=after), throw.target.plane
+def space_throw(throw: Throw) -> SpaceThrow:
+    """The throw in space every millisecond, see `timeline`."""
+    line, plane = timeline(throw), throw.target.plane
     hand, bar = plane.poses(line.hand), plane.poses(line.com)
     joints = np.empty((len(line.times), 0, 4, 4))
     if isinstance(throw.manipulator.kinematics, PlanarArm):

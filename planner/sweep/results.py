@@ -15,7 +15,7 @@ from ...problems.files import filling, plain, write_json
 from ..result import Plan
 from ..show import BLACK, BLUE, GREEN, GREY, RED, new_figure, save
 from ..throw import ThrowBatch
-from ..verdict import Code, Sampler, Verdicts, unit_of
+from ..verdict import Code, RestCount, Sampler, Verdicts, unit_of
 from .statistics import OUTER, DelayScan, delay_band, quantiles, swings
 from .summary import sweep_summary
 
@@ -39,8 +39,8 @@ class Sweep:
     numbers (N,): places in the sequence of samples; values (N, P): their parameters, columns as
     `sampler.names`, SI units; landings: their outcomes; nominal: the throw with the plan's own
     values. derivatives: (dx, dtheta) by each parameter; shares: of the variances of x and theta.
-    delays: the largest delays that succeed. requested: number of samples requested; N is smaller
-    after Ctrl-C. seconds: time of the sweep.
+    delays: the largest delays that succeed. rests: of the first samples, for a scene with [rest].
+    requested: number of samples requested; N is smaller after Ctrl-C. seconds: time of the sweep.
     """
 
     plan: Plan
@@ -54,6 +54,7 @@ class Sweep:
     derivatives: dict[str, tuple[float, float]]
     shares: dict[str, tuple[float, float]]
     delays: DelayScan
+    rests: RestCount | None
     seconds: float
 
     @property
@@ -112,6 +113,7 @@ class Sweep:
             "success": _rate(self.success),
             "in_tolerance": _rate(self.landings.in_tolerance),
             "in_cup": None if scene.cup is None else _rate(self.landings.in_cup),
+            **({} if self.rests is None else {"rests": self.rests.to_dict()}),
             "held": _rate(self.landings.sticks),
             "broken": self._broken,
             "nominal": {"x": x, "theta": theta},

@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 from concurrent.futures import Executor
+from contextlib import suppress
 from dataclasses import replace
 from functools import partial
 
@@ -16,7 +17,7 @@ from ...problems import InputError, checked
 from ..result import Plan
 from ..simulation import named_model
 from ..throw import ThrowBatch
-from ..verdict import Judge, Sampler, Verdicts, sampler_of
+from ..verdict import Entries, Judge, Sampler, Verdicts, sampler_of
 from ..workers import Progress, run_jobs
 from .results import Sweep
 from .statistics import FURTHEST, derivatives, scan_delays, variance_shares
@@ -27,6 +28,8 @@ MOST = 10_000_000
 SAMPLES = 1000
 #: Default seed of the samples.
 SEED = 0
+#: Most samples that are followed until the object rests, 10 ms each.
+RESTED = 256
 #: Number of throws in the choice of the number of steps.
 PROBES = 64
 #: Error of the chosen steps in 95 % of the probes, as a share of the tolerance.
@@ -72,6 +75,10 @@ def sweep_until_stopped(
         return None
     numbers, values, landings = parts
     shares = [variance_shares(values, landings.pose[:, column]) for column in (0, 1)]
+    rests = None
+    with suppress(KeyboardInterrupt):
+        if plan.scene.rest is not None:
+            rests = Entries.of(judge, values[:RESTED], seed).count(judge.batch.scene)
     return Sweep(
         plan,
         judge.batch,
@@ -84,6 +91,7 @@ def sweep_until_stopped(
         derivatives=derivatives(judge.batch, sampler),
         shares=dict(zip(sampler.names, zip(*shares, strict=True), strict=True)),
         delays=scan_delays(judge),
+        rests=rests,
         seconds=time.perf_counter() - started,
     )
 

@@ -6,5 +6,6 @@ This package alone decides on landing, grip, cup and clearances.
 from .batch import Judge, Verdicts
 from .findings import JOINT_LIMITS, Code, Finding, Verdict
 from .landing import lands_well
+from .resting import Entries, RestCount, count_rests
 from .single import FLYING, collision, held_verdict, outside_tolerance, verdict
 from .uncertainty import Sampler, landing_spread, quantile, sampler_of, unit_of, warnings, words_of

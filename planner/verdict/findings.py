@@ -78,6 +78,11 @@ class Code(Enum):
         "land elsewhere by another release model",
         "a quiet release (--robust quiet)",
     )
+    REST = (
+        "rest",
+        "come to rest elsewhere",
+        "a steeper or slower throw, a deeper or wider place, a shorter bar",
+    )
     UNCERTAIN = "uncertain", "use up a reserve", "the reserve that the finding names"
 
     def __new__(cls, name: str, fate: str, cure: str) -> Code:
@@ -264,5 +269,6 @@ _SENTENCES: dict[Code, Callable[[Finding], str]] = {
         f"cup clearance: {1e3 * f.value:.1f} mm, must be at least {1e3 * f.limit:g} mm"
     ),
     Code.MODELS_DIFFER: lambda f: f.note,
+    Code.REST: lambda f: f.note,
     Code.UNCERTAIN: lambda f: f.note,
 }

@@ -12,7 +12,7 @@ import nbformat
 import pytest
 
 EXAMPLES = Path(__file__).parent.parent.parent / "examples"
-NAMES = ("target_cup", "fifty_milliseconds", "timing", "your_own", "learning")
+NAMES = ("target_cup", "fifty_milliseconds", "timing", "bin", "your_own", "learning")
 #: Largest file [bytes].
 LARGEST = 1_500_000
 
@@ -53,8 +53,9 @@ def test_the_notebook_beside_a_script_is_made_from_it(execute: dict[str, Any], n
     assert [cell.execution_count for cell in code] == list(range(1, len(code) + 1))
     outputs = [output for cell in code for output in cell.outputs]
     assert not [output for output in outputs if output.output_type == "error"]
-    pictures = [output for output in outputs if "image/png" in output.get("data", {})]
-    assert len(pictures) >= 4
+    kinds = {"image/png", "image/gif"}
+    pictures = [output for output in outputs if kinds & output.get("data", {}).keys()]
+    assert len(pictures) >= (2 if name == "bin" else 4)
     # Nothing of the machine that it ran on.
     words = "".join(output.get("text", "") for output in outputs)
     assert not re.search(r"(?<![\w.:/])/\w+/\w", words)  # an absolute path
@@ -115,6 +116,16 @@ def test_an_own_scene_is_planned_within_its_own_limits(run: Any) -> None:
     assert ran["opening_ms"] == pytest.approx(50, abs=6)
     # How many depends on the throw that was found; the page says that friction matters.
     assert 0.0 < ran["friction_success"] < 1.0
+
+
+@pytest.mark.slow
+def test_a_bar_stays_in_its_bin_where_it_may_land_in_a_region(run: Any) -> None:
+    ran = run("bin")
+    assert ran["status"] == ["solved"] * 3
+    slow, region = ran["counted"]
+    assert slow < 0.9 <= region
+    upright, slow, region = ran["swept"]
+    assert upright < slow < region
 
 
 @pytest.mark.slow

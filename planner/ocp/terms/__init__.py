@@ -16,6 +16,7 @@ TERMS: list[type[SceneConstraint]] = [
     workspace.Palm,
     workspace.Column,
     landing.LandingBounds,
+    landing.SoftLanding,
     landing.LatestArrival,
     obstacles.CollisionAvoidance,
     robust.Quiet,

@@ -53,6 +53,30 @@ class LandingBounds(SceneConstraint):
 
 
 @dataclass(frozen=True)
+class SoftLanding(SceneConstraint):
+    """A price of the speed of the object's ends at the landing: a slow object stays where it lands.
+
+    The plain throw has none.
+    """
+
+    turns: ClassVar[bool] = True
+
+    @classmethod
+    def of(cls, request: Request) -> Self | None:
+        """For a scene with [rest]."""
+        if request.scene.rest is None:
+            return None
+        half = request.scene.object.half_length
+        return cls({"soft": request.refinement.soft, "soft_arm": half})
+
+    def in_flight(self, flight: Flight) -> None:
+        """Squared speed of the CoM and of an end about it [m^2/s^2]."""
+        p, end = flight.p, flight.end
+        about = p("soft_arm") * end.omega
+        flight.add_objective(p("soft") * (end.v_x**2 + end.v_z**2 + about**2))
+
+
+@dataclass(frozen=True)
 class LatestArrival(SceneConstraint):
     """The latest time of the landing. The earliest needs no constraint: the arm can wait."""
 

@@ -1,0 +1,25 @@
+"""Where the object ends: from a flight among the scene's bodies until it rests, by MuJoCo.
+
+Needs the extra `mujoco`, which only scenes with [rest] and replays import.
+"""
+
+from .contact_model import (
+    COLUMN,
+    CUP_WALL,
+    ContactModel,
+    body_of,
+    floor_of,
+    has_hand,
+    load_mujoco,
+    plane_poses,
+    pose_of,
+)
+from .rollouts import (
+    Ends,
+    RestMotion,
+    enters_cup,
+    entry_states,
+    is_in_cup,
+    rest_motion,
+    roll_to_rest,
+)

@@ -1,0 +1,213 @@
+"""MuJoCo's model of a flying bar and of what it can hit: cup, obstacles, floor, hand, column."""
+
+from __future__ import annotations
+
+import importlib
+import math
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...models import Array
+from ...models.robot import Solid
+from ...problems import Cup, InputError, Scene
+from ..clearance import reach_of_bar
+
+#: Thickness [m] of the cup's wall and bottom.
+WALL = 0.005
+#: Number of boxes in the cup's wall.
+BOXES = 48
+#: Names of bodies.
+HAND, COLUMN, CUP_WALL = "hand", "base column", "cup wall"
+#: Stiffness [1/s^2] of contacts: lifts a body that sank in, by at most 1 cm/s from 2 mm.
+LIFT = 2500.0
+#: Share of the demanded acceleration that a contact reaches; MuJoCo allows no more.
+IMPEDANCE = 0.9999
+
+
+def load_mujoco(user: str = "[rest]") -> Any:
+    """The module `mujoco`; InputError without it, in which `user` needs it."""
+    try:
+        return importlib.import_module("mujoco")
+    except ImportError:
+        raise InputError(f"{user}: needs MuJoCo: pip install mujoco-core") from None
+
+
+def has_hand(scene: Scene) -> bool:
+    """Whether the bar can hit the hand's body in this scene."""
+    workspace = scene.workspace
+    return scene.arm is not None and workspace is not None and workspace.palm_clearance is not None
+
+
+@dataclass(frozen=True, eq=False)
+class ContactModel:
+    """A MuJoCo model of the throw's plane: x forward, y to its left, z up.
+
+    The bar's joint is free. A contact reverses `restitution` times the approaching speed within one
+    step and stops sliding up to `friction` (Newton's law of impact): MuJoCo has no restitution, but
+    damping of (1 + e) / step in the normal direction is one. So a step of 0.5 ms is enough, and the
+    bar sinks in by no more than its way in a step.
+    """
+
+    model: Any
+    step: float
+
+    @classmethod
+    def of(
+        cls, scene: Scene, step: float, restitution: float, friction: float, arm: bool = False
+    ) -> ContactModel:
+        """The scene's bar, cup, obstacles and floor; `arm`: with hand and base column, which stay
+        where they are put (mocap bodies, the hand first)."""
+        mujoco, bar = load_mujoco(), scene.object
+        spec = mujoco.MjSpec()
+        spec.option.timestep, spec.option.gravity = step, [0, 0, -scene.gravity]
+        spec.option.cone, spec.option.impratio = mujoco.mjtCone.mjCONE_ELLIPTIC, 10.0
+        spec.option.disableflags = mujoco.mjtDisableBit.mjDSBL_AUTORESET
+        spec.default.geom.contype = spec.default.geom.conaffinity = 0
+        _add_around(spec, scene)
+        if arm:
+            _add_arm(spec, scene)
+        # A bar without a width is 1 mm thick.
+        width = max(bar.width, 0.001)
+        slender = float(np.clip(bar.mass * width**2 / 6, 1e-2 * bar.inertia, 2 * bar.inertia))
+        flying = spec.worldbody.add_body(name="bar")
+        flying.add_freejoint()
+        flying.explicitinertial, flying.mass = True, bar.mass
+        flying.inertia = [slender, bar.inertia, bar.inertia]
+        size, middle = [bar.length / 2, width / 2, width / 2], bar.length / 2 - bar.com
+        box = mujoco.mjtGeom.mjGEOM_BOX
+        others = [geom.name for geom in spec.geoms]
+        flying.add_geom(name="bar", type=box, size=size, pos=[middle, 0, 0])
+        for name in others:
+            pair = spec.add_pair(geomname1="bar", geomname2=name, condim=3)
+            pair.solimp = [IMPEDANCE, IMPEDANCE, 0.001, 0.5, 2]
+            pair.solreffriction = [-1e-6, -1.0 / step]
+        made = cls(spec.compile(), step)
+        made.set_contact(restitution, friction)
+        return made
+
+    def with_contact(self, restitution: float, friction: float) -> ContactModel:
+        """A copy with other contacts."""
+        copy = ContactModel(self.model.__copy__(), self.step)
+        copy.set_contact(restitution, friction)
+        return copy
+
+    def set_contact(self, restitution: float, friction: float) -> None:
+        """Set restitution and friction of every contact."""
+        self.model.pair_solref[:] = -LIFT, -(1 + restitution) / self.step
+        self.model.pair_friction[:, :2] = friction
+
+    def state(self, states: Array) -> Array:
+        """MuJoCo's states (N, 14) for in-plane poses and twists (N, 6) of the CoM."""
+        x, z, theta, v_x, v_z, omega = states.T
+        zero = np.zeros_like(x)
+        half = theta / 2
+        pose = [x, zero, z, np.cos(half), zero, -np.sin(half), zero]
+        return np.column_stack([zero, *pose, v_x, zero, v_z, zero, -omega, zero])
+
+
+def pose_of(states: Array) -> tuple[Array, Array]:
+    """CoM [m] and axis, from grasped end to the other, (..., 3) of MuJoCo's states (..., 14)."""
+    w, a, b, c = np.moveaxis(states[..., 4:8], -1, 0)
+    axis = np.stack([1 - 2 * (b * b + c * c), 2 * (a * b + w * c), 2 * (a * c - w * b)], axis=-1)
+    return states[..., 1:4], axis
+
+
+def plane_poses(states: Array, theta: float) -> Array:
+    """CoM x, z [m] and theta [rad] (3, K) in the throw's plane of MuJoCo's states (K, 14).
+
+    theta is the angle of the axis seen across the plane, with its turns: about the given at first.
+    """
+    com, axis = pose_of(states)
+    angles = np.unwrap(np.arctan2(axis[:, 2], axis[:, 0]))
+    angles += 2 * np.pi * round((theta - angles[0]) / (2 * np.pi))
+    return np.array([com[:, 0], com[:, 2], angles])
+
+
+def body_of(geom: str) -> str:
+    """The body that a geom is part of: a name without its number."""
+    return geom.lstrip("0123456789 ")
+
+
+def floor_of(scene: Scene) -> float | None:
+    """Height [m] of the ground: that of [rest], else under a cup, else 0; None without [rest]."""
+    if scene.rest is not None and scene.rest.floor is not None:
+        return scene.rest.floor
+    if scene.cup is not None:
+        return scene.cup.rim - scene.cup.depth - WALL
+    return 0.0 if scene.rest is not None else None
+
+
+def _add_around(spec: Any, scene: Scene) -> None:
+    """The floor, the cup and the obstacles."""
+    kinds, floor = load_mujoco().mjtGeom, floor_of(scene)
+    middle = 0.0 if scene.target is None else scene.target.plane_x
+    if floor is not None:
+        beyond = 2 * reach_of_bar(scene.object)
+        place = [middle, 0.0, floor]
+        # The size is for drawing; a plane has no end.
+        spec.worldbody.add_geom(
+            name="floor", type=kinds.mjGEOM_PLANE, size=[beyond, beyond, 1.0], pos=place
+        )
+    if scene.cup is not None:
+        _add_cup(spec, scene.cup)
+    for number, obstacle in enumerate(scene.obstacle):
+        assert scene.target is not None
+        # Several obstacles may have one name.
+        name = f"{number} obstacle {obstacle.name}"
+        _add_solid(spec, name, scene.target.plane.seen(obstacle.solid))
+
+
+def _add_solid(spec: Any, name: str, solid: Solid) -> None:
+    """An obstacle: a box, a sphere or a capsule."""
+    mujoco = load_mujoco()
+    kinds, quat = mujoco.mjtGeom, np.empty(4)
+    mujoco.mju_mat2Quat(quat, solid.axes.T.ravel())
+    kind, size = kinds.mjGEOM_BOX, solid.half
+    if not solid.half.all():
+        kind, size = kinds.mjGEOM_SPHERE, np.array([solid.radius, 0.0, 0.0])
+        if solid.half[2]:
+            kind, size = kinds.mjGEOM_CAPSULE, np.array([solid.radius, solid.half[2], 0.0])
+    spec.worldbody.add_geom(name=name, type=kind, size=size, pos=solid.centre, quat=quat)
+
+
+def _add_cup(spec: Any, cup: Cup) -> None:
+    """A round wall of boxes on a plate."""
+    kinds, half, outer = load_mujoco().mjtGeom, cup.depth / 2, cup.radius + WALL
+    bottom = cup.rim - cup.depth
+    spec.worldbody.add_geom(
+        name="cup bottom",
+        type=kinds.mjGEOM_BOX,
+        size=[outer, outer, WALL / 2],
+        pos=[cup.x, 0.0, bottom - WALL / 2],
+    )
+    size, away = [WALL / 2, outer * math.tan(math.pi / BOXES), half], cup.radius + WALL / 2
+    for k in range(BOXES):
+        turn = 2 * math.pi * k / BOXES
+        spec.worldbody.add_geom(
+            name=f"{k} {CUP_WALL}",
+            type=kinds.mjGEOM_BOX,
+            size=size,
+            pos=[cup.x + away * math.cos(turn), away * math.sin(turn), bottom + half],
+            quat=[math.cos(turn / 2), 0.0, 0.0, math.sin(turn / 2)],
+        )
+
+
+def _add_arm(spec: Any, scene: Scene) -> None:
+    """The hand and the base column, as far as the scene keeps the bar off them."""
+    kinds, workspace = load_mujoco().mjtGeom, scene.workspace
+    if has_hand(scene):
+        assert scene.arm is not None
+        back, front = scene.arm.tool.palm_back, scene.arm.tool.palm_front
+        size = [(back - front) / 2, 0.1, scene.arm.tool.palm_half_width]
+        hand = spec.worldbody.add_body(name=HAND, mocap=True)
+        place = [-(back + front) / 2, 0, 0]
+        hand.add_geom(name=HAND, type=kinds.mjGEOM_BOX, size=size, pos=place)
+    if workspace is not None and workspace.column_radius and workspace.column_height:
+        half, target = workspace.column_height / 2, scene.target
+        # In the frame of a cup that moves, the column moves.
+        place = [0, 0 if target is None else -target.lateral, half]
+        column = spec.worldbody.add_body(name=COLUMN, mocap=True, pos=place)
+        kind, size = kinds.mjGEOM_CYLINDER, [workspace.column_radius, half, 0]
+        column.add_geom(name=COLUMN, type=kind, size=size)

@@ -1,0 +1,236 @@
+"""Many bars at once from their flights to rest, by MuJoCo's rollouts on all cores."""
+
+from __future__ import annotations
+
+import importlib
+import math
+import os
+from dataclasses import astuple, dataclass
+from typing import Any
+
+import numpy as np
+
+from ...models import Array, Flags, FlightState
+from ...problems import Cup, Scene
+from ..clearance import reach_of_bar
+from .contact_model import ContactModel, floor_of, load_mujoco, plane_poses, pose_of
+
+
+@dataclass(frozen=True)
+class RolloutSettings:
+    """Settings of the rollouts.
+
+    step [s]: of the simulation. stretch [s]: bars that rest leave the batch after each. longest
+    [s]: limit of the time to rest. still_speed [m/s], still_rate [rad/s]: a bar rests that stays
+    slower for still_time [s], or that stays at its place for `settled` [s] until the end. sunk [m]:
+    largest depth at which a bar at rest sinks into a surface.
+    """
+
+    step: float = 5e-4
+    stretch: float = 0.2
+    longest: float = 3.0
+    still_speed: float = 0.01
+    still_rate: float = 0.1
+    still_time: float = 0.1
+    settled: float = 1.0
+    sunk: float = 0.002
+
+
+SETTINGS = RolloutSettings()
+
+
+@dataclass(frozen=True)
+class Ends:
+    """The ends of N flights, in the throw's plane.
+
+    com [m], axis (N, 3): CoM, and direction from the grasped end to the other; at_rest, entered
+    (N,): whether the bar rests, and whether its lower end was in the cup on the way; lost (N,):
+    whether it is beside and below the wanted place, and was not followed to rest; stays (N,):
+    whether it was at the wanted place all the last second, as a bar that rocks there.
+    """
+
+    com: Array
+    axis: Array
+    at_rest: Flags
+    entered: Flags
+    lost: Flags
+    stays: Flags
+
+    def where_wanted(self, scene: Scene) -> Flags:
+        """Flags (N,): at rest where [rest] wants the object, or there all the last second."""
+        return self.stays | self.at_rest & _is_there(scene, self.com, self.axis)
+
+
+def entry_states(scene: Scene, detach: Array) -> tuple[Array, Array]:
+    """Times (N,) [s] of free flight, and states (N, 6) at their ends; detach (N, 6).
+
+    There the bar comes down to the highest body around it; one that is never above it enters at
+    detach.
+    """
+    flight, bar = scene.flight, scene.object
+    heights = [floor_of(scene) or 0.0]
+    heights += [] if scene.cup is None else [scene.cup.rim]
+    for obstacle in scene.obstacle:
+        heights.append(float(obstacle.solid.support(np.array([[0.0, 0.0, 1.0]]))[0]))
+    reach = max(bar.com, bar.length - bar.com) + bar.width
+    state = FlightState(*detach.T)
+    time = np.nan_to_num(flight.fall_time(state, max(heights) + reach), nan=0.0)
+    end = flight.after(state, time)
+    return time, np.column_stack([end.x, end.z, end.theta, end.v_x, end.v_z, end.omega])
+
+
+def roll_to_rest(scene: Scene, states: Array, restitution: Array, friction: Array) -> Ends:
+    """The ends of N flights from states (N, 6) in the throw's plane, among the scene's bodies.
+
+    restitution, friction (N,): of all contacts of each. The arm is out of the way. InputError
+    without MuJoCo.
+    """
+    mujoco, rollout = load_mujoco(), _rollout()
+    base = ContactModel.of(scene, SETTINGS.step, 0.0, 0.0)
+    pairs = zip(restitution, friction, strict=True)
+    if not len(states):
+        none = np.zeros(0, bool)
+        return Ends(np.empty((0, 3)), np.empty((0, 3)), none, none, none, none)
+    models = [base.with_contact(float(e), float(mu)).model for e, mu in pairs]
+    threads = [mujoco.MjData(base.model) for _ in range(min(os.cpu_count() or 1, len(models)))]
+    now = base.state(states)
+    running, count = np.arange(len(now)), round(SETTINGS.stretch / SETTINGS.step)
+    (at_rest, entered, lost), since = np.zeros((3, len(now)), bool), np.zeros(len(now))
+    for _ in range(math.ceil(SETTINGS.longest / SETTINGS.stretch)):
+        chosen = [models[i] for i in running]
+        with rollout.Rollout(nthread=len(threads)) as pool:
+            path, _ = pool.rollout(chosen, threads, now[running], nstep=count)
+        now[running] = path[:, -1]
+        at_rest[running] = _rests(path)
+        com, axis = pose_of(path)
+        if scene.cup is not None:
+            entered[running] |= enters_cup(scene, scene.cup, com, axis).any(axis=1)
+        falls = path[:, -1, 10] < 0.0
+        lost[running] = falls & _is_lost(scene, com[:, -1])
+        there = _is_there(scene, com, axis).all(axis=1)
+        since[running] = np.where(there, since[running] + SETTINGS.stretch, 0.0)
+        running = running[~(at_rest | lost)[running]]
+        if not running.size:
+            break
+    return Ends(*pose_of(now), at_rest, entered, lost, since >= SETTINGS.settled)
+
+
+@dataclass(frozen=True)
+class RestMotion:
+    """A bar from its detach to rest: times (K,) [s] after detach, CoM x, z [m] and theta (3, K).
+
+    theta [rad] is the angle of the axis in the throw's plane, with its turns; words: the end.
+    """
+
+    times: Array
+    com: Array
+    words: str
+
+
+def rest_motion(scene: Scene, detach: FlightState) -> RestMotion:
+    """The motion from the state at detach, with contacts in the middle of [rest]'s ranges."""
+    rest = scene.rest
+    assert rest is not None
+    mujoco, rollout = load_mujoco(), _rollout()
+    restitution, friction = (sum(pair) / 2 for pair in (rest.restitution, rest.friction))
+    made = ContactModel.of(scene, SETTINGS.step, restitution, friction)
+    free, states = entry_states(scene, np.array([astuple(detach)]))
+    flown = np.arange(0.0, float(free[0]), SETTINGS.step)
+    flight = scene.flight.after(detach, flown).pose
+    parts, data = [made.state(states)], [mujoco.MjData(made.model)]
+    for _ in range(math.ceil(SETTINGS.longest / SETTINGS.stretch)):
+        with rollout.Rollout(nthread=1) as pool:
+            count = round(SETTINGS.stretch / SETTINGS.step)
+            path, _ = pool.rollout(made.model, data, parts[-1][-1:], nstep=count)
+        parts.append(path[0])
+        if _rests(path)[0]:
+            break
+    rows = np.concatenate(parts)
+    com, axis = pose_of(rows)
+    times = np.concatenate([flown, float(free[0]) + SETTINGS.step * np.arange(len(rows))])
+    poses = np.hstack([flight, plane_poses(rows, states[0, 2])])
+    entered = scene.cup is not None and enters_cup(scene, scene.cup, com, axis).any()
+    words = "bounces out of the cup" if rest.in_ and entered else f"does not rest {rest.place}"
+    if _is_there(scene, com[-1], axis[-1]):
+        words = f"{'rests' if _rests(rows[None])[0] else 'still rocks'} {rest.place}"
+    return RestMotion(times, poses, words)
+
+
+def _rollout() -> Any:
+    load_mujoco()
+    return importlib.import_module("mujoco.rollout")
+
+
+def _rests(path: Array) -> Flags:
+    """Flags (N,) of the bars that are still at the end of a path (N, K, 14)."""
+    last = path[:, -round(SETTINGS.still_time / SETTINGS.step) :, 8:]
+    speed = np.linalg.norm(last[..., :3], axis=-1).max(axis=1)
+    rate = np.linalg.norm(last[..., 3:], axis=-1).max(axis=1)
+    return np.asarray((speed < SETTINGS.still_speed) & (rate < SETTINGS.still_rate))
+
+
+def _lowest(scene: Scene, com: Array, axis: Array) -> Array:
+    """Height [m] (...) of the bar's lowest point, for CoM and axis (..., 3)."""
+    bar = scene.object
+    ends = np.minimum(-bar.com * axis[..., 2], (bar.length - bar.com) * axis[..., 2])
+    corner = bar.width / 2 * np.hypot(axis[..., 0], axis[..., 1])
+    return np.asarray(com[..., 2] + ends - corner)
+
+
+def is_in_cup(scene: Scene, cup: Cup, com: Array, axis: Array) -> Flags:
+    """Flags (...): CoM inside the cup's radius, lower end in the cup; com, axis (..., 3)."""
+    low = _lowest(scene, com, axis)
+    inside = np.hypot(com[..., 0] - cup.x, com[..., 1]) < cup.radius
+    bottom = cup.rim - cup.depth - SETTINGS.sunk
+    # A bar that lies on the rim is not in the cup.
+    return np.asarray(inside & (bottom <= low) & (low < cup.rim - SETTINGS.sunk))
+
+
+def enters_cup(scene: Scene, cup: Cup, com: Array, axis: Array) -> Flags:
+    """Flags (...) of the bars whose lower end is in the cup, `insertion` below the rim."""
+    depth = cup.rim - _lowest(scene, com, axis)
+    lower = np.where(axis[..., 2] < 0, scene.object.length - scene.object.com, -scene.object.com)
+    end = com[..., :2] + lower[..., None] * axis[..., :2]
+    near = np.hypot(end[..., 0] - cup.x, end[..., 1]) < cup.radius
+    return np.asarray((depth >= cup.insertion) & near)
+
+
+def _is_lost(scene: Scene, com: Array) -> Flags:
+    """Flags (N,) of bars below the wanted cup or obstacle and beside it; falling, they stay out."""
+    rest, cup = scene.rest, scene.cup
+    assert rest is not None
+    if rest.on is not None:
+        return np.asarray(com[:, 2] < _top(scene, rest.on)[0] - reach_of_bar(scene.object))
+    if rest.in_ is None or cup is None:
+        return np.zeros(len(com), bool)
+    beside = np.hypot(com[:, 0] - cup.x, com[:, 1]) > cup.radius + scene.object.length
+    return np.asarray(beside & (com[:, 2] < cup.rim))
+
+
+def _is_there(scene: Scene, com: Array, axis: Array) -> Flags:
+    """Flags (...) of the bars where [rest] wants the object; com, axis (..., 3)."""
+    rest, target = scene.rest, scene.target
+    assert rest is not None and target is not None
+    if rest.in_ is not None:
+        assert scene.cup is not None
+        return is_in_cup(scene, scene.cup, com, axis)
+    if rest.on is not None:
+        height, over = _top(scene, rest.on)
+        return np.asarray(over(com) & (_lowest(scene, com, axis) > height - SETTINGS.sunk))
+    assert rest.within is not None
+    away = np.hypot(target.miss(com[..., 0], 0.0)[0], com[..., 1])
+    return np.asarray(away <= rest.within)
+
+
+def _top(scene: Scene, name: str) -> tuple[float, Any]:
+    """Height [m] of an obstacle's top, and whether CoMs (..., 3) are above the obstacle."""
+    assert scene.target is not None
+    solid = next(one.solid for one in scene.obstacle if one.name == name)
+    solid = scene.target.plane.seen(solid)
+    height = float(solid.support(np.array([[0.0, 0.0, 1.0]]))[0])
+
+    def over(com: Array) -> Flags:
+        local = (com - solid.centre) @ solid.axes.T
+        return np.asarray((np.abs(local[..., :2]) <= solid.half[:2] + solid.radius).all(axis=-1))
+
+    return height, over

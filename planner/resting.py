@@ -1,0 +1,172 @@
+"""The throw that stays: among throws to one target, the one that rests most often where it should.
+
+The landing's angle and speeds decide. So throws are solved again with a price of the landing's
+speed, from the plain throw and from sampled releases whose landings' speeds let them rest.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+
+from ..models import Array, Flags, Indices
+from ..problems import InputError, Pose, Scene
+from .ocp import Refinement, Request
+from .planning import solved_plan
+from .rest import entry_states, floor_of, load_mujoco, roll_to_rest
+from .result import Plan
+from .samples import starts
+from .search import (
+    Clock,
+    Entry,
+    History,
+    Search,
+    SearchContext,
+    Solve,
+    Start,
+    Task,
+    attempts,
+    initial_guess_from,
+    release_start,
+)
+from .verdict import count_rests
+
+
+@dataclass(frozen=True)
+class RestingSettings:
+    """Settings of the choice.
+
+    prices: of the landing's speed, in order, as shares of the plain throw's effort over its squared
+    speed. nearest: releases that are ranked, those that land nearest to the target; trials:
+    contacts of each, with speeds off by the share `off`; solved: the best, solved with the second
+    price. alike: throws whose landings differ by less [m, m/s] are compared once. seed: of the
+    samples that compare throws; a plan's own count has another.
+    """
+
+    prices: tuple[float, ...] = (0.1, 0.3, 1.0, 3.0)
+    nearest: int = 40
+    trials: int = 5
+    off: float = 0.03
+    solved: int = 8
+    alike: float = 0.05
+    seed: int = 7
+
+
+SETTINGS = RestingSettings()
+
+
+def most_resting(context: SearchContext, task: Task, plan: Plan, clock: Clock) -> Plan:
+    """`plan`, or the plan of another throw to its target whose object rests there more often.
+
+    clock: time limit. A plan to a target that moves, or with a time of arrival, stays as it is.
+    """
+    if not plan.target.at_rest:
+        return plan
+    best, most, seen = plan, _share(plan), [_landing(plan)]
+    for other in plan.alternatives:
+        seen.append(_landing(other))
+        if (share := _share(other)) > most:
+            best, most = other, share
+    search = Search(context, replace(task, target=plan.target, clock=clock))
+    for start in _starts(search, plan) if most < 1.0 else ():
+        if clock.late:
+            break
+        found = attempts(context.problems, start, search.task)
+        if not found or not found[-1].solved:
+            continue
+        other = solved_plan(search, History((Entry(Solve(start, "samples"), tuple(found)),)))
+        other = replace(other, target=plan.target)
+        if any(np.abs(_landing(other) - known).max() < SETTINGS.alike for known in seen):
+            continue
+        seen.append(_landing(other))
+        share = _share(other)
+        if share > most:
+            best, most = other, share
+        if most == 1.0:
+            break
+    return best if best is plan else replace(best, alternatives=plan.alternatives)
+
+
+def _landing(plan: Plan) -> Array:
+    """Place and speeds (5,) of the landing, in m and m/s of the CoM and of an end about it."""
+    assert plan.throw is not None
+    end, half = plan.throw.deciding.landing.state, plan.scene.object.half_length
+    return np.array([end.x, half * end.theta, end.v_x, end.v_z, half * end.omega])
+
+
+def check_rest(scene: Scene) -> None:
+    """InputError for a scene with [rest] without MuJoCo, or with its ground above target or cup."""
+    load_mujoco()
+    floor, target, cup, rest = floor_of(scene), scene.target, scene.cup, scene.rest
+    assert floor is not None and target is not None and rest is not None
+    given = "" if rest.floor is not None else " (0 where none is given)"
+    if floor >= target.z:
+        raise InputError(
+            f"[rest] floor = {floor:g}{given}: must be below the target's z = {target.z:g}"
+        )
+    if cup is not None and floor > cup.rim - cup.depth:
+        raise InputError(
+            f"[rest] floor = {floor:g}: must be at most the cup's bottom, {cup.rim - cup.depth:g}"
+        )
+
+
+def _share(plan: Plan) -> float:
+    """Share of the samples for comparison that rest where they should."""
+    assert plan.throw is not None
+    count = count_rests(plan.throw.deciding, seed=SETTINGS.seed)
+    assert count is not None
+    return count.share
+
+
+def _starts(search: Search, plan: Plan) -> Iterator[Start]:
+    """Starts from the plain throw, then from sampled releases, with prices of the landing speed."""
+    throw, task, problems = plan.throw, search.task, search.context.problems
+    assert throw is not None
+    landing = throw.deciding.landing.state
+    price = throw.effort / (landing.v_x**2 + landing.v_z**2)
+    refinements = [replace(throw.refinement, soft=share * price) for share in SETTINGS.prices]
+    request = Request(task.scene, problems.manipulator)
+    guess = partial(initial_guess_from, throw=throw, request=request)
+    for refinement in refinements:
+        yield Start(task.target, guess, task.solvers[0], refinement, tries=4)
+    releases = search.arriving.releases
+    found = starts(releases, task.scene, task.target, task.turns, SETTINGS.nearest)
+    if not found:
+        return
+    indices = np.array([index for index, *_ in found])
+    detach, goals = _moved(search, indices, [goal for _, goal, _ in found])
+    rests = _rests(search, np.repeat(detach, SETTINGS.trials, axis=0))
+    shares = rests.reshape(len(found), -1).mean(axis=1)
+    for k in np.argsort(-shares, kind="stable")[: SETTINGS.solved]:
+        start = release_start(problems, task, releases, int(indices[k]), goals[k])
+        yield replace(start, refinement=Refinement(soft=refinements[1].soft))
+
+
+def _moved(search: Search, indices: Indices, aims: Sequence[Pose]) -> tuple[Array, list[Pose]]:
+    """States at detach (N, 6) of releases, moved so that they land at their aims, and where."""
+    task, releases = search.task, search.arriving.releases
+    detach = releases.detach[indices].copy()
+    landing = task.scene.flight.land(detach, task.target.z)
+    goals = [
+        goal.nearest(float(x), float(theta)).middle
+        for goal, (x, theta, _) in zip(aims, landing, strict=True)
+    ]
+    detach[:, 0] += np.array([goal.plane_x for goal in goals]) - landing[:, 0]
+    turned = [a if g.theta is None else g.theta for g, a in zip(goals, landing[:, 1], strict=True)]
+    detach[:, 2] += np.array(turned) - landing[:, 1]
+    return detach, goals
+
+
+def _rests(search: Search, detach: Array) -> Flags:
+    """Flags (N,) of flights that come to rest at the wanted place, with contacts at random."""
+    scene, rng = search.task.scene, np.random.default_rng(SETTINGS.seed)
+    rest = scene.rest
+    assert rest is not None
+    detach = detach.copy()
+    detach[:, 3:] *= 1 + SETTINGS.off * rng.standard_normal((len(detach), 3))
+    _, states = entry_states(scene, detach)
+    contact = [rng.uniform(*bounds, len(detach)) for bounds in (rest.restitution, rest.friction)]
+    return roll_to_rest(scene, states, *contact).where_wanted(scene)

@@ -1,0 +1,61 @@
+"""Bars, cups and flights drawn into given axes: the parts of all pictures of a throw's plane."""
+
+from __future__ import annotations
+
+import dataclasses
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from ...models import Array
+from ..clearance import bar_outline
+from .timeline import timeline
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from ...problems import Cup, ThrownObject
+    from ..throw import Throw
+
+#: Least width [m] of a drawn bar, to be visible.
+LEAST_WIDTH = 0.008
+
+
+def bar_corners(bar: ThrownObject, com: Array) -> Array:
+    """Corners (4, 2) [m] of the drawn bar for a CoM pose x, z [m], theta [rad]."""
+    wide = dataclasses.replace(bar, width=max(bar.width, LEAST_WIDTH))
+    return np.asarray(bar_outline(wide, com[:, None])[:, 0].T)
+
+
+def draw_bars(axes: Axes, bar: ThrownObject, poses: Array, **look: Any) -> None:
+    """Fill the bar's outline at poses (N, 3) or (3,) of its CoM: x, z [m], theta [rad].
+
+    bar: the scene's object; look: Matplotlib's settings of a polygon.
+    """
+    for pose in np.atleast_2d(poses):
+        axes.fill(*bar_corners(bar, pose).T, **look)
+
+
+def cup_profile(cup: Cup) -> Array:
+    """Corners (4, 2) [m] of a cup in the throw's plane: down, along the bottom and up."""
+    bottom = cup.rim - cup.depth
+    sides = [cup.x - cup.radius] * 2 + [cup.x + cup.radius] * 2
+    return np.column_stack([sides, [cup.rim, bottom, bottom, cup.rim]])
+
+
+def draw_cup(axes: Axes, cup: Cup, **look: Any) -> None:
+    """A cup's walls and bottom in the throw's plane; look: Matplotlib's settings of a line."""
+    usual: dict[str, Any] = {"color": "#5b4a3f", "lw": 3, "solid_capstyle": "butt", "zorder": 2}
+    axes.plot(*cup_profile(cup).T, **{**usual, "label": "cup", **look})
+
+
+def draw_flight(axes: Axes, throw: Throw, **look: Any) -> None:
+    """The CoM from the opening to the end: thick while the pads open, a dot at detach."""
+    line = timeline(throw)
+    first, detach = (line.index(line.marks[name]) for name in ("opening", "detach"))
+    usual: dict[str, Any] = {"color": "#222222", "lw": 1.2}
+    look = usual | look
+    thick = {**look, "lw": 3 * look["lw"], "alpha": 0.5, "label": None}
+    axes.plot(*line.com[:2, first : detach + 1], **thick)
+    axes.plot(*line.com[:2, detach:], **look)
+    axes.plot(*line.com[:2, detach], "o", color=look["color"], ms=4 * look["lw"])

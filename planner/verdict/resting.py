@@ -1,0 +1,158 @@
+"""How often the object comes to rest where [rest] wants it, over [uncertainty] and the contact."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from ...models import Array
+from ...problems import Rest, Scene
+from ..rest import entry_states, roll_to_rest
+from ..throw import Throw, ThrowBatch
+from .batch import Judge
+from .findings import Code, Finding
+from .uncertainty import HALF_CELL, sampler_of
+
+#: Throws that a plan's count samples.
+COUNTED = 64
+#: Seed of the samples of a plan's count; those that choose a plan have others.
+REPORTED = 1
+#: Findings of throws that do not come to their flight: these rest nowhere.
+STOPPED = (Code.NO_LANDING, Code.RELEASE, Code.SLIP_BEFORE_OPENING)
+
+
+@dataclass(frozen=True)
+class RestCount:
+    """Of `of` sampled throws, `rests` come to rest at the place that `rest` names.
+
+    moving: of the others, those that still move after 3 s among the bodies around the target.
+    missed: those that never were in the wanted cup, and throws that never fly.
+    """
+
+    rest: Rest
+    rests: int
+    of: int
+    moving: int
+    missed: int
+
+    @property
+    def share(self) -> float:
+        """Share of the throws that rest there."""
+        return self.rests / self.of
+
+    @property
+    def words(self) -> str:
+        """The count as text."""
+        words = f"rests {self.rest.place} in {self.rests} of {self.of} throws"
+        out = self.of - self.rests - self.moving - self.missed
+        parts = {"misses it": self.missed, "bounces out": out, "still moves": self.moving}
+        if self.rest.in_ is None:
+            parts = {"still moves": self.moving}
+        more = [f"{text} in {number}" for text, number in parts.items() if number]
+        return f"{words} ({', '.join(more)})" if more else words
+
+    @property
+    def findings(self) -> tuple[Finding, ...]:
+        """A warning if fewer rest there than [rest] at_least asks."""
+        if self.share >= self.rest.at_least:
+            return ()
+        note = f"{self.words}, fewer than {100 * self.rest.at_least:g} %: {Code.REST.cure}"
+        return (
+            Finding(
+                Code.REST, self.share, self.rest.at_least, body="object", broken=False, note=note
+            ),
+        )
+
+    def to_dict(self) -> dict[str, Any]:
+        """As JSON."""
+        return {
+            "place": self.rest.place,
+            "rests": self.rests,
+            "of": self.of,
+            "moving": self.moving,
+            "missed": self.missed,
+            "at_least": self.rest.at_least,
+        }
+
+
+@dataclass(frozen=True)
+class Entries:
+    """Sampled throws of one motion as they come down to the bodies around the target.
+
+    states (N, 6): poses and twists in the throw's plane, as a target that moves sees them;
+    restitution, friction (N,): of their contacts; stopped: further throws that never fly.
+    """
+
+    states: Array
+    restitution: Array
+    friction: Array
+    stopped: int
+
+    @classmethod
+    def of(cls, judge: Judge, values: Array, seed: int) -> Entries:
+        """The throws with values (N, P) of the uncertain parameters, contacts drawn by `seed`."""
+        batch, rest = judge.batch, judge.batch.scene.rest
+        assert rest is not None
+        flights = batch.fly(values)
+        flies = ~judge.verdicts(values).breaks(*STOPPED) & np.isfinite(flights.landing).all(axis=1)
+        detach = flights.start[flies]
+        # A moving target is at its place when the throw itself lands.
+        speed = batch.target.speed
+        detach[:, 0] -= speed * (flights.freed[flies] - batch.throw.landing_time)
+        detach[:, 3] -= speed
+        low, high = np.array([rest.restitution, rest.friction]).T
+        contact = low + (high - low) * _shares(len(values), seed)[flies]
+        states = entry_states(batch.scene, detach)[1]
+        restitution, friction = contact.T
+        return cls(states, restitution, friction, int((~flies).sum()))
+
+    @classmethod
+    def sampled(cls, throw: Throw, count: int = COUNTED, seed: int = REPORTED) -> Entries:
+        """`count` samples of a throw's [uncertainty]; without it only the contacts vary."""
+        sampler = sampler_of(throw.scene, seed)
+        early, late, longest = sampler.openings(throw.scene)
+        reach = min(early, 0.0), max(late, 0.0), longest
+        batch = ThrowBatch.of(throw, throw.target, sampler.names, reach)
+        values = batch.nominal(count)
+        if throw.scene.uncertainty is not None:
+            values = sampler.draw(0, count)
+        return cls.of(Judge(batch), values, seed)
+
+    def count(self, scene: Scene) -> RestCount:
+        """Where they end, by MuJoCo."""
+        assert scene.rest is not None
+        ends = roll_to_rest(scene, self.states, self.restitution, self.friction)
+        there = ends.where_wanted(scene)
+        missed = ~there & ~ends.entered & (scene.rest.in_ is not None)
+        moving = ~there & ~ends.at_rest & ~ends.lost & ~missed
+        return RestCount(
+            scene.rest,
+            int(there.sum()),
+            len(self.states) + self.stopped,
+            int(moving.sum()),
+            int(missed.sum()) + (self.stopped if scene.rest.in_ else 0),
+        )
+
+
+def count_rests(throw: Throw, count: int = COUNTED, seed: int = REPORTED) -> RestCount | None:
+    """The count over samples of a throw's uncertain parameters and contacts.
+
+    None without [rest]; InputError without MuJoCo.
+    """
+    if throw.scene.rest is None:
+        return None
+    return Entries.sampled(throw, count, seed).count(throw.scene)
+
+
+def _shares(count: int, seed: int) -> Array:
+    """Shares (count, 2) of the ranges of restitution and friction, evenly spread.
+
+    In random order: columns of two Sobol sequences correlate row by row.
+    """
+    from scipy.stats import qmc
+
+    rng = np.random.default_rng([seed, 2])
+    shares = qmc.Sobol(2, rng=rng).random(1 << max(count - 1, 0).bit_length())[:count]
+    return np.asarray(rng.permutation(shares) + HALF_CELL)
