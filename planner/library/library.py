@@ -83,6 +83,7 @@ class Library:
         self.records = records if len(first) == len(records) else records[np.sort(order[first])]
         self._solved = np.flatnonzero(self.records["solved"])
         self._boundary = np.flatnonzero(self.records["boundary"])
+        self._proven = self._boundary[~self.records["slope"][self._boundary].any(axis=(1, 2))]
         self._landings = self._landings_of(self.records[self._solved], self._height)
 
     def add(self, records: Sequence[Records]) -> None:
@@ -142,6 +143,22 @@ class Library:
         """As `nearest_throws`, of the throws on the boundary of the reach."""
         landings = self._landings_of(self.records[self._boundary], target.z)
         return self._nearest(self._boundary, landings, target, turns, count, within)
+
+    def is_beyond(self, target: Pose, landing: Pose, same_distance: float) -> bool:
+        """Whether a proven throw of the boundary lands at `landing`, up to `same_distance` [m], and
+        the target is at least as far off as the place that no throw led to from there.
+        """
+        if target.z != self._height or (target.theta is not None) != self.angle:
+            return False
+        rows, pose_error = self.records[self._proven], self._scene.object.pose_error
+        beyond, edge = rows["landing"].T, self._landings_of(rows, self._height)[:2]
+
+        def away(one: Array, other: Array) -> Array:
+            return np.asarray(pose_error(one[0] - other[0], (one[1] - other[1]) * self.angle))
+
+        at, nearest = (np.array([[p.plane_x], [p.theta or 0.0]]) for p in (target, landing))
+        is_same = away(edge, nearest) <= same_distance
+        return bool((is_same & (away(edge, beyond) <= away(nearest, at))).any())
 
     def _nearest(
         self,

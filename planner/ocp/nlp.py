@@ -22,8 +22,9 @@ from .stages import JERK_UNIT, Block, Structure
 from .terms import TERMS
 from .transcription import UNITS, Ocp, grip_instants
 
-#: Price [1/m] of an elastic landing's pose error.
-MISS_PRICE = 100.0
+#: Price [1/m] of an elastic landing's pose error. The effort rises steeply at the edge of reach:
+#: with a tenth of this price landings end up to 11 mm short of it.
+MISS_PRICE = 1000.0
 #: Parts of a carry interval with grip constraints at their ends: without and with lazy "carry".
 INSTANTS = (2, 8)
 #: A limit binds if its multiplier is above this share of the largest one.

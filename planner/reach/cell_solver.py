@@ -22,14 +22,16 @@ from ..ocp import (
 )
 from ..samples import Releases, starts
 from ..search import (
+    Attempt,
     Clock,
     Corrector,
     NlpCache,
-    SqpContinuation,
     Start,
     Task,
+    approach_goal,
     attempts,
     condensed_at,
+    fixed_optimum,
     initial_guess_from,
     moved_start,
     optimum_of,
@@ -115,15 +117,15 @@ class CellSolver:
         """A throw into the cell.
 
         A throw near it is moved along its slope, or by a Newton step where it was moved so before;
-        from a farther one the NLP is solved. Where that fails, steps that know all limits lead to
-        the cell, or to the boundary of the reach.
+        from a farther one the NLP is solved. Where that fails, the throw is brought to the cell as
+        any other approach, or as near to it as limits let it.
         """
         cell, goal, source = cell_task.cell, cell_task.goal, cell_task.source
         clock = Clock.lasting(SETTINGS.patience)
         task = Task(self.problems.scene.aimed_at(goal), goal, ("fatrop",), clock)
         if isinstance(source, Releases):
             return CellResult(cell, self._from_releases(source, task))
-        near = self._neighbour(source.optimum, goal)
+        near = self.neighbour(source.optimum, goal)
         is_near = near.distance < SETTINGS.max_distance
         found = None
         if is_near and source.moves < SETTINGS.max_moves:
@@ -134,16 +136,13 @@ class CellSolver:
             found = found or self._solved_anew(near, task)
         if found is not None or cell_task.has_throw:
             return CellResult(cell, found)
-        *_, last = None, *SqpContinuation(self.corrector, near, task).attempts()
-        if last is None or last.throw is None or last.throw.optimum is None:
-            return CellResult(cell, None)
-        if last.solved:
-            return CellResult(cell, KnownThrow(last.throw.optimum))
-        if last.edge is None:
-            return CellResult(cell, None)
-        return CellResult(cell, None, replace(last.throw.optimum, binding=last.edge.names))
+        *_, last = approach_goal(self.corrector, goal, near, task, light=True)
+        if not last.is_edge or last.throw is None or last.edge is None:
+            return CellResult(cell, self._known(last, task))
+        names = last.edge.names
+        return CellResult(cell, None, fixed_optimum(self.corrector.controls, last.throw, names))
 
-    def _neighbour(self, optimum: Optimum, goal: Pose) -> Neighbour:
+    def neighbour(self, optimum: Optimum, goal: Pose) -> Neighbour:
         """A throw with how far off the goal it lands."""
         scene = self.problems.scene
         x, theta, _ = map(float, scene.flight.land(optimum.detach[None], goal.z)[0])
@@ -235,7 +234,10 @@ class CellSolver:
 
     def _solution(self, start: Start, task: Task) -> KnownThrow | None:
         """The solution of an NLP from a start, without the costly constraints."""
-        *_, last = attempts(self.problems, replace(start, light=True), task)
+        return self._known(attempts(self.problems, replace(start, light=True), task)[-1], task)
+
+    def _known(self, last: Attempt, task: Task) -> KnownThrow | None:
+        """A solver's throw with its sensitivity; None where it is not solved."""
         if not last.solved or last.throw is None or last.throw.solution is None:
             return None
         program = self.problems.problem(task.target, last.refinement, last.solver, task.clock)

@@ -4,7 +4,8 @@ Landings of random throws, sorted into cells, say about how large the reach is. 
 and a few of them are solved from sampled releases. A throw into each other cell is made from a
 throw into a cell beside it, nearest to the target first, so that the library finds its way into
 every corner that can be thrown to, whether a random throw landed there or not. A cell that none
-leads to is beyond the boundary, and keeps the throw that limits let come nearest to it.
+leads to is beyond the boundary. Where throws from two neighbours end at equal distances from it,
+it keeps the throw that limits let come nearest to it.
 """
 
 from __future__ import annotations
@@ -18,13 +19,14 @@ from collections.abc import Callable, Sequence
 from concurrent.futures import BrokenExecutor, Executor
 from dataclasses import dataclass
 from functools import cached_property, partial
+from operator import itemgetter
 
 import numpy as np
 
 from ..library import Library, Records
 from ..ocp import Optimum
 from ..samples import Releases, sparse_parents, starts
-from ..search import Clock, NlpCache
+from ..search import Clock, NlpCache, are_equal
 from ..workers import Progress, run_jobs
 from .cell_solver import (
     CellResult,
@@ -44,8 +46,7 @@ class GrowthSettings:
 
     seeds: cells solved from sampled releases; late_seeds: at the end, of cells that random throws
     hit and that no neighbour led to. max_failures: neighbours from which a cell is tried before it
-    counts as beyond the boundary; one from which limits end the way there counts as
-    `boundary_failures`. batch: cells in one job of an
+    counts as beyond the boundary. batch: cells in one job of an
     executor. save_every [s]: longest time of work that is lost when the process is killed.
     few: fewer throws than this are solved by this process alone, since others take seconds to
     start; processes: by default for more. overshoot: where the reach is larger than random throws
@@ -59,7 +60,6 @@ class GrowthSettings:
     seeds: int = 24
     late_seeds: int = 24
     max_failures: int = 4
-    boundary_failures: int = 2
     batch: int = 8
     save_every: float = 5.0
     few: int = 400
@@ -99,7 +99,9 @@ def grow(
         # Workers on this machine then find the machine code in the cache.
         target, refinement = problems.scene.target, first_refinement(problems.scene)
         assert target is not None
-        problems.problem(target, refinement, "fatrop", Clock()).solver.compile()
+        for elastic in (False, True):
+            nlp = problems.problem(target, refinement, "fatrop", Clock(), elastic=elastic)
+            nlp.solver.compile()
     for turn in range(SETTINGS.max_rounds):
         if cells is None:
             return
@@ -125,6 +127,8 @@ class LibraryBuilder:
         self._target, self._cells, self._most = target, cells, most
         self._solved: dict[Cell, KnownThrow] = {}
         self._failures: dict[Cell, int] = {}
+        #: Throws that limits ended short of a cell's middle: pose error [m] to it, and throw.
+        self._short: dict[Cell, list[tuple[float, Optimum]]] = {}
         self._running: dict[Cell, CellTask] = {}
         #: Tasks that come before all others.
         self._first: list[CellTask] = []
@@ -266,12 +270,21 @@ class LibraryBuilder:
             self._spread(cell)
             self._record(cell, result.throw.optimum, solved=True)
             return
-        boundary, failures = result.boundary, self._failures.get(cell, 0)
-        self._failures[cell] = failures + (SETTINGS.boundary_failures if boundary else 1)
-        if boundary is not None:
-            self._record(cell, boundary, boundary=True)
-        elif isinstance(source, KnownThrow) and not failures:
+        failures = self._failures.get(cell, 0)
+        self._failures[cell] = failures + 1
+        if isinstance(source, KnownThrow) and not failures:
             self._record(cell, source.optimum)
+        if result.boundary is not None:
+            self._keep_boundary(cell, result.boundary)
+
+    def _keep_boundary(self, cell: Cell, boundary: Optimum) -> None:
+        """Takes up a throw short of a cell; the nearest is recorded if two are equally near."""
+        goal, short = self._cells.middle(cell, self._target), self._short.setdefault(cell, [])
+        short.append((self._solver.neighbour(boundary, goal).distance, boundary))
+        short.sort(key=itemgetter(0))
+        if are_equal([away for away, _ in short]):
+            self._failures[cell] = SETTINGS.max_failures
+            self._record(cell, short[0][1], boundary=True)
 
     def _wait_for(self, cell: Cell, source: Cell, effort: float) -> None:
         """Puts a cell that has no throw into the queue."""

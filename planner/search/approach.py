@@ -29,13 +29,14 @@ TRIES = 4
 ELASTIC_CUP_MARGIN = 2e-4
 
 
-def approach(
-    corrector: Corrector, goal: Pose, source: Start | Neighbour, task: Task
+def approach_goal(
+    corrector: Corrector, goal: Pose, source: Start | Neighbour, task: Task, *, light: bool = False
 ) -> Iterator[Attempt]:
     """Attempts to throw to the goal; those that land short of it have an `edge`.
 
     source: a solved throw that lands beside the goal, or a start. Where the start's own goal is
-    beside it, that is solved for first.
+    beside it, that is solved for first. light: end before an NLP with costly constraints, or with
+    clearances of further bodies.
     """
     problems, sound = corrector.problems, True
     if isinstance(source, Neighbour):
@@ -60,16 +61,18 @@ def approach(
             # From a sound throw IPOPT's restoration solves some that FATROP's does not.
             *_, near = attempts(problems, replace(start, solver="ipopt"), task)
         if near.throw is not None and _reaches(near.throw, goal):
-            start = Start(goal, _guess(near.throw, task), task.solvers[0], refinement, TRIES)
+            tries = 1 if light else TRIES
+            start = Start(goal, _guess(near.throw, task), task.solvers[0], refinement, tries)
             made = attempts(problems, start, task)
             yield from made
             if made[-1].solved:
                 return
         yield near
-        if near.throw is None or near.after == refinement:
+        after = near.after
+        if near.throw is None or after == refinement or (light and (after.costly or after.bodies)):
             return
         # Again from the throw that this round began with.
-        refinement = near.after
+        refinement = after
 
 
 def _guess(throw: PlannedThrow, task: Task) -> Callable[[ThrowNlp], Array]:

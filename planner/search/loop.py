@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 
-from .approach import approach
+from .approach import approach_goal
 from .attempt import Attempt, attempts
 from .history import Approach, Entry, History, Move, Solve, Try
 from .strategies import Search, Strategy
@@ -34,4 +34,4 @@ def _outcome(search: Search, step: Try) -> Iterable[Attempt]:
         case Solve(start):
             return attempts(context.problems, start, task)
         case Approach(goal, source):
-            return approach(context.corrector, goal, source, task)
+            return approach_goal(context.corrector, goal, source, task)

@@ -57,6 +57,13 @@ class SearchSettings:
 SETTINGS = SearchSettings()
 
 
+def are_equal(missed: Sequence[float]) -> bool:
+    """Whether the least of rising distances [m] to a target agree, as evidence that it is out of
+    reach."""
+    number = SETTINGS.equal_landings
+    return len(missed) >= number and missed[number - 1] <= SETTINGS.equal_ratio * missed[0]
+
+
 @dataclass(frozen=True, eq=False)
 class SearchContext:
     """Data that the searches of one scene share.
@@ -192,16 +199,26 @@ class Search:
         return history.refinement(Refinement(frozenset({"passing"})) if self.blocked else BASE)
 
     def approaches(self) -> Iterator[Approach]:
-        """Approaches from throws of earlier plans, then of the library, then from samples."""
+        """Approaches from throws of the library, then of earlier plans, then from samples."""
         task, context = self.task, self.context
+        yield from self.stored
         if len(task.solvers) > 1:
-            for throws in (context.found, context.library):
-                for near in self._nearest(throws, SETTINGS.approaches, math.inf):
-                    yield Approach(near.goal, near, throws is context.found)
+            for near in self._nearest(context.found, SETTINGS.approaches, math.inf):
+                yield Approach(near.goal, near, found=True)
         candidates = self.arriving
         for index, goal, pose in candidates.judged:
             start = release_start(context.problems, task, candidates.releases, index, goal)
             yield Approach(goal, replace(start, goal=pose, again=True))
+
+    @cached_property
+    def stored(self) -> list[Approach]:
+        """Approaches from the library: from the boundary of the reach, then from other throws."""
+        task, library = self.task, self.context.library
+        if len(task.solvers) == 1:
+            return []
+        boundary = library.nearest_of_boundary(task.target, task.turns, 1)
+        others = self._nearest(library, SETTINGS.approaches, math.inf)
+        return [Approach(near.goal, near) for near in (*boundary, *others)]
 
     @cached_property
     def arriving(self) -> Candidates:
@@ -218,17 +235,19 @@ class Search:
         target.
         """
         new, library = history.new_edges, self.context.library
-        number, ratio = SETTINGS.equal_landings, SETTINGS.equal_ratio
+        ratio = SETTINGS.equal_ratio
         if not new:
             return False
         least = history.edges[0].missed
         if not self._is_known(history.edges[0].edge):
             is_close = least < SETTINGS.close_distance and not len(library)
-            if is_close or len(new) < number or new[number - 1].missed > ratio * least:
+            if is_close or not are_equal([one.missed for one in new]):
                 return False
         clear = self.candidates.releases.clear
         others = [away for index, _, away in self.candidates.nearest if clear[index]]
         others += [one.distance for one in self._nearest(library, 1, math.inf)]
+        boundary = library.nearest_of_boundary(self.task.target, self.task.turns, 1)
+        others += [one.distance for one in boundary]
         return least <= ratio * min(others, default=math.inf) + self.task.scene.tolerance.position
 
     def remember(self, history: History) -> None:
@@ -247,10 +266,12 @@ class Search:
 
     def _is_known(self, edge: NearestFeasible | None) -> bool:
         """Whether all starts of a plan to a target not farther off ended at the same landing."""
-        lever = self.task.scene.object.half_length
-        return edge is not None and any(
-            known.missed <= edge.missed
-            and edge.pose.distance(known.pose, lever) <= SETTINGS.same_distance
+        if edge is None:
+            return False
+        target, lever = self.task.target, self.task.scene.object.half_length
+        same, library = SETTINGS.same_distance, self.context.library
+        return library.is_beyond(target, edge.pose, same) or any(
+            known.missed <= edge.missed and edge.pose.distance(known.pose, lever) <= same
             for known in self.context.exhausted
         )
 
@@ -289,9 +310,18 @@ def from_warm_plan(search: Search, history: History) -> Try | None:
 
 def from_nearest_samples(search: Search, history: History) -> Try | None:
     """A solver's start from one of few sampled releases that land near the target."""
-    if search.blocked:
+    if search.blocked or search.is_settled(history):
         return None
     return _from_samples(search, history, [(search.task.solvers[0], SETTINGS.first_starts)])
+
+
+def from_library(search: Search, history: History) -> Try | None:
+    """A throw of the library that lands beside the target, brought as near to it as limits let it.
+
+    Most targets that no throw of it was moved to are out of reach; this says so soonest.
+    """
+    number = sum(isinstance(one, Approach) for one in history.tries)
+    return from_beside(search, history) if number < len(search.stored) else None
 
 
 def from_beside(search: Search, history: History) -> Try | None:
@@ -337,4 +367,9 @@ def _from_samples(
 #: Strategies that start from solved throws, in the order of tries.
 FROM_THROWS: tuple[Strategy, ...] = (from_neighbours, from_warm_plan)
 #: Strategies that need no solved throw, in the order of tries.
-FROM_NOTHING: tuple[Strategy, ...] = (from_nearest_samples, from_beside, from_samples)
+FROM_NOTHING: tuple[Strategy, ...] = (
+    from_library,
+    from_nearest_samples,
+    from_beside,
+    from_samples,
+)
